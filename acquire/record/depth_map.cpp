@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/record/depth_map.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace echofuse::record {
+namespace {
+
+Axis tangent_axis(const char* name, std::uint32_t size, double half_tangent, double sign) {
+  const double step = 2 * half_tangent / size;
+  return {name, "tangent", "1", size, -sign * (half_tangent - step / 2), sign * step, 1};
+}
+
+// Source indices [first, last) whose centres fall into target cell i; the nearest one if none does.
+struct Cell {
+  std::uint32_t first, last;
+};
+std::vector<Cell> cells_of(const Axis& source, const Axis& target) {
+  std::vector<Cell> cells(target.count);
+  for (std::uint32_t i = 0; i < target.count; ++i) {
+    const double a = (target.at(i - 0.5) - source.start) / source.step;
+    const double b = (target.at(i + 0.5) - source.start) / source.step;
+    const double centre = (target.at(i) - source.start) / source.step;
+    const double n = source.count;
+    if (centre < -0.5 || centre > n - 0.5) continue;  // outside the camera's view: {0, 0}
+    // A hair to the left, so that a centre on a cell's edge falls into one cell only.
+    auto first = static_cast<std::int64_t>(std::ceil(std::min(a, b) - 1e-9));
+    auto last = static_cast<std::int64_t>(std::ceil(std::max(a, b) - 1e-9));
+    if (first >= last) first = std::lround(centre), last = first + 1;
+    cells[i].first = static_cast<std::uint32_t>(std::clamp<std::int64_t>(first, 0, source.count - 1));
+    cells[i].last = static_cast<std::uint32_t>(std::clamp<std::int64_t>(last, 1, source.count));
+  }
+  return cells;
+}
+
+}  // namespace
+
+Axis depth_x_axis(std::uint32_t size, double half_tangent) {
+  return tangent_axis("depth_x", size, half_tangent, 1);
+}
+Axis depth_y_axis(std::uint32_t size, double half_tangent) {
+  return tangent_axis("depth_y", size, half_tangent, -1);
+}
+
+std::vector<float> to_target(std::span<const std::uint16_t> depth_mm, const Axis& x, const Axis& y,
+                             const Axis& target_x, const Axis& target_y) {
+  const auto columns = cells_of(x, target_x);
+  const auto rows = cells_of(y, target_y);
+  const auto limit_mm = static_cast<std::uint16_t>(max_depth_m * 1000);
+  std::vector<float> out(std::size_t{target_x.count} * target_y.count);
+  std::vector<std::uint16_t> valid;
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      valid.clear();
+      std::size_t seen = 0;
+      for (std::uint32_t j = rows[r].first; j < rows[r].last; ++j) {
+        for (std::uint32_t i = columns[c].first; i < columns[c].last; ++i, ++seen) {
+          const std::uint16_t mm = depth_mm[std::size_t{j} * x.count + i];
+          if (mm > 0 && mm <= limit_mm) valid.push_back(mm);
+        }
+      }
+      if (valid.empty() || 2 * valid.size() < seen) continue;
+      const auto middle = valid.begin() + static_cast<std::ptrdiff_t>(valid.size() / 2);
+      std::nth_element(valid.begin(), middle, valid.end());
+      out[r * columns.size() + c] = static_cast<float>(*middle) * 1e-3f;
+    }
+  }
+  return out;
+}
+
+}  // namespace echofuse::record

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: MIT
+// 16-bit grey PNG blobs, as the depth column of the run file holds them.
+#pragma once
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "drivers/core/bytes.hpp"
+
+namespace echofuse::record {
+
+Bytes encode_png16(std::span<const std::uint16_t> pixels, std::uint32_t width, std::uint32_t height);
+// Empty if the bytes are not a 16-bit grey PNG of this size.
+std::vector<std::uint16_t> decode_png16(ByteView png, std::uint32_t width, std::uint32_t height);
+
+}  // namespace echofuse::record

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: MIT
+// The run file: one SQLite database (WAL, synchronous=FULL), one transaction per append. It survives
+// kill -9, power loss and a full disk with every committed record, and is read while it is written.
+//   PRAGMA application_id = 0x4543464d ("ECFM"), user_version = 1
+//   run, device, calibration, axis, record, event, anchor: see schema.hpp
+//   record.spd u32 LE counts | radar f32 LE | depth 16-bit grey PNG, millimetres
+#pragma once
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "acquire/record/record.hpp"
+
+struct sqlite3;
+
+namespace echofuse::record {
+
+class WriterLock;
+
+inline constexpr int format_version = 1;
+
+// Threading: one thread at a time. Every member throws Error (disk for a full disk or a failed
+// write, failed for anything else); after a failed append the file is as it was before it.
+class RunWriter {
+ public:
+  // Refuses a path that exists.
+  RunWriter(const std::string& path, const RunInfo& info);
+  ~RunWriter();  // without close(): status stays "open", which readers show as crashed
+  RunWriter(const RunWriter&) = delete;
+  RunWriter& operator=(const RunWriter&) = delete;
+
+  // Once per axis name, before the first record that needs it.
+  void put_axis(const Axis& axis);
+  void put_device(const DeviceInfo& device);
+  void put_calibration(const CalibrationEntry& entry);
+  void put_anchor(HostTime mono, UtcTime utc);
+  void put_event(UtcTime utc, Severity severity, const std::string& source, const std::string& text);
+  void append(const FusedRecord& record);
+  void append(std::span<const FusedRecord> batch);  // one transaction: for the generator
+  void close(const std::string& status);            // folds the WAL back: one single file is left
+  std::int64_t records() const { return records_; }
+
+ private:
+  struct Statements;
+  void insert(const FusedRecord& record);
+  void in_transaction(const std::function<void()>& body);
+  std::string path_;
+  std::unique_ptr<WriterLock> lock_;
+  sqlite3* db_ = nullptr;
+  std::unique_ptr<Statements> statements_;
+  std::vector<Axis> axes_;
+  std::int64_t records_ = 0;
+};
+
+struct Event {
+  std::string utc, level, source, text;
+};
+
+// Reads closed, live and crashed runs alike.
+class RunReader {
+ public:
+  // Throws Error(failed): not there, not a run file, written by a newer version, damaged.
+  explicit RunReader(const std::string& path);
+  ~RunReader();
+  RunReader(const RunReader&) = delete;
+  RunReader& operator=(const RunReader&) = delete;
+
+  const std::string& path() const { return path_; }
+  RunInfo info() const;  // status "crashed" if it is "open" and no writer holds the file
+  std::vector<DeviceInfo> devices() const;
+  std::vector<CalibrationEntry> calibrations() const;
+  std::vector<Event> events() const;
+  std::vector<Axis> axes() const;
+  std::optional<Axis> axis(const std::string& name) const;
+  std::int64_t count() const;
+  // Records in index order from `first` on; the callback returns false to stop. A record whose
+  // blobs do not fit the axes or hold non-finite values throws Error naming the record, or, with
+  // `on_bad`, is handed there and skipped.
+  void for_each(const std::function<bool(const FusedRecord&)>& visit, std::int64_t first = 0,
+                const std::function<void(std::int64_t, const std::string&)>& on_bad = {}) const;
+  FusedRecord read(std::int64_t index) const;
+  // SQLite's own integrity check; empty if sound.
+  std::string check() const;
+
+ private:
+  std::string path_;
+  sqlite3* db_ = nullptr;
+};
+
+// Marks a run that a crash left "open" as "crashed" after checking it; returns the record count.
+std::int64_t recover(const std::string& path);
+
+}  // namespace echofuse::record

@@ -1,0 +1,266 @@
+// SPDX-License-Identifier: MIT
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "acquire/record/png.hpp"
+#include "acquire/record/run_file.hpp"
+#include "acquire/record/schema.hpp"
+#include "acquire/record/sqlite.hpp"
+#include "acquire/record/writer_lock.hpp"
+
+namespace echofuse::record {
+namespace {
+
+std::int64_t pragma(sqlite3* db, const std::string& path, const char* sql) {
+  Statement s(db, path, sql);
+  return s.step() ? s.integer() : 0;
+}
+
+Sensor sensor_of(const std::string& name) {
+  for (const Sensor s : {Sensor::radar, Sensor::depth})
+    if (name == name_of(s)) return s;
+  return Sensor::spd;
+}
+
+// The axes that decode one record, looked up once per pass.
+struct Shapes {
+  std::size_t spd = 0, radar = 0;
+  std::uint32_t width = 0, height = 0;
+};
+
+Shapes shapes_of(const std::vector<Axis>& axes) {
+  Shapes out;
+  for (const auto& a : axes) {
+    if (a.name == "spd") out.spd = a.count;
+    if (a.name == "radar") out.radar = a.count;
+    if (a.name == "depth_x") out.width = a.count;
+    if (a.name == "depth_y") out.height = a.count;
+  }
+  return out;
+}
+
+constexpr const char* record_columns =
+    "SELECT idx, slot_start_ns, slot_end_ns, slot_utc_ns, valid, label, spd, radar, depth, tags, "
+    "starts, in_range, out_of_range, without_start, other, tags_lost, spd_offset_s, spd_span_s, "
+    "spd_used, spd_lost, spd_verdict, radar_offset_s, radar_span_s, radar_used, radar_lost, "
+    "radar_verdict, depth_offset_s, depth_span_s, depth_used, depth_lost, depth_verdict FROM record "
+    "WHERE idx >= ? ORDER BY idx";
+
+// Fills `r` from the row; returns what is wrong with it, or nothing.
+std::string decode(Statement& row, const Shapes& shapes, FusedRecord& r) {
+  r.index = row.integer();
+  r.slot_start = HostTime(row.integer());
+  r.slot_end = HostTime(row.integer());
+  r.slot_utc = UtcTime(row.integer());
+  r.valid = static_cast<std::uint32_t>(row.integer());
+  r.label = row.text();
+  const ByteView spd = row.blob(), radar = row.blob(), depth = row.blob();
+  r.spd = to_values<std::uint32_t>(spd);
+  r.radar = to_values<float>(radar);
+  SpdCounts& c = r.spd_counts;
+  for (std::uint64_t* v :
+       {&c.tags, &c.starts, &c.in_range, &c.out_of_range, &c.without_start, &c.other, &c.lost})
+    *v = static_cast<std::uint64_t>(row.integer());
+  for (SensorSync& y : r.sync) {
+    y.offset_s = row.real();
+    y.span_s = row.real();
+    y.used = static_cast<std::uint64_t>(row.integer());
+    y.lost = static_cast<std::uint64_t>(row.integer());
+    y.verdict = row.text();
+  }
+  const auto sizes = [](const char* what, std::size_t got, std::size_t wanted) {
+    return std::string(what) + " has " + std::to_string(got) + " bytes, its axis asks for " +
+           std::to_string(wanted);
+  };
+  if (r.has(Sensor::spd) && spd.size() != shapes.spd * 4)
+    return sizes("spd", spd.size(), shapes.spd * 4);
+  if (r.has(Sensor::radar) && radar.size() != shapes.radar * 4)
+    return sizes("radar", radar.size(), shapes.radar * 4);
+  const auto bad = std::find_if_not(r.radar.begin(), r.radar.end(),
+                                    [](float v) { return std::isfinite(v); });
+  if (r.has(Sensor::radar) && bad != r.radar.end())
+    return "radar bin " + std::to_string(bad - r.radar.begin()) + " is not a finite number";
+  if (r.has(Sensor::depth)) {
+    r.depth_mm = decode_png16(depth, shapes.width, shapes.height);
+    if (r.depth_mm.empty())
+      return "depth is not a 16-bit grey PNG of " + std::to_string(shapes.width) + " x " +
+             std::to_string(shapes.height);
+  }
+  return {};
+}
+
+}  // namespace
+
+RunReader::RunReader(const std::string& path) : path_(path) {
+  if (::access(path.c_str(), R_OK) != 0)
+    throw Error(ExitCode::failed, path + ": no such file, or not readable; expected a run file");
+  // Read-only, but a WAL left by a live or crashed writer needs its shared-memory file beside it; on
+  // a read-only medium there is no writer, and `immutable` reads without one.
+  if (sqlite3_open_v2(path.c_str(), &db_, SQLITE_OPEN_READONLY, nullptr) != SQLITE_OK ||
+      sqlite3_exec(db_, "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr) ==
+          SQLITE_CANTOPEN) {
+    sqlite3_close(db_);
+    const std::string uri = "file:" + path + "?immutable=1";
+    sqlite3_open_v2(uri.c_str(), &db_, SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, nullptr);
+  }
+  sqlite3_busy_timeout(db_, 5000);
+  try {
+    if (sqlite3_exec(db_, "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr) != SQLITE_OK ||
+        pragma(db_, path_, "PRAGMA application_id") != application_id)
+      throw Error(ExitCode::failed, path + ": not an echofuse run file");
+    const auto found = pragma(db_, path_, "PRAGMA user_version");
+    if (found > format_version)
+      throw Error(ExitCode::failed,
+                  path + ": run format " + std::to_string(found) + " is newer than this program's " +
+                      std::to_string(format_version) + "; use a newer echofuse");
+  } catch (...) {
+    sqlite3_close(db_);
+    throw;
+  }
+}
+
+RunReader::~RunReader() { sqlite3_close(db_); }
+
+RunInfo RunReader::info() const {
+  Statement s(db_, path_,
+              "SELECT uuid, started_utc, ended_utc, status, config_text, config_resolved, "
+              "radar_cfg, version, host, operator, notes, window_s FROM run");
+  RunInfo info;
+  if (!s.step()) throw Error(ExitCode::failed, path_ + ": the run table is empty");
+  for (std::string* text :
+       {&info.uuid, &info.started_utc, &info.ended_utc, &info.status, &info.config_text,
+        &info.config_resolved, &info.radar_cfg, &info.version, &info.host, &info.operator_name,
+        &info.notes})
+    *text = s.text();
+  info.window_s = s.real();
+  if (info.status == "open" && !WriterLock::someone_writes(path_)) info.status = "crashed";
+  return info;
+}
+
+std::vector<DeviceInfo> RunReader::devices() const {
+  Statement s(db_, path_, "SELECT sensor, address, model, serial, firmware FROM device");
+  std::vector<DeviceInfo> out;
+  while (s.step()) {
+    DeviceInfo d;
+    d.sensor = sensor_of(s.text());
+    for (std::string* text : {&d.address, &d.model, &d.serial, &d.firmware}) *text = s.text();
+    out.push_back(std::move(d));
+  }
+  return out;
+}
+
+std::vector<CalibrationEntry> RunReader::calibrations() const {
+  Statement s(db_, path_,
+              "SELECT sensor, date_utc, method, distance_m, offset_m, standard_error_m FROM "
+              "calibration");
+  std::vector<CalibrationEntry> out;
+  while (s.step()) {
+    CalibrationEntry c;
+    c.sensor = sensor_of(s.text());
+    c.date_utc = s.text();
+    c.method = s.text();
+    for (double* v : {&c.distance_m, &c.offset_m, &c.standard_error_m}) *v = s.real();
+    out.push_back(std::move(c));
+  }
+  return out;
+}
+
+std::vector<Event> RunReader::events() const {
+  Statement s(db_, path_, "SELECT utc, level, source, text FROM event ORDER BY id");
+  std::vector<Event> out;
+  while (s.step()) {
+    Event e;
+    for (std::string* text : {&e.utc, &e.level, &e.source, &e.text}) *text = s.text();
+    out.push_back(std::move(e));
+  }
+  return out;
+}
+
+std::vector<Axis> RunReader::axes() const {
+  Statement s(db_, path_, "SELECT name, quantity, unit, count, start, step, scale FROM axis");
+  std::vector<Axis> out;
+  while (s.step()) {
+    Axis a;
+    a.name = s.text();
+    a.quantity = s.text();
+    a.unit = s.text();
+    a.count = static_cast<std::uint32_t>(s.integer());
+    a.start = s.real();
+    a.step = s.real();
+    a.scale = s.real();
+    out.push_back(std::move(a));
+  }
+  return out;
+}
+
+std::optional<Axis> RunReader::axis(const std::string& name) const {
+  for (auto& a : axes())
+    if (a.name == name) return a;
+  return std::nullopt;
+}
+
+std::int64_t RunReader::count() const { return pragma(db_, path_, "SELECT count(*) FROM record"); }
+
+void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, std::int64_t first,
+                         const std::function<void(std::int64_t, const std::string&)>& on_bad) const {
+  const Shapes shapes = shapes_of(axes());
+  Statement row(db_, path_, record_columns);
+  row.bind(first);
+  while (row.step()) {
+    FusedRecord r;
+    if (const std::string fault = decode(row, shapes, r); !fault.empty()) {
+      if (!on_bad)
+        throw Error(ExitCode::failed,
+                    path_ + ": record " + std::to_string(r.index) + ": " + fault);
+      on_bad(r.index, fault);
+    } else if (!visit(r)) {
+      return;
+    }
+  }
+}
+
+FusedRecord RunReader::read(std::int64_t index) const {
+  FusedRecord found;
+  bool seen = false;
+  for_each(
+      [&](const FusedRecord& r) {
+        seen = r.index == index;
+        found = r;
+        return false;
+      },
+      index);
+  if (!seen)
+    throw Error(ExitCode::failed, path_ + ": no record " + std::to_string(index) + "; it has " +
+                                      std::to_string(count()));
+  return found;
+}
+
+std::string RunReader::check() const {
+  Statement s(db_, path_, "PRAGMA integrity_check");
+  const std::string verdict = s.step() ? s.text() : "no answer";
+  return verdict == "ok" ? "" : verdict;
+}
+
+std::int64_t recover(const std::string& path) {
+  std::int64_t records = 0;
+  {
+    const RunReader run(path);
+    if (const std::string fault = run.check(); !fault.empty())
+      throw Error(ExitCode::failed, path + ": damaged: " + fault);
+    records = run.count();
+    if (run.info().status != "crashed") return records;
+  }
+  const WriterLock lock(path);
+  if (!lock.held()) throw Error(ExitCode::failed, path + ": is being written; stop the run first");
+  sqlite3* db = nullptr;
+  if (sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READWRITE, nullptr) != SQLITE_OK)
+    sqlite_fail(db, path, "cannot open for writing");
+  execute(db, path, "UPDATE run SET status = 'crashed'; PRAGMA journal_mode=DELETE;",
+          "cannot mark as crashed");
+  sqlite3_close(db);
+  return records;
+}
+
+}  // namespace echofuse::record

@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: MIT
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <random>
+
+#include "acquire/record/png.hpp"
+#include "acquire/record/run_file.hpp"
+#include "acquire/record/schema.hpp"
+#include "acquire/record/sqlite.hpp"
+#include "acquire/record/writer_lock.hpp"
+
+namespace echofuse::record {
+namespace {
+
+std::string make_uuid() {  // RFC 4122 version 4
+  std::random_device device;
+  std::uint32_t w[4];
+  for (auto& v : w) v = device();
+  w[1] = (w[1] & 0xffff0fffU) | 0x4000U;
+  w[2] = (w[2] & 0x3fffffffU) | 0x80000000U;
+  char text[40];
+  std::snprintf(text, sizeof text, "%08x-%04x-%04x-%04x-%04x%08x", w[0], w[1] >> 16, w[1] & 0xffff,
+                w[2] >> 16, w[2] & 0xffff, w[3]);
+  return text;
+}
+
+std::string host_name() {
+  char name[256] = {};
+  gethostname(name, sizeof name - 1);
+  return name;
+}
+
+// Reserves the path, so that two writers cannot take the same one.
+void create_empty(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0644);
+  if (fd >= 0) {
+    ::close(fd);
+    return;
+  }
+  if (errno == EEXIST)
+    throw Error(ExitCode::failed,
+                path + ": exists already; runs are never overwritten, choose another name");
+  throw Error(ExitCode::disk, path + ": cannot create the run file: " + std::strerror(errno));
+}
+
+std::string blob_place(const FusedRecord& r, Sensor s) {
+  return "record " + std::to_string(r.index) + ": " + name_of(s);
+}
+
+}  // namespace
+
+struct RunWriter::Statements {
+  Statements(sqlite3* db, const std::string& path)
+      : record(db, path,
+               "INSERT INTO record VALUES (?,?,?,?,?,?,?,?,?, ?,?,?,?,?,?,?, ?,?,?,?,?, ?,?,?,?,?, "
+               "?,?,?,?,?)"),
+        event(db, path, "INSERT INTO event (utc, level, source, text) VALUES (?,?,?,?)"),
+        begin(db, path, "BEGIN IMMEDIATE"),
+        commit(db, path, "COMMIT") {}
+  Statement record, event, begin, commit;
+};
+
+RunWriter::RunWriter(const std::string& path, const RunInfo& info) : path_(path) {
+  create_empty(path);
+  lock_ = std::make_unique<WriterLock>(path);
+  if (sqlite3_open_v2(path.c_str(), &db_, SQLITE_OPEN_READWRITE, nullptr) != SQLITE_OK)
+    sqlite_fail(db_, path_, "cannot open");
+  sqlite3_busy_timeout(db_, 5000);
+  execute(db_, path_, "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL;", "cannot set up");
+  const std::string identity = "PRAGMA application_id=" + std::to_string(application_id) +
+                               "; PRAGMA user_version=" + std::to_string(format_version) + ";";
+  execute(db_, path_, identity.c_str(), "cannot set up");
+  execute(db_, path_, schema, "cannot create the tables");
+  const SystemClock clock;
+  const auto given_or = [](const std::string& text, const std::string& other) {
+    return text.empty() ? other : text;
+  };
+  Statement run(db_, path_, "INSERT INTO run VALUES (?,?,?,?,?,?,?,?,?,?,?,?)");
+  run.bind(make_uuid())
+      .bind(given_or(info.started_utc, iso8601(clock.utc())))
+      .bind("")
+      .bind("open")
+      .bind(info.window_s)
+      .bind(info.config_text)
+      .bind(info.config_resolved)
+      .bind(info.radar_cfg)
+      .bind(info.version)
+      .bind(given_or(info.host, host_name()))
+      .bind(info.operator_name)
+      .bind(info.notes)
+      .run();
+  statements_ = std::make_unique<Statements>(db_, path_);
+}
+
+RunWriter::~RunWriter() {
+  statements_.reset();
+  sqlite3_close(db_);
+}
+
+void RunWriter::put_axis(const Axis& axis) {
+  Statement(db_, path_, "INSERT INTO axis VALUES (?,?,?,?,?,?,?)")
+      .bind(axis.name)
+      .bind(axis.quantity)
+      .bind(axis.unit)
+      .bind(std::int64_t{axis.count})
+      .bind(axis.start)
+      .bind(axis.step)
+      .bind(axis.scale)
+      .run();
+  axes_.push_back(axis);
+}
+
+void RunWriter::put_device(const DeviceInfo& device) {
+  Statement(db_, path_, "INSERT INTO device VALUES (?,?,?,?,?)")
+      .bind(name_of(device.sensor))
+      .bind(device.address)
+      .bind(device.model)
+      .bind(device.serial)
+      .bind(device.firmware)
+      .run();
+}
+
+void RunWriter::put_calibration(const CalibrationEntry& entry) {
+  Statement(db_, path_, "INSERT INTO calibration VALUES (?,?,?,?,?,?)")
+      .bind(name_of(entry.sensor))
+      .bind(entry.date_utc)
+      .bind(entry.method)
+      .bind(entry.distance_m)
+      .bind(entry.offset_m)
+      .bind(entry.standard_error_m)
+      .run();
+}
+
+void RunWriter::put_anchor(HostTime mono, UtcTime utc) {
+  Statement(db_, path_, "INSERT INTO anchor VALUES (?,?)")
+      .bind(std::int64_t{mono.count()})
+      .bind(std::int64_t{utc.count()})
+      .run();
+}
+
+void RunWriter::put_event(UtcTime utc, Severity severity, const std::string& source,
+                          const std::string& text) {
+  constexpr const char* levels[] = {"info", "warning", "error"};
+  statements_->event.reset();
+  statements_->event.bind(iso8601(utc))
+      .bind(levels[static_cast<std::size_t>(severity)])
+      .bind(source)
+      .bind(text)
+      .run();
+}
+
+void RunWriter::insert(const FusedRecord& r) {
+  const auto expect = [&](Sensor s, std::size_t got, std::size_t wanted) {
+    if (r.has(s) && got != wanted)
+      throw Error(ExitCode::failed, path_ + ": " + blob_place(r, s) + " has " +
+                                        std::to_string(got) + " values, its axis " +
+                                        std::to_string(wanted));
+  };
+  const auto count_of = [&](const char* name) -> std::uint32_t {
+    for (const auto& a : axes_)
+      if (a.name == name) return a.count;
+    return 0;
+  };
+  const std::uint32_t width = count_of("depth_x"), height = count_of("depth_y");
+  expect(Sensor::spd, r.spd.size(), count_of("spd"));
+  expect(Sensor::radar, r.radar.size(), count_of("radar"));
+  expect(Sensor::depth, r.depth_mm.size(), std::size_t{width} * height);
+  const Bytes png = r.has(Sensor::depth) ? encode_png16(r.depth_mm, width, height) : Bytes{};
+
+  Statement& s = statements_->record;
+  s.reset();
+  s.bind(r.index)
+      .bind(std::int64_t{r.slot_start.count()})
+      .bind(std::int64_t{r.slot_end.count()})
+      .bind(std::int64_t{r.slot_utc.count()})
+      .bind(std::int64_t{r.valid})
+      .bind(r.label)
+      .bind(r.has(Sensor::spd) ? as_bytes(r.spd) : ByteView{})
+      .bind(r.has(Sensor::radar) ? as_bytes(r.radar) : ByteView{})
+      .bind(ByteView{png});
+  const SpdCounts& c = r.spd_counts;
+  for (const std::uint64_t v :
+       {c.tags, c.starts, c.in_range, c.out_of_range, c.without_start, c.other, c.lost})
+    s.bind(v);
+  for (const SensorSync& y : r.sync)
+    s.bind(y.offset_s).bind(y.span_s).bind(y.used).bind(y.lost).bind(y.verdict);
+  s.run();
+}
+
+void RunWriter::in_transaction(const std::function<void()>& body) {
+  statements_->begin.reset();
+  statements_->begin.run();
+  try {
+    body();
+    statements_->commit.reset();
+    statements_->commit.run();
+  } catch (...) {
+    // Releases the statement that failed; a full disk may have rolled back already.
+    statements_->record.reset();
+    statements_->commit.reset();
+    if (!sqlite3_get_autocommit(db_)) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);
+    throw;
+  }
+}
+
+void RunWriter::append(const FusedRecord& record) { append(std::span(&record, 1)); }
+
+void RunWriter::append(std::span<const FusedRecord> batch) {
+  in_transaction([&] {
+    for (const auto& r : batch) insert(r);
+  });
+  records_ += static_cast<std::int64_t>(batch.size());
+}
+
+void RunWriter::close(const std::string& status) {
+  const SystemClock clock;
+  Statement(db_, path_, "UPDATE run SET status = ?, ended_utc = ?")
+      .bind(status)
+      .bind(iso8601(clock.utc()))
+      .run();
+  statements_.reset();
+  // Folds the WAL back if no reader holds it; a reader's close does it otherwise.
+  sqlite3_exec(db_, "PRAGMA journal_mode=DELETE", nullptr, nullptr, nullptr);
+  sqlite3_close(db_);
+  db_ = nullptr;
+  lock_.reset();
+}
+
+}  // namespace echofuse::record

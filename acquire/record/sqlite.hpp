@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: MIT
+// The few calls of SQLite that the run file needs, with errors as exceptions.
+#pragma once
+#include <sqlite3.h>
+
+#include <string>
+#include <string_view>
+
+#include "drivers/core/bytes.hpp"
+#include "drivers/core/exit_code.hpp"
+
+namespace echofuse::record {
+
+// Throws with the file's name; a full disk or failed write carries ExitCode::disk.
+[[noreturn]] inline void sqlite_fail(sqlite3* db, const std::string& path, const char* doing) {
+  const int code = sqlite3_errcode(db);
+  const bool disk = code == SQLITE_FULL || code == SQLITE_IOERR || code == SQLITE_READONLY ||
+                    code == SQLITE_CANTOPEN;
+  throw Error(disk ? ExitCode::disk : ExitCode::failed,
+              path + ": " + doing + ": " + sqlite3_errmsg(db));
+}
+
+// A prepared statement; bind and column in order, from the first.
+class Statement {
+ public:
+  Statement(sqlite3* db, const std::string& path, const char* sql) : db_(db), path_(path) {
+    if (sqlite3_prepare_v2(db, sql, -1, &handle_, nullptr) != SQLITE_OK)
+      sqlite_fail(db, path, "not the tables of a run file");
+  }
+  ~Statement() { sqlite3_finalize(handle_); }
+  Statement(const Statement&) = delete;
+  Statement& operator=(const Statement&) = delete;
+
+  Statement& bind(std::int64_t v) { return check(sqlite3_bind_int64(handle_, ++bound_, v)); }
+  Statement& bind(std::uint64_t v) { return bind(static_cast<std::int64_t>(v)); }
+  Statement& bind(double v) { return check(sqlite3_bind_double(handle_, ++bound_, v)); }
+  Statement& bind(std::string_view v) {
+    return check(sqlite3_bind_text(handle_, ++bound_, v.data(), static_cast<int>(v.size()),
+                                   SQLITE_TRANSIENT));
+  }
+  // An empty view is stored as NULL: the sensor is missing. The bytes must live until run().
+  Statement& bind(ByteView v) {
+    return check(v.empty() ? sqlite3_bind_null(handle_, ++bound_)
+                           : sqlite3_bind_blob(handle_, ++bound_, v.data(),
+                                               static_cast<int>(v.size()), SQLITE_STATIC));
+  }
+  // One step; false at the end.
+  bool step() {
+    column_ = 0;
+    const int code = sqlite3_step(handle_);
+    if (code == SQLITE_ROW) return true;
+    if (code == SQLITE_DONE) return false;
+    sqlite_fail(db_, path_, "cannot read or write");
+  }
+  void run() {
+    while (step()) {
+    }
+    reset();
+  }
+  void reset() {
+    sqlite3_reset(handle_);
+    bound_ = 0;
+  }
+  std::int64_t integer() { return sqlite3_column_int64(handle_, column_++); }
+  double real() { return sqlite3_column_double(handle_, column_++); }
+  std::string text() {
+    const auto raw = blob();
+    return {reinterpret_cast<const char*>(raw.data()), raw.size()};
+  }
+  ByteView blob() {
+    const auto* data = static_cast<const std::uint8_t*>(sqlite3_column_blob(handle_, column_));
+    const auto size = static_cast<std::size_t>(sqlite3_column_bytes(handle_, column_++));
+    return {data, data ? size : 0};
+  }
+
+ private:
+  Statement& check(int code) {
+    if (code != SQLITE_OK) sqlite_fail(db_, path_, "cannot bind a value");
+    return *this;
+  }
+  sqlite3* db_;
+  const std::string& path_;
+  sqlite3_stmt* handle_ = nullptr;
+  int bound_ = 0, column_ = 0;
+};
+
+inline void execute(sqlite3* db, const std::string& path, const char* sql, const char* doing) {
+  if (sqlite3_exec(db, sql, nullptr, nullptr, nullptr) != SQLITE_OK) sqlite_fail(db, path, doing);
+}
+
+}  // namespace echofuse::record

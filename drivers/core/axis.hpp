@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: MIT
+// What the numbers of one sensor mean: written once per run, checked by every reader.
+#pragma once
+#include <cmath>
+#include <cstdint>
+#include <string>
+
+namespace echofuse {
+
+inline constexpr double speed_of_light_m_s = 299'792'458.0;
+
+// A regular axis. Bin i of the SPD covers [start + i*step, start + (i+1)*step); point i of the
+// radar and pixel i of the depth map stand *at* start + i*step.
+//   name      quantity                unit  meaning of the values along it
+//   spd       counts                  ps    detections per bin of two-way time of flight
+//   radar     power                   m     linear power (arbitrary scale)
+//   radar     log2_q8                 m     256*log2(magnitude) summed over `scale` virtual antennas
+//                                           and divided by the next power of two (TI SDK 3.x TLV 2)
+//   depth_x   tangent                 1     x/z of a pixel column, x to the right
+//   depth_y   tangent                 1     y/z of a pixel row, y up (step is negative)
+struct Axis {
+  std::string name;
+  std::string quantity;
+  std::string unit;
+  std::uint32_t count = 0;
+  double start = 0;
+  double step = 0;
+  double scale = 1;
+
+  double at(double i) const { return start + i * step; }
+};
+
+// Same meaning, and no point further apart than a thousandth of a step.
+inline bool same_axis(const Axis& a, const Axis& b) {
+  const double tolerance = 1e-3 * std::abs(a.step);
+  return a.name == b.name && a.quantity == b.quantity && a.unit == b.unit && a.count == b.count &&
+         a.scale == b.scale && std::abs(a.start - b.start) <= tolerance &&
+         std::abs(a.at(a.count) - b.at(b.count)) <= tolerance;
+}
+
+}  // namespace echofuse

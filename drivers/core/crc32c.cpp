@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/core/crc32c.hpp"
+
+#include <array>
+
+namespace echofuse {
+namespace {
+
+constexpr std::array<std::uint32_t, 256> make_table() {
+  std::array<std::uint32_t, 256> table{};
+  for (std::uint32_t i = 0; i < 256; ++i) {
+    std::uint32_t c = i;
+    for (int k = 0; k < 8; ++k) c = (c & 1) ? (c >> 1) ^ 0x82f63b78U : c >> 1;
+    table[i] = c;
+  }
+  return table;
+}
+constexpr auto table = make_table();
+
+std::uint32_t update_portable(std::uint32_t crc, ByteView bytes) {
+  for (const std::uint8_t b : bytes) crc = (crc >> 8) ^ table[(crc ^ b) & 0xff];
+  return crc;
+}
+
+#if defined(__x86_64__)
+// The CPU's own instruction: one 8-byte step every 3 cycles, about 10x the table.
+__attribute__((target("sse4.2"))) std::uint32_t update_sse42(std::uint32_t crc, ByteView bytes) {
+  std::uint64_t c = crc;
+  const std::uint8_t* p = bytes.data();
+  std::size_t n = bytes.size();
+  for (; n >= 8; n -= 8, p += 8) {
+    std::uint64_t word;
+    std::memcpy(&word, p, 8);
+    c = __builtin_ia32_crc32di(c, word);
+  }
+  return update_portable(static_cast<std::uint32_t>(c), {p, n});
+}
+#endif
+
+}  // namespace
+
+std::uint32_t crc32c(ByteView bytes, std::uint32_t crc) {
+#if defined(__x86_64__)
+  static const bool has_sse42 = __builtin_cpu_supports("sse4.2");
+  if (has_sse42) return ~update_sse42(~crc, bytes);
+#endif
+  return ~update_portable(~crc, bytes);
+}
+
+}  // namespace echofuse

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: MIT
+// The one interface of all devices.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "drivers/core/sample.hpp"
+
+namespace boost::asio {
+class io_context;
+}
+
+namespace echofuse {
+
+enum class DeviceState : std::uint8_t { connecting, streaming, faulted, ended };
+inline const char* name_of(DeviceState s) {
+  constexpr const char* names[] = {"connecting", "streaming", "faulted", "ended"};
+  return names[static_cast<std::size_t>(s)];
+}
+
+// What is known of a device once it answers.
+struct DeviceInfo {
+  Sensor sensor{};
+  std::string address, model, serial, firmware;
+  std::vector<Axis> axes;  // of the samples it sends
+};
+
+enum class Severity : std::uint8_t { info, warning, error };
+
+struct Counter {
+  const char* name;
+  std::uint64_t value;
+};
+
+class SampleSink {
+ public:
+  virtual ~SampleSink() = default;
+  virtual void on_tags(const TagBlock& block) = 0;
+  virtual void on_radar(RadarFrame frame) = 0;
+  virtual void on_depth(DepthFrame frame) = 0;
+  virtual void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) = 0;
+  virtual void on_event(Sensor sensor, Severity severity, const std::string& text) = 0;
+};
+
+// Threading: built, started, stopped and destroyed on the io thread, and calls its sink there only.
+// A driver with threads of its own copies and posts. It reconnects by itself, with back-off, until
+// stopped; after stop() returns the sink is not called again.
+class Driver {
+ public:
+  virtual ~Driver() = default;
+  virtual void start(SampleSink& sink) = 0;
+  virtual void stop() = 0;
+  // Graded counters since start (bytes, short, not_ours, corrupt, resynced, reconnects, ...).
+  virtual std::vector<Counter> counters() const = 0;
+};
+
+}  // namespace echofuse

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: MIT
+// Reproducible random streams: the same (seed, stream) gives the same numbers whatever was drawn
+// before and on whichever thread.
+#pragma once
+#include <cstdint>
+#include <random>
+
+namespace echofuse {
+
+// One step of SplitMix64 (Steele, Lea, Flood 2014): spreads neighbouring seeds far apart.
+inline std::uint64_t mix(std::uint64_t x) {
+  x += 0x9e3779b97f4a7c15ULL;
+  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ULL;
+  x = (x ^ (x >> 27)) * 0x94d049bb133111ebULL;
+  return x ^ (x >> 31);
+}
+
+using Rng = std::mt19937_64;
+inline Rng make_rng(std::uint64_t seed, std::uint64_t stream) {
+  return Rng(mix(seed ^ mix(stream)));
+}
+
+}  // namespace echofuse

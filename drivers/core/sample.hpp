@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: MIT
+// What the three drivers produce. Raw device values and raw device clocks; the host time is the
+// monotonic time at which the last byte of the sample was read.
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "drivers/core/axis.hpp"
+#include "drivers/core/clock.hpp"
+
+namespace echofuse {
+
+enum class Sensor : std::uint8_t { spd = 0, radar = 1, depth = 2 };
+inline constexpr std::size_t sensor_count = 3;
+inline const char* name_of(Sensor s) {
+  constexpr const char* names[] = {"spd", "radar", "depth"};
+  return names[static_cast<std::size_t>(s)];
+}
+
+// One 16-byte record of a time tagger, in memory as on the wire (Swabian time-tag stream).
+//   off 0 u8 type | 1 u8 0 | 2 u16 missed events (type 4) | 4 i32 channel | 8 i64 time in ps
+enum class TagType : std::uint8_t {
+  time_tag = 0,
+  error = 1,
+  overflow_begin = 2,
+  overflow_end = 3,
+  missed_events = 4,
+};
+struct Tag {
+  TagType type = TagType::time_tag;
+  std::uint8_t reserved = 0;
+  std::uint16_t missed_events = 0;
+  std::int32_t channel = 0;  // rising edge n, falling edge -n
+  std::int64_t time_ps = 0;  // wraps at 2^63 ps
+};
+static_assert(sizeof(Tag) == 16);
+
+struct TagBlock {
+  HostTime received{};
+  std::span<const Tag> tags;  // valid only during the call that delivers it
+  std::uint64_t lost_blocks = 0;  // transport blocks missing before this one
+  std::uint64_t lost_items = 0;   // tags the sender says it dropped before this one
+};
+
+// TI mmWave demo, TLV 6 (SDK 3.x mmw_output.h): microseconds and per cent.
+struct RadarStats {
+  std::uint32_t inter_frame_processing_us, transmit_us, inter_frame_margin_us,
+      inter_chirp_margin_us, active_frame_load_percent, inter_frame_load_percent;
+};
+// TLV 9: milliseconds since power-up and degrees Celsius (Rx0-3, Tx0-2, PM, Dig0, Dig1).
+struct RadarTemperature {
+  std::int32_t invalid;  // 0 means valid
+  std::uint32_t time_ms;
+  std::int16_t celsius[10];
+};
+
+struct RadarFrame {
+  HostTime received{};
+  std::uint32_t frame_number = 0;      // since power-up
+  std::uint32_t time_cpu_cycles = 0;   // 200 MHz, wraps every 21.47 s
+  std::uint32_t lost_before = 0;       // frame numbers missing before this one
+  std::vector<std::uint16_t> range_profile;  // log2_q8 codes; empty if the frame had no TLV 2
+  std::optional<RadarStats> stats;
+  std::optional<RadarTemperature> temperature;
+};
+
+struct DepthFrame {
+  HostTime received{};
+  std::uint64_t device_time_us = 0;
+  std::uint32_t frame_index = 0;
+  std::uint32_t lost_before = 0;
+  std::uint32_t width = 0, height = 0;
+  std::vector<std::uint16_t> depth_mm;  // z, row-major, 0 = no measurement
+};
+
+}  // namespace echofuse
