@@ -28,7 +28,8 @@ std::vector<Cell> cells_of(const Axis& source, const Axis& target) {
     auto first = static_cast<std::int64_t>(std::ceil(std::min(a, b) - 1e-9));
     auto last = static_cast<std::int64_t>(std::ceil(std::max(a, b) - 1e-9));
     if (first >= last) first = std::lround(centre), last = first + 1;
-    cells[i].first = static_cast<std::uint32_t>(std::clamp<std::int64_t>(first, 0, source.count - 1));
+    cells[i].first =
+        static_cast<std::uint32_t>(std::clamp<std::int64_t>(first, 0, source.count - 1));
     cells[i].last = static_cast<std::uint32_t>(std::clamp<std::int64_t>(last, 1, source.count));
   }
   return cells;
@@ -63,7 +64,7 @@ std::vector<float> to_target(std::span<const std::uint16_t> depth_mm, const Axis
       if (valid.empty() || 2 * valid.size() < seen) continue;
       const auto middle = valid.begin() + static_cast<std::ptrdiff_t>(valid.size() / 2);
       std::nth_element(valid.begin(), middle, valid.end());
-      out[r * columns.size() + c] = static_cast<float>(*middle) * 1e-3f;
+      out[r * columns.size() + c] = static_cast<float>(*middle) / 1000.0f;
     }
   }
   return out;

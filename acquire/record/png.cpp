@@ -18,7 +18,8 @@ Bytes encode_png16(std::span<const std::uint16_t> pixels, std::uint32_t width,
 
 std::vector<std::uint16_t> decode_png16(ByteView png, std::uint32_t width, std::uint32_t height) {
   if (png.empty()) return {};
-  const cv::Mat raw(1, static_cast<int>(png.size()), CV_8UC1, const_cast<std::uint8_t*>(png.data()));
+  const cv::Mat raw(1, static_cast<int>(png.size()), CV_8UC1,
+                    const_cast<std::uint8_t*>(png.data()));
   const cv::Mat image = cv::imdecode(raw, cv::IMREAD_UNCHANGED);
   if (image.type() != CV_16UC1 || image.cols != static_cast<int>(width) ||
       image.rows != static_cast<int>(height))

@@ -9,7 +9,8 @@
 
 namespace echofuse::record {
 
-Bytes encode_png16(std::span<const std::uint16_t> pixels, std::uint32_t width, std::uint32_t height);
+Bytes encode_png16(std::span<const std::uint16_t> pixels, std::uint32_t width,
+                   std::uint32_t height);
 // Empty if the bytes are not a 16-bit grey PNG of this size.
 std::vector<std::uint16_t> decode_png16(ByteView png, std::uint32_t width, std::uint32_t height);
 

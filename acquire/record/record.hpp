@@ -14,33 +14,33 @@ namespace echofuse::record {
 
 // How well one sensor covered the slot.
 struct SensorSync {
-  double offset_s = 0;       // mean receive time of what was used, minus the slot's centre
-  double span_s = 0;         // last minus first receive time of what was used
-  std::uint64_t used = 0;    // SPD: clicks in the histogram; radar, depth: frames
-  std::uint64_t lost = 0;    // tags, radar frames, depth frames known to be missing
+  double offset_s = 0;              // mean receive time of what was used, minus the slot's centre
+  double span_s = 0;                // last minus first receive time of what was used
+  std::uint64_t used = 0;           // SPD: clicks in the histogram; radar, depth: frames
+  std::uint64_t lost = 0;           // tags, radar frames, depth frames known to be missing
   std::string verdict = "missing";  // "ok", or why the sensor is not valid
 };
 
 // SPD bookkeeping: every tag of the slot is in exactly one of these.
 struct SpdCounts {
-  std::uint64_t tags = 0;          // all tags that arrived
-  std::uint64_t starts = 0;        // on the start channel
-  std::uint64_t in_range = 0;      // clicks that were counted in the histogram
-  std::uint64_t out_of_range = 0;  // clicks with a start but outside the axis
-  std::uint64_t without_start = 0; // clicks before any start
-  std::uint64_t other = 0;         // other channels, markers
-  std::uint64_t lost = 0;          // missed events, dropped items, gaps in the block numbers
+  std::uint64_t tags = 0;           // all tags that arrived
+  std::uint64_t starts = 0;         // on the start channel
+  std::uint64_t in_range = 0;       // clicks that were counted in the histogram
+  std::uint64_t out_of_range = 0;   // clicks with a start but outside the axis
+  std::uint64_t without_start = 0;  // clicks before any start
+  std::uint64_t other = 0;          // other channels, markers
+  std::uint64_t lost = 0;           // missed events, dropped items, gaps in the block numbers
 };
 
 struct FusedRecord {
   std::int64_t index = 0;
   HostTime slot_start{}, slot_end{};
-  UtcTime slot_utc{};      // of the slot's start
-  std::uint32_t valid = 0; // bit 0 SPD, 1 radar, 2 depth
+  UtcTime slot_utc{};       // of the slot's start
+  std::uint32_t valid = 0;  // bit 0 SPD, 1 radar, 2 depth
   std::string label;
-  std::vector<std::uint32_t> spd;        // counts per bin; empty if the sensor is missing
-  std::vector<float> radar;              // in the units of the run's radar axis
-  std::vector<std::uint16_t> depth_mm;   // z, row-major on the run's depth axes, 0 = no return
+  std::vector<std::uint32_t> spd;       // counts per bin; empty if the sensor is missing
+  std::vector<float> radar;             // in the units of the run's radar axis
+  std::vector<std::uint16_t> depth_mm;  // z, row-major on the run's depth axes, 0 = no return
   SpdCounts spd_counts;
   std::array<SensorSync, sensor_count> sync;
 
@@ -56,9 +56,9 @@ struct CalibrationEntry {
 
 // The `run` table.
 struct RunInfo {
-  std::string uuid;                      // made by the writer
-  std::string started_utc, ended_utc;    // ISO 8601
-  std::string status = "open";           // open, complete, stopped:disk, crashed
+  std::string uuid;                    // made by the writer
+  std::string started_utc, ended_utc;  // ISO 8601
+  std::string status = "open";         // open, complete, stopped:disk, crashed
   std::string config_text, config_resolved, radar_cfg;
   std::string version, host, operator_name, notes;
   double window_s = 0;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// The run file: one SQLite database (WAL, synchronous=FULL), one transaction per append. It survives
-// kill -9, power loss and a full disk with every committed record, and is read while it is written.
+// The run file: one SQLite database (WAL, synchronous=FULL), one transaction per append. It
+// survives kill -9, power loss and a full disk with every committed record, and is read while it is
+// written.
 //   PRAGMA application_id = 0x4543464d ("ECFM"), user_version = 1
 //   run, device, calibration, axis, record, event, anchor: see schema.hpp
 //   record.spd u32 LE counts | radar f32 LE | depth 16-bit grey PNG, millimetres
@@ -37,7 +38,8 @@ class RunWriter {
   void put_device(const DeviceInfo& device);
   void put_calibration(const CalibrationEntry& entry);
   void put_anchor(HostTime mono, UtcTime utc);
-  void put_event(UtcTime utc, Severity severity, const std::string& source, const std::string& text);
+  void put_event(UtcTime utc, Severity severity, const std::string& source,
+                 const std::string& text);
   void append(const FusedRecord& record);
   void append(std::span<const FusedRecord> batch);  // one transaction: for the generator
   void close(const std::string& status);            // folds the WAL back: one single file is left

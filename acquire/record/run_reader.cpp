@@ -45,7 +45,8 @@ constexpr const char* record_columns =
     "SELECT idx, slot_start_ns, slot_end_ns, slot_utc_ns, valid, label, spd, radar, depth, tags, "
     "starts, in_range, out_of_range, without_start, other, tags_lost, spd_offset_s, spd_span_s, "
     "spd_used, spd_lost, spd_verdict, radar_offset_s, radar_span_s, radar_used, radar_lost, "
-    "radar_verdict, depth_offset_s, depth_span_s, depth_used, depth_lost, depth_verdict FROM record "
+    "radar_verdict, depth_offset_s, depth_span_s, depth_used, depth_lost, depth_verdict FROM "
+    "record "
     "WHERE idx >= ? ORDER BY idx";
 
 // Fills `r` from the row; returns what is wrong with it, or nothing.
@@ -78,8 +79,8 @@ std::string decode(Statement& row, const Shapes& shapes, FusedRecord& r) {
     return sizes("spd", spd.size(), shapes.spd * 4);
   if (r.has(Sensor::radar) && radar.size() != shapes.radar * 4)
     return sizes("radar", radar.size(), shapes.radar * 4);
-  const auto bad = std::find_if_not(r.radar.begin(), r.radar.end(),
-                                    [](float v) { return std::isfinite(v); });
+  const auto bad =
+      std::find_if_not(r.radar.begin(), r.radar.end(), [](float v) { return std::isfinite(v); });
   if (r.has(Sensor::radar) && bad != r.radar.end())
     return "radar bin " + std::to_string(bad - r.radar.begin()) + " is not a finite number";
   if (r.has(Sensor::depth)) {
@@ -96,8 +97,8 @@ std::string decode(Statement& row, const Shapes& shapes, FusedRecord& r) {
 RunReader::RunReader(const std::string& path) : path_(path) {
   if (::access(path.c_str(), R_OK) != 0)
     throw Error(ExitCode::failed, path + ": no such file, or not readable; expected a run file");
-  // Read-only, but a WAL left by a live or crashed writer needs its shared-memory file beside it; on
-  // a read-only medium there is no writer, and `immutable` reads without one.
+  // Read-only, but a WAL left by a live or crashed writer needs its shared-memory file beside it;
+  // on a read-only medium there is no writer, and `immutable` reads without one.
   if (sqlite3_open_v2(path.c_str(), &db_, SQLITE_OPEN_READONLY, nullptr) != SQLITE_OK ||
       sqlite3_exec(db_, "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr) ==
           SQLITE_CANTOPEN) {
@@ -112,9 +113,9 @@ RunReader::RunReader(const std::string& path) : path_(path) {
       throw Error(ExitCode::failed, path + ": not an echofuse run file");
     const auto found = pragma(db_, path_, "PRAGMA user_version");
     if (found > format_version)
-      throw Error(ExitCode::failed,
-                  path + ": run format " + std::to_string(found) + " is newer than this program's " +
-                      std::to_string(format_version) + "; use a newer echofuse");
+      throw Error(ExitCode::failed, path + ": run format " + std::to_string(found) +
+                                        " is newer than this program's " +
+                                        std::to_string(format_version) + "; use a newer echofuse");
   } catch (...) {
     sqlite3_close(db_);
     throw;
@@ -129,10 +130,9 @@ RunInfo RunReader::info() const {
               "radar_cfg, version, host, operator, notes, window_s FROM run");
   RunInfo info;
   if (!s.step()) throw Error(ExitCode::failed, path_ + ": the run table is empty");
-  for (std::string* text :
-       {&info.uuid, &info.started_utc, &info.ended_utc, &info.status, &info.config_text,
-        &info.config_resolved, &info.radar_cfg, &info.version, &info.host, &info.operator_name,
-        &info.notes})
+  for (std::string* text : {&info.uuid, &info.started_utc, &info.ended_utc, &info.status,
+                            &info.config_text, &info.config_resolved, &info.radar_cfg,
+                            &info.version, &info.host, &info.operator_name, &info.notes})
     *text = s.text();
   info.window_s = s.real();
   if (info.status == "open" && !WriterLock::someone_writes(path_)) info.status = "crashed";
@@ -203,8 +203,9 @@ std::optional<Axis> RunReader::axis(const std::string& name) const {
 
 std::int64_t RunReader::count() const { return pragma(db_, path_, "SELECT count(*) FROM record"); }
 
-void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, std::int64_t first,
-                         const std::function<void(std::int64_t, const std::string&)>& on_bad) const {
+void RunReader::for_each(
+    const std::function<bool(const FusedRecord&)>& visit, std::int64_t first,
+    const std::function<void(std::int64_t, const std::string&)>& on_bad) const {
   const Shapes shapes = shapes_of(axes());
   Statement row(db_, path_, record_columns);
   row.bind(first);
@@ -212,8 +213,7 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
     FusedRecord r;
     if (const std::string fault = decode(row, shapes, r); !fault.empty()) {
       if (!on_bad)
-        throw Error(ExitCode::failed,
-                    path_ + ": record " + std::to_string(r.index) + ": " + fault);
+        throw Error(ExitCode::failed, path_ + ": record " + std::to_string(r.index) + ": " + fault);
       on_bad(r.index, fault);
     } else if (!visit(r)) {
       return;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Who is writing a run: the writer holds flock(2) on PATH-lock for as long as it lives, so that a
-// reader can tell a live run from one that a crash left behind. A separate file, because closing any
-// descriptor of the database itself would drop SQLite's own locks.
+// reader can tell a live run from one that a crash left behind. A separate file, because closing
+// any descriptor of the database itself would drop SQLite's own locks.
 #pragma once
 #include <fcntl.h>
 #include <sys/file.h>

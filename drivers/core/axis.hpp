@@ -14,7 +14,8 @@ inline constexpr double speed_of_light_m_s = 299'792'458.0;
 //   name      quantity                unit  meaning of the values along it
 //   spd       counts                  ps    detections per bin of two-way time of flight
 //   radar     power                   m     linear power (arbitrary scale)
-//   radar     log2_q8                 m     256*log2(magnitude) summed over `scale` virtual antennas
+//   radar     log2_q8                 m     256*log2(magnitude) summed over `scale` virtual
+//   antennas
 //                                           and divided by the next power of two (TI SDK 3.x TLV 2)
 //   depth_x   tangent                 1     x/z of a pixel column, x to the right
 //   depth_y   tangent                 1     y/z of a pixel row, y up (step is negative)

@@ -54,7 +54,8 @@ void put(Bytes& out, T value) {
   out.insert(out.end(), raw, raw + sizeof(T));
 }
 
-// n values of T from raw bytes, for blobs and payloads of known type; a rest shorter than T is left.
+// n values of T from raw bytes, for blobs and payloads of known type; a rest shorter than T is
+// left.
 template <class T>
 std::vector<T> to_values(ByteView raw) {
   static_assert(std::is_trivially_copyable_v<T>);

@@ -17,8 +17,9 @@ std::string iso8601(UtcTime time) {
   char date[32];
   std::strftime(date, sizeof date, "%Y-%m-%dT%H:%M:%S", &tm);
   char text[48];
-  std::snprintf(text, sizeof text, "%s.%03dZ", date,
-                static_cast<int>(std::chrono::floor<std::chrono::milliseconds>(time - whole).count()));
+  std::snprintf(
+      text, sizeof text, "%s.%03dZ", date,
+      static_cast<int>(std::chrono::floor<std::chrono::milliseconds>(time - whole).count()));
   return text;
 }
 

@@ -40,7 +40,9 @@ class ManualClock final : public Clock {
 // "2024-02-07T12:34:56.789Z" (ISO 8601)
 std::string iso8601(UtcTime time);
 
-inline double seconds(std::chrono::nanoseconds t) { return std::chrono::duration<double>(t).count(); }
+inline double seconds(std::chrono::nanoseconds t) {
+  return std::chrono::duration<double>(t).count();
+}
 inline std::chrono::nanoseconds from_seconds(double s) {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(s));
 }

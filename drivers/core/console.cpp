@@ -65,15 +65,15 @@ void Progress::update(std::size_t done, const std::string& note) {
   last_ = now;
   const double spent = std::chrono::duration<double>(now - start_).count();
   const double share = total_ ? static_cast<double>(done) / static_cast<double>(total_) : 1.0;
-  const std::string time = last ? human_duration(spent)
-                                : "ETA " + human_duration(share > 0 ? spent / share - spent : 0);
+  const std::string time =
+      last ? human_duration(spent) : "ETA " + human_duration(share > 0 ? spent / share - spent : 0);
   if (terminal_) {
     constexpr int width = 30;
     const int full = static_cast<int>(share * width);
     std::string bar(static_cast<std::size_t>(full), '#');
     bar.resize(width, '.');
-    std::fprintf(stderr, "\r\033[K%s [%s] %zu/%zu  %s  %s", title_.c_str(), bar.c_str(), done, total_,
-                 time.c_str(), note.c_str());
+    std::fprintf(stderr, "\r\033[K%s [%s] %zu/%zu  %s  %s", title_.c_str(), bar.c_str(), done,
+                 total_, time.c_str(), note.c_str());
   } else {
     std::fprintf(stderr, "%s %zu/%zu  %s  %s\n", title_.c_str(), done, total_, time.c_str(),
                  note.c_str());

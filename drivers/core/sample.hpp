@@ -40,7 +40,7 @@ static_assert(sizeof(Tag) == 16);
 
 struct TagBlock {
   HostTime received{};
-  std::span<const Tag> tags;  // valid only during the call that delivers it
+  std::span<const Tag> tags;      // valid only during the call that delivers it
   std::uint64_t lost_blocks = 0;  // transport blocks missing before this one
   std::uint64_t lost_items = 0;   // tags the sender says it dropped before this one
 };
@@ -59,9 +59,9 @@ struct RadarTemperature {
 
 struct RadarFrame {
   HostTime received{};
-  std::uint32_t frame_number = 0;      // since power-up
-  std::uint32_t time_cpu_cycles = 0;   // 200 MHz, wraps every 21.47 s
-  std::uint32_t lost_before = 0;       // frame numbers missing before this one
+  std::uint32_t frame_number = 0;            // since power-up
+  std::uint32_t time_cpu_cycles = 0;         // 200 MHz, wraps every 21.47 s
+  std::uint32_t lost_before = 0;             // frame numbers missing before this one
   std::vector<std::uint16_t> range_profile;  // log2_q8 codes; empty if the frame had no TLV 2
   std::optional<RadarStats> stats;
   std::optional<RadarTemperature> temperature;

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/core/settings.hpp"
 
+#include <toml++/toml.h>
+
 #include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <fstream>
 #include <sstream>
-#include <toml++/toml.h>
 
 namespace echofuse {
 namespace {
@@ -72,13 +73,13 @@ void Settings::add(std::string key, std::string& value, std::string doc,
 }
 
 void Settings::check_new([[maybe_unused]] const std::string& key) const {
-  assert(std::none_of(entries_.begin(), entries_.end(),
-                      [&](const Entry& e) { return e.key == key; }));
+  assert(
+      std::none_of(entries_.begin(), entries_.end(), [&](const Entry& e) { return e.key == key; }));
 }
 
 Settings::Entry* Settings::find(const std::string& key) {
-  const auto it = std::find_if(entries_.begin(), entries_.end(),
-                               [&](const Entry& e) { return e.key == key; });
+  const auto it =
+      std::find_if(entries_.begin(), entries_.end(), [&](const Entry& e) { return e.key == key; });
   return it == entries_.end() ? nullptr : &*it;
 }
 
@@ -130,7 +131,8 @@ std::string Settings::assign(Entry& entry, const Node& node) {
     auto& t = std::get<Text>(entry.target);
     if (node.is_string()) {
       const auto v = *node.template value<std::string>();
-      fits = t.allowed.empty() || std::find(t.allowed.begin(), t.allowed.end(), v) != t.allowed.end();
+      fits =
+          t.allowed.empty() || std::find(t.allowed.begin(), t.allowed.end(), v) != t.allowed.end();
       if (fits) *t.value = v;
     }
   }
@@ -144,8 +146,8 @@ void Settings::read_table(const Table& table, const std::string& prefix, const s
   for (const auto& [raw_key, node] : table) {
     const std::string key = prefix + std::string(raw_key.str());
     const auto where = raw_key.source().begin;
-    const std::string place = name + ":" + std::to_string(where.line) + ":" +
-                              std::to_string(where.column) + ": ";
+    const std::string place =
+        name + ":" + std::to_string(where.line) + ":" + std::to_string(where.column) + ": ";
     Entry* entry = find(key);
     const bool is_section = std::any_of(entries_.begin(), entries_.end(), [&](const Entry& e) {
       return e.key.rfind(key + ".", 0) == 0;
@@ -215,19 +217,22 @@ std::string Settings::resolved(bool with_docs) const {
     const auto dot = e->key.rfind('.');
     return dot == std::string::npos ? std::string() : e->key.substr(0, dot);
   };
-  std::stable_sort(order.begin(), order.end(), [&](auto* a, auto* b) {
-    return section(a).empty() && !section(b).empty();
-  });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](auto* a, auto* b) { return section(a).empty() && !section(b).empty(); });
   std::ostringstream out;
   std::string current;
   for (const auto* e : order) {
     if (section(e) != current) out << "\n[" << (current = section(e)) << "]\n";
     if (with_docs) out << "# " << e->doc << " (" << expectation(*e) << ")\n";
     out << e->key.substr(current.empty() ? 0 : current.size() + 1) << " = ";
-    if (const auto* r = std::get_if<Real>(&e->target)) out << literal(*r->value);
-    else if (const auto* i = std::get_if<Integer>(&e->target)) out << *i->value;
-    else if (const auto* b = std::get_if<bool*>(&e->target)) out << (**b ? "true" : "false");
-    else out << quoted(*std::get<Text>(e->target).value);
+    if (const auto* r = std::get_if<Real>(&e->target))
+      out << literal(*r->value);
+    else if (const auto* i = std::get_if<Integer>(&e->target))
+      out << *i->value;
+    else if (const auto* b = std::get_if<bool*>(&e->target))
+      out << (**b ? "true" : "false");
+    else
+      out << quoted(*std::get<Text>(e->target).value);
     out << "\n";
   }
   return out.str();

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/core/bytes.hpp"
+
+#include <catch2/catch.hpp>
+
+#include "drivers/core/axis.hpp"
+#include "drivers/core/clock.hpp"
+#include "drivers/core/console.hpp"
+#include "drivers/core/random.hpp"
+
+using namespace echofuse;
+
+TEST_CASE("a reader gives what was put, and zeros once past the end") {
+  Bytes bytes;
+  put(bytes, std::uint16_t{0x0201});
+  put(bytes, std::int64_t{-5});
+  CHECK(bytes[0] == 0x01);
+  ByteReader in(bytes);
+  CHECK(in.get<std::uint16_t>() == 0x0201);
+  CHECK(in.get<std::int64_t>() == -5);
+  CHECK(in.ok());
+  CHECK(in.get<std::uint32_t>() == 0);
+  CHECK_FALSE(in.ok());
+}
+
+TEST_CASE("a failed read does not hand out the rest") {
+  const Bytes bytes{1, 2, 3};
+  ByteReader in(bytes);
+  CHECK(in.get<std::uint32_t>() == 0);
+  CHECK(in.get<std::uint8_t>() == 0);
+  CHECK_FALSE(in.ok());
+  CHECK(to_values<std::uint16_t>(bytes) == std::vector<std::uint16_t>{0x0201});
+}
+
+TEST_CASE("axes are the same within a thousandth of a step") {
+  const Axis a{"spd", "counts", "ps", 336, 13343, 100, 1};
+  Axis b = a;
+  b.start += 0.05;
+  CHECK(same_axis(a, b));
+  b.start += 0.1;
+  CHECK_FALSE(same_axis(a, b));
+  b = a;
+  b.step += 0.001;  // 0.336 ps at the far end: more than 0.1
+  CHECK_FALSE(same_axis(a, b));
+  b = a;
+  b.scale = 8;
+  CHECK_FALSE(same_axis(a, b));
+}
+
+TEST_CASE("random streams depend on seed and stream only") {
+  CHECK(make_rng(1, 2)() == make_rng(1, 2)());
+  CHECK(make_rng(1, 2)() != make_rng(2, 1)());
+  CHECK(make_rng(1, 2)() != make_rng(1, 3)());
+}
+
+TEST_CASE("times are written for people and machines") {
+  CHECK(iso8601(std::chrono::milliseconds(1'707'309'296'789)) == "2024-02-07T12:34:56.789Z");
+  CHECK(human_duration(7.26) == "7.3 s");
+  CHECK(human_duration(75.3) == "1 min 15 s");
+  CHECK(human_duration(12'000) == "3 h 20 min");
+}

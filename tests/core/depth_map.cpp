@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/record/depth_map.hpp"
+
+#include <catch2/catch.hpp>
+
+using namespace echofuse;
+using namespace echofuse::record;
+
+namespace {
+using Image = std::vector<std::uint16_t>;
+}
+
+TEST_CASE("a map on the target's own axes comes back as it was") {
+  const Axis x = depth_x_axis(), y = depth_y_axis();
+  CHECK(x.at(0) == Approx(-0.55 * 63 / 64));
+  CHECK(y.at(0) == Approx(0.55 * 63 / 64));
+  CHECK(x.at(63) == Approx(-x.at(0)));
+  Image image(64 * 64);
+  for (std::size_t i = 0; i < image.size(); ++i) image[i] = static_cast<std::uint16_t>(i);
+  const auto map = to_target(image, x, y, x, y);
+  for (std::size_t i = 0; i < image.size(); ++i) REQUIRE(map[i] == static_cast<float>(i) / 1000.0f);
+}
+
+TEST_CASE("every source pixel falls into exactly one target pixel, and invalid ones never mix in") {
+  const Axis x = depth_x_axis(256), y = depth_y_axis(256);
+  const Axis target_x = depth_x_axis(64), target_y = depth_y_axis(64);
+  Image image(256 * 256, 3000);
+  for (std::size_t j = 0; j < 256; ++j)
+    for (std::size_t i = 0; i < 256; ++i) {
+      if (i % 4 == 3) image[j * 256 + i] = 0;                // a quarter missing: no harm
+      if (j < 4) image[j * 256 + i] = i % 4 < 3 ? 0 : 2500;  // three quarters missing: no return
+      if (j >= 252) image[j * 256 + i] = 6001;               // beyond the depth span
+    }
+  const auto map = to_target(image, x, y, target_x, target_y);
+  CHECK(map[10] == 0.0f);
+  CHECK(map[64 * 63 + 10] == 0.0f);
+  for (std::size_t i = 64; i < 64 * 63; ++i) REQUIRE(map[i] == 3.0f);
+}
+
+TEST_CASE("a camera that sees less than the target leaves the rest empty; up is up") {
+  const Axis x = depth_x_axis(64, 0.275), y = depth_y_axis(64, 0.275);
+  Image image(64 * 64, 2000);
+  for (std::size_t i = 0; i < 64 * 32; ++i) image[i] = 4000;  // upper half
+  const auto map = to_target(image, x, y, depth_x_axis(), depth_y_axis());
+  CHECK(map[32 * 64 + 15] == 0.0f);
+  CHECK(map[31 * 64 + 16] == 4.0f);
+  CHECK(map[32 * 64 + 16] == 2.0f);
+  CHECK(map[15 * 64 + 32] == 0.0f);
+  CHECK(map[16 * 64 + 47] == 4.0f);
+  CHECK(map[16 * 64 + 48] == 0.0f);
+}

@@ -1,0 +1,54 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""House rules that a script can check: one SPDX line a file, files of at most 400 lines, layout by
+clang-format 14 where it is installed, options and commands of --help in the README."""
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+
+root = pathlib.Path(__file__).resolve().parent.parent
+faults = []
+
+
+def tracked():
+    for folder in ("drivers", "acquire", "recon", "sim", "config", "scripts", "tests"):
+        for path in sorted((root / folder).rglob("*")):
+            if path.is_file() and "__pycache__" not in path.parts:
+                yield path
+
+
+sources = []
+for path in tracked():
+    name = path.relative_to(root)
+    code = path.suffix in (".cpp", ".hpp", ".py", ".sh") or path.name == "CMakeLists.txt" or (
+        path.parent.name == "scripts" and not path.suffix)
+    if not code:
+        continue
+    lines = path.read_text(encoding="utf-8").splitlines()
+    if not any("SPDX-License-Identifier: MIT" in line for line in lines[:2]):
+        faults.append(f"{name}: no SPDX line in the first two")
+    if len(lines) > 400:
+        faults.append(f"{name}: {len(lines)} lines; at most 400")
+    if path.suffix in (".cpp", ".hpp"):
+        sources.append(str(path))
+
+formatter = shutil.which("clang-format-14")
+if formatter:
+    run = subprocess.run([formatter, "--dry-run", "-Werror", "--ferror-limit=1", *sources], capture_output=True,
+                         text=True)
+    faults += [line for line in run.stderr.splitlines() if "error:" in line]
+
+if len(sys.argv) > 1:  # the folder of the built programs
+    readme = (root / "README.md").read_text(encoding="utf-8")
+    for program in ("echofuse-acquire", "echofuse-recon", "echofuse-sim"):
+        binary = pathlib.Path(sys.argv[1]) / program
+        help_text = subprocess.run([binary, "--help"], capture_output=True, text=True).stdout
+        commands = re.findall(r"^  ([a-z]+) ", help_text.split("Subcommands:")[-1], re.M)
+        for command in commands:
+            if f"{program} {command}" not in readme:
+                faults.append(f"README.md: no word of `{program} {command}`")
+
+print("\n".join(faults) or f"{len(sources)} sources keep the house rules")
+sys.exit(bool(faults))
