@@ -50,8 +50,9 @@ class ByteReader {
 template <class T>
 void put(Bytes& out, T value) {
   static_assert(std::is_trivially_copyable_v<T>);
-  const auto* raw = reinterpret_cast<const std::uint8_t*>(&value);
-  out.insert(out.end(), raw, raw + sizeof(T));
+  const std::size_t size = out.size();
+  out.resize(size + sizeof(T));
+  std::memcpy(out.data() + size, &value, sizeof(T));
 }
 
 // n values of T from raw bytes, for blobs and payloads of known type; a rest shorter than T is

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/bridge/bridge_client.hpp"
+
+#include <utility>
+
+namespace echofuse::bridge {
+namespace {
+// A sender is silent for at most a second; a busy machine may stretch that.
+constexpr std::chrono::seconds silence_limit{5};
+}  // namespace
+
+BridgeClient::BridgeClient(boost::asio::io_context& io, port::ByteOpener opener, const Clock& clock)
+    : opener_(std::move(opener)), clock_(clock), timer_(io) {}
+
+void BridgeClient::start(Handlers handlers) {
+  handlers_ = std::move(handlers);
+  running_ = true;
+  handlers_.state(DeviceState::connecting, hello_);
+  connect();
+}
+
+void BridgeClient::stop() {
+  running_ = false;
+  timer_.cancel();
+  port_.reset();
+}
+
+std::vector<Counter> BridgeClient::counters() const {
+  const BlockCounts& c = parser_.counts();
+  return {{"bytes", c.bytes},
+          {"blocks", c.blocks},
+          {"junk_bytes", c.junk_bytes},
+          {"bad_headers", c.bad_headers},
+          {"bad_crcs", c.bad_crcs},
+          {"gaps", c.gaps},
+          {"lost_blocks", c.lost_blocks},
+          {"bad_payloads", bad_payloads_},
+          {"connections", connections_}};
+}
+
+void BridgeClient::connect() {
+  parser_.reset();
+  greeted_ = false;
+  port_ = opener_();
+  port_->open({.opened = [this] { ++connections_; },
+               .bytes =
+                   [this](ByteView bytes) {
+                     const HostTime received = clock_.now();
+                     parser_.feed(bytes, [&](const Block& block) { on_block(block, received); });
+                   },
+               .gone = [this](const Failure& failure) { fail(failure.text()); }});
+  watch();
+}
+
+void BridgeClient::watch() {
+  alive_ = false;
+  timer_.after(silence_limit, [this] {
+    if (alive_) return watch();
+    fail(greeted_ ? "nothing came for 5 s" : "no hello within 5 s: is this an echofuse bridge?");
+  });
+}
+
+// After stop() or a failure the parser may still have blocks in hand: they belong to no one.
+void BridgeClient::on_block(Block block, HostTime received) {
+  if (!running_ || !port_) return;
+  alive_ = true;
+  if (block.kind == BlockKind::bye) return fail("the bridge said goodbye");
+  if (block.kind == BlockKind::hello) return on_hello(block);
+  if (!greeted_) return;
+  block.lost_blocks += std::exchange(rejoined_, false);
+  handlers_.block(block, received);
+}
+
+void BridgeClient::on_hello(const Block& block) {
+  const auto hello = read_hello(block.payload);
+  if (!hello) return fail("its hello is not the JSON it should be");
+  if (std::exchange(greeted_, true)) return;
+  hello_ = *hello;
+  rejoined_ = connections_ > 1;
+  backoff_.reset();
+  last_failure_.clear();
+  faulted_ = false;
+  handlers_.state(DeviceState::streaming, hello_);
+}
+
+// Also called from inside the parser and the port: what it destroys is safe to destroy there.
+void BridgeClient::fail(const std::string& why) {
+  if (!running_) return;
+  port_.reset();
+  const bool again = std::exchange(last_failure_, why) == why;
+  if (!again) handlers_.event(Severity::warning, why);
+  if (!running_) return;
+  if (!std::exchange(faulted_, true)) handlers_.state(DeviceState::faulted, hello_);
+  if (!running_) return;
+  timer_.after(backoff_.next(), [this] { connect(); });
+}
+
+}  // namespace echofuse::bridge

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: MIT
+// The connection that both bridge drivers share: connect, hello, blocks; silence, goodbye and
+// errors lead to a new connection after a pause.
+#pragma once
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "drivers/bridge/bridge_protocol.hpp"
+#include "drivers/core/driver.hpp"
+#include "drivers/port/backoff.hpp"
+#include "drivers/port/byte_port.hpp"
+#include "drivers/port/timer.hpp"
+
+namespace echofuse::bridge {
+
+// Threading: io thread only. After stop() no handler is called; a handler may call stop().
+class BridgeClient {
+ public:
+  struct Handlers {
+    // connecting, streaming (its hello is known), faulted; each when it changes
+    std::function<void(DeviceState, const Hello&)> state;
+    // Every block but hello and bye. The first one of a second connection says one lost block: how
+    // many there were is not known.
+    std::function<void(const Block&, HostTime)> block;
+    std::function<void(Severity, const std::string&)> event;
+  };
+
+  BridgeClient(boost::asio::io_context& io, port::ByteOpener opener, const Clock& clock);
+  void start(Handlers handlers);
+  void stop();
+  // A block that is not what the driver takes, or whose payload does not fit its kind.
+  void count_bad_payload() { ++bad_payloads_; }
+  std::vector<Counter> counters() const;
+
+ private:
+  void connect();
+  void on_block(Block block, HostTime received);
+  void on_hello(const Block& block);
+  void watch();
+  void fail(const std::string& why);
+
+  port::ByteOpener opener_;
+  const Clock& clock_;
+  port::Timer timer_;
+  port::Backoff backoff_;
+  Handlers handlers_;
+  BlockParser parser_;
+  Hello hello_;
+  std::string last_failure_;  // told once, not at every attempt
+  bool running_ = false, faulted_ = false, greeted_ = false, rejoined_ = false, alive_ = false;
+  std::uint64_t connections_ = 0, bad_payloads_ = 0;
+  std::unique_ptr<port::BytePort> port_;
+};
+
+}  // namespace echofuse::bridge

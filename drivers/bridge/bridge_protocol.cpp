@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/bridge/bridge_protocol.hpp"
+
+#include <array>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "drivers/core/crc32c.hpp"
+
+namespace echofuse::bridge {
+namespace {
+
+constexpr std::array<std::uint8_t, 4> magic = {'E', 'F', 'B', 'R'};
+
+struct Header {
+  std::uint16_t version, kind;
+  std::uint32_t sequence, payload_bytes;
+  std::uint64_t dropped_items;
+  std::uint32_t reserved, crc;
+
+  bool plausible() const {
+    return version == protocol_version && kind <= static_cast<std::uint16_t>(BlockKind::bye) &&
+           payload_bytes <= max_payload_bytes && reserved == 0;
+  }
+};
+
+Header read_header(ByteView bytes) {
+  ByteReader in(bytes.subspan(magic.size()));
+  Header h{};
+  h.version = in.get<std::uint16_t>();
+  h.kind = in.get<std::uint16_t>();
+  h.sequence = in.get<std::uint32_t>();
+  h.payload_bytes = in.get<std::uint32_t>();
+  h.dropped_items = in.get<std::uint64_t>();
+  h.reserved = in.get<std::uint32_t>();
+  h.crc = in.get<std::uint32_t>();
+  return h;
+}
+
+bool starts_with_magic(ByteView bytes) {
+  const std::size_t n = std::min(bytes.size(), magic.size());
+  return std::equal(magic.begin(), magic.begin() + static_cast<std::ptrdiff_t>(n), bytes.begin());
+}
+
+std::string text_of(const nlohmann::json& object, const char* key) {
+  const auto it = object.find(key);
+  return it == object.end() ? std::string{} : it->get<std::string>();
+}
+
+Axis tangent_axis(const char* name, std::uint32_t count, float start, float step) {
+  return {.name = name,
+          .quantity = "tangent",
+          .unit = "1",
+          .count = count,
+          .start = start,
+          .step = step};
+}
+
+bool usable(const Axis& axis) {
+  return axis.count > 0 && std::isfinite(axis.start) && std::isfinite(axis.step) && axis.step != 0;
+}
+
+}  // namespace
+
+void BlockParser::feed(ByteView bytes, const OnBlock& on_block) {
+  counts_.bytes += bytes.size();
+  buffer_.feed(bytes, [&](ByteView view) { return next(view, on_block); });
+}
+
+void BlockParser::reset() {
+  counts_.junk_bytes += buffer_.held().size();
+  buffer_.clear();
+  expected_ = 0;
+}
+
+Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
+  if (!bytes.empty() && !starts_with_magic(bytes)) return skip_junk(bytes);
+  if (bytes.size() < header_bytes) return {0, header_bytes};
+  const Header header = read_header(bytes);
+  if (!header.plausible()) {
+    ++counts_.bad_headers;
+    return skip_junk(bytes);
+  }
+  const std::size_t size = header_bytes + header.payload_bytes;
+  if (bytes.size() < size) return {0, size};
+  const ByteView payload = bytes.subspan(header_bytes, header.payload_bytes);
+  if (crc32c(payload, crc32c(bytes.first(header_bytes - 4))) != header.crc) {
+    ++counts_.bad_crcs;
+    return skip_junk(bytes);
+  }
+  ++counts_.blocks;
+  on_block({.kind = static_cast<BlockKind>(header.kind),
+            .sequence = header.sequence,
+            .dropped_items = header.dropped_items,
+            .lost_blocks = lost_before(header.sequence),
+            .payload = payload});
+  return {size, 0};
+}
+
+// From the byte after the first to where a magic stands, or where the end may hold half of one.
+Step BlockParser::skip_junk(ByteView bytes) {
+  std::size_t at = 1;
+  while (at < bytes.size() && !starts_with_magic(bytes.subspan(at))) ++at;
+  counts_.junk_bytes += at;
+  return {at, 0};
+}
+
+std::uint32_t BlockParser::lost_before(std::uint32_t sequence) {
+  std::uint32_t lost = sequence - expected_;
+  expected_ = sequence + 1;
+  if (lost == 0) return 0;
+  if (lost > UINT32_MAX / 2) lost = 1;  // it went back: renumbered, so how many are lost is unknown
+  ++counts_.gaps;
+  counts_.lost_blocks += lost;
+  return lost;
+}
+
+std::optional<Hello> read_hello(ByteView payload) {
+  try {
+    const auto object = nlohmann::json::parse(payload.begin(), payload.end());
+    if (!object.is_object()) return std::nullopt;
+    return Hello{text_of(object, "model"), text_of(object, "serial"), text_of(object, "firmware")};
+  } catch (const nlohmann::json::exception&) {
+    return std::nullopt;
+  }
+}
+
+std::optional<std::span<const Tag>> read_tags(ByteView payload, std::vector<Tag>& scratch) {
+  if (payload.size() % sizeof(Tag) != 0) return std::nullopt;
+  const std::size_t count = payload.size() / sizeof(Tag);
+  if (reinterpret_cast<std::uintptr_t>(payload.data()) % alignof(Tag) == 0)
+    return std::span(reinterpret_cast<const Tag*>(payload.data()), count);
+  scratch.resize(count);
+  if (count) std::memcpy(scratch.data(), payload.data(), payload.size());
+  return std::span<const Tag>(scratch);
+}
+
+std::optional<DepthPayload> read_depth(ByteView payload) {
+  ByteReader in(payload);
+  DepthPayload out;
+  DepthFrame& frame = out.frame;
+  frame.width = in.get<std::uint32_t>();
+  frame.height = in.get<std::uint32_t>();
+  frame.device_time_us = in.get<std::uint64_t>();
+  frame.frame_index = in.get<std::uint32_t>();
+  std::array<float, 4> axes{};
+  for (float& value : axes) value = in.get<float>();
+  const std::uint64_t pixels = std::uint64_t{frame.width} * frame.height;
+  if (!in.ok() || pixels > max_payload_bytes || in.left() != 2 * pixels) return std::nullopt;
+  out.x = tangent_axis("depth_x", frame.width, axes[0], axes[1]);
+  out.y = tangent_axis("depth_y", frame.height, axes[2], axes[3]);
+  if (!usable(out.x) || !usable(out.y)) return std::nullopt;
+  frame.depth_mm = to_values<std::uint16_t>(in.take(in.left()));
+  return out;
+}
+
+}  // namespace echofuse::bridge

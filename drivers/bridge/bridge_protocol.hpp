@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: MIT
+// The wire between a vendor's own library (in a small program that serves TCP) and our drivers.
+// A stream of blocks from the server; the client sends nothing. Little-endian.
+//
+//   off type   field
+//     0 u8[4]  "EFBR"
+//     4 u16    version = 1
+//     6 u16    kind: 0 hello, 1 tags, 2 depth, 3 bye
+//     8 u32    sequence: 0 for a connection's first block, +1 for each block, wraps
+//    12 u32    payload bytes, at most 16 MiB
+//    16 u64    items (tags or frames) the sender dropped between the previous block and this one
+//    24 u32    reserved = 0
+//    28 u32    CRC-32C (RFC 3720) over header bytes 0..27 followed by the payload
+//    32        payload
+//
+//   hello  UTF-8 JSON {"model": "...", "serial": "...", "firmware": "..."}; other keys are ignored.
+//          The first block. Repeated, it is a sign of life: a sender is silent for at most 1 s.
+//   tags   n * 16 bytes as in drivers/core/sample.hpp; n may be 0
+//   depth  u32 width, u32 height, u64 device time in us, u32 frame index,
+//          f32 x_start, x_step, y_start, y_step (tangents, drivers/core/axis.hpp),
+//          then width * height * u16 z in mm, row-major, top row first, 0 = no measurement
+//   bye    empty; the sender closes the connection
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "drivers/core/bytes.hpp"
+#include "drivers/core/frame_buffer.hpp"
+#include "drivers/core/sample.hpp"
+
+namespace echofuse::bridge {
+
+inline constexpr std::size_t header_bytes = 32;
+inline constexpr std::uint32_t max_payload_bytes = 16u << 20;
+inline constexpr std::uint16_t protocol_version = 1;
+
+enum class BlockKind : std::uint16_t { hello = 0, tags = 1, depth = 2, bye = 3 };
+
+struct Block {
+  BlockKind kind{};
+  std::uint32_t sequence = 0;
+  std::uint64_t dropped_items = 0;  // by the sender, before this block
+  std::uint32_t lost_blocks = 0;    // missing in the sequence before this block
+  ByteView payload;                 // valid only during the call
+};
+
+// bytes == those of the blocks + junk_bytes + bytes that still wait for more.
+struct BlockCounts {
+  std::uint64_t bytes = 0, blocks = 0;
+  std::uint64_t junk_bytes = 0;   // in no block
+  std::uint64_t bad_headers = 0;  // a magic with an implausible header (or another version)
+  std::uint64_t bad_crcs = 0;
+  std::uint64_t gaps = 0;         // places where blocks are missing
+  std::uint64_t lost_blocks = 0;  // how many are
+};
+
+// Bytes -> sound blocks. It searches for the magic only where a header is implausible or a CRC
+// fails: payloads may contain the magic.
+class BlockParser {
+ public:
+  using OnBlock = std::function<void(const Block&)>;
+
+  void feed(ByteView bytes, const OnBlock& on_block);
+  // A new connection: what waits is junk, and the sequence starts at 0. Not from inside on_block.
+  void reset();
+  const BlockCounts& counts() const { return counts_; }
+
+ private:
+  Step next(ByteView bytes, const OnBlock& on_block);
+  Step skip_junk(ByteView bytes);
+  std::uint32_t lost_before(std::uint32_t sequence);
+
+  FrameBuffer buffer_;
+  BlockCounts counts_;
+  std::uint32_t expected_ = 0;
+};
+
+struct Hello {
+  std::string model, serial, firmware;
+};
+// No value: not JSON, not an object, or a key of another type than text.
+std::optional<Hello> read_hello(ByteView payload);
+
+// The tags in place where the payload is aligned for them, else copied into `scratch`. No value:
+// not a whole number of tags.
+std::optional<std::span<const Tag>> read_tags(ByteView payload, std::vector<Tag>& scratch);
+
+struct DepthPayload {
+  DepthFrame frame;  // without receive time and lost_before
+  Axis x, y;
+};
+// No value: the size does not fit, no pixels, or axes that are not finite or have no step.
+std::optional<DepthPayload> read_depth(ByteView payload);
+
+}  // namespace echofuse::bridge

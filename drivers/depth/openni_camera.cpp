@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/depth/openni_camera.hpp"
+
+#include <atomic>
+#include <boost/asio/executor_work_guard.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <condition_variable>
+#include <mutex>
+#include <optional>
+#include <utility>
+
+#include "drivers/depth/openni_session.hpp"
+#include "drivers/port/backoff.hpp"
+
+namespace echofuse::depth {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto wait_limit = 100ms;
+constexpr auto silence_limit = 3s;  // a live camera that sends nothing is reopened
+constexpr auto recording_end = 1s;  // the same of a recording of unknown length is its end
+constexpr int max_queued = 4;
+
+}  // namespace
+
+// What both threads see. `sink` is touched on the io thread only.
+struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
+  explicit Shared(boost::asio::io_context& context) : io(context) {}
+
+  void post(std::function<void(SampleSink&)> action) {
+    boost::asio::post(io, [self = shared_from_this(), action = std::move(action)] {
+      if (self->sink) action(*self->sink);
+    });
+  }
+  // False: it is time to end.
+  bool pause(std::chrono::nanoseconds time) {
+    std::unique_lock lock(mutex);
+    return !wake.wait_for(lock, time, [this] { return stopping.load(); });
+  }
+  void end() {
+    const std::lock_guard lock(mutex);
+    stopping = true;
+    wake.notify_all();
+  }
+
+  boost::asio::io_context& io;
+  std::optional<boost::asio::executor_work_guard<boost::asio::io_context::executor_type>> work;
+  SampleSink* sink = nullptr;
+  std::mutex mutex;
+  std::condition_variable wake;
+  std::atomic<bool> stopping{false};
+  std::atomic<int> queued{0};
+  std::atomic<std::uint64_t> frames{0}, lost_frames{0}, dropped_frames{0}, bad_frames{0},
+      connections{0};
+};
+
+// The camera's thread.
+class OpenNiCamera::Worker {
+ public:
+  Worker(std::shared_ptr<Shared> shared, std::string address, std::string uri, const Clock& clock,
+         OpenNiOptions options)
+      : shared_(std::move(shared)), uri_(std::move(uri)), clock_(clock), options_(options) {
+    info_.sensor = Sensor::depth;
+    info_.address = std::move(address);
+  }
+
+  void run() {
+    do {
+      const std::string why = run_session();
+      if (shared_->stopping) return;
+      if (why.empty()) return tell(DeviceState::ended);
+      if (std::exchange(last_failure_, why) != why) tell(Severity::warning, why);
+      tell(DeviceState::faulted);
+    } while (shared_->pause(backoff_.next()));
+  }
+
+ private:
+  using Read = OpenNiSession::Read;
+
+  // Until the camera fails: why; or a recording ends: empty.
+  std::string run_session() {
+    OpenNiSession session;
+    if (std::string wrong = session.open(uri_); !wrong.empty()) return wrong;
+    ++shared_->connections;
+    last_index_.reset();
+    pace_.reset();
+    const std::string address = info_.address;
+    info_ = session.info();
+    info_.address = address;
+    tell(DeviceState::streaming);
+    auto last_frame = std::chrono::steady_clock::now();
+    while (!shared_->stopping) {
+      DepthFrame frame;
+      const Read read = session.read(wait_limit, frame);
+      const auto now = std::chrono::steady_clock::now();
+      if (read == Read::end) return {};
+      if (read == Read::gone) return "the camera is gone";
+      if (read == Read::bad_frame) ++shared_->bad_frames;
+      if (read == Read::frame) {
+        last_failure_.clear();
+        backoff_.reset();
+        deliver(std::move(frame), session.recording());
+      }
+      if (read != Read::nothing) last_frame = now;
+      if (session.recording() && now - last_frame > recording_end) return {};
+      if (now - last_frame > silence_limit) return "the camera sent nothing for 3 s";
+    }
+    return {};
+  }
+
+  void deliver(DepthFrame frame, bool recording) {
+    if (recording && !hold_back(frame.device_time_us)) return;
+    frame.received = clock_.now();
+    if (last_index_ && frame.frame_index > *last_index_)
+      frame.lost_before = frame.frame_index - *last_index_ - 1;
+    last_index_ = frame.frame_index;
+    shared_->lost_frames += frame.lost_before;
+    if (shared_->queued >= max_queued) {
+      ++shared_->dropped_frames;
+      ++dropped_since_;
+      return;
+    }
+    frame.lost_before += std::exchange(dropped_since_, 0);
+    ++shared_->queued;
+    ++shared_->frames;
+    auto held = std::make_shared<DepthFrame>(std::move(frame));
+    shared_->post([shared = shared_, held](SampleSink& sink) {
+      --shared->queued;
+      sink.on_depth(std::move(*held));
+    });
+  }
+
+  // A recording waits for its time and for room in the queue. False: stopped meanwhile.
+  bool hold_back(std::uint64_t device_time_us) {
+    const auto now = std::chrono::steady_clock::now();
+    if (!pace_) pace_ = {now, device_time_us};
+    const auto due = pace_->first + std::chrono::microseconds(
+                                        static_cast<std::int64_t>(device_time_us - pace_->second));
+    if (options_.paced && due > now &&
+        !shared_->pause(std::min<std::chrono::nanoseconds>(due - now, 1s)))
+      return false;
+    while (shared_->queued >= max_queued)
+      if (!shared_->pause(1ms)) return false;
+    return true;
+  }
+
+  void tell(DeviceState state) {
+    if (std::exchange(state_, state) == state) return;
+    shared_->post(
+        [state, info = info_](SampleSink& sink) { sink.on_state(Sensor::depth, state, info); });
+  }
+  void tell(Severity severity, const std::string& text) {
+    shared_->post(
+        [severity, text](SampleSink& sink) { sink.on_event(Sensor::depth, severity, text); });
+  }
+
+  std::shared_ptr<Shared> shared_;
+  std::string uri_;
+  const Clock& clock_;
+  OpenNiOptions options_;
+  DeviceInfo info_;
+  DeviceState state_ = DeviceState::connecting;
+  port::Backoff backoff_;
+  std::string last_failure_;  // told once, not at every attempt
+  std::optional<std::uint32_t> last_index_;
+  std::uint32_t dropped_since_ = 0;
+  std::optional<std::pair<std::chrono::steady_clock::time_point, std::uint64_t>> pace_;
+};
+
+OpenNiCamera::OpenNiCamera(boost::asio::io_context& io, std::string address, std::string uri,
+                           const Clock& clock, OpenNiOptions options)
+    : shared_(std::make_shared<Shared>(io)),
+      address_(std::move(address)),
+      uri_(std::move(uri)),
+      clock_(clock),
+      options_(options) {
+  initialize_openni();
+}
+
+OpenNiCamera::~OpenNiCamera() { stop(); }
+
+void OpenNiCamera::start(SampleSink& sink) {
+  shared_->sink = &sink;
+  shared_->work.emplace(shared_->io.get_executor());
+  DeviceInfo info;
+  info.sensor = Sensor::depth;
+  info.address = address_;
+  sink.on_state(Sensor::depth, DeviceState::connecting, info);
+  auto worker = std::make_shared<Worker>(shared_, address_, uri_, clock_, options_);
+  thread_ = std::thread([worker] { worker->run(); });
+}
+
+void OpenNiCamera::stop() {
+  shared_->sink = nullptr;
+  shared_->end();
+  if (thread_.joinable()) thread_.join();
+  shared_->work.reset();
+}
+
+std::vector<Counter> OpenNiCamera::counters() const {
+  return {{"frames", shared_->frames},
+          {"lost_frames", shared_->lost_frames},
+          {"dropped_frames", shared_->dropped_frames},
+          {"bad_frames", shared_->bad_frames},
+          {"connections", shared_->connections}};
+}
+
+}  // namespace echofuse::depth

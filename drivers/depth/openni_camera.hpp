@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: MIT
+// Any depth camera that OpenNI2 knows, or one of its recordings (.oni).
+#pragma once
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "drivers/core/driver.hpp"
+
+namespace echofuse::depth {
+
+struct OpenNiOptions {
+  // Recordings are played at their own pace, else as fast as they are taken. Each frame comes once,
+  // then the state is `ended`.
+  bool paced = true;
+};
+
+// Threading: as every driver. Its own thread talks to OpenNI, copies, and posts to the io context;
+// at most 4 frames are on their way, a live camera's further ones are dropped and counted.
+class OpenNiCamera final : public Driver {
+ public:
+  // Loads OpenNI's modules; throws Error(device) if there are none.
+  OpenNiCamera(boost::asio::io_context& io, std::string address, std::string uri,
+               const Clock& clock, OpenNiOptions options = {});
+  ~OpenNiCamera() override;
+  void start(SampleSink& sink) override;
+  void stop() override;  // waits for the thread: a tenth of a second
+  std::vector<Counter> counters() const override;
+
+ private:
+  struct Shared;
+  class Worker;
+  std::shared_ptr<Shared> shared_;
+  std::string address_, uri_;
+  const Clock& clock_;
+  OpenNiOptions options_;
+  std::thread thread_;
+};
+
+}  // namespace echofuse::depth

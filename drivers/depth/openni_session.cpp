@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/depth/openni_session.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <thread>
+
+#include "drivers/core/bytes.hpp"
+#include "drivers/core/exit_code.hpp"
+
+namespace echofuse::depth {
+namespace {
+
+using openni::OpenNI;
+using openni::Status;
+
+// The player thread of OpenNI's file module walks its list of streams without a lock, and at the
+// end of a file without a pause (2.2, PlayerDevice::MainLoop): destroying a stream under it
+// crashes. Once no stream is started it looks every 10 ms only; this is half way between two looks.
+constexpr std::chrono::milliseconds player_rest{15};
+
+// OpenNI's own words are several lines with tabs.
+std::string failure(const char* doing) {
+  std::istringstream words(OpenNI::getExtendedError());
+  std::string text;
+  for (std::string word; words >> word;) text += ' ' + word;
+  return std::string(doing) + (text.empty() ? " failed" : ":" + text);
+}
+
+// Pixel i of `count` looks along tangent (i - (count - 1) / 2) * step.
+Axis tangent_axis(const char* name, int count, double field_of_view, double sign) {
+  const double step = sign * 2 * std::tan(field_of_view / 2) / count;
+  return {.name = name,
+          .quantity = "tangent",
+          .unit = "1",
+          .count = static_cast<std::uint32_t>(count),
+          .start = -0.5 * (count - 1) * step,
+          .step = step};
+}
+
+}  // namespace
+
+void initialize_openni() {
+  struct Library {
+    Status status = OpenNI::initialize();
+    ~Library() {
+      if (status == openni::STATUS_OK) OpenNI::shutdown();
+    }
+  };
+  static const Library library;
+  if (library.status != openni::STATUS_OK)
+    throw Error(ExitCode::device, failure("OpenNI2 cannot start (no camera modules?)"));
+}
+
+OpenNiSession::~OpenNiSession() {
+  if (listening_) OpenNI::removeDeviceDisconnectedListener(this);
+  if (stream_.isValid()) {
+    stream_.stop();
+    if (recording_) std::this_thread::sleep_for(player_rest);
+    stream_.destroy();
+  }
+  device_.close();
+}
+
+std::string OpenNiSession::open(const std::string& uri) {
+  // isFile() and its like crash on a device that is not open.
+  if (device_.open(uri.empty() ? openni::ANY_DEVICE : uri.c_str()) != openni::STATUS_OK)
+    return failure("open");
+  uri_ = device_.getDeviceInfo().getUri();
+  recording_ = device_.isFile();
+  if (!recording_) listening_ = OpenNI::addDeviceDisconnectedListener(this) == openni::STATUS_OK;
+  return open_stream();
+}
+
+std::string OpenNiSession::open_stream() {
+  if (!device_.hasSensor(openni::SENSOR_DEPTH)) return "it has no depth sensor";
+  if (stream_.create(device_, openni::SENSOR_DEPTH) != openni::STATUS_OK)
+    return failure("create the depth stream");
+  std::string wrong = set_up();
+  if (wrong.empty() && stream_.start() != openni::STATUS_OK)
+    wrong = failure("start the depth stream");
+  return wrong;
+}
+
+std::string OpenNiSession::set_up() {
+  if (recording_) {
+    openni::PlaybackControl* playback = device_.getPlaybackControl();
+    playback->setRepeatEnabled(false);
+    // -1: readFrame() itself makes the next frame, so that each comes once. A recording that was
+    // not closed does not know its length: it plays in real time, and ends by silence.
+    frames_left_ = playback->getNumberOfFrames(stream_);
+    stepped_ = frames_left_ > 0 && playback->setSpeed(-1) == openni::STATUS_OK;
+  } else {
+    stream_.setMirroringEnabled(false);
+  }
+  mirrored_ = stream_.getMirroringEnabled();  // still: then rows are turned here
+  const openni::VideoMode mode = stream_.getVideoMode();
+  const openni::PixelFormat format = mode.getPixelFormat();
+  if (format != openni::PIXEL_FORMAT_DEPTH_1_MM && format != openni::PIXEL_FORMAT_DEPTH_100_UM)
+    return "its pixel format " + std::to_string(format) + " is not a depth in mm or 0.1 mm";
+  units_per_mm_ = format == openni::PIXEL_FORMAT_DEPTH_100_UM ? 10 : 1;
+  const double h = stream_.getHorizontalFieldOfView(), v = stream_.getVerticalFieldOfView();
+  if (!(h > 0 && h < 3.1 && v > 0 && v < 3.1)) return "it does not tell its field of view";
+  if (mode.getResolutionX() <= 0 || mode.getResolutionY() <= 0) return "its frames have no pixels";
+  describe(mode);
+  return {};
+}
+
+void OpenNiSession::describe(const openni::VideoMode& mode) {
+  const openni::DeviceInfo& device = device_.getDeviceInfo();
+  info_.sensor = Sensor::depth;
+  info_.model = std::string(device.getVendor()) + " " + device.getName();
+  char text[256] = {};
+  int size = sizeof text - 1;
+  if (device_.getProperty(ONI_DEVICE_PROPERTY_SERIAL_NUMBER, text, &size) == openni::STATUS_OK)
+    info_.serial = text;
+  char firmware[256] = {};
+  size = sizeof firmware - 1;
+  if (device_.getProperty(ONI_DEVICE_PROPERTY_FIRMWARE_VERSION, firmware, &size) ==
+      openni::STATUS_OK)
+    info_.firmware = firmware;
+  info_.axes = {
+      tangent_axis("depth_x", mode.getResolutionX(), stream_.getHorizontalFieldOfView(), 1),
+      tangent_axis("depth_y", mode.getResolutionY(), stream_.getVerticalFieldOfView(), -1)};
+}
+
+OpenNiSession::Read OpenNiSession::read(std::chrono::milliseconds timeout, DepthFrame& frame) {
+  if (gone_) return Read::gone;
+  if (stepped_) {
+    if (frames_left_-- <= 0) return Read::end;
+  } else {
+    openni::VideoStream* stream = &stream_;
+    int which = -1;
+    const Status status =
+        OpenNI::waitForAnyStream(&stream, 1, &which, static_cast<int>(timeout.count()));
+    if (status == openni::STATUS_TIME_OUT) return Read::nothing;
+    if (status != openni::STATUS_OK) return Read::gone;
+  }
+  openni::VideoFrameRef raw;
+  if (stream_.readFrame(&raw) != openni::STATUS_OK || !raw.isValid()) return Read::gone;
+  return convert(raw, frame) ? Read::frame : Read::bad_frame;
+}
+
+// False: the frame is not what the stream's mode promised.
+bool OpenNiSession::convert(const openni::VideoFrameRef& raw, DepthFrame& frame) const {
+  const std::uint32_t width = info_.axes[0].count, height = info_.axes[1].count;
+  const auto stride = static_cast<std::size_t>(raw.getStrideInBytes());
+  const auto size = static_cast<std::size_t>(raw.getDataSize());
+  const std::size_t row_bytes = std::size_t{width} * sizeof(std::uint16_t);
+  if (static_cast<std::uint32_t>(raw.getWidth()) != width ||
+      static_cast<std::uint32_t>(raw.getHeight()) != height || stride < row_bytes ||
+      size < stride * (height - 1) + row_bytes)
+    return false;
+  frame.device_time_us = raw.getTimestamp();
+  frame.frame_index = static_cast<std::uint32_t>(raw.getFrameIndex());
+  frame.width = width;
+  frame.height = height;
+  frame.depth_mm.resize(std::size_t{width} * height);
+  const auto* bytes = static_cast<const std::uint8_t*>(raw.getData());
+  for (std::size_t y = 0; y < height; ++y) {
+    std::uint16_t* row = frame.depth_mm.data() + y * width;
+    std::memcpy(row, bytes + y * stride, row_bytes);
+    if (mirrored_) std::reverse(row, row + width);
+  }
+  if (units_per_mm_ != 1)
+    for (std::uint16_t& z : frame.depth_mm)
+      z = static_cast<std::uint16_t>((z + units_per_mm_ / 2) / units_per_mm_);
+  return true;
+}
+
+void OpenNiSession::onDeviceDisconnected(const openni::DeviceInfo* info) {
+  if (uri_ == info->getUri()) gone_ = true;
+}
+
+}  // namespace echofuse::depth

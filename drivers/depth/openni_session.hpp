@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: MIT
+// One opened OpenNI2 depth stream, live or recorded.
+#pragma once
+#include <OpenNI.h>
+
+#include <atomic>
+#include <chrono>
+#include <string>
+#include <vector>
+
+#include "drivers/core/driver.hpp"
+
+namespace echofuse::depth {
+
+// Loads the camera modules, once per process; they are unloaded when it ends. It changes the
+// working directory while it loads: call it before other threads use relative paths. Throws
+// Error(device).
+void initialize_openni();
+
+// Never waits without a limit: OpenNI's readFrame() blocks for ever on an unplugged camera, so it
+// is called only when a frame is known to be there. Never seeks: PlaybackControl::seek() crashes in
+// OpenNI 2.2. A session that failed is thrown away; another one is made.
+// Threading: one thread, apart from onDeviceDisconnected.
+class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
+ public:
+  OpenNiSession() = default;
+  ~OpenNiSession() override;
+  OpenNiSession(const OpenNiSession&) = delete;
+  OpenNiSession& operator=(const OpenNiSession&) = delete;
+
+  // A device URI, a recording's file name, or empty for the first camera. Empty if it went well,
+  // else what went wrong.
+  std::string open(const std::string& uri);
+
+  enum class Read { frame, nothing, bad_frame, end, gone };
+  // Fills all of `frame` but `received` and `lost_before`.
+  Read read(std::chrono::milliseconds timeout, DepthFrame& frame);
+
+  bool recording() const { return recording_; }
+  const DeviceInfo& info() const { return info_; }  // without address
+
+ private:
+  void onDeviceDisconnected(const openni::DeviceInfo* info) override;
+  std::string open_stream();
+  std::string set_up();
+  void describe(const openni::VideoMode& mode);
+  bool convert(const openni::VideoFrameRef& raw, DepthFrame& frame) const;
+
+  openni::Device device_;
+  openni::VideoStream stream_;
+  DeviceInfo info_;
+  std::string uri_;
+  std::uint16_t units_per_mm_ = 1;
+  bool recording_ = false, mirrored_ = false, listening_ = false;
+  int frames_left_ = 0;  // of a recording that knows its length; it is then stepped frame by frame
+  bool stepped_ = false;
+  std::atomic<bool> gone_{false};
+};
+
+}  // namespace echofuse::depth

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/make_driver.hpp"
+
+#include "drivers/core/exit_code.hpp"
+#include "drivers/depth/bridge_camera.hpp"
+#include "drivers/depth/openni_camera.hpp"
+#include "drivers/port/open_port.hpp"
+#include "drivers/radar/radar_driver.hpp"
+#include "drivers/tdc/bridge_tdc.hpp"
+
+namespace echofuse {
+namespace {
+
+[[noreturn]] void refuse(const std::string& address, const std::string& why) {
+  throw Error(ExitCode::config, "address \"" + address + "\": " + why);
+}
+
+}  // namespace
+
+std::unique_ptr<Driver> make_tdc(boost::asio::io_context& io, const TdcConfig& config,
+                                 const Clock& clock) {
+  const port::Address address = port::parse_address(config.address);
+  if (std::holds_alternative<port::BridgeAddress>(address))
+    return std::make_unique<tdc::BridgeTdc>(io, config.address,
+                                            port::byte_opener(io, config.address), clock);
+  if (std::holds_alternative<port::UsbAddress>(address))
+    refuse(config.address, "USB time taggers are not in this version; use bridge:tcp://HOST:PORT");
+  refuse(config.address, "a time tagger is bridge:tcp://HOST:PORT or usb:VVVV:PPPP");
+}
+
+std::unique_ptr<Driver> make_radar(boost::asio::io_context& io, const RadarConfig& config,
+                                   const Clock& clock) {
+  for (const std::string& text : {config.cli, config.data}) {
+    const port::Address address = port::parse_address(text);
+    if (!std::holds_alternative<port::SerialAddress>(address) &&
+        !std::holds_alternative<port::HidAddress>(address))
+      refuse(text, "a radar port is serial:/dev/... or hid:VVVV:PPPP");
+  }
+  return std::make_unique<radar::RadarDriver>(
+      io,
+      radar::RadarSetup{.address = config.cli + " " + config.data,
+                        .cli = port::byte_opener(io, config.cli, config.cli_baud),
+                        .data = port::byte_opener(io, config.data, config.data_baud),
+                        .cfg_text = config.cfg_text,
+                        .cfg_name = config.cfg_name},
+      clock);
+}
+
+std::unique_ptr<Driver> make_depth(boost::asio::io_context& io, const DepthConfig& config,
+                                   const Clock& clock) {
+  const port::Address address = port::parse_address(config.address);
+  if (const auto* openni = std::get_if<port::OpenNiAddress>(&address))
+    return std::make_unique<depth::OpenNiCamera>(io, config.address, openni->uri, clock);
+  if (std::holds_alternative<port::BridgeAddress>(address))
+    return std::make_unique<depth::BridgeCamera>(io, config.address,
+                                                 port::byte_opener(io, config.address), clock);
+  refuse(config.address, "a depth camera is openni:[URI or file.oni] or bridge:tcp://HOST:PORT");
+}
+
+}  // namespace echofuse

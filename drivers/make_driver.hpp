@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: MIT
+// The only list of device kinds: an address from the configuration -> a driver.
+//   tdc    bridge:tcp://HOST:PORT | usb:VVVV:PPPP[:serial]
+//   radar  serial:/dev/... | hid:VVVV:PPPP[:serial]           (two ports: command line and data)
+//   depth  openni:[URI or file.oni] | bridge:tcp://HOST:PORT
+// A bad or unsupported address, and a radar cfg that cannot work, throw Error(ExitCode::config)
+// here, at start-up. Whether a device answers is seen later, in DeviceState.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "drivers/core/clock.hpp"
+#include "drivers/core/driver.hpp"
+
+namespace echofuse {
+
+struct TdcConfig {
+  std::string address;
+};
+
+struct RadarConfig {
+  std::string cli, data;  // addresses of the two ports
+  std::string cfg_text;   // sent verbatim, line by line
+  std::string cfg_name;   // for messages: usually the file's name
+  std::uint32_t cli_baud = 115200;
+  std::uint32_t data_baud = 921600;
+};
+
+struct DepthConfig {
+  std::string address;
+};
+
+// `io` and `clock` must outlive the driver.
+std::unique_ptr<Driver> make_tdc(boost::asio::io_context& io, const TdcConfig& config,
+                                 const Clock& clock);
+std::unique_ptr<Driver> make_radar(boost::asio::io_context& io, const RadarConfig& config,
+                                   const Clock& clock);
+std::unique_ptr<Driver> make_depth(boost::asio::io_context& io, const DepthConfig& config,
+                                   const Clock& clock);
+
+}  // namespace echofuse

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/port/open_port.hpp"
+
+#include "drivers/core/exit_code.hpp"
+#include "drivers/port/serial_port.hpp"
+#include "drivers/port/tcp_port.hpp"
+
+namespace echofuse::port {
+
+ByteOpener byte_opener(boost::asio::io_context& io, const std::string& address,
+                       std::uint32_t baud) {
+  const Address parsed = parse_address(address);
+  if (const auto* serial = std::get_if<SerialAddress>(&parsed))
+    return [&io, path = serial->path, baud] { return make_serial_port(io, path, baud); };
+  if (const auto* bridge = std::get_if<BridgeAddress>(&parsed))
+    return [&io, to = *bridge] { return make_tcp_port(io, to.host, to.port); };
+  if (std::holds_alternative<HidAddress>(parsed))
+    throw Error(ExitCode::config, "address \"" + address +
+                                      "\": HID ports are not in this version; use serial:/dev/...");
+  throw Error(ExitCode::config, "address \"" + address + "\" is no byte port");
+}
+
+}  // namespace echofuse::port

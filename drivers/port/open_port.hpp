@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: MIT
+// The only list of byte transports.
+#pragma once
+#include <cstdint>
+#include <string>
+
+#include "drivers/port/address.hpp"
+#include "drivers/port/byte_port.hpp"
+
+namespace echofuse::port {
+
+// Throws Error(config) for an address that carries no byte stream, or not in this version.
+ByteOpener byte_opener(boost::asio::io_context& io, const std::string& address,
+                       std::uint32_t baud = 115200);
+
+}  // namespace echofuse::port

@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/radar/command_dialogue.hpp"
+
+#include <algorithm>
+
+namespace echofuse::radar {
+namespace {
+
+constexpr std::string_view prompt_end = ":/>";  // "mmwDemo:/>"; labs have other names before it
+constexpr std::size_t max_line = 512, max_answer_lines = 64;
+constexpr int max_tries = 3;
+
+std::string trimmed(std::string_view text) {
+  const std::size_t first = text.find_first_not_of(" \t");
+  if (first == text.npos) return {};
+  return std::string(text.substr(first, text.find_last_not_of(" \t") + 1 - first));
+}
+
+// For messages: one short line whatever the UART delivered.
+std::string printable(std::string text) {
+  constexpr std::size_t longest = 160;
+  if (text.size() > longest) text.resize(longest);
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
+  return text;
+}
+
+bool has(const std::vector<std::string>& lines, std::string_view whole) {
+  return std::find(lines.begin(), lines.end(), whole) != lines.end();
+}
+
+bool is_refusal(const std::string& line) {
+  return line.find("is not recognized as a CLI command") != line.npos;
+}
+
+// The lines that explain a failure, joined.
+std::string explanation(const std::vector<std::string>& answer) {
+  std::string text;
+  for (const std::string& line : answer)
+    if (line.starts_with("Error") || is_refusal(line)) text += (text.empty() ? "" : "; ") + line;
+  return text;
+}
+
+}  // namespace
+
+CommandDialogue::CommandDialogue(std::string_view cfg_text, std::string cfg_name,
+                                 DialogueTimeouts timeouts)
+    : cfg_name_(std::move(cfg_name)), timeouts_(timeouts), commands_(command_lines(cfg_text)) {
+  commands_.insert(commands_.begin(), CfgLine{0, "version"});
+}
+
+void CommandDialogue::start(HostTime now) { send_bare_line(now); }
+
+void CommandDialogue::receive(ByteView bytes, HostTime now) {
+  if (drain_end_ && !bytes.empty()) deadline_ = std::min(*drain_end_, now + timeouts_.quiet);
+  for (const std::uint8_t byte : bytes) {
+    if (byte == '\r' || byte == 0) continue;
+    if (byte == '\n' || line_.size() >= max_line) {
+      on_line();
+      line_.clear();
+      continue;
+    }
+    line_ += static_cast<char>(byte);
+    if (line_.ends_with(prompt_end)) {
+      line_.clear();
+      on_prompt(now);
+    }
+  }
+}
+
+void CommandDialogue::tick(HostTime now) {
+  if (!deadline_ || now < *deadline_) return;
+  if (drain_end_) {
+    drain_end_.reset();
+    state_ = State::commanding;
+    tries_ = 0;
+    send_command(now);
+  } else if (state_ == State::draining && tries_ < max_tries) {
+    send_bare_line(now);
+  } else if (state_ == State::draining) {
+    fail("no prompt: is this the radar's command port, is it powered, is the baud rate right?");
+  } else {
+    fail("no answer");
+  }
+}
+
+void CommandDialogue::on_line() {
+  const std::string line = trimmed(line_);
+  if (line.empty() || state_ == State::failed) return;
+  if (line.starts_with("Exception:")) {
+    fail(printable(line) + " (the firmware has stopped: reset the board)");
+  } else if (state_ == State::draining) {
+    read_version(line);
+  } else if (state_ == State::done) {
+    tell(Severity::info, line);
+  } else if (line == trimmed(commands_[next_].text)) {
+    return;  // the echo
+  } else if (line.starts_with("compRangeBiasAndRxChanPhase")) {
+    tell(Severity::info, line);  // once per frame while measureRangeBiasAndRxChanPhase is on
+  } else {
+    if (answer_.size() == max_answer_lines) answer_.erase(answer_.begin());
+    answer_.push_back(line);
+    if (is_probe()) read_version(line);
+  }
+}
+
+void CommandDialogue::on_prompt(HostTime now) {
+  if (state_ == State::commanding) {
+    judge_answer(now);
+  } else if (state_ == State::draining && !drain_end_) {
+    drain_end_ = now + timeouts_.prompt;
+    deadline_ = now + timeouts_.quiet;
+  }
+}
+
+// A prompt without a verdict is a leftover: the command's own is still to come.
+void CommandDialogue::judge_answer(HostTime now) {
+  const bool refused = std::any_of(answer_.begin(), answer_.end(), is_refusal);
+  if (has(answer_, "Done") || has(answer_, "Skipped")) {
+    const std::string& command = commands_[next_].text;
+    const bool stop = command.find("sensorStop") != command.npos;  // ignored at every cold start
+    for (const std::string& line : answer_)
+      if (line.starts_with("Ignored") || line.starts_with("Error"))
+        tell(stop ? Severity::info : Severity::warning, command + ": " + line);
+    next_command(now);
+  } else if (refused && is_probe() && tries_ < 2) {
+    send_command(now);
+  } else if (refused && is_probe()) {
+    next_command(now);  // a firmware without `version`
+  } else if (refused || !explanation(answer_).empty()) {
+    fail(printable(explanation(answer_)));
+  }
+}
+
+void CommandDialogue::send_bare_line(HostTime now) {
+  ++tries_;
+  output_ += '\n';
+  deadline_ = now + timeouts_.prompt;
+}
+
+void CommandDialogue::send_command(HostTime now) {
+  ++tries_;
+  answer_.clear();
+  output_ += commands_[next_].text + '\n';
+  deadline_ = now + timeouts_.answer;
+}
+
+void CommandDialogue::next_command(HostTime now) {
+  tries_ = 0;
+  if (++next_ < commands_.size()) return send_command(now);
+  state_ = State::done;
+  deadline_.reset();
+}
+
+// "mmWave SDK Version      : 03.04.00.03", "Platform                : xWR68xx", and the banner
+// "xWR68xx MMW Demo 03.04.00.03" of a board that has just started.
+void CommandDialogue::read_version(const std::string& line) {
+  const std::size_t colon = line.find(':'), demo = line.find(" MMW Demo ");
+  if (demo != line.npos) {
+    platform_ = printable(line.substr(0, demo));
+    firmware_ = printable(line.substr(demo + 1));
+  } else if (colon != line.npos && line.starts_with("Platform")) {
+    platform_ = printable(trimmed(std::string_view(line).substr(colon + 1)));
+  } else if (colon != line.npos && line.starts_with("mmWave SDK Version")) {
+    firmware_ = printable("mmWave SDK " + trimmed(std::string_view(line).substr(colon + 1)));
+  }
+}
+
+void CommandDialogue::tell(Severity severity, const std::string& text) {
+  events_.push_back({severity, printable(text)});
+}
+
+void CommandDialogue::fail(const std::string& what) {
+  const CfgLine& command = commands_[std::min(next_, commands_.size() - 1)];
+  const bool sent = state_ == State::commanding;
+  const std::string where =
+      command.number ? cfg_name_ + ":" + std::to_string(command.number) + ": " : "";
+  failure_ = (sent ? where + printable(command.text) + ": " : "") + what;
+  state_ = State::failed;
+  deadline_.reset();
+  drain_end_.reset();
+}
+
+}  // namespace echofuse::radar

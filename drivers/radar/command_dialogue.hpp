@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: MIT
+// The command line of TI's mmWave demos (SDK utils/cli), as a state machine without ports or
+// clocks.
+//
+//   we send   the firmware answers (echo on; text mode puts CR after LF)
+//   "\n"      ["\n\r"] "mmwDemo:/>"                          until it is quiet: leftovers are gone
+//   "version\n"  echo, lines, "Done\n\r", "mmwDemo:/>"       may still meet garbage: sent twice at
+//   most "LINE\n"  echo, then one of                              for each line of the cfg,
+//   verbatim
+//               Done                                         good
+//               Ignored: ... / Done                          good, told
+//               Skipped                                      good (a comment)
+//               Error -1 (often an explaining line before)   failed
+//               'LINE' is not recognized as a CLI command    failed
+//               Exception: FILE, line N.                     failed: the firmware has stopped
+//             "mmwDemo:/>"                                   before which nothing more is sent: the
+//                                                            firmware's receiver has no buffer
+// Lines that come unasked (calibration results) are told as they are.
+#pragma once
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "drivers/core/bytes.hpp"
+#include "drivers/core/clock.hpp"
+#include "drivers/core/driver.hpp"
+#include "drivers/radar/profile.hpp"
+
+namespace echofuse::radar {
+
+struct DialogueTimeouts {
+  std::chrono::milliseconds quiet{60};     // after a prompt, before the first command
+  std::chrono::milliseconds prompt{1000};  // for the answer to a bare line; tried 3 times
+  std::chrono::milliseconds answer{8000};  // for a command: sensorStart calibrates for seconds
+};
+
+class CommandDialogue {
+ public:
+  enum class State { draining, commanding, done, failed };
+  struct Event {
+    Severity severity;
+    std::string text;
+  };
+
+  CommandDialogue(std::string_view cfg_text, std::string cfg_name, DialogueTimeouts timeouts = {});
+
+  void start(HostTime now);
+  void receive(ByteView bytes, HostTime now);
+  void tick(HostTime now);
+  // When tick() must be called at the latest; no value once done or failed.
+  std::optional<HostTime> deadline() const { return deadline_; }
+
+  State state() const { return state_; }
+  const std::string& failure() const { return failure_; }  // one line, with the cfg line's number
+  // What is to be written, and told, since the last call.
+  std::string take_output() { return std::exchange(output_, {}); }
+  std::vector<Event> take_events() { return std::exchange(events_, {}); }
+  // From the answer to `version`: "xWR68xx" and "mmWave SDK 03.04.00.03"; empty if it gave none.
+  const std::string& platform() const { return platform_; }
+  const std::string& firmware() const { return firmware_; }
+
+ private:
+  void on_line();
+  void on_prompt(HostTime now);
+  void judge_answer(HostTime now);
+  void send_bare_line(HostTime now);
+  void send_command(HostTime now);
+  void next_command(HostTime now);
+  bool is_probe() const { return next_ == 0; }
+  void read_version(const std::string& line);
+  void tell(Severity severity, const std::string& text);
+  void fail(const std::string& what);
+
+  std::string cfg_name_;
+  DialogueTimeouts timeouts_;
+  std::vector<CfgLine> commands_;  // `version` first, as line 0
+  std::size_t next_ = 0;           // the command that is being answered
+  int tries_ = 0;
+  State state_ = State::draining;
+  std::optional<HostTime> deadline_, drain_end_;  // drain_end_: set by the first prompt
+  std::string line_;                              // since the last line end or prompt
+  std::vector<std::string> answer_;               // the lines since it was sent
+  std::string failure_, output_, platform_, firmware_;
+  std::vector<Event> events_;
+};
+
+}  // namespace echofuse::radar

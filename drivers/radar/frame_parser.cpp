@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/radar/frame_parser.hpp"
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+namespace echofuse::radar {
+namespace {
+
+constexpr std::array<std::uint8_t, 8> magic = {2, 1, 4, 3, 6, 5, 8, 7};
+constexpr std::size_t header_bytes = 40;
+constexpr std::size_t tlv_header_bytes = 8;
+constexpr std::uint32_t max_packet_bytes = 64u << 10;
+constexpr std::uint32_t max_tlvs = 16;
+constexpr std::size_t padding_limit = 32;
+// A frame number further ahead was corrupted or restarted: no one lost a day of frames unnoticed.
+constexpr std::uint32_t max_lost_frames = 1u << 20;
+
+bool starts_with_magic(ByteView bytes) {
+  return bytes.size() >= magic.size() && std::equal(magic.begin(), magic.end(), bytes.begin());
+}
+
+bool starts_with_part_of_magic(ByteView bytes) {
+  const std::size_t n = std::min(bytes.size(), magic.size());
+  return std::equal(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n), magic.begin());
+}
+
+// Where the next magic, or at the end the beginning of one, stands at or after `from`.
+std::size_t find_magic(ByteView bytes, std::size_t from) {
+  while (from < bytes.size() && !starts_with_part_of_magic(bytes.subspan(from))) ++from;
+  return std::min(from, bytes.size());
+}
+
+bool read_tlv(std::uint32_t type, ByteView payload, RadarFrame& frame) {
+  if (type == 2 && payload.size() % 2 == 0 && frame.range_profile.empty()) {
+    frame.range_profile = to_values<std::uint16_t>(payload);
+    return true;
+  }
+  if (type == 6 && payload.size() == sizeof(RadarStats)) {
+    frame.stats = ByteReader(payload).get<RadarStats>();
+    return true;
+  }
+  if (type == 9 && payload.size() == sizeof(RadarTemperature)) {
+    frame.temperature = ByteReader(payload).get<RadarTemperature>();
+    return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+// The fields in wire order.
+struct FrameParser::Header {
+  std::array<std::uint8_t, 8> magic_word;
+  std::uint32_t version, packet_bytes, platform, frame_number, cpu_cycles, objects, tlvs, subframe;
+
+  bool plausible() const {
+    return magic_word == magic && packet_bytes <= max_packet_bytes && tlvs <= max_tlvs &&
+           packet_bytes >= header_bytes + tlvs * tlv_header_bytes;
+  }
+  bool precedes(const Header& later) const {
+    const std::uint32_t ahead = later.frame_number - frame_number;
+    return version == later.version && platform == later.platform && ahead > 0 &&
+           ahead <= max_lost_frames;
+  }
+};
+
+// From at least header_bytes.
+std::optional<FrameParser::Header> FrameParser::read_header(ByteView bytes) {
+  static_assert(sizeof(Header) == header_bytes);
+  const auto header = ByteReader(bytes).get<Header>();
+  return header.plausible() ? std::optional(header) : std::nullopt;
+}
+
+void FrameParser::feed(ByteView bytes, HostTime received, const OnFrame& on_frame) {
+  counts_.bytes += bytes.size();
+  buffer_.feed(bytes, [&](ByteView view) { return next(view, received, on_frame); });
+}
+
+void FrameParser::finish(const OnFrame& on_frame) {
+  ByteView rest = buffer_.held();
+  if (complete_) {
+    const Header header = *read_header(rest);
+    deliver(rest.first(header.packet_bytes), header, *complete_, on_frame);
+    rest = rest.subspan(header.packet_bytes);
+  }
+  if (starts_with_magic(rest))
+    skip_truncated(rest.size());
+  else
+    counts_.junk_bytes += rest.size();
+  buffer_.clear();
+  forget_progress();
+  in_junk_ = false;
+}
+
+Step FrameParser::next(ByteView bytes, HostTime received, const OnFrame& on_frame) {
+  if (!bytes.empty() && !starts_with_part_of_magic(bytes)) return skip_junk(bytes);
+  if (bytes.size() < magic.size()) return {0, magic.size()};
+  if (bytes.size() < header_bytes) return {0, header_bytes};
+  const auto header = read_header(bytes);
+  if (!header) {
+    ++counts_.bad_headers;
+    return skip_junk(bytes);
+  }
+  if (std::exchange(in_junk_, false)) ++counts_.resyncs;
+  const std::size_t size = header->packet_bytes;
+  if (bytes.size() >= size && !complete_) complete_ = received;
+  const std::size_t successor = find_successor(bytes, *header);
+  if (successor < size && bytes.size() - successor >= header_bytes)
+    return skip_truncated(successor);
+  if (successor < size || !complete_) return {0, 0};
+  deliver(bytes.first(size), *header, *complete_, on_frame);
+  forget_progress();
+  return {size, 0};
+}
+
+Step FrameParser::skip_junk(ByteView bytes) {
+  in_junk_ = true;
+  const std::size_t junk = find_magic(bytes, 1);
+  counts_.junk_bytes += junk;
+  return {junk, 0};
+}
+
+Step FrameParser::skip_truncated(std::size_t bytes) {
+  ++counts_.truncated_frames;
+  counts_.truncated_bytes += bytes;
+  forget_progress();
+  return {bytes, 0};
+}
+
+// Where a later frame begins inside this one; with fewer than header_bytes there it is not yet
+// sure. The end of what there is of the packet if no such place is seen.
+std::size_t FrameParser::find_successor(ByteView bytes, const Header& header) {
+  const std::size_t end = std::min<std::size_t>(bytes.size(), header.packet_bytes);
+  searched_ = std::max(searched_, header_bytes);
+  while ((searched_ = find_magic(bytes.first(end), searched_)) < end) {
+    const ByteView candidate = bytes.subspan(searched_);
+    const bool open = candidate.size() < header_bytes && starts_with_part_of_magic(candidate);
+    const auto later = candidate.size() < header_bytes ? std::nullopt : read_header(candidate);
+    if (open || (later && header.precedes(*later))) break;
+    ++searched_;
+  }
+  return searched_;
+}
+
+void FrameParser::deliver(ByteView packet, const Header& header, HostTime received,
+                          const OnFrame& on_frame) {
+  counts_.frame_bytes += packet.size();
+  RadarFrame frame;
+  frame.received = received;
+  frame.frame_number = header.frame_number;
+  frame.time_cpu_cycles = header.cpu_cycles;
+  if (!read_tlvs(packet.subspan(header_bytes), header.tlvs, frame)) return;
+  frame.lost_before = lost_before(header.frame_number);
+  ++counts_.frames;
+  if (!frame.range_profile.empty()) ++counts_.range_profiles;
+  on_frame(std::move(frame));
+}
+
+// False where the structure is broken. A TLV too many within what can be padding is only a wrong
+// count: some guiMonitor values make the firmware announce a TLV that it does not send.
+bool FrameParser::read_tlvs(ByteView body, std::uint32_t count, RadarFrame& frame) {
+  ByteReader in(body);
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const std::size_t left = in.left();
+    const auto type = in.get<std::uint32_t>();
+    const auto payload = in.take(in.get<std::uint32_t>());
+    if (!in.ok()) {
+      ++counts_.bad_tlvs;
+      return left < padding_limit;
+    }
+    if (!read_tlv(type, payload, frame)) ++counts_.other_tlvs;
+  }
+  return true;
+}
+
+std::uint32_t FrameParser::lost_before(std::uint32_t number) {
+  if (!counts_.first_frame_number) counts_.first_frame_number = number;
+  const auto last = std::exchange(counts_.last_frame_number, number);
+  const std::uint32_t lost = last ? number - *last - 1 : 0;
+  if (lost > max_lost_frames) return 0;
+  counts_.lost_frames += lost;
+  return lost;
+}
+
+void FrameParser::forget_progress() {
+  searched_ = 0;
+  complete_.reset();
+}
+
+}  // namespace echofuse::radar

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: MIT
+// TI mmWave out-of-box demo, xWR68xx, SDK 3.x: the data port. Source: mmw_output.h and
+// MmwDemo_transmitProcessedOutput of the SDK. Little-endian, 8N1, no checksum.
+//
+//   off type    field              (the header is 40 bytes)
+//     0 u16[4]  magic              02 01 04 03 06 05 08 07 on the wire
+//     8 u32     version            major << 24 | minor << 16 | bugfix << 8 | build
+//    12 u32     total packet len   header + TLVs + padding; the demo rounds up to 32
+//    16 u32     platform           0xa6843, but labs send others
+//    20 u32     frame number       since power-up
+//    24 u32     time, cpu cycles   200 MHz, wraps every 21.47 s
+//    28 u32     detected objects
+//    32 u32     number of TLVs
+//    36 u32     subframe
+//    40 TLV...  { u32 type, u32 length of the payload, payload }, not aligned
+//       padding 0..31 bytes of uninitialised memory
+//
+//   TLV 2 range profile  u16[bins]        TLV 6 stats  u32[6]
+//   TLV 9 temperature    i32, u32, i16[10]
+//   every other type, or one of these with another length, is skipped and counted
+//
+// Framing: skip by total packet len, then expect the magic. The padding may hold a stale magic, so
+// a magic inside a frame is believed only if a later frame of the same version and platform starts
+// there: then bytes were lost and the outer frame is truncated. Where no plausible header stands
+// (magic, len <= 64 KiB, <= 16 TLVs that fit) the parser searches for the next magic.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <optional>
+
+#include "drivers/core/bytes.hpp"
+#include "drivers/core/frame_buffer.hpp"
+#include "drivers/core/sample.hpp"
+
+namespace echofuse::radar {
+
+// bytes == frame_bytes + junk_bytes + truncated_bytes + bytes that still wait for more.
+struct FrameCounts {
+  std::uint64_t bytes = 0;
+  std::uint64_t frames = 0;            // whole and delivered
+  std::uint64_t frame_bytes = 0;       // of whole packets, delivered or refused for their TLVs
+  std::uint64_t range_profiles = 0;    // frames with TLV 2
+  std::uint64_t junk_bytes = 0;        // between frames
+  std::uint64_t truncated_frames = 0;  // shorter than their header says; never delivered
+  std::uint64_t truncated_bytes = 0;
+  std::uint64_t bad_headers = 0;  // a magic with an implausible header
+  std::uint64_t bad_tlvs = 0;     // a TLV that leaves its packet
+  std::uint64_t other_tlvs = 0;
+  std::uint64_t resyncs = 0;      // times the magic was found again after junk
+  std::uint64_t lost_frames = 0;  // gaps in the frame numbers
+  std::optional<std::uint32_t> first_frame_number, last_frame_number;
+};
+
+class FrameParser {
+ public:
+  using OnFrame = std::function<void(RadarFrame)>;
+
+  // Any piece of the stream, split anywhere; `received` is the time at which it was read.
+  void feed(ByteView bytes, HostTime received, const OnFrame& on_frame);
+  // End of input: what waits is a frame whose end was in doubt, a truncated one, or junk. The next
+  // feed() starts afresh; counters and frame numbers go on.
+  void finish(const OnFrame& on_frame);
+  const FrameCounts& counts() const { return counts_; }
+
+ private:
+  struct Header;
+  static std::optional<Header> read_header(ByteView bytes);
+  Step next(ByteView bytes, HostTime received, const OnFrame& on_frame);
+  Step skip_junk(ByteView bytes);
+  Step skip_truncated(std::size_t bytes);
+  std::size_t find_successor(ByteView bytes, const Header& header);
+  void deliver(ByteView packet, const Header& header, HostTime received, const OnFrame& on_frame);
+  bool read_tlvs(ByteView body, std::uint32_t count, RadarFrame& frame);
+  std::uint32_t lost_before(std::uint32_t number);
+  void forget_progress();
+
+  FrameBuffer buffer_;
+  FrameCounts counts_;
+  bool in_junk_ = false;
+  // Of the frame at the front: how far it was searched for its successor, and when it was complete.
+  std::size_t searched_ = 0;
+  std::optional<HostTime> complete_;
+};
+
+}  // namespace echofuse::radar

@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/radar/profile.hpp"
+
+#include <bit>
+#include <charconv>
+#include <cmath>
+#include <map>
+
+#include "drivers/core/exit_code.hpp"
+
+namespace echofuse::radar {
+namespace {
+
+constexpr double firmware_speed_of_light_m_s = 3.0e8;
+constexpr std::size_t max_line = 255, max_words = 40;  // SDK, utils/cli and UART text mode
+
+struct Command {
+  int line = 0;
+  std::vector<std::string_view> words;  // the name first
+};
+
+std::string quoted(std::string_view word) { return std::string(1, '\'').append(word) += '\''; }
+
+// One cfg file, split into commands, with errors that name its lines.
+class Cfg {
+ public:
+  Cfg(const std::vector<CfgLine>& lines, std::string name) : name_(std::move(name)) {
+    for (const CfgLine& line : lines) add(line);
+  }
+  // All commands of a name; at least one, or an error.
+  const std::vector<Command>& all(const std::string& command) const {
+    const auto it = commands_.find(command);
+    if (it == commands_.end()) throw Error(ExitCode::config, name_ + ": has no " + command);
+    return it->second;
+  }
+  // The last one counts, as in the firmware.
+  const Command& last(const std::string& command) const { return all(command).back(); }
+  bool has(const std::string& command) const { return commands_.count(command) != 0; }
+
+  // The i-th argument, from 1.
+  double number(const Command& c, std::size_t i) const {
+    if (i >= c.words.size())
+      fail(c, "needs at least " + std::to_string(i) + " numbers, has " +
+                  std::to_string(c.words.size() - 1));
+    const std::string_view word = c.words[i];
+    double value = 0;
+    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+    if (error != std::errc{} || end != word.data() + word.size() || !std::isfinite(value))
+      fail(c, quoted(word) + " is not a number");
+    return value;
+  }
+  double positive(const Command& c, std::size_t i, const char* meaning) const {
+    const double value = number(c, i);
+    if (value <= 0) fail(c, std::string(meaning) + " must be above 0");
+    return value;
+  }
+  std::uint32_t integer(const Command& c, std::size_t i, double min, double max) const {
+    const double value = number(c, i);
+    if (value != std::floor(value) || value < min || value > max)
+      fail(c, quoted(c.words[i]) + " should be a whole number from " +
+                  std::to_string(static_cast<int>(min)) + " to " +
+                  std::to_string(static_cast<int>(max)));
+    return static_cast<std::uint32_t>(value);
+  }
+  [[noreturn]] void fail(const Command& c, const std::string& what) const {
+    throw Error(ExitCode::config,
+                where(c.line) + std::string(c.words.empty() ? "" : c.words[0]) + " " + what);
+  }
+  std::string where(int line) const { return name_ + ":" + std::to_string(line) + ": "; }
+
+ private:
+  void add(const CfgLine& line) {
+    Command c{line.number, {}};
+    const std::string_view text = line.text;
+    for (std::size_t at = 0; (at = text.find_first_not_of(" \t", at)) != text.npos;) {
+      const std::size_t end = std::min(text.find_first_of(" \t", at), text.size());
+      c.words.push_back(text.substr(at, end - at));
+      at = end;
+    }
+    if (text.size() > max_line)
+      fail(c, "line has " + std::to_string(text.size()) + " characters; the firmware takes 255");
+    if (c.words.size() > max_words) fail(c, "line has more than the 40 words the firmware takes");
+    commands_[std::string(c.words[0])].push_back(c);
+  }
+
+  std::string name_;
+  std::map<std::string, std::vector<Command>> commands_;
+};
+
+// Rx enabled * Tx that some chirp of the frame uses (SDK, mmwdemo_rfparser.c).
+std::uint32_t virtual_antennas(const Cfg& cfg) {
+  const Command& channels = cfg.last("channelCfg");
+  const Command& frame = cfg.last("frameCfg");
+  const auto receivers = std::popcount(cfg.integer(channels, 1, 1, 15));
+  const auto enabled = cfg.integer(channels, 2, 1, 7);
+  const auto first = cfg.integer(frame, 1, 0, 511), last = cfg.integer(frame, 2, 0, 511);
+  std::uint32_t used = 0;
+  for (const Command& chirp : cfg.all("chirpCfg")) {
+    const auto begin = cfg.integer(chirp, 1, 0, 511), end = cfg.integer(chirp, 2, 0, 511);
+    if (begin <= last && end >= first) used |= cfg.integer(chirp, 8, 0, 7);
+  }
+  if ((used & enabled) == 0) cfg.fail(frame, "uses no chirp with an enabled transmitter");
+  return static_cast<std::uint32_t>(receivers * std::popcount(used & enabled));
+}
+
+void read_gui_monitor(const Cfg& cfg, RadarProfile& profile) {
+  const Command& gui = cfg.last("guiMonitor");
+  profile.range_profile_on = cfg.number(gui, 3) != 0;
+  if (!profile.range_profile_on)
+    profile.warnings.push_back(
+        cfg.where(gui.line) + "guiMonitor does not send the range profile (its third number is 0)");
+  for (const std::size_t flag : {6u, 7u}) {  // range-Doppler heat map, stats
+    const double value = cfg.number(gui, flag);
+    if (value != 0 && value != 1)
+      profile.warnings.push_back(cfg.where(gui.line) +
+                                 "guiMonitor flags other than 0 and 1 make the firmware announce "
+                                 "data that it does not send");
+  }
+}
+
+void read_warnings(const Cfg& cfg, RadarProfile& profile) {
+  if (cfg.has("clutterRemoval")) {
+    const Command& c = cfg.last("clutterRemoval");
+    if (cfg.number(c, 2) != 0)
+      profile.warnings.push_back(cfg.where(c.line) +
+                                 "clutterRemoval 1 removes everything that stands still");
+  }
+  if (cfg.has("configDataPort")) {
+    const Command& c = cfg.last("configDataPort");
+    profile.warnings.push_back(cfg.where(c.line) + "configDataPort sets the data port to " +
+                               std::string(c.words.size() > 1 ? c.words[1] : "?") +
+                               " baud: the configured data baud must be the same");
+  }
+}
+
+}  // namespace
+
+std::vector<CfgLine> command_lines(std::string_view cfg_text) {
+  std::vector<CfgLine> lines;
+  int number = 0;
+  while (!cfg_text.empty()) {
+    const std::size_t end = std::min(cfg_text.find('\n'), cfg_text.size());
+    std::string text(cfg_text.substr(0, end));
+    cfg_text.remove_prefix(std::min(end + 1, cfg_text.size()));
+    ++number;
+    std::erase(text, '\r');
+    const std::size_t first = text.find_first_not_of(" \t");
+    if (first != text.npos && text[first] != '%') lines.push_back({number, std::move(text)});
+  }
+  return lines;
+}
+
+RadarProfile parse_profile(std::string_view cfg_text, const std::string& name) {
+  const auto lines = command_lines(cfg_text);
+  const Cfg cfg(lines, name);
+  const Command& chirp = cfg.last("profileCfg");
+  const Command& frame = cfg.last("frameCfg");
+  cfg.all("sensorStart");
+  RadarProfile profile;
+  profile.antennas = virtual_antennas(cfg);
+  profile.adc_samples = cfg.integer(chirp, 10, 2, 2048);
+  const std::uint32_t fft = std::bit_ceil(profile.adc_samples);
+  profile.bins = fft == 1024 && profile.antennas == 12 ? 1022 : fft;
+  const double slope_hz_per_s = cfg.positive(chirp, 8, "the frequency slope") * 1e12;
+  const double sample_rate_hz = cfg.positive(chirp, 11, "the sample rate") * 1e3;
+  profile.range_step_m = firmware_speed_of_light_m_s * sample_rate_hz / (2 * slope_hz_per_s * fft);
+  profile.frame_period_s = cfg.positive(frame, 5, "the frame period") * 1e-3;
+  read_gui_monitor(cfg, profile);
+  read_warnings(cfg, profile);
+  return profile;
+}
+
+Axis radar_axis(const RadarProfile& profile) {
+  return {.name = "radar",
+          .quantity = "log2_q8",
+          .unit = "m",
+          .count = profile.bins,
+          .start = 0,
+          .step = profile.range_step_m,
+          .scale = static_cast<double>(profile.antennas)};
+}
+
+namespace {
+// log2(power) per code.
+double log2_power_step(double antennas) {
+  return 2.0 / 256.0 * std::exp2(std::ceil(std::log2(antennas))) / antennas;
+}
+}  // namespace
+
+double power_from_code(double code, double antennas) {
+  return std::exp2(code * log2_power_step(antennas));
+}
+
+double code_from_power(double power, double antennas) {
+  return power <= 1 ? 0 : std::log2(power) / log2_power_step(antennas);
+}
+
+}  // namespace echofuse::radar

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/radar/radar_driver.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace echofuse::radar {
+
+RadarDriver::RadarDriver(boost::asio::io_context& io, RadarSetup setup, const Clock& clock)
+    : setup_(std::move(setup)),
+      clock_(clock),
+      profile_(parse_profile(setup_.cfg_text, setup_.cfg_name)),
+      dialogue_timer_(io),
+      watch_timer_(io) {
+  info_.sensor = Sensor::radar;
+  info_.address = setup_.address;
+  info_.axes = {radar_axis(profile_)};
+}
+
+void RadarDriver::start(SampleSink& sink) {
+  sink_ = &sink;
+  running_ = true;
+  for (const std::string& warning : profile_.warnings)
+    sink_->on_event(Sensor::radar, Severity::warning, warning);
+  sink_->on_state(Sensor::radar, DeviceState::connecting, info_);
+  connect();
+}
+
+void RadarDriver::stop() {
+  running_ = false;
+  disconnect();
+}
+
+std::vector<Counter> RadarDriver::counters() const {
+  const FrameCounts& c = parser_.counts();
+  return {{"bytes", c.bytes},
+          {"frames", c.frames},
+          {"range_profiles", c.range_profiles},
+          {"junk_bytes", c.junk_bytes},
+          {"truncated_frames", c.truncated_frames},
+          {"bad_headers", c.bad_headers},
+          {"bad_tlvs", c.bad_tlvs},
+          {"other_tlvs", c.other_tlvs},
+          {"resyncs", c.resyncs},
+          {"lost_frames", c.lost_frames},
+          {"connections", connections_},
+          {"configured", configured_}};
+}
+
+void RadarDriver::connect() {
+  open_ports_ = 0;
+  dialogue_.reset();
+  parser_.finish([](const RadarFrame&) {});  // of the last connection: too late for anyone
+  cli_ = setup_.cli();
+  data_ = setup_.data();
+  const auto opened = [this] { on_opened(); };
+  const auto gone = [this](const Failure& failure) { fail(failure.text()); };
+  cli_->open({opened, [this](ByteView bytes) { on_cli(bytes); }, gone});
+  data_->open({opened, [this](ByteView bytes) { on_data(bytes); }, gone});
+}
+
+void RadarDriver::on_opened() {
+  if (++open_ports_ < 2) return;
+  ++connections_;
+  dialogue_.emplace(setup_.cfg_text, setup_.cfg_name);
+  dialogue_->start(clock_.now());
+  advance();
+}
+
+// Carries out what the dialogue wants after it was told something.
+void RadarDriver::advance() {
+  for (const auto& event : dialogue_->take_events()) {
+    sink_->on_event(Sensor::radar, event.severity, event.text);
+    if (!running_) return;
+  }
+  const std::string out = dialogue_->take_output();
+  cli_->write({reinterpret_cast<const std::uint8_t*>(out.data()), out.size()});
+  if (dialogue_->state() == CommandDialogue::State::failed) return fail(dialogue_->failure());
+  if (const auto deadline = dialogue_->deadline())
+    return dialogue_timer_.after(*deadline - clock_.now(), [this] {
+      dialogue_->tick(clock_.now());
+      advance();
+    });
+  dialogue_timer_.cancel();
+}
+
+void RadarDriver::on_cli(ByteView bytes) {
+  if (!dialogue_) return;
+  const bool before = dialogue_->state() == CommandDialogue::State::done;
+  dialogue_->receive(bytes, clock_.now());
+  const bool after = dialogue_->state() == CommandDialogue::State::done;
+  if (after && !before) {
+    ++configured_;
+    info_.model = dialogue_->platform();
+    info_.firmware = dialogue_->firmware();
+    watch();
+  }
+  advance();
+}
+
+// Before the cfg is through, frames of an earlier run may still arrive: not ours, but in sync.
+void RadarDriver::on_data(ByteView bytes) {
+  parser_.feed(bytes, clock_.now(), [this](RadarFrame frame) { on_frame(std::move(frame)); });
+}
+
+void RadarDriver::on_frame(RadarFrame frame) {
+  const bool configured = dialogue_ && dialogue_->state() == CommandDialogue::State::done;
+  if (!running_ || !data_ || !configured) return;
+  alive_ = true;
+  if (!std::exchange(streaming_, true)) {
+    backoff_.reset();
+    last_failure_.clear();
+    faulted_ = false;
+    sink_->on_state(Sensor::radar, DeviceState::streaming, info_);
+    if (!running_) return;
+  }
+  sink_->on_radar(std::move(frame));
+}
+
+void RadarDriver::watch() {
+  alive_ = false;
+  const auto limit = std::max(from_seconds(2), from_seconds(5 * profile_.frame_period_s));
+  watch_timer_.after(limit, [this] {
+    if (alive_) return watch();
+    fail("no frames on the data port");
+  });
+}
+
+void RadarDriver::disconnect() {
+  dialogue_timer_.cancel();
+  watch_timer_.cancel();
+  cli_.reset();
+  data_.reset();
+  streaming_ = false;
+}
+
+void RadarDriver::fail(const std::string& why) {
+  if (!running_) return;
+  disconnect();
+  const bool again = std::exchange(last_failure_, why) == why;
+  if (!again) sink_->on_event(Sensor::radar, Severity::warning, why);
+  if (!running_) return;
+  if (!std::exchange(faulted_, true)) sink_->on_state(Sensor::radar, DeviceState::faulted, info_);
+  if (!running_) return;
+  watch_timer_.after(backoff_.next(), [this] { connect(); });
+}
+
+}  // namespace echofuse::radar

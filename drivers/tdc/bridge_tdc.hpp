@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: MIT
+// A time tagger behind the bridge protocol.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "drivers/bridge/bridge_client.hpp"
+
+namespace echofuse::tdc {
+
+class BridgeTdc final : public Driver {
+ public:
+  BridgeTdc(boost::asio::io_context& io, std::string address, port::ByteOpener opener,
+            const Clock& clock);
+  void start(SampleSink& sink) override;
+  void stop() override { client_.stop(); }
+  std::vector<Counter> counters() const override;
+
+ private:
+  void on_block(const bridge::Block& block, HostTime received);
+
+  std::string address_;
+  bridge::BridgeClient client_;
+  SampleSink* sink_ = nullptr;
+  std::vector<Tag> scratch_;
+  std::uint64_t tags_ = 0, lost_items_ = 0;
+};
+
+}  // namespace echofuse::tdc

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/tdc/histogram.hpp"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "drivers/core/exit_code.hpp"
+
+namespace echofuse::tdc {
+namespace {
+
+// Cells behind the axis. out_of_range is the first: the bin of a distance of exactly `bins` bins.
+enum Cell : std::uint32_t { out_of_range, without_start, start, other, cells };
+
+constexpr std::uint32_t max_bins = 1u << 24;
+
+// Up to here (distance + 0.5) / width in double never rounds across a bin border.
+constexpr std::uint64_t max_range_ps = 1ull << 50;
+
+void check(const HistogramSettings& s) {
+  const auto refuse = [](const std::string& text) { throw Error(ExitCode::config, text); };
+  if (s.bins == 0 || s.bins > max_bins) refuse("the histogram must have 1 to 2^24 bins");
+  if (s.bin_width_ps < 1) refuse("the histogram's bin width must be at least 1 ps");
+  if (s.start_channel == s.click_channel)
+    refuse("start and click are both channel " + std::to_string(s.start_channel));
+  if (static_cast<std::uint64_t>(s.bin_width_ps) > max_range_ps / s.bins)
+    refuse("the histogram is longer than 2^50 ps");
+}
+
+}  // namespace
+
+Histogram::Histogram(const HistogramSettings& settings) : settings_(settings) {
+  check(settings);
+  bins_per_ps_ = 1.0 / static_cast<double>(settings.bin_width_ps);
+  range_ps_ = static_cast<std::uint64_t>(settings.bin_width_ps) * settings.bins;
+  bins_.resize(std::size_t{settings.bins} + cells);
+}
+
+// Every time tag increments exactly one cell, chosen by selects instead of branches: whether a tag
+// is a start or a click is what the branch predictor cannot learn.
+void Histogram::add(std::span<const Tag> tags) {
+  const std::uint32_t bins = settings_.bins;
+  const std::int32_t start_channel = settings_.start_channel;
+  const std::int32_t click_channel = settings_.click_channel;
+  const auto first_bin = static_cast<std::uint64_t>(settings_.first_bin_ps);
+  std::uint32_t* const cell = bins_.data();
+  for (const Tag& tag : tags) {
+    if (tag.type != TagType::time_tag) [[unlikely]] {
+      add_marker(tag);
+      ++cell[bins + other];
+      continue;
+    }
+    const auto time = static_cast<std::uint64_t>(tag.time_ps);
+    // Unsigned: right across the wrap of the device's clock, and one compare for both ends.
+    // Capped at the axis' end, which is the cell of those out of range.
+    const std::uint64_t distance = std::min(time - last_start_ - first_bin, range_ps_);
+    auto index = static_cast<std::uint32_t>(
+        (static_cast<double>(static_cast<std::int64_t>(distance)) + 0.5) * bins_per_ps_);
+    index = has_start_ ? index : bins + without_start;
+    index = tag.channel == click_channel ? index : bins + other;
+    const bool is_start = tag.channel == start_channel;
+    index = is_start ? bins + start : index;
+    last_start_ = is_start ? time : last_start_;
+    has_start_ |= is_start;
+    ++cell[index];
+  }
+  settle(tags.size());
+}
+
+void Histogram::add_marker(const Tag& tag) {
+  if (tag.type == TagType::missed_events) {
+    if (tag.channel == settings_.start_channel || tag.channel == settings_.click_channel)
+      totals_.missed += tag.missed_events;
+    return;
+  }
+  totals_.overflows += tag.type == TagType::overflow_begin;
+  totals_.errors += tag.type == TagType::error;
+  forget_start();
+}
+
+// The 32-bit cells behind the axis go into the 64-bit totals after each block.
+void Histogram::settle(std::size_t tags) {
+  const auto take_cell = [this](Cell c) {
+    return std::exchange(bins_[std::size_t{settings_.bins} + c], 0u);
+  };
+  const std::uint64_t off_axis = take_cell(out_of_range), lonely = take_cell(without_start);
+  const std::uint64_t starts = take_cell(start), others = take_cell(other);
+  totals_.tags += tags;
+  totals_.starts += starts;
+  totals_.out_of_range += off_axis;
+  totals_.without_start += lonely;
+  totals_.other += others;
+  totals_.in_range += tags - starts - off_axis - lonely - others;
+}
+
+void Histogram::forget_start() { has_start_ = false; }
+
+std::vector<std::uint32_t> Histogram::counts() const {
+  return {bins_.begin(), bins_.begin() + static_cast<std::ptrdiff_t>(settings_.bins)};
+}
+
+void Histogram::clear() {
+  std::fill(bins_.begin(), bins_.end(), 0u);
+  totals_ = {};
+}
+
+std::vector<std::uint32_t> Histogram::take() {
+  auto taken = counts();
+  clear();
+  return taken;
+}
+
+Axis Histogram::axis() const {
+  return {.name = "spd",
+          .quantity = "counts",
+          .unit = "ps",
+          .count = settings_.bins,
+          .start = static_cast<double>(settings_.first_bin_ps),
+          .step = static_cast<double>(settings_.bin_width_ps)};
+}
+
+}  // namespace echofuse::tdc

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: MIT
+// Time tags -> histogram of the time from the last start to each click.
+//
+// Semantics: every click counts once, against the LAST start before it (as in the FPGA of Swabian's
+// Time Tagger X link reference). The vendor's software Histogram is multiple-start, multiple-stop:
+// a click is differenced with EVERY earlier start that is still in range, so it may count several
+// times. With at most one start per range (laser period > first_bin + bins * bin_width) both agree.
+//
+// Error and overflow markers forget the last start: time information is missing on their other
+// side, so clicks that follow have no start until the next one arrives.
+#pragma once
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "drivers/core/sample.hpp"
+
+namespace echofuse::tdc {
+
+// The defaults are two-way times of 2.0 to 7.04 m.
+struct HistogramSettings {
+  std::int32_t start_channel = 1;  // laser
+  std::int32_t click_channel = 2;  // detector
+  std::int64_t bin_width_ps = 100;
+  std::int64_t first_bin_ps = 13343;  // where bin 0 begins; may be negative (cable delays)
+  std::uint32_t bins = 336;
+};
+
+// tags == starts + in_range + out_of_range + without_start + other.
+struct TagCounts {
+  std::uint64_t tags = 0;
+  std::uint64_t starts = 0;
+  std::uint64_t in_range = 0;       // clicks in the histogram
+  std::uint64_t out_of_range = 0;   // clicks with a start, outside the axis
+  std::uint64_t without_start = 0;  // clicks before any start
+  std::uint64_t other = 0;          // other channels, and markers of every kind
+  // Not part of the sum:
+  std::uint64_t missed = 0;     // events on the two channels that the device says it lost
+  std::uint64_t overflows = 0;  // times an overflow began
+  std::uint64_t errors = 0;     // error markers
+
+  bool operator==(const TagCounts&) const = default;
+};
+
+class Histogram {
+ public:
+  // Throws Error(config): no bins (or above 2^24), a bin width below 1 ps, start and click channel
+  // alike, or an axis longer than 2^50 ps.
+  explicit Histogram(const HistogramSettings& settings);
+
+  void add(std::span<const Tag> tags);
+  // Tags were lost in between (a gap in the transport, a new connection).
+  void forget_start();
+  // Both are since the last clear(). counts() has `bins` entries.
+  std::vector<std::uint32_t> counts() const;
+  TagCounts tag_counts() const { return totals_; }
+  // The next slot begins; the last start survives the border.
+  void clear();
+  // counts() and then clear().
+  std::vector<std::uint32_t> take();
+
+  const HistogramSettings& settings() const { return settings_; }
+  // name "spd", quantity "counts", unit "ps"
+  Axis axis() const;
+
+ private:
+  void add_marker(const Tag& tag);
+  void settle(std::size_t tags);
+
+  HistogramSettings settings_;
+  double bins_per_ps_;
+  std::uint64_t range_ps_;
+  std::uint64_t last_start_ = 0;
+  bool has_start_ = false;
+  std::vector<std::uint32_t> bins_;  // the axis, then one cell for each way not to be on it
+  TagCounts totals_;
+};
+
+}  // namespace echofuse::tdc

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/port/address.hpp"
+
+#include <catch2/catch.hpp>
+
+#include "drivers/core/exit_code.hpp"
+#include "drivers/port/backoff.hpp"
+
+using namespace echofuse;
+using namespace echofuse::port;
+
+TEST_CASE("every kind of address is understood") {
+  CHECK(parse_address("bridge:tcp://127.0.0.1:41110") ==
+        Address(BridgeAddress{"127.0.0.1", 41110}));
+  CHECK(parse_address("bridge:tcp://lab-pc.local:1") == Address(BridgeAddress{"lab-pc.local", 1}));
+  CHECK(parse_address("bridge:tcp://[::1]:65535") == Address(BridgeAddress{"::1", 65535}));
+  CHECK(parse_address("usb:04b4:1004") == Address(UsbAddress{0x04b4, 0x1004, ""}));
+  CHECK(parse_address("usb:151F:0020:A:7") == Address(UsbAddress{0x151f, 0x20, "A:7"}));
+  CHECK(parse_address("hid:10c4:ea80:00A1") == Address(HidAddress{0x10c4, 0xea80, "00A1"}));
+  CHECK(parse_address("serial:/dev/serial/by-id/usb-x") ==
+        Address(SerialAddress{"/dev/serial/by-id/usb-x"}));
+  CHECK(parse_address("openni:") == Address(OpenNiAddress{""}));
+  CHECK(parse_address("openni:a/b.oni") == Address(OpenNiAddress{"a/b.oni"}));
+}
+
+TEST_CASE("a bad address is refused with the text and the right form") {
+  const auto [text, expected] = GENERATE(table<std::string, std::string>({
+      {"", "bridge:tcp://HOST:PORT, usb"},
+      {"tcp://127.0.0.1:1", "bridge:tcp://HOST:PORT, usb"},
+      {"bridge:127.0.0.1:1", "bridge:tcp://HOST:PORT"},
+      {"bridge:tcp://host", "port"},
+      {"bridge:tcp://host:0", "port"},
+      {"bridge:tcp://host:65536", "port"},
+      {"bridge:tcp://host:1x", "port"},
+      {"bridge:tcp://:1", "brackets"},
+      {"bridge:tcp://::1:1", "brackets"},
+      {"bridge:tcp://a/b:1", "brackets"},
+      {"usb:04b4", "usb:VVVV:PPPP"},
+      {"usb:4b4:1004", "usb:VVVV:PPPP"},
+      {"usb:04b4:100g", "usb:VVVV:PPPP"},
+      {"usb:04b4:1004:", "usb:VVVV:PPPP"},
+      {"hid:04b4-1004", "hid:VVVV:PPPP"},
+      {"serial:ttyUSB0", "absolute path"},
+  }));
+  CAPTURE(text);
+  try {
+    parse_address(text);
+    FAIL("accepted");
+  } catch (const Error& error) {
+    CHECK(error.code() == ExitCode::config);
+    CHECK_THAT(error.what(), Catch::Contains("\"" + text + "\"") && Catch::Contains(expected));
+  }
+}
+
+TEST_CASE("the pause before a new attempt doubles up to 2 s") {
+  Backoff backoff;
+  std::vector<long> pauses;
+  for (int i = 0; i < 7; ++i) pauses.push_back(backoff.next().count());
+  CHECK(pauses == std::vector<long>{100, 200, 400, 800, 1600, 2000, 2000});
+  backoff.reset();
+  CHECK(backoff.next().count() == 100);
+}

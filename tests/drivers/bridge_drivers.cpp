@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: MIT
+// The two bridge drivers over real TCP connections.
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/write.hpp>
+#include <catch2/catch.hpp>
+#include <optional>
+
+#include "drivers/make_driver.hpp"
+#include "hex.hpp"
+#include "sink.hpp"
+
+using namespace echofuse;
+using boost::asio::ip::tcp;
+using test::run_for;
+using test::run_until;
+
+namespace {
+
+// One connection at a time; the driver is its only client.
+struct Server {
+  explicit Server(boost::asio::io_context& context, std::uint16_t port = 0)
+      : io(context), acceptor(context, {boost::asio::ip::address_v4::loopback(), port}) {}
+  std::string address() const {
+    return "bridge:tcp://127.0.0.1:" + std::to_string(acceptor.local_endpoint().port());
+  }
+  bool accept() {
+    client.reset();
+    acceptor.async_accept([this](const boost::system::error_code& error, tcp::socket socket) {
+      if (!error) client.emplace(std::move(socket));
+    });
+    return run_until(io, [this] { return client.has_value(); });
+  }
+  void send(const Bytes& bytes) { boost::asio::write(*client, boost::asio::buffer(bytes)); }
+
+  boost::asio::io_context& io;
+  tcp::acceptor acceptor;
+  std::optional<tcp::socket> client;
+};
+
+struct Bench {
+  boost::asio::io_context io;
+  SystemClock clock;
+  test::KeepingSink sink;
+  std::vector<Bytes> golden = test::read_golden("bridge.hex");
+};
+
+}  // namespace
+
+TEST_CASE("tags come through a bridge, and every connection is told") {
+  Bench b;
+  Server server(b.io);
+  const auto driver = make_tdc(b.io, {server.address()}, b.clock);
+  driver->start(b.sink);
+  CHECK(b.sink.state() == DeviceState::connecting);
+  REQUIRE(server.accept());
+  const HostTime before = b.clock.now();
+  server.send(test::join({b.golden[0], b.golden[1]}));
+  REQUIRE(run_until(b.io, [&] { return b.sink.tags.size() == 4; }));
+  CHECK(b.sink.state() == DeviceState::streaming);
+  CHECK(b.sink.info.model == "Time Tagger Ultra");
+  CHECK(b.sink.info.serial == "1808000BBV");
+  CHECK(b.sink.info.address == server.address());
+  CHECK(b.sink.blocks[0].lost_blocks == 0);
+  CHECK(b.sink.blocks[0].received >= before);
+  CHECK(b.sink.blocks[0].received <= b.clock.now());
+  CHECK(b.sink.tags[1].time_ps == 1'013'443);
+
+  SECTION("a depth block is none of ours") {
+    server.send(b.golden[2]);
+    REQUIRE(run_until(b.io, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
+  }
+  SECTION("a lost connection is made again, with one block lost at least") {
+    server.client.reset();
+    REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::faulted; }));
+    CHECK(b.sink.events.size() == 1);
+    REQUIRE(server.accept());
+    server.send(test::join({b.golden[0], b.golden[1], b.golden[1]}));
+    REQUIRE(run_until(b.io, [&] { return b.sink.blocks.size() == 3; }));
+    CHECK(b.sink.state() == DeviceState::streaming);
+    CHECK(b.sink.blocks[1].lost_blocks == 1);
+    CHECK(b.sink.blocks[2].lost_blocks == 1);  // the same number again
+    CHECK(test::counter(*driver, "connections") == 2);
+  }
+  SECTION("goodbye ends the connection") {
+    server.send(b.golden[3]);
+    REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::faulted; }));
+    CHECK(b.sink.events == std::vector<std::string>{"the bridge said goodbye"});
+  }
+  SECTION("after stop() nothing more is said") {
+    server.send(b.golden[1]);
+    driver->stop();
+    const std::size_t calls = b.sink.calls();
+    run_for(b.io, std::chrono::milliseconds(100));
+    CHECK(b.sink.calls() == calls);
+  }
+}
+
+TEST_CASE("blocks and items that are missing reach the sink") {
+  Bench b;
+  Server server(b.io);
+  const auto driver = make_tdc(b.io, {server.address()}, b.clock);
+  driver->start(b.sink);
+  REQUIRE(server.accept());
+  Bytes later = b.golden[1];
+  later[24] ^= 1;  // spoilt: counts as missing
+  server.send(test::join({b.golden[0], later, b.golden[2]}));
+  REQUIRE(run_until(b.io, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
+  CHECK(test::counter(*driver, "bad_headers") == 1);
+  CHECK(test::counter(*driver, "lost_blocks") == 1);
+  CHECK(b.sink.blocks.empty());
+}
+
+TEST_CASE("a bridge that is not there is asked for again, and told once") {
+  Bench b;
+  std::uint16_t port = 0;
+  {
+    const Server gone(b.io);
+    port = gone.acceptor.local_endpoint().port();
+  }
+  const auto driver = make_tdc(b.io, {"bridge:tcp://127.0.0.1:" + std::to_string(port)}, b.clock);
+  driver->start(b.sink);
+  run_for(b.io, std::chrono::milliseconds(400));
+  CHECK(b.sink.state() == DeviceState::faulted);
+  REQUIRE(b.sink.events.size() == 1);
+  CHECK_THAT(b.sink.events[0], Catch::Contains("127.0.0.1:" + std::to_string(port) + ": connect"));
+  Server server(b.io, port);
+  REQUIRE(server.accept());
+  server.send(b.golden[0]);
+  CHECK(run_until(b.io, [&] { return b.sink.state() == DeviceState::streaming; }));
+}
+
+TEST_CASE("a hello that is not JSON is refused") {
+  Bench b;
+  Server server(b.io);
+  const auto driver = make_tdc(b.io, {server.address()}, b.clock);
+  driver->start(b.sink);
+  REQUIRE(server.accept());
+  server.send({'S', 'S', 'H', '-', '2', '.', '0', '\r', '\n'});
+  server.send(b.golden[1]);  // before any hello: not delivered
+  run_for(b.io, std::chrono::milliseconds(50));
+  CHECK(b.sink.states == std::vector<DeviceState>{DeviceState::connecting});
+  CHECK(test::counter(*driver, "junk_bytes") == 9);
+}
+
+TEST_CASE("a driver may be destroyed at any moment") {
+  Bench b;
+  Server server(b.io);
+  for (int steps = 0; steps < 12; ++steps) {
+    auto driver = make_tdc(b.io, {server.address()}, b.clock);
+    driver->start(b.sink);
+    b.io.restart();
+    for (int i = 0; i < steps; ++i) b.io.run_one_for(std::chrono::milliseconds(1));
+    driver.reset();
+    run_for(b.io, std::chrono::milliseconds(5));
+  }
+}
+
+TEST_CASE("depth frames come through a bridge with their axes") {
+  Bench b;
+  Server server(b.io);
+  const auto driver = make_depth(b.io, {server.address()}, b.clock);
+  driver->start(b.sink);
+  REQUIRE(server.accept());
+  server.send(b.golden[0]);
+  run_for(b.io, std::chrono::milliseconds(30));
+  CHECK(b.sink.state() == DeviceState::connecting);  // until it shows a frame
+  Bytes depth = b.golden[2];
+  server.send(test::join({depth, depth}));
+  REQUIRE(run_until(b.io, [&] { return b.sink.depth.size() == 2; }));
+  CHECK(b.sink.states == std::vector<DeviceState>{DeviceState::connecting, DeviceState::streaming});
+  REQUIRE(b.sink.info.axes.size() == 2);
+  CHECK(b.sink.info.axes[0].name == "depth_x");
+  CHECK(b.sink.info.axes[1].step == -0.5);
+  CHECK(b.sink.info.model == "Time Tagger Ultra");
+  CHECK(b.sink.depth[0].depth_mm == std::vector<std::uint16_t>{0, 1000, 2000, 3000, 4000, 65535});
+  CHECK(b.sink.depth[0].lost_before == 6);  // 5 dropped, block 1 missing
+  CHECK(test::counter(*driver, "frames") == 2);
+  server.send(b.golden[1]);
+  CHECK(run_until(b.io, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
+}

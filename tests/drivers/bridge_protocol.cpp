@@ -1,0 +1,255 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/bridge/bridge_protocol.hpp"
+
+#include <catch2/catch.hpp>
+
+#include "drivers/core/crc32c.hpp"
+#include "drivers/core/random.hpp"
+#include "hex.hpp"
+
+using namespace echofuse;
+using namespace echofuse::bridge;
+using test::join;
+using test::read_golden;
+
+namespace {
+
+struct Seen {
+  BlockKind kind;
+  std::uint32_t sequence;
+  std::uint64_t dropped;
+  std::uint32_t lost;
+  Bytes payload;
+  bool operator==(const Seen&) const = default;
+};
+
+// Feeds pieces of the sizes that `piece` gives.
+template <class Piece>
+std::vector<Seen> feed(BlockParser& parser, ByteView bytes, Piece piece) {
+  std::vector<Seen> seen;
+  while (!bytes.empty()) {
+    const std::size_t n = std::min<std::size_t>(bytes.size(), piece());
+    parser.feed(bytes.first(n), [&](const Block& b) {
+      seen.push_back({b.kind,
+                      b.sequence,
+                      b.dropped_items,
+                      b.lost_blocks,
+                      {b.payload.begin(), b.payload.end()}});
+    });
+    bytes = bytes.subspan(n);
+  }
+  return seen;
+}
+
+std::vector<Seen> feed(BlockParser& parser, ByteView bytes) {
+  return feed(parser, bytes, [&] { return bytes.size(); });
+}
+
+// The same bits as golden, to build longer streams from.
+Bytes tag_block(std::uint32_t sequence, std::size_t tags) {
+  Bytes payload;
+  for (std::size_t i = 0; i < tags; ++i) put(payload, Tag{.channel = 1, .time_ps = 1000});
+  Bytes block;
+  for (const char c : {'E', 'F', 'B', 'R'}) put(block, c);
+  put(block, std::uint16_t{1});
+  put(block, std::uint16_t{1});
+  put(block, sequence);
+  put(block, static_cast<std::uint32_t>(payload.size()));
+  put(block, std::uint64_t{0});
+  put(block, std::uint32_t{0});
+  put(block, crc32c(payload, crc32c(block)));
+  return join({block, payload});
+}
+
+}  // namespace
+
+TEST_CASE("CRC-32C gives the test vectors of RFC 3720 B.4") {
+  CHECK(crc32c(Bytes(32, 0x00)) == 0x8a9136aa);
+  CHECK(crc32c(Bytes(32, 0xff)) == 0x62a8ab43);
+  Bytes up(32), down(32);
+  for (std::uint8_t i = 0; i < 32; ++i) {
+    up[i] = i;
+    down[i] = static_cast<std::uint8_t>(31 - i);
+  }
+  CHECK(crc32c(up) == 0x46dd794e);
+  CHECK(crc32c(down) == 0x113fdb5c);
+  CHECK(crc32c(test::view_of("123456789")) == 0xe3069283);
+  CHECK(crc32c(ByteView(up).subspan(7), crc32c(ByteView(up).first(7))) == 0x46dd794e);
+}
+
+TEST_CASE("the golden blocks come out whole, however they are cut") {
+  const auto pieces = read_golden("bridge.hex");
+  REQUIRE(pieces.size() == 4);
+  const Bytes all = join(pieces);
+  BlockParser whole;
+  const auto expected = feed(whole, all);
+  REQUIRE(expected.size() == 4);
+  CHECK(expected[2].kind == BlockKind::depth);
+  CHECK(expected[2].dropped == 5);
+  CHECK(expected[3].kind == BlockKind::bye);
+  for (std::size_t cut = 1; cut < all.size(); ++cut) {
+    BlockParser parser;
+    std::size_t next = cut;
+    CHECK(feed(parser, all, [&] { return std::exchange(next, all.size()); }) == expected);
+  }
+  BlockParser bytewise;
+  CHECK(feed(bytewise, all, [] { return 1; }) == expected);
+  CHECK(bytewise.counts().bytes == all.size());
+  CHECK(bytewise.counts().blocks == 4);
+  CHECK(bytewise.counts().junk_bytes + bytewise.counts().gaps == 0);
+}
+
+TEST_CASE("payloads of the golden blocks") {
+  BlockParser parser;
+  const auto seen = feed(parser, join(read_golden("bridge.hex")));
+  REQUIRE(seen.size() == 4);
+  const auto hello = read_hello(seen[0].payload);
+  REQUIRE(hello);
+  CHECK(hello->model == "Time Tagger Ultra");
+  CHECK(hello->serial == "1808000BBV");
+  CHECK(hello->firmware == "2.10");
+
+  std::vector<Tag> scratch;
+  const auto tags = read_tags(seen[1].payload, scratch);
+  REQUIRE(tags);
+  REQUIRE(tags->size() == 4);
+  CHECK((*tags)[1].channel == 2);
+  CHECK((*tags)[1].time_ps - (*tags)[0].time_ps == 13443);
+  CHECK((*tags)[2].type == TagType::missed_events);
+  CHECK((*tags)[2].missed_events == 7);
+  CHECK((*tags)[3].type == TagType::overflow_begin);
+
+  const auto depth = read_depth(seen[2].payload);
+  REQUIRE(depth);
+  CHECK(depth->frame.width == 3);
+  CHECK(depth->frame.height == 2);
+  CHECK(depth->frame.device_time_us == 123'456'789'012);
+  CHECK(depth->frame.frame_index == 42);
+  CHECK(depth->frame.depth_mm == std::vector<std::uint16_t>{0, 1000, 2000, 3000, 4000, 65535});
+  CHECK(same_axis(depth->x, Axis{"depth_x", "tangent", "1", 3, -0.5, 0.5}));
+  CHECK(same_axis(depth->y, Axis{"depth_y", "tangent", "1", 2, 0.25, -0.5}));
+}
+
+TEST_CASE("tags at an odd address are read like others") {
+  Bytes shifted(1);
+  for (int i = 0; i < 3; ++i) put(shifted, Tag{.channel = i, .time_ps = -i});
+  std::vector<Tag> scratch;
+  const auto tags = read_tags(ByteView(shifted).subspan(1), scratch);
+  REQUIRE(tags);
+  CHECK((*tags)[2].channel == 2);
+  CHECK((*tags)[2].time_ps == -2);
+  CHECK_FALSE(read_tags(shifted, scratch));
+}
+
+TEST_CASE("payloads that lie are refused") {
+  CHECK_FALSE(read_hello(test::view_of("{\"model\":")));
+  CHECK_FALSE(read_hello(test::view_of("[1]")));
+  CHECK_FALSE(read_hello(test::view_of("{\"model\": 5}")));
+  CHECK(read_hello(test::view_of("{}")));
+  const Bytes depth = read_golden("bridge.hex")[2];
+  const ByteView good = ByteView(depth).subspan(header_bytes);
+  REQUIRE(read_depth(good));
+  CHECK_FALSE(read_depth(good.first(good.size() - 1)));
+  CHECK_FALSE(read_depth(good.first(20)));
+  Bytes huge(good.begin(), good.end());
+  std::memset(huge.data(), 0xff, 8);  // (2^32 - 1)^2 pixels
+  CHECK_FALSE(read_depth(huge));
+  Bytes flat(good.begin(), good.end());
+  std::memset(flat.data() + 24, 0, 4);  // x_step 0
+  CHECK_FALSE(read_depth(flat));
+  Bytes nan(good.begin(), good.end());
+  std::memset(nan.data() + 28, 0xff, 4);
+  CHECK_FALSE(read_depth(nan));
+}
+
+TEST_CASE("missing blocks are counted where they are missing") {
+  const auto pieces = read_golden("bridge.hex");
+  BlockParser parser;
+  const auto seen = feed(parser, join({pieces[0], pieces[3]}));
+  REQUIRE(seen.size() == 2);
+  CHECK(seen[1].lost == 2);
+  CHECK(parser.counts().gaps == 1);
+  CHECK(parser.counts().lost_blocks == 2);
+}
+
+TEST_CASE("the sequence may wrap, and a renumbered one is one loss") {
+  BlockParser parser;
+  const auto seen = feed(
+      parser, join({tag_block(0xffffffff, 1), tag_block(0, 1), tag_block(7, 1), tag_block(3, 1)}));
+  REQUIRE(seen.size() == 4);
+  CHECK(seen[0].lost == 1);
+  CHECK(seen[1].lost == 0);
+  CHECK(seen[2].lost == 6);
+  CHECK(seen[3].lost == 1);
+}
+
+TEST_CASE("a new connection starts at 0 again, and what waited is junk") {
+  const auto pieces = read_golden("bridge.hex");
+  BlockParser parser;
+  feed(parser, ByteView(pieces[0]).first(50));
+  parser.reset();
+  const auto seen = feed(parser, join(pieces));
+  CHECK(seen.size() == 4);
+  CHECK(parser.counts().junk_bytes == 50);
+  CHECK(parser.counts().gaps == 0);
+}
+
+TEST_CASE("damage is graded and the next sound block is found") {
+  const auto pieces = read_golden("bridge.hex");
+  const auto damaged = [&](std::size_t at, std::uint8_t flip) {
+    Bytes bytes = join(pieces);
+    bytes[pieces[0].size() + at] ^= flip;
+    return bytes;
+  };
+  BlockParser version, kind, length, payload, reserved, magic;
+  CHECK(feed(version, damaged(4, 2)).size() == 3);
+  CHECK(version.counts().bad_headers == 1);
+  CHECK(version.counts().junk_bytes == pieces[1].size());
+  CHECK(version.counts().lost_blocks == 1);
+  CHECK(feed(kind, damaged(6, 4)).size() == 3);
+  CHECK(kind.counts().bad_headers == 1);
+  CHECK(feed(length, damaged(15, 2)).size() == 3);  // 32 MiB
+  CHECK(length.counts().bad_headers == 1);
+  CHECK(feed(payload, damaged(40, 1)).size() == 3);
+  CHECK(payload.counts().bad_crcs == 1);
+  CHECK(feed(reserved, damaged(24, 1)).size() == 3);
+  CHECK(reserved.counts().bad_headers == 1);
+  CHECK(feed(magic, damaged(0, 1)).size() == 3);
+  CHECK(magic.counts().junk_bytes == pieces[1].size());
+}
+
+TEST_CASE("a magic inside a payload is not a block") {
+  Bytes evil = tag_block(0, 2);
+  const Bytes inner = tag_block(9, 0);
+  std::copy(inner.begin(), inner.end(), evil.begin() + header_bytes);
+  Bytes head(evil.begin(), evil.begin() + 28);
+  const std::uint32_t crc = crc32c(ByteView(evil).subspan(header_bytes), crc32c(head));
+  std::memcpy(evil.data() + 28, &crc, 4);
+  BlockParser parser;
+  const auto seen = feed(parser, join({evil, tag_block(1, 1)}));
+  REQUIRE(seen.size() == 2);
+  CHECK(seen[0].payload.size() == 32);
+}
+
+TEST_CASE("random damage: every byte is accounted for, and pieces do not matter") {
+  for (std::uint64_t seed = 0; seed < 300; ++seed) {
+    Rng rng = make_rng(seed, 1);
+    Bytes bytes;
+    for (std::uint32_t i = 0; i < 12; ++i) {
+      const Bytes block = tag_block(i, rng() % 5);
+      bytes.insert(bytes.end(), block.begin(), block.end());
+      if (rng() % 4 == 0) bytes.resize(bytes.size() - rng() % block.size());
+      if (rng() % 4 == 0) bytes.insert(bytes.end(), rng() % 50, static_cast<std::uint8_t>('E'));
+    }
+    for (int i = 0; i < 6; ++i)
+      bytes[rng() % bytes.size()] ^= static_cast<std::uint8_t>(1u << rng() % 8);
+    BlockParser whole, pieces;
+    const auto expected = feed(whole, bytes);
+    CHECK(feed(pieces, bytes, [&] { return 1 + rng() % 60; }) == expected);
+    std::size_t in_blocks = 0;
+    for (const Seen& block : expected) in_blocks += header_bytes + block.payload.size();
+    whole.reset();
+    CHECK(whole.counts().bytes == bytes.size());
+    CHECK(whole.counts().junk_bytes + in_blocks == bytes.size());
+  }
+}

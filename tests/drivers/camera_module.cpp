@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: MIT
+// A camera for the stock OpenNI2 library to load, with faults on demand: 8 x 6 pixels, 100 frames a
+// second, z = 1000 + 100 y + 10 x + index % 10 in its unit. Lives in the test's own process, which
+// reaches it through test_camera().
+#include <Driver/OniDriverAPI.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstring>
+#include <new>
+#include <string_view>
+#include <thread>
+
+// ONI_EXPORT_DRIVER needs these of XnLib, which is not installed.
+#define XN_NEW(type, arg) new (std::nothrow) type(arg)
+#define XN_DELETE(p) delete (p)
+
+namespace {
+
+using namespace oni::driver;
+
+constexpr int width = 8, height = 6;
+constexpr char uri[] = "test://camera";
+std::atomic<bool> present{true}, stalled{false}, mirrored{false}, tenths{false};
+
+class Stream final : public StreamBase {
+ public:
+  ~Stream() override { halt(); }
+  int getRequiredFrameSize() override { return width * height * 2; }
+  OniStatus start() override {
+    running_ = true;
+    thread_ = std::thread([this] { run(); });
+    return ONI_STATUS_OK;
+  }
+  void stop() override { halt(); }
+  OniBool isPropertySupported(int id) override {
+    bool known = false;
+    property(id, [&](const auto&) { known = true; });
+    return known;
+  }
+  OniStatus getProperty(int id, void* data, int* size) override {
+    OniStatus status = ONI_STATUS_NOT_SUPPORTED;
+    property(id, [&](const auto& value) {
+      std::memcpy(data, &value, sizeof value);
+      *size = sizeof value;
+      status = ONI_STATUS_OK;
+    });
+    return status;
+  }
+  // Without STRIDE and CROPPING a recording plays no frames.
+  void notifyAllProperties() override {
+    for (const int id :
+         {ONI_STREAM_PROPERTY_VIDEO_MODE, ONI_STREAM_PROPERTY_HORIZONTAL_FOV,
+          ONI_STREAM_PROPERTY_VERTICAL_FOV, ONI_STREAM_PROPERTY_MAX_VALUE,
+          ONI_STREAM_PROPERTY_STRIDE, ONI_STREAM_PROPERTY_CROPPING, ONI_STREAM_PROPERTY_MIRRORING})
+      property(id, [&](const auto& value) { raisePropertyChanged(id, &value, sizeof value); });
+  }
+
+ private:
+  static OniVideoMode mode() {
+    return {tenths ? ONI_PIXEL_FORMAT_DEPTH_100_UM : ONI_PIXEL_FORMAT_DEPTH_1_MM, width, height,
+            100};
+  }
+  template <class Use>
+  static void property(int id, const Use& use) {
+    switch (id) {
+      case ONI_STREAM_PROPERTY_VIDEO_MODE:
+        return use(mode());
+      case ONI_STREAM_PROPERTY_HORIZONTAL_FOV:
+        return use(1.0f);
+      case ONI_STREAM_PROPERTY_VERTICAL_FOV:
+        return use(0.8f);
+      case ONI_STREAM_PROPERTY_MAX_VALUE:
+        return use(10'000);
+      case ONI_STREAM_PROPERTY_STRIDE:
+        return use(width * 2);
+      case ONI_STREAM_PROPERTY_CROPPING:
+        return use(OniCropping{FALSE, 0, 0, width, height});
+      case ONI_STREAM_PROPERTY_MIRRORING:
+        return use(OniBool{mirrored});
+      default:
+        return;
+    }
+  }
+  void halt() {
+    running_ = false;
+    if (thread_.joinable()) thread_.join();
+  }
+  void run() {
+    for (int index = 1; running_; std::this_thread::sleep_for(std::chrono::milliseconds(10)))
+      if (present && !stalled) send(index++);
+  }
+  void send(int index) {
+    OniFrame* frame = getServices().acquireFrame();
+    if (!frame) return;
+    auto* z = static_cast<OniDepthPixel*>(frame->data);
+    for (int y = 0; y < height; ++y)
+      for (int x = 0; x < width; ++x)
+        z[y * width + (mirrored ? width - 1 - x : x)] =
+            static_cast<OniDepthPixel>(1000 + 100 * y + 10 * x + index % 10);
+    frame->frameIndex = index;
+    frame->timestamp = static_cast<std::uint64_t>(index) * 10'000;
+    frame->videoMode = mode();
+    frame->width = width;
+    frame->height = height;
+    frame->stride = width * 2;
+    frame->dataSize = width * height * 2;
+    frame->sensorType = ONI_SENSOR_DEPTH;
+    frame->croppingEnabled = FALSE;
+    frame->cropOriginX = frame->cropOriginY = 0;
+    raiseNewFrame(frame);
+    getServices().releaseFrame(frame);
+  }
+
+  std::thread thread_;
+  std::atomic<bool> running_{false};
+};
+
+class Camera final : public DeviceBase {
+ public:
+  OniStatus getSensorInfoList(OniSensorInfo** sensors, int* count) override {
+    *sensors = &sensor_;
+    *count = 1;
+    return ONI_STATUS_OK;
+  }
+  StreamBase* createStream(OniSensorType type) override {
+    return type == ONI_SENSOR_DEPTH ? new Stream : nullptr;
+  }
+  void destroyStream(StreamBase* stream) override { delete stream; }
+  OniStatus getProperty(int id, void* data, int* size) override {
+    if (id != ONI_DEVICE_PROPERTY_SERIAL_NUMBER) return ONI_STATUS_NOT_SUPPORTED;
+    std::memcpy(data, "T-1", 4);
+    *size = 4;
+    return ONI_STATUS_OK;
+  }
+
+ private:
+  OniVideoMode mode_{ONI_PIXEL_FORMAT_DEPTH_1_MM, width, height, 100};
+  OniSensorInfo sensor_{ONI_SENSOR_DEPTH, 1, &mode_};
+};
+
+class Module final : public DriverBase {
+ public:
+  explicit Module(OniDriverServices* services) : DriverBase(services) { self = this; }
+  OniStatus initialize(DeviceConnectedCallback connected, DeviceDisconnectedCallback disconnected,
+                       DeviceStateChangedCallback changed, void* cookie) override {
+    DriverBase::initialize(connected, disconnected, changed, cookie);
+    std::strcpy(info_.uri, uri);
+    std::strcpy(info_.vendor, "Test");
+    std::strcpy(info_.name, "camera");
+    deviceConnected(&info_);
+    return ONI_STATUS_OK;
+  }
+  DeviceBase* deviceOpen(const char* wanted, const char*) override {
+    return present && std::strcmp(wanted, uri) == 0 ? new Camera : nullptr;
+  }
+  void deviceClose(DeviceBase* device) override { delete device; }
+  OniStatus tryDevice(const char*) override { return ONI_STATUS_ERROR; }
+  void shutdown() override { self = nullptr; }
+  void plug(bool in) {
+    if (present.exchange(in) == in) return;
+    in ? deviceConnected(&info_) : deviceDisconnected(&info_);
+  }
+
+  static inline Module* self = nullptr;
+
+ private:
+  OniDeviceInfo info_{};
+};
+
+}  // namespace
+
+extern "C" __attribute__((visibility("default"))) void test_camera(const char* command) {
+  const std::string_view what = command;
+  if (what == "plug" || what == "unplug") Module::self->plug(what == "plug");
+  if (what == "stall" || what == "run") stalled = what == "stall";
+  if (what == "mirror") mirrored = true;
+  if (what == "tenths") tenths = true;
+}
+
+ONI_EXPORT_DRIVER(Module)

@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: MIT
+#include <catch2/catch.hpp>
+
+#include "drivers/radar/command_dialogue.hpp"
+#include "hex.hpp"
+
+using namespace echofuse;
+using namespace echofuse::radar;
+using State = CommandDialogue::State;
+using namespace std::chrono_literals;
+
+namespace {
+
+const std::string cfg =
+    "% stock\r\n"
+    "sensorStop\r\n"
+    "\r\n"
+    "  flushCfg\r\n"
+    "sensorStart\r\n";
+const std::string prompt = "mmwDemo:/>";
+
+// The echo, the answer and the prompt, as the SDK's UART text mode sends them.
+std::string answer(const std::string& command, const std::string& lines) {
+  std::string wire = command + "\r\n";
+  for (const char c : lines) {
+    wire += c;
+    if (c == '\n') wire += '\r';
+  }
+  return wire + prompt;
+}
+
+struct Session {
+  CommandDialogue d;
+  HostTime now{0};
+
+  explicit Session(const std::string& text = cfg) : d(text, "x.cfg") { d.start(now); }
+  void say(const std::string& wire) { d.receive(test::view_of(wire), now); }
+  void wait(HostTime time) {
+    now += time;
+    d.tick(now);
+  }
+  // Up to the first line of the cfg.
+  void begin() {
+    CHECK(d.take_output() == "\n");
+    say("\r\n" + prompt);
+    wait(100ms);
+    CHECK(d.take_output() == "version\n");
+    say(answer("version",
+               "Platform                : xWR68xx\nmmWave SDK Version      : 03.05.00.04\nDone\n"));
+  }
+  std::vector<std::string> told() {
+    std::vector<std::string> all;
+    for (const auto& event : d.take_events()) all.push_back(event.text);
+    return all;
+  }
+};
+
+}  // namespace
+
+TEST_CASE("the cfg goes out line by line, each after the prompt of the one before") {
+  Session s;
+  s.begin();
+  CHECK(s.d.take_output() == "sensorStop\n");
+  s.say(answer("sensorStop", "Ignored: Sensor is already stopped\nDone\n"));
+  CHECK(s.told() == std::vector<std::string>{"sensorStop: Ignored: Sensor is already stopped"});
+  CHECK(s.d.take_output() == "  flushCfg\n");
+  s.say("  flushCfg\r\nDone\n\r");
+  CHECK(s.d.take_output().empty());  // the prompt is still to come
+  s.say(prompt);
+  CHECK(s.d.take_output() == "sensorStart\n");
+  CHECK(s.d.state() == State::commanding);
+  s.say(answer("sensorStart", "Debug: Init Calibration Status = 0x1ffe\nDone\n"));
+  CHECK(s.d.state() == State::done);
+  CHECK_FALSE(s.d.deadline());
+  CHECK(s.d.platform() == "xWR68xx");
+  CHECK(s.d.firmware() == "mmWave SDK 03.05.00.04");
+  CHECK(s.told().empty());
+}
+
+TEST_CASE("the dialogue does not mind how the bytes are cut") {
+  const std::string wire = answer("sensorStop", "Done\n") + answer("flushCfg", "Done\n");
+  for (std::size_t cut = 0; cut <= wire.size(); ++cut) {
+    Session s;
+    s.begin();
+    s.d.take_output();
+    s.say(wire.substr(0, cut));
+    s.say(wire.substr(cut));
+    CHECK_THAT(s.d.take_output(), Catch::EndsWith("sensorStart\n"));
+    CHECK(s.d.state() == State::commanding);
+  }
+}
+
+TEST_CASE("leftovers before the first prompt, and further prompts, are drained") {
+  Session s;
+  s.d.take_output();
+  s.say("\x01\xff~?garb\r\n'garb' is not recognized as a CLI command\n\r" + prompt);
+  s.wait(40ms);
+  s.say("\n\r" + prompt);  // a second answer: quiet starts again
+  s.wait(40ms);
+  CHECK(s.d.take_output().empty());
+  s.wait(40ms);
+  CHECK(s.d.take_output() == "version\n");
+}
+
+TEST_CASE("the first command is sent again when garbage got before it") {
+  Session s;
+  s.d.take_output();
+  s.say(prompt);
+  s.wait(100ms);
+  CHECK(s.d.take_output() == "version\n");
+  s.say(answer("\x7f?version", "'?version' is not recognized as a CLI command\n"));
+  CHECK(s.d.take_output() == "version\n");
+  SECTION("and is then understood") {
+    s.say(answer("version", "Done\n"));
+    CHECK(s.d.take_output() == "sensorStop\n");
+  }
+  SECTION("or is unknown to this firmware, which is no harm") {
+    s.say(answer("version", "'version' is not recognized as a CLI command\n"));
+    CHECK(s.d.take_output() == "sensorStop\n");
+  }
+}
+
+TEST_CASE("a refused line fails with its place and the firmware's words") {
+  Session s;
+  s.begin();
+  s.say(answer("sensorStop", "Done\n"));
+  SECTION("error with explanation") {
+    s.say(answer("flushCfg", "Error: You have provided partial configuration\nError -1\n"));
+    CHECK(s.d.failure() ==
+          "x.cfg:4:   flushCfg: Error: You have provided partial configuration; Error -1");
+  }
+  SECTION("unknown command") {
+    s.say(answer("flushCfg", "'flushCfg' is not recognized as a CLI command\n"));
+    CHECK(s.d.failure() == "x.cfg:4:   flushCfg: 'flushCfg' is not recognized as a CLI command");
+  }
+  SECTION("the firmware dies") {
+    s.say("flushCfg\r\nException: ../mss_main.c, line 1234.\n\r");
+    CHECK_THAT(s.d.failure(),
+               Catch::Contains("Exception: ../mss_main.c, line 1234. (the firmware"));
+  }
+  SECTION("silence") {
+    s.say("flushCfg\r\n");
+    s.wait(7s);
+    CHECK(s.d.state() == State::commanding);
+    s.wait(2s);
+    CHECK(s.d.failure() == "x.cfg:4:   flushCfg: no answer");
+  }
+  CHECK(s.d.state() == State::failed);
+  CHECK_FALSE(s.d.deadline());
+}
+
+TEST_CASE("no prompt at all: three tries, then it says what to check") {
+  Session s;
+  for (int i = 0; i < 3; ++i) {
+    CHECK(s.d.take_output() == "\n");
+    s.wait(1s);
+  }
+  CHECK(s.d.state() == State::failed);
+  CHECK_THAT(s.d.failure(), Catch::StartsWith("no prompt"));
+}
+
+TEST_CASE("endless output before the first command does not hold it up for ever") {
+  Session s;
+  s.d.take_output();
+  s.say(prompt);
+  for (int i = 0; i < 30 && s.d.state() == State::draining; ++i) {
+    s.say("compRangeBiasAndRxChanPhase 0.01 1 0\n\r");
+    s.wait(50ms);
+  }
+  CHECK(s.d.take_output() == "version\n");
+}
+
+TEST_CASE("skipped is fine, a prompt without a verdict is not one, unasked lines are told") {
+  Session s("sensorStop\nsensorStart\n");
+  s.begin();
+  s.d.take_output();
+  s.say("\n\r" + prompt);  // a leftover prompt
+  CHECK(s.d.take_output().empty());
+  s.say(answer("sensorStop", "Skipped\n"));
+  CHECK(s.d.take_output() == "sensorStart\n");
+  s.say("sensorStart\r\ncompRangeBiasAndRxChanPhase 0.0123456 1.00000 0.00000\n\rDone\n\r" +
+        prompt);
+  CHECK(s.d.state() == State::done);
+  CHECK(s.told() ==
+        std::vector<std::string>{"compRangeBiasAndRxChanPhase 0.0123456 1.00000 0.00000"});
+  s.say("compRangeBiasAndRxChanPhase 0.01\n\rsome\x80thing\n\r");
+  CHECK(s.told() == std::vector<std::string>{"compRangeBiasAndRxChanPhase 0.01", "some?thing"});
+  s.say("Exception: x.c, line 3.\n\r");
+  CHECK(s.d.state() == State::failed);
+}
+
+TEST_CASE("a flood without line ends stays bounded and harmless") {
+  Session s;
+  s.begin();
+  s.d.take_output();
+  s.say(std::string(1'000'000, 'x'));
+  s.say("\n\r" + answer("sensorStop", "Done\n"));
+  CHECK(s.d.take_output() == "  flushCfg\n");
+}

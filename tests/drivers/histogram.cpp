@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/tdc/histogram.hpp"
+
+#include <catch2/catch.hpp>
+#include <limits>
+#include <numeric>
+#include <optional>
+
+#include "drivers/core/exit_code.hpp"
+#include "drivers/core/random.hpp"
+
+using namespace echofuse;
+using namespace echofuse::tdc;
+
+namespace {
+
+Tag tag(std::int32_t channel, std::int64_t time_ps) {
+  return {.channel = channel, .time_ps = time_ps};
+}
+Tag marker(TagType type, std::int32_t channel = 0, std::uint16_t missed = 0) {
+  return {.type = type, .missed_events = missed, .channel = channel};
+}
+
+// The definition, one tag at a time in 128 bits.
+struct Reference {
+  HistogramSettings settings;
+  std::vector<std::uint32_t> bins;
+  TagCounts counts;
+  std::optional<std::int64_t> start;
+
+  explicit Reference(const HistogramSettings& s) : settings(s), bins(s.bins) {}
+
+  void add(const Tag& t) {
+    ++counts.tags;
+    const bool known = t.channel == settings.start_channel || t.channel == settings.click_channel;
+    if (t.type != TagType::time_tag) {
+      ++counts.other;
+      if (t.type == TagType::missed_events) {
+        if (known) counts.missed += t.missed_events;
+        return;
+      }
+      counts.overflows += t.type == TagType::overflow_begin;
+      counts.errors += t.type == TagType::error;
+      start.reset();
+    } else if (t.channel == settings.start_channel) {
+      ++counts.starts;
+      start = t.time_ps;
+    } else if (t.channel != settings.click_channel) {
+      ++counts.other;
+    } else if (!start) {
+      ++counts.without_start;
+    } else {
+      add_click(static_cast<__int128>(t.time_ps) - *start - settings.first_bin_ps);
+    }
+  }
+  void add_click(__int128 distance) {
+    if (distance < -(__int128{1} << 63)) distance += __int128{1} << 64;  // the clock wrapped
+    const bool in = distance >= 0 && distance < __int128{settings.bin_width_ps} * settings.bins;
+    ++(in ? counts.in_range : counts.out_of_range);
+    if (in) ++bins[static_cast<std::size_t>(distance / settings.bin_width_ps)];
+  }
+};
+
+std::vector<Tag> random_tags(Rng& rng, const HistogramSettings& s, std::size_t count) {
+  std::vector<Tag> tags;
+  const auto span = s.bin_width_ps * s.bins;
+  std::int64_t time = std::numeric_limits<std::int64_t>::max() - 20 * span;
+  for (std::size_t i = 0; i < count; ++i) {
+    time = static_cast<std::int64_t>(static_cast<std::uint64_t>(time) +
+                                     rng() % static_cast<std::uint64_t>(span / 2 + 2));
+    const auto dice = rng() % 100;
+    if (dice < 45)
+      tags.push_back(tag(s.start_channel, time));
+    else if (dice < 90)
+      tags.push_back(tag(s.click_channel, time));
+    else if (dice < 94)
+      tags.push_back(tag(-7, time));
+    else
+      tags.push_back(marker(static_cast<TagType>(1 + rng() % 4),
+                            static_cast<std::int32_t>(rng() % 4),
+                            static_cast<std::uint16_t>(rng())));
+  }
+  return tags;
+}
+
+}  // namespace
+
+TEST_CASE("each click counts once, in the bin of its distance from the last start") {
+  Histogram h({.bin_width_ps = 100, .first_bin_ps = 1000, .bins = 4});
+  h.add(std::vector{tag(1, 0), tag(2, 1000), tag(2, 1099), tag(2, 1100), tag(2, 1399), tag(2, 1400),
+                    tag(2, 999), tag(1, 500), tag(2, 1500)});
+  CHECK(h.counts() == std::vector<std::uint32_t>{3, 1, 0, 1});
+  CHECK(h.tag_counts() == TagCounts{.tags = 9, .starts = 2, .in_range = 5, .out_of_range = 2});
+}
+
+TEST_CASE("clicks without a start, other channels and markers are told apart") {
+  Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
+  h.add(std::vector{tag(2, 5), tag(3, 6), tag(1, 10), marker(TagType::missed_events, 2, 40),
+                    marker(TagType::missed_events, 9, 1000), marker(TagType::missed_events, 1, 2),
+                    tag(2, 20), marker(TagType::overflow_begin), tag(2, 30),
+                    marker(TagType::overflow_end), tag(1, 40), marker(TagType::error), tag(2, 50)});
+  CHECK(h.tag_counts() == TagCounts{.tags = 13,
+                                    .starts = 2,
+                                    .in_range = 1,
+                                    .without_start = 3,
+                                    .other = 7,
+                                    .missed = 42,
+                                    .overflows = 1,
+                                    .errors = 1});
+}
+
+TEST_CASE("the last start survives the border of a slot, but not a gap") {
+  Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
+  h.add(std::vector{tag(1, 0), tag(2, 50)});
+  CHECK(h.take()[0] == 1);
+  CHECK(h.tag_counts() == TagCounts{});
+  h.add(std::vector{tag(2, 150)});
+  CHECK(h.take()[1] == 1);
+  h.forget_start();
+  h.add(std::vector{tag(2, 250)});
+  CHECK(h.tag_counts() == TagCounts{.tags = 1, .without_start = 1});
+  CHECK(h.counts() == std::vector<std::uint32_t>(10));
+}
+
+TEST_CASE("random tags agree with the definition, across the wrap of the clock") {
+  for (std::uint64_t seed = 0; seed < 120; ++seed) {
+    Rng rng = make_rng(seed, 2);
+    const std::int64_t widths[] = {1, 3, 7, 100, 1000, 4096, 999'983};
+    const HistogramSettings s{.start_channel = 3,
+                              .click_channel = -2,
+                              .bin_width_ps = widths[seed % 7],
+                              .first_bin_ps = static_cast<std::int64_t>(rng() % 4000) - 2000,
+                              .bins = static_cast<std::uint32_t>(1 + rng() % 700)};
+    Histogram h(s);
+    Reference reference(s);
+    for (int block = 0; block < 5; ++block) {
+      const auto tags = random_tags(rng, s, 400);
+      h.add(tags);
+      for (const Tag& t : tags) reference.add(t);
+    }
+    REQUIRE(h.counts() == reference.bins);
+    REQUIRE(h.tag_counts() == reference.counts);
+    const TagCounts& c = reference.counts;
+    REQUIRE(c.tags == c.starts + c.in_range + c.out_of_range + c.without_start + c.other);
+    REQUIRE(std::accumulate(reference.bins.begin(), reference.bins.end(), 0u) == c.in_range);
+  }
+}
+
+TEST_CASE("bin borders are exact over the longest axis") {
+  const std::int64_t width = 67'108'863;  // 2^26 - 1: no power of two to help
+  const std::uint32_t bins = 1u << 24;
+  Histogram h({.bin_width_ps = width, .first_bin_ps = 0, .bins = bins});
+  std::vector<std::uint32_t> expected(bins);
+  std::vector<Tag> tags{tag(1, 5)};
+  Rng rng = make_rng(3, 3);
+  for (int i = 0; i < 20'000; ++i) {
+    const auto bin = static_cast<std::uint32_t>(i == 0 ? bins - 1 : rng() % bins);
+    tags.push_back(tag(2, 5 + bin * width));
+    tags.push_back(tag(2, 5 + (bin + 1) * width - 1));
+    expected[bin] += 2;
+  }
+  h.add(tags);
+  CHECK((h.counts() == expected));
+}
+
+TEST_CASE("the axis says what the bins are") {
+  CHECK(same_axis(Histogram({}).axis(), Axis{"spd", "counts", "ps", 336, 13343, 100}));
+}
+
+TEST_CASE("settings that cannot work are refused") {
+  CHECK_THROWS_AS(Histogram({.bins = 0}), Error);
+  CHECK_THROWS_AS(Histogram({.bin_width_ps = 0}), Error);
+  CHECK_THROWS_AS(Histogram({.start_channel = 2}), Error);
+  CHECK_THROWS_AS(Histogram({.bin_width_ps = 1ll << 50, .bins = 2}), Error);
+  CHECK_THROWS_AS(Histogram({.bins = (1u << 24) + 1}), Error);
+}

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/make_driver.hpp"
+
+#include <boost/asio/io_context.hpp>
+#include <catch2/catch.hpp>
+
+#include "drivers/core/exit_code.hpp"
+
+using namespace echofuse;
+
+namespace {
+
+template <class Make>
+std::string refusal(Make make) {
+  try {
+    make();
+  } catch (const Error& error) {
+    CHECK(error.code() == ExitCode::config);
+    return error.what();
+  }
+  return "accepted";
+}
+
+}  // namespace
+
+TEST_CASE("addresses that a device cannot have are refused at start-up") {
+  boost::asio::io_context io;
+  const SystemClock clock;
+  const auto tdc = [&](const char* a) { return refusal([&] { make_tdc(io, {a}, clock); }); };
+  const auto depth = [&](const char* a) { return refusal([&] { make_depth(io, {a}, clock); }); };
+  const auto radar = [&](const char* cli, const char* data) {
+    return refusal([&] { make_radar(io, {cli, data, "", "x.cfg"}, clock); });
+  };
+  CHECK_THAT(tdc("usb:04b4:1004"), Catch::Contains("not in this version"));
+  CHECK_THAT(tdc("serial:/dev/ttyUSB0"), Catch::Contains("a time tagger is"));
+  CHECK_THAT(tdc("nonsense"), Catch::Contains("\"nonsense\": expected"));
+  CHECK_THAT(depth("usb:2bc5:0670"), Catch::Contains("a depth camera is"));
+  CHECK_THAT(radar("hid:10c4:ea80", "serial:/dev/x"), Catch::Contains("not in this version"));
+  CHECK_THAT(radar("serial:/dev/x", "bridge:tcp://a:1"), Catch::Contains("a radar port is"));
+  CHECK_THAT(radar("serial:/dev/x", "serial:/dev/y"), Catch::Contains("x.cfg: has no profileCfg"));
+}

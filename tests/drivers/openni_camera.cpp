@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: MIT
+// The OpenNI2 driver through the stock library, which loads camera_module.cpp.
+#include "drivers/depth/openni_camera.hpp"
+
+#include <OpenNI.h>
+#include <dlfcn.h>
+#include <unistd.h>
+
+#include <boost/asio/io_context.hpp>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <filesystem>
+#include <thread>
+
+#include "drivers/depth/openni_session.hpp"
+#include "sink.hpp"
+
+using namespace echofuse;
+using namespace echofuse::depth;
+using namespace std::chrono_literals;
+using test::counter;
+using test::run_for;
+using test::run_until;
+
+// The library and the modules that it has unloaded leak a little, once; no suppression can name
+// them.
+extern "C" const char* __asan_default_options() { return "detect_leaks=0"; }
+// The thread sanitizer does not see into the library, and misreads its mutexes.
+extern "C" const char* __tsan_default_suppressions() {
+  return "mutex:libOpenNI2.so\ndeadlock:libOpenNI2.so\nmutex:libOniFile.so\ndeadlock:libOniFile."
+         "so\n";
+}
+
+namespace {
+
+void camera(const char* command) {
+  void* module = dlopen(TEST_CAMERA_MODULE, RTLD_NOW | RTLD_NOLOAD);
+  REQUIRE(module);
+  reinterpret_cast<void (*)(const char*)>(dlsym(module, "test_camera"))(command);
+  dlclose(module);
+}
+
+struct Bench {
+  explicit Bench(const std::string& uri = "", OpenNiOptions options = {})
+      : driver(io, "openni:" + uri, uri, clock, options) {}
+  void start() { driver.start(sink); }
+  bool frames(std::size_t count) {
+    return run_until(io, [&] { return sink.depth.size() >= count; });
+  }
+  bool reaches(DeviceState state) {
+    return run_until(io, [&] { return sink.state() == state; });
+  }
+  // 1000 + 100 y + 10 x + index % 10, in the camera's unit
+  void check_pixels(std::uint32_t per_mm = 1) const {
+    for (const DepthFrame& f : sink.depth) {
+      REQUIRE(f.depth_mm.size() == 48);
+      for (std::uint32_t i = 0; i < 48; ++i) {
+        const std::uint32_t raw = 1000 + 100 * (i / 8) + 10 * (i % 8) + f.frame_index % 10;
+        REQUIRE(f.depth_mm[i] == (raw + per_mm / 2) / per_mm);
+      }
+    }
+  }
+
+  boost::asio::io_context io;
+  SystemClock clock;
+  test::KeepingSink sink;
+  OpenNiCamera driver;
+};
+
+// A recording of `count` frames made by OpenNI's own recorder.
+struct Recording {
+  explicit Recording(int count)
+      : path((std::filesystem::temp_directory_path() /
+              ("echofuse-" + std::to_string(::getpid()) + ".oni"))
+                 .string()) {
+    openni::Device device;
+    openni::VideoStream stream;
+    openni::Recorder recorder;
+    REQUIRE(device.open(openni::ANY_DEVICE) == openni::STATUS_OK);
+    REQUIRE(stream.create(device, openni::SENSOR_DEPTH) == openni::STATUS_OK);
+    REQUIRE(recorder.create(path.c_str()) == openni::STATUS_OK);
+    REQUIRE(recorder.attach(stream) == openni::STATUS_OK);
+    REQUIRE(recorder.start() == openni::STATUS_OK);
+    REQUIRE(stream.start() == openni::STATUS_OK);
+    openni::VideoFrameRef frame;
+    for (int i = 0; i < count; ++i) REQUIRE(stream.readFrame(&frame) == openni::STATUS_OK);
+    stream.stop();
+    recorder.stop();
+    recorder.destroy();
+    frame.release();
+    stream.destroy();
+    device.close();
+    REQUIRE(device.open(path.c_str()) == openni::STATUS_OK);
+    REQUIRE(stream.create(device, openni::SENSOR_DEPTH) == openni::STATUS_OK);
+    frames = static_cast<std::size_t>(device.getPlaybackControl()->getNumberOfFrames(stream));
+    stream.destroy();
+    device.close();
+    REQUIRE(frames > 10);  // the last ones of a busy machine may not have been written
+  }
+  ~Recording() { std::filesystem::remove(path); }
+  Recording(const Recording&) = delete;
+  Recording& operator=(const Recording&) = delete;
+  std::string path;
+  std::size_t frames = 0;
+};
+
+}  // namespace
+
+TEST_CASE("a live camera: frames, axes, names") {
+  Bench b;
+  const HostTime begin = b.clock.now();
+  b.start();
+  CHECK(b.sink.state() == DeviceState::connecting);
+  REQUIRE(b.frames(20));
+  CHECK(b.sink.states == std::vector<DeviceState>{DeviceState::connecting, DeviceState::streaming});
+  CHECK(b.sink.info.model == "Test camera");
+  CHECK(b.sink.info.serial == "T-1");
+  CHECK(b.sink.info.address == "openni:");
+  b.check_pixels();
+  for (const DepthFrame& f : b.sink.depth) {
+    CHECK(f.device_time_us == f.frame_index * 10'000);
+    CHECK(f.received > begin);
+    CHECK(f.received <= b.clock.now());
+  }
+  // The outer edges of the outer pixels are at the field of view's tangents.
+  REQUIRE(b.sink.info.axes.size() == 2);
+  const Axis& x = b.sink.info.axes[0];
+  const Axis& y = b.sink.info.axes[1];
+  CHECK(x.at(-0.5) == Approx(-std::tan(0.5)));
+  CHECK(x.at(7.5) == Approx(std::tan(0.5)));
+  CHECK(y.at(-0.5) == Approx(std::tan(0.4)));
+  CHECK(y.at(5.5) == Approx(-std::tan(0.4)));
+}
+
+TEST_CASE("a camera that mirrors and cannot be told not to is turned back") {
+  Bench b;
+  camera("mirror");
+  b.start();
+  REQUIRE(b.frames(5));
+  b.check_pixels();
+}
+
+TEST_CASE("tenths of a millimetre are rounded to millimetres") {
+  Bench b;
+  camera("tenths");
+  b.start();
+  REQUIRE(b.frames(12));
+  b.check_pixels(10);
+}
+
+TEST_CASE("a camera that is unplugged is told, and found again") {
+  Bench b;
+  b.start();
+  REQUIRE(b.frames(3));
+  camera("unplug");
+  REQUIRE(b.reaches(DeviceState::faulted));
+  CHECK(b.sink.events.at(0) == "the camera is gone");
+  run_for(b.io, 350ms);
+  camera("plug");
+  REQUIRE(b.reaches(DeviceState::streaming));
+  const std::size_t before = b.sink.depth.size();
+  CHECK(b.frames(before + 3));
+  CHECK(counter(b.driver, "connections") == 2);
+}
+
+TEST_CASE("a camera that falls silent is opened again") {
+  Bench b;
+  b.start();
+  REQUIRE(b.frames(3));
+  camera("stall");
+  REQUIRE(b.reaches(DeviceState::faulted));
+  CHECK(b.sink.events.at(0) == "the camera sent nothing for 3 s");
+  camera("run");
+  CHECK(b.reaches(DeviceState::streaming));
+}
+
+TEST_CASE("a busy io thread costs frames, and every one is counted") {
+  Bench b;
+  b.start();
+  REQUIRE(b.frames(3));
+  std::this_thread::sleep_for(300ms);
+  const std::size_t before = b.sink.depth.size();
+  REQUIRE(b.frames(before + 10));
+  CHECK(counter(b.driver, "dropped_frames") > 0);
+  for (std::size_t i = 1; i < b.sink.depth.size(); ++i)
+    CHECK(b.sink.depth[i].frame_index ==
+          b.sink.depth[i - 1].frame_index + 1 + b.sink.depth[i].lost_before);
+}
+
+TEST_CASE("stop() ends the thread soon, and nothing is said after it") {
+  Bench b;
+  b.start();
+  REQUIRE(b.frames(3));
+  const auto begin = std::chrono::steady_clock::now();
+  b.driver.stop();
+  CHECK(std::chrono::steady_clock::now() - begin < 1s);
+  const std::size_t calls = b.sink.calls();
+  run_for(b.io, 50ms);
+  CHECK(b.sink.calls() == calls);
+}
+
+TEST_CASE("a recording gives each frame once, then ends") {
+  initialize_openni();
+  const Recording recording(30);
+  for (const bool paced : {false, true}) {
+    Bench b(recording.path, {.paced = paced});
+    const auto begin = std::chrono::steady_clock::now();
+    b.start();
+    REQUIRE(b.reaches(DeviceState::ended));
+    const auto took = std::chrono::steady_clock::now() - begin;
+    REQUIRE(b.sink.depth.size() == recording.frames);
+    for (std::size_t i = 0; i < recording.frames; ++i) CHECK(b.sink.depth[i].frame_index == i + 1);
+    CHECK(counter(b.driver, "dropped_frames") == 0);
+    const auto span = b.sink.depth.back().device_time_us - b.sink.depth.front().device_time_us;
+    if (paced) CHECK(took >= std::chrono::microseconds(span));
+  }
+}
+
+TEST_CASE("a recording that is not there is told once, and tried again") {
+  Bench b("/nowhere/at-all.oni");
+  b.start();
+  REQUIRE(b.reaches(DeviceState::faulted));
+  CHECK_THAT(b.sink.events.at(0), Catch::StartsWith("open:"));
+  run_for(b.io, 350ms);
+  CHECK(b.sink.events.size() == 1);
+  CHECK(b.sink.states.size() == 2);
+}

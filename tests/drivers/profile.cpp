@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/radar/profile.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "drivers/core/exit_code.hpp"
+
+using namespace echofuse;
+using namespace echofuse::radar;
+
+namespace {
+
+// TI's stock xwr68xx profile, the lines that matter.
+const std::string stock =
+    "% a comment\r\n"
+    "sensorStop\r\n"
+    "\r\n"
+    "channelCfg 15 7 0\r\n"
+    "profileCfg 0 60 7 3 24 0 0 166 1 256 12500 0 0 30\r\n"
+    "chirpCfg 0 0 0 0 0 0 0 1\r\n"
+    "chirpCfg 1 1 0 0 0 0 0 4\r\n"
+    "chirpCfg 2 2 0 0 0 0 0 2\r\n"
+    "frameCfg 0 2 32 0 100 1 0\r\n"
+    "guiMonitor -1 1 1 0 0 0 1\r\n"
+    "sensorStart";
+
+std::string with(const std::string& from, const std::string& to) {
+  std::string text = stock;
+  const std::size_t at = text.find(from);
+  REQUIRE(at != text.npos);
+  return text.replace(at, from.size(), to);
+}
+
+std::string refusal(const std::string& text) {
+  try {
+    parse_profile(text, "x.cfg");
+  } catch (const Error& error) {
+    CHECK(error.code() == ExitCode::config);
+    return error.what();
+  }
+  return "accepted";
+}
+
+}  // namespace
+
+TEST_CASE("TI's stock profile has 256 bins of 4.4 cm and 12 antennas") {
+  const RadarProfile p = parse_profile(stock, "x.cfg");
+  CHECK(p.adc_samples == 256);
+  CHECK(p.bins == 256);
+  CHECK(p.antennas == 12);
+  CHECK(p.range_step_m == Approx(3.0e8 * 12.5e6 / (2 * 166e12 * 256)).epsilon(1e-14));
+  CHECK(p.frame_period_s == 0.1);
+  CHECK(p.range_profile_on);
+  CHECK(p.warnings.empty());
+  CHECK(same_axis(radar_axis(p), Axis{"radar", "log2_q8", "m", 256, 0, p.range_step_m, 12}));
+}
+
+TEST_CASE("only chirps of the frame count, bins are the next power of two, 12 x 1024 is 1022") {
+  CHECK(parse_profile(with("frameCfg 0 2", "frameCfg 0 1"), "").antennas == 8);
+  CHECK(parse_profile(with("channelCfg 15 7", "channelCfg 5 5"), "").antennas == 4);
+  const RadarProfile odd = parse_profile(with("1 256 12500", "1 240 12500"), "");
+  CHECK(odd.bins == 256);
+  CHECK(odd.range_step_m == parse_profile(stock, "").range_step_m);
+  const RadarProfile big = parse_profile(with("1 256 12500", "1 1024 12500"), "");
+  CHECK(big.bins == 1022);
+  CHECK(big.range_step_m == Approx(3.0e8 * 12.5e6 / (2 * 166e12 * 1024)).epsilon(1e-14));
+}
+
+TEST_CASE("lines to send: verbatim but for CR, blank lines and comments") {
+  const auto lines = command_lines("a  b \r\n\r\n% c\n  % d\n  e\n\nf");
+  REQUIRE(lines.size() == 3);
+  CHECK(lines[0].text == "a  b ");
+  CHECK(lines[1].text == "  e");
+  CHECK(lines[1].number == 5);
+  CHECK(lines[2].text == "f");
+  CHECK(lines[2].number == 7);
+}
+
+TEST_CASE("errors name the line of the cfg") {
+  CHECK(refusal("") == "x.cfg: has no profileCfg");
+  CHECK(refusal(with("sensorStart", "")) == "x.cfg: has no sensorStart");
+  CHECK(refusal(with("guiMonitor -1 1 1 0 0 0 1\r\n", "")) == "x.cfg: has no guiMonitor");
+  CHECK(refusal(with("1 256 12500 0 0 30", "1 256")) ==
+        "x.cfg:5: profileCfg needs at least 11 numbers, has 10");
+  CHECK(refusal(with("1 256 12500", "1 256 fast")) == "x.cfg:5: profileCfg 'fast' is not a number");
+  CHECK(refusal(with("166 1 256", "0 1 256")) ==
+        "x.cfg:5: profileCfg the frequency slope must be above 0");
+  CHECK(refusal(with("1 256 12500", "1 25.5 12500")) ==
+        "x.cfg:5: profileCfg '25.5' should be a whole number from 2 to 2048");
+  CHECK(refusal(with("frameCfg 0 2", "frameCfg 5 6")) ==
+        "x.cfg:9: frameCfg uses no chirp with an enabled transmitter");
+  CHECK(refusal(with("0 100 1 0", "0 0 1 0")) ==
+        "x.cfg:9: frameCfg the frame period must be above 0");
+  CHECK_THAT(refusal(with("% a comment", "calib " + std::string(300, '1'))),
+             Catch::StartsWith("x.cfg:1: calib line has 306 characters"));
+}
+
+TEST_CASE("what will disappoint is told") {
+  const auto warnings = [](const std::string& text) {
+    return parse_profile(text, "x.cfg").warnings;
+  };
+  CHECK_THAT(warnings(with("-1 1 1 0", "-1 1 0 0")).at(0),
+             Catch::StartsWith("x.cfg:10: guiMonitor does not send the range profile"));
+  CHECK_FALSE(parse_profile(with("-1 1 1 0", "-1 1 0 0"), "").range_profile_on);
+  CHECK_THAT(warnings(with("0 0 1\r\nsensorStart", "0 0 2\r\nsensorStart")).at(0),
+             Catch::Contains("flags other than 0 and 1"));
+  CHECK_THAT(warnings(with("sensorStart", "clutterRemoval -1 1\nsensorStart")).at(0),
+             Catch::StartsWith("x.cfg:11: clutterRemoval"));
+  CHECK_THAT(warnings(with("sensorStart", "configDataPort 460800 0\nsensorStart")).at(0),
+             Catch::Contains("460800"));
+}
+
+TEST_CASE("codes and powers are inverse, and doubling the magnitude is 6.02 dB") {
+  for (const double antennas : {1.0, 4.0, 8.0, 12.0})
+    for (double code = 1; code < 12'000; code += 37)
+      CHECK(code_from_power(power_from_code(code, antennas), antennas) ==
+            Approx(code).epsilon(1e-12));
+  CHECK(power_from_code(256, 8) == Approx(4.0));
+  CHECK(power_from_code(256 * 3 / 4.0, 12) == Approx(4.0));  // 12 antennas: sum / 16
+  CHECK(power_from_code(0, 12) == 1);
+  CHECK(code_from_power(0.2, 12) == 0);
+  CHECK(code_from_power(0, 12) == 0);
+  // The CFAR threshold of the SDK: code = dB * 256/6 * antennas / 2^ceil(log2 antennas).
+  CHECK(code_from_power(1e6, 12) == Approx(60 * 256 / 6.0206 * 12 / 16).epsilon(1e-5));
+}

@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: MIT
+// The radar driver over real pseudo-terminals, with as much of the firmware behind them as it
+// takes.
+#include <pty.h>
+#include <unistd.h>
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/posix/stream_descriptor.hpp>
+#include <boost/asio/write.hpp>
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <map>
+
+#include "drivers/make_driver.hpp"
+#include "hex.hpp"
+#include "sink.hpp"
+
+using namespace echofuse;
+using test::run_for;
+using test::run_until;
+
+namespace {
+
+const std::string cfg =
+    "sensorStop\n"
+    "flushCfg\n"
+    "channelCfg 15 7 0\n"
+    "profileCfg 0 60 7 3 24 0 0 166 1 256 12500 0 0 30\n"
+    "chirpCfg 0 0 0 0 0 0 0 1\n"
+    "frameCfg 0 0 32 0 100 1 0\n"
+    "guiMonitor -1 0 1 0 0 0 1\n"
+    "sensorStart\n";
+
+// One end of a line; the other is published under a name.
+class Line {
+ public:
+  Line(boost::asio::io_context& io, const std::string& link) : master_(io), link_(link) {
+    int master = -1;
+    char name[128];
+    REQUIRE(openpty(&master, &slave_, name, nullptr, nullptr) == 0);
+    termios raw;
+    tcgetattr(slave_, &raw);
+    cfmakeraw(&raw);
+    tcsetattr(slave_, TCSANOW, &raw);
+    master_.assign(master);
+    std::filesystem::create_symlink(name, link_);
+  }
+  ~Line() {
+    ::close(slave_);
+    std::filesystem::remove(link_);
+  }
+  Line(const Line&) = delete;
+  Line& operator=(const Line&) = delete;
+  void send(ByteView bytes) {
+    boost::asio::write(master_, boost::asio::buffer(bytes.data(), bytes.size()));
+  }
+  void receive(std::function<void(ByteView)> handler) {
+    master_.async_read_some(boost::asio::buffer(buffer_),
+                            [this, handler](const boost::system::error_code& error, std::size_t n) {
+                              if (error) return;
+                              handler(ByteView(buffer_).first(n));
+                              receive(handler);
+                            });
+  }
+
+ private:
+  boost::asio::posix::stream_descriptor master_;
+  std::string link_;
+  int slave_ = -1;  // kept open, as a board keeps its end of the wire
+  std::array<std::uint8_t, 256> buffer_{};
+};
+
+// Echo, answer, prompt. Unknown lines are answered with Done.
+struct Board {
+  Board(boost::asio::io_context& io, const std::string& dir)
+      : cli(io, dir + "/cli"), data(io, dir + "/data") {
+    cli.receive([this](ByteView bytes) {
+      for (const std::uint8_t byte : bytes) {
+        if (byte != '\n') {
+          line += static_cast<char>(byte);
+          continue;
+        }
+        lines.push_back(line);
+        const auto it = answers.find(line);
+        const std::string verdict = it != answers.end() ? it->second
+                                    : line.empty()      ? ""
+                                                        : "Done\n\r";
+        cli.send(test::view_of(line + "\r\n" + verdict + "mmwDemo:/>"));
+        line.clear();
+      }
+    });
+  }
+  bool configured() const { return !lines.empty() && lines.back() == "sensorStart"; }
+
+  Line cli, data;
+  std::string line;
+  std::vector<std::string> lines;
+  std::map<std::string, std::string> answers;
+};
+
+struct Bench {
+  Bench()
+      : dir((std::filesystem::temp_directory_path() /
+             ("echofuse-radar-" + std::to_string(::getpid())))
+                .string()) {
+    std::filesystem::remove_all(dir);
+    std::filesystem::create_directory(dir);
+  }
+  ~Bench() { std::filesystem::remove_all(dir); }
+  std::unique_ptr<Driver> make() {
+    return make_radar(io, {"serial:" + dir + "/cli", "serial:" + dir + "/data", cfg, "x.cfg"},
+                      clock);
+  }
+
+  std::string dir;
+  boost::asio::io_context io;
+  SystemClock clock;
+  test::KeepingSink sink;
+  std::vector<Bytes> golden = test::read_golden("radar.hex");
+};
+
+}  // namespace
+
+TEST_CASE("the cfg goes to the board verbatim, then frames come") {
+  Bench b;
+  Board board(b.io, b.dir);
+  board.answers["version"] = "mmWave SDK Version      : 03.05.00.04\n\rDone\n\r";
+  board.data.send(test::view_of("bytes of yesterday"));  // flushed when the port is opened
+  const auto driver = b.make();
+  driver->start(b.sink);
+  REQUIRE(run_until(b.io, [&] { return board.configured(); }));
+  const std::vector<std::string> expected{"",
+                                          "version",
+                                          "sensorStop",
+                                          "flushCfg",
+                                          "channelCfg 15 7 0",
+                                          "profileCfg 0 60 7 3 24 0 0 166 1 256 12500 0 0 30",
+                                          "chirpCfg 0 0 0 0 0 0 0 1",
+                                          "frameCfg 0 0 32 0 100 1 0",
+                                          "guiMonitor -1 0 1 0 0 0 1",
+                                          "sensorStart"};
+  CHECK(board.lines == expected);
+  REQUIRE(run_until(b.io, [&] { return test::counter(*driver, "configured") == 1; }));
+  CHECK(b.sink.state() == DeviceState::connecting);
+  board.data.send(test::join(b.golden));
+  REQUIRE(run_until(b.io, [&] { return b.sink.radar.size() == 3; }));
+  CHECK(b.sink.state() == DeviceState::streaming);
+  CHECK(b.sink.info.firmware == "mmWave SDK 03.05.00.04");
+  REQUIRE(b.sink.info.axes.size() == 1);
+  CHECK(b.sink.info.axes[0].count == 256);
+  CHECK(b.sink.info.axes[0].scale == 4);
+  CHECK(b.sink.radar[2].frame_number == 213);
+  CHECK(b.sink.radar[2].lost_before == 2);
+  CHECK(test::counter(*driver, "junk_bytes") == 0);
+  CHECK(test::counter(*driver, "lost_frames") == 2);
+  driver->stop();
+  board.data.send(b.golden[0]);
+  const std::size_t calls = b.sink.calls();
+  run_for(b.io, std::chrono::milliseconds(50));
+  CHECK(b.sink.calls() == calls);
+}
+
+TEST_CASE("a board that vanishes is found and configured again") {
+  Bench b;
+  auto board = std::make_unique<Board>(b.io, b.dir);
+  const auto driver = b.make();
+  driver->start(b.sink);
+  REQUIRE(run_until(b.io, [&] { return test::counter(*driver, "configured") == 1; }));
+  board->data.send(b.golden[0]);
+  board->data.send(ByteView(b.golden[1]).first(50));
+  REQUIRE(run_until(b.io, [&] { return b.sink.radar.size() == 1; }));
+  board.reset();
+  REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::faulted; }));
+  run_for(b.io, std::chrono::milliseconds(150));
+  Board replaced(b.io, b.dir);
+  REQUIRE(run_until(b.io, [&] { return test::counter(*driver, "configured") == 2; }));
+  replaced.data.send(b.golden[2]);
+  REQUIRE(run_until(b.io, [&] { return b.sink.radar.size() == 2; }));
+  CHECK(b.sink.state() == DeviceState::streaming);
+  CHECK(test::counter(*driver, "truncated_frames") == 1);
+}
+
+TEST_CASE("a refused line is told with its place in the cfg, once") {
+  Bench b;
+  Board board(b.io, b.dir);
+  board.answers["frameCfg 0 0 32 0 100 1 0"] = "Error -1\n\r";
+  const auto driver = b.make();
+  driver->start(b.sink);
+  REQUIRE(run_until(b.io, [&] { return test::counter(*driver, "connections") == 2; }));
+  CHECK(b.sink.state() == DeviceState::faulted);
+  CHECK(b.sink.events == std::vector<std::string>{"x.cfg:6: frameCfg 0 0 32 0 100 1 0: Error -1"});
+}
+
+TEST_CASE("a silent data port is a fault, and the cfg is sent again") {
+  Bench b;
+  Board board(b.io, b.dir);
+  const auto driver = b.make();
+  driver->start(b.sink);
+  REQUIRE(run_until(b.io, [&] { return test::counter(*driver, "configured") == 2; }));
+  CHECK(b.sink.events == std::vector<std::string>{"no frames on the data port"});
+}
+
+TEST_CASE("a port that is not there is told with its name") {
+  Bench b;
+  const auto driver = b.make();
+  driver->start(b.sink);
+  REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::faulted; }));
+  CHECK_THAT(b.sink.events.at(0), Catch::Contains(b.dir + "/cli: open: No such file or directory"));
+}

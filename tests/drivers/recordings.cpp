@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: MIT
+// Recordings of real devices, made by others: they are not part of the repository. Without them
+// this program exits with 77, which ctest shows as skipped.
+#define CATCH_CONFIG_RUNNER
+#include <catch2/catch.hpp>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <iterator>
+
+#include "drivers/radar/frame_parser.hpp"
+
+using namespace echofuse;
+
+namespace {
+
+std::filesystem::path data_folder() {
+  const char* set = std::getenv("ECHOFUSE_DATA");
+  return set ? std::filesystem::path(set)
+             : std::filesystem::path(ECHOFUSE_SOURCE_DIR) / ".." / "shared" / "data";
+}
+
+Bytes read(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  REQUIRE(file);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// IWR6843, SDK 3.3 out-of-box demo, from TI's industrial toolbox 4.7.
+const char* const automated_doors = "ti-radar/xwr68xx_oob_automated_doors.dat";
+
+}  // namespace
+
+TEST_CASE("automated doors: 101 frames, nothing lost, whatever the pieces") {
+  const Bytes bytes = read(data_folder() / automated_doors);
+  REQUIRE(bytes.size() == 79'360);
+  for (const std::size_t piece :
+       {bytes.size(), std::size_t{1}, std::size_t{63}, std::size_t{4096}}) {
+    radar::FrameParser parser;
+    std::uint32_t number = 209, cycles = 0;
+    const auto check = [&](const RadarFrame& frame) {
+      REQUIRE(frame.frame_number == number++);
+      REQUIRE(frame.range_profile.size() == 256);
+      REQUIRE(frame.lost_before == 0);
+      REQUIRE(frame.stats);
+      // 100 ms at 200 MHz, within 2 ms
+      if (cycles)
+        REQUIRE(std::abs(static_cast<int>(frame.time_cpu_cycles - cycles) - 20'000'000) < 400'000);
+      cycles = frame.time_cpu_cycles;
+    };
+    for (std::size_t at = 0; at < bytes.size(); at += piece)
+      parser.feed(ByteView(bytes).subspan(at, std::min(piece, bytes.size() - at)), HostTime{},
+                  check);
+    parser.finish(check);
+    const radar::FrameCounts& c = parser.counts();
+    CHECK(c.frames == 101);
+    CHECK(c.range_profiles == 101);
+    CHECK(c.first_frame_number == 209u);
+    CHECK(c.last_frame_number == 309u);
+    CHECK(c.frame_bytes == bytes.size());
+    CHECK(c.other_tlvs == 198);
+    CHECK(c.junk_bytes + c.truncated_frames + c.bad_headers + c.bad_tlvs + c.resyncs +
+              c.lost_frames ==
+          0);
+  }
+}
+
+int main(int argc, char** argv) {
+  if (!std::filesystem::exists(data_folder() / automated_doors)) {
+    std::cout << "skipped: no " << automated_doors << " below " << data_folder().lexically_normal()
+              << " (set ECHOFUSE_DATA)\n";
+    return 77;
+  }
+  return Catch::Session().run(argc, argv);
+}

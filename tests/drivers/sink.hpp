@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+#include <boost/asio/io_context.hpp>
+#include <chrono>
+#include <string>
+#include <vector>
+
+#include "drivers/core/driver.hpp"
+
+namespace echofuse::test {
+
+// Keeps what a driver says.
+struct KeepingSink : SampleSink {
+  void on_tags(const TagBlock& block) override {
+    blocks.push_back(block);
+    tags.insert(tags.end(), block.tags.begin(), block.tags.end());
+    blocks.back().tags = {};
+  }
+  void on_radar(RadarFrame frame) override { radar.push_back(std::move(frame)); }
+  void on_depth(DepthFrame frame) override { depth.push_back(std::move(frame)); }
+  void on_state(Sensor, DeviceState state, const DeviceInfo& device) override {
+    states.push_back(state);
+    info = device;
+  }
+  void on_event(Sensor, Severity, const std::string& text) override { events.push_back(text); }
+
+  DeviceState state() const { return states.empty() ? DeviceState::ended : states.back(); }
+  std::size_t calls() const {
+    return blocks.size() + radar.size() + depth.size() + states.size() + events.size();
+  }
+
+  std::vector<TagBlock> blocks;
+  std::vector<Tag> tags;
+  std::vector<RadarFrame> radar;
+  std::vector<DepthFrame> depth;
+  std::vector<DeviceState> states;
+  std::vector<std::string> events;
+  DeviceInfo info;
+};
+
+// Runs the io context until the condition holds; false after `limit`.
+template <class Condition>
+bool run_until(boost::asio::io_context& io, Condition condition,
+               std::chrono::milliseconds limit = std::chrono::seconds(10)) {
+  const auto end = std::chrono::steady_clock::now() + limit;
+  while (!condition()) {
+    if (std::chrono::steady_clock::now() > end) return false;
+    io.restart();
+    io.run_one_for(std::chrono::milliseconds(20));
+  }
+  return true;
+}
+
+inline void run_for(boost::asio::io_context& io, std::chrono::milliseconds time) {
+  run_until(
+      io, [] { return false; }, time);
+}
+
+inline std::uint64_t counter(const Driver& driver, const std::string& name) {
+  for (const Counter& c : driver.counters())
+    if (c.name == name) return c.value;
+  throw std::runtime_error("no counter " + name);
+}
+
+}  // namespace echofuse::test
