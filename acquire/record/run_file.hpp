@@ -6,7 +6,9 @@
 //   run, device, calibration, axis, record, event, anchor: see schema.hpp
 //   record.spd u32 LE counts | radar f32 LE | depth 16-bit grey PNG, millimetres
 #pragma once
+#include <array>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -61,6 +63,16 @@ struct Event {
   std::string utc, level, source, text;
 };
 
+// A run in numbers, without reading the sensors' data.
+struct RunSummary {
+  std::int64_t records = 0, all_valid = 0;         // all_valid: of records with all three sensors
+  std::array<std::int64_t, sensor_count> valid{};  // records with a valid SPD, radar, depth
+  std::array<std::int64_t, sensor_count> lost{};   // tags, radar frames, depth frames
+  std::int64_t tags = 0;
+  UtcTime first_utc{}, last_utc{};                     // start of the first slot, end of the last
+  std::map<std::string, std::int64_t> labels, events;  // records by label, events by level
+};
+
 // Reads closed, live and crashed runs alike.
 class RunReader {
  public:
@@ -78,6 +90,7 @@ class RunReader {
   std::vector<Axis> axes() const;
   std::optional<Axis> axis(const std::string& name) const;
   std::int64_t count() const;
+  RunSummary summary() const;
   // Records in index order from `first` on; the callback returns false to stop. A record whose
   // blobs do not fit the axes or hold non-finite values throws Error naming the record, or, with
   // `on_bad`, is handed there and skipped.

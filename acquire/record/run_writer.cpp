@@ -177,17 +177,17 @@ void RunWriter::insert(const FusedRecord& r) {
       .bind(std::int64_t{r.slot_end.count()})
       .bind(std::int64_t{r.slot_utc.count()})
       .bind(std::int64_t{r.valid})
-      .bind(r.label)
-      .bind(r.has(Sensor::spd) ? as_bytes(r.spd) : ByteView{})
-      .bind(r.has(Sensor::radar) ? as_bytes(r.radar) : ByteView{})
-      .bind(ByteView{png});
+      .bind(r.label);
   const SpdCounts& c = r.spd_counts;
   for (const std::uint64_t v :
        {c.tags, c.starts, c.in_range, c.out_of_range, c.without_start, c.other, c.lost})
     s.bind(v);
   for (const SensorSync& y : r.sync)
     s.bind(y.offset_s).bind(y.span_s).bind(y.used).bind(y.lost).bind(y.verdict);
-  s.run();
+  s.bind(r.has(Sensor::spd) ? as_bytes(r.spd) : ByteView{})
+      .bind(r.has(Sensor::radar) ? as_bytes(r.radar) : ByteView{})
+      .bind(ByteView{png})
+      .run();
 }
 
 void RunWriter::in_transaction(const std::function<void()>& body) {
@@ -217,6 +217,8 @@ void RunWriter::append(std::span<const FusedRecord> batch) {
 
 void RunWriter::close(const std::string& status) {
   const SystemClock clock;
+  // Empties the WAL: on a full disk this makes the room that the status needs.
+  sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);
   Statement(db_, path_, "UPDATE run SET status = ?, ended_utc = ?")
       .bind(status)
       .bind(iso8601(clock.utc()))

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The tables of a run file, version 1. Times: *_ns are host monotonic nanoseconds, utc is ISO 8601.
+// The tables of a run file, version 1. A record's blobs stand last, so that its other columns are
+// read without walking through them. Times: *_ns are host monotonic nanoseconds, utc is ISO 8601.
 #pragma once
 
 namespace echofuse::record {
@@ -18,14 +19,14 @@ CREATE TABLE axis (name TEXT PRIMARY KEY, quantity TEXT, unit TEXT, count INTEGE
 CREATE TABLE event (id INTEGER PRIMARY KEY, utc TEXT, level TEXT, source TEXT, text TEXT);
 CREATE TABLE anchor (mono_ns INTEGER, utc_ns INTEGER);
 CREATE TABLE record (idx INTEGER PRIMARY KEY, slot_start_ns INTEGER, slot_end_ns INTEGER,
-  slot_utc_ns INTEGER, valid INTEGER, label TEXT, spd BLOB, radar BLOB, depth BLOB,
+  slot_utc_ns INTEGER, valid INTEGER, label TEXT,
   tags INTEGER, starts INTEGER, in_range INTEGER, out_of_range INTEGER, without_start INTEGER,
   other INTEGER, tags_lost INTEGER,
   spd_offset_s REAL, spd_span_s REAL, spd_used INTEGER, spd_lost INTEGER, spd_verdict TEXT,
   radar_offset_s REAL, radar_span_s REAL, radar_used INTEGER, radar_lost INTEGER,
   radar_verdict TEXT,
   depth_offset_s REAL, depth_span_s REAL, depth_used INTEGER, depth_lost INTEGER,
-  depth_verdict TEXT);
+  depth_verdict TEXT, spd BLOB, radar BLOB, depth BLOB);
 )";
 
 }  // namespace echofuse::record

@@ -7,6 +7,7 @@
 #include <cassert>
 #include <cmath>
 #include <fstream>
+#include <iterator>
 #include <sstream>
 
 namespace echofuse {
@@ -182,10 +183,10 @@ void Settings::read_text(const std::string& text, const std::string& name) {
 
 void Settings::read_file(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
-  std::ostringstream text;
-  if (!in || !(text << in.rdbuf()))
+  const std::string text{std::istreambuf_iterator<char>(in), {}};
+  if (!in.is_open() || in.bad())
     throw Error(ExitCode::config, path + ": cannot read; expected a TOML file");
-  read_text(text.str(), path);
+  read_text(text, path);
 }
 
 void Settings::set(const std::string& assignment) {

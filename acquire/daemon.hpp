@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: MIT
+// The `run` command: devices -> windows -> run file, in real time.
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "acquire/config.hpp"
+#include "drivers/core/clock.hpp"
+
+namespace echofuse::acquire {
+
+struct RunOptions {
+  std::string out;                    // the run file to make
+  std::optional<std::int64_t> count;  // slots; none: until interrupted
+  bool quiet = false;
+};
+
+// Returns when the run is closed: after `count` slots, or with the slot that was running when
+// SIGINT or SIGTERM came. Throws Error: the file exists, no device answers, the disk fails.
+void record_run(const Config& config, const RunOptions& options, const Clock& clock);
+
+}  // namespace echofuse::acquire

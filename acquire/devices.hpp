@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: MIT
+// The drivers of a configuration, and what has been seen of each device.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "acquire/config.hpp"
+#include "drivers/core/driver.hpp"
+#include "drivers/core/exit_code.hpp"
+
+namespace echofuse::acquire {
+
+// Threading: the io thread only. Passes everything on to `next`, after taking note of it.
+class Devices final : private SampleSink {
+ public:
+  struct Seen {
+    bool configured = false;
+    DeviceState state = DeviceState::connecting;
+    DeviceInfo info;
+    std::uint64_t samples = 0;  // tags or frames
+    std::string last_event;     // why it does not stream, if it said so
+
+    bool delivers() const { return state == DeviceState::streaming && samples > 0; }
+  };
+
+  // Throws Error(config) for an address that cannot be. `io`, `clock` and `next` must outlive this.
+  Devices(boost::asio::io_context& io, const Config& config, const Clock& clock, SampleSink& next);
+  ~Devices() override;
+
+  void start();
+  void stop();
+  // Runs io until every configured device delivers, the time is up or the user interrupts.
+  void wait(double timeout_s);
+  const Seen& operator[](Sensor s) const { return seen_[static_cast<std::size_t>(s)]; }
+  // Asks it of every configured device.
+  bool all(const std::function<bool(const Seen&)>& predicate) const;
+  // "radar serial:/dev/ttyUSB0: faulted: no such file or directory"
+  std::string describe(Sensor s) const;
+
+ private:
+  void on_tags(const TagBlock& block) override;
+  void on_radar(RadarFrame frame) override;
+  void on_depth(DepthFrame frame) override;
+  void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;
+  void on_event(Sensor sensor, Severity severity, const std::string& text) override;
+  Seen& seen(Sensor s) { return seen_[static_cast<std::size_t>(s)]; }
+
+  boost::asio::io_context& io_;
+  SampleSink& next_;
+  std::array<Seen, sensor_count> seen_;
+  std::array<std::unique_ptr<Driver>, sensor_count> drivers_;
+};
+
+inline constexpr Sensor all_sensors[] = {Sensor::spd, Sensor::radar, Sensor::depth};
+
+// The `devices` command: waits as `run` does, prints what answers. Device code if one does not.
+ExitCode check_devices(const Config& config, const Clock& clock, bool json);
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/info.hpp"
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "acquire/record/run_file.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json by_sensor(const std::array<std::int64_t, sensor_count>& values) {
+  return {{"spd", values[0]}, {"radar", values[1]}, {"depth", values[2]}};
+}
+
+Json to_json(const record::RunReader& run) {
+  const record::RunInfo info = run.info();
+  const record::RunSummary sum = run.summary();
+  Json axes = Json::array(), devices = Json::array();
+  for (const Axis& a : run.axes())
+    axes.push_back({{"name", a.name},
+                    {"quantity", a.quantity},
+                    {"unit", a.unit},
+                    {"count", a.count},
+                    {"start", a.start},
+                    {"step", a.step},
+                    {"scale", a.scale}});
+  for (const DeviceInfo& d : run.devices())
+    devices.push_back({{"sensor", name_of(d.sensor)},
+                       {"address", d.address},
+                       {"model", d.model},
+                       {"serial", d.serial},
+                       {"firmware", d.firmware}});
+  return {{"file", run.path()},
+          {"uuid", info.uuid},
+          {"status", info.status},
+          {"records", sum.records},
+          {"all_valid", sum.all_valid},
+          {"valid", by_sensor(sum.valid)},
+          {"lost", by_sensor(sum.lost)},
+          {"tags", sum.tags},
+          {"labels", sum.labels},
+          {"events", sum.events},
+          {"window_s", info.window_s},
+          {"started_utc", info.started_utc},
+          {"ended_utc", info.ended_utc},
+          {"first_slot_utc", sum.records > 0 ? iso8601(sum.first_utc) : ""},
+          {"last_slot_end_utc", sum.records > 0 ? iso8601(sum.last_utc) : ""},
+          {"version", info.version},
+          {"host", info.host},
+          {"operator", info.operator_name},
+          {"notes", info.notes},
+          {"axes", axes},
+          {"devices", devices}};
+}
+
+std::string word(const Json& value) {
+  if (value.is_string()) return value.get<std::string>();
+  if (!value.is_number_float()) return value.dump();
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value.get<double>());
+  return text;
+}
+
+// {"a": 1, "b": 2} -> "a 1, b 2"
+std::string list(const Json& object) {
+  std::string text;
+  for (const auto& [key, value] : object.items())
+    text += (text.empty() ? "" : ", ") + (key.empty() ? std::string("(none)") : key) + " " +
+            word(value);
+  return text;
+}
+
+std::string to_text(const Json& j) {
+  std::string out =
+      word(j["file"]) + ": " + word(j["records"]) + " records, " + word(j["status"]) + "\n";
+  const auto line = [&](const char* name, const std::string& value) {
+    if (!value.empty())
+      out +=
+          "  " + std::string(name) + std::string(10 - std::string(name).size(), ' ') + value + "\n";
+  };
+  if (j["records"] > 0)
+    line("slots", word(j["first_slot_utc"]) + " to " + word(j["last_slot_end_utc"]) + ", " +
+                      word(j["window_s"]) + " s each");
+  line("valid", list(j["valid"]) + "; all three " + word(j["all_valid"]));
+  line("lost", list(j["lost"]) + "; tags " + word(j["tags"]));
+  line("labels", list(j["labels"]));
+  line("events", list(j["events"]));
+  for (const auto& a : j["axes"])
+    line("axis", word(a["name"]) + ": " + word(a["count"]) + " x " + word(a["step"]) + " " +
+                     word(a["unit"]) + " from " + word(a["start"]) + ", " + word(a["quantity"]));
+  for (const auto& d : j["devices"])
+    line("device", word(d["sensor"]) + ": " + word(d["model"]) + " " + word(d["serial"]) + " at " +
+                       word(d["address"]));
+  line("made by", "echofuse " + word(j["version"]) + " on " + word(j["host"]) +
+                      (word(j["operator"]).empty() ? "" : " by " + word(j["operator"])));
+  line("notes", word(j["notes"]));
+  return out;
+}
+
+}  // namespace
+
+std::string describe_run(const std::string& path, bool json) {
+  const Json description = to_json(record::RunReader(path));
+  return json ? description.dump(2) + "\n" : to_text(description);
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: MIT
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+
+#include "acquire/config.hpp"
+#include "acquire/daemon.hpp"
+#include "acquire/devices.hpp"
+#include "acquire/info.hpp"
+#include "acquire/record/export.hpp"
+#include "acquire/record/run_file.hpp"
+#include "acquire/replay.hpp"
+#include "drivers/core/console.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+constexpr const char* program = "echofuse-acquire";
+
+constexpr const char* footer =
+    "stdout is data, stderr is talk.\n"
+    "exit codes: 0 ok, 1 failed, 2 usage, 3 config, 4 device, 5 partial (some records "
+    "unreadable),\n"
+    "            6 disk, 130 interrupted (second Ctrl-C, or before the first slot)";
+
+struct Options {
+  std::string config = "lab.toml";
+  std::vector<std::string> assignments;
+  RunOptions run;
+  std::optional<std::string> label;
+  double duration_s = 0;
+  std::string file, to, radar;
+  std::optional<std::int64_t> record;
+  bool json = false, quiet = false, verbose = false;
+};
+
+void set_up_log(const Options& o) {
+  auto log = spdlog::stderr_color_mt(program);
+  // On a terminal a message first clears the status line.
+  log->set_pattern(isatty(STDERR_FILENO) ? "\r\033[K%H:%M:%S %^%l%$ %v"
+                                         : "%Y-%m-%dT%H:%M:%S.%e %l %v");
+  log->set_level(o.quiet     ? spdlog::level::err
+                 : o.verbose ? spdlog::level::debug
+                             : spdlog::level::info);
+  spdlog::set_default_logger(log);
+}
+
+Config load(const Options& o) { return load_config(o.config, o.assignments); }
+
+ExitCode run(Options& o) {
+  Config config = load(o);
+  if (o.label) config.label = *o.label;
+  if (o.duration_s > 0)
+    o.run.count = static_cast<std::int64_t>(std::ceil(o.duration_s / config.window_s - 1e-9));
+  std::filesystem::path out = std::filesystem::absolute(o.run.out);
+  if (!out.has_extension()) out += ".sqlite";
+  o.run.out = out.string();
+  o.run.quiet = o.quiet;
+  catch_interrupts();
+  record_run(config, o.run, SystemClock());
+  return ExitCode::ok;
+}
+
+ExitCode list_devices(const Options& o) {
+  catch_interrupts();
+  return check_devices(load(o), SystemClock(), o.json);
+}
+
+ExitCode show_config(const Options& o) {
+  std::fputs(load(o).resolved.c_str(), stdout);
+  return ExitCode::ok;
+}
+
+ExitCode info(const Options& o) {
+  std::fputs(describe_run(o.file, o.json).c_str(), stdout);
+  return ExitCode::ok;
+}
+
+ExitCode replay(const Options& o) {
+  std::fputs(replay_radar(o.radar, o.json).c_str(), stdout);
+  return ExitCode::ok;
+}
+
+ExitCode recover(const Options& o) {
+  std::printf("%lld records\n", static_cast<long long>(record::recover(o.file)));
+  return ExitCode::ok;
+}
+
+ExitCode export_run(const Options& o) {
+  const record::RunReader reader(o.file);
+  const std::string kind = std::filesystem::path(o.to).extension().string();
+  if (kind == ".csv" && o.record) {
+    record::export_csv(reader, *o.record, o.to);
+    return ExitCode::ok;
+  }
+  if (kind != ".h5" || o.record)
+    throw Error(ExitCode::usage,
+                "--to " + o.to + ": expected NAME.h5, or NAME.csv with --record N");
+  Progress progress("export", static_cast<std::size_t>(reader.count()), o.quiet);
+  const auto bad = record::export_h5(reader, o.to, [&](std::int64_t done, std::int64_t) {
+    progress.update(static_cast<std::size_t>(done));
+  });
+  if (bad == 0) return ExitCode::ok;
+  spdlog::error("{} records could not be read; they are marked in {}", bad, o.to);
+  return ExitCode::partial;
+}
+
+void add_config_options(CLI::App& command, Options& o) {
+  command.add_option("--config", o.config, "configuration (TOML)")->capture_default_str();
+  command.add_option("--set", o.assignments, "key=value, overrides the file; may be repeated")
+      ->allow_extra_args(false);
+}
+
+void add_talk_options(CLI::App& command, Options& o) {
+  command.add_flag("-q,--quiet", o.quiet, "no talk on stderr, errors only");
+  command.add_flag("-v,--verbose", o.verbose, "one line for every record on stderr");
+}
+
+void add_run(CLI::App& app, Options& o) {
+  auto* c = app.add_subcommand("run", "record fused records, one a slot, until Ctrl-C");
+  add_config_options(*c, o);
+  add_talk_options(*c, o);
+  c->add_option("--out", o.run.out, "run file to make; .sqlite is appended if it has no extension")
+      ->required();
+  auto* count = c->add_option("--count", o.run.count, "stop after this many slots")
+                    ->check(CLI::PositiveNumber);
+  const std::map<std::string, double> units{{"h", 3600}, {"m", 60}, {"min", 60}, {"s", 1}};
+  c->add_option("--duration", o.duration_s, "stop after this time: 2h, 30m, 10s")
+      ->transform(CLI::AsNumberWithUnit(units, CLI::AsNumberWithUnit::UNIT_REQUIRED))
+      ->check(CLI::PositiveNumber)
+      ->excludes(count);
+  c->add_option("--label", o.label, "label of every record, instead of run.label");
+}
+
+void add_file_commands(CLI::App& app, Options& o) {
+  auto* info = app.add_subcommand("info", "what is in a run file");
+  info->add_option("FILE", o.file)->required();
+  info->add_flag("--json", o.json);
+
+  auto* exporter = app.add_subcommand("export", "a run as HDF5, or one record as CSV");
+  exporter->add_option("FILE", o.file)->required();
+  exporter->add_option("--to", o.to, "NAME.h5, or NAME.csv with --record")->required();
+  exporter->add_option("--record", o.record, "index of the record for CSV");
+  exporter->add_flag("-q,--quiet", o.quiet, "no progress on stderr");
+
+  app.add_subcommand("recover", "check a run that a crash left open, and mark it as crashed")
+      ->add_option("FILE", o.file)
+      ->required();
+
+  auto* replay = app.add_subcommand("replay", "recorded device bytes through the live parser");
+  replay->add_option("--radar", o.radar, "recording of the radar's data port")->required();
+  replay->add_flag("--json", o.json);
+}
+
+ExitCode dispatch(const std::string& command, Options& o) {
+  set_up_log(o);
+  if (command == "run") return run(o);
+  if (command == "devices") return list_devices(o);
+  if (command == "config") return show_config(o);
+  if (command == "info") return info(o);
+  if (command == "export") return export_run(o);
+  if (command == "recover") return recover(o);
+  return replay(o);
+}
+
+int main(int argc, char** argv) {
+  Options options;
+  CLI::App app("Records a single-photon detector, a radar and a depth camera into one run file.",
+               program);
+  app.set_version_flag("--version", std::string(program) + " " + version());
+  app.require_subcommand(0, 1);
+  app.footer(footer);
+  add_run(app, options);
+  auto* devices = app.add_subcommand("devices", "which of the configured devices answer");
+  add_config_options(*devices, options);
+  devices->add_flag("--json", options.json);
+  auto* config = app.add_subcommand("config", "look at the configuration");
+  config->require_subcommand(1);
+  auto* show =
+      config->add_subcommand("show", "check it and print every key with value and meaning");
+  add_config_options(*show, options);
+  add_file_commands(app, options);
+  try {
+    app.parse(argc, argv);
+    if (app.get_subcommands().empty()) throw CLI::RequiredError("a command");
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : static_cast<int>(ExitCode::usage);
+  }
+  return run_main(program, [&] { return dispatch(app.get_subcommands()[0]->get_name(), options); });
+}
+
+}  // namespace
+}  // namespace echofuse::acquire
+
+int main(int argc, char** argv) { return echofuse::acquire::main(argc, argv); }

@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/record/export.hpp"
+
+#include <unistd.h>
+
+#include <fstream>
+#include <limits>
+#include <utility>
+
+#include "acquire/record/h5.hpp"
+#include "drivers/core/exit_code.hpp"
+
+namespace echofuse::record {
+namespace {
+
+const std::string data = "/entry/data/";
+constexpr Sensor sensors[] = {Sensor::spd, Sensor::radar, Sensor::depth};
+
+std::vector<double> points(const Axis& axis) {
+  std::vector<double> all;
+  for (std::uint32_t i = 0; i < axis.count; ++i) all.push_back(axis.at(i));
+  return all;
+}
+
+void write_axis(H5File& out, const std::string& name, const Axis& axis) {
+  out.write(data + name, points(axis), {axis.count});
+  out.set(data + name, "units", axis.unit);
+  out.set(data + name, "quantity", axis.quantity);
+  out.set(data + name, "scale", axis.scale);
+}
+
+void write_head(H5File& out, const RunReader& run) {
+  const RunInfo info = run.info();
+  out.make_group("/entry");
+  out.set("/", "default", "entry");
+  out.set("/entry", "NX_class", "NXentry");
+  out.set("/entry", "default", "data");
+  const std::pair<const char*, std::string> texts[] = {{"title", info.notes},
+                                                       {"entry_identifier", info.uuid},
+                                                       {"start_time", info.started_utc},
+                                                       {"end_time", info.ended_utc},
+                                                       {"status", info.status},
+                                                       {"program_name", "echofuse " + info.version},
+                                                       {"operator", info.operator_name},
+                                                       {"configuration", info.config_resolved},
+                                                       {"radar_cfg", info.radar_cfg}};
+  for (const auto& [name, text] : texts) out.write_text(std::string("/entry/") + name, text);
+  for (const auto& device : run.devices()) {
+    const std::string group = std::string("/entry/instrument/") + name_of(device.sensor);
+    if (out.has(group)) continue;  // reconnected
+    out.make_group(group);
+    out.set(group, "NX_class", "NXdetector");
+    out.write_text(group + "/address", device.address);
+    out.write_text(group + "/model", device.model);
+    out.write_text(group + "/serial", device.serial);
+    out.write_text(group + "/firmware", device.firmware);
+  }
+}
+
+// The arrays of one sensor each, made for n records.
+class Arrays {
+ public:
+  Arrays(H5File& out, const RunReader& run, std::size_t n) : out_(out) {
+    out.make_group("/entry/data");
+    out.set("/entry/data", "NX_class", "NXdata");
+    out.set("/entry/data", "signal", "spd");
+    if (const auto spd = run.axis("spd")) {
+      out.allocate<std::uint32_t>(data + "spd", {n, spd->count});
+      out.set(data + "spd", "units", "counts");
+      write_axis(out, "spd_time", *spd);
+    }
+    if (const auto radar = run.axis("radar")) {
+      no_radar_.assign(radar->count, std::numeric_limits<float>::quiet_NaN());
+      out.allocate<float>(data + "radar", {n, radar->count});
+      out.set(data + "radar", "units", radar->quantity == "log2_q8" ? "log2_q8" : "1");
+      write_axis(out, "radar_range", *radar);
+    }
+    const auto x = run.axis("depth_x"), y = run.axis("depth_y");
+    if (x && y) {
+      out.allocate<std::uint16_t>(data + "depth", {n, y->count, x->count});
+      out.set(data + "depth", "units", "mm");
+      write_axis(out, "depth_x", *x);
+      write_axis(out, "depth_y", *y);
+    }
+  }
+  void write(std::size_t row, const FusedRecord& r) {
+    if (r.has(Sensor::spd)) out_.write_rows<std::uint32_t>(data + "spd", row, r.spd);
+    if (!no_radar_.empty())
+      out_.write_rows<float>(data + "radar", row, r.has(Sensor::radar) ? r.radar : no_radar_);
+    if (r.has(Sensor::depth)) out_.write_rows<std::uint16_t>(data + "depth", row, r.depth_mm);
+  }
+
+ private:
+  H5File& out_;
+  std::vector<float> no_radar_;
+};
+
+// Everything of a record but the sensors' data, gathered in memory.
+class Columns {
+ public:
+  void add(const FusedRecord& r) {
+    valid_.push_back(static_cast<std::uint8_t>(r.valid));
+    index_.push_back(r.index);
+    start_.push_back(r.slot_start.count());
+    end_.push_back(r.slot_end.count());
+    utc_.push_back(r.slot_utc.count());
+    label_.push_back(r.label);
+    for (std::size_t s = 0; s < sensor_count; ++s) {
+      sync_[s].offset.push_back(r.sync[s].offset_s);
+      sync_[s].span.push_back(r.sync[s].span_s);
+      sync_[s].used.push_back(r.sync[s].used);
+      sync_[s].lost.push_back(r.sync[s].lost);
+      sync_[s].verdict.push_back(r.sync[s].verdict);
+    }
+  }
+  void write(H5File& out) const {
+    put(out, data + "valid", valid_, "1");
+    put(out, data + "index", index_, "1");
+    put(out, data + "slot_start", start_, "ns");
+    put(out, data + "slot_end", end_, "ns");
+    put(out, data + "slot_utc", utc_, "ns");
+    out.write_texts(data + "label", label_);
+    for (const Sensor s : sensors) {
+      const Sync& sync = sync_[static_cast<std::size_t>(s)];
+      const std::string group = std::string("/entry/sync/") + name_of(s) + "/";
+      put(out, group + "offset", sync.offset, "s");
+      put(out, group + "span", sync.span, "s");
+      put(out, group + "used", sync.used, "1");
+      put(out, group + "lost", sync.lost, "1");
+      out.write_texts(group + "verdict", sync.verdict);
+    }
+  }
+
+ private:
+  struct Sync {
+    std::vector<double> offset, span;
+    std::vector<std::uint64_t> used, lost;
+    std::vector<std::string> verdict;
+  };
+  template <class T>
+  static void put(H5File& out, const std::string& name, const std::vector<T>& values,
+                  const std::string& units) {
+    out.write(name, values, {values.size()});
+    out.set(name, "units", units);
+  }
+
+  std::vector<std::uint8_t> valid_;
+  std::vector<std::int64_t> index_, start_, end_, utc_;
+  std::vector<std::string> label_;
+  Sync sync_[sensor_count];
+};
+
+std::int64_t write_h5(H5File& out, const RunReader& run,
+                      const std::function<void(std::int64_t, std::int64_t)>& progress) {
+  const std::int64_t total = run.count();  // a live run may grow meanwhile
+  std::int64_t done = 0, bad = 0;
+  write_head(out, run);
+  Arrays arrays(out, run, static_cast<std::size_t>(total));
+  Columns columns;
+  const auto add = [&](const FusedRecord& r) {
+    if (done == total) return false;
+    arrays.write(static_cast<std::size_t>(done), r);
+    columns.add(r);
+    ++done;
+    if (progress) progress(done, total);
+    return done < total;
+  };
+  run.for_each(add, std::numeric_limits<std::int64_t>::min(),
+               [&](std::int64_t index, const std::string& fault) {
+                 FusedRecord r;
+                 r.index = index;
+                 for (auto& sync : r.sync) sync.verdict = "unreadable: " + fault;
+                 bad += done < total;
+                 add(r);
+               });
+  columns.write(out);
+  out.close();
+  return bad;
+}
+
+}  // namespace
+
+std::int64_t export_h5(const RunReader& run, const std::string& path,
+                       const std::function<void(std::int64_t, std::int64_t)>& progress) {
+  H5File out = H5File::create(path);
+  try {
+    return write_h5(out, run, progress);
+  } catch (...) {
+    ::unlink(path.c_str());
+    throw;
+  }
+}
+
+void export_csv(const RunReader& run, std::int64_t index, const std::string& path) {
+  const FusedRecord r = run.read(index);
+  if (::access(path.c_str(), F_OK) == 0)
+    throw Error(ExitCode::failed, path + ": exists already; choose another name");
+  std::ofstream out(path);
+  out << "# record " << r.index << " of " << run.path() << ", label " << r.label
+      << "\n# spd: x = two-way time in ps, value = counts\n"
+         "# radar: x = range in m, value = as in the run's radar axis\n"
+         "# depth: x, y = tangents, value = mm, 0 = no return\nsensor,x,y,value\n";
+  const auto put_profile = [&](Sensor s, const auto& values) {
+    const auto axis = run.axis(name_of(s));
+    for (std::size_t i = 0; i < values.size(); ++i)
+      out << name_of(s) << "," << axis->at(static_cast<double>(i)) << ",," << values[i] << "\n";
+  };
+  put_profile(Sensor::spd, r.spd);
+  put_profile(Sensor::radar, r.radar);
+  const auto x = run.axis("depth_x"), y = run.axis("depth_y");
+  for (std::size_t i = 0; i < r.depth_mm.size(); ++i)
+    out << "depth," << x->at(static_cast<double>(i % x->count)) << ","
+        << y->at(static_cast<double>(i / x->count)) << "," << r.depth_mm[i] << "\n";
+  if (!out.flush()) throw Error(ExitCode::disk, path + ": cannot write");
+}
+
+}  // namespace echofuse::record

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: MIT
+// A run for other people's tools.
+//
+// HDF5, NeXus-like (NXentry / NXdata), units on every array; n records in the order of the run:
+//   /entry               title, entry_identifier, start_time, end_time, configuration, radar_cfg
+//   /entry/data          spd u32 [n, bins]  radar f32 [n, bins]  depth u16 [n, rows, columns] mm
+//                        and their axes spd_time (ps, start of each bin), radar_range (m),
+//                        depth_x, depth_y (tangents); valid u8 [n] (bit 0 SPD, 1 radar, 2 depth)
+//                        index, slot_start, slot_end, slot_utc i64 [n] (ns), label text [n]
+//   /entry/sync/SENSOR   offset, span (s), used, lost, verdict, each [n]
+//   /entry/instrument/SENSOR   address, model, serial, firmware
+// Where a sensor is not valid, spd and depth hold zeros and radar holds NaN.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "acquire/record/run_file.hpp"
+
+namespace echofuse::record {
+
+// Refuses a path that exists; leaves no file behind if it fails. A record that cannot be read is
+// exported without valid sensors, with the reason as its verdicts; returns how many there were.
+std::int64_t export_h5(
+    const RunReader& run, const std::string& path,
+    const std::function<void(std::int64_t done, std::int64_t total)>& progress = {});
+
+// One record as lines "sensor,x,y,value" under a "#" header that names the units.
+void export_csv(const RunReader& run, std::int64_t index, const std::string& path);
+
+}  // namespace echofuse::record

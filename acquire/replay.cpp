@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/replay.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "drivers/core/exit_code.hpp"
+#include "drivers/radar/frame_parser.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t chunk_bytes = 4096;  // as a serial port hands them out
+
+// What FrameCounts does not hold: sizes of the profiles, frames with the other known TLVs.
+struct Contents {
+  std::map<std::size_t, std::uint64_t> profiles_by_bins;
+  std::uint64_t stats = 0, temperatures = 0;
+};
+
+template <class Visit>
+void for_each_chunk(const std::string& path, const Visit& visit) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) throw Error(ExitCode::failed, path + ": cannot read: " + std::strerror(errno));
+  std::array<std::uint8_t, chunk_bytes> chunk;
+  while (in.read(reinterpret_cast<char*>(chunk.data()), chunk.size()), in.gcount() > 0)
+    visit(ByteView(chunk.data(), static_cast<std::size_t>(in.gcount())));
+  if (in.bad()) throw Error(ExitCode::failed, path + ": cannot read: " + std::strerror(errno));
+}
+
+Json to_json(const std::string& path, const radar::FrameCounts& c, const Contents& contents) {
+  Json bins = Json::object();
+  for (const auto& [size, frames] : contents.profiles_by_bins) bins[std::to_string(size)] = frames;
+  const auto number = [](const std::optional<std::uint32_t>& n) { return n ? Json(*n) : Json(); };
+  return {{"file", path},
+          {"bytes", c.bytes},
+          {"frames", c.frames},
+          {"frame_bytes", c.frame_bytes},
+          {"range_profiles", c.range_profiles},
+          {"range_profiles_by_bins", bins},
+          {"stats", contents.stats},
+          {"temperatures", contents.temperatures},
+          {"other_tlvs", c.other_tlvs},
+          {"junk_bytes", c.junk_bytes},
+          {"truncated_frames", c.truncated_frames},
+          {"truncated_bytes", c.truncated_bytes},
+          {"bad_headers", c.bad_headers},
+          {"bad_tlvs", c.bad_tlvs},
+          {"resyncs", c.resyncs},
+          {"lost_frames", c.lost_frames},
+          {"first_frame_number", number(c.first_frame_number)},
+          {"last_frame_number", number(c.last_frame_number)}};
+}
+
+std::string to_text(const Json& json) {
+  std::string out;
+  for (const auto& [key, value] : json.items()) {
+    std::string name = key;
+    std::replace(name.begin(), name.end(), '_', ' ');
+    name.resize(24, ' ');
+    out += name + (value.is_string() ? value.get<std::string>() : value.dump()) + "\n";
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string replay_radar(const std::string& path, bool json) {
+  radar::FrameParser parser;
+  Contents contents;
+  const auto on_frame = [&](const RadarFrame& frame) {
+    if (!frame.range_profile.empty()) ++contents.profiles_by_bins[frame.range_profile.size()];
+    contents.stats += frame.stats.has_value();
+    contents.temperatures += frame.temperature.has_value();
+  };
+  for_each_chunk(path, [&](ByteView chunk) { parser.feed(chunk, HostTime{}, on_frame); });
+  parser.finish(on_frame);
+  const Json counts = to_json(path, parser.counts(), contents);
+  return json ? counts.dump(2) + "\n" : to_text(counts);
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/writer.hpp"
+
+#include <utility>
+
+#include "drivers/core/exit_code.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+constexpr std::size_t hard_limit = 10;  // times the capacity
+constexpr const char* too_slow = "dropped: the disk does not keep up";
+
+void give_up_data(record::FusedRecord& record) {
+  for (std::size_t s = 0; s < sensor_count; ++s)
+    if ((record.valid >> s) & 1u) record.sync[s].verdict = too_slow;
+  record.valid = 0;
+  record.spd = {};
+  record.radar = {};
+  record.depth_mm = {};
+}
+
+}  // namespace
+
+Writer::Writer(std::unique_ptr<record::RunWriter> run, std::size_t capacity)
+    : run_(std::move(run)), capacity_(capacity), thread_([this] { work(); }) {}
+
+Writer::~Writer() { stop(); }
+
+bool Writer::put(record::FusedRecord record) {
+  bool room = false;
+  {
+    const std::lock_guard lock(mutex_);
+    room = queue_.size() < capacity_;
+  }
+  if (!room) give_up_data(record);
+  put([this, r = std::move(record)](record::RunWriter& run) {
+    run.append(r);
+    ++written_;
+  });
+  return room;
+}
+
+void Writer::put(Job job) {
+  const std::lock_guard lock(mutex_);
+  if (failed_) return;
+  if (queue_.size() < hard_limit * capacity_) {
+    queue_.push_back(std::move(job));
+  } else {
+    failure_ = std::make_exception_ptr(Error(ExitCode::disk, too_slow));
+    failed_ = true;
+  }
+  wake_.notify_one();
+}
+
+void Writer::work() {
+  std::unique_lock lock(mutex_);
+  while (!failed_) {
+    wake_.wait(lock, [this] { return ending_ || failed_ || !queue_.empty(); });
+    if (queue_.empty() || failed_) return;
+    const Job job = std::move(queue_.front());
+    queue_.pop_front();
+    lock.unlock();
+    std::exception_ptr failure;
+    try {
+      job(*run_);
+    } catch (...) {
+      failure = std::current_exception();
+    }
+    lock.lock();
+    if (failure && !failed_) failure_ = failure;
+    if (failure) failed_ = true;
+  }
+}
+
+void Writer::stop() {
+  {
+    const std::lock_guard lock(mutex_);
+    ending_ = true;
+  }
+  wake_.notify_one();
+  if (thread_.joinable()) thread_.join();
+}
+
+void Writer::finish(const std::string& status) {
+  stop();
+  if (!failed_) {
+    run_->close(status);
+    return;
+  }
+  try {
+    run_->close("stopped:disk");
+  } catch (const Error&) {  // the disk is what failed; the first reason is the one to tell
+  }
+  std::rethrow_exception(failure_);
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: MIT
+// The run file's own thread: what the daemon gathers goes to disk in order, and a slow disk never
+// blocks the devices.
+#pragma once
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+#include "acquire/record/run_file.hpp"
+
+namespace echofuse::acquire {
+
+// Threading: all members are for one thread. Jobs run on the writer's thread, which alone touches
+// the RunWriter; it ends at the first failed job, and finish() tells why.
+class Writer {
+ public:
+  using Job = std::function<void(record::RunWriter&)>;
+  static constexpr std::size_t default_capacity = 64;
+
+  explicit Writer(std::unique_ptr<record::RunWriter> run, std::size_t capacity = default_capacity);
+  ~Writer();  // without finish(): the run stays as a crash would leave it
+  Writer(const Writer&) = delete;
+  Writer& operator=(const Writer&) = delete;
+
+  // False if `capacity` jobs are waiting: then the record's data are given up, but its row is still
+  // written, with that verdict. Ten times as many jobs fail the writer.
+  bool put(record::FusedRecord record);
+  void put(Job job);
+
+  bool failed() const { return failed_; }
+  std::int64_t written() const { return written_; }
+  // Writes what is waiting and closes the run with this status, or with "stopped:disk" if a job
+  // failed; then throws that job's Error.
+  void finish(const std::string& status);
+
+ private:
+  void work();
+  void stop();
+
+  std::unique_ptr<record::RunWriter> run_;
+  const std::size_t capacity_;
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  std::deque<Job> queue_;  // guarded by mutex_
+  bool ending_ = false;    // guarded by mutex_
+  std::atomic<bool> failed_ = false;
+  std::atomic<std::int64_t> written_ = 0;
+  std::exception_ptr failure_;  // set before failed_, read after joining
+  std::thread thread_;
+};
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: MIT
+// echofuse-acquire as a user meets it: exit codes, one line of error, what it prints.
+#include <nlohmann/json.hpp>
+
+#include "testing.hpp"
+
+using namespace testing;
+
+namespace {
+
+using Json = nlohmann::json;
+
+void refuses(const std::string& arguments, int code, const std::string& saying) {
+  const Outcome o = acquire(arguments);
+  CAPTURE(arguments, o.text);
+  CHECK(o.code == code);
+  CHECK(has(o.text, saying));
+}
+
+Json json_of(const std::string& arguments) {
+  const Outcome o = acquire(arguments);
+  CAPTURE(arguments, o.text);
+  REQUIRE(o.code == 0);
+  return Json::parse(o.text);
+}
+
+}  // namespace
+
+TEST_CASE("help, version and usage errors") {
+  for (const char* command :
+       {"", "run", "devices", "config", "info", "export", "recover", "replay"}) {
+    const Outcome o = acquire(std::string(command) + " --help");
+    CHECK(o.code == 0);
+    CHECK(has(o.text, "exit codes"));
+  }
+  CHECK(has(acquire("--version").text, "echofuse-acquire "));
+  refuses("", 2, "command is required");
+  refuses("config", 2, "subcommand is required");
+  refuses("fly", 2, "fly");
+  refuses("run", 2, "--out is required");
+  refuses("run --out a --count 0", 2, "--count");
+  refuses("run --out a --count 3 --duration 2h", 2, "excludes");
+  refuses("run --out a --duration 10", 2, "--duration");
+  refuses("info --no-such-option x", 2, "--no-such-option");
+}
+
+TEST_CASE("files that are not there or not runs") {
+  const Folder folder;
+  write_file(folder / "text.sqlite", "no database");
+  for (const char* command : {"info ", "recover ", "export --to x.h5 "}) {
+    refuses(command + folder / "none.sqlite", 1, "none.sqlite: no such file");
+    refuses(command + folder / "text.sqlite", 1, "text.sqlite: not an echofuse run file");
+  }
+  refuses("replay --radar " + folder / "none.dat", 1, "none.dat: cannot read: No such file");
+}
+
+TEST_CASE("bad configurations and targets of a run") {
+  const Folder folder;
+  const std::string config = " --config " + folder / "lab.toml";
+  refuses("run --out " + folder / "a" + config, 3, "lab.toml: cannot read");
+  write_file(folder / "lab.toml", "[depth]\nadress = \"openni:\"\n");
+  refuses("run --out " + folder / "a" + config, 3,
+          "lab.toml:2:1: unknown key \"depth.adress\"; the nearest known one is \"depth.address\"");
+  write_file(folder / "lab.toml", "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n");
+  refuses("run --out " + folder / "a" + config + " --set tdc.address=carrier:pigeon", 3,
+          "carrier:pigeon");
+  write_file(folder / "a.sqlite", "precious");
+  refuses("run --out " + folder / "a" + config, 1, "a.sqlite: exists already");
+  refuses("run --out " + folder / "no/a" + config, 6, "its folder does not exist");
+  CHECK(fs::file_size(folder / "a.sqlite") == 8);
+  CHECK(has(acquire("config show" + config + " --set tdc.bins=99").text, "bins = 99"));
+}
+
+TEST_CASE("no device answers: one clear line each, and no file") {
+  const Folder folder;
+  write_file(folder / "lab.toml",
+             "[run]\nconnect_timeout_s = 0.3\n[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n"
+             "[radar]\ncli = \"serial:" +
+                 folder / "cli" + "\"\ndata = \"serial:" + folder / "data" +
+                 "\"\ncfg = \"" ECHOFUSE_SOURCE_DIR "/config/radar/xwr68xx_paper_50cm.cfg\"\n");
+  const std::string config = " --config " + folder / "lab.toml";
+  const Outcome o = acquire("run -q --out " + folder / "a" + config);
+  CAPTURE(o.text);
+  CHECK(o.code == 4);
+  CHECK(has(o.text, "\nspd bridge:tcp://127.0.0.1:9: faulted: "));
+  CHECK(has(o.text, "\nradar serial:" + folder / "cli" + ": faulted: "));
+  CHECK_FALSE(fs::exists(folder / "a.sqlite"));
+  const Outcome devices = acquire("devices --json" + config);
+  CHECK(devices.code == 4);
+  const Json list = Json::parse(devices.text);
+  REQUIRE(list.size() == 2);
+  CHECK(list[0]["answers"] == false);
+}
+
+TEST_CASE("info, recover and export of a run") {
+  const Folder folder;
+  const std::string run = folder / "a.sqlite";
+  write_run(run, 6);
+  const Json info = json_of("info --json " + run);
+  CHECK(info["records"] == 6);
+  CHECK(info["status"] == "complete");
+  CHECK(info["valid"] == Json{{"spd", 6}, {"radar", 6}, {"depth", 6}});
+  CHECK(info["lost"]["depth"] == 12);
+  CHECK(info["labels"] == Json{{"person", 3}, {"letter:A", 3}});
+  CHECK(info["axes"].size() == 4);
+  CHECK(info["window_s"] == 0.2);
+  CHECK(has(acquire("info " + run).text, "6 records, complete"));
+  CHECK(acquire("recover " + run).text == "6 records\n");
+  CHECK(acquire("export -q " + run + " --to " + folder / "a.h5").code == 0);
+  CHECK(fs::file_size(folder / "a.h5") > 1000);
+  CHECK(acquire("export " + run + " --record 2 --to " + folder / "a.csv").code == 0);
+  refuses("export -q " + run + " --to " + folder / "a.h5", 1, "a.h5: exists already");
+  refuses("export " + run + " --to " + folder / "a.txt", 2, "expected NAME.h5, or NAME.csv");
+  refuses("export " + run + " --to " + folder / "b.csv", 2, "with --record N");
+  refuses("export " + run + " --record 6 --to " + folder / "b.csv", 1, "no record 6");
+}
+
+TEST_CASE("the script in plain Python reads a run") {
+  const Folder folder;
+  write_run(folder / "a.sqlite", 3);
+  const Outcome o =
+      shell("python3 " ECHOFUSE_SOURCE_DIR "/scripts/read_run.py " + folder / "a.sqlite" + " 1");
+  CAPTURE(o.text);
+  CHECK(o.code == 0);
+  CHECK(has(o.text, "record 1  valid mask 7  label 'letter:A'"));
+  CHECK(has(o.text, "spd    828 counts in 8 bins, peak at 1.404e+04 ps: ok"));
+  CHECK(has(o.text, "radar  4 bins, peak at 1.5 m: ok"));
+  CHECK(has(o.text, "depth  3 x 2 pixels: ok"));
+}
+
+TEST_CASE("replay counts a recording's frames") {
+  const Folder folder;
+  // One frame of two bins: header 40, TLV 2 with 4 bytes, padded to 64; 3 bytes of junk in front.
+  const auto u32 = [](std::uint32_t v) { return std::string(reinterpret_cast<char*>(&v), 4); };
+  const std::string magic("\x02\x01\x04\x03\x06\x05\x08\x07", 8);
+  std::string frame = magic + u32(0x03050004) + u32(64) + u32(0xa6843) + u32(17) + u32(0) + u32(0) +
+                      u32(1) + u32(0) + u32(2) + u32(4) + std::string("\x01\x02\x03\x04", 4);
+  frame.resize(64, 'x');
+  write_file(folder / "r.dat", "abc" + frame + frame.substr(0, 50));
+  const Json counts = json_of("replay --json --radar " + folder / "r.dat");
+  CHECK(counts["frames"] == 1);
+  CHECK(counts["range_profiles"] == 1);
+  CHECK(counts["range_profiles_by_bins"] == Json{{"2", 1}});
+  CHECK(counts["junk_bytes"] == 3);
+  CHECK(counts["truncated_frames"] == 1);
+  CHECK(counts["first_frame_number"] == 17);
+  CHECK(counts["last_frame_number"] == 17);
+  CHECK(counts["bytes"] == 117);
+}

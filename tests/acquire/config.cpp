@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/config.hpp"
+
+#include "testing.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+using namespace testing;
+
+namespace {
+
+std::pair<ExitCode, std::string> refusal(const std::string& path,
+                                         const std::vector<std::string>& sets = {}) {
+  return error_of([&] { load_config(path, sets); });
+}
+
+}  // namespace
+
+TEST_CASE("the shipped configuration loads, with the radar cfg beside it") {
+  const Config config = load_config(ECHOFUSE_SOURCE_DIR "/config/lab.toml", {"run.window_s=0.5"});
+  CHECK(config.configured() == 7);
+  CHECK(config.window_s == 0.5);
+  CHECK(config.histogram.bins == 336);
+  CHECK(has(config.radar.cfg_text, "sensorStart"));
+  CHECK(has(config.text, "# The daemon's configuration"));
+  CHECK(has(config.resolved, "window_s = 0.5"));
+}
+
+TEST_CASE("what was resolved loads again") {
+  const Folder folder;
+  write_file(folder / "a.toml", "[depth]\naddress = \"openni:\"\n[tdc]\nclick_channel = 7\n");
+  const Config once = load_config(folder / "a.toml");
+  CHECK(once.configured() == 4);
+  write_file(folder / "b.toml", once.resolved);
+  const Config twice = load_config(folder / "b.toml");
+  CHECK(twice.resolved == once.resolved);
+  CHECK(twice.histogram.click_channel == 7);
+}
+
+TEST_CASE("all faults at once, each with its place") {
+  const Folder folder;
+  const std::string path = folder / "a.toml";
+  write_file(path, "[run]\nwindow = 3\n[tdc]\nbins = \"many\"\n[depth]\naddres = \"openni:\"\n");
+  const auto [code, text] = refusal(path);
+  CHECK(code == ExitCode::config);
+  CHECK(has(text,
+            path + ":2:1: unknown key \"run.window\"; the nearest known one is \"run.window_s\""));
+  CHECK(has(text, path + ":4:1: tdc.bins = 'many' does not fit; expected a whole number"));
+  CHECK(has(text, path + ":6:1: unknown key \"depth.addres\""));
+}
+
+TEST_CASE("what one key alone cannot show") {
+  const Folder folder;
+  const std::string path = folder / "a.toml";
+  SECTION("no device") {
+    write_file(path, "");
+    CHECK(has(refusal(path).second, path + ": no device; expected at least one of tdc.address"));
+  }
+  SECTION("a radar with one port and no cfg") {
+    write_file(path, "[radar]\ncli = \"serial:/dev/ttyACM0\"\n");
+    CHECK(has(refusal(path).second, "radar.cli and radar.data belong together"));
+    CHECK(has(refusal(path).second, "radar.cfg is empty"));
+  }
+  SECTION("a cfg that is not there, or cannot work") {
+    write_file(path, "[radar]\ncli = \"serial:/a\"\ndata = \"serial:/b\"\ncfg = \"r.cfg\"\n");
+    CHECK(has(refusal(path).second, folder / "r.cfg: cannot read"));
+    write_file(folder / "r.cfg", "sensorStop\nprofileCfg 0 60\n");
+    CHECK(has(refusal(path).second, folder / "r.cfg: has no frameCfg"));
+  }
+  SECTION("an impossible histogram") {
+    write_file(path, "[tdc]\naddress = \"bridge:tcp://h:1\"\nclick_channel = 1\n");
+    CHECK(has(refusal(path).second, "start and click are both channel 1"));
+  }
+  SECTION("a bad --set") {
+    write_file(path, "[depth]\naddress = \"openni:\"\n");
+    CHECK(has(refusal(path, {"tdc.bin=3"}).second, "nearest known one is \"tdc.bins\""));
+    CHECK(has(refusal(path, {"tdc.bins=0"}).second, "expected a whole number from 1"));
+  }
+  CHECK(refusal(path, {"tdc.bins=x"}).first == ExitCode::config);
+}

@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/record/run_file.hpp"
+
+#include <signal.h>
+#include <sqlite3.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <limits>
+#include <memory>
+
+#include "testing.hpp"
+
+using namespace echofuse;
+using namespace echofuse::record;
+using namespace testing;
+
+namespace {
+
+void sql(const std::string& path, const std::string& statement) {
+  sqlite3* db = nullptr;
+  REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
+  REQUIRE(sqlite3_exec(db, statement.c_str(), nullptr, nullptr, nullptr) == SQLITE_OK);
+  sqlite3_close(db);
+}
+
+void check_same(const FusedRecord& a, const FusedRecord& b) {
+  CHECK(a.index == b.index);
+  CHECK(a.slot_start == b.slot_start);
+  CHECK(a.slot_end == b.slot_end);
+  CHECK(a.slot_utc == b.slot_utc);
+  CHECK(a.valid == b.valid);
+  CHECK(a.label == b.label);
+  CHECK(a.spd == b.spd);
+  CHECK(a.radar == b.radar);
+  CHECK(a.depth_mm == b.depth_mm);
+  CHECK(a.spd_counts.tags == b.spd_counts.tags);
+  CHECK(a.spd_counts.in_range == b.spd_counts.in_range);
+  CHECK(a.spd_counts.lost == b.spd_counts.lost);
+  for (std::size_t s = 0; s < sensor_count; ++s) {
+    CHECK(a.sync[s].offset_s == b.sync[s].offset_s);
+    CHECK(a.sync[s].span_s == b.sync[s].span_s);
+    CHECK(a.sync[s].used == b.sync[s].used);
+    CHECK(a.sync[s].lost == b.sync[s].lost);
+    CHECK(a.sync[s].verdict == b.sync[s].verdict);
+  }
+}
+
+void put_axes(RunWriter& run) {
+  for (const auto& axis : small_axes()) run.put_axis(axis);
+}
+
+// Runs body in a child process; returns its pid. The child ends with code 0, or 1 if body throws.
+template <class Body>
+pid_t in_child(Body body) {
+  const pid_t child = fork();
+  if (child != 0) return child;
+  try {
+    body();
+  } catch (...) {
+    _exit(1);
+  }
+  _exit(0);
+}
+
+}  // namespace
+
+TEST_CASE("what is written is read, while writing and after closing") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  RunInfo info;
+  info.window_s = 0.2;
+  info.config_text = "[run]\n# a comment\n";
+  info.radar_cfg = "sensorStart\n";
+  info.operator_name = "Ada";
+  RunWriter run(path, info);
+  put_axes(run);
+  run.put_device({.sensor = Sensor::radar,
+                  .address = "serial:/dev/x",
+                  .model = "M",
+                  .serial = "7",
+                  .firmware = "3.5",
+                  .axes = {}});
+  run.put_event(UtcTime(0), Severity::warning, "radar", "no frames");
+  auto second = small_record(1);
+  second.valid = 5;
+  run.append(small_record(0));
+  run.append(second);
+  {
+    const RunReader live(path);
+    CHECK(live.info().status == "open");
+    CHECK(live.count() == 2);
+    check_same(live.read(0), small_record(0));
+    run.append(small_record(2));  // the reader does not hinder the writer, and sees it
+    CHECK(live.count() == 3);
+  }
+  run.close("complete");
+  CHECK_FALSE(fs::exists(path + "-wal"));
+  CHECK_FALSE(fs::exists(path + "-lock"));
+
+  const RunReader read(path);
+  CHECK(read.info().status == "complete");
+  CHECK(read.info().window_s == 0.2);
+  CHECK(read.info().config_text == info.config_text);
+  CHECK(read.info().radar_cfg == info.radar_cfg);
+  CHECK(read.info().operator_name == "Ada");
+  CHECK(read.axes().size() == 4);
+  CHECK(same_axis(*read.axis("radar"), small_axes()[1]));
+  CHECK(read.devices().at(0).firmware == "3.5");
+  CHECK(read.events().at(0).text == "no frames");
+  second.radar.clear();  // not valid: not stored
+  check_same(read.read(1), second);
+  check_same(read.read(2), small_record(2));
+  CHECK(read.check().empty());
+}
+
+TEST_CASE("a run in numbers") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  write_run(path, 5);
+  sql(path, "UPDATE record SET valid = 3 WHERE idx = 4");
+  const RunSummary sum = RunReader(path).summary();
+  CHECK(sum.records == 5);
+  CHECK(sum.all_valid == 4);
+  CHECK(sum.valid == std::array<std::int64_t, 3>{5, 5, 4});
+  CHECK(sum.lost == std::array<std::int64_t, 3>{0, 5, 10});
+  CHECK(sum.tags == 5 * 1000 + 10);
+  CHECK(sum.labels == std::map<std::string, std::int64_t>{{"letter:A", 2}, {"person", 3}});
+  CHECK(sum.first_utc == small_record(0).slot_utc);
+  CHECK(sum.last_utc == small_record(4).slot_utc + std::chrono::nanoseconds(1000));
+}
+
+TEST_CASE("kill -9 while writing: every committed record is there") {
+  const Folder folder;
+  for (int round = 0; round < 8; ++round) {
+    const std::string path = folder / (std::to_string(round) + ".sqlite");
+    int acknowledged[2];
+    REQUIRE(pipe(acknowledged) == 0);
+    const pid_t child = in_child([&] {
+      RunWriter run(path, {});
+      put_axes(run);
+      for (std::int64_t i = 0;; ++i) {
+        run.append(small_record(i));
+        if (write(acknowledged[1], &i, sizeof i) < 0) return;
+      }
+    });
+    close(acknowledged[1]);
+    std::int64_t last = -1;
+    while (last < 10 + 7 * round) REQUIRE(read(acknowledged[0], &last, sizeof last) == sizeof last);
+    kill(child, SIGKILL);
+    waitpid(child, nullptr, 0);
+    while (read(acknowledged[0], &last, sizeof last) == sizeof last) {
+    }
+    close(acknowledged[0]);
+
+    const RunReader run(path);
+    CHECK(run.info().status == "crashed");
+    CHECK(run.count() >= last + 1);
+    CHECK(run.count() <= last + 2);  // one more may be committed, but not acknowledged
+    std::int64_t next = 0;
+    run.for_each([&](const FusedRecord& r) {
+      REQUIRE(r.index == next);
+      REQUIRE(r.spd == small_record(next++).spd);
+      return true;
+    });
+    CHECK(next == run.count());
+  }
+  const std::string path = folder / "0.sqlite";
+  const auto count = RunReader(path).count();
+  CHECK(recover(path) == count);
+  CHECK(RunReader(path).info().status == "crashed");
+  CHECK_FALSE(fs::exists(path + "-wal"));
+  CHECK(recover(path) == count);
+}
+
+TEST_CASE("a full disk: the run keeps what was committed and says what happened") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  const pid_t child = in_child([&] {
+    signal(SIGXFSZ, SIG_IGN);
+    const rlimit limit{256 * 1024, 256 * 1024};
+    setrlimit(RLIMIT_FSIZE, &limit);
+    RunWriter run(path, {});
+    put_axes(run);
+    const auto [code, text] = error_of([&] {
+      for (std::int64_t i = 0; i < 100'000; ++i) run.append(small_record(i));
+    });
+    if (code != ExitCode::disk || !has(text, path)) throw 0;
+  });
+  int status = 0;
+  waitpid(child, &status, 0);
+  CHECK(WEXITSTATUS(status) == 0);
+  const RunReader run(path);
+  CHECK(run.count() > 10);
+  CHECK(run.read(run.count() - 1).spd == small_record(run.count() - 1).spd);
+  CHECK(run.check().empty());
+}
+
+TEST_CASE("files that are not to be read or written") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  const auto refusal = [&] { return error_of([&] { RunReader run(path); }); };
+  SECTION("missing") {
+    CHECK(refusal().first == ExitCode::failed);
+    CHECK(has(refusal().second, path + ": no such file"));
+  }
+  SECTION("not a database") {
+    write_file(path, "hello, world\n");
+    CHECK(has(refusal().second, path + ": not an echofuse run file"));
+  }
+  SECTION("empty") {
+    write_file(path, "");
+    CHECK(has(refusal().second, "not an echofuse run file"));
+  }
+  SECTION("another program's database") {
+    sql(path, "CREATE TABLE record (idx)");
+    CHECK(has(refusal().second, "not an echofuse run file"));
+  }
+  SECTION("a newer version") {
+    write_run(path, 1);
+    sql(path, "PRAGMA user_version = 2");
+    CHECK(has(refusal().second, "run format 2 is newer than this program's 1"));
+  }
+  SECTION("an existing file is never overwritten") {
+    write_file(path, "precious");
+    const auto [code, text] = error_of([&] { RunWriter run(path, {}); });
+    CHECK(code == ExitCode::failed);
+    CHECK(has(text, "exists already"));
+    CHECK(fs::file_size(path) == 8);
+  }
+  SECTION("no such folder") {
+    const auto [code, text] = error_of([&] { RunWriter run(folder / "no/a.sqlite", {}); });
+    CHECK(code == ExitCode::disk);
+    CHECK(has(text, "no/a.sqlite"));
+  }
+}
+
+TEST_CASE("a record that makes no sense is named") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  write_run(path, 4);
+  std::string expected;
+  SECTION("NaN") {
+    sql(path, "UPDATE record SET radar = x'00000000000000000000c07f00000000' WHERE idx = 2");
+    expected = "record 2: radar bin 2 is not a finite number";
+  }
+  SECTION("short") {
+    sql(path, "UPDATE record SET spd = x'0000' WHERE idx = 2");
+    expected = "record 2: spd has 2 bytes, its axis asks for 32";
+  }
+  SECTION("damaged picture") {
+    sql(path, "UPDATE record SET depth = x'89504e47' WHERE idx = 2");
+    expected = "record 2: depth is not a 16-bit grey PNG of 3 x 2";
+  }
+  const RunReader run(path);
+  const auto visit_all = [](const FusedRecord&) { return true; };
+  CHECK(has(error_of([&] { run.for_each(visit_all); }).second, expected));
+  std::vector<std::int64_t> good, bad;
+  run.for_each(
+      [&](const FusedRecord& r) {
+        good.push_back(r.index);
+        return true;
+      },
+      0, [&](std::int64_t index, const std::string&) { bad.push_back(index); });
+  CHECK(good == std::vector<std::int64_t>{0, 1, 3});
+  CHECK(bad == std::vector<std::int64_t>{2});
+}
+
+TEST_CASE("a record that does not fit its axes is not written") {
+  const Folder folder;
+  RunWriter run(folder / "a.sqlite", {});
+  put_axes(run);
+  auto record = small_record(0);
+  record.spd.pop_back();
+  CHECK(has(error_of([&] { run.append(record); }).second, "spd has 7 values, its axis 8"));
+  run.append(small_record(0));
+  CHECK(run.records() == 1);
+}

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: MIT
+// What the tests of this folder share: a folder that goes away, the program, sample records.
+#pragma once
+#include <sys/wait.h>
+
+#include <array>
+#include <catch2/catch.hpp>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "acquire/record/run_file.hpp"
+#include "drivers/core/exit_code.hpp"
+
+namespace testing {
+
+namespace fs = std::filesystem;
+
+class Folder {
+ public:
+  Folder() {
+    std::string name = (fs::temp_directory_path() / "echofuse-XXXXXX").string();
+    REQUIRE(mkdtemp(name.data()));
+    path_ = name;
+  }
+  ~Folder() { fs::remove_all(path_); }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  std::string operator/(const std::string& name) const { return (path_ / name).string(); }
+
+ private:
+  fs::path path_;
+};
+
+inline void write_file(const std::string& path, const std::string& text) {
+  std::ofstream(path, std::ios::binary) << text;
+}
+
+struct Outcome {
+  int code = -1;
+  std::string text;  // stdout and stderr
+};
+
+inline Outcome shell(const std::string& command) {
+  FILE* pipe = popen((command + " 2>&1").c_str(), "r");
+  REQUIRE(pipe);
+  Outcome outcome;
+  std::array<char, 4096> buffer{};
+  while (const auto n = std::fread(buffer.data(), 1, buffer.size(), pipe))
+    outcome.text.append(buffer.data(), n);
+  outcome.code = WEXITSTATUS(pclose(pipe));
+  return outcome;
+}
+
+inline Outcome acquire(const std::string& arguments) {
+  return shell(ECHOFUSE_BIN_DIR "/echofuse-acquire " + arguments);
+}
+
+// The code of the Error that body throws, and its text; ok if it throws none.
+template <class Body>
+std::pair<echofuse::ExitCode, std::string> error_of(Body body) {
+  try {
+    body();
+  } catch (const echofuse::Error& e) {
+    return {e.code(), e.what()};
+  }
+  return {echofuse::ExitCode::ok, ""};
+}
+
+inline bool has(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
+// 8 SPD bins, 4 radar points, 3 x 2 pixels.
+inline std::vector<echofuse::Axis> small_axes() {
+  return {{"spd", "counts", "ps", 8, 13343, 100, 1},
+          {"radar", "log2_q8", "m", 4, 0, 0.5, 12},
+          {"depth_x", "tangent", "1", 3, -0.2, 0.2, 1},
+          {"depth_y", "tangent", "1", 2, 0.1, -0.2, 1}};
+}
+
+// All three sensors valid; every value depends on the index.
+inline echofuse::record::FusedRecord small_record(std::int64_t index) {
+  using echofuse::HostTime;
+  const auto i = static_cast<std::uint32_t>(index);
+  echofuse::record::FusedRecord r;
+  r.index = index;
+  r.slot_start = HostTime(1000 * index);
+  r.slot_end = HostTime(1000 * (index + 1));
+  r.slot_utc = HostTime(1'700'000'000'000'000'000 + 1000 * index);
+  r.valid = 7;
+  r.label = index % 2 ? "letter:A" : "person";
+  for (std::uint32_t b = 0; b < 8; ++b) r.spd.push_back(i * 100 + b);
+  for (std::uint32_t b = 0; b < 4; ++b) r.radar.push_back(static_cast<float>(i + b) + 0.25f);
+  for (std::uint32_t p = 0; p < 6; ++p) r.depth_mm.push_back(static_cast<std::uint16_t>(i * 6 + p));
+  r.spd_counts = {.tags = 1000 + i,
+                  .starts = 900,
+                  .in_range = 60 + i,
+                  .out_of_range = 20,
+                  .without_start = 15,
+                  .other = 5,
+                  .lost = 3};
+  for (std::size_t s = 0; s < 3; ++s)
+    r.sync[s] = {0.125 * static_cast<double>(s), 0.5, 60 + i + s, s, "ok"};
+  return r;
+}
+
+inline void write_run(const std::string& path, std::int64_t records,
+                      const std::string& status = "complete") {
+  echofuse::record::RunInfo info;
+  info.window_s = 0.2;
+  info.notes = "a test";
+  info.config_resolved = "window_s = 0.2\n";
+  echofuse::record::RunWriter run(path, info);
+  for (const auto& axis : small_axes()) run.put_axis(axis);
+  for (std::int64_t i = 0; i < records; ++i) run.append(small_record(i));
+  run.close(status);
+}
+
+}  // namespace testing

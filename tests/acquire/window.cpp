@@ -1,0 +1,301 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/window.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <numeric>
+
+#include "drivers/core/random.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+using namespace std::chrono_literals;
+
+namespace {
+
+constexpr SlotGrid grid{.first = 10s, .length = 1s};
+constexpr tdc::HistogramSettings tdc_settings{.bin_width_ps = 100, .first_bin_ps = 0, .bins = 50};
+constexpr std::uint32_t everything = 7;
+
+DeviceInfo radar_info(std::uint32_t bins = 4, double antennas = 12) {
+  DeviceInfo info;
+  info.sensor = Sensor::radar;
+  info.axes = {{"radar", "log2_q8", "m", bins, 0, 0.5, antennas}};
+  return info;
+}
+
+DeviceInfo depth_info(std::uint32_t width = 2, std::uint32_t height = 1) {
+  DeviceInfo info;
+  info.sensor = Sensor::depth;
+  info.axes = {{"depth_x", "tangent", "1", width, -0.1, 0.2, 1},
+               {"depth_y", "tangent", "1", height, 0, -0.2, 1}};
+  return info;
+}
+
+Windows make_windows(std::uint32_t configured = everything) {
+  Windows windows(grid, tdc_settings, configured);
+  windows.announce(radar_info());
+  windows.announce(depth_info());
+  return windows;
+}
+
+Tag start_at(std::int64_t ps) { return {.channel = 1, .time_ps = ps}; }
+Tag click_at(std::int64_t ps) { return {.channel = 2, .time_ps = ps}; }
+
+void feed(Windows& windows, HostTime received, const std::vector<Tag>& tags,
+          std::uint64_t lost_blocks = 0) {
+  windows.add(TagBlock{.received = received, .tags = tags, .lost_blocks = lost_blocks});
+}
+
+RadarFrame radar_frame(HostTime received, std::uint32_t number, std::vector<std::uint16_t> codes) {
+  RadarFrame frame;
+  frame.received = received;
+  frame.frame_number = number;
+  frame.range_profile = std::move(codes);
+  return frame;
+}
+
+DepthFrame depth_frame(HostTime received, std::uint32_t index, std::vector<std::uint16_t> mm,
+                       std::uint32_t width = 2) {
+  DepthFrame frame;
+  frame.received = received;
+  frame.frame_index = index;
+  frame.width = width;
+  frame.height = 1;
+  frame.depth_mm = std::move(mm);
+  return frame;
+}
+
+const record::SensorSync& sync(const record::FusedRecord& r, Sensor s) {
+  return r.sync[static_cast<std::size_t>(s)];
+}
+
+std::uint64_t parts(const record::SpdCounts& c) {
+  return c.starts + c.in_range + c.out_of_range + c.without_start + c.other;
+}
+
+}  // namespace
+
+TEST_CASE("one slot with all three sensors") {
+  Windows windows = make_windows();
+  feed(windows, 10s, {start_at(0), click_at(150), click_at(250)});
+  feed(windows, 10s + 900ms, {start_at(10'000), click_at(10'199), click_at(99'999)});
+  windows.add(radar_frame(10s + 400ms, 1, {0, 256, 512, 1000}));
+  windows.add(depth_frame(10s + 100ms, 1, {1, 2}));
+  windows.add(depth_frame(10s + 550ms, 2, {3, 4}));
+  windows.add(depth_frame(10s + 900ms, 3, {5, 6}));
+  const auto r = windows.close({0, false});
+
+  CHECK(r.index == 0);
+  CHECK(r.slot_start == 10s);
+  CHECK(r.slot_end == 11s);
+  CHECK(r.valid == 7);
+  std::vector<std::uint32_t> expected(50, 0);
+  expected[1] = 2;  // 150 and 199 ps
+  expected[2] = 1;
+  CHECK(r.spd == expected);
+  CHECK(r.spd_counts.tags == 6);
+  CHECK(r.spd_counts.out_of_range == 1);
+  CHECK(sync(r, Sensor::spd).used == 3);
+  CHECK(sync(r, Sensor::spd).span_s == 0.9);
+  CHECK(sync(r, Sensor::spd).offset_s == Approx(-0.05));
+  CHECK(r.radar == std::vector<float>{0, 256, 512, 1000});  // one frame: exactly as it came
+  CHECK(sync(r, Sensor::radar).offset_s == Approx(-0.1));
+  CHECK(r.depth_mm == std::vector<std::uint16_t>{3, 4});  // nearest to 10.5 s
+  CHECK(sync(r, Sensor::depth).offset_s == Approx(0.05));
+  for (const auto& s : r.sync) CHECK(s.verdict == "ok");
+}
+
+TEST_CASE("the border of slots is exact, and a start survives it") {
+  Windows windows = make_windows(1);
+  feed(windows, 10s, {start_at(0)});
+  feed(windows, 11s - 1ns, {start_at(1'000)});
+  feed(windows, 11s, {click_at(1'050)});
+  feed(windows, 11s + 900ms, {start_at(2'000)});
+  CHECK(windows.close({0, false}).spd_counts.tags == 2);
+  const auto second = windows.close({1, false});
+  CHECK(second.spd_counts.in_range == 1);
+  CHECK(second.spd.at(0) == 1);
+}
+
+TEST_CASE("no click refers to a start before a gap") {
+  Windows windows = make_windows(1);
+  feed(windows, 10s, {start_at(0)});
+  SECTION("blocks were lost") { feed(windows, 10s + 600ms, {click_at(50)}, 1); }
+  SECTION("the connection was lost") {
+    windows.tag_gap();
+    feed(windows, 10s + 600ms, {click_at(50)});
+  }
+  const auto r = windows.close({0, false});
+  CHECK(r.spd_counts.without_start == 1);
+  CHECK(r.spd_counts.in_range == 0);
+}
+
+TEST_CASE("radar frames are averaged in linear power") {
+  Windows windows = make_windows(2);
+  const std::vector<std::vector<std::uint16_t>> frames = {
+      {0, 100, 700, 2000}, {60, 100, 300, 1000}, {30, 100, 500, 0}};
+  for (std::uint32_t i = 0; i < 3; ++i) windows.add(radar_frame(10s + i * 100ms, 7 + i, frames[i]));
+  const auto r = windows.close({0, false});
+  REQUIRE(r.valid == 2);
+  // power = 2^(2 * code/256 * 16/12): TI's code holds the sum over 12 antennas over 16
+  constexpr double doubling = 256.0 * 12 / 16 / 2;
+  for (std::size_t bin = 0; bin < 4; ++bin) {
+    double power = 0;
+    for (const auto& f : frames) power += std::exp2(f[bin] / doubling) / 3;
+    CHECK(r.radar[bin] == Approx(std::log2(power) * doubling).epsilon(1e-6));
+  }
+  CHECK(r.radar[1] == Approx(100).epsilon(1e-6));
+  CHECK(sync(r, Sensor::radar).used == 3);
+  CHECK(sync(r, Sensor::radar).span_s == 0.2);
+}
+
+TEST_CASE("a sensor without usable data is not valid, and the row says why") {
+  Windows windows = make_windows();
+  std::string spd = "no tags", radar = "no frames", depth = "no frames";
+  SECTION("nothing came") {}
+  SECTION("no laser") {
+    feed(windows, 10s, {click_at(0)});
+    spd = "no start tags on channel 1";
+  }
+  SECTION("the stream covers too little of the slot") {
+    feed(windows, 10s, {start_at(0)});
+    feed(windows, 10s + 300ms, {start_at(1)});
+    spd = "tags for only 30 % of the slot";
+  }
+  SECTION("frames of the wrong size") {
+    windows.add(radar_frame(10s, 1, {1, 2, 3}));
+    windows.add(depth_frame(10s, 1, {1, 2, 3}, 3));
+    radar = "frames of 3 bins do not fit the axis";
+    depth = "frames of 3 x 1 do not fit the axes";
+  }
+  SECTION("frames without a range profile") {
+    windows.add(radar_frame(10s, 1, {}));
+    radar = "frames without a range profile";
+  }
+  SECTION("the device came back with another axis") {
+    CHECK_FALSE(windows.announce(radar_info(4, 8)));
+    windows.add(radar_frame(10s, 1, {1, 2, 3, 4}));
+    radar = "axis differs from the one at the start of the run";
+    CHECK(windows.announce(radar_info()));
+  }
+  const auto r = windows.close({0, false});
+  CHECK(r.valid == 0);
+  CHECK(r.spd.empty());
+  CHECK(r.radar.empty());
+  CHECK(r.depth_mm.empty());
+  CHECK(sync(r, Sensor::spd).verdict == spd);
+  CHECK(sync(r, Sensor::radar).verdict == radar);
+  CHECK(sync(r, Sensor::depth).verdict == depth);
+}
+
+TEST_CASE("sensors that take no part and slots in which the program stood still") {
+  Windows windows = make_windows(1);
+  feed(windows, 10s, {start_at(0)});
+  feed(windows, 10s + 900ms, {start_at(1), click_at(2)});
+  const auto r = windows.close({0, true});
+  CHECK(r.valid == 0);
+  CHECK(r.spd_counts.tags == 3);  // counted, though not used
+  CHECK(sync(r, Sensor::spd).verdict == "the program stood still");
+  CHECK(sync(r, Sensor::radar).verdict == "not configured");
+}
+
+TEST_CASE("late, early and repeated samples are counted and move nothing") {
+  Windows windows = make_windows();
+  feed(windows, 10s - 1ns, {start_at(0), click_at(1)});
+  windows.add(radar_frame(9s, 1, {1, 2, 3, 4}));
+  windows.close({0, false});
+  feed(windows, 10s + 500ms, {start_at(0)});
+  windows.add(depth_frame(11s - 1ns, 1, {1, 2}));
+  windows.add(radar_frame(11s, 2, {1, 2, 3, 4}));
+  windows.add(radar_frame(11s + 1ms, 2, {5, 6, 7, 8}));
+  windows.add(depth_frame(11s, 2, {1, 2}));
+  windows.add(depth_frame(11s + 500ms, 2, {3, 4}));
+  windows.add(depth_frame(12s, 3, {3, 4}));
+  const auto r = windows.close({1, false});
+  CHECK(r.radar == std::vector<float>{1, 2, 3, 4});
+  CHECK(r.depth_mm == std::vector<std::uint16_t>{1, 2});
+  CHECK(r.spd_counts.tags == 0);
+  windows.finish();
+  const Strays& strays = windows.strays();
+  CHECK(strays.outside == std::array<std::uint64_t, 3>{2, 1, 1});
+  CHECK(strays.late == std::array<std::uint64_t, 3>{1, 0, 1});
+  CHECK(strays.duplicate == std::array<std::uint64_t, 3>{0, 1, 1});
+}
+
+namespace {
+
+// A laboratory on a bad day: blocks and frames at random times, some delivered after their slot was
+// closed, some slots without anything, the program standing still now and then.
+struct BadDay {
+  Rng rng = make_rng(3, 0);
+  ManualClock clock;
+  Windows windows = make_windows();
+  Scheduler scheduler{grid, 50ms, 3000};
+  std::uint64_t tags_sent = 0, radar_sent = 0, depth_sent = 0;
+  std::uint32_t number = 0;
+  std::vector<record::FusedRecord> records;
+
+  bool chance(std::uint64_t one_in) { return rng() % one_in == 0; }
+  // A sample that was received now, or, rarely, one that lay about for up to three slots.
+  HostTime receipt() {
+    return chance(20) ? clock.now() - std::chrono::milliseconds(rng() % 3000) : clock.now();
+  }
+  void send_something() {
+    switch (rng() % 3) {
+      case 0: {
+        std::vector<Tag> tags(rng() % 50);
+        for (auto& tag : tags)
+          tag = {.channel = static_cast<std::int32_t>(rng() % 4),
+                 .time_ps = clock.now().count() + static_cast<std::int64_t>(rng() % 10'000)};
+        tags_sent += tags.size();
+        feed(windows, receipt(), tags, chance(30));
+        break;
+      }
+      case 1:
+        ++radar_sent;
+        windows.add(radar_frame(receipt(), ++number, {1, 2, 3, 4}));
+        break;
+      default:
+        ++depth_sent;
+        windows.add(depth_frame(receipt(), ++number, {1, 2}));
+    }
+  }
+  void run() {
+    clock.set(grid.first - 3s);
+    while (!scheduler.done()) {
+      clock.advance(std::chrono::milliseconds(chance(2000) ? rng() % 6000 : rng() % 40));
+      if (!chance(5)) send_something();
+      for (const auto& due : scheduler.tick(clock.now())) records.push_back(windows.close(due));
+    }
+    windows.finish();
+  }
+};
+
+}  // namespace
+
+TEST_CASE("thousands of slots: no row is lost or shifted, every sample is in one place") {
+  BadDay day;
+  day.run();
+  REQUIRE(day.records.size() == 3000);
+  std::uint64_t tags = 0, radar = 0, valid[3] = {};
+  for (std::size_t k = 0; k < day.records.size(); ++k) {
+    const auto& r = day.records[k];
+    REQUIRE(r.index == static_cast<std::int64_t>(k));
+    REQUIRE(r.slot_start == grid.first + r.index * grid.length);
+    REQUIRE(parts(r.spd_counts) == r.spd_counts.tags);
+    if (r.has(Sensor::spd))
+      REQUIRE(std::accumulate(r.spd.begin(), r.spd.end(), 0u) == r.spd_counts.in_range);
+    for (const auto& s : r.sync) REQUIRE(std::abs(s.offset_s) <= 0.5);
+    for (const Sensor s : {Sensor::spd, Sensor::radar, Sensor::depth})
+      valid[static_cast<std::size_t>(s)] += r.has(s);
+    tags += r.spd_counts.tags;
+    radar += sync(r, Sensor::radar).used;
+  }
+  const Strays& strays = day.windows.strays();
+  CHECK(strays.late[0] > 0);
+  CHECK(strays.outside[0] > 0);
+  CHECK(tags + strays.late[0] + strays.outside[0] == day.tags_sent);
+  CHECK(radar + strays.late[1] + strays.outside[1] == day.radar_sent);
+  for (const auto n : valid) CHECK((n > 1000 && n < 3000));
+}

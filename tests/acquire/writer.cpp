@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/writer.hpp"
+
+#include <future>
+
+#include "acquire/status.hpp"
+#include "testing.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+using namespace testing;
+
+namespace {
+
+std::unique_ptr<record::RunWriter> open_run(const std::string& path) {
+  auto run = std::make_unique<record::RunWriter>(path, record::RunInfo{});
+  for (const auto& axis : small_axes()) run->put_axis(axis);
+  return run;
+}
+
+}  // namespace
+
+TEST_CASE("jobs are done in order, and all of them before the run is closed") {
+  const Folder folder;
+  Writer writer(open_run(folder / "a.sqlite"));
+  for (std::int64_t i = 0; i < 30; ++i) {
+    CHECK(writer.put(small_record(i)));
+    writer.put([i](record::RunWriter& run) {
+      run.put_event(UtcTime(0), Severity::warning, "test", std::to_string(run.records() == i + 1));
+    });
+  }
+  writer.finish("complete");
+  CHECK(writer.written() == 30);
+  const record::RunReader run(folder / "a.sqlite");
+  CHECK(run.info().status == "complete");
+  CHECK(run.count() == 30);
+  for (const auto& event : run.events()) CHECK(event.text == "1");
+}
+
+TEST_CASE("a slow disk costs data, never a row; a disk that stands still ends the run") {
+  const Folder folder;
+  Writer writer(open_run(folder / "a.sqlite"), 2);
+  std::promise<void> disk;
+  writer.put([wait = disk.get_future().share()](record::RunWriter&) { wait.wait(); });
+  // Waiting behind the first job, or, before the thread has taken it, with it.
+  const bool in_time[] = {writer.put(small_record(0)), writer.put(small_record(1)),
+                          writer.put(small_record(2)), writer.put(small_record(3))};
+  CHECK(in_time[0]);
+  CHECK_FALSE(in_time[2]);
+  CHECK_FALSE(in_time[3]);
+  SECTION("slow") {
+    disk.set_value();
+    writer.finish("complete");
+    const record::RunReader run(folder / "a.sqlite");
+    REQUIRE(run.count() == 4);
+    CHECK(run.read(0).valid == 7);
+    CHECK(run.read(3).valid == 0);
+    CHECK(run.read(3).sync[2].verdict == "dropped: the disk does not keep up");
+    CHECK(run.read(3).spd_counts.tags == small_record(3).spd_counts.tags);
+  }
+  SECTION("stands still") {
+    for (std::int64_t i = 4; i < 30; ++i) writer.put(small_record(i));
+    CHECK(writer.failed());
+    disk.set_value();
+    const auto [code, text] = error_of([&] { writer.finish("complete"); });
+    CHECK(code == ExitCode::disk);
+    CHECK(has(text, "the disk does not keep up"));
+    CHECK(record::RunReader(folder / "a.sqlite").info().status == "stopped:disk");
+  }
+}
+
+TEST_CASE("the first failed job ends the writing") {
+  const Folder folder;
+  Writer writer(open_run(folder / "a.sqlite"));
+  writer.put(small_record(0));
+  writer.put([](record::RunWriter&) { throw Error(ExitCode::disk, "no space left"); });
+  while (!writer.failed()) std::this_thread::yield();
+  writer.put(small_record(1));
+  CHECK(error_of([&] { writer.finish("complete"); }).second == "no space left");
+  const record::RunReader run(folder / "a.sqlite");
+  CHECK(run.count() == 1);
+  CHECK(run.info().status == "stopped:disk");
+}
+
+TEST_CASE("without finish a run looks crashed, with all that was put") {
+  const Folder folder;
+  {
+    Writer writer(open_run(folder / "a.sqlite"));
+    writer.put(small_record(0));
+  }
+  const record::RunReader run(folder / "a.sqlite");
+  CHECK(run.count() == 1);
+  CHECK(run.info().status == "crashed");
+}
+
+TEST_CASE("the status line") {
+  RunTotals before, now;
+  before.tags = 1000;
+  now = {.records = 7,
+         .written = 6,
+         .valid = 5,
+         .tags = 2'401'000,
+         .radar_frames = 40,
+         .depth_frames = 59,
+         .lost = 3};
+  CHECK(status_text(now, before, 2, 20) ==
+        "record 7/20  S-D  1.20 Mtag/s  radar 20.0 fps  depth 29.5 fps  lost 3  on disk 6");
+  CHECK(status_text(now, now, 0, std::nullopt) ==
+        "record 7  S-D  0.0 ktag/s  radar 0.0 fps  depth 0.0 fps  lost 3  on disk 6");
+}

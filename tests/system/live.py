@@ -1,0 +1,218 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/system/live.py BIN_DIR [TEST]: the real daemon records from the real simulated laboratory,
+through TCP, two ptys and the stock OpenNI2 library."""
+import json
+import os
+import pathlib
+import resource
+import signal
+import sqlite3
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+bin_dir = pathlib.Path(sys.argv[1]).resolve()
+WINDOW_S = 0.2
+
+
+def wait_for(what, condition, timeout_s=20):
+    end = time.monotonic() + timeout_s
+    while not condition():
+        if time.monotonic() > end:
+            raise AssertionError(f"no {what} within {timeout_s} s")
+        time.sleep(0.02)
+
+
+class Live(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory(prefix="echofuse-")
+        self.dir = pathlib.Path(self.folder.name)
+        self.run = self.dir / "run.sqlite"
+        self.processes = []
+        with open(self.dir / "lab.log", "w") as log:
+            self.lab = self.start([bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--scene", "mixed",
+                                   "--hold", "0.4", "--window", str(WINDOW_S)], stdout=log, stderr=log)
+        wait_for("lab.toml", lambda: (self.dir / "lab/lab.toml").exists() or self.lab.poll() is not None)
+        self.assertIsNone(self.lab.poll(), (self.dir / "lab.log").read_text())
+
+    def tearDown(self):
+        for process in self.processes:
+            if process.poll() is None:
+                process.kill()
+            process.communicate()
+        self.folder.cleanup()
+
+    def start(self, command, **streams):
+        process = subprocess.Popen(list(map(str, command)), **streams)
+        self.processes.append(process)
+        return process
+
+    def record(self, *options, **how):
+        env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}
+        return self.start([bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--out",
+                           self.run.with_suffix(""), *options], env=env, stderr=subprocess.PIPE, text=True, **how)
+
+    def finish(self, daemon, timeout_s=30):
+        return daemon.communicate(timeout=timeout_s)[1]
+
+    def close_lab(self):
+        self.lab.send_signal(signal.SIGINT)
+        self.assertEqual(self.lab.wait(10), 0)
+        return json.loads((self.dir / "lab/sent.json").read_text())
+
+    def info(self):
+        return json.loads(subprocess.run([bin_dir / "echofuse-acquire", "info", "--json", self.run], check=True,
+                                         stdout=subprocess.PIPE).stdout)
+
+    def rows(self):
+        db = sqlite3.connect(f"file:{self.run}?mode=ro", uri=True)
+        db.row_factory = sqlite3.Row
+        try:
+            return db.execute("SELECT * FROM record ORDER BY idx").fetchall()
+        finally:
+            db.close()
+
+    def committed(self):
+        try:
+            return len(self.rows())
+        except sqlite3.Error:
+            return 0
+
+    def check_slots(self, rows):
+        """No row missing, none shifted, no drift, every tag in exactly one place."""
+        window_ns = round(WINDOW_S * 1e9)
+        for k, row in enumerate(rows):
+            self.assertEqual(row["idx"], k)
+            self.assertEqual(row["slot_start_ns"], rows[0]["slot_start_ns"] + k * window_ns)
+            self.assertEqual(row["slot_end_ns"], row["slot_start_ns"] + window_ns)
+            self.assertEqual(row["tags"], sum(row[c] for c in ("starts", "in_range", "out_of_range", "without_start",
+                                                               "other")))
+            if row["valid"] & 1:
+                counts = struct.unpack(f"<{len(row['spd']) // 4}I", row["spd"])
+                self.assertEqual(sum(counts), row["in_range"])
+
+    def test_count(self):
+        daemon = self.record("--count", "10", "--label", "person")
+        log = self.finish(daemon)
+        self.assertEqual(daemon.returncode, 0, log)
+        sent = self.close_lab()
+        rows = self.rows()
+        info = self.info()
+        self.check_slots(rows)
+        self.assertEqual(info["records"], 10)
+        self.assertEqual(info["status"], "complete")
+        self.assertEqual(info["labels"], {"person": 10})
+        self.assertEqual(info["valid"], {"spd": 10, "radar": 10, "depth": 10}, log)
+        self.assertEqual(info["lost"], {"spd": 0, "radar": 0, "depth": 0}, log)
+        self.assertEqual(info["events"], {}, log)
+        self.assertEqual(sent["tdc"]["dropped"], 0)
+        # The tagger also sends while the radar is configured and in the last grace period.
+        self.assertGreater(info["tags"], 0)
+        self.assertLessEqual(info["tags"], sent["tdc"]["tags"])
+        self.assertEqual(len({row["radar"] for row in rows}), 10)
+        self.assertLessEqual(sum(row["radar_used"] for row in rows), sent["radar"]["frames"])
+        self.assertIn("record 10/10  SRD", log)
+
+    def test_interrupt(self):
+        daemon = self.record()
+        wait_for("records", lambda: self.committed() >= 3)
+        daemon.send_signal(signal.SIGINT)
+        log = self.finish(daemon)
+        self.assertEqual(daemon.returncode, 0, log)
+        self.assertEqual(self.info()["status"], "complete")
+        self.check_slots(self.rows())
+        self.assertFalse(pathlib.Path(f"{self.run}-wal").exists())
+
+    def test_kill(self):
+        daemon = self.record()
+        wait_for("records", lambda: self.committed() >= 5)
+        self.assertEqual(self.info()["status"], "open")
+        daemon.kill()
+        daemon.wait()
+        info = self.info()
+        self.assertEqual(info["status"], "crashed")
+        self.assertGreaterEqual(info["records"], 5)
+        rows = self.rows()
+        self.assertEqual(len(rows), info["records"])
+        self.check_slots(rows)
+        recover = subprocess.run([bin_dir / "echofuse-acquire", "recover", self.run], check=True,
+                                 stdout=subprocess.PIPE, text=True)
+        self.assertEqual(recover.stdout, f"{len(rows)} records\n")
+        self.assertEqual([tuple(r) for r in self.rows()], [tuple(r) for r in rows])
+
+    def test_laboratory_closes(self):
+        """All devices go away in mid-run: the rows go on, and say so. Every tag sent has arrived."""
+        daemon = self.record("--count", "12")
+        wait_for("records", lambda: self.committed() >= 4)
+        sent = self.close_lab()
+        log = self.finish(daemon)
+        self.assertEqual(daemon.returncode, 0, log)
+        rows = self.rows()
+        self.assertIn(f"arrived: {sent['tdc']['tags']} tags", log)
+        self.check_slots(rows)
+        self.assertEqual(len(rows), 12)
+        self.assertEqual(rows[3]["valid"], 7)
+        self.assertEqual(rows[-1]["valid"], 0)
+        self.assertEqual([rows[-1][s + "_verdict"] for s in ("spd", "radar", "depth")],
+                         ["no tags", "no frames", "no frames"])
+        self.assertGreater(self.info()["events"]["warning"], 0)
+
+    def test_stop_and_continue(self):
+        """The daemon stands still for several slots: their rows are there, and say why they are empty."""
+        daemon = self.record("--count", "16")
+        wait_for("records", lambda: self.committed() >= 3)
+        daemon.send_signal(signal.SIGSTOP)
+        time.sleep(1.2)
+        daemon.send_signal(signal.SIGCONT)
+        log = self.finish(daemon)
+        self.assertEqual(daemon.returncode, 0, log)
+        rows = self.rows()
+        self.check_slots(rows)
+        self.assertEqual(len(rows), 16)
+        still = [row["idx"] for row in rows if row["spd_verdict"] == "the program stood still"]
+        self.assertGreaterEqual(len(still), 4, log)
+        self.assertEqual(still, list(range(still[0], still[-1] + 1)))
+        self.assertTrue(all(rows[k]["valid"] == 0 for k in still))
+        self.assertEqual(rows[-1]["valid"], 7, log)
+
+    def test_disk_full(self):
+        def limit_file_size():
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (256 << 10, 256 << 10))
+
+        daemon = self.record("--set", "depth.address=", preexec_fn=limit_file_size, restore_signals=False)
+        log = self.finish(daemon)
+        self.assertEqual(daemon.returncode, 6, log)
+        self.assertIn(f"{self.run}: ", log)
+        rows = self.rows()
+        self.assertGreater(len(rows), 3)
+        self.check_slots(rows)
+        self.assertEqual(self.info()["status"], "stopped:disk")
+
+    def test_part_of_the_devices(self):
+        """A sensor that is not configured, and one that is not there."""
+        daemon = self.record("--count", "4", "--set", "depth.address=", "--set", "run.connect_timeout_s=1.5", "--set",
+                             f"radar.cli=serial:{self.dir}/no-such-port")
+        log = self.finish(daemon)
+        self.assertEqual(daemon.returncode, 0, log)
+        rows = self.rows()
+        self.assertEqual([row["valid"] for row in rows], [1] * 4, log)
+        self.assertEqual(rows[0]["depth_verdict"], "not configured")
+        self.assertEqual(rows[0]["radar_verdict"], "no frames")
+        self.assertIn("starting without radar", log)
+
+    def test_devices(self):
+        env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}
+        answer = subprocess.run([bin_dir / "echofuse-acquire", "devices", "--json", "--config",
+                                 self.dir / "lab/lab.toml"], env=env, stdout=subprocess.PIPE, timeout=30)
+        self.assertEqual(answer.returncode, 0)
+        self.assertEqual([(d["sensor"], d["answers"]) for d in json.loads(answer.stdout)],
+                         [("spd", True), ("radar", True), ("depth", True)])
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], *(f"Live.{name}" for name in sys.argv[2:])])
