@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: MIT
+#include "recon/commands.hpp"
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "drivers/core/console.hpp"
+#include "recon/crossvalidate.hpp"
+#include "recon/evaluate.hpp"
+#include "recon/models/blas.hpp"
+#include "recon/reconstruct.hpp"
+#include "recon/report.hpp"
+#include "recon/train.hpp"
+#include "recon/turpin.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+void add_inputs_option(CLI::App& app, std::string& inputs) {
+  app.add_option("--inputs", inputs, "fused, spd or radar")
+      ->check(CLI::IsMember({"fused", "spd", "radar"}))
+      ->capture_default_str();
+}
+
+void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit) {
+  app.add_option("--scaling", scaling, "per-record scaling of each sensor")
+      ->check(CLI::IsMember(scaling_names))
+      ->capture_default_str();
+  app.add_option("--hidden", fit.hidden, "mlp: widths of the hidden layers")
+      ->delimiter(',')
+      ->check(CLI::Range(1, 65536))
+      ->capture_default_str();
+  app.add_option("--epochs", fit.epochs)->check(CLI::Range(1, 100000))->capture_default_str();
+  app.add_option("--batch", fit.batch)->check(CLI::Range(1, 65536))->capture_default_str();
+  app.add_option("--learning-rate", fit.learning_rate)
+      ->check(CLI::Range(1e-9, 10.0))
+      ->capture_default_str();
+  app.add_option("--weight-decay", fit.weight_decay)
+      ->check(CLI::Range(0.0, 10.0))
+      ->capture_default_str();
+  app.add_option("--patience", fit.patience, "epochs without progress before stopping")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+}
+
+}  // namespace
+
+Command add_train(CLI::App& app, const Common& common) {
+  struct Arguments : TrainOptions {
+    std::vector<std::string> runs;
+    std::string out;
+  };
+  const auto a = std::make_shared<Arguments>();
+  app.add_option("run", a->runs, "run files whose axes agree")->required();
+  app.add_option("--out", a->out, "model file to write")->required();
+  app.add_option("--model", a->model)->check(CLI::IsMember(model_names))->capture_default_str();
+  add_inputs_option(app, a->inputs);
+  add_fit_options(app, a->scaling, a->fit);
+  app.add_option("--seed", a->fit.seed, "of weights, order and random split")
+      ->capture_default_str();
+  app.add_option("--split", a->split.kind, "random, or blocked for sequences")
+      ->check(CLI::IsMember({"random", "blocked"}))
+      ->capture_default_str();
+  app.add_option("--test-share", a->split.test_share, "held out for evaluate")
+      ->check(CLI::Range(0.0, 0.95))
+      ->capture_default_str();
+  app.add_option("--validation-share", a->split.validation_share, "of the rest, to stop early")
+      ->check(CLI::Range(0.0, 0.95))
+      ->capture_default_str();
+  app.add_option("--gap", a->split.gap, "blocked: records dropped between two parts")
+      ->capture_default_str();
+  return [a, &common] {
+    a->split.seed = a->fit.seed;
+    a->fit.quiet = common.quiet;
+    check_can_save(a->out);
+    const TrainedModel model = train(load(a->runs), *a);
+    save_model(model, a->out);
+    if (!common.quiet)
+      std::fprintf(stderr, "%s: %s on %s, trained in %.1f s\n", a->out.c_str(), model.name.c_str(),
+                   a->inputs.c_str(), model.train_s);
+    return model.log.interrupted ? ExitCode::interrupted : ExitCode::ok;
+  };
+}
+
+Command add_evaluate(CLI::App& app, const Common&) {
+  struct Arguments {
+    std::string model, run;
+    std::vector<std::string> train;
+    bool all = false, json = false;
+  };
+  const auto a = std::make_shared<Arguments>();
+  app.add_option("model", a->model, "model file")->required();
+  app.add_option("run", a->run, "run file")->required();
+  app.add_flag("--all", a->all, "also score records that the model was trained on");
+  app.add_option("--train", a->train,
+                 "the runs the model was trained on, for the nearest-neighbour row of a fresh run");
+  app.add_flag("--json", a->json, "one JSON object instead of text");
+  return [a] {
+    const TrainedModel model = load_model(a->model);
+    const Features& f = model.features;
+    Dataset data = load({a->run});
+    match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
+    Dataset other;
+    if (!a->train.empty()) {
+      other = load(a->train);
+      match_axes(other, f.spd_axis, f.radar_axis, f.inputs);
+    }
+    const Dataset& trained_on = a->train.empty() ? data : other;
+    const Rows rows = rows_to_evaluate(model, data, a->all);
+    Evaluation e = evaluate(model, data, rows, trained_on, model.rows_of(trained_on, Part::train));
+    set_threads(1);
+    e.cost = measure_cost(model, data, rows, a->model);
+    std::puts(a->json ? to_json(e).dump(2).c_str() : to_text(e).c_str());
+    return ExitCode::ok;
+  };
+}
+
+Command add_reconstruct(CLI::App& app, const Common& common) {
+  struct Arguments : ReconstructOptions {
+    std::string model, run, format = "both";
+  };
+  const auto a = std::make_shared<Arguments>();
+  app.add_option("model", a->model, "model file")->required();
+  app.add_option("run", a->run, "run file")->required();
+  app.add_option("--out", a->out, "folder for the pictures")->required();
+  app.add_option("--format", a->format, "colour, mm (16-bit millimetres) or both")
+      ->check(CLI::IsMember({"colour", "mm", "both"}))
+      ->capture_default_str();
+  return [a, &common] {
+    a->quiet = common.quiet;
+    a->colour = a->format != "mm";
+    a->millimetres = a->format != "colour";
+    const auto records = reconstruct(load_model(a->model), a->run, *a);
+    std::size_t bad = 0;
+    for (const auto& r : records) {
+      if (r.fault.empty()) continue;
+      ++bad;
+      std::fprintf(stderr, "%s: record %lld: %s\n", a->run.c_str(), static_cast<long long>(r.index),
+                   r.fault.c_str());
+    }
+    if (!common.quiet)
+      std::fprintf(stderr, "%s: %zu records reconstructed, %zu left out\n", a->out.c_str(),
+                   records.size() - bad, bad);
+    if (interrupted()) return ExitCode::interrupted;
+    return bad > 0 ? ExitCode::partial : ExitCode::ok;
+  };
+}
+
+Command add_crossvalidate(CLI::App& app, const Common& common) {
+  struct Arguments : CrossvalidateOptions {
+    std::vector<std::string> runs;
+    std::string published;
+  };
+  const auto a = std::make_shared<Arguments>();
+  app.add_option("run", a->runs, "run files whose axes agree, in the order of time")->required();
+  app.add_option("--models", a->models)
+      ->delimiter(',')
+      ->check(CLI::IsMember(model_names))
+      ->capture_default_str();
+  app.add_option("--folds", a->folds)->check(CLI::Range(2, 1000))->capture_default_str();
+  app.add_option("--gap", a->gap, "records between a fold and its training records")
+      ->capture_default_str();
+  app.add_option("--published", a->published,
+                 "a run whose depth maps are another's reconstructions of the same records");
+  add_inputs_option(app, a->inputs);
+  add_fit_options(app, a->scaling, a->fit);
+  app.add_option("--seed", a->fit.seed, "of weights and order")->capture_default_str();
+  return [a, &common] {
+    a->fit.quiet = common.quiet;
+    const Dataset data = load(a->runs);
+    const auto rows =
+        crossvalidate(data, *a, a->published.empty() ? Dataset{} : load({a->published}));
+    std::printf("%zu folds, gap %zu; mean +- standard error over maps\n%s", a->folds, a->gap,
+                to_table(rows).c_str());
+    std::fputs(to_span_table(rows).c_str(), stdout);
+    return ExitCode::ok;
+  };
+}
+
+Command add_report(CLI::App& app, const Common&) {
+  const auto a = std::make_shared<ReportOptions>();
+  app.add_option("dir", a->dir, "folder for report.html and its pictures")->required();
+  app.add_option("--run", a->run, "run file; its held-out records are scored")->required();
+  app.add_option("--fused", a->fused, "model file; several are seeds of one")->required();
+  app.add_option("--spd", a->spd, "model file; several are seeds of one")->required();
+  app.add_option("--radar", a->radar, "model file; several are seeds of one")->required();
+  app.add_option("--live", a->live, "a recorded run to reconstruct with the fused model");
+  return [a] {
+    set_threads(1);  // the latencies in the table are those of one thread
+    const Report report = make_report(*a);
+    std::printf("%s%s\n", to_text(report).c_str(), write_report(report, a->dir).c_str());
+    return ExitCode::ok;
+  };
+}
+
+Command add_import(CLI::App& app, const Common& common) {
+  struct Arguments {
+    std::string source, dir, out, published;
+  };
+  const auto a = std::make_shared<Arguments>();
+  app.add_option("source", a->source, "turpin: histogram.npy, depth.npy, published.npy")
+      ->required()
+      ->check(CLI::IsMember({"turpin"}));
+  app.add_option("dir", a->dir, "folder with the arrays")->required();
+  app.add_option("--out", a->out, "run file to make (never overwritten)")->required();
+  app.add_option(
+      "--published", a->published,
+      "second run file to make: the same frames with the published reconstruction as depth");
+  return [a, &common] {
+    const auto frames = import_turpin(a->dir, a->out, a->published);
+    if (!common.quiet)
+      std::fprintf(stderr, "%s: %lld frames; depth 1.0 (the scene's maximum) is stored as %.0f m\n",
+                   a->out.c_str(), static_cast<long long>(frames), turpin_scale_m);
+    return ExitCode::ok;
+  };
+}
+
+}  // namespace echofuse::recon

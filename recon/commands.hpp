@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: MIT
+// The sub-commands of echofuse-recon: each adds its options to a parser and returns what to do once
+// they are read.
+#pragma once
+#include <functional>
+
+#include "drivers/core/exit_code.hpp"
+
+namespace CLI {
+class App;
+}
+
+namespace echofuse::recon {
+
+struct Common {
+  int threads = 0;  // of the matrix product; 0: one per core
+  bool quiet = false;
+};
+
+using Command = std::function<ExitCode()>;
+
+Command add_train(CLI::App& app, const Common& common);
+Command add_evaluate(CLI::App& app, const Common& common);
+Command add_reconstruct(CLI::App& app, const Common& common);
+Command add_crossvalidate(CLI::App& app, const Common& common);
+Command add_report(CLI::App& app, const Common& common);
+Command add_import(CLI::App& app, const Common& common);
+
+}  // namespace echofuse::recon

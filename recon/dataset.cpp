@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: MIT
+#include "recon/dataset.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "acquire/record/depth_map.hpp"
+#include "acquire/record/run_file.hpp"
+#include "drivers/core/crc32c.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+std::string describe(const Axis& a) {
+  if (a.count == 0) return "none";
+  return std::to_string(a.count) + " x " + std::to_string(a.step) + " " + a.unit + " from " +
+         std::to_string(a.start) + " " + a.unit + " (" + a.quantity + ")";
+}
+
+Error axis_error(const std::string& path, const Axis& found, const Axis& wanted,
+                 const std::string& whose) {
+  return {ExitCode::failed, path + ": " + wanted.name + " axis is " + describe(found) + ", " +
+                                whose + " is " + describe(wanted)};
+}
+
+bool agree(const Axis& a, const Axis& b) {
+  return a.count == b.count && (!a.count || same_axis(a, b));
+}
+
+// One run being appended to a Dataset.
+class Appender {
+ public:
+  Appender(Dataset& data, const record::RunReader& run)
+      : data_(data), path_(run.path()), raw_radar_(run.axis("radar").value_or(Axis{})) {
+    x_ = run.axis("depth_x").value_or(Axis{});
+    y_ = run.axis("depth_y").value_or(Axis{});
+    Axis radar = raw_radar_;
+    if (radar.quantity == "log2_q8") radar.quantity = "power", radar.scale = 1;
+    adopt(data.spd_axis, run.axis("spd").value_or(Axis{}), "spd");
+    adopt(data.radar_axis, radar, "radar");
+    data.sources.push_back({path_, run.info().uuid, data.size(), 0});
+  }
+
+  // Returns what is wrong with the record, or nothing.
+  std::string add(const record::FusedRecord& r) {
+    const std::vector<float> spd(r.spd.begin(), r.spd.end());
+    const std::vector<float> radar = linear(r);
+    if (r.has(Sensor::radar) && !std::all_of(radar.begin(), radar.end(), is_finite))
+      return "a radar code is too large for a power";
+    const bool depth = r.has(Sensor::depth);
+    add_row(data_.spd, spd, r.has(Sensor::spd), data_.spd_axis.count);
+    add_row(data_.radar, radar, r.has(Sensor::radar), data_.radar_axis.count);
+    add_row(
+        data_.depth,
+        depth ? record::to_target(r.depth_mm, x_, y_, target_x_, target_y_) : std::vector<float>{},
+        depth, std::size_t{record::map_size} * record::map_size);
+    data_.valid.push_back(r.valid);
+    data_.index.push_back(r.index);
+    data_.label.push_back(r.label);
+    ++data_.sources.back().count;
+    return {};
+  }
+
+ private:
+  static bool is_finite(float v) { return std::isfinite(v); }
+  // The first run sets the axes, the others must agree.
+  void adopt(Axis& common, Axis found, const char* name) {
+    found.name = name;
+    if (data_.sources.empty()) {
+      common = found;
+    } else if (!agree(found, common)) {
+      throw axis_error(path_, found, common, data_.sources.front().path);
+    }
+  }
+  static void add_row(Matrix& table, std::vector<float> row, bool present, std::size_t cols) {
+    if (!present) row.clear();
+    row.resize(cols);
+    table.cols = cols;
+    table.add_row(row);
+  }
+  std::vector<float> linear(const record::FusedRecord& r) const {
+    std::vector<float> out = r.radar;
+    if (raw_radar_.quantity == "log2_q8")
+      for (float& v : out) v = power_from_log2_q8(v, raw_radar_.scale);
+    return out;
+  }
+
+  Dataset& data_;
+  std::string path_;
+  Axis raw_radar_, x_, y_;
+  Axis target_x_ = record::depth_x_axis(), target_y_ = record::depth_y_axis();
+};
+
+}  // namespace
+
+Inputs inputs_of(const std::string& name) {
+  for (const Inputs i : {Inputs::fused, Inputs::spd, Inputs::radar})
+    if (name == name_of(i)) return i;
+  throw Error(ExitCode::usage, "inputs \"" + name + "\": expected fused, spd or radar");
+}
+
+bool Dataset::has_inputs(std::size_t row, Inputs inputs) const {
+  return (inputs == Inputs::radar || has(row, Sensor::spd)) &&
+         (inputs == Inputs::spd || has(row, Sensor::radar));
+}
+
+Rows Dataset::usable(Inputs inputs, bool with_depth) const {
+  Rows rows;
+  for (std::size_t i = 0; i < size(); ++i)
+    if (has_inputs(i, inputs) && (!with_depth || has(i, Sensor::depth))) rows.push_back(i);
+  return rows;
+}
+
+Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
+  Dataset data;
+  for (const auto& path : paths) {
+    const record::RunReader run(path);
+    Appender appender(data, run);
+    run.for_each(
+        [&](const record::FusedRecord& r) {
+          const std::string fault = appender.add(r);
+          if (!fault.empty() && !on_bad)
+            throw Error(ExitCode::failed,
+                        path + ": record " + std::to_string(r.index) + ": " + fault);
+          if (!fault.empty()) on_bad(r.index, fault);
+          return true;
+        },
+        0, on_bad);
+  }
+  for (const Matrix* table : {&data.spd, &data.radar, &data.depth})
+    data.hash = crc32c(as_bytes(table->values), data.hash);
+  return data;
+}
+
+void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs) {
+  const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
+  if (inputs != Inputs::radar && !agree(data.spd_axis, spd))
+    throw axis_error(path, data.spd_axis, spd, "the model's");
+  if (inputs == Inputs::spd) return;
+  Axis cropped = data.radar_axis;
+  if (cropped.count > radar.count) cropped.count = radar.count;
+  if (!agree(cropped, radar)) throw axis_error(path, data.radar_axis, radar, "the model's");
+  Matrix table(data.size(), radar.count);
+  for (std::size_t i = 0; i < data.size(); ++i)
+    std::copy_n(data.radar.row(i).begin(), radar.count, table.row(i).begin());
+  data.radar = std::move(table);
+  data.radar_axis = cropped;
+}
+
+float power_from_log2_q8(float code, double antennas) {
+  const auto n = static_cast<unsigned>(std::max(1.0, antennas));
+  const double log2_magnitude = double{code} / 256 * std::bit_ceil(n) / n;
+  return static_cast<float>(std::exp2(2 * log2_magnitude));
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: MIT
+// Run files as tables of numbers: one row per record, sensors side by side.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "acquire/record/record.hpp"
+#include "drivers/core/axis.hpp"
+#include "drivers/core/exit_code.hpp"
+#include "recon/maps/matrix.hpp"
+
+namespace echofuse::recon {
+
+enum class Inputs : std::uint8_t { fused, spd, radar };
+inline const char* name_of(Inputs i) {
+  constexpr const char* names[] = {"fused", "spd", "radar"};
+  return names[static_cast<std::size_t>(i)];
+}
+Inputs inputs_of(const std::string& name);  // throws Error(usage)
+
+// One run within a Dataset: rows [first, first + count).
+struct Source {
+  std::string path, uuid;
+  std::size_t first = 0, count = 0;
+};
+
+// A sensor that a record lacks has zeros in its row; `has` tells. A run without the sensor at all
+// has an axis of count 0.
+struct Dataset {
+  Axis spd_axis, radar_axis;         // the radar's after linearisation: quantity "power", scale 1
+  Matrix spd, radar, depth;          // counts | linear power | 64 x 64 metres, 0 = no return
+  std::vector<std::uint32_t> valid;  // bit 0 SPD, 1 radar, 2 depth
+  std::vector<std::int64_t> index;   // the record's number in its run
+  std::vector<std::string> label;
+  std::vector<Source> sources;
+  std::uint32_t hash = 0;  // CRC-32C of the three tables
+
+  std::size_t size() const { return valid.size(); }
+  bool has(std::size_t row, Sensor s) const {
+    return (valid[row] >> static_cast<unsigned>(s)) & 1u;
+  }
+  bool has_inputs(std::size_t row, Inputs inputs) const;
+  // Rows that have the model's sensors and, if asked, a depth map to compare with.
+  Rows usable(Inputs inputs, bool with_depth = true) const;
+};
+
+// Called with the number of a record that cannot be used and why.
+using OnBadRecord = std::function<void(std::int64_t, const std::string&)>;
+
+// Reads runs whose axes agree into one table. Throws Error(failed) that names the file and, for a
+// bad record (wrong size, not a finite number), its number, unless on_bad takes it.
+Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad = {});
+
+// Brings the tables onto the axes of a model: a radar axis with the same start and step but more
+// bins is cropped. Throws Error(failed) if the axes that `inputs` needs differ otherwise.
+void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs);
+
+// Linear power from the TI code: 256*log2(magnitude) summed over `antennas` and divided by the next
+// power of two, so the mean log2 magnitude is code/256 * 2^ceil(log2 antennas) / antennas.
+float power_from_log2_q8(float code, double antennas);
+
+}  // namespace echofuse::recon

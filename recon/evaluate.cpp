@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: MIT
+#include "recon/evaluate.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+
+#include "drivers/core/exit_code.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+// The given map as the answer to every record.
+Matrix constant_maps(const std::vector<float>& map, std::size_t rows) {
+  Matrix out(0, map.size());
+  for (std::size_t i = 0; i < rows; ++i) out.add_row(map);
+  return out;
+}
+
+Matrix nearest_maps(const TrainedModel& trained, const Dataset& data, const Rows& rows,
+                    const Dataset& neighbours_data, const Rows& neighbours) {
+  const Matrix inputs = trained.features.apply(neighbours_data, neighbours);
+  const Matrix maps = take_rows(neighbours_data.depth, neighbours);
+  Rows all(neighbours.size());
+  for (std::size_t i = 0; i < all.size(); ++i) all[i] = i;
+  const auto model = make_nearest();
+  model->fit({inputs, maps, all}, {inputs, maps, {}}, {});
+  return model->predict(trained.features.apply(data, rows));
+}
+
+}  // namespace
+
+Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) {
+  const bool held_out = !all && model.knows(data);
+  Rows rows = held_out ? model.rows_of(data, Part::test) : data.usable(model.features.inputs);
+  if (!rows.empty()) return rows;
+  const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
+  throw Error(ExitCode::failed,
+              held_out ? path +
+                             ": the model was trained on this run and held none of its records "
+                             "out; use --all to score it on what it has seen"
+                       : path + ": no record has depth and the sensors of a \"" +
+                             name_of(model.features.inputs) + "\" model");
+}
+
+std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
+                                  const Scene& scene) {
+  std::vector<MapScores> out;
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    out.push_back(score(maps.row(i), data.depth.row(rows[i]), scene));
+  return out;
+}
+
+Evaluation evaluate(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                    const Dataset& neighbours_data, const Rows& neighbours) {
+  const auto scored = [&](const Matrix& maps) {
+    return summarise(score_maps(maps, data, rows, model.scene));
+  };
+  Evaluation out;
+  out.model = model.name;
+  out.inputs = model.features.inputs;
+  out.records = rows.size();
+  out.metrics = scored(model.predict(data, rows));
+  out.trivial.push_back({"empty", scored(constant_maps(model.scene.background, rows.size()))});
+  out.trivial.push_back({"mean", scored(constant_maps(model.scene.mean_map, rows.size()))});
+  if (!neighbours.empty())
+    out.trivial.push_back(
+        {"nearest", scored(nearest_maps(model, data, rows, neighbours_data, neighbours))});
+  return out;
+}
+
+RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                         const std::string& model_path) {
+  using Clock = std::chrono::steady_clock;
+  constexpr std::size_t warm_up = 20, repeats = 400;
+  std::vector<double> us;
+  for (std::size_t i = 0; i < warm_up + repeats; ++i) {
+    const Rows one{rows[i % rows.size()]};
+    const auto started = Clock::now();
+    model.model->predict(model.features.apply(data, one));
+    const std::chrono::duration<double, std::micro> taken = Clock::now() - started;
+    if (i >= warm_up) us.push_back(taken.count());
+  }
+  std::sort(us.begin(), us.end());
+  return {model.model->cost(), us[repeats / 2], us[repeats * 99 / 100], model.train_s,
+          static_cast<std::size_t>(std::filesystem::file_size(model_path))};
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: MIT
+// A model's scores on records it has not seen, with the trivial answers beside and the cost.
+#pragma once
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "recon/maps/metrics.hpp"
+#include "recon/trained_model.hpp"
+
+namespace echofuse::recon {
+
+// A table's row: some way to make maps, and how good they are.
+struct ScoredRow {
+  std::string name;
+  Summaries metrics;
+};
+
+struct RunningCost {
+  Cost cost;
+  double infer_us_median = 0, infer_us_p99 = 0;  // scaling and prediction of one map, one thread
+  double train_s = 0;
+  std::size_t model_bytes = 0;
+};
+
+struct Evaluation {
+  std::string model;
+  Inputs inputs{};
+  std::size_t records = 0;
+  Summaries metrics;
+  std::vector<ScoredRow> trivial;  // empty room, mean map, nearest neighbour
+  RunningCost cost;
+};
+
+// The rows to judge a model by: the held-out ones of a run it was trained on, else all usable ones.
+// Throws Error(failed) if there are none.
+Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
+
+// Scores of one map a row against the depth table's rows.
+std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
+                                  const Scene& scene);
+
+// `neighbours`: records for the nearest-neighbour row, which is left out if there are none.
+Evaluation evaluate(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                    const Dataset& neighbours_data, const Rows& neighbours);
+
+RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                         const std::string& model_path);
+
+nlohmann::json to_json(const Evaluation& evaluation);
+// Rows of metrics as aligned text; lengths in metres.
+std::string to_table(const std::vector<ScoredRow>& rows);
+// Whole-map SSIM and RMSE in units of the depth span (6 m), for recordings whose depth is relative.
+std::string to_span_table(const std::vector<ScoredRow>& rows);
+std::string to_text(const Evaluation& evaluation);
+
+}  // namespace echofuse::recon

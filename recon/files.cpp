@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: MIT
+#include "recon/files.hpp"
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "drivers/core/exit_code.hpp"
+
+namespace echofuse::recon {
+
+Bytes read_file(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  Bytes out((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+  if (!in) throw Error(ExitCode::failed, path + ": " + std::strerror(errno));
+  return out;
+}
+
+void write_file(const std::string& path, ByteView contents) {
+  std::ofstream out(path, std::ios::binary | std::ios::trunc);
+  out.write(reinterpret_cast<const char*>(contents.data()),
+            static_cast<std::streamsize>(contents.size()));
+  out.close();
+  if (!out) throw Error(ExitCode::disk, path + ": cannot write: " + std::strerror(errno));
+}
+
+void make_folder(const std::string& path) {
+  std::error_code code;
+  std::filesystem::create_directories(path, code);
+  if (code) throw Error(ExitCode::disk, path + ": cannot make this folder: " + code.message());
+}
+
+}  // namespace echofuse::recon

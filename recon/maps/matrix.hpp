@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: MIT
+// A row-major table of floats: one row per record.
+#pragma once
+#include <algorithm>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace echofuse::recon {
+
+struct Matrix {
+  std::size_t rows = 0, cols = 0;
+  std::vector<float> values;
+
+  Matrix() = default;
+  Matrix(std::size_t row_count, std::size_t col_count)
+      : rows(row_count), cols(col_count), values(row_count * col_count) {}
+  std::span<float> row(std::size_t i) { return {values.data() + i * cols, cols}; }
+  std::span<const float> row(std::size_t i) const { return {values.data() + i * cols, cols}; }
+  void add_row(std::span<const float> row_values) {
+    values.insert(values.end(), row_values.begin(), row_values.end());
+    ++rows;
+  }
+};
+
+// Indices of records within a Dataset, in the order they are to be used.
+using Rows = std::vector<std::size_t>;
+
+inline Matrix take_rows(const Matrix& from, const Rows& rows) {
+  Matrix out(rows.size(), from.cols);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto source = from.row(rows[i]);
+    std::copy(source.begin(), source.end(), out.row(i).begin());
+  }
+  return out;
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: MIT
+#include "recon/maps/metrics.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "acquire/record/depth_map.hpp"
+#include "recon/maps/ssim.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t size = record::map_size;
+constexpr double undefined = std::numeric_limits<double>::quiet_NaN();
+constexpr double side_threshold_m = 0.3;
+
+// Mean of what was added; undefined if nothing was.
+struct Mean {
+  double sum = 0;
+  double weight = 0;
+  void add(double value, double w = 1) { sum += w * value, weight += w; }
+  double value() const { return weight > 0 ? sum / weight : undefined; }
+};
+
+Mask true_mask(std::span<const float> truth, const Scene& scene) {
+  Mask mask(truth.size());
+  for (std::size_t p = 0; p < mask.size(); ++p)
+    mask[p] = true_foreground(truth[p], scene.background[p]);
+  return mask;
+}
+
+std::size_t mirrored(std::size_t pixel) { return pixel - pixel % size + (size - 1 - pixel % size); }
+
+// x/z of the foreground's centroid.
+double centroid_tangent(const std::vector<double>& mass) {
+  static const Axis x = record::depth_x_axis();
+  Mean tangent;
+  for (std::size_t p = 0; p < mass.size(); ++p)
+    tangent.add(x.at(static_cast<double>(p % size)), mass[p]);
+  return tangent.value();
+}
+
+// The SSIM map's mean over the mask dilated by the window.
+double ssim_near(const std::vector<double>& map, const Mask& mask) {
+  constexpr std::size_t inner = size - 2 * ssim_border;
+  Mean mean;
+  for (std::size_t i = 0; i < map.size(); ++i) {
+    const std::size_t top = i / inner, left = i % inner;  // of the 11 x 11 window in the mask
+    bool near = false;
+    for (std::size_t r = top; r <= top + 2 * ssim_border && !near; ++r) {
+      const auto first = mask.begin() + static_cast<std::ptrdiff_t>(r * size + left);
+      near = std::find(first, first + 2 * ssim_border + 1, 1) != first + 2 * ssim_border + 1;
+    }
+    if (near) mean.add(map[i]);
+  }
+  return mean.value();
+}
+
+void score_similarity(MapScores& out, std::span<const float> raw, std::span<const float> truth,
+                      const Scene& scene, const Mask& mask) {
+  const auto map = ssim_map(raw, truth, size, record::max_depth_m);
+  out[metric_ssim] = mean_of(map);
+  out[metric_ssim_fg] = ssim_near(map, mask);
+  out[metric_ssim_hard] = mean_of(ssim_map(hard_map(raw, scene), truth, size, record::max_depth_m));
+}
+
+void score_pixels(MapScores& out, std::span<const float> raw, std::span<const float> truth,
+                  const Mask& mask, const std::vector<float>& share) {
+  Mean all, foreground, common, relative, close, overlap;
+  for (std::size_t p = 0; p < truth.size(); ++p) {
+    const double v = raw[p], d = truth[p], error = v - d;
+    const bool predicted = share[p] > 0.5f;
+    all.add(error * error);
+    if (mask[p]) foreground.add(error * error);
+    if (mask[p] && predicted) common.add(std::abs(error));
+    if (mask[p] || predicted) overlap.add(mask[p] && predicted);
+    if (d <= 0) continue;
+    relative.add(std::abs(error) / d);
+    close.add(v > 0 && std::max(v / d, d / v) < 1.25);
+  }
+  out[metric_iou] = overlap.value();
+  out[metric_rmse_m] = std::sqrt(all.value());
+  out[metric_rmse_fg_m] = std::sqrt(foreground.value());
+  out[metric_depth_mae_m] = common.value();
+  out[metric_abs_rel] = relative.value();
+  out[metric_delta_125] = close.value();
+}
+
+// Shares enter squared: the faint floor that a least-squares map leaves all over the room must pull
+// neither the centroid to the middle nor the ghost to one half.
+void score_position(MapScores& out, std::span<const float> truth, const Mask& mask,
+                    const std::vector<float>& share) {
+  std::vector<double> mass(share.size());
+  Mean range, ghost;
+  for (std::size_t p = 0; p < truth.size(); ++p) {
+    mass[p] = double{share[p]} * double{share[p]};
+    const bool here = mask[p], there = mask[mirrored(p)];
+    if (here) range.add(truth[p]);
+    if (here != there) ghost.add(there, mass[p]);
+  }
+  const double true_tangent = centroid_tangent({mask.begin(), mask.end()});
+  const double tangent = centroid_tangent(mass);
+  const bool to_a_side = std::abs(true_tangent) * range.value() > side_threshold_m;
+  const bool right_side = (tangent > 0) == (true_tangent > 0);
+  out[metric_lateral_m] = std::abs(tangent - true_tangent) * range.value();
+  out[metric_ghost] = to_a_side ? ghost.value() : undefined;
+  out[metric_left_right] = to_a_side && !std::isnan(tangent) ? right_side : undefined;
+}
+
+}  // namespace
+
+MapScores score(std::span<const float> prediction, std::span<const float> truth,
+                const Scene& scene) {
+  MapScores out;
+  const Mask mask = true_mask(truth, scene);
+  const auto share = foreground_share(prediction, scene);
+  score_similarity(out, prediction, truth, scene, mask);
+  score_pixels(out, prediction, truth, mask, share);
+  score_position(out, truth, mask, share);
+  return out;
+}
+
+Summaries summarise(const std::vector<MapScores>& scores) {
+  Summaries out;
+  for (std::size_t m = 0; m < metric_count; ++m) {
+    Mean mean, square;
+    for (const auto& s : scores)
+      if (!std::isnan(s[m])) mean.add(s[m]);
+    for (const auto& s : scores)
+      if (!std::isnan(s[m])) square.add((s[m] - mean.value()) * (s[m] - mean.value()));
+    const double n = mean.weight;
+    out[m] = {mean.value(), n > 1 ? std::sqrt(square.sum / (n - 1) / n) : undefined,
+              static_cast<std::size_t>(n)};
+  }
+  return out;
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: MIT
+// How good a depth map is: one number a map and metric, then mean and standard error over maps.
+#pragma once
+#include <array>
+#include <span>
+#include <vector>
+
+#include "recon/maps/scene.hpp"
+
+namespace echofuse::recon {
+
+// "raw" is the prediction as it is, "hard" the map of scene.hpp. A metric that a map does not
+// define (the depth error of an empty mask, say) is NaN there and left out of the mean.
+enum Metric : std::size_t {
+  metric_iou,          // of the foreground masks; undefined if both are empty
+  metric_ssim,         // raw, whole map, data range 6 m
+  metric_ssim_hard,    // hard, whole map
+  metric_ssim_fg,      // raw, mean over the true foreground dilated by 11 x 11
+  metric_rmse_m,       // raw
+  metric_rmse_fg_m,    // raw, over the true foreground
+  metric_depth_mae_m,  // raw, over the intersection of both foregrounds
+  metric_abs_rel,      // raw, mean |error|/truth over pixels with a true return
+  metric_delta_125,    // raw, share of those with max(v/d, d/v) < 1.25
+  metric_lateral_m,    // angle between the centroids of both foregrounds, at the true range
+  // The next two only for maps with |x| > 0.3 m; nearer to the axis a body is its own mirror image.
+  metric_ghost,       // 0 = at the truth only, 0.5 = both sides alike, 1 = at the mirror image only
+  metric_left_right,  // 1 if the centroid is on the true side
+  metric_count
+};
+inline constexpr std::array<const char*, metric_count> metric_names = {
+    "iou",         "ssim",    "ssim_hard", "ssim_fg",   "rmse_m", "rmse_fg_m",
+    "depth_mae_m", "abs_rel", "delta_125", "lateral_m", "ghost",  "left_right"};
+
+using MapScores = std::array<double, metric_count>;
+
+// Both maps row-major 64 x 64 on the target axes of acquire/record/depth_map.hpp, metres.
+MapScores score(std::span<const float> prediction, std::span<const float> truth,
+                const Scene& scene);
+
+struct Summary {
+  double mean = 0;       // NaN if no map defines the metric
+  double se = 0;         // standard error of the mean; NaN for fewer than two maps
+  std::size_t maps = 0;  // that define it
+};
+using Summaries = std::array<Summary, metric_count>;
+Summaries summarise(const std::vector<MapScores>& scores);
+
+}  // namespace echofuse::recon

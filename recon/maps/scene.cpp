@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: MIT
+#include "recon/maps/scene.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace echofuse::recon {
+namespace {
+
+constexpr float foreground_step_m = 0.1f;
+
+float median_of(std::vector<float>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+std::vector<float> median_map(const Matrix& depth, const Rows& rows) {
+  // A thousand maps place the median as well as all of them would.
+  const std::size_t stride = std::max<std::size_t>(1, rows.size() / 1000);
+  std::vector<float> out(depth.cols), column;
+  for (std::size_t p = 0; p < depth.cols; ++p) {
+    column.clear();
+    for (std::size_t i = 0; i < rows.size(); i += stride) column.push_back(depth.row(rows[i])[p]);
+    out[p] = median_of(column);
+  }
+  return out;
+}
+
+}  // namespace
+
+bool true_foreground(float depth_m, float background_m) {
+  return depth_m > 0 && std::abs(depth_m - background_m) > foreground_step_m;
+}
+
+Scene learn_scene(const Matrix& depth, const Rows& rows) {
+  Scene scene{median_map(depth, rows), std::vector<float>(depth.cols), 0};
+  std::vector<double> sum(depth.cols);
+  double foreground_sum = 0;
+  std::size_t foreground_count = 0;
+  for (const std::size_t row : rows) {
+    const auto map = depth.row(row);
+    for (std::size_t p = 0; p < map.size(); ++p) {
+      sum[p] += map[p];
+      if (!true_foreground(map[p], scene.background[p])) continue;
+      foreground_sum += map[p];
+      ++foreground_count;
+    }
+  }
+  for (std::size_t p = 0; p < sum.size(); ++p)
+    scene.mean_map[p] = static_cast<float>(sum[p] / static_cast<double>(rows.size()));
+  if (foreground_count > 0)
+    scene.foreground_depth_m =
+        static_cast<float>(foreground_sum / static_cast<double>(foreground_count));
+  return scene;
+}
+
+std::vector<float> foreground_share(std::span<const float> prediction, const Scene& scene) {
+  std::vector<float> out(prediction.size());
+  for (std::size_t p = 0; p < out.size(); ++p) {
+    const float b = scene.background[p], way = scene.foreground_depth_m - b;
+    // A background at the very depth of the foreground leaves nothing to tell them apart by.
+    if (std::abs(way) > foreground_step_m) out[p] = std::clamp((prediction[p] - b) / way, 0.f, 1.f);
+  }
+  return out;
+}
+
+std::vector<float> hard_map(std::span<const float> prediction, const Scene& scene) {
+  std::vector<float> out = scene.background;
+  const auto share = foreground_share(prediction, scene);
+  for (std::size_t p = 0; p < out.size(); ++p)
+    if (share[p] > 0.5f) out[p] = prediction[p];
+  return out;
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: MIT
+// What the training maps say of the place itself, and what stands out from it.
+//
+// Foreground of a true map: |d - b| > 0.1 m and d > 0, b the background map. Foreground of a
+// prediction v: it lies nearer to m, the mean depth of the training foreground, than to b. In the
+// open room b = 0 and m is about 3.5 m, so the rule reads v > 1.75 m.
+#pragma once
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "recon/maps/matrix.hpp"
+
+namespace echofuse::recon {
+
+struct Scene {
+  std::vector<float> background;  // b: per-pixel median of the training maps, metres
+  std::vector<float> mean_map;    // metres
+  float foreground_depth_m = 0;   // m
+};
+
+// Mask of a map, one byte a pixel.
+using Mask = std::vector<std::uint8_t>;
+
+// Learns from the given rows (at least one) of the depth table.
+Scene learn_scene(const Matrix& depth, const Rows& rows);
+
+bool true_foreground(float depth_m, float background_m);
+
+// How far a predicted pixel has come from the background to the mean foreground depth, 0..1; above
+// 0.5 it is foreground. For a least-squares prediction over an open room this is the probability
+// that something stands there.
+std::vector<float> foreground_share(std::span<const float> prediction, const Scene& scene);
+
+// The hard map: the prediction where it is foreground, the background elsewhere.
+std::vector<float> hard_map(std::span<const float> prediction, const Scene& scene);
+
+}  // namespace echofuse::recon

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: MIT
+#include "recon/maps/ssim.hpp"
+
+#include <array>
+#include <cmath>
+#include <numeric>
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t taps = 2 * ssim_border + 1;
+
+std::array<double, taps> gaussian() {
+  std::array<double, taps> g{};
+  double sum = 0;
+  for (std::size_t i = 0; i < taps; ++i) {
+    const double x = static_cast<double>(i) - ssim_border;
+    sum += g[i] = std::exp(-x * x / (2 * 1.5 * 1.5));
+  }
+  for (double& v : g) v /= sum;
+  return g;
+}
+
+// Windowed means of a size x size image at the pixels whose window lies inside: rows, then columns.
+std::vector<double> blur(const std::vector<double>& image, std::size_t size) {
+  static const auto g = gaussian();
+  const std::size_t inner = size - 2 * ssim_border;
+  std::vector<double> wide(size * inner), out(inner * inner);
+  for (std::size_t r = 0; r < size; ++r)
+    for (std::size_t t = 0; t < taps; ++t)
+      for (std::size_t c = 0; c < inner; ++c) wide[r * inner + c] += g[t] * image[r * size + c + t];
+  for (std::size_t r = 0; r < inner; ++r)
+    for (std::size_t t = 0; t < taps; ++t)
+      for (std::size_t c = 0; c < inner; ++c)
+        out[r * inner + c] += g[t] * wide[(r + t) * inner + c];
+  return out;
+}
+
+std::vector<double> product(std::span<const float> a, std::span<const float> b) {
+  std::vector<double> out(a.size());
+  for (std::size_t i = 0; i < a.size(); ++i) out[i] = double{a[i]} * double{b[i]};
+  return out;
+}
+
+}  // namespace
+
+std::vector<double> ssim_map(std::span<const float> a, std::span<const float> b, std::size_t size,
+                             double data_range) {
+  const auto mean_a = blur({a.begin(), a.end()}, size), mean_b = blur({b.begin(), b.end()}, size);
+  const auto aa = blur(product(a, a), size), bb = blur(product(b, b), size);
+  const auto ab = blur(product(a, b), size);
+  const double c1 = std::pow(0.01 * data_range, 2), c2 = std::pow(0.03 * data_range, 2);
+  std::vector<double> out(ab.size());
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const double ma = mean_a[i], mb = mean_b[i];
+    const double var_a = aa[i] - ma * ma, var_b = bb[i] - mb * mb, cov = ab[i] - ma * mb;
+    out[i] =
+        (2 * ma * mb + c1) * (2 * cov + c2) / ((ma * ma + mb * mb + c1) * (var_a + var_b + c2));
+  }
+  return out;
+}
+
+double mean_of(const std::vector<double>& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+}  // namespace echofuse::recon

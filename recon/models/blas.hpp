@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: MIT
+// The matrix product, from the machine's BLAS. OpenBLAS picks its kernels at run time, so a
+// portable build still uses AVX2 or AVX-512 (compiled for plain x86-64, Eigen's own product is 5 x
+// slower).
+#pragma once
+#include <cstddef>
+
+namespace echofuse::recon {
+
+enum class Transpose : bool { no, yes };
+
+// C = alpha op(A) op(B) + beta C, all row-major and dense: op(A) is m x k, op(B) k x n, C m x n.
+template <class T>
+struct Product {
+  std::size_t m, n, k;
+  Transpose a_transposed = Transpose::no, b_transposed = Transpose::no;
+  T alpha = 1, beta = 0;
+};
+void multiply(const Product<float>& p, const float* a, const float* b, float* c);
+void multiply(const Product<double>& p, const double* a, const double* b, double* c);
+
+// Threads of the product from now on, for the whole process; 0 = one per core.
+void set_threads(int count);
+
+}  // namespace echofuse::recon

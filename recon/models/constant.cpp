@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: MIT
+// The two floors under every claim: maps that ignore their input.
+#include <algorithm>
+
+#include "recon/maps/scene.hpp"
+#include "recon/models/model.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+class Constant final : public Model {
+ public:
+  explicit Constant(bool mean) : mean_(mean) {}
+
+  TrainingLog fit(const Samples& train, const Samples&, const FitOptions&) override {
+    Scene scene = learn_scene(train.maps, train.rows);
+    map_ = mean_ ? std::move(scene.mean_map) : std::move(scene.background);
+    return {};
+  }
+  Matrix predict(const Matrix& inputs) const override {
+    Matrix out(inputs.rows, map_.size());
+    for (std::size_t i = 0; i < out.rows; ++i)
+      std::copy(map_.begin(), map_.end(), out.row(i).begin());
+    return out;
+  }
+  Cost cost() const override { return {0, map_.size()}; }
+  void save(record::H5File& file) const override { file.write("model/map_m", map_, {map_.size()}); }
+  void load(const record::H5File& file) override { map_ = file.read<float>("model/map_m"); }
+
+ private:
+  bool mean_;
+  std::vector<float> map_;
+};
+
+}  // namespace
+
+std::unique_ptr<Model> make_background() { return std::make_unique<Constant>(false); }
+std::unique_ptr<Model> make_mean() { return std::make_unique<Constant>(true); }
+
+}  // namespace echofuse::recon

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: MIT
+// What every model does: learn maps from inputs, predict them, say what that costs, keep itself.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "acquire/record/h5.hpp"
+#include "recon/maps/matrix.hpp"
+
+namespace echofuse::recon {
+
+// Scaled inputs (features.hpp) and depth maps of the same records, and the rows of both to use.
+struct Samples {
+  const Matrix& inputs;
+  const Matrix& maps;  // 64 x 64, metres
+  Rows rows;
+};
+
+struct FitOptions {
+  std::vector<std::size_t> hidden = {512, 256};  // mlp: width of each hidden layer
+  std::size_t epochs = 60, batch = 64;
+  double learning_rate = 2e-3, weight_decay = 0.7;
+  std::size_t patience = 15;  // epochs without a better validation loss before stopping
+  std::uint64_t seed = 1;
+  bool quiet = false;
+};
+
+// One entry an epoch; empty for models that are fitted in one step.
+struct TrainingLog {
+  std::vector<double> loss, validation_loss;  // root mean square error, metres
+  std::size_t best_epoch = 0;                 // whose weights were kept, counted from 1
+  bool interrupted = false;
+};
+
+struct Cost {
+  std::size_t multiply_adds = 0;  // for one map
+  std::size_t parameters = 0;
+};
+
+class Model {
+ public:
+  virtual ~Model() = default;
+  virtual TrainingLog fit(const Samples& train, const Samples& validation,
+                          const FitOptions& options) = 0;
+  virtual Matrix predict(const Matrix& inputs) const = 0;  // one map a row, metres
+  virtual Cost cost() const = 0;
+  virtual void save(record::H5File& file) const = 0;  // below "model/"
+  virtual void load(const record::H5File& file) = 0;
+};
+
+inline const std::vector<std::string> model_names = {"empty", "mean", "nearest", "ridge", "mlp"};
+std::unique_ptr<Model> make_model(const std::string& name);  // throws Error(usage)
+
+// The models, one a file.
+std::unique_ptr<Model> make_background();  // "empty": the room without anybody
+std::unique_ptr<Model> make_mean();        // the mean training map
+std::unique_ptr<Model> make_nearest();     // the map of the training record with the nearest input
+std::unique_ptr<Model> make_ridge();       // linear, penalty chosen by generalised cross-validation
+std::unique_ptr<Model> make_mlp();         // the paper's plain network
+
+}  // namespace echofuse::recon

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: MIT
+// A fully connected network as plain arithmetic: a list of (W, b) in one flat parameter array, and
+// a forward and a backward pass over a batch. Rectifiers between the layers, the last one linear.
+#pragma once
+#include <cstddef>
+#include <vector>
+
+#include "drivers/core/random.hpp"
+
+namespace echofuse::recon {
+
+// y = x W + b; W (inputs x outputs, row-major) and b start at these offsets of the parameters.
+struct Layer {
+  std::size_t inputs, outputs, weights, biases;
+};
+
+struct Network {
+  std::vector<Layer> layers;
+  std::size_t parameters = 0;
+  std::size_t weights = 0;  // multiply-adds of one forward pass
+};
+
+// widths: inputs, hidden layers, outputs.
+Network make_network(const std::vector<std::size_t>& widths);
+
+// He et al. (ICCV 2015): normal, variance 2 / inputs; biases and the last layer's weights zero, so
+// that training starts from the mean map.
+std::vector<float> initial_parameters(const Network& network, Rng& rng);
+
+// Output of each layer for a batch, row-major batch x outputs.
+template <class T>
+using Activations = std::vector<std::vector<T>>;
+
+// Instantiated for float (training) and double (checking the gradient).
+template <class T>
+void forward(const Network& network, const std::vector<T>& parameters, const T* inputs,
+             std::size_t batch, Activations<T>& activations);
+
+// On entry activations.back() holds dL/d(output); on exit `gradient` holds dL/d(parameters). The
+// activations are used up.
+template <class T>
+void backward(const Network& network, const std::vector<T>& parameters, const T* inputs,
+              std::size_t batch, Activations<T>& activations, std::vector<T>& gradient);
+
+}  // namespace echofuse::recon

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: MIT
+// Ridge regression from the scaled inputs to the map. Solved through the singular values of the
+// inputs (QR first), never through their normal equations, so that neighbouring, nearly equal bins
+// do no harm. The penalty is chosen by generalised cross-validation (Golub, Heath and Wahba,
+// Technometrics 21, 215, 1979).
+#include <Eigen/QR>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "recon/maps/scene.hpp"
+#include "recon/models/blas.hpp"
+#include "recon/models/model.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+// X = U S V', thin.
+struct Decomposition {
+  Eigen::MatrixXd u, v;
+  Eigen::VectorXd s;
+};
+
+Decomposition decompose(const Eigen::MatrixXd& x) {
+  if (x.rows() < 2 * x.cols()) {
+    const Eigen::BDCSVD<Eigen::MatrixXd> svd(x, Eigen::ComputeThinU | Eigen::ComputeThinV);
+    return {svd.matrixU(), svd.matrixV(), svd.singularValues()};
+  }
+  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(x);
+  const Eigen::MatrixXd r = qr.matrixQR().topRows(x.cols()).triangularView<Eigen::Upper>();
+  const Eigen::BDCSVD<Eigen::MatrixXd> svd(r, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::MatrixXd u = Eigen::MatrixXd::Zero(x.rows(), x.cols());
+  u.topRows(x.cols()) = svd.matrixU();
+  u.applyOnTheLeft(qr.householderQ());
+  return {std::move(u), svd.matrixV(), svd.singularValues()};
+}
+
+// The penalty with the least generalised cross-validation score, relative to the largest singular
+// value squared. projected = |U'Y|^2 per singular vector, total = |Y|^2.
+double best_penalty(const Eigen::VectorXd& s, const Eigen::VectorXd& projected, double total,
+                    double records) {
+  double best = 0, least = std::numeric_limits<double>::max();
+  for (int quarter_decades = -40; quarter_decades <= 4; ++quarter_decades) {
+    const double penalty = std::pow(10, 0.25 * quarter_decades) * s(0) * s(0);
+    const Eigen::ArrayXd kept = s.array().square() / (s.array().square() + penalty);
+    const double residual = total - (projected.array() * (2 * kept - kept.square())).sum();
+    const double freedom = records - 1 - kept.sum();  // one for the mean
+    if (freedom < 1e-3 * records) continue;
+    const double gcv = residual / (freedom * freedom);
+    if (gcv < least) least = gcv, best = penalty;
+  }
+  return best;
+}
+
+class Ridge final : public Model {
+ public:
+  TrainingLog fit(const Samples& train, const Samples&, const FitOptions&) override;
+  Matrix predict(const Matrix& inputs) const override;
+  Cost cost() const override {
+    return {weights_.values.size(), weights_.values.size() + offset_.size()};
+  }
+  void save(record::H5File& file) const override;
+  void load(const record::H5File& file) override;
+
+ private:
+  Matrix weights_;             // inputs x pixels
+  std::vector<float> offset_;  // metres
+  double penalty_ = 0;
+};
+
+TrainingLog Ridge::fit(const Samples& train, const Samples&, const FitOptions&) {
+  const std::size_t n = train.rows.size(), d = train.inputs.cols, pixels = train.maps.cols;
+  const Matrix inputs = take_rows(train.inputs, train.rows);
+  Matrix maps = take_rows(train.maps, train.rows);
+  const auto en = static_cast<Eigen::Index>(n), ed = static_cast<Eigen::Index>(d);
+  Eigen::MatrixXd x = Eigen::Map<const RowMajor>(inputs.values.data(), en, ed).cast<double>();
+  const Eigen::RowVectorXd input_mean = x.colwise().mean();
+  x.rowwise() -= input_mean;
+  offset_ = learn_scene(train.maps, train.rows).mean_map;
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t p = 0; p < pixels; ++p) maps.row(i)[p] -= offset_[p];
+
+  const Decomposition svd = decompose(x);
+  const RowMajor u = svd.u.cast<float>();
+  const auto rank = static_cast<std::size_t>(svd.s.size());
+  RowMajor uty(svd.s.size(), static_cast<Eigen::Index>(pixels));
+  multiply({rank, pixels, n, Transpose::yes, Transpose::no}, u.data(), maps.values.data(),
+           uty.data());
+  const Eigen::VectorXd projected = uty.cast<double>().rowwise().squaredNorm();
+  double total = 0;
+  for (const float v : maps.values) total += double{v} * double{v};
+  penalty_ = best_penalty(svd.s, projected, total, static_cast<double>(n));
+
+  // W = V diag(s / (s^2 + penalty)) U'Y; directions without signal get no weight.
+  const Eigen::ArrayXd s = svd.s.array();
+  const double tiny = 1e-12 * std::max(s(0), 1e-300);
+  const Eigen::VectorXd shrink = (s > tiny).select(s / (s.square() + penalty_).max(1e-300), 0);
+  const RowMajor v = (svd.v * shrink.asDiagonal()).cast<float>();
+  weights_ = Matrix(d, pixels);
+  multiply({d, pixels, rank}, v.data(), uty.data(), weights_.values.data());
+  const Eigen::Map<const RowMajor> w(weights_.values.data(), ed, static_cast<Eigen::Index>(pixels));
+  const Eigen::RowVectorXf shift = input_mean.cast<float>() * w;
+  for (std::size_t p = 0; p < pixels; ++p) offset_[p] -= shift(static_cast<Eigen::Index>(p));
+  return {};
+}
+
+Matrix Ridge::predict(const Matrix& inputs) const {
+  Matrix out(inputs.rows, offset_.size());
+  for (std::size_t i = 0; i < out.rows; ++i)
+    std::copy(offset_.begin(), offset_.end(), out.row(i).begin());
+  multiply({inputs.rows, out.cols, inputs.cols, Transpose::no, Transpose::no, 1.f, 1.f},
+           inputs.values.data(), weights_.values.data(), out.values.data());
+  return out;
+}
+
+void Ridge::save(record::H5File& file) const {
+  file.write("model/weights", weights_.values, {weights_.rows, weights_.cols});
+  file.write("model/offset_m", offset_, {offset_.size()});
+  file.set("model/weights", "penalty", penalty_);
+}
+
+void Ridge::load(const record::H5File& file) {
+  const auto shape = file.shape("model/weights");
+  weights_ = Matrix(shape.at(0), shape.at(1));
+  weights_.values = file.read<float>("model/weights");
+  offset_ = file.read<float>("model/offset_m");
+  penalty_ = file.get<double>("model/weights", "penalty");
+}
+
+}  // namespace
+
+std::unique_ptr<Model> make_ridge() { return std::make_unique<Ridge>(); }
+
+}  // namespace echofuse::recon

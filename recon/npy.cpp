@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: MIT
+#include "recon/npy.hpp"
+
+#include <charconv>
+#include <cmath>
+#include <numeric>
+
+#include "drivers/core/bytes.hpp"
+#include "drivers/core/exit_code.hpp"
+#include "recon/files.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+// The text behind 'key': in the header, up to `end`.
+std::string value_of(const std::string& header, const std::string& key, char end) {
+  const auto at = header.find("'" + key + "':");
+  if (at == std::string::npos) return {};
+  const auto first = header.find_first_not_of(' ', at + key.size() + 3);
+  const auto last = header.find(end, first);
+  return last == std::string::npos ? std::string{} : header.substr(first, last - first);
+}
+
+// "(60, 91" -> 60, 91
+std::vector<std::size_t> shape_of(const std::string& text) {
+  std::vector<std::size_t> out;
+  const char* const end = text.data() + text.size();
+  for (const char* p = text.data(); p != end;) {
+    std::size_t n = 0;
+    const auto [next, error] = std::from_chars(p, end, n);
+    if (error == std::errc()) out.push_back(n);
+    p = error == std::errc() ? next : p + 1;
+  }
+  return out;
+}
+
+template <class T>
+std::vector<float> floats(ByteView raw) {
+  const auto values = to_values<T>(raw);
+  return {values.begin(), values.end()};
+}
+template <>
+std::vector<float> floats<double>(ByteView raw) {
+  std::vector<float> out;
+  for (const double v : to_values<double>(raw)) out.push_back(static_cast<float>(v));
+  return out;
+}
+
+// The first index runs fastest in the file; it shall run slowest.
+std::vector<float> to_row_major(const std::vector<float>& in,
+                                const std::vector<std::size_t>& shape) {
+  std::vector<float> out(in.size());
+  std::vector<std::size_t> index(shape.size());
+  for (const float v : in) {
+    std::size_t at = 0;
+    for (std::size_t d = 0; d < shape.size(); ++d) at = at * shape[d] + index[d];
+    out[at] = v;
+    for (std::size_t d = 0; d < shape.size() && ++index[d] == shape[d]; ++d) index[d] = 0;
+  }
+  return out;
+}
+
+}  // namespace
+
+NpyArray read_npy(const std::string& path) {
+  const auto fail = [&](const std::string& what) {
+    throw Error(ExitCode::failed, path + ": " + what);
+  };
+  const Bytes bytes = read_file(path);
+  ByteReader in(bytes);
+  const ByteView magic = in.take(6);
+  if (magic.empty() || std::memcmp(magic.data(), "\x93NUMPY", 6) != 0)
+    fail("not a NumPy array file");
+  const auto major = in.get<std::uint8_t>();
+  in.get<std::uint8_t>();
+  const std::size_t length = major == 1 ? in.get<std::uint16_t>() : in.get<std::uint32_t>();
+  const ByteView text = in.take(length);
+  if (!in.ok()) fail("cut off in its header");
+  const std::string header(text.begin(), text.end());
+  const std::string type = value_of(header, "descr", ',');
+  if (type != "'<f4'" && type != "'<f8'") fail("holds " + type + "; expected '<f4' or '<f8'");
+
+  NpyArray out;
+  out.shape = shape_of(value_of(header, "shape", ')'));
+  const std::size_t wanted =
+      std::accumulate(out.shape.begin(), out.shape.end(), std::size_t{1}, std::multiplies<>());
+  const std::size_t width = type == "'<f4'" ? 4 : 8;
+  if (in.left() != wanted * width)
+    fail("has " + std::to_string(in.left()) + " bytes of values; its shape asks for " +
+         std::to_string(wanted * width));
+  const ByteView values = in.take(in.left());
+  out.values = width == 4 ? floats<float>(values) : floats<double>(values);
+  if (value_of(header, "fortran_order", ',') == "True")
+    out.values = to_row_major(out.values, out.shape);
+  for (std::size_t i = 0; i < out.values.size(); ++i)
+    if (!std::isfinite(out.values[i]))
+      fail("value " + std::to_string(i) + " is not a finite number");
+  return out;
+}
+
+}  // namespace echofuse::recon

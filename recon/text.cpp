@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: MIT
+#include "recon/text.hpp"
+
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+
+namespace echofuse::recon {
+
+std::string formatted(const char* format, ...) {
+  char text[240];
+  va_list values;
+  va_start(values, format);
+  std::vsnprintf(text, sizeof text, format, values);
+  va_end(values);
+  return text;
+}
+
+std::string formatted(const Summary& s, const char* plus_minus) {
+  if (std::isnan(s.mean)) return "-";
+  if (std::isnan(s.se)) return formatted("%.3f", s.mean);
+  return formatted("%.3f", s.mean) + plus_minus + formatted("%.3f", s.se);
+}
+
+}  // namespace echofuse::recon

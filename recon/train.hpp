@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: MIT
+// From runs to a model file.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "recon/trained_model.hpp"
+
+namespace echofuse::recon {
+
+struct TrainOptions {
+  std::string model = "mlp", inputs = "fused", scaling = "record";
+  SplitOptions split;
+  FitOptions fit;
+};
+
+// Splits the usable records, fits, and returns the model with what it has seen. Throws
+// Error(failed) if there are too few records.
+TrainedModel train(const Dataset& data, const TrainOptions& options);
+
+}  // namespace echofuse::recon

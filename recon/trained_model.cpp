@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: MIT
+#include "recon/trained_model.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <map>
+
+#include "acquire/record/depth_map.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t chunk_rows = 512;  // bounds the memory that a prediction needs
+
+// Run number in seen.runs of each source of the data set, or -1.
+std::vector<std::int64_t> known_runs(const SeenRecords& seen, const Dataset& data) {
+  std::vector<std::int64_t> out;
+  for (const auto& source : data.sources) {
+    const auto found = std::find(seen.runs.begin(), seen.runs.end(), source.uuid);
+    out.push_back(found == seen.runs.end() ? -1 : found - seen.runs.begin());
+  }
+  return out;
+}
+
+SeenRecords remember(const Dataset& data, const Split& split) {
+  SeenRecords seen;
+  for (const auto& source : data.sources) seen.runs.push_back(source.uuid);
+  const auto add = [&](const Rows& rows, Part part) {
+    for (const std::size_t row : rows) {
+      std::uint32_t run = 0;
+      while (row >= data.sources[run].first + data.sources[run].count) ++run;
+      seen.run.push_back(run);
+      seen.index.push_back(data.index[row]);
+      seen.part.push_back(static_cast<std::uint8_t>(part));
+    }
+  };
+  add(split.train, Part::train);
+  add(split.validation, Part::validation);
+  add(split.test, Part::test);
+  return seen;
+}
+
+}  // namespace
+
+Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
+  Matrix out(0, data.depth.cols);
+  for (std::size_t first = 0; first < rows.size(); first += chunk_rows) {
+    const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(first);
+    const std::size_t count = std::min(chunk_rows, rows.size() - first);
+    const Matrix part =
+        model->predict(features.apply(data, {begin, begin + static_cast<std::ptrdiff_t>(count)}));
+    out.values.insert(out.values.end(), part.values.begin(), part.values.end());
+    out.rows += part.rows;
+  }
+  constexpr auto farthest = static_cast<float>(record::max_depth_m);
+  for (float& v : out.values) v = std::clamp(v, 0.f, farthest);
+  return out;
+}
+
+bool TrainedModel::knows(const Dataset& data) const {
+  const auto runs = known_runs(seen, data);
+  return std::any_of(runs.begin(), runs.end(), [](std::int64_t run) { return run >= 0; });
+}
+
+Rows TrainedModel::rows_of(const Dataset& data, Part part) const {
+  const auto runs = known_runs(seen, data);
+  std::map<std::pair<std::int64_t, std::int64_t>, std::size_t> row_of;
+  for (std::size_t s = 0; s < runs.size(); ++s)
+    for (std::size_t i = 0; i < data.sources[s].count; ++i) {
+      const std::size_t row = data.sources[s].first + i;
+      row_of[{runs[s], data.index[row]}] = row;
+    }
+  Rows rows;
+  for (std::size_t i = 0; i < seen.index.size(); ++i) {
+    if (seen.part[i] != static_cast<std::uint8_t>(part)) continue;
+    const auto found = row_of.find({seen.run[i], seen.index[i]});
+    if (found != row_of.end()) rows.push_back(found->second);
+  }
+  return rows;
+}
+
+TrainedModel fit_model(const Dataset& data, const Split& split, const std::string& name,
+                       Inputs inputs, const std::string& scaling, const FitOptions& options) {
+  const auto started = std::chrono::steady_clock::now();
+  TrainedModel out;
+  out.name = name;
+  out.features = fit_features(data, split.train, inputs, scaling);
+  out.scene = learn_scene(data.depth, split.train);
+  out.model = make_model(name);
+  Rows all(data.size());
+  for (std::size_t i = 0; i < all.size(); ++i) all[i] = i;
+  const Matrix scaled = out.features.apply(data, all);
+  out.log = out.model->fit({scaled, data.depth, split.train},
+                           {scaled, data.depth, split.validation}, options);
+  out.seen = remember(data, split);
+  out.data_hash = data.hash;
+  out.train_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+  return out;
+}
+
+}  // namespace echofuse::recon

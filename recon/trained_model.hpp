@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: MIT
+// A model with everything that belongs to it: how its inputs are made, what the scene is, which
+// records it has seen and how its training went. Kept as one HDF5 file.
+//
+//   /            attributes: format, format_version, model, inputs, scaling, version, data_crc32c,
+//                train_s, foreground_depth_m, split, gap, seed
+//   axes/NAME    attributes of spd and radar as in drivers/core/axis.hpp
+//   features/    centre, with attributes spd_gain and radar_gain
+//   scene/       background_m, mean_map_m
+//   split/       runs (uuid), run, index, part (0 train, 1 validation, 2 test): one entry a record
+//   training/    loss_m, validation_loss_m, with attribute best_epoch
+//   model/       what the model itself keeps
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "recon/features.hpp"
+#include "recon/maps/scene.hpp"
+#include "recon/models/model.hpp"
+#include "recon/split.hpp"
+
+namespace echofuse::recon {
+
+enum class Part : std::uint8_t { train, validation, test };
+
+struct SeenRecords {
+  std::vector<std::string> runs;    // uuids
+  std::vector<std::uint32_t> run;   // per record: index into runs
+  std::vector<std::int64_t> index;  // per record: its number in the run
+  std::vector<std::uint8_t> part;   // per record: Part
+};
+
+struct TrainedModel {
+  std::string name;  // as make_model takes it
+  Features features;
+  Scene scene;
+  std::unique_ptr<Model> model;
+  TrainingLog log;
+  SplitOptions split;
+  SeenRecords seen;
+  std::uint32_t data_hash = 0;
+  double train_s = 0;
+
+  // Maps of the given rows, metres, within the span that a depth map can hold (0..6 m).
+  Matrix predict(const Dataset& data, const Rows& rows) const;
+  // True if the data set holds a run that the model was trained on.
+  bool knows(const Dataset& data) const;
+  // The rows of the data set that were this part of the model's training.
+  Rows rows_of(const Dataset& data, Part part) const;
+};
+
+// Fits scaling, scene and model to the training rows.
+TrainedModel fit_model(const Dataset& data, const Split& split, const std::string& name,
+                       Inputs inputs, const std::string& scaling, const FitOptions& options);
+
+// Throws Error(disk) if no file can be made there: to be asked before a long training.
+void check_can_save(const std::string& path);
+// Writes a new file beside and renames it: an interrupted save leaves the old one.
+void save_model(const TrainedModel& model, const std::string& path);
+// Throws Error(failed): not there, not a model, written by a newer version.
+TrainedModel load_model(const std::string& path);
+
+}  // namespace echofuse::recon

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: MIT
+// Every parameter of the simulated world; the initialisers are the base condition. Metres, SPD and
+// depth camera at the origin looking along +z, x right, y up; radar at (-baseline_m, 0, 0).
+// [S] Lai et al., COL 22(2) 022701 (2024).
+#pragma once
+#include <cstdint>
+#include <string>
+
+#include "drivers/core/axis.hpp"
+#include "drivers/core/settings.hpp"
+#include "sim/radar_echo.hpp"
+
+namespace echofuse::sim {
+
+struct Conditions {
+  // Geometry and scenes
+  double baseline_m = 0.5;
+  double half_tangent = 0.55;    // field of view of SPD and depth camera, both ways
+  double camera_height_m = 1.1;  // above the floor that people stand on
+  double target_x_m = 1.0;       // people stand at -x..x
+  double target_z_min_m = 3.0, target_z_max_m = 4.0;
+  double target_scale = 1.0;        // size of people and letters
+  double person_yaw_deg = 60;       // people turn up to this much from facing -z
+  double letter_yaw_deg = 30;       // letters turn up to this much from facing the sensors
+  std::string background = "none";  // none, room
+
+  // SPD
+  // Rays across the field of view, both ways. At 256 the sampling error of a histogram of 1e5
+  // photons is a quarter of its shot noise in variance; it falls as rays^-3 or faster.
+  std::int64_t spd_rays = 256;
+  double irf_fwhm_ps = 200;
+  double irf_tail_ps = 0;  // time constant of an exponential tail; 0: Gaussian only
+  double bin_width_ps = 100;
+  double first_bin_ps = 13343;  // two-way 2.0 m
+  std::int64_t bins = 336;
+  double signal_photons = 1e5;         // detections from the mean scene in one window
+  double background_counts = 0;        // ambient and dark counts over all bins in one window
+  std::int64_t pulses_per_window = 0;  // laser pulses for first-photon pile-up; 0: low flux
+
+  // Radar
+  // Rays across the horizontal field of view; half as many up and down, over half its tangent.
+  std::int64_t radar_rays = 384;
+  double radar_half_tangent = 1.2;  // the antenna's +-50 degrees
+  double radar_resolution_m = 0.5;  // c / 2B
+  double radar_start_m = 0;
+  double radar_step_m = 0.25;
+  std::int64_t radar_bins = 29;
+  double radar_snr_db = 20;  // against the mean scene's peak power
+  double radar_carrier_hz = 60.25e9;
+  std::string radar_psf = "sinc";        // sinc, blackman
+  std::string radar_sum = "incoherent";  // incoherent, coherent
+};
+
+// Flat keys, named as the fields; call validate after reading.
+void bind(Settings& settings, Conditions& conditions);
+// Throws Error(config) for values that are each in range but contradict one another.
+void validate(const Conditions& conditions);
+
+Axis spd_axis(const Conditions& conditions);
+Axis radar_axis(const Conditions& conditions);
+RadarAxis radar_response(const Conditions& conditions);
+
+}  // namespace echofuse::sim

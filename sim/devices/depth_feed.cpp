@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: MIT
+#include <array>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/local/stream_protocol.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/asio/write.hpp>
+#include <cmath>
+#include <list>
+
+#include "sim/devices/depth_wire.hpp"
+#include "sim/devices/device.hpp"
+
+namespace echofuse::sim {
+namespace {
+
+using Local = boost::asio::local::stream_protocol;
+using ErrorCode = boost::system::error_code;
+
+class DepthFeed final : public Device {
+ public:
+  DepthFeed(boost::asio::io_context& io, Stage& stage, const DepthOptions& options)
+      : stage_(stage),
+        options_(options),
+        columns_(column_axis(options.width, options.half_tangent_x)),
+        rows_(row_axis(options.height, options.half_tangent_y)),
+        acceptor_(io, Local::endpoint(options.socket_path)),
+        timer_(io),
+        next_(std::chrono::steady_clock::now()) {
+    accept();
+    wait();
+  }
+
+  void stop() override {
+    stopping_ = true;
+    timer_.cancel();
+    acceptor_.close();
+    for (auto& viewer : viewers_) viewer.socket.close();
+  }
+
+  std::vector<std::pair<std::string, std::uint64_t>> sent() const override {
+    return {{"viewers", all_viewers_}, {"frames", frames_}, {"frames_skipped", skipped_}};
+  }
+
+ private:
+  // Each process that uses OpenNI2 has a module of its own, thus several may look.
+  struct Viewer {
+    explicit Viewer(Local::socket s) : socket(std::move(s)) {}
+    Local::socket socket;
+    Bytes out;  // being written; empty: ready for the next frame
+    std::array<std::uint8_t, 16> unread{};
+    bool gone = false;
+  };
+  using Place = std::list<Viewer>::iterator;
+
+  void accept() {
+    acceptor_.async_accept([this](const ErrorCode& error, Local::socket socket) {
+      if (stopping_) return;
+      if (!error) {
+        const Place viewer = viewers_.emplace(viewers_.end(), std::move(socket));
+        ++all_viewers_;
+        watch(viewer);
+        put(viewer->out, header());
+        write(viewer, 0);
+      }
+      accept();
+    });
+  }
+
+  void watch(Place viewer) {
+    viewer->socket.async_read_some(boost::asio::buffer(viewer->unread),
+                                   [this, viewer](const ErrorCode& error, std::size_t) {
+                                     if (!error) return watch(viewer);
+                                     viewer->socket.close();
+                                     viewer->gone = true;
+                                     if (viewer->out.empty()) viewers_.erase(viewer);
+                                   });
+  }
+
+  void write(Place viewer, std::uint64_t frames) {
+    boost::asio::async_write(viewer->socket, boost::asio::buffer(viewer->out),
+                             [this, viewer, frames](const ErrorCode& error, std::size_t) {
+                               viewer->out.clear();
+                               if (!error) frames_ += frames;
+                               if (viewer->gone) viewers_.erase(viewer);
+                             });
+  }
+
+  void wait() {
+    next_ += std::chrono::duration_cast<std::chrono::steady_clock::duration>(
+        std::chrono::duration<double>(1 / options_.fps));
+    timer_.expires_at(next_);
+    timer_.async_wait([this](const ErrorCode& error) {
+      if (error) return;
+      frame();
+      wait();
+    });
+  }
+
+  DepthHeader header() const {
+    DepthHeader h;
+    h.width = options_.width;
+    h.height = options_.height;
+    h.fps = static_cast<std::uint32_t>(std::lround(options_.fps));
+    h.horizontal_fov_rad = static_cast<float>(2 * std::atan(options_.half_tangent_x));
+    h.vertical_fov_rad = static_cast<float>(2 * std::atan(options_.half_tangent_y));
+    return h;
+  }
+
+  void frame() {
+    ++frame_index_;
+    if (viewers_.empty()) return;
+    const double now_s = stage_.now_s();
+    DepthHeader h = header();
+    h.frame_index = frame_index_;
+    h.time_us = static_cast<std::uint64_t>(now_s * 1e6);
+    const auto& pixels = picture(now_s);
+    h.pixel_bytes = static_cast<std::uint32_t>(pixels.size() * sizeof pixels[0]);
+    for (Place viewer = viewers_.begin(); viewer != viewers_.end(); ++viewer) {
+      if (viewer->gone) continue;
+      if (!viewer->out.empty()) {  // still busy with an older one
+        ++skipped_;
+        continue;
+      }
+      put(viewer->out, h);
+      const ByteView raw = as_bytes(pixels);
+      viewer->out.insert(viewer->out.end(), raw.begin(), raw.end());
+      write(viewer, 1);
+    }
+  }
+
+  const std::vector<std::uint16_t>& picture(double time_s) {
+    const Shown& shown = stage_.at(time_s);
+    if (shown.index != pictured_) {
+      pixels_ = render_depth_mm(shown.scene, columns_, rows_);
+      pictured_ = shown.index;
+    }
+    return pixels_;
+  }
+
+  Stage& stage_;
+  DepthOptions options_;
+  Axis columns_, rows_;
+  Local::acceptor acceptor_;
+  boost::asio::steady_timer timer_;
+  std::chrono::steady_clock::time_point next_;
+  std::list<Viewer> viewers_;
+  std::vector<std::uint16_t> pixels_;
+  std::int64_t pictured_ = -1;
+  bool stopping_ = false;
+  std::uint32_t frame_index_ = 0;
+  std::uint64_t all_viewers_ = 0, frames_ = 0, skipped_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Device> make_depth_feed(boost::asio::io_context& io, Stage& stage,
+                                        const DepthOptions& options) {
+  return std::make_unique<DepthFeed>(io, stage, options);
+}
+
+}  // namespace echofuse::sim

@@ -1,0 +1,344 @@
+// SPDX-License-Identifier: MIT
+// An OpenNI2 driver with one depth camera whose frames come from a laboratory's socket, found by
+// this file's own place: LAB/openni/OpenNI2/Drivers/MODULE -> LAB/depth.sock. The camera is plugged
+// in while the laboratory answers. Loaded by the stock library; knows nothing of the product.
+// Threading: OpenNI calls from its user's threads; one thread of the module reads the socket.
+#include <Driver/OniDriverAPI.h>
+#include <dlfcn.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstring>
+#include <mutex>
+#include <new>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "sim/devices/depth_wire.hpp"
+
+// ONI_EXPORT_DRIVER wants these two of XnLib, which OpenNI2 does not install.
+#define XN_NEW(type, argument) new (std::nothrow) type(argument)
+#define XN_DELETE(pointer) delete (pointer)
+
+namespace {
+
+using echofuse::sim::depth_magic;
+using echofuse::sim::DepthHeader;
+using Pixels = std::vector<OniDepthPixel>;
+
+constexpr char uri[] = "echofuse-sim://depth";
+constexpr char serial[] = "SIM-DEPTH-1";
+constexpr int poll_ms = 50;
+constexpr auto retry = std::chrono::milliseconds(100);
+constexpr int hello_patience_polls = 40;
+
+std::string find_socket() {
+  Dl_info info{};
+  if (dladdr(&uri, &info) == 0 || !info.dli_fname) return {};
+  std::string path = info.dli_fname;
+  if (path[0] != '/') {  // OpenNI loads its drivers from within their folder
+    char here[4096];
+    if (!getcwd(here, sizeof here)) return {};
+    path = std::string(here) + "/" + path;
+  }
+  for (int up = 0; up < 4; ++up) path.resize(std::min(path.size(), path.rfind('/')));
+  return path + "/depth.sock";
+}
+// While the module is being loaded: later the working directory is another.
+const std::string socket_path = find_socket();
+
+class Stream final : public oni::driver::StreamBase {
+ public:
+  explicit Stream(const DepthHeader& camera) : camera_(camera) {}
+
+  int getRequiredFrameSize() override {
+    return static_cast<int>(camera_.width * camera_.height) * 2;
+  }
+  OniStatus start() override {
+    const std::lock_guard lock(mutex_);
+    running_ = true;
+    return ONI_STATUS_OK;
+  }
+  void stop() override {
+    const std::lock_guard lock(mutex_);
+    running_ = false;
+  }
+
+  OniBool isPropertySupported(int property) override {
+    return with_property(property, [](const auto&) {});
+  }
+  OniStatus getProperty(int property, void* data, int* size) override {
+    OniStatus status = ONI_STATUS_OK;
+    const bool known = with_property(property, [&](const auto& value) {
+      if (*size < static_cast<int>(sizeof value)) {
+        status = ONI_STATUS_BAD_PARAMETER;
+        return;
+      }
+      std::memcpy(data, &value, sizeof value);
+      *size = sizeof value;
+    });
+    return known ? status : ONI_STATUS_NOT_SUPPORTED;
+  }
+  // Nothing can be changed, but asking for what is already so is fine.
+  OniStatus setProperty(int property, const void* data, int size) override {
+    bool same = false;
+    with_property(property, [&](const auto& value) {
+      same = size == static_cast<int>(sizeof value) && std::memcmp(data, &value, sizeof value) == 0;
+    });
+    return same ? ONI_STATUS_OK : ONI_STATUS_NOT_SUPPORTED;
+  }
+  // A recorder learns the properties from here; without STRIDE and CROPPING its file plays nothing.
+  void notifyAllProperties() override {
+    for (const int property : {ONI_STREAM_PROPERTY_VIDEO_MODE, ONI_STREAM_PROPERTY_HORIZONTAL_FOV,
+                               ONI_STREAM_PROPERTY_VERTICAL_FOV, ONI_STREAM_PROPERTY_MIN_VALUE,
+                               ONI_STREAM_PROPERTY_MAX_VALUE, ONI_STREAM_PROPERTY_STRIDE,
+                               ONI_STREAM_PROPERTY_CROPPING, ONI_STREAM_PROPERTY_MIRRORING})
+      with_property(property, [&](const auto& value) {
+        raisePropertyChanged(property, &value, sizeof value);
+      });
+  }
+
+  void deliver(const DepthHeader& header, const Pixels& pixels) {
+    const std::lock_guard lock(mutex_);
+    if (!running_ || header.width != camera_.width || header.height != camera_.height) return;
+    OniFrame* frame = getServices().acquireFrame();
+    if (!frame) return;
+    frame->dataSize = getRequiredFrameSize();
+    std::memcpy(frame->data, pixels.data(), static_cast<std::size_t>(frame->dataSize));
+    frame->sensorType = ONI_SENSOR_DEPTH;
+    frame->timestamp = header.time_us;
+    frame->frameIndex = static_cast<int>(header.frame_index);
+    frame->width = static_cast<int>(header.width);
+    frame->height = static_cast<int>(header.height);
+    frame->videoMode = mode();
+    frame->croppingEnabled = FALSE;
+    frame->cropOriginX = frame->cropOriginY = 0;
+    frame->stride = stride();
+    raiseNewFrame(frame);
+    getServices().releaseFrame(frame);
+  }
+
+ private:
+  int stride() const { return static_cast<int>(camera_.width) * 2; }
+  OniVideoMode mode() const {
+    return {ONI_PIXEL_FORMAT_DEPTH_1_MM, static_cast<int>(camera_.width),
+            static_cast<int>(camera_.height), static_cast<int>(camera_.fps)};
+  }
+  // Calls `use` with the property's value, in OpenNI's type of it; false if there is none.
+  template <class Use>
+  bool with_property(int property, Use use) const {
+    switch (property) {
+      case ONI_STREAM_PROPERTY_VIDEO_MODE:
+        use(mode());
+        return true;
+      case ONI_STREAM_PROPERTY_HORIZONTAL_FOV:
+        use(camera_.horizontal_fov_rad);
+        return true;
+      case ONI_STREAM_PROPERTY_VERTICAL_FOV:
+        use(camera_.vertical_fov_rad);
+        return true;
+      case ONI_STREAM_PROPERTY_MIN_VALUE:
+        use(0);
+        return true;
+      case ONI_STREAM_PROPERTY_MAX_VALUE:
+        use(10000);
+        return true;
+      case ONI_STREAM_PROPERTY_STRIDE:
+        use(stride());
+        return true;
+      case ONI_STREAM_PROPERTY_MIRRORING:
+        use(OniBool{FALSE});
+        return true;
+      case ONI_STREAM_PROPERTY_CROPPING:
+        use(OniCropping{FALSE, 0, 0, mode().resolutionX, mode().resolutionY});
+        return true;
+      default:
+        return false;
+    }
+  }
+
+  const DepthHeader camera_;
+  std::mutex mutex_;
+  bool running_ = false;
+};
+
+// The streams that are open, for the reader.
+class Streams {
+ public:
+  void add(Stream* stream) {
+    const std::lock_guard lock(mutex_);
+    open_.push_back(stream);
+  }
+  void remove(Stream* stream) {
+    const std::lock_guard lock(mutex_);
+    open_.erase(std::remove(open_.begin(), open_.end(), stream), open_.end());
+  }
+  void deliver(const DepthHeader& header, const Pixels& pixels) {
+    const std::lock_guard lock(mutex_);
+    for (Stream* stream : open_) stream->deliver(header, pixels);
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<Stream*> open_;
+};
+
+class Camera final : public oni::driver::DeviceBase {
+ public:
+  Camera(const DepthHeader& camera, Streams& streams) : camera_(camera), streams_(streams) {
+    mode_ = {ONI_PIXEL_FORMAT_DEPTH_1_MM, static_cast<int>(camera.width),
+             static_cast<int>(camera.height), static_cast<int>(camera.fps)};
+    info_ = {ONI_SENSOR_DEPTH, 1, &mode_};
+  }
+  OniStatus getSensorInfoList(OniSensorInfo** list, int* count) override {
+    *list = &info_;
+    *count = 1;
+    return ONI_STATUS_OK;
+  }
+  oni::driver::StreamBase* createStream(OniSensorType type) override {
+    if (type != ONI_SENSOR_DEPTH) return nullptr;
+    auto* stream = new Stream(camera_);
+    streams_.add(stream);
+    return stream;
+  }
+  void destroyStream(oni::driver::StreamBase* stream) override {
+    streams_.remove(static_cast<Stream*>(stream));
+    delete stream;
+  }
+  OniBool isPropertySupported(int property) override {
+    return property == ONI_DEVICE_PROPERTY_SERIAL_NUMBER;
+  }
+  OniStatus getProperty(int property, void* data, int* size) override {
+    if (property != ONI_DEVICE_PROPERTY_SERIAL_NUMBER) return ONI_STATUS_NOT_SUPPORTED;
+    if (*size < static_cast<int>(sizeof serial)) return ONI_STATUS_BAD_PARAMETER;
+    std::memcpy(data, serial, sizeof serial);
+    *size = sizeof serial;
+    return ONI_STATUS_OK;
+  }
+
+ private:
+  DepthHeader camera_;
+  Streams& streams_;
+  OniVideoMode mode_{};
+  OniSensorInfo info_{};
+};
+
+class Driver final : public oni::driver::DriverBase {
+ public:
+  explicit Driver(OniDriverServices* services) : DriverBase(services) {
+    std::strcpy(info_.uri, uri);
+    std::strcpy(info_.vendor, "Simulated");
+    std::strcpy(info_.name, "Laboratory depth camera");
+  }
+  OniStatus initialize(oni::driver::DeviceConnectedCallback connected,
+                       oni::driver::DeviceDisconnectedCallback disconnected,
+                       oni::driver::DeviceStateChangedCallback changed, void* cookie) override {
+    DriverBase::initialize(connected, disconnected, changed, cookie);
+    connect();  // at once, so that the camera is there for a user who opens it at once
+    reader_ = std::thread([this] { run(); });
+    return ONI_STATUS_OK;
+  }
+  void shutdown() override {
+    quit_ = true;
+    if (reader_.joinable()) reader_.join();
+    if (fd_ >= 0) close(fd_);
+    fd_ = -1;
+  }
+  OniStatus tryDevice(const char* wanted) override {
+    return present_ && std::strcmp(wanted, uri) == 0 ? ONI_STATUS_OK : ONI_STATUS_ERROR;
+  }
+  oni::driver::DeviceBase* deviceOpen(const char* wanted, const char*) override {
+    const std::lock_guard lock(mutex_);
+    if (!present_ || std::strcmp(wanted, uri) != 0) return nullptr;
+    return new Camera(camera_, streams_);
+  }
+  void deviceClose(oni::driver::DeviceBase* device) override { delete device; }
+
+ private:
+  void run() {
+    while (!quit_) {
+      if (fd_ < 0 && !connect())
+        std::this_thread::sleep_for(retry);
+      else if (!read_frame())
+        disconnect();
+    }
+  }
+
+  bool connect() {
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    if (socket_path.size() >= sizeof address.sun_path) return false;
+    std::strcpy(address.sun_path, socket_path.c_str());
+    fd_ = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    DepthHeader hello;
+    if (::connect(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
+        !read_exactly(&hello, sizeof hello, hello_patience_polls) || hello.magic != depth_magic) {
+      close(fd_);
+      fd_ = -1;
+      return false;
+    }
+    {
+      const std::lock_guard lock(mutex_);
+      camera_ = hello;
+    }
+    present_ = true;
+    deviceConnected(&info_);
+    return true;
+  }
+
+  void disconnect() {
+    close(fd_);
+    fd_ = -1;
+    if (quit_) return;
+    present_ = false;
+    deviceDisconnected(&info_);
+  }
+
+  bool read_frame() {
+    DepthHeader header;
+    if (!read_exactly(&header, sizeof header, -1) || header.magic != depth_magic ||
+        header.pixel_bytes != header.width * header.height * sizeof(OniDepthPixel))
+      return false;
+    pixels_.resize(header.pixel_bytes / sizeof(OniDepthPixel));
+    if (!read_exactly(pixels_.data(), header.pixel_bytes, -1)) return false;
+    streams_.deliver(header, pixels_);
+    return true;
+  }
+
+  // False at the end of the stream, on shutdown, or after so many polls without a byte.
+  bool read_exactly(void* into, std::size_t size, int patience) {
+    auto* place = static_cast<char*>(into);
+    for (int waited = 0; size > 0 && !quit_ && waited != patience;) {
+      pollfd ready{fd_, POLLIN, 0};
+      if (poll(&ready, 1, poll_ms) <= 0) {
+        ++waited;
+        continue;
+      }
+      const ssize_t n = read(fd_, place, size);
+      if (n <= 0) return false;
+      place += n;
+      size -= static_cast<std::size_t>(n);
+      waited = 0;
+    }
+    return size == 0;
+  }
+
+  OniDeviceInfo info_{};
+  Streams streams_;
+  std::mutex mutex_;
+  DepthHeader camera_;
+  std::atomic<bool> present_{false}, quit_{false};
+  std::thread reader_;
+  int fd_ = -1;
+  Pixels pixels_;
+};
+
+}  // namespace
+
+ONI_EXPORT_DRIVER(Driver)

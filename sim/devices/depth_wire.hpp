@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: MIT
+// What the laboratory tells the OpenNI2 driver module over its unix socket: first one header with
+// pixel_bytes 0 (the camera's fixed properties), then headers followed by width * height u16 of z
+// in millimetres, row-major from the top left. Both ends are one build on one machine.
+#pragma once
+#include <cstdint>
+
+namespace echofuse::sim {
+
+inline constexpr std::uint32_t depth_magic = 0x44464531;  // "1EFD"
+
+struct DepthHeader {
+  std::uint32_t magic = depth_magic;
+  std::uint32_t width = 0, height = 0;
+  std::uint32_t fps = 0;
+  float horizontal_fov_rad = 0, vertical_fov_rad = 0;
+  std::uint32_t frame_index = 0;
+  std::uint32_t pixel_bytes = 0;
+  std::uint64_t time_us = 0;  // the camera's clock
+};
+static_assert(sizeof(DepthHeader) == 40);
+
+}  // namespace echofuse::sim

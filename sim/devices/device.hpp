@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: MIT
+// The simulated devices of a laboratory. Each lives on one io thread and never blocks it.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "sim/devices/photon_source.hpp"
+#include "sim/devices/stage.hpp"
+
+namespace boost::asio {
+class io_context;
+}
+
+namespace echofuse::sim {
+
+class Device {
+ public:
+  virtual ~Device() = default;
+  // Says goodbye where the protocol has one; what it has under way ends within a second.
+  virtual void stop() = 0;
+  // What was sent so far, by name.
+  virtual std::vector<std::pair<std::string, std::uint64_t>> sent() const = 0;
+};
+
+// A time tagger behind the bridge protocol on 127.0.0.1: one client at a time, a block every 5 ms;
+// when the client is slow, the oldest tags are kept and new ones dropped and counted.
+class TdcBridge : public Device {
+ public:
+  virtual std::string address() const = 0;  // "bridge:tcp://127.0.0.1:PORT"
+};
+struct TdcOptions {
+  Tagging tagging;
+  double window_s = 3;
+  std::uint64_t seed = 1;
+  std::uint16_t port = 0;  // 0: any free one
+  std::size_t send_queue_bytes = 8 << 20;
+};
+std::unique_ptr<TdcBridge> make_tdc_bridge(boost::asio::io_context& io, Stage& stage,
+                                           const TdcOptions& options);
+
+// The two UARTs of a radar board as pseudo-terminals, published as symbolic links.
+struct RadarOptions {
+  std::string cli_link, data_link;
+  std::uint64_t seed = 1;
+};
+std::unique_ptr<Device> make_radar_ptys(boost::asio::io_context& io, Stage& stage,
+                                        const RadarOptions& options);
+
+// Frames for the OpenNI2 driver module (depth_module.cpp) on a unix socket.
+struct DepthOptions {
+  std::string socket_path;
+  std::uint32_t width = 320, height = 240;
+  double fps = 30;
+  double half_tangent_x = 0.8, half_tangent_y = 0.6;  // 8/5 of the maps' field of view, and more
+};
+std::unique_ptr<Device> make_depth_feed(boost::asio::io_context& io, Stage& stage,
+                                        const DepthOptions& options);
+
+}  // namespace echofuse::sim

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: MIT
+#include "sim/devices/photon_source.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <string>
+
+#include "drivers/core/axis.hpp"
+#include "drivers/core/exit_code.hpp"
+#include "sim/encode.hpp"
+
+namespace echofuse::sim {
+namespace {
+
+constexpr double most_tags_per_s = 5e6;
+constexpr double two_way_ps_per_m = 2e12 / speed_of_light_m_s;
+// Photons are stored as pulse << 32 | delay, so no period is longer than this.
+constexpr double longest_period_ps = 4e9;
+
+std::string in_mhz(double hz) { return std::to_string(hz / 1e6) + " MHz"; }
+
+void check(const Conditions& c, const Tagging& t, double window_s) {
+  const double last_ps = c.first_bin_ps + static_cast<double>(c.bins) * c.bin_width_ps;
+  if (t.laser_rate_hz * last_ps > 1e12)
+    throw Error(ExitCode::config, "laser rate " + in_mhz(t.laser_rate_hz) +
+                                      ": the next pulse comes before the last bin, at " +
+                                      std::to_string(last_ps / 1e3) + " ns; at most " +
+                                      in_mhz(1e12 / last_ps));
+  if (t.laser_rate_hz * longest_period_ps < 1e12)
+    throw Error(ExitCode::config,
+                "laser rate " + std::to_string(t.laser_rate_hz) + " Hz: expected at least 250 Hz");
+  const double photons = (c.signal_photons + c.background_counts) / window_s;
+  const double tags = t.conditional_filter ? 2 * photons : photons + t.laser_rate_hz;
+  if (tags > most_tags_per_s)
+    throw Error(ExitCode::config,
+                std::to_string(tags / 1e6) + " million tags a second (photons of a window over " +
+                    std::to_string(window_s) + " s): the simulated tagger makes at most 5 million");
+}
+
+}  // namespace
+
+PhotonSource::PhotonSource(const Conditions& conditions, const Tagging& tagging, double window_s,
+                           std::uint64_t seed)
+    : conditions_(conditions),
+      tagging_(tagging),
+      window_s_(window_s),
+      rng_(make_rng(seed, 1)),
+      jitter_(0, conditions.irf_fwhm_ps / (2 * std::sqrt(2 * std::numbers::ln2))) {
+  if (conditions.pulses_per_window > 0)
+    tagging_.laser_rate_hz = static_cast<double>(conditions.pulses_per_window) / window_s;
+  check(conditions_, tagging_, window_s_);
+  period_ps_ = 1e12 / tagging_.laser_rate_hz;
+}
+
+void PhotonSource::look_at(const Returns& returns) {
+  delay_ps_.clear();
+  cumulative_.clear();
+  double sum = 0;
+  for (std::size_t k = 0; k < returns.range_m.size(); ++k) {
+    sum += returns.weight[k];
+    cumulative_.push_back(sum);
+    delay_ps_.push_back(two_way_ps_per_m * returns.range_m[k]);
+  }
+}
+
+double PhotonSource::windows(std::int64_t pulses) const {
+  return static_cast<double>(pulses) / tagging_.laser_rate_hz / window_s_;
+}
+double PhotonSource::mean_signal(std::int64_t pulses) const {
+  return cumulative_.empty() ? 0
+                             : windows(pulses) * conditions_.signal_photons * cumulative_.back();
+}
+double PhotonSource::mean_background(std::int64_t pulses) const {
+  return windows(pulses) * conditions_.background_counts;
+}
+
+double PhotonSource::mean_tags(std::int64_t pulses) const {
+  const double all = static_cast<double>(pulses);
+  const double photons = mean_signal(pulses) + mean_background(pulses);
+  const double pulses_with_photon = -all * std::expm1(-photons / all);
+  return (tagging_.conditional_filter ? pulses_with_photon : all) +
+         (conditions_.pulses_per_window > 0 ? pulses_with_photon : photons);
+}
+
+double PhotonSource::signal_delay_ps() {
+  std::uniform_real_distribution<double> share(0, cumulative_.back());
+  const auto it = std::upper_bound(cumulative_.begin(), cumulative_.end(), share(rng_));
+  const auto k = std::min<std::ptrdiff_t>(it - cumulative_.begin(),
+                                          static_cast<std::ptrdiff_t>(cumulative_.size()) - 1);
+  double delay = delay_ps_[static_cast<std::size_t>(k)] + jitter_(rng_);
+  if (conditions_.irf_tail_ps > 0)
+    delay += std::exponential_distribution<double>(1 / conditions_.irf_tail_ps)(rng_);
+  return delay;
+}
+
+double PhotonSource::background_delay_ps() {
+  const double span = static_cast<double>(conditions_.bins) * conditions_.bin_width_ps;
+  return conditions_.first_bin_ps + std::uniform_real_distribution<double>(0, span)(rng_);
+}
+
+void PhotonSource::draw_detections(std::int64_t pulses, double mean, bool signal) {
+  if (!(mean > 0)) return;
+  const auto count = std::poisson_distribution<std::int64_t>(mean)(rng_);
+  std::uniform_int_distribution<std::int64_t> pulse(0, pulses - 1);
+  for (std::int64_t i = 0; i < count; ++i) {
+    const double delay = signal ? signal_delay_ps() : background_delay_ps();
+    // Jitter beyond a whole period lies outside every histogram, and would unsort the stream.
+    if (!(delay >= 0 && delay < period_ps_ - 1)) continue;
+    // Rounded down, so that no photon leaves its bin if the bins' edges are whole picoseconds.
+    detections_.push_back(static_cast<std::uint64_t>(pulse(rng_)) << 32 |
+                          static_cast<std::uint64_t>(delay));
+  }
+}
+
+std::size_t PhotonSource::put_pulse(std::int64_t pulse, std::size_t& next, std::int64_t first,
+                                    Bytes& out) {
+  const std::size_t before = out.size();
+  const auto fired_ps =
+      static_cast<std::int64_t>(std::llround(static_cast<double>(pulse) * period_ps_));
+  put_tag(out, tagging_.sync_channel, fired_ps);
+  bool kept = false;
+  for (; next < detections_.size() &&
+         static_cast<std::int64_t>(detections_[next] >> 32) == pulse - first;
+       ++next) {
+    if (kept && conditions_.pulses_per_window > 0) continue;
+    put_tag(out, tagging_.click_channel,
+            fired_ps + static_cast<std::int64_t>(detections_[next] & 0xffffffffU));
+    kept = true;
+  }
+  return (out.size() - before) / tag_bytes;
+}
+
+std::size_t PhotonSource::draw(std::int64_t first, std::int64_t last, Bytes& out) {
+  detections_.clear();
+  draw_detections(last - first, mean_signal(last - first), true);
+  draw_detections(last - first, mean_background(last - first), false);
+  std::sort(detections_.begin(), detections_.end());
+  std::size_t next = 0, tags = 0;
+  if (!tagging_.conditional_filter)
+    for (std::int64_t pulse = first; pulse < last; ++pulse)
+      tags += put_pulse(pulse, next, first, out);
+  while (next < detections_.size())
+    tags += put_pulse(first + static_cast<std::int64_t>(detections_[next] >> 32), next, first, out);
+  return tags;
+}
+
+}  // namespace echofuse::sim

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: MIT
+// Laser and single-photon detector as a time tagger sees them: the same law as the simulated
+// histogram (sim/optics.hpp), drawn photon by photon.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "drivers/core/bytes.hpp"
+#include "drivers/core/random.hpp"
+#include "sim/conditions.hpp"
+#include "sim/render.hpp"
+
+namespace echofuse::sim {
+
+struct Tagging {
+  std::int32_t sync_channel = 1, click_channel = 2;
+  double laser_rate_hz = 1e6;
+  // The device's conditional filter: only syncs followed by a detection are sent.
+  bool conditional_filter = true;
+};
+
+// The number of detections in a window is Poisson, each falls in a pulse of its own choice. Signal:
+// a return picked by weight, its two-way time 2R/c and the IRF's jitter. Background: uniform over
+// the histogram's bins, as of a gated detector. With pulses_per_window > 0 the laser fires that
+// often in a window, whatever laser_rate_hz, and only the first detection of a pulse is kept.
+class PhotonSource {
+ public:
+  // Signal and background counts are per window_s seconds. Throws Error(config) if the laser is
+  // faster than the echoes return, or the tags are more than the simulator can make.
+  PhotonSource(const Conditions& conditions, const Tagging& tagging, double window_s,
+               std::uint64_t seed);
+
+  double laser_rate_hz() const { return tagging_.laser_rate_hz; }
+  // The scene from the next draw on.
+  void look_at(const Returns& returns);
+  // Appends all tags of the pulses [first, last) to `out`, sorted by time; returns their number.
+  // Pulse n fires at n / laser_rate_hz seconds.
+  std::size_t draw(std::int64_t first, std::int64_t last, Bytes& out);
+  // How many that is on average.
+  double mean_tags(std::int64_t pulses) const;
+
+ private:
+  double windows(std::int64_t pulses) const;
+  double mean_signal(std::int64_t pulses) const;
+  double mean_background(std::int64_t pulses) const;
+  void draw_detections(std::int64_t pulses, double mean, bool signal);
+  double signal_delay_ps();
+  double background_delay_ps();
+  std::size_t put_pulse(std::int64_t pulse, std::size_t& next, std::int64_t first, Bytes& out);
+
+  Conditions conditions_;
+  Tagging tagging_;
+  double window_s_, period_ps_;
+  Rng rng_;
+  std::normal_distribution<double> jitter_;
+  std::vector<double> delay_ps_, cumulative_;  // of the scene's returns
+  std::vector<std::uint64_t> detections_;      // pulse << 32 | delay in ps, scratch
+};
+
+}  // namespace echofuse::sim

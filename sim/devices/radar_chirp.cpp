@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: MIT
+#include "sim/devices/radar_chirp.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <complex>
+
+#include "sim/encode.hpp"
+
+namespace echofuse::sim {
+namespace {
+
+constexpr double band_start_ghz = 60, band_end_ghz = 64;
+
+}  // namespace
+
+double Chirp::active_us() const { return chirps_per_frame * (idle_us + ramp_end_us); }
+
+bool Chirp::possible() const {
+  return samples > 0 && sample_rate_ksps > 0 && slope_mhz_us > 0 && antennas > 0 &&
+         adc_start_us + 1e3 * samples / sample_rate_ksps <= ramp_end_us &&
+         start_ghz >= band_start_ghz &&
+         start_ghz + 1e-3 * slope_mhz_us * ramp_end_us <= band_end_ghz && chirps_per_frame > 0 &&
+         active_us() < 1e3 * frame_period_ms;
+}
+
+RadarAxis Chirp::axis() const {
+  const double rate_hz = sample_rate_ksps * 1e3, slope_hz_s = slope_mhz_us * 1e12;
+  const unsigned bins = std::bit_ceil(samples);
+  RadarAxis axis;
+  axis.count = antennas == 12 && bins == 1024 ? 1022 : bins;
+  axis.step_m = 3.0e8 * rate_hz / (2 * slope_hz_s * bins);
+  axis.resolution_m = speed_of_light_m_s / (2 * slope_hz_s * samples / rate_hz);
+  axis.psf = Psf::blackman;
+  return axis;
+}
+
+std::vector<std::uint16_t> range_profile_codes(const std::vector<double>& power, double mean_peak,
+                                               unsigned antennas, const Conditions& conditions,
+                                               Rng& rng) {
+  const double noise_power = std::pow(10, -conditions.radar_snr_db / 10) * mean_peak;
+  std::normal_distribution<double> noise(0, std::sqrt(noise_power / 2));
+  std::vector<std::uint16_t> codes;
+  codes.reserve(power.size());
+  for (const double p : power) {
+    double sum = 0;
+    for (unsigned a = 0; a < antennas; ++a) {
+      const std::complex<double> x{std::sqrt(p) + noise(rng), noise(rng)};
+      sum += std::log2(std::max(1.0, radar_gain * std::abs(x)));
+    }
+    codes.push_back(log2_q8(sum, antennas));
+  }
+  return codes;
+}
+
+double measured_range_bias_m(const std::vector<double>& power, const RadarAxis& axis,
+                             double target_m, double window_m) {
+  const double last = static_cast<double>(power.size()) - 2;
+  const auto bin = [&](double x) {
+    return static_cast<std::size_t>(std::clamp(std::round(x / axis.step_m), 1.0, last));
+  };
+  const auto from = power.begin() + static_cast<std::ptrdiff_t>(bin(target_m - window_m / 2));
+  const auto to = power.begin() + static_cast<std::ptrdiff_t>(bin(target_m + window_m / 2)) + 1;
+  const auto peak = std::max_element(from, to);
+  const double left = std::sqrt(peak[-1]), middle = std::sqrt(*peak), right = std::sqrt(peak[1]);
+  const double curvature = left - 2 * middle + right;
+  const double shift = curvature < 0 ? 0.5 * (left - right) / curvature : 0;
+  return (static_cast<double>(peak - power.begin()) + shift) * axis.step_m - target_m;
+}
+
+}  // namespace echofuse::sim

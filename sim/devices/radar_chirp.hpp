@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: MIT
+// What a configured chirp measures, as the demo's firmware works it out from its CLI commands
+// (mmwave SDK 3.x, mmwdemo_rfparser.c), and the range profile that it then sends.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "drivers/core/random.hpp"
+#include "sim/conditions.hpp"
+#include "sim/radar_echo.hpp"
+#include "sim/render.hpp"
+
+namespace echofuse::sim {
+
+struct Chirp {
+  double start_ghz = 0, idle_us = 0, adc_start_us = 0, ramp_end_us = 0;
+  double slope_mhz_us = 0, sample_rate_ksps = 0;
+  unsigned samples = 0;
+  unsigned antennas = 0;  // virtual: receivers times transmitters
+  unsigned chirps_per_frame = 0;
+  unsigned frames = 0;  // 0: endless
+  double frame_period_ms = 0;
+
+  // Samples within the ramp, sweep within the band, chirps within the frame.
+  bool possible() const;
+  double active_us() const;  // of a frame
+  // bins = samples rounded up to a power of two (1022 for 1024 bins and 12 antennas),
+  // step = 3e8 fs / (2 slope bins), resolution = c / 2B with B = slope samples / fs
+  RadarAxis axis() const;
+};
+
+// One frame's TLV 2. Every virtual antenna has noise of its own:
+//   x_a = g (sqrt(P) + n_a), n_a complex Gaussian, mean |n_a|^2 = 10^(-radar_snr_db/10) mean_peak,
+//   code = log2_q8(sum_a log2 |x_a|), |x_a| >= 1,
+// with P the noise-free power (radar_power) and g the gain from it to the chip's integers.
+std::vector<std::uint16_t> range_profile_codes(const std::vector<double>& power, double mean_peak,
+                                               unsigned antennas, const Conditions& conditions,
+                                               Rng& rng);
+inline constexpr double radar_gain = 1 << 20;
+
+// measureRangeBiasAndRxChanPhase: distance of the profile's peak within +-window/2 of the target's
+// bin, through a parabola over three magnitudes, from the target's true distance (m).
+double measured_range_bias_m(const std::vector<double>& power, const RadarAxis& axis,
+                             double target_m, double window_m);
+
+}  // namespace echofuse::sim

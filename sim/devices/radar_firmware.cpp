@@ -1,0 +1,328 @@
+// SPDX-License-Identifier: MIT
+#include "sim/devices/radar_firmware.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cstdlib>
+#include <sstream>
+#include <utility>
+
+namespace echofuse::sim {
+namespace {
+
+constexpr std::size_t longest_read = 255, most_words = 40;
+constexpr unsigned last_chirp = 511;
+constexpr char banner[] =
+    "******************************************\n"
+    "xWR68xx MMW Demo 03.05.00.04\n"
+    "******************************************\n";
+constexpr char prompt_text[] = "mmwDemo:/>";
+
+struct Command {
+  std::size_t words;  // with the command's own; 0: any
+  bool needed;        // before a start
+  bool when_started;  // may come while the sensor runs
+  bool by_direction;  // its third word makes two settings of it: 0 range, 1 Doppler
+};
+const std::map<std::string, Command> configuring = {
+    {"flushCfg", {1, false, true, false}},
+    {"dfeDataOutputMode", {2, false, true, false}},
+    {"channelCfg", {4, false, true, false}},
+    {"adcCfg", {3, false, true, false}},
+    {"adcbufCfg", {6, true, false, false}},
+    {"lowPower", {3, false, true, false}},
+    {"profileCfg", {15, false, true, false}},
+    {"chirpCfg", {9, false, true, false}},
+    {"frameCfg", {8, false, true, false}},
+    {"guiMonitor", {8, true, true, false}},
+    {"cfarCfg", {10, true, true, true}},
+    {"multiObjBeamForming", {4, true, true, false}},
+    {"calibDcRangeSig", {6, true, true, false}},
+    {"clutterRemoval", {3, true, true, false}},
+    {"compRangeBiasAndRxChanPhase", {26, true, true, false}},
+    {"measureRangeBiasAndRxChanPhase", {4, true, true, false}},
+    {"aoaFovCfg", {6, true, true, false}},
+    {"cfarFovCfg", {5, true, true, true}},
+    {"extendedMaxVelocity", {3, true, true, false}},
+    {"CQRxSatMonitor", {6, false, false, false}},
+    {"CQSigImgMonitor", {4, false, false, false}},
+    {"analogMonitor", {3, true, false, false}},
+    {"lvdsStreamCfg", {5, true, false, false}},
+    {"bpmCfg", {5, true, false, false}},
+    {"calibData", {4, true, true, false}},
+};
+const char* const latched_commands[] = {"channelCfg", "adcCfg", "lowPower"};
+
+constexpr char partial_configuration[] =
+    "Error: You have provided partial configuration between stop and this command and partial "
+    "configuration cannot be undone.Issue the full configuration and do \"sensorStart\" \n";
+
+double number(const std::vector<std::string>& words, std::size_t i) {
+  return i < words.size() ? std::atof(words[i].c_str()) : 0;
+}
+unsigned whole(const std::vector<std::string>& words, std::size_t i) {
+  return static_cast<unsigned>(std::clamp(number(words, i), 0.0, 1e9));
+}
+
+std::vector<std::string> split(const std::string& line) {
+  std::vector<std::string> words;
+  std::istringstream in(line);
+  for (std::string word; words.size() < most_words && in >> word;) words.push_back(word);
+  return words;
+}
+
+}  // namespace
+
+RadarFirmware::RadarFirmware(Write cli, Write data)
+    : cli_(std::move(cli)), data_(std::move(data)) {}
+
+void RadarFirmware::boot() {
+  say(banner);
+  prompt();
+}
+
+// The UART driver's text mode puts the carriage return behind the line feed.
+void RadarFirmware::say(const std::string& text) {
+  std::string wire;
+  for (const char c : text) {
+    wire += c;
+    if (c == '\n') wire += '\r';
+  }
+  cli_(wire);
+}
+
+void RadarFirmware::prompt() { cli_(prompt_text); }
+
+void RadarFirmware::receive(ByteView bytes) {
+  for (const std::uint8_t byte : bytes) {
+    if (stopping_ || dead_) return;
+    // A carriage return is echoed as one and read as a line feed, which is echoed as well.
+    if (byte == '\r') cli_("\r");
+    const char c = byte == '\r' ? '\n' : static_cast<char>(byte);
+    cli_(std::string(1, c));
+    line_ += c;
+    if (c == '\n' || line_.size() == longest_read) run_line();
+  }
+}
+
+void RadarFirmware::run_line() {
+  const std::string line = std::exchange(line_, {});
+  if (!line.empty() && line[0] == '%') {
+    say("Skipped\n");
+    return prompt();
+  }
+  const Arguments words = split(line);
+  if (words.empty()) return prompt();
+  if (const auto status = execute(words)) answer(*status);
+}
+
+void RadarFirmware::answer(int status) {
+  say(status == 0 ? "Done\n" : "Error " + std::to_string(status) + "\n");
+  prompt();
+}
+
+std::optional<int> RadarFirmware::execute(const Arguments& words) {
+  const std::string& name = words[0];
+  if (name == "sensorStart") return sensor_start(words);
+  if (name == "sensorStop") return sensor_stop();
+  if (name == "configDataPort") return config_data_port(words);
+  if (name == "version") return print_version();
+  if (name == "queryDemoStatus") return print_status();
+  const auto it = configuring.find(name);
+  if (it == configuring.end()) {
+    say("'" + name + "' is not recognized as a CLI command\n");
+    prompt();
+    return {};
+  }
+  const Command& command = it->second;
+  if (!command.when_started && state_ == State::started) {
+    say("Ignored: This command is not allowed after sensor has started\n");
+    return 0;
+  }
+  if (words.size() != command.words) {
+    say("Error: Invalid usage of the CLI command\n");
+    return -1;
+  }
+  const std::string key = command.by_direction ? name + " " + words[2] : name;
+  const int status = configure(words, key);
+  if (status == 0 && command.needed) pending_.insert(key);
+  return status;
+}
+
+int RadarFirmware::configure(const Arguments& words, const std::string& key) {
+  const std::string& name = words[0];
+  if (name == "adcbufCfg" && whole(words, 5) != 1) {
+    say("Error: chirpThreshold must be 1, multi-chirp is not allowed\n");
+    return -1;
+  }
+  if (name == "cfarCfg" && number(words, 8) > 100) {
+    say("Error: Maximum value for CFAR thresholdScale is 100.0 dB.\n");
+    return -1;
+  }
+  if (name == "flushCfg") {
+    chirps_.clear();
+    for (const char* chirp_part : {"profileCfg", "frameCfg"}) config_.erase(chirp_part);
+    for (const char* part : latched_commands) config_.erase(part);
+  }
+  if (name == "chirpCfg") chirps_.push_back(words);
+  config_[key] = words;
+  return name == "guiMonitor" ? gui_monitor(words) : 0;
+}
+
+int RadarFirmware::gui_monitor(const Arguments& words) {
+  for (std::size_t i = 4; i <= 6; ++i)
+    if (whole(words, i) != 0) {
+      say("Ignored: noise profile and heat maps are not simulated\n");
+      break;
+    }
+  return 0;
+}
+
+int RadarFirmware::config_data_port(const Arguments& words) {
+  constexpr unsigned fastest = 3125000;
+  if (state_ == State::started) {
+    say("Ignored: This command is not allowed after sensor has started\n");
+    return 0;
+  }
+  const unsigned baud = whole(words, 1);
+  if (baud > fastest) {
+    say("Ignored: Invalid baud rate (" + std::to_string(baud) + ") specified\n");
+    return 0;
+  }
+  if (baud != data_baud_) say("Data port baud rate changed to " + std::to_string(baud) + "\n");
+  data_baud_ = baud;
+  if (whole(words, 2) != 0) data_(std::string(16, '\xff'));
+  return 0;
+}
+
+int RadarFirmware::print_version() {
+  say("Platform                : xWR68xx\n"
+      "mmWave SDK Version      : 03.05.00.04\n"
+      "Device Info             : IWR68XX ES 02.00\n"
+      "RF F/W Version          : 06.03.02.06.20.08.11\n"
+      "mmWaveLink Version      : 01.02.06.06\n");
+  return 0;
+}
+
+int RadarFirmware::print_status() {
+  say("Sensor State: " + std::to_string(static_cast<int>(state_)) + "\n");
+  say("Data port baud rate: " + std::to_string(data_baud_) + "\n");
+  return 0;
+}
+
+bool RadarFirmware::all_pending() const {
+  return std::all_of(configuring.begin(), configuring.end(), [&](const auto& entry) {
+    if (!entry.second.needed) return true;
+    if (!entry.second.by_direction) return pending_.count(entry.first) > 0;
+    return pending_.count(entry.first + " 0") > 0 && pending_.count(entry.first + " 1") > 0;
+  });
+}
+
+// The three ways in which configuration and command contradict each other.
+bool RadarFirmware::refuse_start(bool reconfigure) {
+  const bool first = state_ == State::init || state_ == State::opened;
+  if (reconfigure && all_pending()) return false;
+  if (!reconfigure && !first && pending_.empty()) return false;
+  if (first)
+    say("Error: Full configuration must be provided before sensor can be started the first time\n");
+  else if (reconfigure && pending_.empty())
+    say("Error: You have provided no configuration, issue \"sensorStart 0\" OR provide full "
+        "configuration and issue \"sensorStart\"\n");
+  else if (!reconfigure && all_pending())
+    say("Error: You have provided complete new configuration, issue \"sensorStart\" (without "
+        "argument) if you want it to take effect\n");
+  else
+    say(partial_configuration);
+  return true;
+}
+
+// Antennas, ADC and power mode reach the front end at the first start only; the demo then asserts
+// that they stay, and its command line is dead.
+bool RadarFirmware::changed_latched() {
+  for (const char* name : latched_commands) {
+    if (state_ == State::init) latched_[name] = config_[name];
+    if (config_[name] == latched_[name]) continue;
+    say("Exception: mmw_cli.c, line 263.\n");
+    dead_ = true;
+    return true;
+  }
+  return false;
+}
+
+std::optional<int> RadarFirmware::sensor_start(const Arguments& words) {
+  const bool reconfigure = words.size() != 2;
+  if (!reconfigure && whole(words, 1) != 0) {
+    say("Error: Reconfig is not supported, only argument of 0 is\n"
+        "(do not reconfig, just re-start the sensor) valid\n");
+    return -1;
+  }
+  if (state_ == State::started) {
+    say("Ignored: Sensor is already started\n");
+    return 0;
+  }
+  if (refuse_start(reconfigure)) return -1;
+  if (changed_latched()) return {};
+  const auto configured = chirp();
+  if (state_ == State::init) state_ = State::opened;
+  if (!configured) return -1;
+  pending_.clear();
+  const Arguments& gui = config_["guiMonitor"];
+  const Arguments& bias = config_["measureRangeBiasAndRxChanPhase"];
+  outputs_ = {whole(gui, 2) != 0,  whole(gui, 3) != 0, whole(gui, 7) != 0,
+              whole(bias, 1) != 0, number(bias, 2),    number(bias, 3)};
+  running_ = configured;
+  state_ = State::started;
+  return 0;
+}
+
+std::optional<int> RadarFirmware::sensor_stop() {
+  if (state_ != State::started) {
+    say("Ignored: Sensor is already stopped\n");
+    return 0;
+  }
+  stopping_ = true;
+  return {};
+}
+
+void RadarFirmware::between_frames() {
+  if (!stopping_) return;
+  stopping_ = false;
+  running_.reset();
+  state_ = State::stopped;
+  answer(0);
+}
+
+// Nothing if a part is missing or the front end would refuse it.
+std::optional<Chirp> RadarFirmware::chirp() const {
+  const auto find = [&](const char* name) {
+    const auto it = config_.find(name);
+    return it == config_.end() ? Arguments{} : it->second;
+  };
+  const Arguments profile = find("profileCfg"), frame = find("frameCfg");
+  const Arguments channel = find("channelCfg");
+  unsigned transmitters = 0, chirps = 0;
+  for (unsigned i = whole(frame, 1); i <= std::min(whole(frame, 2), last_chirp); ++i)
+    for (const Arguments& c : chirps_)
+      if (whole(c, 1) <= i && i <= whole(c, 2)) {
+        transmitters |= whole(c, 8);
+        ++chirps;
+        break;
+      }
+  Chirp chirp;
+  chirp.start_ghz = number(profile, 2);
+  chirp.idle_us = number(profile, 3);
+  chirp.adc_start_us = number(profile, 4);
+  chirp.ramp_end_us = number(profile, 5);
+  chirp.slope_mhz_us = number(profile, 8);
+  chirp.samples = whole(profile, 10);
+  chirp.sample_rate_ksps = number(profile, 11);
+  chirp.antennas = static_cast<unsigned>(std::popcount(whole(channel, 1)) *
+                                         std::popcount(transmitters & whole(channel, 2)));
+  chirp.chirps_per_frame = chirps * whole(frame, 3);
+  chirp.frames = whole(frame, 4);
+  chirp.frame_period_ms = number(frame, 5);
+  if (!chirp.possible()) return {};
+  return chirp;
+}
+
+}  // namespace echofuse::sim

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: MIT
+// The command line of TI's xWR68xx out-of-box demo, SDK 3.5, as its sources have it (utils/cli,
+// demo/xwr68xx/mmw/mss/mmw_cli.c, uartsci.c): echo, prompt, "Done", "Error -1", "Ignored: ...",
+// what has to be configured before a start, and what may not change after the first one. Knows no
+// ports and no time.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "drivers/core/bytes.hpp"
+#include "sim/devices/radar_chirp.hpp"
+
+namespace echofuse::sim {
+
+// guiMonitor and measureRangeBiasAndRxChanPhase
+struct RadarOutputs {
+  bool objects = false, range_profile = false, stats = false;
+  bool measure_bias = false;
+  double target_m = 0, search_m = 0;
+};
+
+class RadarFirmware {
+ public:
+  using Write = std::function<void(const std::string&)>;
+  // `cli` gets what the firmware says on its command port, `data` raw bytes for the data port.
+  RadarFirmware(Write cli, Write data);
+
+  // Power-up: banner and prompt.
+  void boot();
+  // Bytes from the host. While a command runs (a stop waits for the frame) they are lost: the UART
+  // has no buffer beyond one byte.
+  void receive(ByteView bytes);
+  // A line of the firmware's own on the command port.
+  void say(const std::string& text);
+
+  // Set from sensorStart to the end of the frame in which sensorStop came.
+  const std::optional<Chirp>& running() const { return running_; }
+  const RadarOutputs& outputs() const { return outputs_; }
+  unsigned data_baud() const { return data_baud_; }
+  // No frame is under way: a pending sensorStop completes.
+  void between_frames();
+
+ private:
+  using Arguments = std::vector<std::string>;
+  enum class State { init = 0, opened = 1, started = 2, stopped = 3 };  // as queryDemoStatus has it
+
+  void run_line();
+  void prompt();
+  void answer(int status);
+  std::optional<int> execute(const Arguments& words);  // nothing: answered later
+  int configure(const Arguments& words, const std::string& key);
+  std::optional<int> sensor_start(const Arguments& words);
+  std::optional<int> sensor_stop();
+  int config_data_port(const Arguments& words);
+  int gui_monitor(const Arguments& words);
+  int print_version();
+  int print_status();
+  bool all_pending() const;
+  bool refuse_start(bool reconfigure);
+  bool changed_latched();
+  std::optional<Chirp> chirp() const;
+
+  Write cli_, data_;
+  std::string line_;
+  State state_ = State::init;
+  bool stopping_ = false, dead_ = false;
+  unsigned data_baud_ = 921600;
+  std::map<std::string, Arguments> config_;   // last good words of each command
+  std::map<std::string, Arguments> latched_;  // as they were at the first start
+  std::vector<Arguments> chirps_;
+  std::set<std::string> pending_;  // configured since the last start
+  std::optional<Chirp> running_;
+  RadarOutputs outputs_;
+};
+
+}  // namespace echofuse::sim

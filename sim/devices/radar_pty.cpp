@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+
+#include "drivers/core/random.hpp"
+#include "sim/devices/device.hpp"
+#include "sim/devices/pty_uart.hpp"
+#include "sim/devices/radar_chirp.hpp"
+#include "sim/devices/radar_firmware.hpp"
+#include "sim/encode.hpp"
+
+namespace echofuse::sim {
+namespace {
+
+using SteadyTime = std::chrono::steady_clock::time_point;
+
+constexpr unsigned cli_baud = 115200, data_baud = 921600;
+constexpr double cpu_hz = 200e6;
+constexpr double processing_us = 3000;           // from the last chirp to the first byte sent
+constexpr std::size_t calibrated_antennas = 12;  // 3 transmitters, 4 receivers, used or not
+
+ByteView bytes_of(const std::string& text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+
+std::chrono::nanoseconds microseconds(double us) { return from_seconds(us * 1e-6); }
+
+class RadarPtys final : public Device {
+ public:
+  RadarPtys(boost::asio::io_context& io, Stage& stage, const RadarOptions& options)
+      : stage_(stage),
+        cli_(io, options.cli_link, cli_baud,
+             [this](ByteView bytes) {
+               firmware_.receive(bytes);
+               data_.set_baud(firmware_.data_baud());
+               if (firmware_.running() && !framing_) begin();
+             }),
+        data_(io, options.data_link, data_baud, [](ByteView) {}),
+        firmware_([this](const std::string& text) { cli_.send(bytes_of(text)); },
+                  [this](const std::string& raw) { data_.send(bytes_of(raw)); }),
+        frame_timer_(io),
+        output_timer_(io),
+        rng_(make_rng(options.seed, 2)) {
+    std::uniform_real_distribution<double> phase(-3.1, 3.1);
+    for (auto& p : antenna_phase_) p = phase(rng_);
+    firmware_.boot();
+  }
+
+  void stop() override {
+    frame_timer_.cancel();
+    output_timer_.cancel();
+    cli_.close();
+    data_.close();
+  }
+
+  std::vector<std::pair<std::string, std::uint64_t>> sent() const override {
+    return {{"frames", frames_},          {"frames_skipped", skipped_},
+            {"data_bytes", data_.sent()}, {"data_bytes_lost", data_.lost()},
+            {"cli_bytes", cli_.sent()},   {"cli_bytes_lost", cli_.lost()}};
+  }
+
+ private:
+  const Chirp& chirp() const { return *firmware_.running(); }
+
+  void begin() {
+    framing_ = true;
+    frames_of_start_ = 0;
+    axis_ = chirp().axis();
+    mean_peak_ = mean_peak_power(axis_, stage_.conditions());
+    next_frame_ = std::chrono::steady_clock::now();
+    frame();
+  }
+
+  void frame() {
+    firmware_.between_frames();
+    framing_ = firmware_.running().has_value();
+    if (!framing_) return;
+    if (chirp().frames == 0 || frames_of_start_ < chirp().frames) {
+      ++frame_number_;
+      ++frames_of_start_;
+      seen_s_ = stage_.now_s();
+      const double ready_us = std::min(chirp().active_us() + processing_us, 0.8 * period_us());
+      output_timer_.expires_at(next_frame_ + microseconds(ready_us));
+      output_timer_.async_wait([this](const boost::system::error_code& error) {
+        if (!error) output();
+      });
+    }
+    next_frame_ += microseconds(period_us());
+    frame_timer_.expires_at(next_frame_);
+    frame_timer_.async_wait([this](const boost::system::error_code& error) {
+      if (!error) frame();
+    });
+  }
+
+  double period_us() const { return 1e3 * chirp().frame_period_ms; }
+
+  void output() {
+    if (!data_.idle()) {  // slower than the frames: the demo has no time for this one
+      ++skipped_;
+      return;
+    }
+    const auto power = radar_power(stage_.at(seen_s_).radar, axis_, stage_.conditions());
+    std::vector<RadarTlv> tlvs;
+    const RadarOutputs& wanted = firmware_.outputs();
+    if (wanted.objects) tlvs.push_back(objects_tlv());
+    if (wanted.range_profile)
+      tlvs.push_back(range_profile_tlv(
+          range_profile_codes(power, mean_peak_, chirp().antennas, stage_.conditions(), rng_)));
+    if (wanted.stats) {
+      tlvs.push_back(stats_tlv(stats()));
+      tlvs.push_back(temperature_tlv(temperature()));
+    }
+    const auto cycles = static_cast<std::uint64_t>(stage_.now_s() * cpu_hz);
+    const Bytes wire =
+        radar_frame({frame_number_, static_cast<std::uint32_t>(cycles), 0}, tlvs, rng_);
+    data_.send(wire);
+    ++frames_;
+    transmit_us_ = static_cast<double>(wire.size()) * 1e7 / firmware_.data_baud();
+    if (wanted.measure_bias) report_bias(power);
+  }
+
+  // Sending time and margin are the former frame's: this one is not sent yet.
+  RadarStats stats() const {
+    const double margin_us = period_us() - chirp().active_us() - processing_us - transmit_us_;
+    RadarStats s{};
+    s.inter_frame_processing_us = static_cast<std::uint32_t>(processing_us);
+    s.transmit_us = static_cast<std::uint32_t>(transmit_us_);
+    s.inter_frame_margin_us = static_cast<std::uint32_t>(std::max(0.0, margin_us));
+    s.inter_chirp_margin_us = static_cast<std::uint32_t>(chirp().idle_us);
+    s.active_frame_load_percent = 20;
+    s.inter_frame_load_percent = 5;
+    return s;
+  }
+
+  RadarTemperature temperature() {
+    RadarTemperature t{};
+    t.time_ms = static_cast<std::uint32_t>(stage_.now_s() * 1e3);
+    for (auto& c : t.celsius) c = static_cast<std::int16_t>(44 + rng_() % 4);
+    return t;
+  }
+
+  void report_bias(const std::vector<double>& power) {
+    const RadarOutputs& wanted = firmware_.outputs();
+    std::array<char, 32> text{};
+    const auto format = [&](const char* how, double value) {
+      std::snprintf(text.data(), text.size(), how, value);
+      return std::string(text.data());
+    };
+    std::string line =
+        "compRangeBiasAndRxChanPhase" +
+        format(" %.7f", measured_range_bias_m(power, axis_, wanted.target_m, wanted.search_m));
+    for (const double phase : antenna_phase_)
+      line += format(" %.5f", std::cos(phase)) + format(" %.5f", std::sin(phase));
+    firmware_.say(line + "\n");
+  }
+
+  Stage& stage_;
+  PtyUart cli_, data_;
+  RadarFirmware firmware_;
+  boost::asio::steady_timer frame_timer_, output_timer_;
+  Rng rng_;
+  std::array<double, calibrated_antennas> antenna_phase_{};
+  RadarAxis axis_;
+  SteadyTime next_frame_;
+  double mean_peak_ = 0, seen_s_ = 0, transmit_us_ = 0;
+  bool framing_ = false;
+  std::uint32_t frame_number_ = 0;
+  std::uint64_t frames_of_start_ = 0, frames_ = 0, skipped_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Device> make_radar_ptys(boost::asio::io_context& io, Stage& stage,
+                                        const RadarOptions& options) {
+  return std::make_unique<RadarPtys>(io, stage, options);
+}
+
+}  // namespace echofuse::sim

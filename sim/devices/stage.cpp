@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: MIT
+#include "sim/devices/stage.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/core/exit_code.hpp"
+#include "drivers/core/random.hpp"
+
+namespace echofuse::sim {
+
+Stage::Stage(const Clock& clock, const Conditions& conditions, const Play& play)
+    : clock_(clock), conditions_(conditions), play_(play), start_(clock.now()) {}
+
+SceneKind Stage::kind_of(const Play& play, std::int64_t index) {
+  if (play.kind == "person") return SceneKind::person;
+  if (play.kind == "letter") return SceneKind::letter;
+  if (play.kind == "two_people") return SceneKind::two_people;
+  if (play.kind == "empty") return SceneKind::empty;
+  if (play.kind != "mixed")
+    throw Error(ExitCode::usage, "scene \"" + play.kind +
+                                     "\" is unknown; expected person, letter, mixed, two_people "
+                                     "or empty");
+  Rng rng = make_rng(static_cast<std::uint64_t>(play.seed), static_cast<std::uint64_t>(index));
+  return rng() % 4 == 0 ? SceneKind::person : SceneKind::letter;
+}
+
+std::int64_t Stage::index_at(double time_s) const {
+  return play_.hold_s > 0 ? static_cast<std::int64_t>(std::max(0.0, time_s) / play_.hold_s) : 0;
+}
+
+double Stage::until(double time_s) const {
+  if (play_.hold_s <= 0) return std::numeric_limits<double>::infinity();
+  return static_cast<double>(index_at(time_s) + 1) * play_.hold_s;
+}
+
+const Shown& Stage::at(double time_s) {
+  const std::int64_t index = index_at(time_s);
+  if (index == shown_.index) return shown_;
+  shown_.scene =
+      make_scene(conditions_, kind_of(play_, index), static_cast<std::uint64_t>(play_.seed),
+                 static_cast<std::uint64_t>(index));
+  shown_.spd = spd_returns(shown_.scene, conditions_);
+  shown_.radar = radar_returns(shown_.scene, conditions_);
+  shown_.index = index;
+  return shown_;
+}
+
+Axis column_axis(std::uint32_t width, double half_tangent) {
+  const double step = 2 * half_tangent / width;
+  return {"depth_x", "tangent", "1", width, -0.5 * (width - 1) * step, step};
+}
+
+Axis row_axis(std::uint32_t height, double half_tangent) {
+  const double step = 2 * half_tangent / height;
+  return {"depth_y", "tangent", "1", height, 0.5 * (height - 1) * step, -step};
+}
+
+}  // namespace echofuse::sim

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: MIT
+// What all simulated devices look at: one scene after the other on one time base.
+// Threading: one thread.
+#pragma once
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "drivers/core/clock.hpp"
+#include "sim/conditions.hpp"
+#include "sim/render.hpp"
+#include "sim/scene.hpp"
+
+namespace echofuse::sim {
+
+// One scene and what each sensor's physics makes of it.
+struct Shown {
+  std::int64_t index = -1;
+  Scene scene;
+  Returns spd, radar;
+};
+
+struct Play {
+  std::string kind = "person";  // person, letter, mixed, two_people, empty
+  std::int64_t seed = 1;
+  double hold_s = 0;  // each scene stands so long; 0: the first one for ever
+};
+
+class Stage {
+ public:
+  // Time zero of the stage, and of every device clock, is clock.now() here.
+  Stage(const Clock& clock, const Conditions& conditions, const Play& play);
+
+  const Conditions& conditions() const { return conditions_; }
+  HostTime start() const { return start_; }
+  double now_s() const { return seconds(clock_.now() - start_); }
+  // The scene that stands at this time, rendered when it is first asked for, and when it goes.
+  const Shown& at(double time_s);
+  double until(double time_s) const;
+
+  // Scene kind number `index` of a play; "mixed" is one person to three letters, as in Lai et al.
+  static SceneKind kind_of(const Play& play, std::int64_t index);
+
+ private:
+  std::int64_t index_at(double time_s) const;
+
+  const Clock& clock_;
+  Conditions conditions_;
+  Play play_;
+  HostTime start_;
+  Shown shown_;
+};
+
+// Directions of a depth camera's pixel centres for the half-angle tangent of its field of view:
+// columns run to the right, rows down from the top.
+Axis column_axis(std::uint32_t width, double half_tangent);
+Axis row_axis(std::uint32_t height, double half_tangent);
+
+}  // namespace echofuse::sim

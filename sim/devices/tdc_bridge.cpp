@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <array>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/asio/write.hpp>
+#include <cmath>
+#include <deque>
+
+#include "sim/devices/device.hpp"
+#include "sim/encode.hpp"
+
+namespace echofuse::sim {
+namespace {
+
+using boost::asio::ip::tcp;
+using ErrorCode = boost::system::error_code;
+
+constexpr auto tick = std::chrono::milliseconds(5);
+constexpr double longest_block_s = 0.02;
+// On a busy machine the tags of a tick come later; what lags more than the device's memory is lost.
+constexpr double longest_tick_s = 0.1, device_memory_s = 1;
+constexpr char hello[] =
+    R"({"model":"simulated time tagger","serial":"SIM-TDC-1","firmware":"1.0"})";
+
+class Bridge final : public TdcBridge {
+ public:
+  Bridge(boost::asio::io_context& io, Stage& stage, const TdcOptions& options)
+      : stage_(stage),
+        options_(options),
+        source_(stage.conditions(), options.tagging, options.window_s, options.seed),
+        acceptor_(io, {boost::asio::ip::address_v4::loopback(), options.port}),
+        address_("bridge:tcp://127.0.0.1:" + std::to_string(acceptor_.local_endpoint().port())),
+        socket_(io),
+        timer_(io) {
+    accept();
+    wait();
+  }
+
+  std::string address() const override { return address_; }
+
+  void stop() override {
+    stopping_ = true;
+    timer_.cancel();
+    acceptor_.close();
+    if (connected_) enqueue(BlockKind::bye, {}, 0);
+  }
+
+  std::vector<std::pair<std::string, std::uint64_t>> sent() const override {
+    return {{"clients", clients_}, {"blocks", blocks_}, {"tags", tags_}, {"dropped", all_dropped_}};
+  }
+
+ private:
+  struct Block {
+    Bytes bytes;
+    std::size_t tags;
+  };
+
+  void accept() {
+    acceptor_.async_accept([this](const ErrorCode& error, tcp::socket socket) {
+      if (error) {
+        if (!stopping_) accept();
+        return;
+      }
+      socket_ = std::move(socket);
+      ErrorCode ignored;
+      socket_.set_option(tcp::no_delay(true), ignored);
+      connected_ = true;
+      ++clients_;
+      sequence_ = 0;
+      dropped_ = 0;
+      next_pulse_ = pulse_at(stage_.now_s());
+      const ByteView greeting{reinterpret_cast<const std::uint8_t*>(hello), sizeof hello - 1};
+      enqueue(BlockKind::hello, greeting, 0);
+      watch();
+    });
+  }
+
+  // A client sends nothing; what ends this read is that he is gone.
+  void watch() {
+    socket_.async_read_some(boost::asio::buffer(unread_), [this](const ErrorCode& error, auto) {
+      if (error == boost::asio::error::operation_aborted) return;
+      if (error)
+        disconnect();
+      else
+        watch();
+    });
+  }
+
+  void disconnect() {
+    if (!connected_) return;
+    connected_ = false;
+    ErrorCode ignored;
+    socket_.close(ignored);
+    if (!writing_) next_client();
+  }
+
+  // Only once the last write of the former client has ended: its buffers are in the queue.
+  void next_client() {
+    queue_.clear();
+    queued_bytes_ = 0;
+    if (!stopping_) accept();
+  }
+
+  void wait() {
+    timer_.expires_after(tick);
+    timer_.async_wait([this](const ErrorCode& error) {
+      if (error) return;
+      if (connected_) make_blocks();
+      wait();
+    });
+  }
+
+  std::int64_t pulse_at(double time_s) const {
+    return static_cast<std::int64_t>(std::floor(time_s * source_.laser_rate_hz()));
+  }
+  double time_of(std::int64_t pulse) const {
+    return static_cast<double>(pulse) / source_.laser_rate_hz();
+  }
+
+  // The pulses up to now, in blocks of one scene and at most longest_block_s each.
+  void make_blocks() {
+    std::int64_t now = pulse_at(stage_.now_s());
+    const auto lag_s = static_cast<double>(now - next_pulse_) / source_.laser_rate_hz();
+    if (lag_s > device_memory_s) {
+      drop(static_cast<std::uint64_t>(source_.mean_tags(now - next_pulse_)));
+      next_pulse_ = now;
+    }
+    now = std::min(now, pulse_at(time_of(next_pulse_) + longest_tick_s));
+    do {
+      const double from_s = time_of(next_pulse_) + 0.5 / source_.laser_rate_hz();
+      look(from_s);
+      const double until_s = std::min(from_s + longest_block_s, stage_.until(from_s));
+      const std::int64_t last = std::min(now, std::max(next_pulse_ + 1, pulse_at(until_s)));
+      if (last <= next_pulse_) break;
+      Bytes payload;
+      const std::size_t tags = source_.draw(next_pulse_, last, payload);
+      next_pulse_ = last;
+      enqueue(BlockKind::tags, payload, tags);
+    } while (next_pulse_ < now);
+  }
+
+  void look(double time_s) {
+    const Shown& shown = stage_.at(time_s);
+    if (shown.index == seen_) return;
+    source_.look_at(shown.spd);
+    seen_ = shown.index;
+  }
+
+  void enqueue(BlockKind kind, ByteView payload, std::size_t tags) {
+    if (queued_bytes_ + payload.size() > options_.send_queue_bytes) return drop(tags);
+    queue_.push_back({bridge_block(kind, sequence_++, dropped_, payload), tags});
+    queued_bytes_ += queue_.back().bytes.size();
+    dropped_ = 0;
+    if (!writing_) write();
+  }
+
+  void drop(std::uint64_t tags) {
+    dropped_ += tags;
+    all_dropped_ += tags;
+  }
+
+  void write() {
+    writing_ = true;
+    boost::asio::async_write(socket_, boost::asio::buffer(queue_.front().bytes),
+                             [this](const ErrorCode& error, std::size_t) {
+                               writing_ = false;
+                               written(error);
+                             });
+  }
+
+  void written(const ErrorCode& error) {
+    if (!connected_) return next_client();
+    if (error) return disconnect();
+    ++blocks_;
+    tags_ += queue_.front().tags;
+    queued_bytes_ -= queue_.front().bytes.size();
+    queue_.pop_front();
+    if (!queue_.empty())
+      write();
+    else if (stopping_)
+      disconnect();
+  }
+
+  Stage& stage_;
+  TdcOptions options_;
+  PhotonSource source_;
+  tcp::acceptor acceptor_;
+  std::string address_;
+  tcp::socket socket_;
+  boost::asio::steady_timer timer_;
+  std::array<std::uint8_t, 256> unread_{};
+  std::deque<Block> queue_;
+  std::size_t queued_bytes_ = 0;
+  bool connected_ = false, writing_ = false, stopping_ = false;
+  std::uint32_t sequence_ = 0;
+  std::int64_t next_pulse_ = 0, seen_ = -1;
+  std::uint64_t dropped_ = 0, all_dropped_ = 0, clients_ = 0, blocks_ = 0, tags_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<TdcBridge> make_tdc_bridge(boost::asio::io_context& io, Stage& stage,
+                                           const TdcOptions& options) {
+  return std::make_unique<Bridge>(io, stage, options);
+}
+
+}  // namespace echofuse::sim

@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: MIT
+// echofuse-sim: the simulated world. Each add_... function describes one subcommand and, when it
+// was chosen, sets what to run.
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <fstream>
+#include <functional>
+#include <iostream>
+#include <iterator>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <thread>
+
+#include "drivers/core/console.hpp"
+#include "sim/dataset.hpp"
+#include "sim/lab.hpp"
+
+namespace {
+
+using namespace echofuse;
+using Command = std::function<ExitCode()>;
+
+struct DatasetArguments {
+  sim::DatasetOptions options;
+  std::string config, mirror_of;
+  std::vector<std::string> settings;
+  std::optional<std::int64_t> records, people, letters, two_people, empty, seed;
+  bool json = false;
+};
+
+std::string read_whole(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw Error(ExitCode::config, path + ": cannot read the configuration file");
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// The numbers of records on the command line replace the configured ones as a whole.
+void apply_counts(const DatasetArguments& a, sim::Plan& plan) {
+  if (a.people || a.letters || a.two_people || a.empty) {
+    plan.people = a.people.value_or(0);
+    plan.letters = a.letters.value_or(0);
+    plan.two_people = a.two_people.value_or(0);
+    plan.empty = a.empty.value_or(0);
+  } else if (a.records) {
+    plan.people = *a.records / 4;
+    plan.letters = *a.records - plan.people;
+    plan.two_people = plan.empty = 0;
+  }
+  if (a.records && *a.records != plan.records())
+    throw Error(ExitCode::usage, "--records " + std::to_string(*a.records) + " differs from the " +
+                                     std::to_string(plan.records()) + " records asked for by kind");
+  if (plan.records() == 0) throw Error(ExitCode::usage, "no records asked for");
+}
+
+// Another seed or other numbers of records would silently make the mirror of nothing.
+void check_same_scenes(const sim::Plan& plan, const std::string& run) {
+  const sim::Plan original = sim::plan_of(run);
+  if (plan.seed != original.seed || sim::shuffled_kinds(plan) != sim::shuffled_kinds(original))
+    throw Error(ExitCode::usage,
+                "--mirror-of takes the seed and the records from " + run + "; do not give others");
+}
+
+sim::Plan make_plan(DatasetArguments& a) {
+  sim::Plan plan;
+  if (!a.mirror_of.empty()) {
+    plan = sim::plan_of(a.mirror_of);
+    plan.mirrored = !plan.mirrored;
+  }
+  Settings settings;
+  bind(settings, plan);
+  if (!a.config.empty()) {
+    a.options.config_text = read_whole(a.config);
+    settings.read_text(a.options.config_text, a.config);
+  }
+  for (const auto& assignment : a.settings) settings.set(assignment);
+  if (a.seed) plan.seed = *a.seed;
+  apply_counts(a, plan);
+  if (!a.mirror_of.empty()) check_same_scenes(plan, a.mirror_of);
+  return plan;
+}
+
+ExitCode run_dataset(DatasetArguments& a) {
+  using Clock = std::chrono::steady_clock;
+  catch_interrupts();
+  const sim::Plan plan = make_plan(a);
+  const auto start = Clock::now();
+  const std::int64_t written = sim::write_dataset(plan, a.options);
+  const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
+  if (a.json)
+    std::cout << nlohmann::json{{"file", a.options.out},
+                                {"records", written},
+                                {"people", plan.people},
+                                {"letters", plan.letters},
+                                {"two_people", plan.two_people},
+                                {"empty", plan.empty},
+                                {"seed", plan.seed},
+                                {"mirrored", plan.mirrored},
+                                {"seconds", seconds}}
+                     .dump()
+              << "\n";
+  else if (!a.options.quiet)
+    std::cout << a.options.out << ": " << written << " records in " << human_duration(seconds)
+              << "\n";
+  return written == plan.records() ? ExitCode::ok : ExitCode::interrupted;
+}
+
+void add_dataset(CLI::App& app, Command& command) {
+  auto* sub = app.add_subcommand("dataset", "make a run file of simulated records");
+  auto a = std::make_shared<DatasetArguments>();
+  a->options.threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  const auto count = CLI::Range(std::int64_t{0}, std::int64_t{10'000'000});
+  sub->add_option("--out", a->options.out, "run file to make (never overwritten)")->required();
+  sub->add_option("--records", a->records, "a quarter people, the rest letters")->check(count);
+  sub->add_option("--people", a->people, "records of one person")->check(count);
+  sub->add_option("--letters", a->letters, "records of a person holding a letter")->check(count);
+  sub->add_option("--two-people", a->two_people, "records of two people")->check(count);
+  sub->add_option("--empty", a->empty, "records of nobody")->check(count);
+  sub->add_option("--mirror-of", a->mirror_of, "the mirrored scenes of this run");
+  sub->add_option("--seed", a->seed, "the same seed makes the same records")
+      ->check(CLI::NonNegativeNumber);
+  sub->add_option("--config", a->config, "TOML file of settings");
+  sub->add_option("--set", a->settings, "key=value, over the file's")->allow_extra_args(false);
+  sub->add_option("--threads", a->options.threads)->check(CLI::Range(1, 256));
+  sub->add_flag("-q,--quiet", a->options.quiet, "no progress, no summary");
+  sub->add_flag("--json", a->json, "summary as one JSON object");
+  sub->callback([&command, a] { command = [a] { return run_dataset(*a); }; });
+}
+
+struct LabArguments {
+  sim::LabOptions options;
+  std::string config;
+  std::vector<std::string> settings;
+  std::optional<std::int64_t> seed;
+  double duration_s = 0;
+  bool json = false;
+};
+
+void print_sent(const std::string& sent) {
+  const auto all = nlohmann::ordered_json::parse(sent);
+  for (const char* device : {"tdc", "radar", "depth"}) {
+    std::cout << device << " sent:";
+    for (const auto& [what, count] : all[device].items()) std::cout << " " << what << " " << count;
+    std::cout << "\n";
+  }
+}
+
+ExitCode run_lab(LabArguments& a) {
+  catch_interrupts();
+  sim::Plan plan;  // the same file configures a data set
+  Settings settings;
+  bind(settings, plan);
+  if (!a.config.empty()) settings.read_file(a.config);
+  for (const auto& assignment : a.settings) settings.set(assignment);
+  validate(plan.conditions);
+  a.options.conditions = plan.conditions;
+  a.options.play.seed = a.seed.value_or(plan.seed);
+  const SystemClock clock;
+  sim::Lab lab(clock, a.options);
+  std::cerr << "the laboratory is open; Ctrl-C closes it. To record from it:\n";
+  std::cout << lab.daemon_command() << std::endl;
+  const HostTime end = clock.now() + from_seconds(a.duration_s);
+  lab.serve([&] { return interrupted() || (a.duration_s > 0 && clock.now() >= end); });
+  if (a.json)
+    std::cout << lab.sent() << "\n";
+  else
+    print_sent(lab.sent());
+  return ExitCode::ok;
+}
+
+void add_lab(CLI::App& app, Command& command) {
+  auto* sub = app.add_subcommand("lab", "start a laboratory of simulated devices");
+  auto a = std::make_shared<LabArguments>();
+  auto& o = a->options;
+  sub->add_option("--dir", o.dir, "where lab.toml and the devices' links go")
+      ->capture_default_str();
+  sub->add_option("--scene", o.play.kind, "what the devices see")
+      ->check(CLI::IsMember({"person", "letter", "mixed", "two_people", "empty"}))
+      ->capture_default_str();
+  sub->add_option("--hold", o.play.hold_s, "seconds that each scene stands; 0: for ever")
+      ->check(CLI::Range(0.0, 86'400.0));
+  sub->add_option("--seed", a->seed, "the same seed shows the same scenes")
+      ->check(CLI::NonNegativeNumber);
+  sub->add_option("--window", o.window_s, "seconds of one record, to which photon numbers refer")
+      ->check(CLI::Range(0.05, 3600.0))
+      ->capture_default_str();
+  sub->add_option("--laser-rate-hz", o.tagging.laser_rate_hz, "pulses a second")
+      ->check(CLI::Range(1.0, 1e9))
+      ->capture_default_str();
+  sub->add_flag("!--all-syncs", o.tagging.conditional_filter,
+                "send every laser sync, not only those before a photon");
+  sub->add_option("--radar-cfg", o.radar_cfg, "TI .cfg file (the paper's 50 cm profile)");
+  sub->add_option("--duration", a->duration_s, "close by itself after so many seconds")
+      ->check(CLI::NonNegativeNumber);
+  sub->add_option("--config", a->config, "TOML file of settings");
+  sub->add_option("--set", a->settings, "key=value, over the file's")->allow_extra_args(false);
+  sub->add_flag("--json", a->json, "what was sent as one JSON object");
+  sub->callback([&command, a] { command = [a] { return run_lab(*a); }; });
+}
+
+ExitCode run(int argc, char** argv) {
+  CLI::App app{"The simulated world: data sets and a laboratory of simulated devices."};
+  app.set_version_flag("--version", std::string("echofuse-sim ") + version());
+  app.require_subcommand(1);
+  Command command;
+  add_dataset(app, command);
+  add_lab(app, command);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage;
+  }
+  return command();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return echofuse::run_main("echofuse-sim", [&] { return run(argc, argv); });
+}

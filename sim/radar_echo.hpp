@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: MIT
+// The range profile of a linear-frequency-modulated radar after its matched filter.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "drivers/core/random.hpp"
+
+namespace echofuse::sim {
+
+struct Conditions;
+struct Returns;
+
+enum class Psf : std::uint8_t { sinc, blackman };
+
+// Points at start + i*step, and the response to one scatterer at R: psf((R_i - R) / resolution).
+struct RadarAxis {
+  double start_m = 0;
+  double step_m = 0.25;
+  std::uint32_t count = 29;
+  double resolution_m = 0.5;  // c / 2B: the sinc's first null
+  Psf psf = Psf::sinc;
+};
+
+// Amplitude, 1 at u = 0: sin(pi u)/(pi u), or the transform of a Blackman window (-3 dB width 1.64,
+// side lobes below -58 dB; Harris, Proc. IEEE 66, 1978). u in resolution cells.
+double psf_amplitude(Psf psf, double u);
+
+// Linear power without noise, in units in which the mean scene as a single point would give 1.
+//   incoherent: sum_k w_k psf^2
+//   coherent:   |sum_k sqrt(w_k) exp(-4 pi i R_k fc / c) psf|^2 (speckle; the former is its mean)
+std::vector<double> radar_power(const Returns& returns, const RadarAxis& axis,
+                                const Conditions& conditions);
+
+// Peak of the noise-free incoherent profile, averaged over a fixed set of base-condition scenes
+// as seen with this axis and baseline. Takes some 50 ms: once per data set.
+double mean_peak_power(const RadarAxis& axis, const Conditions& conditions);
+
+// White Gaussian noise on the power profile, sigma = 10^(-radar_snr_db/10) * mean_peak. Noisy
+// values may be negative.
+void add_radar_noise(std::vector<double>& power, double mean_peak, const Conditions& conditions,
+                     Rng& rng);
+
+}  // namespace echofuse::sim

@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: MIT
+// echofuse-recon as a user meets it: exit codes, one line of error, what it prints and leaves.
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "acquire/record/png.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::testing;
+
+namespace {
+
+void refuses(const std::string& arguments, int code, const std::string& saying) {
+  const Outcome o = recon_program(arguments);
+  CAPTURE(arguments);
+  CHECK(o.code == code);
+  CHECK_THAT(o.text, Catch::Contains(saying));
+  CHECK(std::count(o.text.begin(), o.text.end(), '\n') <= (code == 2 ? 3 : 1));
+}
+
+std::string contents(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+// True once the process has its handler for SIGINT (signal 2) in place.
+bool catches_interrupts(pid_t process) {
+  const std::string status = contents("/proc/" + std::to_string(process) + "/status");
+  const auto at = status.find("SigCgt:");
+  REQUIRE(at != std::string::npos);
+  return std::stoull(status.substr(at + 7), nullptr, 16) & 2u;
+}
+
+constexpr const char* quick = " -q --hidden 32,16 --epochs 8 --batch 16";
+
+}  // namespace
+
+TEST_CASE("help and version") {
+  CHECK(recon_program("--version").code == 0);
+  const Outcome help = recon_program("--help");
+  CHECK(help.code == 0);
+  for (const char* command :
+       {"train", "evaluate", "reconstruct", "crossvalidate", "report", "import"})
+    CHECK_THAT(help.text, Catch::Contains(command));
+}
+
+TEST_CASE("wrong usage ends with 2") {
+  refuses("", 2, "subcommand");
+  refuses("train --out m", 2, "run");
+  refuses("train a --out m --inputs sonar", 2, "sonar");
+  refuses("train a --out m --model oracle", 2, "oracle");
+  refuses("evaluate a b --surprise", 2, "--surprise");
+}
+
+TEST_CASE("what is not a run or a model is refused in one line") {
+  const Folder dir;
+  std::ofstream(dir / "text") << "hello";
+  write_run(dir / "run", 3);
+  refuses("train " + (dir / "none") + " --out " + (dir / "m"), 1, "no such file");
+  refuses("train " + (dir / "text") + " --out " + (dir / "m"), 1, "not an echofuse run file");
+  refuses("evaluate " + (dir / "none") + " " + (dir / "run"), 1, "no such file");
+  refuses("evaluate " + (dir / "text") + " " + (dir / "run"), 1, dir / "text");
+  refuses("evaluate " + (dir / "run") + " " + (dir / "run"), 1, dir / "run");
+  refuses("train " + (dir / "run") + " --out " + (dir / "no/such/m"), 6, "no/such/m");
+  refuses("import turpin " + (dir / "none") + " --out " + (dir / "t"), 1, "histogram.npy");
+}
+
+TEST_CASE("too few records, a bad record, other axes") {
+  const Folder dir;
+  write_run(dir / "one", 1);
+  refuses("train " + (dir / "one") + " --out " + (dir / "m"), 1, "1 usable records");
+  write_run(dir / "bad", 8, 1, [](record::FusedRecord& r) {
+    if (r.index == 6) r.radar[0] = std::numeric_limits<float>::infinity();
+  });
+  refuses("train " + (dir / "bad") + " --out " + (dir / "m"), 1, "record 6");
+  CHECK_FALSE(std::filesystem::exists(dir / "m"));
+  write_run(dir / "run", 40);
+  REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
+          0);
+  write_run(dir / "other", 4, 1, {}, {"radar", "power", "m", 24, 0, 0.3, 1});
+  refuses("evaluate " + (dir / "m") + " " + (dir / "other"), 1, "radar axis");
+  refuses("reconstruct " + (dir / "m") + " " + (dir / "other") + " --out " + (dir / "o"), 1,
+          "radar axis");
+  refuses("evaluate " + (dir / "m") + " " + (dir / "bad"), 1, "record 6");
+  CHECK(recon_program("evaluate " + (dir / "m") + " " + (dir / "one")).code == 0);
+}
+
+TEST_CASE("train and evaluate: the JSON object") {
+  const Folder dir;
+  write_run(dir / "run", 120);
+  REQUIRE(recon_program("train " + (dir / "run") + " --out " + (dir / "m") + quick).code == 0);
+  const auto json = nlohmann::json::parse(
+      recon_program("evaluate --json " + (dir / "m") + " " + (dir / "run")).text);
+  CHECK(json["model"] == "mlp");
+  CHECK(json["inputs"] == "fused");
+  CHECK(json["records"] == 12);
+  for (const char* name : {"iou", "ssim", "ssim_hard", "ssim_fg", "rmse_m", "rmse_fg_m",
+                           "depth_mae_m", "lateral_m", "ghost", "left_right"}) {
+    CAPTURE(name);
+    CHECK(json["metrics"][name].contains("mean"));
+    CHECK(json["metrics"][name].contains("se"));
+    for (const char* row : {"empty", "mean", "nearest"}) CHECK(json["trivial"][row].contains(name));
+  }
+  for (const char* name :
+       {"multiply_adds", "parameters", "infer_us_median", "infer_us_p99", "train_s", "model_bytes"})
+    CHECK(json["cost"][name].get<double>() > 0);
+  CHECK(json["cost"]["multiply_adds"] == 54 * 32 + 32 * 16 + 16 * 4096);
+  // A fresh run has no neighbours of its own; the training run lends them.
+  write_run(dir / "fresh", 20, 3);
+  const std::string fresh = "evaluate --json " + (dir / "m") + " " + (dir / "fresh");
+  CHECK(nlohmann::json::parse(recon_program(fresh).text)["trivial"].size() == 2);
+  const auto lent = nlohmann::json::parse(recon_program(fresh + " --train " + (dir / "run")).text);
+  CHECK(lent["trivial"].size() == 3);
+  CHECK(lent["records"] == 20);
+}
+
+TEST_CASE("a bad record does not stop a reconstruction") {
+  const Folder dir;
+  write_run(dir / "run", 60);
+  REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
+          0);
+  write_run(dir / "mixed", 6, 2, [](record::FusedRecord& r) {
+    if (r.index == 1) r.radar[5] = std::numeric_limits<float>::quiet_NaN();
+    if (r.index == 3) r.valid &= ~1u, r.spd.clear();
+    if (r.index == 4) r.valid &= ~4u, r.depth_mm.clear();  // live: no truth is needed
+  });
+  const Outcome o = recon_program("reconstruct " + (dir / "m") + " " + (dir / "mixed") + " --out " +
+                                  (dir / "maps"));
+  CHECK(o.code == 5);
+  CHECK_THAT(o.text, Catch::Contains("record 1") && Catch::Contains("record 3"));
+  const std::string csv = contents(dir / "maps/records.csv");
+  CHECK(std::count(csv.begin(), csv.end(), '\n') == 7);
+  CHECK_THAT(csv, Catch::Contains("\n0,\"ok\"") && Catch::Contains("\n4,\"ok\""));
+  CHECK_FALSE(std::filesystem::exists(dir / "maps/000001.png"));
+  CHECK(std::filesystem::exists(dir / "maps/000004.png"));
+  const std::string png = contents(dir / "maps/000000_mm.png");
+  const Bytes bytes(png.begin(), png.end());
+  const auto mm = record::decode_png16(bytes, 64, 64);
+  REQUIRE(mm.size() == 4096);
+  CHECK(*std::max_element(mm.begin(), mm.end()) > 1500);
+  CHECK(recon_program("reconstruct -q --format mm " + (dir / "m") + " " + (dir / "run") +
+                      " --out " + (dir / "good"))
+            .code == 0);
+  CHECK_FALSE(std::filesystem::exists(dir / "good/000000.png"));
+}
+
+TEST_CASE("the report holds everything in one page") {
+  const Folder dir;
+  write_run(dir / "run", 120);
+  for (const std::string inputs : {"fused", "spd", "radar"})
+    REQUIRE(recon_program("train -q --model ridge --inputs " + inputs + " " + (dir / "run") +
+                          " --out " + (dir / inputs))
+                .code == 0);
+  write_run(dir / "live", 5, 8, {}, radar_axis(40));
+  const std::string models = " --fused " + (dir / "fused") + " --spd " + (dir / "spd") +
+                             " --radar " + (dir / "radar") + " --run " + (dir / "run");
+  const Outcome o = recon_program("report " + (dir / "out") + models + " --live " + (dir / "live"));
+  REQUIRE(o.code == 0);
+  CHECK_THAT(o.text, Catch::Contains("0.6576") && Catch::Contains("0.6389") &&
+                         Catch::Contains("0.5266") && Catch::Contains("report.html"));
+  const std::string page = contents(dir / "out/report.html");
+  std::size_t pictures = 0;
+  for (auto at = page.find("data:image/png;base64,"); at != std::string::npos;
+       at = page.find("data:image/png;base64,", at + 1))
+    ++pictures;
+  CHECK(pictures == 3);
+  CHECK(page.find("<img src=\"http") == std::string::npos);
+  CHECK_THAT(page, Catch::Contains("Do not read the SSIM column alone"));
+  for (const char* name : {"figure_person.png", "figure_letter.png", "figure_live.png"})
+    CHECK(contents(dir / (std::string("out/") + name)).starts_with("\x89PNG"));
+  refuses("report " + (dir / "out") + " --fused " + (dir / "spd") + " --spd " + (dir / "spd") +
+              " --radar " + (dir / "radar") + " --run " + (dir / "run"),
+          1, "was trained on spd inputs");
+}
+
+TEST_CASE("interrupted training keeps the best so far") {
+  const Folder dir;
+  write_run(dir / "run", 200);
+  const std::string run = dir / "run", model = dir / "m";
+  const pid_t child = fork();
+  REQUIRE(child >= 0);
+  if (child == 0) {
+    execl(ECHOFUSE_BIN_DIR "/echofuse-recon", "echofuse-recon", "train", run.c_str(), "--out",
+          model.c_str(), "-q", "--epochs", "100000", "--patience", "100000", nullptr);
+    _exit(127);
+  }
+  while (!catches_interrupts(child)) ::usleep(10'000);
+  ::usleep(500'000);
+  kill(child, SIGINT);
+  int status = 0;
+  waitpid(child, &status, 0);
+  REQUIRE(WIFEXITED(status));
+  CHECK(WEXITSTATUS(status) == 130);
+  CHECK(recon_program("evaluate " + model + " " + run).code == 0);
+}

@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: MIT
+#include "recon/dataset.hpp"
+
+#include <limits>
+
+#include "recon/features.hpp"
+#include "recon/split.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using echofuse::testing::Folder;
+using echofuse::testing::radar_axis;
+using echofuse::testing::write_run;
+
+namespace {
+
+std::string error_of(const std::function<void()>& body) {
+  try {
+    body();
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "no error";
+}
+
+void without(record::FusedRecord& r, Sensor s) {
+  r.valid &= ~(1u << static_cast<unsigned>(s));
+  if (s == Sensor::spd) r.spd.clear();
+  if (s == Sensor::radar) r.radar.clear();
+  if (s == Sensor::depth) r.depth_mm.clear();
+}
+
+}  // namespace
+
+TEST_CASE("two runs become one table") {
+  const Folder dir;
+  write_run(dir / "a", 3, 1);
+  write_run(dir / "b", 2, 2);
+  const Dataset data = load({dir / "a", dir / "b"});
+  REQUIRE(data.size() == 5);
+  CHECK(data.spd.rows == 5);
+  CHECK(data.spd.cols == 30);
+  CHECK(data.radar.cols == 24);
+  CHECK(data.depth.cols == 4096);
+  CHECK(data.index == std::vector<std::int64_t>{0, 1, 2, 0, 1});
+  CHECK(data.label[0] == "person");
+  REQUIRE(data.sources.size() == 2);
+  CHECK(data.sources[1].first == 3);
+  CHECK(data.sources[0].uuid != data.sources[1].uuid);
+  const record::FusedRecord r = record::RunReader(dir / "b").read(1);
+  CHECK(data.spd.row(4)[10] == static_cast<float>(r.spd[10]));
+  CHECK(data.radar.row(4)[10] == r.radar[10]);
+  CHECK(data.depth.row(4)[30 * 64 + 32] == Approx(r.depth_mm[30 * 64 + 32] * 1e-3));
+  CHECK(load({dir / "a"}).hash == load({dir / "a"}).hash);
+  CHECK(load({dir / "a"}).hash != load({dir / "b"}).hash);
+}
+
+TEST_CASE("runs whose axes differ are refused by name") {
+  const Folder dir;
+  write_run(dir / "a", 2);
+  write_run(dir / "b", 2, 1, {}, {"radar", "power", "m", 24, 0, 0.5, 1});
+  const std::string text = error_of([&] { load({dir / "a", dir / "b"}); });
+  CHECK_THAT(text, Catch::Contains(dir / "b") && Catch::Contains("radar axis") &&
+                       Catch::Contains(dir / "a"));
+}
+
+TEST_CASE("records that lack a sensor keep their row and are not trained on") {
+  const Folder dir;
+  write_run(dir / "a", 8, 1, [](record::FusedRecord& r) {
+    if (r.index == 2) without(r, Sensor::spd);
+    if (r.index == 3) without(r, Sensor::radar);
+    if (r.index == 5) without(r, Sensor::depth);
+  });
+  const Dataset data = load({dir / "a"});
+  CHECK(data.size() == 8);
+  CHECK(data.usable(Inputs::fused) == Rows{0, 1, 4, 6, 7});
+  CHECK(data.usable(Inputs::spd) == Rows{0, 1, 3, 4, 6, 7});
+  CHECK(data.usable(Inputs::radar) == Rows{0, 1, 2, 4, 6, 7});
+  CHECK(data.usable(Inputs::fused, false) == Rows{0, 1, 4, 5, 6, 7});
+}
+
+TEST_CASE("a record that is not a number is refused with its number, or handed over") {
+  const Folder dir;
+  write_run(dir / "a", 6, 1, [](record::FusedRecord& r) {
+    if (r.index == 4) r.radar[3] = std::numeric_limits<float>::quiet_NaN();
+  });
+  CHECK_THAT(error_of([&] { load({dir / "a"}); }), Catch::Contains("record 4"));
+  std::vector<std::int64_t> bad;
+  const Dataset data =
+      load({dir / "a"}, [&](std::int64_t index, const std::string&) { bad.push_back(index); });
+  CHECK(bad == std::vector<std::int64_t>{4});
+  CHECK(data.index == std::vector<std::int64_t>{0, 1, 2, 3, 5});
+}
+
+TEST_CASE("TI codes become linear power") {
+  CHECK(power_from_log2_q8(0, 1) == 1);
+  CHECK(power_from_log2_q8(256 * 5, 1) == Approx(1024));              // magnitude 2^5
+  CHECK(power_from_log2_q8(256 * 5, 8) == Approx(1024));              // 8 sums / 8
+  CHECK(power_from_log2_q8(256 * 5 * 12 / 16., 12) == Approx(1024));  // 12 sums / 16
+  const Folder dir;
+  write_run(dir / "a", 2, 1,
+            [](record::FusedRecord& r) { r.radar.assign(24, r.index ? 60000.f : 512.f); },
+            {"radar", "log2_q8", "m", 24, 0, 0.25, 8});
+  CHECK_THAT(error_of([&] { load({dir / "a"}); }), Catch::Contains("record 1"));
+  const Dataset data = load({dir / "a"}, [](std::int64_t, const std::string&) {});
+  CHECK(data.radar_axis.quantity == "power");
+  CHECK(data.radar.row(0)[7] == Approx(16));
+}
+
+TEST_CASE("a longer radar axis is cropped to the model's, any other difference refused") {
+  const Folder dir;
+  write_run(dir / "long", 2, 1, {}, radar_axis(40));
+  Dataset data = load({dir / "long"});
+  const Dataset before = data;
+  match_axes(data, data.spd_axis, radar_axis(24), Inputs::fused);
+  CHECK(data.radar.cols == 24);
+  CHECK(data.radar.row(1)[23] == before.radar.row(1)[23]);
+  const auto refused = [&](const Axis& spd, const Axis& radar, Inputs inputs) {
+    Dataset copy = before;
+    return error_of([&] { match_axes(copy, spd, radar, inputs); });
+  };
+  const Axis spd = before.spd_axis;
+  CHECK_THAT(refused(spd, radar_axis(50), Inputs::fused), Catch::Contains("radar axis is 40"));
+  CHECK_THAT(refused(spd, {"radar", "power", "m", 24, 0.1, 0.25, 1}, Inputs::radar),
+             Catch::Contains("radar axis"));
+  CHECK_THAT(refused({"spd", "counts", "ps", 30, 16000, 500, 1}, radar_axis(40), Inputs::spd),
+             Catch::Contains("spd axis"));
+  CHECK(refused(spd, radar_axis(50), Inputs::spd) == "no error");  // it does not look at the radar
+}
+
+TEST_CASE("per-record scaling is blind to the gain of either sensor and to a flat background") {
+  const Folder dir;
+  write_run(dir / "a", 40);
+  const Dataset data = load({dir / "a"});
+  const Rows rows = data.usable(Inputs::fused);
+  const Features f = fit_features(data, rows, Inputs::fused, "record");
+  Dataset changed = data;
+  for (float& v : changed.spd.values) v = 4 * v + 50;
+  for (float& v : changed.radar.values) v *= 0.25f;
+  const Matrix a = f.apply(data, rows), b = f.apply(changed, rows);
+  for (std::size_t i = 0; i < a.values.size(); ++i)
+    REQUIRE(b.values[i] == Approx(a.values[i]).margin(1e-3));
+  const Features plain = fit_features(data, rows, Inputs::fused, "plain");
+  CHECK(plain.apply(changed, rows).values[10] != Approx(plain.apply(data, rows).values[10]));
+}
+
+TEST_CASE("each sensor enters with the same total variance and no mean") {
+  const Folder dir;
+  write_run(dir / "a", 60);
+  const Dataset data = load({dir / "a"});
+  const Rows rows = data.usable(Inputs::fused);
+  for (const auto& scaling : scaling_names) {
+    const Matrix x = fit_features(data, rows, Inputs::fused, scaling).apply(data, rows);
+    REQUIRE(x.cols == 54);
+    double sum[2] = {0, 0}, mean = 0;
+    for (std::size_t i = 0; i < x.rows; ++i)
+      for (std::size_t c = 0; c < x.cols; ++c) {
+        sum[c >= 30] += std::pow(double{x.row(i)[c]}, 2) / 60;
+        mean += x.row(i)[c];
+      }
+    CAPTURE(scaling);
+    CHECK(sum[0] == Approx(27).epsilon(1e-4));
+    CHECK(sum[1] == Approx(27).epsilon(1e-4));
+    CHECK(mean == Approx(0).margin(0.05));
+  }
+}
+
+TEST_CASE("splits are disjoint, complete and as large as asked") {
+  Rows rows(4000);
+  for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = i;
+  const Split s = make_split(rows, {});
+  CHECK(s.test.size() == 400);
+  CHECK(s.validation.size() == 180);
+  CHECK(s.train.size() == 3420);
+  Rows all = s.train;
+  all.insert(all.end(), s.validation.begin(), s.validation.end());
+  all.insert(all.end(), s.test.begin(), s.test.end());
+  std::sort(all.begin(), all.end());
+  CHECK(all == rows);
+  CHECK(make_split(rows, {}).test == s.test);
+  SplitOptions other;
+  other.seed = 2;
+  CHECK(make_split(rows, other).test != s.test);
+}
+
+TEST_CASE("blocked splits and folds keep their distance") {
+  Rows rows(100);
+  for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = i;
+  SplitOptions options;
+  options.kind = "blocked";
+  const Split s = make_split(rows, options);
+  CHECK(s.test.front() == 90);
+  CHECK(s.validation.back() + 11 == s.test.front());
+  CHECK(s.train.back() + 11 == s.validation.front());
+  std::size_t tested = 0;
+  for (std::size_t fold = 0; fold < 6; ++fold) {
+    const Split f = make_fold(rows, fold, 6, 10);
+    tested += f.test.size();
+    for (const std::size_t t : f.train)
+      for (const std::size_t e : f.test) REQUIRE((t > e ? t - e : e - t) > 10);
+  }
+  CHECK(tested == 100);
+  CHECK_THROWS_AS(make_fold({0, 1, 2}, 0, 2, 10), Error);
+  CHECK_THROWS_AS(make_split({0}, {}), Error);
+}

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: MIT
+// Closed forms: what the metrics must say of maps whose score is known beforehand.
+#include "recon/maps/metrics.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "acquire/record/depth_map.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+
+namespace {
+
+constexpr std::size_t size = 64;
+using Map = std::vector<float>;
+
+// A plate over the columns [left, left + 10) and the rows 20..43 before a background.
+Map plate(std::size_t left, float depth_m, float background_m = 0) {
+  Map out(size * size, background_m);
+  for (std::size_t r = 20; r < 44; ++r)
+    for (std::size_t c = left; c < left + 10; ++c) out[r * size + c] = depth_m;
+  return out;
+}
+Map mirrored(const Map& map) {
+  Map out(map.size());
+  for (std::size_t p = 0; p < map.size(); ++p) out[p - p % size + (size - 1 - p % size)] = map[p];
+  return out;
+}
+Map average(const Map& a, const Map& b) {
+  Map out(a.size());
+  for (std::size_t p = 0; p < out.size(); ++p) out[p] = (a[p] + b[p]) / 2;
+  return out;
+}
+Scene room(float background_m = 0, float foreground_m = 3.5f) {
+  return {Map(size * size, background_m), Map(size * size, background_m), foreground_m};
+}
+
+}  // namespace
+
+TEST_CASE("a perfect prediction") {
+  const Map truth = plate(6, 3.4f);
+  const MapScores s = score(truth, truth, room());
+  for (const Metric one : {metric_iou, metric_ssim, metric_ssim_hard, metric_ssim_fg,
+                           metric_delta_125, metric_left_right})
+    CHECK(s[one] == Approx(1).epsilon(1e-12));
+  for (const Metric zero :
+       {metric_rmse_m, metric_rmse_fg_m, metric_depth_mae_m, metric_abs_rel, metric_ghost})
+    CHECK(s[zero] == 0);
+  CHECK(s[metric_lateral_m] == Approx(0).margin(1e-12));
+}
+
+TEST_CASE("the mirror image instead of the truth, and both at once") {
+  const Map truth = plate(6, 3.5f), ghost = mirrored(truth);
+  const MapScores wrong = score(ghost, truth, room());
+  CHECK(wrong[metric_ghost] == 1);
+  CHECK(wrong[metric_left_right] == 0);
+  CHECK(wrong[metric_iou] == 0);
+  CHECK(std::isnan(wrong[metric_depth_mae_m]));
+  // From one side to the other: twice the centroid's tangent, at 3.5 m.
+  const double tangent = record::depth_x_axis().at(6 + 4.5);
+  CHECK(wrong[metric_lateral_m] == Approx(2 * std::abs(tangent) * 3.5).epsilon(1e-9));
+  const MapScores both = score(average(truth, ghost), truth, room());
+  CHECK(both[metric_ghost] == Approx(0.5).epsilon(1e-12));
+  CHECK(both[metric_lateral_m] == Approx(std::abs(tangent) * 3.5).epsilon(1e-9));
+}
+
+TEST_CASE("near the axis there is no left, right or ghost") {
+  const Map truth = plate(28, 3.5f);  // centre at column 32.5, x = 3 cm
+  const MapScores s = score(mirrored(truth), truth, room());
+  CHECK(std::isnan(s[metric_ghost]));
+  CHECK(std::isnan(s[metric_left_right]));
+}
+
+TEST_CASE("IoU, RMSE and depth errors of a shifted and nearer plate") {
+  const Map truth = plate(10, 3.5f), prediction = plate(15, 3.0f);
+  const MapScores s = score(prediction, truth, room());
+  CHECK(s[metric_iou] == Approx(5.0 / 15));
+  CHECK(s[metric_depth_mae_m] == Approx(0.5));
+  const double pixels = 24 * 5;
+  const double squares = pixels * (3.5 * 3.5 + 0.5 * 0.5 + 3.0 * 3.0);
+  CHECK(s[metric_rmse_m] == Approx(std::sqrt(squares / (size * size))));
+  CHECK(s[metric_rmse_fg_m] == Approx(std::sqrt((3.5 * 3.5 + 0.5 * 0.5) / 2)));
+  CHECK(s[metric_abs_rel] == Approx((1 + 0.5 / 3.5) / 2));
+  CHECK(s[metric_delta_125] == Approx(0.5));  // 3.5 / 3.0 < 1.25, and half is missed
+}
+
+TEST_CASE("in the open room the mask of a prediction is what lies beyond half the mean depth") {
+  const Map truth = plate(10, 3.5f);
+  CHECK(score(plate(10, 1.76f), truth, room())[metric_iou] == 1);
+  CHECK(score(plate(10, 1.74f), truth, room())[metric_iou] == 0);
+}
+
+TEST_CASE("a fixed background is not foreground") {
+  const Scene scene = room(5.5f, 3.5f);
+  const Map truth = plate(10, 3.5f, 5.5f), empty(size * size, 5.5f);
+  CHECK(score(truth, truth, scene)[metric_iou] == 1);
+  CHECK(score(empty, truth, scene)[metric_iou] == 0);
+  CHECK(score(plate(10, 4.4f, 5.5f), truth, scene)[metric_iou] == 1);
+  CHECK(score(plate(10, 4.6f, 5.5f), truth, scene)[metric_iou] == 0);
+  CHECK(hard_map(plate(10, 4.6f, 5.5f), scene) == empty);
+  CHECK(std::isnan(score(empty, empty, scene)[metric_iou]));
+  CHECK_FALSE(true_foreground(5.45f, 5.5f));
+  CHECK_FALSE(true_foreground(0, 5.5f));  // no return says nothing
+}
+
+TEST_CASE("an empty prediction has no position") {
+  const MapScores s = score(Map(size * size), plate(6, 3.5f), room());
+  for (const Metric m : {metric_lateral_m, metric_ghost, metric_left_right})
+    CHECK(std::isnan(s[m]));
+}
+
+TEST_CASE("learning the scene from its maps") {
+  Matrix maps(0, size * size);
+  for (const std::size_t left : {2u, 20u, 50u}) maps.add_row(plate(left, 3.2f, 5.0f));
+  const Scene scene = learn_scene(maps, {0, 1, 2});
+  CHECK(scene.background == Map(size * size, 5.0f));
+  CHECK(scene.foreground_depth_m == Approx(3.2f));
+  CHECK(scene.mean_map[30 * size + 2] == Approx((3.2 + 5 + 5) / 3));
+}
+
+TEST_CASE("mean and standard error leave undefined maps out") {
+  MapScores a{}, b{}, c{};
+  a[metric_iou] = 1, b[metric_iou] = 3, c[metric_iou] = std::nan("");
+  const Summaries s = summarise({a, b, c});
+  CHECK(s[metric_iou].maps == 2);
+  CHECK(s[metric_iou].mean == 2);
+  CHECK(s[metric_iou].se == Approx(1));  // sqrt(((1-2)^2 + (3-2)^2) / 1 / 2)
+  CHECK(std::isnan(summarise({c})[metric_iou].mean));
+  CHECK(std::isnan(summarise({a})[metric_iou].se));
+}

@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: MIT
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+
+#include "recon/evaluate.hpp"
+#include "recon/models/model.hpp"
+#include "recon/train.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using echofuse::testing::Folder;
+using echofuse::testing::write_run;
+
+namespace {
+
+Matrix random_matrix(std::size_t rows, std::size_t cols, std::uint64_t seed) {
+  Rng rng = make_rng(seed, 0);
+  std::normal_distribution<float> normal;
+  Matrix out(rows, cols);
+  for (float& v : out.values) v = normal(rng);
+  return out;
+}
+
+Rows first_rows(std::size_t n) {
+  Rows out(n);
+  for (std::size_t i = 0; i < n; ++i) out[i] = i;
+  return out;
+}
+
+TrainOptions quick(const std::string& model) {
+  TrainOptions options;
+  options.model = model;
+  options.fit.hidden = {48, 24};
+  options.fit.epochs = 25;
+  options.fit.batch = 16;
+  options.fit.quiet = true;
+  return options;
+}
+
+// One run of plates, loaded once for all cases.
+const Dataset& plates() {
+  static const Folder dir;
+  static const Dataset data = [] {
+    write_run(dir / "plates", 600);
+    return load({dir / "plates"});
+  }();
+  return data;
+}
+
+Summaries scores_of(const TrainedModel& model) {
+  const Rows rows = rows_to_evaluate(model, plates(), false);
+  return summarise(score_maps(model.predict(plates(), rows), plates(), rows, model.scene));
+}
+
+}  // namespace
+
+TEST_CASE("ridge equals a dense solve with the penalty that it chose") {
+  const Matrix x = random_matrix(50, 8, 1), noise = random_matrix(50, 4096, 2);
+  Matrix y(50, 4096);
+  for (std::size_t i = 0; i < 50; ++i)
+    for (std::size_t p = 0; p < 4096; ++p)
+      y.row(i)[p] = 2 + x.row(i)[p % 8] - 0.5f * x.row(i)[(p + 3) % 8] + 0.3f * noise.row(i)[p];
+  const auto ridge = make_ridge();
+  ridge->fit({x, y, first_rows(50)}, {x, y, {}}, {});
+  const Folder dir;
+  record::H5File file = record::H5File::create(dir / "ridge");
+  ridge->save(file);
+  file.close();
+  const double penalty =
+      record::H5File::open(dir / "ridge").get<double>("model/weights", "penalty");
+  CHECK(penalty > 0);
+
+  using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const Eigen::MatrixXd ex = Eigen::Map<const RowMajor>(x.values.data(), 50, 8).cast<double>();
+  const Eigen::MatrixXd ey = Eigen::Map<const RowMajor>(y.values.data(), 50, 4096).cast<double>();
+  const Eigen::MatrixXd cx = ex.rowwise() - ex.colwise().mean();
+  const Eigen::MatrixXd cy = ey.rowwise() - ey.colwise().mean();
+  const Eigen::MatrixXd gram = cx.transpose() * cx + penalty * Eigen::MatrixXd::Identity(8, 8);
+  const Eigen::MatrixXd w = gram.ldlt().solve(cx.transpose() * cy);
+  const Eigen::MatrixXd expected = (cx * w).rowwise() + ey.colwise().mean();
+  const Matrix found = ridge->predict(x);
+  double worst = 0;
+  for (std::size_t i = 0; i < 50; ++i)
+    for (std::size_t p = 0; p < 4096; ++p)
+      worst = std::max(
+          worst, std::abs(double{found.row(i)[p]} -
+                          expected(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(p))));
+  CHECK(worst < 1e-5);  // maps of up to 8, in single precision
+}
+
+TEST_CASE("ridge bears repeated, constant and too many inputs") {
+  Matrix x = random_matrix(30, 60, 3);
+  for (std::size_t i = 0; i < 30; ++i) {
+    x.row(i)[1] = x.row(i)[0];
+    x.row(i)[2] = 7;
+  }
+  const Matrix y = random_matrix(30, 4096, 4);
+  const auto ridge = make_ridge();
+  ridge->fit({x, y, first_rows(30)}, {x, y, {}}, {});
+  for (const float v : ridge->predict(x).values) REQUIRE(std::isfinite(v));
+  const Matrix same(5, 4);
+  ridge->fit({same, y, first_rows(5)}, {same, y, {}}, {});
+  for (const float v : ridge->predict(same).values) REQUIRE(std::isfinite(v));
+}
+
+TEST_CASE("the nearest neighbour of a training record is itself") {
+  const Matrix x = random_matrix(20, 10, 5), y = random_matrix(20, 4096, 6);
+  const auto nearest = make_nearest();
+  nearest->fit({x, y, first_rows(20)}, {x, y, {}}, {});
+  CHECK(nearest->predict(x).values == y.values);
+}
+
+TEST_CASE("the same seed makes the same model, another seed another one") {
+  const auto predict = [](std::uint64_t seed) {
+    TrainOptions options = quick("mlp");
+    options.fit.epochs = 3;
+    options.fit.seed = seed;
+    return train(plates(), options).predict(plates(), {0, 1, 2});
+  };
+  const Matrix a = predict(4);
+  CHECK(predict(4).values == a.values);
+  CHECK(predict(5).values != a.values);
+}
+
+TEST_CASE("every model predicts the same after it was saved and loaded") {
+  const Folder dir;
+  for (const auto& name : model_names) {
+    CAPTURE(name);
+    TrainOptions options = quick(name);
+    options.fit.epochs = 2;
+    options.split.kind = "blocked";
+    const TrainedModel before = train(plates(), options);
+    save_model(before, dir / "model");
+    const TrainedModel after = load_model(dir / "model");
+    const Rows rows{0, 5, 599};
+    CHECK(after.predict(plates(), rows).values == before.predict(plates(), rows).values);
+    CHECK(after.name == name);
+    CHECK(after.split.kind == "blocked");
+    CHECK(after.rows_of(plates(), Part::test) == before.rows_of(plates(), Part::test));
+    CHECK(after.rows_of(plates(), Part::test).size() == 60);
+    CHECK(after.data_hash == plates().hash);
+    CHECK(after.log.loss == before.log.loss);
+    CHECK(after.model->cost().parameters == before.model->cost().parameters);
+    CHECK(after.scene.background == before.scene.background);
+  }
+}
+
+TEST_CASE("fused beats either sensor alone, and the SPD alone cannot tell left from right") {
+  const auto scores = [](const char* inputs) {
+    TrainOptions options = quick("mlp");
+    options.inputs = inputs;
+    return scores_of(train(plates(), options));
+  };
+  const Summaries fused = scores("fused"), spd = scores("spd");
+  CHECK(fused[metric_iou].mean > 0.6);
+  CHECK(fused[metric_left_right].mean > 0.95);
+  CHECK(fused[metric_ghost].mean < 0.05);
+  CHECK(fused[metric_iou].mean > spd[metric_iou].mean + 0.3);
+  // Blind to the side: within 4 standard deviations of a coin, and a ghost as strong as the truth.
+  const double n = static_cast<double>(spd[metric_left_right].maps);
+  CHECK(std::abs(spd[metric_left_right].mean - 0.5) < 4 * 0.5 / std::sqrt(n));
+  CHECK(spd[metric_ghost].mean > 0.4);
+}
+
+TEST_CASE("training stops early, keeps the best epoch and shows its course") {
+  TrainOptions options = quick("mlp");
+  options.fit.epochs = 400;
+  options.fit.patience = 5;
+  const TrainingLog log = train(plates(), options).log;
+  CHECK(log.loss.size() < 400);
+  CHECK(log.loss.size() == log.best_epoch + 5);
+  CHECK(log.validation_loss.size() == log.loss.size());
+  CHECK(*std::min_element(log.validation_loss.begin(), log.validation_loss.end()) ==
+        log.validation_loss[log.best_epoch - 1]);
+}
+
+TEST_CASE("a learning rate that blows up is said, not saved") {
+  TrainOptions options = quick("mlp");
+  options.fit.learning_rate = 1e9;
+  CHECK_THROWS_WITH(train(plates(), options), Catch::Contains("--learning-rate"));
+}
+
+TEST_CASE("identical records make a model, not a NaN") {
+  const Folder dir;
+  write_run(dir / "same", 12, 1, [](record::FusedRecord& r) {
+    Rng rng = make_rng(1, 1);
+    const auto index = r.index;
+    r = testing::plate_record(0, 0.5, 3.5, rng);
+    r.index = index;
+  });
+  const Dataset data = load({dir / "same"});
+  for (const auto& name : model_names) {
+    CAPTURE(name);
+    const TrainedModel model = train(data, quick(name));
+    for (const float v : model.predict(data, {0, 11}).values) REQUIRE(std::isfinite(v));
+  }
+}
+
+TEST_CASE("evaluation: the trivial rows, and what was held out") {
+  const TrainedModel model = train(plates(), quick("ridge"));
+  const Rows rows = rows_to_evaluate(model, plates(), false);
+  CHECK(rows.size() == 60);
+  CHECK(rows_to_evaluate(model, plates(), true).size() == 600);
+  const Evaluation e =
+      evaluate(model, plates(), rows, plates(), model.rows_of(plates(), Part::train));
+  REQUIRE(e.trivial.size() == 3);
+  CHECK(e.trivial[0].name == "empty");
+  CHECK(e.trivial[0].metrics[metric_iou].mean == 0);
+  CHECK(e.trivial[1].metrics[metric_ghost].mean == Approx(0.5).margin(0.05));
+  CHECK(e.trivial[2].metrics[metric_iou].mean > 0.3);
+  const Folder dir;
+  write_run(dir / "fresh", 10, 9);
+  CHECK(rows_to_evaluate(model, load({dir / "fresh"}), false).size() == 10);
+}

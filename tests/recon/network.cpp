@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: MIT
+#include "recon/models/network.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "recon/models/adam.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+
+namespace {
+
+std::vector<double> normal(std::size_t n, Rng& rng) {
+  std::normal_distribution<double> d;
+  std::vector<double> out(n);
+  for (double& v : out) v = d(rng);
+  return out;
+}
+
+struct Problem {
+  Network network = make_network({7, 9, 5, 6});
+  std::size_t batch = 4;
+  std::vector<double> parameters, inputs, targets;
+  explicit Problem(std::uint64_t seed) {
+    Rng rng = make_rng(seed, 0);
+    parameters = normal(network.parameters, rng);
+    inputs = normal(batch * 7, rng);
+    targets = normal(batch * 6, rng);
+  }
+  // Half the sum of squared errors.
+  double loss(const std::vector<double>& p) const {
+    Activations<double> a;
+    forward(network, p, inputs.data(), batch, a);
+    double sum = 0;
+    for (std::size_t i = 0; i < targets.size(); ++i) sum += std::pow(a.back()[i] - targets[i], 2);
+    return sum / 2;
+  }
+};
+
+}  // namespace
+
+TEST_CASE("the gradient equals central differences for every parameter") {
+  const Problem q(3);
+  Activations<double> a;
+  forward(q.network, q.parameters, q.inputs.data(), q.batch, a);
+  for (std::size_t i = 0; i < q.targets.size(); ++i) a.back()[i] -= q.targets[i];
+  std::vector<double> gradient;
+  backward(q.network, q.parameters, q.inputs.data(), q.batch, a, gradient);
+  REQUIRE(gradient.size() == q.network.parameters);
+  // The loss is quadratic in each single parameter between two kinks of the rectifiers, so central
+  // differences are exact there but for rounding: about 1e-16 * loss / step.
+  constexpr double step = 1e-5;
+  const double rounding = 1e-15 * q.loss(q.parameters) / step;
+  for (std::size_t i = 0; i < gradient.size(); ++i) {
+    auto up = q.parameters, down = q.parameters;
+    up[i] += step, down[i] -= step;
+    const double slope = (q.loss(up) - q.loss(down)) / (2 * step);
+    CAPTURE(i);
+    REQUIRE(gradient[i] == Approx(slope).margin(20 * rounding).epsilon(1e-9));
+  }
+}
+
+TEST_CASE("single precision follows double precision") {
+  const Problem q(5);
+  Activations<double> a;
+  forward(q.network, q.parameters, q.inputs.data(), q.batch, a);
+  Activations<float> b;
+  const std::vector<float> p(q.parameters.begin(), q.parameters.end());
+  const std::vector<float> x(q.inputs.begin(), q.inputs.end());
+  forward(q.network, p, x.data(), q.batch, b);
+  for (std::size_t i = 0; i < a.back().size(); ++i)
+    CHECK(double{b.back()[i]} == Approx(a.back()[i]).margin(1e-4));
+}
+
+TEST_CASE("sizes: the paper's network has 1.37 million weights") {
+  const Network n = make_network({365, 512, 256, 4096});
+  CHECK(n.weights == 365 * 512 + 512 * 256 + 256 * 4096);
+  CHECK(n.parameters == n.weights + 512 + 256 + 4096);
+}
+
+TEST_CASE("Adam's first step has the length of the learning rate, whatever the gradient's") {
+  std::vector<float> p = {1, 1, 1};
+  Adam adam(3, 0);
+  adam.step(p, {1e-3f, -50, 0}, 0.01);
+  CHECK(p[0] == Approx(0.99).epsilon(1e-4));
+  CHECK(p[1] == Approx(1.01).epsilon(1e-4));
+  CHECK(p[2] == 1);
+  Adam decaying(1, 0.5);
+  std::vector<float> weight = {2};
+  decaying.step(weight, {0}, 0.1);
+  CHECK(weight[0] == Approx(2 * (1 - 0.1 * 0.5)));
+}

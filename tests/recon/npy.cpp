@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: MIT
+#include "recon/npy.hpp"
+
+#include <fstream>
+
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using echofuse::testing::Folder;
+
+namespace {
+
+// A version 1 file by hand: numpy.lib.format.
+void write_npy(const std::string& path, std::string header, const std::string& values) {
+  header.resize(118, ' ');
+  header.back() = '\n';
+  std::ofstream(path, std::ios::binary)
+      << std::string("\x93NUMPY\x01\x00\x76\x00", 10) << header << values;
+}
+
+template <class T>
+std::string raw(const std::vector<T>& values) {
+  return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)};
+}
+
+}  // namespace
+
+TEST_CASE("arrays in C and in Fortran order, single and double") {
+  const Folder dir;
+  write_npy(dir / "c", "{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }",
+            raw<float>({1, 2, 3, 4, 5, 6}));
+  write_npy(dir / "f", "{'descr': '<f8', 'fortran_order': True, 'shape': (2, 3), }",
+            raw<double>({1, 4, 2, 5, 3, 6}));
+  for (const char* name : {"c", "f"}) {
+    const NpyArray a = read_npy(dir / name);
+    CHECK(a.shape == std::vector<std::size_t>{2, 3});
+    CHECK(a.values == std::vector<float>{1, 2, 3, 4, 5, 6});
+  }
+  write_npy(dir / "line", "{'descr': '<f4', 'fortran_order': False, 'shape': (3,), }",
+            raw<float>({1, 2, 3}));
+  CHECK(read_npy(dir / "line").shape == std::vector<std::size_t>{3});
+}
+
+TEST_CASE("what is not such an array is refused by name") {
+  const Folder dir;
+  const auto refused = [&](const std::string& name, const std::string& why) {
+    CHECK_THROWS_WITH(read_npy(dir / name), Catch::Contains(dir / name) && Catch::Contains(why));
+  };
+  refused("missing", "No such file");
+  std::ofstream(dir / "text") << "hello";
+  refused("text", "not a NumPy array");
+  write_npy(dir / "ints", "{'descr': '<i8', 'fortran_order': False, 'shape': (1,), }", "12345678");
+  refused("ints", "'<i8'");
+  write_npy(dir / "short", "{'descr': '<f4', 'fortran_order': False, 'shape': (9,), }", "12345678");
+  refused("short", "asks for 36");
+  write_npy(dir / "huge",
+            "{'descr': '<f4', 'fortran_order': False, 'shape': (4294967296, 4294967296), }",
+            "1234");
+  refused("huge", "asks for");
+  write_npy(dir / "nan", "{'descr': '<f4', 'fortran_order': False, 'shape': (2,), }",
+            raw<float>({1, std::nanf("")}));
+  refused("nan", "value 1");
+  std::ofstream(dir / "cut", std::ios::binary) << std::string("\x93NUMPY\x01\x00\xff\xff", 10);
+  refused("cut", "cut off");
+}

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: MIT
+// A small world for tests: a plate at (x, z), an SPD that sees its range, a radar to the left of
+// it. Few bins and coarse plates, so that models fit in a fraction of a second.
+#pragma once
+#include <sys/wait.h>
+
+#include <array>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <functional>
+#include <string>
+
+#include "acquire/record/depth_map.hpp"
+#include "acquire/record/run_file.hpp"
+#include "drivers/core/random.hpp"
+
+namespace echofuse::testing {
+
+struct Folder {
+  std::filesystem::path path;
+  Folder() {
+    std::string name = (std::filesystem::temp_directory_path() / "echofuse-XXXXXX").string();
+    REQUIRE(mkdtemp(name.data()));
+    path = name;
+  }
+  ~Folder() { std::filesystem::remove_all(path); }
+  std::string operator/(const std::string& name) const { return (path / name).string(); }
+};
+
+inline Axis spd_axis() { return {"spd", "counts", "ps", 30, 16000, 400, 1}; }
+inline Axis radar_axis(std::uint32_t bins = 24) {
+  return {"radar", "power", "m", bins, 0, 0.25, 1};
+}
+
+inline record::FusedRecord plate_record(std::int64_t index, double x, double z, Rng& rng) {
+  const auto bump = [](double at, double centre, double width) {
+    return std::exp(-std::pow((at - centre) / width, 2));
+  };
+  record::FusedRecord r;
+  r.index = index;
+  r.label = index % 4 ? "letter:A" : "person";
+  const double range = std::hypot(x, z), radar_range = std::hypot(x + 0.5, z);
+  for (std::uint32_t i = 0; i < spd_axis().count; ++i) {
+    const double at = spd_axis().at(i + 0.5) * 1e-12 * speed_of_light_m_s / 2;
+    std::poisson_distribution<std::uint32_t> counts(1 + 2e4 * bump(at, range, 0.2));
+    r.spd.push_back(counts(rng));
+  }
+  std::normal_distribution<float> noise(0, 0.002f);
+  for (std::uint32_t i = 0; i < radar_axis().count; ++i)
+    r.radar.push_back(static_cast<float>(bump(radar_axis().at(i), radar_range, 0.4)) + noise(rng));
+  r.depth_mm.assign(64 * 64, 0);
+  const Axis tangent = record::depth_x_axis();
+  for (std::size_t row = 20; row < 44; ++row)
+    for (std::size_t c = 0; c < 64; ++c)
+      if (std::abs(tangent.at(static_cast<double>(c)) - x / z) < 0.09)
+        r.depth_mm[row * 64 + c] = static_cast<std::uint16_t>(std::lround(z * 1000));
+  for (const Sensor s : {Sensor::spd, Sensor::radar, Sensor::depth}) r.set_valid(s);
+  return r;
+}
+
+using Change = std::function<void(record::FusedRecord&)>;
+
+// A run of `count` plates at random places; `change` may spoil records before they are written.
+inline void write_run(const std::string& path, std::int64_t count, std::uint64_t seed = 1,
+                      const Change& change = {}, const Axis& radar = radar_axis(),
+                      const Axis& spd = spd_axis()) {
+  record::RunWriter run(path, {});
+  for (const Axis& axis : {spd, radar, record::depth_x_axis(), record::depth_y_axis()})
+    run.put_axis(axis);
+  Rng rng = make_rng(seed, 7);
+  std::uniform_real_distribution<double> x(-1, 1), z(3, 4);
+  std::vector<record::FusedRecord> records;
+  for (std::int64_t i = 0; i < count; ++i) {
+    const double at = x(rng);
+    records.push_back(plate_record(i, at, z(rng), rng));
+    records.back().radar.resize(radar.count);
+    records.back().spd.resize(spd.count);
+    if (change) change(records.back());
+  }
+  run.append(records);
+  run.close("complete");
+}
+
+struct Outcome {
+  int code = -1;
+  std::string text;  // stdout and stderr
+};
+
+// Runs echofuse-recon as a user does.
+inline Outcome recon_program(const std::string& arguments) {
+  const std::string command = ECHOFUSE_BIN_DIR "/echofuse-recon " + arguments + " 2>&1";
+  FILE* pipe = popen(command.c_str(), "r");
+  REQUIRE(pipe);
+  Outcome outcome;
+  std::array<char, 4096> buffer{};
+  while (const auto n = std::fread(buffer.data(), 1, buffer.size(), pipe))
+    outcome.text.append(buffer.data(), n);
+  outcome.code = WEXITSTATUS(pclose(pipe));
+  return outcome;
+}
+
+}  // namespace echofuse::testing

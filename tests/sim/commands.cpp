@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: MIT
+// echofuse-sim as a user meets it: exit codes, one line of error, what it prints.
+#include <sys/wait.h>
+
+#include <array>
+#include <catch2/catch.hpp>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Outcome {
+  int code = -1;
+  std::string text;  // stdout and stderr
+};
+
+Outcome sim(const std::string& arguments) {
+  const std::string command = ECHOFUSE_BIN_DIR "/echofuse-sim " + arguments + " 2>&1";
+  FILE* pipe = popen(command.c_str(), "r");
+  REQUIRE(pipe);
+  Outcome outcome;
+  std::array<char, 4096> buffer{};
+  while (const auto n = std::fread(buffer.data(), 1, buffer.size(), pipe))
+    outcome.text.append(buffer.data(), n);
+  outcome.code = WEXITSTATUS(pclose(pipe));
+  return outcome;
+}
+
+struct Folder {
+  fs::path path;
+  Folder() {
+    std::string name = (fs::temp_directory_path() / "echofuse-XXXXXX").string();
+    REQUIRE(mkdtemp(name.data()));
+    path = name;
+  }
+  ~Folder() { fs::remove_all(path); }
+  std::string operator/(const std::string& name) const { return (path / name).string(); }
+};
+
+bool has(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
+void refuses(const std::string& arguments, int code, const std::string& saying) {
+  const Outcome o = sim("dataset " + arguments);
+  CAPTURE(arguments, o.text);
+  CHECK(o.code == code);
+  CHECK(has(o.text, saying));
+}
+
+}  // namespace
+
+TEST_CASE("help and version") {
+  CHECK(sim("--help").code == 0);
+  CHECK(has(sim("--help").text, "dataset"));
+  CHECK(has(sim("dataset --help").text, "--mirror-of"));
+  CHECK(sim("--version").code == 0);
+  CHECK(has(sim("--version").text, "echofuse-sim "));
+  CHECK(sim("").code == 2);
+}
+
+TEST_CASE("dataset writes a run and says so") {
+  const Folder folder;
+  const Outcome o = sim("dataset --out " + folder / "a.sqlite" + " --records 9 --seed 4 -q --json");
+  CAPTURE(o.text);
+  CHECK(o.code == 0);
+  CHECK(has(o.text, "\"records\":9"));
+  CHECK(has(o.text, "\"people\":2"));
+  CHECK(has(o.text, "\"letters\":7"));
+  const Outcome mirror = sim("dataset --out " + folder / "b.sqlite" + " --mirror-of " +
+                             folder / "a.sqlite" + " --json");
+  CHECK(mirror.code == 0);
+  CHECK(has(mirror.text, "\"mirrored\":true"));
+  CHECK(has(mirror.text, "\"letters\":7"));
+  CHECK(has(mirror.text, "\"seed\":4"));
+  const std::string again = "--out " + folder / "c.sqlite" + " --mirror-of " + folder / "a.sqlite";
+  refuses(again + " --seed 5", 2, "--mirror-of");
+  refuses(again + " --records 8", 2, "--mirror-of");
+}
+
+TEST_CASE("configuration file, --set and options, in this order of strength") {
+  const Folder folder;
+  std::ofstream(folder / "sim.toml") << "people = 3\nletters = 0\nseed = 5\nbins = 100\n";
+  const Outcome o = sim("dataset --out " + folder / "a.sqlite" + " --config " +
+                        folder / "sim.toml" + " --set people=2 --set seed=6 --seed 7 --json -q");
+  CAPTURE(o.text);
+  CHECK(o.code == 0);
+  CHECK(has(o.text, "\"people\":2"));
+  CHECK(has(o.text, "\"seed\":7"));
+}
+
+TEST_CASE("dataset refuses what it cannot do, in one line") {
+  const Folder folder;
+  const std::string out = "--out " + folder / "x.sqlite" + " ";
+  refuses("", 2, "--out");
+  refuses(out + "--records -1", 2, "--records");
+  refuses(out + "--people 3 --records 5", 2, "differs from the 3 records");
+  refuses(out + "--people 0 --letters 0", 2, "no records");
+  refuses(out + "--threads 0", 2, "--threads");
+  refuses(out + "--set irf_fwmh_ps=3", 3, "irf_fwhm_ps");
+  refuses(out + "--set irf_fwhm_ps=-3", 3, "a number from 0.1");
+  refuses(out + "--set radar_psf=hann", 3, "blackman");
+  refuses(out + "--set target_z_min_m=4.5", 3, "target_z_min_m");
+  refuses(out + "--config " + folder / "none.toml", 3, "none.toml");
+  refuses(out + "--mirror-of " + folder / "none.sqlite", 1, "none.sqlite");
+  std::ofstream(folder / "text.sqlite") << "not a run";
+  refuses(out + "--mirror-of " + folder / "text.sqlite", 1, "text.sqlite");
+  refuses("--records 1 --out " + folder / "text.sqlite", 1, "exists already");
+  refuses("--records 1 --out " + folder / "no/such/place.sqlite", 6, "place.sqlite");
+  std::ofstream(folder / "bad.toml") << "bins = 12\nbinns = 13\npeople = \"many\"\n";
+  refuses(out + "--config " + folder / "bad.toml", 3, "bad.toml:2:1");
+  refuses(out + "--config " + folder / "bad.toml", 3, "bad.toml:3:");
+  CHECK_FALSE(fs::exists(folder / "x.sqlite"));
+}

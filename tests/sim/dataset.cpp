@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: MIT
+#include "sim/dataset.hpp"
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <filesystem>
+
+#include "acquire/record/depth_map.hpp"
+#include "acquire/record/run_file.hpp"
+
+using namespace echofuse;
+using namespace echofuse::sim;
+
+namespace {
+
+Plan small_plan() {
+  Plan plan;
+  plan.seed = 11;
+  plan.people = 40;
+  plan.letters = 90;
+  plan.two_people = 7;
+  plan.empty = 3;
+  return plan;
+}
+
+// A fresh folder that goes with the test.
+struct Folder {
+  std::filesystem::path path;
+  Folder() {
+    std::string name = (std::filesystem::temp_directory_path() / "echofuse-XXXXXX").string();
+    REQUIRE(mkdtemp(name.data()));
+    path = name;
+  }
+  ~Folder() { std::filesystem::remove_all(path); }
+  std::string file(const std::string& name) const { return (path / name).string(); }
+};
+
+void check_equal(const record::FusedRecord& a, const record::FusedRecord& b) {
+  REQUIRE(a.index == b.index);
+  CHECK(a.label == b.label);
+  CHECK(a.valid == b.valid);
+  CHECK(a.slot_start == b.slot_start);
+  CHECK(a.spd == b.spd);
+  CHECK(a.radar == b.radar);
+  CHECK(a.depth_mm == b.depth_mm);
+  CHECK(a.spd_counts.in_range == b.spd_counts.in_range);
+}
+
+std::vector<record::FusedRecord> read_all(const std::string& path) {
+  std::vector<record::FusedRecord> records;
+  record::RunReader(path).for_each([&](const record::FusedRecord& r) {
+    records.push_back(r);
+    return true;
+  });
+  return records;
+}
+
+}  // namespace
+
+TEST_CASE("a data set reads back as the records its plan makes, in any order, on any threads") {
+  const Folder folder;
+  const Plan plan = small_plan();
+  const Generator generator(plan);
+  for (const int threads : {1, 3}) {
+    const std::string path = folder.file(std::to_string(threads) + ".sqlite");
+    CHECK(write_dataset(plan, {path, "# mine\n", threads, true}) == plan.records());
+    const auto records = read_all(path);
+    REQUIRE(records.size() == static_cast<std::size_t>(plan.records()));
+    for (std::int64_t i = plan.records() - 1; i >= 0; --i)
+      check_equal(records[static_cast<std::size_t>(i)], generator.make(i));
+  }
+}
+
+TEST_CASE("a data set describes itself") {
+  const Folder folder;
+  Plan plan = small_plan();
+  plan.conditions.irf_fwhm_ps = 50;
+  plan.conditions.background = "room";
+  plan.conditions.half_tangent = 0.4;
+  const std::string path = folder.file("run.sqlite");
+  write_dataset(plan, {path, "# mine\n", 2, true});
+  const record::RunReader run(path);
+  CHECK(run.info().status == "complete");
+  CHECK(run.info().config_text == "# mine\n");
+  CHECK_FALSE(run.info().version.empty());
+  CHECK(run.check().empty());
+  CHECK(same_axis(*run.axis("spd"), spd_axis(plan.conditions)));
+  CHECK(same_axis(*run.axis("radar"), radar_axis(plan.conditions)));
+  CHECK(run.axis("depth_x")->at(63.5) == Approx(0.4));
+  CHECK(run.axis("depth_y")->at(63.5) == Approx(-0.4));
+  const Plan stored = plan_of(path);
+  CHECK(stored.seed == plan.seed);
+  CHECK(stored.letters == plan.letters);
+  CHECK(stored.conditions.irf_fwhm_ps == 50);
+  CHECK(stored.conditions.background == "room");
+  std::int64_t people = 0, letters = 0, two = 0, empty = 0;
+  for (const auto& r : read_all(path)) {
+    people += r.label == "person";
+    letters += r.label.rfind("letter:", 0) == 0;
+    two += r.label == "two_people";
+    empty += r.label == "empty";
+    CHECK(r.valid == 7);
+    std::uint64_t clicks = 0;
+    for (const auto n : r.spd) clicks += n;
+    CHECK(r.spd_counts.in_range == clicks);
+  }
+  CHECK(people == plan.people);
+  CHECK(letters == plan.letters);
+  CHECK(two == plan.two_people);
+  CHECK(empty == plan.empty);
+}
+
+TEST_CASE("kinds are shuffled by the seed") {
+  Plan plan = small_plan();
+  const auto kinds = shuffled_kinds(plan);
+  CHECK(kinds == shuffled_kinds(plan));
+  CHECK_FALSE(std::is_sorted(kinds.begin(), kinds.end()));
+  plan.seed = 12;
+  CHECK(kinds != shuffled_kinds(plan));
+}
+
+TEST_CASE("the mirrored set has the mirrored maps, and noise of its own") {
+  Plan plan = small_plan();
+  const Generator scenes(plan);
+  plan.mirrored = true;
+  const Generator images(plan);
+  for (std::int64_t k = 0; k < 20; ++k) {
+    const auto a = scenes.make(k), b = images.make(k);
+    CHECK(a.label == b.label);
+    for (std::size_t p = 0; p < a.depth_mm.size(); ++p)
+      REQUIRE(a.depth_mm[p] == b.depth_mm[p / 64 * 64 + 63 - p % 64]);
+    if (a.label != "empty") CHECK(a.spd != b.spd);
+  }
+}
+
+TEST_CASE("contradictory conditions and taken names are refused") {
+  const Folder folder;
+  Plan plan = small_plan();
+  const std::string path = folder.file("run.sqlite");
+  plan.conditions.target_z_min_m = 5;
+  CHECK_THROWS_AS(write_dataset(plan, {path, "", 1, true}), Error);
+  CHECK_FALSE(std::filesystem::exists(path));
+  plan.conditions.target_z_max_m = 5;
+  plan.people = 1;
+  plan.letters = plan.two_people = plan.empty = 0;
+  CHECK(write_dataset(plan, {path, "", 1, true}) == 1);
+  CHECK_THROWS_AS(write_dataset(plan, {path, "", 1, true}), Error);
+}

@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: MIT
+#include "sim/optics.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <numbers>
+
+#include "scenes.hpp"
+
+using namespace echofuse;
+using namespace echofuse::sim;
+
+namespace {
+
+double range_of(double t_ps) { return t_ps * 1e-12 * speed_of_light_m_s / 2; }
+
+double sigma_ps(const Conditions& c) { return c.irf_fwhm_ps / std::sqrt(8 * std::log(2.0)); }
+
+double gauss_bin(double from, double to, double sigma) {
+  const auto phi = [&](double t) { return 0.5 * std::erfc(-t / sigma / std::numbers::sqrt2); };
+  return phi(to) - phi(from);
+}
+
+Returns one_return(double t_ps) { return {{range_of(t_ps)}, {1.0}}; }
+
+struct Moments {
+  double sum = 0, mean = 0, variance = 0;
+};
+Moments moments_of(const std::vector<double>& rate, const Conditions& c) {
+  Moments m;
+  double squares = 0;
+  for (std::size_t i = 0; i < rate.size(); ++i) {
+    const double t = c.first_bin_ps + (static_cast<double>(i) + 0.5) * c.bin_width_ps;
+    m.sum += rate[i];
+    m.mean += rate[i] * t;
+    squares += rate[i] * t * t;
+  }
+  m.mean /= m.sum;
+  m.variance = squares / m.sum - m.mean * m.mean;
+  return m;
+}
+
+Scene turned(Scene scene, double angle) {
+  const auto turn = [&](Vec3& p) {
+    p = {std::cos(angle) * p.x + std::sin(angle) * p.z, p.y,
+         -std::sin(angle) * p.x + std::cos(angle) * p.z};
+  };
+  for (auto& capsule : scene.capsules) turn(capsule.a), turn(capsule.b);
+  for (auto& plate : scene.plates) turn(plate.centre), turn(plate.u), turn(plate.v);
+  return scene;
+}
+
+// Mean of z_i^2 over draws and bins, and the largest |z| of the mean count of a bin.
+struct Scores {
+  double chi2_per_bin = 0, worst = 0;
+};
+Scores scores_of(const std::vector<double>& rate, const std::vector<double>& mean,
+                 const std::vector<double>& variance, const Conditions& c, int draws) {
+  Rng rng = make_rng(7, 0);
+  std::vector<double> sums(rate.size());
+  Scores s;
+  std::size_t terms = 0;
+  for (int d = 0; d < draws; ++d) {
+    const auto counts = draw_counts(rate, c, rng);
+    for (std::size_t i = 0; i < rate.size(); ++i) {
+      sums[i] += counts[i];
+      if (variance[i] < 1e-9) continue;
+      s.chi2_per_bin += (counts[i] - mean[i]) * (counts[i] - mean[i]) / variance[i];
+      ++terms;
+    }
+  }
+  s.chi2_per_bin /= static_cast<double>(terms);
+  for (std::size_t i = 0; i < rate.size(); ++i)
+    if (variance[i] > 1e-3)
+      s.worst =
+          std::max(s.worst, std::abs(sums[i] - draws * mean[i]) / std::sqrt(draws * variance[i]));
+  return s;
+}
+
+}  // namespace
+
+TEST_CASE("a return at a bin's edge gives the exact erf difference in every bin") {
+  Conditions c;
+  c.signal_photons = 1000;
+  const double t = c.first_bin_ps + 80 * c.bin_width_ps;
+  const auto rate = spd_rate(one_return(t), c);
+  for (std::size_t i = 0; i < rate.size(); ++i) {
+    const double from = c.first_bin_ps + static_cast<double>(i) * c.bin_width_ps - t;
+    CHECK(rate[i] ==
+          Approx(1000 * gauss_bin(from, from + c.bin_width_ps, sigma_ps(c))).margin(2e-6));
+  }
+}
+
+TEST_CASE("elsewhere linear sharing is as close as its documented bound") {
+  for (const double fwhm : {50.0, 200.0, 700.0}) {
+    Conditions c;
+    c.irf_fwhm_ps = fwhm;
+    c.signal_photons = 1;
+    // |error| <= step^2/8 max |d2/dt2 of the bin's share|, which is max |x phi(x)| / sigma^2 for
+    // each of the bin's two edges; step <= sigma/16.
+    const double bound = 2 * 0.242 / 8 / 256;
+    for (int k = 0; k < 50; ++k) {
+      const double t = c.first_bin_ps + 10'000 + 7.3 * k;
+      const auto rate = spd_rate(one_return(t), c);
+      for (std::size_t i = 0; i < rate.size(); ++i) {
+        const double from = c.first_bin_ps + static_cast<double>(i) * c.bin_width_ps - t;
+        REQUIRE(std::abs(rate[i] - gauss_bin(from, from + c.bin_width_ps, sigma_ps(c))) <
+                bound + 1e-9);
+      }
+    }
+  }
+}
+
+TEST_CASE("bins hold the whole energy; mean and variance are those of the IRF") {
+  for (const double tail : {0.0, 40.0, 400.0})
+    for (const double fwhm : {2.0, 200.0, 1000.0}) {
+      Conditions c;
+      c.irf_fwhm_ps = fwhm;
+      c.irf_tail_ps = tail;
+      const double t = c.first_bin_ps + 9'050;
+      const Moments m = moments_of(spd_rate(one_return(t), c), c);
+      CHECK(m.sum == Approx(c.signal_photons).epsilon(3e-9));
+      if (fwhm < 200 && tail < 100) continue;  // the bins are too coarse for moments
+      const double sigma = sigma_ps(c), w = c.bin_width_ps;
+      // A kink of f(0) = 1/tail moves the binned mean by at most w^2 f(0) / 12 (Euler-Maclaurin).
+      CHECK(m.mean ==
+            Approx(t + tail).margin(tail > 0 && fwhm < 200 ? w * w / 12 / tail : 1e-3 * w));
+      CHECK(m.variance == Approx(sigma * sigma + tail * tail + w * w / 12).epsilon(0.01));
+    }
+}
+
+TEST_CASE("light outside the axis reaches only as far as the IRF") {
+  Conditions c;
+  const double end = c.first_bin_ps + static_cast<double>(c.bins) * c.bin_width_ps;
+  for (const double edge : {c.first_bin_ps, end})  // half in, half out
+    CHECK(total(spd_rate(one_return(edge), c)) == Approx(c.signal_photons / 2).epsilon(1e-6));
+  for (const double t : {1000.0, c.first_bin_ps - 2000, end + 2000, 1e6})
+    CHECK(total(spd_rate(one_return(t), c)) == 0);
+  c.irf_tail_ps = 3000;  // what comes before the first bin decays into it
+  CHECK(
+      total(spd_rate(one_return(c.first_bin_ps - 6000), c)) ==
+      Approx(c.signal_photons * std::exp(-2 + std::pow(sigma_ps(c) / 3000, 2) / 2)).epsilon(1e-3));
+}
+
+TEST_CASE("background is spread evenly") {
+  Conditions c;
+  c.background_counts = 672;
+  const auto rate = spd_rate({}, c);
+  for (const double r : rate) CHECK(r == Approx(2).epsilon(1e-12));
+}
+
+TEST_CASE("mirror law: a scene and its mirror image have the same histogram") {
+  const Conditions c;
+  for (std::uint64_t i = 0; i < 20; ++i) {
+    const Scene scene = some_scene(c, i);
+    const auto a = spd_rate(spd_returns(scene, c), c);
+    const auto b = spd_rate(spd_returns(mirrored(scene), c), c);
+    const double peak = *std::max_element(a.begin(), a.end());
+    for (std::size_t k = 0; k < a.size(); ++k)
+      REQUIRE(std::abs(a[k] - b[k]) <= 1e-6 * std::max(a[k], b[k]) + 1e-12 * peak);
+  }
+}
+
+TEST_CASE("the room breaks the mirror law") {
+  Conditions c;
+  c.background = "room";
+  for (std::uint64_t i = 0; i < 6; ++i) {
+    const Scene scene = make_scene(c, SceneKind::person, 3, i);
+    if (std::abs(scene.capsules[0].a.x) < 0.2) continue;
+    const auto a = spd_rate(spd_returns(scene, c), c);
+    const auto b = spd_rate(spd_returns(mirrored(scene), c), c);
+    double chi2 = 0;
+    for (std::size_t k = 0; k < a.size(); ++k)
+      if (a[k] + b[k] > 0) chi2 += (a[k] - b[k]) * (a[k] - b[k]) / (a[k] + b[k]);
+    CHECK(chi2 > 20 * 20);  // as many sigma of shot noise, squared
+  }
+}
+
+TEST_CASE("turning a scene about the sensor's vertical axis keeps its histogram") {
+  // Rays sample both differently: the difference falls with finer rays, and at the default lies
+  // below the shot noise of 1e5 photons.
+  const auto chi2_per_bin = [](std::int64_t rays) {
+    Conditions c;
+    c.spd_rays = rays;
+    c.target_x_m = 0;  // so that nobody leaves the field of view
+    double sum = 0;
+    int bins = 0;
+    for (std::uint64_t i = 0; i < 60; ++i) {
+      const Scene scene = some_scene(c, i);
+      const auto a = spd_rate(spd_returns(scene, c), c);
+      const auto b = spd_rate(spd_returns(turned(scene, 0.1), c), c);
+      for (std::size_t k = 0; k < a.size(); ++k)
+        if (a[k] + b[k] > 1) sum += (a[k] - b[k]) * (a[k] - b[k]) / (a[k] + b[k]), ++bins;
+    }
+    return sum / bins;
+  };
+  const double coarse = chi2_per_bin(96), base = chi2_per_bin(Conditions{}.spd_rays);
+  const double fine = chi2_per_bin(1536);
+  CAPTURE(coarse, base, fine);
+  CHECK(base < 1);
+  CHECK(base < coarse / 16);  // at least as resolution^-2
+  CHECK(fine < base / 16);
+}
+
+TEST_CASE("low-flux counts are Poisson") {
+  Conditions c;
+  c.signal_photons = 3e4;
+  c.background_counts = 300;
+  const auto rate = spd_rate(spd_returns(some_scene(c, 1), c), c);
+  constexpr int draws = 400;
+  const Scores s = scores_of(rate, rate, rate, c, draws);
+  CHECK(s.worst < 4.5);
+  // E z^2 = 1; its variance over n independent terms is (2 + 1/r)/n.
+  double spread = 0;
+  for (const double r : rate) spread += 2 + 1 / r;
+  const double bins = static_cast<double>(rate.size());
+  CHECK(std::abs(s.chi2_per_bin - 1) < 4.5 * std::sqrt(spread / draws) / bins);
+}
+
+TEST_CASE("pile-up counts are the first photons of the pulses") {
+  Conditions c;
+  c.pulses_per_window = 20'000;
+  c.signal_photons = 2e4;
+  c.background_counts = 5000;
+  const auto rate = spd_rate(spd_returns(some_scene(c, 2), c), c);
+  const auto pulses = static_cast<double>(c.pulses_per_window);
+  std::vector<double> mean, variance, coates;
+  double before = 0;
+  for (const double r : rate) {
+    const double p = std::exp(-before) * (1 - std::exp(-r / pulses));
+    before += r / pulses;
+    mean.push_back(pulses * p);
+    variance.push_back(pulses * p * (1 - p));
+  }
+  CHECK(total(mean) == Approx(pulses * (1 - std::exp(-total(rate) / pulses))));
+  const Scores s = scores_of(rate, mean, variance, c, 300);
+  CHECK(s.worst < 4.5);
+  CHECK(s.chi2_per_bin == Approx(1).margin(0.05));
+  // Coates' correction undoes it: the expected counts give back the rates.
+  double seen = 0;
+  for (std::size_t i = 0; i < rate.size(); ++i) {
+    CHECK(-std::log1p(-mean[i] / (pulses - seen)) * pulses == Approx(rate[i]).epsilon(1e-9));
+    seen += mean[i];
+  }
+}
+
+TEST_CASE("no pulse counts twice, however bright the scene") {
+  Conditions c;
+  c.pulses_per_window = 1000;
+  Rng rng = make_rng(1, 1);
+  const auto counts = draw_counts(std::vector<double>(336, 1e6), c, rng);
+  CHECK(counts[0] == 1000);
+  CHECK(counts[1] == 0);
+}

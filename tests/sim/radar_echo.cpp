@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: MIT
+#include "sim/radar_echo.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <complex>
+#include <numbers>
+
+#include "drivers/core/axis.hpp"
+#include "scenes.hpp"
+
+using namespace echofuse;
+using namespace echofuse::sim;
+
+namespace {
+
+constexpr double pi = std::numbers::pi;
+
+double decibel(double amplitude) { return 20 * std::log10(std::abs(amplitude)); }
+
+// The normalised transform of a continuous Blackman window of unit length, by summation.
+double blackman_by_sum(double u) {
+  constexpr int n = 20'000;
+  double sum = 0, norm = 0;
+  for (int k = 0; k < n; ++k) {
+    const double t = (k + 0.5) / n - 0.5;
+    const double window = 0.42 + 0.5 * std::cos(2 * pi * t) + 0.08 * std::cos(4 * pi * t);
+    sum += window * std::cos(2 * pi * u * t);
+    norm += window;
+  }
+  return sum / norm;
+}
+
+}  // namespace
+
+TEST_CASE("the sinc's nulls lie at multiples of c / 2B") {
+  constexpr double bandwidth_hz = 300e6;
+  RadarAxis axis;
+  axis.resolution_m = speed_of_light_m_s / (2 * bandwidth_hz);
+  axis.step_m = axis.resolution_m / 2;
+  const Returns point{{10 * axis.step_m}, {2.5}};
+  const auto power = radar_power(point, axis, {});
+  CHECK(power[10] == Approx(2.5).epsilon(1e-12));
+  CHECK(power[11] == Approx(2.5 * std::pow(2 / pi, 2)).epsilon(1e-9));
+  for (const std::size_t null : {0u, 2u, 4u, 6u, 8u, 12u, 14u, 16u, 28u})
+    CHECK(power[null] == Approx(0).margin(1e-20));
+}
+
+TEST_CASE("the Blackman response is the window's transform") {
+  for (const double u : {0.0, 0.3, 0.8, 0.99999, 1.0, 1.5, 2.0, 2.0000001, 2.5, 3.0, 3.4, 7.7})
+    CHECK(psf_amplitude(Psf::blackman, u) == Approx(blackman_by_sum(u)).margin(1e-7));
+  double half = 0;
+  while (decibel(psf_amplitude(Psf::blackman, half)) > 10 * std::log10(0.5)) half += 1e-5;
+  CHECK(2 * half == Approx(1.65).margin(0.01));
+  double highest = -INFINITY;
+  for (double u = 3.0001; u < 50; u += 1e-3)
+    highest = std::max(highest, decibel(psf_amplitude(Psf::blackman, u)));
+  CHECK(highest < -58);
+  CHECK(highest > -59);
+}
+
+TEST_CASE("profiles equal the sum over scatterers, point by point") {
+  const Returns returns{{2.9, 3.33, 3.47, 5.0}, {0.5, 1.0, 0.3, 0.2}};
+  for (const Psf psf : {Psf::sinc, Psf::blackman})
+    for (const char* sum : {"incoherent", "coherent"}) {
+      Conditions c;
+      c.radar_sum = sum;
+      const RadarAxis axis{0.1, 0.25, 29, 0.5, psf};
+      const auto power = radar_power(returns, axis, c);
+      for (std::uint32_t i = 0; i < axis.count; ++i) {
+        double incoherent = 0;
+        std::complex<double> y;
+        for (std::size_t k = 0; k < returns.weight.size(); ++k) {
+          const double r = returns.range_m[k];
+          const double a = psf_amplitude(psf, (0.1 + 0.25 * i - r) / 0.5);
+          incoherent += returns.weight[k] * a * a;
+          y += std::polar(std::sqrt(returns.weight[k]) * a,
+                          -4 * pi * r * c.radar_carrier_hz / speed_of_light_m_s);
+        }
+        const double expected = c.radar_sum == "coherent" ? std::norm(y) : incoherent;
+        CHECK(power[i] == Approx(expected).epsilon(0).margin(2e-4));
+      }
+    }
+}
+
+TEST_CASE("speckle is exponential about the incoherent sum") {
+  Conditions c;
+  const RadarAxis axis = radar_response(c);
+  const Returns returns = radar_returns(some_scene(c, 0), c);
+  const auto smooth = radar_power(returns, axis, c);
+  const auto peak =
+      static_cast<std::size_t>(std::max_element(smooth.begin(), smooth.end()) - smooth.begin());
+  c.radar_sum = "coherent";
+  const double wavelength = speed_of_light_m_s / c.radar_carrier_hz;
+  Rng rng = make_rng(3, 3);
+  std::uniform_real_distribution<double> jitter(0, wavelength / 2);  // one turn of phase
+  constexpr int draws = 1500;
+  double sum = 0, squares = 0;
+  for (int d = 0; d < draws; ++d) {
+    Returns moved = returns;
+    for (double& r : moved.range_m) r += jitter(rng);
+    const double ratio = radar_power(moved, axis, c)[peak] / smooth[peak];
+    sum += ratio;
+    squares += ratio * ratio;
+  }
+  // Mean 1, second moment 2 with variances 1 and 20; N scatterers lower the second by about 1/N.
+  CHECK(std::abs(sum / draws - 1) < 4.5 / std::sqrt(draws));
+  CHECK(std::abs(squares / draws - 2) < 4.5 * std::sqrt(20.0 / draws) + 0.02);
+}
+
+TEST_CASE("the radar ranges from its own place") {
+  Scene scene;
+  scene.capsules = {sphere({0.8, 0, 3.5}, 0.1)};
+  const Conditions c;
+  const auto nearest = [&](const Scene& s) {
+    const Returns r = radar_returns(s, c);
+    return *std::min_element(r.range_m.begin(), r.range_m.end());
+  };
+  // Rays 1/160 apart miss the nearest point of the sphere by no more than this.
+  const double miss = std::pow(4.0 / 160, 2) / 2 * (1 / 0.1 + 1 / 3.5) / 2;
+  CHECK(nearest(scene) >= std::hypot(1.3, 3.5) - 0.1 - 1e-6);
+  CHECK(nearest(scene) <= std::hypot(1.3, 3.5) - 0.1 + miss);
+  CHECK(nearest(mirrored(scene)) >= std::hypot(0.3, 3.5) - 0.1 - 1e-6);
+  CHECK(nearest(mirrored(scene)) <= std::hypot(0.3, 3.5) - 0.1 + miss);
+}
+
+TEST_CASE("without a baseline the radar cannot tell left from right either") {
+  Conditions c;
+  c.baseline_m = 0;
+  for (std::uint64_t i = 0; i < 6; ++i) {
+    const Scene scene = some_scene(c, i);
+    const auto a = radar_power(radar_returns(scene, c), radar_response(c), c);
+    const auto b = radar_power(radar_returns(mirrored(scene), c), radar_response(c), c);
+    for (std::size_t k = 0; k < a.size(); ++k)
+      CHECK(a[k] == Approx(b[k]).epsilon(1e-6).margin(1e-9));
+  }
+}
+
+TEST_CASE("noise is white, of the stated sigma, whatever the scene") {
+  Conditions c;
+  c.radar_snr_db = 13;
+  constexpr double mean_peak = 0.7;
+  std::vector<double> power(40'000, 5.0);
+  Rng rng = make_rng(1, 2);
+  add_radar_noise(power, mean_peak, c, rng);
+  const double sigma = mean_peak * std::pow(10, -1.3);
+  double sum = 0, squares = 0, neighbours = 0;
+  for (std::size_t i = 0; i < power.size(); ++i) {
+    const double z = (power[i] - 5) / sigma;
+    sum += z;
+    squares += z * z;
+    if (i > 0) neighbours += z * (power[i - 1] - 5) / sigma;
+  }
+  const double n = static_cast<double>(power.size());
+  CHECK(std::abs(sum) < 4.5 * std::sqrt(n));
+  CHECK(std::abs(squares - n) < 4.5 * std::sqrt(2 * n));
+  CHECK(std::abs(neighbours) < 4.5 * std::sqrt(n));
+}
+
+TEST_CASE("the mean peak is that of the base scenes") {
+  const Conditions c;
+  const RadarAxis axis = radar_response(c);
+  const double reference = mean_peak_power(axis, c);
+  CHECK(mean_peak_power(axis, c) == reference);
+  constexpr int scenes = 300;
+  double sum = 0, squares = 0;
+  for (std::uint64_t i = 0; i < scenes; ++i) {
+    const auto kind = i % 4 == 0 ? SceneKind::person : SceneKind::letter;
+    const auto power = radar_power(radar_returns(make_scene(c, kind, 8, i), c), axis, c);
+    const double peak = *std::max_element(power.begin(), power.end());
+    sum += peak;
+    squares += peak * peak;
+  }
+  const double mean = sum / scenes, variance = squares / scenes - mean * mean;
+  CHECK(std::abs(mean - reference) < 3.5 * std::sqrt(variance * (1.0 / scenes + 1.0 / 64)));
+}
+
+TEST_CASE("the default rays sample the profile better than the default noise") {
+  Conditions c, fine;
+  fine.radar_rays = 4 * c.radar_rays;
+  const RadarAxis axis = radar_response(c);
+  const double sigma = mean_peak_power(axis, c) * std::pow(10, -c.radar_snr_db / 10);
+  double squares = 0;
+  constexpr int scenes = 40;
+  for (std::uint64_t i = 0; i < scenes; ++i) {
+    const auto a = radar_power(radar_returns(some_scene(c, i), c), axis, c);
+    const auto b = radar_power(radar_returns(some_scene(c, i), fine), axis, c);
+    for (std::size_t k = 0; k < a.size(); ++k) squares += std::pow((a[k] - b[k]) / sigma, 2);
+  }
+  CHECK(squares / scenes / axis.count < 0.1);
+}

@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: MIT
+#include "sim/render.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <numbers>
+
+#include "acquire/record/depth_map.hpp"
+#include "scenes.hpp"
+
+using namespace echofuse;
+using namespace echofuse::sim;
+
+namespace {
+
+Axis x_axis(std::uint32_t n) { return record::depth_x_axis(n); }
+Axis y_axis(std::uint32_t n) { return record::depth_y_axis(n); }
+
+Scene scaled(Scene scene, double s) {
+  for (auto& capsule : scene.capsules)
+    capsule = {s * capsule.a, s * capsule.b, s * capsule.radius_m, capsule.albedo};
+  for (auto& plate : scene.plates) {
+    plate.centre = s * plate.centre;
+    for (auto& k : plate.strokes) k = {s * k.u0, s * k.v0, s * k.u1, s * k.v1, s * k.width_m};
+  }
+  return scene;
+}
+
+// Weight of a screen at distance d within slant range r: integral of albedo cos dOmega / R^2.
+double screen_weight(double d, double r, double albedo) {
+  return albedo * std::numbers::pi / (2 * d * d) * (1 - std::pow(d / r, 4)) / mean_scene_weight;
+}
+
+}  // namespace
+
+TEST_CASE("a sphere is hit where geometry says, by both sensors") {
+  const Vec3 centre{0.6, 0.2, 3.5};
+  Scene scene;
+  scene.capsules = {sphere(centre, 0.3)};
+  for (const double sensor_x : {0.0, -0.5}) {
+    const Vec3 to_centre = centre - Vec3{sensor_x, 0, 0};
+    // One ray exactly at the centre.
+    const Axis x{"x", "tangent", "1", 1, to_centre.x / to_centre.z, 1e-3};
+    const Axis y{"y", "tangent", "1", 1, to_centre.y / to_centre.z, 1e-3};
+    const Hit hit = cast(scene, sensor_x, x, y)[0];
+    CHECK(hit.range_m == Approx(length(to_centre) - 0.3).epsilon(1e-6));
+    CHECK(hit.z_m == Approx(to_centre.z * (1 - 0.3 / length(to_centre))).epsilon(1e-6));
+    CHECK(hit.cos_theta == Approx(1).epsilon(1e-6));
+  }
+}
+
+TEST_CASE("every hit lies on its capsule, and its cosine is the normal's") {
+  const Capsule capsule{{-0.3, -0.5, 3.2}, {0.4, 0.6, 3.9}, 0.15, 0.5};
+  Scene scene;
+  scene.capsules = {capsule};
+  const Axis x = x_axis(200), y = y_axis(200);
+  const auto hits = cast(scene, 0, x, y);
+  int seen = 0;
+  for (std::uint32_t iy = 0; iy < 200; ++iy)
+    for (std::uint32_t ix = 0; ix < 200; ++ix) {
+      const Hit& hit = hits[iy * 200 + ix];
+      const Vec3 ray{x.at(ix), y.at(iy), 1}, axis = capsule.b - capsule.a;
+      // Distance of the ray from the segment, by a fine search: a reference without algebra.
+      double least = INFINITY;
+      for (int k = 0; k <= 400; ++k) {
+        const Vec3 p = capsule.a + (k / 400.0) * axis;
+        least = std::min(least, length(cross(p, ray)) / length(ray));
+      }
+      if (least > capsule.radius_m + 1e-4) CHECK(hit.z_m == 0);
+      if (least < capsule.radius_m - 1e-4) CHECK(hit.z_m > 0);
+      if (hit.z_m == 0) continue;
+      ++seen;
+      const Vec3 point = static_cast<double>(hit.z_m) * ray;
+      const double s = std::clamp(dot(point - capsule.a, axis) / dot(axis, axis), 0.0, 1.0);
+      const Vec3 out = point - capsule.a - s * axis;
+      CHECK(length(out) == Approx(capsule.radius_m).margin(2e-6));
+      CHECK(hit.cos_theta == Approx(-dot(out, ray) / length(out) / length(ray)).margin(2e-5));
+      CHECK(hit.range_m == Approx(length(point)).epsilon(1e-6));
+    }
+  CHECK(seen > 1000);
+}
+
+TEST_CASE("a letter's strokes are where its plate says, others are open") {
+  // An L of 0.4 x 0.4 m at z = 2, seen by rays through chosen points.
+  Scene scene;
+  scene.plates = {{{0.1, 0, 2},
+                   {1, 0, 0},
+                   {0, 1, 0},
+                   {{-0.15, -0.2, -0.15, 0.2, 0.1}, {-0.2, -0.15, 0.2, -0.15, 0.1}},
+                   0.8}};
+  const auto z_at = [&](double u, double v) {
+    const Axis x{"x", "tangent", "1", 1, (0.1 + u) / 2, 1e-3};
+    const Axis y{"y", "tangent", "1", 1, v / 2, 1e-3};
+    return static_cast<double>(cast(scene, 0, x, y)[0].z_m);
+  };
+  CHECK(z_at(-0.199, 0.199) == 2);
+  CHECK(z_at(-0.101, 0.0) == 2);
+  CHECK(z_at(0.199, -0.199) == 2);
+  CHECK(z_at(-0.099, 0.0) == 0);
+  CHECK(z_at(0.0, 0.0) == 0);
+  CHECK(z_at(-0.201, 0.0) == 0);
+  CHECK(z_at(-0.15, 0.201) == 0);
+}
+
+TEST_CASE("each sensor has its own occlusion") {
+  Scene scene;  // the small sphere stands behind the large one as seen from the origin
+  scene.capsules = {sphere({0, 0, 3}, 0.1, 0.5), sphere({0, 0, 4}, 0.05, 0.7)};
+  const Conditions c;
+  const auto farthest = [](const Returns& r) {
+    return *std::max_element(r.range_m.begin(), r.range_m.end());
+  };
+  CHECK(farthest(spd_returns(scene, c)) < 3.1);
+  CHECK(farthest(radar_returns(scene, c)) > 3.8);
+  Conditions together = c;
+  together.baseline_m = 0;
+  CHECK(farthest(radar_returns(scene, together)) < 3.1);
+}
+
+TEST_CASE("depth maps hold z in millimetres and nothing beyond 6 m") {
+  Scene scene;
+  scene.plates = {screen(5.9996, 0.5)};
+  for (const auto mm : render_depth_mm(scene, x_axis(64), y_axis(64))) REQUIRE(mm == 6000);
+  scene.plates = {screen(6.001, 0.5)};
+  for (const auto mm : render_depth_mm(scene, x_axis(64), y_axis(64))) REQUIRE(mm == 0);
+}
+
+TEST_CASE("a scene twice as large and twice as far returns a quarter") {
+  const Conditions c;
+  const Scene scene = some_scene(c, 1);
+  const Returns near = spd_returns(scene, c), far = spd_returns(scaled(scene, 2), c);
+  REQUIRE(near.weight.size() == far.weight.size());
+  for (std::size_t k = 0; k < near.weight.size(); ++k) {
+    REQUIRE(far.range_m[k] == Approx(2 * near.range_m[k]).epsilon(1e-6));
+    REQUIRE(4 * far.weight[k] == Approx(near.weight[k]).epsilon(1e-4));
+  }
+}
+
+TEST_CASE("a screen returns its closed form") {
+  Conditions c;
+  c.spd_rays = 1024;
+  constexpr double distance = 4, albedo = 0.6;
+  Scene scene;
+  scene.plates = {screen(distance, albedo)};
+  const Returns returns = spd_returns(scene, c);
+  const double step = 2 * c.half_tangent / static_cast<double>(c.spd_rays);
+  for (const double tangent : {0.1, 0.2, 0.35, 0.5}) {
+    const double r = distance * std::hypot(1, tangent);
+    double sum = 0;
+    for (std::size_t k = 0; k < returns.weight.size(); ++k)
+      if (returns.range_m[k] < r) sum += returns.weight[k];
+    // No more than the pixels that the circle cuts, at most 8 tangent / step, can be wrong.
+    const double edge = 8 * tangent * step * albedo / (distance * distance * mean_scene_weight);
+    CHECK(std::abs(sum - screen_weight(distance, r, albedo)) < edge);
+    CHECK(edge < 0.06 * sum);
+  }
+}
+
+TEST_CASE("mirror images return the same light, on mirrored maps") {
+  const Conditions c;
+  for (std::uint64_t i = 0; i < 10; ++i) {
+    const Scene scene = some_scene(c, i), image = mirrored(scene);
+    const auto map = render_depth_mm(scene, x_axis(64), y_axis(64));
+    const auto other = render_depth_mm(image, x_axis(64), y_axis(64));
+    for (std::size_t p = 0; p < map.size(); ++p)
+      REQUIRE(map[p] == other[p / 64 * 64 + 63 - p % 64]);
+    CHECK(total(spd_returns(scene, c).weight) ==
+          Approx(total(spd_returns(image, c).weight)).epsilon(1e-6));
+  }
+}
+
+TEST_CASE("the mean scene has the documented weight") {
+  const Conditions c;
+  constexpr int scenes = 1000;
+  double sum = 0, squares = 0;
+  for (std::uint64_t i = 0; i < scenes; ++i) {
+    const auto kind = i % 4 == 0 ? SceneKind::person : SceneKind::letter;
+    const double w = total(spd_returns(make_scene(c, kind, 3, i), c).weight);
+    sum += w;
+    squares += w * w;
+  }
+  const double mean = sum / scenes;
+  const double se = std::sqrt((squares / scenes - mean * mean) / scenes);
+  CHECK(std::abs(mean - 1) < 3 * se);
+}

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: MIT
+#include "sim/scene.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <set>
+
+#include "scenes.hpp"
+#include "sim/render.hpp"
+#include "sim/room.hpp"
+
+using namespace echofuse;
+using namespace echofuse::sim;
+
+TEST_CASE("a scene depends on its seed and index only") {
+  const Conditions c;
+  const Scene first = make_scene(c, SceneKind::letter, 5, 9);
+  make_scene(c, SceneKind::person, 5, 8);
+  const Scene again = make_scene(c, SceneKind::letter, 5, 9);
+  REQUIRE(first.capsules.size() == again.capsules.size());
+  for (std::size_t i = 0; i < first.capsules.size(); ++i)
+    CHECK(length(first.capsules[i].a - again.capsules[i].a) == 0);
+  CHECK(first.label == again.label);
+  CHECK(length(first.capsules[0].a - make_scene(c, SceneKind::letter, 5, 10).capsules[0].a) > 0);
+  CHECK(length(first.capsules[0].a - make_scene(c, SceneKind::letter, 6, 9).capsules[0].a) > 0);
+}
+
+TEST_CASE("people are as tall as people, stand on the floor and inside the area") {
+  const Conditions c;
+  for (std::uint64_t i = 0; i < 300; ++i) {
+    const Scene scene = make_scene(c, SceneKind::person, 1, i);
+    REQUIRE(scene.capsules.size() == 16);
+    double lowest = INFINITY, trunk_top = -INFINITY;
+    for (const auto& capsule : scene.capsules)
+      for (const Vec3 end : {capsule.a, capsule.b}) {
+        lowest = std::min(lowest, end.y - capsule.radius_m);
+        CHECK(std::abs(end.x) < c.target_x_m + 0.8);
+        CHECK(end.z > c.target_z_min_m - 0.8);
+        CHECK(end.z < c.target_z_max_m + 0.8);
+      }
+    for (std::size_t k = 6; k < 12; ++k)  // pelvis to head
+      trunk_top = std::max(trunk_top, scene.capsules[k].b.y + scene.capsules[k].radius_m);
+    CHECK(lowest == Approx(-c.camera_height_m).margin(1e-9));
+    const double height = trunk_top - lowest;
+    CHECK(height > 1.45);  // bowed and with knees bent: below 1.55 m
+    CHECK(height < 1.91);
+    CHECK(scene.capsules[0].albedo >= 0.3);
+    CHECK(scene.capsules[0].albedo <= 0.7);
+  }
+}
+
+TEST_CASE("letters are the ten, face the sensors within 30 degrees and are held in both hands") {
+  const Conditions c;
+  std::set<std::string> seen;
+  for (std::uint64_t i = 0; i < 300; ++i) {
+    const Scene scene = make_scene(c, SceneKind::letter, 1, i);
+    REQUIRE(scene.plates.size() == 1);
+    REQUIRE(scene.label.size() == 8);
+    CHECK(scene.label.substr(0, 7) == "letter:");
+    seen.insert(scene.label.substr(7));
+    const Plate& plate = scene.plates[0];
+    const Capsule& trunk = scene.capsules[6];
+    const Vec3 body = 0.5 * (trunk.a + trunk.b), to_sensors{-body.x, 0, -body.z};
+    const Vec3 facing = cross(plate.v, plate.u);  // u is right and v up to whom it faces
+    CHECK(dot(facing, to_sensors) / length(to_sensors) > std::cos(30.5 * 3.14159265 / 180));
+    CHECK(length(plate.centre - body) > 0.5);
+    for (const std::size_t hand : {13u, 15u})
+      CHECK(length(scene.capsules[hand].b - plate.centre) < 0.2);
+  }
+  std::string all;
+  for (const auto& letter : seen) all += letter;
+  CHECK(all == "ACEHLNOTUX");
+}
+
+TEST_CASE("the mirror of the mirror is the scene") {
+  const Scene scene = some_scene({}, 1);
+  const Scene image = mirrored(scene), back = mirrored(image);
+  CHECK(image.capsules[0].a.x == -scene.capsules[0].a.x);
+  CHECK(image.capsules[0].a.z == scene.capsules[0].a.z);
+  CHECK(back.plates[0].u.z == scene.plates[0].u.z);
+  CHECK(back.plates[0].centre.x == scene.plates[0].centre.x);
+}
+
+TEST_CASE("the kinds make what they say") {
+  const Conditions c;
+  CHECK(make_scene(c, SceneKind::empty, 1, 0).capsules.empty());
+  CHECK(make_scene(c, SceneKind::empty, 1, 0).label == "empty");
+  for (std::uint64_t i = 0; i < 50; ++i) {
+    const Scene two = make_scene(c, SceneKind::two_people, 1, i);
+    REQUIRE(two.capsules.size() == 32);
+    CHECK(two.label == "two_people");
+    CHECK(two.capsules[6].a.x < two.capsules[22].a.x + 0.3);  // side by side
+  }
+}
+
+TEST_CASE("the room fills the view behind the people and inside the histogram") {
+  Conditions c;
+  c.background = "room";
+  const Scene empty = make_scene(c, SceneKind::empty, 1, 0);
+  const Returns returns = spd_returns(empty, c);
+  CHECK(returns.range_m.size() == static_cast<std::size_t>(c.spd_rays * c.spd_rays));
+  const auto [nearest, farthest] =
+      std::minmax_element(returns.range_m.begin(), returns.range_m.end());
+  CHECK(*nearest > 4.6);
+  CHECK(*farthest < 7.0);
+  for (const auto& plate : room()) CHECK(plate.centre.z > 4.6);
+}

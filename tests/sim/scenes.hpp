@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: MIT
+// Small scenes of known geometry.
+#pragma once
+#include <numeric>
+
+#include "sim/render.hpp"
+#include "sim/scene.hpp"
+
+namespace echofuse::sim {
+
+inline Capsule sphere(Vec3 centre, double radius_m, double albedo = 0.5) {
+  return {centre, centre, radius_m, albedo};
+}
+
+// A wall across the whole field of view at z.
+inline Plate screen(double z_m, double albedo) {
+  return {{0, 0, z_m}, {1, 0, 0}, {0, 1, 0}, {{-100, 0, 100, 0, 200}}, albedo};
+}
+
+inline double total(const std::vector<double>& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0);
+}
+
+// People and letters in turn.
+inline Scene some_scene(const Conditions& conditions, std::uint64_t index) {
+  return make_scene(conditions, index % 2 ? SceneKind::letter : SceneKind::person, 42, index);
+}
+
+}  // namespace echofuse::sim

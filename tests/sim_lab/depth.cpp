@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: MIT
+// The depth camera through the real OpenNI2 library, in a process of its own.
+#include <sys/wait.h>
+
+#include <catch2/catch.hpp>
+#include <cstdio>
+
+#include "drivers/core/bytes.hpp"
+#include "lab_thread.hpp"
+
+using namespace echofuse;
+using namespace echofuse::test;
+
+namespace {
+
+class Reader {
+ public:
+  Reader(const std::string& lab_dir, const std::string& file, const std::string& arguments) {
+    const auto folder = std::filesystem::read_symlink("/proc/self/exe").parent_path();
+    // OpenNI2 leaks some, and is not built for the thread sanitizer.
+    const std::string sanitizers =
+        "ASAN_OPTIONS=detect_leaks=0 TSAN_OPTIONS=suppressions='" ECHOFUSE_SOURCE_DIR
+        "/tests/sim_lab/openni_tsan.supp' ";
+    const std::string command = sanitizers + "LD_LIBRARY_PATH='" + lab_dir + "/openni' '" +
+                                (folder / "depth_reader").string() + "' '" + file + "' " +
+                                arguments;
+    pipe_ = ::popen(command.c_str(), "r");
+    REQUIRE(pipe_);
+  }
+  ~Reader() {
+    if (pipe_) ::pclose(pipe_);
+  }
+  Reader(const Reader&) = delete;
+  Reader& operator=(const Reader&) = delete;
+
+  // Empty at the end.
+  std::string line() {
+    char text[256];
+    if (!std::fgets(text, sizeof text, pipe_)) return {};
+    std::string all = text;
+    all.pop_back();
+    return all;
+  }
+  // The first line that begins so.
+  std::string line_with(const std::string& beginning) {
+    for (std::string text = line(); !text.empty(); text = line()) {
+      INFO(text);
+      REQUIRE(text.rfind("error", 0) != 0);
+      if (text.rfind(beginning, 0) == 0) return text;
+    }
+    return {};
+  }
+  int exit_code() {
+    const int status = ::pclose(std::exchange(pipe_, nullptr));
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+
+ private:
+  std::FILE* pipe_;
+};
+
+// Rendered once more, with the axes as EMULATION of a 320 x 240 camera has them: pixel centres at
+// tangents of 0.005 steps.
+std::vector<std::uint16_t> expected_picture(const sim::LabOptions& options) {
+  const Axis x{"depth_x", "tangent", "1", 320, -159.5 * 0.005, 0.005};
+  const Axis y{"depth_y", "tangent", "1", 240, 119.5 * 0.005, -0.005};
+  const auto scene = sim::make_scene(options.conditions, sim::SceneKind::person,
+                                     static_cast<std::uint64_t>(options.play.seed), 0);
+  return sim::render_depth_mm(scene, x, y);
+}
+
+std::vector<std::uint16_t> read_picture(const std::string& path) {
+  const std::string raw = read_text(path);
+  return to_values<std::uint16_t>({reinterpret_cast<const std::uint8_t*>(raw.data()), raw.size()});
+}
+
+sim::LabOptions options_in(const TemporaryDirectory& dir) {
+  sim::LabOptions options;
+  options.dir = dir / "lab";
+  options.play = {"person", 21, 0};
+  return options;
+}
+
+}  // namespace
+
+TEST_CASE("frames of the scene at 30 a second") {
+  const TemporaryDirectory dir;
+  const sim::LabOptions options = options_in(dir);
+  LabThread lab(options);
+  Reader reader(options.dir, dir / "picture", "16 0");
+  CHECK(reader.line_with("mode") == "mode 320 240 30 100 fov 1.349482 1.080839");
+  int first_index = 0, index = 0, stride = 0;
+  unsigned long long first_us = 0, time_us = 0;
+  for (int i = 0; i < 16; ++i) {
+    REQUIRE(std::sscanf(reader.line_with("index").c_str(), "index %d time %llu stride %d", &index,
+                        &time_us, &stride) == 3);
+    CHECK(stride == 640);
+    if (i == 0) first_index = index, first_us = time_us;
+  }
+  CHECK(index - first_index >= 15);
+  const double period_s = static_cast<double>(time_us - first_us) * 1e-6 / (index - first_index);
+  CHECK(period_s == Approx(1.0 / 30).epsilon(0.1));
+  REQUIRE(reader.line_with("frame") == "frame");
+  CHECK(reader.exit_code() == 0);
+
+  const auto expected = expected_picture(options);
+  CHECK(std::count_if(expected.begin(), expected.end(), [](auto z) { return z > 0; }) > 500);
+  CHECK(read_picture(dir / "picture") == expected);
+}
+
+TEST_CASE("the camera goes and comes back with the laboratory") {
+  const TemporaryDirectory dir;
+  sim::LabOptions options = options_in(dir);
+  auto lab = std::make_unique<LabThread>(options);
+  Reader reader(options.dir, dir / "picture", "1 1");
+  REQUIRE(reader.line_with("frame") == "frame");
+  lab.reset();
+  REQUIRE(reader.line_with("gone") == "gone");
+  options.play.seed = 22;
+  lab = std::make_unique<LabThread>(options);
+  REQUIRE(reader.line_with("back") == "back");
+  REQUIRE(reader.line_with("frame") == "frame");
+  CHECK(reader.exit_code() == 0);
+  CHECK(read_picture(dir / "picture") == expected_picture(options));
+}

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: MIT
+// Reads the laboratory's depth camera through the stock OpenNI2 library. Says on stdout what
+// happens, one line each.
+//   depth_reader FILE FRAMES PLUG    FRAMES frames, the last one to FILE; with PLUG = 1 then waits
+//                                    until the camera goes and comes back, and reads one more
+#include <OpenNI.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <thread>
+
+namespace {
+
+class Plug : public openni::OpenNI::DeviceConnectedListener,
+             public openni::OpenNI::DeviceDisconnectedListener {
+ public:
+  void onDeviceConnected(const openni::DeviceInfo*) override { ++connected; }
+  void onDeviceDisconnected(const openni::DeviceInfo*) override { ++disconnected; }
+  std::atomic<int> connected{0}, disconnected{0};
+};
+
+template <class Condition>
+bool wait_for(Condition condition) {
+  for (int i = 0; i < 500 && !condition(); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  return condition();
+}
+
+void say(const char* text) {
+  std::puts(text);
+  std::fflush(stdout);
+}
+
+void describe(const openni::VideoStream& stream) {
+  const openni::VideoMode mode = stream.getVideoMode();
+  std::printf("mode %d %d %d %d fov %.6f %.6f\n", mode.getResolutionX(), mode.getResolutionY(),
+              mode.getFps(), mode.getPixelFormat(), stream.getHorizontalFieldOfView(),
+              stream.getVerticalFieldOfView());
+}
+
+bool read_frames(const char* path, int frames) {
+  openni::Device device;
+  openni::VideoStream stream;
+  if (device.open(openni::ANY_DEVICE) != openni::STATUS_OK ||
+      stream.create(device, openni::SENSOR_DEPTH) != openni::STATUS_OK ||
+      stream.start() != openni::STATUS_OK) {
+    std::printf("error %s\n", openni::OpenNI::getExtendedError());
+    return false;
+  }
+  describe(stream);
+  openni::VideoFrameRef frame;
+  for (int i = 0; i < frames; ++i) {
+    openni::VideoStream* streams[] = {&stream};
+    int index = -1;
+    if (openni::OpenNI::waitForAnyStream(streams, 1, &index, 2000) != openni::STATUS_OK ||
+        stream.readFrame(&frame) != openni::STATUS_OK) {
+      say("error no frame");
+      return false;
+    }
+    std::printf("index %d time %llu stride %d\n", frame.getFrameIndex(),
+                static_cast<unsigned long long>(frame.getTimestamp()), frame.getStrideInBytes());
+  }
+  std::FILE* file = std::fopen(path, "wb");
+  if (!file) return false;
+  std::fwrite(frame.getData(), 1, static_cast<std::size_t>(frame.getDataSize()), file);
+  std::fclose(file);
+  say("frame");
+  return true;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 4) return 2;
+  if (openni::OpenNI::initialize() != openni::STATUS_OK) {
+    say("error no OpenNI");
+    return 1;
+  }
+  Plug plug;
+  openni::OpenNI::addDeviceConnectedListener(&plug);
+  openni::OpenNI::addDeviceDisconnectedListener(&plug);
+  bool good = read_frames(argv[1], std::atoi(argv[2]));
+  if (good && std::atoi(argv[3]) != 0) {
+    good = wait_for([&] { return plug.disconnected > 0; });
+    say(good ? "gone" : "error still there");
+    good = good && wait_for([&] { return plug.connected > 0; });
+    say(good ? "back" : "error still away");
+    good = good && read_frames(argv[1], 1);
+  }
+  openni::OpenNI::removeDeviceConnectedListener(&plug);
+  openni::OpenNI::removeDeviceDisconnectedListener(&plug);
+  openni::OpenNI::shutdown();
+  return good ? 0 : 1;
+}

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: MIT
+// Bytes written out by hand from the formats' tables, CRC from an independent bitwise program.
+#include "sim/encode.hpp"
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <initializer_list>
+
+using namespace echofuse;
+using namespace echofuse::sim;
+
+namespace {
+
+Bytes bytes(std::initializer_list<int> values) {
+  Bytes out;
+  for (const int v : values) out.push_back(static_cast<std::uint8_t>(v));
+  return out;
+}
+
+const Bytes magic = bytes({0x02, 0x01, 0x04, 0x03, 0x06, 0x05, 0x08, 0x07});
+
+}  // namespace
+
+TEST_CASE("a bridge block with one tag") {
+  Bytes tag;
+  put_tag(tag, 2, 1234567890123);
+  CHECK(tag == bytes({0, 0, 0, 0, 2, 0, 0, 0, 0xcb, 0x04, 0xfb, 0x71, 0x1f, 0x01, 0, 0}));
+  Bytes expected = bytes({'E', 'F', 'B', 'R', 1, 0, 1, 0, 7, 0, 0, 0, 16,   0,    0,    0,
+                          5,   0,   0,   0,   0, 0, 0, 0, 0, 0, 0, 0, 0x22, 0x8d, 0x64, 0xfc});
+  expected.insert(expected.end(), tag.begin(), tag.end());
+  CHECK(bridge_block(BlockKind::tags, 7, 5, tag) == expected);
+}
+
+TEST_CASE("a falling edge has a negative channel") {
+  Bytes tag;
+  put_tag(tag, -1, -2);
+  CHECK(tag == bytes({0, 0, 0, 0, 0xff, 0xff, 0xff, 0xff, 0xfe, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff,
+                      0xff}));
+}
+
+TEST_CASE("a radar frame up to its padding") {
+  Rng junk(1);
+  const Bytes frame =
+      radar_frame({0x01020304, 0xa0b0c0d0, 0}, {range_profile_tlv({0x1234, 7})}, junk);
+  const Bytes expected = bytes({0x02, 0x01, 0x04, 0x03, 0x06, 0x05, 0x08, 0x07,  // magic
+                                0x04, 0x00, 0x05, 0x03,                          // SDK 3.5.0.4
+                                64,   0,    0,    0,                             // 40 + 8 + 4 -> 64
+                                0x43, 0x68, 0x0a, 0x00,                          // 0xA6843
+                                0x04, 0x03, 0x02, 0x01,                          // frame number
+                                0xd0, 0xc0, 0xb0, 0xa0,                          // CPU cycles
+                                0,    0,    0,    0,                             // objects
+                                1,    0,    0,    0,                             // TLVs
+                                0,    0,    0,    0,                             // sub-frame
+                                2,    0,    0,    0,    4,    0,    0,    0,    0x34, 0x12, 7, 0});
+  REQUIRE(frame.size() == 64);
+  CHECK(std::equal(expected.begin(), expected.end(), frame.begin()));
+}
+
+TEST_CASE("statistics and temperature") {
+  CHECK(stats_tlv({1, 2, 3, 4, 5, 6}).payload ==
+        bytes({1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0, 4, 0, 0, 0, 5, 0, 0, 0, 6, 0, 0, 0}));
+  const RadarTlv t = temperature_tlv({0, 258, {45, -1, 0, 0, 0, 0, 0, 0, 0, 3}});
+  CHECK(t.type == 9);
+  CHECK(t.payload == bytes({0, 0, 0, 0, 2, 1, 0, 0, 45, 0, 0xff, 0xff, 0, 0,
+                            0, 0, 0, 0, 0, 0, 0, 0, 0,  0, 0,    0,    3, 0}));
+}
+
+TEST_CASE("the padding is junk, now and then with a stale magic word") {
+  Rng junk(2);
+  int stale = 0, zero = 0;
+  constexpr int frames = 400;
+  for (int i = 0; i < frames; ++i) {
+    const Bytes frame = radar_frame({}, {objects_tlv()}, junk);  // 48 bytes and 16 of padding
+    REQUIRE(frame.size() == 64);
+    stale +=
+        std::search(frame.begin() + 48, frame.end(), magic.begin(), magic.end()) != frame.end();
+    zero += std::all_of(frame.begin() + 48, frame.end(), [](auto b) { return b == 0; });
+  }
+  CHECK(zero == 0);
+  CHECK(std::abs(stale - frames / 4) < 5 * std::sqrt(frames * 0.25 * 0.75));
+}
+
+TEST_CASE("codes of the range profile") {
+  CHECK(log2_q8(8 * 10, 8) == 2560);    // 8 antennas of magnitude 1024: 256 * 10
+  CHECK(log2_q8(12 * 10, 12) == 1920);  // 12 of them over 16
+  CHECK(log2_q8(0, 12) == 0);
+  CHECK(log2_q8(-5, 12) == 0);
+  CHECK(log2_q8(1e6, 8) == 65535);
+}

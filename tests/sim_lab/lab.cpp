@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: MIT
+// The laboratory's directory, from opening to closing.
+#include "sim/lab.hpp"
+
+#include <catch2/catch.hpp>
+#include <set>
+
+#include "drivers/core/exit_code.hpp"
+#include "lab_thread.hpp"
+
+using namespace echofuse;
+using namespace echofuse::test;
+namespace fs = std::filesystem;
+
+namespace {
+
+std::set<std::string> names_in(const std::string& dir) {
+  std::set<std::string> names;
+  for (const auto& entry : fs::directory_iterator(dir)) names.insert(entry.path().filename());
+  return names;
+}
+
+std::string refusal(const sim::LabOptions& options, ExitCode code) {
+  try {
+    const SystemClock clock;
+    sim::Lab lab(clock, options);
+  } catch (const Error& e) {
+    CHECK(e.code() == code);
+    return e.what();
+  }
+  return "";
+}
+
+sim::LabOptions options_in(const TemporaryDirectory& dir) {
+  sim::LabOptions options;
+  options.dir = dir / "lab";
+  return options;
+}
+
+}  // namespace
+
+TEST_CASE("what an open laboratory has, and what a closed one leaves") {
+  const TemporaryDirectory dir;
+  sim::LabOptions options = options_in(dir);
+  options.window_s = 0.2;
+  LabThread lab(options);
+  CHECK(names_in(options.dir) == std::set<std::string>{"depth.sock", "lab.toml", "openni",
+                                                       "radar-cli", "radar-data", "radar.cfg"});
+  const std::string toml = read_text(options.dir + "/lab.toml");
+  CHECK_THAT(toml, Catch::Contains("[run]\nwindow_s = 0.2\nlabel = \"person\"\n"));
+  CHECK_THAT(toml, Catch::Contains("start_channel = 1\nclick_channel = 2\nbin_width_ps = 100\n"
+                                   "first_bin_ps = 13343\nbins = 336\n"));
+  CHECK_THAT(toml, Catch::Contains("cli = \"serial:" + options.dir + "/radar-cli\""));
+  CHECK_THAT(toml, Catch::Contains("cfg = \"radar.cfg\""));
+  CHECK_THAT(toml, Catch::Contains("address = \"openni:\""));
+  CHECK(read_text(options.dir + "/radar.cfg") ==
+        read_text(std::string(ECHOFUSE_SOURCE_DIR) + "/config/radar/xwr68xx_paper_50cm.cfg"));
+  CHECK_THAT(lab.lab().daemon_command(),
+             Catch::StartsWith("LD_LIBRARY_PATH=" + options.dir + "/openni ") &&
+                 Catch::Contains(" run --config " + options.dir + "/lab.toml --out "));
+  lab.stop();
+  CHECK(names_in(options.dir) == std::set<std::string>{"lab.toml", "radar.cfg", "sent.json"});
+  CHECK_THAT(read_text(options.dir + "/sent.json"), Catch::StartsWith("{\"play\":{\"scene\":"));
+}
+
+TEST_CASE("a directory in use, foreign, or with too long a path is refused") {
+  const TemporaryDirectory dir;
+  sim::LabOptions options = options_in(dir);
+  SECTION("in use") {
+    LabThread lab(options);
+    CHECK_THAT(refusal(options, ExitCode::usage), Catch::Contains("another laboratory runs here"));
+    CHECK(fs::exists(options.dir + "/radar-cli"));
+  }
+  SECTION("foreign") {
+    fs::create_directories(options.dir);
+    std::ofstream(options.dir + "/thesis.tex") << "\\documentclass";
+    CHECK_THAT(refusal(options, ExitCode::usage), Catch::Contains("no laboratory wrote"));
+    CHECK(names_in(options.dir) == std::set<std::string>{"thesis.tex"});
+  }
+  SECTION("too long") {
+    options.dir = dir / std::string(120, 'x');
+    CHECK_THAT(refusal(options, ExitCode::usage), Catch::Contains("too long for a socket"));
+  }
+}
+
+TEST_CASE("a former laboratory's directory is used again, with what else was put there") {
+  const TemporaryDirectory dir;
+  const sim::LabOptions options = options_in(dir);
+  LabThread(options).stop();
+  std::ofstream(options.dir + "/run.sqlite") << "a run";
+  LabThread lab(options);
+  CHECK(fs::exists(options.dir + "/lab.toml"));
+  CHECK_FALSE(fs::exists(options.dir + "/sent.json"));
+  CHECK(read_text(options.dir + "/run.sqlite") == "a run");
+}
+
+TEST_CASE("start-up faults name their cause, and leave nothing open") {
+  const TemporaryDirectory dir;
+  sim::LabOptions options = options_in(dir);
+  SECTION("no such radar configuration") {
+    options.radar_cfg = dir / "missing.cfg";
+    CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains("missing.cfg: cannot read"));
+  }
+  SECTION("bins that the daemon cannot make") {
+    options.conditions.bin_width_ps = 12.5;
+    CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains("whole picoseconds"));
+  }
+  SECTION("a laser that is too fast") {
+    options.tagging.laser_rate_hz = 80e6;
+    CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains("before the last bin"));
+  }
+  CHECK_FALSE(fs::exists(options.dir + "/radar-cli"));
+  CHECK_FALSE(fs::exists(options.dir + "/depth.sock"));
+  CHECK_FALSE(fs::exists(options.dir + "/lab.toml"));
+}
+
+TEST_CASE("scenes follow one another, and mixed ones keep the paper's proportion") {
+  ManualClock clock;
+  const sim::Conditions conditions;
+  sim::Stage stage(clock, conditions, {"mixed", 3, 0.5});
+  CHECK(stage.at(0.49).index == 0);
+  CHECK(stage.until(0.49) == 0.5);
+  CHECK(stage.at(0.51).index == 1);
+  clock.advance(std::chrono::seconds(2));
+  CHECK(stage.now_s() == 2.0);
+  CHECK(stage.at(stage.now_s()).index == 4);
+  int people = 0;
+  constexpr int scenes = 4000;
+  for (int i = 0; i < scenes; ++i)
+    people += sim::Stage::kind_of({"mixed", 3, 0.5}, i) == sim::SceneKind::person;
+  CHECK(std::abs(people - scenes / 4.0) < 5 * std::sqrt(scenes * 0.25 * 0.75));
+}

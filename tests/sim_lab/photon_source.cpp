@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: MIT
+// The photon stream against the histogram's law, by chi2 over the bins.
+#include "sim/devices/photon_source.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <functional>
+
+#include "drivers/core/exit_code.hpp"
+#include "drivers/core/sample.hpp"
+#include "sim/optics.hpp"
+#include "sim/scene.hpp"
+
+using namespace echofuse;
+using namespace echofuse::sim;
+
+namespace {
+
+constexpr double window_s = 0.5;
+
+struct Stream {
+  std::vector<Tag> tags;
+  std::vector<double> counts;  // per bin, each click after the last sync
+};
+
+Stream draw(const Conditions& c, const Tagging& tagging, const Returns& returns,
+            std::int64_t slices = 50) {
+  PhotonSource source(c, tagging, window_s, 7);
+  source.look_at(returns);
+  Bytes bytes;
+  const auto pulses = static_cast<std::int64_t>(std::llround(source.laser_rate_hz() * window_s));
+  for (std::int64_t i = 0; i < slices; ++i)
+    source.draw(i * pulses / slices, (i + 1) * pulses / slices, bytes);
+  Stream stream{to_values<Tag>(bytes), std::vector<double>(static_cast<std::size_t>(c.bins))};
+  std::int64_t sync_ps = 0;
+  for (const Tag& tag : stream.tags) {
+    if (tag.channel == tagging.sync_channel) sync_ps = tag.time_ps;
+    const double bin =
+        std::floor((static_cast<double>(tag.time_ps - sync_ps) - c.first_bin_ps) / c.bin_width_ps);
+    if (tag.channel == tagging.click_channel && bin >= 0 && bin < static_cast<double>(c.bins))
+      ++stream.counts[static_cast<std::size_t>(bin)];
+  }
+  return stream;
+}
+
+// (chi2 - n) / sqrt(2 n) over the bins with at least 5 expected counts.
+double z_of_chi2(const std::vector<double>& counts, const std::vector<double>& expected) {
+  double chi2 = 0, n = 0;
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    if (expected[i] < 5) continue;
+    chi2 += std::pow(counts[i] - expected[i], 2) / expected[i];
+    ++n;
+  }
+  REQUIRE(n > 10);
+  return (chi2 - n) / std::sqrt(2 * n);
+}
+
+Returns person(const Conditions& c) {
+  return spd_returns(make_scene(c, SceneKind::person, 3, 0), c);
+}
+
+}  // namespace
+
+TEST_CASE("photons follow the histogram's rate") {
+  Conditions c;
+  c.background_counts = 2e4;
+  SECTION("Gaussian response") {}
+  SECTION("with a tail") { c.irf_tail_ps = 300; }
+  const Returns returns = person(c);
+  const Stream stream = draw(c, {}, returns);
+  const auto rate = spd_rate(returns, c);
+  CHECK(std::abs(z_of_chi2(stream.counts, rate)) < 5);
+  double total = 0, expected = 0;
+  for (std::size_t i = 0; i < rate.size(); ++i) {
+    total += stream.counts[i];
+    expected += rate[i];
+  }
+  CHECK(std::abs(total - expected) < 5 * std::sqrt(expected));
+}
+
+TEST_CASE("with pile-up only the first photon of a pulse is kept") {
+  Conditions c;
+  c.pulses_per_window = 60'000;
+  const Returns returns = person(c);
+  const Stream stream = draw(c, {}, returns);
+  const double pulses = 60'000;
+  std::vector<double> expected;
+  double before = 0;
+  for (const double r : spd_rate(returns, c)) {
+    expected.push_back(pulses * std::exp(-before) * -std::expm1(-r / pulses));
+    before += r / pulses;
+  }
+  REQUIRE(before > 0.3);
+  CHECK(std::abs(z_of_chi2(stream.counts, expected)) < 5);
+  for (std::size_t i = 1; i < stream.tags.size(); ++i)
+    REQUIRE(stream.tags[i].channel != stream.tags[i - 1].channel);
+}
+
+TEST_CASE("the stream is sorted, and a sync stands before its photons only") {
+  Conditions c;
+  Tagging tagging;
+  const Returns returns = person(c);
+  const auto sorted = [](const std::vector<Tag>& tags) {
+    return std::is_sorted(tags.begin(), tags.end(),
+                          [](const Tag& a, const Tag& b) { return a.time_ps < b.time_ps; });
+  };
+  SECTION("filtered") {
+    const auto tags = draw(c, tagging, returns).tags;
+    REQUIRE(tags.size() > 1000);
+    CHECK(sorted(tags));
+    CHECK(tags.front().channel == 1);
+    CHECK(tags.back().channel == 2);
+    for (std::size_t i = 1; i < tags.size(); ++i)
+      REQUIRE((tags[i].channel == 2 || tags[i - 1].channel == 2));
+  }
+  SECTION("every sync") {
+    tagging.conditional_filter = false;
+    const auto tags = draw(c, tagging, returns).tags;
+    CHECK(sorted(tags));
+    std::int64_t syncs = 0;
+    for (const Tag& tag : tags)
+      if (tag.channel == 1) REQUIRE(tag.time_ps == 1'000'000 * syncs++);
+    CHECK(syncs == 500'000);
+  }
+}
+
+TEST_CASE("an empty scene has no photons") {
+  const Conditions c;
+  CHECK(draw(c, {}, Returns{}).tags.empty());
+}
+
+TEST_CASE("impossible lasers and rates are refused") {
+  Conditions c;
+  const auto refusal = [&](double laser_hz, double window) -> std::string {
+    Tagging tagging;
+    tagging.laser_rate_hz = laser_hz;
+    try {
+      PhotonSource source(c, tagging, window, 1);
+    } catch (const Error& e) {
+      CHECK(e.code() == ExitCode::config);
+      return e.what();
+    }
+    return "";
+  };
+  CHECK(refusal(1e6, 3).empty());
+  CHECK_THAT(refusal(80e6, 3), Catch::Contains("before the last bin"));
+  CHECK_THAT(refusal(10, 3), Catch::Contains("at least 250 Hz"));
+  c.signal_photons = 1e9;
+  CHECK_THAT(refusal(1e6, 3), Catch::Contains("at most 5 million"));
+}

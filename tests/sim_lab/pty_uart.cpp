@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: MIT
+#include "sim/devices/pty_uart.hpp"
+
+#include <fcntl.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include <boost/asio/io_context.hpp>
+#include <catch2/catch.hpp>
+
+#include "lab_thread.hpp"
+
+using namespace echofuse;
+using namespace echofuse::test;
+
+namespace {
+
+constexpr unsigned baud = 921600;
+
+int open_raw(const std::string& path, speed_t speed) {
+  const int fd = ::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+  REQUIRE(fd >= 0);
+  termios settings{};
+  ::tcgetattr(fd, &settings);
+  ::cfmakeraw(&settings);
+  ::cfsetspeed(&settings, speed);
+  ::tcsetattr(fd, TCSANOW, &settings);
+  return fd;
+}
+
+Bytes pattern(std::size_t size) {
+  Bytes bytes(size);
+  for (std::size_t i = 0; i < size; ++i) bytes[i] = static_cast<std::uint8_t>(i * 31 + i / 256);
+  return bytes;
+}
+
+}  // namespace
+
+TEST_CASE("a UART sends at its rate, and loses what nobody fetches") {
+  const TemporaryDirectory dir;
+  boost::asio::io_context io;
+  const std::string link = dir / "port";
+  sim::PtyUart uart(io, link, baud, [](ByteView) {});
+  const int host = open_raw(link, B921600);
+  const Bytes all = pattern(40'000);
+  Bytes heard;
+  bool listens = true;
+  SECTION("somebody reads") {}
+  SECTION("nobody reads") { listens = false; }
+  const auto start = std::chrono::steady_clock::now();
+  uart.send(all);
+  while (!uart.idle()) {
+    io.run_one();
+    std::uint8_t chunk[4096];
+    const ssize_t n = listens ? ::read(host, chunk, sizeof chunk) : 0;
+    if (n > 0) heard.insert(heard.end(), chunk, chunk + n);
+  }
+  const double took_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  CHECK(took_s >= 40'000 * 10.0 / baud);
+  CHECK(uart.sent() + uart.lost() == all.size());
+  if (listens) {
+    CHECK(heard == all);
+    CHECK(uart.lost() == 0);
+  } else {
+    CHECK(uart.lost() > 10'000);
+  }
+  ::close(host);
+}
+
+TEST_CASE("closing removes the link") {
+  const TemporaryDirectory dir;
+  boost::asio::io_context io;
+  sim::PtyUart uart(io, dir / "port", baud, [](ByteView) {});
+  CHECK(std::filesystem::is_symlink(dir / "port"));
+  uart.close();
+  CHECK_FALSE(std::filesystem::is_symlink(dir / "port"));
+}

@@ -1,0 +1,240 @@
+// SPDX-License-Identifier: MIT
+// The firmware's dialogue, as transcripts: what the host sends and all that comes back.
+#include "sim/devices/radar_firmware.hpp"
+
+#include <catch2/catch.hpp>
+#include <fstream>
+#include <sstream>
+
+using namespace echofuse;
+using namespace echofuse::sim;
+
+namespace {
+
+class Console {
+ public:
+  Console()
+      : firmware_([this](const std::string& text) { said_ += text; },
+                  [this](const std::string& raw) { data_ += raw; }) {}
+
+  RadarFirmware& firmware() { return firmware_; }
+  // All that the firmware says to these bytes.
+  std::string send(const std::string& text) {
+    said_.clear();
+    firmware_.receive({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+    return said_;
+  }
+  const std::string& said() const { return said_; }
+  const std::string& data() const { return data_; }
+
+ private:
+  std::string said_, data_;
+  RadarFirmware firmware_;
+};
+
+std::vector<std::string> profile_lines(const std::string& name) {
+  std::ifstream file(std::string(ECHOFUSE_SOURCE_DIR) + "/config/radar/" + name);
+  REQUIRE(file);
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(file, line);) lines.push_back(line);
+  return lines;
+}
+
+// Sends all lines but the last, which is sensorStart, and but those that begin with `without`.
+void configure(Console& console, const std::string& without = "none",
+               const std::string& name = "xwr68xx_paper_50cm.cfg") {
+  auto lines = profile_lines(name);
+  REQUIRE(lines.back() == "sensorStart");
+  lines.pop_back();
+  for (const auto& line : lines) {
+    if (line.rfind(without, 0) == 0) continue;
+    const std::string reply = console.send(line + "\n");
+    const std::string ending = line[0] == '%' ? "Skipped\n\rmmwDemo:/>" : "Done\n\rmmwDemo:/>";
+    INFO(line << " -> " << reply);
+    REQUIRE(reply.size() >= ending.size());
+    REQUIRE(reply.substr(reply.size() - ending.size()) == ending);
+  }
+}
+
+}  // namespace
+
+TEST_CASE("banner and prompt at power-up") {
+  Console console;
+  console.firmware().boot();
+  CHECK(console.said() ==
+        "******************************************\n\r"
+        "xWR68xx MMW Demo 03.05.00.04\n\r"
+        "******************************************\n\r"
+        "mmwDemo:/>");
+}
+
+TEST_CASE("echo, answers and prompt") {
+  Console console;
+  CHECK(console.send("\n") == "\nmmwDemo:/>");
+  CHECK(console.send("flushCfg\n") == "flushCfg\nDone\n\rmmwDemo:/>");
+  // A carriage return is echoed as two and read as a line feed: CR LF gives a second prompt.
+  CHECK(console.send("flushCfg\r\n") == "flushCfg\r\nDone\n\rmmwDemo:/>\nmmwDemo:/>");
+  CHECK(console.send("% a comment\n") == "% a comment\nSkipped\n\rmmwDemo:/>");
+  CHECK(console.send("sensorSTART\n") ==
+        "sensorSTART\n'sensorSTART' is not recognized as a CLI command\n\rmmwDemo:/>");
+  CHECK(console.send("frameCfg 0 2\n") ==
+        "frameCfg 0 2\nError: Invalid usage of the CLI command\n\rError -1\n\rmmwDemo:/>");
+  CHECK(console.send("sensorStop\n") ==
+        "sensorStop\nIgnored: Sensor is already stopped\n\rDone\n\rmmwDemo:/>");
+  CHECK(console.send("queryDemoStatus\n") ==
+        "queryDemoStatus\nSensor State: 0\n\rData port baud rate: 921600\n\rDone\n\rmmwDemo:/>");
+}
+
+TEST_CASE("a line of more than 255 characters is cut there") {
+  Console console;
+  const std::string long_line = "% " + std::string(300, 'x') + "\n";
+  const std::string reply = console.send(long_line);
+  CHECK(reply.substr(0, 255) == long_line.substr(0, 255));
+  CHECK(reply.substr(255, 18) == "Skipped\n\rmmwDemo:/");
+  CHECK_THAT(reply, Catch::EndsWith("is not recognized as a CLI command\n\rmmwDemo:/>"));
+}
+
+TEST_CASE("a complete configuration starts, and gives the axis") {
+  Console console;
+  SECTION("50 cm") {
+    configure(console);
+    CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
+    const RadarAxis axis = console.firmware().running().value().axis();
+    CHECK(axis.count == 64);
+    CHECK(axis.step_m == 0.25);
+    CHECK(axis.resolution_m == Approx(299'792'458.0 / (2 * 562.5e6)).epsilon(1e-12));
+    CHECK(console.firmware().running()->antennas == 12);
+    CHECK(console.firmware().outputs().range_profile);
+    CHECK(console.firmware().outputs().stats);
+    CHECK_FALSE(console.firmware().outputs().objects);
+  }
+  SECTION("4.4 cm") {
+    configure(console, "none", "xwr68xx_44mm.cfg");
+    CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
+    const RadarAxis axis = console.firmware().running().value().axis();
+    CHECK(axis.count == 256);
+    CHECK(axis.step_m == Approx(3e8 * 12.5e6 / (2 * 166e12 * 256)).epsilon(1e-12));
+  }
+}
+
+TEST_CASE("an incomplete configuration does not start") {
+  const std::string part =
+      GENERATE("cfarCfg -1 0", "cfarCfg -1 1", "cfarFovCfg -1 0", "cfarFovCfg -1 1", "aoaFovCfg",
+               "multiObjBeamForming", "guiMonitor", "clutterRemoval", "extendedMaxVelocity",
+               "adcbufCfg", "bpmCfg", "lvdsStreamCfg", "analogMonitor", "calibData",
+               "compRangeBiasAndRxChanPhase", "measureRangeBiasAndRxChanPhase", "calibDcRangeSig");
+  Console console;
+  configure(console, part);
+  INFO("without " << part);
+  CHECK(console.send("sensorStart\n") ==
+        "sensorStart\nError: Full configuration must be provided before sensor can be started the "
+        "first time\n\rError -1\n\rmmwDemo:/>");
+  CHECK_FALSE(console.firmware().running());
+}
+
+TEST_CASE("no chirp, or one that the front end cannot make") {
+  Console console;
+  SECTION("no profile") { configure(console, "profileCfg"); }
+  SECTION("no frame") { configure(console, "frameCfg"); }
+  SECTION("ramp ends before the samples") {
+    configure(console);
+    console.send("profileCfg 0 60 7 6 30 0 0 18.75 1 60 2000 0 0 30\n");
+  }
+  SECTION("beyond 64 GHz") {
+    configure(console);
+    console.send("profileCfg 0 62 7 3 24 0 0 166 1 256 12500 0 0 30\n");
+  }
+  SECTION("more chirps than fit into the period") {
+    configure(console);
+    console.send("frameCfg 0 2 512 0 50 1 0\n");
+  }
+  CHECK(console.send("sensorStart\n") == "sensorStart\nError -1\n\rmmwDemo:/>");
+}
+
+TEST_CASE("start, stop, restart") {
+  Console console;
+  configure(console);
+  console.send("sensorStart\n");
+  CHECK(console.send("sensorStart\n") ==
+        "sensorStart\nIgnored: Sensor is already started\n\rDone\n\rmmwDemo:/>");
+  CHECK(console.send("bpmCfg -1 0 0 1\n") ==
+        "bpmCfg -1 0 0 1\nIgnored: This command is not allowed after sensor has started\n\r"
+        "Done\n\rmmwDemo:/>");
+
+  // The stop waits for the frame; what the host sends meanwhile is lost.
+  CHECK(console.send("sensorStop\n") == "sensorStop\n");
+  CHECK(console.send("version\n").empty());
+  console.firmware().between_frames();
+  CHECK(console.said() == "Done\n\rmmwDemo:/>");
+  CHECK_FALSE(console.firmware().running());
+
+  CHECK_THAT(console.send("sensorStart\n"), Catch::Contains("provided no configuration"));
+  CHECK_THAT(console.send("sensorStart 1\n"), Catch::Contains("Reconfig is not supported"));
+  CHECK(console.send("sensorStart 0\n") == "sensorStart 0\nDone\n\rmmwDemo:/>");
+  CHECK(console.firmware().running());
+}
+
+TEST_CASE("partial configuration between stop and start") {
+  Console console;
+  configure(console);
+  console.send("sensorStart\n");
+  console.send("sensorStop\n");
+  console.firmware().between_frames();
+  console.send("clutterRemoval -1 1\n");
+  for (const char* start : {"sensorStart\n", "sensorStart 0\n"})
+    CHECK_THAT(console.send(start), Catch::Contains("partial configuration between stop"));
+  configure(console);
+  CHECK_THAT(console.send("sensorStart 0\n"), Catch::Contains("complete new configuration"));
+  CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
+}
+
+TEST_CASE("antennas that change after the first start end the command line") {
+  Console console;
+  configure(console);
+  console.send("sensorStart\n");
+  console.send("sensorStop\n");
+  console.firmware().between_frames();
+  configure(console);
+  console.send("channelCfg 15 5 0\n");
+  CHECK_THAT(console.send("sensorStart\n"), Catch::Contains("Exception: "));
+  CHECK(console.send("version\n").empty());
+}
+
+TEST_CASE("data port rate and ping") {
+  Console console;
+  CHECK(console.send("configDataPort 460800 1\n") ==
+        "configDataPort 460800 1\nData port baud rate changed to 460800\n\rDone\n\rmmwDemo:/>");
+  CHECK(console.data() == std::string(16, '\xff'));
+  CHECK(console.firmware().data_baud() == 460800);
+  CHECK_THAT(console.send("configDataPort 4000000 0\n"), Catch::Contains("Ignored: Invalid baud"));
+}
+
+TEST_CASE("codes of a strong echo and of the noise floor") {
+  Conditions c;
+  c.radar_snr_db = 60;
+  Rng rng(5);
+  const double mean_peak = 0.5;
+  std::vector<double> power(4000, 0.0);
+  power[0] = 0.25;  // magnitude 2^19: 256 * 19 * 12 / 16
+  const auto codes = range_profile_codes(power, mean_peak, 12, c, rng);
+  CHECK(std::abs(codes[0] - 3648) <= 1);
+  // For complex Gaussian noise of mean power P, E[ln |n|^2] = ln P - 0.5772, variance pi^2/6.
+  double mean = 0;
+  for (std::size_t i = 1; i < codes.size(); ++i)
+    mean += codes[i] / static_cast<double>(codes.size() - 1);
+  const double log2_magnitude = 0.5 * (std::log2(1e-6 * mean_peak) - 0.5772157 / std::log(2.0));
+  const double expected = 256 * 12.0 / 16 * (20 + log2_magnitude);
+  const double sigma = 256 / 16.0 * std::sqrt(12.0) * 0.5 / std::log(2.0) * 3.14159265 /
+                       std::sqrt(6.0) / std::sqrt(3999.0);
+  CHECK(std::abs(mean - expected) < 5 * sigma);
+}
+
+TEST_CASE("range bias from a parabola through the peak") {
+  RadarAxis axis;
+  axis.step_m = 0.1;
+  std::vector<double> power(40, 1e-6);
+  // Magnitudes of a parabola with its top at bin 10.3
+  for (const int i : {9, 10, 11})
+    power[static_cast<std::size_t>(i)] = std::pow(5 - std::pow(i - 10.3, 2), 2);
+  CHECK(measured_range_bias_m(power, axis, 1.0, 0.2) == Approx(0.03).margin(1e-9));
+}

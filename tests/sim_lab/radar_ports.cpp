@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: MIT
+// The radar's two ports through termios, as a program without any of our drivers sees them.
+#include <fcntl.h>
+#include <poll.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstring>
+
+#include "drivers/core/bytes.hpp"
+#include "lab_thread.hpp"
+#include "sim/devices/radar_chirp.hpp"
+
+using namespace echofuse;
+using namespace echofuse::test;
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+class Port {
+ public:
+  Port(const std::string& path, speed_t speed)
+      : fd_(::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC)) {
+    REQUIRE(fd_ >= 0);
+    termios settings{};
+    ::tcgetattr(fd_, &settings);
+    ::cfmakeraw(&settings);
+    ::cfsetspeed(&settings, speed);
+    REQUIRE(::tcsetattr(fd_, TCSANOW, &settings) == 0);
+    ::tcflush(fd_, TCIOFLUSH);
+  }
+  ~Port() { ::close(fd_); }
+  Port(const Port&) = delete;
+  Port& operator=(const Port&) = delete;
+
+  void write(const std::string& text) {
+    REQUIRE(::write(fd_, text.data(), text.size()) == static_cast<ssize_t>(text.size()));
+  }
+  // All bytes until `enough` says so or the time is over.
+  template <class Enough>
+  std::string read(double patience_s, Enough enough) {
+    std::string all;
+    const auto end = Clock::now() + std::chrono::duration<double>(patience_s);
+    while (!enough(all) && Clock::now() < end) {
+      pollfd ready{fd_, POLLIN, 0};
+      if (::poll(&ready, 1, 10) <= 0) continue;
+      char chunk[4096];
+      const ssize_t n = ::read(fd_, chunk, sizeof chunk);
+      if (n > 0) all.append(chunk, static_cast<std::size_t>(n));
+    }
+    return all;
+  }
+  std::string until_prompt() {
+    return read(3, [](const std::string& s) { return s.find("mmwDemo:/>") != s.npos; });
+  }
+  std::string command(const std::string& line) {
+    write(line + "\n");
+    return until_prompt();
+  }
+  std::string bytes(std::size_t n, double patience_s) {
+    return read(patience_s, [n](const std::string& s) { return s.size() >= n; });
+  }
+
+ private:
+  int fd_;
+};
+
+struct Frame {
+  std::uint32_t version, length, platform, number, cycles, objects, tlvs, subframe;
+  std::vector<std::uint16_t> profile;
+  std::vector<std::uint32_t> types;
+};
+
+// A frame at the front of `bytes`, taken off them.
+Frame take_frame(std::string& bytes) {
+  REQUIRE(bytes.size() >= 40);
+  REQUIRE(std::memcmp(bytes.data(), "\x02\x01\x04\x03\x06\x05\x08\x07", 8) == 0);
+  ByteReader in({reinterpret_cast<const std::uint8_t*>(bytes.data()) + 8, bytes.size() - 8});
+  Frame f{};
+  for (std::uint32_t* field :
+       {&f.version, &f.length, &f.platform, &f.number, &f.cycles, &f.objects, &f.tlvs, &f.subframe})
+    *field = in.get<std::uint32_t>();
+  REQUIRE(f.length <= bytes.size());
+  for (std::uint32_t i = 0; i < f.tlvs; ++i) {
+    f.types.push_back(in.get<std::uint32_t>());
+    const ByteView payload = in.take(in.get<std::uint32_t>());
+    if (f.types.back() == 2) f.profile = to_values<std::uint16_t>(payload);
+  }
+  REQUIRE(in.ok());
+  bytes.erase(0, f.length);
+  return f;
+}
+
+void configure(Port& cli, const std::string& cfg_path, const std::string& instead_of = "-",
+               const std::string& put = "") {
+  std::ifstream cfg(cfg_path);
+  REQUIRE(cfg);
+  for (std::string line; std::getline(cfg, line);) {
+    if (line.empty() || line[0] == '%') continue;
+    if (line.rfind(instead_of, 0) == 0) line = put;
+    const std::string reply = cli.command(line);
+    INFO(line << " -> " << reply);
+    REQUIRE(reply.find("Done\n\r") != reply.npos);
+  }
+}
+
+sim::LabOptions options_in(const TemporaryDirectory& dir) {
+  sim::LabOptions options;
+  options.dir = dir / "lab";
+  options.play = {"person", 11, 0};
+  return options;
+}
+
+}  // namespace
+
+TEST_CASE("frames come only while started, at their period, with the scene's profile") {
+  const TemporaryDirectory dir;
+  const sim::LabOptions options = options_in(dir);
+  LabThread lab(options);
+  Port cli(options.dir + "/radar-cli", B115200), data(options.dir + "/radar-data", B921600);
+  cli.bytes(1 << 20, 0.1);  // the end of the banner, or nothing
+  CHECK(cli.command("") == "\nmmwDemo:/>");
+  CHECK(cli.command("sensorStop") ==
+        "sensorStop\nIgnored: Sensor is already stopped\n\rDone\n\rmmwDemo:/>");
+  CHECK(data.bytes(1, 0.2).empty());
+  configure(cli, options.dir + "/radar.cfg");
+
+  constexpr std::size_t frame_bytes = 256, frames = 20;
+  std::string wire = data.bytes(frames * frame_bytes, 3);
+  REQUIRE(wire.size() >= frames * frame_bytes);
+  std::uint32_t cycles = 0;
+  std::vector<double> mean(64, 0.0);
+  for (std::uint32_t i = 1; i <= frames; ++i) {
+    const Frame frame = take_frame(wire);
+    CHECK(frame.version == 0x03050004);
+    CHECK(frame.length == frame_bytes);
+    CHECK(frame.platform == 0xA6843);
+    CHECK(frame.number == i);
+    CHECK(frame.types == std::vector<std::uint32_t>{2, 6, 9});
+    REQUIRE(frame.profile.size() == 64);
+    for (std::size_t bin = 0; bin < 64; ++bin) mean[bin] += frame.profile[bin] / double(frames);
+    // 200 MHz over 50 ms, give or take the scheduler of a busy machine
+    if (i > 1) CHECK(std::abs(double(frame.cycles - cycles) / 1e7 - 1) < 0.8);
+    cycles = frame.cycles;
+  }
+
+  // Well above the noise the mean code is that of the noise-free power.
+  sim::RadarAxis axis{0, 0.25, 64, 299'792'458.0 / (2 * 562.5e6), sim::Psf::blackman};
+  const auto scene = sim::make_scene(options.conditions, sim::SceneKind::person, 11, 0);
+  const auto power =
+      sim::radar_power(sim::radar_returns(scene, options.conditions), axis, options.conditions);
+  const auto peak = std::max_element(power.begin(), power.end()) - power.begin();
+  CHECK(peak == std::max_element(mean.begin(), mean.end()) - mean.begin());
+  const double noise = std::pow(10, -options.conditions.radar_snr_db / 10) *
+                       sim::mean_peak_power(axis, options.conditions);
+  int compared = 0;
+  for (std::size_t bin = 0; bin < 64; ++bin) {
+    if (power[bin] < 20 * noise) continue;
+    const double code = 256 * 12.0 / 16 * 0.5 * std::log2(power[bin] * std::pow(2.0, 40));
+    // ln|x|^2 has variance 2 noise/power; 12 antennas and 20 frames are averaged.
+    const double sigma =
+        256 * 12 / 16.0 * 0.5 / std::log(2.0) * std::sqrt(2 * noise / power[bin] / (12 * frames));
+    CHECK(std::abs(mean[bin] - code) < 5 * sigma + 1);
+    ++compared;
+  }
+  CHECK(compared >= 2);
+
+  CHECK(cli.command("sensorStop") == "sensorStop\nDone\n\rmmwDemo:/>");
+  wire += data.bytes(1 << 20, 0.3);
+  std::uint32_t last = frames;
+  while (!wire.empty()) last = take_frame(wire).number;
+  CHECK(cli.command("sensorStart 0") == "sensorStart 0\nDone\n\rmmwDemo:/>");
+  wire = data.bytes(frame_bytes, 2);
+  CHECK(take_frame(wire).number == last + 1);  // counted since power-up
+}
+
+TEST_CASE("calibration lines come unasked, once a frame, when they are wanted") {
+  const TemporaryDirectory dir;
+  const sim::LabOptions options = options_in(dir);
+  LabThread lab(options);
+  Port cli(options.dir + "/radar-cli", B115200);
+  cli.bytes(1 << 20, 0.1);
+  configure(cli, options.dir + "/radar.cfg", "measureRangeBias",
+            "measureRangeBiasAndRxChanPhase 1 3.5 1.0");
+  const std::string said = cli.read(0.5, [](const std::string&) { return false; });
+  const auto lines = std::count(said.begin(), said.end(), '\n');
+  CHECK(lines >= 5);
+  CHECK(lines <= 12);
+  CHECK(said.rfind("compRangeBiasAndRxChanPhase ", 0) == 0);
+  const std::string first = said.substr(0, said.find('\n'));
+  CHECK(std::count(first.begin(), first.end(), ' ') == 25);
+}
+
+TEST_CASE("at a wrong rate the host reads noise") {
+  const TemporaryDirectory dir;
+  const sim::LabOptions options = options_in(dir);
+  LabThread lab(options);
+  Port cli(options.dir + "/radar-cli", B9600);
+  cli.write("version\n");
+  const std::string said = cli.bytes(60, 2);
+  CHECK(said.size() >= 60);
+  CHECK(said.find("version") == said.npos);
+}

@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: MIT
+// The time tagger read with plain sockets.
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <numeric>
+#include <optional>
+
+#include "drivers/core/bytes.hpp"
+#include "drivers/core/sample.hpp"
+#include "lab_thread.hpp"
+
+using namespace echofuse;
+using namespace echofuse::test;
+
+namespace {
+
+// Bit by bit: the table in the product is not to check itself.
+std::uint32_t slow_crc32c(ByteView bytes, std::uint32_t crc) {
+  crc = ~crc;
+  for (const std::uint8_t b : bytes) {
+    crc ^= b;
+    for (int k = 0; k < 8; ++k) crc = (crc >> 1) ^ ((crc & 1) ? 0x82f63b78U : 0U);
+  }
+  return ~crc;
+}
+
+struct Block {
+  std::uint16_t version, kind;
+  std::uint32_t sequence;
+  std::uint64_t dropped;
+  bool crc_good;
+  Bytes payload;
+  std::vector<Tag> tags() const { return to_values<Tag>(payload); }
+};
+
+class Client {
+ public:
+  explicit Client(const std::string& toml_path) {
+    const int port = std::stoi(quoted_after(read_text(toml_path), "bridge:tcp://127.0.0.1:"));
+    fd_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    const timeval patience{3, 0};
+    ::setsockopt(fd_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(static_cast<std::uint16_t>(port));
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    REQUIRE(::connect(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0);
+  }
+  ~Client() { ::close(fd_); }
+  Client(const Client&) = delete;
+  Client& operator=(const Client&) = delete;
+
+  std::optional<Block> read() {
+    Bytes head;
+    if (!read_exactly(head, 32)) return {};
+    REQUIRE(std::memcmp(head.data(), "EFBR", 4) == 0);
+    ByteReader fields{ByteView(head).subspan(4)};
+    Block block{};
+    block.version = fields.get<std::uint16_t>();
+    block.kind = fields.get<std::uint16_t>();
+    block.sequence = fields.get<std::uint32_t>();
+    const auto size = fields.get<std::uint32_t>();
+    block.dropped = fields.get<std::uint64_t>();
+    REQUIRE(fields.get<std::uint32_t>() == 0);
+    const auto crc = fields.get<std::uint32_t>();
+    REQUIRE(size <= 16U << 20);
+    REQUIRE(read_exactly(block.payload, size));
+    block.crc_good = crc == slow_crc32c(block.payload, slow_crc32c(ByteView(head).first(28), 0));
+    return block;
+  }
+
+ private:
+  bool read_exactly(Bytes& out, std::size_t size) {
+    out.resize(size);
+    return size == 0 || ::recv(fd_, out.data(), size, MSG_WAITALL) == static_cast<ssize_t>(size);
+  }
+  int fd_;
+};
+
+sim::LabOptions options_in(const TemporaryDirectory& dir) {
+  sim::LabOptions options;
+  options.dir = dir / "lab";
+  options.play = {"person", 5, 0};
+  return options;
+}
+
+}  // namespace
+
+TEST_CASE("hello, then tags at the rate of the scene") {
+  const TemporaryDirectory dir;
+  const sim::LabOptions options = options_in(dir);
+  LabThread lab(options);
+  Client client(options.dir + "/lab.toml");
+  const auto hello = client.read();
+  REQUIRE(hello);
+  CHECK(hello->kind == 0);
+  CHECK(hello->version == 1);
+  CHECK(hello->sequence == 0);
+  CHECK(std::string(hello->payload.begin(), hello->payload.end()) ==
+        R"({"model":"simulated time tagger","serial":"SIM-TDC-1","firmware":"1.0"})");
+
+  std::vector<Tag> tags;
+  const auto start = std::chrono::steady_clock::now();
+  int blocks = 0;
+  for (; std::chrono::steady_clock::now() - start < std::chrono::milliseconds(1500); ++blocks) {
+    const auto block = client.read();
+    REQUIRE(block);
+    REQUIRE(block->kind == 1);
+    REQUIRE(block->crc_good);
+    REQUIRE(block->sequence == static_cast<std::uint32_t>(blocks + 1));
+    REQUIRE(block->dropped == 0);
+    const auto more = block->tags();
+    tags.insert(tags.end(), more.begin(), more.end());
+  }
+  CHECK(blocks >= 75);  // one every 20 ms at least
+  double photons = 0;
+  for (std::size_t i = 1; i < tags.size(); ++i) {
+    REQUIRE(tags[i].type == TagType::time_tag);
+    REQUIRE(tags[i].time_ps > tags[i - 1].time_ps - 1);
+    photons += tags[i].channel == 2;
+  }
+  const auto returns = sim::spd_returns(
+      sim::make_scene(options.conditions, sim::SceneKind::person, 5, 0), options.conditions);
+  const double per_s = std::accumulate(returns.weight.begin(), returns.weight.end(), 0.0) *
+                       options.conditions.signal_photons / options.window_s;
+  const double expected =
+      per_s * static_cast<double>(tags.back().time_ps - tags.front().time_ps) * 1e-12;
+  REQUIRE(expected > 1e4);
+  CHECK(std::abs(photons - expected) < 5 * std::sqrt(expected));
+}
+
+TEST_CASE("a new client starts anew, and the end is announced") {
+  const TemporaryDirectory dir;
+  const sim::LabOptions options = options_in(dir);
+  LabThread lab(options);
+  for (int i = 0; i < 3; ++i) {
+    Client client(options.dir + "/lab.toml");
+    for (std::uint32_t sequence = 0; sequence < 4; ++sequence) {
+      const auto block = client.read();
+      REQUIRE(block);
+      CHECK(block->sequence == sequence);
+      CHECK(block->kind == (sequence == 0 ? 0 : 1));
+    }
+  }
+  Client client(options.dir + "/lab.toml");
+  REQUIRE(client.read());
+  lab.stop();
+  std::optional<Block> last, block;
+  while ((block = client.read())) last = block;
+  CHECK(last->kind == 3);
+  CHECK(last->payload.empty());
+  CHECK(last->crc_good);
+}
+
+TEST_CASE("what a slow client misses is counted in the next header") {
+  const TemporaryDirectory dir;
+  sim::LabOptions options = options_in(dir);
+  options.window_s = 0.05;  // 4e6 tags or 64 MB a second: more than queue and socket hold
+  LabThread lab(options);
+  Client client(options.dir + "/lab.toml");
+  REQUIRE(client.read());
+  std::this_thread::sleep_for(std::chrono::milliseconds(800));
+  std::uint64_t dropped = 0;
+  std::int64_t gap_ps = 0, last_ps = 0;
+  for (std::uint32_t sequence = 1; dropped == 0; ++sequence) {
+    const auto block = client.read();
+    REQUIRE(block);
+    REQUIRE(block->sequence == sequence);
+    const auto more = block->tags();
+    REQUIRE_FALSE(more.empty());
+    dropped = block->dropped;
+    if (dropped > 0) gap_ps = more.front().time_ps - last_ps;
+    last_ps = more.back().time_ps;
+  }
+  // The dropped ones would have filled the gap at the rate of the others.
+  const auto returns = sim::spd_returns(
+      sim::make_scene(options.conditions, sim::SceneKind::person, 5, 0), options.conditions);
+  const double pulses_hz = 1e6,
+               window_photons = std::accumulate(returns.weight.begin(), returns.weight.end(), 0.0) *
+                                options.conditions.signal_photons;
+  const double photons_hz = window_photons / options.window_s;
+  const double tags_hz = photons_hz + pulses_hz * -std::expm1(-photons_hz / pulses_hz);
+  const double expected = tags_hz * static_cast<double>(gap_ps) * 1e-12;
+  CHECK(std::abs(static_cast<double>(dropped) - expected) < 5 * 2 * std::sqrt(expected));
+}
