@@ -2,9 +2,7 @@
 #include "acquire/config.hpp"
 
 #include <filesystem>
-#include <fstream>
 #include <limits>
-#include <sstream>
 
 #include "drivers/core/settings.hpp"
 #include "drivers/radar/profile.hpp"
@@ -62,15 +60,6 @@ void take_numbers(Config& c, const Keys& k) {
   c.radar.data_baud = static_cast<std::uint32_t>(k.data_baud);
 }
 
-std::string slurp(const std::filesystem::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::ostringstream text;
-  if (in && in.peek() != std::ifstream::traits_type::eof()) text << in.rdbuf();
-  if (!in.is_open() || in.bad() || !text)
-    throw Error(ExitCode::config, path.string() + ": cannot read; expected a text file");
-  return text.str();
-}
-
 // What a single key cannot show. One line each.
 std::vector<std::string> faults_of(Config& c, const Keys& k, const std::filesystem::path& folder) {
   std::vector<std::string> faults;
@@ -93,7 +82,7 @@ std::vector<std::string> faults_of(Config& c, const Keys& k, const std::filesyst
     attempt([&] {
       const auto path = folder / k.cfg;
       c.radar.cfg_name = path.string();
-      c.radar.cfg_text = slurp(path);
+      c.radar.cfg_text = read_config_text(path);
       radar::parse_profile(c.radar.cfg_text, c.radar.cfg_name);
     });
   }
@@ -112,7 +101,7 @@ Config load_config(const std::string& path, const std::vector<std::string>& assi
   Keys keys = defaults_of(config);
   Settings settings;
   bind(settings, config, keys);
-  config.text = slurp(path);
+  config.text = read_config_text(path);
   settings.read_text(config.text, path);
   for (const auto& a : assignments) settings.set(a);
   take_numbers(config, keys);

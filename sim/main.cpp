@@ -3,10 +3,8 @@
 // was chosen, sets what to run.
 #include <CLI/CLI.hpp>
 #include <chrono>
-#include <fstream>
 #include <functional>
 #include <iostream>
-#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -28,12 +26,6 @@ struct DatasetArguments {
   std::optional<std::int64_t> records, people, letters, two_people, empty, seed;
   bool json = false;
 };
-
-std::string read_whole(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw Error(ExitCode::config, path + ": cannot read the configuration file");
-  return {std::istreambuf_iterator<char>(file), {}};
-}
 
 // The numbers of records on the command line replace the configured ones as a whole.
 void apply_counts(const DatasetArguments& a, sim::Plan& plan) {
@@ -70,7 +62,7 @@ sim::Plan make_plan(DatasetArguments& a) {
   Settings settings;
   bind(settings, plan);
   if (!a.config.empty()) {
-    a.options.config_text = read_whole(a.config);
+    a.options.config_text = read_config_text(a.config);
     settings.read_text(a.options.config_text, a.config);
   }
   for (const auto& assignment : a.settings) settings.set(assignment);
@@ -198,6 +190,29 @@ void add_lab(CLI::App& app, Command& command) {
   sub->callback([&command, a] { command = [a] { return run_lab(*a); }; });
 }
 
+void add_config(CLI::App& app, Command& command) {
+  auto* sub = app.add_subcommand("config", "print every setting with its meaning, range and value");
+  struct Arguments {
+    std::string config;
+    std::vector<std::string> settings;
+  };
+  auto a = std::make_shared<Arguments>();
+  sub->add_option("--config", a->config, "TOML file of settings");
+  sub->add_option("--set", a->settings, "key=value, over the file's")->allow_extra_args(false);
+  sub->callback([&command, a] {
+    command = [a] {
+      sim::Plan plan;
+      Settings settings;
+      bind(settings, plan);
+      if (!a->config.empty()) settings.read_file(a->config);
+      for (const auto& assignment : a->settings) settings.set(assignment);
+      validate(plan.conditions);
+      std::cout << settings.resolved(true);
+      return ExitCode::ok;
+    };
+  });
+}
+
 ExitCode run(int argc, char** argv) {
   CLI::App app{"The simulated world: data sets and a laboratory of simulated devices."};
   app.set_version_flag("--version", std::string("echofuse-sim ") + version());
@@ -205,6 +220,7 @@ ExitCode run(int argc, char** argv) {
   Command command;
   add_dataset(app, command);
   add_lab(app, command);
+  add_config(app, command);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -54,6 +54,14 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
 
 }  // namespace
 
+std::string read_config_text(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::string text{std::istreambuf_iterator<char>(in), {}};
+  if (!in.is_open() || in.bad())
+    throw Error(ExitCode::config, path + ": cannot read; expected a text file");
+  return text;
+}
+
 void Settings::add(std::string key, double& value, double min, double max, std::string doc) {
   check_new(key);
   entries_.push_back({std::move(key), std::move(doc), Real{&value, min, max}});
@@ -181,13 +189,7 @@ void Settings::read_text(const std::string& text, const std::string& name) {
   if (!faults.empty()) fail(faults);
 }
 
-void Settings::read_file(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  const std::string text{std::istreambuf_iterator<char>(in), {}};
-  if (!in.is_open() || in.bad())
-    throw Error(ExitCode::config, path + ": cannot read; expected a TOML file");
-  read_text(text, path);
-}
+void Settings::read_file(const std::string& path) { read_text(read_config_text(path), path); }
 
 void Settings::set(const std::string& assignment) {
   const auto equals = assignment.find('=');

@@ -12,6 +12,9 @@
 
 namespace echofuse {
 
+// A whole configuration file, as it is; throws Error(config) if it cannot be read.
+std::string read_config_text(const std::string& path);
+
 class Settings {
  public:
   // Binding. Keys are dotted ("tdc.bins"); the reference must outlive this object.

@@ -73,7 +73,7 @@ TEST_CASE("a section given as a value, and text that is not TOML, are faults wit
   CHECK(faults_of("window_s = nan\n").find("expected a number") != std::string::npos);
 }
 
-TEST_CASE("--set takes TOML values and bare words, and nothing else") {
+TEST_CASE("an assignment (--set) takes TOML values and bare words, and nothing else") {
   Sample sample;
   Settings s = sample.bound();
   s.set("window_s=0.2");

@@ -59,8 +59,8 @@ class Reader {
   std::FILE* pipe_;
 };
 
-// Rendered once more, with the axes as EMULATION of a 320 x 240 camera has them: pixel centres at
-// tangents of 0.005 steps.
+// Rendered once more, with the axes of a 320 x 240 camera of half tangents 0.8 and 0.6 written out:
+// pixel centres at tangents of 0.005 steps.
 std::vector<std::uint16_t> expected_picture(const sim::LabOptions& options) {
   const Axis x{"depth_x", "tangent", "1", 320, -159.5 * 0.005, 0.005};
   const Axis y{"depth_y", "tangent", "1", 240, 119.5 * 0.005, -0.005};
