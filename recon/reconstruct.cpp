@@ -57,11 +57,11 @@ std::vector<RecordStatus> reconstruct(const TrainedModel& model, const std::stri
                                            : std::string("lacks a sensor that a \"") +
                                                  name_of(f.inputs) + "\" model needs"});
     if (!status.back().fault.empty()) continue;
-    const Matrix map = model.predict(data, {row});
+    const auto map = within_span(model.predict(data, {row}).row(0));
     const std::string name =
         options.out + formatted("/%06lld", static_cast<long long>(data.index[row]));
-    if (options.colour) write_file(name + ".png", depth_picture(map.row(0), farthest_m, zoom));
-    if (options.millimetres) write_file(name + "_mm.png", millimetre_picture(map.row(0)));
+    if (options.colour) write_file(name + ".png", depth_picture(map, farthest_m, zoom));
+    if (options.millimetres) write_file(name + "_mm.png", millimetre_picture(map));
     progress.update(row + 1);
   }
   std::sort(status.begin(), status.end(),

@@ -88,7 +88,11 @@ const char* mode_title(Inputs inputs) {
 Bytes draw(const std::string& title, const std::vector<const TrainedModel*>& models,
            const Dataset& data, std::size_t row) {
   std::vector<Matrix> maps;
-  for (const auto* model : models) maps.push_back(model->predict(data, {row}));
+  std::vector<std::vector<float>> shown;
+  for (const auto* model : models) {
+    maps.push_back(model->predict(data, {row}));
+    shown.push_back(within_span(maps.back().row(0)));
+  }
   std::vector<FigureRow> rows;
   for (std::size_t i = 0; i < models.size(); ++i) {
     const Inputs inputs = models[i]->features.inputs;
@@ -96,7 +100,7 @@ Bytes draw(const std::string& title, const std::vector<const TrainedModel*>& mod
     FigureRow r{mode_title(inputs),
                 {},
                 data.depth.row(row),
-                maps[i].row(0),
+                shown[i],
                 formatted("SSIM %.3f   IoU %.2f", s[metric_ssim], s[metric_iou])};
     if (inputs != Inputs::radar) r.curves.push_back(spd_curve(data, row));
     if (inputs != Inputs::spd) r.curves.push_back(radar_curve(data, row));

@@ -52,8 +52,6 @@ Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
     out.values.insert(out.values.end(), part.values.begin(), part.values.end());
     out.rows += part.rows;
   }
-  constexpr auto farthest = static_cast<float>(record::max_depth_m);
-  for (float& v : out.values) v = std::clamp(v, 0.f, farthest);
   return out;
 }
 

@@ -43,7 +43,7 @@ struct TrainedModel {
   std::uint32_t data_hash = 0;
   double train_s = 0;
 
-  // Maps of the given rows, metres, within the span that a depth map can hold (0..6 m).
+  // Maps of the given rows, metres, as the model makes them: within_span() for show.
   Matrix predict(const Dataset& data, const Rows& rows) const;
   // True if the data set holds a run that the model was trained on.
   bool knows(const Dataset& data) const;

@@ -14,13 +14,16 @@ namespace {
 constexpr std::size_t size = record::map_size;
 constexpr double undefined = std::numeric_limits<double>::quiet_NaN();
 constexpr double side_threshold_m = 0.3;
+constexpr double least_mass = 1;  // pixels' worth of foreground; less has no position
 
 // Mean of what was added; undefined if nothing was.
 struct Mean {
   double sum = 0;
   double weight = 0;
   void add(double value, double w = 1) { sum += w * value, weight += w; }
-  double value() const { return weight > 0 ? sum / weight : undefined; }
+  double value(double least_weight = 0) const {
+    return weight > least_weight ? sum / weight : undefined;
+  }
 };
 
 Mask true_mask(std::span<const float> truth, const Scene& scene) {
@@ -38,7 +41,7 @@ double centroid_tangent(const std::vector<double>& mass) {
   Mean tangent;
   for (std::size_t p = 0; p < mass.size(); ++p)
     tangent.add(x.at(static_cast<double>(p % size)), mass[p]);
-  return tangent.value();
+  return tangent.value(least_mass);
 }
 
 // The SSIM map's mean over the mask dilated by the window.
@@ -87,14 +90,14 @@ void score_pixels(MapScores& out, std::span<const float> raw, std::span<const fl
   out[metric_delta_125] = close.value();
 }
 
-// Shares enter squared: the faint floor that a least-squares map leaves all over the room must pull
-// neither the centroid to the middle nor the ghost to one half.
+// The mass of a pixel is its signed share: over many pixels the ripple of a least-squares map, which
+// goes both ways about the background, cancels.
 void score_position(MapScores& out, std::span<const float> truth, const Mask& mask,
                     const std::vector<float>& share) {
   std::vector<double> mass(share.size());
   Mean range, ghost;
   for (std::size_t p = 0; p < truth.size(); ++p) {
-    mass[p] = double{share[p]} * double{share[p]};
+    mass[p] = double{share[p]};
     const bool here = mask[p], there = mask[mirrored(p)];
     if (here) range.add(truth[p]);
     if (here != there) ghost.add(there, mass[p]);
@@ -104,7 +107,7 @@ void score_position(MapScores& out, std::span<const float> truth, const Mask& ma
   const bool to_a_side = std::abs(true_tangent) * range.value() > side_threshold_m;
   const bool right_side = (tangent > 0) == (true_tangent > 0);
   out[metric_lateral_m] = std::abs(tangent - true_tangent) * range.value();
-  out[metric_ghost] = to_a_side ? ghost.value() : undefined;
+  out[metric_ghost] = to_a_side ? ghost.value(least_mass) : undefined;
   out[metric_left_right] = to_a_side && !std::isnan(tangent) ? right_side : undefined;
 }
 
@@ -115,8 +118,9 @@ MapScores score(std::span<const float> prediction, std::span<const float> truth,
   MapScores out;
   const Mask mask = true_mask(truth, scene);
   const auto share = foreground_share(prediction, scene);
-  score_similarity(out, prediction, truth, scene, mask);
-  score_pixels(out, prediction, truth, mask, share);
+  const auto raw = within_span(prediction);
+  score_similarity(out, raw, truth, scene, mask);
+  score_pixels(out, raw, truth, mask, share);
   score_position(out, truth, mask, share);
   return out;
 }

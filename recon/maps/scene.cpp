@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "acquire/record/depth_map.hpp"
+
 namespace echofuse::recon {
 namespace {
 
@@ -60,8 +62,15 @@ std::vector<float> foreground_share(std::span<const float> prediction, const Sce
   for (std::size_t p = 0; p < out.size(); ++p) {
     const float b = scene.background[p], way = scene.foreground_depth_m - b;
     // A background at the very depth of the foreground leaves nothing to tell them apart by.
-    if (std::abs(way) > foreground_step_m) out[p] = std::clamp((prediction[p] - b) / way, 0.f, 1.f);
+    if (std::abs(way) > foreground_step_m) out[p] = (prediction[p] - b) / way;
   }
+  return out;
+}
+
+std::vector<float> within_span(std::span<const float> prediction) {
+  constexpr auto farthest = static_cast<float>(record::max_depth_m);
+  std::vector<float> out(prediction.begin(), prediction.end());
+  for (float& v : out) v = std::clamp(v, 0.f, farthest);
   return out;
 }
 
