@@ -30,6 +30,8 @@ void merge(tdc::TagCounts& sum, const tdc::TagCounts& more) {
   sum.without_start += more.without_start;
   sum.other += more.other;
   sum.missed += more.missed;
+  sum.overflows += more.overflows;
+  sum.errors += more.errors;
 }
 
 std::string size_of(std::uint32_t width, std::uint32_t height) {
@@ -181,7 +183,7 @@ void Windows::fill_spd(Slot& slot, record::FusedRecord& record) const {
                        .out_of_range = c.out_of_range,
                        .without_start = c.without_start,
                        .other = c.other,
-                       .lost = c.missed + slot.spd_lost};
+                       .lost = std::max(c.missed, c.overflows + c.errors) + slot.spd_lost};
   record::SensorSync& sync = record.sync[at(Sensor::spd)];
   slot.spd_receipts.describe(sync);
   sync.used = c.in_range;

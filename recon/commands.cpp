@@ -39,9 +39,6 @@ void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit) {
   app.add_option("--weight-decay", fit.weight_decay)
       ->check(CLI::Range(0.0, 10.0))
       ->capture_default_str();
-  app.add_option("--patience", fit.patience, "epochs without progress before stopping")
-      ->check(CLI::Range(1, 100000))
-      ->capture_default_str();
 }
 
 }  // namespace
@@ -57,6 +54,9 @@ Command add_train(CLI::App& app, const Common& common) {
   app.add_option("--model", a->model)->check(CLI::IsMember(model_names))->capture_default_str();
   add_inputs_option(app, a->inputs);
   add_fit_options(app, a->scaling, a->fit);
+  app.add_option("--patience", a->fit.patience, "epochs without progress before stopping")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
   app.add_option("--seed", a->fit.seed, "of weights, order and random split")
       ->capture_default_str();
   app.add_option("--split", a->split.kind, "random, or blocked for sequences")
@@ -69,6 +69,7 @@ Command add_train(CLI::App& app, const Common& common) {
       ->check(CLI::Range(0.0, 0.95))
       ->capture_default_str();
   app.add_option("--gap", a->split.gap, "blocked: records dropped between two parts")
+      ->check(CLI::Range(0, 1'000'000))
       ->capture_default_str();
   return [a, &common] {
     a->split.seed = a->fit.seed;
@@ -105,6 +106,10 @@ Command add_evaluate(CLI::App& app, const Common&) {
     if (!a->train.empty()) {
       other = load(a->train);
       match_axes(other, f.spd_axis, f.radar_axis, f.inputs);
+      if (!model.knows(other))
+        throw Error(ExitCode::failed, a->train.front() + ": " + a->model +
+                                          " was not trained on it; give the training run, or "
+                                          "leave --train out");
     }
     const Dataset& trained_on = a->train.empty() ? data : other;
     const Rows rows = rows_to_evaluate(model, data, a->all);
@@ -160,6 +165,7 @@ Command add_crossvalidate(CLI::App& app, const Common& common) {
       ->capture_default_str();
   app.add_option("--folds", a->folds)->check(CLI::Range(2, 1000))->capture_default_str();
   app.add_option("--gap", a->gap, "records between a fold and its training records")
+      ->check(CLI::Range(0, 1'000'000))
       ->capture_default_str();
   app.add_option("--published", a->published,
                  "a run whose depth maps are another's reconstructions of the same records");

@@ -39,7 +39,13 @@ class Appender {
     if (radar.quantity == "log2_q8") radar.quantity = "power", radar.scale = 1;
     adopt(data.spd_axis, run.axis("spd").value_or(Axis{}), "spd");
     adopt(data.radar_axis, radar, "radar");
-    data.sources.push_back({path_, run.info().uuid, data.size(), 0});
+    const std::string uuid = run.info().uuid;
+    for (const auto& source : data.sources)
+      if (source.uuid == uuid)
+        throw Error(ExitCode::failed,
+                    path_ + ": the same run as " + source.path +
+                        "; give each run once, or its records leak into the test");
+    data.sources.push_back({path_, uuid, data.size(), 0});
   }
 
   // Returns what is wrong with the record, or nothing.

@@ -82,8 +82,9 @@ NpyArray read_npy(const std::string& path) {
 
   NpyArray out;
   out.shape = shape_of(value_of(header, "shape", ')'));
-  const std::size_t wanted =
-      std::accumulate(out.shape.begin(), out.shape.end(), std::size_t{1}, std::multiplies<>());
+  std::size_t wanted = 1;
+  for (const std::size_t n : out.shape)  // a shape of more values than bytes overflows nothing
+    wanted = n == 0 || wanted <= in.left() / n ? wanted * n : in.left() + 1;
   const std::size_t width = type == "'<f4'" ? 4 : 8;
   if (in.left() != wanted * width)
     fail("has " + std::to_string(in.left()) + " bytes of values; its shape asks for " +

@@ -54,8 +54,8 @@ std::vector<RecordStatus> reconstruct(const TrainedModel& model, const std::stri
   for (std::size_t row = 0; row < data.size() && !interrupted(); ++row) {
     status.push_back({data.index[row], data.has_inputs(row, f.inputs)
                                            ? ""
-                                           : std::string("lacks a sensor that a \"") +
-                                                 name_of(f.inputs) + "\" model needs"});
+                                           : std::string("lacks a sensor that the model needs: ") +
+                                                 name_of(f.inputs)});
     if (!status.back().fault.empty()) continue;
     const auto map = within_span(model.predict(data, {row}).row(0));
     const std::string name =

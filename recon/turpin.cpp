@@ -72,6 +72,8 @@ std::int64_t import_turpin(const std::string& dir, const std::string& out,
                            const std::string& published_out) {
   const NpyArray histograms = read_checked(dir + "/histogram.npy", 2);
   const std::size_t frames = histograms.shape[0];
+  if (histograms.values.empty())
+    throw Error(ExitCode::failed, dir + "/histogram.npy: is empty; expected frames x bins");
   write_run(out, histograms, read_maps(dir + "/depth.npy", frames), notes);
   if (!published_out.empty())
     write_run(published_out, histograms, read_maps(dir + "/published.npy", frames),

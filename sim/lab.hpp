@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: MIT
 // A laboratory from the outside: a time tagger, a radar and a depth camera that look at the same
 // scenes, reached as the real ones are. In its directory:
-//   lab.toml                     the daemon's configuration (written last: when it is there, all
-//   is) radar-cli radar-data         links to the radar's two serial ports radar.cfg the chirp
-//   configuration that lab.toml names depth.sock                   frames for the OpenNI2 driver
-//   module openni/                      a private OpenNI2 driver set, for LD_LIBRARY_PATH sent.json
-//   at the end: what each device sent
+//
+//   lab.toml                 the daemon's configuration; written last: when it is there, all is
+//   radar-cli, radar-data    links to the radar's two serial ports
+//   radar.cfg                the chirp configuration that lab.toml names
+//   depth.sock               frames for the OpenNI2 driver module
+//   openni/                  a private OpenNI2 driver set, for LD_LIBRARY_PATH
+//   sent.json                at the end: what each device sent
 #pragma once
 #include <cstdint>
 #include <functional>

@@ -196,6 +196,7 @@ void export_csv(const RunReader& run, std::int64_t index, const std::string& pat
   if (::access(path.c_str(), F_OK) == 0)
     throw Error(ExitCode::failed, path + ": exists already; choose another name");
   std::ofstream out(path);
+  out.precision(std::numeric_limits<float>::max_digits10);
   out << "# record " << r.index << " of " << run.path() << ", label " << r.label
       << "\n# spd: x = two-way time in ps, value = counts\n"
          "# radar: x = range in m, value = as in the run's radar axis\n"

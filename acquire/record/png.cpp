@@ -17,7 +17,12 @@ Bytes encode_png16(std::span<const std::uint16_t> pixels, std::uint32_t width,
 }
 
 std::vector<std::uint16_t> decode_png16(ByteView png, std::uint32_t width, std::uint32_t height) {
-  if (png.empty()) return {};
+  // The size is in the first chunk (PNG specification, IHDR): a damaged one must not allocate.
+  const auto big_endian = [&](std::size_t at) {
+    return std::uint32_t{png[at]} << 24 | std::uint32_t{png[at + 1]} << 16 |
+           std::uint32_t{png[at + 2]} << 8 | std::uint32_t{png[at + 3]};
+  };
+  if (png.size() < 24 || big_endian(16) != width || big_endian(20) != height) return {};
   const cv::Mat raw(1, static_cast<int>(png.size()), CV_8UC1,
                     const_cast<std::uint8_t*>(png.data()));
   const cv::Mat image = cv::imdecode(raw, cv::IMREAD_UNCHANGED);

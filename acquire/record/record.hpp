@@ -58,7 +58,7 @@ struct CalibrationEntry {
 struct RunInfo {
   std::string uuid;                    // made by the writer
   std::string started_utc, ended_utc;  // ISO 8601
-  std::string status = "open";         // open, complete, stopped:disk, crashed
+  std::string status = "open";         // open, complete, stopped:disk, stopped:interrupted, crashed
   std::string config_text, config_resolved, radar_cfg;
   std::string version, host, operator_name, notes;
   double window_s = 0;

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -103,7 +104,15 @@ RunReader::RunReader(const std::string& path) : path_(path) {
       sqlite3_exec(db_, "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr) ==
           SQLITE_CANTOPEN) {
     sqlite3_close(db_);
-    const std::string uri = "file:" + path + "?immutable=1";
+    // There it would hide the records in a WAL.
+    struct stat wal {};
+    if (::stat((path + "-wal").c_str(), &wal) == 0 && wal.st_size > 0)
+      throw Error(ExitCode::failed, path + ": was not closed, and its last records are in " + path +
+                                        "-wal; copy both to a folder that can be written");
+    std::string uri = "file:";
+    for (const char c : path)
+      uri += c == '%' ? "%25" : c == '?' ? "%3f" : c == '#' ? "%23" : std::string(1, c);
+    uri += "?immutable=1";
     sqlite3_open_v2(uri.c_str(), &db_, SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, nullptr);
   }
   sqlite3_busy_timeout(db_, 5000);

@@ -64,11 +64,21 @@ void BridgeClient::watch() {
 void BridgeClient::on_block(Block block, HostTime received) {
   if (!running_ || !port_) return;
   alive_ = true;
+  // What a hello or an early block says is missing belongs to the next block that is delivered.
+  lost_blocks_ += block.lost_blocks;
+  dropped_items_ += block.dropped_items;
   if (block.kind == BlockKind::bye) return fail("the bridge said goodbye");
   if (block.kind == BlockKind::hello) return on_hello(block);
   if (!greeted_) return;
-  block.lost_blocks += std::exchange(rejoined_, false);
+  block.lost_blocks = std::exchange(lost_blocks_, 0) + std::exchange(rejoined_, false);
+  block.dropped_items = std::exchange(dropped_items_, 0);
   handlers_.block(block, received);
+}
+
+void BridgeClient::reject(const Block& block) {
+  ++bad_payloads_;
+  lost_blocks_ += block.lost_blocks + 1;
+  dropped_items_ += block.dropped_items;
 }
 
 void BridgeClient::on_hello(const Block& block) {

@@ -30,8 +30,9 @@ class BridgeClient {
   BridgeClient(boost::asio::io_context& io, port::ByteOpener opener, const Clock& clock);
   void start(Handlers handlers);
   void stop();
-  // A block that is not what the driver takes, or whose payload does not fit its kind.
-  void count_bad_payload() { ++bad_payloads_; }
+  // Of a delivered block that is not what the driver takes, or whose payload does not fit its kind:
+  // counted, and lost for the block after it.
+  void reject(const Block& block);
   std::vector<Counter> counters() const;
 
  private:
@@ -51,6 +52,7 @@ class BridgeClient {
   std::string last_failure_;  // told once, not at every attempt
   bool running_ = false, faulted_ = false, greeted_ = false, rejoined_ = false, alive_ = false;
   std::uint64_t connections_ = 0, bad_payloads_ = 0;
+  std::uint64_t lost_blocks_ = 0, dropped_items_ = 0;  // not yet handed on
   std::unique_ptr<port::BytePort> port_;
 };
 

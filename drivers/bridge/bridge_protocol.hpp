@@ -44,7 +44,7 @@ struct Block {
   BlockKind kind{};
   std::uint32_t sequence = 0;
   std::uint64_t dropped_items = 0;  // by the sender, before this block
-  std::uint32_t lost_blocks = 0;    // missing in the sequence before this block
+  std::uint64_t lost_blocks = 0;    // missing in the sequence before this block
   ByteView payload;                 // valid only during the call
 };
 

@@ -119,7 +119,7 @@ class OpenNiCamera::Worker {
     shared_->lost_frames += frame.lost_before;
     if (shared_->queued >= max_queued) {
       ++shared_->dropped_frames;
-      ++dropped_since_;
+      dropped_since_ += 1 + frame.lost_before;
       return;
     }
     frame.lost_before += std::exchange(dropped_since_, 0);

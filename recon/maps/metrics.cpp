@@ -90,8 +90,8 @@ void score_pixels(MapScores& out, std::span<const float> raw, std::span<const fl
   out[metric_delta_125] = close.value();
 }
 
-// The mass of a pixel is its signed share: over many pixels the ripple of a least-squares map, which
-// goes both ways about the background, cancels.
+// The mass of a pixel is its signed share: over many pixels the ripple of a least-squares map,
+// which goes both ways about the background, cancels.
 void score_position(MapScores& out, std::span<const float> truth, const Mask& mask,
                     const std::vector<float>& share) {
   std::vector<double> mass(share.size());

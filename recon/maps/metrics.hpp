@@ -9,9 +9,9 @@
 
 namespace echofuse::recon {
 
-// "raw" is the prediction clipped to the depth span, "hard" the map of scene.hpp; the three metrics of
-// position take the prediction unclipped. A metric that a map does not
-// define (the depth error of an empty mask, say) is NaN there and left out of the mean.
+// "raw" is the prediction clipped to the depth span, "hard" the map of scene.hpp; the three metrics
+// of position take the prediction unclipped. A metric that a map does not define (the depth error
+// of an empty mask, say) is NaN there and left out of the mean.
 enum Metric : std::size_t {
   metric_iou,          // of the foreground masks; undefined if both are empty
   metric_ssim,         // raw, whole map, data range 6 m

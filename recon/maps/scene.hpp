@@ -27,9 +27,9 @@ Scene learn_scene(const Matrix& depth, const Rows& rows);
 
 bool true_foreground(float depth_m, float background_m);
 
-// How far a predicted pixel has come from the background (0) to the mean foreground depth (1); above
-// 0.5 it is foreground. For a least-squares prediction over an open room this is the probability
-// that something stands there, give or take its ripple, which may leave 0..1.
+// How far a predicted pixel has come from the background (0) to the mean foreground depth (1);
+// above 0.5 it is foreground. For a least-squares prediction over an open room this is the
+// probability that something stands there, give or take its ripple, which may leave 0..1.
 std::vector<float> foreground_share(std::span<const float> prediction, const Scene& scene);
 
 // The prediction as it is shown, stored and compared: clipped to the depth span, 0..6 m.

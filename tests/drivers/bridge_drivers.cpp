@@ -69,6 +69,9 @@ TEST_CASE("tags come through a bridge, and every connection is told") {
   SECTION("a depth block is none of ours") {
     server.send(b.golden[2]);
     REQUIRE(run_until(b.io, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
+    server.send(b.golden[1]);
+    REQUIRE(run_until(b.io, [&] { return b.sink.blocks.size() == 2; }));
+    CHECK(b.sink.blocks[1].lost_blocks == 2);  // the refused one, and the step back in the numbers
   }
   SECTION("a lost connection is made again, with one block lost at least") {
     server.client.reset();

@@ -18,7 +18,7 @@ struct Seen {
   BlockKind kind;
   std::uint32_t sequence;
   std::uint64_t dropped;
-  std::uint32_t lost;
+  std::uint64_t lost;
   Bytes payload;
   bool operator==(const Seen&) const = default;
 };
