@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <array>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <filesystem>
@@ -88,7 +89,8 @@ class Daemon final : private SampleSink {
   Devices devices_;
   std::optional<Recording> recording_;
   std::vector<std::string> axes_written_;
-  std::vector<Writer::Job> waiting_;  // events from before the file existed
+  std::array<std::string, sensor_count> identities_;  // of the devices written
+  std::vector<Writer::Job> waiting_;                  // events from before the file existed
   HostTime anchor_mono_{};
   UtcTime anchor_utc_{};
   RunTotals totals_;
@@ -149,7 +151,10 @@ void Daemon::begin() {
 // A device answers: its identity and axes go into the run.
 void Daemon::announce(Sensor sensor) {
   const DeviceInfo& info = devices_[sensor].info;
-  recording_->writer.put([info](record::RunWriter& run) { run.put_device(info); });
+  const std::string identity = info.address + '\n' + info.model + '\n' + info.serial + '\n' +
+                               info.firmware;  // one row a device, not one a reconnection
+  if (std::exchange(identities_[static_cast<std::size_t>(sensor)], identity) != identity)
+    recording_->writer.put([info](record::RunWriter& run) { run.put_device(info); });
   if (!recording_->windows.announce(info))
     log(Severity::error, name_of(sensor), "came back with another axis; its samples are not used");
   for (const Axis& axis : recording_->windows.axes()) {

@@ -70,6 +70,9 @@ void BridgeClient::on_block(Block block, HostTime received) {
   if (block.kind == BlockKind::bye) return fail("the bridge said goodbye");
   if (block.kind == BlockKind::hello) return on_hello(block);
   if (!greeted_) return;
+  // Only now is it well: a bridge that greets and closes at once is retried ever more rarely.
+  backoff_.reset();
+  last_failure_.clear();
   block.lost_blocks = std::exchange(lost_blocks_, 0) + std::exchange(rejoined_, false);
   block.dropped_items = std::exchange(dropped_items_, 0);
   handlers_.block(block, received);
@@ -87,8 +90,6 @@ void BridgeClient::on_hello(const Block& block) {
   if (std::exchange(greeted_, true)) return;
   hello_ = *hello;
   rejoined_ = connections_ > 1;
-  backoff_.reset();
-  last_failure_.clear();
   faulted_ = false;
   handlers_.state(DeviceState::streaming, hello_);
 }
