@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "acquire/attached.hpp"
 #include "drivers/core/console.hpp"
 
 namespace echofuse::acquire {
@@ -122,22 +123,40 @@ void Devices::on_event(Sensor sensor, Severity severity, const std::string& text
   next_.on_event(sensor, severity, text);
 }
 
-ExitCode check_devices(const Config& config, const Clock& clock, bool json) {
+namespace {
+
+// Asks the configured devices; prints them, or puts them into `list`.
+bool all_answer(const Config& config, const Clock& clock, nlohmann::ordered_json* list) {
   boost::asio::io_context io;
   NullSink nothing;
   Devices devices(io, config, clock, nothing);
   devices.start();
   devices.wait(config.connect_timeout_s);
-  auto list = nlohmann::ordered_json::array();
   for (const Sensor s : all_sensors) {
     if (!devices[s].configured) continue;
-    if (json)
-      list.push_back(to_json(s, devices[s]));
+    if (list)
+      list->push_back(to_json(s, devices[s]));
     else
       print_device(s, devices[s], devices.describe(s));
   }
-  if (json) std::printf("%s\n", list.dump(2).c_str());
-  return devices.all(&Devices::Seen::delivers) ? ExitCode::ok : ExitCode::device;
+  return devices.all(&Devices::Seen::delivers);
+}
+
+}  // namespace
+
+ExitCode check_devices(const std::optional<Config>& config, const Clock& clock, bool json) {
+  const AttachedList attached = find_attached();
+  if (!json) std::printf("%s", to_text(attached).c_str());
+  std::fflush(stdout);
+  auto configured = nlohmann::ordered_json::array();
+  const bool ok = !config || all_answer(*config, clock, json ? &configured : nullptr);
+  if (json) {
+    nlohmann::ordered_json all{{"configured", configured}};
+    all["attached"] = nlohmann::ordered_json::parse(to_json(attached));
+    std::printf("%s\n",
+                all.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+  }
+  return ok ? ExitCode::ok : ExitCode::device;
 }
 
 }  // namespace echofuse::acquire

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "acquire/config.hpp"
@@ -56,7 +57,8 @@ class Devices final : private SampleSink {
 
 inline constexpr Sensor all_sensors[] = {Sensor::spd, Sensor::radar, Sensor::depth};
 
-// The `devices` command: waits as `run` does, prints what answers. Device code if one does not.
-ExitCode check_devices(const Config& config, const Clock& clock, bool json);
+// The `devices` command: what is attached; then, given a configuration, waits as `run` does and
+// says what of it answers. Device code if one does not.
+ExitCode check_devices(const std::optional<Config>& config, const Clock& clock, bool json);
 
 }  // namespace echofuse::acquire

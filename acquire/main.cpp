@@ -36,6 +36,7 @@ struct Options {
   double duration_s = 0;
   std::string file, to, radar;
   std::optional<std::int64_t> record;
+  bool config_given = false;  // --config or --set
   bool json = false, quiet = false, verbose = false;
 };
 
@@ -68,7 +69,9 @@ ExitCode run(Options& o) {
 
 ExitCode list_devices(const Options& o) {
   catch_interrupts();
-  return check_devices(load(o), SystemClock(), o.json);
+  std::optional<Config> config;  // without one, only what is attached is told
+  if (o.config_given || std::filesystem::exists(o.config)) config = load(o);
+  return check_devices(config, SystemClock(), o.json);
 }
 
 ExitCode show_config(const Options& o) {
@@ -176,7 +179,8 @@ int main(int argc, char** argv) {
   app.require_subcommand(0, 1);
   app.footer(footer);
   add_run(app, options);
-  auto* devices = app.add_subcommand("devices", "which of the configured devices answer");
+  auto* devices =
+      app.add_subcommand("devices", "what is attached, and which of the configured devices answer");
   add_config_options(*devices, options);
   devices->add_flag("--json", options.json);
   auto* config = app.add_subcommand("config", "look at the configuration");
@@ -187,6 +191,7 @@ int main(int argc, char** argv) {
   add_file_commands(app, options);
   try {
     app.parse(argc, argv);
+    options.config_given = devices->count("--config") + devices->count("--set") > 0;
     if (app.get_subcommands().empty()) throw CLI::RequiredError("a command");
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : static_cast<int>(ExitCode::usage);

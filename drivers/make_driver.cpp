@@ -4,6 +4,7 @@
 #include "drivers/core/exit_code.hpp"
 #include "drivers/depth/bridge_camera.hpp"
 #include "drivers/depth/openni_camera.hpp"
+#include "drivers/inventory/inventory.hpp"
 #include "drivers/port/open_port.hpp"
 #include "drivers/radar/radar_driver.hpp"
 #include "drivers/tdc/bridge_tdc.hpp"
@@ -28,6 +29,27 @@ std::unique_ptr<Driver> make_tdc(boost::asio::io_context& io, const TdcConfig& c
   refuse(config.address, "a time tagger is bridge:tcp://HOST:PORT or usb:VVVV:PPPP");
 }
 
+namespace {
+
+// What can be told of the ports' roles before anything is opened.
+std::vector<std::string> radar_warnings(const RadarConfig& config) {
+  using inventory::RadarPort;
+  const auto is = [](const std::string& text, RadarPort wanted) {
+    const port::Address address = port::parse_address(text);
+    const auto* serial = std::get_if<port::SerialAddress>(&address);
+    return serial && inventory::radar_port(serial->path) == wanted;
+  };
+  std::vector<std::string> out;
+  if (is(config.cli, RadarPort::data))
+    out.push_back("radar.cli = \"" + config.cli + "\" is the board's data port; are they swapped?");
+  if (is(config.data, RadarPort::command))
+    out.push_back("radar.data = \"" + config.data +
+                  "\" is the board's command port; are they swapped?");
+  return out;
+}
+
+}  // namespace
+
 std::unique_ptr<Driver> make_radar(boost::asio::io_context& io, const RadarConfig& config,
                                    const Clock& clock) {
   for (const std::string& text : {config.cli, config.data}) {
@@ -42,7 +64,8 @@ std::unique_ptr<Driver> make_radar(boost::asio::io_context& io, const RadarConfi
                         .cli = port::byte_opener(io, config.cli, config.cli_baud),
                         .data = port::byte_opener(io, config.data, config.data_baud),
                         .cfg_text = config.cfg_text,
-                        .cfg_name = config.cfg_name},
+                        .cfg_name = config.cfg_name,
+                        .warnings = radar_warnings(config)},
       clock);
 }
 

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
-// A stream of bytes in both directions, whatever carries it: serial line, TCP, later HID.
+// A stream of bytes in both directions, whatever carries it: serial line, TCP, HID bridge.
 #pragma once
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <string>
 
 #include "drivers/core/bytes.hpp"
 #include "drivers/core/result.hpp"
@@ -20,6 +21,9 @@ struct PortHandlers {
   // Could not be opened, or is no longer there: end of file, unplugged, refused are all the same to
   // a driver. At most once, and nothing follows it.
   std::function<void(const Failure&)> gone;
+  // May be empty. Something is wrong, but the port goes on; the text does not vary from call to
+  // call. `losses`: how often, or how many, bytes were lost on the way; 0 if none were.
+  std::function<void(const std::string& text, std::uint64_t losses)> warning{};
 };
 
 // One connection; to reconnect, make another port.

@@ -2,6 +2,7 @@
 #include "drivers/port/open_port.hpp"
 
 #include "drivers/core/exit_code.hpp"
+#include "drivers/port/hid_port.hpp"
 #include "drivers/port/serial_port.hpp"
 #include "drivers/port/tcp_port.hpp"
 
@@ -14,9 +15,10 @@ ByteOpener byte_opener(boost::asio::io_context& io, const std::string& address,
     return [&io, path = serial->path, baud] { return make_serial_port(io, path, baud); };
   if (const auto* bridge = std::get_if<BridgeAddress>(&parsed))
     return [&io, to = *bridge] { return make_tcp_port(io, to.host, to.port); };
-  if (std::holds_alternative<HidAddress>(parsed))
-    throw Error(ExitCode::config, "address \"" + address +
-                                      "\": HID ports are not in this version; use serial:/dev/...");
+  if (const auto* hid = std::get_if<HidAddress>(&parsed)) {
+    check_hid_baud(*hid, baud);
+    return [&io, to = *hid, baud] { return make_hid_port(io, to, baud); };
+  }
   throw Error(ExitCode::config, "address \"" + address + "\" is no byte port");
 }
 

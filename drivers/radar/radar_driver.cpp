@@ -20,8 +20,9 @@ RadarDriver::RadarDriver(boost::asio::io_context& io, RadarSetup setup, const Cl
 void RadarDriver::start(SampleSink& sink) {
   sink_ = &sink;
   running_ = true;
-  for (const std::string& warning : profile_.warnings)
-    sink_->on_event(Sensor::radar, Severity::warning, warning);
+  for (const auto& warnings : {profile_.warnings, setup_.warnings})
+    for (const std::string& warning : warnings)
+      sink_->on_event(Sensor::radar, Severity::warning, warning);
   sink_->on_state(Sensor::radar, DeviceState::connecting, info_);
   connect();
 }
@@ -43,6 +44,7 @@ std::vector<Counter> RadarDriver::counters() const {
           {"other_tlvs", c.other_tlvs},
           {"resyncs", c.resyncs},
           {"lost_frames", c.lost_frames},
+          {"port_losses", port_losses_},
           {"connections", connections_},
           {"configured", configured_}};
 }
@@ -55,8 +57,12 @@ void RadarDriver::connect() {
   data_ = setup_.data();
   const auto opened = [this] { on_opened(); };
   const auto gone = [this](const Failure& failure) { fail(failure.text()); };
-  cli_->open({opened, [this](ByteView bytes) { on_cli(bytes); }, gone});
-  data_->open({opened, [this](ByteView bytes) { on_data(bytes); }, gone});
+  const auto warning = [this](const std::string& text, std::uint64_t losses) {
+    port_losses_ += losses;
+    if (told_.insert(text).second) sink_->on_event(Sensor::radar, Severity::warning, text);
+  };
+  cli_->open({opened, [this](ByteView bytes) { on_cli(bytes); }, gone, warning});
+  data_->open({opened, [this](ByteView bytes) { on_data(bytes); }, gone, warning});
 }
 
 void RadarDriver::on_opened() {

@@ -4,6 +4,7 @@
 #pragma once
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,7 @@ struct RadarSetup {
   std::string address;  // for DeviceInfo: both ports
   port::ByteOpener cli, data;
   std::string cfg_text, cfg_name;
+  std::vector<std::string> warnings{};  // told at the start
 };
 
 // Each connection opens both ports and sends the whole cfg again. It is `streaming` from the first
@@ -53,10 +55,11 @@ class RadarDriver final : public Driver {
   FrameParser parser_;
   std::optional<CommandDialogue> dialogue_;
   SampleSink* sink_ = nullptr;
-  std::string last_failure_;  // told once, not at every attempt
+  std::string last_failure_;    // told once, not at every attempt
+  std::set<std::string> told_;  // warnings of the ports: each once
   int open_ports_ = 0;
   bool running_ = false, faulted_ = false, streaming_ = false, alive_ = false;
-  std::uint64_t connections_ = 0, configured_ = 0;
+  std::uint64_t connections_ = 0, configured_ = 0, port_losses_ = 0;
   std::unique_ptr<port::BytePort> cli_, data_;
 };
 

@@ -6,7 +6,6 @@
 #include <termios.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <cstring>
 
@@ -64,7 +63,10 @@ speed_t speed_of(unsigned baud) {
 }  // namespace
 
 PtyUart::PtyUart(boost::asio::io_context& io, std::string link, unsigned baud, Receive receive)
-    : link_(std::move(link)), baud_(baud), receive_(std::move(receive)), master_(io), timer_(io) {
+    : Uart(io, baud, chunk_time),
+      link_(std::move(link)),
+      receive_(std::move(receive)),
+      master_(io) {
   std::string name;
   master_.assign(open_pty(slave_, name));
   master_.non_blocking(true);
@@ -77,7 +79,7 @@ PtyUart::~PtyUart() { close(); }
 void PtyUart::close() {
   if (slave_ < 0) return;
   ::unlink(link_.c_str());
-  timer_.cancel();
+  Uart::close();
   boost::system::error_code ignored;
   master_.close(ignored);
   ::close(slave_);
@@ -93,51 +95,19 @@ void PtyUart::read() {
                           });
 }
 
-void PtyUart::send(ByteView bytes) {
-  if (slave_ < 0) return;
-  queue_.insert(queue_.end(), bytes.begin(), bytes.end());
-  if (pacing_ || queue_.empty()) return;
-  pacing_ = true;
-  due_ = std::chrono::steady_clock::now();
-  pace();
-}
-
-void PtyUart::pace() {
-  if (queue_.empty()) {
-    pacing_ = false;
-    return;
-  }
-  // 8N1: ten bit times a byte. Deadlines are absolute, so that a late timer costs no throughput.
-  const double bytes_per_s = baud_ / 10.0;
-  const auto fits = static_cast<std::size_t>(
-      std::max(1.0, bytes_per_s * std::chrono::duration<double>(chunk_time).count()));
-  const std::size_t n = std::min(fits, queue_.size());
-  due_ += std::chrono::duration_cast<std::chrono::steady_clock::duration>(
-      std::chrono::duration<double>(static_cast<double>(n) / bytes_per_s));
-  timer_.expires_at(due_);
-  timer_.async_wait([this, n](const boost::system::error_code& error) {
-    if (error) return;
-    const auto end = queue_.begin() + static_cast<std::ptrdiff_t>(n);
-    Bytes chunk(queue_.begin(), end);
-    queue_.erase(queue_.begin(), end);
-    write(std::move(chunk));
-    pace();
-  });
-}
-
 bool PtyUart::host_listens_at_our_rate() const {
   termios settings{};
   if (::tcgetattr(slave_, &settings) != 0) return false;
-  return ::cfgetispeed(&settings) == speed_of(baud_);
+  return ::cfgetispeed(&settings) == speed_of(baud());
 }
 
-void PtyUart::write(Bytes chunk) {
+std::size_t PtyUart::deliver(Bytes chunk) {
+  if (slave_ < 0) return 0;
   if (!host_listens_at_our_rate())
     for (auto& byte : chunk) byte = static_cast<std::uint8_t>(noise_());
   boost::system::error_code error;
   const std::size_t n = master_.write_some(boost::asio::buffer(chunk), error);
-  sent_ += error ? 0 : n;
-  lost_ += chunk.size() - (error ? 0 : n);
+  return error ? 0 : n;
 }
 
 }  // namespace echofuse::sim

@@ -27,22 +27,18 @@ ByteView bytes_of(const std::string& text) {
 
 std::chrono::nanoseconds microseconds(double us) { return from_seconds(us * 1e-6); }
 
-class RadarPtys final : public Device {
+class RadarBoard final : public Device {
  public:
-  RadarPtys(boost::asio::io_context& io, Stage& stage, const RadarOptions& options)
+  RadarBoard(boost::asio::io_context& io, Stage& stage, std::uint64_t seed,
+             const MakeUart& make_cli, const MakeUart& make_data)
       : stage_(stage),
-        cli_(io, options.cli_link, cli_baud,
-             [this](ByteView bytes) {
-               firmware_.receive(bytes);
-               data_.set_baud(firmware_.data_baud());
-               if (firmware_.running() && !framing_) begin();
-             }),
-        data_(io, options.data_link, data_baud, [](ByteView) {}),
-        firmware_([this](const std::string& text) { cli_.send(bytes_of(text)); },
-                  [this](const std::string& raw) { data_.send(bytes_of(raw)); }),
+        cli_(make_cli(cli_baud, [this](ByteView bytes) { on_command_bytes(bytes); })),
+        data_(make_data(data_baud, [](ByteView) {})),
+        firmware_([this](const std::string& text) { cli_->send(bytes_of(text)); },
+                  [this](const std::string& raw) { data_->send(bytes_of(raw)); }),
         frame_timer_(io),
         output_timer_(io),
-        rng_(make_rng(options.seed, 2)) {
+        rng_(make_rng(seed, 2)) {
     std::uniform_real_distribution<double> phase(-3.1, 3.1);
     for (auto& p : antenna_phase_) p = phase(rng_);
     firmware_.boot();
@@ -51,18 +47,24 @@ class RadarPtys final : public Device {
   void stop() override {
     frame_timer_.cancel();
     output_timer_.cancel();
-    cli_.close();
-    data_.close();
+    cli_->close();
+    data_->close();
   }
 
   std::vector<std::pair<std::string, std::uint64_t>> sent() const override {
-    return {{"frames", frames_},          {"frames_skipped", skipped_},
-            {"data_bytes", data_.sent()}, {"data_bytes_lost", data_.lost()},
-            {"cli_bytes", cli_.sent()},   {"cli_bytes_lost", cli_.lost()}};
+    return {{"frames", frames_},           {"frames_skipped", skipped_},
+            {"data_bytes", data_->sent()}, {"data_bytes_lost", data_->lost()},
+            {"cli_bytes", cli_->sent()},   {"cli_bytes_lost", cli_->lost()}};
   }
 
  private:
   const Chirp& chirp() const { return *firmware_.running(); }
+
+  void on_command_bytes(ByteView bytes) {
+    firmware_.receive(bytes);
+    data_->set_baud(firmware_.data_baud());
+    if (firmware_.running() && !framing_) begin();
+  }
 
   void begin() {
     framing_ = true;
@@ -97,7 +99,7 @@ class RadarPtys final : public Device {
   double period_us() const { return 1e3 * chirp().frame_period_ms; }
 
   void output() {
-    if (!data_.idle()) {  // slower than the frames: the demo has no time for this one
+    if (!data_->idle()) {  // slower than the frames: the demo has no time for this one
       ++skipped_;
       return;
     }
@@ -115,7 +117,7 @@ class RadarPtys final : public Device {
     const auto cycles = static_cast<std::uint64_t>(stage_.now_s() * cpu_hz);
     const Bytes wire =
         radar_frame({frame_number_, static_cast<std::uint32_t>(cycles), 0}, tlvs, rng_);
-    data_.send(wire);
+    data_->send(wire);
     ++frames_;
     transmit_us_ = static_cast<double>(wire.size()) * 1e7 / firmware_.data_baud();
     if (wanted.measure_bias) report_bias(power);
@@ -157,7 +159,7 @@ class RadarPtys final : public Device {
   }
 
   Stage& stage_;
-  PtyUart cli_, data_;
+  std::unique_ptr<Uart> cli_, data_;
   RadarFirmware firmware_;
   boost::asio::steady_timer frame_timer_, output_timer_;
   Rng rng_;
@@ -172,9 +174,20 @@ class RadarPtys final : public Device {
 
 }  // namespace
 
+std::unique_ptr<Device> make_radar_board(boost::asio::io_context& io, Stage& stage,
+                                         std::uint64_t seed, const MakeUart& make_cli,
+                                         const MakeUart& make_data) {
+  return std::make_unique<RadarBoard>(io, stage, seed, make_cli, make_data);
+}
+
 std::unique_ptr<Device> make_radar_ptys(boost::asio::io_context& io, Stage& stage,
                                         const RadarOptions& options) {
-  return std::make_unique<RadarPtys>(io, stage, options);
+  const auto pty = [&io](const std::string& link) {
+    return [&io, link](unsigned baud, Uart::Receive receive) {
+      return std::make_unique<PtyUart>(io, link, baud, std::move(receive));
+    };
+  };
+  return make_radar_board(io, stage, options.seed, pty(options.cli_link), pty(options.data_link));
 }
 
 }  // namespace echofuse::sim

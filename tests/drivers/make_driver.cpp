@@ -35,7 +35,11 @@ TEST_CASE("addresses that a device cannot have are refused at start-up") {
   CHECK_THAT(tdc("serial:/dev/ttyUSB0"), Catch::Contains("a time tagger is"));
   CHECK_THAT(tdc("nonsense"), Catch::Contains("\"nonsense\": expected"));
   CHECK_THAT(depth("usb:2bc5:0670"), Catch::Contains("a depth camera is"));
-  CHECK_THAT(radar("hid:10c4:ea80", "serial:/dev/x"), Catch::Contains("not in this version"));
+  CHECK_THAT(radar("hid:10c4:ea80:A", "hid:10c4:ea80:B"), Catch::Contains("has no profileCfg"));
+  CHECK_THAT(refusal([&] {
+               make_radar(io, {"hid:10c4:ea80", "serial:/dev/x", "", "x.cfg", 3'000'000}, clock);
+             }),
+             Catch::Contains("a CP2110 does 300 to 1000000"));
   CHECK_THAT(radar("serial:/dev/x", "bridge:tcp://a:1"), Catch::Contains("a radar port is"));
   CHECK_THAT(radar("serial:/dev/x", "serial:/dev/y"), Catch::Contains("x.cfg: has no profileCfg"));
 }

@@ -207,3 +207,19 @@ TEST_CASE("a port that is not there is told with its name") {
   REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::faulted; }));
   CHECK_THAT(b.sink.events.at(0), Catch::Contains(b.dir + "/cli: open: No such file or directory"));
 }
+
+TEST_CASE("swapped ports are told at the start, if their names tell") {
+  Bench b;
+  const std::string by_id = "serial:/dev/serial/by-id/usb-Texas_Instruments_XDS110_R1-if0";
+  const auto swapped = make_radar(b.io, {by_id + "3", by_id + "0", cfg, "x.cfg"}, b.clock);
+  swapped->start(b.sink);
+  REQUIRE(b.sink.events.size() == 2);
+  CHECK_THAT(b.sink.events[0], Catch::Contains("radar.cli") && Catch::Contains("data port"));
+  CHECK_THAT(b.sink.events[1], Catch::Contains("radar.data") && Catch::Contains("command port"));
+  swapped->stop();
+  b.sink.events.clear();
+  const auto right = make_radar(b.io, {by_id + "0", by_id + "3", cfg, "x.cfg"}, b.clock);
+  right->start(b.sink);
+  CHECK(b.sink.events.empty());
+  right->stop();
+}

@@ -210,7 +210,7 @@ class Live(unittest.TestCase):
         answer = subprocess.run([bin_dir / "echofuse-acquire", "devices", "--json", "--config",
                                  self.dir / "lab/lab.toml"], env=env, stdout=subprocess.PIPE, timeout=30)
         self.assertEqual(answer.returncode, 0)
-        self.assertEqual([(d["sensor"], d["answers"]) for d in json.loads(answer.stdout)],
+        self.assertEqual([(d["sensor"], d["answers"]) for d in json.loads(answer.stdout)["configured"]],
                          [("spd", True), ("radar", True), ("depth", True)])
 
 

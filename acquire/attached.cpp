@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/attached.hpp"
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "drivers/core/exit_code.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::string ids(const inventory::Attached& device) {
+  char text[16];
+  std::snprintf(text, sizeof text, "%04x:%04x", unsigned{device.vendor}, unsigned{device.product});
+  return text;
+}
+
+std::string setting(const std::string& key, const std::string& address) {
+  return "  " + key + " = \"" + address + "\"\n";
+}
+
+std::string node_text(const inventory::Node& node) {
+  std::string text;
+  if (!node.address.empty()) text += setting(node.key, node.address);
+  if (const auto lack = inventory::missing(node))
+    text += "  " + (node.key.empty() ? *lack : node.key + ": " + *lack) + '\n';
+  return text;
+}
+
+Json json_of(const inventory::Node& node) {
+  const auto lack = inventory::missing(node);
+  return {{"node", node.path},
+          {"key", node.key},
+          {"address", node.address},
+          {"missing", lack ? Json(*lack) : Json(nullptr)}};
+}
+
+Json json_of(const inventory::Attached& device) {
+  Json nodes = Json::array();
+  for (const auto& node : device.nodes) nodes.push_back(json_of(node));
+  return {{"kind", device.kind},     {"id", ids(device)},           {"model", device.model},
+          {"serial", device.serial}, {"firmware", device.firmware}, {"advice", device.advice},
+          {"nodes", nodes}};
+}
+
+}  // namespace
+
+AttachedList find_attached() {
+  AttachedList list{inventory::list_attached(), {}, ""};
+  try {
+    list.cameras = depth::list_openni_devices();
+  } catch (const Error& e) {
+    list.camera_fault = e.what();
+  }
+  return list;
+}
+
+std::string to_text(const AttachedList& list) {
+  std::string text;
+  for (const auto& device : list.usb) {
+    text += device.kind + ' ' + ids(device) + ": model " + device.model + ", serial " +
+            device.serial + ", firmware " + device.firmware + '\n';
+    if (!device.advice.empty()) text += "  " + device.advice + '\n';
+    for (const auto& node : device.nodes) text += node_text(node);
+  }
+  for (const auto& camera : list.cameras)
+    text += "OpenNI2 camera: model " + camera.model + '\n' +
+            setting("depth.address", "openni:" + camera.uri);
+  if (!list.camera_fault.empty()) text += list.camera_fault + '\n';
+  return text.empty() ? "nothing that could be one of our devices is attached\n" : text;
+}
+
+std::string to_json(const AttachedList& list) {
+  Json usb = Json::array(), cameras = Json::array();
+  for (const auto& device : list.usb) usb.push_back(json_of(device));
+  for (const auto& camera : list.cameras)
+    cameras.push_back({{"model", camera.model}, {"address", "openni:" + camera.uri}});
+  // A device's strings are its own business: what is not UTF-8 is replaced.
+  return Json{{"usb", usb}, {"openni", cameras}}.dump(-1, ' ', false,
+                                                      Json::error_handler_t::replace);
+}
+
+}  // namespace echofuse::acquire

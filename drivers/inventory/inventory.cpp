@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/inventory/inventory.hpp"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cstdio>
+#include <filesystem>
+
+#include "drivers/inventory/usb_tree.hpp"
+
+namespace echofuse::inventory {
+namespace {
+
+namespace fs = std::filesystem;
+
+enum class Access { serial, hid, usb };
+
+// interface 00 is the radar's command line for both boards
+struct Kind {
+  std::uint16_t vendor, product;  // product 0: any of this vendor
+  const char* name;
+  Access access;
+  unsigned data_interface;  // serial: the radar's data port; 00 is the command line
+  const char* advice;
+};
+
+constexpr Kind kinds[] = {
+    {0x0451, 0xbef3, "TI XDS110 (radar board)", Access::serial, 3, ""},
+    {0x0451, 0xbef4, "TI XDS110 (radar board)", Access::serial, 3, ""},
+    {0x10c4, 0xea70, "CP2105 (radar board)", Access::serial, 1, ""},
+    {0x10c4, 0xea80, "CP2110 HID serial bridge", Access::hid, 0, ""},
+    {0x151f, 0, "Opal Kelly FPGA (Swabian Time Tagger)", Access::usb, 0,
+     "it speaks to the vendor's library only: tdc.address = \"bridge:tcp://HOST:PORT\""},
+    {0x2bc5, 0, "Orbbec camera", Access::usb, 0,
+     "an OpenNI2 camera is listed below with its URI; any other one needs "
+     "depth.address = \"bridge:tcp://HOST:PORT\""},
+};
+
+const Kind* kind_of(const UsbDevice& d) {
+  for (const Kind& k : kinds)
+    if (k.vendor == d.vendor && (k.product == 0 || k.product == d.product)) return &k;
+  return nullptr;
+}
+
+std::string hex4(unsigned value) {
+  char text[8];
+  std::snprintf(text, sizeof text, "%04x", value);
+  return text;
+}
+
+std::string firmware_of(unsigned bcd) {
+  char text[16];
+  std::snprintf(text, sizeof text, "%x.%02x", bcd >> 8, bcd & 0xffu);
+  return text;
+}
+
+// The name that survives replugging, or the node itself if udev made none.
+std::string stable_path(const std::string& node, const Roots& roots) {
+  std::error_code error;
+  const fs::path folder = fs::path(roots.dev) / "serial/by-id";
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    std::error_code not_a_link;
+    if (fs::read_symlink(it->path(), not_a_link).filename() == node) return it->path().string();
+  }
+  return (fs::path(roots.dev) / node).string();
+}
+
+bool permitted(const std::string& path) {
+  return ::faccessat(AT_FDCWD, path.c_str(), R_OK | W_OK, AT_EACCESS) == 0;
+}
+
+Node node_of(const std::string& path) { return {path, "", "", permitted(path)}; }
+
+std::string by_serial(const char* scheme, const UsbDevice& d) {
+  return std::string(scheme) + ':' + hex4(d.vendor) + ':' + hex4(d.product) +
+         (d.serial.empty() ? "" : ':' + d.serial);
+}
+
+std::vector<Node> serial_nodes(const Kind& kind, const UsbDevice& d, const Roots& roots) {
+  std::vector<Node> out;
+  for (const UsbInterface& interface : d.interfaces) {
+    if (interface.number != 0 && interface.number != kind.data_interface) continue;
+    const char* key = interface.number == 0 ? "radar.cli" : "radar.data";
+    if (interface.nodes.empty()) out.push_back({"", key, "", false});
+    for (const std::string& name : interface.nodes) {
+      out.push_back(node_of((fs::path(roots.dev) / name).string()));
+      out.back().key = key;
+      out.back().address = "serial:" + stable_path(name, roots);
+    }
+  }
+  return out;
+}
+
+std::vector<Node> hid_nodes(const UsbDevice& d, const Roots& roots) {
+  std::vector<Node> out;
+  for (const UsbInterface& interface : d.interfaces)
+    for (const std::string& name : interface.nodes)
+      out.push_back(node_of((fs::path(roots.dev) / name).string()));
+  if (out.empty()) out.push_back({"", "", "", false});
+  out.front().key = "radar.cli or radar.data";
+  out.front().address = by_serial("hid", d);
+  return out;
+}
+
+std::vector<Node> usb_nodes(const UsbDevice& d, const Roots& roots) {
+  char place[32];
+  std::snprintf(place, sizeof place, "bus/usb/%03u/%03u", d.bus, d.number);
+  return {node_of((fs::path(roots.dev) / place).string())};
+}
+
+Attached describe(const Kind& kind, const UsbDevice& d, const Roots& roots) {
+  Attached out{d.vendor,    d.product, kind.name, d.model, d.serial, firmware_of(d.release_bcd),
+               kind.advice, {}};
+  if (kind.access == Access::serial) out.nodes = serial_nodes(kind, d, roots);
+  if (kind.access == Access::hid) out.nodes = hid_nodes(d, roots);
+  if (kind.access == Access::usb) out.nodes = usb_nodes(d, roots);
+  return out;
+}
+
+std::optional<RadarPort> role_in(unsigned data_interface, unsigned number) {
+  if (number == 0) return RadarPort::command;
+  if (number == data_interface) return RadarPort::data;
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::vector<Attached> list_attached(const Roots& roots) {
+  std::vector<Attached> out;
+  for (const UsbDevice& device : read_usb_tree(roots.sys))
+    if (const Kind* kind = kind_of(device)) out.push_back(describe(*kind, device, roots));
+  return out;
+}
+
+std::optional<std::string> missing(const Node& node) {
+  if (node.path.empty())
+    return "the kernel made no device node: is its driver (cdc_acm, cp210x, hidraw) loaded?";
+  if (node.permitted) return std::nullopt;
+  return "no read/write permission on " + node.path + ": install config/99-echofuse.rules";
+}
+
+std::optional<RadarPort> radar_port(const std::string& path, const Roots& roots) {
+  const std::string name = fs::path(path).filename().string();
+  // "usb-Texas_Instruments_XDS110_..._R0081038-if03", "usb-Silicon_Labs_CP2105_...-if01-port0"
+  if (const std::size_t at = name.rfind("-if"); at != name.npos) {
+    const unsigned data = name.find("XDS110") != name.npos   ? 3
+                          : name.find("CP2105") != name.npos ? 1
+                                                             : 0;
+    unsigned number = 0;
+    const char* digits = name.data() + at + 3;
+    const char* end = name.data() + std::min(at + 5, name.size());
+    if (data == 0 || end - digits != 2 || std::from_chars(digits, end, number, 16).ptr != end)
+      return std::nullopt;
+    return role_in(data, number);
+  }
+  const auto owner = owner_of(name, roots.sys);
+  const Kind* kind = owner ? kind_of(owner->device) : nullptr;
+  if (!kind || kind->access != Access::serial) return std::nullopt;
+  return role_in(kind->data_interface, owner->interface_number);
+}
+
+}  // namespace echofuse::inventory

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: MIT
+// The reports of a Silicon Labs CP2110 HID-to-UART bridge (application note AN434). The first byte
+// of a report is its number:
+//
+//   0x01..0x3f  data, both ways: the number is the count of bytes that follow (1..63)
+//   0x41        feature: UART enable {u8 on}
+//   0x42        feature: UART status {u16 TX fill, u16 RX fill, u8 errors, u8 break}; reading it
+//               clears the errors: bit 0 parity, bit 1 overrun
+//   0x43        feature: purge the buffers {u8 bit 0 TX, bit 1 RX}
+//   0x50        feature: UART config {u32 baud, BIG-endian, u8 parity, u8 flow control,
+//               u8 data bits - 5, u8 stop bits (0: one)}
+#pragma once
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <optional>
+
+#include "drivers/core/bytes.hpp"
+
+namespace echofuse::port::cp2110 {
+
+inline constexpr std::size_t report_bytes = 64;  // a full-speed interrupt packet
+inline constexpr std::size_t max_data = 63;
+inline constexpr std::uint32_t min_baud = 300, max_baud = 1'000'000;
+// One report a millisecond, the frame of full-speed USB.
+inline constexpr std::uint32_t pipe_bytes_per_s = 1000 * max_data;
+
+inline constexpr std::array<std::uint8_t, 2> enable_report{0x41, 1};
+inline constexpr std::array<std::uint8_t, 2> purge_report{0x43, 3};
+inline constexpr std::uint8_t status_id = 0x42;
+inline constexpr std::size_t status_bytes = 7;
+
+// 8N1 without flow control.
+inline std::array<std::uint8_t, 9> config_report(std::uint32_t baud) {
+  const auto byte = [baud](unsigned shift) { return static_cast<std::uint8_t>(baud >> shift); };
+  return {0x50, byte(24), byte(16), byte(8), byte(0), 0, 0, 3, 0};
+}
+
+struct Status {
+  bool parity_error, overrun;
+};
+// Nothing for bytes that are no whole status report.
+inline std::optional<Status> parse_status(ByteView report) {
+  if (report.size() < status_bytes || report[0] != status_id) return std::nullopt;
+  return Status{(report[5] & 1) != 0, (report[5] & 2) != 0};
+}
+
+// The bytes in a report from the bridge; none if it is no data report. The count is taken for what
+// is really there: it may promise more than came.
+inline ByteView data_of(ByteView report) {
+  if (report.empty() || report[0] < 1 || report[0] > max_data) return {};
+  return report.subspan(1, std::min<std::size_t>(report[0], report.size() - 1));
+}
+
+// The next report to the bridge, zero behind the data; takes what it carries off `rest`, which must
+// not be empty.
+inline std::array<std::uint8_t, report_bytes> next_data_report(ByteView& rest) {
+  std::array<std::uint8_t, report_bytes> report{};
+  const std::size_t count = std::min(rest.size(), max_data);
+  report[0] = static_cast<std::uint8_t>(count);
+  std::copy_n(rest.begin(), count, report.begin() + 1);
+  rest = rest.subspan(count);
+  return report;
+}
+
+}  // namespace echofuse::port::cp2110

@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/port/hid_port.hpp"
+
+#include <hidapi/hidapi.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <boost/asio/executor_work_guard.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <cstdio>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "drivers/core/exit_code.hpp"
+#include "drivers/port/cp2110.hpp"
+
+namespace echofuse::port {
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+constexpr auto status_period = std::chrono::seconds(1);
+constexpr int read_wait_ms = 2;               // bytes to send wait for so long at most
+constexpr std::size_t max_waiting = 1 << 20;  // 16 s of a full pipe
+
+struct CloseDevice {
+  void operator()(hid_device* device) const { hid_close(device); }
+};
+using Device = std::unique_ptr<hid_device, CloseDevice>;
+
+std::string name_of(const HidAddress& address) {
+  char ids[16];
+  std::snprintf(ids, sizeof ids, "hid:%04x:%04x", unsigned{address.vendor},
+                unsigned{address.product});
+  return address.serial.empty() ? ids : ids + (':' + address.serial);
+}
+
+std::string narrow(const wchar_t* text) {
+  std::string out;
+  for (; text && *text; ++text) out += *text > 0 && *text < 128 ? static_cast<char>(*text) : '?';
+  return out;
+}
+
+Failure failure(std::errc code, std::string what) {
+  return {std::make_error_code(code), std::move(what)};
+}
+
+// The /dev/hidraw node of the first match.
+Result<std::string> find_node(const HidAddress& address) {
+  hid_device_info* list = hid_enumerate(address.vendor, address.product);
+  std::string node, others;
+  for (const auto* d = list; d && node.empty(); d = d->next) {
+    const std::string serial = narrow(d->serial_number);
+    if (address.serial.empty() || serial == address.serial)
+      node = d->path;
+    else
+      others += (others.empty() ? " (attached: " : ", ") + serial;
+  }
+  hid_free_enumeration(list);
+  if (!node.empty()) return node;
+  if (!others.empty()) others += ')';
+  return failure(std::errc::no_such_device, name_of(address) + ": open" + others);
+}
+
+Result<Device> open_device(const HidAddress& address) {
+  static std::mutex hidapi_globals;
+  const std::lock_guard lock(hidapi_globals);
+  const Result<std::string> node = find_node(address);
+  if (!node) return node.failure();
+  const std::string doing = name_of(address) + ": open " + *node;
+  if (Device device{hid_open_path(node->c_str())}) return device;
+  if (::access(node->c_str(), R_OK | W_OK) != 0 && errno == EACCES)
+    return failure(std::errc::permission_denied,
+                   doing + " (config/99-echofuse.rules grants access)");
+  return failure(std::errc::io_error, doing);
+}
+
+// What both threads see; `handlers`, `work` and `closed` belong to the io thread.
+struct Link {
+  explicit Link(boost::asio::io_context& context) : io(context), work(context.get_executor()) {}
+
+  boost::asio::io_context& io;
+  std::optional<boost::asio::executor_work_guard<boost::asio::io_context::executor_type>> work;
+  PortHandlers handlers;
+  bool open = false, closed = false;
+
+  std::atomic<bool> stopping{false};
+  std::mutex mutex;  // of the rest
+  Bytes in, out;
+  bool posted = false;
+  std::uint64_t dropped = 0;  // bytes of either direction, not yet told
+};
+using LinkPtr = std::shared_ptr<Link>;
+
+void append(Link& link, Bytes& queue, ByteView bytes) {
+  const std::size_t fits = std::min(bytes.size(), max_waiting - queue.size());
+  queue.insert(queue.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(fits));
+  link.dropped += bytes.size() - fits;
+}
+
+template <class Action>
+void post(const LinkPtr& link, Action action) {
+  boost::asio::post(link->io, [link, action = std::move(action)] {
+    if (!link->closed) action(*link);
+  });
+}
+
+void deliver(Link& link) {
+  Bytes bytes;
+  {
+    const std::lock_guard lock(link.mutex);
+    bytes.swap(link.in);
+    link.posted = false;
+  }
+  link.handlers.bytes(bytes);
+}
+
+// The thread that owns the device.
+class Worker {
+ public:
+  Worker(LinkPtr link, HidAddress address, std::uint32_t baud)
+      : link_(std::move(link)), address_(std::move(address)), baud_(baud) {}
+
+  void run() {
+    if (const auto wrong = serve())
+      post(link_, [wrong](Link& link) {
+        link.closed = true;
+        link.open = false;
+        link.work.reset();
+        link.handlers.gone(*wrong);
+      });
+  }
+
+ private:
+  // Until the port is closed: nothing; or the device fails: why.
+  std::optional<Failure> serve() {
+    Result<Device> opened = open_device(address_);
+    if (!opened) return opened.failure();
+    device_ = std::move(*opened);
+    if (!send_feature(cp2110::config_report(baud_)) || !send_feature(cp2110::enable_report) ||
+        !send_feature(cp2110::purge_report))
+      return failed("configure (is it a CP2110?)");
+    post(link_, [](Link& link) {
+      link.open = true;
+      link.handlers.opened();
+    });
+    if (baud_ / 10 > cp2110::pipe_bytes_per_s)
+      warn(std::to_string(baud_) + " baud brings up to " + std::to_string(baud_ / 10) +
+               " bytes/s, its USB pipe carries 63000: keep frames short or lower the baud rate",
+           0);
+    auto next_status = SteadyClock::now() + status_period;
+    while (!link_->stopping) {
+      if (!receive()) return failed("read");
+      if (!send()) return failed("write");
+      if (SteadyClock::now() < next_status) continue;
+      next_status += status_period;
+      check();
+    }
+    return std::nullopt;
+  }
+
+  Failure failed(const char* doing) const {
+    return failure(std::errc::no_such_device, name_of(address_) + ": " + doing);
+  }
+
+  template <std::size_t N>
+  bool send_feature(const std::array<std::uint8_t, N>& report) {
+    return hid_send_feature_report(device_.get(), report.data(), N) >= 0;
+  }
+
+  void warn(const std::string& text, std::uint64_t losses) {
+    post(link_, [text = name_of(address_) + ": " + text, losses](Link& link) {
+      if (link.handlers.warning) link.handlers.warning(text, losses);
+    });
+  }
+
+  bool receive() {
+    std::array<std::uint8_t, cp2110::report_bytes> report;
+    const int n = hid_read_timeout(device_.get(), report.data(), report.size(), read_wait_ms);
+    if (n < 0) return false;
+    const ByteView data = cp2110::data_of(ByteView(report).first(static_cast<std::size_t>(n)));
+    if (data.empty()) return true;
+    const std::lock_guard lock(link_->mutex);
+    append(*link_, link_->in, data);
+    if (!std::exchange(link_->posted, true)) post(link_, deliver);
+    return true;
+  }
+
+  bool send() {
+    Bytes bytes;
+    {
+      const std::lock_guard lock(link_->mutex);
+      bytes.swap(link_->out);
+    }
+    for (ByteView rest = bytes; !rest.empty() && !link_->stopping;) {
+      const auto report = cp2110::next_data_report(rest);
+      if (hid_write(device_.get(), report.data(), report.size()) < 0) return false;
+    }
+    return true;
+  }
+
+  // A bridge that does not tell its status is no reason to stop: reading shows whether it is there.
+  void check() {
+    std::array<std::uint8_t, cp2110::status_bytes> report{cp2110::status_id};
+    const int n = hid_get_feature_report(device_.get(), report.data(), report.size());
+    const auto size = static_cast<std::size_t>(std::max(n, 0));
+    const auto status = cp2110::parse_status(ByteView(report).first(std::min(size, report.size())));
+    if (!status) return warn("does not tell its status; overruns go unseen", 0);
+    if (status->overrun) warn("overrun: the bridge lost bytes", 1);
+    if (status->parity_error) warn("the bridge received damaged bytes", 1);
+    std::uint64_t dropped = 0;
+    {
+      const std::lock_guard lock(link_->mutex);
+      std::swap(dropped, link_->dropped);
+    }
+    if (dropped > 0) warn("bytes were dropped because they were not fetched in time", dropped);
+  }
+
+  LinkPtr link_;
+  HidAddress address_;
+  std::uint32_t baud_;
+  Device device_;
+};
+
+class HidPort final : public BytePort {
+ public:
+  HidPort(boost::asio::io_context& io, HidAddress address, std::uint32_t baud)
+      : link_(std::make_shared<Link>(io)), address_(std::move(address)), baud_(baud) {}
+  ~HidPort() override {
+    link_->closed = true;
+    link_->work.reset();
+    link_->stopping = true;
+    if (thread_.joinable()) thread_.join();
+  }
+  HidPort(const HidPort&) = delete;
+  HidPort& operator=(const HidPort&) = delete;
+
+  void open(PortHandlers handlers) override {
+    link_->handlers = std::move(handlers);
+    thread_ = std::thread([worker = Worker(link_, address_, baud_)]() mutable { worker.run(); });
+  }
+  void write(ByteView bytes) override {
+    if (!link_->open) return;
+    const std::lock_guard lock(link_->mutex);
+    append(*link_, link_->out, bytes);
+  }
+
+ private:
+  LinkPtr link_;
+  HidAddress address_;
+  std::uint32_t baud_;
+  std::thread thread_;
+};
+
+}  // namespace
+
+void check_hid_baud(const HidAddress& address, std::uint32_t baud) {
+  if (baud < cp2110::min_baud || baud > cp2110::max_baud)
+    throw Error(ExitCode::config, name_of(address) + ": " + std::to_string(baud) +
+                                      " baud; a CP2110 does 300 to 1000000");
+}
+
+std::unique_ptr<BytePort> make_hid_port(boost::asio::io_context& io, const HidAddress& address,
+                                        std::uint32_t baud) {
+  return std::make_unique<HidPort>(io, address, baud);
+}
+
+}  // namespace echofuse::port

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: MIT
+#include "sim/devices/uart.hpp"
+
+#include <algorithm>
+
+namespace echofuse::sim {
+
+void Uart::send(ByteView bytes) {
+  queue_.insert(queue_.end(), bytes.begin(), bytes.end());
+  if (pacing_ || queue_.empty()) return;
+  pacing_ = true;
+  due_ = std::chrono::steady_clock::now();
+  pace();
+}
+
+void Uart::pace() {
+  if (queue_.empty()) {
+    pacing_ = false;
+    return;
+  }
+  // 8N1: ten bit times a byte. Deadlines are absolute, so that a late timer costs no throughput.
+  const double bytes_per_s = baud_ / 10.0;
+  const auto fits = static_cast<std::size_t>(
+      std::max(1.0, bytes_per_s * std::chrono::duration<double>(chunk_time_).count()));
+  const std::size_t n = std::min(fits, queue_.size());
+  due_ += std::chrono::duration_cast<std::chrono::steady_clock::duration>(
+      std::chrono::duration<double>(static_cast<double>(n) / bytes_per_s));
+  timer_.expires_at(due_);
+  timer_.async_wait([this, n](const boost::system::error_code& error) {
+    if (error) return;
+    const auto end = queue_.begin() + static_cast<std::ptrdiff_t>(n);
+    Bytes chunk(queue_.begin(), end);
+    queue_.erase(queue_.begin(), end);
+    const std::size_t arrived = deliver(std::move(chunk));
+    sent_ += arrived;
+    lost_ += n - arrived;
+    pace();
+  });
+}
+
+}  // namespace echofuse::sim

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: MIT
+// One UART of a board: it sends at its rate, whatever is at the other end of the wires.
+#pragma once
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+
+#include "drivers/core/bytes.hpp"
+#include "sim/devices/device.hpp"
+
+namespace echofuse::sim {
+
+class Uart {
+ public:
+  using Receive = std::function<void(ByteView)>;
+
+  // Sends in chunks of `chunk_time`: what the other end sees at once.
+  Uart(boost::asio::io_context& io, unsigned baud, std::chrono::milliseconds chunk_time)
+      : baud_(baud), chunk_time_(chunk_time), timer_(io) {}
+  virtual ~Uart() = default;
+  Uart(const Uart&) = delete;
+  Uart& operator=(const Uart&) = delete;
+
+  // Queued behind what is still being sent.
+  void send(ByteView bytes);
+  bool idle() const { return queue_.empty(); }
+  unsigned baud() const { return baud_; }
+  void set_baud(unsigned baud) { baud_ = baud; }
+  virtual void close() { timer_.cancel(); }
+
+  std::uint64_t sent() const { return sent_; }
+  std::uint64_t lost() const { return lost_; }  // nobody read, for longer than the host buffers
+
+ private:
+  // The bytes leave the wire; how many of them arrived.
+  virtual std::size_t deliver(Bytes chunk) = 0;
+  void pace();
+
+  unsigned baud_;
+  std::chrono::milliseconds chunk_time_;
+  boost::asio::steady_timer timer_;
+  std::deque<std::uint8_t> queue_;
+  std::chrono::steady_clock::time_point due_;
+  bool pacing_ = false;
+  std::uint64_t sent_ = 0, lost_ = 0;
+};
+
+// A radar board behind any two UARTs, made with the rates it starts with.
+using MakeUart = std::function<std::unique_ptr<Uart>(unsigned baud, Uart::Receive receive)>;
+std::unique_ptr<Device> make_radar_board(boost::asio::io_context& io, Stage& stage,
+                                         std::uint64_t seed, const MakeUart& make_cli,
+                                         const MakeUart& make_data);
+
+}  // namespace echofuse::sim

@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: MIT
+// On a tree with the kernel's layout: /sys/bus/usb/devices links to devices, interfaces below them.
+#include "drivers/inventory/inventory.hpp"
+
+#include <unistd.h>
+
+#include <catch2/catch.hpp>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+using namespace echofuse::inventory;
+namespace fs = std::filesystem;
+
+namespace {
+
+class Tree {
+ public:
+  Tree() {
+    std::string name = (fs::temp_directory_path() / "echofuse-XXXXXX").string();
+    REQUIRE(::mkdtemp(name.data()));
+    root_ = name;
+    fs::permissions(root_, fs::perms(0755));
+    fs::create_directories(root_ / "sys/bus/usb/devices");
+    fs::create_directories(root_ / "dev/serial/by-id");
+  }
+  ~Tree() { fs::remove_all(root_); }
+  Tree(const Tree&) = delete;
+  Tree& operator=(const Tree&) = delete;
+
+  Roots roots() const { return {dir("sys"), dir("dev")}; }
+  std::string dir(const std::string& name) const { return (root_ / name).string(); }
+
+  void device(const std::string& place, const std::string& vendor, const std::string& product,
+              const std::string& serial) {
+    const fs::path folder = root_ / "sys/devices/pci0/usb1" / place;
+    fs::create_directories(folder);
+    write(folder / "idVendor", vendor);
+    write(folder / "idProduct", product);
+    write(folder / "bcdDevice", "0302");
+    write(folder / "busnum", "1");
+    write(folder / "devnum", "7");
+    write(folder / "product", "A model");
+    if (!serial.empty()) write(folder / "serial", serial);
+    fs::create_directory_symlink("../../../devices/pci0/usb1/" + place,
+                                 root_ / "sys/bus/usb/devices" / place);
+  }
+  // `nodes`: the folder of the node below the interface, or empty.
+  void interface(const std::string& place, const std::string& number, const std::string& node) {
+    const fs::path folder =
+        root_ / "sys/devices/pci0/usb1" / place / (place + ":1." + std::to_string(stoi(number)));
+    fs::create_directories(folder / node);
+    write(folder / "bInterfaceNumber", number);
+    if (!node.empty()) write(root_ / "dev" / fs::path(node).filename(), "");
+  }
+  void by_id(const std::string& name, const std::string& node) {
+    fs::create_symlink("../../" + node, root_ / "dev/serial/by-id" / name);
+  }
+
+ private:
+  static void write(const fs::path& file, const std::string& text) {
+    std::ofstream(file) << text << '\n';
+  }
+  fs::path root_;
+};
+
+}  // namespace
+
+TEST_CASE("an XDS110: two ports with their roles and stable names") {
+  Tree tree;
+  tree.device("1-2", "0451", "bef3", "R0081038");
+  tree.interface("1-2", "00", "tty/ttyACM1");
+  tree.interface("1-2", "02", "");
+  tree.interface("1-2", "03", "tty/ttyACM0");
+  tree.by_id("usb-Texas_Instruments_XDS110_R0081038-if00", "ttyACM1");
+  tree.device("1-3", "046d", "c077", "");  // a mouse
+  const auto list = list_attached(tree.roots());
+  REQUIRE(list.size() == 1);
+  CHECK(list[0].serial == "R0081038");
+  CHECK(list[0].model == "A model");
+  CHECK(list[0].firmware == "3.02");
+  REQUIRE(list[0].nodes.size() == 2);
+  CHECK(list[0].nodes[0].key == "radar.cli");
+  CHECK(list[0].nodes[0].path == tree.dir("dev/ttyACM1"));
+  CHECK(list[0].nodes[0].address ==
+        "serial:" + tree.dir("dev/serial/by-id") + "/usb-Texas_Instruments_XDS110_R0081038-if00");
+  CHECK(list[0].nodes[1].key == "radar.data");
+  CHECK(list[0].nodes[1].address == "serial:" + tree.dir("dev/ttyACM0"));  // udev made no link
+  CHECK_FALSE(missing(list[0].nodes[0]));
+}
+
+TEST_CASE("a CP2105, whose nodes lie one level deeper, and one without its driver") {
+  Tree tree;
+  tree.device("1-2", "10c4", "ea70", "00E2");
+  tree.interface("1-2", "00", "ttyUSB0/tty/ttyUSB0");
+  tree.interface("1-2", "01", "");
+  const auto list = list_attached(tree.roots());
+  REQUIRE(list.size() == 1);
+  REQUIRE(list[0].nodes.size() == 2);
+  CHECK(list[0].nodes[0].key == "radar.cli");
+  CHECK(list[0].nodes[0].path == tree.dir("dev/ttyUSB0"));
+  CHECK(list[0].nodes[1].key == "radar.data");
+  CHECK_THAT(missing(list[0].nodes[1]).value(), Catch::Contains("is its driver"));
+}
+
+TEST_CASE("CP2110, Orbbec and Time Tagger: address by serial number, advice") {
+  Tree tree;
+  tree.device("1-1", "10c4", "ea80", "00A1");
+  tree.interface("1-1", "00", "0003:10C4:EA80.0001/hidraw/hidraw3");
+  tree.device("1-2", "10c4", "ea80", "");
+  tree.device("1-3", "2bc5", "0670", "CP1");
+  tree.device("1-4", "151f", "002b", "17");
+  const auto list = list_attached(tree.roots());
+  REQUIRE(list.size() == 4);
+  CHECK(list[0].nodes.at(0).path == tree.dir("dev/hidraw3"));
+  CHECK(list[0].nodes.at(0).address == "hid:10c4:ea80:00A1");
+  CHECK(list[1].nodes.at(0).address == "hid:10c4:ea80");
+  CHECK(list[1].nodes.at(0).path.empty());
+  CHECK(list[2].nodes.at(0).path == tree.dir("dev/bus/usb/001/007"));
+  CHECK_THAT(list[2].advice, Catch::Contains("depth.address"));
+  CHECK_THAT(list[3].advice, Catch::Contains("bridge:tcp"));
+}
+
+TEST_CASE("a node that may not be opened is told with the rules that help") {
+  Tree tree;
+  tree.device("1-2", "0451", "bef3", "R1");
+  tree.interface("1-2", "00", "tty/ttyACM0");
+  fs::permissions(tree.dir("dev/ttyACM0"), fs::perms(0));
+  const bool root = ::geteuid() == 0;
+  if (root) REQUIRE(::seteuid(65534) == 0);
+  const auto list = list_attached(tree.roots());
+  if (root) REQUIRE(::seteuid(0) == 0);
+  CHECK(missing(list.at(0).nodes.at(0)).value() == "no read/write permission on " +
+                                                       tree.dir("dev/ttyACM0") +
+                                                       ": install config/99-echofuse.rules");
+}
+
+TEST_CASE("no tree, no devices") {
+  CHECK(list_attached({"/nowhere/sys", "/nowhere/dev"}).empty());
+  CHECK_FALSE(radar_port("/dev/ttyACM0", {"/nowhere/sys", "/nowhere/dev"}));
+}
+
+TEST_CASE("which of a board's ports a path is") {
+  Tree tree;
+  tree.device("1-2", "0451", "bef3", "R1");
+  tree.interface("1-2", "00", "tty/ttyACM1");
+  tree.interface("1-2", "03", "tty/ttyACM0");
+  tree.device("1-3", "1a86", "7523", "");
+  tree.interface("1-3", "00", "ttyUSB0/tty/ttyUSB0");
+  const auto role = [&](const std::string& path) { return radar_port(path, tree.roots()); };
+  const std::string by_id = "/dev/serial/by-id/usb-";
+  CHECK(role(by_id + "Texas_Instruments_XDS110__03.00_R1-if00") == RadarPort::command);
+  CHECK(role(by_id + "Texas_Instruments_XDS110__03.00_R1-if03") == RadarPort::data);
+  CHECK(role(by_id + "Silicon_Labs_CP2105_Dual_UART_00E2-if00-port0") == RadarPort::command);
+  CHECK(role(by_id + "Silicon_Labs_CP2105_Dual_UART_00E2-if01-port0") == RadarPort::data);
+  CHECK_FALSE(role(by_id + "Texas_Instruments_XDS110__03.00_R1-if02"));
+  CHECK_FALSE(role(by_id + "FTDI_FT232R_A1-if00-port0"));
+  CHECK_FALSE(role(by_id + "XDS110-ifzz"));
+  CHECK_FALSE(role(by_id + "XDS110-if"));
+  CHECK(role("/dev/ttyACM1") == RadarPort::command);
+  CHECK(role("/dev/ttyACM0") == RadarPort::data);
+  CHECK_FALSE(role("/dev/ttyUSB0"));  // of another maker
+  CHECK_FALSE(role("/dev/ttyS0"));
+}
