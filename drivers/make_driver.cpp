@@ -8,6 +8,7 @@
 #include "drivers/port/open_port.hpp"
 #include "drivers/radar/radar_driver.hpp"
 #include "drivers/tdc/bridge_tdc.hpp"
+#include "drivers/tdc/usb_tdc.hpp"
 
 namespace echofuse {
 namespace {
@@ -24,8 +25,8 @@ std::unique_ptr<Driver> make_tdc(boost::asio::io_context& io, const TdcConfig& c
   if (std::holds_alternative<port::BridgeAddress>(address))
     return std::make_unique<tdc::BridgeTdc>(io, config.address,
                                             port::byte_opener(io, config.address), clock);
-  if (std::holds_alternative<port::UsbAddress>(address))
-    refuse(config.address, "USB time taggers are not in this version; use bridge:tcp://HOST:PORT");
+  if (const auto* usb = std::get_if<port::UsbAddress>(&address))
+    return std::make_unique<tdc::UsbTdc>(io, config.address, *usb, clock);
   refuse(config.address, "a time tagger is bridge:tcp://HOST:PORT or usb:VVVV:PPPP");
 }
 

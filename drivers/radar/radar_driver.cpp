@@ -114,7 +114,7 @@ void RadarDriver::on_frame(RadarFrame frame) {
   if (!running_ || !data_ || !configured) return;
   alive_ = true;
   if (!std::exchange(streaming_, true)) {
-    backoff_.reset();
+    backoff_.alive(clock_.now());
     last_failure_.clear();
     faulted_ = false;
     sink_->on_state(Sensor::radar, DeviceState::streaming, info_);

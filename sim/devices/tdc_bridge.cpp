@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: MIT
-#include <algorithm>
 #include <array>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/asio/write.hpp>
-#include <cmath>
 #include <deque>
 
-#include "sim/devices/device.hpp"
+#include "sim/devices/tag_stream.hpp"
 #include "sim/encode.hpp"
 
 namespace echofuse::sim {
@@ -18,18 +16,14 @@ using boost::asio::ip::tcp;
 using ErrorCode = boost::system::error_code;
 
 constexpr auto tick = std::chrono::milliseconds(5);
-constexpr double longest_block_s = 0.02;
-// On a busy machine the tags of a tick come later; what lags more than the device's memory is lost.
-constexpr double longest_tick_s = 0.1, device_memory_s = 1;
 constexpr char hello[] =
     R"({"model":"simulated time tagger","serial":"SIM-TDC-1","firmware":"1.0"})";
 
 class Bridge final : public TdcBridge {
  public:
   Bridge(boost::asio::io_context& io, Stage& stage, const TdcOptions& options)
-      : stage_(stage),
-        options_(options),
-        source_(stage.conditions(), options.tagging, options.window_s, options.seed),
+      : options_(options),
+        stream_(stage, options),
         acceptor_(io, {boost::asio::ip::address_v4::loopback(), options.port}),
         address_("bridge:tcp://127.0.0.1:" + std::to_string(acceptor_.local_endpoint().port())),
         socket_(io),
@@ -70,7 +64,7 @@ class Bridge final : public TdcBridge {
       ++clients_;
       sequence_ = 0;
       dropped_ = 0;
-      next_pulse_ = pulse_at(stage_.now_s());
+      stream_.start();
       const ByteView greeting{reinterpret_cast<const std::uint8_t*>(hello), sizeof hello - 1};
       enqueue(BlockKind::hello, greeting, 0);
       watch();
@@ -107,45 +101,12 @@ class Bridge final : public TdcBridge {
     timer_.expires_after(tick);
     timer_.async_wait([this](const ErrorCode& error) {
       if (error) return;
-      if (connected_) make_blocks();
+      if (connected_)
+        stream_.advance(
+            [this](ByteView tags, std::size_t count) { enqueue(BlockKind::tags, tags, count); },
+            [this](std::uint64_t tags) { drop(tags); });
       wait();
     });
-  }
-
-  std::int64_t pulse_at(double time_s) const {
-    return static_cast<std::int64_t>(std::floor(time_s * source_.laser_rate_hz()));
-  }
-  double time_of(std::int64_t pulse) const {
-    return static_cast<double>(pulse) / source_.laser_rate_hz();
-  }
-
-  // The pulses up to now, in blocks of one scene and at most longest_block_s each.
-  void make_blocks() {
-    std::int64_t now = pulse_at(stage_.now_s());
-    const auto lag_s = static_cast<double>(now - next_pulse_) / source_.laser_rate_hz();
-    if (lag_s > device_memory_s) {
-      drop(static_cast<std::uint64_t>(source_.mean_tags(now - next_pulse_)));
-      next_pulse_ = now;
-    }
-    now = std::min(now, pulse_at(time_of(next_pulse_) + longest_tick_s));
-    do {
-      const double from_s = time_of(next_pulse_) + 0.5 / source_.laser_rate_hz();
-      look(from_s);
-      const double until_s = std::min(from_s + longest_block_s, stage_.until(from_s));
-      const std::int64_t last = std::min(now, std::max(next_pulse_ + 1, pulse_at(until_s)));
-      if (last <= next_pulse_) break;
-      Bytes payload;
-      const std::size_t tags = source_.draw(next_pulse_, last, payload);
-      next_pulse_ = last;
-      enqueue(BlockKind::tags, payload, tags);
-    } while (next_pulse_ < now);
-  }
-
-  void look(double time_s) {
-    const Shown& shown = stage_.at(time_s);
-    if (shown.index == seen_) return;
-    source_.look_at(shown.spd);
-    seen_ = shown.index;
   }
 
   void enqueue(BlockKind kind, ByteView payload, std::size_t tags) {
@@ -183,9 +144,8 @@ class Bridge final : public TdcBridge {
       disconnect();
   }
 
-  Stage& stage_;
   TdcOptions options_;
-  PhotonSource source_;
+  TagStream stream_;
   tcp::acceptor acceptor_;
   std::string address_;
   tcp::socket socket_;
@@ -195,7 +155,6 @@ class Bridge final : public TdcBridge {
   std::size_t queued_bytes_ = 0;
   bool connected_ = false, writing_ = false, stopping_ = false;
   std::uint32_t sequence_ = 0;
-  std::int64_t next_pulse_ = 0, seen_ = -1;
   std::uint64_t dropped_ = 0, all_dropped_ = 0, clients_ = 0, blocks_ = 0, tags_ = 0;
 };
 

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: MIT
+// A time tagger on USB that speaks the protocol of USB.md.
+#pragma once
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "drivers/core/driver.hpp"
+#include "drivers/port/address.hpp"
+
+namespace echofuse::tdc {
+
+// Threading: as every driver. A thread of its own makes all libusb calls, copies and posts; at most
+// 64 MiB of tags are on their way, further ones are dropped and counted as lost items.
+class UsbTdc final : public Driver {
+ public:
+  UsbTdc(boost::asio::io_context& io, std::string address, port::UsbAddress usb,
+         const Clock& clock);
+  ~UsbTdc() override;
+  void start(SampleSink& sink) override;
+  void stop() override;  // waits for the thread: it cancels its transfers and tells the device
+  std::vector<Counter> counters() const override;
+
+ private:
+  struct Shared;
+  class Worker;
+  std::shared_ptr<Shared> shared_;
+  std::string address_;
+  port::UsbAddress usb_;
+  const Clock& clock_;
+  std::thread thread_;
+};
+
+}  // namespace echofuse::tdc

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: MIT
+// The tags of a scene in real time, in blocks, for whichever device sends them.
+#pragma once
+#include <functional>
+
+#include "sim/devices/device.hpp"
+
+namespace echofuse::sim {
+
+class TagStream {
+ public:
+  using Emit = std::function<void(ByteView tags, std::size_t count)>;
+  using Lose = std::function<void(std::uint64_t tags)>;
+
+  TagStream(Stage& stage, const TdcOptions& options);
+  // The tags from now on.
+  void start();
+  // The pulses up to now, in blocks of one scene and at most 20 ms each. A machine too busy to make
+  // them in time loses what lags more than the device's memory of a second.
+  void advance(const Emit& emit, const Lose& lose);
+
+ private:
+  std::int64_t pulse_at(double time_s) const;
+  double time_of(std::int64_t pulse) const;
+  void look(double time_s);
+
+  Stage& stage_;
+  PhotonSource source_;
+  std::int64_t next_pulse_ = 0, seen_ = -1;
+};
+
+}  // namespace echofuse::sim

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: MIT
+// A USB device with one vendor-specific interface and one bulk IN endpoint below Linux usbfs
+// (linux/usbdevice_fs.h): transfers wait until the device has data, packets end them early.
+#pragma once
+#include <array>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <string>
+
+#include "sim/usb/usb_bed.hpp"
+
+namespace echofuse::sim {
+
+struct UsbIdentity {
+  std::uint16_t vendor = 0, product = 0, release_bcd = 0x0100;
+  std::string manufacturer, name, serial;
+  std::uint8_t interface_subclass = 0, interface_protocol = 0;
+};
+
+// Threading: made, plugged, unplugged and destroyed on one thread; send(), halt(), waiting() on
+// any; the control handler is called on umockdev's thread, under the device's lock: it may not call
+// back.
+class UsbDevice final : public BedNode {
+ public:
+  static constexpr std::uint8_t bulk_in = 0x81;
+  static constexpr std::size_t packet_bytes = 512;  // high speed
+
+  struct Setup {
+    std::uint8_t type, request;
+    std::uint16_t value, index, length;
+    bool in() const { return type & 0x80; }
+  };
+  // Of vendor requests: the answer's bytes (none for OUT), no value: the device stalls.
+  using Control = std::function<std::optional<Bytes>(const Setup&)>;
+
+  UsbDevice(UsbBed& bed, const UsbIdentity& identity, Control control);
+  ~UsbDevice() override;
+
+  // A run of full packets and the short or empty packet that ends it.
+  void send(ByteView run);
+  // The same, but more packets will follow: what is not a whole packet waits for them.
+  void send_more(ByteView bytes);
+  std::size_t waiting() const;  // bytes sent that the host has not fetched
+  void clear();                 // forgets them
+  // The endpoint answers with STALL until the host clears it.
+  void halt();
+  std::uint64_t fetched() const;  // bytes that completed transfers carried
+  bool claimed() const;
+
+ private:
+  struct Transfer {
+    Client client;
+    ClientData urb;
+  };
+
+  void on_plug(int fifo) override;
+  void on_unplug() override;
+  Answer on_ioctl(Client client, unsigned long request, UMockdevIoctlData* argument) override;
+  void on_client_gone(Client client) override;
+
+  Answer capabilities(UMockdevIoctlData* argument);
+  Answer claim(Client client);
+  Answer submit(Client client, UMockdevIoctlData* argument);
+  Answer reap(Client client, UMockdevIoctlData* argument);
+  Answer discard(Client client, UMockdevIoctlData* argument);
+  void control(Transfer transfer);
+  std::optional<Bytes> string_descriptor(const Setup& setup) const;
+  void fill();
+  void finish(Transfer transfer, int status, std::size_t bytes);
+  void finish_all(int status);
+  void set_reapable(bool reapable);
+
+  UsbIdentity identity_;
+  Control control_;
+  mutable std::mutex mutex_;
+  std::deque<Transfer> pending_, done_;
+  std::deque<std::uint8_t> data_;
+  std::deque<std::size_t> ends_;  // places in data_ after which a transfer ends
+  Client owner_ = nullptr;
+  int fifo_ = -1;
+  bool reapable_ = false, gone_ = true, halted_ = false;
+  std::uint64_t fetched_ = 0;
+};
+
+}  // namespace echofuse::sim
