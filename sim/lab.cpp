@@ -17,6 +17,7 @@
 #include <sstream>
 
 #include "drivers/core/exit_code.hpp"
+#include "sim/usb_lab.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -185,8 +186,8 @@ struct Lab::Parts {
     remove(std::begin(lasting), std::end(lasting));
     const std::string label = options.play.hold_s > 0 ? "" : stage.at(0).scene.label;
     const auto seed = static_cast<std::uint64_t>(options.play.seed);
-    tdc = make_tdc_bridge(io, stage,
-                          {.tagging = options.tagging, .window_s = options.window_s, .seed = seed});
+    const std::string tdc_address =
+        make_tdc({.tagging = options.tagging, .window_s = options.window_s, .seed = seed});
     radar = make_radar_ptys(io, stage,
                             {.cli_link = (dir / "radar-cli").string(),
                              .data_link = (dir / "radar-data").string(),
@@ -194,8 +195,20 @@ struct Lab::Parts {
     depth = make_depth_feed(io, stage, {.socket_path = (dir / "depth.sock").string()});
     make_openni(dir);
     write_file(dir / "radar.cfg", cfg);
-    write_file(dir / "lab.toml.new", lab_toml(options, dir, tdc->address(), label));
+    write_file(dir / "lab.toml.new", lab_toml(options, dir, tdc_address, label));
     fs::rename(dir / "lab.toml.new", dir / "lab.toml");
+  }
+
+  // Returns its address.
+  std::string make_tdc(const TdcOptions& wanted) {
+    if (options.usb) {
+      usb = UsbLab::make(io, stage, wanted);
+      tdc = &usb->tdc();
+      return usb->tdc_address();
+    }
+    bridge = make_tdc_bridge(io, stage, wanted);
+    tdc = bridge.get();
+    return bridge->address();
   }
 
   LabOptions options;
@@ -203,7 +216,9 @@ struct Lab::Parts {
   DirectoryLock lock;
   boost::asio::io_context io;
   Stage stage;
-  std::unique_ptr<TdcBridge> tdc;
+  std::unique_ptr<UsbLab> usb;
+  std::unique_ptr<TdcBridge> bridge;
+  Device* tdc = nullptr;  // one of the two
   std::unique_ptr<Device> radar, depth;
 };
 
@@ -220,13 +235,18 @@ std::string Lab::daemon_command() const {
          shell_word((parts_->dir / "lab.toml").string()) + " --out run.sqlite";
 }
 
+std::vector<std::pair<std::string, std::string>> Lab::environment() const {
+  std::vector<std::pair<std::string, std::string>> all;
+  if (parts_->usb) all = parts_->usb->environment();
+  all.emplace_back("LD_LIBRARY_PATH", (parts_->dir / "openni").string());
+  return all;
+}
+
 void Lab::serve(const std::function<bool()>& done) {
   constexpr auto step = std::chrono::milliseconds(50);
   constexpr auto patience = std::chrono::seconds(1);
   while (!done()) parts_->io.run_for(step);
-  for (Device* device :
-       {static_cast<Device*>(parts_->tdc.get()), parts_->radar.get(), parts_->depth.get()})
-    device->stop();
+  for (Device* device : {parts_->tdc, parts_->radar.get(), parts_->depth.get()}) device->stop();
   parts_->io.run_for(patience);
   parts_->remove(std::begin(transient), std::end(transient));
   write_file(parts_->dir / "sent.json", sent() + "\n");

@@ -13,6 +13,8 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "sim/conditions.hpp"
 #include "sim/devices/device.hpp"
@@ -26,6 +28,7 @@ struct LabOptions {
   Tagging tagging;
   double window_s = 3;    // of the daemon; signal and background counts are per window
   std::string radar_cfg;  // empty: the paper's 50 cm profile
+  bool usb = false;       // the time tagger on emulated USB: only commands of serve() can see it
 };
 
 class Lab {
@@ -39,6 +42,8 @@ class Lab {
 
   // The shell command that records from this laboratory.
   std::string daemon_command() const;
+  // What a program needs in its environment to use the devices.
+  std::vector<std::pair<std::string, std::string>> environment() const;
   // Serves until `done`, which is asked some 20 times a second; then stops all devices, removes
   // links and sockets and writes sent.json.
   void serve(const std::function<bool()>& done);

@@ -13,6 +13,8 @@
 #include "drivers/core/console.hpp"
 #include "sim/dataset.hpp"
 #include "sim/lab.hpp"
+#include "sim/lab_command.hpp"
+#include "sim/usb_lab.hpp"
 
 namespace {
 
@@ -126,6 +128,7 @@ struct LabArguments {
   std::optional<std::int64_t> seed;
   double duration_s = 0;
   bool json = false;
+  std::vector<std::string> command;  // to run in the laboratory
 };
 
 void print_sent(const std::string& sent) {
@@ -137,7 +140,12 @@ void print_sent(const std::string& sent) {
   }
 }
 
-ExitCode run_lab(LabArguments& a) {
+ExitCode run_lab(LabArguments& a, char** argv) {
+  if (a.options.usb && a.command.empty())
+    throw Error(ExitCode::usage,
+                "--usb: only a command started by the laboratory sees its USB devices; add e.g. -- "
+                "echofuse-acquire run --config lab/lab.toml --out monday");
+  if (a.options.usb) sim::UsbLab::enter(argv);
   catch_interrupts();
   sim::Plan plan;  // the same file configures a data set
   Settings settings;
@@ -149,6 +157,7 @@ ExitCode run_lab(LabArguments& a) {
   a.options.play.seed = a.seed.value_or(plan.seed);
   const SystemClock clock;
   sim::Lab lab(clock, a.options);
+  if (!a.command.empty()) return sim::serve_command(lab, a.command);
   std::cerr << "the laboratory is open; Ctrl-C closes it. To record from it:\n";
   std::cout << lab.daemon_command() << std::endl;
   const HostTime end = clock.now() + from_seconds(a.duration_s);
@@ -160,7 +169,7 @@ ExitCode run_lab(LabArguments& a) {
   return ExitCode::ok;
 }
 
-void add_lab(CLI::App& app, Command& command) {
+void add_lab(CLI::App& app, Command& command, char** argv) {
   auto* sub = app.add_subcommand("lab", "start a laboratory of simulated devices");
   auto a = std::make_shared<LabArguments>();
   auto& o = a->options;
@@ -187,7 +196,10 @@ void add_lab(CLI::App& app, Command& command) {
   sub->add_option("--config", a->config, "TOML file of settings");
   sub->add_option("--set", a->settings, "key=value, over the file's")->allow_extra_args(false);
   sub->add_flag("--json", a->json, "what was sent as one JSON object");
-  sub->callback([&command, a] { command = [a] { return run_lab(*a); }; });
+  sub->add_flag("--usb", o.usb, "the time tagger on emulated USB instead of the bridge");
+  sub->add_option("command", a->command, "run this in the laboratory, and close it afterwards")
+      ->option_text("-- COMMAND ...");
+  sub->callback([&command, a, argv] { command = [a, argv] { return run_lab(*a, argv); }; });
 }
 
 void add_config(CLI::App& app, Command& command) {
@@ -219,7 +231,7 @@ ExitCode run(int argc, char** argv) {
   app.require_subcommand(1);
   Command command;
   add_dataset(app, command);
-  add_lab(app, command);
+  add_lab(app, command, argv);
   add_config(app, command);
   try {
     app.parse(argc, argv);

@@ -39,7 +39,17 @@ constexpr Kind kinds[] = {
      "depth.address = \"bridge:tcp://HOST:PORT\""},
 };
 
+// Known by its interface, whoever made it (drivers/tdc/USB.md).
+constexpr Kind tag_stream{0, 0, "USB time tagger", Access::usb, 0, ""};
+
+bool streams_tags(const UsbDevice& d) {
+  return std::any_of(d.interfaces.begin(), d.interfaces.end(), [](const UsbInterface& i) {
+    return i.device_class == 0xff && i.subclass == 0x45 && i.protocol == 0x01;
+  });
+}
+
 const Kind* kind_of(const UsbDevice& d) {
+  if (streams_tags(d)) return &tag_stream;
   for (const Kind& k : kinds)
     if (k.vendor == d.vendor && (k.product == 0 || k.product == d.product)) return &k;
   return nullptr;
@@ -108,7 +118,12 @@ std::vector<Node> hid_nodes(const UsbDevice& d, const Roots& roots) {
 std::vector<Node> usb_nodes(const UsbDevice& d, const Roots& roots) {
   char place[32];
   std::snprintf(place, sizeof place, "bus/usb/%03u/%03u", d.bus, d.number);
-  return {node_of((fs::path(roots.dev) / place).string())};
+  Node node = node_of((fs::path(roots.dev) / place).string());
+  if (streams_tags(d)) {
+    node.key = "tdc.address";
+    node.address = by_serial("usb", d);
+  }
+  return {node};
 }
 
 Attached describe(const Kind& kind, const UsbDevice& d, const Roots& roots) {

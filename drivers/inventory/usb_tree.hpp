@@ -9,7 +9,7 @@
 namespace echofuse::inventory {
 
 struct UsbInterface {
-  unsigned number = 0, device_class = 0;
+  unsigned number = 0, device_class = 0, subclass = 0, protocol = 0;
   std::string name;                // the interface's string, if it has one
   std::vector<std::string> nodes;  // names below /dev: "ttyACM0", "hidraw3"
 };

@@ -5,9 +5,10 @@
 #include <cstring>
 
 #include "../drivers/sink.hpp"
+#include "drivers/inventory/inventory.hpp"
 #include "drivers/make_driver.hpp"
 #include "drivers/tdc/usb_protocol.hpp"
-#include "sim/usb/usb_device.hpp"
+#include "sim/usb/tdc_usb.hpp"
 
 using namespace echofuse;
 using namespace echofuse::test;
@@ -127,6 +128,61 @@ TEST_CASE("a USB tagger is found, started, read and stopped") {
   CHECK_FALSE(b.device.claimed());
 }
 
+TEST_CASE("the listing finds a USB tagger by its interface") {
+  Bench b;
+  const auto list = inventory::list_attached();
+  REQUIRE(list.size() == 1);
+  CHECK(list[0].kind == "USB time tagger");
+  CHECK(list[0].nodes.at(0).key == "tdc.address");
+  CHECK(list[0].nodes.at(0).address == address);
+}
+
+TEST_CASE("all tags of the simulated device arrive") {
+  sim::UsbBed bed;
+  const SystemClock clock;
+  boost::asio::io_context io;
+  sim::Conditions conditions;
+  sim::Stage stage(clock, conditions, {});
+  sim::TdcOptions options;
+  options.window_s = 0.5;
+  const auto tagger = sim::make_tdc_usb(io, stage, bed, options);
+  const auto tags_sent = [&] { return tagger->sent().at(0).second; };
+  KeepingSink sink;
+  const auto driver = make_tdc(io, {tagger->address()}, clock);
+  driver->start(sink);
+  REQUIRE(run_until(io, [&] { return tags_sent() > 500'000; }));
+  tagger->stop();
+  CHECK(run_until(io, [&] { return sink.tags.size() == tags_sent(); }));
+  CHECK(counter(*driver, "junk_bytes") == 0);
+  CHECK(std::is_sorted(sink.tags.begin(), sink.tags.end(),
+                       [](const Tag& a, const Tag& b) { return a.time_ps < b.time_ps; }));
+}
+
+TEST_CASE("a device whose memory is full says what it lost, in the stream") {
+  sim::UsbBed bed;
+  const SystemClock clock;
+  boost::asio::io_context io;
+  sim::Conditions conditions;
+  sim::Stage stage(clock, conditions, {});
+  sim::TdcOptions options;
+  options.window_s = 0.5;
+  options.send_queue_bytes = 22'000;  // about what it makes between two runs
+  const auto tagger = sim::make_tdc_usb(io, stage, bed, options);
+  KeepingSink sink;
+  const auto driver = make_tdc(io, {tagger->address()}, clock);
+  driver->start(sink);
+  const auto total = [&](TagType type) {
+    std::uint64_t n = 0;
+    for (const Tag& tag : sink.tags)
+      n += tag.type != type ? 0u : type == TagType::missed_events ? tag.missed_events : 1u;
+    return n;
+  };
+  const auto lost = [&] { return tagger->sent().at(1).second; };
+  CHECK(run_until(io, [&] { return lost() > 0 && total(TagType::missed_events) == lost(); }));
+  CHECK(total(TagType::overflow_begin) > 0);
+  CHECK(total(TagType::overflow_begin) == total(TagType::overflow_end));
+}
+
 TEST_CASE("records may be cut anywhere between transfers; short and empty packets are no loss") {
   Bench b;
   b.connect();
@@ -196,8 +252,8 @@ TEST_CASE("a stalled endpoint is cleared, and the gap is told") {
 TEST_CASE("unplugged in mid-transfer and plugged in again") {
   Bench b;
   b.connect();
-  const int cycles = 10;
-  for (int i = 1; i <= cycles; ++i) {
+  const std::size_t cycles = std::getenv("ECHOFUSE_LONG") ? 100 : 3;
+  for (std::size_t i = 1; i <= cycles; ++i) {
     b.device.send_more(b.tags(1000));  // waits in a transfer that is not full
     b.device.unplug();
     REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::faulted; }));
