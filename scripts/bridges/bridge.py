@@ -93,7 +93,7 @@ class Server:
         self._sequence = self._lost = 0
         self._leaving = False
         self._closed_by = None
-        self._last_sent = 0.0
+        self._last_hello = 0.0
         self.clients = self.sent = self.dropped = 0
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -194,31 +194,39 @@ class Server:
         return True
 
     def _stay_alive(self):
-        if not self._queue and self._hello and time.monotonic() - self._last_sent > HELLO_PAUSE_S:
-            self._put(HELLO, self._hello)
+        """Also while data flow: the first hello may have been damaged."""
+        due = time.monotonic() > self._last_hello + HELLO_PAUSE_S
+        if due and self._hello and self._queued_bytes + HEADER_BYTES + len(self._hello) <= self._limit:
+            self._greet()
+
+    def _greet(self):
+        self._put(HELLO, self._hello)
+        self._last_hello = time.monotonic()
 
     def _accept(self):
         try:
             client, peer = self._listener.accept()
         except OSError:
             return
-        with self._lock:
-            welcome = self._hello is not None and self._client is None
         client.setblocking(False)
-        if not welcome:
-            say(f"{peer[0]}:{peer[1]} was sent away: " + ("another client is there" if self._client else "no device"))
-            return send_away(client)
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, DEAD_CLIENT_MS)
+        if not self._welcome(client):
+            say(f"{peer[0]}:{peer[1]} was sent away: " + ("another client is there" if self._client else "no device"))
+            return send_away(client)
         self._selector.register(client, selectors.EVENT_READ)
+        say(f"client {peer[0]}:{peer[1]}")
+
+    def _welcome(self, client):
         with self._lock:
+            if self._hello is None or self._client is not None:
+                return False
             self._client = client
             self._leaving = False
             self._sequence = self._lost = 0
-            self._last_sent = time.monotonic()
             self.clients += 1
-            self._put(HELLO, self._hello or b"{}")
-        say(f"client {peer[0]}:{peer[1]}")
+            self._greet()
+        return True
 
     def _serve(self, events):
         try:
@@ -235,7 +243,6 @@ class Server:
         data, items = self._queue[0]
         done = self._client.send(data)
         with self._lock:
-            self._last_sent = time.monotonic()
             self._queued_bytes -= done
             if done < len(data):
                 self._queue[0] = (memoryview(data)[done:], items)

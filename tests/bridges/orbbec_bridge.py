@@ -11,7 +11,7 @@ import unittest
 from unittest import mock
 
 import testing
-from testing import Client, Program, golden, np
+from testing import Client, Program, connect, golden, np
 
 import bridge
 import orbbec
@@ -161,7 +161,7 @@ class Process(unittest.TestCase):
             with Client(program.address) as client:
                 client.until(bridge.BYE)
             testing.wait_for("camera", lambda: program.calls().count(("start",)) == 2)
-            with Client(program.address) as client:
+            with connect(program.address) as client:
                 client.until(bridge.DEPTH)
             self.assertEqual(program.stop(), 0)
 

@@ -9,7 +9,7 @@ import tempfile
 import unittest
 
 import testing
-from testing import Client, Program, golden, np
+from testing import Client, Program, connect, golden, np
 
 import bridge
 import recorder
@@ -190,7 +190,7 @@ class Process(unittest.TestCase):
                 self.assertRaises(EOFError, client.block)
             calls = program.calls
             testing.wait_for("device", lambda: [c[0] for c in calls()].count("TimeTagStream") == 2)
-            with Client(program.address) as client:
+            with connect(program.address) as client:
                 client.until(bridge.TAGS)
             opening = [c for c in calls()[: calls().index(("freeTimeTagger",))] if c[0] != "stop"]
             self.assertEqual(calls()[-len(opening):], opening)  # all settings once more
