@@ -14,7 +14,8 @@
 //    32        payload
 //
 //   hello  UTF-8 JSON {"model": "...", "serial": "...", "firmware": "..."}; other keys are ignored.
-//          The first block. Repeated, it is a sign of life: a sender is silent for at most 1 s.
+//          The first block, and again about every second: as a sign of life (a sender is silent for
+//          at most 1 s), and in place of a damaged first one: blocks without a hello are not used.
 //   tags   n * 16 bytes as in drivers/core/sample.hpp; n may be 0
 //   depth  u32 width, u32 height, u64 device time in us, u32 frame index,
 //          f32 x_start, x_step, y_start, y_step (tangents, drivers/core/axis.hpp),

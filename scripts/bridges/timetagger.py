@@ -3,6 +3,7 @@
 """Serves the tags of a Swabian Instruments Time Tagger over the echofuse bridge protocol, through the
 vendor's own Python library. echofuse connects with tdc.address = "bridge:tcp://HOST:PORT"."""
 import argparse
+import importlib
 import sys
 
 import bridge
@@ -159,14 +160,15 @@ class Tagger:
 
 
 def import_library():
-    try:
-        from Swabian import TimeTagger
-    except ImportError:
+    """Newer versions come as Swabian.TimeTagger, older ones as TimeTagger."""
+    faults = []
+    for name in ("Swabian.TimeTagger", "TimeTagger"):
         try:
-            import TimeTagger
+            return importlib.import_module(name)
         except ImportError as error:
-            bridge.fail(f"{error}; install the Time Tagger software of Swabian Instruments for this Python")
-    return TimeTagger
+            faults.append(str(error))
+    bridge.fail(f"{'; '.join(dict.fromkeys(faults))}; install the Time Tagger software of Swabian Instruments for this "
+                "Python")
 
 
 def main():

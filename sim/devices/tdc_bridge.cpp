@@ -21,6 +21,7 @@ constexpr auto tick = std::chrono::milliseconds(5);
 constexpr double longest_block_s = 0.02;
 // On a busy machine the tags of a tick come later; what lags more than the device's memory is lost.
 constexpr double longest_tick_s = 0.1, device_memory_s = 1;
+constexpr double hello_pause_s = 0.9;
 constexpr char hello[] =
     R"({"model":"simulated time tagger","serial":"SIM-TDC-1","firmware":"1.0"})";
 
@@ -71,10 +72,14 @@ class Bridge final : public TdcBridge {
       sequence_ = 0;
       dropped_ = 0;
       next_pulse_ = pulse_at(stage_.now_s());
-      const ByteView greeting{reinterpret_cast<const std::uint8_t*>(hello), sizeof hello - 1};
-      enqueue(BlockKind::hello, greeting, 0);
+      greet();
       watch();
     });
+  }
+
+  void greet() {
+    enqueue(BlockKind::hello, {reinterpret_cast<const std::uint8_t*>(hello), sizeof hello - 1}, 0);
+    next_hello_s_ = stage_.now_s() + hello_pause_s;
   }
 
   // A client sends nothing; what ends this read is that he is gone.
@@ -107,6 +112,7 @@ class Bridge final : public TdcBridge {
     timer_.expires_after(tick);
     timer_.async_wait([this](const ErrorCode& error) {
       if (error) return;
+      if (connected_ && stage_.now_s() > next_hello_s_) greet();
       if (connected_) make_blocks();
       wait();
     });
@@ -195,6 +201,7 @@ class Bridge final : public TdcBridge {
   std::size_t queued_bytes_ = 0;
   bool connected_ = false, writing_ = false, stopping_ = false;
   std::uint32_t sequence_ = 0;
+  double next_hello_s_ = 0;
   std::int64_t next_pulse_ = 0, seen_ = -1;
   std::uint64_t dropped_ = 0, all_dropped_ = 0, clients_ = 0, blocks_ = 0, tags_ = 0;
 };
