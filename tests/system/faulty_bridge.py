@@ -12,7 +12,7 @@ import tomllib
 import unittest
 
 import live
-from live import WINDOW_S, wait_for
+from live import wait_for
 
 
 class Proxy:
