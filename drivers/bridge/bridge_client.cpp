@@ -5,8 +5,12 @@
 
 namespace echofuse::bridge {
 namespace {
-// A sender is silent for at most a second; a busy machine may stretch that.
-constexpr std::chrono::seconds silence_limit{5};
+// A sender is silent for at most a second; a busy machine may stretch that. After two seconds
+// without a block, what waits for its end is given up (8 MB/s bring 16 MiB in time), after four the
+// connection.
+constexpr std::chrono::seconds look_pause{1};
+constexpr int patience_block = 2, patience_connection = 4;
+
 }  // namespace
 
 BridgeClient::BridgeClient(boost::asio::io_context& io, port::ByteOpener opener, const Clock& clock)
@@ -34,6 +38,7 @@ std::vector<Counter> BridgeClient::counters() const {
           {"bad_crcs", c.bad_crcs},
           {"gaps", c.gaps},
           {"lost_blocks", c.lost_blocks},
+          {"duplicates", c.duplicates},
           {"bad_payloads", bad_payloads_},
           {"connections", connections_}};
 }
@@ -41,6 +46,8 @@ std::vector<Counter> BridgeClient::counters() const {
 void BridgeClient::connect() {
   parser_.reset();
   greeted_ = false;
+  quiet_looks_ = 0;
+  blocks_seen_ = parser_.counts().blocks;
   port_ = opener_();
   port_->open({.opened = [this] { ++connections_; },
                .bytes =
@@ -53,23 +60,34 @@ void BridgeClient::connect() {
 }
 
 void BridgeClient::watch() {
-  alive_ = false;
-  timer_.after(silence_limit, [this] {
-    if (alive_) return watch();
-    fail(greeted_ ? "nothing came for 5 s" : "no hello within 5 s: is this an echofuse bridge?");
-  });
+  timer_.after(look_pause, [this] { look(); });
+}
+
+// Without a hello it is no sign of life that blocks come.
+void BridgeClient::look() {
+  const bool alive =
+      std::exchange(blocks_seen_, parser_.counts().blocks) != parser_.counts().blocks && greeted_;
+  quiet_looks_ = alive ? 0 : quiet_looks_ + 1;
+  if (quiet_looks_ == patience_connection)
+    return fail(greeted_ ? "no block came for 4 s"
+                         : "no hello within 4 s: is this an echofuse bridge?");
+  if (quiet_looks_ == patience_block)
+    parser_.give_up([this, now = clock_.now()](const Block& block) { on_block(block, now); });
+  if (port_) watch();
 }
 
 // After stop() or a failure the parser may still have blocks in hand: they belong to no one.
 void BridgeClient::on_block(Block block, HostTime received) {
   if (!running_ || !port_) return;
-  alive_ = true;
   // What a hello or an early block says is missing belongs to the next block that is delivered.
   lost_blocks_ += block.lost_blocks;
   dropped_items_ += block.dropped_items;
   if (block.kind == BlockKind::bye) return fail("the bridge said goodbye");
   if (block.kind == BlockKind::hello) return on_hello(block);
-  if (!greeted_) return;
+  if (!greeted_) {
+    ++lost_blocks_;
+    return;
+  }
   // Only now is it well: a bridge that greets and closes at once is retried ever more rarely.
   backoff_.alive(clock_.now());
   last_failure_.clear();

@@ -40,6 +40,7 @@ class BridgeClient {
   void on_block(Block block, HostTime received);
   void on_hello(const Block& block);
   void watch();
+  void look();
   void fail(const std::string& why);
 
   port::ByteOpener opener_;
@@ -49,8 +50,10 @@ class BridgeClient {
   Handlers handlers_;
   BlockParser parser_;
   Hello hello_;
-  std::string last_failure_;  // told once, not at every attempt
-  bool running_ = false, faulted_ = false, greeted_ = false, rejoined_ = false, alive_ = false;
+  std::string last_failure_;       // told once, not at every attempt
+  std::uint64_t blocks_seen_ = 0;  // at the last look
+  int quiet_looks_ = 0;
+  bool running_ = false, faulted_ = false, greeted_ = false, rejoined_ = false;
   std::uint64_t connections_ = 0, bad_payloads_ = 0;
   std::uint64_t lost_blocks_ = 0, dropped_items_ = 0;  // not yet handed on
   std::unique_ptr<port::BytePort> port_;

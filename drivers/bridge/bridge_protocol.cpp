@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "drivers/core/crc32c.hpp"
 
@@ -71,6 +72,16 @@ void BlockParser::reset() {
   counts_.junk_bytes += buffer_.held().size();
   buffer_.clear();
   expected_ = 0;
+  recent_ = {};
+}
+
+void BlockParser::give_up(const OnBlock& on_block) {
+  if (buffer_.held().size() < header_bytes) return;
+  const Bytes held(buffer_.held().begin(), buffer_.held().end());
+  buffer_.clear();
+  ++counts_.bad_headers;
+  const ByteView rest = ByteView(held).subspan(skip_junk(held).used);
+  buffer_.feed(rest, [&](ByteView view) { return next(view, on_block); });
 }
 
 Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
@@ -89,6 +100,10 @@ Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
     return skip_junk(bytes);
   }
   ++counts_.blocks;
+  if (seen_before(header.sequence, header.crc)) {
+    ++counts_.duplicates;
+    return {size, 0};
+  }
   on_block({.kind = static_cast<BlockKind>(header.kind),
             .sequence = header.sequence,
             .dropped_items = header.dropped_items,
@@ -103,6 +118,12 @@ Step BlockParser::skip_junk(ByteView bytes) {
   while (at < bytes.size() && !starts_with_magic(bytes.subspan(at))) ++at;
   counts_.junk_bytes += at;
   return {at, 0};
+}
+
+// A sender that numbers its blocks anew would hardly meet the same CRC.
+bool BlockParser::seen_before(std::uint32_t sequence, std::uint32_t crc) {
+  const std::uint64_t key = std::uint64_t{sequence} << 32 | crc;
+  return std::exchange(recent_[sequence % recent_.size()], key) == key;
 }
 
 std::uint32_t BlockParser::lost_before(std::uint32_t sequence) {

@@ -14,13 +14,15 @@
 //    32        payload
 //
 //   hello  UTF-8 JSON {"model": "...", "serial": "...", "firmware": "..."}; other keys are ignored.
-//          The first block. Repeated, it is a sign of life: a sender is silent for at most 1 s.
+//          The first block, and again about every second: as a sign of life (a sender is silent for
+//          at most 1 s), and in place of a damaged first one: blocks without a hello are not used.
 //   tags   n * 16 bytes as in drivers/core/sample.hpp; n may be 0
 //   depth  u32 width, u32 height, u64 device time in us, u32 frame index,
 //          f32 x_start, x_step, y_start, y_step (tangents, drivers/core/axis.hpp),
 //          then width * height * u16 z in mm, row-major, top row first, 0 = no measurement
 //   bye    empty; the sender closes the connection
 #pragma once
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -56,6 +58,7 @@ struct BlockCounts {
   std::uint64_t bad_crcs = 0;
   std::uint64_t gaps = 0;         // places where blocks are missing
   std::uint64_t lost_blocks = 0;  // how many are
+  std::uint64_t duplicates = 0;   // sound, but handed on before: part of `blocks`
 };
 
 // Bytes -> sound blocks. It searches for the magic only where a header is implausible or a CRC
@@ -65,6 +68,9 @@ class BlockParser {
   using OnBlock = std::function<void(const Block&)>;
 
   void feed(ByteView bytes, const OnBlock& on_block);
+  // The rest of the block that is waited for does not come: its header may lie about the length
+  // and hide the blocks behind it. Goes on with those.
+  void give_up(const OnBlock& on_block);
   // A new connection: what waits is junk, and the sequence starts at 0. Not from inside on_block.
   void reset();
   const BlockCounts& counts() const { return counts_; }
@@ -72,11 +78,13 @@ class BlockParser {
  private:
   Step next(ByteView bytes, const OnBlock& on_block);
   Step skip_junk(ByteView bytes);
+  bool seen_before(std::uint32_t sequence, std::uint32_t crc);
   std::uint32_t lost_before(std::uint32_t sequence);
 
   FrameBuffer buffer_;
   BlockCounts counts_;
   std::uint32_t expected_ = 0;
+  std::array<std::uint64_t, 16> recent_{};  // sequence and CRC of the last blocks
 };
 
 struct Hello {

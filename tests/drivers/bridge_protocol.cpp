@@ -3,9 +3,8 @@
 
 #include <catch2/catch.hpp>
 
-#include "drivers/core/crc32c.hpp"
+#include "blocks.hpp"
 #include "drivers/core/random.hpp"
-#include "hex.hpp"
 
 using namespace echofuse;
 using namespace echofuse::bridge;
@@ -45,20 +44,10 @@ std::vector<Seen> feed(BlockParser& parser, ByteView bytes) {
   return feed(parser, bytes, [&] { return bytes.size(); });
 }
 
-// The same bits as golden, to build longer streams from.
 Bytes tag_block(std::uint32_t sequence, std::size_t tags) {
   Bytes payload;
   for (std::size_t i = 0; i < tags; ++i) put(payload, Tag{.channel = 1, .time_ps = 1000});
-  Bytes block;
-  for (const char c : {'E', 'F', 'B', 'R'}) put(block, c);
-  put(block, std::uint16_t{1});
-  put(block, std::uint16_t{1});
-  put(block, sequence);
-  put(block, static_cast<std::uint32_t>(payload.size()));
-  put(block, std::uint64_t{0});
-  put(block, std::uint32_t{0});
-  put(block, crc32c(payload, crc32c(block)));
-  return join({block, payload});
+  return test::make_block(BlockKind::tags, sequence, payload);
 }
 
 }  // namespace

@@ -1,0 +1,352 @@
+# SPDX-License-Identifier: MIT
+"""What the bridges share: the blocks of the bridge protocol (README, "Bridge protocol"), the server
+with its one client, and the loop around a device that comes and goes."""
+import argparse
+import collections
+import json
+import pathlib
+import selectors
+import signal
+import socket
+import struct
+import sys
+import threading
+import time
+
+HELLO, TAGS, DEPTH, BYE = range(4)
+HEADER_BYTES, MAX_PAYLOAD_BYTES = 32, 16 << 20
+USAGE, NO_DEVICE = 2, 4  # exit codes, as of the echofuse programs
+
+QUEUE_BYTES = 64 << 20   # what waits for a slow client; more is dropped and counted
+HELLO_PAUSE_S = 0.5      # the protocol asks for a sign of life at least every second
+FAREWELL_S = 2.0         # for the rest of the queue when the bridge ends
+DEAD_CLIENT_MS = 10_000  # a peer that acknowledges nothing for so long is gone
+LONGEST_RETRY_S = 2.0
+
+
+def say(text):
+    print(f"{pathlib.Path(sys.argv[0]).stem}: {text}", file=sys.stderr, flush=True)
+
+
+def fail(text, code=NO_DEVICE):
+    say(text)
+    sys.exit(code)
+
+
+try:
+    import crc32c
+    import numpy  # noqa: F401  the device's data come in its arrays
+except ImportError as error:
+    fail(f"{error}; the bridges need numpy and crc32c (Debian: python3-numpy python3-crc32c)")
+
+
+def block(kind, sequence, payload, dropped=0):
+    """The header of a block; the payload is anything with bytes in it."""
+    header = struct.pack("<4sHHIIQI", b"EFBR", 1, kind, sequence & 0xFFFFFFFF, len(payload), dropped, 0)
+    return header + struct.pack("<I", crc32c.crc32c(payload, crc32c.crc32c(header)))
+
+
+def listen_address(text):
+    """HOST:PORT or [IPV6]:PORT, for argparse."""
+    host, colon, port = text.rpartition(":")
+    if not colon or not host or not port.isdigit() or int(port) > 65535:
+        raise argparse.ArgumentTypeError(f"{text!r} is not HOST:PORT")
+    return host.strip("[]"), int(port)
+
+
+def number(kind, low, high):
+    """For argparse: a number of this kind from low to high."""
+    def parse(text):
+        try:
+            value = kind(text)
+        except ValueError:
+            value = None
+        if value is None or not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text!r} is not a number from {low} to {high}")
+        return value
+    return parse
+
+
+class Server:
+    """One client at a time; a second one is sent away with a goodbye.
+
+    Threading: the device's thread calls send(), lose(), online(), offline() and close(); a thread of
+    its own owns the sockets. `_lock` guards the queue and the counts."""
+
+    def __init__(self, address, queue_bytes=QUEUE_BYTES):
+        family = socket.AF_INET6 if ":" in address[0] else socket.AF_INET
+        self._listener = socket.create_server(address, family=family)
+        self._listener.setblocking(False)
+        self.address = self._listener.getsockname()[:2]
+        self._wake_out, self._wake_in = socket.socketpair()
+        self._wake_out.setblocking(False)
+        self._wake_in.setblocking(False)
+        self._selector = selectors.DefaultSelector()
+        for source in (self._listener, self._wake_out):
+            self._selector.register(source, selectors.EVENT_READ)
+        self._lock = threading.Lock()
+        self._limit = queue_bytes
+        self._queue = collections.deque()  # (bytes, items that are sent with their last byte)
+        self._queued_bytes = 0
+        self._client = None
+        self._hello = None  # known while the device is there
+        self._sequence = self._lost = 0
+        self._leaving = False
+        self._closed_by = None
+        self._last_hello = 0.0
+        self.clients = self.sent = self.dropped = 0
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    # the device's side
+
+    def online(self, hello):
+        """The device is there: from now on a client is welcome."""
+        with self._lock:
+            self._hello = json.dumps(hello).encode()
+
+    def offline(self):
+        """The device is gone, and so is the client."""
+        with self._lock:
+            self._hello = None
+            self._part()
+        self._wake()
+
+    def send(self, kind, payload, items):
+        """To the client, if there is one. The payload must not change any more."""
+        with self._lock:
+            if self._client is None or self._leaving:
+                return
+            if self._queued_bytes + HEADER_BYTES + len(payload) > self._limit:
+                self._count_lost(items)
+                return
+            self._put(kind, payload, items)
+        self._wake()
+
+    def lose(self, items):
+        """So many items will never be sent; the next block says so."""
+        with self._lock:
+            if self._client is not None:
+                self._count_lost(items)
+
+    def check(self):
+        """Ends the program if the server's thread has died of a fault of its own."""
+        if not self._thread.is_alive():
+            fail("the server has failed", 1)
+
+    def close(self):
+        with self._lock:
+            self._hello = None
+            self._closed_by = time.monotonic() + FAREWELL_S
+            self._part()
+        self._wake()
+        self._thread.join()
+
+    # both, under the lock
+
+    def _count_lost(self, items):
+        self._lost += items
+        self.dropped += items
+
+    def _put(self, kind, payload, items=0):
+        self._queue.append((block(kind, self._sequence, payload, self._lost), 0))
+        if len(payload):
+            self._queue.append((payload, items))
+        self._queued_bytes += HEADER_BYTES + len(payload)
+        self._sequence += 1
+        self._lost = 0
+
+    def _part(self):
+        if self._client is not None and not self._leaving:
+            self._put(BYE, b"")
+            self._leaving = True
+
+    # the server's side
+
+    def _wake(self):
+        try:
+            self._wake_in.send(b"w")
+        except OSError:
+            pass  # it is awake already, or has ended
+
+    def _run(self):
+        while self._step():
+            pass
+        for each in (self._client, self._listener, self._wake_out, self._wake_in, self._selector):
+            if each is not None:
+                each.close()
+
+    def _step(self):
+        with self._lock:
+            if self._closed_by is not None and (self._client is None or time.monotonic() > self._closed_by):
+                return False
+            if self._client is not None:
+                self._stay_alive()
+                write = selectors.EVENT_WRITE if self._queue else 0
+                self._selector.modify(self._client, selectors.EVENT_READ | write)
+        for key, events in self._selector.select(HELLO_PAUSE_S / 2):
+            if key.fileobj is self._wake_out:
+                self._wake_out.recv(4096)
+            elif key.fileobj is self._listener:
+                self._accept()
+            elif self._client is not None:
+                self._serve(events)
+        return True
+
+    def _stay_alive(self):
+        """Also while data flow: the first hello may have been damaged."""
+        due = time.monotonic() > self._last_hello + HELLO_PAUSE_S
+        if due and self._hello and self._queued_bytes + HEADER_BYTES + len(self._hello) <= self._limit:
+            self._greet()
+
+    def _greet(self):
+        self._put(HELLO, self._hello)
+        self._last_hello = time.monotonic()
+
+    def _accept(self):
+        try:
+            client, peer = self._listener.accept()
+        except OSError:
+            return
+        client.setblocking(False)
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, DEAD_CLIENT_MS)
+        if not self._welcome(client):
+            say(f"{peer[0]}:{peer[1]} was sent away: " + ("another client is there" if self._client else "no device"))
+            return send_away(client)
+        self._selector.register(client, selectors.EVENT_READ)
+        say(f"client {peer[0]}:{peer[1]}")
+
+    def _welcome(self, client):
+        with self._lock:
+            if self._hello is None or self._client is not None:
+                return False
+            self._client = client
+            self._leaving = False
+            self._sequence = self._lost = 0
+            self.clients += 1
+            self._greet()
+        return True
+
+    def _serve(self, events):
+        try:
+            if events & selectors.EVENT_READ and not self._client.recv(4096):
+                return self._disconnect("has closed the connection")
+            if events & selectors.EVENT_WRITE:
+                self._write()
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            self._disconnect(error.strerror or str(error))
+
+    def _write(self):
+        data, items = self._queue[0]
+        done = self._client.send(data)
+        with self._lock:
+            self._queued_bytes -= done
+            if done < len(data):
+                self._queue[0] = (memoryview(data)[done:], items)
+                return
+            self._queue.popleft()
+            self.sent += items
+            finished = self._leaving and not self._queue
+        if finished:
+            self._disconnect("was told goodbye")
+
+    def _disconnect(self, why):
+        self._selector.unregister(self._client)
+        with self._lock:
+            unsent = sum(items for _, items in self._queue)
+            self._client.close()
+            self._client = None
+            self._queue.clear()
+            self._queued_bytes = 0
+        say(f"the client {why}" + (f"; {unsent} items were not sent" if unsent else ""))
+
+
+def send_away(client):
+    with client:
+        try:
+            client.send(block(BYE, 0, b""))  # an empty socket takes 32 bytes
+        except OSError:
+            pass
+
+
+class Stop:
+    """True after the first SIGINT or SIGTERM; a second one ends the program at once. Not an Event:
+    its lock may be held by the very thread that the signal interrupts."""
+
+    def __init__(self):
+        self._asked = False
+        for name in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(name, self._handle)
+
+    def _handle(self, name, _frame):
+        signal.signal(name, signal.SIG_DFL)
+        self._asked = True
+
+    def __bool__(self):
+        return self._asked
+
+    def wait(self, seconds):
+        end = time.monotonic() + seconds
+        while not self._asked and (left := end - time.monotonic()) > 0:
+            time.sleep(min(left, 0.05))  # a signal does not end a sleep
+        return self._asked
+
+
+def run(address, open_device, items):
+    """Serves a device until a signal; the exit code.
+
+    open_device() gives an object with hello() -> dict, poll(server) -> seconds to wait before the
+    next call, close(). Whatever it raises means that the device is gone: at the start that is the
+    end, later it is opened again."""
+    stop = Stop()
+    try:
+        device = open_device()
+    except Exception as error:  # the vendor's libraries raise what they like
+        fail(text_of(error))
+    try:
+        server = Server(address)
+    except OSError as error:
+        device.close()
+        fail(f"cannot listen on {address[0]}:{address[1]}: {error.strerror or error}", 1)
+    say(f"listening on {server.address[0]}:{server.address[1]}")
+    while device:
+        try:
+            server.online(device.hello())
+            while not stop.wait(device.poll(server)):
+                server.check()
+        except Exception as error:
+            say(f"{text_of(error)}; trying again")
+            server.offline()
+        close_quietly(device)
+        device = reopen(open_device, stop)
+    server.close()
+    say(f"sent {server.sent} {items} to {server.clients} clients, dropped {server.dropped}")
+    return 0
+
+
+def reopen(open_device, stop):
+    """The device again, or None if a signal came first."""
+    pause_s, told = 0.1, None
+    while not stop.wait(pause_s):
+        try:
+            return open_device()
+        except Exception as error:
+            if text_of(error) != told:
+                told = text_of(error)
+                say(told)
+            pause_s = min(2 * pause_s, LONGEST_RETRY_S)
+    return None
+
+
+def close_quietly(device):
+    try:
+        device.close()
+    except Exception as error:  # it may be gone already
+        say(f"while closing: {text_of(error)}")
+
+
+def text_of(error):
+    return " ".join(str(error).split()) or type(error).__name__

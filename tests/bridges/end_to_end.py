@@ -1,0 +1,115 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: MIT
+"""end_to_end.py BIN_DIR: the bridges with the stand-in libraries, and the real daemon recording from
+them: every tag and every pixel arrives."""
+import csv
+import pathlib
+import re
+import sqlite3
+import struct
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import testing
+from testing import Program, np
+
+import pyorbbecsdk as sdk
+import TimeTagger as library
+
+daemon_program = pathlib.Path(sys.argv[1]) / "echofuse-acquire"
+SLOTS = 10
+
+
+class Recording(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="echofuse-")
+        self.addCleanup(folder.cleanup)
+        self.dir = pathlib.Path(folder.name)
+
+    def record(self, bridge, key, enough):
+        """The rows of a run of 0.2 s slots; the bridge is stopped once `enough` of them are there, so
+        that it can say what it sent. Its log and the daemon's."""
+        config = self.dir / "lab.toml"
+        address = "bridge:tcp://%s:%d" % bridge.address
+        table, name = key.split(".")
+        config.write_text(f'[run]\nwindow_s = 0.2\n[{table}]\n{name} = "{address}"\n', encoding="utf-8")
+        daemon = subprocess.Popen([daemon_program, "run", "--config", config, "--out", self.dir / "run", "--count",
+                                   str(SLOTS)], stderr=subprocess.PIPE, text=True)
+        self.addCleanup(lambda: daemon.poll() is None and daemon.kill())
+        try:
+            testing.wait_for("records", lambda: len(self.rows()) >= enough)
+        except AssertionError:
+            daemon.kill()
+            self.fail(daemon.communicate()[1] + bridge.said())
+        self.assertEqual(bridge.stop(), 0)
+        log = daemon.communicate(timeout=20)[1]
+        self.assertEqual(daemon.returncode, 0, log)
+        return self.rows(), log
+
+    def rows(self):
+        try:
+            with sqlite3.connect(f"file:{self.dir}/run.sqlite?mode=ro", uri=True) as db:
+                db.row_factory = sqlite3.Row
+                return db.execute("SELECT * FROM record ORDER BY idx").fetchall()
+        except sqlite3.OperationalError:
+            return []
+
+    def device(self):
+        with sqlite3.connect(f"file:{self.dir}/run.sqlite?mode=ro", uri=True) as db:
+            return db.execute("SELECT sensor, model, serial, firmware FROM device").fetchall()
+
+    def test_tags(self):
+        with Program("timetagger.py", STAND_IN_PULSES_PER_S="200000") as bridge:
+            rows, log = self.record(bridge, "tdc.address", enough=5)
+            sent, clients, dropped = bridge.sent()
+        self.assertEqual((clients, dropped), (1, 0))
+        self.assertIn(f"arrived: {sent} tags", log)
+        self.assertEqual(self.device(), [("spd", "Time Tagger Ultra", "STAND-IN-1", "Version: 2 FPGA: 10")])
+        self.assertEqual([row["idx"] for row in rows], list(range(SLOTS)))
+        full = rows[1:4]
+        for row in full:
+            self.assertEqual(row["valid"], 1, row["spd_verdict"])
+            # Blocks are whole patterns of the stand-in, and blocks are never divided between slots.
+            patterns = row["starts"] // library.PULSES
+            self.assertGreater(patterns, 0)
+            self.assertEqual([row[c] for c in ("tags", "starts", "in_range", "out_of_range", "without_start", "other",
+                                               "tags_lost")],
+                             [patterns * n for n in (library.PATTERN_TAGS, library.PULSES, library.CLICKS, 0, 0, 3,
+                                                     library.MISSED)])
+            counts = np.array(struct.unpack(f"<{len(row['spd']) // 4}I", row["spd"]))
+            expected = np.zeros(336, int)
+            clicks = 20000 + 100 * (np.arange(0, library.PULSES, 2) % 200)
+            np.add.at(expected, (clicks - 13343) // 100, patterns)
+            np.testing.assert_array_equal(counts, expected)
+
+    def test_depth(self):
+        with Program("orbbec.py", "--width", "64", "--height", "64") as bridge:
+            rows, log = self.record(bridge, "depth.address", enough=5)
+            sent, clients, dropped = bridge.sent()
+        self.assertEqual((clients, dropped), (1, 0))
+        arrived = int(re.search(r"(\d+) depth frames", log).group(1))
+        self.assertEqual(arrived, sent)
+        self.assertEqual(self.device(), [("depth", "Orbbec Gemini 2", "STAND-IN-2", "1.4.98")])
+        for row in rows[1:4]:
+            self.assertEqual((row["valid"], row["depth_lost"]), (4, 0), row["depth_verdict"])
+            depth, x, y = self.export(row["idx"])
+            # The first pixel tells which of the camera's frames it was, modulo 5000.
+            fitting = [n for n in range(5000) if (7 * n) % 5000 + 500 == depth[0]]
+            np.testing.assert_array_equal(depth, sdk.values(fitting[0], 64 * 64))
+            np.testing.assert_allclose(x[:64], (np.arange(64) - 31.5) / 50, rtol=1e-6)
+            np.testing.assert_allclose(y[::64], (31.5 - np.arange(64)) / 50, rtol=1e-6)
+
+    def export(self, index):
+        path = self.dir / f"{index}.csv"
+        subprocess.run([daemon_program, "export", self.dir / "run.sqlite", "--record", str(index), "--to", path],
+                       check=True, stderr=subprocess.DEVNULL)
+        with open(path, encoding="utf-8") as file:
+            rows = [row for row in csv.reader(file) if row[0] == "depth"]
+        x, y, z = zip(*[row[1:] for row in rows])
+        return np.array(z, int), np.array(x, float), np.array(y, float)
+
+
+if __name__ == "__main__":
+    testing.main()

@@ -1,0 +1,170 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: MIT
+"""scripts/bridges/orbbec.py against the stand-in of the vendor's SDK."""
+import contextlib
+import io
+import pathlib
+import struct
+import tempfile
+import types
+import unittest
+from unittest import mock
+
+import testing
+from testing import Client, Program, connect, golden, np
+
+import bridge
+import orbbec
+import pyorbbecsdk as sdk
+import recorder
+from timetagger_bridge import Outlet
+
+SIZE = ("--width", "64", "--height", "64", "--fps", "30")
+
+
+class CameraCase(unittest.TestCase):
+    def setUp(self):
+        recorder.reset()
+        for name, value in {"silent": False, "skip": 0, "scale": 1.0}.items():
+            patch = mock.patch.object(sdk, name, value)
+            patch.start()
+            self.addCleanup(patch.stop)
+        self.outlet = Outlet()
+
+    def open(self, *arguments):
+        with contextlib.redirect_stderr(io.StringIO()) as said:
+            camera = orbbec.Camera(sdk, orbbec.parse_arguments([*SIZE, *arguments]))
+        self.said = said.getvalue()
+        return camera
+
+
+class Calls(CameraCase):
+    def test_opening_and_closing(self):
+        self.open("--serial", "CP1").close()
+        self.assertEqual(recorder.calls, [
+            ("query_devices",), ("get_device_by_serial_number", "CP1"), ("set_bool_property", "mirror", False),
+            ("get_stream_profile_list", "depth"), ("enable_stream", 64, 64, "y16", 30), ("start",), ("stop",)])
+
+    def test_first_camera(self):
+        self.assertEqual(self.open().hello(), {"model": "Orbbec Gemini 2", "serial": "STAND-IN-2", "firmware": "1.4.98"})
+        self.assertIn(("get_device_by_index", 0), recorder.calls)
+
+    def test_a_mode_that_is_not_there(self):
+        with self.assertRaisesRegex(RuntimeError, "^no depth mode 64 x 48 at 30 frames/s: Invalid input"):
+            self.open("--height", "48")
+
+    def test_intrinsics_of_another_mode(self):
+        lens = types.SimpleNamespace(**vars(sdk.camera) | {"width": 128})
+        param = types.SimpleNamespace(depth_intrinsic=lens, depth_distortion=sdk.distortion)
+        with mock.patch.object(sdk.Pipeline, "get_camera_param", lambda self: param):
+            self.assertRaisesRegex(RuntimeError, "128 x 64", self.open)
+        self.assertEqual(recorder.calls[-1], ("stop",))
+
+    def test_distortion_is_told(self):
+        with mock.patch.object(sdk.distortion, "k1", 0.1):
+            self.open()
+        # Corner: x = y = 0.63, r2 = 0.7938; 0.1 r2 x 50 pixels in both directions
+        self.assertIn("up to 3.54 pixel", self.said)
+
+    def test_bad_arguments(self):
+        for bad in (["--width", "0"], ["--fps", "x"], ["--listen", "nowhere"]):
+            with self.subTest(bad), contextlib.redirect_stderr(io.StringIO()), self.assertRaises(SystemExit) as ended:
+                orbbec.parse_arguments(bad)
+            self.assertEqual(ended.exception.code, 2)
+
+
+class Frames(CameraCase):
+    def test_golden_payload(self):
+        camera = self.open()
+        camera._options.width, camera._options.height = 3, 2
+        lens = types.SimpleNamespace(width=3, height=2, fx=2, fy=2, cx=1, cy=0.5)
+        camera._pipeline.get_camera_param = lambda: types.SimpleNamespace(depth_intrinsic=lens,
+                                                                          depth_distortion=sdk.distortion)
+        with contextlib.redirect_stderr(io.StringIO()):
+            camera._axes = camera._read_axes()
+        frame = mock.Mock(**{"get_width.return_value": 3, "get_height.return_value": 2, "get_index.return_value": 42,
+                             "get_depth_scale.return_value": 1.0, "get_timestamp_us.return_value": 123_456_789_012,
+                             "get_data.return_value": np.array([0, 1000, 2000, 3000, 4000, 65535], "<u2").view("u1")})
+        self.assertEqual(camera._payload(frame), golden()[2][32:])
+
+    def test_scale(self):
+        camera = self.open()
+        for scale in (0.5, 20.0):
+            with mock.patch.object(sdk, "scale", scale):
+                camera.poll(self.outlet)
+            index = len(self.outlet.blocks)
+            z = np.frombuffer(self.outlet.blocks[-1][1][36:], "<u2")
+            exact = np.rint(sdk.values(index, 64 * 64) * scale)
+            np.testing.assert_array_equal(z, np.where(exact > 65535, 0, exact))
+        self.assertTrue((z == 0).any())  # beyond 16 bits: no measurement
+
+    def test_missing_frames_are_counted(self):
+        camera = self.open()
+        camera.poll(self.outlet)
+        camera.poll(self.outlet)
+        self.assertEqual(self.outlet.lost, 0)
+        sdk.skip = 3
+        camera.poll(self.outlet)
+        self.assertEqual((self.outlet.lost, len(self.outlet.blocks)), (3, 3))
+        self.assertEqual(struct.unpack_from("<I", self.outlet.blocks[-1][1], 16)[0], 6)
+
+    def test_silence_restarts_the_pipeline_and_then_the_device(self):
+        camera = self.open()
+        camera.poll(self.outlet)
+        with mock.patch.object(orbbec, "SILENCE_S", 0.1), contextlib.redirect_stderr(io.StringIO()):
+            sdk.silent = True
+            while recorder.calls[-1] != ("start",) or recorder.calls[-2] != ("stop",):
+                camera.poll(self.outlet)
+            self.assertEqual(self.outlet.lost, 1)
+            sdk.silent = False
+            camera.poll(self.outlet)  # frame 1 again: no frame is missing before it
+            self.assertEqual((self.outlet.lost, len(self.outlet.blocks)), (1, 2))
+            sdk.silent = True
+            with self.assertRaisesRegex(RuntimeError, "in spite of a restart"):
+                while True:
+                    camera.poll(self.outlet)
+
+    def test_wrong_frames_are_refused(self):
+        camera = self.open()
+        frame = mock.Mock(**{"get_width.return_value": 64, "get_height.return_value": 32,
+                             "get_data.return_value": np.zeros(4096, "u1")})
+        self.assertRaisesRegex(RuntimeError, "64 x 32 pixels", camera._payload, frame)
+
+
+class Process(unittest.TestCase):
+    def test_frames_arrive_and_it_stops(self):
+        with Program("orbbec.py", *SIZE) as program, Client(program.address) as client:
+            client.block()
+            frames = [client.until(bridge.DEPTH)[-1].payload for _ in range(3)]
+            for payload in frames:
+                width, height, time_us, index = struct.unpack_from("<IIQI", payload)
+                self.assertEqual((width, height, time_us), (64, 64, 1_000_000 + 66_667 * index))
+                self.assertEqual(payload[36:], sdk.values(index, 64 * 64).tobytes())
+            self.assertEqual(program.stop(), 0)
+            client.until(bridge.BYE)
+            self.assertEqual(program.calls()[-1], ("stop",))
+
+    def test_no_camera(self):
+        with Program("orbbec.py", STAND_IN_CAMERAS="0") as program:
+            self.assertEqual(program.process.wait(10), 4)
+            self.assertEqual(program.said(), "orbbec: no Orbbec camera is connected\n")
+
+    def test_library_is_absent(self):
+        with tempfile.TemporaryDirectory() as folder:
+            (pathlib.Path(folder) / "pyorbbecsdk.py").write_text("raise ImportError('no vendor library')\n")
+            with Program("orbbec.py", path=folder) as program:
+                self.assertEqual(program.process.wait(10), 4)
+                self.assertRegex(program.said(), r"\Aorbbec: no vendor library; install [^\n]*\n\Z")
+
+    def test_unplugged_and_back(self):
+        with Program("orbbec.py", *SIZE, STAND_IN_FAULTS="wait_for_frames:10,query_devices:2") as program:
+            with Client(program.address) as client:
+                client.until(bridge.BYE)
+            testing.wait_for("camera", lambda: program.calls().count(("start",)) == 2)
+            with connect(program.address) as client:
+                client.until(bridge.DEPTH)
+            self.assertEqual(program.stop(), 0)
+
+
+if __name__ == "__main__":
+    testing.main()

@@ -1,0 +1,143 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: MIT
+"""The part that all bridges share: framing and the server with its one client."""
+import socket
+import time
+import unittest
+
+import testing
+from testing import Client, golden
+
+import bridge
+
+
+def make_server(test, **options):
+    server = bridge.Server(("127.0.0.1", 0), **options)
+    test.addCleanup(server.close)
+    return server
+
+
+class Framing(unittest.TestCase):
+    def test_golden(self):
+        for number, (kind, dropped) in enumerate([(0, 0), (1, 0), (2, 5), (3, 0)]):
+            whole = golden()[number]
+            self.assertEqual(bridge.block(kind, number, whole[32:], dropped), whole[:32])
+
+    def test_sequence_wraps(self):
+        self.assertEqual(bridge.block(1, 1 << 32, b"x"), bridge.block(1, 0, b"x"))
+
+    def test_addresses(self):
+        self.assertEqual(bridge.listen_address("[::1]:41110"), ("::1", 41110))
+        self.assertEqual(bridge.listen_address("tagger.lab:0"), ("tagger.lab", 0))
+
+
+class OneClient(unittest.TestCase):
+    def test_hello_comes_first_and_again(self):
+        server = make_server(self)
+        server.online({"model": "m"})
+        with Client(server.address) as client:
+            began = time.monotonic()
+            hellos = [client.block() for _ in range(3)]
+            self.assertLess(time.monotonic() - began, 2.0)  # one a second, and twice as many
+            self.assertEqual([b.kind for b in hellos], [bridge.HELLO] * 3)
+            self.assertEqual({b.payload for b in hellos}, {b'{"model": "m"}'})
+            again = 0
+            while again < 2:  # also while data flow
+                server.send(bridge.TAGS, bytes(16), 1)
+                again += client.block().kind == bridge.HELLO
+            self.assertLess(time.monotonic() - began, 4.0)
+
+    def test_second_client_is_sent_away(self):
+        server = make_server(self)
+        server.online({})
+        with Client(server.address) as first:
+            first.block()
+            with Client(server.address) as second:
+                self.assertEqual(second.block().kind, bridge.BYE)
+                self.assertRaises(EOFError, second.block)
+            server.send(bridge.TAGS, bytes(16), 1)
+            self.assertEqual(first.until(bridge.TAGS)[-1].payload, bytes(16))
+        testing.wait_for("farewell", lambda: server._client is None)
+        with Client(server.address) as third:  # from 0 again
+            self.assertEqual(third.block().kind, bridge.HELLO)
+        self.assertEqual(server.clients, 2)
+
+    def test_without_a_device_nobody_is_welcome(self):
+        server = make_server(self)
+        with Client(server.address) as client:
+            self.assertEqual(client.block().kind, bridge.BYE)
+        server.online({})
+        with Client(server.address) as client:
+            client.block()
+            server.send(bridge.TAGS, bytes(16), 1)
+            server.offline()
+            server.send(bridge.TAGS, bytes(16), 1)  # too late
+            self.assertEqual([b.kind for b in client.until(bridge.BYE)], [bridge.TAGS, bridge.BYE])
+            self.assertRaises(EOFError, client.block)
+        self.assertEqual(server.sent, 1)
+
+    def test_close_delivers_what_waits(self):
+        server = make_server(self)
+        server.online({})
+        with Client(server.address) as client:
+            client.block()
+            for _ in range(100):
+                server.send(bridge.TAGS, bytes(16 * 1000), 1000)
+            server.close()
+            kinds = [b.kind for b in client.until(bridge.BYE)]
+        self.assertEqual((kinds.count(bridge.TAGS), kinds[-1]), (100, bridge.BYE))
+        self.assertEqual((server.sent, server.dropped), (100_000, 0))
+
+    def test_lost_items_are_told_by_the_next_block(self):
+        server = make_server(self)
+        server.lose(5)  # nobody was listening
+        server.online({})
+        with Client(server.address) as client:
+            client.block()
+            server.lose(2)
+            server.lose(1)
+            server.send(bridge.TAGS, bytes(16), 1)
+            self.assertEqual(sum(b.dropped for b in client.until(bridge.TAGS)), 3)
+        self.assertEqual(server.dropped, 3)
+
+
+class SlowClient(unittest.TestCase):
+    def test_memory_is_bounded_and_every_tag_accounted_for(self):
+        server = make_server(self, queue_bytes=1 << 20)
+        server.online({})
+        with Client(server.address) as client:
+            client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
+            client.block()
+            given = 0
+            while server.dropped < 100_000:  # reads nothing
+                server.send(bridge.TAGS, bytes(16 * 4096), 4096)
+                given += 4096
+                self.assertLessEqual(server._queued_bytes, 1 << 20)
+            read = [client.block() for _ in range(5)]
+            while server._queue:
+                read.append(client.block())
+            server.send(bridge.TAGS, bytes(16), 1)  # brings the account of what was dropped
+            server.offline()
+            read += client.until(bridge.BYE)
+        arrived = sum(len(b.payload) // 16 for b in read if b.kind == bridge.TAGS)
+        dropped = sum(b.dropped for b in read)
+        self.assertEqual(arrived + dropped, given + 1)
+        self.assertEqual((server.sent, server.dropped), (arrived, dropped))
+
+    def test_one_that_goes_in_the_middle(self):
+        server = make_server(self, queue_bytes=1 << 24)
+        server.online({})
+        with Client(server.address) as client:
+            client.block()
+            for _ in range(60):
+                server.send(bridge.TAGS, bytes(1 << 18), 1 << 14)
+        testing.wait_for("farewell", lambda: server._client is None)
+        self.assertLess(server.sent, 60 << 14)
+        with Client(server.address) as client:
+            self.assertEqual(client.block().dropped, 0)
+            server.send(bridge.TAGS, b"", 0)
+            self.assertEqual(client.until(bridge.TAGS)[-1].dropped, 0)
+
+
+if __name__ == "__main__":
+    testing.main()

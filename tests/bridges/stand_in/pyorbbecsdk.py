@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: MIT
+"""The calls of Orbbec's Python SDK (version 2) that the bridge makes. Frame n has the values
+500 + (7 n + 3 i) % 5000 in its pixels i; STAND_IN_SCALE multiplies them."""
+import os
+import time
+import types
+
+import numpy as np
+from recorder import called, happen
+
+OBSensorType = types.SimpleNamespace(DEPTH_SENSOR="depth")
+OBFormat = types.SimpleNamespace(Y16="y16")
+OBPropertyID = types.SimpleNamespace(OB_PROP_DEPTH_MIRROR_BOOL="mirror")
+OBPermissionType = types.SimpleNamespace(PERMISSION_WRITE="write")
+silent = False       # no frames
+skip = 0             # frames to leave out before the next one
+scale = 1.0          # of the frames
+camera = types.SimpleNamespace(fx=50.0, fy=50.0, cx=31.5, cy=31.5, width=64, height=64)
+distortion = types.SimpleNamespace(k1=0.0, k2=0.0, k3=0.0, k4=0.0, k5=0.0, k6=0.0, p1=0.0, p2=0.0)
+
+
+def values(index, pixels):
+    return (500 + (7 * index + 3 * np.arange(pixels)) % 5000).astype("<u2")
+
+
+class Context:
+    def query_devices(self):
+        called("query_devices")
+        return DeviceList()
+
+
+class DeviceList:
+    def get_count(self):
+        return int(os.environ.get("STAND_IN_CAMERAS", "1"))
+
+    def get_device_by_index(self, index):
+        called("get_device_by_index", index)
+        return Device()
+
+    def get_device_by_serial_number(self, serial_number):
+        called("get_device_by_serial_number", serial_number)
+        return Device()
+
+
+class Device:
+    def get_device_info(self):
+        return DeviceInfo()
+
+    def is_property_supported(self, property_id, permission_type):
+        return (property_id, permission_type) == ("mirror", "write")
+
+    def set_bool_property(self, property_id, value):
+        called("set_bool_property", property_id, value)
+
+
+class DeviceInfo:
+    def get_name(self):
+        return "Orbbec Gemini 2"
+
+    def get_serial_number(self):
+        return "STAND-IN-2"
+
+    def get_firmware_version(self):
+        return "1.4.98"
+
+
+class Config:
+    def enable_stream(self, profile):
+        called("enable_stream", *profile)
+
+
+class StreamProfileList:
+    def get_video_stream_profile(self, width, height, format, fps):
+        if (width, height) != (camera.width, camera.height):
+            raise RuntimeError("Invalid input, no matched video stream profile found!")
+        return width, height, format, fps
+
+
+class Pipeline:
+    def __init__(self, device):
+        self._index = 0
+
+    def get_stream_profile_list(self, sensor_type):
+        called("get_stream_profile_list", sensor_type)
+        return StreamProfileList()
+
+    def start(self, config):
+        called("start")
+        self._index = 0
+
+    def stop(self):
+        called("stop")
+
+    def get_camera_param(self):
+        return types.SimpleNamespace(depth_intrinsic=camera, depth_distortion=distortion)
+
+    def wait_for_frames(self, timeout):
+        global skip
+        happen("wait_for_frames")
+        time.sleep(0.02)
+        if silent:
+            return None
+        self._index += 1 + skip
+        skip = 0
+        frame = DepthFrame(self._index)
+        return types.SimpleNamespace(get_depth_frame=lambda: frame)
+
+
+class DepthFrame:
+    def __init__(self, index):
+        self._index = index
+
+    def get_index(self):
+        return self._index
+
+    def get_width(self):
+        return camera.width
+
+    def get_height(self):
+        return camera.height
+
+    def get_depth_scale(self):
+        return scale
+
+    def get_timestamp_us(self):
+        return 1_000_000 + 66_667 * self._index
+
+    def get_data(self):
+        return values(self._index, camera.width * camera.height).view("u1")

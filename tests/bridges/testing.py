@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: MIT
+"""For the tests of the bridges: their modules, a reader of blocks that shares no line with them, and
+bridges that run as programs."""
+import json
+import os
+import pathlib
+import re
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import types
+import unittest
+
+here = pathlib.Path(__file__).resolve().parent
+root = here.parent.parent
+try:
+    import crc32c
+    import numpy as np
+except ImportError as error:
+    print(f"skipped: {error} (Debian: python3-numpy python3-crc32c)")
+    sys.exit(77)
+sys.dont_write_bytecode = True
+sys.path[:0] = [str(root / "scripts/bridges"), str(here / "stand_in")]
+
+
+def golden():
+    """The pieces of tests/golden/bridge.hex: hello, tags, depth, bye."""
+    pieces, begin = [], True
+    for line in (root / "tests/golden/bridge.hex").read_text(encoding="utf-8").splitlines():
+        if line.startswith("#"):
+            begin = True
+            continue
+        if begin:
+            pieces.append(b"")
+        begin = False
+        pieces[-1] += bytes.fromhex(line)
+    return pieces
+
+
+Block = types.SimpleNamespace
+
+
+def wait_for(what, condition, timeout_s=20):
+    end = time.monotonic() + timeout_s
+    while not condition():
+        if time.monotonic() > end:
+            raise AssertionError(f"no {what} within {timeout_s} s")
+        time.sleep(0.01)
+
+
+class Client:
+    """Reads blocks and checks them: magic, version, CRC, and a sequence without gaps."""
+
+    def __init__(self, address):
+        self.socket = socket.create_connection(address, timeout=10)
+        self.next = 0
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.socket.close()
+
+    def exactly(self, size):
+        data = b""
+        while len(data) < size:
+            piece = self.socket.recv(size - len(data))
+            if not piece:
+                raise EOFError
+            data += piece
+        return data
+
+    def block(self):
+        head = self.exactly(32)
+        magic, version, kind, sequence, size, dropped, zero, crc = struct.unpack("<4sHHIIQII", head)
+        payload = self.exactly(size)
+        assert (magic, version, zero) == (b"EFBR", 1, 0), head
+        assert crc == crc32c.crc32c(head[:28] + payload), "CRC"
+        assert sequence == self.next, (sequence, self.next)
+        self.next += 1
+        return Block(kind=kind, dropped=dropped, payload=payload)
+
+    def until(self, kind):
+        """All blocks up to the first of this kind."""
+        blocks = [self.block()]
+        while blocks[-1].kind != kind:
+            blocks.append(self.block())
+        return blocks
+
+
+def connect(address):
+    """A client that was greeted, however often it had to knock."""
+    while True:
+        client = Client(address)
+        if client.block().kind == 0:
+            return client
+        client.socket.close()
+        time.sleep(0.05)
+
+
+class Program:
+    """A bridge as a process, with the stand-in libraries."""
+
+    def __init__(self, script, *arguments, path=here / "stand_in", **env):
+        self.folder = tempfile.TemporaryDirectory(prefix="echofuse-")
+        self.log = pathlib.Path(self.folder.name) / "calls"
+        self.talk = pathlib.Path(self.folder.name) / "stderr"
+        env = os.environ | {"PYTHONPATH": str(path), "PYTHONDONTWRITEBYTECODE": "1", "STAND_IN_LOG": str(self.log)} | env
+        with open(self.talk, "w", encoding="utf-8") as talk:
+            self.process = subprocess.Popen([sys.executable, root / "scripts/bridges" / script, "--listen",
+                                             "127.0.0.1:0", *arguments], env=env, stderr=talk)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait()
+        self.folder.cleanup()
+
+    def said(self):
+        return self.talk.read_text(encoding="utf-8")
+
+    def calls(self):
+        return [tuple(json.loads(line)) for line in self.log.read_text(encoding="utf-8").splitlines()]
+
+    @property
+    def address(self):
+        wait_for("address", lambda: "listening on" in self.said() or self.process.poll() is not None)
+        host, port = re.search(r"listening on (\S+):(\d+)", self.said()).groups()
+        return host, int(port)
+
+    def stop(self, how=signal.SIGTERM):
+        self.process.send_signal(how)
+        return self.process.wait(10)
+
+    def sent(self):
+        """What it says at its end: items, clients, dropped."""
+        return tuple(map(int, re.search(r"sent (\d+) \w+ to (\d+) clients, dropped (\d+)", self.said()).groups()))
+
+
+def main():
+    unittest.main(argv=[sys.argv[0], *sys.argv[2:]])

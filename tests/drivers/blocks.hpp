@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: MIT
+// Blocks of the bridge protocol, with the same bits as golden, to build longer streams from. The
+// data block number n carries n: the time of its one tag, or the index of its one frame.
+#pragma once
+#include "drivers/bridge/bridge_protocol.hpp"
+#include "drivers/core/crc32c.hpp"
+#include "hex.hpp"
+
+namespace echofuse::test {
+
+inline Bytes make_block(bridge::BlockKind kind, std::uint32_t sequence, ByteView payload,
+                        std::uint64_t dropped = 0) {
+  Bytes block;
+  for (const char c : {'E', 'F', 'B', 'R'}) put(block, c);
+  put(block, bridge::protocol_version);
+  put(block, static_cast<std::uint16_t>(kind));
+  put(block, sequence);
+  put(block, static_cast<std::uint32_t>(payload.size()));
+  put(block, dropped);
+  put(block, std::uint32_t{0});
+  put(block, crc32c(payload, crc32c(block)));
+  block.insert(block.end(), payload.begin(), payload.end());
+  return block;
+}
+
+inline Bytes hello_block(std::uint32_t sequence = 0) {
+  return make_block(bridge::BlockKind::hello, sequence, view_of("{\"model\": \"test\"}"));
+}
+
+inline Bytes tags_block(std::uint32_t sequence) {
+  Bytes payload;
+  put(payload, Tag{.channel = 1, .time_ps = sequence});
+  return make_block(bridge::BlockKind::tags, sequence, payload);
+}
+
+inline Bytes depth_block(std::uint32_t sequence) {
+  Bytes payload;
+  for (const std::uint32_t size : {2u, 1u}) put(payload, size);
+  put(payload, std::uint64_t{sequence});
+  put(payload, sequence);
+  for (const float axis : {-0.5f, 1.0f, 0.0f, -1.0f}) put(payload, axis);
+  for (const int z : {1000, 2000}) put(payload, static_cast<std::uint16_t>(z));
+  return make_block(bridge::BlockKind::depth, sequence, payload);
+}
+
+}  // namespace echofuse::test
