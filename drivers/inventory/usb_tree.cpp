@@ -61,8 +61,6 @@ void find_nodes(const fs::path& folder, int depth, std::vector<std::string>& nod
 UsbInterface read_interface(const fs::path& folder) {
   UsbInterface out;
   out.number = number_of(folder / "bInterfaceNumber", 16);
-  out.device_class = number_of(folder / "bInterfaceClass", 16);
-  out.name = text_of(folder / "interface");
   find_nodes(folder, 0, out.nodes);
   return out;
 }

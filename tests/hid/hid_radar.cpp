@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: MIT
+// The simulated radar board behind two CP2110, the unmodified driver above.
+#include <algorithm>
+#include <boost/asio/io_context.hpp>
+#include <catch2/catch.hpp>
+#include <fstream>
+#include <sstream>
+
+#include "../drivers/sink.hpp"
+#include "bed.hpp"
+#include "drivers/make_driver.hpp"
+#include "sim/usb/hid_uart.hpp"
+
+using namespace echofuse;
+using test::run_until;
+
+namespace {
+
+// Board and driver share one io thread.
+struct Bench {
+  Bench() {
+    const auto uart = [this](unsigned number, const char* serial, sim::HidUart*& made) {
+      return [this, number, serial, &made](unsigned baud, sim::Uart::Receive receive) {
+        auto out = std::make_unique<sim::HidUart>(io, test::bed(), sim::HidOptions{number, serial},
+                                                  baud, std::move(receive));
+        made = out.get();
+        return out;
+      };
+    };
+    board = sim::make_radar_board(io, stage, 1, uart(0, "CLI", cli), uart(1, "DATA", data));
+    std::ifstream cfg(ECHOFUSE_SOURCE_DIR "/config/radar/xwr68xx_paper_50cm.cfg");
+    std::ostringstream text;
+    text << cfg.rdbuf();
+    driver =
+        make_radar(io, {"hid:10c4:ea80:CLI", "hid:10c4:ea80:DATA", text.str(), "paper.cfg"}, clock);
+  }
+  auto told(const std::string& start) const {
+    return std::count_if(sink.events.begin(), sink.events.end(),
+                         [&](const std::string& text) { return text.starts_with(start); });
+  }
+
+  boost::asio::io_context io;
+  SystemClock clock;
+  sim::Stage stage{clock, {}, {}};
+  sim::HidUart *cli = nullptr, *data = nullptr;
+  std::unique_ptr<sim::Device> board;
+  std::unique_ptr<Driver> driver;
+  test::KeepingSink sink;
+};
+
+}  // namespace
+
+TEST_CASE("dialogue and frames over two HID ports; unplug and back") {
+  Bench b;
+  b.driver->start(b.sink);
+  REQUIRE(run_until(
+      b.io, [&] { return b.sink.radar.size() >= 20; }, std::chrono::seconds(20)));
+  CHECK(b.data->bridge().baud() == 921600);
+  CHECK(b.sink.state() == DeviceState::streaming);
+  CHECK(b.sink.radar[0].frame_number + 19 == b.sink.radar[19].frame_number);
+  CHECK(test::counter(*b.driver, "lost_frames") == 0);
+  CHECK(test::counter(*b.driver, "junk_bytes") == 0);
+  CHECK(test::counter(*b.driver, "port_losses") == 0);
+  CHECK(b.told("hid:10c4:ea80:DATA: 921600 baud") == 1);
+  CHECK(b.told("hid:") == 1);
+
+  b.data->bridge().unplug();
+  REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::faulted; }));
+  const std::size_t before = b.sink.radar.size();
+  b.data->bridge().plug();
+  const auto start = std::chrono::steady_clock::now();
+  REQUIRE(run_until(
+      b.io, [&] { return b.sink.radar.size() >= before + 20; }, std::chrono::seconds(20)));
+  WARN("20 frames after "
+       << std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() << " s");
+  CHECK(b.sink.state() == DeviceState::streaming);
+  CHECK(test::counter(*b.driver, "connections") >= 2);
+  b.driver->stop();
+  b.board->stop();
+}
+
+TEST_CASE("an overrun becomes an event and a count") {
+  Bench b;
+  b.driver->start(b.sink);
+  REQUIRE(run_until(
+      b.io, [&] { return b.sink.radar.size() >= 2; }, std::chrono::seconds(20)));
+  b.data->bridge().receive(Bytes(900, 0x55));
+  REQUIRE(run_until(b.io, [&] { return test::counter(*b.driver, "port_losses") > 0; }));
+  CHECK(b.told("hid:10c4:ea80:DATA: overrun: the bridge lost bytes") == 1);
+  const std::size_t before = b.sink.radar.size();
+  REQUIRE(run_until(b.io, [&] { return b.sink.radar.size() >= before + 20; }));
+  CHECK(test::counter(*b.driver, "connections") == 1);
+  b.driver->stop();
+  b.board->stop();
+}
