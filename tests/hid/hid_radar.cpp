@@ -8,6 +8,7 @@
 
 #include "../drivers/sink.hpp"
 #include "bed.hpp"
+#include "drivers/core/random.hpp"
 #include "drivers/make_driver.hpp"
 #include "sim/usb/hid_uart.hpp"
 
@@ -90,6 +91,55 @@ TEST_CASE("an overrun becomes an event and a count") {
   const std::size_t before = b.sink.radar.size();
   REQUIRE(run_until(b.io, [&] { return b.sink.radar.size() >= before + 20; }));
   CHECK(test::counter(*b.driver, "connections") == 1);
+  b.driver->stop();
+  b.board->stop();
+}
+
+TEST_CASE("garbage and cut frames between good ones") {
+  Bench b;
+  b.driver->start(b.sink);
+  REQUIRE(run_until(
+      b.io, [&] { return b.sink.radar.size() >= 5; }, std::chrono::seconds(20)));
+  Rng rng(1);
+  Bytes noise(200);
+  for (auto& byte : noise) byte = static_cast<std::uint8_t>(rng());
+  // The first 100 bytes of a frame: magic, version, length 256, platform, number of the last one.
+  Bytes cut{2, 1, 4, 3, 6, 5, 8, 7, 4, 0, 5, 3, 0, 1, 0, 0, 0x43, 0x68, 0x0A, 0};
+  cut.resize(100);
+  for (const bool whole_noise : {true, false, true, false}) {
+    const std::size_t before = b.sink.radar.size();
+    cut[20] = static_cast<std::uint8_t>(b.sink.radar.back().frame_number);
+    const Bytes& damage = whole_noise ? noise : cut;
+    b.data->bridge().receive(damage);
+    REQUIRE(run_until(b.io, [&] { return b.sink.radar.size() >= before + 5; }));
+  }
+  CHECK(test::counter(*b.driver, "connections") == 1);
+  const auto first = b.sink.radar.front().frame_number, last = b.sink.radar.back().frame_number;
+  const std::uint64_t lost = last - first + 1 - b.sink.radar.size();
+  CHECK(lost <= 4);  // at most one a damage
+  CHECK(test::counter(*b.driver, "lost_frames") == lost);
+  CHECK(test::counter(*b.driver, "junk_bytes") + test::counter(*b.driver, "truncated_frames") +
+            test::counter(*b.driver, "bad_headers") + test::counter(*b.driver, "bad_tlvs") >
+        0);
+  b.driver->stop();
+  b.board->stop();
+}
+
+TEST_CASE("the command port unplugged in mid-dialogue, again and again") {
+  Bench b;
+  b.driver->start(b.sink);
+  for (std::uint64_t i = 1; i <= 3; ++i) {
+    REQUIRE(run_until(b.io, [&] { return test::counter(*b.driver, "connections") == i; }));
+    const auto reports = b.cli->bridge().output_reports();
+    REQUIRE(run_until(b.io, [&] { return b.cli->bridge().output_reports() >= reports + 2; }));
+    CHECK(test::counter(*b.driver, "configured") == 0);
+    b.cli->bridge().unplug();
+    REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::faulted; }));
+    b.cli->bridge().plug();
+  }
+  REQUIRE(run_until(
+      b.io, [&] { return b.sink.radar.size() >= 10; }, std::chrono::seconds(20)));
+  CHECK(b.sink.state() == DeviceState::streaming);
   b.driver->stop();
   b.board->stop();
 }
