@@ -24,17 +24,14 @@ std::string setting(const std::string& key, const std::string& address) {
 std::string node_text(const inventory::Node& node) {
   std::string text;
   if (!node.address.empty()) text += setting(node.key, node.address);
-  if (const auto lack = inventory::missing(node))
-    text += "  " + (node.key.empty() ? *lack : node.key + ": " + *lack) + '\n';
+  if (!node.missing.empty())
+    text += "  " + (node.key.empty() ? "" : node.key + ": ") + node.missing + '\n';
   return text;
 }
 
 Json json_of(const inventory::Node& node) {
-  const auto lack = inventory::missing(node);
-  return {{"node", node.path},
-          {"key", node.key},
-          {"address", node.address},
-          {"missing", lack ? Json(*lack) : Json(nullptr)}};
+  return {
+      {"node", node.path}, {"key", node.key}, {"address", node.address}, {"missing", node.missing}};
 }
 
 Json json_of(const inventory::Attached& device) {

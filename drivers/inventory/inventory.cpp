@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/inventory/inventory.hpp"
 
-#include <fcntl.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
 
 #include "drivers/inventory/usb_tree.hpp"
@@ -18,7 +19,6 @@ namespace fs = std::filesystem;
 
 enum class Access { serial, hid, usb };
 
-// interface 00 is the radar's command line for both boards
 struct Kind {
   std::uint16_t vendor, product;  // product 0: any of this vendor
   const char* name;
@@ -78,11 +78,22 @@ std::string stable_path(const std::string& node, const Roots& roots) {
   return (fs::path(roots.dev) / node).string();
 }
 
-bool permitted(const std::string& path) {
-  return ::faccessat(AT_FDCWD, path.c_str(), R_OK | W_OK, AT_EACCESS) == 0;
+std::string lack_of(const std::string& path) {
+  if (::access(path.c_str(), R_OK | W_OK) == 0) return {};
+  if (errno == EACCES)
+    return "no read/write permission on " + path + ": install config/99-echofuse.rules";
+  return path + ": " + std::strerror(errno);
 }
 
-Node node_of(const std::string& path) { return {path, "", "", permitted(path)}; }
+Node node_of(const std::string& path, const std::string& key = {},
+             const std::string& address = {}) {
+  return {path, key, address, lack_of(path)};
+}
+
+Node no_node(const std::string& key, const std::string& address, const char* driver) {
+  return {"", key, address,
+          std::string("no device node: is its kernel driver ") + driver + " loaded?"};
+}
 
 std::string by_serial(const char* scheme, const UsbDevice& d) {
   return std::string(scheme) + ':' + hex4(d.vendor) + ':' + hex4(d.product) +
@@ -94,24 +105,21 @@ std::vector<Node> serial_nodes(const Kind& kind, const UsbDevice& d, const Roots
   for (const UsbInterface& interface : d.interfaces) {
     if (interface.number != 0 && interface.number != kind.data_interface) continue;
     const char* key = interface.number == 0 ? "radar.cli" : "radar.data";
-    if (interface.nodes.empty()) out.push_back({"", key, "", false});
-    for (const std::string& name : interface.nodes) {
-      out.push_back(node_of((fs::path(roots.dev) / name).string()));
-      out.back().key = key;
-      out.back().address = "serial:" + stable_path(name, roots);
-    }
+    if (interface.nodes.empty()) out.push_back(no_node(key, "", "cdc_acm or cp210x"));
+    for (const std::string& name : interface.nodes)
+      out.push_back(node_of((fs::path(roots.dev) / name).string(), key,
+                            "serial:" + stable_path(name, roots)));
   }
   return out;
 }
 
 std::vector<Node> hid_nodes(const UsbDevice& d, const Roots& roots) {
+  constexpr const char* key = "radar.cli or radar.data";
   std::vector<Node> out;
   for (const UsbInterface& interface : d.interfaces)
     for (const std::string& name : interface.nodes)
-      out.push_back(node_of((fs::path(roots.dev) / name).string()));
-  if (out.empty()) out.push_back({"", "", "", false});
-  out.front().key = "radar.cli or radar.data";
-  out.front().address = by_serial("hid", d);
+      out.push_back(node_of((fs::path(roots.dev) / name).string(), key, by_serial("hid", d)));
+  if (out.empty()) out.push_back(no_node(key, by_serial("hid", d), "hidraw"));
   return out;
 }
 
@@ -148,13 +156,6 @@ std::vector<Attached> list_attached(const Roots& roots) {
   for (const UsbDevice& device : read_usb_tree(roots.sys))
     if (const Kind* kind = kind_of(device)) out.push_back(describe(*kind, device, roots));
   return out;
-}
-
-std::optional<std::string> missing(const Node& node) {
-  if (node.path.empty())
-    return "the kernel made no device node: is its driver (cdc_acm, cp210x, hidraw) loaded?";
-  if (node.permitted) return std::nullopt;
-  return "no read/write permission on " + node.path + ": install config/99-echofuse.rules";
 }
 
 std::optional<RadarPort> radar_port(const std::string& path, const Roots& roots) {

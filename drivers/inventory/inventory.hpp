@@ -15,10 +15,10 @@ struct Roots {
 };
 
 struct Node {
-  std::string path;       // /dev/ttyACM0; empty: the kernel has none (driver not loaded)
-  std::string key;        // of lab.toml: "radar.cli"; empty: nothing to write
-  std::string address;    // its value: "serial:/dev/serial/by-id/..."
-  bool permitted = true;  // this user may read and write it
+  std::string path;     // /dev/ttyACM0; empty: the kernel has none
+  std::string key;      // of lab.toml: "radar.cli"; empty: nothing to write
+  std::string address;  // its value: "serial:/dev/serial/by-id/..."
+  std::string missing;  // what keeps this user from using it: a driver, a node, a permission
 };
 
 struct Attached {
@@ -33,9 +33,6 @@ struct Attached {
 
 // Devices that may be ours, in the kernel's order. A tree that cannot be read is an empty list.
 std::vector<Attached> list_attached(const Roots& roots = {});
-
-// "no read/write permission on /dev/ttyACM0: install config/99-echofuse.rules", or nothing.
-std::optional<std::string> missing(const Node& node);
 
 enum class RadarPort { command, data };
 

@@ -64,7 +64,6 @@ UsbInterface read_interface(const fs::path& folder) {
   out.device_class = number_of(folder / "bInterfaceClass", 16);
   out.subclass = number_of(folder / "bInterfaceSubClass", 16);
   out.protocol = number_of(folder / "bInterfaceProtocol", 16);
-  out.name = text_of(folder / "interface");
   find_nodes(folder, 0, out.nodes);
   return out;
 }

@@ -10,7 +10,6 @@ namespace echofuse::inventory {
 
 struct UsbInterface {
   unsigned number = 0, device_class = 0, subclass = 0, protocol = 0;
-  std::string name;                // the interface's string, if it has one
   std::vector<std::string> nodes;  // names below /dev: "ttyACM0", "hidraw3"
 };
 
@@ -21,7 +20,7 @@ struct UsbDevice {
   std::vector<UsbInterface> interfaces;  // by number
 };
 
-// All devices but hubs' own interfaces, by their place in the tree.
+// All devices, by their place in the tree; empty if it cannot be read.
 std::vector<UsbDevice> read_usb_tree(const std::string& sys_root);
 
 // The device with this node of its own ("ttyACM0"), and which of its interfaces that is.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/port/hid_port.hpp"
 
+#include <fcntl.h>
 #include <hidapi/hidapi.h>
 #include <unistd.h>
 
@@ -8,6 +9,7 @@
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
+#include <cerrno>
 #include <cstdio>
 #include <mutex>
 #include <optional>
@@ -24,8 +26,8 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr auto status_period = std::chrono::seconds(1);
-constexpr int read_wait_ms = 2;               // bytes to send wait for so long at most
-constexpr std::size_t max_waiting = 1 << 20;  // 16 s of a full pipe
+constexpr int read_wait_ms = 2;                 // bytes to send wait for so long at most
+constexpr std::size_t max_waiting = 256 << 10;  // 4 s of a full pipe
 
 struct CloseDevice {
   void operator()(hid_device* device) const { hid_close(device); }
@@ -73,10 +75,12 @@ Result<Device> open_device(const HidAddress& address) {
   if (!node) return node.failure();
   const std::string doing = name_of(address) + ": open " + *node;
   if (Device device{hid_open_path(node->c_str())}) return device;
-  if (::access(node->c_str(), R_OK | W_OK) != 0 && errno == EACCES)
-    return failure(std::errc::permission_denied,
-                   doing + " (config/99-echofuse.rules grants access)");
-  return failure(std::errc::io_error, doing);
+  // hidapi does not say why; the node does.
+  const int fd = ::open(node->c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
+  const int error = fd < 0 ? errno : EIO;
+  if (fd >= 0) ::close(fd);
+  return Failure{{error, std::generic_category()},
+                 doing + (error == EACCES ? " (config/99-echofuse.rules grants access)" : "")};
 }
 
 // What both threads see; `handlers`, `work` and `closed` belong to the io thread.
@@ -144,6 +148,7 @@ class Worker {
     if (!send_feature(cp2110::config_report(baud_)) || !send_feature(cp2110::enable_report) ||
         !send_feature(cp2110::purge_report))
       return failed("configure (is it a CP2110?)");
+    discard();
     post(link_, [](Link& link) {
       link.open = true;
       link.handlers.opened();
@@ -154,13 +159,21 @@ class Worker {
            0);
     auto next_status = SteadyClock::now() + status_period;
     while (!link_->stopping) {
-      if (!receive()) return failed("read");
-      if (!send()) return failed("write");
+      const char* wrong = !receive() ? "read" : !send() ? "write" : nullptr;
+      if (wrong || SteadyClock::now() >= next_status) tell_dropped();
+      if (wrong) return failed(wrong);
       if (SteadyClock::now() < next_status) continue;
       next_status += status_period;
       check();
     }
     return std::nullopt;
+  }
+
+  // What came in between opening and purging; the kernel keeps 64 reports.
+  void discard() {
+    std::array<std::uint8_t, cp2110::report_bytes> report;
+    for (int i = 0; i < 64; ++i)
+      if (hid_read_timeout(device_.get(), report.data(), report.size(), 0) <= 0) return;
   }
 
   Failure failed(const char* doing) const {
@@ -212,6 +225,9 @@ class Worker {
     if (!status) return warn("does not tell its status; overruns go unseen", 0);
     if (status->overrun) warn("overrun: the bridge lost bytes", 1);
     if (status->parity_error) warn("the bridge received damaged bytes", 1);
+  }
+
+  void tell_dropped() {
     std::uint64_t dropped = 0;
     {
       const std::lock_guard lock(link_->mutex);

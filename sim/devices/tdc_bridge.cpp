@@ -16,13 +16,7 @@ using boost::asio::ip::tcp;
 using ErrorCode = boost::system::error_code;
 
 constexpr auto tick = std::chrono::milliseconds(5);
-<<<<<<< HEAD
-=======
-constexpr double longest_block_s = 0.02;
-// On a busy machine the tags of a tick come later; what lags more than the device's memory is lost.
-constexpr double longest_tick_s = 0.1, device_memory_s = 1;
-constexpr double hello_pause_s = 0.9;
->>>>>>> bridges
+constexpr auto hello_pause = std::chrono::milliseconds(900);
 constexpr char hello[] =
     R"({"model":"simulated time tagger","serial":"SIM-TDC-1","firmware":"1.0"})";
 
@@ -71,21 +65,15 @@ class Bridge final : public TdcBridge {
       ++clients_;
       sequence_ = 0;
       dropped_ = 0;
-<<<<<<< HEAD
       stream_.start();
-      const ByteView greeting{reinterpret_cast<const std::uint8_t*>(hello), sizeof hello - 1};
-      enqueue(BlockKind::hello, greeting, 0);
-=======
-      next_pulse_ = pulse_at(stage_.now_s());
       greet();
->>>>>>> bridges
       watch();
     });
   }
 
   void greet() {
     enqueue(BlockKind::hello, {reinterpret_cast<const std::uint8_t*>(hello), sizeof hello - 1}, 0);
-    next_hello_s_ = stage_.now_s() + hello_pause_s;
+    next_hello_ = std::chrono::steady_clock::now() + hello_pause;
   }
 
   // A client sends nothing; what ends this read is that he is gone.
@@ -118,15 +106,11 @@ class Bridge final : public TdcBridge {
     timer_.expires_after(tick);
     timer_.async_wait([this](const ErrorCode& error) {
       if (error) return;
-<<<<<<< HEAD
+      if (connected_ && std::chrono::steady_clock::now() > next_hello_) greet();
       if (connected_)
         stream_.advance(
             [this](ByteView tags, std::size_t count) { enqueue(BlockKind::tags, tags, count); },
             [this](std::uint64_t tags) { drop(tags); });
-=======
-      if (connected_ && stage_.now_s() > next_hello_s_) greet();
-      if (connected_) make_blocks();
->>>>>>> bridges
       wait();
     });
   }
@@ -177,11 +161,7 @@ class Bridge final : public TdcBridge {
   std::size_t queued_bytes_ = 0;
   bool connected_ = false, writing_ = false, stopping_ = false;
   std::uint32_t sequence_ = 0;
-<<<<<<< HEAD
-=======
-  double next_hello_s_ = 0;
-  std::int64_t next_pulse_ = 0, seen_ = -1;
->>>>>>> bridges
+  std::chrono::steady_clock::time_point next_hello_;
   std::uint64_t dropped_ = 0, all_dropped_ = 0, clients_ = 0, blocks_ = 0, tags_ = 0;
 };
 

@@ -15,8 +15,8 @@
 namespace echofuse::sim {
 namespace {
 
-constexpr char node[] = "/dev/bus/usb/001/002";
-constexpr char folder[] = "/devices/pci0000:00/0000:00:14.0/usb1/1-1";
+constexpr char node[] = "/dev/bus/usb/001/009";
+constexpr char folder[] = "/devices/pci0000:00/0000:00:14.0/usb1/1-9";
 
 std::string hex(std::uint64_t value, int digits) {
   std::ostringstream out;
@@ -40,9 +40,9 @@ std::string describe(const UsbIdentity& id) {
     out << "A: " << name << '=' << value << "\\n\n";
   };
   out << "P: " << folder << "\nE: SUBSYSTEM=usb\nE: DRIVER=usb\nE: DEVTYPE=usb_device\n"
-      << "E: BUSNUM=001\nE: DEVNUM=002\nE: MAJOR=189\nE: MINOR=1\nE: DEVNAME=" << node << '\n';
+      << "E: BUSNUM=001\nE: DEVNUM=009\nE: MAJOR=189\nE: MINOR=8\nE: DEVNAME=" << node << '\n';
   attribute("busnum", "1");
-  attribute("devnum", "2");
+  attribute("devnum", "9");
   attribute("speed", "480");
   attribute("bConfigurationValue", "1");
   attribute("idVendor", hex(id.vendor, 4));
@@ -52,7 +52,7 @@ std::string describe(const UsbIdentity& id) {
   attribute("product", id.name);
   attribute("serial", id.serial);
   out << "H: descriptors=" << descriptors(id) << "\n\n"
-      << "P: " << folder << "/1-1:1.0\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_interface\n";
+      << "P: " << folder << "/1-9:1.0\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_interface\n";
   attribute("bInterfaceNumber", "00");
   attribute("bInterfaceClass", "ff");
   attribute("bInterfaceSubClass", hex(id.interface_subclass, 2));
@@ -67,7 +67,7 @@ usbdevfs_urb& urb_of(UMockdevIoctlData* data) {
 }  // namespace
 
 UsbDevice::UsbDevice(UsbBed& bed, const UsbIdentity& identity, Control control)
-    : BedNode(bed, node, describe(identity), {folder, std::string(folder) + "/1-1:1.0"}),
+    : BedNode(bed, node, describe(identity), {folder, std::string(folder) + "/1-9:1.0"}),
       identity_(identity),
       control_(std::move(control)) {}
 

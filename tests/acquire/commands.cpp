@@ -92,6 +92,19 @@ TEST_CASE("no device answers: one clear line each, and no file") {
   CHECK(list[0]["answers"] == false);
 }
 
+TEST_CASE("devices without a configuration only lists what is attached") {
+  const Folder folder;
+  const Outcome o =
+      shell("cd " + folder / "" + " && " ECHOFUSE_BIN_DIR "/echofuse-acquire devices --json");
+  CAPTURE(o.text);
+  REQUIRE(o.code == 0);
+  const Json all = Json::parse(o.text);
+  CHECK(all["configured"] == Json::array());
+  CHECK(all["attached"]["usb"].is_array());
+  CHECK(all["attached"]["openni"].is_array());
+  refuses("devices --config " + folder / "none.toml", 3, "none.toml: cannot read");
+}
+
 TEST_CASE("info, recover and export of a run") {
   const Folder folder;
   const std::string run = folder / "a.sqlite";

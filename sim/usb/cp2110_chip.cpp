@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: MIT
+#include "sim/usb/cp2110_chip.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace echofuse::sim {
+namespace {
+
+constexpr std::uint8_t enable_id = 0x41, status_id = 0x42, purge_id = 0x43, version_id = 0x46,
+                       config_id = 0x50;
+constexpr std::size_t max_data = 63;
+
+}  // namespace
+
+bool Cp2110Chip::set_feature(ByteView report) {
+  if (report.size() < 2) return false;
+  switch (report[0]) {
+    case enable_id:
+      on_ = report[1] != 0;
+      return true;
+    case purge_id:
+      if (report[1] & 2) fifo_.clear();
+      return true;
+    case config_id:
+      if (report.size() < 9) return false;
+      config_.assign(report.begin(), report.begin() + 9);
+      baud_ = 0;
+      for (int i = 1; i <= 4; ++i) baud_ = baud_ << 8 | config_[static_cast<std::size_t>(i)];
+      return true;
+    default:
+      return false;
+  }
+}
+
+std::optional<Bytes> Cp2110Chip::get_feature(std::uint8_t id) {
+  if (id == enable_id) return Bytes{id, on_};
+  if (id == version_id) return Bytes{id, 0x0A, 0x08};
+  if (id == config_id && !config_.empty()) return config_;
+  if (id != status_id) return std::nullopt;
+  const auto fill = fifo_.size();
+  return Bytes{id,
+               0,
+               0,
+               static_cast<std::uint8_t>(fill >> 8),
+               static_cast<std::uint8_t>(fill),
+               static_cast<std::uint8_t>(std::exchange(overrun_, false) ? 2 : 0),
+               0};
+}
+
+bool Cp2110Chip::output(ByteView report) {
+  if (report.empty() || report[0] < 1 || report[0] > max_data || report.size() <= report[0])
+    return false;
+  if (on_) transmit_(report.subspan(1, report[0]));
+  return true;
+}
+
+std::optional<Cp2110Chip::Report> Cp2110Chip::next_input() {
+  if (fifo_.empty()) return std::nullopt;
+  const auto count = static_cast<std::ptrdiff_t>(std::min(fifo_.size(), max_data));
+  Report report{static_cast<std::uint8_t>(count)};
+  std::copy_n(fifo_.begin(), count, report.begin() + 1);
+  fifo_.erase(fifo_.begin(), fifo_.begin() + count);
+  return report;
+}
+
+std::size_t Cp2110Chip::receive(ByteView bytes) {
+  if (!on_) return 0;
+  const std::size_t fits = std::min(bytes.size(), fifo_bytes - fifo_.size());
+  fifo_.insert(fifo_.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(fits));
+  overrun_ = overrun_ || fits < bytes.size();
+  return fits;
+}
+
+}  // namespace echofuse::sim

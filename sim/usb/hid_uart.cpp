@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: MIT
+#include "sim/usb/hid_uart.hpp"
+
+#include <boost/asio/post.hpp>
+
+namespace echofuse::sim {
+
+HidUart::HidUart(boost::asio::io_context& io, UMockdevTestbed* bed, HidOptions options,
+                 unsigned baud, Receive receive)
+    : Uart(io, baud, std::chrono::milliseconds(1)),
+      receive_(std::make_shared<Receive>(std::move(receive))),
+      bridge_(std::make_unique<HidCp2110>(
+          bed, std::move(options), [&io, to = receive_](ByteView bytes) {
+            boost::asio::post(io, [to, copy = Bytes(bytes.begin(), bytes.end())] {
+              if (*to) (*to)(copy);
+            });
+          })) {}
+
+HidUart::~HidUart() { *receive_ = nullptr; }
+
+}  // namespace echofuse::sim

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: MIT
+// A board's UART behind a CP2110.
+#pragma once
+#include <memory>
+#include <utility>
+
+#include "sim/devices/uart.hpp"
+#include "sim/usb/hid_cp2110.hpp"
+
+namespace echofuse::sim {
+
+class HidUart final : public Uart {
+ public:
+  HidUart(boost::asio::io_context& io, UMockdevTestbed* bed, HidOptions options, unsigned baud,
+          Receive receive);
+  ~HidUart() override;
+  HidCp2110& bridge() { return *bridge_; }
+
+ private:
+  std::size_t deliver(Bytes chunk) override { return bridge_->receive(chunk); }
+
+  std::shared_ptr<Receive> receive_;  // empty once this is gone: bytes may still be on their way
+  std::unique_ptr<HidCp2110> bridge_;
+};
+
+}  // namespace echofuse::sim

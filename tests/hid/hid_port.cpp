@@ -1,0 +1,346 @@
+// SPDX-License-Identifier: MIT
+// The HID port, and the stock hidapi below it, against an emulated CP2110.
+#include "drivers/port/hid_port.hpp"
+
+#include <hidapi/hidapi.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <boost/asio/io_context.hpp>
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <mutex>
+#include <thread>
+
+#include "bed.hpp"
+#include "drivers/inventory/inventory.hpp"
+#include "sim/usb/hid_cp2110.hpp"
+
+using namespace echofuse;
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+namespace {
+
+// A bridge whose UART keeps what the host sends.
+class Bridge {
+ public:
+  explicit Bridge(const std::string& serial = "A", unsigned number = 0)
+      : device(test::bed(), {number, serial}, [this](ByteView bytes) {
+          const std::lock_guard lock(mutex_);
+          sent_.insert(sent_.end(), bytes.begin(), bytes.end());
+          counts_.push_back(bytes.size());
+        }) {}
+  Bytes sent() const {
+    const std::lock_guard lock(mutex_);
+    return sent_;
+  }
+  std::vector<std::size_t> counts() const {
+    const std::lock_guard lock(mutex_);
+    return counts_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  Bytes sent_;
+  std::vector<std::size_t> counts_;
+
+ public:
+  sim::HidCp2110 device;
+};
+
+// A port and what it told.
+struct Host {
+  void open(const std::string& serial = "", std::uint32_t baud = 115200) {
+    opened = gone = 0;
+    port = port::make_hid_port(io, {0x10c4, 0xea80, serial}, baud);
+    port->open(
+        {[this] { ++opened; },
+         [this](ByteView bytes) { received.insert(received.end(), bytes.begin(), bytes.end()); },
+         [this](const Failure& failure) {
+           ++gone;
+           why = failure.text();
+         },
+         [this](const std::string& text, std::uint64_t count) {
+           warnings.push_back(text);
+           losses += count;
+         }});
+  }
+  template <class Condition>
+  bool until(Condition condition, std::chrono::milliseconds limit = 10s) {
+    const auto end = Clock::now() + limit;
+    while (!condition()) {
+      if (Clock::now() > end) return false;
+      io.restart();
+      io.run_one_for(5ms);
+    }
+    return true;
+  }
+  void opens(const std::string& serial = "", std::uint32_t baud = 115200) {
+    open(serial, baud);
+    REQUIRE(until([this] { return opened + gone > 0; }));
+    INFO(why);
+    REQUIRE(opened == 1);
+  }
+  void goes() {
+    REQUIRE(until([this] { return gone > 0; }));
+  }
+
+  boost::asio::io_context io;
+  std::unique_ptr<port::BytePort> port;
+  int opened = 0, gone = 0;
+  Bytes received;
+  std::string why;
+  std::vector<std::string> warnings;
+  std::uint64_t losses = 0;
+};
+
+Bytes pattern(std::size_t n) {
+  Bytes bytes(n);
+  for (std::size_t i = 0; i < n; ++i) bytes[i] = static_cast<std::uint8_t>(i * 7 + i / 256);
+  return bytes;
+}
+
+}  // namespace
+
+TEST_CASE("the bridge with the wanted serial number is opened and configured") {
+  Bridge a("A", 0), b("B", 1);
+  Host host;
+  host.opens("B", 921600);
+  CHECK(b.device.on());
+  CHECK(b.device.config() == Bytes{0x50, 0x00, 0x0E, 0x10, 0x00, 0, 0, 3, 0});
+  CHECK_FALSE(a.device.on());
+  Host other;
+  other.opens("A");
+  CHECK(a.device.baud() == 115200);
+}
+
+TEST_CASE("bytes both ways; long writes are cut") {
+  Bridge bridge;
+  Host host;
+  host.opens();
+  const Bytes out = pattern(200), in = pattern(400);
+  host.port->write(out);
+  REQUIRE(host.until([&] { return bridge.sent().size() >= out.size(); }));
+  CHECK(bridge.sent() == out);
+  CHECK(bridge.counts() == std::vector<std::size_t>{63, 63, 63, 11});
+  CHECK(bridge.device.receive(in) == in.size());
+  REQUIRE(host.until([&] { return host.received.size() >= in.size(); }));
+  CHECK(host.received == in);
+  CHECK(host.warnings.empty());
+}
+
+TEST_CASE("what was received before the port was opened is thrown away") {
+  Bridge bridge;
+  Host host;
+  host.opens();
+  host.port.reset();
+  bridge.device.receive(pattern(300));
+  host.opens();
+  const Bytes fresh{1, 2, 3};
+  bridge.device.receive(fresh);
+  REQUIRE(host.until([&] { return host.received.size() >= fresh.size(); }));
+  CHECK(host.received == fresh);
+}
+
+TEST_CASE("reports with a wrong count") {
+  Bridge bridge;
+  Host host;
+  host.opens();
+  bridge.device.raw_input(Bytes{63, 1, 2, 3});  // promises more than it holds
+  bridge.device.raw_input(Bytes(64, 0));
+  bridge.device.raw_input(Bytes(64, 200));
+  bridge.device.raw_input(Bytes{1, 9, 9, 9});
+  REQUIRE(host.until([&] { return host.received.size() >= 4; }));
+  CHECK(host.received == Bytes{1, 2, 3, 9});
+}
+
+TEST_CASE("an overrun in the bridge is told, and counted once") {
+  Bridge bridge;
+  Host host;
+  host.opens();
+  CHECK(bridge.device.receive(pattern(700)) == 480);
+  REQUIRE(host.until([&] { return !host.warnings.empty(); }));
+  CHECK(host.warnings == std::vector<std::string>{"hid:10c4:ea80: overrun: the bridge lost bytes"});
+  CHECK(host.losses == 1);
+  CHECK(host.received == Bytes(pattern(480)));
+  host.until([] { return false; }, 1500ms);
+  CHECK(host.losses == 1);
+}
+
+TEST_CASE("a baud rate beyond the USB pipe is told") {
+  Bridge bridge;
+  Host host;
+  host.opens("A", 921600);
+  REQUIRE(host.until([&] { return !host.warnings.empty(); }));
+  CHECK_THAT(host.warnings.at(0), Catch::StartsWith("hid:10c4:ea80:A: 921600 baud"));
+  CHECK(host.losses == 0);
+  host.warnings.clear();
+  host.opens("A", 460800);
+  bridge.device.receive(Bytes{1});
+  REQUIRE(host.until([&] { return !host.received.empty(); }));
+  CHECK(host.warnings.empty());
+}
+
+TEST_CASE("unplugged: gone, once; then the address is not there") {
+  Bridge bridge;
+  Host host;
+  host.opens("A");
+  bridge.device.unplug();
+  host.goes();
+  CHECK_THAT(host.why, Catch::StartsWith("hid:10c4:ea80:A: read: "));
+  host.port->write(pattern(10));
+  host.until([] { return false; }, 50ms);
+  CHECK(host.gone == 1);
+  host.open("A");
+  host.goes();
+  CHECK(host.why == "hid:10c4:ea80:A: open: No such device");
+  bridge.device.plug();
+  host.opens("A");
+  CHECK(bridge.sent().empty());
+}
+
+TEST_CASE("unplugged and replugged 100 times") {
+  Bridge bridge;
+  Host host;
+  const auto start = Clock::now();
+  for (std::uint8_t i = 0; i < 100; ++i) {
+    host.opens("A");
+    host.received.clear();
+    bridge.device.receive(Bytes{i, i});
+    REQUIRE(host.until([&] { return host.received.size() == 2; }));
+    CHECK(host.received == Bytes{i, i});
+    bridge.device.unplug();
+    host.goes();
+    CHECK(host.gone == 1);
+    bridge.device.plug();
+  }
+  WARN("100 cycles in " << std::chrono::duration<double>(Clock::now() - start).count() << " s");
+}
+
+TEST_CASE("another serial number: told which ones are there") {
+  Bridge bridge("A");
+  Host host;
+  host.open("Z");
+  host.goes();
+  CHECK(host.why == "hid:10c4:ea80:Z: open (attached: A): No such device");
+}
+
+TEST_CASE("no permission: told what grants it; and listed so") {
+  Bridge bridge;
+  char* root = umockdev_testbed_get_root_dir(test::bed());
+  const std::string node = root + std::string("/dev/hidraw0");
+  // The emulation's own files are for everyone; only the node is not.
+  std::filesystem::permissions(root, std::filesystem::perms(0755));
+  for (const auto& entry :
+       std::filesystem::recursive_directory_iterator(root + std::string("/ioctl")))
+    std::filesystem::permissions(entry, std::filesystem::perms(0777));
+  g_free(root);
+  std::filesystem::permissions(node, std::filesystem::perms(0));
+  const bool is_root = ::geteuid() == 0;
+  if (is_root) REQUIRE(::setresuid(65534, 65534, 0) == 0);
+  Host host;
+  host.open("A");
+  const bool told = host.until([&] { return host.gone > 0; });
+  const auto list = inventory::list_attached();
+  if (is_root) REQUIRE(::setresuid(0, 0, 0) == 0);
+  REQUIRE(told);
+  CHECK(host.why ==
+        "hid:10c4:ea80:A: open /dev/hidraw0 (config/99-echofuse.rules grants access): "
+        "Permission denied");
+  REQUIRE(list.size() == 1);
+  CHECK(list[0].serial == "A");
+  CHECK(list[0].nodes.at(0).address == "hid:10c4:ea80:A");
+  CHECK(list[0].nodes[0].missing ==
+        "no read/write permission on /dev/hidraw0: install config/99-echofuse.rules");
+}
+
+TEST_CASE("a slow consumer: what does not fit is dropped, and every byte counted") {
+  Bridge bridge;
+  Host host;
+  host.opens();
+  constexpr std::uint64_t reports = 6000, kept = 256 << 10;
+  const Bytes report(64, 63);
+  for (std::uint64_t i = 0; i < reports; ++i) {
+    // The kernel's buffer is not at issue here: wait until the port has emptied it.
+    while (bridge.device.host_waiting() > 1000) std::this_thread::sleep_for(1ms);
+    bridge.device.raw_input(report);
+  }
+  REQUIRE(host.until([&] { return host.received.size() + host.losses == reports * 63; }));
+  CHECK(bridge.device.host_dropped() == 0);
+  CHECK(host.received.size() >= kept);
+  CHECK(host.losses > 0);
+  CHECK_THAT(host.warnings.at(0), Catch::Contains("not fetched in time"));
+}
+
+TEST_CASE("the devices command finds it, in a program of its own") {
+  Bridge bridge("00A1");
+  const auto folder =
+      std::filesystem::temp_directory_path() / ("echofuse-" + std::to_string(::getpid()));
+  std::filesystem::create_directory(folder);
+  const std::string command =
+      "cd " + folder.string() + " && " ECHOFUSE_BIN_DIR "/echofuse-acquire devices";
+  FILE* pipe = ::popen(command.c_str(), "r");
+  REQUIRE(pipe);
+  std::string text;
+  for (int c = 0; (c = std::fgetc(pipe)) != EOF;) text += static_cast<char>(c);
+  CHECK(::pclose(pipe) == 0);
+  std::filesystem::remove_all(folder);
+  CHECK_THAT(text, Catch::Contains("CP2110 HID serial bridge 10c4:ea80: model CP2110 HID "
+                                   "USB-to-UART Bridge, serial 00A1, firmware 1.00") &&
+                       Catch::Contains("radar.cli or radar.data = \"hid:10c4:ea80:00A1\""));
+}
+
+TEST_CASE("a port that is destroyed at any moment says no more") {
+  Bridge bridge;
+  Host host;
+  for (int i = 0; i < 20; ++i) {
+    host.open("A");
+    host.until([] { return false; }, std::chrono::milliseconds(i / 2));
+    bridge.device.receive(pattern(100));
+    host.port.reset();
+    host.opened = host.gone = 0;
+    host.received.clear();
+    host.until([] { return false; }, 2ms);
+    CHECK(host.opened + host.gone == 0);
+    CHECK(host.received.empty());
+  }
+}
+
+// Not a check but a measurement: test_hid "[.measure]"
+TEST_CASE("throughput and latency", "[.measure]") {
+  Bridge bridge;
+  Host host;
+  host.opens();
+  const auto start = Clock::now();
+  std::size_t given = 0;
+  while (Clock::now() - start < 3s) {
+    given += bridge.device.receive(pattern(480));
+    host.io.restart();
+    host.io.run_one_for(1ms);
+  }
+  host.until([&] { return host.received.size() >= given; }, 2s);
+  const double s = std::chrono::duration<double>(Clock::now() - start).count();
+  WARN("to the host: " << double(host.received.size()) / s << " bytes/s of " << given
+                       << ", dropped " << bridge.device.host_dropped());
+  std::vector<double> down, up;
+  for (int i = 0; i < 200; ++i) {
+    const auto sent = bridge.sent().size();
+    const auto got = host.received.size();
+    const auto t0 = Clock::now();
+    host.port->write(Bytes{1});
+    while (bridge.sent().size() == sent) std::this_thread::yield();
+    const auto t1 = Clock::now();
+    bridge.device.receive(Bytes{1});
+    host.until([&] { return host.received.size() > got; });
+    const auto t2 = Clock::now();
+    down.push_back(std::chrono::duration<double, std::milli>(t1 - t0).count());
+    up.push_back(std::chrono::duration<double, std::milli>(t2 - t1).count());
+  }
+  std::sort(down.begin(), down.end());
+  std::sort(up.begin(), up.end());
+  WARN("one byte out: median " << down[100] << " ms, worst " << down[199]
+                               << "; one byte in: median " << up[100] << " ms, worst " << up[199]);
+}
