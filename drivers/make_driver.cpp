@@ -42,7 +42,8 @@ std::unique_ptr<Driver> make_radar(boost::asio::io_context& io, const RadarConfi
                         .cli = port::byte_opener(io, config.cli, config.cli_baud),
                         .data = port::byte_opener(io, config.data, config.data_baud),
                         .cfg_text = config.cfg_text,
-                        .cfg_name = config.cfg_name},
+                        .cfg_name = config.cfg_name,
+                        .data_baud = config.data_baud},
       clock);
 }
 

@@ -2,12 +2,12 @@
 #include "recon/dataset.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 #include "acquire/record/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/crc32c.hpp"
+#include "drivers/core/log2_codes.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -88,7 +88,7 @@ class Appender {
   std::vector<float> linear(const record::FusedRecord& r) const {
     std::vector<float> out = r.radar;
     if (raw_radar_.quantity == "log2_q8")
-      for (float& v : out) v = power_from_log2_q8(v, raw_radar_.scale);
+      for (float& v : out) v = static_cast<float>(power_from_code(v, raw_radar_.scale));
     return out;
   }
 
@@ -152,12 +152,6 @@ void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs
     std::copy_n(data.radar.row(i).begin(), radar.count, table.row(i).begin());
   data.radar = std::move(table);
   data.radar_axis = cropped;
-}
-
-float power_from_log2_q8(float code, double antennas) {
-  const auto n = static_cast<unsigned>(std::max(1.0, antennas));
-  const double log2_magnitude = double{code} / 256 * std::bit_ceil(n) / n;
-  return static_cast<float>(std::exp2(2 * log2_magnitude));
 }
 
 }  // namespace echofuse::recon

@@ -57,8 +57,4 @@ Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad = 
 // bins is cropped. Throws Error(failed) if the axes that `inputs` needs differ otherwise.
 void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs);
 
-// Linear power from the TI code: 256*log2(magnitude) summed over `antennas` and divided by the next
-// power of two, so the mean log2 magnitude is code/256 * 2^ceil(log2 antennas) / antennas.
-float power_from_log2_q8(float code, double antennas);
-
 }  // namespace echofuse::recon

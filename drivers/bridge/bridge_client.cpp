@@ -71,7 +71,7 @@ void BridgeClient::on_block(Block block, HostTime received) {
   if (block.kind == BlockKind::hello) return on_hello(block);
   if (!greeted_) return;
   // Only now is it well: a bridge that greets and closes at once is retried ever more rarely.
-  backoff_.reset();
+  backoff_.alive(received);
   last_failure_.clear();
   block.lost_blocks = std::exchange(lost_blocks_, 0) + std::exchange(rejoined_, false);
   block.dropped_items = std::exchange(dropped_items_, 0);

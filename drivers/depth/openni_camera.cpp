@@ -100,7 +100,7 @@ class OpenNiCamera::Worker {
       if (read == Read::bad_frame) ++shared_->bad_frames;
       if (read == Read::frame) {
         last_failure_.clear();
-        backoff_.reset();
+        backoff_.alive(clock_.now());
         deliver(std::move(frame), session.recording());
       }
       if (read != Read::nothing) last_frame = now;

@@ -2,21 +2,35 @@
 #pragma once
 #include <algorithm>
 #include <chrono>
+#include <optional>
+#include <utility>
 
 namespace echofuse::port {
 
-// How long to wait before the next attempt: 100 ms, doubled up to 2 s.
+// How long to wait before the next attempt: 100 ms, doubled up to 2 s. It starts anew only after 5
+// s of health: a device that answers once and dies is retried ever more rarely.
 class Backoff {
  public:
+  using Time = std::chrono::nanoseconds;
+
+  explicit Backoff(std::chrono::milliseconds first = std::chrono::milliseconds(100),
+                   std::chrono::milliseconds longest = std::chrono::seconds(2))
+      : first_(first), longest_(longest), next_(first) {}
+
+  // The device failed.
   std::chrono::milliseconds next() {
-    const auto now = next_;
-    next_ = std::min(2 * next_, std::chrono::milliseconds(2000));
-    return now;
+    healthy_since_.reset();
+    return std::exchange(next_, std::min(2 * next_, longest_));
   }
-  void reset() { *this = {}; }
+  // The device did its work at this time (of a monotonic clock).
+  void alive(Time now) {
+    if (!healthy_since_) healthy_since_ = now;
+    if (now - *healthy_since_ >= std::chrono::seconds(5)) next_ = first_;
+  }
 
  private:
-  std::chrono::milliseconds next_{100};
+  std::chrono::milliseconds first_, longest_, next_;
+  std::optional<Time> healthy_since_;
 };
 
 }  // namespace echofuse::port

@@ -5,13 +5,18 @@
 #include <utility>
 
 namespace echofuse::radar {
+namespace {
+// A board that was away for longer may have been used by someone else.
+constexpr std::chrono::seconds cfg_keeps{10};
+}  // namespace
 
 RadarDriver::RadarDriver(boost::asio::io_context& io, RadarSetup setup, const Clock& clock)
     : setup_(std::move(setup)),
       clock_(clock),
-      profile_(parse_profile(setup_.cfg_text, setup_.cfg_name)),
+      profile_(parse_profile(setup_.cfg_text, setup_.cfg_name, setup_.data_baud)),
       dialogue_timer_(io),
-      watch_timer_(io) {
+      watch_timer_(io),
+      backoff_(setup_.backoff) {
   info_.sensor = Sensor::radar;
   info_.address = setup_.address;
   info_.axes = {radar_axis(profile_)};
@@ -44,7 +49,8 @@ std::vector<Counter> RadarDriver::counters() const {
           {"resyncs", c.resyncs},
           {"lost_frames", c.lost_frames},
           {"connections", connections_},
-          {"configured", configured_}};
+          {"configured", configured_},
+          {"restarted", restarted_}};
 }
 
 void RadarDriver::connect() {
@@ -54,7 +60,7 @@ void RadarDriver::connect() {
   cli_ = setup_.cli();
   data_ = setup_.data();
   const auto opened = [this] { on_opened(); };
-  const auto gone = [this](const Failure& failure) { fail(failure.text()); };
+  const auto gone = [this](const Failure& failure) { on_gone(failure); };
   cli_->open({opened, [this](ByteView bytes) { on_cli(bytes); }, gone});
   data_->open({opened, [this](ByteView bytes) { on_data(bytes); }, gone});
 }
@@ -62,7 +68,11 @@ void RadarDriver::connect() {
 void RadarDriver::on_opened() {
   if (++open_ports_ < 2) return;
   ++connections_;
-  dialogue_.emplace(setup_.cfg_text, setup_.cfg_name);
+  const bool kept = unplugged_ && clock_.now() - *unplugged_ < cfg_keeps;
+  unplugged_.reset();
+  using Send = CommandDialogue::Send;
+  dialogue_.emplace(setup_.cfg_text, setup_.cfg_name, setup_.timeouts,
+                    kept ? Send::restart : Send::cfg);
   dialogue_->start(clock_.now());
   advance();
 }
@@ -90,7 +100,8 @@ void RadarDriver::on_cli(ByteView bytes) {
   dialogue_->receive(bytes, clock_.now());
   const bool after = dialogue_->state() == CommandDialogue::State::done;
   if (after && !before) {
-    ++configured_;
+    ++(dialogue_->sent() == CommandDialogue::Send::cfg ? configured_ : restarted_);
+    frames_before_ = parser_.counts().frames;
     info_.model = dialogue_->platform();
     info_.firmware = dialogue_->firmware();
     watch();
@@ -106,15 +117,24 @@ void RadarDriver::on_data(ByteView bytes) {
 void RadarDriver::on_frame(RadarFrame frame) {
   const bool configured = dialogue_ && dialogue_->state() == CommandDialogue::State::done;
   if (!running_ || !data_ || !configured) return;
+  if (board_was_reset()) return fail("the board was reset: its frame numbers began again");
   alive_ = true;
+  backoff_.alive(clock_.now());
   if (!std::exchange(streaming_, true)) {
-    backoff_.reset();
     last_failure_.clear();
     faulted_ = false;
     sink_->on_state(Sensor::radar, DeviceState::streaming, info_);
     if (!running_) return;
   }
   sink_->on_radar(std::move(frame));
+}
+
+// The first two frames of a start may belong to a board that was reset before: we know.
+bool RadarDriver::board_was_reset() {
+  const FrameCounts& counts = parser_.counts();
+  const bool again = counts.restarts > restarts_seen_;
+  restarts_seen_ = counts.restarts;
+  return again && counts.frames > frames_before_ + 2;
 }
 
 void RadarDriver::watch() {
@@ -124,6 +144,12 @@ void RadarDriver::watch() {
     if (alive_) return watch();
     fail("no frames on the data port");
   });
+}
+
+void RadarDriver::on_gone(const Failure& failure) {
+  const bool worked = streaming_;
+  fail(failure.text());
+  if (worked) unplugged_ = clock_.now();
 }
 
 void RadarDriver::disconnect() {

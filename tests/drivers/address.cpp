@@ -57,6 +57,14 @@ TEST_CASE("the pause before a new attempt doubles up to 2 s") {
   std::vector<long> pauses;
   for (int i = 0; i < 7; ++i) pauses.push_back(backoff.next().count());
   CHECK(pauses == std::vector<long>{100, 200, 400, 800, 1600, 2000, 2000});
-  backoff.reset();
+  // One sign of life, or several that end too soon, change nothing.
+  using std::chrono::seconds;
+  backoff.alive(seconds(100));
+  CHECK(backoff.next().count() == 2000);
+  backoff.alive(seconds(200));
+  backoff.alive(seconds(204));
+  CHECK(backoff.next().count() == 2000);
+  backoff.alive(seconds(300));
+  backoff.alive(seconds(305));
   CHECK(backoff.next().count() == 100);
 }

@@ -140,9 +140,9 @@ TEST_CASE("a refused line fails with its place and the firmware's words") {
   }
   SECTION("silence") {
     s.say("flushCfg\r\n");
-    s.wait(7s);
+    s.wait(1900ms);
     CHECK(s.d.state() == State::commanding);
-    s.wait(2s);
+    s.wait(100ms);
     CHECK(s.d.failure() == "x.cfg:4:   flushCfg: no answer");
   }
   CHECK(s.d.state() == State::failed);

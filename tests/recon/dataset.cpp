@@ -94,10 +94,6 @@ TEST_CASE("a record that is not a number is refused with its number, or handed o
 }
 
 TEST_CASE("TI codes become linear power") {
-  CHECK(power_from_log2_q8(0, 1) == 1);
-  CHECK(power_from_log2_q8(256 * 5, 1) == Approx(1024));              // magnitude 2^5
-  CHECK(power_from_log2_q8(256 * 5, 8) == Approx(1024));              // 8 sums / 8
-  CHECK(power_from_log2_q8(256 * 5 * 12 / 16., 12) == Approx(1024));  // 12 sums / 16
   const Folder dir;
   write_run(dir / "a", 2, 1,
             [](record::FusedRecord& r) { r.radar.assign(24, r.index ? 60000.f : 512.f); },
