@@ -48,6 +48,8 @@ std::vector<Counter> RadarDriver::counters() const {
           {"other_tlvs", c.other_tlvs},
           {"resyncs", c.resyncs},
           {"lost_frames", c.lost_frames},
+          {"early_frames", early_frames_},
+          {"restarts", c.restarts},
           {"connections", connections_},
           {"configured", configured_},
           {"restarted", restarted_}};
@@ -56,7 +58,7 @@ std::vector<Counter> RadarDriver::counters() const {
 void RadarDriver::connect() {
   open_ports_ = 0;
   dialogue_.reset();
-  parser_.finish([](const RadarFrame&) {});  // of the last connection: too late for anyone
+  parser_.finish([this](const RadarFrame& frame) { discard(frame); });
   cli_ = setup_.cli();
   data_ = setup_.data();
   const auto opened = [this] { on_opened(); };
@@ -104,29 +106,38 @@ void RadarDriver::on_cli(ByteView bytes) {
     frames_before_ = parser_.counts().frames;
     info_.model = dialogue_->platform();
     info_.firmware = dialogue_->firmware();
+    alive_ = clock_.now();
     watch();
   }
   advance();
 }
 
-// Before the cfg is through, frames of an earlier run may still arrive: not ours, but in sync.
 void RadarDriver::on_data(ByteView bytes) {
   parser_.feed(bytes, clock_.now(), [this](RadarFrame frame) { on_frame(std::move(frame)); });
 }
 
 void RadarDriver::on_frame(RadarFrame frame) {
   const bool configured = dialogue_ && dialogue_->state() == CommandDialogue::State::done;
-  if (!running_ || !data_ || !configured) return;
+  if (!running_ || !data_) return;
+  if (!configured) return discard(frame);
   if (board_was_reset()) return fail("the board was reset: its frame numbers began again");
-  alive_ = true;
-  backoff_.alive(clock_.now());
+  alive_ = clock_.now();
+  backoff_.alive(alive_);
   if (!std::exchange(streaming_, true)) {
     last_failure_.clear();
     faulted_ = false;
     sink_->on_state(Sensor::radar, DeviceState::streaming, info_);
     if (!running_) return;
   }
+  frame.lost_before += std::exchange(discarded_, 0);
   sink_->on_radar(std::move(frame));
+}
+
+// Of an earlier connection, or before the cfg was through: in sync, but maybe of another cfg. Those
+// before the first connection are not ours, the others are a loss.
+void RadarDriver::discard(const RadarFrame& frame) {
+  ++early_frames_;
+  if (configured_ > 0) discarded_ += 1 + frame.lost_before;
 }
 
 // The first two frames of a start may belong to a board that was reset before: we know.
@@ -138,12 +149,10 @@ bool RadarDriver::board_was_reset() {
 }
 
 void RadarDriver::watch() {
-  alive_ = false;
   const auto limit = std::max(from_seconds(2), from_seconds(5 * profile_.frame_period_s));
-  watch_timer_.after(limit, [this] {
-    if (alive_) return watch();
-    fail("no frames on the data port");
-  });
+  const auto left = alive_ + limit - clock_.now();
+  if (left <= left.zero()) return fail("no frames on the data port");
+  watch_timer_.after(left, [this] { watch(); });
 }
 
 void RadarDriver::on_gone(const Failure& failure) {

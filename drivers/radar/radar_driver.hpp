@@ -45,6 +45,7 @@ class RadarDriver final : public Driver {
   void on_cli(ByteView bytes);
   void on_data(ByteView bytes);
   void on_frame(RadarFrame frame);
+  void discard(const RadarFrame& frame);
   void watch();
   bool board_was_reset();
   void on_gone(const Failure& failure);
@@ -64,8 +65,10 @@ class RadarDriver final : public Driver {
   std::optional<HostTime> unplugged_;  // since then, with our cfg in the firmware
   std::uint64_t restarts_seen_ = 0, frames_before_ = 0;
   int open_ports_ = 0;
-  bool running_ = false, faulted_ = false, streaming_ = false, alive_ = false;
-  std::uint64_t connections_ = 0, configured_ = 0, restarted_ = 0;
+  bool running_ = false, faulted_ = false, streaming_ = false;
+  HostTime alive_{};             // the last frame, or the start
+  std::uint32_t discarded_ = 0;  // frames, not yet told as lost
+  std::uint64_t connections_ = 0, configured_ = 0, restarted_ = 0, early_frames_ = 0;
   std::unique_ptr<port::BytePort> cli_, data_;
 };
 

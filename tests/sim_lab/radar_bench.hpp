@@ -17,7 +17,7 @@
 
 namespace echofuse::test {
 
-// What the driver's ports of one address connect to. Threading: one io thread.
+// What the driver's port of one address connects to, again and again.
 class Wire {
  public:
   Wire(boost::asio::io_context& io, std::function<void(ByteView)> to_board)
@@ -26,60 +26,64 @@ class Wire {
   port::ByteOpener opener() {
     return [this] { return std::make_unique<Port>(*this); };
   }
-  // To the host, in one read.
+  // To the host, in one read; lost if it does not listen.
   void send(ByteView bytes) {
-    later([bytes = Bytes(bytes.begin(), bytes.end())](Port& port) { port.handlers.bytes(bytes); });
+    if (choked && !bytes.empty()) bytes = bytes.first(1);
+    later([bytes = Bytes(bytes.begin(), bytes.end())](Link& link) {
+      if (link.open) link.handlers.bytes(bytes);
+    });
   }
   void send(const std::string& text) {
     send(ByteView{reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
   }
   void plug(bool in) {
     plugged_ = in;
-    if (!in) later([](Port& port) { port.gone("read"); });
+    if (!in) later([](Link& link) { link.fail("read"); });
   }
-  bool open() const { return port_ && port_->open_; }
+  bool choked = false;  // only the first byte of each piece comes through
 
  private:
+  struct Link {
+    port::PortHandlers handlers;
+    bool open = false, closed = false;
+    void fail(const char* doing) {
+      if (std::exchange(closed, true)) return;
+      open = false;
+      handlers.gone({std::make_error_code(std::errc::no_such_device), doing});
+    }
+  };
   struct Port final : port::BytePort {
     explicit Port(Wire& w) : wire(w) {}
-    ~Port() override {
-      if (wire.port_ == this) wire.port_ = nullptr;
-    }
-    void open(port::PortHandlers h) override {
-      handlers = std::move(h);
-      wire.port_ = this;
-      wire.later([](Port& port) {
-        if (!port.wire.plugged_) return port.gone("open");
-        port.open_ = true;
-        port.handlers.opened();
+    ~Port() override { link->open = false, link->closed = true; }
+    void open(port::PortHandlers handlers) override {
+      link->handlers = std::move(handlers);
+      wire.link_ = link;
+      wire.later([&w = wire](Link& l) {
+        if (!w.plugged_) return l.fail("open");
+        l.open = true;
+        l.handlers.opened();
       });
     }
     void write(ByteView bytes) override {
-      if (!open_) return;
+      if (!link->open || bytes.empty()) return;
       boost::asio::post(wire.io_, [&w = wire, copy = Bytes(bytes.begin(), bytes.end())] {
         if (w.plugged_) w.to_board_(copy);
       });
     }
-    void gone(const char* doing) {
-      open_ = false;
-      const auto handler = std::exchange(handlers, {}).gone;
-      if (handler) handler({std::make_error_code(std::errc::no_such_device), doing});
-    }
     Wire& wire;
-    port::PortHandlers handlers;
-    bool open_ = false;
+    std::shared_ptr<Link> link = std::make_shared<Link>();
   };
 
   template <class Action>
   void later(Action action) {
-    boost::asio::post(io_, [this, action, port = port_] {
-      if (port && port == port_ && port->handlers.gone) action(*port);
+    boost::asio::post(io_, [action, link = link_] {
+      if (link && !link->closed) action(*link);
     });
   }
 
   boost::asio::io_context& io_;
   std::function<void(ByteView)> to_board_;
-  Port* port_ = nullptr;
+  std::shared_ptr<Link> link_;
   bool plugged_ = true;
 };
 
@@ -90,7 +94,6 @@ class RadarBoard {
       : cli(io,
             [this](ByteView bytes) {
               for (const std::uint8_t byte : bytes) note(static_cast<char>(byte));
-              if (deaf) return;
               firmware_->receive(bytes);
               firmware_->between_frames();
             }),
@@ -113,29 +116,26 @@ class RadarBoard {
     std::vector<std::uint16_t> codes(64);
     for (std::size_t i = 0; i < codes.size(); ++i)
       codes[i] = static_cast<std::uint16_t>(3000 + number % 500 + i);
-    return sim::radar_frame({number, number * 10'000'000, 0},
-                            {sim::range_profile_tlv(codes), sim::stats_tlv({}),
-                             sim::temperature_tlv({})},
-                            rng_);
+    return sim::radar_frame(
+        {number, number * 10'000'000, 0},
+        {sim::range_profile_tlv(codes), sim::stats_tlv({}), sim::temperature_tlv({})}, rng_);
   }
   // What the host said since the last call, without bare lines.
   std::vector<std::string> heard() { return std::exchange(lines_, {}); }
+  std::size_t lines_heard() const { return lines_.size(); }
 
   Wire cli, data;
   std::uint32_t number = 0;
-  bool deaf = false;
 
  private:
   void note(char c) {
-    if (c != '\n') {
+    if (c != '\n')
       line_ += c;
-    } else if (!std::exchange(line_, {}).empty()) {
-      lines_.push_back(last_);
-    }
-    last_ = line_;
+    else if (!line_.empty())
+      lines_.push_back(std::exchange(line_, {}));
   }
   std::optional<sim::RadarFirmware> firmware_;
-  std::string line_, last_;
+  std::string line_;
   std::vector<std::string> lines_;
   Rng rng_ = make_rng(1, 1);
 };
