@@ -114,6 +114,8 @@ void Windows::add(const RadarFrame& frame) {
   if (!slot) return;
   ++slot->radar_frames;
   slot->radar_lost += frame.lost_before;
+  if (frame.stats) slot->stats = frame.stats;
+  if (frame.temperature) slot->temperature = frame.temperature;
   const auto axis = axes_.find("radar");
   const std::size_t bins = frame.range_profile.size();
   if (bins == 0) {
@@ -197,6 +199,8 @@ void Windows::fill_radar(const Slot& slot, record::FusedRecord& record) const {
   slot.radar_receipts.describe(sync);
   sync.used = static_cast<std::uint64_t>(frames);
   sync.lost = slot.radar_lost;
+  record.radar_stats = slot.stats;
+  record.radar_temperature = slot.temperature;
   if (!record.has(Sensor::radar)) return;
   if (frames == 1) {
     record.radar.assign(slot.first_codes.begin(), slot.first_codes.end());
