@@ -13,15 +13,22 @@ namespace {
 // As the file spells it; whole numbers are 64 bits wide there.
 struct Keys {
   std::int64_t start_channel, click_channel, bin_width_ps, first_bin_ps, bins;
-  std::int64_t cli_baud, data_baud;
+  std::int64_t cli_baud, data_baud, width, height, fps;
   std::string cfg;
 };
 
 Keys defaults_of(const Config& c) {
-  return {c.histogram.start_channel, c.histogram.click_channel,
-          c.histogram.bin_width_ps,  c.histogram.first_bin_ps,
-          c.histogram.bins,          c.radar.cli_baud,
-          c.radar.data_baud,         ""};
+  return {c.histogram.start_channel,
+          c.histogram.click_channel,
+          c.histogram.bin_width_ps,
+          c.histogram.first_bin_ps,
+          c.histogram.bins,
+          c.radar.cli_baud,
+          c.radar.data_baud,
+          c.depth.width,
+          c.depth.height,
+          c.depth.fps,
+          ""};
 }
 
 void bind(Settings& s, Config& c, Keys& k) {
@@ -48,6 +55,9 @@ void bind(Settings& s, Config& c, Keys& k) {
   s.add("radar.data_baud", k.data_baud, 1200, 4'000'000, "of the data port");
   s.add("depth.address", c.depth.address,
         "openni:[URI or file.oni] or bridge:tcp://HOST:PORT; empty: none");
+  s.add("depth.width", k.width, 0, 1 << 14, "pixels of an OpenNI2 camera; 0: its own choice");
+  s.add("depth.height", k.height, 0, 1 << 14, "pixels of an OpenNI2 camera; 0: its own choice");
+  s.add("depth.fps", k.fps, 0, 1000, "frames a second of an OpenNI2 camera; 0: its own choice");
 }
 
 void take_numbers(Config& c, const Keys& k) {
@@ -58,6 +68,9 @@ void take_numbers(Config& c, const Keys& k) {
                  .bins = static_cast<std::uint32_t>(k.bins)};
   c.radar.cli_baud = static_cast<std::uint32_t>(k.cli_baud);
   c.radar.data_baud = static_cast<std::uint32_t>(k.data_baud);
+  c.depth.width = static_cast<std::uint32_t>(k.width);
+  c.depth.height = static_cast<std::uint32_t>(k.height);
+  c.depth.fps = static_cast<std::uint32_t>(k.fps);
 }
 
 // What a single key cannot show. One line each.

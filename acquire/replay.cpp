@@ -38,6 +38,8 @@ void for_each_chunk(const std::string& path, const Visit& visit) {
 Json to_json(const std::string& path, const radar::FrameCounts& c, const Contents& contents) {
   Json bins = Json::object();
   for (const auto& [size, frames] : contents.profiles_by_bins) bins[std::to_string(size)] = frames;
+  Json types = Json::object();
+  for (const auto& [type, count] : c.tlvs) types[std::to_string(type)] = count;
   const auto number = [](const std::optional<std::uint32_t>& n) { return n ? Json(*n) : Json(); };
   return {{"file", path},
           {"bytes", c.bytes},
@@ -47,6 +49,7 @@ Json to_json(const std::string& path, const radar::FrameCounts& c, const Content
           {"range_profiles_by_bins", bins},
           {"stats", contents.stats},
           {"temperatures", contents.temperatures},
+          {"tlvs_by_type", types},
           {"other_tlvs", c.other_tlvs},
           {"junk_bytes", c.junk_bytes},
           {"truncated_frames", c.truncated_frames},
@@ -55,6 +58,7 @@ Json to_json(const std::string& path, const radar::FrameCounts& c, const Content
           {"bad_tlvs", c.bad_tlvs},
           {"resyncs", c.resyncs},
           {"lost_frames", c.lost_frames},
+          {"restarts", c.restarts},
           {"first_frame_number", number(c.first_frame_number)},
           {"last_frame_number", number(c.last_frame_number)}};
 }

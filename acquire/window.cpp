@@ -3,7 +3,7 @@
 
 #include <utility>
 
-#include "drivers/radar/profile.hpp"
+#include "drivers/core/log2_codes.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -114,6 +114,8 @@ void Windows::add(const RadarFrame& frame) {
   if (!slot) return;
   ++slot->radar_frames;
   slot->radar_lost += frame.lost_before;
+  if (frame.stats) slot->stats = frame.stats;
+  if (frame.temperature) slot->temperature = frame.temperature;
   const auto axis = axes_.find("radar");
   const std::size_t bins = frame.range_profile.size();
   if (bins == 0) {
@@ -125,7 +127,7 @@ void Windows::add(const RadarFrame& frame) {
   } else {
     slot->power.resize(bins);
     for (std::size_t i = 0; i < bins; ++i)
-      slot->power[i] += radar::power_from_code(frame.range_profile[i], axis->second.scale);
+      slot->power[i] += power_from_code(frame.range_profile[i], axis->second.scale);
     if (slot->radar_receipts.count == 0) slot->first_codes = frame.range_profile;
     slot->radar_receipts.add(frame.received, grid_.centre(grid_.slot_of(frame.received)));
   }
@@ -197,6 +199,8 @@ void Windows::fill_radar(const Slot& slot, record::FusedRecord& record) const {
   slot.radar_receipts.describe(sync);
   sync.used = static_cast<std::uint64_t>(frames);
   sync.lost = slot.radar_lost;
+  record.radar_stats = slot.stats;
+  record.radar_temperature = slot.temperature;
   if (!record.has(Sensor::radar)) return;
   if (frames == 1) {
     record.radar.assign(slot.first_codes.begin(), slot.first_codes.end());
@@ -205,7 +209,7 @@ void Windows::fill_radar(const Slot& slot, record::FusedRecord& record) const {
   const double antennas = axes_.at("radar").scale;
   for (const double sum : slot.power)
     record.radar.push_back(
-        static_cast<float>(radar::code_from_power(sum / static_cast<double>(frames), antennas)));
+        static_cast<float>(code_from_power(sum / static_cast<double>(frames), antennas)));
 }
 
 void Windows::fill_depth(Slot& slot, record::FusedRecord& record) const {

@@ -76,6 +76,8 @@ class Windows {
     std::uint64_t radar_frames = 0, radar_lost = 0;
     Receipts radar_receipts;
     std::string radar_fault;
+    std::optional<RadarStats> stats;
+    std::optional<RadarTemperature> temperature;
 
     std::optional<DepthFrame> depth;
     std::uint64_t depth_frames = 0, depth_lost = 0;

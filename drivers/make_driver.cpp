@@ -66,7 +66,8 @@ std::unique_ptr<Driver> make_radar(boost::asio::io_context& io, const RadarConfi
                         .data = port::byte_opener(io, config.data, config.data_baud),
                         .cfg_text = config.cfg_text,
                         .cfg_name = config.cfg_name,
-                        .warnings = radar_warnings(config)},
+                        .warnings = radar_warnings(config),
+                        .data_baud = config.data_baud},
       clock);
 }
 
@@ -74,7 +75,9 @@ std::unique_ptr<Driver> make_depth(boost::asio::io_context& io, const DepthConfi
                                    const Clock& clock) {
   const port::Address address = port::parse_address(config.address);
   if (const auto* openni = std::get_if<port::OpenNiAddress>(&address))
-    return std::make_unique<depth::OpenNiCamera>(io, config.address, openni->uri, clock);
+    return std::make_unique<depth::OpenNiCamera>(
+        io, config.address, openni->uri, clock,
+        depth::OpenNiOptions{.width = config.width, .height = config.height, .fps = config.fps});
   if (std::holds_alternative<port::BridgeAddress>(address))
     return std::make_unique<depth::BridgeCamera>(io, config.address,
                                                  port::byte_opener(io, config.address), clock);

@@ -29,6 +29,7 @@ struct RadarConfig {
 
 struct DepthConfig {
   std::string address;
+  std::uint32_t width = 0, height = 0, fps = 0;  // of an OpenNI2 camera; 0: its own choice
 };
 
 // `io` and `clock` must outlive the driver.

@@ -47,12 +47,17 @@ Command add_train(CLI::App& app, const Common& common) {
   struct Arguments : TrainOptions {
     std::vector<std::string> runs;
     std::string out;
+    double radar_bin_m = 0;
   };
   const auto a = std::make_shared<Arguments>();
   app.add_option("run", a->runs, "run files whose axes agree")->required();
   app.add_option("--out", a->out, "model file to write")->required();
   app.add_option("--model", a->model)->check(CLI::IsMember(model_names))->capture_default_str();
   add_inputs_option(app, a->inputs);
+  app.add_option(
+         "--radar-bin", a->radar_bin_m,
+         "add up the radar's power in bins of so many metres from 0 to 7 m (the paper: 0.5)")
+      ->check(CLI::Range(0.01, 3.5));
   add_fit_options(app, a->scaling, a->fit);
   app.add_option("--patience", a->fit.patience, "epochs without progress before stopping")
       ->check(CLI::Range(1, 100000))
@@ -75,7 +80,9 @@ Command add_train(CLI::App& app, const Common& common) {
     a->split.seed = a->fit.seed;
     a->fit.quiet = common.quiet;
     check_can_save(a->out);
-    const TrainedModel model = train(load(a->runs), *a);
+    Dataset data = load(a->runs);
+    if (a->radar_bin_m > 0) rebin_radar(data, radar_bins(a->radar_bin_m));
+    const TrainedModel model = train(data, *a);
     save_model(model, a->out);
     if (!common.quiet)
       std::fprintf(stderr, "%s: %s on %s, trained in %.1f s\n", a->out.c_str(), model.name.c_str(),

@@ -2,12 +2,12 @@
 #include "recon/dataset.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 #include "acquire/record/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/crc32c.hpp"
+#include "drivers/core/log2_codes.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -88,7 +88,7 @@ class Appender {
   std::vector<float> linear(const record::FusedRecord& r) const {
     std::vector<float> out = r.radar;
     if (raw_radar_.quantity == "log2_q8")
-      for (float& v : out) v = power_from_log2_q8(v, raw_radar_.scale);
+      for (float& v : out) v = static_cast<float>(power_from_code(v, raw_radar_.scale));
     return out;
   }
 
@@ -139,11 +139,52 @@ Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
   return data;
 }
 
+Axis radar_bins(double width_m) {
+  constexpr double span_m = 7;
+  const auto count = static_cast<std::uint32_t>(span_m / width_m + 1e-9);
+  return {.name = "radar",
+          .quantity = "binned_power",
+          .unit = "m",
+          .count = count,
+          .start = width_m / 2,
+          .step = width_m};
+}
+
+void rebin_radar(Dataset& data, const Axis& bins) {
+  const Axis& from = data.radar_axis;
+  if (from.quantity != "power" || from.step > bins.step ||
+      from.at(from.count - 0.5) < bins.at(bins.count - 0.5))
+    throw Error(ExitCode::failed, (data.sources.empty() ? "run" : data.sources.front().path) +
+                                      ": radar axis is " + describe(from) +
+                                      ", which cannot be added up in " + describe(bins));
+  // In units of a bin, bin j being [j, j + 1].
+  const auto edge = [&](double i) { return (from.at(i) - bins.at(-0.5)) / bins.step; };
+  const double width = from.step / bins.step;
+  Matrix table(data.size(), bins.count);
+  std::vector<double> sums(bins.count);
+  for (std::size_t row = 0; row < data.size(); ++row) {
+    std::fill(sums.begin(), sums.end(), 0.0);
+    for (std::uint32_t i = 0; i < from.count; ++i) {
+      const double power = data.radar.row(row)[i], end = std::max(edge(i + 0.5), 0.0);
+      const double begin = std::min(edge(i - 0.5), end), bin = std::floor(end);
+      const double share = std::clamp((end - std::max(bin, begin)) / width, 0.0, 1.0);
+      if (bin < bins.count) sums[static_cast<std::size_t>(bin)] += power * (bin > 0 ? share : 1);
+      if (bin > 0 && bin <= bins.count)
+        sums[static_cast<std::size_t>(bin) - 1] += power * (1 - share);
+    }
+    std::copy(sums.begin(), sums.end(), table.row(row).begin());
+  }
+  data.radar = std::move(table);
+  data.radar_axis = bins;
+}
+
 void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs) {
   const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
   if (inputs != Inputs::radar && !agree(data.spd_axis, spd))
     throw axis_error(path, data.spd_axis, spd, "the model's");
   if (inputs == Inputs::spd) return;
+  if (radar.quantity == "binned_power" && data.radar_axis.quantity == "power")
+    rebin_radar(data, radar);
   Axis cropped = data.radar_axis;
   if (cropped.count > radar.count) cropped.count = radar.count;
   if (!agree(cropped, radar)) throw axis_error(path, data.radar_axis, radar, "the model's");
@@ -152,12 +193,6 @@ void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs
     std::copy_n(data.radar.row(i).begin(), radar.count, table.row(i).begin());
   data.radar = std::move(table);
   data.radar_axis = cropped;
-}
-
-float power_from_log2_q8(float code, double antennas) {
-  const auto n = static_cast<unsigned>(std::max(1.0, antennas));
-  const double log2_magnitude = double{code} / 256 * std::bit_ceil(n) / n;
-  return static_cast<float>(std::exp2(2 * log2_magnitude));
 }
 
 }  // namespace echofuse::recon

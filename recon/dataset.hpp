@@ -29,7 +29,7 @@ struct Source {
 // A sensor that a record lacks has zeros in its row; `has` tells. A run without the sensor at all
 // has an axis of count 0.
 struct Dataset {
-  Axis spd_axis, radar_axis;         // the radar's after linearisation: quantity "power", scale 1
+  Axis spd_axis, radar_axis;         // the radar's after linearisation: "power" or "binned_power"
   Matrix spd, radar, depth;          // counts | linear power | 64 x 64 metres, 0 = no return
   std::vector<std::uint32_t> valid;  // bit 0 SPD, 1 radar, 2 depth
   std::vector<std::int64_t> index;   // the record's number in its run
@@ -53,12 +53,18 @@ using OnBadRecord = std::function<void(std::int64_t, const std::string&)>;
 // bad record (wrong size, not a finite number), its number, unless on_bad takes it.
 Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad = {});
 
-// Brings the tables onto the axes of a model: a radar axis with the same start and step but more
-// bins is cropped. Throws Error(failed) if the axes that `inputs` needs differ otherwise.
-void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs);
+// The paper's range bins, 0 to 7 m, if the width is 0.5 m: quantity "binned_power".
+Axis radar_bins(double width_m);
 
-// Linear power from the TI code: 256*log2(magnitude) summed over `antennas` and divided by the next
-// power of two, so the mean log2 magnitude is code/256 * 2^ceil(log2 antennas) / antennas.
-float power_from_log2_q8(float code, double antennas);
+// Adds up the radar's power in wider bins. Point i of the recorded profile spreads evenly over
+// [i - 1/2, i + 1/2] steps, so that no energy within the bins' span is lost or made; what lies
+// below the first bin (half of point 0) belongs to it. Throws Error(failed) if the profile is
+// coarser or shorter than the bins.
+void rebin_radar(Dataset& data, const Axis& bins);
+
+// Brings the tables onto the axes of a model: a radar axis with the same start and step but more
+// bins is cropped; for a model with binned power the radar is rebinned. Throws Error(failed) if the
+// axes that `inputs` needs differ otherwise.
+void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs);
 
 }  // namespace echofuse::recon

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -43,6 +44,9 @@ struct FusedRecord {
   std::vector<std::uint16_t> depth_mm;  // z, row-major on the run's depth axes, 0 = no return
   SpdCounts spd_counts;
   std::array<SensorSync, sensor_count> sync;
+  // Written into the table radar_status, for SQL; RunReader leaves them empty.
+  std::optional<RadarStats> radar_stats;
+  std::optional<RadarTemperature> radar_temperature;
 
   bool has(Sensor s) const { return (valid >> static_cast<unsigned>(s)) & 1u; }
   void set_valid(Sensor s) { valid |= 1u << static_cast<unsigned>(s); }

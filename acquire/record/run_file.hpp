@@ -3,7 +3,7 @@
 // survives kill -9, power loss and a full disk with every committed record, and is read while it is
 // written.
 //   PRAGMA application_id = 0x4543464d ("ECFM"), user_version = 1
-//   run, device, calibration, axis, record, event, anchor: see schema.hpp
+//   run, device, calibration, axis, record, radar_status, event, anchor: see schema.hpp
 //   record.spd u32 LE counts | radar f32 LE | depth 16-bit grey PNG, millimetres
 #pragma once
 #include <array>
@@ -50,6 +50,7 @@ class RunWriter {
  private:
   struct Statements;
   void insert(const FusedRecord& record);
+  void insert_status(const FusedRecord& record);
   void in_transaction(const std::function<void()>& body);
   std::string path_;
   std::unique_ptr<WriterLock> lock_;

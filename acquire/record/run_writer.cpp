@@ -188,6 +188,25 @@ void RunWriter::insert(const FusedRecord& r) {
       .bind(r.has(Sensor::radar) ? as_bytes(r.radar) : ByteView{})
       .bind(ByteView{png})
       .run();
+  if (r.radar_stats || r.radar_temperature) insert_status(r);
+}
+
+void RunWriter::insert_status(const FusedRecord& r) {
+  Statement s(db_, path_, "INSERT INTO radar_status VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+  s.bind(r.index);
+  const auto put = [&](bool there, std::int64_t value) {
+    there ? s.bind(value) : s.bind(ByteView{});
+  };
+  const bool stats = r.radar_stats.has_value();
+  const RadarStats n = r.radar_stats.value_or(RadarStats{});
+  for (const std::uint32_t v :
+       {n.inter_frame_processing_us, n.transmit_us, n.inter_frame_margin_us,
+        n.inter_chirp_margin_us, n.active_frame_load_percent, n.inter_frame_load_percent})
+    put(stats, v);
+  const RadarTemperature t = r.radar_temperature.value_or(RadarTemperature{1, 0, {}});
+  put(t.invalid == 0, t.time_ms);
+  for (const std::int16_t v : t.celsius) put(t.invalid == 0, v);
+  s.run();
 }
 
 void RunWriter::in_transaction(const std::function<void()>& body) {

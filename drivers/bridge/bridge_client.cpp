@@ -89,7 +89,7 @@ void BridgeClient::on_block(Block block, HostTime received) {
     return;
   }
   // Only now is it well: a bridge that greets and closes at once is retried ever more rarely.
-  backoff_.alive(clock_.now());
+  backoff_.alive(received);
   last_failure_.clear();
   block.lost_blocks = std::exchange(lost_blocks_, 0) + std::exchange(rejoined_, false);
   block.dropped_items = std::exchange(dropped_items_, 0);

@@ -14,6 +14,7 @@ inline constexpr double speed_of_light_m_s = 299'792'458.0;
 //   name      quantity                unit  meaning of the values along it
 //   spd       counts                  ps    detections per bin of two-way time of flight
 //   radar     power                   m     linear power (arbitrary scale)
+//   radar     binned_power            m     linear power added up over a step around each point
 //   radar     log2_q8                 m     256*log2(magnitude) summed over `scale` virtual
 //   antennas
 //                                           and divided by the next power of two (TI SDK 3.x TLV 2)

@@ -11,7 +11,6 @@
 #include <utility>
 
 #include "drivers/depth/openni_session.hpp"
-#include "drivers/port/backoff.hpp"
 
 namespace echofuse::depth {
 namespace {
@@ -19,7 +18,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto wait_limit = 100ms;
-constexpr auto silence_limit = 3s;  // a live camera that sends nothing is reopened
+constexpr auto silence_limit = 3s;  // a live camera that sends no whole frame is reopened
 constexpr auto recording_end = 1s;  // the same of a recording of unknown length is its end
 constexpr int max_queued = 4;
 
@@ -61,7 +60,11 @@ class OpenNiCamera::Worker {
  public:
   Worker(std::shared_ptr<Shared> shared, std::string address, std::string uri, const Clock& clock,
          OpenNiOptions options)
-      : shared_(std::move(shared)), uri_(std::move(uri)), clock_(clock), options_(options) {
+      : shared_(std::move(shared)),
+        uri_(std::move(uri)),
+        clock_(clock),
+        options_(options),
+        backoff_(options.backoff) {
     info_.sensor = Sensor::depth;
     info_.address = std::move(address);
   }
@@ -82,7 +85,7 @@ class OpenNiCamera::Worker {
   // Until the camera fails: why; or a recording ends: empty.
   std::string run_session() {
     OpenNiSession session;
-    if (std::string wrong = session.open(uri_); !wrong.empty()) return wrong;
+    if (std::string wrong = session.open(uri_, options_); !wrong.empty()) return wrong;
     ++shared_->connections;
     last_index_.reset();
     pace_.reset();
@@ -102,10 +105,10 @@ class OpenNiCamera::Worker {
         last_failure_.clear();
         backoff_.alive(clock_.now());
         deliver(std::move(frame), session.recording());
+        last_frame = now;
       }
-      if (read != Read::nothing) last_frame = now;
       if (session.recording() && now - last_frame > recording_end) return {};
-      if (now - last_frame > silence_limit) return "the camera sent nothing for 3 s";
+      if (now - last_frame > silence_limit) return "the camera sent no whole frame for 3 s";
     }
     return {};
   }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "drivers/core/driver.hpp"
+#include "drivers/port/backoff.hpp"
 
 namespace echofuse::depth {
 
@@ -14,8 +15,13 @@ struct OpenNiOptions {
   // Recordings are played at their own pace, else as fast as they are taken. Each frame comes once,
   // then the state is `ended`.
   bool paced = true;
+  // Of a live camera; 0 is the camera's own choice.
+  std::uint32_t width = 0, height = 0, fps = 0;
+  port::Backoff backoff{};
 };
 
+// A camera that was named by its place on the bus (VENDOR/PRODUCT@BUS/ADDRESS) and comes back at
+// another is found again, if it is the only one of its kind.
 // Threading: as every driver. Its own thread talks to OpenNI, copies, and posts to the io context;
 // at most 4 frames are on their way, a live camera's further ones are dropped and counted.
 class OpenNiCamera final : public Driver {

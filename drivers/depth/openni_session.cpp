@@ -28,6 +28,31 @@ std::string failure(const char* doing) {
   return std::string(doing) + (text.empty() ? " failed" : ":" + text);
 }
 
+bool is_depth(openni::PixelFormat format) {
+  return format == openni::PIXEL_FORMAT_DEPTH_1_MM || format == openni::PIXEL_FORMAT_DEPTH_100_UM;
+}
+
+std::string describe_mode(const openni::VideoMode& mode) {
+  return std::to_string(mode.getResolutionX()) + " x " + std::to_string(mode.getResolutionY()) +
+         " at " + std::to_string(mode.getFps()) + (is_depth(mode.getPixelFormat()) ? "" : " (raw)");
+}
+
+// Where the camera that was at `uri` is now: the only one with the same words before the "@".
+std::string moved(const std::string& uri) {
+  const std::size_t at = uri.find('@');
+  if (at == uri.npos) return {};
+  openni::Array<openni::DeviceInfo> all;
+  OpenNI::enumerateDevices(&all);
+  std::string found;
+  for (int i = 0; i < all.getSize(); ++i) {
+    const std::string other = all[i].getUri();
+    if (other.compare(0, at + 1, uri, 0, at + 1) != 0) continue;
+    if (!found.empty()) return {};
+    found = other;
+  }
+  return found;
+}
+
 // Pixel i of `count` looks along tangent (i - (count - 1) / 2) * step.
 Axis tangent_axis(const char* name, int count, double field_of_view, double sign) {
   const double step = sign * 2 * std::tan(field_of_view / 2) / count;
@@ -63,27 +88,53 @@ OpenNiSession::~OpenNiSession() {
   device_.close();
 }
 
-std::string OpenNiSession::open(const std::string& uri) {
+bool OpenNiSession::open_device(const std::string& uri) {
+  if (device_.open(uri.empty() ? openni::ANY_DEVICE : uri.c_str()) == openni::STATUS_OK)
+    return true;
+  const std::string other = moved(uri);
+  return !other.empty() && other != uri && device_.open(other.c_str()) == openni::STATUS_OK;
+}
+
+std::string OpenNiSession::open(const std::string& uri, const OpenNiOptions& wanted) {
   // isFile() and its like crash on a device that is not open.
-  if (device_.open(uri.empty() ? openni::ANY_DEVICE : uri.c_str()) != openni::STATUS_OK)
-    return failure("open");
+  if (!open_device(uri)) return failure("open");
   uri_ = device_.getDeviceInfo().getUri();
   recording_ = device_.isFile();
   if (!recording_) listening_ = OpenNI::addDeviceDisconnectedListener(this) == openni::STATUS_OK;
-  return open_stream();
+  return open_stream(wanted);
 }
 
-std::string OpenNiSession::open_stream() {
+std::string OpenNiSession::open_stream(const OpenNiOptions& wanted) {
   if (!device_.hasSensor(openni::SENSOR_DEPTH)) return "it has no depth sensor";
   if (stream_.create(device_, openni::SENSOR_DEPTH) != openni::STATUS_OK)
     return failure("create the depth stream");
-  std::string wrong = set_up();
+  std::string wrong = set_up(wanted);
   if (wrong.empty() && stream_.start() != openni::STATUS_OK)
     wrong = failure("start the depth stream");
   return wrong;
 }
 
-std::string OpenNiSession::set_up() {
+// The camera's present mode if it will do, else the first one that will.
+std::string OpenNiSession::choose_mode(const OpenNiOptions& wanted) {
+  const auto like = [](std::uint32_t wish, int is) {
+    return wish == 0 || wish == static_cast<std::uint32_t>(is);
+  };
+  const auto fits = [&](const openni::VideoMode& mode) {
+    return is_depth(mode.getPixelFormat()) && like(wanted.width, mode.getResolutionX()) &&
+           like(wanted.height, mode.getResolutionY()) && like(wanted.fps, mode.getFps());
+  };
+  if (fits(stream_.getVideoMode())) return {};
+  const auto& modes = stream_.getSensorInfo().getSupportedVideoModes();
+  std::string offered;
+  for (int i = 0; i < modes.getSize(); ++i) {
+    if (fits(modes[i]))
+      return stream_.setVideoMode(modes[i]) == openni::STATUS_OK ? "" : failure("set the mode");
+    offered += (offered.empty() ? "" : ", ") + describe_mode(modes[i]);
+  }
+  return "it has no such depth mode; it offers " + offered;
+}
+
+std::string OpenNiSession::set_up(const OpenNiOptions& wanted) {
   if (recording_) {
     openni::PlaybackControl* playback = device_.getPlaybackControl();
     playback->setRepeatEnabled(false);
@@ -92,12 +143,13 @@ std::string OpenNiSession::set_up() {
     frames_left_ = playback->getNumberOfFrames(stream_);
     stepped_ = frames_left_ > 0 && playback->setSpeed(-1) == openni::STATUS_OK;
   } else {
+    if (std::string wrong = choose_mode(wanted); !wrong.empty()) return wrong;
     stream_.setMirroringEnabled(false);
   }
   mirrored_ = stream_.getMirroringEnabled();  // still: then rows are turned here
   const openni::VideoMode mode = stream_.getVideoMode();
   const openni::PixelFormat format = mode.getPixelFormat();
-  if (format != openni::PIXEL_FORMAT_DEPTH_1_MM && format != openni::PIXEL_FORMAT_DEPTH_100_UM)
+  if (!is_depth(format))
     return "its pixel format " + std::to_string(format) + " is not a depth in mm or 0.1 mm";
   units_per_mm_ = format == openni::PIXEL_FORMAT_DEPTH_100_UM ? 10 : 1;
   const double h = stream_.getHorizontalFieldOfView(), v = stream_.getVerticalFieldOfView();

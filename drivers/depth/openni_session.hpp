@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/core/driver.hpp"
+#include "drivers/depth/openni_camera.hpp"
 
 namespace echofuse::depth {
 
@@ -30,7 +30,7 @@ class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
 
   // A device URI, a recording's file name, or empty for the first camera. Empty if it went well,
   // else what went wrong.
-  std::string open(const std::string& uri);
+  std::string open(const std::string& uri, const OpenNiOptions& wanted);
 
   enum class Read { frame, nothing, bad_frame, end, gone };
   // Fills all of `frame` but `received` and `lost_before`.
@@ -41,8 +41,10 @@ class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
 
  private:
   void onDeviceDisconnected(const openni::DeviceInfo* info) override;
-  std::string open_stream();
-  std::string set_up();
+  bool open_device(const std::string& uri);
+  std::string open_stream(const OpenNiOptions& wanted);
+  std::string set_up(const OpenNiOptions& wanted);
+  std::string choose_mode(const OpenNiOptions& wanted);
   void describe(const openni::VideoMode& mode);
   bool convert(const openni::VideoFrameRef& raw, DepthFrame& frame) const;
 

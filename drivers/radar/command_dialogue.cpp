@@ -18,7 +18,7 @@ std::string trimmed(std::string_view text) {
 
 // For messages: one short line whatever the UART delivered.
 std::string printable(std::string text) {
-  constexpr std::size_t longest = 160;
+  constexpr std::size_t longest = 256;
   if (text.size() > longest) text.resize(longest);
   std::replace_if(
       text.begin(), text.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
@@ -28,6 +28,8 @@ std::string printable(std::string text) {
 bool has(const std::vector<std::string>& lines, std::string_view whole) {
   return std::find(lines.begin(), lines.end(), whole) != lines.end();
 }
+
+bool is_banner(const std::string& line) { return line.find(" MMW Demo ") != line.npos; }
 
 bool is_refusal(const std::string& line) {
   return line.find("is not recognized as a CLI command") != line.npos;
@@ -44,9 +46,19 @@ std::string explanation(const std::vector<std::string>& answer) {
 }  // namespace
 
 CommandDialogue::CommandDialogue(std::string_view cfg_text, std::string cfg_name,
-                                 DialogueTimeouts timeouts)
-    : cfg_name_(std::move(cfg_name)), timeouts_(timeouts), commands_(command_lines(cfg_text)) {
-  commands_.insert(commands_.begin(), CfgLine{0, "version"});
+                                 DialogueTimeouts timeouts, Send what)
+    : cfg_name_(std::move(cfg_name)),
+      timeouts_(timeouts),
+      cfg_(command_lines(cfg_text)),
+      commands_{{0, "version"}, {0, "sensorStop"}, {0, "sensorStart 0"}},
+      send_(what) {
+  if (what == Send::cfg) send_whole_cfg();
+}
+
+void CommandDialogue::send_whole_cfg() {
+  send_ = Send::cfg;
+  commands_.resize(1);
+  commands_.insert(commands_.end(), cfg_.begin(), cfg_.end());
 }
 
 void CommandDialogue::start(HostTime now) { send_bare_line(now); }
@@ -86,17 +98,23 @@ void CommandDialogue::tick(HostTime now) {
 
 void CommandDialogue::on_line() {
   const std::string line = trimmed(line_);
-  if (line.empty() || state_ == State::failed) return;
+  if (line.find_first_not_of('*') == line.npos || state_ == State::failed) return;
+  const bool commanding = state_ == State::commanding;
+  // Once per frame while measureRangeBiasAndRxChanPhase is on; it may cut into an echo.
+  const std::size_t calibration = line.find("compRangeBiasAndRxChanPhase ");
   if (line.starts_with("Exception:")) {
     fail(printable(line) + " (the firmware has stopped: reset the board)");
+  } else if (is_banner(line) && state_ != State::draining) {
+    fail("the board was reset");
+  } else if (commanding && line == trimmed(commands_[next_].text)) {
+    return;  // the echo
+  } else if (calibration != line.npos) {
+    tell(Severity::info, line.substr(calibration));
   } else if (state_ == State::draining) {
+    if (is_banner(line)) send_whole_cfg();
     read_version(line);
   } else if (state_ == State::done) {
     tell(Severity::info, line);
-  } else if (line == trimmed(commands_[next_].text)) {
-    return;  // the echo
-  } else if (line.starts_with("compRangeBiasAndRxChanPhase")) {
-    tell(Severity::info, line);  // once per frame while measureRangeBiasAndRxChanPhase is on
   } else {
     if (answer_.size() == max_answer_lines) answer_.erase(answer_.begin());
     answer_.push_back(line);
@@ -127,8 +145,13 @@ void CommandDialogue::judge_answer(HostTime now) {
     send_command(now);
   } else if (refused && is_probe()) {
     next_command(now);  // a firmware without `version`
-  } else if (refused || !explanation(answer_).empty()) {
-    fail(printable(explanation(answer_)));
+  } else if (const std::string why = explanation(answer_); !why.empty() && send_ == Send::restart) {
+    tell(Severity::info, "restart refused, the cfg is sent again: " + why);
+    send_whole_cfg();
+    next_ = 0;
+    next_command(now);
+  } else if (!why.empty()) {
+    fail(printable(why));
   }
 }
 
@@ -142,7 +165,8 @@ void CommandDialogue::send_command(HostTime now) {
   ++tries_;
   answer_.clear();
   output_ += commands_[next_].text + '\n';
-  deadline_ = now + timeouts_.answer;
+  const bool starts = commands_[next_].text.find("sensorStart") != std::string::npos;
+  deadline_ = now + (starts ? timeouts_.start : timeouts_.answer);
 }
 
 void CommandDialogue::next_command(HostTime now) {
@@ -156,7 +180,7 @@ void CommandDialogue::next_command(HostTime now) {
 // "xWR68xx MMW Demo 03.04.00.03" of a board that has just started.
 void CommandDialogue::read_version(const std::string& line) {
   const std::size_t colon = line.find(':'), demo = line.find(" MMW Demo ");
-  if (demo != line.npos) {
+  if (is_banner(line)) {
     platform_ = printable(line.substr(0, demo));
     firmware_ = printable(line.substr(demo + 1));
   } else if (colon != line.npos && line.starts_with("Platform")) {

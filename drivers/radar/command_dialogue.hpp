@@ -4,9 +4,8 @@
 //
 //   we send   the firmware answers (echo on; text mode puts CR after LF)
 //   "\n"      ["\n\r"] "mmwDemo:/>"                          until it is quiet: leftovers are gone
-//   "version\n"  echo, lines, "Done\n\r", "mmwDemo:/>"       may still meet garbage: sent twice at
-//   most "LINE\n"  echo, then one of                              for each line of the cfg,
-//   verbatim
+//   "version\n"  echo, lines, "Done\n\r", "mmwDemo:/>"     may still meet garbage: sent twice at
+//   most "LINE\n"  echo, then one of                            for each line of the cfg, verbatim
 //               Done                                         good
 //               Ignored: ... / Done                          good, told
 //               Skipped                                      good (a comment)
@@ -15,7 +14,12 @@
 //               Exception: FILE, line N.                     failed: the firmware has stopped
 //             "mmwDemo:/>"                                   before which nothing more is sent: the
 //                                                            firmware's receiver has no buffer
-// Lines that come unasked (calibration results) are told as they are.
+// Lines that come unasked (calibration results) are told as they are. The firmware's banner where
+// none belongs is a board that was reset, which is a failure.
+//
+// A restart sends `sensorStop` and `sensorStart 0` instead of the cfg: the firmware then runs with
+// what it was given before, and refuses if it was given nothing (a board that was reset) or a part.
+// In both cases the whole cfg follows.
 #pragma once
 #include <optional>
 #include <string>
@@ -33,7 +37,8 @@ namespace echofuse::radar {
 struct DialogueTimeouts {
   std::chrono::milliseconds quiet{60};     // after a prompt, before the first command
   std::chrono::milliseconds prompt{1000};  // for the answer to a bare line; tried 3 times
-  std::chrono::milliseconds answer{8000};  // for a command: sensorStart calibrates for seconds
+  std::chrono::milliseconds answer{2000};  // for a command: sensorStop waits for a frame's end
+  std::chrono::milliseconds start{8000};   // for sensorStart, which calibrates for seconds
 };
 
 class CommandDialogue {
@@ -44,7 +49,10 @@ class CommandDialogue {
     std::string text;
   };
 
-  CommandDialogue(std::string_view cfg_text, std::string cfg_name, DialogueTimeouts timeouts = {});
+  enum class Send { cfg, restart };
+
+  CommandDialogue(std::string_view cfg_text, std::string cfg_name, DialogueTimeouts timeouts = {},
+                  Send what = Send::cfg);
 
   void start(HostTime now);
   void receive(ByteView bytes, HostTime now);
@@ -53,6 +61,8 @@ class CommandDialogue {
   std::optional<HostTime> deadline() const { return deadline_; }
 
   State state() const { return state_; }
+  // How it is or was done: Send::cfg also after a restart that was refused.
+  Send sent() const { return send_; }
   const std::string& failure() const { return failure_; }  // one line, with the cfg line's number
   // What is to be written, and told, since the last call.
   std::string take_output() { return std::exchange(output_, {}); }
@@ -68,6 +78,7 @@ class CommandDialogue {
   void send_bare_line(HostTime now);
   void send_command(HostTime now);
   void next_command(HostTime now);
+  void send_whole_cfg();
   bool is_probe() const { return next_ == 0; }
   void read_version(const std::string& line);
   void tell(Severity severity, const std::string& text);
@@ -75,8 +86,9 @@ class CommandDialogue {
 
   std::string cfg_name_;
   DialogueTimeouts timeouts_;
-  std::vector<CfgLine> commands_;  // `version` first, as line 0
-  std::size_t next_ = 0;           // the command that is being answered
+  std::vector<CfgLine> cfg_, commands_;  // `version` first, as line 0
+  Send send_;
+  std::size_t next_ = 0;  // the command that is being answered
   int tries_ = 0;
   State state_ = State::draining;
   std::optional<HostTime> deadline_, drain_end_;  // drain_end_: set by the first prompt

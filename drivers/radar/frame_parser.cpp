@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <utility>
 
 namespace echofuse::radar {
@@ -16,6 +17,10 @@ constexpr std::uint32_t max_tlvs = 16;
 constexpr std::size_t padding_limit = 32;
 // A frame number further ahead was corrupted or restarted: no one lost a day of frames unnoticed.
 constexpr std::uint32_t max_lost_frames = 1u << 20;
+constexpr std::uint32_t usual_gap = 100;  // more is not believed of one number alone
+constexpr std::size_t max_types = 64;
+
+std::uint32_t between(std::uint32_t earlier, std::uint32_t later) { return later - earlier - 1; }
 
 bool starts_with_magic(ByteView bytes) {
   return bytes.size() >= magic.size() && std::equal(magic.begin(), magic.end(), bytes.begin());
@@ -28,8 +33,14 @@ bool starts_with_part_of_magic(ByteView bytes) {
 
 // Where the next magic, or at the end the beginning of one, stands at or after `from`.
 std::size_t find_magic(ByteView bytes, std::size_t from) {
-  while (from < bytes.size() && !starts_with_part_of_magic(bytes.subspan(from))) ++from;
-  return std::min(from, bytes.size());
+  while (from < bytes.size()) {
+    const void* first = std::memchr(bytes.data() + from, magic[0], bytes.size() - from);
+    if (!first) break;
+    from = static_cast<std::size_t>(static_cast<const std::uint8_t*>(first) - bytes.data());
+    if (starts_with_part_of_magic(bytes.subspan(from))) return from;
+    ++from;
+  }
+  return bytes.size();
 }
 
 bool read_tlv(std::uint32_t type, ByteView payload, RadarFrame& frame) {
@@ -59,10 +70,11 @@ struct FrameParser::Header {
     return magic_word == magic && packet_bytes <= max_packet_bytes && tlvs <= max_tlvs &&
            packet_bytes >= header_bytes + tlvs * tlv_header_bytes;
   }
+  bool like(const Header& other) const {
+    return version == other.version && platform == other.platform;
+  }
   bool precedes(const Header& later) const {
-    const std::uint32_t ahead = later.frame_number - frame_number;
-    return version == later.version && platform == later.platform && ahead > 0 &&
-           ahead <= max_lost_frames;
+    return like(later) && between(frame_number, later.frame_number) < max_lost_frames;
   }
 };
 
@@ -92,6 +104,8 @@ void FrameParser::finish(const OnFrame& on_frame) {
   buffer_.clear();
   forget_progress();
   in_junk_ = false;
+  if (const auto jump = std::exchange(jump_, {}); jump && *jump <= max_lost_frames)
+    counts_.lost_frames += *jump;
 }
 
 Step FrameParser::next(ByteView bytes, HostTime received, const OnFrame& on_frame) {
@@ -133,12 +147,13 @@ Step FrameParser::skip_truncated(std::size_t bytes) {
 // sure. The end of what there is of the packet if no such place is seen.
 std::size_t FrameParser::find_successor(ByteView bytes, const Header& header) {
   const std::size_t end = std::min<std::size_t>(bytes.size(), header.packet_bytes);
-  searched_ = std::max(searched_, header_bytes);
+  searched_ = std::max(searched_, magic.size());
   while ((searched_ = find_magic(bytes.first(end), searched_)) < end) {
     const ByteView candidate = bytes.subspan(searched_);
     const bool open = candidate.size() < header_bytes && starts_with_part_of_magic(candidate);
     const auto later = candidate.size() < header_bytes ? std::nullopt : read_header(candidate);
-    if (open || (later && header.precedes(*later))) break;
+    const bool in_padding = header.packet_bytes - searched_ < padding_limit;
+    if (open || (later && (in_padding ? header.precedes(*later) : header.like(*later)))) break;
     ++searched_;
   }
   return searched_;
@@ -158,8 +173,9 @@ void FrameParser::deliver(ByteView packet, const Header& header, HostTime receiv
   on_frame(std::move(frame));
 }
 
-// False where the structure is broken. A TLV too many within what can be padding is only a wrong
-// count: some guiMonitor values make the firmware announce a TLV that it does not send.
+// False where the structure is broken: a TLV leaves the packet, or more is left than can be
+// padding. A TLV too many within the padding is only a wrong count: some guiMonitor values make the
+// firmware announce a TLV that it does not send.
 bool FrameParser::read_tlvs(ByteView body, std::uint32_t count, RadarFrame& frame) {
   ByteReader in(body);
   for (std::uint32_t i = 0; i < count; ++i) {
@@ -170,16 +186,43 @@ bool FrameParser::read_tlvs(ByteView body, std::uint32_t count, RadarFrame& fram
       ++counts_.bad_tlvs;
       return left < padding_limit;
     }
+    count_tlv(type);
     if (!read_tlv(type, payload, frame)) ++counts_.other_tlvs;
   }
-  return true;
+  if (in.left() < padding_limit) return true;
+  ++counts_.bad_tlvs;
+  return false;
+}
+
+void FrameParser::count_tlv(std::uint32_t type) {
+  const auto known = counts_.tlvs.find(type);
+  if (known != counts_.tlvs.end())
+    ++known->second;
+  else if (counts_.tlvs.size() < max_types)
+    counts_.tlvs.emplace(type, 1);
 }
 
 std::uint32_t FrameParser::lost_before(std::uint32_t number) {
   if (!counts_.first_frame_number) counts_.first_frame_number = number;
   const auto last = std::exchange(counts_.last_frame_number, number);
-  const std::uint32_t lost = last ? number - *last - 1 : 0;
-  if (lost > max_lost_frames) return 0;
+  if (!last || number == *last) return 0;
+  const auto jump = std::exchange(jump_, {});
+  const bool follows = between(*last, number) <= usual_gap;
+  const std::uint32_t onwards = number_before_ ? number - *number_before_ : 0;
+  std::uint32_t lost = 0;
+  if ((jump || !follows) && number_before_ && onwards <= usual_gap + 1) {
+    // The last number was corrupt, or an old one: this one goes on where the one before left off.
+    lost = jump && onwards > 2 ? onwards - 2 : 0;
+    counts_.lost_frames += lost;
+    return lost;
+  }
+  if (!follows) {
+    jump_ = between(*last, number);
+  } else {
+    if (jump && *jump > max_lost_frames) ++counts_.restarts;
+    lost = between(*last, number) + (jump && *jump <= max_lost_frames ? *jump : 0);
+  }
+  number_before_ = last;
   counts_.lost_frames += lost;
   return lost;
 }

@@ -18,14 +18,20 @@
 //   TLV 2 range profile  u16[bins]        TLV 6 stats  u32[6]
 //   TLV 9 temperature    i32, u32, i16[10]
 //   every other type, or one of these with another length, is skipped and counted
+// Other demos of TI put the same magic before other headers (48 and 52 bytes): those are refused as
+// headers or for their TLVs, which do not fill the packet.
 //
-// Framing: skip by total packet len, then expect the magic. The padding may hold a stale magic, so
-// a magic inside a frame is believed only if a later frame of the same version and platform starts
-// there: then bytes were lost and the outer frame is truncated. Where no plausible header stands
-// (magic, len <= 64 KiB, <= 16 TLVs that fit) the parser searches for the next magic.
+// Framing: skip by total packet len, then expect the magic. A header of the same version and
+// platform inside a frame means that bytes were lost: the outer frame is truncated. The padding may
+// hold a stale magic, so there it must be a later frame's. Where no plausible header stands (magic,
+// len <= 64 KiB, <= 16 TLVs that fit) the parser searches for the next magic.
+//
+// Frame numbers: there is no checksum, so a number that jumps is believed once the next one follows
+// it. Then a jump ahead is a loss, and a jump back is a board that was reset.
 #pragma once
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 
 #include "drivers/core/bytes.hpp"
@@ -44,11 +50,14 @@ struct FrameCounts {
   std::uint64_t truncated_frames = 0;  // shorter than their header says; never delivered
   std::uint64_t truncated_bytes = 0;
   std::uint64_t bad_headers = 0;  // a magic with an implausible header
-  std::uint64_t bad_tlvs = 0;     // a TLV that leaves its packet
+  std::uint64_t bad_tlvs = 0;     // a packet that its TLVs leave, or do not fill
   std::uint64_t other_tlvs = 0;
   std::uint64_t resyncs = 0;      // times the magic was found again after junk
   std::uint64_t lost_frames = 0;  // gaps in the frame numbers
+  std::uint64_t restarts = 0;     // times the frame numbers began again
   std::optional<std::uint32_t> first_frame_number, last_frame_number;
+  // Well-formed TLVs by type; only the first 64 types that turn up are told apart.
+  std::map<std::uint32_t, std::uint64_t> tlvs;
 };
 
 class FrameParser {
@@ -71,12 +80,16 @@ class FrameParser {
   std::size_t find_successor(ByteView bytes, const Header& header);
   void deliver(ByteView packet, const Header& header, HostTime received, const OnFrame& on_frame);
   bool read_tlvs(ByteView body, std::uint32_t count, RadarFrame& frame);
+  void count_tlv(std::uint32_t type);
   std::uint32_t lost_before(std::uint32_t number);
   void forget_progress();
 
   FrameBuffer buffer_;
   FrameCounts counts_;
   bool in_junk_ = false;
+  std::optional<std::uint32_t> number_before_;  // the one before counts_.last_frame_number
+  // The last number did not follow the one before: it is so many further, or less by any amount.
+  std::optional<std::uint32_t> jump_;
   // Of the frame at the front: how far it was searched for its successor, and when it was complete.
   std::size_t searched_ = 0;
   std::optional<HostTime> complete_;

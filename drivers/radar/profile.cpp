@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cmath>
 #include <map>
+#include <sstream>
 
 #include "drivers/core/exit_code.hpp"
 
@@ -66,6 +67,7 @@ class Cfg {
     throw Error(ExitCode::config,
                 where(c.line) + std::string(c.words.empty() ? "" : c.words[0]) + " " + what);
   }
+  const std::string& name() const { return name_; }
   std::string where(int line) const { return name_ + ":" + std::to_string(line) + ": "; }
 
  private:
@@ -87,11 +89,24 @@ class Cfg {
   std::map<std::string, std::vector<Command>> commands_;
 };
 
-// Rx enabled * Tx that some chirp of the frame uses (SDK, mmwdemo_rfparser.c).
-std::uint32_t virtual_antennas(const Cfg& cfg) {
+struct Antennas {
+  std::uint32_t receivers = 0;     // enabled
+  std::uint32_t transmitters = 0;  // enabled, and used by some chirp of the frame: a mask
+  std::uint32_t virtuals() const { return receivers * ones(transmitters); }
+  // Those of the azimuth heat map: transmitter 2 of the ISK board stands above the others.
+  std::uint32_t azimuth() const {
+    const std::uint32_t level = transmitters & 5u;
+    return receivers * ones(level ? level : transmitters);
+  }
+  static std::uint32_t ones(std::uint32_t mask) {
+    return static_cast<std::uint32_t>(std::popcount(mask));
+  }
+};
+
+// As SDK, mmwdemo_rfparser.c.
+Antennas read_antennas(const Cfg& cfg) {
   const Command& channels = cfg.last("channelCfg");
   const Command& frame = cfg.last("frameCfg");
-  const auto receivers = std::popcount(cfg.integer(channels, 1, 1, 15));
   const auto enabled = cfg.integer(channels, 2, 1, 7);
   const auto first = cfg.integer(frame, 1, 0, 511), last = cfg.integer(frame, 2, 0, 511);
   std::uint32_t used = 0;
@@ -100,7 +115,7 @@ std::uint32_t virtual_antennas(const Cfg& cfg) {
     if (begin <= last && end >= first) used |= cfg.integer(chirp, 8, 0, 7);
   }
   if ((used & enabled) == 0) cfg.fail(frame, "uses no chirp with an enabled transmitter");
-  return static_cast<std::uint32_t>(receivers * std::popcount(used & enabled));
+  return {Antennas::ones(cfg.integer(channels, 1, 1, 15)), used & enabled};
 }
 
 void read_gui_monitor(const Cfg& cfg, RadarProfile& profile) {
@@ -118,19 +133,60 @@ void read_gui_monitor(const Cfg& cfg, RadarProfile& profile) {
   }
 }
 
-void read_warnings(const Cfg& cfg, RadarProfile& profile) {
+// The parts of a frame as SDK's MmwDemo_transmitProcessedOutput sends them.
+std::uint32_t frame_bytes(const Cfg& cfg, const Antennas& antennas, std::uint32_t bins) {
+  const Command& gui = cfg.last("guiMonitor");
+  const std::uint32_t doppler_bins =
+      std::bit_ceil(cfg.integer(cfg.last("frameCfg"), 3, 1, 1 << 15));
+  const auto on = [&](std::size_t flag) { return cfg.number(gui, flag) != 0; };
+  constexpr std::uint32_t header = 40, tlv = 8, unit = 32;
+  std::uint32_t bytes = header;
+  if (on(2)) bytes += tlv;                                  // points: those come on top
+  if (on(3)) bytes += tlv + 2 * bins;                       // range profile
+  if (on(4)) bytes += tlv + 2 * bins;                       // noise profile
+  if (on(5)) bytes += tlv + 4 * bins * antennas.azimuth();  // azimuth heat map
+  if (on(6)) bytes += tlv + 2 * bins * doppler_bins;        // range-Doppler heat map
+  if (on(7)) bytes += tlv + 24 + tlv + 28;                  // stats and temperature
+  return (bytes + unit - 1) / unit * unit;
+}
+
+std::string milliseconds(double s) {
+  std::ostringstream text;
+  text << std::round(s * 1e4) / 10 << " ms";
+  return text.str();
+}
+
+void warn_of_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud) {
+  constexpr std::uint32_t firmware_baud = 921600;  // until configDataPort
+  const bool given = cfg.has("configDataPort");
+  const std::uint32_t baud =
+      given ? cfg.integer(cfg.last("configDataPort"), 1, 1, 1e9) : firmware_baud;
+  if (baud != data_baud)
+    profile.warnings.push_back(
+        (given
+             ? cfg.where(cfg.last("configDataPort").line) + "configDataPort sets the data port to "
+             : cfg.name() + ": without configDataPort the firmware sends at ") +
+        std::to_string(baud) + " baud, radar.data_baud is " + std::to_string(data_baud));
+  const double transmit_s = profile.frame_bytes * 10.0 / baud;
+  if (transmit_s < profile.frame_period_s) return;
+  profile.warnings.push_back(
+      cfg.where(cfg.last("frameCfg").line) + "frameCfg wants a frame every " +
+      milliseconds(profile.frame_period_s) + ", but one of " + std::to_string(profile.frame_bytes) +
+      " bytes takes " + milliseconds(transmit_s) + " at " + std::to_string(baud) + " baud");
+}
+
+void read_warnings(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud) {
   if (cfg.has("clutterRemoval")) {
     const Command& c = cfg.last("clutterRemoval");
     if (cfg.number(c, 2) != 0)
       profile.warnings.push_back(cfg.where(c.line) +
                                  "clutterRemoval 1 removes everything that stands still");
   }
-  if (cfg.has("configDataPort")) {
-    const Command& c = cfg.last("configDataPort");
-    profile.warnings.push_back(cfg.where(c.line) + "configDataPort sets the data port to " +
-                               std::string(c.words.size() > 1 ? c.words[1] : "?") +
-                               " baud: the configured data baud must be the same");
-  }
+  if (profile.bins == 1022)
+    profile.warnings.push_back(cfg.where(cfg.last("profileCfg").line) +
+                               "profileCfg makes 1024 bins for 12 antennas: more than the firmware "
+                               "has room for, it sends 1022");
+  warn_of_rates(cfg, profile, data_baud);
 }
 
 }  // namespace
@@ -150,14 +206,16 @@ std::vector<CfgLine> command_lines(std::string_view cfg_text) {
   return lines;
 }
 
-RadarProfile parse_profile(std::string_view cfg_text, const std::string& name) {
+RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
+                           std::uint32_t data_baud) {
   const auto lines = command_lines(cfg_text);
   const Cfg cfg(lines, name);
   const Command& chirp = cfg.last("profileCfg");
   const Command& frame = cfg.last("frameCfg");
   cfg.all("sensorStart");
   RadarProfile profile;
-  profile.antennas = virtual_antennas(cfg);
+  const Antennas antennas = read_antennas(cfg);
+  profile.antennas = antennas.virtuals();
   profile.adc_samples = cfg.integer(chirp, 10, 2, 2048);
   const std::uint32_t fft = std::bit_ceil(profile.adc_samples);
   profile.bins = fft == 1024 && profile.antennas == 12 ? 1022 : fft;
@@ -166,7 +224,8 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name) {
   profile.range_step_m = firmware_speed_of_light_m_s * sample_rate_hz / (2 * slope_hz_per_s * fft);
   profile.frame_period_s = cfg.positive(frame, 5, "the frame period") * 1e-3;
   read_gui_monitor(cfg, profile);
-  read_warnings(cfg, profile);
+  profile.frame_bytes = frame_bytes(cfg, antennas, profile.bins);
+  read_warnings(cfg, profile, data_baud);
   return profile;
 }
 
@@ -178,21 +237,6 @@ Axis radar_axis(const RadarProfile& profile) {
           .start = 0,
           .step = profile.range_step_m,
           .scale = static_cast<double>(profile.antennas)};
-}
-
-namespace {
-// log2(power) per code.
-double log2_power_step(double antennas) {
-  return 2.0 / 256.0 * std::exp2(std::ceil(std::log2(antennas))) / antennas;
-}
-}  // namespace
-
-double power_from_code(double code, double antennas) {
-  return std::exp2(code * log2_power_step(antennas));
-}
-
-double code_from_power(double power, double antennas) {
-  return power <= 1 ? 0 : std::log2(power) / log2_power_step(antennas);
 }
 
 }  // namespace echofuse::radar

@@ -26,25 +26,20 @@ struct RadarProfile {
   double range_step_m = 0;
   std::uint32_t antennas = 0;  // virtual: Rx enabled * Tx used by the frame's chirps
   double frame_period_s = 0;
+  // What guiMonitor asks for, without the points that the firmware detects; rounded up to 32.
+  std::uint32_t frame_bytes = 0;
   bool range_profile_on = false;  // guiMonitor sends TLV 2
   std::vector<std::string> warnings;
 };
 
 // Throws Error(config) as "NAME:LINE: ...": a command with too few numbers, one that is missing, a
 // line longer than the firmware's buffer (255 characters, 40 words).
-RadarProfile parse_profile(std::string_view cfg_text, const std::string& name);
+// `data_baud` is the rate at which the data port will be read: the warnings need it.
+RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
+                           std::uint32_t data_baud = 921600);
 
-// name "radar", quantity "log2_q8", unit "m", scale = antennas. Bin i stands at i * range_step_m:
-// the firmware does not apply its range bias to the profile.
+// name "radar", quantity "log2_q8" (drivers/core/log2_codes.hpp), unit "m", scale = antennas. Bin i
+// stands at i * range_step_m: the firmware does not apply its range bias to the profile.
 Axis radar_axis(const RadarProfile& profile);
-
-// TLV 2 holds 256 * log2 of the magnitude, summed over the virtual antennas and divided by the next
-// power of two of their number (SDK: DPIF_DETMATRIX_DATA_QFORMAT 8 and the CFAR threshold's dB
-// conversion). So the mean over antennas of log2(magnitude) is code / 256 * 2^ceil(log2 n) / n, and
-//   power = magnitude^2 = 2^(2 * code / 256 * 2^ceil(log2 n) / n),
-// in an arbitrary unit: only ratios are physical. Frames are averaged in power, never in codes.
-double power_from_code(double code, double antennas);
-// The inverse; powers below 1 have no code and give 0.
-double code_from_power(double power, double antennas);
 
 }  // namespace echofuse::radar

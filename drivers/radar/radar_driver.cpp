@@ -5,13 +5,18 @@
 #include <utility>
 
 namespace echofuse::radar {
+namespace {
+// A board that was away for longer may have been used by someone else.
+constexpr std::chrono::seconds cfg_keeps{10};
+}  // namespace
 
 RadarDriver::RadarDriver(boost::asio::io_context& io, RadarSetup setup, const Clock& clock)
     : setup_(std::move(setup)),
       clock_(clock),
-      profile_(parse_profile(setup_.cfg_text, setup_.cfg_name)),
+      profile_(parse_profile(setup_.cfg_text, setup_.cfg_name, setup_.data_baud)),
       dialogue_timer_(io),
-      watch_timer_(io) {
+      watch_timer_(io),
+      backoff_(setup_.backoff) {
   info_.sensor = Sensor::radar;
   info_.address = setup_.address;
   info_.axes = {radar_axis(profile_)};
@@ -45,18 +50,21 @@ std::vector<Counter> RadarDriver::counters() const {
           {"resyncs", c.resyncs},
           {"lost_frames", c.lost_frames},
           {"port_losses", port_losses_},
+          {"early_frames", early_frames_},
+          {"restarts", c.restarts},
           {"connections", connections_},
-          {"configured", configured_}};
+          {"configured", configured_},
+          {"restarted", restarted_}};
 }
 
 void RadarDriver::connect() {
   open_ports_ = 0;
   dialogue_.reset();
-  parser_.finish([](const RadarFrame&) {});  // of the last connection: too late for anyone
+  parser_.finish([this](const RadarFrame& frame) { discard(frame); });
   cli_ = setup_.cli();
   data_ = setup_.data();
   const auto opened = [this] { on_opened(); };
-  const auto gone = [this](const Failure& failure) { fail(failure.text()); };
+  const auto gone = [this](const Failure& failure) { on_gone(failure); };
   const auto warning = [this](const std::string& text, std::uint64_t losses) {
     port_losses_ += losses;
     if (told_.insert(text).second) sink_->on_event(Sensor::radar, Severity::warning, text);
@@ -68,7 +76,11 @@ void RadarDriver::connect() {
 void RadarDriver::on_opened() {
   if (++open_ports_ < 2) return;
   ++connections_;
-  dialogue_.emplace(setup_.cfg_text, setup_.cfg_name);
+  const bool kept = unplugged_ && clock_.now() - *unplugged_ < cfg_keeps;
+  unplugged_.reset();
+  using Send = CommandDialogue::Send;
+  dialogue_.emplace(setup_.cfg_text, setup_.cfg_name, setup_.timeouts,
+                    kept ? Send::restart : Send::cfg);
   dialogue_->start(clock_.now());
   advance();
 }
@@ -96,40 +108,63 @@ void RadarDriver::on_cli(ByteView bytes) {
   dialogue_->receive(bytes, clock_.now());
   const bool after = dialogue_->state() == CommandDialogue::State::done;
   if (after && !before) {
-    ++configured_;
+    ++(dialogue_->sent() == CommandDialogue::Send::cfg ? configured_ : restarted_);
+    frames_before_ = parser_.counts().frames;
     info_.model = dialogue_->platform();
     info_.firmware = dialogue_->firmware();
+    alive_ = clock_.now();
     watch();
   }
   advance();
 }
 
-// Before the cfg is through, frames of an earlier run may still arrive: not ours, but in sync.
 void RadarDriver::on_data(ByteView bytes) {
   parser_.feed(bytes, clock_.now(), [this](RadarFrame frame) { on_frame(std::move(frame)); });
 }
 
 void RadarDriver::on_frame(RadarFrame frame) {
   const bool configured = dialogue_ && dialogue_->state() == CommandDialogue::State::done;
-  if (!running_ || !data_ || !configured) return;
-  alive_ = true;
+  if (!running_ || !data_) return;
+  if (!configured) return discard(frame);
+  if (board_was_reset()) return fail("the board was reset: its frame numbers began again");
+  alive_ = clock_.now();
+  backoff_.alive(alive_);
   if (!std::exchange(streaming_, true)) {
-    backoff_.alive(clock_.now());
     last_failure_.clear();
     faulted_ = false;
     sink_->on_state(Sensor::radar, DeviceState::streaming, info_);
     if (!running_) return;
   }
+  frame.lost_before += std::exchange(discarded_, 0);
   sink_->on_radar(std::move(frame));
 }
 
+// Of an earlier connection, or before the cfg was through: in sync, but maybe of another cfg. Those
+// before the first connection are not ours, the others are a loss.
+void RadarDriver::discard(const RadarFrame& frame) {
+  ++early_frames_;
+  if (configured_ > 0) discarded_ += 1 + frame.lost_before;
+}
+
+// The first two frames of a start may belong to a board that was reset before: we know.
+bool RadarDriver::board_was_reset() {
+  const FrameCounts& counts = parser_.counts();
+  const bool again = counts.restarts > restarts_seen_;
+  restarts_seen_ = counts.restarts;
+  return again && counts.frames > frames_before_ + 2;
+}
+
 void RadarDriver::watch() {
-  alive_ = false;
   const auto limit = std::max(from_seconds(2), from_seconds(5 * profile_.frame_period_s));
-  watch_timer_.after(limit, [this] {
-    if (alive_) return watch();
-    fail("no frames on the data port");
-  });
+  const auto left = alive_ + limit - clock_.now();
+  if (left <= left.zero()) return fail("no frames on the data port");
+  watch_timer_.after(left, [this] { watch(); });
+}
+
+void RadarDriver::on_gone(const Failure& failure) {
+  const bool worked = streaming_;
+  fail(failure.text());
+  if (worked) unplugged_ = clock_.now();
 }
 
 void RadarDriver::disconnect() {

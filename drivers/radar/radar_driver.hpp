@@ -22,11 +22,16 @@ struct RadarSetup {
   port::ByteOpener cli, data;
   std::string cfg_text, cfg_name;
   std::vector<std::string> warnings{};  // told at the start
+  std::uint32_t data_baud = 921600;     // for the cfg's warnings
+  port::Backoff backoff{};
+  DialogueTimeouts timeouts{};
 };
 
-// Each connection opens both ports and sends the whole cfg again. It is `streaming` from the first
-// frame on. Silence of the data port, an end of either port, or a refused command makes it
-// `faulted`, and it starts over.
+// Each connection opens both ports and sends the whole cfg; or restarts the sensor with the cfg
+// that it has, if a port was away for less than 10 s and nothing else was wrong. It is `streaming`
+// from the first frame on. Silence of the data port, an end of either port, a refused command, or a
+// board that was reset (its banner, or frame numbers that begin again) makes it `faulted`, and it
+// starts over.
 class RadarDriver final : public Driver {
  public:
   // Throws Error(config) for a cfg that cannot work.
@@ -42,7 +47,10 @@ class RadarDriver final : public Driver {
   void on_cli(ByteView bytes);
   void on_data(ByteView bytes);
   void on_frame(RadarFrame frame);
+  void discard(const RadarFrame& frame);
   void watch();
+  bool board_was_reset();
+  void on_gone(const Failure& failure);
   void fail(const std::string& why);
   void disconnect();
 
@@ -55,11 +63,16 @@ class RadarDriver final : public Driver {
   FrameParser parser_;
   std::optional<CommandDialogue> dialogue_;
   SampleSink* sink_ = nullptr;
-  std::string last_failure_;    // told once, not at every attempt
-  std::set<std::string> told_;  // warnings of the ports: each once
+  std::string last_failure_;           // told once, not at every attempt
+  std::set<std::string> told_;         // warnings of the ports: each once
+  std::optional<HostTime> unplugged_;  // since then, with our cfg in the firmware
+  std::uint64_t restarts_seen_ = 0, frames_before_ = 0;
   int open_ports_ = 0;
-  bool running_ = false, faulted_ = false, streaming_ = false, alive_ = false;
-  std::uint64_t connections_ = 0, configured_ = 0, port_losses_ = 0;
+  bool running_ = false, faulted_ = false, streaming_ = false;
+  HostTime alive_{};             // the last frame, or the start
+  std::uint32_t discarded_ = 0;  // frames, not yet told as lost
+  std::uint64_t connections_ = 0, configured_ = 0, restarted_ = 0, early_frames_ = 0,
+                port_losses_ = 0;
   std::unique_ptr<port::BytePort> cli_, data_;
 };
 

@@ -154,6 +154,8 @@ TEST_CASE("replay counts a recording's frames") {
   CHECK(counts["frames"] == 1);
   CHECK(counts["range_profiles"] == 1);
   CHECK(counts["range_profiles_by_bins"] == Json{{"2", 1}});
+  CHECK(counts["tlvs_by_type"] == Json{{"2", 1}});
+  CHECK(counts["restarts"] == 0);
   CHECK(counts["junk_bytes"] == 3);
   CHECK(counts["truncated_frames"] == 1);
   CHECK(counts["first_frame_number"] == 17);

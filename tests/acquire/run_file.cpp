@@ -24,6 +24,22 @@ void sql(const std::string& path, const std::string& statement) {
   sqlite3_close(db);
 }
 
+// Rows as the sqlite3 shell shows them.
+std::vector<std::string> query(const std::string& path, const char* statement) {
+  sqlite3* db = nullptr;
+  REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
+  std::vector<std::string> rows;
+  const auto add = [](void* all, int count, char** values, char**) {
+    std::string row;
+    for (int i = 0; i < count; ++i) row.append(i ? "|" : "").append(values[i] ? values[i] : "");
+    static_cast<std::vector<std::string>*>(all)->push_back(row);
+    return 0;
+  };
+  REQUIRE(sqlite3_exec(db, statement, add, &rows, nullptr) == SQLITE_OK);
+  sqlite3_close(db);
+  return rows;
+}
+
 void check_same(const FusedRecord& a, const FusedRecord& b) {
   CHECK(a.index == b.index);
   CHECK(a.slot_start == b.slot_start);
@@ -112,6 +128,34 @@ TEST_CASE("what is written is read, while writing and after closing") {
   check_same(read.read(1), second);
   check_same(read.read(2), small_record(2));
   CHECK(read.check().empty());
+}
+
+TEST_CASE("the radar's own figures go into a table beside the records") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  {
+    RunWriter run(path, {});
+    put_axes(run);
+    for (std::int64_t i = 0; i < 4; ++i) {
+      FusedRecord r = small_record(i);
+      if (i == 1 || i == 2) r.radar_stats = RadarStats{4000, 8591, 87'000, 12, 13, 2};
+      if (i == 1)
+        r.radar_temperature =
+            RadarTemperature{0, 123'456, {40, 41, 42, 43, 50, 51, 52, -3, 60, 61}};
+      if (i == 3) r.radar_temperature = RadarTemperature{-1, 99, {}};  // the chip calls it invalid
+      run.append(r);
+    }
+    run.close("complete");
+  }
+  const auto rows = query(path, "SELECT * FROM radar_status ORDER BY idx");
+  REQUIRE(rows.size() == 3);
+  CHECK(rows[0] == "1|4000|8591|87000|12|13|2|123456|40|41|42|43|50|51|52|-3|60|61");
+  CHECK(rows[1] == "2|4000|8591|87000|12|13|2|||||||||||");
+  CHECK(rows[2] == "3|||||||||||||||||");
+  CHECK(RunReader(path).count() == 4);
+  sql(path, "DROP TABLE radar_status");  // as in files from before there was one
+  CHECK(RunReader(path).count() == 4);
+  CHECK(RunReader(path).read(1).radar.size() == 4);
 }
 
 TEST_CASE("a run in numbers") {

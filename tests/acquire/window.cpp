@@ -150,6 +150,25 @@ TEST_CASE("radar frames are averaged in linear power") {
   CHECK(sync(r, Sensor::radar).span_s == 0.2);
 }
 
+TEST_CASE("the last frame's stats and temperature go with the record") {
+  Windows windows = make_windows();
+  windows.announce(radar_info());
+  RadarFrame frame = radar_frame(10s, 1, {1, 2, 3, 4});
+  frame.stats = RadarStats{0, 7, 0, 0, 0, 0};
+  windows.add(frame);
+  frame.frame_number = 2;
+  frame.stats->transmit_us = 8;
+  frame.temperature = RadarTemperature{0, 5, {44}};
+  windows.add(frame);
+  windows.add(radar_frame(10s + 1ms, 3, {1, 2, 3, 4}));
+  const record::FusedRecord r = windows.close({0, false});
+  REQUIRE(r.radar_stats);
+  CHECK(r.radar_stats->transmit_us == 8);
+  REQUIRE(r.radar_temperature);
+  CHECK(r.radar_temperature->celsius[0] == 44);
+  CHECK_FALSE(windows.close({1, false}).radar_stats);
+}
+
 TEST_CASE("a sensor without usable data is not valid, and the row says why") {
   Windows windows = make_windows();
   std::string spd = "no tags", radar = "no frames", depth = "no frames";

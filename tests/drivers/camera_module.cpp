@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // A camera for the stock OpenNI2 library to load, with faults on demand: 8 x 6 pixels, 100 frames a
-// second, z = 1000 + 100 y + 10 x + index % 10 in its unit. Lives in the test's own process, which
-// reaches it through test_camera().
+// second, or 16 x 12 at 50; z = 1000 + 100 y + 10 x + index % 10 in its unit. Lives in the test's
+// own process, which reaches it through test_camera().
 #include <Driver/OniDriverAPI.h>
 
 #include <atomic>
@@ -19,14 +19,35 @@ namespace {
 
 using namespace oni::driver;
 
-constexpr int width = 8, height = 6;
-constexpr char uri[] = "test://camera";
+constexpr int base_width = 8, base_height = 6;
+constexpr const char* uris[] = {"test/camera@1/4", "test/camera@1/5"};
 std::atomic<bool> present{true}, stalled{false}, mirrored{false}, tenths{false};
+std::atomic<bool> shifts{false};  // until a mode is set, it sends raw shifts
+std::atomic<int> scale{1}, place{0};
+enum class Fault { none, cut, wide, twice, skipped };
+std::atomic<Fault> fault{Fault::none};  // of every fourth frame
+
+OniVideoMode mode_of(int s) {
+  const OniPixelFormat format =
+      tenths ? ONI_PIXEL_FORMAT_DEPTH_100_UM : ONI_PIXEL_FORMAT_DEPTH_1_MM;
+  return {format, base_width * s, base_height * s, 100 / s};
+}
+OniVideoMode mode() {
+  OniVideoMode now = mode_of(scale);
+  if (shifts) now.pixelFormat = ONI_PIXEL_FORMAT_SHIFT_9_2;
+  return now;
+}
 
 class Stream final : public StreamBase {
  public:
   ~Stream() override { halt(); }
-  int getRequiredFrameSize() override { return width * height * 2; }
+  int getRequiredFrameSize() override { return mode().resolutionX * mode().resolutionY * 2; }
+  OniStatus setProperty(int id, const void* data, int) override {
+    if (id != ONI_STREAM_PROPERTY_VIDEO_MODE) return ONI_STATUS_NOT_SUPPORTED;
+    scale = static_cast<const OniVideoMode*>(data)->resolutionX / base_width;
+    shifts = false;
+    return ONI_STATUS_OK;
+  }
   OniStatus start() override {
     running_ = true;
     thread_ = std::thread([this] { run(); });
@@ -57,10 +78,6 @@ class Stream final : public StreamBase {
   }
 
  private:
-  static OniVideoMode mode() {
-    return {tenths ? ONI_PIXEL_FORMAT_DEPTH_100_UM : ONI_PIXEL_FORMAT_DEPTH_1_MM, width, height,
-            100};
-  }
   template <class Use>
   static void property(int id, const Use& use) {
     switch (id) {
@@ -73,9 +90,9 @@ class Stream final : public StreamBase {
       case ONI_STREAM_PROPERTY_MAX_VALUE:
         return use(10'000);
       case ONI_STREAM_PROPERTY_STRIDE:
-        return use(width * 2);
+        return use(mode().resolutionX * 2);
       case ONI_STREAM_PROPERTY_CROPPING:
-        return use(OniCropping{FALSE, 0, 0, width, height});
+        return use(OniCropping{FALSE, 0, 0, mode().resolutionX, mode().resolutionY});
       case ONI_STREAM_PROPERTY_MIRRORING:
         return use(OniBool{mirrored});
       default:
@@ -87,12 +104,22 @@ class Stream final : public StreamBase {
     if (thread_.joinable()) thread_.join();
   }
   void run() {
-    for (int index = 1; running_; std::this_thread::sleep_for(std::chrono::milliseconds(10)))
-      if (present && !stalled) send(index++);
+    const auto period = std::chrono::milliseconds(1000 / mode().fps);
+    for (int index = 1; running_; std::this_thread::sleep_for(period)) {
+      if (!present || stalled) continue;
+      const Fault now = index % 4 == 0 ? fault.load() : Fault::none;
+      if (now != Fault::skipped) send(index, now);
+      if (now == Fault::twice) {
+        std::this_thread::sleep_for(period);
+        send(index, now);
+      }
+      ++index;
+    }
   }
-  void send(int index) {
+  void send(int index, Fault now) {
     OniFrame* frame = getServices().acquireFrame();
     if (!frame) return;
+    const int width = mode().resolutionX, height = mode().resolutionY;
     auto* z = static_cast<OniDepthPixel*>(frame->data);
     for (int y = 0; y < height; ++y)
       for (int x = 0; x < width; ++x)
@@ -101,10 +128,10 @@ class Stream final : public StreamBase {
     frame->frameIndex = index;
     frame->timestamp = static_cast<std::uint64_t>(index) * 10'000;
     frame->videoMode = mode();
-    frame->width = width;
+    frame->width = now == Fault::wide ? width + 1 : width;
     frame->height = height;
     frame->stride = width * 2;
-    frame->dataSize = width * height * 2;
+    frame->dataSize = now == Fault::cut ? width : width * height * 2;
     frame->sensorType = ONI_SENSOR_DEPTH;
     frame->croppingEnabled = FALSE;
     frame->cropOriginX = frame->cropOriginY = 0;
@@ -135,8 +162,9 @@ class Camera final : public DeviceBase {
   }
 
  private:
-  OniVideoMode mode_{ONI_PIXEL_FORMAT_DEPTH_1_MM, width, height, 100};
-  OniSensorInfo sensor_{ONI_SENSOR_DEPTH, 1, &mode_};
+  OniVideoMode modes_[3] = {
+      {ONI_PIXEL_FORMAT_SHIFT_9_2, base_width, base_height, 100}, mode_of(1), mode_of(2)};
+  OniSensorInfo sensor_{ONI_SENSOR_DEPTH, 3, modes_};
 };
 
 class Module final : public DriverBase {
@@ -145,14 +173,14 @@ class Module final : public DriverBase {
   OniStatus initialize(DeviceConnectedCallback connected, DeviceDisconnectedCallback disconnected,
                        DeviceStateChangedCallback changed, void* cookie) override {
     DriverBase::initialize(connected, disconnected, changed, cookie);
-    std::strcpy(info_.uri, uri);
+    std::strcpy(info_.uri, uris[0]);
     std::strcpy(info_.vendor, "Test");
     std::strcpy(info_.name, "camera");
     deviceConnected(&info_);
     return ONI_STATUS_OK;
   }
   DeviceBase* deviceOpen(const char* wanted, const char*) override {
-    return present && std::strcmp(wanted, uri) == 0 ? new Camera : nullptr;
+    return present && std::strcmp(wanted, uris[place]) == 0 ? new Camera : nullptr;
   }
   void deviceClose(DeviceBase* device) override { delete device; }
   OniStatus tryDevice(const char*) override { return ONI_STATUS_ERROR; }
@@ -160,6 +188,10 @@ class Module final : public DriverBase {
   void plug(bool in) {
     if (present.exchange(in) == in) return;
     in ? deviceConnected(&info_) : deviceDisconnected(&info_);
+  }
+  void move() {
+    place = 1;
+    std::strcpy(info_.uri, uris[1]);
   }
 
   static inline Module* self = nullptr;
@@ -176,6 +208,13 @@ extern "C" __attribute__((visibility("default"))) void test_camera(const char* c
   if (what == "stall" || what == "run") stalled = what == "stall";
   if (what == "mirror") mirrored = true;
   if (what == "tenths") tenths = true;
+  if (what == "shifts") shifts = true;
+  if (what == "move") Module::self->move();
+  if (what == "cut") fault = Fault::cut;
+  if (what == "wide") fault = Fault::wide;
+  if (what == "twice") fault = Fault::twice;
+  if (what == "skipped") fault = Fault::skipped;
+  if (what == "well") fault = Fault::none;
 }
 
 ONI_EXPORT_DRIVER(Module)

@@ -140,9 +140,9 @@ TEST_CASE("a refused line fails with its place and the firmware's words") {
   }
   SECTION("silence") {
     s.say("flushCfg\r\n");
-    s.wait(7s);
+    s.wait(1900ms);
     CHECK(s.d.state() == State::commanding);
-    s.wait(2s);
+    s.wait(100ms);
     CHECK(s.d.failure() == "x.cfg:4:   flushCfg: no answer");
   }
   CHECK(s.d.state() == State::failed);
@@ -187,6 +187,54 @@ TEST_CASE("skipped is fine, a prompt without a verdict is not one, unasked lines
   CHECK(s.told() == std::vector<std::string>{"compRangeBiasAndRxChanPhase 0.01", "some?thing"});
   s.say("Exception: x.c, line 3.\n\r");
   CHECK(s.d.state() == State::failed);
+}
+
+TEST_CASE("a calibration line that cuts into an echo is told, and spoils nothing") {
+  Session s("sensorStop\nsensorStart\n");
+  const std::string line = "compRangeBiasAndRxChanPhase 0.0123456 1.00000 -0.50000";
+  s.d.take_output();
+  s.say(line + "\n\r" + prompt + line + "\n\r");  // before the first command
+  s.wait(100ms);
+  CHECK(s.told() == std::vector<std::string>{line, line});
+  CHECK(s.d.take_output() == "version\n");
+  s.say(answer("version", "Done\n"));
+  s.d.take_output();
+  s.say("sensor" + line + "\n\rStop\r\n" + line + "\n\rDone\n\r" + line + "\n\r" + prompt);
+  CHECK(s.told() == std::vector<std::string>{line, line, line});
+  CHECK(s.d.take_output() == "sensorStart\n");
+}
+
+TEST_CASE("a restart sends two lines; refused, or after a banner, the whole cfg") {
+  CommandDialogue d(cfg, "x.cfg", {}, CommandDialogue::Send::restart);
+  const auto say = [&](const std::string& wire) { d.receive(test::view_of(wire), HostTime{0}); };
+  d.start(HostTime{0});
+  d.take_output();
+  const bool booted = GENERATE(false, true);
+  if (booted) say("******\n\rxWR68xx MMW Demo 03.05.00.04\n\r******\n\r");
+  say(prompt);
+  d.tick(100ms);
+  say(answer("version", "Done\n"));
+  say(answer("sensorStop", "Done\n"));
+  if (booted) {
+    CHECK(d.take_output() == "version\nsensorStop\n  flushCfg\n");
+    CHECK(d.firmware() == "MMW Demo 03.05.00.04");
+    return;
+  }
+  CHECK(d.take_output() == "version\nsensorStop\nsensorStart 0\n");
+  SECTION("taken") {
+    say(answer("sensorStart 0", "Done\n"));
+    CHECK(d.state() == State::done);
+    CHECK(d.sent() == CommandDialogue::Send::restart);
+  }
+  SECTION("refused") {
+    say(answer("sensorStart 0", "Error: Full configuration must be provided\nError -1\n"));
+    CHECK(d.take_output() == "sensorStop\n");
+    say(answer("sensorStop", "Done\n"));
+    say(answer("  flushCfg", "Done\n"));
+    say(answer("sensorStart", "Done\n"));
+    CHECK(d.state() == State::done);
+    CHECK(d.sent() == CommandDialogue::Send::cfg);
+  }
 }
 
 TEST_CASE("a flood without line ends stays bounded and harmless") {

@@ -169,9 +169,119 @@ TEST_CASE("a camera that falls silent is opened again") {
   REQUIRE(b.frames(3));
   camera("stall");
   REQUIRE(b.reaches(DeviceState::faulted));
-  CHECK(b.sink.events.at(0) == "the camera sent nothing for 3 s");
+  CHECK(b.sink.events.at(0) == "the camera sent no whole frame for 3 s");
   camera("run");
   CHECK(b.reaches(DeviceState::streaming));
+}
+
+TEST_CASE("the mode can be chosen, and one that is not there is answered with those that are") {
+  SECTION("by its size") {
+    Bench b("", {.width = 16, .height = 12});
+    b.start();
+    REQUIRE(b.frames(5));
+    CHECK(b.sink.info.axes[0].count == 16);
+    CHECK(b.sink.info.axes[1].count == 12);
+    CHECK(b.sink.info.axes[0].at(15.5) == Approx(std::tan(0.5)));
+    const DepthFrame& f = b.sink.depth[4];
+    CHECK(f.width == 16);
+    REQUIRE(f.depth_mm.size() == 192);
+    CHECK(f.depth_mm[191] == 1000 + 1100 + 150 + f.frame_index % 10);
+  }
+  SECTION("by its rate") {
+    Bench b("", {.fps = 50});
+    b.start();
+    REQUIRE(b.frames(2));
+    CHECK(b.sink.info.axes[0].count == 16);
+  }
+  SECTION("a camera that sends no millimetres at first is told to") {
+    Bench b;
+    camera("shifts");
+    b.start();
+    REQUIRE(b.frames(5));
+    b.check_pixels();
+  }
+  SECTION("not there") {
+    Bench b("", {.width = 640});
+    b.start();
+    REQUIRE(b.reaches(DeviceState::faulted));
+    CHECK(b.sink.events.at(0) ==
+          "it has no such depth mode; it offers 8 x 6 at 100 (raw), 8 x 6 at 100, 16 x 12 at 50");
+  }
+}
+
+TEST_CASE("a camera that comes back at another place of the bus is found there") {
+  Bench b("test/camera@1/4");
+  b.start();
+  REQUIRE(b.frames(3));
+  camera("unplug");
+  REQUIRE(b.reaches(DeviceState::faulted));
+  camera("move");
+  camera("plug");
+  CHECK(b.reaches(DeviceState::streaming));
+  CHECK(b.sink.info.address == "openni:test/camera@1/4");
+}
+
+TEST_CASE("damaged frames: none is delivered, no other is lost, and all are counted") {
+  const auto [name, bad] = GENERATE(table<const char*, bool>(
+      {{"cut", true}, {"wide", true}, {"skipped", false}, {"twice", false}}));
+  Bench b;
+  camera(name);
+  b.start();
+  REQUIRE(b.frames(40));
+  b.driver.stop();
+  std::uint32_t seen = 0, lost = 0, twice = 0, damaged = 0;
+  const bool comes_twice = std::string_view(name) == "twice";
+  for (std::size_t i = 0; i < b.sink.depth.size(); ++i) {
+    const DepthFrame& f = b.sink.depth[i];
+    ++seen;
+    lost += f.lost_before;
+    twice += i > 0 && f.frame_index == b.sink.depth[i - 1].frame_index;
+    damaged += f.frame_index % 4 == 0;
+  }
+  CAPTURE(name, seen, lost, twice, counter(b.driver, "bad_frames"));
+  b.check_pixels();
+  const auto first = b.sink.depth.front().frame_index, last = b.sink.depth.back().frame_index;
+  CHECK(seen + lost - twice == last - first + 1);
+  if (bad) CHECK(counter(b.driver, "bad_frames") >= 9);
+  if (comes_twice)
+    CHECK(twice > 0);
+  else
+    CHECK(damaged == 0);
+  CHECK(counter(b.driver, "connections") == 1);
+  camera("well");
+}
+
+TEST_CASE("unplugged a hundred times, the camera is found again each time") {
+  Bench b("", {.backoff = port::Backoff(1ms, 4ms)});
+  b.start();
+  double longest_s = 0;
+  for (int i = 0; i < 100; ++i) {
+    REQUIRE(b.reaches(DeviceState::streaming));
+    camera("unplug");
+    REQUIRE(b.reaches(DeviceState::faulted));
+    const std::size_t before = b.sink.depth.size();
+    const HostTime from = b.clock.now();
+    camera("plug");
+    REQUIRE(b.frames(before + 1));
+    longest_s = std::max(longest_s, seconds(b.clock.now() - from));
+  }
+  WARN("100 times unplugged: at most " << longest_s << " s from the plug to a frame");
+  CHECK(longest_s < 10);
+  CHECK(counter(b.driver, "connections") == 101);
+}
+
+TEST_CASE("a camera that dies after one frame is tried ever more rarely") {
+  Bench b;
+  b.start();
+  for (int i = 0; i < 5; ++i) {
+    const std::size_t before = b.sink.depth.size();
+    const HostTime from = b.clock.now();
+    REQUIRE(b.frames(before + 1));
+    if (i > 0) CHECK(seconds(b.clock.now() - from) > 0.05 * (1 << i));
+    camera("unplug");
+    REQUIRE(b.reaches(DeviceState::faulted));
+    camera("plug");
+  }
 }
 
 TEST_CASE("a busy io thread costs frames, and every one is counted") {
@@ -214,6 +324,18 @@ TEST_CASE("a recording gives each frame once, then ends") {
     const auto span = b.sink.depth.back().device_time_us - b.sink.depth.front().device_time_us;
     if (paced) CHECK(took >= std::chrono::microseconds(span));
   }
+}
+
+TEST_CASE("a recording that was cut off is refused, as OpenNI does, and does no harm") {
+  initialize_openni();
+  const Recording recording(30);
+  // Frames stand in its first half; the rest is room that OpenNI's recorder reserves.
+  std::filesystem::resize_file(recording.path, std::filesystem::file_size(recording.path) / 4);
+  Bench b(recording.path, {.paced = false});
+  b.start();
+  REQUIRE(b.reaches(DeviceState::faulted));
+  CHECK(b.sink.events.at(0) == "open failed");
+  CHECK(b.sink.depth.empty());
 }
 
 TEST_CASE("a recording that is not there is told once, and tried again") {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "drivers/core/exit_code.hpp"
+#include "drivers/core/log2_codes.hpp"
 
 using namespace echofuse;
 using namespace echofuse::radar;
@@ -107,8 +108,39 @@ TEST_CASE("what will disappoint is told") {
              Catch::Contains("flags other than 0 and 1"));
   CHECK_THAT(warnings(with("sensorStart", "clutterRemoval -1 1\nsensorStart")).at(0),
              Catch::StartsWith("x.cfg:11: clutterRemoval"));
-  CHECK_THAT(warnings(with("sensorStart", "configDataPort 460800 0\nsensorStart")).at(0),
-             Catch::Contains("460800"));
+  CHECK_THAT(warnings(with("1 256 12500", "1 1024 12500")).at(0),
+             Catch::StartsWith("x.cfg:5: profileCfg makes 1024 bins for 12 antennas") &&
+                 Catch::EndsWith("it sends 1022"));
+}
+
+TEST_CASE("the data port's rate: the cfg, the configuration and the frame period must agree") {
+  const auto warnings = [](const std::string& text, std::uint32_t baud) {
+    return parse_profile(text, "x.cfg", baud).warnings;
+  };
+  const std::string slow = with("sensorStart", "configDataPort 460800 0\nsensorStart");
+  CHECK(warnings(slow, 460800).empty());
+  CHECK(warnings(slow, 921600) ==
+        std::vector<std::string>{"x.cfg:11: configDataPort sets the data port to 460800 baud, "
+                                 "radar.data_baud is 921600"});
+  CHECK(warnings(stock, 460800) ==
+        std::vector<std::string>{"x.cfg: without configDataPort the firmware sends at 921600 baud, "
+                                 "radar.data_baud is 460800"});
+  CHECK(warnings(with("0 100 1 0", "0 5 1 0"), 921600) ==
+        std::vector<std::string>{"x.cfg:9: frameCfg wants a frame every 5 ms, but one of 640 bytes "
+                                 "takes 6.9 ms at 921600 baud"});
+  CHECK(warnings(with("0 100 1 0", "0 7 1 0"), 921600).empty());
+}
+
+TEST_CASE("the size of a frame, as the firmware's tables of rates have it") {
+  const auto bytes = [](const std::string& from, const std::string& to) {
+    return parse_profile(with(from, to), "").frame_bytes;
+  };
+  const std::string gui = "guiMonitor -1 1 1 0 0 0 1";
+  CHECK(bytes(gui, "guiMonitor -1 0 1 0 0 0 0") == 576);
+  CHECK(bytes(gui, "guiMonitor -1 0 1 0 0 0 1") == 640);
+  CHECK(bytes(gui, "guiMonitor -1 0 1 1 0 0 1") == 1152);
+  CHECK(bytes(gui, "guiMonitor -1 0 0 0 1 0 0") == 8256);   // 40 + 8 + 256 * 8 * 4, in 32s
+  CHECK(bytes(gui, "guiMonitor -1 0 0 0 0 1 0") == 16448);  // 40 + 8 + 256 * 32 * 2, in 32s
 }
 
 TEST_CASE("codes and powers are inverse, and doubling the magnitude is 6.02 dB") {

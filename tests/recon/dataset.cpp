@@ -94,10 +94,6 @@ TEST_CASE("a record that is not a number is refused with its number, or handed o
 }
 
 TEST_CASE("TI codes become linear power") {
-  CHECK(power_from_log2_q8(0, 1) == 1);
-  CHECK(power_from_log2_q8(256 * 5, 1) == Approx(1024));              // magnitude 2^5
-  CHECK(power_from_log2_q8(256 * 5, 8) == Approx(1024));              // 8 sums / 8
-  CHECK(power_from_log2_q8(256 * 5 * 12 / 16., 12) == Approx(1024));  // 12 sums / 16
   const Folder dir;
   write_run(dir / "a", 2, 1,
             [](record::FusedRecord& r) { r.radar.assign(24, r.index ? 60000.f : 512.f); },
@@ -127,6 +123,82 @@ TEST_CASE("a longer radar axis is cropped to the model's, any other difference r
   CHECK_THAT(refused({"spd", "counts", "ps", 30, 16000, 500, 1}, radar_axis(40), Inputs::spd),
              Catch::Contains("spd axis"));
   CHECK(refused(spd, radar_axis(50), Inputs::spd) == "no error");  // it does not look at the radar
+}
+
+TEST_CASE("power is added up in wider bins, and none is lost") {
+  const Axis paper = radar_bins(0.5);
+  CHECK(paper.count == 14);
+  CHECK(paper.at(-0.5) == 0);
+  CHECK(paper.at(13.5) == 7);
+  const auto profile = [](const Axis& axis, std::vector<float> power) {
+    Dataset data;
+    data.radar_axis = axis;
+    data.valid = {2};
+    data.radar.cols = axis.count;
+    data.radar.add_row(power);
+    return data;
+  };
+  SECTION("exactly, where the numbers are exact") {
+    std::vector<float> power(256);
+    for (std::size_t i = 0; i < power.size(); ++i) power[i] = static_cast<float>(8 + i * i % 64);
+    Dataset data = profile({"radar", "power", "m", 256, 0, 0.0625, 1}, power);
+    rebin_radar(data, paper);
+    REQUIRE(same_axis(data.radar_axis, paper));
+    double sum = 0, expected = power[112] / 2.0;  // point 112 stands at 7 m: half of it is within
+    for (std::size_t i = 0; i < 112; ++i) expected += power[i];
+    for (const float v : data.radar.row(0)) sum += v;
+    CHECK(sum == expected);
+    float first = power[8] / 2;
+    for (std::size_t i = 0; i < 8; ++i) first += power[i];
+    CHECK(data.radar.row(0)[0] == first);
+    float fourth = power[24] / 2 + power[32] / 2;
+    for (std::size_t i = 25; i < 32; ++i) fourth += power[i];
+    CHECK(data.radar.row(0)[3] == fourth);
+  }
+  SECTION("to a float's precision at the steps of real chirps, 4.4 cm and 25 cm") {
+    for (const double step : {3.0e8 * 12.5e6 / (2 * 166e12 * 256), 0.25, 0.5}) {
+      for (std::uint32_t at = 0; (at + 0.5) * step <= 7; ++at) {
+        std::vector<float> power(256, 0.0f);
+        power[at] = 3e7f;
+        Dataset data = profile({"radar", "power", "m", 256, 0, step, 1}, power);
+        rebin_radar(data, paper);
+        double sum = 0, place = 0;
+        for (std::uint32_t j = 0; j < 14; ++j) {
+          sum += data.radar.row(0)[j];
+          place += data.radar.row(0)[j] * paper.at(j) / 3e7;
+        }
+        REQUIRE(sum == Approx(3e7).epsilon(1e-7));
+        REQUIRE(std::abs(place - at * step) <= 0.25 + 1e-6);
+      }
+    }
+  }
+  SECTION("but not from a coarser or a shorter profile") {
+    Dataset coarse = profile({"radar", "power", "m", 24, 0, 0.6, 1}, std::vector<float>(24));
+    CHECK_THAT(error_of([&] { rebin_radar(coarse, paper); }),
+               Catch::Contains("cannot be added up"));
+    Dataset near = profile({"radar", "power", "m", 24, 0, 0.25, 1}, std::vector<float>(24));
+    CHECK_THAT(error_of([&] { rebin_radar(near, paper); }), Catch::Contains("cannot be added up"));
+  }
+}
+
+TEST_CASE("a model of binned power takes runs as they were recorded") {
+  const Folder dir;
+  write_run(dir / "run", 60, 1, {}, radar_axis(40));
+  Dataset data = load({dir / "run"});
+  match_axes(data, data.spd_axis, radar_bins(0.5), Inputs::fused);
+  CHECK(data.radar.cols == 14);
+  CHECK(data.radar_axis.quantity == "binned_power");
+  const std::string model = dir / "m";
+  const auto done = [&](const std::string& arguments) {
+    const auto outcome = echofuse::testing::recon_program(arguments);
+    INFO(outcome.text);
+    CHECK(outcome.code == 0);
+  };
+  done("train -q --model ridge --radar-bin 0.5 " + (dir / "run") + " --out " + model);
+  done("evaluate " + model + " " + (dir / "run"));
+  done("reconstruct -q " + model + " " + (dir / "run") + " --out " + (dir / "maps"));
+  write_run(dir / "near", 4);  // to 5.9 m only
+  CHECK(echofuse::testing::recon_program("evaluate " + model + " " + (dir / "near")).code == 1);
 }
 
 TEST_CASE("per-record scaling is blind to the gain of either sensor and to a flat background") {

@@ -1,0 +1,316 @@
+// SPDX-License-Identifier: MIT
+// Data-port streams as recordings of other boards and labs have them, each built here byte by byte:
+// other headers behind the same magic, other TLVs, starts in the middle, ends in the middle, frames
+// that are shorter than they say. Nothing of it goes through an encoder of ours.
+#include <catch2/catch.hpp>
+
+#include "drivers/core/random.hpp"
+#include "drivers/radar/frame_parser.hpp"
+#include "hex.hpp"
+
+using namespace echofuse;
+using namespace echofuse::radar;
+
+namespace {
+
+using Numbers = std::vector<std::uint32_t>;
+
+struct Tlv {
+  std::uint32_t type;
+  std::size_t bytes;
+};
+
+// A frame with the demo's 40-byte header. `unit`: its length is a multiple of that. `claimed`: what
+// its header says, if not the truth.
+struct Lab {
+  std::uint32_t version = 0x03030002, platform = 0xa6843;
+  std::vector<Tlv> tlvs;
+  std::size_t unit = 32;
+};
+
+void put_magic(Bytes& out) { put(out, std::uint64_t{0x0708050603040102}); }
+
+void put_payload(Bytes& out, std::size_t bytes, std::uint32_t seed) {
+  for (std::size_t i = 0; i < bytes; ++i)
+    out.push_back(static_cast<std::uint8_t>(seed * 31 + i * 7));
+}
+
+Bytes frame_of(const Lab& lab, std::uint32_t number) {
+  std::size_t size = 40;
+  for (const Tlv& t : lab.tlvs) size += 8 + t.bytes;
+  size = (size + lab.unit - 1) / lab.unit * lab.unit;
+  Bytes out;
+  put_magic(out);
+  for (const std::uint32_t field :
+       {lab.version, static_cast<std::uint32_t>(size), lab.platform, number, number * 20'000'000,
+        0u, static_cast<std::uint32_t>(lab.tlvs.size()), 0u})
+    put(out, field);
+  for (const Tlv& t : lab.tlvs) {
+    put(out, t.type);
+    put(out, static_cast<std::uint32_t>(t.bytes));
+    put_payload(out, t.bytes, number);
+  }
+  while (out.size() < size) out.push_back(0x55);
+  return out;
+}
+
+// People counting, newer: 48 bytes, the last four are u16 number of TLVs and u16 checksum.
+Bytes frame_48(std::uint32_t number, std::uint32_t track_us) {
+  Bytes out;
+  put_magic(out);
+  constexpr std::uint32_t size = 48 + 8 + 84;
+  for (const std::uint32_t field :
+       {0x03050004u, size, 0xa6843u, number, 0u, 9000u, 80'000u, track_us, 3000u})
+    put(out, field);
+  put(out, std::uint16_t{1});
+  put(out, static_cast<std::uint16_t>(0xbeef + number));
+  put(out, std::uint32_t{1020});
+  put(out, std::uint32_t{84});
+  put_payload(out, 84, number);
+  return out;
+}
+
+// People counting, older: 52 bytes; platform and time stand before the length.
+Bytes frame_52(std::uint32_t number) {
+  Bytes out;
+  put_magic(out);
+  constexpr std::uint32_t size = 52 + 8 + 40;
+  for (const std::uint32_t field :
+       {0x01000005u, 0xa1642u, number * 10'000'000, size, number, 0u, 9000u, 80'000u, 500u, 3000u})
+    put(out, field);
+  put(out, std::uint16_t{1});
+  put(out, static_cast<std::uint16_t>(0x1234 + number));
+  put(out, std::uint32_t{7});
+  put(out, std::uint32_t{48});  // with its own header
+  put_payload(out, 40, number);
+  return out;
+}
+
+const Lab demo{.tlvs = {{1, 0}, {2, 512}, {6, 24}, {9, 28}}};
+const Lab vital_signs{.version = 0x02000004, .platform = 0xa1642, .tlvs = {{6, 128}, {2, 76}}};
+const Lab exact{.tlvs = {{2, 76}, {1010, 30}}, .unit = 1};  // no padding at all
+
+template <class Make>
+Bytes stream(std::uint32_t count, const Make& make) {
+  Bytes all;
+  for (std::uint32_t i = 1; i <= count; ++i) {
+    const Bytes one = make(i);
+    all.insert(all.end(), one.begin(), one.end());
+  }
+  return all;
+}
+Bytes stream(std::uint32_t count, const Lab& lab) {
+  return stream(count, [&](std::uint32_t i) { return frame_of(lab, i); });
+}
+
+struct Seen {
+  Numbers numbers;
+  std::map<std::size_t, int> bins;
+  FrameCounts counts;
+};
+
+// Whole and in pieces: the same must come out, and every byte must be accounted for.
+Seen parse(ByteView bytes) {
+  std::vector<Seen> runs;
+  for (const std::size_t piece : {bytes.size(), std::size_t{1}, std::size_t{61}}) {
+    Seen seen;
+    FrameParser parser;
+    const auto keep = [&](const RadarFrame& f) {
+      seen.numbers.push_back(f.frame_number);
+      ++seen.bins[f.range_profile.size()];
+    };
+    for (std::size_t at = 0; at < bytes.size(); at += piece)
+      parser.feed(bytes.subspan(at, std::min(piece, bytes.size() - at)), HostTime{}, keep);
+    parser.finish(keep);
+    seen.counts = parser.counts();
+    const FrameCounts& c = seen.counts;
+    REQUIRE(c.bytes == bytes.size());
+    REQUIRE(c.bytes == c.frame_bytes + c.junk_bytes + c.truncated_bytes);
+    REQUIRE(c.frames == seen.numbers.size());
+    runs.push_back(std::move(seen));
+  }
+  for (const Seen& other : runs) {
+    REQUIRE(other.numbers == runs[0].numbers);
+    REQUIRE(other.counts.truncated_frames == runs[0].counts.truncated_frames);
+    REQUIRE(other.counts.junk_bytes == runs[0].counts.junk_bytes);
+    REQUIRE(other.counts.bad_headers == runs[0].counts.bad_headers);
+    REQUIRE(other.counts.lost_frames == runs[0].counts.lost_frames);
+    REQUIRE(other.counts.tlvs == runs[0].counts.tlvs);
+  }
+  return runs[0];
+}
+
+Numbers from_to(std::uint32_t first, std::uint32_t last) {
+  Numbers all;
+  for (std::uint32_t i = first; i <= last; ++i) all.push_back(i);
+  return all;
+}
+
+Bytes part(const Bytes& whole, std::size_t from, std::size_t to) {
+  return {whole.begin() + static_cast<std::ptrdiff_t>(from),
+          whole.begin() + static_cast<std::ptrdiff_t>(to)};
+}
+
+}  // namespace
+
+TEST_CASE("every TLV type is counted") {
+  const Seen s = parse(stream(50, demo));
+  CHECK(s.numbers == from_to(1, 50));
+  CHECK(s.counts.tlvs ==
+        std::map<std::uint32_t, std::uint64_t>{{1, 50}, {2, 50}, {6, 50}, {9, 50}});
+  CHECK(s.counts.other_tlvs == 50);
+  CHECK(s.bins == std::map<std::size_t, int>{{256, 50}});
+}
+
+TEST_CASE("a start at any byte of a frame costs that frame only") {
+  const Bytes all = stream(4, demo);
+  const std::size_t size = all.size() / 4;
+  for (std::size_t from = 1; from < size; from += 7) {
+    const Seen s = parse(part(all, from, all.size()));
+    REQUIRE(s.numbers == from_to(2, 4));
+    REQUIRE(s.counts.junk_bytes == size - from);
+    REQUIRE(s.counts.resyncs == 1);
+  }
+}
+
+TEST_CASE("an end at any byte of a frame gives all before it, and that one not") {
+  const Bytes all = stream(3, exact);
+  const std::size_t size = all.size() / 3;
+  for (std::size_t cut = 1; cut < size; ++cut) {
+    const Seen s = parse(part(all, 0, all.size() - cut));
+    REQUIRE(s.numbers == from_to(1, 2));
+    REQUIRE(s.counts.truncated_bytes + s.counts.junk_bytes == size - cut);
+  }
+}
+
+TEST_CASE("where every frame is shorter than its header says, none is delivered") {
+  const std::size_t missing = GENERATE(1u, 7u, 31u, 32u, 100u, 500u);
+  const Bytes one = frame_of(demo, 1);
+  const Bytes all =
+      stream(40, [&](std::uint32_t i) { return part(frame_of(demo, i), 0, one.size() - missing); });
+  CAPTURE(missing);
+  const Seen s = parse(all);
+  CHECK(s.numbers.empty());
+  CHECK(s.counts.truncated_frames == 40);
+  CHECK(s.counts.truncated_bytes == all.size());
+}
+
+TEST_CASE("a board that is reset in the middle of a frame: the part is not completed by the next") {
+  const Bytes before = frame_of(demo, 5000), after = stream(3, demo);
+  for (const std::size_t cut : {41u, 100u, 400u, 600u}) {
+    Bytes all = part(before, 0, cut);
+    all.insert(all.end(), after.begin(), after.end());
+    const Seen s = parse(all);
+    CAPTURE(cut);
+    CHECK(s.numbers == from_to(1, 3));
+    CHECK(s.counts.truncated_frames == 1);
+    CHECK(s.counts.truncated_bytes == cut);
+  }
+}
+
+TEST_CASE("TLVs of other labs under the demo's header") {
+  SECTION("vital signs: type 6 is no stats, type 2 is some other profile") {
+    const Seen s = parse(stream(30, vital_signs));
+    CHECK(s.numbers == from_to(1, 30));
+    CHECK(s.counts.tlvs == std::map<std::uint32_t, std::uint64_t>{{2, 30}, {6, 30}});
+    CHECK(s.counts.other_tlvs == 30);
+    CHECK(s.bins == std::map<std::size_t, int>{{38, 30}});
+  }
+  SECTION("lengths that are no multiple of 32") {
+    const Seen s = parse(stream(30, exact));
+    CHECK(s.numbers == from_to(1, 30));
+    CHECK(s.counts.tlvs == std::map<std::uint32_t, std::uint64_t>{{2, 30}, {1010, 30}});
+    CHECK(s.counts.junk_bytes == 0);
+  }
+  SECTION("endless new types take no endless memory") {
+    const Seen s = parse(stream(300, [](std::uint32_t i) {
+      return frame_of(Lab{.tlvs = {{1000 + i, 12}}}, i);
+    }));
+    CHECK(s.counts.frames == 300);
+    CHECK(s.counts.other_tlvs == 300);
+    CHECK(s.counts.tlvs.size() == 64);
+  }
+}
+
+TEST_CASE("other headers behind the same magic are refused, frame by frame") {
+  SECTION("48 bytes") {
+    for (const std::uint32_t track_us : {0u, 1u, 16u, 400u, 100'000u}) {
+      const Seen s = parse(stream(60, [&](std::uint32_t i) { return frame_48(i, track_us); }));
+      CAPTURE(track_us);
+      CHECK(s.numbers.empty());
+      CHECK(s.counts.bad_headers + s.counts.bad_tlvs == 60);
+    }
+  }
+  SECTION("52 bytes") {
+    const Seen s = parse(stream(60, frame_52));
+    CHECK(s.numbers.empty());
+    CHECK(s.counts.bad_headers == 60);
+    CHECK(s.counts.junk_bytes == s.counts.bytes);
+  }
+  SECTION("and the demo's frames between them come through") {
+    const Seen s = parse(stream(60, [](std::uint32_t i) {
+      return i % 3 == 0 ? frame_48(i, 300) : i % 3 == 1 ? frame_52(i) : frame_of(demo, i);
+    }));
+    CHECK(s.counts.frames == 20);
+    CHECK(s.bins == std::map<std::size_t, int>{{256, 20}});
+  }
+}
+
+TEST_CASE("a count of TLVs that does not fill the packet is a damaged header") {
+  const Seen s = parse(stream(3, [](std::uint32_t i) {
+    Bytes one = frame_of(demo, i);
+    if (i == 2) one[32] = 1;
+    return one;
+  }));
+  CHECK(s.numbers == Numbers{1, 3});
+  CHECK(s.counts.bad_tlvs == 1);
+  CHECK(s.counts.lost_frames == 1);
+}
+
+TEST_CASE("frame numbers that jump are believed when the next one follows") {
+  const auto lost = [](const Numbers& numbers) {
+    FrameParser parser;
+    std::uint64_t told = 0;
+    const auto add = [&](const RadarFrame& f) { told += f.lost_before; };
+    for (const std::uint32_t n : numbers) parser.feed(frame_of(exact, n), HostTime{}, add);
+    parser.finish(add);
+    const FrameCounts& c = parser.counts();
+    CHECK(c.frames == numbers.size());
+    CHECK(c.lost_frames >= told);
+    return std::pair(c.lost_frames, c.restarts);
+  };
+  using Result = std::pair<std::uint64_t, std::uint64_t>;
+  CHECK(lost({7, 8, 11, 12}) == Result{2, 0});
+  CHECK(lost({7, 8, 5000, 5001}) == Result{4991, 0});
+  CHECK(lost({7, 8, 5000}) == Result{4991, 0});                 // nothing contradicts it
+  CHECK(lost({7, 8, 9 + (1u << 18), 10, 11}) == Result{0, 0});  // a flipped bit
+  CHECK(lost({7, 8, 9 + (1u << 30), 10, 11}) == Result{0, 0});
+  CHECK(lost({70, 71, 8, 73, 74}) == Result{0, 0});
+  CHECK(lost({70, 71, 8, 75, 76}) == Result{2, 0});
+  CHECK(lost({70, 71, 70, 71, 72}) == Result{0, 0});              // came twice
+  CHECK(lost({500, 501, 1, 2, 3}) == Result{0, 1});               // a reset
+  CHECK(lost({500, 501, 1, 3, 500, 501}) == Result{1 + 496, 1});  // and a gap after it
+  CHECK(lost({0xfffffffe, 0xffffffff, 0, 1}) == Result{0, 0});    // the count wraps
+}
+
+TEST_CASE("any mixture of all this ends, and delivers exactly the frames that were sent whole") {
+  for (std::uint32_t seed = 1; seed <= 150; ++seed) {
+    Rng rng = make_rng(seed, 6);
+    Bytes bytes;
+    Numbers whole;
+    for (std::uint32_t i = 1; i <= 20; ++i) {
+      const auto kind = rng() % 10;
+      Bytes one = kind == 0   ? frame_48(i, static_cast<std::uint32_t>(rng() % 20))
+                  : kind == 1 ? frame_52(i)
+                  : kind == 2 ? frame_of(Lab{.tlvs = vital_signs.tlvs}, i)
+                              : frame_of(demo, i);
+      if (kind == 3) one.resize(1 + rng() % (one.size() - 33));  // more than padding is missing
+      if (kind == 4) one.assign(rng() % 300, static_cast<std::uint8_t>(rng() % 9));
+      if (kind == 2 || kind > 4) whole.push_back(i);
+      bytes.insert(bytes.end(), one.begin(), one.end());
+    }
+    const Seen s = parse(bytes);
+    CAPTURE(seed);
+    REQUIRE(s.numbers == whole);
+  }
+}

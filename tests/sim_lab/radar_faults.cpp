@@ -1,0 +1,367 @@
+// SPDX-License-Identifier: MIT
+// What goes wrong with a radar, and what the driver makes of it.
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <set>
+
+#include "../drivers/sink.hpp"
+#include "lab_thread.hpp"
+#include "radar_bench.hpp"
+
+using namespace echofuse;
+using namespace echofuse::test;
+using namespace std::chrono_literals;
+
+namespace {
+
+using Strings = std::vector<std::string>;
+
+const Strings restart{"version", "sensorStop", "sensorStart 0"};
+const std::string calibration = "compRangeBiasAndRxChanPhase 0.0123456" + [] {
+  std::string text;
+  for (int i = 0; i < 12; ++i) text += " -1.23456 0.12345";
+  return text;
+}();
+
+struct Bench {
+  explicit Bench(radar::RadarSetup with = {}) : board(io), setup(std::move(with)) {
+    setup.address = "test";
+    setup.cli = board.cli.opener();
+    setup.data = board.data.opener();
+    setup.cfg_text =
+        read_text(std::string(ECHOFUSE_SOURCE_DIR) + "/config/radar/xwr68xx_paper_50cm.cfg");
+    setup.cfg_name = "x.cfg";
+    for (const auto& line : radar::command_lines(setup.cfg_text)) whole_cfg.push_back(line.text);
+    whole_cfg.insert(whole_cfg.begin(), "version");
+    driver.emplace(io, setup, clock);
+  }
+  std::uint64_t count(const std::string& name) const { return counter(*driver, name); }
+  std::size_t frames() const { return sink.radar.size(); }
+  DeviceState state() const { return sink.state(); }
+  // A frame every 10 ms while the sensor runs, until the condition holds.
+  template <class Condition>
+  bool until(Condition condition, std::chrono::milliseconds limit = 10s) {
+    const auto end = std::chrono::steady_clock::now() + limit;
+    while (!condition()) {
+      if (std::chrono::steady_clock::now() > end) return false;
+      if (board.running()) board.data.send(board.frame());
+      run_until(io, condition, 10ms);
+    }
+    return true;
+  }
+  void start() {
+    driver->start(sink);
+    REQUIRE(until([&] { return frames() >= 3; }));
+    CHECK(board.heard() == whole_cfg);
+  }
+  void plug(bool in) {
+    board.cli.plug(in);
+    board.data.plug(in);
+  }
+  // From now to the next frame.
+  double seconds_to_frame() {
+    const std::size_t before = frames();
+    const HostTime from = clock.now();
+    REQUIRE(until([&] { return frames() > before; }));
+    return seconds(clock.now() - from);
+  }
+  bool faulted() {
+    return until([&] { return state() == DeviceState::faulted; });
+  }
+  bool told(const std::string& beginning) const {
+    return std::any_of(sink.events.begin(), sink.events.end(),
+                       [&](const std::string& event) { return event.starts_with(beginning); });
+  }
+  // Nothing before the first frame was sent, and nothing is without a trace.
+  void check_all_accounted_for() const {
+    std::uint32_t lost = 0;
+    for (const RadarFrame& f : sink.radar) lost += f.lost_before;
+    CHECK(sink.radar.front().frame_number + frames() - 1 + lost == sink.radar.back().frame_number);
+  }
+
+  boost::asio::io_context io;
+  SystemClock clock;
+  RadarBoard board;
+  radar::RadarSetup setup;
+  KeepingSink sink;
+  Strings whole_cfg;
+  std::optional<radar::RadarDriver> driver;
+};
+
+radar::RadarSetup hasty() {
+  radar::RadarSetup setup;
+  setup.backoff = port::Backoff(2ms, 8ms);
+  setup.timeouts = {.quiet = 3ms, .prompt = 100ms, .answer = 200ms, .start = 200ms};
+  return setup;
+}
+
+}  // namespace
+
+TEST_CASE("unplugged for a moment: the sensor is restarted with the cfg that it has") {
+  Bench b;
+  b.start();
+  b.plug(false);
+  REQUIRE(b.faulted());
+  b.until([&] { return false; }, 500ms);
+  b.plug(true);
+  const double took_s = b.seconds_to_frame();
+  WARN("unplugged, replugged: " << took_s << " s to the first frame");
+  CHECK(took_s < 10);
+  CHECK(b.board.heard() == restart);
+  CHECK(b.count("configured") == 1);
+  CHECK(b.count("restarted") == 1);
+  CHECK(b.state() == DeviceState::streaming);
+  CHECK(b.told("read: No such device"));
+  b.check_all_accounted_for();
+}
+
+TEST_CASE("unplugged with its power: the restart is refused, and the whole cfg follows") {
+  Bench b;
+  b.start();
+  b.plug(false);
+  REQUIRE(b.faulted());
+  b.board.power_up();
+  b.until([&] { return false; }, 500ms);
+  b.plug(true);
+  const double took_s = b.seconds_to_frame();
+  WARN("power cycle: " << took_s << " s to the first frame");
+  CHECK(took_s < 10);
+  Strings expected = restart;
+  expected.insert(expected.end(), b.whole_cfg.begin() + 1, b.whole_cfg.end());
+  CHECK(b.board.heard() == expected);
+  CHECK(b.count("configured") == 2);
+  CHECK(b.told("restart refused, the cfg is sent again: Error: Full"));
+  REQUIRE(b.until([&] { return b.frames() > 20; }));
+  CHECK(b.count("connections") == 2);  // numbers that begin again are no surprise here
+}
+
+TEST_CASE("a reset in mid-run shows in the banner, at once") {
+  Bench b;
+  b.start();
+  b.board.power_up();
+  const double took_s = b.seconds_to_frame();
+  WARN("reset seen by its banner: " << took_s << " s to the first frame");
+  CHECK(took_s < 10);
+  CHECK(b.told("the board was reset"));
+  CHECK(b.board.heard() == b.whole_cfg);
+  CHECK(b.count("configured") == 2);
+  CHECK(b.count("restarted") == 0);
+}
+
+TEST_CASE("a reset without a banner shows in the frame numbers") {
+  Bench b;
+  b.start();
+  REQUIRE(b.until([&] { return b.board.number >= 20; }));
+  SECTION("and is configured again") {
+    b.board.number = 0;
+    REQUIRE(b.faulted());
+    CHECK(b.sink.events.back() == "the board was reset: its frame numbers began again");
+    b.seconds_to_frame();
+    CHECK(b.board.heard() == b.whole_cfg);
+    CHECK(b.count("configured") == 2);
+  }
+  SECTION("but not in a number with flipped bits") {
+    for (const unsigned bit : {0u, 2u, 4u, 9u, 20u, 31u}) {
+      Bytes frame = b.board.frame();
+      frame[20 + bit / 8] ^= static_cast<std::uint8_t>(1u << bit % 8);
+      b.board.data.send(frame);
+      const std::size_t before = b.frames();
+      REQUIRE(b.until([&] { return b.frames() > before + 3; }));
+    }
+    CHECK(b.count("connections") == 1);
+    CHECK(b.count("restarts") == 0);
+  }
+}
+
+TEST_CASE("a reset while the cfg is sent: it begins again") {
+  Bench b;
+  b.driver->start(b.sink);
+  REQUIRE(b.until([&] { return b.board.lines_heard() == 12; }));
+  b.board.power_up();
+  CHECK(b.seconds_to_frame() < 10);
+  CHECK(std::any_of(b.sink.events.begin(), b.sink.events.end(), [](const std::string& event) {
+    return event.starts_with("x.cfg:") && event.ends_with(": the board was reset");
+  }));
+  CHECK(b.count("configured") == 1);
+}
+
+TEST_CASE("garbage before the first prompt, and calibration lines everywhere") {
+  Bench b;
+  const std::string garbage = "\xff~\x80?`\r\nsens'?\xff' is not recognized as a CLI command\n\r";
+  b.board.cli.send(garbage);
+  b.driver->start(b.sink);
+  std::size_t said = 0;
+  REQUIRE(b.until([&] {
+    // Behind every answer, and in front of the first.
+    if (b.board.lines_heard() >= said) {
+      b.board.cli.send(said++ == 0 ? garbage : std::string());
+      b.board.say(calibration + "\n");
+    }
+    return b.frames() >= 3;
+  }));
+  CHECK(b.board.heard() == b.whole_cfg);
+  CHECK(b.count("connections") == 1);
+  std::size_t told = 0;
+  for (const std::string& event : b.sink.events) told += event == calibration;
+  CHECK(told == said);
+}
+
+TEST_CASE("the firmware's exception is a failure with its words, whenever it comes") {
+  Bench b(hasty());
+  b.start();
+  b.board.say("Exception: ../mss_main.c, line 1234.\n");
+  REQUIRE(b.faulted());
+  CHECK(b.sink.events.back() ==
+        "Exception: ../mss_main.c, line 1234. (the firmware has stopped: reset the board)");
+  CHECK(b.seconds_to_frame() < 10);
+}
+
+TEST_CASE("damaged data: at most one frame is lost beyond the damaged ones, and all are counted") {
+  using Damage = std::function<void(Bytes&, Rng&)>;
+  const auto at = [](Rng& rng, std::size_t end) {
+    return static_cast<std::ptrdiff_t>(rng() % end);
+  };
+  const std::vector<std::pair<const char*, Damage>> damages{
+      {"garbage before a frame",
+       [&](Bytes& f, Rng& rng) {
+         Bytes junk(1 + rng() % 700);
+         for (auto& byte : junk) byte = static_cast<std::uint8_t>(rng());
+         f.insert(f.begin(), junk.begin(), junk.end());
+       }},
+      {"garbage instead of a frame",
+       [&](Bytes& f, Rng& rng) {
+         for (auto& byte : f) byte = static_cast<std::uint8_t>(rng());
+       }},
+      {"truncated", [&](Bytes& f, Rng& rng) { f.resize(rng() % (f.size() - 32)); }},
+      {"beginning lost",
+       [&](Bytes& f, Rng& rng) { f.erase(f.begin(), f.begin() + 1 + at(rng, f.size() - 1)); }},
+      {"bytes lost inside",
+       [&](Bytes& f, Rng& rng) {
+         const auto from = f.begin() + at(rng, f.size() - 40);
+         f.erase(from, from + 1 + at(rng, 39));
+       }},
+      {"bit flip",
+       [&](Bytes& f, Rng& rng) {
+         f[rng() % f.size()] ^= static_cast<std::uint8_t>(1 << rng() % 8);
+       }},
+      {"bit flip in the length",
+       [&](Bytes& f, Rng& rng) { f[12 + rng() % 4] ^= static_cast<std::uint8_t>(1 << rng() % 8); }},
+      {"came twice",
+       [&](Bytes& f, Rng&) {
+         const Bytes copy = f;
+         f.insert(f.end(), copy.begin(), copy.end());
+       }},
+      {"missing", [&](Bytes& f, Rng&) { f.clear(); }},
+  };
+  for (const auto& [name, damage] : damages) {
+    Bench b(hasty());
+    b.start();
+    Rng rng = make_rng(7, 7);
+    const std::uint32_t first = b.board.number + 1;
+    std::set<std::uint32_t> good;
+    for (int i = 0; i < 600; ++i) {
+      Bytes frame = b.board.frame();
+      if (i % 6 == 5)
+        damage(frame, rng);
+      else
+        good.insert(b.board.number);
+      b.board.data.send(frame);
+    }
+    b.board.data.send(b.board.frame());
+    good.insert(b.board.number);
+    REQUIRE(run_until(b.io, [&] { return b.sink.radar.back().frame_number == b.board.number; }));
+    std::size_t delivered = 0, twice = 0;
+    std::set<std::uint32_t> seen;
+    for (const RadarFrame& f : b.sink.radar) {
+      if (f.frame_number < first) continue;
+      ++(seen.insert(f.frame_number).second ? delivered : twice);
+      if (good.erase(f.frame_number) == 0) continue;
+      REQUIRE(f.range_profile.size() == 64);
+      if (std::string_view(name) != "bit flip")  // there is no checksum: content may be wrong
+        REQUIRE(f.range_profile[5] == 3000 + f.frame_number % 500 + 5);
+    }
+    CAPTURE(name, delivered, twice, b.count("lost_frames"), b.count("truncated_frames"),
+            b.count("junk_bytes"), b.count("bad_headers"), b.count("bad_tlvs"));
+    WARN(name << ": 100 damaged of 601, " << good.size() << " undamaged ones lost, " << twice
+              << " came twice, " << b.count("lost_frames") << " counted as lost");
+    CHECK(good.size() <= 100);
+    const std::size_t sent = std::string_view(name) == "came twice" ? 701 : 601;
+    const std::size_t accounted = delivered + twice + b.count("lost_frames");
+    // A flipped bit in a frame's number may make a small gap that is not there.
+    CHECK((std::string_view(name) == "bit flip" ? accounted >= sent : accounted == sent));
+    CHECK(b.count("connections") == 1);
+  }
+}
+
+TEST_CASE("silence and a byte now and then on the data port: configured again") {
+  Bench b;
+  b.start();
+  const HostTime from = b.clock.now();
+  REQUIRE(run_until(b.io, [&] {
+    b.board.data.send(std::string("\x02"));
+    run_for(b.io, 100ms);
+    return b.state() == DeviceState::faulted;
+  }));
+  CHECK(b.sink.events.back() == "no frames on the data port");
+  const double noticed_s = seconds(b.clock.now() - from), took_s = b.seconds_to_frame();
+  WARN("silence: noticed after " << noticed_s << " s, then " << took_s << " s to a frame");
+  CHECK(noticed_s < 10);
+  CHECK(took_s < 10);
+  CHECK(b.count("configured") == 2);
+}
+
+TEST_CASE("a command port of which a byte comes through now and then") {
+  Bench b(hasty());
+  b.board.cli.choked = true;
+  b.driver->start(b.sink);
+  REQUIRE(b.until([&] { return b.count("connections") >= 3; }));
+  CHECK(b.told("no prompt"));
+  CHECK(b.frames() == 0);
+  b.board.cli.choked = false;
+  CHECK(b.seconds_to_frame() < 10);
+}
+
+TEST_CASE("one of the two ports stays away") {
+  Bench b(hasty());
+  b.start();
+  b.plug(false);
+  REQUIRE(b.faulted());
+  b.board.cli.plug(true);  // the data port stays away
+  REQUIRE(b.until([&] { return b.count("connections") == 1; }));
+  b.plug(true);
+  CHECK(b.seconds_to_frame() < 10);
+}
+
+TEST_CASE("unplugged a hundred times, at every stage of the dialogue") {
+  Bench b(hasty());
+  b.start();
+  Rng rng = make_rng(3, 3);
+  for (int i = 0; i < 100; ++i) {
+    b.plug(false);
+    REQUIRE(b.faulted());
+    b.io.restart();
+    b.io.poll();
+    b.board.heard();
+    if (rng() % 2) b.board.power_up();
+    b.plug(true);
+    const std::size_t stage = 1 + rng() % 40, before = b.frames();
+    REQUIRE(b.until([&] { return b.board.lines_heard() >= stage || b.frames() > before; }));
+  }
+  CHECK(b.seconds_to_frame() < 10);
+  CHECK(b.count("connections") == 101);
+  CHECK(b.count("bad_headers") == 0);
+}
+
+TEST_CASE("a board that sends one frame and dies is tried ever more rarely") {
+  Bench b;
+  b.start();
+  std::vector<double> pauses;
+  for (int i = 0; i < 5; ++i) {
+    b.plug(false);
+    REQUIRE(b.faulted());
+    b.plug(true);
+    pauses.push_back(b.seconds_to_frame());
+  }
+  // 0.1, 0.2, 0.4, 0.8 and 1.6 s of pause
+  for (std::size_t i = 0; i < pauses.size(); ++i) CHECK(pauses[i] > 0.1 * (1 << i));
+}

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: MIT
+// The radar driver on the pseudo-terminals of a laboratory, which run at the speed of their UARTs.
+#include <boost/asio/io_context.hpp>
+#include <catch2/catch.hpp>
+#include <optional>
+
+#include "../drivers/sink.hpp"
+#include "drivers/port/open_port.hpp"
+#include "drivers/radar/radar_driver.hpp"
+#include "lab_thread.hpp"
+
+using namespace echofuse;
+using namespace echofuse::test;
+using namespace std::chrono_literals;
+
+namespace {
+
+struct Lines {
+  explicit Lines(const sim::LabOptions& options) {
+    radar::RadarSetup setup;
+    setup.cli = port::byte_opener(io, "serial:" + options.dir + "/radar-cli", 115200);
+    setup.data = port::byte_opener(io, "serial:" + options.dir + "/radar-data", 921600);
+    setup.cfg_text = read_text(options.dir + "/radar.cfg");
+    driver.emplace(io, setup, clock);
+    driver->start(sink);
+  }
+  bool frames(std::size_t count) {
+    return run_until(io, [&] { return sink.radar.size() >= count; });
+  }
+  boost::asio::io_context io;
+  SystemClock clock;
+  KeepingSink sink;
+  std::optional<radar::RadarDriver> driver;
+};
+
+}  // namespace
+
+TEST_CASE("a laboratory that closes and opens again is configured anew") {
+  const TemporaryDirectory dir;
+  sim::LabOptions options;
+  options.dir = dir / "lab";
+  auto lab = std::make_unique<LabThread>(options);
+  Lines lines(options);
+  REQUIRE(lines.frames(3));
+  lab.reset();
+  REQUIRE(run_until(lines.io, [&] { return lines.sink.state() == DeviceState::faulted; }));
+  run_for(lines.io, 1s);
+  lab = std::make_unique<LabThread>(options);
+  const HostTime from = lines.clock.now();
+  REQUIRE(lines.frames(lines.sink.radar.size() + 1));
+  const double took_s = seconds(lines.clock.now() - from);
+  WARN("back on lines of 115200 baud: " << took_s << " s to the first frame");
+  CHECK(took_s < 10);
+  CHECK(counter(*lines.driver, "configured") == 2);
+}
+
+TEST_CASE("a consumer that stands still costs frames of a real line, and they are counted") {
+  const TemporaryDirectory dir;
+  sim::LabOptions options;
+  options.dir = dir / "lab";
+  options.radar_cfg = dir / "fast.cfg";
+  std::string cfg = read_text(std::string(ECHOFUSE_SOURCE_DIR) + "/config/radar/xwr68xx_44mm.cfg");
+  cfg.replace(cfg.find("frameCfg 0 2 32 0 50"), 20, "frameCfg 0 2 32 0 10");
+  std::ofstream(options.radar_cfg) << cfg;
+  LabThread lab(options);
+  Lines lines(options);
+  REQUIRE(lines.frames(3));
+  std::this_thread::sleep_for(3s);  // 192 kB; the kernel holds 64
+  REQUIRE(run_until(lines.io, [&] { return counter(*lines.driver, "lost_frames") > 0; }));
+  const std::uint32_t first = lines.sink.radar.front().frame_number;
+  const std::uint32_t last = lines.sink.radar.back().frame_number;
+  WARN("3 s of standstill: " << counter(*lines.driver, "lost_frames") << " frames lost");
+  CHECK(lines.sink.radar.size() + counter(*lines.driver, "lost_frames") == last - first + 1);
+  CHECK(counter(*lines.driver, "connections") == 1);
+}
