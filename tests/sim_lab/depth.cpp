@@ -20,7 +20,7 @@ class Reader {
     // OpenNI2 leaks some, and is not built for the thread sanitizer.
     const std::string sanitizers =
         "ASAN_OPTIONS=detect_leaks=0 TSAN_OPTIONS=suppressions='" ECHOFUSE_SOURCE_DIR
-        "/tests/sim_lab/openni_tsan.supp' ";
+        "/tests/tsan.supp' ";
     const std::string command = sanitizers + "LD_LIBRARY_PATH='" + lab_dir + "/openni' '" +
                                 (folder / "depth_reader").string() + "' '" + file + "' " +
                                 arguments;
