@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: MIT
-// A value or the reason why there is none, for device and OS failures at run time.
+// Why a device or the OS failed at run time.
 #pragma once
 #include <string>
 #include <system_error>
-#include <utility>
-#include <variant>
 
 namespace echofuse {
 
@@ -13,23 +11,6 @@ struct Failure {
   std::string what;  // what was being done, with the address or file
 
   std::string text() const { return what + ": " + code.message(); }
-};
-
-template <class T>
-class [[nodiscard]] Result {
- public:
-  Result(T value) : state_(std::move(value)) {}
-  Result(Failure failure) : state_(std::move(failure)) {}
-
-  explicit operator bool() const { return state_.index() == 0; }
-  T& operator*() { return std::get<0>(state_); }
-  const T& operator*() const { return std::get<0>(state_); }
-  T* operator->() { return &std::get<0>(state_); }
-  const T* operator->() const { return &std::get<0>(state_); }
-  const Failure& failure() const { return std::get<1>(state_); }
-
- private:
-  std::variant<T, Failure> state_;
 };
 
 }  // namespace echofuse

@@ -2,6 +2,7 @@
 #include "drivers/tdc/histogram.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <string>
 #include <utility>
 
@@ -45,13 +46,21 @@ void Histogram::add(std::span<const Tag> tags) {
   const std::int32_t click_channel = settings_.click_channel;
   const auto first_bin = static_cast<std::uint64_t>(settings_.first_bin_ps);
   std::uint32_t* const cell = bins_.data();
+  std::uint64_t backwards = 0;
+  if (fresh_ && !tags.empty()) last_time_ = static_cast<std::uint64_t>(tags.front().time_ps);
+  fresh_ = fresh_ && tags.empty();
   for (const Tag& tag : tags) {
-    if (tag.type != TagType::time_tag) [[unlikely]] {
+    // Type and reserved byte in one compare: validity costs a well-formed stream nothing.
+    std::uint16_t head;
+    std::memcpy(&head, &tag, sizeof head);
+    if (head != 0) [[unlikely]] {
       add_marker(tag);
       ++cell[bins + other];
       continue;
     }
     const auto time = static_cast<std::uint64_t>(tag.time_ps);
+    backwards += (time - last_time_) >> 63;
+    last_time_ = time;
     // Unsigned: right across the wrap of the device's clock, and one compare for both ends.
     // Capped at the axis' end, which is the cell of those out of range.
     const std::uint64_t distance = std::min(time - last_start_ - first_bin, range_ps_);
@@ -62,13 +71,18 @@ void Histogram::add(std::span<const Tag> tags) {
     const bool is_start = tag.channel == start_channel;
     index = is_start ? bins + start : index;
     last_start_ = is_start ? time : last_start_;
-    has_start_ |= is_start;
+    has_start_ |= is_start && !in_overflow_;
     ++cell[index];
   }
+  totals_.backwards += backwards;
   settle(tags.size());
 }
 
 void Histogram::add_marker(const Tag& tag) {
+  if (tag.type > TagType::missed_events || tag.reserved != 0) {
+    ++totals_.bad_tags;
+    return;
+  }
   if (tag.type == TagType::missed_events) {
     if (tag.channel == settings_.start_channel || tag.channel == settings_.click_channel)
       totals_.missed += tag.missed_events;
@@ -76,7 +90,8 @@ void Histogram::add_marker(const Tag& tag) {
   }
   totals_.overflows += tag.type == TagType::overflow_begin;
   totals_.errors += tag.type == TagType::error;
-  forget_start();
+  if (tag.type != TagType::error) in_overflow_ = tag.type == TagType::overflow_begin;
+  has_start_ = false;
 }
 
 // The 32-bit cells behind the axis go into the 64-bit totals after each block.
@@ -94,7 +109,11 @@ void Histogram::settle(std::size_t tags) {
   totals_.in_range += tags - starts - off_axis - lonely - others;
 }
 
-void Histogram::forget_start() { has_start_ = false; }
+void Histogram::forget_start() {
+  has_start_ = false;
+  in_overflow_ = false;
+  fresh_ = true;
+}
 
 std::vector<std::uint32_t> Histogram::counts() const {
   return {bins_.begin(), bins_.begin() + static_cast<std::ptrdiff_t>(settings_.bins)};

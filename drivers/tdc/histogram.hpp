@@ -7,7 +7,12 @@
 // times. With at most one start per range (laser period > first_bin + bins * bin_width) both agree.
 //
 // Error and overflow markers forget the last start: time information is missing on their other
-// side, so clicks that follow have no start until the next one arrives.
+// side, so clicks that follow have no start until the next one arrives. Between overflow_begin and
+// overflow_end starts are counted but do not serve: the vendor says that tags are missing there.
+//
+// Tags with an unknown type or a reserved byte that is not 0 are counted and otherwise ignored. A
+// time before that of the previous tag is counted, and the tag used as it is: a click before its
+// start is out of range. Differences of times are taken modulo 2^64.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -38,6 +43,8 @@ struct TagCounts {
   std::uint64_t missed = 0;     // events on the two channels that the device says it lost
   std::uint64_t overflows = 0;  // times an overflow began
   std::uint64_t errors = 0;     // error markers
+  std::uint64_t bad_tags = 0;   // unknown type, or reserved byte not 0; all are in `other`
+  std::uint64_t backwards = 0;  // time tags before the tag that precedes them
 
   bool operator==(const TagCounts&) const = default;
 };
@@ -49,7 +56,8 @@ class Histogram {
   explicit Histogram(const HistogramSettings& settings);
 
   void add(std::span<const Tag> tags);
-  // Tags were lost in between (a gap in the transport, a new connection).
+  // Tags were lost in between (a gap in the transport, a new connection). Whether an overflow lasts
+  // is unknown then; the next marker tells.
   void forget_start();
   // Both are since the last clear(). counts() has `bins` entries.
   std::vector<std::uint32_t> counts() const;
@@ -71,7 +79,10 @@ class Histogram {
   double bins_per_ps_;
   std::uint64_t range_ps_;
   std::uint64_t last_start_ = 0;
+  std::uint64_t last_time_ = 0;
+  bool fresh_ = true;  // last_time_ says nothing
   bool has_start_ = false;
+  bool in_overflow_ = false;
   std::vector<std::uint32_t> bins_;  // the axis, then one cell for each way not to be on it
   TagCounts totals_;
 };
