@@ -18,10 +18,10 @@ struct Values {
 
 void bind(Settings& s, Values& v) {
   s.add("run.window_s", v.window_s, 0.05, 3600, "a number");
-  s.add("tdc.bins", v.bins, 1, 1 << 24, "a whole number");
-  s.add("tdc.on", v.on, "a switch");
   s.add("run.label", v.label, "a text");
   s.add("run.mode", v.mode, "a choice", {"a", "b"});
+  s.add("tdc.bins", v.bins, 1, 1 << 24, "a whole number");
+  s.add("tdc.on", v.on, "a switch");
 }
 
 }  // namespace
