@@ -27,13 +27,19 @@ struct Reference {
   HistogramSettings settings;
   std::vector<std::uint32_t> bins;
   TagCounts counts;
-  std::optional<std::int64_t> start;
+  std::optional<std::int64_t> start, previous;
   bool in_overflow = false;
 
   explicit Reference(const HistogramSettings& s) : settings(s), bins(s.bins) {}
 
   void add(const Tag& t) {
     ++counts.tags;
+    if (t.type == TagType::time_tag) {
+      __int128 step = static_cast<__int128>(t.time_ps) - previous.value_or(t.time_ps);
+      if (step < -(__int128{1} << 63)) step += __int128{1} << 64;
+      counts.backwards += step < 0;
+      previous = t.time_ps;
+    }
     const bool known = t.channel == settings.start_channel || t.channel == settings.click_channel;
     if (t.type != TagType::time_tag) {
       ++counts.other;
