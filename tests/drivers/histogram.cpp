@@ -37,6 +37,7 @@ struct Reference {
     if (t.type == TagType::time_tag) {
       __int128 step = static_cast<__int128>(t.time_ps) - previous.value_or(t.time_ps);
       if (step < -(__int128{1} << 63)) step += __int128{1} << 64;
+      if (step >= __int128{1} << 63) step -= __int128{1} << 64;
       counts.backwards += step < 0;
       previous = t.time_ps;
     }
