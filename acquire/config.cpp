@@ -12,7 +12,7 @@ namespace {
 
 // As the file spells it; whole numbers are 64 bits wide there.
 struct Keys {
-  std::int64_t start_channel, click_channel, bin_width_ps, first_bin_ps, bins;
+  std::int64_t start_channel, click_channel, bins;
   std::int64_t cli_baud, data_baud, width, height, fps;
   std::string cfg;
 };
@@ -20,8 +20,6 @@ struct Keys {
 Keys defaults_of(const Config& c) {
   return {c.histogram.start_channel,
           c.histogram.click_channel,
-          c.histogram.bin_width_ps,
-          c.histogram.first_bin_ps,
           c.histogram.bins,
           c.radar.cli_baud,
           c.radar.data_baud,
@@ -43,10 +41,17 @@ void bind(Settings& s, Config& c, Keys& k) {
   s.add("tdc.start_channel", k.start_channel, -channel_max, channel_max,
         "laser sync; negative for falling edges");
   s.add("tdc.click_channel", k.click_channel, -channel_max, channel_max, "detector");
-  s.add("tdc.bin_width_ps", k.bin_width_ps, 1, 1'000'000'000, "two-way time");
-  s.add("tdc.first_bin_ps", k.first_bin_ps, -1'000'000'000'000, 1'000'000'000'000,
+  s.add("tdc.bin_width_ps", c.histogram.bin_width_ps, 1, 1'000'000'000, "two-way time");
+  s.add("tdc.first_bin_ps", c.histogram.first_bin_ps, -1'000'000'000'000, 1'000'000'000'000,
         "start of bin 0 after the laser sync, two-way time");
   s.add("tdc.bins", k.bins, 1, 1 << 24, "number of bins");
+  constexpr std::int64_t delay_max = 1'000'000'000'000;
+  s.add("tdc.start_delay_ps", c.histogram.start_delay_ps, -delay_max, delay_max,
+        "added to the start channel's times, for a tagger that cannot delay by itself");
+  s.add("tdc.click_delay_ps", c.histogram.click_delay_ps, -delay_max, delay_max,
+        "added to the click channel's times");
+  s.add("tdc.dead_time_ps", c.histogram.dead_time_ps, 0, delay_max,
+        "a tag so soon after the last one of its channel is removed; 0: none");
   s.add("radar.cli", c.radar.cli,
         "command port: serial:/dev/... or hid:VVVV:PPPP[:serial]; empty: none");
   s.add("radar.data", c.radar.data, "data port: serial:/dev/... or hid:VVVV:PPPP[:serial]");
@@ -61,11 +66,9 @@ void bind(Settings& s, Config& c, Keys& k) {
 }
 
 void take_numbers(Config& c, const Keys& k) {
-  c.histogram = {.start_channel = static_cast<std::int32_t>(k.start_channel),
-                 .click_channel = static_cast<std::int32_t>(k.click_channel),
-                 .bin_width_ps = k.bin_width_ps,
-                 .first_bin_ps = k.first_bin_ps,
-                 .bins = static_cast<std::uint32_t>(k.bins)};
+  c.histogram.start_channel = static_cast<std::int32_t>(k.start_channel);
+  c.histogram.click_channel = static_cast<std::int32_t>(k.click_channel);
+  c.histogram.bins = static_cast<std::uint32_t>(k.bins);
   c.radar.cli_baud = static_cast<std::uint32_t>(k.cli_baud);
   c.radar.data_baud = static_cast<std::uint32_t>(k.data_baud);
   c.depth.width = static_cast<std::uint32_t>(k.width);

@@ -32,6 +32,9 @@ void merge(tdc::TagCounts& sum, const tdc::TagCounts& more) {
   sum.missed += more.missed;
   sum.overflows += more.overflows;
   sum.errors += more.errors;
+  sum.bad_tags += more.bad_tags;
+  sum.backwards += more.backwards;
+  sum.removed += more.removed;
 }
 
 std::string size_of(std::uint32_t width, std::uint32_t height) {
@@ -82,6 +85,7 @@ Windows::Slot* Windows::find(Sensor sensor, HostTime received, std::uint64_t amo
 }
 
 void Windows::settle_tags() {
+  histogram_.flush();
   const auto slot = open_.find(tag_slot_);
   if (slot == open_.end()) return;
   merge(slot->second.tags, histogram_.tag_counts());
@@ -185,7 +189,13 @@ void Windows::fill_spd(Slot& slot, record::FusedRecord& record) const {
                        .out_of_range = c.out_of_range,
                        .without_start = c.without_start,
                        .other = c.other,
-                       .lost = std::max(c.missed, c.overflows + c.errors) + slot.spd_lost};
+                       .lost = std::max(c.missed, c.overflows + c.errors) + slot.spd_lost,
+                       .missed = c.missed,
+                       .overflows = c.overflows,
+                       .errors = c.errors,
+                       .bad_tags = c.bad_tags,
+                       .backwards = c.backwards,
+                       .removed = c.removed};
   record::SensorSync& sync = record.sync[at(Sensor::spd)];
   slot.spd_receipts.describe(sync);
   sync.used = c.in_range;

@@ -31,6 +31,13 @@ struct SpdCounts {
   std::uint64_t without_start = 0;  // clicks before any start
   std::uint64_t other = 0;          // other channels, markers
   std::uint64_t lost = 0;           // missed events, dropped items, gaps in the block numbers
+  // Written into the table spd_status where any is not 0, for SQL; RunReader leaves them 0.
+  std::uint64_t missed = 0;     // events that the tagger says it lost, on the two channels
+  std::uint64_t overflows = 0;  // times it began to lose tags
+  std::uint64_t errors = 0;     // its error marks
+  std::uint64_t bad_tags = 0;   // tags that cannot be; in `other`
+  std::uint64_t backwards = 0;  // tags before the tag that precedes them
+  std::uint64_t removed = 0;    // by tdc.dead_time_ps; in `other`
 };
 
 struct FusedRecord {

@@ -50,6 +50,7 @@ class RunWriter {
  private:
   struct Statements;
   void insert(const FusedRecord& record);
+  void insert_spd_status(const FusedRecord& r);
   void insert_status(const FusedRecord& record);
   void in_transaction(const std::function<void()>& body);
   std::string path_;

@@ -189,6 +189,18 @@ void RunWriter::insert(const FusedRecord& r) {
       .bind(ByteView{png})
       .run();
   if (r.radar_stats || r.radar_temperature) insert_status(r);
+  insert_spd_status(r);
+}
+
+void RunWriter::insert_spd_status(const FusedRecord& r) {
+  const SpdCounts& c = r.spd_counts;
+  if (c.missed + c.overflows + c.errors + c.bad_tags + c.backwards + c.removed == 0) return;
+  Statement s(db_, path_, "INSERT INTO spd_status VALUES (?,?,?,?,?,?,?)");
+  s.bind(r.index);
+  for (const std::uint64_t v :
+       {c.missed, c.overflows, c.errors, c.bad_tags, c.backwards, c.removed})
+    s.bind(v);
+  s.run();
 }
 
 void RunWriter::insert_status(const FusedRecord& r) {

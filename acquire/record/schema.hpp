@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // The tables of a run file, version 1. A record's blobs stand last, so that its other columns are
 // read without walking through them. radar_status (of a record's last radar frame that had any,
-// NULL where it had none) came later: older files of version 1 are without it. Times: *_ns are host
-// monotonic nanoseconds, utc is ISO 8601.
+// NULL where it had none) and spd_status (of records with any such count) came later: older files
+// of version 1 are without them. Times: *_ns are host monotonic nanoseconds, utc is ISO 8601.
 #pragma once
 
 namespace echofuse::record {
@@ -25,6 +25,8 @@ CREATE TABLE radar_status (idx INTEGER PRIMARY KEY, inter_frame_processing_us IN
   active_frame_load_percent INTEGER, inter_frame_load_percent INTEGER, temperature_ms INTEGER,
   rx0_c INTEGER, rx1_c INTEGER, rx2_c INTEGER, rx3_c INTEGER, tx0_c INTEGER, tx1_c INTEGER,
   tx2_c INTEGER, pm_c INTEGER, dig0_c INTEGER, dig1_c INTEGER);
+CREATE TABLE spd_status (idx INTEGER PRIMARY KEY, missed INTEGER, overflows INTEGER, errors INTEGER,
+  bad_tags INTEGER, backwards INTEGER, removed INTEGER);
 CREATE TABLE record (idx INTEGER PRIMARY KEY, slot_start_ns INTEGER, slot_end_ns INTEGER,
   slot_utc_ns INTEGER, valid INTEGER, label TEXT,
   tags INTEGER, starts INTEGER, in_range INTEGER, out_of_range INTEGER, without_start INTEGER,

@@ -2,6 +2,8 @@
 #include "drivers/tdc/histogram.hpp"
 
 #include <algorithm>
+#include <cstdlib>
+#include <cstring>
 #include <string>
 #include <utility>
 
@@ -26,32 +28,67 @@ void check(const HistogramSettings& s) {
     refuse("start and click are both channel " + std::to_string(s.start_channel));
   if (static_cast<std::uint64_t>(s.bin_width_ps) > max_range_ps / s.bins)
     refuse("the histogram is longer than 2^50 ps");
+  constexpr std::int64_t max_delay_ps = 1'000'000'000'000;
+  if (std::abs(s.start_delay_ps) > max_delay_ps || std::abs(s.click_delay_ps) > max_delay_ps)
+    refuse("a delay is longer than 1 s");
+  if (s.dead_time_ps < 0 || s.dead_time_ps > max_delay_ps)
+    refuse("the dead time must be from 0 to 1 s");
 }
 
 }  // namespace
 
-Histogram::Histogram(const HistogramSettings& settings) : settings_(settings) {
+Histogram::Histogram(const HistogramSettings& settings)
+    : settings_(settings),
+      filter_({settings.start_channel, settings.click_channel, settings.start_delay_ps,
+               settings.click_delay_ps, settings.dead_time_ps}) {
   check(settings);
   bins_per_ps_ = 1.0 / static_cast<double>(settings.bin_width_ps);
   range_ps_ = static_cast<std::uint64_t>(settings.bin_width_ps) * settings.bins;
   bins_.resize(std::size_t{settings.bins} + cells);
 }
 
+void Histogram::add(std::span<const Tag> tags) {
+  if (filter_.passes_all()) return count(tags);
+  count(filter_.feed(tags));
+  count_removed();
+}
+
+void Histogram::flush() { count(filter_.flush()); }
+
+void Histogram::count_removed() {
+  const std::uint64_t removed = filter_.take_removed();
+  totals_.tags += removed;
+  totals_.other += removed;
+  totals_.removed += removed;
+}
+
 // Every time tag increments exactly one cell, chosen by selects instead of branches: whether a tag
 // is a start or a click is what the branch predictor cannot learn.
-void Histogram::add(std::span<const Tag> tags) {
+void Histogram::count(std::span<const Tag> tags) {
   const std::uint32_t bins = settings_.bins;
   const std::int32_t start_channel = settings_.start_channel;
   const std::int32_t click_channel = settings_.click_channel;
   const auto first_bin = static_cast<std::uint64_t>(settings_.first_bin_ps);
   std::uint32_t* const cell = bins_.data();
+  std::uint64_t backwards = 0;
+  if (fresh_) {
+    const auto first = std::find_if(tags.begin(), tags.end(),
+                                    [](const Tag& t) { return t.type == TagType::time_tag; });
+    fresh_ = first == tags.end();
+    if (!fresh_) last_time_ = static_cast<std::uint64_t>(first->time_ps);
+  }
   for (const Tag& tag : tags) {
-    if (tag.type != TagType::time_tag) [[unlikely]] {
+    // Type and reserved byte in one compare: validity costs a well-formed stream nothing.
+    std::uint16_t head;
+    std::memcpy(&head, &tag, sizeof head);
+    if (head != 0) [[unlikely]] {
       add_marker(tag);
       ++cell[bins + other];
       continue;
     }
     const auto time = static_cast<std::uint64_t>(tag.time_ps);
+    backwards += (time - last_time_) >> 63;
+    last_time_ = time;
     // Unsigned: right across the wrap of the device's clock, and one compare for both ends.
     // Capped at the axis' end, which is the cell of those out of range.
     const std::uint64_t distance = std::min(time - last_start_ - first_bin, range_ps_);
@@ -62,13 +99,18 @@ void Histogram::add(std::span<const Tag> tags) {
     const bool is_start = tag.channel == start_channel;
     index = is_start ? bins + start : index;
     last_start_ = is_start ? time : last_start_;
-    has_start_ |= is_start;
+    has_start_ |= is_start && !in_overflow_;
     ++cell[index];
   }
+  totals_.backwards += backwards;
   settle(tags.size());
 }
 
 void Histogram::add_marker(const Tag& tag) {
+  if (tag.type > TagType::missed_events || tag.reserved != 0) {
+    ++totals_.bad_tags;
+    return;
+  }
   if (tag.type == TagType::missed_events) {
     if (tag.channel == settings_.start_channel || tag.channel == settings_.click_channel)
       totals_.missed += tag.missed_events;
@@ -76,7 +118,8 @@ void Histogram::add_marker(const Tag& tag) {
   }
   totals_.overflows += tag.type == TagType::overflow_begin;
   totals_.errors += tag.type == TagType::error;
-  forget_start();
+  if (tag.type != TagType::error) in_overflow_ = tag.type == TagType::overflow_begin;
+  has_start_ = false;
 }
 
 // The 32-bit cells behind the axis go into the 64-bit totals after each block.
@@ -94,7 +137,12 @@ void Histogram::settle(std::size_t tags) {
   totals_.in_range += tags - starts - off_axis - lonely - others;
 }
 
-void Histogram::forget_start() { has_start_ = false; }
+void Histogram::forget_start() {
+  flush();
+  has_start_ = false;
+  in_overflow_ = false;
+  fresh_ = true;
+}
 
 std::vector<std::uint32_t> Histogram::counts() const {
   return {bins_.begin(), bins_.begin() + static_cast<std::ptrdiff_t>(settings_.bins)};

@@ -7,13 +7,19 @@
 // times. With at most one start per range (laser period > first_bin + bins * bin_width) both agree.
 //
 // Error and overflow markers forget the last start: time information is missing on their other
-// side, so clicks that follow have no start until the next one arrives.
+// side, so clicks that follow have no start until the next one arrives. Between overflow_begin and
+// overflow_end starts are counted but do not serve: the vendor says that tags are missing there.
+//
+// Tags with an unknown type or a reserved byte that is not 0 are counted and otherwise ignored. A
+// time before that of the previous tag is counted, and the tag used as it is: a click before its
+// start is out of range. Differences of times are taken modulo 2^64.
 #pragma once
 #include <cstdint>
 #include <span>
 #include <vector>
 
 #include "drivers/core/sample.hpp"
+#include "drivers/tdc/tag_filter.hpp"
 
 namespace echofuse::tdc {
 
@@ -24,6 +30,8 @@ struct HistogramSettings {
   std::int64_t bin_width_ps = 100;
   std::int64_t first_bin_ps = 13343;  // where bin 0 begins; may be negative (cable delays)
   std::uint32_t bins = 336;
+  // For taggers that do neither by themselves (tag_filter.hpp).
+  std::int64_t start_delay_ps = 0, click_delay_ps = 0, dead_time_ps = 0;
 };
 
 // tags == starts + in_range + out_of_range + without_start + other.
@@ -33,11 +41,14 @@ struct TagCounts {
   std::uint64_t in_range = 0;       // clicks in the histogram
   std::uint64_t out_of_range = 0;   // clicks with a start, outside the axis
   std::uint64_t without_start = 0;  // clicks before any start
-  std::uint64_t other = 0;          // other channels, and markers of every kind
+  std::uint64_t other = 0;  // other channels, markers of every kind, removed by the dead time
   // Not part of the sum:
   std::uint64_t missed = 0;     // events on the two channels that the device says it lost
   std::uint64_t overflows = 0;  // times an overflow began
   std::uint64_t errors = 0;     // error markers
+  std::uint64_t bad_tags = 0;   // unknown type, or reserved byte not 0; all are in `other`
+  std::uint64_t backwards = 0;  // time tags before the tag that precedes them
+  std::uint64_t removed = 0;    // by the dead time; all are in `other`
 
   bool operator==(const TagCounts&) const = default;
 };
@@ -46,10 +57,14 @@ class Histogram {
  public:
   // Throws Error(config): no bins (or above 2^24), a bin width below 1 ps, start and click channel
   // alike, or an axis longer than 2^50 ps.
+  // A dead time below 0, or delays of more than 1 s.
   explicit Histogram(const HistogramSettings& settings);
 
   void add(std::span<const Tag> tags);
-  // Tags were lost in between (a gap in the transport, a new connection).
+  // Counts what waits for its order among delayed tags.
+  void flush();
+  // Tags were lost in between (a gap in the transport, a new connection). Whether an overflow lasts
+  // is unknown then; the next marker tells.
   void forget_start();
   // Both are since the last clear(). counts() has `bins` entries.
   std::vector<std::uint32_t> counts() const;
@@ -64,14 +79,20 @@ class Histogram {
   Axis axis() const;
 
  private:
+  void count(std::span<const Tag> tags);
+  void count_removed();
   void add_marker(const Tag& tag);
   void settle(std::size_t tags);
 
   HistogramSettings settings_;
+  TagFilter filter_;
   double bins_per_ps_;
   std::uint64_t range_ps_;
   std::uint64_t last_start_ = 0;
+  std::uint64_t last_time_ = 0;
+  bool fresh_ = true;  // last_time_ says nothing
   bool has_start_ = false;
+  bool in_overflow_ = false;
   std::vector<std::uint32_t> bins_;  // the axis, then one cell for each way not to be on it
   TagCounts totals_;
 };

@@ -28,13 +28,18 @@ TEST_CASE("the shipped configuration loads, with the radar cfg beside it") {
 
 TEST_CASE("what was resolved loads again") {
   const Folder folder;
-  write_file(folder / "a.toml", "[depth]\naddress = \"openni:\"\n[tdc]\nclick_channel = 7\n");
+  write_file(folder / "a.toml",
+             "[depth]\naddress = \"openni:\"\n[tdc]\nclick_channel = 7\nstart_delay_ps = 5\n"
+             "click_delay_ps = -6\ndead_time_ps = 22000\n");
   const Config once = load_config(folder / "a.toml");
   CHECK(once.configured() == 4);
   write_file(folder / "b.toml", once.resolved);
   const Config twice = load_config(folder / "b.toml");
   CHECK(twice.resolved == once.resolved);
   CHECK(twice.histogram.click_channel == 7);
+  CHECK(twice.histogram.start_delay_ps == 5);
+  CHECK(twice.histogram.click_delay_ps == -6);
+  CHECK(twice.histogram.dead_time_ps == 22'000);
 }
 
 TEST_CASE("all faults at once, each with its place") {

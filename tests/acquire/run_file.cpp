@@ -158,6 +158,29 @@ TEST_CASE("the radar's own figures go into a table beside the records") {
   CHECK(RunReader(path).read(1).radar.size() == 4);
 }
 
+TEST_CASE("what the tagger says of its tags is kept where there is something to say") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  {
+    RunWriter run(path, {});
+    put_axes(run);
+    for (std::int64_t i = 0; i < 2; ++i) {
+      FusedRecord r = small_record(i);
+      if (i == 1) {
+        r.spd_counts.missed = 1;
+        r.spd_counts.overflows = 2;
+        r.spd_counts.errors = 3;
+        r.spd_counts.bad_tags = 4;
+        r.spd_counts.backwards = 5;
+        r.spd_counts.removed = 6;
+      }
+      run.append(r);
+    }
+    run.close("complete");
+  }
+  CHECK(query(path, "SELECT * FROM spd_status") == std::vector<std::string>{"1|1|2|3|4|5|6"});
+}
+
 TEST_CASE("a run in numbers") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";

@@ -106,6 +106,26 @@ TEST_CASE("one slot with all three sensors") {
   for (const auto& s : r.sync) CHECK(s.verdict == "ok");
 }
 
+TEST_CASE("delays, dead time and bad tags reach the record") {
+  auto settings = tdc_settings;
+  settings.click_delay_ps = 500;
+  settings.dead_time_ps = 100;
+  Windows windows(grid, settings, 1);
+  Tag unknown = start_at(2);
+  unknown.type = static_cast<TagType>(9);
+  // Undelayed, the first click would come before its start.
+  feed(windows, 10s, {click_at(650), start_at(1'000), click_at(1'020), click_at(1'119), unknown});
+  feed(windows, 10s + 900ms, {start_at(5'000), start_at(4'000), click_at(5'100)});
+  const auto r = windows.close({0, false});
+  CHECK(r.spd.at(1) == 1);           // 650 + 500 - 1000
+  CHECK(r.spd.at(5) == 1);           // 1020 + 500 - 1000
+  CHECK(r.spd_counts.removed == 1);  // 1119, 99 ps after 1020
+  CHECK(r.spd_counts.bad_tags == 1);
+  CHECK(r.spd_counts.backwards == 0);  // they were put in order
+  CHECK(r.spd_counts.tags == 8);
+  CHECK(parts(r.spd_counts) == r.spd_counts.tags);
+}
+
 TEST_CASE("the border of slots is exact, and a start survives it") {
   Windows windows = make_windows(1);
   feed(windows, 10s, {start_at(0)});

@@ -8,6 +8,7 @@
 
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/random.hpp"
+#include "drivers/tdc/tag_filter.hpp"
 
 using namespace echofuse;
 using namespace echofuse::tdc;
@@ -26,12 +27,20 @@ struct Reference {
   HistogramSettings settings;
   std::vector<std::uint32_t> bins;
   TagCounts counts;
-  std::optional<std::int64_t> start;
+  std::optional<std::int64_t> start, previous;
+  bool in_overflow = false;
 
   explicit Reference(const HistogramSettings& s) : settings(s), bins(s.bins) {}
 
   void add(const Tag& t) {
     ++counts.tags;
+    if (t.type == TagType::time_tag) {
+      __int128 step = static_cast<__int128>(t.time_ps) - previous.value_or(t.time_ps);
+      if (step < -(__int128{1} << 63)) step += __int128{1} << 64;
+      if (step >= __int128{1} << 63) step -= __int128{1} << 64;
+      counts.backwards += step < 0;
+      previous = t.time_ps;
+    }
     const bool known = t.channel == settings.start_channel || t.channel == settings.click_channel;
     if (t.type != TagType::time_tag) {
       ++counts.other;
@@ -41,10 +50,11 @@ struct Reference {
       }
       counts.overflows += t.type == TagType::overflow_begin;
       counts.errors += t.type == TagType::error;
+      if (t.type != TagType::error) in_overflow = t.type == TagType::overflow_begin;
       start.reset();
     } else if (t.channel == settings.start_channel) {
       ++counts.starts;
-      start = t.time_ps;
+      if (!in_overflow) start = t.time_ps;
     } else if (t.channel != settings.click_channel) {
       ++counts.other;
     } else if (!start) {
@@ -90,7 +100,8 @@ TEST_CASE("each click counts once, in the bin of its distance from the last star
   h.add(std::vector{tag(1, 0), tag(2, 1000), tag(2, 1099), tag(2, 1100), tag(2, 1399), tag(2, 1400),
                     tag(2, 999), tag(1, 500), tag(2, 1500)});
   CHECK(h.counts() == std::vector<std::uint32_t>{3, 1, 0, 1});
-  CHECK(h.tag_counts() == TagCounts{.tags = 9, .starts = 2, .in_range = 5, .out_of_range = 2});
+  CHECK(h.tag_counts() ==
+        TagCounts{.tags = 9, .starts = 2, .in_range = 5, .out_of_range = 2, .backwards = 2});
 }
 
 TEST_CASE("clicks without a start, other channels and markers are told apart") {
@@ -161,6 +172,43 @@ TEST_CASE("bin borders are exact over the longest axis") {
   }
   h.add(tags);
   CHECK((h.counts() == expected));
+}
+
+TEST_CASE("starts inside an overflow interval do not serve") {
+  Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
+  h.add(std::vector{marker(TagType::overflow_begin), tag(1, 0), tag(2, 50),
+                    marker(TagType::overflow_end), tag(2, 60), tag(1, 100), tag(2, 150)});
+  CHECK(h.tag_counts() ==
+        TagCounts{
+            .tags = 7, .starts = 2, .in_range = 1, .without_start = 2, .other = 2, .overflows = 1});
+}
+
+TEST_CASE("bad tags and times that go backwards are counted") {
+  Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
+  Tag reserved = tag(2, 20);
+  reserved.reserved = 1;
+  h.add(std::vector{tag(1, -10), marker(static_cast<TagType>(5), 1), reserved, tag(2, 20),
+                    tag(2, 10)});
+  CHECK(
+      h.tag_counts() ==
+      TagCounts{.tags = 5, .starts = 1, .in_range = 2, .other = 2, .bad_tags = 2, .backwards = 1});
+}
+
+TEST_CASE("the filter passes through, delays and re-sorts, and removes in the dead time") {
+  const std::vector<Tag> tags{tag(1, 100), tag(2, 110), tag(2, 115), tag(1, 200)};
+  TagFilter plain(FilterSettings{});
+  CHECK(plain.feed(tags).data() == tags.data());
+  TagFilter filter({.start_delay_ps = 50, .dead_time_ps = 10});
+  std::vector<std::int64_t> times;
+  const auto note = [&](std::span<const Tag> out) {
+    for (const Tag& t : out) times.push_back(t.time_ps);
+  };
+  note(filter.feed(tags));
+  CHECK(times == std::vector<std::int64_t>{110, 150});
+  note(filter.feed(std::vector{marker(TagType::error)}));
+  CHECK(times == std::vector<std::int64_t>{110, 150, 250, 0});
+  CHECK(filter.flush().empty());
+  CHECK(filter.take_removed() == 1);
 }
 
 TEST_CASE("the axis says what the bins are") {

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/tdc/tag_filter.hpp"
+
+#include <algorithm>
+
+namespace echofuse::tdc {
+namespace {
+
+// More than this waits only if the times stand still or run backwards.
+constexpr std::size_t max_waiting = 1u << 20;
+
+std::uint64_t time_of(const Tag& tag) { return static_cast<std::uint64_t>(tag.time_ps); }
+
+}  // namespace
+
+TagFilter::TagFilter(const FilterSettings& s)
+    : start_{.number = s.start_channel, .delay_ps = s.start_delay_ps},
+      click_{.number = s.click_channel, .delay_ps = s.click_delay_ps},
+      dead_time_ps_(static_cast<std::uint64_t>(s.dead_time_ps)),
+      least_delay_ps_(std::min({s.start_delay_ps, s.click_delay_ps, std::int64_t{0}})),
+      pass_through_(s.start_delay_ps == 0 && s.click_delay_ps == 0 && s.dead_time_ps == 0) {}
+
+std::span<const Tag> TagFilter::feed(std::span<const Tag> tags) {
+  if (pass_through_) return tags;
+  ready_.clear();
+  for (const Tag& tag : tags) take(tag);
+  sort_waiting();
+  if (waiting_.size() > max_waiting) {
+    release(waiting_.size());
+    return ready_;
+  }
+  // No tag to come has a delayed time before this. Signed differences: right across the wrap.
+  const std::uint64_t settled = newest_ + static_cast<std::uint64_t>(least_delay_ps_);
+  const auto end = std::find_if(waiting_.begin(), waiting_.end(), [&](const Tag& tag) {
+    return static_cast<std::int64_t>(time_of(tag) - settled) > 0;
+  });
+  release(static_cast<std::size_t>(end - waiting_.begin()));
+  return ready_;
+}
+
+std::span<const Tag> TagFilter::flush() {
+  ready_.clear();
+  sort_waiting();
+  release(waiting_.size());
+  return ready_;
+}
+
+bool TagFilter::keep(Channel& channel, std::uint64_t time) {
+  if (channel.any_kept && time - channel.last_kept < dead_time_ps_) {
+    ++removed_;
+    return false;
+  }
+  channel.last_kept = time;
+  channel.any_kept = true;
+  return true;
+}
+
+void TagFilter::take(Tag tag) {
+  if (tag.type != TagType::time_tag || tag.reserved != 0) {
+    sort_waiting();
+    release(waiting_.size());
+    ready_.push_back(tag);
+    return;
+  }
+  newest_ = time_of(tag);
+  Channel* channel = tag.channel == start_.number   ? &start_
+                     : tag.channel == click_.number ? &click_
+                                                    : nullptr;
+  if (channel) {
+    if (!keep(*channel, newest_)) return;
+    tag.time_ps =
+        static_cast<std::int64_t>(newest_ + static_cast<std::uint64_t>(channel->delay_ps));
+  }
+  waiting_.push_back(tag);
+}
+
+// By the distance from one of them, which orders times on both sides of the wrap.
+void TagFilter::sort_waiting() {
+  if (waiting_.empty()) return;
+  const std::uint64_t base = time_of(waiting_.front());
+  std::stable_sort(waiting_.begin(), waiting_.end(), [base](const Tag& a, const Tag& b) {
+    return static_cast<std::int64_t>(time_of(a) - base) <
+           static_cast<std::int64_t>(time_of(b) - base);
+  });
+}
+
+void TagFilter::release(std::size_t count) {
+  const auto end = waiting_.begin() + static_cast<std::ptrdiff_t>(count);
+  ready_.insert(ready_.end(), waiting_.begin(), end);
+  waiting_.erase(waiting_.begin(), end);
+}
+
+}  // namespace echofuse::tdc
