@@ -15,7 +15,8 @@ void hello(ByteView payload) {
   const auto hello = read_hello(payload);
   Bytes longer(payload.begin(), payload.end());
   longer.push_back('x');
-  require(!read_hello(longer), "nothing may follow the object");
+  const bool has_nul = std::ranges::find(payload, 0) != payload.end();  // the end for the library
+  require(has_nul || !read_hello(longer), "nothing may follow the object");
   const auto begin = fuzz::text_of(payload).find('{');
   if (!hello) return;
   require(begin != std::string_view::npos, "a hello is an object");
