@@ -47,7 +47,7 @@ toml::table parse_value(const std::string& value) {
   try {
     return toml::parse("v = " + value);
   } catch (const toml::parse_error&) {
-    static_cast<void>(toml::parse("# " + printable(value)));  // checks the encoding
+    static_cast<void>(toml::parse("#" + printable(value)));  // checks the encoding
     return toml::table{{"v", value}};
   }
 }
@@ -69,7 +69,7 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
 
 [[noreturn]] void fail(const std::vector<std::string>& faults) {
   std::string all;
-  for (const auto& f : faults) all += (all.empty() ? "" : "\n") + printable(f);
+  for (const auto& f : faults) all.append(all.empty() ? "" : "\n") += printable(f);
   throw Error(ExitCode::config, all);
 }
 

@@ -54,8 +54,7 @@ class Cfg {
   // Wider than any board's, and narrow enough for the range axis to be finite.
   double positive(const Command& c, std::size_t i, const char* meaning) const {
     const double value = number(c, i);
-    if (value < 1e-6 || value > 1e9)
-      fail(c, std::string(meaning) + " must be above 0, from 1e-6 to 1e9");
+    if (value < 1e-6 || value > 1e9) fail(c, std::string(meaning) + " must be from 1e-6 to 1e9");
     return value;
   }
   std::uint32_t integer(const Command& c, std::size_t i, double min, double max) const {
