@@ -10,6 +10,8 @@
 #include <iterator>
 #include <sstream>
 
+#include "drivers/core/printable.hpp"
+
 namespace echofuse {
 namespace {
 
@@ -25,10 +27,29 @@ std::string literal(double v) {
   return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
 }
 
-std::string quoted(const std::string& s) {
-  std::ostringstream out;
-  out << toml::value<std::string>(s);
-  return out.str();
+// On one line, with escapes: the library's own printer writes some texts with line ends so that it
+// does not read them back.
+std::string quoted(const std::string& text) {
+  constexpr char digits[] = "0123456789abcdef";
+  std::string out = "\"";
+  for (const char c : text) {
+    const auto code = static_cast<unsigned char>(c);
+    if (code < 0x20 || code == 0x7f)
+      out.append("\\u00") += {digits[code >> 4], digits[code & 15]};
+    else
+      out.append(c == '"' || c == '\\' ? "\\" : "") += c;
+  }
+  return out + '"';
+}
+
+// A bare word is a text. Throws toml::parse_error for one that is not UTF-8.
+toml::table parse_value(const std::string& value) {
+  try {
+    return toml::parse("v = " + value);
+  } catch (const toml::parse_error&) {
+    static_cast<void>(toml::parse("#" + printable(value)));  // checks the encoding
+    return toml::table{{"v", value}};
+  }
 }
 
 std::size_t edit_distance(const std::string& a, const std::string& b) {
@@ -48,7 +69,7 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
 
 [[noreturn]] void fail(const std::vector<std::string>& faults) {
   std::string all;
-  for (const auto& f : faults) all += (all.empty() ? "" : "\n") + f;
+  for (const auto& f : faults) all.append(all.empty() ? "" : "\n") += printable(f);
   throw Error(ExitCode::config, all);
 }
 
@@ -194,7 +215,7 @@ void Settings::read_file(const std::string& path) { read_text(read_config_text(p
 void Settings::set(const std::string& assignment) {
   const auto equals = assignment.find('=');
   const auto complain = [&](const std::string& what) {
-    throw Error(ExitCode::config, "--set " + assignment + ": " + what);
+    throw Error(ExitCode::config, printable("--set " + assignment + ": " + what));
   };
   if (equals == std::string::npos) complain("expected key=value");
   const std::string key = assignment.substr(0, equals);
@@ -203,9 +224,9 @@ void Settings::set(const std::string& assignment) {
   if (!entry) complain("unknown key; the nearest known one is \"" + nearest(key) + "\"");
   toml::table table;
   try {
-    table = toml::parse("v = " + value);
+    table = parse_value(value);
   } catch (const toml::parse_error&) {
-    table.insert("v", value);
+    complain("expected UTF-8");
   }
   const std::string expected =
       table.size() == 1 ? assign(*entry, *table.get("v")) : expectation(*entry);

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "drivers/core/exit_code.hpp"
+#include "drivers/core/printable.hpp"
 
 namespace echofuse::radar {
 namespace {
@@ -50,9 +51,10 @@ class Cfg {
       fail(c, quoted(word) + " is not a number");
     return value;
   }
+  // Wider than any board's, and narrow enough for the range axis to be finite.
   double positive(const Command& c, std::size_t i, const char* meaning) const {
     const double value = number(c, i);
-    if (value <= 0) fail(c, std::string(meaning) + " must be above 0");
+    if (value < 1e-6 || value > 1e9) fail(c, std::string(meaning) + " must be from 1e-6 to 1e9");
     return value;
   }
   std::uint32_t integer(const Command& c, std::size_t i, double min, double max) const {
@@ -64,8 +66,9 @@ class Cfg {
     return static_cast<std::uint32_t>(value);
   }
   [[noreturn]] void fail(const Command& c, const std::string& what) const {
-    throw Error(ExitCode::config,
-                where(c.line) + std::string(c.words.empty() ? "" : c.words[0]) + " " + what);
+    throw Error(
+        ExitCode::config,
+        printable(where(c.line) + std::string(c.words.empty() ? "" : c.words[0]) + " " + what));
   }
   const std::string& name() const { return name_; }
   std::string where(int line) const { return name_ + ":" + std::to_string(line) + ": "; }

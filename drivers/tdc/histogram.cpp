@@ -72,8 +72,9 @@ void Histogram::count(std::span<const Tag> tags) {
   std::uint32_t* const cell = bins_.data();
   std::uint64_t backwards = 0;
   if (fresh_) {
-    const auto first = std::find_if(tags.begin(), tags.end(),
-                                    [](const Tag& t) { return t.type == TagType::time_tag; });
+    const auto first = std::find_if(tags.begin(), tags.end(), [](const Tag& t) {
+      return t.type == TagType::time_tag && t.reserved == 0;
+    });
     fresh_ = first == tags.end();
     if (!fresh_) last_time_ = static_cast<std::uint64_t>(first->time_ps);
   }

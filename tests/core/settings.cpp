@@ -88,12 +88,18 @@ TEST_CASE("an assignment (--set) takes TOML values and bare words, and nothing e
   CHECK_THROWS_WITH(s.set("tdc.bins=many"), Catch::Contains("whole number"));
   CHECK_THROWS_WITH(s.set("tdc.bins"), Catch::Contains("key=value"));
   CHECK_THROWS_WITH(s.set("window_s=1\ntdc = 2"), Catch::Contains("expected a number"));
+  CHECK_THROWS_WITH(s.set("tdc.address=\xff"), Catch::EndsWith("expected UTF-8"));
+}
+
+TEST_CASE("a fault is one line whatever the file holds") {
+  CHECK(faults_of("\"a\\nb\\u001b\" = 1\n") ==
+        "lab.toml:1:1: unknown key \"a?b?\"; the nearest known one is \"tdc.bins\"");
 }
 
 TEST_CASE("resolved settings read back to the same values") {
   Sample sample;
   sample.window_s = 0.1 + 0.2;
-  sample.address = "C:\\x \"y\"";
+  sample.address = "\n\tC:\\x \"y\" '''\x7f";
   const std::string text = sample.bound().resolved(true);
   Sample other;
   other.bound().read_text(text, "resolved");

@@ -86,13 +86,13 @@ TEST_CASE("errors name the line of the cfg") {
         "x.cfg:5: profileCfg needs at least 11 numbers, has 10");
   CHECK(refusal(with("1 256 12500", "1 256 fast")) == "x.cfg:5: profileCfg 'fast' is not a number");
   CHECK(refusal(with("166 1 256", "0 1 256")) ==
-        "x.cfg:5: profileCfg the frequency slope must be above 0");
+        "x.cfg:5: profileCfg the frequency slope must be from 1e-6 to 1e9");
   CHECK(refusal(with("1 256 12500", "1 25.5 12500")) ==
         "x.cfg:5: profileCfg '25.5' should be a whole number from 2 to 2048");
   CHECK(refusal(with("frameCfg 0 2", "frameCfg 5 6")) ==
         "x.cfg:9: frameCfg uses no chirp with an enabled transmitter");
   CHECK(refusal(with("0 100 1 0", "0 0 1 0")) ==
-        "x.cfg:9: frameCfg the frame period must be above 0");
+        "x.cfg:9: frameCfg the frame period must be from 1e-6 to 1e9");
   CHECK_THAT(refusal(with("% a comment", "calib " + std::string(300, '1'))),
              Catch::StartsWith("x.cfg:1: calib line has 306 characters"));
 }

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: MIT
+// Input: u8 how the stream is cut, then the stream. A header with a CRC of zero gets the right one
+// first, or no mutation would ever make a sound block.
+#include "drivers/bridge/bridge_protocol.hpp"
+#include "drivers/core/crc32c.hpp"
+#include "fuzz.hpp"
+
+using namespace echofuse;
+using namespace echofuse::bridge;
+using fuzz::require;
+
+namespace {
+
+constexpr std::size_t length_at = 12, crc_at = 28;
+
+std::uint32_t u32_at(ByteView bytes, std::size_t at) {
+  return ByteReader(bytes.subspan(at)).get<std::uint32_t>();
+}
+
+void put_in_crcs(Bytes& stream) {
+  for (std::size_t at = 0; at + header_bytes <= stream.size(); ++at) {
+    const ByteView rest = ByteView(stream).subspan(at);
+    if (fuzz::text_of(rest.first(4)) != "EFBR" || u32_at(rest, crc_at) != 0) continue;
+    const ByteView payload = rest.subspan(header_bytes);
+    const std::uint32_t size = u32_at(rest, length_at);
+    if (size > payload.size()) continue;
+    const std::uint32_t crc = crc32c(payload.first(size), crc32c(rest.first(crc_at)));
+    std::memcpy(stream.data() + at + crc_at, &crc, sizeof(crc));
+  }
+}
+
+// The only bytes that may have made this block.
+Bytes bytes_of(const Block& block) {
+  Bytes bytes;
+  for (const char c : {'E', 'F', 'B', 'R'}) put(bytes, c);
+  put(bytes, protocol_version);
+  put(bytes, static_cast<std::uint16_t>(block.kind));
+  put(bytes, block.sequence);
+  put(bytes, static_cast<std::uint32_t>(block.payload.size()));
+  put(bytes, block.dropped_items);
+  put(bytes, std::uint32_t{0});
+  put(bytes, crc32c(block.payload, crc32c(bytes)));
+  bytes.insert(bytes.end(), block.payload.begin(), block.payload.end());
+  return bytes;
+}
+
+struct Session {
+  explicit Session(ByteView all) : stream(all) {}
+  ByteView stream;
+  BlockParser parser{};
+  std::vector<Bytes> blocks{};
+  std::uint64_t block_bytes = 0, lost = 0, gaps = 0;
+  std::size_t searched = 0;
+
+  void feed(ByteView bytes) {
+    parser.feed(bytes, [this](const Block& block) { take(block); });
+  }
+  void take(const Block& block) {
+    Bytes bytes = bytes_of(block);
+    const ByteView rest = stream.subspan(searched);
+    const auto at = std::search(rest.begin(), rest.end(), bytes.begin(), bytes.end());
+    require(at != rest.end(), "each block stands whole in the stream, in this order");
+    searched += static_cast<std::size_t>(at - rest.begin()) + 1;
+    block_bytes += bytes.size();
+    lost += block.lost_blocks;
+    gaps += block.lost_blocks > 0;
+    blocks.push_back(std::move(bytes));
+  }
+  void end() {
+    // Each call gives up one header at least.
+    for (std::uint64_t before = UINT64_MAX; before != parser.counts().bad_headers;) {
+      before = parser.counts().bad_headers;
+      parser.give_up([this](const Block& block) { take(block); });
+    }
+    parser.reset();
+    const BlockCounts& n = parser.counts();
+    require(n.bytes == stream.size(), "every byte is counted");
+    require(n.blocks == blocks.size() + n.duplicates, "every block is handed on or a duplicate");
+    require(n.lost_blocks == lost && n.gaps == gaps, "losses are told with the block after them");
+    const std::uint64_t accounted = block_bytes + n.junk_bytes + n.duplicates * header_bytes;
+    require(n.duplicates ? accounted <= n.bytes : accounted == n.bytes,
+            "every byte is in a block or junk");
+  }
+};
+
+bool same(const BlockCounts& a, const BlockCounts& b) {
+  return a.bytes == b.bytes && a.blocks == b.blocks && a.junk_bytes == b.junk_bytes &&
+         a.bad_headers == b.bad_headers && a.bad_crcs == b.bad_crcs && a.gaps == b.gaps &&
+         a.lost_blocks == b.lost_blocks && a.duplicates == b.duplicates;
+}
+
+}  // namespace
+
+void fuzz::run(ByteView input) {
+  if (input.empty()) return;
+  Bytes stream(input.begin() + 1, input.end());
+  put_in_crcs(stream);
+  Session whole(stream), pieces(stream);
+  whole.feed(stream);
+  in_pieces(stream, input[0], [&](ByteView piece) { pieces.feed(piece); });
+  whole.end();
+  pieces.end();
+  require(whole.blocks == pieces.blocks, "the same blocks however the stream is cut");
+  require(same(whole.parser.counts(), pieces.parser.counts()), "and the same counters");
+}

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: MIT
+// What the fuzz targets share. A target is one run(); entry.cpp hands it to libFuzzer (preset
+// "fuzz"), replay.cpp runs it over the files of its corpus (every other preset).
+#pragma once
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+#include <string_view>
+
+#include "drivers/core/bytes.hpp"
+
+namespace echofuse::fuzz {
+
+void run(ByteView input);
+
+// Ends the program where an invariant does not hold: then the fuzzer keeps the input.
+inline void require(bool holds, const char* invariant) {
+  if (holds) return;
+  std::fprintf(stderr, "does not hold: %s\n", invariant);
+  std::abort();
+}
+
+// Calls take(piece) for pieces of 0 to 63 bytes that make up all of them; the seed says how.
+template <class Take>
+void in_pieces(ByteView bytes, std::uint32_t seed, const Take& take) {
+  while (!bytes.empty()) {
+    seed = seed * 1664525u + 1013904223u;
+    const ByteView piece = bytes.first(std::min<std::size_t>(bytes.size(), seed >> 26));
+    take(piece);
+    bytes = bytes.subspan(piece.size());
+  }
+}
+
+inline std::string_view text_of(ByteView bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+// For texts that are told to a person: nothing in them moves a terminal's cursor.
+inline bool is_printable(std::string_view text, std::string_view also = "") {
+  return std::all_of(text.begin(), text.end(), [&](char c) {
+    const auto code = static_cast<unsigned char>(c);
+    return (code >= 0x20 && code != 0x7f) || also.find(c) != also.npos;
+  });
+}
+
+}  // namespace echofuse::fuzz

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: MIT
+// Input: the text of a .cfg file.
+#include <bit>
+#include <cmath>
+#include <optional>
+
+#include "drivers/core/exit_code.hpp"
+#include "drivers/radar/profile.hpp"
+#include "fuzz.hpp"
+
+using namespace echofuse;
+using namespace echofuse::radar;
+using fuzz::require;
+
+namespace {
+
+struct Outcome {
+  std::optional<RadarProfile> profile;
+  std::string fault;
+};
+
+Outcome outcome_of(const std::string& text) {
+  try {
+    return {parse_profile(text, "x.cfg"), ""};
+  } catch (const Error& error) {
+    require(error.code() == ExitCode::config, "a fault is the configuration's");
+    return {std::nullopt, error.what()};
+  }
+}
+
+void check_lines(const std::string& text) {
+  const std::string_view all = text;
+  int last = 0;
+  for (const CfgLine& line : command_lines(text)) {
+    require(line.number > last, "lines are numbered upwards");
+    last = line.number;
+    const bool comment = line.text[line.text.find_first_not_of(" \t")] == '%';
+    require(!comment && line.text.find_first_of("\r\n") == line.text.npos, "a command is one line");
+  }
+  require(last <= std::count(all.begin(), all.end(), '\n') + 1, "numbers are those of the file");
+}
+
+void check(const RadarProfile& p) {
+  const bool known_size = std::has_single_bit(p.bins) || p.bins == 1022;
+  require(known_size && p.adc_samples >= 2 && p.bins <= 2048 && p.bins + 2 >= p.adc_samples,
+          "there are as many bins as the firmware's FFT makes");
+  require(p.antennas >= 1 && p.antennas <= 12, "there are 1 to 12 virtual antennas");
+  require(std::isfinite(p.range_step_m) && p.range_step_m > 0, "the range axis is a real one");
+  require(std::isfinite(p.frame_period_s) && p.frame_period_s > 0, "time passes between frames");
+  require(p.frame_bytes >= 64 && p.frame_bytes % 32 == 0, "a frame is a multiple of 32 bytes");
+  for (const std::string& warning : p.warnings)
+    require(warning.starts_with("x.cfg:") && fuzz::is_printable(warning), "a warning is one line");
+}
+
+bool same(const Outcome& a, const Outcome& b) {
+  if (a.fault != b.fault || a.profile.has_value() != b.profile.has_value()) return false;
+  return !a.profile ||
+         (a.profile->range_step_m == b.profile->range_step_m &&
+          a.profile->bins == b.profile->bins && a.profile->frame_bytes == b.profile->frame_bytes &&
+          a.profile->frame_period_s == b.profile->frame_period_s &&
+          a.profile->warnings == b.profile->warnings);
+}
+
+}  // namespace
+
+void fuzz::run(ByteView input) {
+  const std::string text(text_of(input));
+  check_lines(text);
+  const Outcome outcome = outcome_of(text);
+  if (outcome.profile)
+    check(*outcome.profile);
+  else
+    require(outcome.fault.starts_with("x.cfg:") && is_printable(outcome.fault),
+            "a fault is one line that names the file");
+  std::string windows;
+  for (const char c : text) windows += c == '\n' ? std::string("\r\n") : std::string(1, c);
+  require(same(outcome, outcome_of(windows)), "line ends make no difference");
+  require(same(outcome, outcome_of(text + "\n% comment\n \n")), "nor do comments");
+}

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: MIT
+// Input: a first byte '=' for a key=value of the command line, another for a file; then its text.
+#include "drivers/core/settings.hpp"
+
+#include "fuzz.hpp"
+
+using namespace echofuse;
+using fuzz::require;
+
+namespace {
+
+struct Sample {
+  double window_s = 3.0, offset = 0;
+  std::int64_t bins = 336, seed = 0;
+  bool filter = true;
+  std::string address = "none", psf = "sinc";
+  Settings settings{};
+
+  Sample() {
+    settings.add("window_s", window_s, 0.01, 3600, "slot length");
+    settings.add("offset", offset, -1e300, 1e300, "any number");
+    settings.add("tdc.bins", bins, 1, 65536, "number of bins");
+    settings.add("tdc.seed", seed, INT64_MIN, INT64_MAX, "any whole number");
+    settings.add("tdc.filter", filter, "conditional filter");
+    settings.add("tdc.address", address, "where the tagger is");
+    settings.add("radar.psf", psf, "point spread function", {"sinc", "blackman"});
+  }
+  Sample(const Sample&) = delete;
+  Sample& operator=(const Sample&) = delete;
+
+  void check() const {
+    require(window_s >= 0.01 && window_s <= 3600, "a number is in its range");
+    require(offset >= -1e300 && offset <= 1e300, "a number is a number");
+    require(bins >= 1 && bins <= 65536, "a whole number is in its range");
+    require(psf == "sinc" || psf == "blackman", "a text is one of the allowed ones");
+  }
+};
+
+void check_fault(const Error& error, std::string_view begin) {
+  require(error.code() == ExitCode::config, "a fault is the configuration's");
+  std::string_view rest = error.what();
+  require(!rest.empty() && fuzz::is_printable(rest, "\n"), "faults can be printed");
+  while (!rest.empty()) {
+    require(rest.starts_with(begin), "each line is one fault and says where it is");
+    rest.remove_prefix(std::min(rest.find('\n'), rest.size() - 1) + 1);
+  }
+}
+
+}  // namespace
+
+void fuzz::run(ByteView input) {
+  if (input.empty()) return;
+  const std::string text(text_of(input.subspan(1)));
+  const bool assignment = input[0] == '=';
+  Sample sample;
+  try {
+    if (assignment)
+      sample.settings.set(text);
+    else
+      sample.settings.read_text(text, "x.toml");
+  } catch (const Error& error) {
+    check_fault(error, assignment ? "--set " : "x.toml:");
+    return sample.check();
+  }
+  sample.check();
+
+  Sample again;
+  const std::string resolved = sample.settings.resolved(true);
+  try {
+    again.settings.read_text(resolved, "resolved");
+  } catch (const Error&) {
+    require(false, "the resolved settings can be read");
+  }
+  require(again.settings.resolved(true) == resolved, "and are the same");
+  require(again.bins == sample.bins && again.seed == sample.seed && again.psf == sample.psf &&
+              again.filter == sample.filter && again.address == sample.address,
+          "value by value");
+}

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: MIT
+// Input: i32 start channel, i32 click channel, i64 bin width, i64 first bin, u32 bins, then tags as
+// on the wire. The histogram against whole-number arithmetic, tag by tag; and the filter's counts.
+#include "drivers/core/exit_code.hpp"
+#include "drivers/tdc/histogram.hpp"
+#include "fuzz.hpp"
+
+using namespace echofuse;
+using namespace echofuse::tdc;
+using fuzz::require;
+
+namespace {
+
+constexpr std::uint32_t most_bins = 1u << 14;  // more only cost time
+
+struct Reference {
+  HistogramSettings s;
+  std::vector<std::uint32_t> counts = std::vector<std::uint32_t>(s.bins);
+  TagCounts n{};
+  std::uint64_t last_start = 0;
+  std::uint64_t last_time = 0;
+  bool has_start = false, in_overflow = false;
+
+  // The first sound tag of a stream has nothing to run backwards from.
+  explicit Reference(const HistogramSettings& settings, std::span<const Tag> tags) : s(settings) {
+    for (const Tag& tag : tags) {
+      if (tag.type != TagType::time_tag || tag.reserved != 0) continue;
+      last_time = static_cast<std::uint64_t>(tag.time_ps);
+      break;
+    }
+    for (const Tag& tag : tags) add(tag);
+  }
+  void add(const Tag& tag) {
+    ++n.tags;
+    if (tag.type == TagType::time_tag && tag.reserved == 0)
+      add_time(tag.channel, static_cast<std::uint64_t>(tag.time_ps));
+    else
+      add_marker(tag);
+  }
+  void add_time(std::int32_t channel, std::uint64_t time) {
+    n.backwards += static_cast<std::int64_t>(time - last_time) < 0;
+    last_time = time;
+    if (channel == s.start_channel) {
+      ++n.starts;
+      last_start = time;
+      has_start |= !in_overflow;
+    } else if (channel != s.click_channel) {
+      ++n.other;
+    } else if (!has_start) {
+      ++n.without_start;
+    } else {
+      const std::uint64_t distance = time - last_start - static_cast<std::uint64_t>(s.first_bin_ps);
+      const std::uint64_t bin = distance / static_cast<std::uint64_t>(s.bin_width_ps);
+      ++(bin < s.bins ? n.in_range : n.out_of_range);
+      if (bin < s.bins) ++counts[bin];
+    }
+  }
+  void add_marker(const Tag& tag) {
+    ++n.other;
+    if (tag.type > TagType::missed_events || tag.reserved != 0) {
+      ++n.bad_tags;
+      return;
+    }
+    const bool ours = tag.channel == s.start_channel || tag.channel == s.click_channel;
+    if (tag.type == TagType::missed_events) {
+      if (ours) n.missed += tag.missed_events;
+      return;
+    }
+    has_start = false;
+    if (tag.type != TagType::error) in_overflow = tag.type == TagType::overflow_begin;
+    n.overflows += tag.type == TagType::overflow_begin;
+    n.errors += tag.type == TagType::error;
+  }
+};
+
+bool allowed(const HistogramSettings& s) {
+  return s.bins >= 1 && s.bins <= 1u << 24 && s.bin_width_ps >= 1 &&
+         s.start_channel != s.click_channel &&
+         static_cast<double>(s.bin_width_ps) * s.bins <= 0x1p50;
+}
+
+}  // namespace
+
+void fuzz::run(ByteView input) {
+  ByteReader in(input);
+  HistogramSettings s;
+  s.start_channel = in.get<std::int32_t>();
+  s.click_channel = in.get<std::int32_t>();
+  s.bin_width_ps = in.get<std::int64_t>();
+  s.first_bin_ps = in.get<std::int64_t>();
+  s.bins = in.get<std::uint32_t>();
+  if (!in.ok() || (s.bins > most_bins && allowed(s))) return;
+  const auto tags = to_values<Tag>(in.take(in.left()));
+  try {
+    Histogram whole(s), pieces(s);
+    require(allowed(s), "bad settings are refused");
+    const Reference reference(s, tags);
+    whole.add(tags);
+    require(whole.counts() == reference.counts, "every click is in its bin");
+    require(whole.tag_counts() == reference.n, "every tag is counted once, for what it is");
+
+    std::uint64_t in_slots = 0;
+    for (std::size_t i = 0; i < tags.size(); ++i) {
+      pieces.add(std::span(tags).subspan(i, 1));
+      const std::uint64_t in_range = pieces.tag_counts().in_range;
+      std::uint64_t sum = 0;
+      for (const std::uint32_t count : pieces.take()) sum += count;
+      require(sum == in_range, "a slot's bins add up to its clicks in range");
+      in_slots += sum;
+    }
+    HistogramSettings filtering = s;
+    filtering.click_delay_ps = s.first_bin_ps % 1'000'000;
+    filtering.dead_time_ps = s.bin_width_ps % 1'000'000;
+    Histogram filtered(filtering);
+    filtered.add(tags);
+    filtered.flush();
+    require(filtered.tag_counts().tags == tags.size(), "delays and dead time lose no tag");
+
+    require(in_slots == reference.n.in_range, "slots of one tag hold what one long slot does");
+  } catch (const Error& error) {
+    require(error.code() == ExitCode::config && !allowed(s), "good settings are taken");
+  }
+}
