@@ -1,34 +1,78 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""bench.py [SECONDS]: how many tags a second scripts/bridges/timetagger.py serves to a client that only
-reads, and what processor time it takes. The stand-in library always has a full buffer."""
+"""bench.py BIN_DIR: how many tags a second scripts/bridges/timetagger.py serves to a client that only
+reads (its stand-in library always has a full buffer), and live runs of the daemon behind it: every
+tag that was sent must be in a record, and what each process used of a core."""
 import os
+import pathlib
+import re
+import sqlite3
 import struct
+import subprocess
 import sys
+import tempfile
 import time
 
 import testing
 
 import bridge
+import TimeTagger as library
 
-seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 3.0
-with testing.Program("timetagger.py", "--block-ms", "1", STAND_IN_PULSES_PER_S="inf") as program:
-    with testing.Client(program.address) as client:
-        client.until(bridge.TAGS)
-        stat = f"/proc/{program.process.pid}/stat"
-        ticks = lambda: sum(map(int, open(stat).read().rsplit(")", 1)[1].split()[11:13]))
-        buffer = memoryview(bytearray(1 << 20))
-        began, used, tags, dropped = time.monotonic(), ticks(), 0, 0
-        while time.monotonic() < began + seconds:
-            head = client.exactly(32)
-            size, lost = struct.unpack_from("<IQ", head, 12)
-            left = size
-            while left:
-                left -= client.socket.recv_into(buffer[:left])
-            tags += size // 16
-            dropped += lost
-        took = time.monotonic() - began
-        share = (ticks() - used) / os.sysconf("SC_CLK_TCK") / took
-    program.stop()
-print(f"{tags / took / 1e6:.1f} Mtags/s arrived, {dropped / took / 1e6:.1f} Mtags/s dropped at the sender; "
-      f"the bridge used {100 * share:.0f} % of a core")
+SECONDS, SLOTS = 3.0, 8
+daemon_program = pathlib.Path(sys.argv[1]) / "echofuse-acquire"
+
+
+def cpu_s(process):
+    fields = pathlib.Path(f"/proc/{process.pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()
+    return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
+
+
+def reading():
+    with testing.Program("timetagger.py", "--block-ms", "1", STAND_IN_PULSES_PER_S="inf") as program:
+        with testing.Client(program.address) as client:
+            client.until(bridge.TAGS)
+            buffer = memoryview(bytearray(1 << 20))
+            began, used, tags, dropped = time.monotonic(), cpu_s(program.process), 0, 0
+            while time.monotonic() < began + SECONDS:
+                head = client.exactly(32)
+                size, lost = struct.unpack_from("<IQ", head, 12)
+                left = size
+                while left:
+                    left -= client.socket.recv_into(buffer[:left])
+                tags += size // 16
+                dropped += lost
+            took = time.monotonic() - began
+            share = (cpu_s(program.process) - used) / took
+        program.stop()
+    print(f"bridge to a plain reader: {tags / took / 1e6:.1f} Mtags/s arrived, {dropped / took / 1e6:.1f} Mtags/s "
+          f"dropped at the sender; the bridge used {100 * share:.0f} % of a core")
+
+
+def live(offered):
+    pulses = offered * library.PULSES / library.PATTERN_TAGS
+    with tempfile.TemporaryDirectory(prefix="echofuse-") as folder, \
+         testing.Program("timetagger.py", "--block-ms", "5", STAND_IN_PULSES_PER_S=str(pulses)) as program:
+        config, run = pathlib.Path(folder) / "lab.toml", pathlib.Path(folder) / "run.sqlite"
+        config.write_text('[run]\nwindow_s = 1.0\n[tdc]\naddress = "bridge:tcp://%s:%d"\n' % program.address,
+                          encoding="utf-8")
+        daemon = subprocess.Popen([daemon_program, "run", "--config", config, "--out", run, "--count", str(SLOTS)],
+                                  stderr=subprocess.PIPE, text=True)
+        began = time.monotonic()
+        time.sleep(SLOTS - 2)
+        took, used = time.monotonic() - began, (cpu_s(program.process), cpu_s(daemon))
+        program.stop()  # it says what it sent
+        log = daemon.communicate()[1]
+        sent, _, dropped = program.sent()
+        arrived = int(re.search(r"arrived: (\d+) tags", log).group(1))
+        with sqlite3.connect(run) as db:
+            rows = db.execute("SELECT tags, tags_lost FROM record WHERE tags > 0").fetchall()
+        lost = sum(row[1] for row in rows) - sum(row[0] for row in rows) // library.PATTERN_TAGS * library.MISSED
+        full = sorted(row[0] for row in rows)[len(rows) // 2]
+    print(f"live run, {offered / 1e6:.0f} Mtags/s offered: {full / 1e6:.1f} Mtags in the median slot of 1 s; {sent} "
+          f"sent, {arrived} arrived, {dropped} dropped by the bridge, {lost} lost by the records' counts; "
+          f"of a core: bridge {100 * used[0] / took:.0f} %, daemon {100 * used[1] / took:.0f} %")
+
+
+reading()
+for rate in (40e6, 60e6):
+    live(rate)
