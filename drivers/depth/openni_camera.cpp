@@ -2,15 +2,11 @@
 #include "drivers/depth/openni_camera.hpp"
 
 #include <atomic>
-#include <boost/asio/executor_work_guard.hpp>
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/post.hpp>
-#include <condition_variable>
-#include <mutex>
 #include <optional>
 #include <utility>
 
 #include "drivers/depth/openni_session.hpp"
+#include "drivers/port/worker_link.hpp"
 
 namespace echofuse::depth {
 namespace {
@@ -24,32 +20,8 @@ constexpr int max_queued = 4;
 
 }  // namespace
 
-// What both threads see. `sink` is touched on the io thread only.
-struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
-  explicit Shared(boost::asio::io_context& context) : io(context) {}
-
-  void post(std::function<void(SampleSink&)> action) {
-    boost::asio::post(io, [self = shared_from_this(), action = std::move(action)] {
-      if (self->sink) action(*self->sink);
-    });
-  }
-  // False: it is time to end.
-  bool pause(std::chrono::nanoseconds time) {
-    std::unique_lock lock(mutex);
-    return !wake.wait_for(lock, time, [this] { return stopping.load(); });
-  }
-  void end() {
-    const std::lock_guard lock(mutex);
-    stopping = true;
-    wake.notify_all();
-  }
-
-  boost::asio::io_context& io;
-  std::optional<boost::asio::executor_work_guard<boost::asio::io_context::executor_type>> work;
-  SampleSink* sink = nullptr;
-  std::mutex mutex;
-  std::condition_variable wake;
-  std::atomic<bool> stopping{false};
+struct OpenNiCamera::Shared : port::WorkerLink {
+  using WorkerLink::WorkerLink;
   std::atomic<int> queued{0};
   std::atomic<std::uint64_t> frames{0}, lost_frames{0}, dropped_frames{0}, bad_frames{0},
       connections{0};
@@ -72,7 +44,7 @@ class OpenNiCamera::Worker {
   void run() {
     do {
       const std::string why = run_session();
-      if (shared_->stopping) return;
+      if (shared_->stopping()) return;
       if (why.empty()) return tell(DeviceState::ended);
       if (std::exchange(last_failure_, why) != why) tell(Severity::warning, why);
       tell(DeviceState::faulted);
@@ -94,7 +66,7 @@ class OpenNiCamera::Worker {
     info_.address = address;
     tell(DeviceState::streaming);
     auto last_frame = std::chrono::steady_clock::now();
-    while (!shared_->stopping) {
+    while (!shared_->stopping()) {
       DepthFrame frame;
       const Read read = session.read(wait_limit, frame);
       const auto now = std::chrono::steady_clock::now();
@@ -185,8 +157,7 @@ OpenNiCamera::OpenNiCamera(boost::asio::io_context& io, std::string address, std
 OpenNiCamera::~OpenNiCamera() { stop(); }
 
 void OpenNiCamera::start(SampleSink& sink) {
-  shared_->sink = &sink;
-  shared_->work.emplace(shared_->io.get_executor());
+  shared_->begin(sink);
   DeviceInfo info;
   info.sensor = Sensor::depth;
   info.address = address_;
@@ -196,10 +167,8 @@ void OpenNiCamera::start(SampleSink& sink) {
 }
 
 void OpenNiCamera::stop() {
-  shared_->sink = nullptr;
   shared_->end();
   if (thread_.joinable()) thread_.join();
-  shared_->work.reset();
 }
 
 std::vector<Counter> OpenNiCamera::counters() const {
