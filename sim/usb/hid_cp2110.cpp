@@ -4,7 +4,6 @@
 #include <fcntl.h>
 #include <linux/hidraw.h>
 #include <sys/ioctl.h>
-#include <sys/stat.h>
 #include <umockdev.h>
 #include <unistd.h>
 
@@ -15,13 +14,14 @@
 #include <condition_variable>
 #include <cstdio>
 #include <cstring>
-#include <filesystem>
 #include <mutex>
+#include <optional>
 #include <thread>
 #include <vector>
 
 #include "drivers/core/exit_code.hpp"
 #include "sim/usb/cp2110_chip.hpp"
+#include "sim/usb/usb_bed.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -42,34 +42,54 @@ std::string hex4(unsigned value) {
   return text.data();
 }
 
+// Where the device stands in /sys, parents first.
+std::vector<std::string> folders(unsigned number) {
+  const std::string port = std::to_string(number + 1);
+  const std::string usb = "/devices/pci0000:00/0000:00:14.0/usb1/1-" + port;
+  const std::string interface = usb + "/1-" + port + ":1.0";
+  const std::string hid = interface + "/0003:10C4:EA80." + hex4(number + 1);
+  return {usb, interface, hid, hid + "/hidraw/hidraw" + std::to_string(number)};
+}
+
+std::string node_of(unsigned number) { return "/dev/hidraw" + std::to_string(number); }
+
+std::string describe(const HidOptions& options) {
+  const std::string device = std::to_string(options.number + 2);
+  const auto at = folders(options.number);
+  return "P: " + at[0] +
+         "\nE: SUBSYSTEM=usb\nE: DRIVER=usb\nE: DEVTYPE=usb_device\nE: BUSNUM=001\n" +
+         "E: DEVNUM=00" + device + "\nE: PRODUCT=10c4/EA80/100\nA: idVendor=10c4\\n\n" +
+         "A: idProduct=EA80\\n\nA: bcdDevice=0100\\n\nA: manufacturer=Silicon Laboratories\\n\n" +
+         "A: product=" + product_name + "\\n\nA: serial=" + options.serial +
+         "\\n\nA: busnum=1\\n\nA: devnum=" + device + "\\n\n\nP: " + at[1] +
+         "\nE: SUBSYSTEM=usb\nE: DRIVER=usbhid\nE: DEVTYPE=usb_interface\nE: INTERFACE=3/0/0\n"
+         "A: bInterfaceNumber=00\\n\nA: bInterfaceClass=03\\n\n\nP: " +
+         at[2] + "\nE: SUBSYSTEM=hid\nE: DRIVER=hid-generic\nE: HID_ID=0003:000010C4:0000EA80" +
+         "\nE: HID_NAME=Silicon Laboratories " + product_name +
+         "\nE: HID_PHYS=usb-0000:00:14.0-1/input0\nE: HID_UNIQ=" + options.serial +
+         "\nH: report_descriptor=" + descriptor_hex + "\n\nP: " + at[3] +
+         "\nE: SUBSYSTEM=hidraw\nE: DEVNAME=" + node_of(options.number) +
+         "\nE: MAJOR=240\nE: MINOR=" + std::to_string(options.number) + "\nL: device=../../../" +
+         at[2].substr(at[2].rfind('/') + 1) + "\n";
+}
+
 }  // namespace
 
-struct HidCp2110::Parts {
-  Parts(UMockdevTestbed* testbed, HidOptions o, std::function<void(ByteView)> transmit)
-      : bed(testbed), options(std::move(o)), chip(std::move(transmit)) {
-    char* folder = umockdev_testbed_get_root_dir(bed);
-    root = folder;
-    g_free(folder);
-    const std::string number = std::to_string(options.number + 1);
-    node = "/dev/hidraw" + std::to_string(options.number);
-    usb = "/devices/pci0000:00/0000:00:14.0/usb1/1-" + number;
-    interface = usb + "/1-" + number + ":1.0";
-    id = "0003:10C4:EA80." + hex4(options.number + 1);
-    hid = interface + "/" + id;
-    raw = hid + "/hidraw/hidraw" + std::to_string(options.number);
-  }
+struct HidCp2110::Parts final : BedNode {
+  Parts(UsbBed& bed, const HidOptions& options, std::function<void(ByteView)> transmit)
+      : BedNode(bed, node_of(options.number), describe(options), folders(options.number)),
+        chip(std::move(transmit)),
+        pump_thread([this] { pump(); }) {}
+  ~Parts() override;
 
-  std::string description() const;
-  void make_node();
-  void drain();
+  void on_plug(int new_fifo) override;
+  void on_unplug() override;
+  Answer on_ioctl(Client client, unsigned long request, UMockdevIoctlData* argument) override;
+  std::optional<Answer> on_read() override;
+  std::optional<Answer> on_write(ByteView bytes) override;
+  void on_client() override;
   void input(ByteView report);
   void pump();
-  long ioctl(unsigned long request, UMockdevIoctlData* argument, int& error);
-
-  UMockdevTestbed* bed;
-  HidOptions options;
-  std::string root, node, usb, interface, id, hid, raw;
-  UMockdevIoctlBase* handler = nullptr;
 
   std::mutex mutex;  // of the rest
   std::condition_variable wake;
@@ -80,42 +100,54 @@ struct HidCp2110::Parts {
   std::thread pump_thread;
 };
 
-std::string HidCp2110::Parts::description() const {
-  const std::string number = std::to_string(options.number + 2), product = "EA80";
-  return "P: " + usb + "\nE: SUBSYSTEM=usb\nE: DRIVER=usb\nE: DEVTYPE=usb_device\nE: BUSNUM=001\n" +
-         "E: DEVNUM=00" + number + "\nE: PRODUCT=10c4/" + product +
-         "/100\nA: idVendor=10c4\\n\nA: idProduct=" + product +
-         "\\n\nA: bcdDevice=0100\\n\nA: manufacturer=Silicon Laboratories\\n\nA: product=" +
-         product_name + "\\n\nA: serial=" + options.serial +
-         "\\n\nA: busnum=1\\n\nA: devnum=" + number + "\\n\n\nP: " + interface +
-         "\nE: SUBSYSTEM=usb\nE: DRIVER=usbhid\nE: DEVTYPE=usb_interface\nE: INTERFACE=3/0/0\n"
-         "A: bInterfaceNumber=00\\n\nA: bInterfaceClass=03\\n\n\nP: " +
-         hid + "\nE: SUBSYSTEM=hid\nE: DRIVER=hid-generic\nE: HID_ID=0003:000010C4:0000" + product +
-         "\nE: HID_NAME=Silicon Laboratories " + product_name +
-         "\nE: HID_PHYS=usb-0000:00:14.0-1/input0\nE: HID_UNIQ=" + options.serial +
-         "\nH: report_descriptor=" + descriptor_hex + "\n\nP: " + raw +
-         "\nE: SUBSYSTEM=hidraw\nE: DEVNAME=" + node +
-         "\nE: MAJOR=240\nE: MINOR=" + std::to_string(options.number) + "\nL: device=../../../" +
-         id + "\n";
+HidCp2110::Parts::~Parts() {
+  detach();
+  {
+    const std::lock_guard lock(mutex);
+    ending = true;
+  }
+  wake.notify_all();
+  pump_thread.join();
 }
 
 // In packet mode: poll() works, and one read() takes one report.
-void HidCp2110::Parts::make_node() {
-  const std::string path = root + node;
-  std::filesystem::create_directories(root + "/dev");
-  std::filesystem::remove(path);
-  if (fifo >= 0) ::close(fifo);
-  if (::mkfifo(path.c_str(), 0666) == 0)
-    fifo = ::open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
-  else
-    fifo = -1;
-  if (fifo < 0 || ::fcntl(fifo, F_SETPIPE_SZ, host_buffer_bytes) < 0 ||
+void HidCp2110::Parts::on_plug(int new_fifo) {
+  const std::lock_guard lock(mutex);
+  fifo = new_fifo;
+  if (::fcntl(fifo, F_SETPIPE_SZ, host_buffer_bytes) < 0 ||
       ::fcntl(fifo, F_SETFL, O_RDWR | O_NONBLOCK | O_DIRECT) < 0)
-    throw Error(ExitCode::failed, path + ": " + std::strerror(errno));
+    throw Error(ExitCode::failed,
+                std::string("HID emulation: packet mode: ") + std::strerror(errno));
+  plugged = true;
+}
+
+// The byte wakes who polls; the read that follows answers EIO.
+void HidCp2110::Parts::on_unplug() {
+  const std::lock_guard lock(mutex);
+  plugged = false;
+  chip.set_feature(Bytes{0x43, 3});
+  chip.set_feature(Bytes{0x41, 0});
+  const std::uint8_t byte = 0;
+  input({&byte, 1});
+}
+
+std::optional<BedNode::Answer> HidCp2110::Parts::on_read() {
+  const std::lock_guard lock(mutex);
+  if (plugged) return std::nullopt;
+  return fail(EIO);
+}
+
+std::optional<BedNode::Answer> HidCp2110::Parts::on_write(ByteView bytes) {
+  const std::lock_guard lock(mutex);
+  if (!plugged) return fail(ENODEV);
+  if (!chip.output(bytes)) return fail(EINVAL);
+  ++output_reports;
+  return Answer{static_cast<long>(bytes.size())};
 }
 
 // The kernel keeps reports for whom has the node open, from then on.
-void HidCp2110::Parts::drain() {
+void HidCp2110::Parts::on_client() {
+  const std::lock_guard lock(mutex);
   Cp2110Chip::Report report;
   while (::read(fifo, report.data(), report.size()) > 0) {
   }
@@ -142,155 +174,54 @@ void HidCp2110::Parts::pump() {
 }
 
 // The size field of a request is the buffer's for most of them, so its number tells which it is.
-long HidCp2110::Parts::ioctl(unsigned long request, UMockdevIoctlData* argument, int& error) {
+BedNode::Answer HidCp2110::Parts::on_ioctl(Client, unsigned long request,
+                                           UMockdevIoctlData* argument) {
+  const std::lock_guard lock(mutex);
+  if (!plugged) return fail(ENODEV);
   const std::size_t size = _IOC_SIZE(request);
-  UMockdevIoctlData* data = umockdev_ioctl_data_resolve(argument, 0, size, nullptr);
-  if (!data) {
-    error = EFAULT;
-    return -1;
-  }
-  long result = 0;
-  const auto put = [&](ByteView bytes) {
-    const std::size_t n = std::min(size, bytes.size());
-    std::memcpy(data->data, bytes.data(), n);
-    return static_cast<long>(n);
-  };
+  const ClientData data = resolve(argument, 0, size);
+  if (!data) return fail(EFAULT);
   switch (_IOC_NR(request)) {
     case _IOC_NR(HIDIOCGRDESCSIZE): {
       const int bytes = sizeof descriptor;
       std::memcpy(data->data, &bytes, sizeof bytes);
-      break;
+      return {0};
     }
     case _IOC_NR(HIDIOCGRDESC): {
       auto* out = reinterpret_cast<hidraw_report_descriptor*>(data->data);
       std::memcpy(out->value, descriptor, std::min<std::size_t>(out->size, sizeof descriptor));
-      break;
+      return {0};
     }
     case _IOC_NR(HIDIOCGRAWINFO): {
       const hidraw_devinfo info{3, static_cast<short>(0x10C4), static_cast<short>(0xEA80)};
       std::memcpy(data->data, &info, sizeof info);
-      break;
+      return {0};
     }
     case _IOC_NR(HIDIOCSFEATURE(0)):
-      result = chip.set_feature({data->data, size}) ? static_cast<long>(size) : -1;
-      break;
+      if (!chip.set_feature({data->data, size})) return fail(EPIPE);
+      return {static_cast<long>(size)};
     case _IOC_NR(HIDIOCGFEATURE(0)): {
       const auto report = chip.get_feature(data->data[0]);
-      result = report ? put(*report) : -1;
-      break;
+      if (!report) return fail(EPIPE);
+      const std::size_t bytes = std::min(size, report->size());
+      std::memcpy(data->data, report->data(), bytes);
+      return {static_cast<long>(bytes)};
     }
     default:
-      result = -1;
+      return fail(EPIPE);
   }
-  if (result < 0) error = EPIPE;
-  g_object_unref(data);
-  return result;
 }
 
-namespace {
-
-using Parts = HidCp2110::Parts;
-
-gboolean answer(UMockdevIoctlClient* client, long result, int error) {
-  umockdev_ioctl_client_complete(client, result, error);
-  return TRUE;
-}
-
-gboolean on_ioctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, Parts* parts) {
-  const std::lock_guard lock(parts->mutex);
-  if (!parts->plugged) return answer(client, -1, ENODEV);
-  int error = 0;
-  const long result = parts->ioctl(umockdev_ioctl_client_get_request(client),
-                                   umockdev_ioctl_client_get_arg(client), error);
-  return answer(client, result, error);
-}
-
-gboolean on_write(UMockdevIoctlBase*, UMockdevIoctlClient* client, Parts* parts) {
-  const std::lock_guard lock(parts->mutex);
-  if (!parts->plugged) return answer(client, -1, ENODEV);
-  const UMockdevIoctlData* data = umockdev_ioctl_client_get_arg(client);
-  const auto size = static_cast<std::size_t>(data->data_len);
-  if (!parts->chip.output({data->data, size})) return answer(client, -1, EINVAL);
-  ++parts->output_reports;
-  return answer(client, data->data_len, 0);
-}
-
-// FALSE: the read goes to the pipe.
-gboolean on_read(UMockdevIoctlBase*, UMockdevIoctlClient* client, Parts* parts) {
-  const std::lock_guard lock(parts->mutex);
-  return parts->plugged ? FALSE : answer(client, -1, EIO);
-}
-
-void on_client(UMockdevIoctlBase*, UMockdevIoctlClient*, Parts* parts) {
-  const std::lock_guard lock(parts->mutex);
-  parts->drain();
-}
-
-}  // namespace
-
-HidCp2110::HidCp2110(UMockdevTestbed* bed, HidOptions options,
-                     std::function<void(ByteView)> transmit)
-    : parts_(std::make_unique<Parts>(bed, std::move(options), std::move(transmit))) {
-  Parts* parts = parts_.get();
-  parts->handler = umockdev_ioctl_base_new();
-  g_signal_connect(parts->handler, "handle-ioctl", G_CALLBACK(on_ioctl), parts);
-  g_signal_connect(parts->handler, "handle-write", G_CALLBACK(on_write), parts);
-  g_signal_connect(parts->handler, "handle-read", G_CALLBACK(on_read), parts);
-  g_signal_connect(parts->handler, "client-connected", G_CALLBACK(on_client), parts);
-  GError* error = nullptr;
-  if (!umockdev_testbed_attach_ioctl(bed, parts->node.c_str(), parts->handler, &error)) {
-    const Error wrong(ExitCode::failed, parts->node + ": " + error->message);
-    g_error_free(error);
-    throw wrong;
-  }
-  parts->pump_thread = std::thread([parts] { parts->pump(); });
+HidCp2110::HidCp2110(UsbBed& bed, HidOptions options, std::function<void(ByteView)> transmit)
+    : parts_(std::make_unique<Parts>(bed, options, std::move(transmit))) {
   plug();
 }
 
-HidCp2110::~HidCp2110() {
-  unplug();
-  {
-    const std::lock_guard lock(parts_->mutex);
-    parts_->ending = true;
-  }
-  parts_->wake.notify_all();
-  parts_->pump_thread.join();
-  umockdev_testbed_detach_ioctl(parts_->bed, parts_->node.c_str(), nullptr);
-  g_object_unref(parts_->handler);
-  ::close(parts_->fifo);
-}
+HidCp2110::~HidCp2110() { unplug(); }
 
-void HidCp2110::plug() {
-  {
-    const std::lock_guard lock(parts_->mutex);
-    if (parts_->plugged) return;
-    parts_->make_node();
-    parts_->plugged = true;
-  }
-  GError* error = nullptr;
-  if (!umockdev_testbed_add_from_string(parts_->bed, parts_->description().c_str(), &error)) {
-    const Error wrong(ExitCode::failed, parts_->node + ": " + error->message);
-    g_error_free(error);
-    throw wrong;
-  }
-}
+void HidCp2110::plug() { parts_->plug(); }
 
-// The byte wakes who polls; the read that follows answers EIO. Children go before their parents.
-void HidCp2110::unplug() {
-  {
-    const std::lock_guard lock(parts_->mutex);
-    if (!parts_->plugged) return;
-    parts_->plugged = false;
-    parts_->chip.set_feature(Bytes{0x43, 3});
-    parts_->chip.set_feature(Bytes{0x41, 0});
-    const std::uint8_t byte = 0;
-    parts_->input({&byte, 1});
-  }
-  umockdev_testbed_uevent(parts_->bed, ("/sys" + parts_->raw).c_str(), "remove");
-  std::filesystem::remove(parts_->root + parts_->node);
-  for (const std::string& device : {parts_->raw, parts_->hid, parts_->interface, parts_->usb})
-    umockdev_testbed_remove_device(parts_->bed, ("/sys" + device).c_str());
-}
+void HidCp2110::unplug() { parts_->unplug(); }
 
 std::size_t HidCp2110::receive(ByteView bytes) {
   const std::lock_guard lock(parts_->mutex);

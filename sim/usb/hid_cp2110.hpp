@@ -10,9 +10,9 @@
 
 #include "drivers/core/bytes.hpp"
 
-typedef struct _UMockdevTestbed UMockdevTestbed;
-
 namespace echofuse::sim {
+
+class UsbBed;
 
 struct HidOptions {
   unsigned number = 0;  // of the node: /dev/hidraw<number>; one device each
@@ -25,7 +25,7 @@ class HidCp2110 {
  public:
   // Plugged in when made. `transmit` gets what the host sends over the UART. `bed` must outlive
   // this, and makes one device of a number in its life. Throws Error(failed).
-  HidCp2110(UMockdevTestbed* bed, HidOptions options, std::function<void(ByteView)> transmit);
+  HidCp2110(UsbBed& bed, HidOptions options, std::function<void(ByteView)> transmit);
   ~HidCp2110();
   HidCp2110(const HidCp2110&) = delete;
   HidCp2110& operator=(const HidCp2110&) = delete;
@@ -44,9 +44,8 @@ class HidCp2110 {
   std::uint64_t host_dropped() const;  // reports that found the host's buffer of 64 full
   std::uint64_t output_reports() const;
 
-  struct Parts;
-
  private:
+  struct Parts;
   std::unique_ptr<Parts> parts_;
 };
 

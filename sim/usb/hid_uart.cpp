@@ -5,8 +5,8 @@
 
 namespace echofuse::sim {
 
-HidUart::HidUart(boost::asio::io_context& io, UMockdevTestbed* bed, HidOptions options,
-                 unsigned baud, Receive receive)
+HidUart::HidUart(boost::asio::io_context& io, UsbBed& bed, HidOptions options, unsigned baud,
+                 Receive receive)
     : Uart(io, baud, std::chrono::milliseconds(1)),
       receive_(std::make_shared<Receive>(std::move(receive))),
       bridge_(std::make_unique<HidCp2110>(

@@ -11,7 +11,7 @@ namespace echofuse::sim {
 
 class HidUart final : public Uart {
  public:
-  HidUart(boost::asio::io_context& io, UMockdevTestbed* bed, HidOptions options, unsigned baud,
+  HidUart(boost::asio::io_context& io, UsbBed& bed, HidOptions options, unsigned baud,
           Receive receive);
   ~HidUart() override;
   HidCp2110& bridge() { return *bridge_; }

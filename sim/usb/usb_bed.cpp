@@ -80,6 +80,8 @@ struct BedNode::Callbacks {
   }
   static void connected(UMockdevIoctlBase*, UMockdevIoctlClient* client, Share* self) {
     g_object_weak_ref(G_OBJECT(client), gone, new Share(*self));
+    const std::lock_guard lock((*self)->mutex);
+    if ((*self)->owner) (*self)->owner->on_client();
   }
   // The only sign in umockdev 0.17.16 that a client closed the node or died.
   static void gone(gpointer data, GObject* client) {

@@ -75,6 +75,7 @@ class BedNode {
   // No value: the FIFO answers.
   virtual std::optional<Answer> on_read() { return std::nullopt; }
   virtual std::optional<Answer> on_write(ByteView) { return std::nullopt; }
+  virtual void on_client() {}
   virtual void on_client_gone(Client) {}
 
  private:

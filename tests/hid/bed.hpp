@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 #pragma once
-#include <umockdev.h>
+#include "sim/usb/usb_bed.hpp"
 
 namespace echofuse::test {
 
 // The emulated bus of this program.
-UMockdevTestbed* bed();
+sim::UsbBed& bed();
 
 }  // namespace echofuse::test

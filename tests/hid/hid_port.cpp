@@ -230,14 +230,11 @@ TEST_CASE("another serial number: told which ones are there") {
 
 TEST_CASE("no permission: told what grants it; and listed so") {
   Bridge bridge;
-  char* root = umockdev_testbed_get_root_dir(test::bed());
-  const std::string node = root + std::string("/dev/hidraw0");
+  const std::string root = test::bed().root(), node = root + "/dev/hidraw0";
   // The emulation's own files are for everyone; only the node is not.
   std::filesystem::permissions(root, std::filesystem::perms(0755));
-  for (const auto& entry :
-       std::filesystem::recursive_directory_iterator(root + std::string("/ioctl")))
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(root + "/ioctl"))
     std::filesystem::permissions(entry, std::filesystem::perms(0777));
-  g_free(root);
   std::filesystem::permissions(node, std::filesystem::perms(0));
   const bool is_root = ::geteuid() == 0;
   if (is_root) REQUIRE(::setresuid(65534, 65534, 0) == 0);
