@@ -45,7 +45,7 @@ void bind(Settings& s, Config& c, Keys& k) {
   s.add("tdc.first_bin_ps", c.histogram.first_bin_ps, -1'000'000'000'000, 1'000'000'000'000,
         "start of bin 0 after the laser sync, two-way time");
   s.add("tdc.bins", k.bins, 1, 1 << 24, "number of bins");
-  constexpr std::int64_t delay_max = 1'000'000'000'000;
+  constexpr std::int64_t delay_max = 1'000'000'000;
   s.add("tdc.start_delay_ps", c.histogram.start_delay_ps, -delay_max, delay_max,
         "added to the start channel's times, for a tagger that cannot delay by itself");
   s.add("tdc.click_delay_ps", c.histogram.click_delay_ps, -delay_max, delay_max,

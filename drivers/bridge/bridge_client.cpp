@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/bridge/bridge_client.hpp"
 
+#include <iterator>
 #include <utility>
 
 namespace echofuse::bridge {
@@ -45,11 +46,15 @@ std::vector<Counter> BridgeClient::counters() const {
 
 void BridgeClient::connect() {
   parser_.reset();
-  greeted_ = false;
+  greeted_ = connected_ = told_kind_ = false;
   quiet_looks_ = 0;
   blocks_seen_ = parser_.counts().blocks;
   port_ = opener_();
-  port_->open({.opened = [this] { ++connections_; },
+  port_->open({.opened =
+                   [this] {
+                     ++connections_;
+                     connected_ = true;
+                   },
                .bytes =
                    [this](ByteView bytes) {
                      const HostTime received = clock_.now();
@@ -69,8 +74,9 @@ void BridgeClient::look() {
       std::exchange(blocks_seen_, parser_.counts().blocks) != parser_.counts().blocks && greeted_;
   quiet_looks_ = alive ? 0 : quiet_looks_ + 1;
   if (quiet_looks_ == patience_connection)
-    return fail(greeted_ ? "no block came for 4 s"
-                         : "no hello within 4 s: is this an echofuse bridge?");
+    return fail(greeted_      ? "no block came for 4 s"
+                : !connected_ ? "no connection within 4 s"
+                              : "no hello within 4 s: is this an echofuse bridge?");
   if (quiet_looks_ == patience_block)
     parser_.give_up([this, now = clock_.now()](const Block& block) { on_block(block, now); });
   if (port_) watch();
@@ -82,7 +88,8 @@ void BridgeClient::on_block(Block block, HostTime received) {
   // What a hello or an early block says is missing belongs to the next block that is delivered.
   lost_blocks_ += block.lost_blocks;
   dropped_items_ += block.dropped_items;
-  if (block.kind == BlockKind::bye) return fail("the bridge said goodbye");
+  if (block.kind == BlockKind::bye)
+    return fail("the bridge said goodbye: its device is gone, or it serves another client");
   if (block.kind == BlockKind::hello) return on_hello(block);
   if (!greeted_) {
     ++lost_blocks_;
@@ -96,7 +103,13 @@ void BridgeClient::on_block(Block block, HostTime received) {
   handlers_.block(block, received);
 }
 
-void BridgeClient::reject(const Block& block) {
+void BridgeClient::reject(const Block& block, const char* expected) {
+  constexpr const char* kinds[] = {"hellos", "tags", "depth frames", "goodbyes"};
+  const auto kind = static_cast<std::size_t>(block.kind);
+  if (kind < std::size(kinds) && std::string(kinds[kind]) != expected &&
+      !std::exchange(told_kind_, true))
+    handlers_.event(Severity::warning, std::string("this bridge sends ") + kinds[kind] + ", not " +
+                                           expected + ": is it the port of the other device?");
   ++bad_payloads_;
   lost_blocks_ += block.lost_blocks + 1;
   dropped_items_ += block.dropped_items;

@@ -32,7 +32,8 @@ class BridgeClient {
   void stop();
   // Of a delivered block that is not what the driver takes, or whose payload does not fit its kind:
   // counted, and lost for the block after it.
-  void reject(const Block& block);
+  // `expected`: the blocks that the driver takes, "tags" or "depth frames".
+  void reject(const Block& block, const char* expected);
   std::vector<Counter> counters() const;
 
  private:
@@ -54,6 +55,7 @@ class BridgeClient {
   std::uint64_t blocks_seen_ = 0;  // at the last look
   int quiet_looks_ = 0;
   bool running_ = false, faulted_ = false, greeted_ = false, rejoined_ = false;
+  bool connected_ = false, told_kind_ = false;  // on this connection
   std::uint64_t connections_ = 0, bad_payloads_ = 0;
   std::uint64_t lost_blocks_ = 0, dropped_items_ = 0;  // not yet handed on
   std::unique_ptr<port::BytePort> port_;

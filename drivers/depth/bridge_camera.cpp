@@ -36,7 +36,8 @@ void BridgeCamera::on_state(DeviceState state, const bridge::Hello& hello) {
 
 void BridgeCamera::on_block(const bridge::Block& block, HostTime received) {
   auto depth = bridge::read_depth(block.payload);
-  if (block.kind != bridge::BlockKind::depth || !depth) return client_.reject(block);
+  if (block.kind != bridge::BlockKind::depth || !depth)
+    return client_.reject(block, "depth frames");
   const std::vector<Axis> axes = {depth->x, depth->y};
   if (!std::equal(axes.begin(), axes.end(), info_.axes.begin(), info_.axes.end(), same_axis)) {
     info_.axes = axes;

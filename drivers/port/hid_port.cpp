@@ -11,6 +11,7 @@
 #include <boost/asio/post.hpp>
 #include <cerrno>
 #include <cstdio>
+#include <future>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -26,6 +27,8 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr auto status_period = std::chrono::seconds(1);
+constexpr auto patience =
+    std::chrono::milliseconds(200);             // of the io thread, when a port is closed
 constexpr int read_wait_ms = 2;                 // bytes to send wait for so long at most
 constexpr std::size_t max_waiting = 256 << 10;  // 4 s of a full pipe
 
@@ -55,15 +58,21 @@ Failure failure(std::errc code, std::string what) {
 Result<std::string> find_node(const HidAddress& address) {
   hid_device_info* list = hid_enumerate(address.vendor, address.product);
   std::string node, others;
-  for (const auto* d = list; d && node.empty(); d = d->next) {
+  int fitting = 0;
+  for (const auto* d = list; d; d = d->next) {
     const std::string serial = narrow(d->serial_number);
-    if (address.serial.empty() || serial == address.serial)
+    if (address.serial.empty() || serial == address.serial) {
       node = d->path;
-    else
-      others += (others.empty() ? " (attached: " : ", ") + serial;
+      ++fitting;
+    }
+    others += (others.empty() ? " (attached: " : ", ") + serial;
   }
   hid_free_enumeration(list);
-  if (!node.empty()) return node;
+  if (fitting == 1) return node;
+  if (fitting > 1)
+    return failure(std::errc::device_or_resource_busy,
+                   name_of(address) + ": open; the address fits several" + others +
+                       "): give the serial number behind it");
   if (!others.empty()) others += ')';
   return failure(std::errc::no_such_device, name_of(address) + ": open" + others);
 }
@@ -85,9 +94,10 @@ Result<Device> open_device(const HidAddress& address) {
 
 // What both threads see; `handlers`, `work` and `closed` belong to the io thread.
 struct Link {
-  explicit Link(boost::asio::io_context& context) : io(context), work(context.get_executor()) {}
+  explicit Link(boost::asio::io_context& context) : io(&context), work(context.get_executor()) {}
 
-  boost::asio::io_context& io;
+  std::mutex io_mutex;
+  boost::asio::io_context* io;  // null once the port is gone
   std::optional<boost::asio::executor_work_guard<boost::asio::io_context::executor_type>> work;
   PortHandlers handlers;
   bool open = false, closed = false;
@@ -108,7 +118,9 @@ void append(Link& link, Bytes& queue, ByteView bytes) {
 
 template <class Action>
 void post(const LinkPtr& link, Action action) {
-  boost::asio::post(link->io, [link, action = std::move(action)] {
+  const std::lock_guard lock(link->io_mutex);
+  if (!link->io) return;
+  boost::asio::post(*link->io, [link, action = std::move(action)] {
     if (!link->closed) action(*link);
   });
 }
@@ -250,14 +262,30 @@ class HidPort final : public BytePort {
     link_->closed = true;
     link_->work.reset();
     link_->stopping = true;
-    if (thread_.joinable()) thread_.join();
+    if (!thread_.joinable()) return;
+    // A request to a device in trouble may take seconds, and other devices live on this thread.
+    if (ended_.wait_for(patience) == std::future_status::ready) {
+      thread_.join();
+      return;
+    }
+    {
+      const std::lock_guard lock(link_->io_mutex);
+      link_->io = nullptr;
+    }
+    thread_.detach();
   }
   HidPort(const HidPort&) = delete;
   HidPort& operator=(const HidPort&) = delete;
 
   void open(PortHandlers handlers) override {
     link_->handlers = std::move(handlers);
-    thread_ = std::thread([worker = Worker(link_, address_, baud_)]() mutable { worker.run(); });
+    std::promise<void> end;
+    ended_ = end.get_future();
+    thread_ =
+        std::thread([worker = Worker(link_, address_, baud_), end = std::move(end)]() mutable {
+          worker.run();
+          end.set_value();
+        });
   }
   void write(ByteView bytes) override {
     if (!link_->open) return;
@@ -270,6 +298,7 @@ class HidPort final : public BytePort {
   HidAddress address_;
   std::uint32_t baud_;
   std::thread thread_;
+  std::future<void> ended_;
 };
 
 }  // namespace

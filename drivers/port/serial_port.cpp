@@ -38,8 +38,13 @@ class SerialPort final : public StreamPort<serial_port> {
   void open(PortHandlers handlers) override {
     link_->handlers = std::move(handlers);
     const error_code error = set_up(link_->stream, path_, baud_);
-    boost::asio::post(link_->stream.get_executor(), [link = link_, error] {
-      if (error) return link->fail(error, "open");
+    // Only the baud rate can be one that the system does not know.
+    const bool unknown_rate = error == boost::asio::error::invalid_argument;
+    const std::string doing = unknown_rate ? "baud rate " + std::to_string(baud_) +
+                                                 " (115200, 921600 or another usual one)"
+                                           : "open";
+    boost::asio::post(link_->stream.get_executor(), [link = link_, error, doing] {
+      if (error) return link->fail(error, doing.c_str());
       begin(link);
     });
   }

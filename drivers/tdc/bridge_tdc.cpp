@@ -28,7 +28,7 @@ void BridgeTdc::start(SampleSink& sink) {
 
 void BridgeTdc::on_block(const bridge::Block& block, HostTime received) {
   const auto tags = bridge::read_tags(block.payload, scratch_);
-  if (block.kind != bridge::BlockKind::tags || !tags) return client_.reject(block);
+  if (block.kind != bridge::BlockKind::tags || !tags) return client_.reject(block, "tags");
   tags_ += tags->size();
   lost_items_ += block.dropped_items;
   sink_->on_tags({.received = received,

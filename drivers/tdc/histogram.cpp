@@ -28,11 +28,11 @@ void check(const HistogramSettings& s) {
     refuse("start and click are both channel " + std::to_string(s.start_channel));
   if (static_cast<std::uint64_t>(s.bin_width_ps) > max_range_ps / s.bins)
     refuse("the histogram is longer than 2^50 ps");
-  constexpr std::int64_t max_delay_ps = 1'000'000'000'000;
+  constexpr std::int64_t max_delay_ps = 1'000'000'000;
   if (std::abs(s.start_delay_ps) > max_delay_ps || std::abs(s.click_delay_ps) > max_delay_ps)
-    refuse("a delay is longer than 1 s");
+    refuse("a delay is longer than 1 ms");
   if (s.dead_time_ps < 0 || s.dead_time_ps > max_delay_ps)
-    refuse("the dead time must be from 0 to 1 s");
+    refuse("the dead time must be from 0 to 1 ms");
 }
 
 }  // namespace

@@ -57,7 +57,7 @@ class Histogram {
  public:
   // Throws Error(config): no bins (or above 2^24), a bin width below 1 ps, start and click channel
   // alike, or an axis longer than 2^50 ps.
-  // A dead time below 0, or delays of more than 1 s.
+  // A dead time below 0, or delays of more than 1 ms.
   explicit Histogram(const HistogramSettings& settings);
 
   void add(std::span<const Tag> tags);

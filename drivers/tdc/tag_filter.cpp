@@ -6,7 +6,7 @@
 namespace echofuse::tdc {
 namespace {
 
-// More than this waits only if the times stand still or run backwards.
+// More than a millisecond of tags: this waits only if the times stand still or run backwards.
 constexpr std::size_t max_waiting = 1u << 20;
 
 std::uint64_t time_of(const Tag& tag) { return static_cast<std::uint64_t>(tag.time_ps); }

@@ -15,6 +15,8 @@ std::string reason(const char* doing, int error) {
   std::string text = std::string(doing) + ": " + libusb_strerror(error);
   if (error == LIBUSB_ERROR_ACCESS) text += " (see config/99-echofuse.rules)";
   if (error == LIBUSB_ERROR_BUSY) text += " (another program uses it)";
+  if (error == LIBUSB_ERROR_NO_MEM)
+    text += " (raise /sys/module/usbcore/parameters/usbfs_memory_mb, shared by all USB programs)";
   return text;
 }
 
@@ -122,7 +124,7 @@ std::string Link::start() {
     slot.link = this;
     slot.buffer.resize(transfer_bytes);
     slot.transfer = libusb_alloc_transfer(0);
-    submit(slot);
+    if (const int error = submit(slot)) return reason("queue a transfer", error);
   }
   Bytes nothing;
   if (const int error = request(Request::start, nothing); error < 0) return reason("start", error);
@@ -157,14 +159,15 @@ std::string Link::text(std::uint8_t index) {
   return got > 0 ? std::string(buffer.begin(), buffer.begin() + got) : "";
 }
 
-void Link::submit(Slot& slot) {
-  if (stopping_ || gone_ || halted_) return;
+int Link::submit(Slot& slot) {
+  if (stopping_ || gone_ || halted_) return 0;
   libusb_fill_bulk_transfer(slot.transfer, handle_.get(), endpoint_, slot.buffer.data(),
                             static_cast<int>(slot.buffer.size()), completed, &slot, 0);
   const int error = libusb_submit_transfer(slot.transfer);
   slot.busy = error == 0;
   if (error == LIBUSB_ERROR_NO_DEVICE) gone_ = true;
   if (error != 0) ++counts_.transfer_errors;
+  return error;
 }
 
 void LIBUSB_CALL Link::completed(libusb_transfer* transfer) {
@@ -201,6 +204,9 @@ std::string Link::serve(std::chrono::milliseconds limit) {
   if (gone_) return "the device is gone";
   if (errors_in_a_row_ > max_errors_in_a_row) return "its transfers fail";
   if (halted_ && !any_busy()) return recover();
+  if (!halted_)  // one that the system refused before
+    for (Slot& slot : slots_)
+      if (!slot.busy) submit(slot);
   return {};
 }
 

@@ -68,7 +68,7 @@ class Link {
   int request(Request request, Bytes& answer);
   static void LIBUSB_CALL completed(libusb_transfer* transfer);
   void on_completed(Slot& slot);
-  void submit(Slot& slot);
+  int submit(Slot& slot);  // a libusb error, or 0
   std::string recover();
   bool any_busy() const;
   void cancel();

@@ -63,15 +63,17 @@ class UsbTdc::Worker {
     if (connections_++ > 0) records_.interrupt();
     describe(link);
     tell(DeviceState::streaming);
+    lost_before_ = device_lost_;  // a device counts from its start
     heard_ = clock_.now();
     HostTime next_status = heard_ + status_pause;
     while (wrong.empty() && !shared_->stopping()) {
       wrong = link.serve(serve_limit);
       const HostTime now = clock_.now();
-      if (wrong.empty() && now - heard_ > silence_limit) wrong = "the device sent nothing for 3 s";
+      if (wrong.empty() && now - heard_ > silence_limit)
+        wrong = "the device sent neither tags nor empty runs for 3 s";
       if (now < next_status) continue;
       next_status = now + status_pause;
-      if (const auto status = link.status()) device_lost_ = status->lost;
+      if (const auto status = link.status()) device_lost_ = lost_before_ + status->lost;
       publish();
     }
     return wrong;
@@ -85,9 +87,11 @@ class UsbTdc::Worker {
   }
 
   void on_transfer(ByteView bytes, bool ends) {
-    heard_ = clock_.now();
+    const HostTime now = clock_.now();
     std::vector<Tag> tags;
     const bool gap = records_.feed(bytes, ends, tags);
+    // Junk is no sign of life.
+    if (bytes.empty() || !tags.empty()) heard_ = now;
     if (tags.empty()) return;
     last_failure_.clear();
     backoff_.alive(heard_);
@@ -144,6 +148,7 @@ class UsbTdc::Worker {
   bool gap_since_ = false;           // not yet handed on
   std::uint64_t dropped_since_ = 0;  // the same
   std::uint64_t dropped_tags_ = 0, device_lost_ = 0, connections_ = 0;
+  std::uint64_t lost_before_ = 0;  // by the device in former sessions
 };
 
 UsbTdc::UsbTdc(boost::asio::io_context& io, std::string address, port::UsbAddress usb,

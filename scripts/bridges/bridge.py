@@ -35,9 +35,15 @@ def fail(text, code=NO_DEVICE):
 
 try:
     import crc32c
-    import numpy  # noqa: F401  the device's data come in its arrays
-except ImportError as error:
-    fail(f"{error}; the bridges need numpy and crc32c (Debian: python3-numpy python3-crc32c)")
+    import numpy as np
+    MISSING = None
+except ImportError as error:  # told by require_packages(): --help needs none of them
+    np, MISSING = None, str(error)
+
+
+def require_packages():
+    if MISSING:
+        fail(f"{MISSING}; the bridges need numpy and crc32c (Debian: python3-numpy python3-crc32c)")
 
 
 def block(kind, sequence, payload, dropped=0):

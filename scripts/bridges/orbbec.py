@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 # SPDX-License-Identifier: MIT
 """Serves the depth frames of an Orbbec Gemini 2 (or another camera of its SDK) over the echofuse
 bridge protocol, through the vendor's pyorbbecsdk. echofuse connects with
@@ -9,7 +9,7 @@ import sys
 import time
 
 import bridge
-import numpy as np
+from bridge import np
 
 WAIT_MS = 100    # also how long a signal waits
 SILENCE_S = 3.0  # then the pipeline is restarted, and at the second time the device opened again
@@ -151,6 +151,7 @@ def distortion_px(lens, d):
 
 def main():
     options = parse_arguments(sys.argv[1:])
+    bridge.require_packages()
     try:
         import pyorbbecsdk
     except ImportError as error:

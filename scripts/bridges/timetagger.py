@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 # SPDX-License-Identifier: MIT
 """Serves the tags of a Swabian Instruments Time Tagger over the echofuse bridge protocol, through the
 vendor's own Python library. echofuse connects with tdc.address = "bridge:tcp://HOST:PORT"."""
@@ -7,9 +7,9 @@ import importlib
 import sys
 
 import bridge
-import numpy as np
+from bridge import np
 
-RECORD = np.dtype([("type", "u1"), ("reserved", "u1"), ("missed", "<u2"), ("channel", "<i4"), ("time", "<i8")])
+RECORD = [("type", "u1"), ("reserved", "u1"), ("missed", "<u2"), ("channel", "<i4"), ("time", "<i8")]
 BLOCK_TAGS = 65536           # 1 MiB: what one damaged block costs
 MOST_EVENTS = (1 << 28) - 1  # the library's limit
 
@@ -71,6 +71,10 @@ def parse_arguments(arguments):
         for channel, _ in getattr(options, name):
             if abs(channel) not in used:
                 parser.error(f"--{name.replace('_', '-')}: channel {channel} is neither start nor click")
+    if options.conditional_filter is not None and any(abs(c) == abs(options.start_channel)
+                                                      for c, _ in options.event_divider):
+        parser.error("--event-divider on the start channel does not go with --conditional-filter: it would drop the "
+                     "pulses that the filter lets through")
     return options
 
 
@@ -173,6 +177,7 @@ def import_library():
 
 def main():
     options = parse_arguments(sys.argv[1:])
+    bridge.require_packages()
     library = import_library()
     return bridge.run(options.listen, lambda: Tagger(library, options), "tags")
 

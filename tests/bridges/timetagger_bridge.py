@@ -56,7 +56,7 @@ class Arguments(unittest.TestCase):
                     ["--trigger-level", "2"], ["--trigger-level", "2=x"], ["--trigger-level", "2=nan"],
                     ["--trigger-level", "3=0.1"], ["--input-delay", "1=0.5"], ["--dead-time", "2=-1"],
                     ["--event-divider", "1=65536"], ["--max-events", "0"], ["--block-ms", "0"],
-                    ["--conditional-filter", "-1"], ["--no-such"], ["extra"]):
+                    ["--conditional-filter", "-1"], ["--conditional-filter", "48000", "--event-divider", "1=4"], ["--no-such"], ["extra"]):
             with self.subTest(bad), contextlib.redirect_stderr(io.StringIO()) as said:
                 with self.assertRaises(SystemExit) as ended:
                     options(*bad)

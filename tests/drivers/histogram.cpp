@@ -221,4 +221,6 @@ TEST_CASE("settings that cannot work are refused") {
   CHECK_THROWS_AS(Histogram({.start_channel = 2}), Error);
   CHECK_THROWS_AS(Histogram({.bin_width_ps = 1ll << 50, .bins = 2}), Error);
   CHECK_THROWS_AS(Histogram({.bins = (1u << 24) + 1}), Error);
+  CHECK_THROWS_AS(Histogram({.click_delay_ps = -1'000'000'001}), Error);
+  CHECK_THROWS_AS(Histogram({.dead_time_ps = -1}), Error);
 }

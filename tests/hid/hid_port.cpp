@@ -117,6 +117,15 @@ TEST_CASE("the bridge with the wanted serial number is opened and configured") {
   CHECK(a.device.baud() == 115200);
 }
 
+TEST_CASE("an address that fits two bridges is refused") {
+  Bridge a("A", 0), b("B", 1);
+  Host host;
+  host.open();
+  host.goes();
+  CHECK_THAT(host.why,
+             Catch::StartsWith("hid:10c4:ea80: open; the address fits several (attached: "));
+}
+
 TEST_CASE("bytes both ways; long writes are cut") {
   Bridge bridge;
   Host host;

@@ -278,9 +278,21 @@ TEST_CASE("a silent device is opened again; its empty packets are signs of life"
   }
   CHECK(b.sink.state() == DeviceState::streaming);
   REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::faulted; }));
-  CHECK(b.sink.events == std::vector<std::string>{"the device sent nothing for 3 s"});
+  CHECK(b.sink.events ==
+        std::vector<std::string>{"the device sent neither tags nor empty runs for 3 s"});
   REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::streaming; }));
   CHECK(b.starts == 2);
+}
+
+TEST_CASE("junk is no sign of life") {
+  Bench b;
+  b.connect();
+  REQUIRE(run_until(b.io, [&] {
+    b.device.send(Bytes{1});
+    run_for(b.io, 100ms);
+    return b.sink.state() == DeviceState::faulted;
+  }));
+  CHECK(b.sink.tags.empty());
 }
 
 TEST_CASE("a slow consumer loses tags, and every one is counted") {
