@@ -131,8 +131,7 @@ void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& f
   if (c.configured() == 0)
     judge.complain({"tdc.address", "radar.cli", "depth.address"},
                    "no device; expected at least one of tdc.address, radar.cli, depth.address");
-  if (!c.tdc.address.empty())
-    judge.attempt({"tdc.address"}, [&] { check_tdc(c.tdc.address); });
+  if (!c.tdc.address.empty()) judge.attempt({"tdc.address"}, [&] { check_tdc(c.tdc.address); });
   judge.attempt({"tdc.click_channel", "tdc.start_channel", "tdc.bins", "tdc.bin_width_ps"},
                 [&] { const tdc::Histogram check(c.histogram); });
   judge_radar(judge, c.radar, k.cfg, folder);

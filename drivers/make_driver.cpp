@@ -48,8 +48,8 @@ std::unique_ptr<Driver> make_tdc(boost::asio::io_context& io, const TdcConfig& c
   const port::Address address = port::parse_address(config.address);
   if (const auto* usb = std::get_if<port::UsbAddress>(&address))
     return std::make_unique<tdc::UsbTdc>(io, config.address, *usb, clock);
-  return std::make_unique<tdc::BridgeTdc>(io, config.address,
-                                          port::byte_opener(io, config.address), clock);
+  return std::make_unique<tdc::BridgeTdc>(io, config.address, port::byte_opener(io, config.address),
+                                          clock);
 }
 
 namespace {
