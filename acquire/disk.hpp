@@ -15,7 +15,7 @@ struct PlannedRun {
   std::string folder;
   double record_bytes = 0;  // of the sensors' data; 0: unknown
   double window_s = 0;
-  std::optional<std::int64_t> count;
+  std::optional<std::int64_t> count{};
 };
 
 struct DiskSpeed {

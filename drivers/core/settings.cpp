@@ -223,9 +223,15 @@ std::string Settings::unknown(const std::string& key, const Node& node) const {
 template <class Table>
 void Settings::read_table(const Table& table, const std::string& prefix, const std::string& name,
                           Faults& faults) {
-  for (const auto& [raw_key, node] : table) {
-    const std::string key = prefix + std::string(raw_key.str());
-    const std::string here = place(name, raw_key.source().begin);
+  std::vector<typename Table::const_iterator> order;  // the table has its keys by name
+  for (auto it = table.cbegin(); it != table.cend(); ++it) order.push_back(it);
+  std::sort(order.begin(), order.end(), [](const auto& a, const auto& b) {
+    return a->first.source().begin < b->first.source().begin;
+  });
+  for (const auto& it : order) {
+    const auto& node = it->second;
+    const std::string key = prefix + std::string(it->first.str());
+    const std::string here = place(name, it->first.source().begin);
     Entry* entry = find(key);
     if (!entry && node.is_table() && is_section(key)) {
       read_table(*node.as_table(), key + ".", name, faults);
