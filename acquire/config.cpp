@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <initializer_list>
 #include <limits>
+#include <sstream>
 #include <utility>
 
 #include "drivers/core/settings.hpp"
@@ -95,8 +96,9 @@ class Judge {
   void attempt(std::initializer_list<const char*> keys, Body body) {
     try {
       body();
-    } catch (const Error& e) {
-      complain(keys, e.what());
+    } catch (const Error& e) {  // one fault a line
+      std::istringstream lines(e.what());
+      for (std::string line; std::getline(lines, line);) complain(keys, line);
     }
   }
 

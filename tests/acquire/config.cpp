@@ -91,7 +91,13 @@ TEST_CASE("what one key alone cannot show") {
     write_file(folder / "r.cfg",
                "profileCfg\nframeCfg 0 0\nsensorStart\nchannelCfg 0 0\nchirpCfg\n");
     CHECK(has(refusal(path).second,
-              path + ":4:1: radar.cfg: " + folder / "r.cfg:4: channelCfg '0' should be a whole"));
+              path + ":4:1: radar.cfg: " + folder / "r.cfg: has no guiMonitor"));
+    write_file(folder / "r.cfg",
+               "profileCfg\nframeCfg 0 0\nsensorStart\nchannelCfg 0 0\nchirpCfg\nguiMonitor\n");
+    const std::string text = refusal(path).second;
+    for (const char* line : {"r.cfg:4: channelCfg '0' should be a whole", "r.cfg:1: profileCfg ",
+                             "r.cfg:2: frameCfg ", "r.cfg:6: guiMonitor "})
+      CHECK(has(text, path + ":4:1: radar.cfg: " + folder / line));
   }
   SECTION("an impossible histogram") {
     write_file(path, "[tdc]\naddress = \"bridge:tcp://h:1\"\nclick_channel = 1\n");
