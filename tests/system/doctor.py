@@ -3,6 +3,7 @@
 """tests/system/doctor.py BIN_DIR TEST: `doctor` on the simulated laboratory, well and ill."""
 import json
 import os
+import re
 import subprocess
 import sys
 import unittest
@@ -42,6 +43,18 @@ class Doctor(live.Live):
         self.assertGreater(depth["valid_share"], 0)
         self.assertGreater(checks["disk rate"]["facts"]["bytes_per_s"], checks["disk rate"]["facts"]["needed_bytes_per_s"])
         self.assertFalse(list(self.dir.glob("*.sqlite*")) + list(self.dir.glob(".echofuse*")))
+
+    def test_complaints(self):
+        """What a driver says of its device follows the device's line, and is a warning only."""
+        [cfg] = re.findall(r'(?m)^cfg = "(.*)"', (self.dir / "lab/lab.toml").read_text())
+        changed = re.sub(r"(?m)^clutterRemoval -1 0", "clutterRemoval -1 1", (self.dir / "lab" / cfg).read_text())
+        (self.dir / "changed.cfg").write_text(changed)
+        done = self.examine("--set", f"radar.cfg={self.dir}/changed.cfg", json_wanted=False)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        lines = done.stdout.splitlines()
+        at = next(k for k, line in enumerate(lines) if line.startswith("ok       radar"))
+        self.assertTrue(lines[at + 1].startswith("warning  radar"), done.stdout)
+        self.assertIn("clutterRemoval 1 removes", lines[at + 1])
 
     def test_ill(self):
         """Swapped channels, a radar that is not there, more records than the disk holds: all told, in lines."""

@@ -6,6 +6,7 @@ import configparser
 import os
 import pathlib
 import re
+import resource
 import shutil
 import signal
 import socket
@@ -13,6 +14,7 @@ import sqlite3
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import unittest
 
@@ -32,24 +34,30 @@ class Unit(configparser.ConfigParser):
 
 
 class NotifySocket:
-    """Stands in for systemd: keeps each message with the time it came."""
+    """Stands in for systemd: reads at once, as it does, and keeps the lines."""
 
     def __init__(self, path):
         self.path = str(path)
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self.socket.bind(self.path)
-        self.socket.setblocking(False)
-        self.messages = []
+        self.lines = []
+        self.thread = threading.Thread(target=self.keep)
+        self.thread.start()
 
-    def read(self):
-        while True:
-            try:
-                self.messages += [(time.monotonic(), line) for line in self.socket.recv(4096).decode().splitlines()]
-            except BlockingIOError:
-                return [line for _, line in self.messages]
+    def keep(self):
+        while message := self.socket.recv(4096).decode():
+            self.lines += message.splitlines()
 
     def count(self, line):
-        return self.read().count(line)
+        return self.lines.count(line)
+
+    def close(self):
+        """All that was sent before is read then."""
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as end:
+            end.sendto(b"", self.path)
+        self.thread.join()
+        self.socket.close()
+        return self.lines
 
 
 class Service(live.Live):
@@ -58,15 +66,16 @@ class Service(live.Live):
         self.notify = NotifySocket(self.dir / "notify")
 
     def tearDown(self):
+        if self.notify.thread.is_alive():
+            self.notify.close()
         super().tearDown()
-        self.notify.socket.close()
 
-    def serve(self, *options, **env):
+    def serve(self, *options, env=None, **how):
         """The unit's own command line, with its folders and the configuration moved."""
         line = Unit()["Service"]["ExecStart"].replace("%%", "%").replace("/etc/echofuse", str(self.dir / "lab"))
         command = line.replace("/var/lib/echofuse", str(self.dir)).replace("/usr/local/bin", str(live.bin_dir)).split()
-        env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni"), "NOTIFY_SOCKET": self.notify.path} | env
-        daemon = self.start(command + list(options), env=env, stderr=subprocess.PIPE, text=True)
+        base = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni"), "NOTIFY_SOCKET": self.notify.path}
+        daemon = self.start(command + list(options), env=base | (env or {}), stderr=subprocess.PIPE, text=True, **how)
         wait_for("run file", lambda: list(self.dir.glob("*.sqlite")) or daemon.poll() is not None)
         self.assertIsNone(daemon.poll(), daemon.stderr.read() if daemon.poll() is not None else "")
         [self.run] = self.dir.glob("*.sqlite")
@@ -80,7 +89,7 @@ class Service(live.Live):
         daemon.send_signal(signal.SIGTERM)
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 0, log)
-        lines = self.notify.read()
+        lines = self.notify.close()
         self.assertEqual(lines[0], "READY=1", lines)
         self.assertEqual(lines.count("READY=1"), 1)
         self.assertEqual(lines.count("STOPPING=1"), 1)
@@ -118,11 +127,26 @@ class Service(live.Live):
         self.assertEqual(daemon.returncode, 0, log)
         self.check_slots(self.rows())
 
+    def test_disk_full(self):
+        """The last sign of life is that of the last record; the exit code is one that systemd leaves alone."""
+        def limit_file_size():
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (256 << 10, 256 << 10))
+
+        daemon = self.serve("--set", "depth.address=", preexec_fn=limit_file_size, restore_signals=False)
+        log = self.finish(daemon)
+        self.assertEqual(daemon.returncode, 6, log)
+        self.assertIn("6", Unit()["Service"]["RestartPreventExitStatus"].split())
+        lines = self.notify.close()
+        self.assertLessEqual(lines.count("WATCHDOG=1"), len(self.rows()))
+        self.assertGreater(lines.count("WATCHDOG=1"), 0)
+        self.assertEqual(lines[-1], "STOPPING=1")
+
     def test_short_watchdog(self):
         """Four slots are longer than the watchdog: the daemon asks for more before the first of them."""
-        daemon = self.serve(WATCHDOG_USEC="300000")
+        daemon = self.serve(env={"WATCHDOG_USEC": "300000"})
         wait_for("READY=1", lambda: self.notify.count("READY=1") or daemon.poll() is not None)
-        self.assertEqual(self.notify.read()[0], f"WATCHDOG_USEC={round(4e6 * live.WINDOW_S)}")
+        self.assertEqual(self.notify.lines[0], f"WATCHDOG_USEC={round(4e6 * live.WINDOW_S)}")
 
     def test_journal(self):
         """Priorities instead of times, if stderr is the journal's; nothing of it otherwise."""
