@@ -154,9 +154,11 @@ Finding check_usb_memory(const std::optional<Config>& config, const MachineRoots
   const double needed = ring ? static_cast<double>(tdc::UsbTdc::ring_bytes) / (1 << 20) : 0;
   const std::string text = text_of(fs::path(roots.devices.sys) / file);
   double limit = 0;
-  if (std::sscanf(text.c_str(), "%lf", &limit) != 1)
-    return {check, ring ? Grade::warning : Grade::ok, "the kernel does not tell its limit",
-            ring ? "is the module usbcore loaded?" : ""};
+  if (std::sscanf(text.c_str(), "%lf", &limit) != 1) {
+    if (!ring) return {check, Grade::ok, "no USB time tagger is configured"};
+    return {check, Grade::warning, "the kernel does not tell its limit",
+            "is the module usbcore loaded?"};
+  }
   char found[160];
   std::snprintf(found, sizeof found, "usbfs_memory_mb is %g%s; the time tagger's ring takes %g MiB",
                 limit, limit == 0 ? " (no limit)" : "", needed);

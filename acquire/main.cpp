@@ -233,8 +233,8 @@ CLI::App* add_doctor(CLI::App& app, Options& o) {
   add_length_options(*c, o);
   c->add_flag("--json", o.json);
   c->footer(
-      "exit codes: 0 ok or warnings only, 3 configuration, 4 a configured device does not do,\n"
-      "            6 the disk does not (4 if both), 130 interrupted");
+      "exit codes: 0 ok or warnings only, 3 configuration, 4 a configured device fails,\n"
+      "            6 the disk is too slow or too full (4 if both), 130 interrupted");
   return c;
 }
 
