@@ -2,7 +2,10 @@
 #include "acquire/config.hpp"
 
 #include <filesystem>
+#include <initializer_list>
 #include <limits>
+#include <sstream>
+#include <utility>
 
 #include "drivers/core/settings.hpp"
 #include "drivers/radar/profile.hpp"
@@ -85,40 +88,75 @@ void take_numbers(Config& c, const Keys& k) {
   c.depth.fps = static_cast<std::uint32_t>(k.fps);
 }
 
-// What a single key cannot show. One line each.
-std::vector<std::string> faults_of(Config& c, const Keys& k, const std::filesystem::path& folder) {
-  std::vector<std::string> faults;
-  const auto attempt = [&](auto body) {
+// What the type and range of a single key do not show.
+class Judge {
+ public:
+  Judge(const Settings& settings, std::string name, std::vector<std::string>& faults)
+      : settings_(settings), name_(std::move(name)), faults_(faults) {}
+
+  // At the first of `keys` that is given.
+  void complain(std::initializer_list<const char*> keys, const std::string& what) {
+    for (const char* key : keys)
+      if (settings_.given(key))
+        return faults_.push_back(settings_.origin(key) + ": " + key + ": " + what);
+    faults_.push_back(name_ + ": " + what);
+  }
+  template <class Body>
+  void attempt(std::initializer_list<const char*> keys, Body body) {
     try {
       body();
-    } catch (const Error& e) {
-      faults.emplace_back(e.what());
+    } catch (const Error& e) {  // one fault a line
+      std::istringstream lines(e.what());
+      for (std::string line; std::getline(lines, line);) complain(keys, line);
     }
-  };
+  }
+
+ private:
+  const Settings& settings_;
+  std::string name_;
+  std::vector<std::string>& faults_;
+};
+
+void judge_radar(Judge& judge, RadarConfig& radar, const std::string& cfg,
+                 const std::filesystem::path& folder) {
+  if (radar.cli.empty() != radar.data.empty())
+    judge.complain({"radar.cli", "radar.data"},
+                   "radar.cli and radar.data belong together; one of them is empty");
+  if (!radar.cli.empty() && radar.cli == radar.data)
+    judge.complain({"radar.data", "radar.cli"},
+                   "radar.cli and radar.data are the same port; the radar has two");
+  if (!radar.cli.empty())
+    judge.attempt({"radar.cli"}, [&] { check_radar_port(radar.cli, radar.cli_baud); });
+  if (!radar.data.empty())
+    judge.attempt({"radar.data"}, [&] { check_radar_port(radar.data, radar.data_baud); });
+  if (radar.cli.empty()) return;
+  if (cfg.empty())
+    return judge.complain({"radar.cfg", "radar.cli"},
+                          "radar.cfg is empty; expected a TI mmWave .cfg file");
+  judge.attempt({"radar.cfg"}, [&] {
+    const auto path = folder / cfg;
+    radar.cfg_name = path.string();
+    radar.cfg_text = read_config_text(path);
+    radar::parse_profile(radar.cfg_text, radar.cfg_name, radar.data_baud);
+  });
+}
+
+void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& folder) {
   if (c.configured() == 0)
-    faults.emplace_back(
-        "no device; expected at least one of tdc.address, radar.cli, depth.address");
+    judge.complain({"tdc.address", "radar.cli", "depth.address"},
+                   "no device; expected at least one of tdc.address, radar.cli, depth.address");
   constexpr const char* keys[][2] = {{"tdc.policy", "tdc.address"},
                                      {"radar.policy", "radar.cli"},
                                      {"depth.policy", "depth.address"}};
   for (std::size_t i = 0; i < sensor_count; ++i)
     if ((c.required() & ~c.configured()) >> i & 1u)
-      faults.push_back(std::string(keys[i][0]) + " is \"required\", but " + keys[i][1] +
-                       " is empty");
-  attempt([&] { const tdc::Histogram check(c.histogram); });
-  if (c.radar.cli.empty() != c.radar.data.empty())
-    faults.emplace_back("radar.cli and radar.data belong together; one of them is empty");
-  if (!c.radar.cli.empty() && k.cfg.empty())
-    faults.emplace_back("radar.cfg is empty; expected a TI mmWave .cfg file");
-  if (!c.radar.cli.empty() && !k.cfg.empty()) {
-    attempt([&] {
-      const auto path = folder / k.cfg;
-      c.radar.cfg_name = path.string();
-      c.radar.cfg_text = read_config_text(path);
-      radar::parse_profile(c.radar.cfg_text, c.radar.cfg_name);
-    });
-  }
-  return faults;
+      judge.complain({keys[i][0]}, std::string("is \"required\", but ") + keys[i][1] + " is empty");
+  if (!c.tdc.address.empty()) judge.attempt({"tdc.address"}, [&] { check_tdc(c.tdc.address); });
+  judge.attempt({"tdc.click_channel", "tdc.start_channel", "tdc.bins", "tdc.bin_width_ps"},
+                [&] { const tdc::Histogram check(c.histogram); });
+  judge_radar(judge, c.radar, k.cfg, folder);
+  if (!c.depth.address.empty())
+    judge.attempt({"depth.address"}, [&] { check_depth(c.depth.address); });
 }
 
 }  // namespace
@@ -140,14 +178,12 @@ Config load_config(const std::string& path, const std::vector<std::string>& assi
   Settings settings;
   bind(settings, config, keys);
   config.text = read_config_text(path);
-  settings.read_text(config.text, path);
-  for (const auto& a : assignments) settings.set(a);
+  std::vector<std::string> faults = settings.read(config.text, path, assignments);
   take_numbers(config, keys);
-  std::string all;
-  for (const auto& fault : faults_of(config, keys, std::filesystem::path(path).parent_path()))
-    all += (all.empty() ? "" : "\n") + path + ": " + fault;
-  if (!all.empty()) throw Error(ExitCode::config, all);
+  judge(Judge(settings, path, faults), config, keys, std::filesystem::path(path).parent_path());
+  if (!faults.empty()) refuse(faults);
   config.resolved = settings.resolved(true);
+  config.shown = settings.with_origins();
   return config;
 }
 

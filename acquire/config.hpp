@@ -23,6 +23,7 @@ struct Config {
 
   std::string text;      // of the file, verbatim
   std::string resolved;  // every key with its value and meaning, as TOML
+  std::string shown;     // the same, with the origin of each value
 
   // The sensors that have an address: bit 0 SPD, 1 radar, 2 depth.
   std::uint32_t configured() const;
@@ -31,7 +32,8 @@ struct Config {
 };
 
 // Reads the file, then applies `assignments` ("key=value"). A radar cfg named in it is read
-// relative to the file's folder. Throws Error(config) listing all faults.
+// relative to the file's folder. Throws Error(config) listing all faults, each with the place of
+// its key. Nothing is opened: that an address can be does not mean that a device is there.
 Config load_config(const std::string& path, const std::vector<std::string>& assignments = {});
 
 }  // namespace echofuse::acquire

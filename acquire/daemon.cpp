@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "acquire/devices.hpp"
+#include "acquire/notify.hpp"
 #include "acquire/scheduler.hpp"
 #include "acquire/status.hpp"
 #include "acquire/window.hpp"
@@ -157,6 +158,7 @@ void Daemon::begin() {
     else if (devices_[s].configured)
       log(Severity::warning, name_of(s), "not there at the start: " + devices_.describe(s));
   spdlog::info("recording into {}, slots of {} s", options_.out, config_.window_s);
+  notify_ready(config_.window_s);
 }
 
 // A device answers: its identity and axes go into the run.
@@ -245,7 +247,8 @@ void Daemon::tick() {
   if (interrupted()) r.scheduler.finish(now);
   for (const DueSlot& due : r.scheduler.tick(now)) close_slot(due);
   if (now - anchor_mono_ >= anchor_pause) put_anchor();
-  totals_.written = r.writer.written();
+  const std::int64_t written = r.writer.written();
+  if (std::exchange(totals_.written, written) != written) notify_advance(written);
   r.status.update(now, totals_);
   if (r.scheduler.done() || r.writer.failed())
     io_.stop();
@@ -283,6 +286,7 @@ void Daemon::note_change_of(const record::FusedRecord& record) {
 
 void Daemon::end() {
   Recording& r = *recording_;
+  notify_stopping();
   devices_.stop();
   r.windows.finish();
   const Strays& strays = r.windows.strays();

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
@@ -6,11 +7,13 @@
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 #include <filesystem>
 
 #include "acquire/config.hpp"
 #include "acquire/daemon.hpp"
 #include "acquire/devices.hpp"
+#include "acquire/doctor.hpp"
 #include "acquire/info.hpp"
 #include "acquire/record/export.hpp"
 #include "acquire/record/run_file.hpp"
@@ -28,6 +31,10 @@ constexpr const char* footer =
     "unreadable),\n"
     "            6 disk, 130 interrupted (second Ctrl-C, or before the first slot)";
 
+constexpr const char* out_help =
+    "run file to make; .sqlite is appended if it has no extension, and %Y%m%d-%H%M%S is the time "
+    "(UTC; strftime's fields)";
+
 struct Options {
   std::string config = "lab.toml";
   std::vector<std::string> assignments;
@@ -40,11 +47,33 @@ struct Options {
   bool json = false, quiet = false, verbose = false;
 };
 
+// %N: the level as the journal takes it, "<4>" for a warning.
+class Priority final : public spdlog::custom_flag_formatter {
+  void format(const spdlog::details::log_msg& message, const std::tm&,
+              spdlog::memory_buf_t& out) override {
+    constexpr char priorities[] = {'7', '7', '6', '4', '3', '2'};  // trace to critical
+    out.push_back('<');
+    out.push_back(priorities[static_cast<std::size_t>(message.level)]);
+    out.push_back('>');
+  }
+  std::unique_ptr<custom_flag_formatter> clone() const override {
+    return std::make_unique<Priority>();
+  }
+};
+
+// On a terminal a message first clears the status line; the journal keeps the time by itself.
+std::unique_ptr<spdlog::formatter> log_format() {
+  const char* pattern = stderr_is_journal()     ? "%N%v"
+                        : isatty(STDERR_FILENO) ? "\r\033[K%H:%M:%S %^%l%$ %v"
+                                                : "%Y-%m-%dT%H:%M:%S.%e %l %v";
+  auto format = std::make_unique<spdlog::pattern_formatter>();
+  format->add_flag<Priority>('N').set_pattern(pattern);
+  return format;
+}
+
 void set_up_log(const Options& o) {
   auto log = spdlog::stderr_color_mt(program);
-  // On a terminal a message first clears the status line.
-  log->set_pattern(isatty(STDERR_FILENO) ? "\r\033[K%H:%M:%S %^%l%$ %v"
-                                         : "%Y-%m-%dT%H:%M:%S.%e %l %v");
+  log->set_formatter(log_format());
   log->set_level(o.quiet     ? spdlog::level::err
                  : o.verbose ? spdlog::level::debug
                              : spdlog::level::info);
@@ -53,29 +82,62 @@ void set_up_log(const Options& o) {
 
 Config load(const Options& o) { return load_config(o.config, o.assignments); }
 
+// --out as a file: strftime's fields are those of now (UTC), so that a service names each run anew.
+std::string run_file(const std::string& out) {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  gmtime_r(&now, &utc);
+  std::string name(out.size() + 256, '\0');
+  name.resize(std::strftime(name.data(), name.size(), out.c_str(), &utc));
+  if (name.empty()) throw Error(ExitCode::usage, "--out " + out + ": not a name");
+  std::filesystem::path path = std::filesystem::absolute(name);
+  if (!path.has_extension()) path += ".sqlite";
+  return path.string();
+}
+
+void plan_count(Options& o, const Config& config) {
+  if (o.duration_s > 0)
+    o.run.count = static_cast<std::int64_t>(std::ceil(o.duration_s / config.window_s - 1e-9));
+}
+
 ExitCode run(Options& o) {
   Config config = load(o);
   if (o.label) config.label = *o.label;
-  if (o.duration_s > 0)
-    o.run.count = static_cast<std::int64_t>(std::ceil(o.duration_s / config.window_s - 1e-9));
-  std::filesystem::path out = std::filesystem::absolute(o.run.out);
-  if (!out.has_extension()) out += ".sqlite";
-  o.run.out = out.string();
+  plan_count(o, config);
+  o.run.out = run_file(o.run.out);
   o.run.quiet = o.quiet;
   catch_interrupts();
   record_run(config, o.run, SystemClock());
   return ExitCode::ok;
 }
 
+// Of commands that do without: none if there is no file and none was asked for.
+std::optional<Config> load_if_any(const Options& o) {
+  if (!o.config_given && !std::filesystem::exists(o.config)) return std::nullopt;
+  return load(o);
+}
+
 ExitCode list_devices(const Options& o) {
   catch_interrupts();
-  std::optional<Config> config;  // without one, only what is attached is told
-  if (o.config_given || std::filesystem::exists(o.config)) config = load(o);
-  return check_devices(config, SystemClock(), o.json);
+  return check_devices(load_if_any(o), SystemClock(), o.json);
+}
+
+ExitCode doctor(Options& o) {
+  catch_interrupts();
+  const auto config = load_if_any(o);
+  if (config) plan_count(o, *config);
+  return examine(config, {.out = run_file(o.run.out), .count = o.run.count, .json = o.json},
+                 SystemClock());
 }
 
 ExitCode show_config(const Options& o) {
-  std::fputs(load(o).resolved.c_str(), stdout);
+  std::fputs(load(o).shown.c_str(), stdout);
+  return ExitCode::ok;
+}
+
+ExitCode check_config(const Options& o) {
+  load(o);
+  std::printf("%s: ok\n", o.config.c_str());
   return ExitCode::ok;
 }
 
@@ -124,19 +186,22 @@ void add_talk_options(CLI::App& command, Options& o) {
   command.add_flag("-v,--verbose", o.verbose, "one line for every record on stderr");
 }
 
+void add_length_options(CLI::App& command, Options& o) {
+  auto* count = command.add_option("--count", o.run.count, "stop after this many slots")
+                    ->check(CLI::PositiveNumber);
+  const std::map<std::string, double> units{{"h", 3600}, {"m", 60}, {"min", 60}, {"s", 1}};
+  command.add_option("--duration", o.duration_s, "stop after this time: 2h, 30m, 10s")
+      ->transform(CLI::AsNumberWithUnit(units, CLI::AsNumberWithUnit::UNIT_REQUIRED))
+      ->check(CLI::PositiveNumber)
+      ->excludes(count);
+}
+
 void add_run(CLI::App& app, Options& o) {
   auto* c = app.add_subcommand("run", "record fused records, one a slot, until Ctrl-C");
   add_config_options(*c, o);
   add_talk_options(*c, o);
-  c->add_option("--out", o.run.out, "run file to make; .sqlite is appended if it has no extension")
-      ->required();
-  auto* count = c->add_option("--count", o.run.count, "stop after this many slots")
-                    ->check(CLI::PositiveNumber);
-  const std::map<std::string, double> units{{"h", 3600}, {"m", 60}, {"min", 60}, {"s", 1}};
-  c->add_option("--duration", o.duration_s, "stop after this time: 2h, 30m, 10s")
-      ->transform(CLI::AsNumberWithUnit(units, CLI::AsNumberWithUnit::UNIT_REQUIRED))
-      ->check(CLI::PositiveNumber)
-      ->excludes(count);
+  c->add_option("--out", o.run.out, out_help)->required();
+  add_length_options(*c, o);
   c->add_option("--label", o.label, "label of every record, instead of run.label");
 }
 
@@ -160,11 +225,42 @@ void add_file_commands(CLI::App& app, Options& o) {
   replay->add_flag("--json", o.json);
 }
 
+CLI::App* add_doctor(CLI::App& app, Options& o) {
+  auto* c = app.add_subcommand("doctor", "would a run go well? Checks machine, disk and devices");
+  add_config_options(*c, o);
+  c->add_option("--out", o.run.out, "of the run to come; by default in this folder")
+      ->default_val("run.sqlite");
+  add_length_options(*c, o);
+  c->add_flag("--json", o.json);
+  c->footer(
+      "exit codes: 0 ok or warnings only, 3 configuration, 4 a configured device fails,\n"
+      "            6 the disk is too slow or too full (4 if both), 130 interrupted");
+  return c;
+}
+
+void add_config_commands(CLI::App& app, Options& o) {
+  auto* config = app.add_subcommand("config", "look at the configuration");
+  config->require_subcommand(1);
+  add_config_options(*config->add_subcommand("check", "print all faults, or that there are none"),
+                     o);
+  add_config_options(
+      *config->add_subcommand("show", "check it and print every key with value and origin"), o);
+}
+
+// "run", "config show"
+std::string command_of(const CLI::App& app) {
+  const auto* command = app.get_subcommands()[0];
+  const auto below = command->get_subcommands();
+  return command->get_name() + (below.empty() ? "" : " " + below[0]->get_name());
+}
+
 ExitCode dispatch(const std::string& command, Options& o) {
   set_up_log(o);
   if (command == "run") return run(o);
   if (command == "devices") return list_devices(o);
-  if (command == "config") return show_config(o);
+  if (command == "doctor") return doctor(o);
+  if (command == "config check") return check_config(o);
+  if (command == "config show") return show_config(o);
   if (command == "info") return info(o);
   if (command == "export") return export_run(o);
   if (command == "recover") return recover(o);
@@ -183,20 +279,18 @@ int main(int argc, char** argv) {
       app.add_subcommand("devices", "what is attached, and which of the configured devices answer");
   add_config_options(*devices, options);
   devices->add_flag("--json", options.json);
-  auto* config = app.add_subcommand("config", "look at the configuration");
-  config->require_subcommand(1);
-  auto* show =
-      config->add_subcommand("show", "check it and print every key with value and meaning");
-  add_config_options(*show, options);
+  auto* doctor = add_doctor(app, options);
+  add_config_commands(app, options);
   add_file_commands(app, options);
   try {
     app.parse(argc, argv);
-    options.config_given = devices->count("--config") + devices->count("--set") > 0;
+    for (const auto* c : {devices, doctor})
+      options.config_given |= c->count("--config") + c->count("--set") > 0;
     if (app.get_subcommands().empty()) throw CLI::RequiredError("a command");
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : static_cast<int>(ExitCode::usage);
   }
-  return run_main(program, [&] { return dispatch(app.get_subcommands()[0]->get_name(), options); });
+  return run_main(program, [&] { return dispatch(command_of(app), options); });
 }
 
 }  // namespace

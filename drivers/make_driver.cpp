@@ -5,6 +5,7 @@
 #include "drivers/depth/bridge_camera.hpp"
 #include "drivers/depth/openni_camera.hpp"
 #include "drivers/inventory/inventory.hpp"
+#include "drivers/port/hid_port.hpp"
 #include "drivers/port/open_port.hpp"
 #include "drivers/radar/radar_driver.hpp"
 #include "drivers/tdc/bridge_tdc.hpp"
@@ -17,17 +18,38 @@ namespace {
   throw Error(ExitCode::config, "address \"" + address + "\": " + why);
 }
 
+template <class... Kinds>
+bool is_one_of(const port::Address& address) {
+  return (std::holds_alternative<Kinds>(address) || ...);
+}
+
 }  // namespace
+
+void check_tdc(const std::string& address) {
+  if (!is_one_of<port::BridgeAddress, port::UsbAddress>(port::parse_address(address)))
+    refuse(address, "a time tagger is bridge:tcp://HOST:PORT or usb:VVVV:PPPP");
+}
+
+void check_radar_port(const std::string& address, std::uint32_t baud) {
+  const port::Address parsed = port::parse_address(address);
+  if (!is_one_of<port::SerialAddress, port::HidAddress>(parsed))
+    refuse(address, "a radar port is serial:/dev/... or hid:VVVV:PPPP");
+  if (const auto* hid = std::get_if<port::HidAddress>(&parsed)) port::check_hid_baud(*hid, baud);
+}
+
+void check_depth(const std::string& address) {
+  if (!is_one_of<port::OpenNiAddress, port::BridgeAddress>(port::parse_address(address)))
+    refuse(address, "a depth camera is openni:[URI or file.oni] or bridge:tcp://HOST:PORT");
+}
 
 std::unique_ptr<Driver> make_tdc(boost::asio::io_context& io, const TdcConfig& config,
                                  const Clock& clock) {
+  check_tdc(config.address);
   const port::Address address = port::parse_address(config.address);
-  if (std::holds_alternative<port::BridgeAddress>(address))
-    return std::make_unique<tdc::BridgeTdc>(io, config.address,
-                                            port::byte_opener(io, config.address), clock);
   if (const auto* usb = std::get_if<port::UsbAddress>(&address))
     return std::make_unique<tdc::UsbTdc>(io, config.address, *usb, clock);
-  refuse(config.address, "a time tagger is bridge:tcp://HOST:PORT or usb:VVVV:PPPP");
+  return std::make_unique<tdc::BridgeTdc>(io, config.address, port::byte_opener(io, config.address),
+                                          clock);
 }
 
 namespace {
@@ -53,12 +75,8 @@ std::vector<std::string> radar_warnings(const RadarConfig& config) {
 
 std::unique_ptr<Driver> make_radar(boost::asio::io_context& io, const RadarConfig& config,
                                    const Clock& clock) {
-  for (const std::string& text : {config.cli, config.data}) {
-    const port::Address address = port::parse_address(text);
-    if (!std::holds_alternative<port::SerialAddress>(address) &&
-        !std::holds_alternative<port::HidAddress>(address))
-      refuse(text, "a radar port is serial:/dev/... or hid:VVVV:PPPP");
-  }
+  check_radar_port(config.cli, config.cli_baud);
+  check_radar_port(config.data, config.data_baud);
   return std::make_unique<radar::RadarDriver>(
       io,
       radar::RadarSetup{.address = config.cli + " " + config.data,
@@ -73,15 +91,14 @@ std::unique_ptr<Driver> make_radar(boost::asio::io_context& io, const RadarConfi
 
 std::unique_ptr<Driver> make_depth(boost::asio::io_context& io, const DepthConfig& config,
                                    const Clock& clock) {
+  check_depth(config.address);
   const port::Address address = port::parse_address(config.address);
   if (const auto* openni = std::get_if<port::OpenNiAddress>(&address))
     return std::make_unique<depth::OpenNiCamera>(
         io, config.address, openni->uri, clock,
         depth::OpenNiOptions{.width = config.width, .height = config.height, .fps = config.fps});
-  if (std::holds_alternative<port::BridgeAddress>(address))
-    return std::make_unique<depth::BridgeCamera>(io, config.address,
-                                                 port::byte_opener(io, config.address), clock);
-  refuse(config.address, "a depth camera is openni:[URI or file.oni] or bridge:tcp://HOST:PORT");
+  return std::make_unique<depth::BridgeCamera>(io, config.address,
+                                               port::byte_opener(io, config.address), clock);
 }
 
 }  // namespace echofuse

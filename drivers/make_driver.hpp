@@ -32,6 +32,11 @@ struct DepthConfig {
   std::uint32_t width = 0, height = 0, fps = 0;  // of an OpenNI2 camera; 0: its own choice
 };
 
+// Whether this is the address of such a device; throws as make_... does, and opens nothing.
+void check_tdc(const std::string& address);
+void check_radar_port(const std::string& address, std::uint32_t baud);
+void check_depth(const std::string& address);
+
 // `io` and `clock` must outlive the driver.
 std::unique_ptr<Driver> make_tdc(boost::asio::io_context& io, const TdcConfig& config,
                                  const Clock& clock);

@@ -2,9 +2,11 @@
 #include "drivers/core/console.hpp"
 
 #include <signal.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <utility>
 
@@ -22,7 +24,13 @@ void on_signal(int number) {
 
 int run_main(const std::string& program, const std::function<ExitCode()>& body) {
   const auto complain = [&](const char* what, ExitCode code) {
-    std::fprintf(stderr, "%s: %s\n", program.c_str(), what);
+    std::string text = program + ": " + what;
+    if (stderr_is_journal()) {  // each line is an entry of its own
+      constexpr const char* error = "<3>";
+      for (std::size_t at = 0; at != text.npos; at = text.find('\n', at + 1))
+        text.insert(at == 0 ? 0 : at + 1, error);
+    }
+    std::fprintf(stderr, "%s\n", text.c_str());
     return static_cast<int>(code);
   };
   try {
@@ -32,6 +40,15 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
   } catch (const std::exception& e) {
     return complain(e.what(), ExitCode::failed);
   }
+}
+
+// As sd_journal's documentation has it: the variable alone may be inherited by a process whose
+// stderr goes elsewhere.
+bool stderr_is_journal() {
+  const char* stream = std::getenv("JOURNAL_STREAM");
+  struct stat is {};
+  if (!stream || ::fstat(STDERR_FILENO, &is) != 0) return false;
+  return std::to_string(is.st_dev) + ":" + std::to_string(is.st_ino) == stream;
 }
 
 void catch_interrupts() {

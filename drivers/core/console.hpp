@@ -14,6 +14,10 @@ namespace echofuse {
 // Runs body and returns its exit code; an exception becomes one line "PROGRAM: text" on stderr.
 int run_main(const std::string& program, const std::function<ExitCode()>& body);
 
+// Whether stderr goes to systemd's journal, which keeps the time by itself and takes "<N>" in front
+// of a line as its priority (syslog's numbers).
+bool stderr_is_journal();
+
 // SIGINT and SIGTERM set a flag; a second SIGINT ends the process at once (exit code 130).
 void catch_interrupts();
 bool interrupted();

@@ -15,6 +15,8 @@
 namespace echofuse {
 namespace {
 
+constexpr std::size_t enough_faults = 20;  // in what is not TOML; probably not meant to be
+
 std::string text_of(double v) {
   std::ostringstream out;
   out.precision(15);
@@ -67,13 +69,45 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
   return row.back();
 }
 
-[[noreturn]] void fail(const std::vector<std::string>& faults) {
+std::string section_of(const std::string& key) {
+  const auto dot = key.rfind('.');
+  return dot == std::string::npos ? "" : key.substr(0, dot);
+}
+
+std::string nearest(const std::vector<std::string>& known, const std::string& key) {
+  const auto it = std::min_element(known.begin(), known.end(), [&](auto& a, auto& b) {
+    return edit_distance(a, key) < edit_distance(b, key);
+  });
+  return it == known.end() ? "" : *it;
+}
+
+std::string place(const std::string& name, const toml::source_position& where) {
+  return name + ":" + std::to_string(where.line) + ":" + std::to_string(where.column);
+}
+
+// Empties a line that cannot be read; false if what follows depends on it: a section's name, or
+// the open end of a text.
+bool blank_out(std::string& text, std::size_t line) {
+  std::size_t begin = 0;
+  for (std::size_t n = 1; n < line && begin != text.npos; ++n) {
+    begin = text.find('\n', begin);
+    if (begin != text.npos) ++begin;
+  }
+  if (begin == text.npos || begin >= text.size()) return false;
+  const std::size_t end = std::min(text.find('\n', begin), text.size());
+  const std::size_t first = text.find_first_not_of(" \t\r", begin);
+  if (first >= end || text[first] == '[') return false;
+  text.erase(begin, end - begin);
+  return true;
+}
+
+}  // namespace
+
+void refuse(const std::vector<std::string>& faults) {
   std::string all;
   for (const auto& f : faults) all.append(all.empty() ? "" : "\n") += printable(f);
   throw Error(ExitCode::config, all);
 }
-
-}  // namespace
 
 std::string read_config_text(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
@@ -113,16 +147,20 @@ Settings::Entry* Settings::find(const std::string& key) {
   return it == entries_.end() ? nullptr : &*it;
 }
 
-bool Settings::given(const std::string& key) const {
+std::string Settings::origin(const std::string& key) const {
   const auto* entry = const_cast<Settings*>(this)->find(key);
-  return entry && entry->given;
+  return entry ? entry->origin : "";
 }
 
-std::string Settings::nearest(const std::string& key) const {
-  const auto it = std::min_element(entries_.begin(), entries_.end(), [&](auto& a, auto& b) {
-    return edit_distance(a.key, key) < edit_distance(b.key, key);
-  });
-  return it == entries_.end() ? "" : it->key;
+bool Settings::is_section(const std::string& key) const {
+  return std::any_of(entries_.begin(), entries_.end(),
+                     [&](const Entry& e) { return e.key.rfind(key + ".", 0) == 0; });
+}
+
+std::vector<std::string> Settings::keys() const {
+  std::vector<std::string> out;
+  for (const auto& e : entries_) out.push_back(e.key);
+  return out;
 }
 
 std::string Settings::expectation(const Entry& entry) {
@@ -140,7 +178,7 @@ std::string Settings::expectation(const Entry& entry) {
 
 // Sets the entry from a TOML node; returns what was expected if it does not fit.
 template <class Node>
-std::string Settings::assign(Entry& entry, const Node& node) {
+std::string Settings::assign(Entry& entry, const Node& node, const std::string& origin) {
   bool fits = false;
   if (auto* r = std::get_if<Real>(&entry.target)) {
     if (node.is_number()) {
@@ -166,100 +204,143 @@ std::string Settings::assign(Entry& entry, const Node& node) {
       if (fits) *t.value = v;
     }
   }
-  entry.given = entry.given || fits;
+  if (fits) entry.origin = origin;
   return fits ? "" : expectation(entry);
+}
+
+// What is wrong with a key that is none of ours.
+template <class Node>
+std::string Settings::unknown(const std::string& key, const Node& node) const {
+  if (is_section(key)) return key + " is a section; expected [" + key + "] and its keys below";
+  std::vector<std::string> known = keys();
+  if (node.is_table())
+    for (auto& name : known) name = section_of(name);
+  std::erase(known, "");
+  return "unknown " + std::string(node.is_table() ? "section" : "key") + " \"" + key +
+         "\"; the nearest known one is \"" + nearest(known.empty() ? keys() : known, key) + "\"";
 }
 
 template <class Table>
 void Settings::read_table(const Table& table, const std::string& prefix, const std::string& name,
-                          std::vector<std::string>& faults) {
-  for (const auto& [raw_key, node] : table) {
-    const std::string key = prefix + std::string(raw_key.str());
-    const auto where = raw_key.source().begin;
-    const std::string place =
-        name + ":" + std::to_string(where.line) + ":" + std::to_string(where.column) + ": ";
+                          Faults& faults) {
+  std::vector<typename Table::const_iterator> order;  // the table has its keys by name
+  for (auto it = table.cbegin(); it != table.cend(); ++it) order.push_back(it);
+  std::sort(order.begin(), order.end(), [](const auto& a, const auto& b) {
+    return a->first.source().begin < b->first.source().begin;
+  });
+  for (const auto& it : order) {
+    const auto& node = it->second;
+    const std::string key = prefix + std::string(it->first.str());
+    const std::string here = place(name, it->first.source().begin);
     Entry* entry = find(key);
-    const bool is_section = std::any_of(entries_.begin(), entries_.end(), [&](const Entry& e) {
-      return e.key.rfind(key + ".", 0) == 0;
-    });
-    if (!entry && is_section && node.is_table()) {
+    if (!entry && node.is_table() && is_section(key)) {
       read_table(*node.as_table(), key + ".", name, faults);
     } else if (!entry) {
-      faults.push_back(place + "unknown key \"" + key + "\"; the nearest known one is \"" +
-                       nearest(key) + "\"");
-    } else if (const std::string expected = assign(*entry, node); !expected.empty()) {
+      faults.push_back(here + ": " + unknown(key, node));
+    } else if (const std::string expected = assign(*entry, node, here); !expected.empty()) {
       std::ostringstream got;
       node.visit([&](const auto& n) {
         if constexpr (requires { got << n; }) got << n;
       });
-      faults.push_back(place + key + " = " + got.str() + " does not fit; expected " + expected);
+      faults.push_back(here + ": " + key + " = " + got.str() + " does not fit; expected " +
+                       expected);
     }
   }
 }
 
-void Settings::read_text(const std::string& text, const std::string& name) {
-  std::vector<std::string> faults;
-  try {
-    const toml::table table = toml::parse(text, name);
-    read_table(table, "", name, faults);
-  } catch (const toml::parse_error& e) {
-    const auto where = e.source().begin;
-    faults.push_back(name + ":" + std::to_string(where.line) + ":" + std::to_string(where.column) +
-                     ": not TOML: " + std::string(e.description()));
+void Settings::parse(std::string text, const std::string& name, Faults& faults) {
+  for (std::size_t last = 0;;) {
+    try {
+      return read_table(toml::parse(text, name), "", name, faults);
+    } catch (const toml::parse_error& e) {
+      const auto where = e.source().begin;
+      faults.push_back(place(name, where) + ": not TOML: " + std::string(e.description()));
+      if (where.line <= last || faults.size() >= enough_faults || !blank_out(text, where.line))
+        return;
+      last = where.line;
+    }
   }
-  if (!faults.empty()) fail(faults);
+}
+
+void Settings::take(const std::string& assignment, Faults& faults) {
+  const auto complain = [&](const std::string& what) {
+    faults.push_back("--set " + assignment + ": " + what);
+  };
+  const auto equals = assignment.find('=');
+  if (equals == std::string::npos) return complain("expected key=value");
+  const std::string key = assignment.substr(0, equals);
+  Entry* entry = find(key);
+  if (!entry)
+    return complain("unknown key; the nearest known one is \"" + nearest(keys(), key) + "\"");
+  try {
+    const toml::table table = parse_value(assignment.substr(equals + 1));
+    const std::string expected =
+        table.size() == 1 ? assign(*entry, *table.get("v"), "--set") : expectation(*entry);
+    if (!expected.empty()) complain("expected " + expected);
+  } catch (const toml::parse_error&) {
+    complain("expected UTF-8");
+  }
+}
+
+std::vector<std::string> Settings::read(const std::string& text, const std::string& name,
+                                        const std::vector<std::string>& assignments) {
+  Faults faults;
+  parse(text, name, faults);
+  for (const auto& assignment : assignments) take(assignment, faults);
+  return faults;
+}
+
+void Settings::read_text(const std::string& text, const std::string& name) {
+  if (const Faults faults = read(text, name, {}); !faults.empty()) refuse(faults);
 }
 
 void Settings::read_file(const std::string& path) { read_text(read_config_text(path), path); }
 
 void Settings::set(const std::string& assignment) {
-  const auto equals = assignment.find('=');
-  const auto complain = [&](const std::string& what) {
-    throw Error(ExitCode::config, printable("--set " + assignment + ": " + what));
-  };
-  if (equals == std::string::npos) complain("expected key=value");
-  const std::string key = assignment.substr(0, equals);
-  const std::string value = assignment.substr(equals + 1);
-  Entry* entry = find(key);
-  if (!entry) complain("unknown key; the nearest known one is \"" + nearest(key) + "\"");
-  toml::table table;
-  try {
-    table = parse_value(value);
-  } catch (const toml::parse_error&) {
-    complain("expected UTF-8");
-  }
-  const std::string expected =
-      table.size() == 1 ? assign(*entry, *table.get("v")) : expectation(*entry);
-  if (!expected.empty()) complain("expected " + expected);
+  Faults faults;
+  take(assignment, faults);
+  if (!faults.empty()) refuse(faults);
 }
 
-std::string Settings::resolved(bool with_docs) const {
-  // Keys without a section first, then each section once.
-  std::vector<const Entry*> order;
-  for (const auto& e : entries_) order.push_back(&e);
-  const auto section = [](const Entry* e) {
-    const auto dot = e->key.rfind('.');
-    return dot == std::string::npos ? std::string() : e->key.substr(0, dot);
-  };
-  std::stable_sort(order.begin(), order.end(),
-                   [&](auto* a, auto* b) { return section(a).empty() && !section(b).empty(); });
-  std::ostringstream out;
-  std::string current;
-  for (const auto* e : order) {
-    if (section(e) != current) out << "\n[" << (current = section(e)) << "]\n";
-    if (with_docs) out << "# " << e->doc << " (" << expectation(*e) << ")\n";
-    out << e->key.substr(current.empty() ? 0 : current.size() + 1) << " = ";
-    if (const auto* r = std::get_if<Real>(&e->target))
-      out << literal(*r->value);
-    else if (const auto* i = std::get_if<Integer>(&e->target))
-      out << *i->value;
-    else if (const auto* b = std::get_if<bool*>(&e->target))
-      out << (**b ? "true" : "false");
-    else
-      out << quoted(*std::get<Text>(e->target).value);
-    out << "\n";
-  }
-  return out.str();
+std::string Settings::value_of(const Entry& entry) {
+  if (const auto* r = std::get_if<Real>(&entry.target)) return literal(*r->value);
+  if (const auto* i = std::get_if<Integer>(&entry.target)) return std::to_string(*i->value);
+  if (const auto* b = std::get_if<bool*>(&entry.target)) return **b ? "true" : "false";
+  return quoted(*std::get<Text>(entry.target).value);
 }
+
+// Keys without a section first, then the sections as they were bound, each once: TOML takes no
+// section twice.
+std::vector<const Settings::Entry*> Settings::by_section() const {
+  std::vector<std::string> sections{""};
+  std::vector<const Entry*> out;
+  for (const auto& e : entries_) {
+    out.push_back(&e);
+    const std::string section = section_of(e.key);
+    if (std::find(sections.begin(), sections.end(), section) == sections.end())
+      sections.push_back(section);
+  }
+  const auto rank = [&](const Entry* e) {
+    return std::find(sections.begin(), sections.end(), section_of(e->key));
+  };
+  std::stable_sort(out.begin(), out.end(), [&](auto* a, auto* b) { return rank(a) < rank(b); });
+  return out;
+}
+
+std::string Settings::print(bool with_docs, bool with_origin) const {
+  std::string out, current;
+  for (const auto* e : by_section()) {
+    if (section_of(e->key) != current) out += "\n[" + (current = section_of(e->key)) + "]\n";
+    if (with_docs) out += "# " + e->doc + " (" + expectation(*e) + ")\n";
+    out += e->key.substr(current.empty() ? 0 : current.size() + 1) + " = " + value_of(*e);
+    if (with_origin) out += "  # " + (e->origin.empty() ? "default" : printable(e->origin));
+    out += "\n";
+  }
+  return out;
+}
+
+std::string Settings::resolved(bool with_docs) const { return print(with_docs, false); }
+
+std::string Settings::with_origins() const { return print(true, true); }
 
 }  // namespace echofuse

@@ -15,6 +15,9 @@ namespace echofuse {
 // A whole configuration file, as it is; throws Error(config) if it cannot be read.
 std::string read_config_text(const std::string& path);
 
+// Throws Error(config) that lists these faults, one a line.
+[[noreturn]] void refuse(const std::vector<std::string>& faults);
+
 class Settings {
  public:
   // Binding. Keys are dotted ("tdc.bins"); the reference must outlive this object.
@@ -26,16 +29,24 @@ class Settings {
   void add(std::string key, std::string& value, std::string doc,
            std::vector<std::string> allowed = {});
 
-  // Reading. Each throws Error(ExitCode::config) that lists every fault, one a line.
+  // Reading: takes what fits and returns every fault, one line each. The text comes first, so that
+  // an assignment ("key=value" from a command line; a bare word is a text) wins over it. After a
+  // line that is not TOML the lines below it are looked at too, unless it begins a section.
+  std::vector<std::string> read(const std::string& text, const std::string& name,
+                                const std::vector<std::string>& assignments);
+  // The same parts; each throws Error(ExitCode::config) that lists every fault.
   void read_file(const std::string& path);
   void read_text(const std::string& text, const std::string& name);
-  // "key=value" from a command line; a bare word is taken as text where text is expected.
   void set(const std::string& assignment);
 
-  bool given(const std::string& key) const;
+  bool given(const std::string& key) const { return !origin(key).empty(); }
+  // Where a key's value comes from: "FILE:line:column", "--set", or empty for the default.
+  std::string origin(const std::string& key) const;
   // The settings as TOML with all values, which read_text takes back; with each key's meaning and
   // range as a comment if asked.
   std::string resolved(bool with_docs = false) const;
+  // The same with both, and the origin of each value behind it.
+  std::string with_origins() const;
 
  private:
   struct Real {
@@ -53,17 +64,26 @@ class Settings {
   struct Entry {
     std::string key, doc;
     std::variant<Real, Integer, bool*, Text> target;
-    bool given = false;
+    std::string origin{};
   };
+  using Faults = std::vector<std::string>;
   template <class Node>
-  std::string assign(Entry& entry, const Node& node);
+  static std::string assign(Entry& entry, const Node& node, const std::string& origin);
   template <class Table>
   void read_table(const Table& table, const std::string& prefix, const std::string& name,
-                  std::vector<std::string>& faults);
+                  Faults& faults);
+  template <class Node>
+  std::string unknown(const std::string& key, const Node& node) const;
+  void parse(std::string text, const std::string& name, Faults& faults);
+  void take(const std::string& assignment, Faults& faults);
   void check_new(const std::string& key) const;
   Entry* find(const std::string& key);
-  std::string nearest(const std::string& key) const;
+  bool is_section(const std::string& key) const;
+  std::vector<std::string> keys() const;
   static std::string expectation(const Entry& entry);
+  static std::string value_of(const Entry& entry);
+  std::vector<const Entry*> by_section() const;
+  std::string print(bool with_docs, bool with_origin) const;
 
   std::vector<Entry> entries_;
 };

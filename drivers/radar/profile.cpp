@@ -27,7 +27,19 @@ std::string quoted(std::string_view word) { return std::string(1, '\'').append(w
 class Cfg {
  public:
   Cfg(const std::vector<CfgLine>& lines, std::string name) : name_(std::move(name)) {
-    for (const CfgLine& line : lines) add(line);
+    for (const CfgLine& line : lines) attempt([&] { add(line); });
+  }
+  // Faults come together: those of one attempt do not hide the next one's.
+  template <class Body>
+  void attempt(Body body) {
+    try {
+      body();
+    } catch (const Error& e) {
+      faults_ += (faults_.empty() ? "" : "\n") + std::string(e.what());
+    }
+  }
+  void stop_if_faulty() const {
+    if (!faults_.empty()) throw Error(ExitCode::config, faults_);
   }
   // All commands of a name; at least one, or an error.
   const std::vector<Command>& all(const std::string& command) const {
@@ -88,7 +100,7 @@ class Cfg {
     commands_[std::string(c.words[0])].push_back(c);
   }
 
-  std::string name_;
+  std::string name_, faults_;
   std::map<std::string, std::vector<Command>> commands_;
 };
 
@@ -212,21 +224,28 @@ std::vector<CfgLine> command_lines(std::string_view cfg_text) {
 RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
                            std::uint32_t data_baud) {
   const auto lines = command_lines(cfg_text);
-  const Cfg cfg(lines, name);
+  Cfg cfg(lines, name);
+  for (const char* command :
+       {"profileCfg", "frameCfg", "channelCfg", "chirpCfg", "guiMonitor", "sensorStart"})
+    cfg.attempt([&] { cfg.all(command); });
+  cfg.stop_if_faulty();
   const Command& chirp = cfg.last("profileCfg");
-  const Command& frame = cfg.last("frameCfg");
-  cfg.all("sensorStart");
   RadarProfile profile;
-  const Antennas antennas = read_antennas(cfg);
+  Antennas antennas;
+  double slope_hz_per_s = 0, sample_rate_hz = 0;
+  cfg.attempt([&] { antennas = read_antennas(cfg); });
+  cfg.attempt([&] { profile.adc_samples = cfg.integer(chirp, 10, 2, 2048); });
+  cfg.attempt([&] { slope_hz_per_s = cfg.positive(chirp, 8, "the frequency slope") * 1e12; });
+  cfg.attempt([&] { sample_rate_hz = cfg.positive(chirp, 11, "the sample rate") * 1e3; });
+  cfg.attempt([&] {
+    profile.frame_period_s = cfg.positive(cfg.last("frameCfg"), 5, "the frame period") * 1e-3;
+  });
+  cfg.attempt([&] { read_gui_monitor(cfg, profile); });
+  cfg.stop_if_faulty();
   profile.antennas = antennas.virtuals();
-  profile.adc_samples = cfg.integer(chirp, 10, 2, 2048);
   const std::uint32_t fft = std::bit_ceil(profile.adc_samples);
   profile.bins = fft == 1024 && profile.antennas == 12 ? 1022 : fft;
-  const double slope_hz_per_s = cfg.positive(chirp, 8, "the frequency slope") * 1e12;
-  const double sample_rate_hz = cfg.positive(chirp, 11, "the sample rate") * 1e3;
   profile.range_step_m = firmware_speed_of_light_m_s * sample_rate_hz / (2 * slope_hz_per_s * fft);
-  profile.frame_period_s = cfg.positive(frame, 5, "the frame period") * 1e-3;
-  read_gui_monitor(cfg, profile);
   profile.frame_bytes = frame_bytes(cfg, antennas, profile.bins);
   read_warnings(cfg, profile, data_baud);
   return profile;

@@ -32,8 +32,8 @@ struct RadarProfile {
   std::vector<std::string> warnings;
 };
 
-// Throws Error(config) as "NAME:LINE: ...": a command with too few numbers, one that is missing, a
-// line longer than the firmware's buffer (255 characters, 40 words).
+// Throws Error(config) with a line "NAME:LINE: ..." for each fault: a command with too few numbers,
+// one that is missing, a line longer than the firmware's buffer (255 characters, 40 words).
 // `data_baud` is the rate at which the data port will be read: the warnings need it.
 RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
                            std::uint32_t data_baud = 921600);

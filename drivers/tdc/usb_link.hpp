@@ -26,6 +26,8 @@ struct LinkCounts {
 // Threading: one thread. The handler is called from serve().
 class Link {
  public:
+  static constexpr std::size_t transfer_count = 8, transfer_bytes = 256u << 10;
+
   // A finished transfer; `ends`: with a short or empty packet. Bytes are valid during the call.
   using OnTransfer = std::function<void(ByteView, bool ends)>;
   // Bytes are missing here: the endpoint stalled or a transfer failed.
@@ -47,7 +49,6 @@ class Link {
   const libusb_device_descriptor& descriptor() const { return descriptor_; }
 
  private:
-  static constexpr std::size_t transfer_count = 8, transfer_bytes = 256u << 10;
   struct Context {
     void operator()(libusb_context* c) const { libusb_exit(c); }
   };

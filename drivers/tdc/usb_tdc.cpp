@@ -17,6 +17,7 @@ constexpr auto serve_limit = 50ms;
 constexpr auto status_pause = 1s;
 // A device ends a transfer every 100 ms, be it empty.
 constexpr auto silence_limit = 3s;
+static_assert(UsbTdc::ring_bytes == usb::Link::transfer_count * usb::Link::transfer_bytes);
 constexpr std::size_t max_queued_tags = (64u << 20) / sizeof(Tag);
 
 std::string version_of(std::uint16_t bcd) {

@@ -15,6 +15,9 @@ namespace echofuse::tdc {
 // 64 MiB of tags are on their way, further ones are dropped and counted as lost items.
 class UsbTdc final : public Driver {
  public:
+  // What its transfers take of the kernel's usbfs memory.
+  static constexpr std::size_t ring_bytes = std::size_t{2} << 20;
+
   UsbTdc(boost::asio::io_context& io, std::string address, port::UsbAddress usb,
          const Clock& clock);
   ~UsbTdc() override;

@@ -37,8 +37,8 @@ TEST_CASE("no run without a required device") {
 }
 
 TEST_CASE("help, version and usage errors") {
-  for (const char* command :
-       {"", "run", "devices", "config", "info", "export", "recover", "replay"}) {
+  for (const char* command : {"", "run", "devices", "doctor", "config", "config check",
+                              "config show", "info", "export", "recover", "replay"}) {
     const Outcome o = acquire(std::string(command) + " --help");
     CHECK(o.code == 0);
     CHECK(has(o.text, "exit codes"));
@@ -78,7 +78,47 @@ TEST_CASE("bad configurations and targets of a run") {
   refuses("run --out " + folder / "a" + config, 1, "a.sqlite: exists already");
   refuses("run --out " + folder / "no/a" + config, 6, "its folder does not exist");
   CHECK(fs::file_size(folder / "a.sqlite") == 8);
-  CHECK(has(acquire("config show" + config + " --set tdc.bins=99").text, "bins = 99"));
+}
+
+TEST_CASE("config check says ok or all faults; config show prints values with their origin") {
+  const Folder folder;
+  const std::string path = folder / "lab.toml", config = " --config " + path;
+  write_file(path, "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\nbin_width_ps = 50\n");
+  const Outcome good = acquire("config check" + config);
+  CHECK(good.code == 0);
+  CHECK(good.text == path + ": ok\n");
+  const Outcome shown = acquire("config show" + config + " --set tdc.bins=99");
+  CHECK(shown.code == 0);
+  CHECK(has(shown.text, "\nbins = 99  # --set\n"));
+  CHECK(has(shown.text, "\nbin_width_ps = 50  # " + path + ":3:1\n"));
+  CHECK(has(shown.text, "\nwindow_s = 3.0  # default\n"));
+  write_file(folder / "again.toml", shown.text);
+  const Outcome again = acquire("config show --config " + folder / "again.toml");
+  CHECK(has(again.text, "\nbins = 99  # " + folder / "again.toml:"));
+  const Outcome bad = acquire("config check" + config + " --set tdc.bins=0 --set a=1");
+  CHECK(bad.code == 3);
+  CHECK(has(bad.text, "--set tdc.bins=0: expected a whole number"));
+  CHECK(has(bad.text, "--set a=1: unknown key"));
+  refuses("config check --config " + folder / "none.toml", 3, "none.toml: cannot read");
+}
+
+TEST_CASE("doctor without a configuration looks at the machine; a bad one ends it") {
+  const Folder folder;
+  const std::string here = "cd " + folder / "" + " && " ECHOFUSE_BIN_DIR "/echofuse-acquire doctor";
+  const Outcome o = shell(here + " --json");
+  CAPTURE(o.text);
+  REQUIRE(o.code == 0);
+  const Json report = Json::parse(o.text);
+  std::vector<std::string> checks;
+  for (const auto& check : report["checks"]) checks.push_back(check["check"]);
+  CHECK(std::count(checks.begin(), checks.end(), "clock") == 1);
+  CHECK(std::count(checks.begin(), checks.end(), "disk rate") == 1);
+  CHECK(std::count(checks.begin(), checks.end(), "spd") == 0);
+  CHECK(fs::is_empty(folder / ""));
+  const Outcome nowhere = shell(here + " --out no/run");
+  CHECK(nowhere.code == 6);
+  CHECK(has(nowhere.text, "cannot be a run's folder"));
+  refuses("doctor --config " + folder / "none.toml", 3, "none.toml: cannot read");
 }
 
 TEST_CASE("no device answers: one clear line each, and no file") {

@@ -60,6 +60,22 @@ TEST_CASE("what one key alone cannot show") {
   SECTION("no device") {
     write_file(path, "");
     CHECK(has(refusal(path).second, path + ": no device; expected at least one of tdc.address"));
+    write_file(path, "\n[radar]\ncli = \"\"\n");
+    CHECK(has(refusal(path).second, path + ":3:1: radar.cli: no device; expected"));
+  }
+  SECTION("addresses that cannot be, all of them") {
+    write_file(path,
+               "[tdc]\naddress = \"openni:\"\n[radar]\ncli = \"bridge:tcp://h:1\"\n"
+               "data = \"hid:10c4:ea80\"\ncfg = \"r.cfg\"\ndata_baud = 200\n");
+    const std::string text =
+        refusal(path, {"depth.address=carrier:pigeon", "radar.data_baud=4000000"}).second;
+    CHECK(has(text, path + ":2:1: tdc.address: address \"openni:\": a time tagger is bridge:"));
+    CHECK(
+        has(text, path + ":4:1: radar.cli: address \"bridge:tcp://h:1\": a radar port is serial:"));
+    CHECK(has(text, path + ":5:1: radar.data: "));
+    CHECK(has(text, path + ":6:1: radar.cfg: " + folder / "r.cfg: cannot read"));
+    CHECK(has(text, path + ":7:1: radar.data_baud = 200 does not fit"));
+    CHECK(has(text, "--set: depth.address: address \"carrier:pigeon\": expected bridge:tcp"));
   }
   SECTION("a radar with one port and no cfg") {
     write_file(path, "[radar]\ncli = \"serial:/dev/ttyACM0\"\n");
@@ -70,17 +86,29 @@ TEST_CASE("what one key alone cannot show") {
     write_file(path, "[radar]\ncli = \"serial:/a\"\ndata = \"serial:/b\"\ncfg = \"r.cfg\"\n");
     CHECK(has(refusal(path).second, folder / "r.cfg: cannot read"));
     write_file(folder / "r.cfg", "sensorStop\nprofileCfg 0 60\n");
-    CHECK(has(refusal(path).second, folder / "r.cfg: has no frameCfg"));
+    CHECK(
+        has(refusal(path).second, path + ":4:1: radar.cfg: " + folder / "r.cfg: has no frameCfg"));
+    write_file(folder / "r.cfg",
+               "profileCfg\nframeCfg 0 0\nsensorStart\nchannelCfg 0 0\nchirpCfg\n");
+    CHECK(has(refusal(path).second,
+              path + ":4:1: radar.cfg: " + folder / "r.cfg: has no guiMonitor"));
+    write_file(folder / "r.cfg",
+               "profileCfg\nframeCfg 0 0\nsensorStart\nchannelCfg 0 0\nchirpCfg\nguiMonitor\n");
+    const std::string text = refusal(path).second;
+    for (const char* line : {"r.cfg:4: channelCfg '0' should be a whole", "r.cfg:1: profileCfg ",
+                             "r.cfg:2: frameCfg ", "r.cfg:6: guiMonitor "})
+      CHECK(has(text, path + ":4:1: radar.cfg: " + folder / line));
   }
   SECTION("an impossible histogram") {
     write_file(path, "[tdc]\naddress = \"bridge:tcp://h:1\"\nclick_channel = 1\n");
-    CHECK(has(refusal(path).second, "start and click are both channel 1"));
+    CHECK(has(refusal(path).second,
+              path + ":3:1: tdc.click_channel: start and click are both channel 1"));
   }
   SECTION("a sensor that is required, but has no address") {
     write_file(path, "[depth]\naddress = \"openni:\"\npolicy = \"required\"\n");
     CHECK(load_config(path).required() == 4);
     CHECK(has(refusal(path, {"radar.policy=required"}).second,
-              path + ": radar.policy is \"required\", but radar.cli is empty"));
+              "radar.policy: is \"required\", but radar.cli is empty"));
     CHECK(has(refusal(path, {"tdc.policy=must"}).second, "\"optional\" \"required\""));
   }
   SECTION("a bad --set") {

@@ -68,7 +68,11 @@ TEST_CASE("all faults come at once, each with its place and what would be right"
 }
 
 TEST_CASE("a section given as a value, and text that is not TOML, are faults with a place") {
-  CHECK(faults_of("tdc = 3\n").find("lab.toml:1:1: unknown key \"tdc\"") == 0);
+  CHECK(faults_of("tdc = 3\n") ==
+        "lab.toml:1:1: tdc is a section; expected [tdc] and its keys below");
+  CHECK(faults_of("[[radar]]\n").find("lab.toml:1:3: radar is a section") == 0);
+  CHECK(faults_of("[tcd]\nbins = 3\n") ==
+        "lab.toml:1:2: unknown section \"tcd\"; the nearest known one is \"tdc\"");
   CHECK(faults_of("window_s = = 3\n").find("lab.toml:1:") == 0);
   CHECK(faults_of("window_s = nan\n").find("expected a number") != std::string::npos);
 }
@@ -106,4 +110,81 @@ TEST_CASE("resolved settings read back to the same values") {
   CHECK(other.window_s == Approx(sample.window_s).epsilon(1e-14));
   CHECK(other.address == sample.address);
   CHECK(other.bound().resolved() == sample.bound().resolved());
+}
+
+TEST_CASE("lines that are not TOML, and keys given twice, do not hide the faults below them") {
+  CHECK(faults_of("window_s = 3\nwindow_s = 4\n").find("lab.toml:2:12: not TOML: ") == 0);
+  const std::string faults = faults_of(
+      "window_s = = 3\n[tdc]\naddress = \"open\nbins = 8\nbins = 9\nfilter = 1\n"
+      "[radar]\nspf = 1\n");
+  std::vector<std::string> places;
+  for (std::size_t at = 0; at != faults.npos; at = faults.find("lab.toml", at + 1))
+    places.push_back(faults.substr(at, std::string("lab.toml:N").size()));
+  CHECK(places == std::vector<std::string>{"lab.toml:1", "lab.toml:3", "lab.toml:5", "lab.toml:6",
+                                           "lab.toml:8"});
+  // The section's name is lost: what is below would be judged wrongly.
+  CHECK(faults_of("[tdc\nbins = 0\n").find('\n') == std::string::npos);
+  CHECK(faults_of("[tdc]\nbins = 3\n[tdc]\n").find("lab.toml:3:") == 0);
+  const std::string many = faults_of(std::string(1000, '=') + "\n" + [] {
+    std::string lines;
+    for (int k = 0; k < 100; ++k) lines += "= 1\n";
+    return lines;
+  }());
+  CHECK(std::count(many.begin(), many.end(), '\n') == 19);
+}
+
+TEST_CASE("text and assignments are read at once; the assignment wins, faults of both are told") {
+  Sample sample;
+  Settings s = sample.bound();
+  const auto faults =
+      s.read("window_s = 1\n[tdc]\nbins = 0\n", "lab.toml", {"window_s=2", "tdc.bin=3", "x"});
+  REQUIRE(faults.size() == 3);
+  CHECK(faults[0].find("lab.toml:3:1: tdc.bins = 0") == 0);
+  CHECK(faults[1] == "--set tdc.bin=3: unknown key; the nearest known one is \"tdc.bins\"");
+  CHECK(faults[2] == "--set x: expected key=value");
+  CHECK(sample.window_s == 2);
+}
+
+TEST_CASE("every value has its origin, which the settings as TOML tell and still load again") {
+  Sample sample;
+  Settings s = sample.bound();
+  REQUIRE(s.read("window_s = 1\n[tdc]\nbins = 7\n", "lab.toml", {"radar.psf=blackman"}).empty());
+  CHECK(s.origin("window_s") == "lab.toml:1:1");
+  CHECK(s.origin("tdc.bins") == "lab.toml:3:1");
+  CHECK(s.origin("radar.psf") == "--set");
+  CHECK(s.origin("tdc.filter").empty());
+  s.set("tdc.bins=8");
+  CHECK(s.origin("tdc.bins") == "--set");
+  const std::string text = s.with_origins();
+  CHECK(text.find("\nwindow_s = 1.0  # lab.toml:1:1\n") != std::string::npos);
+  CHECK(text.find("\nbins = 8  # --set\n") != std::string::npos);
+  CHECK(text.find("\nfilter = true  # default\n") != std::string::npos);
+  CHECK(text.find("# number of bins (a whole number from 1 to 65536)\n") != std::string::npos);
+  Sample other;
+  other.bound().read_text(text, "shown");
+  CHECK(other.bound().resolved() == s.resolved());
+}
+
+TEST_CASE("a file's name cannot break the line that tells an origin") {
+  Sample sample;
+  Settings s = sample.bound();
+  REQUIRE(s.read("window_s = 1\n", "a\nwindow_s = 5\n", {}).empty());
+  Sample other;
+  other.bound().read_text(s.with_origins(), "shown");
+  CHECK(other.window_s == 1);
+}
+
+TEST_CASE("a section is printed once, however its keys are bound") {
+  std::int64_t n[] = {1, 2, 3, 4, 5};
+  const auto bound = [&] {
+    Settings s;
+    const char* keys[] = {"a.x", "b.x", "plain", "a.y", "b.y"};
+    for (std::size_t k = 0; k < 5; ++k) s.add(keys[k], n[k], 0, 9, "");
+    return s;
+  };
+  const std::string text = bound().resolved();
+  CHECK(text == "plain = 3\n\n[a]\nx = 1\ny = 4\n\n[b]\nx = 2\ny = 5\n");
+  for (auto& v : n) v = 0;
+  bound().read_text(text, "resolved");
+  CHECK(n[3] == 4);
 }

@@ -79,7 +79,9 @@ TEST_CASE("lines to send: verbatim but for CR, blank lines and comments") {
 }
 
 TEST_CASE("errors name the line of the cfg") {
-  CHECK(refusal("") == "x.cfg: has no profileCfg");
+  CHECK(refusal("") ==
+        "x.cfg: has no profileCfg\nx.cfg: has no frameCfg\nx.cfg: has no channelCfg\n"
+        "x.cfg: has no chirpCfg\nx.cfg: has no guiMonitor\nx.cfg: has no sensorStart");
   CHECK(refusal(with("sensorStart", "")) == "x.cfg: has no sensorStart");
   CHECK(refusal(with("guiMonitor -1 1 1 0 0 0 1\r\n", "")) == "x.cfg: has no guiMonitor");
   CHECK(refusal(with("1 256 12500 0 0 30", "1 256")) ==
@@ -95,6 +97,19 @@ TEST_CASE("errors name the line of the cfg") {
         "x.cfg:9: frameCfg the frame period must be from 1e-6 to 1e9");
   CHECK_THAT(refusal(with("% a comment", "calib " + std::string(300, '1'))),
              Catch::StartsWith("x.cfg:1: calib line has 306 characters"));
+}
+
+TEST_CASE("all faults of a cfg come at once") {
+  const std::string bad = refusal(
+      "channelCfg 15 9 0\nprofileCfg 0 60 7 3 24 0 0 fast 1 1 0 0 0 30\nchirpCfg 0 0 0 0 0 0 0 1\n"
+      "frameCfg 0 0 16 0 -1 1 0\nguiMonitor -1 0\nsensorStart\n");
+  CHECK(bad ==
+        "x.cfg:1: channelCfg '9' should be a whole number from 1 to 7\n"
+        "x.cfg:2: profileCfg '1' should be a whole number from 2 to 2048\n"
+        "x.cfg:2: profileCfg 'fast' is not a number\n"
+        "x.cfg:2: profileCfg the sample rate must be from 1e-6 to 1e9\n"
+        "x.cfg:4: frameCfg the frame period must be from 1e-6 to 1e9\n"
+        "x.cfg:5: guiMonitor needs at least 3 numbers, has 2");
 }
 
 TEST_CASE("what will disappoint is told") {

@@ -52,6 +52,12 @@ void check(const RadarProfile& p) {
     require(warning.starts_with("x.cfg:") && fuzz::is_printable(warning), "a warning is one line");
 }
 
+void check_faults(std::string_view faults) {
+  require(!faults.empty() && fuzz::is_printable(faults, "\n"), "faults can be printed");
+  for (; !faults.empty(); faults.remove_prefix(std::min(faults.find('\n'), faults.size() - 1) + 1))
+    require(faults.starts_with("x.cfg:"), "each line is one fault and names the file");
+}
+
 bool same(const Outcome& a, const Outcome& b) {
   if (a.fault != b.fault || a.profile.has_value() != b.profile.has_value()) return false;
   return !a.profile ||
@@ -70,8 +76,7 @@ void fuzz::run(ByteView input) {
   if (outcome.profile)
     check(*outcome.profile);
   else
-    require(outcome.fault.starts_with("x.cfg:") && is_printable(outcome.fault),
-            "a fault is one line that names the file");
+    check_faults(outcome.fault);
   std::string windows;
   for (const char c : text) windows += c == '\n' ? std::string("\r\n") : std::string(1, c);
   require(same(outcome, outcome_of(windows)), "line ends make no difference");

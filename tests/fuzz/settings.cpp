@@ -72,6 +72,14 @@ void fuzz::run(ByteView input) {
     require(false, "the resolved settings can be read");
   }
   require(again.settings.resolved(true) == resolved, "and are the same");
+  const std::string shown = sample.settings.with_origins();
+  try {
+    Sample third;
+    third.settings.read_text(shown, "shown");
+    require(third.settings.resolved(true) == resolved, "origins change no value");
+  } catch (const Error&) {
+    require(false, "the settings with their origins can be read");
+  }
   require(again.bins == sample.bins && again.seed == sample.seed && again.psf == sample.psf &&
               again.filter == sample.filter && again.address == sample.address,
           "value by value");

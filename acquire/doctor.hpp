@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: MIT
+// The `doctor` command: would a run with this configuration on this machine go well?
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "acquire/config.hpp"
+#include "acquire/machine.hpp"
+#include "drivers/core/clock.hpp"
+
+namespace echofuse::acquire {
+
+struct DoctorOptions {
+  std::string out;                    // the run file to come
+  std::optional<std::int64_t> count;  // its slots
+  bool json = false;
+  MachineRoots roots{};
+};
+
+// Prints one line for each check; without a configuration those of the machine only. The exit code
+// of the first problem: device before disk; ok if there are none.
+ExitCode examine(const std::optional<Config>& config, const DoctorOptions& options,
+                 const Clock& clock);
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: MIT
+// The doctor's checks of the machine, on a tree with the kernel's and udev's layout.
+#include "acquire/machine.hpp"
+
+#include "testing.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+using namespace testing;
+
+namespace {
+
+class Machine {
+ public:
+  MachineRoots roots() const {
+    return {{folder_ / "sys", folder_ / "dev"},
+            folder_ / "proc",
+            folder_ / "run",
+            folder_ / "etc",
+            folder_ / "lib"};
+  }
+  std::string operator/(const std::string& name) const { return folder_ / name; }
+  void write(const std::string& name, const std::string& text) {
+    fs::create_directories(fs::path(folder_ / name).parent_path());
+    write_file(folder_ / name, text);
+  }
+  // A radar board, plugged in as /dev/ttyACM0 and /dev/ttyACM1.
+  void plug_in_radar() {
+    const std::string place = "sys/bus/usb/devices/1-2/";
+    write(place + "idVendor", "0451\n");
+    write(place + "idProduct", "bef3\n");
+    for (const std::string n : {"0", "3"}) {
+      const std::string name = n == "0" ? "ttyACM0" : "ttyACM1";
+      write(place + "1-2:1." + n + "/bInterfaceNumber", "0" + n + "\n");
+      write(place + "1-2:1." + n + "/tty/" + name + "/dev", "");
+      write("sys/class/tty/" + name + "/dev", "166:" + n + "\n");
+      write("dev/" + name, "");
+    }
+  }
+  void start_modem_manager() {
+    write("proc/41/comm", "init\n");
+    write("proc/42/comm", "ModemManager\n");
+  }
+
+ private:
+  Folder folder_;
+};
+
+Config with_radar(const std::string& cli) {
+  Config config;
+  config.radar.cli = cli;
+  return config;
+}
+
+const Finding& of(const std::vector<Finding>& findings, const std::string& check) {
+  for (const Finding& finding : findings)
+    if (finding.check == check) return finding;
+  throw std::runtime_error("no finding about " + check);
+}
+
+}  // namespace
+
+TEST_CASE("a machine without devices has nothing to complain of") {
+  const Machine machine;
+  const auto findings = check_permissions(std::nullopt, machine.roots());
+  CHECK(findings.size() == 2);
+  CHECK(of(findings, "permissions").grade == Grade::ok);
+  CHECK(of(findings, "udev rules").grade == Grade::ok);
+  CHECK(check_modem_manager(std::nullopt, machine.roots()).found == "does not run");
+  CHECK(check_usb_memory(std::nullopt, machine.roots()).grade == Grade::ok);
+}
+
+TEST_CASE("device nodes that can be opened, and udev rules that are missing") {
+  Machine machine;
+  machine.plug_in_radar();
+  auto findings = check_permissions(std::nullopt, machine.roots());
+  CHECK(of(findings, "permissions").found == "2 device nodes can be opened");
+  CHECK(of(findings, "udev rules").grade == Grade::warning);
+  CHECK(has(of(findings, "udev rules").advice, "config/99-echofuse.rules"));
+  const std::string place = GENERATE("etc", "lib");
+  machine.write(place + "/udev/rules.d/99-echofuse.rules", "");
+  findings = check_permissions(std::nullopt, machine.roots());
+  CHECK(of(findings, "udev rules").grade == Grade::ok);
+}
+
+TEST_CASE("a missing node is a problem if the configuration names it, else a warning") {
+  Machine machine;
+  machine.plug_in_radar();
+  fs::remove(machine / "dev/ttyACM0");
+  const auto grade = [&](const std::optional<Config>& config) {
+    return of(check_permissions(config, machine.roots()), "permissions").grade;
+  };
+  CHECK(grade(std::nullopt) == Grade::warning);
+  CHECK(grade(with_radar("serial:" + machine / "dev/ttyACM1")) == Grade::warning);
+  CHECK(grade(with_radar("serial:" + machine / "dev/ttyACM0")) == Grade::problem);
+}
+
+TEST_CASE("a configured port of another maker is looked at too") {
+  const Machine machine;
+  const auto findings =
+      check_permissions(with_radar("serial:" + machine / "dev/ttyS7"), machine.roots());
+  CHECK(of(findings, "permissions").grade == Grade::problem);
+  CHECK(has(of(findings, "permissions").found, "dev/ttyS7: No such file or directory"));
+}
+
+TEST_CASE("ModemManager probes ports that udev does not mark") {
+  Machine machine;
+  machine.plug_in_radar();
+  CHECK(check_modem_manager(std::nullopt, machine.roots()).grade == Grade::ok);
+  machine.start_modem_manager();
+  const auto found = check_modem_manager(std::nullopt, machine.roots());
+  CHECK(found.grade == Grade::warning);
+  CHECK(has(found.found, machine / "dev/ttyACM0 " + machine / "dev/ttyACM1"));
+  machine.write("run/udev/data/c166:0", "S:serial/by-id/x\nE:ID_MM_DEVICE_IGNORE=1\n");
+  const auto half = check_modem_manager(std::nullopt, machine.roots());
+  CHECK(half.grade == Grade::warning);
+  CHECK_FALSE(has(half.found, "ttyACM0"));
+  machine.write("run/udev/data/c166:3", "E:ID_MM_DEVICE_IGNORE=1\n");
+  CHECK(check_modem_manager(std::nullopt, machine.roots()).grade == Grade::ok);
+}
+
+TEST_CASE("the kernel's USB memory against the time tagger's ring") {
+  Machine machine;
+  Config config;
+  config.tdc.address = "usb:1209:0001";
+  const auto grade_at = [&](const std::string& limit) {
+    machine.write("sys/module/usbcore/parameters/usbfs_memory_mb", limit + "\n");
+    return check_usb_memory(config, machine.roots()).grade;
+  };
+  CHECK(check_usb_memory(config, machine.roots()).grade == Grade::warning);  // no such file
+  CHECK(grade_at("16") == Grade::ok);
+  CHECK(grade_at("0") == Grade::ok);  // no limit
+  CHECK(grade_at("2") == Grade::ok);
+  CHECK(grade_at("1") == Grade::problem);
+  CHECK(has(check_usb_memory(config, machine.roots()).advice, "usbfs_memory_mb"));
+  config.tdc.address = "bridge:tcp://h:1";
+  CHECK(grade_at("1") == Grade::ok);
+}
+
+TEST_CASE("the clock: synchronised well, badly, not at all, unknown") {
+  CHECK(check_clock({true, true, 0.01}).grade == Grade::ok);
+  CHECK(check_clock({true, true, 0.5}).grade == Grade::warning);
+  CHECK(check_clock({true, false, 16}).grade == Grade::warning);
+  CHECK(has(check_clock({true, false, 16}).found, "not synchronised, maximal error 16 s"));
+  CHECK(check_clock({}).grade == Grade::warning);
+  CHECK(read_clock().readable);
+}

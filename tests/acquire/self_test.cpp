@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: MIT
+// The doctor's verdicts on devices and disks, from samples and figures made by hand.
+#include "acquire/self_test.hpp"
+
+#include "acquire/disk.hpp"
+#include "testing.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+using namespace testing;
+
+namespace {
+
+constexpr double time_s = 2;
+
+Config lab() { return load_config(ECHOFUSE_SOURCE_DIR "/config/lab.toml", {"depth.fps=10"}); }
+
+// A start and, after `delay_ps`, a click; a thousand times.
+std::vector<Tag> pairs(std::int32_t start, std::int32_t click, std::int64_t delay_ps) {
+  std::vector<Tag> tags;
+  for (std::int64_t k = 0; k < 1000; ++k) {
+    tags.push_back({.channel = start, .time_ps = k * 1'000'000});
+    tags.push_back({.channel = click, .time_ps = k * 1'000'000 + delay_ps});
+  }
+  return tags;
+}
+
+Finding spd_verdict(const std::vector<Tag>& tags, std::uint64_t lost_tags = 0) {
+  const Config config = lab();
+  Capture capture(config.histogram);
+  capture.on_tags({.tags = tags});  // before the capture: does not count
+  capture.begin();
+  if (!tags.empty()) capture.on_tags({.tags = tags, .lost_items = lost_tags});
+  capture.end();
+  return judge_spd(capture, config, time_s);
+}
+
+double fact(const Finding& finding, const std::string& name) {
+  for (const auto& [key, value] : finding.facts)
+    if (key == name) return value;
+  throw std::runtime_error("no fact " + name);
+}
+
+RadarFrame radar_frame(std::size_t bins = 64) {
+  RadarFrame frame;
+  frame.range_profile.assign(bins, 2000);
+  if (bins > 7) frame.range_profile[7] = 4000;
+  return frame;
+}
+
+Finding radar_verdict(int frames, const RadarFrame& frame) {
+  const Config config = lab();
+  Capture capture(config.histogram);
+  capture.begin();
+  for (int k = 0; k < frames; ++k) capture.on_radar(frame);
+  capture.end();
+  return judge_radar(capture, config, time_s);
+}
+
+DepthFrame depth_frame(std::uint16_t z) {
+  DepthFrame frame;
+  frame.width = 20;
+  frame.height = 10;
+  frame.depth_mm.assign(200, z);
+  frame.depth_mm[0] = 0;
+  return frame;
+}
+
+Finding depth_verdict(int frames, const DepthFrame& frame) {
+  const Config config = lab();
+  Capture capture(config.histogram);
+  capture.begin();
+  for (int k = 0; k < frames; ++k) capture.on_depth(frame);
+  capture.end();
+  return judge_depth(capture, config, time_s);
+}
+
+}  // namespace
+
+TEST_CASE("a detector: rates, share in the histogram, and what is wrong with it") {
+  const Finding good = spd_verdict(pairs(1, 2, 20'000));
+  CAPTURE(good.found, good.advice);
+  CHECK(good.grade == Grade::ok);
+  CHECK(fact(good, "starts_per_s") == 500);
+  CHECK(fact(good, "clicks_per_s") == 500);
+  CHECK(fact(good, "share_in_range") == 1);
+  const Finding far = spd_verdict(pairs(1, 2, 900'000));
+  CHECK(far.grade == Grade::warning);
+  CHECK(has(far.advice, "no click lies in the histogram"));
+  const Finding lossy = spd_verdict(pairs(1, 2, 20'000), 5);
+  CHECK(lossy.grade == Grade::warning);
+  CHECK(fact(lossy, "lost_tags") == 5);
+  const Finding no_laser = spd_verdict(pairs(3, 2, 20'000));
+  CHECK(no_laser.grade == Grade::problem);
+  CHECK(has(no_laser.advice, "no starts on tdc.start_channel = 1"));
+  CHECK(has(no_laser.advice, "2 (500 Hz), 3 (500 Hz)"));
+  const Finding dark = spd_verdict(pairs(1, 4, 20'000));
+  CHECK(dark.grade == Grade::problem);
+  CHECK(has(dark.advice, "no clicks on tdc.click_channel = 2"));
+  CHECK(has(spd_verdict({}).advice, "no channel has any tags"));
+}
+
+TEST_CASE("a radar: its rate against frameCfg, losses, and profiles that mean something") {
+  const Config config = lab();
+  const Finding sample = radar_verdict(1, radar_frame());
+  const double nominal = fact(sample, "nominal_frames_per_s");
+  const int due = static_cast<int>(nominal * time_s);
+  REQUIRE(due >= 20);
+  CHECK(sample.grade == Grade::problem);
+  const Finding good = radar_verdict(due, radar_frame());
+  CAPTURE(good.found, good.advice);
+  CHECK(good.grade == Grade::ok);
+  CHECK(fact(good, "bins") == 64);
+  CHECK(fact(good, "peak_over_median_db") > 10);
+  CHECK(radar_verdict(due * 3 / 4, radar_frame()).grade == Grade::problem);
+  CHECK(radar_verdict(due * 2, radar_frame()).grade == Grade::warning);
+  RadarFrame after_loss = radar_frame();
+  after_loss.lost_before = 1;
+  CHECK(radar_verdict(due, after_loss).grade == Grade::warning);
+  CHECK(has(radar_verdict(due, radar_frame(0)).advice, "guiMonitor"));
+  CHECK(has(radar_verdict(due, radar_frame(32)).advice, "32 bins, those of the .cfg 64"));
+  RadarFrame flat = radar_frame();
+  flat.range_profile[7] = 2000;
+  CHECK(has(radar_verdict(due, flat).advice, "all bins are alike"));
+  CHECK(has(radar_verdict(0, flat).advice, "sends less"));
+}
+
+TEST_CASE("a camera: its rate, and how much it sees") {
+  const Finding good = depth_verdict(20, depth_frame(3000));
+  CHECK(good.grade == Grade::ok);
+  CHECK(fact(good, "valid_share") == Approx(0.995));
+  CHECK(has(good.found, "10 frames/s of 10, 0 lost; 20 x 10 pixels"));
+  CHECK(depth_verdict(10, depth_frame(3000)).grade == Grade::problem);
+  CHECK(has(depth_verdict(0, depth_frame(3000)).advice, "sends less"));
+  const Finding covered = depth_verdict(20, depth_frame(0));
+  CHECK(covered.grade == Grade::warning);
+  CHECK(has(covered.advice, "covered"));
+}
+
+TEST_CASE("a complaint is kept once, at any time; information is none") {
+  const Config config = lab();
+  Capture capture(config.histogram);
+  capture.on_event(Sensor::radar, Severity::warning, "swapped?");
+  capture.on_event(Sensor::radar, Severity::warning, "swapped?");
+  capture.on_event(Sensor::radar, Severity::info, "started");
+  CHECK(capture.complaints[1] == std::vector<std::string>{"swapped?"});
+  CHECK(capture.complaints[0].empty());
+}
+
+TEST_CASE("a record's size comes from the frames, or from the configuration without any") {
+  const Config config = lab();
+  Capture capture(config.histogram);
+  const double unseen = estimate_record_bytes(capture, config);
+  CHECK(unseen == 4.0 * 336 + 4.0 * 64 + 2.0 * 640 * 480);
+  capture.begin();
+  capture.on_depth(depth_frame(3000));
+  const double seen = estimate_record_bytes(capture, config);
+  CHECK(seen > 4.0 * 336 + 4.0 * 64);
+  CHECK(seen < 4.0 * 336 + 4.0 * 64 + 2.0 * 200);
+}
+
+TEST_CASE("a disk is fast enough, barely, or not") {
+  const PlannedRun plan{.folder = "/d", .record_bytes = 1e6, .window_s = 2};  // needs 1 MB/s
+  const auto grade = [&](double rate, double median_s, double longest_s) {
+    return judge_speed({rate, median_s, longest_s, 1'000'000}, plan).grade;
+  };
+  CHECK(grade(100e6, 0.01, 0.02) == Grade::ok);
+  CHECK(grade(2e6, 0.01, 0.02) == Grade::warning);
+  CHECK(grade(100e6, 0.01, 2.5) == Grade::warning);
+  CHECK(grade(0.5e6, 0.01, 0.02) == Grade::problem);
+  CHECK(grade(100e6, 2.5, 2.5) == Grade::problem);
+  CHECK(judge_speed({1, 10, 10, 1000}, {.folder = "/d"}).grade == Grade::ok);  // for no run
+}
+
+TEST_CASE("a disk has room for the planned run, or for hours, or not") {
+  PlannedRun plan{.folder = "/d", .record_bytes = 1e6, .window_s = 3, .count = 4000};
+  CHECK(judge_room(5e9, plan).grade == Grade::ok);
+  const Finding full = judge_room(3.9e9, plan);
+  CHECK(full.grade == Grade::problem);
+  CHECK(full.failure == ExitCode::disk);
+  CHECK(has(full.found, "4000 records of 1.0 MB each take 4.0 GB"));
+  plan.count.reset();
+  CHECK(judge_room(3.9e9, plan).grade == Grade::ok);
+  CHECK(has(judge_room(3.9e9, plan).found, "enough for 3 h"));
+  CHECK(judge_room(0.5e9, plan).grade == Grade::warning);
+}
+
+TEST_CASE("a real folder is measured and left as it was; one that is not there is a problem") {
+  const Folder folder;
+  const DiskSpeed speed = measure_disk(folder / "", 100'000);
+  CHECK(speed.bytes_per_s > 0);
+  CHECK(speed.commit_median_s > 0);
+  CHECK(speed.commit_longest_s >= speed.commit_median_s);
+  CHECK(fs::is_empty(folder / ""));
+  const auto findings = check_disk({.folder = folder / "none"});
+  REQUIRE(findings.size() == 1);
+  CHECK(findings[0].grade == Grade::problem);
+  CHECK(findings[0].failure == ExitCode::disk);
+  CHECK(has(findings[0].found, "none: cannot be a run's folder: No such file"));
+}

@@ -1,0 +1,188 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/system/service.py BIN_DIR [TEST]: the daemon as config/echofuse-acquire.service starts it: what
+systemd hears on the notify socket, what the journal gets, and what systemd thinks of the unit."""
+import configparser
+import os
+import pathlib
+import re
+import resource
+import shutil
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+
+import live
+from live import wait_for
+
+unit_path = pathlib.Path(__file__).resolve().parents[2] / "config/echofuse-acquire.service"
+
+
+class Unit(configparser.ConfigParser):
+    """Sections and keys; of a key given several times the last."""
+
+    def __init__(self):
+        super().__init__(strict=False, interpolation=None, delimiters=("=",))
+        self.optionxform = str
+        self.read(unit_path)
+
+
+class NotifySocket:
+    """Stands in for systemd: reads at once, as it does, and keeps the lines."""
+
+    def __init__(self, path):
+        self.path = str(path)
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.socket.bind(self.path)
+        self.lines = []
+        self.thread = threading.Thread(target=self.keep)
+        self.thread.start()
+
+    def keep(self):
+        while message := self.socket.recv(4096).decode():
+            self.lines += message.splitlines()
+
+    def count(self, line):
+        return self.lines.count(line)
+
+    def close(self):
+        """All that was sent before is read then."""
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as end:
+            end.sendto(b"", self.path)
+        self.thread.join()
+        self.socket.close()
+        return self.lines
+
+
+class Service(live.Live):
+    def setUp(self):
+        super().setUp()
+        self.notify = NotifySocket(self.dir / "notify")
+
+    def tearDown(self):
+        if self.notify.thread.is_alive():
+            self.notify.close()
+        super().tearDown()
+
+    def serve(self, *options, env=None, **how):
+        """The unit's own command line, with its folders and the configuration moved."""
+        line = Unit()["Service"]["ExecStart"].replace("%%", "%").replace("/etc/echofuse", str(self.dir / "lab"))
+        command = line.replace("/var/lib/echofuse", str(self.dir)).replace("/usr/local/bin", str(live.bin_dir)).split()
+        base = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni"), "NOTIFY_SOCKET": self.notify.path}
+        daemon = self.start(command + list(options), env=base | (env or {}), stderr=subprocess.PIPE, text=True, **how)
+        wait_for("run file", lambda: list(self.dir.glob("*.sqlite")) or daemon.poll() is not None)
+        self.assertIsNone(daemon.poll(), daemon.stderr.read() if daemon.poll() is not None else "")
+        [self.run] = self.dir.glob("*.sqlite")
+        return daemon
+
+    def test_life(self):
+        daemon = self.serve()
+        self.assertRegex(self.run.name, r"^run-20\d{6}-\d{6}\.sqlite$")
+        wait_for("signs of life", lambda: self.notify.count("WATCHDOG=1") >= 4)
+        self.assertEqual(self.notify.count("STOPPING=1"), 0)
+        daemon.send_signal(signal.SIGTERM)
+        log = self.finish(daemon)
+        self.assertEqual(daemon.returncode, 0, log)
+        lines = self.notify.close()
+        self.assertEqual(lines[0], "READY=1", lines)
+        self.assertEqual(lines.count("READY=1"), 1)
+        self.assertEqual(lines.count("STOPPING=1"), 1)
+        self.assertNotIn("WATCHDOG=1", lines[lines.index("STOPPING=1"):])
+        # Never more signs of life than records, and the status counts up to them.
+        rows = len(self.rows())
+        told = [int(m[1]) for m in (re.match(r"STATUS=(\d+) records on disk", line) for line in lines) if m]
+        self.assertEqual(told, sorted(told))
+        self.assertEqual(told[0], 0)
+        self.assertLessEqual(told[-1], rows)
+        self.assertLessEqual(lines.count("WATCHDOG=1"), rows)
+        self.assertFalse([line for line in lines if line.startswith("WATCHDOG_USEC")], lines)
+
+    def test_no_record_no_sign_of_life(self):
+        """A writer that cannot commit: slots go on, the watchdog is not fed until records advance again."""
+        daemon = self.serve()
+        wait_for("signs of life", lambda: self.notify.count("WATCHDOG=1") >= 2)
+        blocker = sqlite3.connect(self.run, isolation_level=None)
+        blocker.execute("BEGIN IMMEDIATE")
+        try:
+            time.sleep(0.5)  # a commit that was done before is told by now
+            before, rows = self.notify.count("WATCHDOG=1"), len(self.rows())
+            blocked_s = min(8 * live.WINDOW_S, 3)  # after 5 s the writer gives up
+            time.sleep(blocked_s)
+            self.assertEqual(self.notify.count("WATCHDOG=1"), before)
+            self.assertEqual(len(self.rows()), rows)
+            self.assertIsNone(daemon.poll())
+        finally:
+            blocker.execute("ROLLBACK")
+            blocker.close()
+        wait_for("signs of life again", lambda: self.notify.count("WATCHDOG=1") > before)
+        wait_for("all records", lambda: len(self.rows()) >= rows + int(blocked_s / live.WINDOW_S))
+        daemon.send_signal(signal.SIGTERM)
+        log = self.finish(daemon)
+        self.assertEqual(daemon.returncode, 0, log)
+        self.check_slots(self.rows())
+
+    def test_disk_full(self):
+        """The last sign of life is that of the last record; the exit code is one that systemd leaves alone."""
+        def limit_file_size():
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (256 << 10, 256 << 10))
+
+        daemon = self.serve("--set", "depth.address=", preexec_fn=limit_file_size, restore_signals=False)
+        log = self.finish(daemon)
+        self.assertEqual(daemon.returncode, 6, log)
+        self.assertIn("6", Unit()["Service"]["RestartPreventExitStatus"].split())
+        lines = self.notify.close()
+        self.assertLessEqual(lines.count("WATCHDOG=1"), len(self.rows()))
+        self.assertGreater(lines.count("WATCHDOG=1"), 0)
+        self.assertEqual(lines[-1], "STOPPING=1")
+
+    def test_short_watchdog(self):
+        """Four slots are longer than the watchdog: the daemon asks for more before the first of them."""
+        daemon = self.serve(env={"WATCHDOG_USEC": "300000"})
+        wait_for("READY=1", lambda: self.notify.count("READY=1") or daemon.poll() is not None)
+        self.assertEqual(self.notify.lines[0], f"WATCHDOG_USEC={round(4e6 * live.WINDOW_S)}")
+
+    def test_journal(self):
+        """Priorities instead of times, if stderr is the journal's; nothing of it otherwise."""
+        command = f'JOURNAL_STREAM="$(stat -Lc %d:%i /proc/self/fd/2)" exec {live.bin_dir}/echofuse-acquire run'
+        config = f"--config {self.dir}/lab/lab.toml --set depth.address= --set radar.cli=serial:{self.dir}/none"
+        tail = f"--set run.connect_timeout_s=1.5 --count 3 --out {self.dir}/run"
+        done = subprocess.run(["sh", "-c", f"{command} {config} {tail}"], stderr=subprocess.PIPE, text=True, timeout=30)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertRegex(done.stderr, r"(?m)^<6>recording into ")
+        self.assertRegex(done.stderr, r"(?m)^<4>starting without radar")
+        self.assertNotRegex(done.stderr, r"(?m)^<?\d*>?20\d\d-")
+        fault = subprocess.run(["sh", "-c", f"{command} --out x --config /none --set a=1"], stderr=subprocess.PIPE,
+                               text=True)
+        self.assertEqual(fault.returncode, 3)
+        self.assertTrue(all(line.startswith("<3>") for line in fault.stderr.splitlines()), fault.stderr)
+        plain = subprocess.run([live.bin_dir / "echofuse-acquire", "run", "--out", "x", "--config", "/none"],
+                               env=os.environ | {"JOURNAL_STREAM": "1:1"}, stderr=subprocess.PIPE, text=True)
+        self.assertTrue(plain.stderr.startswith("echofuse-acquire: /none"), plain.stderr)
+
+
+class Exposure(unittest.TestCase):
+    def test_unit(self):
+        """systemd takes every line of the unit, and finds it shut well enough."""
+        with tempfile.TemporaryDirectory() as folder:
+            copy = pathlib.Path(folder) / unit_path.name
+            copy.write_text(unit_path.read_text().replace("/usr/local/bin/echofuse-acquire", "/bin/true"))
+            verify = subprocess.run(["systemd-analyze", "verify", copy], capture_output=True, text=True)
+            self.assertEqual((verify.returncode, verify.stderr), (0, ""))
+        security = subprocess.run(["systemd-analyze", "security", "--offline=yes", "--threshold=20", unit_path],
+                                  capture_output=True, text=True)
+        self.assertEqual(security.returncode, 0, security.stdout + security.stderr)
+
+
+if __name__ == "__main__":
+    if "test_unit" in sys.argv[2:]:
+        if not shutil.which("systemd-analyze"):
+            sys.exit(77)  # skipped
+        unittest.main(argv=[sys.argv[0], "Exposure.test_unit"])
+    unittest.main(argv=[sys.argv[0], *(f"Service.{name}" for name in sys.argv[2:])])
