@@ -29,6 +29,12 @@ Keys defaults_of(const Config& c) {
           ""};
 }
 
+void bind_policy(Settings& s, Config& c, const std::string& section, Sensor sensor) {
+  s.add(section + ".policy", c.policy[static_cast<std::size_t>(sensor)],
+        "required: no start without it, and records without it are marked incomplete",
+        {"optional", "required"});
+}
+
 void bind(Settings& s, Config& c, Keys& k) {
   constexpr std::int64_t channel_max = std::numeric_limits<std::int32_t>::max();
   s.add("run.window_s", c.window_s, 0.05, 3600, "length of a slot; every slot gives one record");
@@ -38,6 +44,7 @@ void bind(Settings& s, Config& c, Keys& k) {
   s.add("run.operator", c.operator_name, "who records");
   s.add("tdc.address", c.tdc.address,
         "bridge:tcp://HOST:PORT or usb:VVVV:PPPP[:serial]; empty: none");
+  bind_policy(s, c, "tdc", Sensor::spd);
   s.add("tdc.start_channel", k.start_channel, -channel_max, channel_max,
         "laser sync; negative for falling edges");
   s.add("tdc.click_channel", k.click_channel, -channel_max, channel_max, "detector");
@@ -54,12 +61,14 @@ void bind(Settings& s, Config& c, Keys& k) {
         "a tag so soon after the last one of its channel is removed; 0: none");
   s.add("radar.cli", c.radar.cli,
         "command port: serial:/dev/... or hid:VVVV:PPPP[:serial]; empty: none");
+  bind_policy(s, c, "radar", Sensor::radar);
   s.add("radar.data", c.radar.data, "data port: serial:/dev/... or hid:VVVV:PPPP[:serial]");
   s.add("radar.cfg", k.cfg, "TI mmWave .cfg file, sent verbatim; relative to this file's folder");
   s.add("radar.cli_baud", k.cli_baud, 1200, 4'000'000, "of the command port");
   s.add("radar.data_baud", k.data_baud, 1200, 4'000'000, "of the data port");
   s.add("depth.address", c.depth.address,
         "openni:[URI or file.oni] or bridge:tcp://HOST:PORT; empty: none");
+  bind_policy(s, c, "depth", Sensor::depth);
   s.add("depth.width", k.width, 0, 1 << 14, "pixels of an OpenNI2 camera; 0: its own choice");
   s.add("depth.height", k.height, 0, 1 << 14, "pixels of an OpenNI2 camera; 0: its own choice");
   s.add("depth.fps", k.fps, 0, 1000, "frames a second of an OpenNI2 camera; 0: its own choice");
@@ -89,6 +98,13 @@ std::vector<std::string> faults_of(Config& c, const Keys& k, const std::filesyst
   if (c.configured() == 0)
     faults.emplace_back(
         "no device; expected at least one of tdc.address, radar.cli, depth.address");
+  constexpr const char* keys[][2] = {{"tdc.policy", "tdc.address"},
+                                     {"radar.policy", "radar.cli"},
+                                     {"depth.policy", "depth.address"}};
+  for (std::size_t i = 0; i < sensor_count; ++i)
+    if ((c.required() & ~c.configured()) >> i & 1u)
+      faults.push_back(std::string(keys[i][0]) + " is \"required\", but " + keys[i][1] +
+                       " is empty");
   attempt([&] { const tdc::Histogram check(c.histogram); });
   if (c.radar.cli.empty() != c.radar.data.empty())
     faults.emplace_back("radar.cli and radar.data belong together; one of them is empty");
@@ -110,6 +126,12 @@ std::vector<std::string> faults_of(Config& c, const Keys& k, const std::filesyst
 std::uint32_t Config::configured() const {
   return (tdc.address.empty() ? 0u : 1u) | (radar.cli.empty() ? 0u : 2u) |
          (depth.address.empty() ? 0u : 4u);
+}
+
+std::uint32_t Config::required() const {
+  std::uint32_t bits = 0;
+  for (std::size_t i = 0; i < sensor_count; ++i) bits |= (policy[i] == "required" ? 1u : 0u) << i;
+  return bits;
 }
 
 Config load_config(const std::string& path, const std::vector<std::string>& assignments) {

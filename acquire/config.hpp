@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The daemon's configuration: a TOML file, read strictly.
 #pragma once
+#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -18,12 +19,15 @@ struct Config {
   tdc::HistogramSettings histogram;
   RadarConfig radar;
   DepthConfig depth;
+  std::array<std::string, sensor_count> policy{"optional", "optional", "optional"};
 
   std::string text;      // of the file, verbatim
   std::string resolved;  // every key with its value and meaning, as TOML
 
   // The sensors that have an address: bit 0 SPD, 1 radar, 2 depth.
   std::uint32_t configured() const;
+  // Those that the run does not start without.
+  std::uint32_t required() const;
 };
 
 // Reads the file, then applies `assignments` ("key=value"). A radar cfg named in it is read

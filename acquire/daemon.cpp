@@ -53,9 +53,9 @@ class Daemon final : private SampleSink {
  private:
   struct Recording {  // exists from the first slot on
     Recording(const SlotGrid& grid, const Config& config, const RunOptions& options,
-              std::unique_ptr<record::RunWriter> file)
-        : scheduler(grid, Scheduler::default_grace(grid.length), options.count),
-          windows(grid, config.histogram, config.configured()),
+              const SensorClocks& clocks, std::unique_ptr<record::RunWriter> file)
+        : scheduler(grid, options.count),
+          windows(grid, config.histogram, clocks, config.configured(), config.required()),
           writer(std::move(file)),
           status(grid.first, options.count, options.quiet) {}
     Scheduler scheduler;
@@ -87,6 +87,7 @@ class Daemon final : private SampleSink {
   const RunOptions& options_;
   const Clock& clock_;
   Devices devices_;
+  SensorClocks clocks_;  // they hear what comes before the first slot as well
   std::optional<Recording> recording_;
   std::vector<std::string> axes_written_;
   std::array<std::string, sensor_count> identities_;  // of the devices written
@@ -94,6 +95,7 @@ class Daemon final : private SampleSink {
   HostTime anchor_mono_{};
   UtcTime anchor_utc_{};
   RunTotals totals_;
+  std::int64_t incomplete_ = 0;  // records without a required sensor
   std::uint32_t last_valid_ = 0;
 };
 
@@ -109,17 +111,22 @@ void Daemon::run() {
   end();
 }
 
-// Starts with what is there, and says what is not; with nothing there is nothing to start.
+// Starts with what is there, and says what is not; with nothing, or without a sensor that the
+// configuration requires, there is nothing to start.
 void Daemon::require_devices() const {
   if (interrupted())
     throw Error(ExitCode::interrupted, "interrupted before the first slot; nothing was recorded");
-  std::string missing;
+  std::string missing, required;
   bool any = false;
   for (const Sensor s : all_sensors) {
     any = any || devices_[s].delivers();
-    if (devices_[s].configured && !devices_[s].delivers())
-      missing += (missing.empty() ? "" : "\n") + devices_.describe(s);
+    if (!devices_[s].configured || devices_[s].delivers()) continue;
+    std::string& list = (config_.required() >> static_cast<unsigned>(s)) & 1u ? required : missing;
+    list += (list.empty() ? "" : "\n") + devices_.describe(s);
   }
+  if (!required.empty())
+    throw Error(ExitCode::device, "a required device does not deliver after " +
+                                      human_duration(config_.connect_timeout_s) + "\n" + required);
   if (!any)
     throw Error(ExitCode::device, "no device delivers after " +
                                       human_duration(config_.connect_timeout_s) + "\n" + missing);
@@ -136,8 +143,12 @@ void Daemon::begin() {
   info.window_s = config_.window_s;
   auto file = std::make_unique<record::RunWriter>(options_.out, info);
   const SlotGrid grid{clock_.now() + settle_time, from_seconds(config_.window_s)};
-  recording_.emplace(grid, config_, options_, std::move(file));
+  recording_.emplace(grid, config_, options_, clocks_, std::move(file));
   put_anchor();
+  for (const Sensor s : all_sensors)
+    if (devices_[s].configured)
+      recording_->writer.put([s, policy = config_.policy[static_cast<std::size_t>(s)]](
+                                 record::RunWriter& run) { run.put_policy(s, policy); });
   for (auto& job : std::exchange(waiting_, {})) recording_->writer.put(std::move(job));
   last_valid_ = config_.configured();
   for (const Sensor s : all_sensors)
@@ -187,18 +198,21 @@ void Daemon::log(Severity severity, const std::string& source, const std::string
 }
 
 void Daemon::on_tags(const TagBlock& block) {
+  clocks_.hear(block);
   if (!recording_) return;
   totals_.tags += block.tags.size();
   recording_->windows.add(block);
 }
 
 void Daemon::on_radar(RadarFrame frame) {
+  clocks_.hear(frame);
   if (!recording_) return;
   ++totals_.radar_frames;
   recording_->windows.add(frame);
 }
 
 void Daemon::on_depth(DepthFrame frame) {
+  clocks_.hear(frame);
   if (!recording_) return;
   ++totals_.depth_frames;
   recording_->windows.add(std::move(frame));
@@ -207,6 +221,7 @@ void Daemon::on_depth(DepthFrame frame) {
 void Daemon::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
   log(state == DeviceState::faulted ? Severity::warning : Severity::info, name_of(sensor),
       std::string(name_of(state)) + " " + info.address);
+  if (state != DeviceState::streaming) clocks_.reset(sensor);
   if (!recording_) return;
   if (sensor == Sensor::spd) recording_->windows.tag_gap();
   if (state == DeviceState::streaming) announce(sensor);
@@ -243,6 +258,7 @@ void Daemon::close_slot(const DueSlot& due) {
   record.slot_utc = anchor_utc_ + (record.slot_start - anchor_mono_);
   record.label = config_.label;
   ++totals_.records;
+  incomplete_ += record.missing != 0;
   totals_.valid = record.valid;
   for (const auto& sync : record.sync) totals_.lost += sync.lost;
   spdlog::debug("record {}: valid {}, {} clicks, {} radar frames, {} depth frames", record.index,
@@ -278,11 +294,15 @@ void Daemon::end() {
   };
   count("came after their slot was closed", strays.late);
   count("came twice", strays.duplicate);
+  count("came out of order", strays.out_of_order);
   r.writer.finish("complete");
   totals_.written = r.writer.written();
   r.status.finish(clock_.now(), totals_);
-  spdlog::info("{}: {} records, complete; arrived: {} tags, {} radar frames, {} depth frames",
-               options_.out, totals_.written, devices_[Sensor::spd].samples,
+  const std::string incomplete = incomplete_ == 0 ? ""
+                                                  : "; " + std::to_string(incomplete_) +
+                                                        " incomplete, without a required device";
+  spdlog::info("{}: {} records, complete{}; arrived: {} tags, {} radar frames, {} depth frames",
+               options_.out, totals_.written, incomplete, devices_[Sensor::spd].samples,
                devices_[Sensor::radar].samples, devices_[Sensor::depth].samples);
 }
 

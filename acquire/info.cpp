@@ -27,6 +27,13 @@ Json to_json(const record::RunReader& run) {
                     {"start", a.start},
                     {"step", a.step},
                     {"scale", a.scale}});
+  Json clocks = Json::object();
+  for (std::size_t i = 0; i < sensor_count; ++i)
+    if (const auto& c = sum.clocks[i])
+      clocks[name_of(static_cast<Sensor>(i))] = {{"offset_s", c->offset_s},
+                                                 {"drift_ppm", c->drift_ppm},
+                                                 {"residual_s", c->residual_s},
+                                                 {"samples", c->samples}};
   for (const DeviceInfo& d : run.devices())
     devices.push_back({{"sensor", name_of(d.sensor)},
                        {"address", d.address},
@@ -38,6 +45,9 @@ Json to_json(const record::RunReader& run) {
           {"status", info.status},
           {"records", sum.records},
           {"all_valid", sum.all_valid},
+          {"incomplete", sum.incomplete},
+          {"policy", sum.policies},
+          {"clocks", clocks},
           {"valid", by_sensor(sum.valid)},
           {"lost", by_sensor(sum.lost)},
           {"tags", sum.tags},
@@ -85,6 +95,10 @@ std::string to_text(const Json& j) {
     line("slots", word(j["first_slot_utc"]) + " to " + word(j["last_slot_end_utc"]) + ", " +
                       word(j["window_s"]) + " s each");
   line("valid", list(j["valid"]) + "; all three " + word(j["all_valid"]));
+  if (!j["policy"].empty())
+    line("policy", list(j["policy"]) + "; incomplete " + word(j["incomplete"]));
+  for (const auto& [sensor, clock] : j["clocks"].items())
+    line("clock", sensor + ": " + list(clock));
   line("lost", list(j["lost"]) + "; tags " + word(j["tags"]));
   line("labels", list(j["labels"]));
   line("events", list(j["events"]));

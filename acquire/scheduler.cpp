@@ -1,29 +1,41 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/scheduler.hpp"
 
-#include <algorithm>
-
 namespace echofuse::acquire {
+namespace {
 
-Scheduler::Scheduler(const SlotGrid& grid, std::chrono::nanoseconds grace,
-                     std::optional<std::int64_t> count)
-    : grid_(grid), grace_(grace) {
+constexpr std::chrono::milliseconds longest_pause{100};
+
+}  // namespace
+
+Scheduler::Scheduler(const SlotGrid& grid, std::optional<std::int64_t> count)
+    : grid_(grid), last_tick_(grid.first) {
   if (count) last_ = *count - 1;
 }
 
-std::chrono::nanoseconds Scheduler::default_grace(std::chrono::nanoseconds slot) {
-  return std::min<std::chrono::nanoseconds>(slot / 4, std::chrono::milliseconds(50));
+std::vector<DueSlot> Scheduler::tick(HostTime now) {
+  note_pause(now);
+  std::vector<DueSlot> due;
+  for (; !done() && next_deadline() <= now; ++next_) due.push_back({next_, stalled(next_)});
+  return due;
 }
 
-std::vector<DueSlot> Scheduler::tick(HostTime now) {
-  std::vector<DueSlot> due;
-  const bool stood_still = now - next_deadline() > grid_.length;
-  while (!done() && next_deadline() <= now) {
-    due.push_back({next_, grid_.start(next_) < stalled_until_});
-    ++next_;
-    if (stood_still) stalled_until_ = now;  // from here on: the first due slot had its time
+// A slot is held once only: a program that never gets to run in time still closes its slots.
+void Scheduler::note_pause(HostTime now) {
+  const auto pause = now - last_tick_;
+  if (pause > longest_pause && held_ != next_) {
+    held_ = next_;
+    held_until_ = now + grace;
   }
-  return due;
+  if (pause > longest_pause + grid_.length) pauses_.push_back({last_tick_, now});
+  last_tick_ = now;
+  std::erase_if(pauses_, [this](const Pause& p) { return p.until <= grid_.start(next_); });
+}
+
+bool Scheduler::stalled(std::int64_t k) const {
+  const HostTime start = grid_.start(k);
+  return std::any_of(pauses_.begin(), pauses_.end(),
+                     [&](const Pause& p) { return p.from <= start && start < p.until; });
 }
 
 void Scheduler::finish(HostTime now) {

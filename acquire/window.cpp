@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/window.hpp"
 
+#include <algorithm>
+#include <functional>
 #include <utility>
 
 #include "drivers/core/log2_codes.hpp"
@@ -43,21 +45,32 @@ std::string size_of(std::uint32_t width, std::uint32_t height) {
 
 }  // namespace
 
-void Windows::Receipts::add(HostTime received, HostTime centre) {
-  if (count == 0 || received < first) first = received;
-  if (count == 0 || received > last) last = received;
-  from_centre += received - centre;
+void Windows::Times::add(HostTime from, HostTime to, HostTime centre, double tags) {
+  if (count == 0 || from < first) first = from;
+  if (count == 0 || to > last) last = to;
+  from_centre_s += tags * (seconds(from - centre) + seconds(to - centre)) / 2;
+  weight += tags;
   ++count;
 }
 
-void Windows::Receipts::describe(record::SensorSync& sync) const {
+void Windows::Times::describe(record::SensorSync& sync) const {
   if (count == 0) return;
-  sync.offset_s = seconds(from_centre) / static_cast<double>(count);
+  sync.offset_s = from_centre_s / weight;
   sync.span_s = seconds(last - first);
 }
 
-Windows::Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc, std::uint32_t configured)
-    : grid_(grid), configured_(configured), histogram_(tdc) {}
+Windows::Numbers::Order Windows::Numbers::put(std::uint32_t number, std::uint64_t device_time) {
+  const auto known = last_.begin() + static_cast<std::ptrdiff_t>(std::min(count_, last_.size()));
+  if (std::find(last_.begin(), known, std::pair(number, device_time)) != known)
+    return Order::repeated;
+  const std::uint32_t before = count_ > 0 ? last_[(count_ - 1) % last_.size()].first : number;
+  last_[count_++ % last_.size()] = {number, device_time};
+  return static_cast<std::int32_t>(number - before) < 0 ? Order::back : Order::next;
+}
+
+Windows::Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc,
+                 const SensorClocks& clocks, std::uint32_t configured, std::uint32_t required)
+    : grid_(grid), clocks_(clocks), configured_(configured), required_(required), histogram_(tdc) {}
 
 bool Windows::announce(const DeviceInfo& info) {
   bool fits = true;
@@ -77,11 +90,22 @@ std::vector<Axis> Windows::axes() const {
 }
 
 // The open slot of a sample, or nothing if the sample is a stray of this many tags or frames.
-Windows::Slot* Windows::find(Sensor sensor, HostTime received, std::uint64_t amount) {
-  const std::int64_t k = grid_.slot_of(received);
+Windows::Slot* Windows::find(Sensor sensor, HostTime taken, std::uint64_t amount) {
+  const std::int64_t k = grid_.slot_of(taken);
   if (k >= next_) return &open_[k];
   (k < 0 ? strays_.outside : strays_.late)[at(sensor)] += amount;
   return nullptr;
+}
+
+void Windows::add_lost(std::uint64_t Slot::*lost, HostTime taken, std::uint64_t amount) {
+  const std::int64_t k = grid_.slot_of(taken);
+  if (amount > 0 && k >= 0) open_[std::max(k, next_)].*lost += amount;
+}
+
+bool Windows::repeated(Sensor sensor, Numbers::Order order) {
+  strays_.duplicate[at(sensor)] += order == Numbers::Order::repeated;
+  strays_.out_of_order[at(sensor)] += order == Numbers::Order::back;
+  return order == Numbers::Order::repeated;
 }
 
 void Windows::settle_tags() {
@@ -94,59 +118,77 @@ void Windows::settle_tags() {
 
 void Windows::add(const TagBlock& block) {
   if (block.lost_blocks > 0 || block.lost_items > 0) tag_gap();
-  Slot* slot = find(Sensor::spd, block.received, block.tags.size());
-  if (!slot) {
-    if (!block.tags.empty()) tag_gap();
-    return;
+  const ClockFit& clock = clocks_[Sensor::spd];
+  const Tag* const end = block.tags.data() + block.tags.size();
+  const auto taken = [&](const Tag& first) {
+    const Tag* const event = std::find_if(&first, end, std::mem_fn(&Tag::is_time_tag));
+    return event == end ? block.received
+                        : clock.taken(static_cast<std::uint64_t>(event->time_ps), block.received);
+  };
+  add_lost(&Slot::spd_lost, block.tags.empty() ? block.received : taken(block.tags.front()),
+           block.lost_blocks + block.lost_items);
+  for (auto rest = block.tags; !rest.empty();) {
+    const HostTime from = taken(rest.front());
+    const std::int64_t k = grid_.slot_of(from);
+    const auto border = std::partition_point(
+        rest.begin(), rest.end(), [&](const Tag& t) { return grid_.slot_of(taken(t)) <= k; });
+    const auto part = rest.first(static_cast<std::size_t>(border - rest.begin()));
+    add_part(part, from, std::max(from, std::min(taken(part.back()), grid_.end(k))));
+    rest = rest.subspan(part.size());
   }
-  const std::int64_t k = grid_.slot_of(block.received);
+}
+
+// Tags of one slot, the first and the last of which were taken at these times.
+void Windows::add_part(std::span<const Tag> tags, HostTime from, HostTime to) {
+  Slot* slot = find(Sensor::spd, from, tags.size());
+  if (!slot) return tag_gap();
+  const std::int64_t k = grid_.slot_of(from);
   if (k != tag_slot_) {
     settle_tags();
     tag_slot_ = k;
   }
-  histogram_.add(block.tags);
-  slot->spd_lost += block.lost_blocks + block.lost_items;
-  slot->spd_receipts.add(block.received, grid_.centre(k));
+  histogram_.add(tags);
+  slot->spd_times.add(from, to, grid_.centre(k), static_cast<double>(tags.size()));
 }
 
 void Windows::add(const RadarFrame& frame) {
-  if (std::exchange(last_radar_number_, frame.frame_number) == frame.frame_number) {
-    ++strays_.duplicate[at(Sensor::radar)];
+  const HostTime taken = clocks_[Sensor::radar].taken(frame.time_cpu_cycles, frame.received);
+  add_lost(&Slot::radar_lost, taken, frame.lost_before);
+  if (repeated(Sensor::radar, radar_numbers_.put(frame.frame_number, frame.time_cpu_cycles)))
     return;
-  }
-  Slot* slot = find(Sensor::radar, frame.received, 1);
+  Slot* slot = find(Sensor::radar, taken, 1);
   if (!slot) return;
   ++slot->radar_frames;
-  slot->radar_lost += frame.lost_before;
   if (frame.stats) slot->stats = frame.stats;
   if (frame.temperature) slot->temperature = frame.temperature;
+  take_profile(*slot, frame, taken);
+}
+
+void Windows::take_profile(Slot& slot, const RadarFrame& frame, HostTime taken) {
   const auto axis = axes_.find("radar");
   const std::size_t bins = frame.range_profile.size();
   if (bins == 0) {
-    slot->radar_fault = "frames without a range profile";
+    slot.radar_fault = "frames without a range profile";
   } else if (refused_[at(Sensor::radar)]) {
-    slot->radar_fault = axis_changed;
+    slot.radar_fault = axis_changed;
   } else if (axis == axes_.end() || axis->second.count != bins) {
-    slot->radar_fault = "frames of " + std::to_string(bins) + " bins do not fit the axis";
+    slot.radar_fault = "frames of " + std::to_string(bins) + " bins do not fit the axis";
   } else {
-    slot->power.resize(bins);
+    slot.power.resize(bins);
     for (std::size_t i = 0; i < bins; ++i)
-      slot->power[i] += power_from_code(frame.range_profile[i], axis->second.scale);
-    if (slot->radar_receipts.count == 0) slot->first_codes = frame.range_profile;
-    slot->radar_receipts.add(frame.received, grid_.centre(grid_.slot_of(frame.received)));
+      slot.power[i] += power_from_code(frame.range_profile[i], axis->second.scale);
+    if (slot.radar_times.count == 0) slot.first_codes = frame.range_profile;
+    slot.radar_times.add(taken, taken, grid_.centre(grid_.slot_of(taken)));
   }
 }
 
 void Windows::add(DepthFrame frame) {
-  const auto number = std::pair(frame.frame_index, frame.device_time_us);
-  if (std::exchange(last_depth_number_, number) == number) {
-    ++strays_.duplicate[at(Sensor::depth)];
-    return;
-  }
-  Slot* slot = find(Sensor::depth, frame.received, 1);
+  const HostTime taken = clocks_[Sensor::depth].taken(frame.device_time_us, frame.received);
+  add_lost(&Slot::depth_lost, taken, frame.lost_before);
+  if (repeated(Sensor::depth, depth_numbers_.put(frame.frame_index, frame.device_time_us))) return;
+  Slot* slot = find(Sensor::depth, taken, 1);
   if (!slot) return;
   ++slot->depth_frames;
-  slot->depth_lost += frame.lost_before;
   const auto x = axes_.find("depth_x"), y = axes_.find("depth_y");
   if (refused_[at(Sensor::depth)]) {
     slot->depth_fault = axis_changed;
@@ -155,9 +197,10 @@ void Windows::add(DepthFrame frame) {
              frame.depth_mm.size() != std::size_t{frame.width} * frame.height) {
     slot->depth_fault = "frames of " + size_of(frame.width, frame.height) + " do not fit the axes";
   } else {
-    const HostTime centre = grid_.centre(grid_.slot_of(frame.received));
-    const auto distance = [&](const DepthFrame& f) { return abs(f.received - centre); };
-    if (!slot->depth || distance(frame) < distance(*slot->depth)) slot->depth = std::move(frame);
+    const HostTime centre = grid_.centre(grid_.slot_of(taken));
+    if (slot->depth && abs(slot->depth_taken - centre) <= abs(taken - centre)) return;
+    slot->depth = std::move(frame);
+    slot->depth_taken = taken;
   }
 }
 
@@ -165,14 +208,14 @@ std::string Windows::spd_fault(const Slot& slot) const {
   if (slot.tags.tags == 0) return "no tags";
   if (slot.tags.starts == 0)
     return "no start tags on channel " + std::to_string(histogram_.settings().start_channel);
-  const auto span = slot.spd_receipts.last - slot.spd_receipts.first;
+  const auto span = slot.spd_times.last - slot.spd_times.first;
   if (span < grid_.length / 2)
     return "tags for only " + std::to_string(100 * span / grid_.length) + " % of the slot";
   return {};
 }
 
 std::string Windows::radar_fault(const Slot& slot) const {
-  if (slot.radar_receipts.count > 0) return {};
+  if (slot.radar_times.count > 0) return {};
   return slot.radar_frames > 0 ? slot.radar_fault : "no frames";
 }
 
@@ -197,16 +240,16 @@ void Windows::fill_spd(Slot& slot, record::FusedRecord& record) const {
                        .backwards = c.backwards,
                        .removed = c.removed};
   record::SensorSync& sync = record.sync[at(Sensor::spd)];
-  slot.spd_receipts.describe(sync);
+  slot.spd_times.describe(sync);
   sync.used = c.in_range;
   sync.lost = record.spd_counts.lost;
   if (record.has(Sensor::spd)) record.spd = std::move(slot.spd);
 }
 
 void Windows::fill_radar(const Slot& slot, record::FusedRecord& record) const {
-  const auto frames = slot.radar_receipts.count;
+  const auto frames = slot.radar_times.count;
   record::SensorSync& sync = record.sync[at(Sensor::radar)];
-  slot.radar_receipts.describe(sync);
+  slot.radar_times.describe(sync);
   sync.used = static_cast<std::uint64_t>(frames);
   sync.lost = slot.radar_lost;
   record.radar_stats = slot.stats;
@@ -227,7 +270,7 @@ void Windows::fill_depth(Slot& slot, record::FusedRecord& record) const {
   sync.lost = slot.depth_lost;
   if (!slot.depth) return;
   sync.used = 1;
-  sync.offset_s = seconds(slot.depth->received - grid_.centre(record.index));
+  sync.offset_s = seconds(slot.depth_taken - grid_.centre(record.index));
   if (record.has(Sensor::depth)) record.depth_mm = std::move(slot.depth->depth_mm);
 }
 
@@ -255,6 +298,9 @@ record::FusedRecord Windows::close(const DueSlot& due) {
       record.set_valid(s);
     }
   }
+  record.missing = required_ & ~record.valid;
+  for (const Sensor s : {Sensor::spd, Sensor::radar, Sensor::depth})
+    record.clocks[at(s)] = clocks_[s].state(grid_.centre(due.index));
   fill_spd(slot, record);
   fill_radar(slot, record);
   fill_depth(slot, record);

@@ -1,16 +1,24 @@
 // SPDX-License-Identifier: MIT
 // Samples -> one fused record a slot. Pure: no clock, no device, no file.
 //
-// Which slot a sample belongs to: the one whose [start, end) holds the host time of its receipt. A
-// block of tags is received as a whole and never split.
-//   early      before slot 0, or after the run's last slot: counted as `outside`, used nowhere
-//   late       its slot was closed already: counted as `late`, used nowhere, moves nothing
-//   duplicate  a frame with the number of the frame before it: counted as `duplicate`
+// When a sample was taken: what its device's clock says, as ClockFit maps it to the host's; its
+// receipt while that is not known well enough. Never after its receipt.
+// Which slot it belongs to: the one whose [start, end) holds that time, whenever it arrives, as
+// long as that slot is open. Nothing else moves it.
+//   early         before slot 0, or after the run's last slot: counted as `outside`, used nowhere
+//   late          its slot was closed already: counted as `late`, used nowhere, moves nothing
+//   duplicate     a frame with the number and the device time of one of the eight before it:
+//                 counted as `duplicate`, used nowhere
+//   out of order  a frame with a lower number than the one before it: used as any other, counted as
+//                 `out_of_order`; tags: `backwards` of the record
+// A block of tags is cut where its times cross a border, found by bisection: a tag out of order may
+// stay with its neighbours. A marker goes with the event that follows it in its block.
+// Losses belong to the slot of the sample that reports them or, if that is closed, to the next one.
 // Every tag that arrives is in the counts of exactly one record, or late, or outside.
 //
 // What a record holds
 //   spd    every click of the slot's tags against the last start before it; a start survives the
-//          border between slots, but no gap in the tags. Valid if there was a start and the blocks
+//          border between slots, but no gap in the tags. Valid if there was a start and the tags
 //          span half of the slot (counts are not rates: a short stream cannot be compared).
 //   radar  mean over the frames of linear power, in log2_q8 codes again; a single frame is kept as
 //          it came. Valid with one usable frame.
@@ -20,9 +28,12 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "acquire/clock_fit.hpp"
 #include "acquire/record/record.hpp"
 #include "acquire/scheduler.hpp"
 #include "drivers/tdc/histogram.hpp"
@@ -31,13 +42,15 @@ namespace echofuse::acquire {
 
 // Samples that are in no record: tags for the SPD, frames for the others.
 struct Strays {
-  std::array<std::uint64_t, sensor_count> late{}, outside{}, duplicate{};
+  std::array<std::uint64_t, sensor_count> late{}, outside{}, duplicate{}, out_of_order{};
 };
 
 class Windows {
  public:
-  // `configured`: bit 0 SPD, 1 radar, 2 depth.
-  Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc, std::uint32_t configured);
+  // `clocks` outlives this and hears every sample before it is added here. `configured`,
+  // `required`: bit 0 SPD, 1 radar, 2 depth.
+  Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc, const SensorClocks& clocks,
+          std::uint32_t configured, std::uint32_t required = 0);
 
   // What a device's samples mean. The first announcement of an axis holds for the run; a device
   // that comes back with another one is not used (false) until it fits again.
@@ -58,33 +71,49 @@ class Windows {
   const Strays& strays() const { return strays_; }
 
  private:
-  struct Receipts {  // when what was used arrived
+  struct Times {  // when what was used was taken
     HostTime first{}, last{};
-    std::chrono::nanoseconds from_centre{0};  // sum
+    double from_centre_s = 0, weight = 0;
     std::int64_t count = 0;
-    void add(HostTime received, HostTime centre);
+    void add(HostTime from, HostTime to, HostTime centre, double tags = 1);
     void describe(record::SensorSync& sync) const;
   };
   struct Slot {
     std::vector<std::uint32_t> spd;
     tdc::TagCounts tags;
     std::uint64_t spd_lost = 0;
-    Receipts spd_receipts;
+    Times spd_times;
 
     std::vector<double> power;
     std::vector<std::uint16_t> first_codes;
     std::uint64_t radar_frames = 0, radar_lost = 0;
-    Receipts radar_receipts;
+    Times radar_times;
     std::string radar_fault;
     std::optional<RadarStats> stats;
     std::optional<RadarTemperature> temperature;
 
     std::optional<DepthFrame> depth;
+    HostTime depth_taken{};
     std::uint64_t depth_frames = 0, depth_lost = 0;
     std::string depth_fault;
   };
 
-  Slot* find(Sensor sensor, HostTime received, std::uint64_t amount);
+  // Of the last frames, to know one that comes again.
+  class Numbers {
+   public:
+    enum class Order { next, repeated, back };
+    Order put(std::uint32_t number, std::uint64_t device_time);
+
+   private:
+    std::array<std::pair<std::uint32_t, std::uint64_t>, 8> last_{};
+    std::size_t count_ = 0;
+  };
+
+  Slot* find(Sensor sensor, HostTime taken, std::uint64_t amount);
+  void add_lost(std::uint64_t Slot::*lost, HostTime taken, std::uint64_t amount);
+  bool repeated(Sensor sensor, Numbers::Order order);
+  void add_part(std::span<const Tag> tags, HostTime from, HostTime to);
+  void take_profile(Slot& slot, const RadarFrame& frame, HostTime taken);
   void settle_tags();
   std::string spd_fault(const Slot& slot) const;
   std::string radar_fault(const Slot& slot) const;
@@ -94,15 +123,15 @@ class Windows {
   void fill_depth(Slot& slot, record::FusedRecord& record) const;
 
   SlotGrid grid_;
-  std::uint32_t configured_;
+  const SensorClocks& clocks_;
+  std::uint32_t configured_, required_;
   tdc::Histogram histogram_;  // of the slot tag_slot_, in the order of arrival
   std::int64_t tag_slot_ = 0;
   std::map<std::string, Axis> axes_;  // radar, depth_x, depth_y
   std::array<bool, sensor_count> refused_{};
   std::map<std::int64_t, Slot> open_;
   std::int64_t next_ = 0;  // first slot that is not closed
-  std::optional<std::uint32_t> last_radar_number_;
-  std::optional<std::pair<std::uint32_t, std::uint64_t>> last_depth_number_;
+  Numbers radar_numbers_, depth_numbers_;
   Strays strays_;
 };
 

@@ -22,6 +22,14 @@ struct SensorSync {
   std::string verdict = "missing";  // "ok", or why the sensor is not valid
 };
 
+// How a device's clock ran against the host's, as fitted to the receipts of its samples.
+struct ClockState {
+  double offset_s = 0;        // host time minus device time, at the slot's centre
+  double drift_ppm = 0;       // above 0: the device's clock is fast
+  double residual_s = 0;      // mean distance of the least delayed samples from the fit
+  std::uint64_t samples = 0;  // that the fit stands for
+};
+
 // SPD bookkeeping: every tag of the slot is in exactly one of these.
 struct SpdCounts {
   std::uint64_t tags = 0;           // all tags that arrived
@@ -51,6 +59,10 @@ struct FusedRecord {
   std::vector<std::uint16_t> depth_mm;  // z, row-major on the run's depth axes, 0 = no return
   SpdCounts spd_counts;
   std::array<SensorSync, sensor_count> sync;
+  // Written into the tables incomplete and clock_fit, for SQL; RunReader leaves them empty.
+  std::uint32_t missing =
+      0;  // sensors that the run requires and this record has not; bits of valid
+  std::array<std::optional<ClockState>, sensor_count> clocks;
   // Written into the table radar_status, for SQL; RunReader leaves them empty.
   std::optional<RadarStats> radar_stats;
   std::optional<RadarTemperature> radar_temperature;

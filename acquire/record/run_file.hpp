@@ -39,6 +39,7 @@ class RunWriter {
   void put_axis(const Axis& axis);
   void put_device(const DeviceInfo& device);
   void put_calibration(const CalibrationEntry& entry);
+  void put_policy(Sensor sensor, const std::string& policy);  // required or optional
   void put_anchor(HostTime mono, UtcTime utc);
   void put_event(UtcTime utc, Severity severity, const std::string& source,
                  const std::string& text);
@@ -52,6 +53,7 @@ class RunWriter {
   void insert(const FusedRecord& record);
   void insert_spd_status(const FusedRecord& r);
   void insert_status(const FusedRecord& record);
+  void insert_sync(const FusedRecord& record);
   void in_transaction(const std::function<void()>& body);
   std::string path_;
   std::unique_ptr<WriterLock> lock_;
@@ -68,11 +70,14 @@ struct Event {
 // A run in numbers, without reading the sensors' data.
 struct RunSummary {
   std::int64_t records = 0, all_valid = 0;         // all_valid: of records with all three sensors
+  std::int64_t incomplete = 0;                     // records that lack a required sensor
   std::array<std::int64_t, sensor_count> valid{};  // records with a valid SPD, radar, depth
   std::array<std::int64_t, sensor_count> lost{};   // tags, radar frames, depth frames
   std::int64_t tags = 0;
   UtcTime first_utc{}, last_utc{};                     // start of the first slot, end of the last
   std::map<std::string, std::int64_t> labels, events;  // records by label, events by level
+  std::map<std::string, std::string> policies;         // by sensor
+  std::array<std::optional<ClockState>, sensor_count> clocks;  // of the last record that has them
 };
 
 // Reads closed, live and crashed runs alike.
@@ -103,6 +108,7 @@ class RunReader {
   std::string check() const;
 
  private:
+  void summarise_sync(RunSummary& sum) const;
   std::string path_;
   sqlite3* db_ = nullptr;
 };

@@ -3,6 +3,14 @@
 #include "acquire/record/sqlite.hpp"
 
 namespace echofuse::record {
+namespace {
+
+bool has_table(sqlite3* db, const std::string& path, const char* name) {
+  Statement s(db, path, "SELECT 1 FROM sqlite_schema WHERE name = ?");
+  return s.bind(name).step();
+}
+
+}  // namespace
 
 RunSummary RunReader::summary() const {
   RunSummary sum;
@@ -30,7 +38,32 @@ RunSummary RunReader::summary() const {
   };
   count_by("SELECT label, count(*) FROM record GROUP BY label", sum.labels);
   count_by("SELECT level, count(*) FROM event GROUP BY level", sum.events);
+  if (has_table(db_, path_, "clock_fit")) summarise_sync(sum);
   return sum;
+}
+
+// Older files are without these tables.
+void RunReader::summarise_sync(RunSummary& sum) const {
+  Statement incomplete(db_, path_, "SELECT count(*) FROM incomplete");
+  if (incomplete.step()) sum.incomplete = incomplete.integer();
+  Statement policies(db_, path_, "SELECT sensor, policy FROM policy");
+  while (policies.step()) {
+    const std::string sensor = policies.text();
+    sum.policies[sensor] = policies.text();
+  }
+  for (std::size_t i = 0; i < sensor_count; ++i) {
+    const std::string name = name_of(static_cast<Sensor>(i));
+    const std::string sql = "SELECT " + name + "_offset_s, " + name + "_drift_ppm, " + name +
+                            "_residual_s, " + name + "_samples FROM clock_fit WHERE " + name +
+                            "_samples > 0 ORDER BY idx DESC LIMIT 1";
+    Statement row(db_, path_, sql.c_str());
+    if (!row.step()) continue;
+    ClockState& clock = sum.clocks[i].emplace();
+    clock.offset_s = row.real();
+    clock.drift_ppm = row.real();
+    clock.residual_s = row.real();
+    clock.samples = static_cast<std::uint64_t>(row.integer());
+  }
 }
 
 }  // namespace echofuse::record

@@ -134,6 +134,10 @@ void RunWriter::put_calibration(const CalibrationEntry& entry) {
       .run();
 }
 
+void RunWriter::put_policy(Sensor sensor, const std::string& policy) {
+  Statement(db_, path_, "INSERT INTO policy VALUES (?,?)").bind(name_of(sensor)).bind(policy).run();
+}
+
 void RunWriter::put_anchor(HostTime mono, UtcTime utc) {
   Statement(db_, path_, "INSERT INTO anchor VALUES (?,?)")
       .bind(std::int64_t{mono.count()})
@@ -190,6 +194,28 @@ void RunWriter::insert(const FusedRecord& r) {
       .run();
   if (r.radar_stats || r.radar_temperature) insert_status(r);
   insert_spd_status(r);
+  insert_sync(r);
+}
+
+void RunWriter::insert_sync(const FusedRecord& r) {
+  if (r.missing != 0) {
+    std::string names;
+    for (const Sensor sensor : {Sensor::spd, Sensor::radar, Sensor::depth}) {
+      if (!((r.missing >> static_cast<unsigned>(sensor)) & 1u)) continue;
+      if (!names.empty()) names += ' ';
+      names += name_of(sensor);
+    }
+    Statement(db_, path_, "INSERT INTO incomplete VALUES (?,?)").bind(r.index).bind(names).run();
+  }
+  if (!r.clocks[0] && !r.clocks[1] && !r.clocks[2]) return;
+  Statement s(db_, path_, "INSERT INTO clock_fit VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?)");
+  s.bind(r.index);
+  for (const auto& clock : r.clocks)
+    if (clock)
+      s.bind(clock->offset_s).bind(clock->drift_ppm).bind(clock->residual_s).bind(clock->samples);
+    else
+      for (int i = 0; i < 4; ++i) s.bind(ByteView{});
+  s.run();
 }
 
 void RunWriter::insert_spd_status(const FusedRecord& r) {

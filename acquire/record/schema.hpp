@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT
 // The tables of a run file, version 1. A record's blobs stand last, so that its other columns are
 // read without walking through them. radar_status (of a record's last radar frame that had any,
-// NULL where it had none) and spd_status (of records with any such count) came later: older files
-// of version 1 are without them. Times: *_ns are host monotonic nanoseconds, utc is ISO 8601.
+// NULL where it had none), spd_status (of records with any such count), policy, incomplete (of
+// records that lack a required sensor) and clock_fit (NULL where a sensor's samples were placed by
+// their receipt) came later: older files of version 1 are without them. Times: *_ns are host
+// monotonic nanoseconds, utc is ISO 8601.
 #pragma once
 
 namespace echofuse::record {
@@ -27,6 +29,12 @@ CREATE TABLE radar_status (idx INTEGER PRIMARY KEY, inter_frame_processing_us IN
   tx2_c INTEGER, pm_c INTEGER, dig0_c INTEGER, dig1_c INTEGER);
 CREATE TABLE spd_status (idx INTEGER PRIMARY KEY, missed INTEGER, overflows INTEGER, errors INTEGER,
   bad_tags INTEGER, backwards INTEGER, removed INTEGER);
+CREATE TABLE policy (sensor TEXT PRIMARY KEY, policy TEXT);
+CREATE TABLE incomplete (idx INTEGER PRIMARY KEY, missing TEXT);
+CREATE TABLE clock_fit (idx INTEGER PRIMARY KEY,
+  spd_offset_s REAL, spd_drift_ppm REAL, spd_residual_s REAL, spd_samples INTEGER,
+  radar_offset_s REAL, radar_drift_ppm REAL, radar_residual_s REAL, radar_samples INTEGER,
+  depth_offset_s REAL, depth_drift_ppm REAL, depth_residual_s REAL, depth_samples INTEGER);
 CREATE TABLE record (idx INTEGER PRIMARY KEY, slot_start_ns INTEGER, slot_end_ns INTEGER,
   slot_utc_ns INTEGER, valid INTEGER, label TEXT,
   tags INTEGER, starts INTEGER, in_range INTEGER, out_of_range INTEGER, without_start INTEGER,

@@ -35,6 +35,9 @@ struct Tag {
   std::uint16_t missed_events = 0;
   std::int32_t channel = 0;  // rising edge n, falling edge -n
   std::int64_t time_ps = 0;  // wraps at 2^63 ps
+
+  // A well-formed event; what is not may bear any time.
+  bool is_time_tag() const { return type == TagType::time_tag && reserved == 0; }
 };
 static_assert(sizeof(Tag) == 16);
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
+#include <functional>
 #include <string>
 #include <utility>
 
@@ -72,9 +73,7 @@ void Histogram::count(std::span<const Tag> tags) {
   std::uint32_t* const cell = bins_.data();
   std::uint64_t backwards = 0;
   if (fresh_) {
-    const auto first = std::find_if(tags.begin(), tags.end(), [](const Tag& t) {
-      return t.type == TagType::time_tag && t.reserved == 0;
-    });
+    const auto first = std::find_if(tags.begin(), tags.end(), std::mem_fn(&Tag::is_time_tag));
     fresh_ = first == tags.end();
     if (!fresh_) last_time_ = static_cast<std::uint64_t>(first->time_ps);
   }

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: MIT
+// A device's clock -> the host's clock.
+//
+// A sample bears the device's time d at which it was taken and the host's time h at which it was
+// read: h = taken + delay, delay >= 0 with a long tail (buffers, scheduling). So taken = a + b d
+// lies on or below every h, and the earliest samples touch it. Kept is the least delayed sample of
+// every half second of the last 128 s; of the edges of their lower convex hull the one below the
+// middle of the history is the line that leaves the least delay in all (a linear programme, Zhang
+// et al., INFOCOM 2002). It is no steeper than 500 ppm, and in the first 32 s no steeper than the
+// share of them that has passed: so early a few late samples look like a drift. A late sample,
+// however late, moves nothing.
+//
+// What cannot be known: a delay that every sample has (the way through a cable, a radar's
+// processing, a camera's exposure) is the same as an offset of the clocks. It stays in `offset_s`,
+// and "taken" is late by it, unless another reference tells.
+//
+// The history begins anew where the device's clock does:
+//   gap    nothing for 10 s, which is also what keeps a counter of 21 s unambiguous
+//   jump   two samples in a row that agree with each other, but were read 0.25 s before they were
+//          taken, or go back by more than 1 s. A single one is a damaged time: not used, counted.
+//   step   all samples of 3 s are late by more than 0.5 s
+//   reset  the caller knows (reconnection)
+#pragma once
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <optional>
+
+#include "acquire/record/record.hpp"
+#include "drivers/core/sample.hpp"
+
+namespace echofuse::acquire {
+
+class ClockFit {
+ public:
+  // The device counts ticks of this length in a counter of this many bits.
+  explicit ClockFit(double tick_s, unsigned bits = 64) : tick_s_(tick_s), spare_bits_(64 - bits) {}
+
+  // In the order of receipt.
+  void add(std::uint64_t ticks, HostTime received);
+  void reset();
+
+  // Enough samples (32, over at least 1 s), and the latest is not a doubtful one.
+  bool sound() const;
+  // When the sample was taken, on the host's clock; never after its receipt. Without a sound fit:
+  // its receipt.
+  HostTime taken(std::uint64_t ticks, HostTime received) const;
+  // None without a sound fit.
+  std::optional<record::ClockState> state(HostTime at) const;
+  std::uint64_t rejected() const { return rejected_; }
+
+ private:
+  struct Receipt {
+    std::uint64_t ticks = 0;
+    HostTime received{};
+  };
+  struct Sample {
+    double device_s;  // since the history began
+    double excess_s;  // the same on the host's clock, minus device_s
+  };
+  struct Least {  // delayed sample of a stretch of the history
+    Sample sample;
+    std::int64_t stretch;
+    std::uint64_t samples;
+  };
+  struct Late {
+    HostTime since;
+    unsigned samples;
+  };
+
+  void begin(const Receipt& receipt);
+  std::int64_t advance(const Receipt& from, const Receipt& to) const;
+  Sample sample_of(const Receipt& receipt) const;
+  bool agree(const Receipt& first, const Receipt& second) const;
+  double line(double device_s) const { return intercept_s_ + slope_ * device_s; }
+  bool jumps(const Sample& sample) const;
+  bool steps(const Sample& sample, HostTime received);
+  void take(const Sample& sample);
+  void fit();
+
+  double tick_s_;
+  unsigned spare_bits_;
+  HostTime began_{};
+  double first_s_ = 0;           // on the device's counter when the history began
+  Receipt last_;                 // that was used
+  std::int64_t last_ticks_ = 0;  // its device time since the history began
+  double newest_s_ = 0;
+  std::deque<Least> history_;  // empty: nothing was heard yet
+  std::uint64_t samples_ = 0;  // that the history stands for
+  double intercept_s_ = 0, slope_ = 0, residual_s_ = 0;
+  std::optional<Receipt> suspect_;
+  std::optional<Late> late_;
+  std::uint64_t rejected_ = 0;
+};
+
+// The clocks of the three sensors.
+class SensorClocks {
+ public:
+  void hear(const TagBlock& block);
+  void hear(const RadarFrame& frame) { radar.add(frame.time_cpu_cycles, frame.received); }
+  void hear(const DepthFrame& frame) { depth.add(frame.device_time_us, frame.received); }
+  const ClockFit& operator[](Sensor s) const {
+    return s == Sensor::spd ? spd : s == Sensor::radar ? radar : depth;
+  }
+  void reset(Sensor s) { const_cast<ClockFit&>((*this)[s]).reset(); }
+
+ private:
+  ClockFit spd{1e-12}, radar{5e-9, 32}, depth{1e-6};
+};
+
+}  // namespace echofuse::acquire
