@@ -15,7 +15,7 @@ using namespace std::chrono_literals;
 constexpr double history_s = 128, stretch_s = 0.5;
 constexpr double steepest = 500e-6, steepest_after_s = 32;
 constexpr std::uint64_t enough_samples = 32;
-constexpr double enough_s = 1;
+constexpr double enough_s = 0.5;
 constexpr auto longest_gap = 10s;
 constexpr double early_limit_s = 0.25, back_limit_s = 1, agreement_s = 1;
 constexpr double late_limit_s = 0.5;
@@ -159,7 +159,7 @@ HostTime ClockFit::taken(std::uint64_t ticks, HostTime received) const {
   if (!sound()) return received;
   const double device_s = sample_of({ticks, received}).device_s;
   const double host_s = std::clamp(device_s + line(device_s), -farthest_s, farthest_s);
-  return std::min(began_ + from_seconds(host_s), received);
+  return std::min(began_ + HostTime(std::llround(1e9 * host_s)), received);
 }
 
 std::optional<record::ClockState> ClockFit::state(HostTime at) const {

@@ -40,7 +40,7 @@ class ClockFit {
   void add(std::uint64_t ticks, HostTime received);
   void reset();
 
-  // Enough samples (32, over at least 1 s), and the latest is not a doubtful one.
+  // Enough samples (32, over at least 0.5 s), and the latest is not a doubtful one.
   bool sound() const;
   // When the sample was taken, on the host's clock; never after its receipt. Without a sound fit:
   // its receipt.

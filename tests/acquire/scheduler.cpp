@@ -14,11 +14,26 @@ namespace {
 
 constexpr SlotGrid grid{.first = 100s, .length = 200ms};
 
-std::vector<std::int64_t> indices(const std::vector<DueSlot>& due) {
-  std::vector<std::int64_t> all;
-  for (const auto& d : due) all.push_back(d.index);
-  return all;
-}
+// Ticks every 50 ms from the last call on, up to `until`; what became due.
+class Ticking {
+ public:
+  explicit Ticking(Scheduler& scheduler) : scheduler_(scheduler) {}
+  std::vector<std::int64_t> run(HostTime until) {
+    std::vector<std::int64_t> due;
+    for (; now_ <= until; now_ += 50ms)
+      for (const DueSlot& slot : scheduler_.tick(now_)) {
+        CHECK_FALSE(slot.stalled);
+        due.push_back(slot.index);
+      }
+    return due;
+  }
+
+ private:
+  Scheduler& scheduler_;
+  HostTime now_ = grid.first;
+};
+
+using Indices = std::vector<std::int64_t>;
 
 }  // namespace
 
@@ -32,72 +47,77 @@ TEST_CASE("a time belongs to the slot whose half-open interval holds it") {
 }
 
 TEST_CASE("slots are absolute: a day of them drifts by nothing") {
-  ManualClock clock;
-  clock.set(grid.first);
-  Scheduler scheduler(grid, 50ms);
+  HostTime now = grid.first;
+  Scheduler scheduler(grid);
   Rng rng = make_rng(1, 0);
-  std::uniform_int_distribution<int> late_us(0, 150'000);
-  std::int64_t expected = 0;
-  while (expected < 24 * 3600 * 5) {
-    clock.set(scheduler.next_deadline() - 1ns);
-    REQUIRE(scheduler.tick(clock.now()).empty());
-    clock.advance(1ns + std::chrono::microseconds(late_us(rng)));
-    const auto due = scheduler.tick(clock.now());
-    REQUIRE(due == std::vector<DueSlot>{{expected, false}});
-    ++expected;
+  std::uniform_int_distribution<int> late_us(0, 40'000);
+  for (std::int64_t expected = 0; expected < 24 * 3600 * 5; ++expected) {
+    const HostTime deadline = scheduler.next_deadline();
+    REQUIRE(deadline == grid.first + (expected + 1) * grid.length + grace);
+    for (; now + 50ms < deadline; now += 50ms) REQUIRE(scheduler.tick(now + 50ms).empty());
+    REQUIRE(scheduler.tick(deadline - 1ns).empty());
+    now = deadline + std::chrono::microseconds(late_us(rng));
+    REQUIRE(scheduler.tick(now) == std::vector<DueSlot>{{expected, false}});
   }
-  CHECK(scheduler.next_deadline() == grid.first + (expected + 1) * grid.length + 50ms);
 }
 
-TEST_CASE("random stalls: every slot comes once and in order, stalled if it began in a gap") {
+TEST_CASE("random pauses: every slot comes once and in order, stalled if it began in a long one") {
   Rng rng = make_rng(2, 0);
-  Scheduler scheduler(grid, 50ms, 5000);
-  struct Gap {
-    std::int64_t first_due;
-    HostTime until;
+  Scheduler scheduler(grid, 5000);
+  struct Pause {
+    HostTime from, until;
   };
-  std::vector<Gap> gaps;
+  std::vector<Pause> long_pauses;
   std::vector<DueSlot> all;
   HostTime now = grid.first;
   while (!scheduler.done()) {
-    const bool stall = rng() % 10 == 0;
-    now += stall ? std::chrono::milliseconds(rng() % 3000) : std::chrono::milliseconds(rng() % 100);
-    const HostTime deadline = scheduler.next_deadline();
-    if (now - deadline > grid.length) gaps.push_back({scheduler.closed(), now});
+    const HostTime before = now;
+    now += rng() % 40 == 0 ? std::chrono::milliseconds(rng() % 3000)
+                           : std::chrono::milliseconds(rng() % 100);
+    if (now - before > grid.length + 100ms) long_pauses.push_back({before, now});
     for (const auto& due : scheduler.tick(now)) {
-      REQUIRE(grid.end(due.index) + 50ms <= now);
+      REQUIRE(grid.end(due.index) + grace <= now);
       all.push_back(due);
     }
   }
   REQUIRE(all.size() == 5000);
-  REQUIRE(gaps.size() > 100);
+  REQUIRE(long_pauses.size() > 100);
   for (std::size_t k = 0; k < all.size(); ++k) {
     const auto index = static_cast<std::int64_t>(k);
-    bool in_gap = false;
-    for (const auto& gap : gaps)
-      in_gap = in_gap || (index > gap.first_due && grid.start(index) < gap.until);
-    REQUIRE(all[k] == DueSlot{index, in_gap});
+    bool stalled = false;
+    for (const auto& pause : long_pauses)
+      stalled = stalled || (pause.from <= grid.start(index) && grid.start(index) < pause.until);
+    REQUIRE(all[k] == DueSlot{index, stalled});
   }
 }
 
+TEST_CASE("after a pause the next slot is held for another grace, once") {
+  Scheduler scheduler(grid);
+  Ticking ticking(scheduler);
+  CHECK(ticking.run(grid.end(0) + 400ms).empty());
+  const HostTime woken = grid.end(0) + 650ms;  // 50 ms too late
+  CHECK(scheduler.tick(woken).empty());
+  CHECK(scheduler.tick(woken + 40ms).empty());
+  CHECK(scheduler.next_deadline() == woken + grace);
+  // A program that never gets to run in time still closes its slots.
+  CHECK(scheduler.tick(woken + 400ms).empty());
+  CHECK_FALSE(scheduler.tick(woken + grace).empty());
+}
+
 TEST_CASE("the end of a run") {
-  Scheduler scheduler(grid, 50ms, 10);
-  SECTION("after its count, however late the call") {
-    CHECK(scheduler.tick(200s).size() == 10);
+  Scheduler scheduler(grid, 10);
+  Ticking ticking(scheduler);
+  SECTION("after its count") {
+    CHECK(ticking.run(200s).size() == 10);
     CHECK(scheduler.done());
     CHECK(scheduler.tick(300s).empty());
   }
   SECTION("finish lets the running slot end") {
-    scheduler.tick(grid.end(2) + 60ms);
+    CHECK(ticking.run(grid.start(3) + 50ms).empty());
     scheduler.finish(grid.start(3) + 80ms);
     CHECK_FALSE(scheduler.done());
-    CHECK(scheduler.tick(grid.end(3) + 49ms).empty());
-    CHECK(indices(scheduler.tick(grid.end(3) + 50ms)) == std::vector<std::int64_t>{3});
-    CHECK(scheduler.done());
-  }
-  SECTION("finish in the grace period also ends the slot that has begun") {
-    scheduler.finish(grid.start(1) + 10ms);
-    CHECK(indices(scheduler.tick(200s)) == std::vector<std::int64_t>{0, 1});
+    CHECK(ticking.run(grid.end(3) + grace - 1ns) == Indices{0, 1, 2});
+    CHECK(ticking.run(grid.end(3) + grace) == Indices{3});
     CHECK(scheduler.done());
   }
   SECTION("finish before the first slot") {
@@ -107,11 +127,6 @@ TEST_CASE("the end of a run") {
   SECTION("a second finish does not extend the run") {
     scheduler.finish(grid.start(1));
     scheduler.finish(grid.start(5));
-    CHECK(scheduler.tick(200s).size() == 2);
+    CHECK(ticking.run(200s) == Indices{0, 1});
   }
-}
-
-TEST_CASE("the grace period is a quarter of the slot, at most 50 ms") {
-  CHECK(Scheduler::default_grace(3s) == 50ms);
-  CHECK(Scheduler::default_grace(100ms) == 25ms);
 }

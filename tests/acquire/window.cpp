@@ -16,6 +16,7 @@ namespace {
 constexpr SlotGrid grid{.first = 10s, .length = 1s};
 constexpr tdc::HistogramSettings tdc_settings{.bin_width_ps = 100, .first_bin_ps = 0, .bins = 50};
 constexpr std::uint32_t everything = 7;
+const SensorClocks no_clocks;  // samples are placed by their receipt
 
 DeviceInfo radar_info(std::uint32_t bins = 4, double antennas = 12) {
   DeviceInfo info;
@@ -33,7 +34,7 @@ DeviceInfo depth_info(std::uint32_t width = 2, std::uint32_t height = 1) {
 }
 
 Windows make_windows(std::uint32_t configured = everything) {
-  Windows windows(grid, tdc_settings, configured);
+  Windows windows(grid, tdc_settings, no_clocks, configured);
   windows.announce(radar_info());
   windows.announce(depth_info());
   return windows;
@@ -110,7 +111,7 @@ TEST_CASE("delays, dead time and bad tags reach the record") {
   auto settings = tdc_settings;
   settings.click_delay_ps = 500;
   settings.dead_time_ps = 100;
-  Windows windows(grid, settings, 1);
+  Windows windows(grid, settings, no_clocks, 1);
   Tag unknown = start_at(2);
   unknown.type = static_cast<TagType>(9);
   // Undelayed, the first click would come before its start.
@@ -270,7 +271,7 @@ struct BadDay {
   Rng rng = make_rng(3, 0);
   ManualClock clock;
   Windows windows = make_windows();
-  Scheduler scheduler{grid, 50ms, 3000};
+  Scheduler scheduler{grid, 3000};
   std::uint64_t tags_sent = 0, radar_sent = 0, depth_sent = 0;
   std::uint32_t number = 0;
   std::vector<record::FusedRecord> records;

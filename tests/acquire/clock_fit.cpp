@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/clock_fit.hpp"
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <vector>
+
+#include "drivers/core/random.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+using namespace std::chrono_literals;
+
+namespace {
+
+constexpr HostTime host_start = 5000s;
+
+// A device whose clock shows `offset_s` at host_start and runs too fast by `drift`.
+struct Device {
+  double tick_s, offset_s, drift;
+  std::uint64_t mask = ~0ull;
+
+  std::uint64_t ticks(double t) const {
+    return (static_cast<std::uint64_t>(std::llround(offset_s / tick_s)) +
+            static_cast<std::uint64_t>(std::llround(t * (1 + drift) / tick_s))) &
+           mask;
+  }
+};
+
+HostTime host(double t) { return host_start + from_seconds(t); }
+
+double error_s(const ClockFit& fit, const Device& device, double t, HostTime received) {
+  return std::abs(seconds(fit.taken(device.ticks(t), received) - host(t)));
+}
+
+struct Outcome {
+  double worst_s, residual_s, drift_error_ppm, offset_error_s;
+};
+
+// 90 s of samples, read after 0 to 50 ms, one in twenty after up to 550 ms; a sample waits for
+// those before it. The worst error of what was placed after the first 30 s.
+Outcome watch(ClockFit fit, const Device& device, double rate_hz, std::uint64_t seed) {
+  Rng rng = make_rng(seed, 7);
+  std::uniform_real_distribution<double> uniform(0, 1);
+  HostTime last{};
+  double worst_s = 0, t = 0;
+  for (; t < 90; t += (0.5 + uniform(rng)) / rate_hz) {
+    const double delay = 0.05 * uniform(rng) + (rng() % 20 == 0 ? 0.5 * uniform(rng) : 0);
+    last = std::max(last, host(t + delay));
+    fit.add(device.ticks(t), last);
+    if (t < 30) continue;
+    worst_s = std::max(worst_s, error_s(fit, device, t, last));
+  }
+  const auto state = fit.state(host(t)).value();
+  const double offset_s = seconds(host(t)) - (device.offset_s + t * (1 + device.drift));
+  if (!fit.sound() || fit.rejected() > 0) worst_s = 1;
+  return {worst_s, state.residual_s, std::abs(state.drift_ppm - 1e6 * device.drift),
+          std::abs(state.offset_s - offset_s)};
+}
+
+// Feeds `count` samples of 10 a second, each read 1 ms late, from time t on.
+double feed(ClockFit& fit, const Device& device, double t, int count) {
+  for (int i = 0; i < count; ++i, t += 0.1) fit.add(device.ticks(t), host(t + 0.001));
+  return t;
+}
+
+}  // namespace
+
+TEST_CASE("offsets of +-500 ms and drifts of 200 ppm are found to 5 ms under random delays") {
+  std::vector<double> worst, residual, drift;
+  for (std::uint64_t seed = 0; seed < 300; ++seed) {
+    const double offset_s = -0.5 + static_cast<double>(seed) / 299, sign = seed % 2 ? 1 : -1;
+    // The frames of a radar and a camera, and the blocks of a tagger without much to tell.
+    const Device radar{5e-9, offset_s, sign * 200e-6, 0xffff'ffff};
+    const Device camera{1e-6, 1000 + offset_s, sign * 200e-6};
+    const Device tagger{1e-12, offset_s, sign * 200e-6};
+    for (const Outcome& o :
+         {watch(ClockFit(5e-9, 32), radar, 10, seed), watch(ClockFit(1e-6), camera, 30, seed),
+          watch(ClockFit(1e-12), tagger, 20, seed)}) {
+      CHECK(o.worst_s < o.residual_s);
+      worst.push_back(o.worst_s);
+      residual.push_back(o.residual_s);
+      drift.push_back(o.drift_error_ppm);
+    }
+  }
+  for (auto* v : {&worst, &residual, &drift}) std::sort(v->begin(), v->end());
+  INFO("error of the worst sample of 60 s: median "
+       << 1e3 * worst[worst.size() / 2] << " ms, worst " << 1e3 * worst.back() << " ms; residual "
+       << 1e3 * residual.front() << " to " << 1e3 * residual.back() << " ms; drift: median error "
+       << drift[drift.size() / 2] << " ppm, worst " << drift.back() << " ppm");
+  CHECK(worst.back() < 0.005);
+  CHECK(drift.back() < 100);
+}
+
+TEST_CASE("without much delay the fit is as good as the receipts") {
+  const Device device{1e-6, -0.5, 200e-6};
+  ClockFit fit(1e-6);
+  Rng rng = make_rng(1, 0);
+  double worst_s = 0;
+  for (double t = 0; t < 200; t += 0.03) {
+    const HostTime received = host(t + 1e-4 * static_cast<double>(rng() % 100) / 100);
+    fit.add(device.ticks(t), received);
+    if (t > 40) worst_s = std::max(worst_s, error_s(fit, device, t, received));
+  }
+  CHECK(worst_s < 20e-6);
+  const auto state = fit.state(host(200)).value();
+  CHECK(std::abs(state.drift_ppm - 200) < 1);
+  CHECK(std::abs(state.offset_s - (seconds(host_start) + 0.5 - 200 * 200e-6)) < 50e-6);
+  CHECK(state.residual_s < 20e-6);
+  CHECK((state.samples > 4000 && state.samples < 4400));  // of 128 s
+}
+
+TEST_CASE("a constant delay is part of the offset") {
+  const Device device{1e-6, 0, 0};
+  ClockFit fit(1e-6);
+  feed(fit, device, 0, 100);  // 1 ms late
+  CHECK(abs(fit.taken(device.ticks(5), host(6)) - host(5.001)) <= 1ns);
+}
+
+TEST_CASE("before the fit is sound a sample was taken when it was read") {
+  const Device device{1e-6, 3, 0};
+  ClockFit fit(1e-6);
+  CHECK_FALSE(fit.sound());
+  CHECK(fit.taken(7, host(1)) == host(1));
+  feed(fit, device, 0, 31);
+  CHECK(fit.taken(device.ticks(1), host(9)) == host(9));
+  CHECK_FALSE(fit.state(host(9)));
+  feed(fit, device, 3.1, 1);
+  CHECK(fit.sound());
+  CHECK(fit.taken(device.ticks(1), host(9)) == host(1.001));
+  // Never after its receipt.
+  CHECK(fit.taken(device.ticks(4), host(3.9)) == host(3.9));
+}
+
+TEST_CASE("counters go round") {
+  SECTION("the radar's every 21.47 s, also while a frame is missing") {
+    const Device device{5e-9, 20, -150e-6, 0xffff'ffff};
+    ClockFit fit(5e-9, 32);
+    double t = 0;
+    for (int i = 0; i < 40; ++i) t = feed(fit, device, t + 4, 20);
+    CHECK(fit.rejected() == 0);
+    CHECK(error_s(fit, device, t - 0.5, host(t)) < 0.0015);
+    CHECK(std::abs(fit.state(host(t))->drift_ppm + 150) < 2);
+  }
+  SECTION("the tagger's after 2^63 ps") {
+    const Device device{1e-12, 9'223'371.0, 0};  // 1 s before it
+    ClockFit fit(1e-12);
+    const double t = feed(fit, device, 0, 100);
+    CHECK(static_cast<std::int64_t>(device.ticks(t)) < 0);
+    CHECK(fit.rejected() == 0);
+    CHECK(error_s(fit, device, t - 0.5, host(t)) < 0.0011);
+  }
+}
+
+TEST_CASE("damaged times move nothing") {
+  const Device device{1e-12, 100, 0};
+  ClockFit fit(1e-12);
+  double t = feed(fit, device, 0, 100);
+  Rng rng = make_rng(5, 0);
+  for (int i = 0; i < 200; ++i) {
+    const std::uint64_t wrong = rng();
+    fit.add(wrong, host(t));
+    CHECK(fit.taken(wrong, host(t)) == host(t));  // doubtful: by its receipt
+    t = feed(fit, device, t, 2);
+    REQUIRE(error_s(fit, device, t - 0.1, host(t)) < 0.0011);
+  }
+  CHECK(fit.rejected() == 200);
+}
+
+TEST_CASE("a clock that begins anew is followed") {
+  const Device before{1e-6, 1000, 100e-6};
+  ClockFit fit(1e-6);
+  double t = feed(fit, before, 0, 600);
+  Device after = before;
+  SECTION("the device started again") { after.offset_s = -t; }
+  SECTION("its clock was set forward") { after.offset_s += 30; }
+  SECTION("its clock fell back by less than one notices at once") {
+    after.offset_s -= 0.7;
+    t = feed(fit, after, t, 35);
+  }
+  SECTION("nothing came for a while") {
+    after.offset_s -= 0.4;
+    t += 11;
+  }
+  SECTION("the connection was lost") {
+    after.offset_s -= 0.4;
+    fit.reset();
+  }
+  const double begun = t;
+  t = feed(fit, after, t, 100);
+  CHECK(fit.sound());
+  CHECK(fit.state(host(t))->samples < 105 + (begun > 61 ? 35 : 0));
+  CHECK(error_s(fit, after, t - 1, host(t)) < 0.0011);
+}
+
+TEST_CASE("a program that stood still, or a queue that is emptied, is no new clock") {
+  const Device device{1e-6, 1, 0};
+  ClockFit fit(1e-6);
+  double t = feed(fit, device, 0, 100);
+  const double woken = t + 8;
+  for (; t < woken; t += 0.01) fit.add(device.ticks(t), host(woken));
+  t = feed(fit, device, t, 100);
+  CHECK(fit.state(host(t))->samples == 1000);
+  CHECK(error_s(fit, device, t - 1, host(t)) < 0.0011);
+}
+
+TEST_CASE("the last event of a block is the one whose delay counts") {
+  SensorClocks clocks;
+  Tag no_event;
+  no_event.type = TagType::overflow_end;
+  for (int i = 0; i < 120; ++i) {
+    const std::int64_t ps = 5'000'000'000 * i;  // blocks of 5 ms
+    const std::vector<Tag> tags = {
+        {.channel = 1, .time_ps = ps}, {.channel = 2, .time_ps = ps + 4'000'000'000}, no_event};
+    clocks.hear(TagBlock{.received = host(0.005 * i + 0.0045), .tags = tags});
+  }
+  REQUIRE(clocks[Sensor::spd].sound());
+  const auto taken = clocks[Sensor::spd].taken(495'000'000'000, host(1));
+  CHECK(std::abs(seconds(taken - host(0.4955))) < 1e-6);  // 0.5 ms after the last event of each
+  clocks.reset(Sensor::spd);
+  CHECK_FALSE(clocks[Sensor::spd].sound());
+}

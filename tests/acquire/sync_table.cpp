@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: MIT
+// The rules of a record as a table: {read, device, event} -> {record} and {record} -> {verdict}.
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <map>
+#include <sstream>
+
+#include "acquire/window.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+using namespace std::chrono_literals;
+
+namespace {
+
+constexpr SlotGrid grid{.first = 100s, .length = 1s};
+
+HostTime host(double t) { return HostTime(std::llround(t * 1e9)); }
+
+// What arrives: at `read`, by a device, taken at these times (s). `places`: for each of them the
+// record that it belongs to, or early, late, twice.
+struct Event {
+  double read;
+  const char* device;
+  std::vector<double> taken;
+  const char* places;
+  std::uint32_t number = 0;  // of a frame
+  std::uint64_t lost = 0;    // before it
+};
+
+// clang-format off
+const std::vector<Event> events = {
+  // read     device   taken                                places           number lost
+  { 99.992,  "spd",   {99.980, 99.990},                    "early early"              },
+  { 99.993,  "radar", {99.985},                            "early",          1        },
+  {100.004,  "spd",   {99.995, 99.999, 100.001, 100.003},  "early early 0 0"          },  // cut at the border
+  {100.031,  "radar", {99.9985},                           "early",          2        },  // read in 0, taken before
+  {100.300,  "radar", {100.280},                           "0",              3        },
+  {100.310,  "depth", {100.290},                           "0",              1        },
+  {100.610,  "depth", {100.490},                           "0",              2        },  // nearest to the centre
+  {100.640,  "depth", {100.620},                           "0",              3        },
+  {100.641,  "depth", {100.620},                           "twice",          3        },
+  {100.700,  "radar", {100.680},                           "0",              4        },
+  {100.701,  "radar", {100.680},                           "twice",          4        },
+  {100.720,  "spd",   {100.600, 100.700, 100.650, 100.719},"0 0 0 0"                  },  // out of order within a block
+  {100.998,  "spd",   {100.990, 100.997},                  "0 0"                      },
+  {101.120,  "spd",   {100.950, 100.999, 101.001, 101.110},"0 0 1 1"                  },  // 100 ms long
+  {101.300,  "radar", {100.900},                           "0",              5        },  // late by 0.4 s, slot 0 open
+  {101.310,  "radar", {101.250},                           "1",              7,  1    },
+  {101.320,  "radar", {101.200},                           "1",              6        },  // out of order
+  {101.449,  "spd",   {100.994},                           "0"                        },  // in the grace
+  {101.560,  "spd",   {100.995, 101.500},                  "late 1"                   },
+  {101.570,  "radar", {100.999},                           "late",           8,  2    },  // lost: of the next slot
+  {101.580,  "depth", {100.500},                           "late",           4        },
+  {101.900,  "spd",   {101.850, 101.899},                  "1 1"                      },
+  {102.100,  "depth", {101.999},                           "1",              5        },
+  {102.110,  "depth", {102.000},                           "2",              6        },
+  {102.200,  "spd",   {},                                  "",               0,  3    },  // only a loss
+  // The program stands still from 102.2 to 105.7; all of this waits to be read.
+  {105.700,  "spd",   {102.200, 102.900, 103.100, 105.690},"2 2 3 5"                  },
+  {105.700,  "radar", {102.500},                           "2",              9        },
+  {105.700,  "radar", {105.600},                           "5",             10        },
+  // The radar comes back with another clock: by receipt, until that is known.
+  {106.600,  "radar+",{106.100},                           "6",              1        },
+  {106.700,  "spd",   {106.100, 106.650},                  "6 6"                      },
+  {107.300,  "spd",   {107.001, 107.299},                  "early early"              },  // after the last slot
+  {107.300,  "depth", {107.200},                           "early",          7        },
+};
+
+struct Verdicts {
+  std::int64_t record;
+  const char *spd, *radar, *depth;
+  std::uint32_t missing;  // radar is required
+  std::uint16_t depth_mm; // number of the frame used
+};
+const std::vector<Verdicts> verdicts = {
+  {0, "ok",                          "ok",                      "ok",                      0, 2},
+  {1, "ok",                          "ok",                      "ok",                      0, 5},
+  {2, "ok",                          "ok",                      "ok",                      0, 6},
+  {3, "the program stood still",     "the program stood still", "the program stood still", 2, 0},
+  {4, "the program stood still",     "the program stood still", "the program stood still", 2, 0},
+  {5, "the program stood still",     "the program stood still", "the program stood still", 2, 0},
+  {6, "ok",                          "ok",                      "no frames",               0, 0},
+};
+// clang-format on
+
+struct Device {
+  double offset_s, drift, tick_s;
+  std::uint64_t at(double t) const {
+    return static_cast<std::uint64_t>(std::llround((t * (1 + drift) + offset_s) / tick_s));
+  }
+};
+
+// The three devices, whose clocks have been heard for 20 s, and the daemon under a virtual clock.
+class Bench {
+ public:
+  Bench() {
+    windows.announce({Sensor::radar, "", "", "", "", {{"radar", "log2_q8", "m", 1, 0, 0.5, 12}}});
+    windows.announce(
+        {Sensor::depth,
+         "",
+         "",
+         "",
+         "",
+         {{"depth_x", "tangent", "1", 1, 0, 1, 1}, {"depth_y", "tangent", "1", 1, 0, 1, 1}}});
+    for (double t = 79; t < 99; t += 0.05) {
+      const Tag tag{.channel = 1, .time_ps = static_cast<std::int64_t>(tagger.at(t))};
+      clocks.hear(TagBlock{.received = host(t), .tags = {&tag, 1}});
+      clocks.hear(radar(t, t, 0));
+      clocks.hear(depth(t, t, 0));
+    }
+    now = grid.first - 10ms;
+  }
+
+  void run(const Event& e) {
+    std::istringstream places(e.places);
+    const bool stood_still = e.read - seconds(now) > 2;
+    while (!stood_still && now + 50ms <= host(e.read)) tick(now + 50ms);
+    const std::string device = e.device;
+    if (device == "spd") {
+      std::vector<Tag> tags;
+      for (const double t : e.taken)
+        tags.push_back({.channel = 1, .time_ps = static_cast<std::int64_t>(tagger.at(t))});
+      const TagBlock block{.received = host(e.read), .tags = tags, .lost_items = e.lost};
+      clocks.hear(block);
+      windows.add(block);
+    } else if (device == "depth") {
+      clocks.hear(depth(e.taken[0], e.read, e.number));
+      windows.add(depth(e.taken[0], e.read, e.number));
+    } else {
+      if (device == "radar+") {
+        clocks.reset(Sensor::radar);
+        chirps.offset_s = -106;
+      }
+      auto frame = radar(e.taken[0], e.read, e.number);
+      frame.lost_before = static_cast<std::uint32_t>(e.lost);
+      clocks.hear(frame);
+      windows.add(frame);
+    }
+    const auto sensor = device == "spd" ? 0u : device == "depth" ? 2u : 1u;
+    for (std::string place; places >> place;) ++expected[place][sensor];
+    if (stood_still) tick(host(e.read));
+  }
+
+  void end() {
+    scheduler.finish(grid.start(6));
+    while (!scheduler.done()) tick(now + 50ms);
+    windows.finish();
+  }
+
+  Device tagger{3, 100e-6, 1e-12}, chirps{-50, -150e-6, 5e-9}, camera{1000, 0, 1e-6};
+  SensorClocks clocks;
+  Windows windows{grid, {.first_bin_ps = 0, .bins = 1}, clocks, 7, 2};
+  Scheduler scheduler{grid};
+  std::vector<record::FusedRecord> records;
+  std::map<std::string, std::array<std::uint64_t, 3>> expected;  // by place
+
+ private:
+  RadarFrame radar(double taken, double read, std::uint32_t number) const {
+    RadarFrame frame;
+    frame.received = host(read);
+    frame.frame_number = number;
+    frame.time_cpu_cycles = static_cast<std::uint32_t>(chirps.at(taken));
+    frame.range_profile = {1};
+    return frame;
+  }
+  DepthFrame depth(double taken, double read, std::uint32_t number) const {
+    DepthFrame frame;
+    frame.received = host(read);
+    frame.device_time_us = camera.at(taken);
+    frame.frame_index = number;
+    frame.width = frame.height = 1;
+    frame.depth_mm = {static_cast<std::uint16_t>(number)};
+    return frame;
+  }
+  void tick(HostTime t) {
+    now = t;
+    for (const DueSlot& due : scheduler.tick(now)) records.push_back(windows.close(due));
+  }
+
+  HostTime now;
+};
+
+}  // namespace
+
+TEST_CASE("every event of the table is in the record that the rules say") {
+  Bench bench;
+  for (const Event& e : events) bench.run(e);
+  bench.end();
+  REQUIRE(bench.records.size() == verdicts.size());
+  for (const Verdicts& v : verdicts) {
+    const auto& r = bench.records[static_cast<std::size_t>(v.record)];
+    CAPTURE(v.record);
+    CHECK(r.index == v.record);
+    CHECK(r.sync[0].verdict == v.spd);
+    CHECK(r.sync[1].verdict == v.radar);
+    CHECK(r.sync[2].verdict == v.depth);
+    CHECK(r.missing == v.missing);
+    CHECK(r.spd_counts.tags == bench.expected[std::to_string(v.record)][0]);
+    CHECK(r.sync[1].used == bench.expected[std::to_string(v.record)][1]);
+    CHECK((r.depth_mm.empty() ? 0 : r.depth_mm[0]) == v.depth_mm);
+  }
+  const Strays& strays = bench.windows.strays();
+  CHECK(strays.outside == bench.expected["early"]);
+  CHECK(strays.late == bench.expected["late"]);
+  CHECK(strays.duplicate == bench.expected["twice"]);
+  CHECK(strays.out_of_order == std::array<std::uint64_t, 3>{0, 2, 0});  // 6 after 7, 1 after 10
+  // Losses: with the slot of the sample that tells, or the next one if that is closed.
+  CHECK(bench.records[1].sync[1].lost == 1 + 2);
+  CHECK(bench.records[2].sync[0].lost == 3);
+}
+
+TEST_CASE("a record tells how its devices' clocks ran") {
+  Bench bench;
+  for (const Event& e : events) bench.run(e);
+  bench.end();
+  const auto& clocks = bench.records[2].clocks;
+  REQUIRE((clocks[0] && clocks[1] && clocks[2]));
+  CHECK(std::abs(clocks[0]->drift_ppm - 100) < 1);
+  CHECK(std::abs(clocks[1]->drift_ppm + 150) < 1);
+  CHECK(std::abs(clocks[2]->drift_ppm) < 1);
+  CHECK(std::abs(clocks[0]->offset_s - (-3 - 102.5 * 100e-6)) < 1e-4);
+  CHECK(std::abs(clocks[2]->offset_s + 1000) < 1e-4);
+  CHECK(bench.records[0].sync[0].span_s == Approx(0.998).margin(1e-5));
+  CHECK(bench.records[0].sync[2].offset_s == Approx(-0.01).margin(1e-5));
+  CHECK_FALSE(bench.records[6].clocks[1]);  // the radar's clock began anew
+}
