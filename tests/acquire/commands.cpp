@@ -26,6 +26,16 @@ Json json_of(const std::string& arguments) {
 
 }  // namespace
 
+TEST_CASE("no run without a required device") {
+  const Folder folder;
+  write_file(folder / "a.toml",
+             "[run]\nconnect_timeout_s = 0.2\n[tdc]\naddress = \"bridge:tcp://127.0.0.1:1\"\n"
+             "policy = \"required\"\n");
+  refuses("run --config " + folder / "a.toml" + " --out " + folder / "run", 4,
+          "a required device does not deliver after 0.2 s\nspd bridge:tcp://127.0.0.1:1: ");
+  CHECK_FALSE(fs::exists(folder / "run.sqlite"));
+}
+
 TEST_CASE("help, version and usage errors") {
   for (const char* command :
        {"", "run", "devices", "config", "info", "export", "recover", "replay"}) {

@@ -1,1 +1,252 @@
 // SPDX-License-Identifier: MIT
+// 100 000 slots under a virtual clock: devices with clocks of their own, whose samples come late,
+// get lost, and which go away and come back. Every sample is accounted for, and where it was placed
+// is held against when it was really taken.
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "acquire/window.hpp"
+#include "drivers/core/random.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+using namespace std::chrono_literals;
+
+namespace {
+
+constexpr SlotGrid grid{.first = 1000s, .length = 100ms};
+constexpr std::int64_t slots = 100'000;
+
+// One device: a sample every `period_s`, or a little more; its clock runs wrong and begins anew
+// when the device comes back.
+class Device {
+ public:
+  Device(double period_s, double tick_s, std::uint64_t seed)
+      : period_s_(period_s), tick_s_(tick_s), rng_(make_rng(seed, 9)) {
+    plug_in();
+  }
+
+  HostTime taken() const { return at(taken_s_); }
+  HostTime received() const { return received_; }
+  std::uint64_t ticks() const {
+    return static_cast<std::uint64_t>(
+        std::llround((offset_s_ + (taken_s_ - plugged_s_) * (1 + drift_)) / tick_s_));
+  }
+  bool reconnected() const { return taken_s_ == plugged_s_ && taken_s_ > 0; }
+  bool settled() const { return taken_s_ - plugged_s_ > 30; }
+
+  // On to the next sample that arrives; how many were lost on the way.
+  std::uint32_t next() {
+    std::uint32_t lost = 0;
+    do {
+      taken_s_ += period_s_ * (1 + 0.2 * uniform_(rng_));
+      if (rng_() % 20'000 == 0) {
+        taken_s_ += 20 * uniform_(rng_);
+        plug_in();
+        return 0;
+      }
+    } while (rng_() % 200 == 0 && ++lost);
+    const double delay_s = 0.05 * uniform_(rng_) + (rng_() % 500 == 0 ? uniform_(rng_) : 0);
+    received_ = std::max(received_, at(taken_s_ + delay_s));
+    return lost;
+  }
+
+ private:
+  static HostTime at(double s) { return grid.first - 40s + from_seconds(s); }
+  void plug_in() {
+    plugged_s_ = taken_s_;
+    offset_s_ = uniform_(rng_) - 0.5 + 1;
+    drift_ = 400e-6 * (uniform_(rng_) - 0.5);
+    received_ = std::max(received_, taken());
+  }
+
+  double period_s_, tick_s_;
+  Rng rng_;
+  std::uniform_real_distribution<double> uniform_{0, 1};
+  double taken_s_ = 0, plugged_s_ = 0, offset_s_ = 0, drift_ = 0;
+  HostTime received_{};
+};
+
+struct Laboratory {
+  Device devices[3] = {{0.02, 1e-12, 1}, {0.05, 5e-9, 2}, {0.06, 1e-6, 3}};
+  SensorClocks clocks;
+  Windows windows{grid, {.first_bin_ps = 0, .bins = 1}, clocks, 7};
+  Scheduler scheduler{grid, slots};
+  std::vector<record::FusedRecord> records;
+  struct Shot {
+    HostTime taken;
+    bool settled;
+  };
+  std::vector<Shot> shots;  // of the camera, by frame number
+  std::array<std::uint64_t, 3> sent{}, lost{}, reconnections{}, settled{};
+  HostTime worst_error{};
+  std::uint32_t number = 0;
+
+  void run() {
+    windows.announce({Sensor::radar, "", "", "", "", {{"radar", "log2_q8", "m", 1, 0, 0.5, 12}}});
+    windows.announce(
+        {Sensor::depth,
+         "",
+         "",
+         "",
+         "",
+         {{"depth_x", "tangent", "1", 2, 0, 1, 1}, {"depth_y", "tangent", "1", 1, 0, 1, 1}}});
+    HostTime tick = grid.first;
+    std::array<std::uint32_t, 3> lost_before{};
+    while (!scheduler.done()) {
+      std::size_t next = 0;
+      for (std::size_t i = 1; i < 3; ++i)
+        if (devices[i].received() < devices[next].received()) next = i;
+      for (; tick <= devices[next].received() && !scheduler.done(); tick += 20ms)
+        for (const DueSlot& due : scheduler.tick(tick)) close(due);
+      deliver(next, lost_before[next]);
+      lost_before[next] = devices[next].next();
+    }
+    windows.finish();
+  }
+
+  void close(const DueSlot& due) {
+    records.push_back(windows.close(due));
+    REQUIRE_FALSE(due.stalled);
+  }
+
+  void deliver(std::size_t i, std::uint32_t lost_before) {
+    const Device& device = devices[i];
+    const auto sensor = static_cast<Sensor>(i);
+    if (device.reconnected()) {
+      ++reconnections[i];
+      clocks.reset(sensor);
+      if (i == 0) windows.tag_gap();
+    }
+    i == 0   ? put_tags(device, lost_before)
+    : i == 1 ? put_radar(device, lost_before)
+             : put_depth(device, lost_before);
+    const HostTime error =
+        abs(clocks[sensor].taken(device.ticks(), device.received()) - device.taken());
+    if (device.settled() && clocks[sensor].sound()) {
+      ++settled[i];
+      worst_error = std::max(worst_error, error);
+    }
+    // What is lost before the run is not its loss.
+    if (device.taken() >= grid.first + 1s) lost[i] += lost_before;
+  }
+
+  // Four tags of the 20 ms before.
+  void put_tags(const Device& device, std::uint32_t lost_before) {
+    std::vector<Tag> tags(4);
+    for (std::size_t i = 0; i < 4; ++i)
+      tags[i] = {.channel = 1 + static_cast<int>(i % 2),
+                 .time_ps = static_cast<std::int64_t>(device.ticks()) -
+                            static_cast<std::int64_t>(3 - i) * 5'000'000'000};
+    const TagBlock block{.received = device.received(), .tags = tags, .lost_blocks = lost_before};
+    clocks.hear(block);
+    windows.add(block);
+    sent[0] += 4;
+  }
+  void put_radar(const Device& device, std::uint32_t lost_before) {
+    RadarFrame frame;
+    frame.received = device.received();
+    frame.frame_number = ++number;
+    frame.time_cpu_cycles = static_cast<std::uint32_t>(device.ticks());
+    frame.lost_before = lost_before;
+    frame.range_profile = {100};
+    clocks.hear(frame);
+    windows.add(frame);
+    ++sent[1];
+  }
+  void put_depth(const Device& device, std::uint32_t lost_before) {
+    DepthFrame frame;
+    frame.received = device.received();
+    frame.frame_index = static_cast<std::uint32_t>(shots.size());
+    frame.device_time_us = device.ticks();
+    frame.lost_before = lost_before;
+    frame.width = 2;
+    frame.height = 1;
+    frame.depth_mm = {static_cast<std::uint16_t>(frame.frame_index),
+                      static_cast<std::uint16_t>(frame.frame_index >> 16)};
+    shots.push_back({device.taken(), device.settled()});
+    clocks.hear(frame);
+    windows.add(std::move(frame));
+    ++sent[2];
+  }
+};
+
+}  // namespace
+
+TEST_CASE("100 000 slots: no drift, no row missing, every sample accounted for and in its place") {
+  Laboratory lab;
+  lab.run();
+  REQUIRE(lab.records.size() == slots);
+  std::uint64_t tags = 0, radar = 0, lost[3] = {}, valid[3] = {}, misplaced = 0, depth = 0;
+  for (std::int64_t k = 0; k < slots; ++k) {
+    const auto& r = lab.records[static_cast<std::size_t>(k)];
+    REQUIRE((r.index == k && r.slot_start == grid.first + k * grid.length &&
+             r.slot_end == r.slot_start + grid.length));
+    const auto& c = r.spd_counts;
+    REQUIRE(c.starts + c.in_range + c.out_of_range + c.without_start + c.other == c.tags);
+    tags += c.tags;
+    radar += r.sync[1].used;
+    for (std::size_t s = 0; s < 3; ++s) {
+      lost[s] += r.sync[s].lost;
+      valid[s] += r.has(static_cast<Sensor>(s));
+    }
+    if (!r.has(Sensor::depth)) continue;
+    const auto shot = lab.shots.at(r.depth_mm[0] + 65536u * r.depth_mm[1]);
+    if (!shot.settled) continue;
+    ++depth;
+    misplaced += shot.taken < r.slot_start - 5ms || shot.taken > r.slot_end + 5ms;
+  }
+  const Strays& strays = lab.windows.strays();
+  CHECK(tags + strays.late[0] + strays.outside[0] == lab.sent[0]);
+  CHECK(radar + strays.late[1] + strays.outside[1] == lab.sent[1]);
+  for (std::size_t s = 0; s < 3; ++s) {
+    CHECK(strays.duplicate[s] + strays.out_of_order[s] == 0);
+    CHECK(lab.reconnections[s] > 5);
+    CHECK(lab.settled[s] > lab.sent[s] / 10);
+    CHECK(std::abs(static_cast<double>(lost[s]) - static_cast<double>(lab.lost[s])) <= 2);
+    CHECK(lost[s] > 500);
+    CHECK(valid[s] > slots * 8 / 10);
+  }
+  INFO("worst error " << 1e3 * seconds(lab.worst_error) << " ms, " << misplaced << " of " << depth
+                      << " depth frames misplaced, late " << strays.late[0] << " tags, "
+                      << strays.late[1] << " + " << strays.late[2] << " frames of " << lab.sent[0]
+                      << ", " << lab.sent[1] << " + " << lab.sent[2]);
+  CHECK(lab.worst_error < 5ms);
+  CHECK(misplaced == 0);
+  CHECK(depth > slots * 8 / 10);
+  CHECK(strays.late[0] < lab.sent[0] / 50);  // delayed by more than half a second
+}
+
+TEST_CASE("whatever the times of tags say, each is counted once") {
+  SensorClocks clocks;
+  Windows windows(grid, {.first_bin_ps = 0, .bins = 4}, clocks, 1);
+  Scheduler scheduler(grid, 200);
+  Rng rng = make_rng(11, 0);
+  std::uint64_t sent = 0, counted = 0;
+  HostTime now = grid.first - 5s;
+  while (!scheduler.done()) {
+    now += std::chrono::milliseconds(rng() % 40);
+    const std::int64_t time = (now - grid.first).count() * 1000;
+    std::vector<Tag> tags(rng() % 300);
+    for (std::size_t i = 0; i < tags.size(); ++i) {
+      Tag& tag = tags[i];
+      tag.channel = static_cast<std::int32_t>(rng() % 3);
+      tag.time_ps = time - 40'000'000 * static_cast<std::int64_t>(tags.size() - i);
+      if (rng() % 50 == 0) tag.time_ps = static_cast<std::int64_t>(rng());
+      if (rng() % 50 == 0)
+        tag.time_ps += (static_cast<std::int64_t>(rng() % 2000) - 1500) * 1'000'000'000;
+      if (rng() % 50 == 0) tag.type = static_cast<TagType>(rng() % 7);
+    }
+    const TagBlock block{.received = now, .tags = tags};
+    clocks.hear(block);
+    windows.add(block);
+    sent += tags.size();
+    for (const DueSlot& due : scheduler.tick(now)) counted += windows.close(due).spd_counts.tags;
+  }
+  windows.finish();
+  CHECK(clocks[Sensor::spd].state(now));
+  CHECK(clocks[Sensor::spd].rejected() > 10);
+  CHECK(counted > sent / 2);
+  CHECK(windows.strays().late[0] > 0);
+  CHECK(counted + windows.strays().late[0] + windows.strays().outside[0] == sent);
+}

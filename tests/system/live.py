@@ -116,6 +116,10 @@ class Live(unittest.TestCase):
         self.assertEqual(len({row["radar"] for row in rows}), 10)
         self.assertLessEqual(sum(row["radar_used"] for row in rows), sent["radar"]["frames"])
         self.assertIn("record 10/10  SRD", log)
+        # One time base feeds all three devices, and what each is late by is less than 10 ms.
+        offsets = [info["clocks"][s]["offset_s"] for s in info["clocks"]]
+        self.assertIn("spd", info["clocks"])
+        self.assertLess(max(offsets) - min(offsets), 0.01, info["clocks"])
 
     def test_interrupt(self):
         daemon = self.record()
@@ -204,6 +208,22 @@ class Live(unittest.TestCase):
         self.assertEqual(rows[0]["depth_verdict"], "not configured")
         self.assertEqual(rows[0]["radar_verdict"], "no frames")
         self.assertIn("starting without radar", log)
+
+    def test_required(self):
+        """Records without a required sensor are written, marked and counted."""
+        daemon = self.record("--count", "12", "--set", "radar.policy=required")
+        wait_for("records", lambda: self.committed() >= 4)
+        self.close_lab()
+        log = self.finish(daemon)
+        self.assertEqual(daemon.returncode, 0, log)
+        rows = self.rows()
+        self.check_slots(rows)
+        without = [row["idx"] for row in rows if not row["valid"] & 2]
+        self.assertGreater(len(without), 0)
+        info = self.info()
+        self.assertEqual(info["policy"], {"spd": "optional", "radar": "required", "depth": "optional"})
+        self.assertEqual(info["incomplete"], len(without))
+        self.assertIn(f"{len(without)} incomplete, without a required device", log)
 
     def test_devices(self):
         env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}

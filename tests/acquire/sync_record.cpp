@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: MIT
+// Policies, incomplete records and clock fits in the run file and in `info`.
+#include <nlohmann/json.hpp>
+
+#include "acquire/record/sqlite.hpp"
+#include "testing.hpp"
+
+using namespace echofuse;
+using namespace echofuse::record;
+using namespace testing;
+
+namespace {
+
+using Json = nlohmann::json;
+
+void write(const std::string& path) {
+  RunWriter run(path, {});
+  for (const auto& axis : small_axes()) run.put_axis(axis);
+  run.put_policy(Sensor::spd, "required");
+  run.put_policy(Sensor::depth, "optional");
+  for (std::int64_t i = 0; i < 3; ++i) {
+    FusedRecord r = small_record(i);
+    if (i == 1) r.missing = 5;
+    if (i > 0) r.clocks[0] = ClockState{1.5, -3, 1e-4, static_cast<std::uint64_t>(100 + i)};
+    if (i == 1) r.clocks[2] = ClockState{-7, 20, 2e-3, 64};
+    run.append(r);
+  }
+  run.close("complete");
+}
+
+struct Database {
+  explicit Database(const std::string& p) : path(p) {
+    REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
+  }
+  ~Database() { sqlite3_close(db); }
+  Database(const Database&) = delete;
+  Database& operator=(const Database&) = delete;
+  std::string first(const char* sql) { return first_row(Statement(db, path, sql)); }
+  static std::string first_row(Statement&& s) { return s.step() ? s.text() : "nothing"; }
+
+  std::string path;
+  sqlite3* db = nullptr;
+};
+
+}  // namespace
+
+TEST_CASE("a record without a required sensor is marked, and the clocks' fits are kept") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  write(path);
+  Database db(path);
+  CHECK(db.first("SELECT group_concat(idx || ' ' || missing, ';') FROM incomplete") ==
+        "1 spd depth");
+  CHECK(db.first("SELECT group_concat(idx, ' ') FROM clock_fit") == "1 2");
+  CHECK(db.first("SELECT spd_offset_s || ' ' || spd_drift_ppm || ' ' || spd_residual_s || ' ' || "
+                 "spd_samples FROM clock_fit WHERE idx = 2") == "1.5 -3.0 0.0001 102");
+  CHECK(db.first("SELECT radar_offset_s IS NULL AND depth_samples IS NULL FROM clock_fit WHERE "
+                 "idx = 2") == "1");
+
+  const Json info = Json::parse(acquire("info --json " + path).text);
+  CHECK(info["incomplete"] == 1);
+  CHECK(info["policy"] == Json{{"spd", "required"}, {"depth", "optional"}});
+  CHECK(info["clocks"]["spd"]["samples"] == 102);  // of the last record that has one
+  CHECK(info["clocks"]["depth"]["drift_ppm"] == 20);
+  CHECK_FALSE(info["clocks"].contains("radar"));
+  const std::string text = acquire("info " + path).text;
+  CHECK(has(text, "policy    depth optional, spd required; incomplete 1"));
+  CHECK(has(text, "clock     spd: offset_s 1.5, drift_ppm -3, residual_s 0.0001, samples 102"));
+}
+
+TEST_CASE("a file from before there were clock fits is read as ever") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  write(path);
+  {
+    Database db(path);
+    execute(db.db, path, "DROP TABLE clock_fit; DROP TABLE incomplete; DROP TABLE policy",
+            "cannot");
+  }
+  const Outcome info = acquire("info " + path);
+  CHECK(info.code == 0);
+  CHECK_FALSE(has(info.text, "policy"));
+  CHECK(RunReader(path).read(1).radar.size() == 4);
+}
