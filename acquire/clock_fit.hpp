@@ -97,15 +97,16 @@ class ClockFit {
 class SensorClocks {
  public:
   void hear(const TagBlock& block);
-  void hear(const RadarFrame& frame) { radar.add(frame.time_cpu_cycles, frame.received); }
-  void hear(const DepthFrame& frame) { depth.add(frame.device_time_us, frame.received); }
-  const ClockFit& operator[](Sensor s) const {
-    return s == Sensor::spd ? spd : s == Sensor::radar ? radar : depth;
-  }
-  void reset(Sensor s) { const_cast<ClockFit&>((*this)[s]).reset(); }
+  void hear(const RadarFrame& frame);
+  void hear(const DepthFrame& frame);
+  void reset(Sensor s) { of(s).reset(); }
+  const ClockFit& operator[](Sensor s) const { return fits_[static_cast<std::size_t>(s)]; }
 
  private:
-  ClockFit spd{1e-12}, radar{5e-9, 32}, depth{1e-6};
+  ClockFit& of(Sensor s) { return fits_[static_cast<std::size_t>(s)]; }
+
+  // Tags in ps, the radar's CPU cycles at 200 MHz, the camera's microseconds.
+  std::array<ClockFit, sensor_count> fits_{ClockFit(1e-12), ClockFit(5e-9, 32), ClockFit(1e-6)};
 };
 
 }  // namespace echofuse::acquire
