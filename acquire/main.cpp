@@ -32,7 +32,9 @@ struct Options {
   std::string config = "lab.toml";
   std::vector<std::string> assignments;
   RunOptions run;
-  std::optional<std::string> label;
+  std::optional<std::string> label, operator_name, text;
+  std::vector<std::string> meta;
+  std::string resume;
   double duration_s = 0;
   std::string file, to, radar;
   std::optional<std::int64_t> record;
@@ -56,10 +58,19 @@ Config load(const Options& o) { return load_config(o.config, o.assignments); }
 ExitCode run(Options& o) {
   Config config = load(o);
   if (o.label) config.label = *o.label;
+  if (o.operator_name) config.operator_name = *o.operator_name;
+  for (const auto& pair : o.meta) {
+    const auto equals = pair.find('=');
+    if (equals == 0 || equals == std::string::npos)
+      throw Error(ExitCode::usage, "--meta " + pair + ": expected key=value");
+    o.run.meta.emplace_back(pair.substr(0, equals), pair.substr(equals + 1));
+  }
+  o.run.resume = !o.resume.empty();
+  if (o.run.resume) o.run.out = o.resume;
   if (o.duration_s > 0)
     o.run.count = static_cast<std::int64_t>(std::ceil(o.duration_s / config.window_s - 1e-9));
   std::filesystem::path out = std::filesystem::absolute(o.run.out);
-  if (!out.has_extension()) out += ".sqlite";
+  if (!out.has_extension() && !(o.run.resume && std::filesystem::exists(out))) out += ".sqlite";
   o.run.out = out.string();
   o.run.quiet = o.quiet;
   catch_interrupts();
@@ -81,6 +92,13 @@ ExitCode show_config(const Options& o) {
 
 ExitCode info(const Options& o) {
   std::fputs(describe_run(o.file, o.json).c_str(), stdout);
+  return ExitCode::ok;
+}
+
+ExitCode mark(const Options& o) {
+  if (o.text.has_value() == o.label.has_value())
+    throw Error(ExitCode::usage, "expected either a text or --label TEXT");
+  record::mark(o.file, o.label ? "label" : "mark", o.label ? *o.label : *o.text);
   return ExitCode::ok;
 }
 
@@ -128,8 +146,12 @@ void add_run(CLI::App& app, Options& o) {
   auto* c = app.add_subcommand("run", "record fused records, one a slot, until Ctrl-C");
   add_config_options(*c, o);
   add_talk_options(*c, o);
-  c->add_option("--out", o.run.out, "run file to make; .sqlite is appended if it has no extension")
-      ->required();
+  auto* out = c->add_option_group("target");
+  out->add_option("--out", o.run.out,
+                  "run file to make; .sqlite is appended if it has no extension");
+  auto* resume = out->add_option("--resume", o.resume,
+                                 "run to continue, with the configuration it was begun with");
+  out->require_option(1);
   auto* count = c->add_option("--count", o.run.count, "stop after this many slots")
                     ->check(CLI::PositiveNumber);
   const std::map<std::string, double> units{{"h", 3600}, {"m", 60}, {"min", 60}, {"s", 1}};
@@ -138,6 +160,10 @@ void add_run(CLI::App& app, Options& o) {
       ->check(CLI::PositiveNumber)
       ->excludes(count);
   c->add_option("--label", o.label, "label of every record, instead of run.label");
+  c->add_option("--operator", o.operator_name, "who records, instead of run.operator");
+  c->add_option("--meta", o.meta, "key=value, kept in the run; may be repeated")
+      ->allow_extra_args(false)
+      ->excludes(resume);
 }
 
 void add_file_commands(CLI::App& app, Options& o) {
@@ -155,6 +181,11 @@ void add_file_commands(CLI::App& app, Options& o) {
       ->add_option("FILE", o.file)
       ->required();
 
+  auto* marker = app.add_subcommand("mark", "a remark, or another label, into a run that is live");
+  marker->add_option("FILE", o.file)->required();
+  marker->add_option("TEXT", o.text, "kept as an event, with the time");
+  marker->add_option("--label", o.label, "label of the records from the running slot on");
+
   auto* replay = app.add_subcommand("replay", "recorded device bytes through the live parser");
   replay->add_option("--radar", o.radar, "recording of the radar's data port")->required();
   replay->add_flag("--json", o.json);
@@ -167,6 +198,7 @@ ExitCode dispatch(const std::string& command, Options& o) {
   if (command == "config") return show_config(o);
   if (command == "info") return info(o);
   if (command == "export") return export_run(o);
+  if (command == "mark") return mark(o);
   if (command == "recover") return recover(o);
   return replay(o);
 }
