@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
 // echofuse-acquire as a user meets it: exit codes, one line of error, what it prints.
+#include <unistd.h>
+
 #include <nlohmann/json.hpp>
 
 #include "testing.hpp"
@@ -28,7 +30,7 @@ Json json_of(const std::string& arguments) {
 
 TEST_CASE("help, version and usage errors") {
   for (const char* command :
-       {"", "run", "devices", "config", "info", "export", "recover", "replay"}) {
+       {"", "run", "devices", "config", "info", "export", "recover", "replay", "mark"}) {
     const Outcome o = acquire(std::string(command) + " --help");
     CHECK(o.code == 0);
     CHECK(has(o.text, "exit codes"));
@@ -37,7 +39,8 @@ TEST_CASE("help, version and usage errors") {
   refuses("", 2, "command is required");
   refuses("config", 2, "subcommand is required");
   refuses("fly", 2, "fly");
-  refuses("run", 2, "--out is required");
+  refuses("run", 2, "--out");
+  refuses("run --out a --resume b", 2, "--resume");
   refuses("run --out a --count 0", 2, "--count");
   refuses("run --out a --count 3 --duration 2h", 2, "excludes");
   refuses("run --out a --duration 10", 2, "--duration");
@@ -69,6 +72,23 @@ TEST_CASE("bad configurations and targets of a run") {
   refuses("run --out " + folder / "no/a" + config, 6, "its folder does not exist");
   CHECK(fs::file_size(folder / "a.sqlite") == 8);
   CHECK(has(acquire("config show" + config + " --set tdc.bins=99").text, "bins = 99"));
+}
+
+TEST_CASE("metadata without a value, a folder that cannot be written") {
+  const Folder folder;
+  write_file(folder / "lab.toml", "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n");
+  const std::string config = " --config " + folder / "lab.toml";
+  refuses("run --out " + folder / "a" + config + " --meta room", 2,
+          "--meta room: expected key=value");
+  fs::create_directory(folder / "closed");
+  fs::permissions(folder / "closed", fs::perms::owner_read | fs::perms::owner_exec);
+  // Permissions do not bind root.
+  const std::string as_user = geteuid() == 0 ? "setpriv --bounding-set=-all --inh-caps=-all " : "";
+  const Outcome o = shell(as_user + ECHOFUSE_BIN_DIR "/echofuse-acquire run --out " +
+                          folder / "closed/a" + config);
+  CAPTURE(o.text);
+  CHECK(o.code == 6);
+  CHECK(has(o.text, "closed/a.sqlite: its folder is read-only"));
 }
 
 TEST_CASE("no device answers: one clear line each, and no file") {
