@@ -49,6 +49,12 @@ void refuse_bad_target(const std::filesystem::path& out) {
     throw Error(ExitCode::disk, out.string() + ": its folder is read-only");
 }
 
+void refuse_resuming(const record::RunInfo& begun, const std::string& path, const Config& config) {
+  if (begun.status == "open")
+    throw Error(ExitCode::failed, path + ": is being recorded by another process");
+  refuse_other_config(begun, config);
+}
+
 // Threading: everything runs on the thread that calls run(); drivers and the writer have threads of
 // their own behind their interfaces.
 class Daemon final : private SampleSink {
@@ -116,7 +122,7 @@ class Daemon final : private SampleSink {
 
 void Daemon::run() {
   if (options_.resume)
-    refuse_other_config(record::RunReader(options_.out).info(), config_);
+    refuse_resuming(record::RunReader(options_.out).info(), options_.out, config_);
   else
     refuse_bad_target(options_.out);
   devices_.start();

@@ -48,6 +48,8 @@ void create_empty(const std::string& path) {
 
 // Other processes may write marks; what waits for one of them longer is broken.
 constexpr int busy_timeout_ms = 30'000;
+// The status rewrites the row of the run, configuration included, and readers need an index file.
+constexpr int reserve_bytes = 128 << 10;
 
 std::string blob_place(const FusedRecord& r, Sensor s) {
   return "record " + std::to_string(r.index) + ": " + name_of(s);
@@ -115,6 +117,7 @@ void RunWriter::open() {
     throw Error(ExitCode::failed, path_ + ": is being written by another process");
   if (sqlite3_open_v2(path_.c_str(), &db_, SQLITE_OPEN_READWRITE, nullptr) != SQLITE_OK)
     sqlite_fail(db_, path_, "cannot open");
+  lock_->reserve(reserve_bytes);
   sqlite3_busy_timeout(db_, busy_timeout_ms);
   execute(db_, path_, "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL;", "cannot set up");
 }
@@ -288,8 +291,10 @@ std::optional<std::string> RunWriter::new_label() {
 
 void RunWriter::close(const std::string& status) {
   const SystemClock clock;
-  // Empties the WAL: on a full disk this makes the room that the status needs.
+  // Two chances on a full disk: the WAL is emptied, or, where the file cannot grow for that, the
+  // reserve is given back.
   sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);
+  lock_->release();
   Statement(db_, path_, "UPDATE run SET status = ?, ended_utc = ?")
       .bind(status)
       .bind(iso8601(clock.utc()))

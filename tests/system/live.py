@@ -196,7 +196,7 @@ class Live(unittest.TestCase):
     def test_small_disk(self):
         disk = self.dir / "disk"
         disk.mkdir()
-        if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", disk], stderr=subprocess.DEVNULL).returncode:
+        if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=640k", "tmpfs", disk], stderr=subprocess.DEVNULL).returncode:
             self.skipTest("no permission to mount a tmpfs")
         self.run = disk / "run.sqlite"
         try:
@@ -317,7 +317,7 @@ class Live(unittest.TestCase):
         self.check_slots(rows)
         labels = [row["label"] for row in rows]
         self.assertEqual((labels[:3], labels[labelled + 1:]), (["empty"] * 3, ["person"] * (len(rows) - labelled - 1)))
-        self.assertTrue(all(row["valid"] == 7 for row in rows), log)
+        self.assertFalse([row for row in rows if row["spd_verdict"].startswith("dropped")], log)
         self.assertEqual([(m["kind"], m["text"]) for m in self.info()["marks"]],
                          [("mark", "door opens"), ("label", "person")])
         late = tool(acquire, "mark", self.run, "too late")
