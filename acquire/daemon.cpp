@@ -2,6 +2,7 @@
 #include "acquire/daemon.hpp"
 
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -13,6 +14,8 @@
 
 #include "acquire/devices.hpp"
 #include "acquire/notify.hpp"
+#include "acquire/resume.hpp"
+#include "acquire/room.hpp"
 #include "acquire/scheduler.hpp"
 #include "acquire/status.hpp"
 #include "acquire/window.hpp"
@@ -33,6 +36,9 @@ spdlog::level::level_enum level_of(Severity s) {
   return levels[static_cast<std::size_t>(s)];
 }
 
+// Leaves a second for the devices and the disk: SIGTERM closes a run within 5 s.
+constexpr auto close_limit = std::chrono::seconds(4);
+
 void refuse_bad_target(const std::filesystem::path& out) {
   if (std::filesystem::exists(out))
     throw Error(ExitCode::failed, out.string() +
@@ -40,6 +46,14 @@ void refuse_bad_target(const std::filesystem::path& out) {
                                       "another name");
   if (!std::filesystem::is_directory(out.parent_path()))
     throw Error(ExitCode::disk, out.string() + ": its folder does not exist");
+  if (::access(out.parent_path().c_str(), W_OK) != 0)
+    throw Error(ExitCode::disk, out.string() + ": its folder is read-only");
+}
+
+void refuse_resuming(const record::RunInfo& begun, const std::string& path, const Config& config) {
+  if (begun.status == "open")
+    throw Error(ExitCode::failed, path + ": is being recorded by another process");
+  refuse_other_config(begun, config);
 }
 
 // Threading: everything runs on the thread that calls run(); drivers and the writer have threads of
@@ -73,6 +87,10 @@ class Daemon final : private SampleSink {
 
   void require_devices() const;
   void begin();
+  std::unique_ptr<record::RunWriter> make_file() const;
+  std::unique_ptr<record::RunWriter> reopen_file();
+  void warn_of_room();
+  void interrupt(HostTime now);
   void announce(Sensor sensor);
   void put_anchor();
   void log(Severity severity, const std::string& source, const std::string& text);
@@ -98,10 +116,18 @@ class Daemon final : private SampleSink {
   RunTotals totals_;
   std::int64_t incomplete_ = 0;  // records without a required sensor
   std::uint32_t last_valid_ = 0;
+  std::int64_t first_index_ = 0;  // of a resumed run: slots are counted from here
+  std::vector<Axis> begun_axes_;  // of a resumed run
+  std::string gap_;               // of a resumed run: what to note of it
+  bool ending_ = false;           // interrupted
+  std::string status_ = "complete";
 };
 
 void Daemon::run() {
-  refuse_bad_target(options_.out);
+  if (options_.resume)
+    refuse_resuming(record::RunReader(options_.out).info(), options_.out, config_);
+  else
+    refuse_bad_target(options_.out);
   devices_.start();
   devices_.wait(config_.connect_timeout_s);
   require_devices();
@@ -134,7 +160,7 @@ void Daemon::require_devices() const {
   if (!missing.empty()) spdlog::warn("starting without {}", missing);
 }
 
-void Daemon::begin() {
+std::unique_ptr<record::RunWriter> Daemon::make_file() const {
   record::RunInfo info;
   info.config_text = config_.text;
   info.config_resolved = config_.resolved;
@@ -142,7 +168,38 @@ void Daemon::begin() {
   info.version = version();
   info.operator_name = config_.operator_name;
   info.window_s = config_.window_s;
-  auto file = std::make_unique<record::RunWriter>(options_.out, info);
+  info.meta = options_.meta;
+  return std::make_unique<record::RunWriter>(options_.out, info);
+}
+
+// The index goes on; so does time, by UTC: the monotonic clock may have begun again.
+std::unique_ptr<record::RunWriter> Daemon::reopen_file() {
+  const record::RunReader begun(options_.out);
+  begun_axes_ = begun.axes();
+  for (const Sensor s : all_sensors) refuse_other_axes(begun_axes_, devices_[s].info);
+  const std::string status = begun.info().status;
+  const record::RunSummary sum = begun.summary();
+  auto file = std::make_unique<record::RunWriter>(options_.out);
+  first_index_ = file->next_index();
+  gap_ = "resumed at record " + std::to_string(first_index_) + ", was " + status;
+  if (sum.records > 0)
+    gap_ += ", " +
+            human_duration(std::chrono::duration<double>(clock_.utc() - sum.last_utc).count()) +
+            " after the last slot";
+  return file;
+}
+
+void Daemon::warn_of_room() {
+  const auto folder = std::filesystem::path(options_.out).parent_path();
+  const auto free = free_bytes(folder.string());
+  if (!free) return;
+  const std::string warning = room_warning(record_bytes(recording_->windows.axes()), options_.count,
+                                           config_.window_s, *free);
+  if (!warning.empty()) log(Severity::warning, "disk", warning);
+}
+
+void Daemon::begin() {
+  auto file = options_.resume ? reopen_file() : make_file();
   const SlotGrid grid{clock_.now() + settle_time, from_seconds(config_.window_s)};
   recording_.emplace(grid, config_, options_, clocks_, std::move(file));
   put_anchor();
@@ -150,6 +207,8 @@ void Daemon::begin() {
     if (devices_[s].configured)
       recording_->writer.put([s, policy = config_.policy[static_cast<std::size_t>(s)]](
                                  record::RunWriter& run) { run.put_policy(s, policy); });
+  for (const Axis& axis : begun_axes_) axes_written_.push_back(axis.name);
+  if (!gap_.empty()) log(Severity::warning, "run", gap_);
   for (auto& job : std::exchange(waiting_, {})) recording_->writer.put(std::move(job));
   last_valid_ = config_.configured();
   for (const Sensor s : all_sensors)
@@ -157,6 +216,7 @@ void Daemon::begin() {
       announce(s);
     else if (devices_[s].configured)
       log(Severity::warning, name_of(s), "not there at the start: " + devices_.describe(s));
+  warn_of_room();
   spdlog::info("recording into {}, slots of {} s", options_.out, config_.window_s);
   notify_ready(config_.window_s);
 }
@@ -244,7 +304,7 @@ void Daemon::arm() {
 void Daemon::tick() {
   Recording& r = *recording_;
   const HostTime now = clock_.now();
-  if (interrupted()) r.scheduler.finish(now);
+  if (interrupted() && !std::exchange(ending_, true)) interrupt(now);
   for (const DueSlot& due : r.scheduler.tick(now)) close_slot(due);
   if (now - anchor_mono_ >= anchor_pause) put_anchor();
   const std::int64_t written = r.writer.written();
@@ -256,8 +316,18 @@ void Daemon::tick() {
     arm();
 }
 
+// The run ends with the slot that is running, or with the one before if that takes too long.
+void Daemon::interrupt(HostTime now) {
+  Scheduler& scheduler = recording_->scheduler;
+  const SlotGrid& grid = scheduler.grid();
+  const bool too_long = grid.end(grid.slot_of(now)) - now > close_limit;
+  if (too_long) status_ = "stopped:interrupted";
+  scheduler.finish(too_long ? now - grid.length : now);
+}
+
 void Daemon::close_slot(const DueSlot& due) {
   record::FusedRecord record = recording_->windows.close(due);
+  record.index += first_index_;
   record.slot_utc = anchor_utc_ + (record.slot_start - anchor_mono_);
   record.label = config_.label;
   ++totals_.records;
@@ -269,7 +339,8 @@ void Daemon::close_slot(const DueSlot& due) {
   note_change_of(record);
   if (!recording_->writer.put(std::move(record)))
     log(Severity::error, "run file",
-        "record " + std::to_string(due.index) + ": its data are given up, the disk is too slow");
+        "record " + std::to_string(due.index + first_index_) +
+            ": its data are given up, the disk is too slow");
 }
 
 // One line when a sensor drops out or comes back, not one for every record.
@@ -299,14 +370,14 @@ void Daemon::end() {
   count("came after their slot was closed", strays.late);
   count("came twice", strays.duplicate);
   count("came out of order", strays.out_of_order);
-  r.writer.finish("complete");
+  r.writer.finish(status_);
   totals_.written = r.writer.written();
   r.status.finish(clock_.now(), totals_);
   const std::string incomplete = incomplete_ == 0 ? ""
                                                   : "; " + std::to_string(incomplete_) +
                                                         " incomplete, without a required device";
-  spdlog::info("{}: {} records, complete{}; arrived: {} tags, {} radar frames, {} depth frames",
-               options_.out, totals_.written, incomplete, devices_[Sensor::spd].samples,
+  spdlog::info("{}: {} records, {}{}; arrived: {} tags, {} radar frames, {} depth frames",
+               options_.out, totals_.written, status_, incomplete, devices_[Sensor::spd].samples,
                devices_[Sensor::radar].samples, devices_[Sensor::depth].samples);
 }
 

@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "acquire/config.hpp"
 #include "drivers/core/clock.hpp"
@@ -13,11 +15,14 @@ namespace echofuse::acquire {
 struct RunOptions {
   std::string out;                    // the run file to make
   std::optional<std::int64_t> count;  // slots; none: until interrupted
+  std::vector<std::pair<std::string, std::string>> meta;
+  bool resume = false;  // continue `out`, which exists
   bool quiet = false;
 };
 
 // Returns when the run is closed: after `count` slots, or with the slot that was running when
-// SIGINT or SIGTERM came. Throws Error: the file exists, no device answers, the disk fails.
+// SIGINT or SIGTERM came (a slot that would take longer than close_limit is given up, and the run
+// ends as stopped:interrupted). Throws Error: the file exists, no device answers, the disk fails.
 void record_run(const Config& config, const RunOptions& options, const Clock& clock);
 
 }  // namespace echofuse::acquire

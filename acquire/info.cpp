@@ -34,6 +34,11 @@ Json to_json(const record::RunReader& run) {
                                                  {"drift_ppm", c->drift_ppm},
                                                  {"residual_s", c->residual_s},
                                                  {"samples", c->samples}};
+  Json meta = Json::object(), marks = Json::array();
+  for (const auto& [key, value] : info.meta) meta[key] = value;
+  for (const record::Event& e : run.events())
+    if (e.level == "mark" || e.level == "label")
+      marks.push_back({{"utc", e.utc}, {"kind", e.level}, {"text", e.text}});
   for (const DeviceInfo& d : run.devices())
     devices.push_back({{"sensor", name_of(d.sensor)},
                        {"address", d.address},
@@ -62,6 +67,8 @@ Json to_json(const record::RunReader& run) {
           {"host", info.host},
           {"operator", info.operator_name},
           {"notes", info.notes},
+          {"meta", meta},
+          {"marks", marks},
           {"axes", axes},
           {"devices", devices}};
 }
@@ -111,6 +118,9 @@ std::string to_text(const Json& j) {
   line("made by", "echofuse " + word(j["version"]) + " on " + word(j["host"]) +
                       (word(j["operator"]).empty() ? "" : " by " + word(j["operator"])));
   line("notes", word(j["notes"]));
+  for (const auto& [key, value] : j["meta"].items()) line("meta", key + " = " + word(value));
+  for (const auto& m : j["marks"])
+    line(word(m["kind"]).c_str(), word(m["utc"]) + " " + word(m["text"]));
   return out;
 }
 

@@ -39,7 +39,9 @@ struct Options {
   std::string config = "lab.toml";
   std::vector<std::string> assignments;
   RunOptions run;
-  std::optional<std::string> label;
+  std::optional<std::string> label, operator_name, text;
+  std::vector<std::string> meta;
+  std::string resume;
   double duration_s = 0;
   std::string file, to, radar;
   std::optional<std::int64_t> record;
@@ -103,8 +105,16 @@ void plan_count(Options& o, const Config& config) {
 ExitCode run(Options& o) {
   Config config = load(o);
   if (o.label) config.label = *o.label;
+  if (o.operator_name) config.operator_name = *o.operator_name;
+  for (const auto& pair : o.meta) {
+    const auto equals = pair.find('=');
+    if (equals == 0 || equals == std::string::npos)
+      throw Error(ExitCode::usage, "--meta " + pair + ": expected key=value");
+    o.run.meta.emplace_back(pair.substr(0, equals), pair.substr(equals + 1));
+  }
   plan_count(o, config);
-  o.run.out = run_file(o.run.out);
+  o.run.resume = !o.resume.empty();
+  o.run.out = o.run.resume ? std::filesystem::absolute(o.resume).string() : run_file(o.run.out);
   o.run.quiet = o.quiet;
   catch_interrupts();
   record_run(config, o.run, SystemClock());
@@ -143,6 +153,13 @@ ExitCode check_config(const Options& o) {
 
 ExitCode info(const Options& o) {
   std::fputs(describe_run(o.file, o.json).c_str(), stdout);
+  return ExitCode::ok;
+}
+
+ExitCode mark(const Options& o) {
+  if (o.text.has_value() == o.label.has_value())
+    throw Error(ExitCode::usage, "expected either a text or --label TEXT");
+  record::mark(o.file, o.label ? "label" : "mark", o.label ? *o.label : *o.text);
   return ExitCode::ok;
 }
 
@@ -200,9 +217,17 @@ void add_run(CLI::App& app, Options& o) {
   auto* c = app.add_subcommand("run", "record fused records, one a slot, until Ctrl-C");
   add_config_options(*c, o);
   add_talk_options(*c, o);
-  c->add_option("--out", o.run.out, out_help)->required();
+  auto* target = c->add_option_group("target");
+  target->add_option("--out", o.run.out, out_help);
+  auto* resume = target->add_option("--resume", o.resume,
+                                    "run to continue, with the configuration it was begun with");
+  target->require_option(1);
   add_length_options(*c, o);
   c->add_option("--label", o.label, "label of every record, instead of run.label");
+  c->add_option("--operator", o.operator_name, "who records, instead of run.operator");
+  c->add_option("--meta", o.meta, "key=value, kept in the run; may be repeated")
+      ->allow_extra_args(false)
+      ->excludes(resume);
 }
 
 void add_file_commands(CLI::App& app, Options& o) {
@@ -219,6 +244,11 @@ void add_file_commands(CLI::App& app, Options& o) {
   app.add_subcommand("recover", "check a run that a crash left open, and mark it as crashed")
       ->add_option("FILE", o.file)
       ->required();
+
+  auto* marker = app.add_subcommand("mark", "a remark, or another label, into a run that is live");
+  marker->add_option("FILE", o.file)->required();
+  marker->add_option("TEXT", o.text, "kept as an event, with the time");
+  marker->add_option("--label", o.label, "label of the records from the running slot on");
 
   auto* replay = app.add_subcommand("replay", "recorded device bytes through the live parser");
   replay->add_option("--radar", o.radar, "recording of the radar's data port")->required();
@@ -263,6 +293,7 @@ ExitCode dispatch(const std::string& command, Options& o) {
   if (command == "config show") return show_config(o);
   if (command == "info") return info(o);
   if (command == "export") return export_run(o);
+  if (command == "mark") return mark(o);
   if (command == "recover") return recover(o);
   return replay(o);
 }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/writer.hpp"
 
+#include <spdlog/spdlog.h>
+
 #include <utility>
 
 #include "drivers/core/exit_code.hpp"
@@ -34,8 +36,11 @@ bool Writer::put(record::FusedRecord record) {
     room = queue_.size() < capacity_;
   }
   if (!room) give_up_data(record);
-  put([this, r = std::move(record)](record::RunWriter& run) {
+  put([this, r = std::move(record)](record::RunWriter& run) mutable {
+    if (auto label = run.new_label()) label_ = std::move(label);
+    if (label_) r.label = *label_;
     run.append(r);
+    spdlog::debug("record {}: committed", r.index);  // what scripts/kill_test relies on
     ++written_;
   });
   return room;

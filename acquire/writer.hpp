@@ -9,6 +9,8 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
+#include <string>
 #include <thread>
 
 #include "acquire/record/run_file.hpp"
@@ -50,7 +52,8 @@ class Writer {
   bool ending_ = false;    // guarded by mutex_
   std::atomic<bool> failed_ = false;
   std::atomic<std::int64_t> written_ = 0;
-  std::exception_ptr failure_;  // set before failed_, read after joining
+  std::optional<std::string> label_;  // set by a mark; of the writer's thread
+  std::exception_ptr failure_;        // set before failed_, read after joining
   std::thread thread_;
 };
 

@@ -6,6 +6,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "drivers/core/driver.hpp"
@@ -85,6 +86,7 @@ struct RunInfo {
   std::string config_text, config_resolved, radar_cfg;
   std::string version, host, operator_name, notes;
   double window_s = 0;
+  std::vector<std::pair<std::string, std::string>> meta;  // --meta, in the order given
 };
 
 }  // namespace echofuse::record

@@ -31,6 +31,8 @@ class RunWriter {
  public:
   // Refuses a path that exists.
   RunWriter(const std::string& path, const RunInfo& info);
+  // Continues a run that is not being written: complete, stopped or crashed.
+  explicit RunWriter(const std::string& path);
   ~RunWriter();  // without close(): status stays "open", which readers show as crashed
   RunWriter(const RunWriter&) = delete;
   RunWriter& operator=(const RunWriter&) = delete;
@@ -44,12 +46,16 @@ class RunWriter {
   void put_event(UtcTime utc, Severity severity, const std::string& source,
                  const std::string& text);
   void append(const FusedRecord& record);
+  // The last label that mark() left in this file since the last call; none if there is none.
+  std::optional<std::string> new_label();
   void append(std::span<const FusedRecord> batch);  // one transaction: for the generator
   void close(const std::string& status);            // folds the WAL back: one single file is left
   std::int64_t records() const { return records_; }
+  std::int64_t next_index() const { return next_index_; }  // at opening: 0, or after the last
 
  private:
   struct Statements;
+  void open();
   void insert(const FusedRecord& record);
   void insert_spd_status(const FusedRecord& r);
   void insert_status(const FusedRecord& record);
@@ -60,7 +66,7 @@ class RunWriter {
   sqlite3* db_ = nullptr;
   std::unique_ptr<Statements> statements_;
   std::vector<Axis> axes_;
-  std::int64_t records_ = 0;
+  std::int64_t records_ = 0, next_index_ = 0, last_event_ = 0;
 };
 
 struct Event {
@@ -112,6 +118,11 @@ class RunReader {
   std::string path_;
   sqlite3* db_ = nullptr;
 };
+
+// Writes into a run that another process records: an event of level "mark", or of level "label",
+// which the recording process takes as the label of its records from the slot that runs on.
+// Throws Error(failed) if nobody is recording this run.
+void mark(const std::string& path, const std::string& level, const std::string& text);
 
 // Marks a run that a crash left "open" as "crashed" after checking it; returns the record count.
 std::int64_t recover(const std::string& path);

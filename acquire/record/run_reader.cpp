@@ -144,6 +144,13 @@ RunInfo RunReader::info() const {
                             &info.version, &info.host, &info.operator_name, &info.notes})
     *text = s.text();
   info.window_s = s.real();
+  if (pragma(db_, path_, "SELECT count(*) FROM sqlite_schema WHERE name = 'meta'") > 0) {
+    Statement rows(db_, path_, "SELECT key, value FROM meta");
+    while (rows.step()) {
+      const std::string key = rows.text();
+      info.meta.emplace_back(key, rows.text());
+    }
+  }
   if (info.status == "open" && !WriterLock::someone_writes(path_)) info.status = "crashed";
   return info;
 }

@@ -46,6 +46,11 @@ void create_empty(const std::string& path) {
   throw Error(ExitCode::disk, path + ": cannot create the run file: " + std::strerror(errno));
 }
 
+// Other processes may write marks; what waits for one of them longer is broken.
+constexpr int busy_timeout_ms = 30'000;
+// The status rewrites the row of the run, configuration included, and readers need an index file.
+constexpr int reserve_bytes = 128 << 10;
+
 std::string blob_place(const FusedRecord& r, Sensor s) {
   return "record " + std::to_string(r.index) + ": " + name_of(s);
 }
@@ -65,11 +70,7 @@ struct RunWriter::Statements {
 
 RunWriter::RunWriter(const std::string& path, const RunInfo& info) : path_(path) {
   create_empty(path);
-  lock_ = std::make_unique<WriterLock>(path);
-  if (sqlite3_open_v2(path.c_str(), &db_, SQLITE_OPEN_READWRITE, nullptr) != SQLITE_OK)
-    sqlite_fail(db_, path_, "cannot open");
-  sqlite3_busy_timeout(db_, 5000);
-  execute(db_, path_, "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL;", "cannot set up");
+  open();
   const std::string identity = "PRAGMA application_id=" + std::to_string(application_id) +
                                "; PRAGMA user_version=" + std::to_string(format_version) + ";";
   execute(db_, path_, identity.c_str(), "cannot set up");
@@ -92,7 +93,33 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info) : path_(path)
       .bind(info.operator_name)
       .bind(info.notes)
       .run();
+  for (const auto& [key, value] : info.meta)
+    Statement(db_, path_, "INSERT INTO meta VALUES (?,?)").bind(key).bind(value).run();
   statements_ = std::make_unique<Statements>(db_, path_);
+}
+
+RunWriter::RunWriter(const std::string& path) : path_(path) {
+  axes_ = RunReader(path).axes();  // and: it is a run file
+  open();
+  execute(db_, path_, schema, "cannot add the tables of this version");
+  execute(db_, path_, "UPDATE run SET status = 'open', ended_utc = ''", "cannot reopen");
+  Statement state(db_, path_,
+                  "SELECT count(*), ifnull(max(idx) + 1, 0), (SELECT ifnull(max(id), 0) FROM "
+                  "event) FROM record");
+  state.step();
+  for (std::int64_t* v : {&records_, &next_index_, &last_event_}) *v = state.integer();
+  statements_ = std::make_unique<Statements>(db_, path_);
+}
+
+void RunWriter::open() {
+  lock_ = std::make_unique<WriterLock>(path_);
+  if (!lock_->held())
+    throw Error(ExitCode::failed, path_ + ": is being written by another process");
+  if (sqlite3_open_v2(path_.c_str(), &db_, SQLITE_OPEN_READWRITE, nullptr) != SQLITE_OK)
+    sqlite_fail(db_, path_, "cannot open");
+  lock_->reserve(reserve_bytes);
+  sqlite3_busy_timeout(db_, busy_timeout_ms);
+  execute(db_, path_, "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL;", "cannot set up");
 }
 
 RunWriter::~RunWriter() {
@@ -135,7 +162,7 @@ void RunWriter::put_calibration(const CalibrationEntry& entry) {
 }
 
 void RunWriter::put_policy(Sensor sensor, const std::string& policy) {
-  Statement(db_, path_, "INSERT INTO policy VALUES (?,?)").bind(name_of(sensor)).bind(policy).run();
+  Statement(db_, path_, "INSERT OR REPLACE INTO policy VALUES (?,?)").bind(name_of(sensor)).bind(policy).run();
 }
 
 void RunWriter::put_anchor(HostTime mono, UtcTime utc) {
@@ -266,16 +293,34 @@ void RunWriter::in_transaction(const std::function<void()>& body) {
 void RunWriter::append(const FusedRecord& record) { append(std::span(&record, 1)); }
 
 void RunWriter::append(std::span<const FusedRecord> batch) {
+  // Without its name a file is written as before, and all of it is lost at the end.
+  if (::access(path_.c_str(), F_OK) != 0)
+    throw Error(ExitCode::disk, path_ + ": was removed or renamed during the run");
   in_transaction([&] {
     for (const auto& r : batch) insert(r);
   });
   records_ += static_cast<std::int64_t>(batch.size());
 }
 
+std::optional<std::string> RunWriter::new_label() {
+  Statement s(db_, path_, "SELECT id, level, text FROM event WHERE id > ? ORDER BY id");
+  s.bind(last_event_);
+  std::optional<std::string> label;
+  while (s.step()) {
+    last_event_ = s.integer();
+    const bool is_label = s.text() == "label";
+    const std::string text = s.text();
+    if (is_label) label = text;
+  }
+  return label;
+}
+
 void RunWriter::close(const std::string& status) {
   const SystemClock clock;
-  // Empties the WAL: on a full disk this makes the room that the status needs.
+  // Two chances on a full disk: the WAL is emptied, or, where the file cannot grow for that, the
+  // reserve is given back.
   sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);
+  lock_->release();
   Statement(db_, path_, "UPDATE run SET status = ?, ended_utc = ?")
       .bind(status)
       .bind(iso8601(clock.utc()))
@@ -286,6 +331,22 @@ void RunWriter::close(const std::string& status) {
   sqlite3_close(db_);
   db_ = nullptr;
   lock_.reset();
+}
+
+void mark(const std::string& path, const std::string& level, const std::string& text) {
+  if (RunReader(path).info().status != "open")
+    throw Error(ExitCode::failed,
+                path + ": nobody is recording this run; only a live one is marked");
+  sqlite3* db = nullptr;
+  if (sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READWRITE, nullptr) != SQLITE_OK)
+    sqlite_fail(db, path, "cannot open for writing");
+  const std::unique_ptr<sqlite3, int (*)(sqlite3*)> closing(db, sqlite3_close);
+  sqlite3_busy_timeout(db, busy_timeout_ms);
+  Statement(db, path, "INSERT INTO event (utc, level, source, text) VALUES (?,?,'mark',?)")
+      .bind(iso8601(SystemClock().utc()))
+      .bind(level)
+      .bind(text)
+      .run();
 }
 
 }  // namespace echofuse::record

@@ -2,9 +2,9 @@
 // The tables of a run file, version 1. A record's blobs stand last, so that its other columns are
 // read without walking through them. radar_status (of a record's last radar frame that had any,
 // NULL where it had none), spd_status (of records with any such count), policy, incomplete (of
-// records that lack a required sensor) and clock_fit (NULL where a sensor's samples were placed by
-// their receipt) came later: older files of version 1 are without them. Times: *_ns are host
-// monotonic nanoseconds, utc is ISO 8601.
+// records that lack a required sensor), clock_fit (NULL where a sensor's samples were placed by
+// their receipt) and meta came later: older files of version 1 are without them until they are
+// resumed. Times: *_ns are host monotonic nanoseconds, utc is ISO 8601.
 #pragma once
 
 namespace echofuse::record {
@@ -12,30 +12,31 @@ namespace echofuse::record {
 inline constexpr int application_id = 0x4543464d;  // "ECFM"
 
 inline constexpr const char* schema = R"(
-CREATE TABLE run (uuid TEXT, started_utc TEXT, ended_utc TEXT, status TEXT, window_s REAL,
+CREATE TABLE IF NOT EXISTS run (uuid TEXT, started_utc TEXT, ended_utc TEXT, status TEXT, window_s REAL,
   config_text TEXT, config_resolved TEXT, radar_cfg TEXT, version TEXT, host TEXT, operator TEXT,
   notes TEXT);
-CREATE TABLE device (sensor TEXT, address TEXT, model TEXT, serial TEXT, firmware TEXT);
-CREATE TABLE calibration (sensor TEXT, date_utc TEXT, method TEXT, distance_m REAL, offset_m REAL,
+CREATE TABLE IF NOT EXISTS device (sensor TEXT, address TEXT, model TEXT, serial TEXT, firmware TEXT);
+CREATE TABLE IF NOT EXISTS calibration (sensor TEXT, date_utc TEXT, method TEXT, distance_m REAL, offset_m REAL,
   standard_error_m REAL);
-CREATE TABLE axis (name TEXT PRIMARY KEY, quantity TEXT, unit TEXT, count INTEGER, start REAL,
+CREATE TABLE IF NOT EXISTS axis (name TEXT PRIMARY KEY, quantity TEXT, unit TEXT, count INTEGER, start REAL,
   step REAL, scale REAL);
-CREATE TABLE event (id INTEGER PRIMARY KEY, utc TEXT, level TEXT, source TEXT, text TEXT);
-CREATE TABLE anchor (mono_ns INTEGER, utc_ns INTEGER);
-CREATE TABLE radar_status (idx INTEGER PRIMARY KEY, inter_frame_processing_us INTEGER,
+CREATE TABLE IF NOT EXISTS event (id INTEGER PRIMARY KEY, utc TEXT, level TEXT, source TEXT, text TEXT);
+CREATE TABLE IF NOT EXISTS meta (key TEXT, value TEXT);
+CREATE TABLE IF NOT EXISTS anchor (mono_ns INTEGER, utc_ns INTEGER);
+CREATE TABLE IF NOT EXISTS radar_status (idx INTEGER PRIMARY KEY, inter_frame_processing_us INTEGER,
   transmit_us INTEGER, inter_frame_margin_us INTEGER, inter_chirp_margin_us INTEGER,
   active_frame_load_percent INTEGER, inter_frame_load_percent INTEGER, temperature_ms INTEGER,
   rx0_c INTEGER, rx1_c INTEGER, rx2_c INTEGER, rx3_c INTEGER, tx0_c INTEGER, tx1_c INTEGER,
   tx2_c INTEGER, pm_c INTEGER, dig0_c INTEGER, dig1_c INTEGER);
-CREATE TABLE spd_status (idx INTEGER PRIMARY KEY, missed INTEGER, overflows INTEGER, errors INTEGER,
+CREATE TABLE IF NOT EXISTS spd_status (idx INTEGER PRIMARY KEY, missed INTEGER, overflows INTEGER, errors INTEGER,
   bad_tags INTEGER, backwards INTEGER, removed INTEGER);
-CREATE TABLE policy (sensor TEXT PRIMARY KEY, policy TEXT);
-CREATE TABLE incomplete (idx INTEGER PRIMARY KEY, missing TEXT);
-CREATE TABLE clock_fit (idx INTEGER PRIMARY KEY,
+CREATE TABLE IF NOT EXISTS policy (sensor TEXT PRIMARY KEY, policy TEXT);
+CREATE TABLE IF NOT EXISTS incomplete (idx INTEGER PRIMARY KEY, missing TEXT);
+CREATE TABLE IF NOT EXISTS clock_fit (idx INTEGER PRIMARY KEY,
   spd_offset_s REAL, spd_drift_ppm REAL, spd_residual_s REAL, spd_samples INTEGER,
   radar_offset_s REAL, radar_drift_ppm REAL, radar_residual_s REAL, radar_samples INTEGER,
   depth_offset_s REAL, depth_drift_ppm REAL, depth_residual_s REAL, depth_samples INTEGER);
-CREATE TABLE record (idx INTEGER PRIMARY KEY, slot_start_ns INTEGER, slot_end_ns INTEGER,
+CREATE TABLE IF NOT EXISTS record (idx INTEGER PRIMARY KEY, slot_start_ns INTEGER, slot_end_ns INTEGER,
   slot_utc_ns INTEGER, valid INTEGER, label TEXT,
   tags INTEGER, starts INTEGER, in_range INTEGER, out_of_range INTEGER, without_start INTEGER,
   other INTEGER, tags_lost INTEGER,

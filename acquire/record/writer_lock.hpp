@@ -27,6 +27,14 @@ class WriterLock {
 
   bool held() const { return held_; }
 
+  // Room for a run's last words on a disk that is full by then; as much as the disk gives.
+  void reserve(off_t bytes) const {
+    if (held_ && posix_fallocate(fd_, 0, bytes) != 0) release();
+  }
+  void release() const {
+    if (held_ && ftruncate(fd_, 0) != 0) return;  // then there is no room: what follows says so
+  }
+
   static bool someone_writes(const std::string& run_path) {
     const int fd = ::open((run_path + "-lock").c_str(), O_RDONLY | O_CLOEXEC);
     if (fd < 0) return false;

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
 // echofuse-acquire as a user meets it: exit codes, one line of error, what it prints.
+#include <unistd.h>
+
 #include <nlohmann/json.hpp>
 
 #include "testing.hpp"
@@ -38,7 +40,7 @@ TEST_CASE("no run without a required device") {
 
 TEST_CASE("help, version and usage errors") {
   for (const char* command : {"", "run", "devices", "doctor", "config", "config check",
-                              "config show", "info", "export", "recover", "replay"}) {
+                              "config show", "info", "export", "recover", "replay", "mark"}) {
     const Outcome o = acquire(std::string(command) + " --help");
     CHECK(o.code == 0);
     CHECK(has(o.text, "exit codes"));
@@ -47,7 +49,8 @@ TEST_CASE("help, version and usage errors") {
   refuses("", 2, "command is required");
   refuses("config", 2, "subcommand is required");
   refuses("fly", 2, "fly");
-  refuses("run", 2, "--out is required");
+  refuses("run", 2, "--out");
+  refuses("run --out a --resume b", 2, "--resume");
   refuses("run --out a --count 0", 2, "--count");
   refuses("run --out a --count 3 --duration 2h", 2, "excludes");
   refuses("run --out a --duration 10", 2, "--duration");
@@ -119,6 +122,23 @@ TEST_CASE("doctor without a configuration looks at the machine; a bad one ends i
   CHECK(nowhere.code == 6);
   CHECK(has(nowhere.text, "cannot be a run's folder"));
   refuses("doctor --config " + folder / "none.toml", 3, "none.toml: cannot read");
+}
+
+TEST_CASE("metadata without a value, a folder that cannot be written") {
+  const Folder folder;
+  write_file(folder / "lab.toml", "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n");
+  const std::string config = " --config " + folder / "lab.toml";
+  refuses("run --out " + folder / "a" + config + " --meta room", 2,
+          "--meta room: expected key=value");
+  fs::create_directory(folder / "closed");
+  fs::permissions(folder / "closed", fs::perms::owner_read | fs::perms::owner_exec);
+  // Permissions do not bind root.
+  const std::string as_user = geteuid() == 0 ? "setpriv --bounding-set=-all --inh-caps=-all " : "";
+  const Outcome o = shell(as_user + ECHOFUSE_BIN_DIR "/echofuse-acquire run --out " +
+                          folder / "closed/a" + config);
+  CAPTURE(o.text);
+  CHECK(o.code == 6);
+  CHECK(has(o.text, "closed/a.sqlite: its folder is read-only"));
 }
 
 TEST_CASE("no device answers: one clear line each, and no file") {

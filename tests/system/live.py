@@ -197,6 +197,136 @@ class Live(unittest.TestCase):
         self.check_slots(rows)
         self.assertEqual(self.info()["status"], "stopped:disk")
 
+    def test_small_disk(self):
+        disk = self.dir / "disk"
+        disk.mkdir()
+        if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=640k", "tmpfs", disk], stderr=subprocess.DEVNULL).returncode:
+            self.skipTest("no permission to mount a tmpfs")
+        self.run = disk / "run.sqlite"
+        try:
+            daemon = self.record("--count", "100000", "--set", "depth.address=", "-v")
+            log = self.finish(daemon)
+            self.assertEqual(daemon.returncode, 6, log)
+            self.assertRegex(log, r"warning disk: 100000 records need up to [\d.]+ MB, free are [\d.]+ MB")
+            rows = self.rows()
+            self.assertGreater(len(rows), 3)
+            self.assertGreaterEqual(len(rows), log.count(": committed"))
+            self.check_slots(rows)
+            self.assertEqual(self.info()["status"], "stopped:disk")
+        finally:
+            daemon.kill()
+            daemon.wait()
+            subprocess.run(["umount", disk], check=True)
+
+    def test_removed_folder(self):
+        folder = self.dir / "away"
+        folder.mkdir()
+        self.run = folder / "run.sqlite"
+        daemon = self.record()
+        wait_for("records", lambda: self.committed() >= 2)
+        folder.rename(self.dir / "elsewhere")
+        log = self.finish(daemon)
+        self.assertEqual(daemon.returncode, 6, log)
+        self.assertIn("was removed or renamed during the run", log)
+
+    def test_close_in_5_s(self):
+        """A slot that takes longer than SIGTERM allows is given up, and the run says that it was stopped."""
+        daemon = self.record("--set", "run.window_s=60")
+        wait_for("run", self.run.exists)
+        wait_for("start", lambda: self.info()["status"] == "open")
+        sent = time.monotonic()
+        daemon.send_signal(signal.SIGTERM)
+        log = self.finish(daemon)
+        self.assertLess(time.monotonic() - sent, 5)
+        self.assertEqual(daemon.returncode, 0, log)
+        self.assertEqual((self.info()["status"], self.info()["records"]), ("stopped:interrupted", 0))
+
+    def test_second_interrupt(self):
+        daemon = self.record("--set", "run.window_s=3")
+        wait_for("run", self.run.exists)
+        wait_for("start", lambda: self.info()["status"] == "open")
+        time.sleep(0.2)
+        daemon.send_signal(signal.SIGINT)
+        time.sleep(0.2)  # two signals at once are one
+        daemon.send_signal(signal.SIGINT)
+        log = self.finish(daemon, 2)
+        self.assertEqual(daemon.returncode, 130, log)
+        self.assertEqual(self.info()["status"], "crashed")
+
+    def test_resume(self):
+        """After kill -9 and after a complete run the index goes on; another configuration is refused."""
+        daemon = self.record("--meta", "room=2", "--meta", "note=a=b")
+        wait_for("records", lambda: self.committed() >= 4)
+        daemon.kill()
+        daemon.wait()
+        before = self.rows()
+        log, code = self.resume("--set", "tdc.bins=99")
+        self.assertEqual(code, 3, log)
+        self.assertIn("tdc.bins was", log)
+        self.assertEqual(self.info()["status"], "crashed")
+        for total in (4, 8):
+            log, code = self.resume("--count", "4", "--label", f"after {total}")
+            self.assertEqual(code, 0, log)
+            rows = self.rows()
+            self.assertEqual([row["idx"] for row in rows], list(range(len(before) + total)))
+            self.assertEqual([tuple(row) for row in rows[:len(before)]], [tuple(row) for row in before])
+            utc = [row["slot_utc_ns"] for row in rows]
+            self.assertEqual(utc, sorted(set(utc)))
+            self.assertEqual(rows[-1]["label"], f"after {total}")
+            self.assertEqual(rows[-1]["valid"], 7, log)
+        info = self.info()
+        self.assertEqual(info["status"], "complete")
+        self.assertEqual(info["meta"], {"room": "2", "note": "a=b"})
+        db = sqlite3.connect(self.run)
+        gaps = [text for (text,) in db.execute("SELECT text FROM event WHERE text LIKE 'resumed%' ORDER BY id")]
+        anchors = db.execute("SELECT count(*) FROM anchor").fetchone()[0]
+        db.close()
+        self.assertRegex(gaps[0], f"resumed at record {len(before)}, was crashed, .* after the last slot")
+        self.assertRegex(gaps[1], f"resumed at record {len(before) + 4}, was complete, .* after the last slot")
+        self.assertEqual(anchors, 3)
+
+    def resume(self, *options):
+        env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}
+        daemon = self.start([bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--resume",
+                             self.run, *options], env=env, stderr=subprocess.PIPE, text=True)
+        log = self.finish(daemon)
+        return log, daemon.returncode
+
+    def test_mark(self):
+        """Another process remarks, labels, reads and exports while the run is written."""
+        def tool(*command):
+            return subprocess.run([str(c) for c in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+        acquire = bin_dir / "echofuse-acquire"
+        daemon = self.record("--label", "empty", "--operator", "Ada")
+        wait_for("records", lambda: self.committed() >= 3)
+        self.assertEqual(tool(acquire, "mark", self.run, "door opens").returncode, 0)
+        self.assertEqual(tool(acquire, "mark", self.run, "--label", "person").returncode, 0)
+        self.assertEqual(tool(acquire, "mark", self.run).returncode, 2)
+        self.assertEqual(tool(acquire, "run", "--config", self.dir / "lab/lab.toml", "--resume", self.run).returncode, 1)
+        labelled = self.committed()
+        wait_for("records", lambda: self.committed() >= labelled + 3)
+        self.assertEqual(tool(acquire, "export", "-q", self.run, "--to", self.dir / "live.h5").returncode, 0)
+        self.assertIn("Ada", tool(acquire, "info", self.run).stdout)
+        # Somebody holds the file for longer than a slot: the rows wait, and none is lost.
+        db = sqlite3.connect(self.run, isolation_level=None)
+        db.execute("BEGIN IMMEDIATE")
+        time.sleep(4 * WINDOW_S)
+        db.execute("ROLLBACK")
+        db.close()
+        daemon.send_signal(signal.SIGINT)
+        log = self.finish(daemon)
+        self.assertEqual(daemon.returncode, 0, log)
+        rows = self.rows()
+        self.check_slots(rows)
+        labels = [row["label"] for row in rows]
+        self.assertEqual((labels[:3], labels[labelled + 1:]), (["empty"] * 3, ["person"] * (len(rows) - labelled - 1)))
+        self.assertFalse([row for row in rows if row["spd_verdict"].startswith("dropped")], log)
+        self.assertEqual([(m["kind"], m["text"]) for m in self.info()["marks"]],
+                         [("mark", "door opens"), ("label", "person")])
+        late = tool(acquire, "mark", self.run, "too late")
+        self.assertEqual((late.returncode, "nobody is recording" in late.stdout), (1, True))
+
     def test_part_of_the_devices(self):
         """A sensor that is not configured, and one that is not there."""
         daemon = self.record("--count", "4", "--set", "depth.address=", "--set", "run.connect_timeout_s=1.5", "--set",

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/resume.hpp"
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <sstream>
+
+#include "drivers/core/exit_code.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+const std::set<std::string> free_keys{"run.label",      "run.operator",    "run.connect_timeout_s",
+                                      "radar.cli_baud", "radar.data_baud", "radar.cfg"};
+const std::set<std::string> places{"tdc.address", "radar.cli", "radar.data", "depth.address"};
+
+// The resolved text: [section], key = value, comments on lines of their own.
+std::map<std::string, std::string> values_of(const std::string& resolved) {
+  std::map<std::string, std::string> values;
+  std::istringstream lines(resolved);
+  std::string section;
+  for (std::string line; std::getline(lines, line);) {
+    const auto equals = line.find(" = ");
+    if (line.starts_with('[')) section = line.substr(1, line.find(']') - 1) + '.';
+    if (line.empty() || line[0] == '[' || line[0] == '#' || equals == std::string::npos) continue;
+    const std::string key = section + line.substr(0, equals);
+    std::string value = line.substr(equals + 3);
+    if (places.contains(key)) value = value == "\"\"" ? "none" : "a device";
+    if (!free_keys.contains(key)) values[key] = value;
+  }
+  return values;
+}
+
+std::string text_or(const std::map<std::string, std::string>& values, const std::string& key) {
+  const auto found = values.find(key);
+  return found == values.end() ? "not set" : found->second;
+}
+
+}  // namespace
+
+void refuse_other_config(const record::RunInfo& begun, const Config& config) {
+  const auto before = values_of(begun.config_resolved), now = values_of(config.resolved);
+  std::set<std::string> keys;
+  for (const auto* values : {&before, &now})
+    for (const auto& [key, value] : *values) keys.insert(key);
+  std::string differing;
+  for (const auto& key : keys)
+    if (text_or(before, key) != text_or(now, key))
+      differing += "\n" + key + " was " + text_or(before, key) + ", now " + text_or(now, key);
+  if (begun.radar_cfg != config.radar.cfg_text) differing += "\nradar.cfg has another text";
+  if (!differing.empty())
+    throw Error(ExitCode::config, "a run is resumed with its own configuration only:" + differing);
+}
+
+void refuse_other_axes(const std::vector<Axis>& begun, const DeviceInfo& device) {
+  for (const Axis& axis : device.axes)
+    for (const Axis& old : begun)
+      if (old.name == axis.name && !same_axis(old, axis))
+        throw Error(ExitCode::config, std::string(name_of(device.sensor)) + ": its axis " +
+                                          axis.name +
+                                          " is not the one that the run was begun with");
+}
+
+}  // namespace echofuse::acquire

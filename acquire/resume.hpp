@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: MIT
+// What must be the same for a run to be continued.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "acquire/config.hpp"
+#include "acquire/record/record.hpp"
+
+namespace echofuse::acquire {
+
+// Throws Error(config) that names the keys whose values differ from those that the run was begun
+// with. May differ: run.label, run.operator, run.connect_timeout_s, baud rates, and where a device
+// is attached (not whether there is one). The radar cfg counts by its text, not by its name.
+void refuse_other_config(const record::RunInfo& begun, const Config& config);
+
+// Throws Error(config) if a device's axis is not the one of that name in the run.
+void refuse_other_axes(const std::vector<Axis>& begun, const DeviceInfo& device);
+
+}  // namespace echofuse::acquire

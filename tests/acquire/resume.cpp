@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/resume.hpp"
+
+#include "acquire/room.hpp"
+#include "testing.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+using namespace testing;
+
+TEST_CASE("a run is resumed with its own configuration only") {
+  const Folder folder;
+  const std::string path = folder / "lab.toml";
+  write_file(path,
+             "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n[depth]\naddress = \"openni:\"\n");
+  const Config first = load_config(path);
+  record::RunInfo begun;
+  begun.config_resolved = first.resolved;
+  begun.radar_cfg = first.radar.cfg_text;
+  const auto verdict = [&](const std::vector<std::string>& set) {
+    return error_of([&] { refuse_other_config(begun, load_config(path, set)); });
+  };
+  CHECK(verdict({}).first == ExitCode::ok);
+  CHECK(verdict({"run.label=x", "run.operator=y", "run.connect_timeout_s=3",
+                 "tdc.address=bridge:tcp://10.0.0.1:9"})
+            .first == ExitCode::ok);
+  const auto [code, text] = verdict({"tdc.bins=7", "run.window_s=1"});
+  CHECK(code == ExitCode::config);
+  CHECK(has(text, "\nrun.window_s was 3.0, now 1.0"));
+  CHECK(has(text, "\ntdc.bins was "));
+  CHECK(has(text, ", now 7"));
+  CHECK(has(verdict({"depth.address="}).second, "depth.address was a device, now none"));
+  begun.radar_cfg = "sensorStart\n";
+  CHECK(has(verdict({}).second, "radar.cfg has another text"));
+}
+
+TEST_CASE("a device with another axis does not continue a run") {
+  DeviceInfo device;
+  device.sensor = Sensor::radar;
+  device.axes = {small_axes()[1]};
+  CHECK(error_of([&] { refuse_other_axes(small_axes(), device); }).first == ExitCode::ok);
+  device.axes[0].step = 0.25;
+  CHECK(has(error_of([&] { refuse_other_axes(small_axes(), device); }).second,
+            "radar: its axis radar is not the one that the run was begun with"));
+}
+
+TEST_CASE("whether a run fits the disk") {
+  const auto bytes = record_bytes(small_axes());
+  CHECK(bytes == 1000 + 4 * 8 + 4 * 4 + 2 * 3 * 2);
+  CHECK(room_warning(1000, 1000, 3, 6'000'000).empty());
+  CHECK(has(room_warning(1000, 1000, 3, 5'000'000),
+            "1000 records need up to 5.2 MB, free are 5.0 MB"));
+  CHECK(room_warning(1000, std::nullopt, 3, 30'000'000).empty());
+  CHECK(has(room_warning(1000, std::nullopt, 3, 12'000'000), "after about 10.0 hours"));
+}
