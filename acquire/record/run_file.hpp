@@ -40,6 +40,7 @@ class RunWriter {
   void put_device(const DeviceInfo& device);
   void put_calibration(const CalibrationEntry& entry);
   void put_anchor(HostTime mono, UtcTime utc);
+  void put_counter(const std::string& source, const std::string& name, std::uint64_t value);
   void put_event(UtcTime utc, Severity severity, const std::string& source,
                  const std::string& text);
   void append(const FusedRecord& record);
@@ -51,6 +52,7 @@ class RunWriter {
   struct Statements;
   void insert(const FusedRecord& record);
   void insert_spd_status(const FusedRecord& r);
+  void insert_books(const FusedRecord& r);
   void insert_status(const FusedRecord& record);
   void in_transaction(const std::function<void()>& body);
   std::string path_;

@@ -134,6 +134,15 @@ void RunWriter::put_calibration(const CalibrationEntry& entry) {
       .run();
 }
 
+void RunWriter::put_counter(const std::string& source, const std::string& name,
+                            std::uint64_t value) {
+  Statement(db_, path_, "INSERT INTO counter VALUES (?,?,?)")
+      .bind(source)
+      .bind(name)
+      .bind(value)
+      .run();
+}
+
 void RunWriter::put_anchor(HostTime mono, UtcTime utc) {
   Statement(db_, path_, "INSERT INTO anchor VALUES (?,?)")
       .bind(std::int64_t{mono.count()})
@@ -190,6 +199,20 @@ void RunWriter::insert(const FusedRecord& r) {
       .run();
   if (r.radar_stats || r.radar_temperature) insert_status(r);
   insert_spd_status(r);
+  insert_books(r);
+}
+
+void RunWriter::insert_books(const FusedRecord& r) {
+  const SlotBooks& b = r.books;
+  Statement s(db_, path_, "INSERT INTO slot VALUES (?,?,?,?,?,?)");
+  const auto put = [&](std::uint64_t frames, std::optional<std::uint32_t> last) {
+    s.bind(frames);
+    last ? s.bind(std::int64_t{*last}) : s.bind(ByteView{});
+  };
+  s.bind(r.index);
+  put(b.radar_frames, b.radar_last);
+  put(b.depth_frames, b.depth_last);
+  s.bind(b.closed_late_s).run();
 }
 
 void RunWriter::insert_spd_status(const FusedRecord& r) {

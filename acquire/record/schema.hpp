@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: MIT
 // The tables of a run file, version 1. A record's blobs stand last, so that its other columns are
 // read without walking through them. radar_status (of a record's last radar frame that had any,
-// NULL where it had none) and spd_status (of records with any such count) came later: older files
-// of version 1 are without them. Times: *_ns are host monotonic nanoseconds, utc is ISO 8601.
+// NULL where it had none) and spd_status (of records with any such count) came later, and
+// so did slot (all frames that arrived in a record's slot, the number of the last one, how late the
+// slot was closed) and counter (at the run's end: what the drivers counted, and samples that are in
+// no record): older files of version 1 are without them. Times: *_ns are host monotonic
+// nanoseconds, utc is ISO 8601.
 #pragma once
 
 namespace echofuse::record {
@@ -27,6 +30,9 @@ CREATE TABLE radar_status (idx INTEGER PRIMARY KEY, inter_frame_processing_us IN
   tx2_c INTEGER, pm_c INTEGER, dig0_c INTEGER, dig1_c INTEGER);
 CREATE TABLE spd_status (idx INTEGER PRIMARY KEY, missed INTEGER, overflows INTEGER, errors INTEGER,
   bad_tags INTEGER, backwards INTEGER, removed INTEGER);
+CREATE TABLE slot (idx INTEGER PRIMARY KEY, radar_frames INTEGER, radar_last INTEGER,
+  depth_frames INTEGER, depth_last INTEGER, closed_late_s REAL);
+CREATE TABLE counter (source TEXT, name TEXT, value INTEGER);
 CREATE TABLE record (idx INTEGER PRIMARY KEY, slot_start_ns INTEGER, slot_end_ns INTEGER,
   slot_utc_ns INTEGER, valid INTEGER, label TEXT,
   tags INTEGER, starts INTEGER, in_range INTEGER, out_of_range INTEGER, without_start INTEGER,
