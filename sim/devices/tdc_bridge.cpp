@@ -59,10 +59,12 @@ class Bridge final : public TdcBridge {
   struct Block {
     Bytes bytes;
     const char* what;  // becomes of it, if all goes well from here on
+    BlockKind kind;
     std::uint32_t sequence;
     std::size_t tags;
     HostTime first, last;  // of its tags
     HostTime due, begun{};
+    std::int64_t damage = -1;  // which byte is not as it was
   };
 
   void accept() {
@@ -161,6 +163,7 @@ class Bridge final : public TdcBridge {
     if (queued_bytes_ + payload.size() > options_.send_queue_bytes) return drop(tags);
     Block block{.bytes = {},
                 .what = "sent",
+                .kind = kind,
                 .sequence = sequence_++,
                 .tags = tags,
                 .first = trouble_.now(),
@@ -173,7 +176,7 @@ class Bridge final : public TdcBridge {
     block.bytes = bridge_block(kind, block.sequence, std::exchange(dropped_, 0), payload);
     if (trouble_.strikes(FaultKind::drop)) return log(block, "dropped");
     if (trouble_.strikes(FaultKind::corrupt)) {
-      trouble_.corrupt(block.bytes);
+      block.damage = static_cast<std::int64_t>(trouble_.corrupt(block.bytes));
       block.what = "corrupt";
     }
     if (const Bytes junk = trouble_.garbage(); !junk.empty())
@@ -204,6 +207,8 @@ class Bridge final : public TdcBridge {
     const HostTime begun = block.begun == HostTime{} ? trouble_.now() : block.begun;
     trouble_.log(begun, what,
                  {{"seq", block.sequence},
+                  {"kind", static_cast<int>(block.kind)},
+                  {"damage", block.damage},
                   {"tags", static_cast<std::int64_t>(block.tags)},
                   {"first", block.first.count()},
                   {"last", block.last.count()}});
