@@ -209,8 +209,7 @@ def audit_frames(run, sensor, entries):
         first_record = first_record or record
         last = record[f"{sensor}_last"]
         if last is None or not frames.plausible(last, previous, record):
-            if last is not None and not frames.renumbered(last - 0, last) and frames.renumbered(
-                    (previous or 0), (previous or 0) + 2 * got + 20) == 0:
+            if last is not None and frames.renumbered(previous or 0, (previous or 0) + got + 20) == 0:
                 account.fault(f"record {record['idx']}: its last frame {last} was never sent")
             continue  # a number that was damaged: the next record shows what became of this one
         if previous is None:
@@ -253,6 +252,8 @@ def audit_range(account, run, frames, record, previous, last, got, lost, counts)
         counts["sent whole, while the connection broke"] += certain - got
         if frames.sensor == "radar" and uncounted > 0:  # of a frame that was in the parser: late as well
             late, uncounted = min(uncounted, certain - got), max(0, uncounted - (certain - got))
+    if 0 < uncounted <= doubtful:  # damaged frames that passed
+        late, uncounted = late + uncounted, 0
     if got > certain + doubtful:
         account.fault(where + f"{got} arrived, {certain + doubtful} were sent")
     if uncounted > 0 and frames.sensor == "depth" and broke:
