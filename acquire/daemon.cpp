@@ -96,8 +96,9 @@ class Daemon final : private SampleSink {
   void log(Severity severity, const std::string& source, const std::string& text);
   void arm();
   void tick();
-  void close_slot(const DueSlot& due);
+  void close_slot(const DueSlot& due, std::chrono::nanoseconds late);
   void note_change_of(const record::FusedRecord& record);
+  void put_counters(std::array<std::vector<Counter>, sensor_count> counters, const Strays& strays);
   void end();
 
   boost::asio::io_context io_;  // first: destroyed last
@@ -305,7 +306,11 @@ void Daemon::tick() {
   Recording& r = *recording_;
   const HostTime now = clock_.now();
   if (interrupted() && !std::exchange(ending_, true)) interrupt(now);
-  for (const DueSlot& due : r.scheduler.tick(now)) close_slot(due);
+  HostTime deadline = r.scheduler.next_deadline();
+  for (const DueSlot& due : r.scheduler.tick(now)) {
+    close_slot(due, now - deadline);
+    deadline += r.scheduler.grid().length;
+  }
   if (now - anchor_mono_ >= anchor_pause) put_anchor();
   const std::int64_t written = r.writer.written();
   if (std::exchange(totals_.written, written) != written) notify_advance(written);
@@ -325,9 +330,10 @@ void Daemon::interrupt(HostTime now) {
   scheduler.finish(too_long ? now - grid.length : now);
 }
 
-void Daemon::close_slot(const DueSlot& due) {
+void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
   record::FusedRecord record = recording_->windows.close(due);
   record.index += first_index_;
+  record.books.closed_late_s = seconds(late);
   record.slot_utc = anchor_utc_ + (record.slot_start - anchor_mono_);
   record.label = config_.label;
   ++totals_.records;
@@ -355,12 +361,31 @@ void Daemon::note_change_of(const record::FusedRecord& record) {
   last_valid_ = record.valid;
 }
 
+// What of all that the devices sent is in no record, and why.
+void Daemon::put_counters(std::array<std::vector<Counter>, sensor_count> counters,
+                          const Strays& strays) {
+  for (const Sensor s : all_sensors) {
+    const auto i = static_cast<std::size_t>(s);
+    counters[i].push_back({"late", strays.late[i]});
+    counters[i].push_back({"outside", strays.outside[i]});
+    counters[i].push_back({"duplicate", strays.duplicate[i]});
+  }
+  recording_->writer.put([counters = std::move(counters)](record::RunWriter& run) {
+    for (const Sensor s : all_sensors)
+      for (const Counter& c : counters[static_cast<std::size_t>(s)])
+        run.put_counter(name_of(s), c.name, c.value);
+  });
+}
+
 void Daemon::end() {
   Recording& r = *recording_;
   notify_stopping();
+  std::array<std::vector<Counter>, sensor_count> counters;
+  for (const Sensor s : all_sensors) counters[static_cast<std::size_t>(s)] = devices_.counters(s);
   devices_.stop();
   r.windows.finish();
   const Strays& strays = r.windows.strays();
+  put_counters(std::move(counters), strays);
   const auto count = [&](const char* what, const std::array<std::uint64_t, sensor_count>& n) {
     if (n[0] + n[1] + n[2] > 0)
       log(Severity::warning, "run",

@@ -81,6 +81,11 @@ void Devices::wait(double timeout_s) {
   }
 }
 
+std::vector<Counter> Devices::counters(Sensor s) const {
+  const auto& driver = drivers_[static_cast<std::size_t>(s)];
+  return driver ? driver->counters() : std::vector<Counter>{};
+}
+
 bool Devices::all(const std::function<bool(const Seen&)>& predicate) const {
   for (const auto& device : seen_)
     if (device.configured && !predicate(device)) return false;

@@ -36,6 +36,8 @@ class Devices final : private SampleSink {
   // Runs io until every configured device delivers, the time is up or the user interrupts.
   void wait(double timeout_s);
   const Seen& operator[](Sensor s) const { return seen_[static_cast<std::size_t>(s)]; }
+  // Of the sensor's driver; none if it is not configured, or stopped.
+  std::vector<Counter> counters(Sensor s) const;
   // Asks it of every configured device.
   bool all(const std::function<bool(const Seen&)>& predicate) const;
   // "radar serial:/dev/ttyUSB0: faulted: no such file or directory"

@@ -159,6 +159,7 @@ void Windows::add(const RadarFrame& frame) {
   Slot* slot = find(Sensor::radar, taken, 1);
   if (!slot) return;
   ++slot->radar_frames;
+  slot->radar_last = frame.frame_number;
   if (frame.stats) slot->stats = frame.stats;
   if (frame.temperature) slot->temperature = frame.temperature;
   take_profile(*slot, frame, taken);
@@ -189,6 +190,7 @@ void Windows::add(DepthFrame frame) {
   Slot* slot = find(Sensor::depth, taken, 1);
   if (!slot) return;
   ++slot->depth_frames;
+  slot->depth_last = frame.frame_index;
   const auto x = axes_.find("depth_x"), y = axes_.find("depth_y");
   if (refused_[at(Sensor::depth)]) {
     slot->depth_fault = axis_changed;
@@ -284,6 +286,10 @@ record::FusedRecord Windows::close(const DueSlot& due) {
   record.index = due.index;
   record.slot_start = grid_.start(due.index);
   record.slot_end = grid_.end(due.index);
+  record.books = {.radar_frames = slot.radar_frames,
+                  .depth_frames = slot.depth_frames,
+                  .radar_last = slot.radar_last,
+                  .depth_last = slot.depth_last};
   const std::string faults[] = {spd_fault(slot), radar_fault(slot), depth_fault(slot)};
   for (const Sensor s : {Sensor::spd, Sensor::radar, Sensor::depth}) {
     std::string& verdict = record.sync[at(s)].verdict;

@@ -95,6 +95,7 @@ class Windows {
     std::optional<DepthFrame> depth;
     HostTime depth_taken{};
     std::uint64_t depth_frames = 0, depth_lost = 0;
+    std::optional<std::uint32_t> radar_last, depth_last;
     std::string depth_fault;
   };
 

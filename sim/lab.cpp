@@ -14,9 +14,10 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <sstream>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/core/settings.hpp"
 #include "sim/usb_lab.hpp"
 
 namespace echofuse::sim {
@@ -171,7 +172,15 @@ std::string lab_toml(const LabOptions& o, const fs::path& dir, const std::string
 
 struct Lab::Parts {
   Parts(const Clock& clock, const LabOptions& o)
-      : options(o), dir(make_directory(o.dir)), lock(dir), stage(clock, o.conditions, o.play) {}
+      : options(o), dir(make_directory(o.dir)), lock(dir), stage(clock, o.conditions, o.play) {
+    if (!o.faults.empty()) script.faults = read_faults(read_config_text(o.faults), o.faults);
+    const auto of_tdc = [](const Fault& fault) { return fault.device == "tdc"; };
+    if (o.usb &&
+        (!o.log.empty() || std::any_of(script.faults.begin(), script.faults.end(), of_tdc)))
+      throw Error(ExitCode::usage,
+                  "--usb: the time tagger's faults and log are of its bridge; leave --usb away");
+    if (!o.log.empty()) script.journal = &journal.emplace(o.log);
+  }
 
   ~Parts() { remove(std::begin(transient), std::end(transient)); }
 
@@ -186,13 +195,15 @@ struct Lab::Parts {
     remove(std::begin(lasting), std::end(lasting));
     const std::string label = options.play.hold_s > 0 ? "" : stage.at(0).scene.label;
     const auto seed = static_cast<std::uint64_t>(options.play.seed);
-    const std::string tdc_address =
-        make_tdc({.tagging = options.tagging, .window_s = options.window_s, .seed = seed});
+    const std::string tdc_address = make_tdc(
+        {.tagging = options.tagging, .window_s = options.window_s, .seed = seed, .script = script});
     radar = make_radar_ptys(io, stage,
                             {.cli_link = (dir / "radar-cli").string(),
                              .data_link = (dir / "radar-data").string(),
-                             .seed = seed});
-    depth = make_depth_feed(io, stage, {.socket_path = (dir / "depth.sock").string()});
+                             .seed = seed,
+                             .script = script});
+    depth = make_depth_feed(
+        io, stage, {.socket_path = (dir / "depth.sock").string(), .seed = seed, .script = script});
     make_openni(dir);
     write_file(dir / "radar.cfg", cfg);
     write_file(dir / "lab.toml.new", lab_toml(options, dir, tdc_address, label));
@@ -216,6 +227,8 @@ struct Lab::Parts {
   DirectoryLock lock;
   boost::asio::io_context io;
   Stage stage;
+  Script script;
+  std::optional<Journal> journal;
   std::unique_ptr<UsbLab> usb;
   std::unique_ptr<TdcBridge> bridge;
   Device* tdc = nullptr;  // one of the two
@@ -250,6 +263,7 @@ void Lab::serve(const std::function<bool()>& done) {
   parts_->io.run_for(patience);
   parts_->remove(std::begin(transient), std::end(transient));
   write_file(parts_->dir / "sent.json", sent() + "\n");
+  if (parts_->journal) parts_->journal->close();
 }
 
 std::string Lab::sent() const {

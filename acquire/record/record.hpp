@@ -49,6 +49,13 @@ struct SpdCounts {
   std::uint64_t removed = 0;    // by tdc.dead_time_ps; in `other`
 };
 
+// What the table slot keeps of every record, for audits.
+struct SlotBooks {
+  std::uint64_t radar_frames = 0, depth_frames = 0;     // all that arrived in it
+  std::optional<std::uint32_t> radar_last, depth_last;  // the number of the last of them
+  double closed_late_s = 0;                             // after its deadline
+};
+
 struct FusedRecord {
   std::int64_t index = 0;
   HostTime slot_start{}, slot_end{};
@@ -64,6 +71,8 @@ struct FusedRecord {
   std::uint32_t missing =
       0;  // sensors that the run requires and this record has not; bits of valid
   std::array<std::optional<ClockState>, sensor_count> clocks;
+  // Written into the table slot; RunReader leaves it empty.
+  SlotBooks books;
   // Written into the table radar_status, for SQL; RunReader leaves them empty.
   std::optional<RadarStats> radar_stats;
   std::optional<RadarTemperature> radar_temperature;

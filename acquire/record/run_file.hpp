@@ -43,6 +43,7 @@ class RunWriter {
   void put_calibration(const CalibrationEntry& entry);
   void put_policy(Sensor sensor, const std::string& policy);  // required or optional
   void put_anchor(HostTime mono, UtcTime utc);
+  void put_counter(const std::string& source, const std::string& name, std::uint64_t value);
   void put_event(UtcTime utc, Severity severity, const std::string& source,
                  const std::string& text);
   void append(const FusedRecord& record);
@@ -58,6 +59,7 @@ class RunWriter {
   void open();
   void insert(const FusedRecord& record);
   void insert_spd_status(const FusedRecord& r);
+  void insert_books(const FusedRecord& r);
   void insert_status(const FusedRecord& record);
   void insert_sync(const FusedRecord& record);
   void in_transaction(const std::function<void()>& body);

@@ -162,7 +162,19 @@ void RunWriter::put_calibration(const CalibrationEntry& entry) {
 }
 
 void RunWriter::put_policy(Sensor sensor, const std::string& policy) {
-  Statement(db_, path_, "INSERT OR REPLACE INTO policy VALUES (?,?)").bind(name_of(sensor)).bind(policy).run();
+  Statement(db_, path_, "INSERT OR REPLACE INTO policy VALUES (?,?)")
+      .bind(name_of(sensor))
+      .bind(policy)
+      .run();
+}
+
+void RunWriter::put_counter(const std::string& source, const std::string& name,
+                            std::uint64_t value) {
+  Statement(db_, path_, "INSERT INTO counter VALUES (?,?,?)")
+      .bind(source)
+      .bind(name)
+      .bind(value)
+      .run();
 }
 
 void RunWriter::put_anchor(HostTime mono, UtcTime utc) {
@@ -222,6 +234,7 @@ void RunWriter::insert(const FusedRecord& r) {
   if (r.radar_stats || r.radar_temperature) insert_status(r);
   insert_spd_status(r);
   insert_sync(r);
+  insert_books(r);
 }
 
 void RunWriter::insert_sync(const FusedRecord& r) {
@@ -243,6 +256,19 @@ void RunWriter::insert_sync(const FusedRecord& r) {
     else
       for (int i = 0; i < 4; ++i) s.bind(ByteView{});
   s.run();
+}
+
+void RunWriter::insert_books(const FusedRecord& r) {
+  const SlotBooks& b = r.books;
+  Statement s(db_, path_, "INSERT INTO slot VALUES (?,?,?,?,?,?)");
+  const auto put = [&](std::uint64_t frames, std::optional<std::uint32_t> last) {
+    s.bind(frames);
+    last ? s.bind(std::int64_t{*last}) : s.bind(ByteView{});
+  };
+  s.bind(r.index);
+  put(b.radar_frames, b.radar_last);
+  put(b.depth_frames, b.depth_last);
+  s.bind(b.closed_late_s).run();
 }
 
 void RunWriter::insert_spd_status(const FusedRecord& r) {

@@ -90,13 +90,22 @@ void FrameParser::feed(ByteView bytes, HostTime received, const OnFrame& on_fram
   buffer_.feed(bytes, [&](ByteView view) { return next(view, received, on_frame); });
 }
 
+void FrameParser::settle(const OnFrame& on_frame) {
+  if (!complete_) return;
+  const HostTime received = *complete_;
+  const Bytes held(buffer_.held().begin(), buffer_.held().end());
+  const Header header = *read_header(held);
+  buffer_.clear();
+  forget_progress();
+  const ByteView all = held;
+  deliver(all.first(header.packet_bytes), header, received, on_frame);
+  buffer_.feed(all.subspan(header.packet_bytes),
+               [&](ByteView view) { return next(view, received, on_frame); });
+}
+
 void FrameParser::finish(const OnFrame& on_frame) {
-  ByteView rest = buffer_.held();
-  if (complete_) {
-    const Header header = *read_header(rest);
-    deliver(rest.first(header.packet_bytes), header, *complete_, on_frame);
-    rest = rest.subspan(header.packet_bytes);
-  }
+  settle(on_frame);
+  const ByteView rest = buffer_.held();
   if (starts_with_magic(rest))
     skip_truncated(rest.size());
   else

@@ -66,6 +66,11 @@ class FrameParser {
 
   // Any piece of the stream, split anywhere; `received` is the time at which it was read.
   void feed(ByteView bytes, HostTime received, const OnFrame& on_frame);
+  // A frame is whole by its length, but what stands near its end may be the beginning of a later
+  // one: only further bytes tell, or their absence.
+  bool in_doubt() const { return complete_.has_value(); }
+  // No further bytes came for a while: the frame in doubt is delivered.
+  void settle(const OnFrame& on_frame);
   // End of input: what waits is a frame whose end was in doubt, a truncated one, or junk. The next
   // feed() starts afresh; counters and frame numbers go on.
   void finish(const OnFrame& on_frame);

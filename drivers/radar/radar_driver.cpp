@@ -8,6 +8,8 @@ namespace echofuse::radar {
 namespace {
 // A board that was away for longer may have been used by someone else.
 constexpr std::chrono::seconds cfg_keeps{10};
+// Bytes of one frame come closer together than this: USB bridges hold them for up to 16 ms.
+constexpr std::chrono::milliseconds quiet{20};
 }  // namespace
 
 RadarDriver::RadarDriver(boost::asio::io_context& io, RadarSetup setup, const Clock& clock)
@@ -16,6 +18,7 @@ RadarDriver::RadarDriver(boost::asio::io_context& io, RadarSetup setup, const Cl
       profile_(parse_profile(setup_.cfg_text, setup_.cfg_name, setup_.data_baud)),
       dialogue_timer_(io),
       watch_timer_(io),
+      quiet_timer_(io),
       backoff_(setup_.backoff) {
   info_.sensor = Sensor::radar;
   info_.address = setup_.address;
@@ -119,7 +122,11 @@ void RadarDriver::on_cli(ByteView bytes) {
 }
 
 void RadarDriver::on_data(ByteView bytes) {
-  parser_.feed(bytes, clock_.now(), [this](RadarFrame frame) { on_frame(std::move(frame)); });
+  const auto take = [this](RadarFrame frame) { on_frame(std::move(frame)); };
+  parser_.feed(bytes, clock_.now(), take);
+  quiet_timer_.cancel();
+  if (data_ && parser_.in_doubt())
+    quiet_timer_.after(quiet, [this, take] { parser_.settle(take); });
 }
 
 void RadarDriver::on_frame(RadarFrame frame) {
@@ -170,6 +177,7 @@ void RadarDriver::on_gone(const Failure& failure) {
 void RadarDriver::disconnect() {
   dialogue_timer_.cancel();
   watch_timer_.cancel();
+  quiet_timer_.cancel();
   cli_.reset();
   data_.reset();
   streaming_ = false;

@@ -58,7 +58,7 @@ class RadarDriver final : public Driver {
   const Clock& clock_;
   RadarProfile profile_;
   DeviceInfo info_;
-  port::Timer dialogue_timer_, watch_timer_;
+  port::Timer dialogue_timer_, watch_timer_, quiet_timer_;
   port::Backoff backoff_;
   FrameParser parser_;
   std::optional<CommandDialogue> dialogue_;

@@ -5,10 +5,11 @@
 #include <boost/asio/steady_timer.hpp>
 #include <boost/asio/write.hpp>
 #include <cmath>
+#include <deque>
 #include <list>
 
 #include "sim/devices/depth_wire.hpp"
-#include "sim/devices/device.hpp"
+#include "sim/devices/trouble.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -25,7 +26,8 @@ class DepthFeed final : public Device {
         rows_(row_axis(options.height, options.half_tangent_y)),
         acceptor_(io, Local::endpoint(options.socket_path)),
         timer_(io),
-        next_(std::chrono::steady_clock::now()) {
+        next_(std::chrono::steady_clock::now()),
+        trouble_(io, stage, "depth", options.script, options.seed, [this] { look(); }) {
     accept();
     wait();
   }
@@ -33,6 +35,7 @@ class DepthFeed final : public Device {
   void stop() override {
     stopping_ = true;
     timer_.cancel();
+    trouble_.stop();
     acceptor_.close();
     for (auto& viewer : viewers_) viewer.socket.close();
   }
@@ -51,16 +54,22 @@ class DepthFeed final : public Device {
     bool gone = false;
   };
   using Place = std::list<Viewer>::iterator;
+  struct Frame {
+    DepthHeader header;
+    std::vector<std::uint16_t> pixels;
+    const char* what;  // becomes of it
+    HostTime due;
+  };
 
   void accept() {
     acceptor_.async_accept([this](const ErrorCode& error, Local::socket socket) {
-      if (stopping_) return;
+      if (stopping_ || !acceptor_.is_open()) return;
       if (!error) {
         const Place viewer = viewers_.emplace(viewers_.end(), std::move(socket));
         ++all_viewers_;
         watch(viewer);
         put(viewer->out, header());
-        write(viewer, 0);
+        write(viewer, {}, "greeted");
       }
       accept();
     });
@@ -76,13 +85,34 @@ class DepthFeed final : public Device {
                                    });
   }
 
-  void write(Place viewer, std::uint64_t frames) {
-    boost::asio::async_write(viewer->socket, boost::asio::buffer(viewer->out),
-                             [this, viewer, frames](const ErrorCode& error, std::size_t) {
-                               viewer->out.clear();
-                               if (!error) frames_ += frames;
-                               if (viewer->gone) viewers_.erase(viewer);
-                             });
+  void write(Place viewer, const DepthHeader& frame, const char* what) {
+    const auto written = [this, viewer, begun = trouble_.now(), index = frame.frame_index, what](
+                             const ErrorCode& error, std::size_t) {
+      viewer->out.clear();
+      if (!error && index > 0) ++frames_;
+      if (index > 0) log(begun, error ? "cut" : what, index);
+      if (viewer->gone) viewers_.erase(viewer);
+    };
+    boost::asio::async_write(viewer->socket, boost::asio::buffer(viewer->out), written);
+  }
+
+  void log(HostTime begun, const char* what, std::uint32_t index) {
+    trouble_.log(begun, what, {{"frame", index}});
+  }
+
+  // Unplugged, there is no socket to find, and whoever looks sees it end.
+  void look() {
+    if (stopping_) return;
+    send_due();
+    const bool plugged = !trouble_.active(FaultKind::unplug);
+    if (plugged == acceptor_.is_open()) return;
+    ::unlink(options_.socket_path.c_str());
+    if (plugged) {
+      acceptor_ = Local::acceptor(timer_.get_executor(), Local::endpoint(options_.socket_path));
+      return accept();
+    }
+    acceptor_.close();
+    for (auto& viewer : viewers_) viewer.socket.shutdown(Local::socket::shutdown_both, ignored_);
   }
 
   void wait() {
@@ -108,23 +138,43 @@ class DepthFeed final : public Device {
 
   void frame() {
     ++frame_index_;
-    if (viewers_.empty()) return;
+    if (viewers_.empty()) return log(trouble_.now(), "unseen", frame_index_);
+    if (trouble_.strikes(FaultKind::drop)) return log(trouble_.now(), "dropped", frame_index_);
+    if (trouble_.active(FaultKind::stall)) return log(trouble_.now(), "stalled", frame_index_);
     const double now_s = stage_.now_s();
     DepthHeader h = header();
     h.frame_index = frame_index_;
-    h.time_us = static_cast<std::uint64_t>(now_s * 1e6);
-    const auto& pixels = picture(now_s);
-    h.pixel_bytes = static_cast<std::uint32_t>(pixels.size() * sizeof pixels[0]);
+    h.time_us =
+        static_cast<std::uint64_t>(std::max(0.0, 1e6 * (now_s + trouble_.clock_error_s(now_s))));
+    h.truncated = trouble_.strikes(FaultKind::corrupt);
+    Frame frame{h, picture(now_s), h.truncated ? "corrupt" : "sent", trouble_.due()};
+    if (trouble_.strikes(FaultKind::garbage)) {
+      for (auto& mm : frame.pixels) mm = static_cast<std::uint16_t>(trouble_.noise());
+      frame.what = "garbage";
+    }
+    frame.header.pixel_bytes =
+        static_cast<std::uint32_t>(frame.pixels.size() * sizeof frame.pixels[0]);
+    held_.push_back(std::move(frame));
+    send_due();
+  }
+
+  void send_due() {
+    for (; !held_.empty() && held_.front().due <= trouble_.now(); held_.pop_front())
+      send(held_.front());
+  }
+
+  void send(const Frame& frame) {
     for (Place viewer = viewers_.begin(); viewer != viewers_.end(); ++viewer) {
       if (viewer->gone) continue;
       if (!viewer->out.empty()) {  // still busy with an older one
         ++skipped_;
+        log(trouble_.now(), "skipped", frame.header.frame_index);
         continue;
       }
-      put(viewer->out, h);
-      const ByteView raw = as_bytes(pixels);
+      put(viewer->out, frame.header);
+      const ByteView raw = as_bytes(frame.pixels);
       viewer->out.insert(viewer->out.end(), raw.begin(), raw.end());
-      write(viewer, 1);
+      write(viewer, frame.header, frame.what);
     }
   }
 
@@ -149,6 +199,9 @@ class DepthFeed final : public Device {
   bool stopping_ = false;
   std::uint32_t frame_index_ = 0;
   std::uint64_t all_viewers_ = 0, frames_ = 0, skipped_ = 0;
+  std::deque<Frame> held_;  // delayed
+  ErrorCode ignored_;
+  Trouble trouble_;
 };
 
 }  // namespace

@@ -111,6 +111,7 @@ class Stream final : public oni::driver::StreamBase {
     if (!frame) return;
     frame->dataSize = getRequiredFrameSize();
     std::memcpy(frame->data, pixels.data(), static_cast<std::size_t>(frame->dataSize));
+    if (header.truncated != 0) frame->dataSize /= 2;
     frame->sensorType = ONI_SENSOR_DEPTH;
     frame->timestamp = header.time_us;
     frame->frameIndex = static_cast<int>(header.frame_index);

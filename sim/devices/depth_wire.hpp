@@ -16,8 +16,10 @@ struct DepthHeader {
   float horizontal_fov_rad = 0, vertical_fov_rad = 0;
   std::uint32_t frame_index = 0;
   std::uint32_t pixel_bytes = 0;
-  std::uint64_t time_us = 0;  // the camera's clock
+  std::uint64_t time_us = 0;    // the camera's clock
+  std::uint32_t truncated = 0;  // the module hands on only half of the frame
+  std::uint32_t reserved = 0;
 };
-static_assert(sizeof(DepthHeader) == 40);
+static_assert(sizeof(DepthHeader) == 48);
 
 }  // namespace echofuse::sim

@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "sim/devices/faults.hpp"
+#include "sim/devices/journal.hpp"
 #include "sim/devices/photon_source.hpp"
 #include "sim/devices/stage.hpp"
 
@@ -15,6 +17,12 @@ class io_context;
 }
 
 namespace echofuse::sim {
+
+// What goes wrong with the devices, and where what they do is written down, if anywhere.
+struct Script {
+  std::vector<Fault> faults;
+  Journal* journal = nullptr;
+};
 
 class Device {
  public:
@@ -37,6 +45,7 @@ struct TdcOptions {
   std::uint64_t seed = 1;
   std::uint16_t port = 0;  // 0: any free one
   std::size_t send_queue_bytes = 8 << 20;
+  Script script{};
 };
 std::unique_ptr<TdcBridge> make_tdc_bridge(boost::asio::io_context& io, Stage& stage,
                                            const TdcOptions& options);
@@ -45,6 +54,7 @@ std::unique_ptr<TdcBridge> make_tdc_bridge(boost::asio::io_context& io, Stage& s
 struct RadarOptions {
   std::string cli_link, data_link;
   std::uint64_t seed = 1;
+  Script script{};
 };
 std::unique_ptr<Device> make_radar_ptys(boost::asio::io_context& io, Stage& stage,
                                         const RadarOptions& options);
@@ -55,6 +65,8 @@ struct DepthOptions {
   std::uint32_t width = 320, height = 240;
   double fps = 30;
   double half_tangent_x = 0.8, half_tangent_y = 0.6;  // 8/5 of the maps' field of view, and more
+  std::uint64_t seed = 1;                             // of its faults
+  Script script{};
 };
 std::unique_ptr<Device> make_depth_feed(boost::asio::io_context& io, Stage& stage,
                                         const DepthOptions& options);

@@ -65,7 +65,7 @@ void PhotonSource::look_at(const Returns& returns) {
 }
 
 double PhotonSource::windows(std::int64_t pulses) const {
-  return static_cast<double>(pulses) / tagging_.laser_rate_hz / window_s_;
+  return gain_ * static_cast<double>(pulses) / tagging_.laser_rate_hz / window_s_;
 }
 double PhotonSource::mean_signal(std::int64_t pulses) const {
   return cumulative_.empty() ? 0

@@ -33,6 +33,8 @@ class PhotonSource {
   double laser_rate_hz() const { return tagging_.laser_rate_hz; }
   // The scene from the next draw on.
   void look_at(const Returns& returns);
+  // Of laser light and background, from the next draw on.
+  void set_gain(double gain) { gain_ = gain; }
   // Appends all tags of the pulses [first, last) to `out`, sorted by time; returns their number.
   // Pulse n fires at n / laser_rate_hz seconds.
   std::size_t draw(std::int64_t first, std::int64_t last, Bytes& out);
@@ -50,7 +52,7 @@ class PhotonSource {
 
   Conditions conditions_;
   Tagging tagging_;
-  double window_s_, period_ps_;
+  double window_s_, period_ps_, gain_ = 1;
   Rng rng_;
   std::normal_distribution<double> jitter_;
   std::vector<double> delay_ps_, cumulative_;  // of the scene's returns

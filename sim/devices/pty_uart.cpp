@@ -67,6 +67,10 @@ PtyUart::PtyUart(boost::asio::io_context& io, std::string link, unsigned baud, R
       link_(std::move(link)),
       receive_(std::move(receive)),
       master_(io) {
+  open();
+}
+
+void PtyUart::open() {
   std::string name;
   master_.assign(open_pty(slave_, name));
   master_.non_blocking(true);
@@ -77,9 +81,14 @@ PtyUart::PtyUart(boost::asio::io_context& io, std::string link, unsigned baud, R
 PtyUart::~PtyUart() { close(); }
 
 void PtyUart::close() {
-  if (slave_ < 0) return;
-  ::unlink(link_.c_str());
   Uart::close();
+  plug(false);
+}
+
+void PtyUart::plug(bool in) {
+  if (in == (slave_ >= 0)) return;
+  if (in) return open();
+  ::unlink(link_.c_str());
   boost::system::error_code ignored;
   master_.close(ignored);
   ::close(slave_);

@@ -18,8 +18,11 @@ class PtyUart final : public Uart {
   ~PtyUart() override;
 
   void close() override;
+  // Takes the port away, or makes a new one behind the same link. What is sent meanwhile is lost.
+  void plug(bool in);
 
  private:
+  void open();
   void read();
   std::size_t deliver(Bytes chunk) override;
   bool host_listens_at_our_rate() const;

@@ -9,6 +9,7 @@
 #include "sim/devices/pty_uart.hpp"
 #include "sim/devices/radar_chirp.hpp"
 #include "sim/devices/radar_firmware.hpp"
+#include "sim/devices/trouble.hpp"
 #include "sim/encode.hpp"
 
 namespace echofuse::sim {
@@ -29,7 +30,7 @@ std::chrono::nanoseconds microseconds(double us) { return from_seconds(us * 1e-6
 
 class RadarBoard final : public Device {
  public:
-  RadarBoard(boost::asio::io_context& io, Stage& stage, std::uint64_t seed,
+  RadarBoard(boost::asio::io_context& io, Stage& stage, const RadarBoardOptions& options,
              const MakeUart& make_cli, const MakeUart& make_data)
       : stage_(stage),
         cli_(make_cli(cli_baud, [this](ByteView bytes) { on_command_bytes(bytes); })),
@@ -38,7 +39,9 @@ class RadarBoard final : public Device {
                   [this](const std::string& raw) { data_->send(bytes_of(raw)); }),
         frame_timer_(io),
         output_timer_(io),
-        rng_(make_rng(seed, 2)) {
+        rng_(make_rng(options.seed, 2)),
+        plug_(options.plug),
+        trouble_(io, stage, "radar", options.script, options.seed, [this] { look(); }) {
     std::uniform_real_distribution<double> phase(-3.1, 3.1);
     for (auto& p : antenna_phase_) p = phase(rng_);
     firmware_.boot();
@@ -47,6 +50,7 @@ class RadarBoard final : public Device {
   void stop() override {
     frame_timer_.cancel();
     output_timer_.cancel();
+    trouble_.stop();
     cli_->close();
     data_->close();
   }
@@ -101,9 +105,11 @@ class RadarBoard final : public Device {
   void output() {
     if (!data_->idle()) {  // slower than the frames: the demo has no time for this one
       ++skipped_;
+      log(trouble_.now(), "skipped", frame_number_, -1);
       return;
     }
-    const auto power = radar_power(stage_.at(seen_s_).radar, axis_, stage_.conditions());
+    auto power = radar_power(stage_.at(seen_s_).radar, axis_, stage_.conditions());
+    for (double& p : power) p *= trouble_.gain();
     std::vector<RadarTlv> tlvs;
     const RadarOutputs& wanted = firmware_.outputs();
     if (wanted.objects) tlvs.push_back(objects_tlv());
@@ -114,13 +120,47 @@ class RadarBoard final : public Device {
       tlvs.push_back(stats_tlv(stats()));
       tlvs.push_back(temperature_tlv(temperature()));
     }
-    const auto cycles = static_cast<std::uint64_t>(stage_.now_s() * cpu_hz);
+    const double now_s = stage_.now_s();
+    const auto cycles = static_cast<std::int64_t>((now_s + trouble_.clock_error_s(now_s)) * cpu_hz);
     const Bytes wire =
         radar_frame({frame_number_, static_cast<std::uint32_t>(cycles), 0}, tlvs, rng_);
-    data_->send(wire);
+    put_on_line(wire);
     ++frames_;
     transmit_us_ = static_cast<double>(wire.size()) * 1e7 / firmware_.data_baud();
     if (wanted.measure_bias) report_bias(power);
+  }
+
+  void put_on_line(Bytes wire) {
+    Frame frame{std::move(wire), frame_number_, -1, trouble_.due()};
+    if (trouble_.strikes(FaultKind::drop)) return log(trouble_.now(), "dropped", frame.number, -1);
+    if (trouble_.strikes(FaultKind::corrupt))
+      frame.damage = static_cast<std::int64_t>(trouble_.corrupt(frame.wire));
+    const Bytes junk = trouble_.garbage();
+    frame.wire.insert(frame.wire.end(), junk.begin(), junk.end());
+    line_.push_back(std::move(frame));
+    send_due();
+  }
+
+  void send_due() {
+    for (; !line_.empty() && line_.front().due <= trouble_.now(); line_.pop_front()) {
+      const Frame& frame = line_.front();
+      data_->send(frame.wire, [this, begun = trouble_.now(), number = frame.number,
+                               damage = frame.damage](bool arrived) {
+        log(begun, !arrived ? "lost" : damage < 0 ? "sent" : "corrupt", number, damage);
+      });
+    }
+  }
+
+  void look() {
+    plug_(!trouble_.active(FaultKind::unplug));
+    for (const auto& uart : {cli_.get(), data_.get()})
+      uart->hold(trouble_.active(FaultKind::stall));
+    send_due();
+  }
+
+  // `damage`: which byte of the frame is not as it was; -1: none.
+  void log(HostTime begun, const char* what, std::uint32_t number, std::int64_t damage) {
+    trouble_.log(begun, what, {{"frame", number}, {"damage", damage}});
   }
 
   // Sending time and margin are the former frame's: this one is not sent yet.
@@ -158,6 +198,13 @@ class RadarBoard final : public Device {
     firmware_.say(line + "\n");
   }
 
+  struct Frame {
+    Bytes wire;
+    std::uint32_t number;
+    std::int64_t damage;
+    HostTime due;
+  };
+
   Stage& stage_;
   std::unique_ptr<Uart> cli_, data_;
   RadarFirmware firmware_;
@@ -170,24 +217,34 @@ class RadarBoard final : public Device {
   bool framing_ = false;
   std::uint32_t frame_number_ = 0;
   std::uint64_t frames_of_start_ = 0, frames_ = 0, skipped_ = 0;
+  std::deque<Frame> line_;  // delayed
+  std::function<void(bool in)> plug_;
+  Trouble trouble_;
 };
 
 }  // namespace
 
 std::unique_ptr<Device> make_radar_board(boost::asio::io_context& io, Stage& stage,
-                                         std::uint64_t seed, const MakeUart& make_cli,
+                                         const RadarBoardOptions& options, const MakeUart& make_cli,
                                          const MakeUart& make_data) {
-  return std::make_unique<RadarBoard>(io, stage, seed, make_cli, make_data);
+  return std::make_unique<RadarBoard>(io, stage, options, make_cli, make_data);
 }
 
 std::unique_ptr<Device> make_radar_ptys(boost::asio::io_context& io, Stage& stage,
                                         const RadarOptions& options) {
-  const auto pty = [&io](const std::string& link) {
-    return [&io, link](unsigned baud, Uart::Receive receive) {
-      return std::make_unique<PtyUart>(io, link, baud, std::move(receive));
+  auto ports = std::make_shared<std::vector<PtyUart*>>();  // the board owns them
+  const auto pty = [&](const std::string& link) {
+    return [&io, ports, link](unsigned baud, Uart::Receive receive) {
+      auto uart = std::make_unique<PtyUart>(io, link, baud, std::move(receive));
+      ports->push_back(uart.get());
+      return uart;
     };
   };
-  return make_radar_board(io, stage, options.seed, pty(options.cli_link), pty(options.data_link));
+  const auto plug = [ports](bool in) {
+    for (PtyUart* port : *ports) port->plug(in);
+  };
+  return make_radar_board(io, stage, {options.seed, options.script, plug}, pty(options.cli_link),
+                          pty(options.data_link));
 }
 
 }  // namespace echofuse::sim

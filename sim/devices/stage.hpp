@@ -34,6 +34,7 @@ class Stage {
 
   const Conditions& conditions() const { return conditions_; }
   HostTime start() const { return start_; }
+  HostTime now() const { return clock_.now(); }
   double now_s() const { return seconds(clock_.now() - start_); }
   // The scene that stands at this time, rendered when it is first asked for, and when it goes.
   const Shown& at(double time_s);

@@ -13,6 +13,8 @@ class TagStream {
   using Lose = std::function<void(std::uint64_t tags)>;
 
   TagStream(Stage& stage, const TdcOptions& options);
+  // Photons from now on times this.
+  void set_gain(double gain) { source_.set_gain(gain); }
   // The tags from now on.
   void start();
   // The pulses up to now, in blocks of one scene and at most 20 ms each. A machine too busy to make

@@ -4,9 +4,12 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/asio/write.hpp>
+#include <cmath>
+#include <cstring>
 #include <deque>
 
 #include "sim/devices/tag_stream.hpp"
+#include "sim/devices/trouble.hpp"
 #include "sim/encode.hpp"
 
 namespace echofuse::sim {
@@ -16,6 +19,7 @@ using boost::asio::ip::tcp;
 using ErrorCode = boost::system::error_code;
 
 constexpr auto tick = std::chrono::milliseconds(5);
+constexpr std::size_t tag_time_offset = 8;
 constexpr auto hello_pause = std::chrono::milliseconds(900);
 constexpr char hello[] =
     R"({"model":"simulated time tagger","serial":"SIM-TDC-1","firmware":"1.0"})";
@@ -26,18 +30,23 @@ class Bridge final : public TdcBridge {
       : options_(options),
         stream_(stage, options),
         acceptor_(io, {boost::asio::ip::address_v4::loopback(), options.port}),
-        address_("bridge:tcp://127.0.0.1:" + std::to_string(acceptor_.local_endpoint().port())),
+        endpoint_(acceptor_.local_endpoint()),
         socket_(io),
-        timer_(io) {
+        timer_(io),
+        trouble_(io, stage, "tdc", options.script, options.seed, [this] { look(); }),
+        zero_(stage.start()) {
     accept();
     wait();
   }
 
-  std::string address() const override { return address_; }
+  std::string address() const override {
+    return "bridge:tcp://127.0.0.1:" + std::to_string(endpoint_.port());
+  }
 
   void stop() override {
     stopping_ = true;
     timer_.cancel();
+    trouble_.stop();
     acceptor_.close();
     if (connected_) enqueue(BlockKind::bye, {}, 0);
   }
@@ -49,13 +58,19 @@ class Bridge final : public TdcBridge {
  private:
   struct Block {
     Bytes bytes;
+    const char* what;  // becomes of it, if all goes well from here on
+    BlockKind kind;
+    std::uint32_t sequence;
     std::size_t tags;
+    HostTime first, last;  // of its tags
+    HostTime due, begun{};
+    std::int64_t damage = -1;  // which byte is not as it was
   };
 
   void accept() {
     acceptor_.async_accept([this](const ErrorCode& error, tcp::socket socket) {
       if (error) {
-        if (!stopping_) accept();
+        if (!stopping_ && acceptor_.is_open()) accept();
         return;
       }
       socket_ = std::move(socket);
@@ -63,6 +78,7 @@ class Bridge final : public TdcBridge {
       socket_.set_option(tcp::no_delay(true), ignored);
       connected_ = true;
       ++clients_;
+      trouble_.log(trouble_.now(), "connected", {});
       sequence_ = 0;
       dropped_ = 0;
       stream_.start();
@@ -72,7 +88,7 @@ class Bridge final : public TdcBridge {
   }
 
   void greet() {
-    enqueue(BlockKind::hello, {reinterpret_cast<const std::uint8_t*>(hello), sizeof hello - 1}, 0);
+    enqueue(BlockKind::hello, Bytes(std::begin(hello), std::end(hello) - 1), 0);
     next_hello_ = std::chrono::steady_clock::now() + hello_pause;
   }
 
@@ -81,15 +97,16 @@ class Bridge final : public TdcBridge {
     socket_.async_read_some(boost::asio::buffer(unread_), [this](const ErrorCode& error, auto) {
       if (error == boost::asio::error::operation_aborted) return;
       if (error)
-        disconnect();
+        disconnect("client left");
       else
         watch();
     });
   }
 
-  void disconnect() {
+  void disconnect(const char* why) {
     if (!connected_) return;
     connected_ = false;
+    trouble_.log(trouble_.now(), why, {});
     ErrorCode ignored;
     socket_.close(ignored);
     if (!writing_) next_client();
@@ -97,9 +114,33 @@ class Bridge final : public TdcBridge {
 
   // Only once the last write of the former client has ended: its buffers are in the queue.
   void next_client() {
+    for (const Block& block : queue_) log(block, block.begun == HostTime{} ? "unsent" : "cut");
     queue_.clear();
     queued_bytes_ = 0;
-    if (!stopping_) accept();
+    if (!stopping_ && acceptor_.is_open()) accept();
+  }
+
+  // Unplugged, nobody listens at the port.
+  void look() {
+    if (stopping_) return;
+    if (const bool plugged = !trouble_.active(FaultKind::unplug); plugged != acceptor_.is_open()) {
+      if (plugged)
+        plug();
+      else
+        unplug();
+    }
+    if (!queue_.empty() && !writing_ && connected_) write();
+  }
+  void plug() {
+    acceptor_.open(endpoint_.protocol());
+    acceptor_.set_option(tcp::acceptor::reuse_address(true));
+    acceptor_.bind(endpoint_);
+    acceptor_.listen();
+    if (!writing_) accept();
+  }
+  void unplug() {
+    acceptor_.close();
+    disconnect("unplugged");
   }
 
   void wait() {
@@ -107,28 +148,77 @@ class Bridge final : public TdcBridge {
     timer_.async_wait([this](const ErrorCode& error) {
       if (error) return;
       if (connected_ && std::chrono::steady_clock::now() > next_hello_) greet();
+      stream_.set_gain(trouble_.gain());
       if (connected_)
         stream_.advance(
-            [this](ByteView tags, std::size_t count) { enqueue(BlockKind::tags, tags, count); },
+            [this](ByteView tags, std::size_t count) {
+              enqueue(BlockKind::tags, Bytes(tags.begin(), tags.end()), count);
+            },
             [this](std::uint64_t tags) { drop(tags); });
       wait();
     });
   }
 
-  void enqueue(BlockKind kind, ByteView payload, std::size_t tags) {
+  void enqueue(BlockKind kind, Bytes payload, std::size_t tags) {
     if (queued_bytes_ + payload.size() > options_.send_queue_bytes) return drop(tags);
-    queue_.push_back({bridge_block(kind, sequence_++, dropped_, payload), tags});
-    queued_bytes_ += queue_.back().bytes.size();
-    dropped_ = 0;
+    Block block{.bytes = {},
+                .what = "sent",
+                .kind = kind,
+                .sequence = sequence_++,
+                .tags = tags,
+                .first = trouble_.now(),
+                .last = trouble_.now(),
+                .due = trouble_.due()};
+    if (tags > 0) {
+      block.first = set_clock(payload, 0);
+      for (std::size_t i = 1; i < tags; ++i) block.last = set_clock(payload, i);
+    }
+    block.bytes = bridge_block(kind, block.sequence, std::exchange(dropped_, 0), payload);
+    if (trouble_.strikes(FaultKind::drop)) return log(block, "dropped");
+    if (trouble_.strikes(FaultKind::corrupt)) {
+      block.damage = static_cast<std::int64_t>(trouble_.corrupt(block.bytes));
+      block.what = "corrupt";
+    }
+    if (const Bytes junk = trouble_.garbage(); !junk.empty())
+      block.bytes.insert(block.bytes.begin(), junk.begin(), junk.end());
+    queued_bytes_ += block.bytes.size();
+    queue_.push_back(std::move(block));
     if (!writing_) write();
+  }
+
+  // Puts tag number i on the device's clock; the host's time of it.
+  HostTime set_clock(Bytes& payload, std::size_t i) const {
+    std::uint8_t* const place = payload.data() + i * tag_bytes + tag_time_offset;
+    std::int64_t ps = 0;
+    std::memcpy(&ps, place, sizeof ps);
+    const HostTime time = zero_ + std::chrono::nanoseconds(ps / 1000);
+    ps += std::llround(1e12 * trouble_.clock_error_s(static_cast<double>(ps) * 1e-12));
+    std::memcpy(place, &ps, sizeof ps);
+    return time;
   }
 
   void drop(std::uint64_t tags) {
     dropped_ += tags;
     all_dropped_ += tags;
+    trouble_.log(trouble_.now(), "overrun", {{"tags", static_cast<std::int64_t>(tags)}});
   }
 
+  void log(const Block& block, const char* what) {
+    const HostTime begun = block.begun == HostTime{} ? trouble_.now() : block.begun;
+    trouble_.log(begun, what,
+                 {{"seq", block.sequence},
+                  {"kind", static_cast<int>(block.kind)},
+                  {"damage", block.damage},
+                  {"tags", static_cast<std::int64_t>(block.tags)},
+                  {"first", block.first.count()},
+                  {"last", block.last.count()}});
+  }
+
+  // Not while the line stands still, nor before its time: look() comes back to it.
   void write() {
+    Block& next = queue_.front();
+    if (trouble_.active(FaultKind::stall) || trouble_.now() < next.due) return;
+    next.begun = trouble_.now();
     writing_ = true;
     boost::asio::async_write(socket_, boost::asio::buffer(queue_.front().bytes),
                              [this](const ErrorCode& error, std::size_t) {
@@ -139,7 +229,8 @@ class Bridge final : public TdcBridge {
 
   void written(const ErrorCode& error) {
     if (!connected_) return next_client();
-    if (error) return disconnect();
+    if (error) return disconnect("client left");
+    log(queue_.front(), queue_.front().what);
     ++blocks_;
     tags_ += queue_.front().tags;
     queued_bytes_ -= queue_.front().bytes.size();
@@ -147,15 +238,17 @@ class Bridge final : public TdcBridge {
     if (!queue_.empty())
       write();
     else if (stopping_)
-      disconnect();
+      disconnect("closed");
   }
 
   TdcOptions options_;
   TagStream stream_;
   tcp::acceptor acceptor_;
-  std::string address_;
+  tcp::endpoint endpoint_;
   tcp::socket socket_;
   boost::asio::steady_timer timer_;
+  Trouble trouble_;
+  HostTime zero_;  // of the tags' clock
   std::array<std::uint8_t, 256> unread_{};
   std::deque<Block> queue_;
   std::size_t queued_bytes_ = 0;

@@ -5,16 +5,26 @@
 
 namespace echofuse::sim {
 
-void Uart::send(ByteView bytes) {
+void Uart::send(ByteView bytes, Sent sent) {
   queue_.insert(queue_.end(), bytes.begin(), bytes.end());
-  if (pacing_ || queue_.empty()) return;
+  if (sent) waiting_.push_back({sent_ + lost_ + queue_.size(), lost_, std::move(sent)});
+  begin();
+}
+
+void Uart::hold(bool still) {
+  still_ = still;
+  begin();
+}
+
+void Uart::begin() {
+  if (pacing_ || still_ || queue_.empty()) return;
   pacing_ = true;
   due_ = std::chrono::steady_clock::now();
   pace();
 }
 
 void Uart::pace() {
-  if (queue_.empty()) {
+  if (queue_.empty() || still_) {
     pacing_ = false;
     return;
   }
@@ -34,6 +44,11 @@ void Uart::pace() {
     const std::size_t arrived = deliver(std::move(chunk));
     sent_ += arrived;
     lost_ += n - arrived;
+    while (!waiting_.empty() && waiting_.front().end <= sent_ + lost_) {
+      const Waiting done = std::move(waiting_.front());
+      waiting_.pop_front();
+      done.sent(done.lost_before == lost_);
+    }
     pace();
   });
 }

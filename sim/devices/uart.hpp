@@ -25,8 +25,12 @@ class Uart {
   Uart(const Uart&) = delete;
   Uart& operator=(const Uart&) = delete;
 
-  // Queued behind what is still being sent.
-  void send(ByteView bytes);
+  using Sent = std::function<void(bool arrived)>;
+
+  // Queued behind what is still being sent; `sent` is told once the last byte is out.
+  void send(ByteView bytes, Sent sent = {});
+  // A line that stands still keeps what is queued.
+  void hold(bool still);
   bool idle() const { return queue_.empty(); }
   unsigned baud() const { return baud_; }
   void set_baud(unsigned baud) { baud_ = baud; }
@@ -38,6 +42,7 @@ class Uart {
  private:
   // The bytes leave the wire; how many of them arrived.
   virtual std::size_t deliver(Bytes chunk) = 0;
+  void begin();
   void pace();
 
   unsigned baud_;
@@ -45,14 +50,24 @@ class Uart {
   boost::asio::steady_timer timer_;
   std::deque<std::uint8_t> queue_;
   std::chrono::steady_clock::time_point due_;
-  bool pacing_ = false;
+  bool pacing_ = false, still_ = false;
+  struct Waiting {
+    std::uint64_t end, lost_before;  // in bytes since the start
+    Sent sent;
+  };
+  std::deque<Waiting> waiting_;
   std::uint64_t sent_ = 0, lost_ = 0;
 };
 
 // A radar board behind any two UARTs, made with the rates it starts with.
 using MakeUart = std::function<std::unique_ptr<Uart>(unsigned baud, Uart::Receive receive)>;
+struct RadarBoardOptions {
+  std::uint64_t seed = 1;
+  Script script{};
+  std::function<void(bool in)> plug{};  // pulls both ports out, or puts them in; asked often
+};
 std::unique_ptr<Device> make_radar_board(boost::asio::io_context& io, Stage& stage,
-                                         std::uint64_t seed, const MakeUart& make_cli,
+                                         const RadarBoardOptions& options, const MakeUart& make_cli,
                                          const MakeUart& make_data);
 
 }  // namespace echofuse::sim

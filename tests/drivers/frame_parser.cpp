@@ -221,6 +221,31 @@ TEST_CASE("frame numbers: a restart is no loss, a gap is") {
   CHECK(p.counts.last_frame_number == 0x80000000u);
 }
 
+TEST_CASE("a frame whose padding ends like a magic waits for the next one, or for quiet") {
+  Bytes doubtful = golden()[2];
+  doubtful.back() = 2;  // the magic's first byte
+  FrameParser parser;
+  std::vector<RadarFrame> frames;
+  const auto keep = [&](RadarFrame f) { frames.push_back(std::move(f)); };
+  const HostTime whole{1000}, later{2000};
+  parser.feed(doubtful, whole, keep);
+  REQUIRE(frames.empty());
+  REQUIRE(parser.in_doubt());
+  SECTION("quiet") {
+    parser.settle(keep);
+    CHECK_FALSE(parser.in_doubt());
+    REQUIRE(frames.size() == 1);
+    parser.settle(keep);
+    parser.feed(golden()[2], later, keep);
+  }
+  SECTION("the next one") { parser.feed(golden()[2], later, keep); }
+  REQUIRE(frames.size() == 2);
+  CHECK(frames[0].received == whole);
+  CHECK(frames[1].received == later);
+  CHECK(frames[0].frame_number == frames[1].frame_number);
+  check_sum(parser.counts());
+}
+
 TEST_CASE("after finish() the next input starts afresh") {
   FrameParser parser;
   Numbers numbers;

@@ -28,7 +28,7 @@ struct Bench {
         return out;
       };
     };
-    board = sim::make_radar_board(io, stage, 1, uart(0, "CLI", cli), uart(1, "DATA", data));
+    board = sim::make_radar_board(io, stage, {}, uart(0, "CLI", cli), uart(1, "DATA", data));
     std::ifstream cfg(ECHOFUSE_SOURCE_DIR "/config/radar/xwr68xx_paper_50cm.cfg");
     std::ostringstream text;
     text << cfg.rdbuf();

@@ -1,0 +1,310 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""scripts/audit_run.py RUN.sqlite LOG [--json]: compares a run with the log of the simulated laboratory that it was
+recorded from (echofuse-sim lab --log LOG), record by record, and accounts for every tag and every frame. Exit code 1
+if a difference has no explanation."""
+import argparse
+import bisect
+import collections
+import datetime
+import itertools
+import json
+import sqlite3
+import sys
+
+# How long a sample may be on its way: the shortest of these that explains a run is part of its account. What waits
+# behind a damaged length does so for as long as the client's patience.
+LATENCIES_NS = [20_000_000 * 2**i for i in range(8)]
+LATENCY_NS = 250_000_000
+PATIENCE_NS = 5_000_000_000
+LENGTH_FIELD = range(12, 16)  # of a bridge block
+NUMBER_FIELD = range(20, 24)  # of a radar frame
+RECEIVED_WHOLE = {"sent", "garbage"}
+
+
+class Run:
+    def __init__(self, path):
+        db = sqlite3.connect(f"file:{path}?mode=ro", uri=True)
+        db.row_factory = sqlite3.Row
+        self.records = [dict(r) for r in db.execute(
+            "SELECT r.idx, slot_start_ns start, slot_end_ns end, tags, spd_lost, radar_lost, depth_lost, s.radar_frames,"
+            " s.radar_last, s.depth_frames, s.depth_last FROM record r JOIN slot s ON r.idx = s.idx ORDER BY r.idx")]
+        self.rows = db.execute("SELECT count(*) FROM record").fetchone()[0]
+        self.counters = collections.Counter()
+        for source, name, value in db.execute("SELECT source, name, value FROM counter"):
+            self.counters[source, name] += value
+        mono, utc = db.execute("SELECT mono_ns, utc_ns FROM anchor ORDER BY mono_ns LIMIT 1").fetchone()
+        self.breaks = collections.defaultdict(list)  # sensor -> host times at which its driver gave a connection up
+        for text_utc, source in db.execute("SELECT utc, source FROM event WHERE text LIKE 'faulted %' ORDER BY id"):
+            then = datetime.datetime.fromisoformat(text_utc.replace("Z", "+00:00"))
+            self.breaks[source].append(int(then.timestamp() * 1e9) - utc + mono)
+
+
+def read_log(path):
+    devices = collections.defaultdict(list)
+    with open(path) as log:
+        for line in log:
+            entry = json.loads(line)
+            devices[entry["device"]].append(entry)
+    return devices
+
+
+class Account:
+    def __init__(self, name):
+        self.name, self.rows, self.unexplained = name, [], []
+
+    def put(self, what, number):
+        self.rows.append((what, number))
+
+    def fault(self, text):
+        self.unexplained.append(text)
+
+
+def bounded(account, what, run, column, items, late):
+    """items: (earliest time, time by which it is in a record or None, amount). The sum over the records up to each one
+    lies between what must and what may have been counted by then; the constant is what came before the first slot."""
+    may_t, may = accumulate(sorted((first, amount) for first, _, amount in items))
+    must_t, must = accumulate(sorted((by, amount) for _, by, amount in items if by is not None))
+    low, high, total = 0, float("inf"), 0
+    for record in run.records:
+        total += record[column]
+        low = max(low, must[bisect.bisect_left(must_t, record["end"])] - late - total)
+        high = min(high, may[bisect.bisect_left(may_t, record["end"])] - total)
+        if low > high:
+            account.fault(f"record {record['idx']}: {what}: {low - high} {'missing' if total + high < low else 'off'}")
+            low, high = 0, float("inf")
+            low = max(0, must[bisect.bisect_left(must_t, record["end"])] - late - total)
+    return total
+
+
+def accumulate(pairs):
+    return [t for t, _ in pairs], [0, *itertools.accumulate(amount for _, amount in pairs)]
+
+
+def connections(entries):
+    """The blocks of each connection."""
+    all_of_them = []
+    for entry in entries:
+        if entry["what"] == "connected":
+            all_of_them.append({"blocks": [], "end": None})
+        elif entry["what"] in ("client left", "unplugged", "closed"):
+            all_of_them[-1]["end"] = entry["t"]
+        elif "seq" in entry or entry["what"] == "overrun":
+            if all_of_them:
+                all_of_them[-1]["blocks"].append(entry)
+    return all_of_them
+
+
+class Tags:
+    """What the daemon's bridge client makes of the blocks."""
+
+    def __init__(self, connection_list, latency_ns):
+        self.latency_ns = latency_ns
+        self.sums = collections.Counter()  # tags by what became of their block
+        self.delivered, self.losses = [], []  # (earliest, latest, amount); prefix of tags for the driver's counter
+        self.doubtful = 0
+        for number, connection in enumerate(connection_list):
+            self.take(connection, number > 0)
+
+    def take(self, connection, rejoined):
+        expected, lost, greeted, hidden_until = 0, int(rejoined), False, 0
+        overrun = 0
+        for block in sorted(connection["blocks"], key=lambda b: (b.get("seq", -1), b["t"])):
+            if block["what"] == "overrun":
+                self.sums["overrun"] += block["tags"]
+                continue
+            self.sums[block["what"]] += block["tags"]
+            if block["what"] == "corrupt" and block["damage"] in LENGTH_FIELD:
+                hidden_until = block["t"] + PATIENCE_NS
+            if block["what"] != "sent":
+                continue
+            lost += block["seq"] - expected
+            expected = block["seq"] + 1
+            if not greeted and block["kind"] != 0:
+                lost += 1
+                self.sums["before a hello"] += block["tags"]
+                self.sums["sent"] -= block["tags"]
+                continue
+            greeted = True
+            if block["kind"] != 1:
+                continue
+            hidden = block["t"] < hidden_until
+            doubtful = hidden and connection["end"] is not None and connection["end"] < hidden_until
+            by = None if doubtful else block["t"] + (PATIENCE_NS if hidden else self.latency_ns)
+            self.doubtful += block["tags"] if doubtful else 0
+            self.delivered.append((block["first"], by, block["tags"], block["t"]))
+            if lost:
+                self.losses.append((block["first"], by, lost))
+            lost = 0
+        self.lost_at_end = lost
+
+
+def audit_tags(run, entries):
+    for latency_ns in LATENCIES_NS:
+        account = audit_tags_within(run, entries, latency_ns)
+        if not account.unexplained:
+            break
+    account.put("on their way for less than, ms", latency_ns // 1_000_000)
+    return account
+
+
+def audit_tags_within(run, entries, latency_ns):
+    account = Account("tdc")
+    tags = Tags(connections(entries), latency_ns)
+    overruns = [(e["t"] - PATIENCE_NS, None, e["tags"]) for e in entries if e["what"] == "overrun"]
+    late, outside = run.counters["spd", "late"], run.counters["spd", "outside"]
+    items = [(first, by, n) for first, by, n, _ in tags.delivered]
+    in_records = bounded(account, "tags", run, "tags", items, late)
+    lost = bounded(account, "lost blocks", run, "spd_lost", tags.losses + overruns, sum(n for *_, n in tags.losses) * (late > 0))
+    heard = run.counters["spd", "tags"]
+    sums = [0, *itertools.accumulate(n for *_, n, _ in tags.delivered)]
+    if not tags.doubtful and heard not in set(sums):
+        near = sums[bisect.bisect_left(sums, heard) - 1]
+        account.fault(f"the driver heard {heard} tags, which is no sum of whole blocks sent ({near} to the block before)")
+    before = heard - in_records - late - outside
+    start = run.records[0]["start"]
+    may_before = sum(n for first, _, n, _ in tags.delivered if first < start)
+    if not 0 <= before <= may_before:
+        account.fault(f"{before} tags were heard and are in no record, not late and not outside; before the run came at "
+                      f"most {may_before}")
+    after = sum(tags.sums.values()) - heard - sum(v for k, v in tags.sums.items() if k != "sent")
+    account.put("made", sum(tags.sums.values()))
+    for what in ("dropped", "corrupt", "cut", "unsent", "overrun", "before a hello"):
+        account.put(f"not delivered: {what}", tags.sums[what])
+    account.put("in records", in_records)
+    account.put("late", late)
+    account.put("outside the run's slots", outside)
+    account.put("heard before the run", before)
+    account.put("after the daemon ended", after)
+    account.put("blocks lost, as the log has it", sum(n for *_, n in tags.losses))
+    account.put("blocks and items lost, as records have it", lost)
+    return account
+
+
+class Frames:
+    def __init__(self, sensor, entries):
+        self.sensor = sensor
+        self.by_number = {}
+        for entry in entries:
+            if "frame" not in entry:
+                continue
+            known = self.by_number.get(entry["frame"])
+            if not known or entry["what"] in RECEIVED_WHOLE:  # of several viewers, one that got it
+                self.by_number[entry["frame"]] = entry
+
+    def certain(self, number):
+        return number in self.by_number and self.by_number[number]["what"] in RECEIVED_WHOLE
+
+    def doubtful(self, number):  # no checksum: a damaged frame may pass, by its own or another number
+        entry = self.by_number.get(number)
+        return self.sensor == "radar" and entry is not None and entry["what"] == "corrupt"
+
+    def renumbered(self, first, last):
+        return sum(1 for n in range(first, last + 1)
+                   if self.doubtful(n) and self.by_number[n]["damage"] in NUMBER_FIELD)
+
+    def plausible(self, number, previous, record):
+        return ((self.certain(number) or self.doubtful(number)) and (previous is None or number > previous) and
+                self.by_number[number]["t"] < record["end"])
+
+
+def audit_frames(run, sensor, entries):
+    account = Account(sensor)
+    frames = Frames(sensor, entries)
+    counts = collections.Counter()
+    previous, got, lost, late_used, slowest = None, 0, 0, 0, 0
+    first_record = None
+    for record in run.records:
+        got += record[f"{sensor}_frames"]
+        lost += record[f"{sensor}_lost"]
+        first_record = first_record or record
+        last = record[f"{sensor}_last"]
+        if last is None or not frames.plausible(last, previous, record):
+            if last is not None and frames.renumbered(previous or 0, (previous or 0) + got + 20) == 0:
+                account.fault(f"record {record['idx']}: its last frame {last} was never sent")
+            continue  # a number that was damaged: the next record shows what became of this one
+        if previous is None:
+            previous = last - got - lost
+        late_used += audit_range(account, run, frames, record, previous, last, got, lost, counts)
+        slowest = max(slowest, first_record["start"] - frames.by_number[last]["t"])
+        previous, got, lost, first_record = last, 0, 0, None
+    counts["in records"] += got
+    if late_used != run.counters[sensor, "late"]:
+        account.fault(f"{late_used} whole frames are in no record, {run.counters[sensor, 'late']} were counted as late")
+    for what, number in counts.items():
+        account.put(what, number)
+    account.put("late", run.counters[sensor, "late"])
+    account.put("outside the run's slots", run.counters[sensor, "outside"])
+    return account
+
+
+def audit_range(account, run, frames, record, previous, last, got, lost, counts):
+    """The frames (previous, last], of which `got` are in the records and `lost` were counted as lost. Returns how many
+    are explained only by having been late."""
+    numbers = range(previous + 1, last + 1)
+    certain = sum(map(frames.certain, numbers))
+    doubtful = sum(map(frames.doubtful, numbers))
+    for n in numbers:
+        counts["sent: " + (frames.by_number[n]["what"] if n in frames.by_number else "never")] += 1
+    counts["in records"] += got
+    counts["counted as lost"] += lost
+    times = [frames.by_number[n]["t"] for n in (previous, last) if n in frames.by_number]
+    broke = len(times) == 2 and any(times[0] - LATENCY_NS <= t <= times[1] + LATENCY_NS
+                                    for t in run.breaks[frames.sensor])
+    renumbered = frames.renumbered(previous - 2, last)
+    where = f"record {record['idx']}: {frames.sensor} frames {previous + 1} to {last}: "
+    late = 0
+    uncounted = len(numbers) - got - lost
+    if got < certain and uncounted == 0:
+        counts["sent whole, lost on the way and counted"] += certain - got
+    elif got < certain and not broke:
+        late = certain - got
+        counts["sent whole, but late"] += late
+        uncounted -= late
+    elif got < certain:
+        counts["sent whole, while the connection broke"] += certain - got
+        if frames.sensor == "radar" and uncounted > 0:  # of a frame that was in the parser: late as well
+            late, uncounted = min(uncounted, certain - got), max(0, uncounted - (certain - got))
+    if 0 < uncounted <= doubtful:  # damaged frames that passed
+        late, uncounted = late + uncounted, 0
+    if got > certain + doubtful:
+        account.fault(where + f"{got} arrived, {certain + doubtful} were sent")
+    if uncounted > 0 and frames.sensor == "depth" and broke:
+        counts["not counted, over a reconnection"] += uncounted
+    elif uncounted != 0 and not renumbered:
+        account.fault(where + f"{len(numbers) - got} are missing, {lost} were counted as lost")
+    elif uncounted != 0:
+        counts["miscounted for damaged numbers"] += uncounted
+    return late
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("run")
+    parser.add_argument("log")
+    parser.add_argument("--json", action="store_true", help="the account as one JSON object")
+    args = parser.parse_args()
+    run, log = Run(args.run), read_log(args.log)
+    general = Account("run")
+    general.put("records", run.rows)
+    if [r["idx"] for r in run.records] != list(range(run.rows)):
+        general.fault("the records' indices have gaps")
+    faults = collections.Counter(f"{device}: {e['what'][6:]}" for device, entries in log.items() for e in entries
+                                 if e["what"].startswith("begin ") and e["t"] < run.records[-1]["end"])
+    for fault, number in sorted(faults.items()):
+        general.put("fault " + fault, number)
+    accounts = [general, audit_tags(run, log["tdc"]), audit_frames(run, "radar", log["radar"]),
+                audit_frames(run, "depth", log["depth"])]
+    unexplained = [f"{a.name}: {text}" for a in accounts for text in a.unexplained]
+    if args.json:
+        print(json.dumps({a.name: dict(a.rows) for a in accounts} | {"unexplained": unexplained}))
+    else:
+        for account in accounts:
+            for what, number in account.rows:
+                print(f"{account.name:6} {what:45} {number:12}")
+        print("\n".join(["UNEXPLAINED: " + text for text in unexplained] or ["every difference is explained"]))
+    return 1 if unexplained else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

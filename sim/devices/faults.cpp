@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: MIT
+#include "sim/devices/faults.hpp"
+
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <sstream>
+
+#include "drivers/core/exit_code.hpp"
+#include "drivers/core/printable.hpp"
+
+namespace echofuse::sim {
+namespace {
+
+struct Kind {
+  const char* name;
+  double usual, min, max;  // of the amount
+};
+constexpr std::array<Kind, 9> kinds = {{{"drop", 1, 0, 1},
+                                        {"corrupt", 1, 0, 1},
+                                        {"stall", 0, 0, 0},
+                                        {"late", 0.05, 0, 10},
+                                        {"unplug", 0, 0, 0},
+                                        {"garbage", 64, 1, 65536},
+                                        {"clock_drift", 200, -1e5, 1e5},
+                                        {"clock_offset", 0.5, -1e4, 1e4},
+                                        {"gain", 0.5, 0, 100}}};
+constexpr Kind noisy_frames = {"garbage", 1, 0, 1};
+const char* const devices[] = {"tdc", "radar", "depth"};
+const char* const keys[] = {"device", "at_s", "for_s", "every_s", "kind", "amount"};
+constexpr double longest_s = 1e7;
+
+template <class Node>
+std::string place(const std::string& name, const Node& node) {
+  const auto where = node.source().begin;
+  return name + ":" + std::to_string(where.line) + ":" + std::to_string(where.column) + ": ";
+}
+
+template <class List>
+std::string listed(const List& names) {
+  std::string text;
+  for (const auto& n : names) {
+    if (!text.empty()) text += ", ";
+    text += n;
+  }
+  return text;
+}
+
+std::string shown(double value) {
+  std::ostringstream text;
+  text << value;
+  return text.str();
+}
+
+class Reader {
+ public:
+  explicit Reader(const std::string& name) : name_(name) {}
+
+  std::vector<Fault> read(const toml::table& file) {
+    for (const auto& [key, node] : file)
+      if (key.str() != "fault" || !node.is_array_of_tables())
+        say(node, std::string(key.str()) + ": expected [[fault]] tables only");
+    std::vector<Fault> all;
+    if (const auto* list = file["fault"].as_array())
+      for (const auto& node : *list)
+        if (const auto* table = node.as_table()) all.push_back(read_one(*table));
+    return all;
+  }
+  std::string mistakes() const { return mistakes_; }
+
+ private:
+  Fault read_one(const toml::table& table) {
+    for (const auto& [key, node] : table)
+      if (std::find(std::begin(keys), std::end(keys), key.str()) == std::end(keys))
+        say(node, std::string(key.str()) + ": unknown key; expected " + listed(keys));
+    Fault fault;
+    fault.device = text(table, "device", {devices[0], devices[1], devices[2]});
+    std::vector<std::string> names;
+    for (const Kind& k : kinds) names.emplace_back(k.name);
+    const std::string kind = text(table, "kind", names);
+    const auto found = std::find(names.begin(), names.end(), kind);
+    if (found == names.end()) return fault;
+    fault.kind = static_cast<FaultKind>(found - names.begin());
+    fault.at_s = number(table, "at_s", {}, 0, longest_s);
+    fault.for_s = number(table, "for_s", {}, 0, longest_s);
+    fault.every_s = number(table, "every_s", 0, 0, longest_s);
+    if (fault.every_s > 0 && fault.every_s < fault.for_s)
+      say(table, "every_s is shorter than for_s: the fault would overlap itself");
+    const bool camera = fault.device == "depth";
+    if (camera && fault.kind == FaultKind::gain) say(table, "a depth camera has no gain");
+    const Kind& limits = camera && fault.kind == FaultKind::garbage
+                             ? noisy_frames
+                             : kinds[static_cast<std::size_t>(fault.kind)];
+    if (limits.max > limits.min)
+      fault.amount = number(table, "amount", limits.usual, limits.min, limits.max);
+    else if (const auto* given = table.get("amount"))
+      say(*given, kind + " has no amount");
+    return fault;
+  }
+
+  std::string text(const toml::table& table, const char* key,
+                   const std::vector<std::string>& allowed) {
+    const auto* node = table.get(key);
+    const auto value = node ? node->value_exact<std::string>() : std::nullopt;
+    if (value && std::find(allowed.begin(), allowed.end(), *value) != allowed.end()) return *value;
+    const std::string expected = std::string(key) + ": expected one of " + listed(allowed);
+    node ? say(*node, expected) : say(table, expected);
+    return {};
+  }
+
+  double number(const toml::table& table, const char* key, std::optional<double> usual, double min,
+                double max) {
+    const auto* node = table.get(key);
+    if (!node && usual) return *usual;
+    const bool numeric = node && (node->is_integer() || node->is_floating_point());
+    const double value = numeric ? node->value<double>().value_or(NAN) : NAN;
+    if (value >= min && value <= max) return value;
+    const std::string expected =
+        std::string(key) + ": expected a number from " + shown(min) + " to " + shown(max);
+    node ? say(*node, expected) : say(table, expected);
+    return 0;
+  }
+
+  template <class Node>
+  void say(const Node& node, const std::string& what) {
+    if (!mistakes_.empty()) mistakes_ += '\n';
+    mistakes_ += place(name_, node) + printable(what);
+  }
+
+  std::string name_, mistakes_;
+};
+
+// The part of the fault's repetition in which time_s lies that is over by then, and how many
+// repetitions came before; no value before the first.
+std::optional<std::pair<double, double>> progress(const Fault& f, double time_s) {
+  if (time_s < f.at_s) return {};
+  const double since = time_s - f.at_s;
+  const double n = f.every_s > 0 ? std::floor(since / f.every_s) : 0;
+  return std::pair(n, since - n * f.every_s);
+}
+
+}  // namespace
+
+const char* name_of(FaultKind kind) { return kinds[static_cast<std::size_t>(kind)].name; }
+
+std::vector<Fault> read_faults(const std::string& text, const std::string& name) {
+  try {
+    Reader reader(name);
+    auto all = reader.read(toml::parse(text, name));
+    if (!reader.mistakes().empty()) throw Error(ExitCode::config, reader.mistakes());
+    return all;
+  } catch (const toml::parse_error& e) {
+    throw Error(ExitCode::config, place(name, e) + "not TOML: " + std::string(e.description()));
+  }
+}
+
+Faults::Faults(const std::vector<Fault>& all, const std::string& device) {
+  std::copy_if(all.begin(), all.end(), std::back_inserter(faults_),
+               [&](const Fault& f) { return f.device == device; });
+}
+
+std::optional<double> Faults::at(FaultKind kind, double time_s) const {
+  for (const Fault& f : faults_) {
+    if (f.kind != kind) continue;
+    const auto p = progress(f, time_s);
+    if (p && p->second < f.for_s) return f.amount;
+  }
+  return {};
+}
+
+double Faults::clock_error_s(double time_s) const {
+  double error = 0;
+  for (const Fault& f : faults_) {
+    const auto p = progress(f, time_s);
+    if (!p) continue;
+    const auto [before, now] = *p;
+    if (f.kind == FaultKind::clock_offset && now < f.for_s) error += f.amount;
+    if (f.kind == FaultKind::clock_drift)
+      error += f.amount * 1e-6 * (before * f.for_s + std::min(now, f.for_s));
+  }
+  return error;
+}
+
+std::vector<Faults::Change> Faults::changes(double from_s, double to_s) const {
+  std::vector<Change> all;
+  const auto add = [&](double time_s, const Fault& f, bool begins) {
+    if (time_s > from_s && time_s <= to_s) all.push_back({time_s, &f, begins});
+  };
+  for (const Fault& f : faults_) {
+    const auto last = progress(f, to_s);
+    if (!last) continue;
+    const auto first = progress(f, from_s);
+    for (double n = first ? first->first : 0; n <= last->first; ++n) {
+      add(f.at_s + n * f.every_s, f, true);
+      add(f.at_s + n * f.every_s + f.for_s, f, false);
+    }
+  }
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Change& a, const Change& b) { return a.time_s < b.time_s; });
+  return all;
+}
+
+}  // namespace echofuse::sim

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: MIT
+#include "sim/devices/trouble.hpp"
+
+#include <cmath>
+
+namespace echofuse::sim {
+namespace {
+
+constexpr auto look_pause = std::chrono::milliseconds(5);
+
+}  // namespace
+
+Trouble::Trouble(boost::asio::io_context& io, Stage& stage, const char* device,
+                 const Script& script, std::uint64_t seed, std::function<void()> look)
+    : stage_(stage),
+      device_(device),
+      faults_(script.faults, device),
+      journal_(script.journal),
+      rng_(make_rng(seed, 100 + static_cast<std::uint64_t>(device[0]))),
+      timer_(io),
+      look_(std::move(look)) {
+  if (!faults_.empty()) wait();
+}
+
+void Trouble::wait() {
+  timer_.expires_after(look_pause);
+  timer_.async_wait([this](const boost::system::error_code& error) {
+    if (error) return;
+    log_changes();
+    look_();
+    wait();
+  });
+}
+
+void Trouble::log_changes() {
+  const double now_s = stage_.now_s();
+  for (const auto& change : faults_.changes(logged_s_, now_s)) {
+    const std::string what =
+        std::string(change.begins ? "begin " : "end ") + name_of(change.fault->kind);
+    log(stage_.start() + from_seconds(change.time_s), what.c_str(),
+        {{"amount_1e6", std::llround(1e6 * change.fault->amount)}});
+  }
+  logged_s_ = now_s;
+}
+
+bool Trouble::strikes(FaultKind kind) {
+  const auto share = amount(kind);
+  return share && std::uniform_real_distribution<double>(0, 1)(rng_) < *share;
+}
+
+std::size_t Trouble::corrupt(Bytes& bytes) {
+  const std::size_t at = rng_() % bytes.size();
+  bytes[at] ^= static_cast<std::uint8_t>(1 + rng_() % 255);
+  return at;
+}
+
+Bytes Trouble::garbage() {
+  Bytes bytes(static_cast<std::size_t>(amount(FaultKind::garbage).value_or(0)));
+  for (auto& byte : bytes) byte = static_cast<std::uint8_t>(rng_());
+  return bytes;
+}
+
+}  // namespace echofuse::sim

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: MIT
+// What befalls one device, and the log of it and of what the device sends.
+// Threading: one io thread.
+#pragma once
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <functional>
+#include <string>
+#include <utility>
+
+#include "drivers/core/bytes.hpp"
+#include "drivers/core/random.hpp"
+#include "sim/devices/device.hpp"
+
+namespace echofuse::sim {
+
+class Trouble {
+ public:
+  // `device` is a literal. `look` is called every 5 ms if there are any faults: so that one which
+  // begins or ends is acted on.
+  Trouble(boost::asio::io_context& io, Stage& stage, const char* device, const Script& script,
+          std::uint64_t seed, std::function<void()> look);
+
+  void stop() { timer_.cancel(); }
+  bool active(FaultKind kind) const { return amount(kind).has_value(); }
+  std::optional<double> amount(FaultKind kind) const { return faults_.at(kind, stage_.now_s()); }
+  double gain() const { return amount(FaultKind::gain).value_or(1); }
+  double clock_error_s(double time_s) const { return faults_.clock_error_s(time_s); }
+  // Whether the fault, of which amount() is the share, strikes this time.
+  bool strikes(FaultKind kind);
+  // Changes one byte; returns which.
+  std::size_t corrupt(Bytes& bytes);
+  // What a line picks up now; mostly nothing.
+  Bytes garbage();
+  std::uint64_t noise() { return rng_(); }
+  HostTime now() const { return stage_.now(); }
+  // When what is ready now goes out.
+  HostTime due() const { return now() + from_seconds(amount(FaultKind::late).value_or(0)); }
+
+  void log(HostTime time, const char* what, Journal::Numbers numbers) {
+    if (journal_) journal_->put(time, device_, what, numbers);
+  }
+
+ private:
+  void wait();
+  void log_changes();
+
+  Stage& stage_;
+  const char* device_;
+  Faults faults_;
+  Journal* journal_;
+  Rng rng_;
+  boost::asio::steady_timer timer_;
+  std::function<void()> look_;
+  double logged_s_ = -1;
+};
+
+}  // namespace echofuse::sim
