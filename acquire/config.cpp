@@ -17,7 +17,7 @@ namespace {
 struct Keys {
   std::int64_t start_channel, click_channel, bins;
   std::int64_t cli_baud, data_baud, width, height, fps;
-  std::string cfg;
+  std::string cfg, calibration;
 };
 
 Keys defaults_of(const Config& c) {
@@ -29,6 +29,7 @@ Keys defaults_of(const Config& c) {
           c.depth.width,
           c.depth.height,
           c.depth.fps,
+          "",
           ""};
 }
 
@@ -45,6 +46,8 @@ void bind(Settings& s, Config& c, Keys& k) {
         "how long to wait for all devices before starting with those that are there");
   s.add("run.label", c.label, "label of every record, e.g. what is in front of the sensors");
   s.add("run.operator", c.operator_name, "who records");
+  s.add("run.calibration", k.calibration,
+        "file that `calibrate` wrote, applied on reading; relative to this file's folder");
   s.add("tdc.address", c.tdc.address,
         "bridge:tcp://HOST:PORT or usb:VVVV:PPPP[:serial]; empty: none");
   bind_policy(s, c, "tdc", Sensor::spd);
@@ -155,6 +158,11 @@ void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& f
   judge.attempt({"tdc.click_channel", "tdc.start_channel", "tdc.bins", "tdc.bin_width_ps"},
                 [&] { const tdc::Histogram check(c.histogram); });
   judge_radar(judge, c.radar, k.cfg, folder);
+  c.calibration_path =
+      (folder / (k.calibration.empty() ? "calibration.toml" : k.calibration)).string();
+  if (!k.calibration.empty())
+    judge.attempt({"run.calibration"},
+                  [&] { c.calibration = read_calibration(c.calibration_path); });
   if (!c.depth.address.empty())
     judge.attempt({"depth.address"}, [&] { check_depth(c.depth.address); });
 }

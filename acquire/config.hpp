@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "acquire/calibration.hpp"
 #include "drivers/make_driver.hpp"
 #include "drivers/tdc/histogram.hpp"
 
@@ -19,6 +20,8 @@ struct Config {
   tdc::HistogramSettings histogram;
   RadarConfig radar;
   DepthConfig depth;
+  Calibration calibration;       // of the file that run.calibration names
+  std::string calibration_path;  // that file, or where one would stand
   std::array<std::string, sensor_count> policy{"optional", "optional", "optional"};
 
   std::string text;      // of the file, verbatim

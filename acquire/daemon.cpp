@@ -2,7 +2,6 @@
 #include "acquire/daemon.hpp"
 
 #include <spdlog/spdlog.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -38,23 +37,6 @@ spdlog::level::level_enum level_of(Severity s) {
 
 // Leaves a second for the devices and the disk: SIGTERM closes a run within 5 s.
 constexpr auto close_limit = std::chrono::seconds(4);
-
-void refuse_bad_target(const std::filesystem::path& out) {
-  if (std::filesystem::exists(out))
-    throw Error(ExitCode::failed, out.string() +
-                                      ": exists already; runs are never overwritten, choose "
-                                      "another name");
-  if (!std::filesystem::is_directory(out.parent_path()))
-    throw Error(ExitCode::disk, out.string() + ": its folder does not exist");
-  if (::access(out.parent_path().c_str(), W_OK) != 0)
-    throw Error(ExitCode::disk, out.string() + ": its folder is read-only");
-}
-
-void refuse_resuming(const record::RunInfo& begun, const std::string& path, const Config& config) {
-  if (begun.status == "open")
-    throw Error(ExitCode::failed, path + ": is being recorded by another process");
-  refuse_other_config(begun, config);
-}
 
 // Threading: everything runs on the thread that calls run(); drivers and the writer have threads of
 // their own behind their interfaces.
@@ -208,6 +190,9 @@ void Daemon::begin() {
     if (devices_[s].configured)
       recording_->writer.put([s, policy = config_.policy[static_cast<std::size_t>(s)]](
                                  record::RunWriter& run) { run.put_policy(s, policy); });
+  if (!options_.resume)  // a resumed run keeps the one that it was begun with
+    for (const auto& entry : config_.calibration.entries)
+      recording_->writer.put([entry](record::RunWriter& run) { run.put_calibration(entry); });
   for (const Axis& axis : begun_axes_) axes_written_.push_back(axis.name);
   if (!gap_.empty()) log(Severity::warning, "run", gap_);
   for (auto& job : std::exchange(waiting_, {})) recording_->writer.put(std::move(job));

@@ -39,6 +39,14 @@ Json to_json(const record::RunReader& run) {
   for (const record::Event& e : run.events())
     if (e.level == "mark" || e.level == "label")
       marks.push_back({{"utc", e.utc}, {"kind", e.level}, {"text", e.text}});
+  Json calibrations = Json::array();
+  for (const auto& c : run.calibrations())
+    calibrations.push_back({{"sensor", name_of(c.sensor)},
+                            {"offset_m", c.offset_m},
+                            {"standard_error_m", c.standard_error_m},
+                            {"distance_m", c.distance_m},
+                            {"date_utc", c.date_utc},
+                            {"method", c.method}});
   for (const DeviceInfo& d : run.devices())
     devices.push_back({{"sensor", name_of(d.sensor)},
                        {"address", d.address},
@@ -70,6 +78,7 @@ Json to_json(const record::RunReader& run) {
           {"meta", meta},
           {"marks", marks},
           {"axes", axes},
+          {"calibrations", calibrations},
           {"devices", devices}};
 }
 
@@ -112,6 +121,9 @@ std::string to_text(const Json& j) {
   for (const auto& a : j["axes"])
     line("axis", word(a["name"]) + ": " + word(a["count"]) + " x " + word(a["step"]) + " " +
                      word(a["unit"]) + " from " + word(a["start"]) + ", " + word(a["quantity"]));
+  for (const auto& c : j["calibrations"])
+    line("offset", word(c["sensor"]) + ": " + word(c["offset_m"]) + " m +- " +
+                       word(c["standard_error_m"]) + " m, of " + word(c["date_utc"]));
   for (const auto& d : j["devices"])
     line("device", word(d["sensor"]) + ": " + word(d["model"]) + " " + word(d["serial"]) + " at " +
                        word(d["address"]));

@@ -10,6 +10,7 @@
 #include <ctime>
 #include <filesystem>
 
+#include "acquire/calibrate.hpp"
 #include "acquire/config.hpp"
 #include "acquire/daemon.hpp"
 #include "acquire/devices.hpp"
@@ -39,6 +40,7 @@ struct Options {
   std::string config = "lab.toml";
   std::vector<std::string> assignments;
   RunOptions run;
+  CalibrateOptions calibrate;
   std::optional<std::string> label, operator_name, text;
   std::vector<std::string> meta;
   std::string resume;
@@ -156,6 +158,14 @@ ExitCode info(const Options& o) {
   return ExitCode::ok;
 }
 
+ExitCode calibrate_sensors(Options& o) {
+  const Config config = load(o);
+  if (o.calibrate.out.empty()) o.calibrate.out = config.calibration_path;
+  o.calibrate.json = o.json;
+  catch_interrupts();
+  return calibrate(config, o.calibrate, SystemClock());
+}
+
 ExitCode mark(const Options& o) {
   if (o.text.has_value() == o.label.has_value())
     throw Error(ExitCode::usage, "expected either a text or --label TEXT");
@@ -230,6 +240,29 @@ void add_run(CLI::App& app, Options& o) {
       ->excludes(resume);
 }
 
+void add_calibrate(CLI::App& app, Options& o) {
+  auto* c = app.add_subcommand(
+      "calibrate", "measure a reflector at a known distance: by how much each range is too long");
+  add_config_options(*c, o);
+  auto& k = o.calibrate;
+  c->add_option("--distance", k.search.distance_m, "of the reflector from each sensor, m")
+      ->check(CLI::Range(0.1, 100.0))
+      ->capture_default_str();
+  c->add_option("--window", k.search.window_m, "where its echo may lie, m, centred on the distance")
+      ->check(CLI::Range(0.01, 30.0))
+      ->capture_default_str();
+  c->add_option("--repeat", k.repeats, "how often to measure")
+      ->check(CLI::Range(std::int64_t{1}, std::int64_t{100'000}))
+      ->capture_default_str();
+  c->add_option("--time", k.time_s, "s of each measurement")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->capture_default_str();
+  auto* out = c->add_option("--out", k.out, "file to write, instead of run.calibration");
+  c->add_flag("--check", k.check, "measure and compare with run.calibration; write nothing")
+      ->excludes(out);
+  c->add_flag("--json", o.json);
+}
+
 void add_file_commands(CLI::App& app, Options& o) {
   auto* info = app.add_subcommand("info", "what is in a run file");
   info->add_option("FILE", o.file)->required();
@@ -293,6 +326,7 @@ ExitCode dispatch(const std::string& command, Options& o) {
   if (command == "config show") return show_config(o);
   if (command == "info") return info(o);
   if (command == "export") return export_run(o);
+  if (command == "calibrate") return calibrate_sensors(o);
   if (command == "mark") return mark(o);
   if (command == "recover") return recover(o);
   return replay(o);
@@ -306,6 +340,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(0, 1);
   app.footer(footer);
   add_run(app, options);
+  add_calibrate(app, options);
   auto* devices =
       app.add_subcommand("devices", "what is attached, and which of the configured devices answer");
   add_config_options(*devices, options);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/resume.hpp"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <map>
 #include <set>
@@ -60,6 +62,23 @@ void refuse_other_axes(const std::vector<Axis>& begun, const DeviceInfo& device)
         throw Error(ExitCode::config, std::string(name_of(device.sensor)) + ": its axis " +
                                           axis.name +
                                           " is not the one that the run was begun with");
+}
+
+void refuse_bad_target(const std::filesystem::path& out) {
+  if (std::filesystem::exists(out))
+    throw Error(ExitCode::failed, out.string() +
+                                      ": exists already; runs are never overwritten, choose "
+                                      "another name");
+  if (!std::filesystem::is_directory(out.parent_path()))
+    throw Error(ExitCode::disk, out.string() + ": its folder does not exist");
+  if (::access(out.parent_path().c_str(), W_OK) != 0)
+    throw Error(ExitCode::disk, out.string() + ": its folder is read-only");
+}
+
+void refuse_resuming(const record::RunInfo& begun, const std::string& path, const Config& config) {
+  if (begun.status == "open")
+    throw Error(ExitCode::failed, path + ": is being recorded by another process");
+  refuse_other_config(begun, config);
 }
 
 }  // namespace echofuse::acquire

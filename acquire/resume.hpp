@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // What must be the same for a run to be continued.
 #pragma once
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -16,5 +17,10 @@ void refuse_other_config(const record::RunInfo& begun, const Config& config);
 
 // Throws Error(config) if a device's axis is not the one of that name in the run.
 void refuse_other_axes(const std::vector<Axis>& begun, const DeviceInfo& device);
+
+// Throws Error: `out` exists (failed), its folder does not or cannot be written (disk).
+void refuse_bad_target(const std::filesystem::path& out);
+// Throws Error: it is being recorded (failed), or refuse_other_config does.
+void refuse_resuming(const record::RunInfo& begun, const std::string& path, const Config& config);
 
 }  // namespace echofuse::acquire

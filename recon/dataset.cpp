@@ -39,6 +39,12 @@ class Appender {
     if (radar.quantity == "log2_q8") radar.quantity = "power", radar.scale = 1;
     adopt(data.spd_axis, run.axis("spd").value_or(Axis{}), "spd");
     adopt(data.radar_axis, radar, "radar");
+    for (const auto& c : run.calibrations()) {
+      if (c.sensor == Sensor::spd && data.spd_axis.unit == "ps")
+        spd_late_ = 2e12 * c.offset_m / speed_of_light_m_s / data.spd_axis.step;
+      if (c.sensor == Sensor::radar && data.radar_axis.unit == "m")
+        radar_late_ = c.offset_m / data.radar_axis.step;
+    }
     const std::string uuid = run.info().uuid;
     for (const auto& source : data.sources)
       if (source.uuid == uuid)
@@ -50,8 +56,8 @@ class Appender {
 
   // Returns what is wrong with the record, or nothing.
   std::string add(const record::FusedRecord& r) {
-    const std::vector<float> spd(r.spd.begin(), r.spd.end());
-    const std::vector<float> radar = linear(r);
+    const std::vector<float> spd = moved({r.spd.begin(), r.spd.end()}, spd_late_);
+    const std::vector<float> radar = moved(linear(r), radar_late_);
     if (r.has(Sensor::radar) && !std::all_of(radar.begin(), radar.end(), is_finite))
       return "a radar code is too large for a power";
     const bool depth = r.has(Sensor::depth);
@@ -85,6 +91,24 @@ class Appender {
     table.cols = cols;
     table.add_row(row);
   }
+  // Raw values stand `late` bins behind their true place: each bin takes its share of the two raw
+  // ones that it lies over; what was not measured is 0.
+  static std::vector<float> moved(std::vector<float> raw, double late) {
+    if (late == 0) return raw;
+    std::vector<float> out(raw.size());
+    const double whole = std::floor(late);
+    const auto part = static_cast<float>(late - whole);
+    const auto get = [&](std::ptrdiff_t i) {
+      return i >= 0 && i < static_cast<std::ptrdiff_t>(raw.size())
+                 ? raw[static_cast<std::size_t>(i)]
+                 : 0.0f;
+    };
+    for (std::size_t i = 0; i < raw.size(); ++i) {
+      const auto from = static_cast<std::ptrdiff_t>(i) + static_cast<std::ptrdiff_t>(whole);
+      out[i] = (1 - part) * get(from) + part * get(from + 1);
+    }
+    return out;
+  }
   std::vector<float> linear(const record::FusedRecord& r) const {
     std::vector<float> out = r.radar;
     if (raw_radar_.quantity == "log2_q8")
@@ -95,6 +119,7 @@ class Appender {
   Dataset& data_;
   std::string path_;
   Axis raw_radar_, x_, y_;
+  double spd_late_ = 0, radar_late_ = 0;  // bins
   Axis target_x_ = record::depth_x_axis(), target_y_ = record::depth_y_axis();
 };
 

@@ -16,6 +16,7 @@ import sys
 # behind a damaged length does so for as long as the client's patience.
 LATENCIES_NS = [20_000_000 * 2**i for i in range(8)]
 LATENCY_NS = 250_000_000
+GRACE_NS = 500_000_000  # a frame belongs to the slot in which it was taken, as long as that is open
 PATIENCE_NS = 5_000_000_000
 LENGTH_FIELD = range(12, 16)  # of a bridge block
 NUMBER_FIELD = range(20, 24)  # of a radar frame
@@ -205,7 +206,7 @@ class Frames:
 
     def plausible(self, number, previous, record):
         return ((self.certain(number) or self.doubtful(number)) and (previous is None or number > previous) and
-                self.by_number[number]["t"] < record["end"])
+                self.by_number[number]["t"] < record["end"] + GRACE_NS)
 
 
 def audit_frames(run, sensor, entries):

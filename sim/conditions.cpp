@@ -11,6 +11,7 @@ void bind_scene(Settings& s, Conditions& c) {
   s.add("target_x_m", c.target_x_m, 0, 5, "people stand at -x..x");
   s.add("target_z_min_m", c.target_z_min_m, 1.2, 20, "nearest place to stand");
   s.add("target_z_max_m", c.target_z_max_m, 1.2, 20, "farthest place to stand");
+  s.add("reflector_m", c.reflector_m, 0.2, 20, "calibration target before each sensor");
   s.add("target_scale", c.target_scale, 0.1, 3, "size of people and letters");
   s.add("person_yaw_deg", c.person_yaw_deg, 0, 180, "people turn up to this much");
   s.add("letter_yaw_deg", c.letter_yaw_deg, 0, 80, "letters turn up to this much");
@@ -26,6 +27,7 @@ void bind_spd(Settings& s, Conditions& c) {
   s.add("bins", c.bins, 1, 65'536, "SPD histogram");
   s.add("signal_photons", c.signal_photons, 0, 1e9, "detections from the mean scene a window");
   s.add("background_counts", c.background_counts, 0, 1e9, "ambient and dark counts a window");
+  s.add("spd_delay_ps", c.spd_delay_ps, -1e6, 1e6, "of cables and electronics");
   s.add("pulses_per_window", c.pulses_per_window, 0, 1'000'000'000'000,
         "laser pulses, for pile-up; 0: low flux");
 }
@@ -38,6 +40,7 @@ void bind_radar(Settings& s, Conditions& c) {
   s.add("radar_step_m", c.radar_step_m, 0.001, 10, "between points");
   s.add("radar_bins", c.radar_bins, 1, 65'536, "points");
   s.add("radar_snr_db", c.radar_snr_db, -40, 200, "against the mean scene's peak power");
+  s.add("radar_bias_m", c.radar_bias_m, -10, 10, "by which its ranges are too long");
   s.add("radar_carrier_hz", c.radar_carrier_hz, 1e8, 1e12, "for the coherent sum");
   s.add("radar_psf", c.radar_psf, "range response", {"sinc", "blackman"});
   s.add("radar_sum", c.radar_sum, "of scatterers", {"incoherent", "coherent"});

@@ -19,6 +19,7 @@ struct Conditions {
   double camera_height_m = 1.1;  // above the floor that people stand on
   double target_x_m = 1.0;       // people stand at -x..x
   double target_z_min_m = 3.0, target_z_max_m = 4.0;
+  double reflector_m = 1.0;         // distance of the calibration target before each sensor
   double target_scale = 1.0;        // size of people and letters
   double person_yaw_deg = 60;       // people turn up to this much from facing -z
   double letter_yaw_deg = 30;       // letters turn up to this much from facing the sensors
@@ -33,8 +34,9 @@ struct Conditions {
   double bin_width_ps = 100;
   double first_bin_ps = 13343;  // two-way 2.0 m
   std::int64_t bins = 336;
-  double signal_photons = 1e5;         // detections from the mean scene in one window
-  double background_counts = 0;        // ambient and dark counts over all bins in one window
+  double signal_photons = 1e5;   // detections from the mean scene in one window
+  double background_counts = 0;  // ambient and dark counts over all bins in one window
+  double spd_delay_ps = 0;       // of cables and electronics, two-way; the daemon does not know it
   std::int64_t pulses_per_window = 0;  // laser pulses for first-photon pile-up; 0: low flux
 
   // Radar
@@ -46,6 +48,7 @@ struct Conditions {
   double radar_step_m = 0.25;
   std::int64_t radar_bins = 29;
   double radar_snr_db = 20;  // against the mean scene's peak power
+  double radar_bias_m = 0;   // by which its ranges are too long; the daemon does not know it
   double radar_carrier_hz = 60.25e9;
   std::string radar_psf = "sinc";        // sinc, blackman
   std::string radar_sum = "incoherent";  // incoherent, coherent

@@ -176,7 +176,7 @@ void add_lab(CLI::App& app, Command& command, char** argv) {
   sub->add_option("--dir", o.dir, "where lab.toml and the devices' links go")
       ->capture_default_str();
   sub->add_option("--scene", o.play.kind, "what the devices see")
-      ->check(CLI::IsMember({"person", "letter", "mixed", "two_people", "empty"}))
+      ->check(CLI::IsMember({"person", "letter", "mixed", "two_people", "empty", "reflector"}))
       ->capture_default_str();
   sub->add_option("--hold", o.play.hold_s, "seconds that each scene stands; 0: for ever")
       ->check(CLI::Range(0.0, 86'400.0));

@@ -49,9 +49,10 @@ class FineEcho {
     const double farthest = returns.range_m.empty()
                                 ? 0
                                 : *std::max_element(returns.range_m.begin(), returns.range_m.end());
-    values_.resize(static_cast<std::size_t>(farthest / points_m_) + 2);
+    values_.resize(static_cast<std::size_t>(std::max(0.0, farthest) / points_m_) + 2);
   }
   void add(double range_m, Value value) {
+    if (range_m < 0) return;
     const double place = range_m / points_m_;
     const auto i = static_cast<std::size_t>(place);
     const double rest = place - static_cast<double>(i);

@@ -280,13 +280,18 @@ std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, co
 }
 
 Returns spd_returns(const Scene& scene, const Conditions& c) {
-  return returns_of(scene, 0, x_rays(c.spd_rays, c.half_tangent),
-                    y_rays(c.spd_rays, c.half_tangent));
+  Returns all =
+      returns_of(scene, 0, x_rays(c.spd_rays, c.half_tangent), y_rays(c.spd_rays, c.half_tangent));
+  const double delay_m = c.spd_delay_ps * speed_of_light_m_s / 2e12;
+  for (double& range : all.range_m) range += delay_m;
+  return all;
 }
 
 Returns radar_returns(const Scene& scene, const Conditions& c) {
-  return returns_of(scene, -c.baseline_m, x_rays(c.radar_rays, c.radar_half_tangent),
-                    y_rays(c.radar_rays / 2, c.radar_half_tangent / 2));
+  Returns all = returns_of(scene, -c.baseline_m, x_rays(c.radar_rays, c.radar_half_tangent),
+                           y_rays(c.radar_rays / 2, c.radar_half_tangent / 2));
+  for (double& range : all.range_m) range += c.radar_bias_m;
+  return all;
 }
 
 }  // namespace echofuse::sim

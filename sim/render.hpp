@@ -43,7 +43,8 @@ struct Returns {
 // constant, so that nearer, larger or darker targets keep their own brightness.
 inline constexpr double mean_scene_weight = 0.24 / (3.5 * 3.5 * 3.5 * 3.5);
 
-// From the origin and from the radar's place, each with its own occlusion.
+// From the origin and from the radar's place, each with its own occlusion; ranges as the sensor
+// shows them, with spd_delay_ps and radar_bias_m.
 Returns spd_returns(const Scene& scene, const Conditions& conditions);
 Returns radar_returns(const Scene& scene, const Conditions& conditions);
 

@@ -64,6 +64,12 @@ Scene make_scene(const Conditions& c, SceneKind kind, std::uint64_t seed, std::u
     case SceneKind::empty:
       scene.label = "empty";
       break;
+    case SceneKind::reflector:  // as bright as the mean scene, when at 1 m
+      scene.plates.push_back(
+          {{0, 0, c.reflector_m}, {1, 0, 0}, {0, 1, 0}, {{-0.02, 0, 0.02, 0, 0.04}}, 1.0});
+      scene.room = false;
+      scene.label = "reflector";
+      break;
   }
   return scene;
 }

@@ -36,7 +36,8 @@ struct Scene {
   std::string label;  // person, letter:A, two_people, empty
 };
 
-enum class SceneKind : std::uint8_t { person, letter, two_people, empty };
+// reflector: a small white plate at reflector_m straight ahead of the SPD.
+enum class SceneKind : std::uint8_t { person, letter, two_people, empty, reflector };
 
 // Scene `index` of `seed`: the same whatever was made before and on whichever thread.
 Scene make_scene(const Conditions& conditions, SceneKind kind, std::uint64_t seed,

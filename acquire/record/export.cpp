@@ -45,6 +45,16 @@ void write_head(H5File& out, const RunReader& run) {
                                                        {"configuration", info.config_resolved},
                                                        {"radar_cfg", info.radar_cfg}};
   for (const auto& [name, text] : texts) out.write_text(std::string("/entry/") + name, text);
+  // Values and axes are as they were measured: true range = range - offset_m.
+  for (const auto& c : run.calibrations()) {
+    const std::string group = std::string("/entry/calibration_") + name_of(c.sensor);
+    if (!out.has(group)) out.make_group(group);
+    out.set(group, "offset_m", c.offset_m);
+    out.set(group, "standard_error_m", c.standard_error_m);
+    out.set(group, "distance_m", c.distance_m);
+    out.set(group, "date_utc", c.date_utc);
+    out.set(group, "method", c.method);
+  }
   for (const auto& device : run.devices()) {
     const std::string group = std::string("/entry/instrument/") + name_of(device.sensor);
     if (out.has(group)) continue;  // reconnected

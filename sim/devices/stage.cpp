@@ -17,10 +17,11 @@ SceneKind Stage::kind_of(const Play& play, std::int64_t index) {
   if (play.kind == "letter") return SceneKind::letter;
   if (play.kind == "two_people") return SceneKind::two_people;
   if (play.kind == "empty") return SceneKind::empty;
+  if (play.kind == "reflector") return SceneKind::reflector;
   if (play.kind != "mixed")
     throw Error(ExitCode::usage, "scene \"" + play.kind +
-                                     "\" is unknown; expected person, letter, mixed, two_people "
-                                     "or empty");
+                                     "\" is unknown; expected person, letter, mixed, two_people, "
+                                     "empty or reflector");
   Rng rng = make_rng(static_cast<std::uint64_t>(play.seed), static_cast<std::uint64_t>(index));
   return rng() % 4 == 0 ? SceneKind::person : SceneKind::letter;
 }
@@ -41,7 +42,10 @@ const Shown& Stage::at(double time_s) {
       make_scene(conditions_, kind_of(play_, index), static_cast<std::uint64_t>(play_.seed),
                  static_cast<std::uint64_t>(index));
   shown_.spd = spd_returns(shown_.scene, conditions_);
-  shown_.radar = radar_returns(shown_.scene, conditions_);
+  // The reflector is put before each sensor in turn; here, before both at once.
+  Scene for_radar = shown_.scene;
+  if (play_.kind == "reflector") for_radar.plates[0].centre.x = -conditions_.baseline_m;
+  shown_.radar = radar_returns(for_radar, conditions_);
   shown_.index = index;
   return shown_;
 }

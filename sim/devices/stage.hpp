@@ -22,7 +22,7 @@ struct Shown {
 };
 
 struct Play {
-  std::string kind = "person";  // person, letter, mixed, two_people, empty
+  std::string kind = "person";  // person, letter, mixed, two_people, empty, reflector
   std::int64_t seed = 1;
   double hold_s = 0;  // each scene stands so long; 0: the first one for ever
 };

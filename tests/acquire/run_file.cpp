@@ -245,7 +245,7 @@ TEST_CASE("a full disk: the run keeps what was committed and says what happened"
   const std::string path = folder / "a.sqlite";
   const pid_t child = in_child([&] {
     signal(SIGXFSZ, SIG_IGN);
-    const rlimit limit{256 * 1024, 256 * 1024};
+    const rlimit limit{512 * 1024, 512 * 1024};
     setrlimit(RLIMIT_FSIZE, &limit);
     RunWriter run(path, {});
     put_axes(run);

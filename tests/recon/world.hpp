@@ -65,8 +65,10 @@ using Change = std::function<void(record::FusedRecord&)>;
 // A run of `count` plates at random places; `change` may spoil records before they are written.
 inline void write_run(const std::string& path, std::int64_t count, std::uint64_t seed = 1,
                       const Change& change = {}, const Axis& radar = radar_axis(),
-                      const Axis& spd = spd_axis()) {
+                      const Axis& spd = spd_axis(),
+                      const std::vector<record::CalibrationEntry>& calibration = {}) {
   record::RunWriter run(path, {});
+  for (const auto& entry : calibration) run.put_calibration(entry);
   for (const Axis& axis : {spd, radar, record::depth_x_axis(), record::depth_y_axis()})
     run.put_axis(axis);
   Rng rng = make_rng(seed, 7);

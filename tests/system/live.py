@@ -186,7 +186,7 @@ class Live(unittest.TestCase):
     def test_disk_full(self):
         def limit_file_size():
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-            resource.setrlimit(resource.RLIMIT_FSIZE, (256 << 10, 256 << 10))
+            resource.setrlimit(resource.RLIMIT_FSIZE, (512 << 10, 512 << 10))
 
         daemon = self.record("--set", "depth.address=", preexec_fn=limit_file_size, restore_signals=False)
         log = self.finish(daemon)

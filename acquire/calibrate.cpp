@@ -1,0 +1,315 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/calibrate.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <boost/asio/io_context.hpp>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <vector>
+
+#include "acquire/calibration.hpp"
+#include "acquire/devices.hpp"
+#include "drivers/core/console.hpp"
+#include "drivers/core/log2_codes.hpp"
+#include "drivers/radar/profile.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+constexpr double ps_per_m = 2e12 / speed_of_light_m_s;
+constexpr double spd_reach_m = 15;  // beyond the reflector: cables delay by metres
+constexpr std::int64_t spd_bin_ps = 10;
+constexpr double most_clicks_a_start = 0.05;  // more, and the first photon hides later ones
+
+// From the laser's sync on: a click counts from the last sync before it.
+tdc::HistogramSettings fine_axis(const Config& config, const Search& search) {
+  tdc::HistogramSettings s = config.histogram;
+  s.bin_width_ps = spd_bin_ps;
+  s.first_bin_ps = 0;
+  s.bins = static_cast<std::uint32_t>((search.distance_m + spd_reach_m) * ps_per_m / spd_bin_ps);
+  return s;
+}
+
+// What arrives while a repeat lasts.
+class Gatherer final : public SampleSink {
+ public:
+  Gatherer(const Config& config, const Search& search) : histogram_(fine_axis(config, search)) {}
+
+  void on_tags(const TagBlock& block) override {
+    if (block.lost_blocks + block.lost_items > 0) histogram_.forget_start();
+    histogram_.add(block.tags);
+  }
+  void on_radar(RadarFrame frame) override {
+    if (running && !frame.range_profile.empty()) frames.push_back(std::move(frame.range_profile));
+  }
+  void on_depth(DepthFrame) override {}
+  void on_state(Sensor sensor, DeviceState, const DeviceInfo&) override {
+    if (sensor == Sensor::spd) histogram_.forget_start();
+  }
+  void on_event(Sensor, Severity, const std::string& text) override {
+    if (const auto bias = read_firmware_bias(text)) firmware.push_back(*bias);
+  }
+
+  // Counts since the last call.
+  std::vector<std::uint32_t> take() {
+    counts = histogram_.tag_counts();
+    return histogram_.take();
+  }
+  const tdc::HistogramSettings& settings() const { return histogram_.settings(); }
+
+  bool running = false;
+  tdc::TagCounts counts;
+  std::vector<std::vector<std::uint16_t>> frames;
+  std::vector<FirmwareBias> firmware;
+
+ private:
+  tdc::Histogram histogram_;
+};
+
+struct Result {
+  Sensor sensor{};
+  Peak peak;            // of all repeats together
+  double spread_m = 0;  // standard deviation of the repeats
+  std::string method;
+};
+
+double spread_of(const std::vector<double>& values) {
+  if (values.size() < 2) return 0;
+  double mean = 0, squares = 0;
+  for (const double v : values) mean += v / static_cast<double>(values.size());
+  for (const double v : values) squares += (v - mean) * (v - mean);
+  return std::sqrt(squares / static_cast<double>(values.size() - 1));
+}
+
+// Shot noise alone gives the repeats a spread of `expected`; beyond four of its own standard errors
+// something moved, and the spread is what the mean is known to.
+double honest_error(double standard_error, const std::vector<double>& repeats) {
+  const auto n = static_cast<double>(repeats.size());
+  if (n < 3) return standard_error;
+  const double expected = standard_error * std::sqrt(n), seen = spread_of(repeats);
+  const bool moved = seen > expected * (1 + 4 / std::sqrt(2 * (n - 1)));
+  return moved ? seen / std::sqrt(n) : standard_error;
+}
+
+class Measurement {
+ public:
+  Measurement(const Config& config, const CalibrateOptions& options, const Clock& clock)
+      : config_(config),
+        options_(options),
+        clock_(clock),
+        gatherer_(config, options.search),
+        devices_(io_, config, clock, gatherer_) {}
+
+  void run() {
+    devices_.start();
+    devices_.wait(config_.connect_timeout_s);
+    Progress progress("calibrate", static_cast<std::size_t>(options_.repeats));
+    gatherer_.running = true;
+    gatherer_.take();
+    for (std::int64_t k = 0; k < options_.repeats; ++k) {
+      listen();
+      if (interrupted())
+        throw Error(ExitCode::interrupted, "interrupted; no calibration was written");
+      end_repeat();
+      progress.update(static_cast<std::size_t>(k + 1));
+    }
+    devices_.stop();
+  }
+  std::vector<Result> results() const {
+    std::vector<Result> out;
+    if (config_.configured() & 1u) out.push_back(spd());
+    if (config_.configured() & 2u) out.push_back(radar());
+    return out;
+  }
+  std::optional<FirmwareBias> firmware() const {
+    const auto& all = gatherer_.firmware;
+    if (all.empty()) return std::nullopt;
+    FirmwareBias mean = all[0];
+    for (std::size_t i = 1; i < all.size(); ++i) {
+      if (all[i].re_im.size() != mean.re_im.size()) return std::nullopt;
+      mean.range_bias_m += all[i].range_bias_m;
+      for (std::size_t k = 0; k < mean.re_im.size(); ++k) mean.re_im[k] += all[i].re_im[k];
+    }
+    const auto n = static_cast<double>(all.size());
+    mean.range_bias_m /= n;
+    for (double& v : mean.re_im) v /= n;
+    mean.lines = static_cast<std::int64_t>(all.size());
+    return mean;
+  }
+
+ private:
+  void listen() {
+    const HostTime end = clock_.now() + from_seconds(options_.time_s);
+    while (clock_.now() < end && !interrupted()) {
+      if (io_.stopped()) io_.restart();
+      io_.run_one_for(std::chrono::milliseconds(20));
+    }
+  }
+  Peak photons(std::span<const std::uint32_t> counts) const {
+    const auto& s = gatherer_.settings();
+    return fit_photons(counts, static_cast<double>(s.first_bin_ps),
+                       static_cast<double>(s.bin_width_ps), options_.search);
+  }
+  Peak echo(const std::vector<std::vector<std::uint16_t>>& frames) const {
+    const auto profile = radar::parse_profile(config_.radar.cfg_text, config_.radar.cfg_name,
+                                              config_.radar.data_baud);
+    std::vector<std::vector<std::uint16_t>> whole;
+    std::copy_if(frames.begin(), frames.end(), std::back_inserter(whole),
+                 [&](const auto& f) { return f.size() == profile.bins; });
+    // step = 3e8 fs / (2 slope FFT size): the sampled sweep is adc_samples of the FFT's points.
+    const double resolution_m = profile.range_step_m * std::bit_ceil(profile.adc_samples) /
+                                profile.adc_samples * speed_of_light_m_s / 3.0e8;
+    return fit_echo(whole,
+                    {.step_m = profile.range_step_m,
+                     .resolution_m = resolution_m,
+                     .log2_power_step = log2_power_step(profile.antennas)},
+                    options_.search);
+  }
+  void end_repeat() {
+    const auto counts = gatherer_.take();
+    starts_ += gatherer_.counts.starts;
+    clicks_ += gatherer_.counts.in_range;
+    all_counts_.resize(counts.size());
+    for (std::size_t i = 0; i < counts.size(); ++i) all_counts_[i] += counts[i];
+    const Peak spd = photons(counts);
+    if (spd.refusal.empty()) spd_ranges_.push_back(spd.range_m);
+    const auto now = gatherer_.frames.size();
+    const std::vector<std::vector<std::uint16_t>> fresh(
+        gatherer_.frames.begin() + static_cast<std::ptrdiff_t>(frames_before_),
+        gatherer_.frames.end());
+    frames_before_ = now;
+    if (!(config_.configured() & 2u)) return;
+    const Peak radar = echo(fresh);
+    if (radar.refusal.empty()) radar_ranges_.push_back(radar.range_m);
+  }
+  Result spd() const {
+    Result r{Sensor::spd, photons(all_counts_), spread_of(spd_ranges_),
+             "Gaussian by maximum likelihood"};
+    const double ratio =
+        starts_ == 0 ? 0 : static_cast<double>(clicks_) / static_cast<double>(starts_);
+    // With a conditional filter only starts that have a click arrive, one each.
+    if (r.peak.refusal.empty() && ratio > most_clicks_a_start && ratio < 0.9)
+      r.peak.refusal = "saturated: more than one click in 20 laser pulses; attenuate the light";
+    if (!devices_[Sensor::spd].delivers()) r.peak.refusal = devices_.describe(Sensor::spd);
+    r.peak.standard_error_m = honest_error(r.peak.standard_error_m, spd_ranges_);
+    return r;
+  }
+  Result radar() const {
+    Result r{Sensor::radar, echo(gatherer_.frames), spread_of(radar_ranges_),
+             "Blackman lobe by least squares of logarithms"};
+    if (!devices_[Sensor::radar].delivers()) r.peak.refusal = devices_.describe(Sensor::radar);
+    r.peak.standard_error_m = honest_error(r.peak.standard_error_m, radar_ranges_);
+    return r;
+  }
+
+  const Config& config_;
+  const CalibrateOptions& options_;
+  const Clock& clock_;
+  boost::asio::io_context io_;
+  Gatherer gatherer_;
+  Devices devices_;
+  std::vector<std::uint32_t> all_counts_;
+  std::uint64_t starts_ = 0, clicks_ = 0;
+  std::size_t frames_before_ = 0;
+  std::vector<double> spd_ranges_, radar_ranges_;
+};
+
+nlohmann::ordered_json json_of(const Result& r, const Search& search) {
+  nlohmann::ordered_json out{{"sensor", name_of(r.sensor)}};
+  if (!r.peak.refusal.empty()) {
+    out["refusal"] = r.peak.refusal;
+    return out;
+  }
+  out["range_m"] = r.peak.range_m;
+  out["offset_m"] = r.peak.range_m - search.distance_m;
+  out["standard_error_m"] = r.peak.standard_error_m;
+  out["spread_m"] = r.spread_m;
+  out["snr_db"] = r.peak.snr_db;
+  return out;
+}
+
+void say(const Result& r, const Search& search) {
+  const Peak& p = r.peak;
+  if (!p.refusal.empty())
+    std::printf("%-6s refused: %s\n", name_of(r.sensor), p.refusal.c_str());
+  else
+    std::printf(
+        "%-6s %.4f m, offset %+.2f mm +- %.2f mm; spread of the repeats %.2f mm, SNR %.0f dB\n",
+        name_of(r.sensor), p.range_m, 1e3 * (p.range_m - search.distance_m),
+        1e3 * p.standard_error_m, 1e3 * r.spread_m, p.snr_db);
+}
+
+Calibration to_calibration(const std::vector<Result>& results, const CalibrateOptions& options,
+                           const std::optional<FirmwareBias>& firmware, const Clock& clock) {
+  Calibration out;
+  for (const Result& r : results)
+    if (r.peak.refusal.empty())
+      out.entries.push_back({.sensor = r.sensor,
+                             .date_utc = iso8601(clock.utc()),
+                             .method = r.method,
+                             .distance_m = options.search.distance_m,
+                             .offset_m = r.peak.range_m - options.search.distance_m,
+                             .standard_error_m = r.peak.standard_error_m});
+  out.firmware = firmware;
+  return out;
+}
+
+// Residuals against the stored calibration. False: one is more than three of its standard errors.
+bool compare(const Calibration& fresh, const Calibration& stored, nlohmann::ordered_json& json,
+             bool quiet) {
+  bool well = true;
+  for (const auto& now : fresh.entries)
+    for (const auto& then : stored.entries) {
+      if (now.sensor != then.sensor) continue;
+      const double residual = now.offset_m - then.offset_m;
+      const double error = std::hypot(now.standard_error_m, then.standard_error_m);
+      const bool holds = std::abs(residual) <= 3 * error;
+      well = well && holds;
+      json["residuals"].push_back({{"sensor", name_of(now.sensor)},
+                                   {"residual_m", residual},
+                                   {"standard_error_m", error},
+                                   {"holds", holds}});
+      if (!quiet)
+        std::printf("%-6s residual %+.2f mm +- %.2f mm: the calibration of %s %s\n",
+                    name_of(now.sensor), 1e3 * residual, 1e3 * error, then.date_utc.c_str(),
+                    holds ? "holds" : "has slipped; calibrate anew");
+    }
+  return well;
+}
+
+}  // namespace
+
+ExitCode calibrate(const Config& config, const CalibrateOptions& options, const Clock& clock) {
+  if (!(config.configured() & 3u))
+    throw Error(ExitCode::config,
+                "neither tdc.address nor radar.cli is given: nothing to calibrate");
+  if (options.check && config.calibration.entries.empty())
+    throw Error(ExitCode::config, "--check: run.calibration names no calibration to compare with");
+  Measurement measurement(config, options, clock);
+  measurement.run();
+  const auto results = measurement.results();
+  nlohmann::ordered_json json{{"distance_m", options.search.distance_m},
+                              {"repeats", options.repeats}};
+  bool refused = false;
+  for (const Result& r : results) {
+    json["sensors"].push_back(json_of(r, options.search));
+    if (!options.json) say(r, options.search);
+    refused = refused || !r.peak.refusal.empty();
+  }
+  const Calibration fresh = to_calibration(results, options, measurement.firmware(), clock);
+  bool well = true;
+  if (options.check) {
+    well = compare(fresh, config.calibration, json, options.json);
+  } else if (!fresh.entries.empty()) {
+    write_calibration(options.out, fresh);
+    json["file"] = options.out;
+    if (!options.json) std::printf("written to %s\n", options.out.c_str());
+  }
+  if (options.json) std::printf("%s\n", json.dump().c_str());
+  return refused ? ExitCode::device : well ? ExitCode::ok : ExitCode::failed;
+}
+
+}  // namespace echofuse::acquire

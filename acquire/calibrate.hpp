@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: MIT
+// The `calibrate` command: a reflector at a known distance, seen through the same drivers as a run.
+#pragma once
+#include <cstdint>
+#include <string>
+
+#include "acquire/config.hpp"
+#include "acquire/peak.hpp"
+#include "drivers/core/clock.hpp"
+#include "drivers/core/exit_code.hpp"
+
+namespace echofuse::acquire {
+
+struct CalibrateOptions {
+  Search search;
+  std::int64_t repeats = 20;
+  double time_s = 1;   // of each repeat
+  std::string out;     // file to write; empty: that of run.calibration, or calibration.toml beside
+  bool check = false;  // measure, and compare with what run.calibration says
+  bool json = false;
+};
+
+// Writes the sensors that could be measured; device code if one could not. With `check`: failed if
+// a sensor is off by more than three standard errors of the difference.
+ExitCode calibrate(const Config& config, const CalibrateOptions& options, const Clock& clock);
+
+}  // namespace echofuse::acquire

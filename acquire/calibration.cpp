@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/calibration.hpp"
+
+#include <array>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "drivers/core/exit_code.hpp"
+#include "drivers/core/settings.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+constexpr Sensor ranging[] = {Sensor::spd, Sensor::radar};
+
+void bind(Settings& s, const std::string& section, record::CalibrationEntry& e) {
+  constexpr double most_m = 1000;
+  s.add(section + ".date_utc", e.date_utc, "when it was measured");
+  s.add(section + ".method", e.method, "estimator");
+  s.add(section + ".distance_m", e.distance_m, 0, most_m, "true distance of the reflector");
+  s.add(section + ".offset_m", e.offset_m, -most_m, most_m, "measured minus true range");
+  s.add(section + ".standard_error_m", e.standard_error_m, 0, most_m, "of the offset");
+}
+
+}  // namespace
+
+std::optional<FirmwareBias> read_firmware_bias(const std::string& line) {
+  std::istringstream words(line);
+  std::string command;
+  FirmwareBias out;
+  out.lines = 1;
+  if (!(words >> command >> out.range_bias_m) || command != "compRangeBiasAndRxChanPhase")
+    return std::nullopt;
+  for (double v; words >> v;) out.re_im.push_back(v);
+  const bool whole = words.eof() && !out.re_im.empty() && out.re_im.size() % 2 == 0;
+  return whole ? std::optional(out) : std::nullopt;
+}
+
+Calibration read_calibration(const std::string& path) {
+  std::array<record::CalibrationEntry, 2> entries;
+  FirmwareBias firmware;
+  std::string line;
+  Settings settings;
+  for (std::size_t i = 0; i < entries.size(); ++i) {
+    entries[i].sensor = ranging[i];
+    bind(settings, name_of(ranging[i]), entries[i]);
+  }
+  settings.add("firmware.line", line, "mean of the radar's own compRangeBiasAndRxChanPhase lines");
+  settings.add("firmware.lines", firmware.lines, 0, 1'000'000'000, "how many came");
+  settings.read_file(path);
+  Calibration out;
+  for (std::size_t i = 0; i < entries.size(); ++i)
+    if (settings.given(name_of(ranging[i]) + std::string(".offset_m")))
+      out.entries.push_back(entries[i]);
+  if (out.entries.empty())
+    throw Error(ExitCode::config, path + ": no offset; expected spd.offset_m or radar.offset_m");
+  if (line.empty()) return out;
+  out.firmware = read_firmware_bias(line);
+  if (!out.firmware)
+    throw Error(ExitCode::config,
+                path + ": firmware.line is not a compRangeBiasAndRxChanPhase command");
+  out.firmware->lines = firmware.lines;
+  return out;
+}
+
+void write_calibration(const std::string& path, const Calibration& calibration) {
+  auto entries = calibration.entries;
+  Settings settings;
+  for (auto& e : entries) bind(settings, name_of(e.sensor), e);
+  std::string line;
+  std::int64_t lines = 0;
+  if (const auto& f = calibration.firmware) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.7f", f->range_bias_m);
+    line = std::string("compRangeBiasAndRxChanPhase ") + text;
+    for (const double v : f->re_im) {  // more decimals overflow the firmware's line
+      std::snprintf(text, sizeof text, " %.5f", v);
+      line += text;
+    }
+    lines = f->lines;
+    settings.add("firmware.line", line,
+                 "mean of the radar's own compRangeBiasAndRxChanPhase lines");
+    settings.add("firmware.lines", lines, 0, 1'000'000'000, "how many came");
+  }
+  const std::string fresh = path + ".new";
+  std::ofstream out(fresh);
+  out << settings.resolved(true);
+  out.close();
+  std::error_code error;
+  if (out) std::filesystem::rename(fresh, path, error);
+  if (!out || error) throw Error(ExitCode::disk, path + ": cannot be written");
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: MIT
+// The calibration file (TOML, one section a ranging sensor), written by `calibrate` and named by
+// run.calibration: by how much each sensor's ranges are too long.
+#pragma once
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "acquire/record/record.hpp"
+
+namespace echofuse::acquire {
+
+// TI's own calibration (measureRangeBiasAndRxChanPhase), mean over the lines that came: kept for
+// the .cfg, where the firmware applies it to its points; it does not touch the range profile.
+struct FirmwareBias {
+  double range_bias_m = 0;
+  std::vector<double> re_im;  // of each virtual antenna, as in compRangeBiasAndRxChanPhase
+  std::int64_t lines = 0;
+};
+// None if the line is not "compRangeBiasAndRxChanPhase <bias> <re> <im> ..." with whole pairs.
+std::optional<FirmwareBias> read_firmware_bias(const std::string& line);
+
+struct Calibration {
+  std::vector<record::CalibrationEntry> entries;  // of one or both ranging sensors
+  std::optional<FirmwareBias> firmware;
+};
+
+// Throws Error(config) with all faults, file:line each.
+Calibration read_calibration(const std::string& path);
+// Replaces the file as a whole. Throws Error(disk).
+void write_calibration(const std::string& path, const Calibration& calibration);
+
+}  // namespace echofuse::acquire

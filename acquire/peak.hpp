@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: MIT
+// Where one reflector stands, from what the two ranging sensors see of it. Pure.
+#pragma once
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace echofuse::acquire {
+
+// Where the reflector is to be looked for: true distance and the full width of the window, metres.
+struct Search {
+  double distance_m = 1, window_m = 0.2;
+};
+
+struct Peak {
+  double range_m = 0;
+  double standard_error_m = 0;
+  double snr_db = 0;    // SPD: amplitude over its standard error; radar: power over the median
+  std::string refusal;  // why it is none; empty: it is one
+};
+
+// SPD: counts per bin of two-way time, bin i from start_ps + i*step_ps. Maximum likelihood, by
+// Fisher scoring, of a Gaussian of free width, integrated over each bin, on an even background;
+// counts are Poisson. The standard error is the Cramer-Rao bound at the maximum. The peak of an IRF
+// with a tail comes out near its mean, wherever that of the runs does.
+Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double step_ps,
+                 const Search& search);
+
+struct EchoAxis {
+  double step_m = 0, resolution_m = 0;  // between bins; c / 2B
+  double log2_power_step = 0;           // per code (drivers/core/log2_codes.hpp)
+};
+// Radar: range profiles in log2_q8 codes, one a frame. In each frame, least squares of the
+// transform of the firmware's Blackman window (SDK 3.x, mmwDemo_genWindow; Harris, Proc. IEEE 66,
+// 1978) to the logarithms of the strongest bin of the mean and its two neighbours, amplitude free,
+// weighted with the power: the mean of a logarithm is not biased by noise, its variance falls with
+// the power. The standard error is that of the mean over the frames, at least 8.
+Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoAxis& axis,
+              const Search& search);
+
+}  // namespace echofuse::acquire

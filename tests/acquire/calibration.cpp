@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/calibration.hpp"
+
+#include "testing.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+using namespace testing;
+
+TEST_CASE("a calibration file reads back as it was written") {
+  const Folder folder;
+  const std::string path = folder / "c.toml";
+  Calibration c;
+  c.entries = {{Sensor::radar, "2026-11-21T10:00:00Z", "some method", 1.5, -0.0375, 2e-4}};
+  c.firmware = FirmwareBias{0.0123456, {1, 0, -0.5, 0.25}, 7};
+  write_calibration(path, c);
+  const Calibration back = read_calibration(path);
+  REQUIRE(back.entries.size() == 1);
+  const auto& e = back.entries[0];
+  CHECK(e.sensor == Sensor::radar);
+  CHECK(e.date_utc == "2026-11-21T10:00:00Z");
+  CHECK(e.method == "some method");
+  CHECK(e.distance_m == 1.5);
+  CHECK(e.offset_m == -0.0375);
+  CHECK(e.standard_error_m == 2e-4);
+  REQUIRE(back.firmware);
+  CHECK(back.firmware->range_bias_m == 0.0123456);
+  CHECK(back.firmware->re_im == std::vector<double>{1, 0, -0.5, 0.25});
+  CHECK(back.firmware->lines == 7);
+}
+
+TEST_CASE("calibration files that cannot be are refused with their place") {
+  const Folder folder;
+  const std::string path = folder / "c.toml";
+  const auto refusal = [&](const std::string& text) {
+    write_file(path, text);
+    return error_of([&] { read_calibration(path); }).second;
+  };
+  CHECK(has(refusal(""), path + ": no offset; expected spd.offset_m or radar.offset_m"));
+  CHECK(has(refusal("[spd]\noffset_m = 5000\n"), path + ":2:1: spd.offset_m = 5000 does not fit"));
+  CHECK(has(refusal("[spd]\noffset_cm = 5\n"), path + ":2:1: unknown key"));
+  CHECK(has(refusal("[spd]\noffset_m = 0.1\n[firmware]\nline = \"x\"\n"), "firmware.line is not"));
+  CHECK(error_of([&] { write_calibration(folder / "no/c.toml", {}); }).first == ExitCode::disk);
+}
+
+TEST_CASE("the radar's own calibration line") {
+  const auto bias = read_firmware_bias("compRangeBiasAndRxChanPhase 0.0512345 1.0 0.0 -0.5 0.25");
+  REQUIRE(bias);
+  CHECK(bias->range_bias_m == 0.0512345);
+  CHECK(bias->re_im == std::vector<double>{1, 0, -0.5, 0.25});
+  CHECK_FALSE(read_firmware_bias("compRangeBiasAndRxChanPhase 0.05 1.0"));
+  CHECK_FALSE(read_firmware_bias("compRangeBiasAndRxChanPhase"));
+  CHECK_FALSE(read_firmware_bias("compRangeBiasAndRxChanPhase 0.05 1.0 x"));
+  CHECK_FALSE(read_firmware_bias("sensorStart 0"));
+}

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/peak.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <complex>
+#include <numbers>
+#include <random>
+
+#include "drivers/core/axis.hpp"
+#include "drivers/core/log2_codes.hpp"
+#include "drivers/core/random.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+
+namespace {
+
+constexpr double ps_per_m = 2e12 / speed_of_light_m_s;
+constexpr double pi = std::numbers::pi;
+constexpr double step_ps = 10;
+constexpr std::size_t bins = 2000;  // 0 to 3 m
+
+// Photons of reflectors {range, mean number} through a Gaussian IRF, over a background.
+std::vector<std::uint32_t> photons(const std::vector<std::pair<double, double>>& reflectors,
+                                   double background, Rng& rng, double fwhm_ps = 200) {
+  std::vector<std::uint32_t> counts(bins);
+  const double sigma = fwhm_ps / (2 * std::sqrt(2 * std::numbers::ln2));
+  for (const auto& [range_m, mean] : reflectors) {
+    std::normal_distribution<double> time(range_m * ps_per_m, sigma);
+    for (auto n = std::poisson_distribution<int>(mean)(rng); n > 0; --n)
+      if (const double t = time(rng); t >= 0 && t < step_ps * bins)
+        ++counts[static_cast<std::size_t>(t / step_ps)];
+  }
+  for (auto n = std::poisson_distribution<int>(background)(rng); n > 0; --n) ++counts[rng() % bins];
+  return counts;
+}
+
+Peak spd(const std::vector<std::uint32_t>& counts, Search search = {}) {
+  return fit_photons(counts, 0, step_ps, search);
+}
+
+// The Blackman window's transform by its definition: a sum over the window.
+std::complex<double> echo(double cells, unsigned samples) {
+  std::complex<double> sum = 0;
+  double weights = 0;
+  for (unsigned k = 0; k < samples; ++k) {
+    const double x = 2 * pi * k / samples;
+    const double w = 0.42 - 0.5 * std::cos(x) + 0.08 * std::cos(2 * x);
+    sum += w * std::polar(1.0, x * cells);
+    weights += w;
+  }
+  return sum / weights;
+}
+
+constexpr unsigned antennas = 12;
+const EchoAxis fine{
+    .step_m = 0.044, .resolution_m = 0.0469, .log2_power_step = log2_power_step(antennas)};
+
+// Frames of the firmware: the sum over antennas of log2 magnitudes, in whole codes.
+std::vector<std::vector<std::uint16_t>> frames(
+    const std::vector<std::pair<double, double>>& reflectors, double noise_db, std::size_t count,
+    Rng& rng) {
+  std::vector<std::complex<double>> clean(128);
+  for (std::size_t i = 0; i < clean.size(); ++i)
+    for (const auto& [range_m, amplitude] : reflectors)
+      clean[i] += amplitude *
+                  echo((static_cast<double>(i) * fine.step_m - range_m) / fine.resolution_m, 120);
+  std::normal_distribution<double> noise(0, std::pow(10, noise_db / 20) / std::sqrt(2));
+  std::vector<std::vector<std::uint16_t>> out(count);
+  for (auto& frame : out)
+    for (const auto& c : clean) {
+      double sum = 0;
+      for (unsigned a = 0; a < antennas; ++a)
+        sum += std::log2(1e6 * std::abs(c + std::complex(noise(rng), noise(rng))));
+      frame.push_back(static_cast<std::uint16_t>(std::lround(256 * sum / 16)));
+    }
+  return out;
+}
+
+// Pulls of many trials: their mean square is 1 within 4.5 of its own standard errors, and no more
+// lie beyond 3 than the binomial of that tail allows.
+struct Pulls {
+  std::vector<double> all;
+  double worst_m = 0;
+  void add(const Peak& p, double true_m) {
+    REQUIRE(p.refusal == "");
+    all.push_back((p.range_m - true_m) / p.standard_error_m);
+    worst_m = std::max(worst_m, std::abs(p.range_m - true_m));
+  }
+  // `degrees`: of freedom of the standard error.
+  void check(double degrees) const {
+    const auto n = static_cast<double>(all.size());
+    double sum = 0, squares = 0, beyond = 0;
+    for (const double z : all) {
+      sum += z;
+      squares += z * z;
+      beyond += std::abs(z) > 3;
+    }
+    const double variance = degrees / (degrees - 2);
+    const double kurtosis = 3 + 6 / (degrees - 4);
+    CAPTURE(sum / n, squares / n, beyond / n);
+    CHECK(std::abs(sum / n) < 4.5 * std::sqrt(variance / n));
+    CHECK(std::abs(squares / n - variance) < 4.5 * variance * std::sqrt((kurtosis - 1) / n));
+    CHECK(beyond <= 0.01 * n);
+  }
+};
+
+}  // namespace
+
+TEST_CASE("the SPD's peak: 1000 trials, honest errors") {
+  Rng rng = make_rng(1, 0);
+  std::uniform_real_distribution<double> place(0.95, 1.05);
+  Pulls pulls;
+  for (int i = 0; i < 1000; ++i) {
+    const double true_m = place(rng);
+    pulls.add(spd(photons({{true_m, 2000}}, 1000, rng)), true_m);
+  }
+  pulls.check(1e6);
+  CHECK(pulls.worst_m < 2e-3);
+}
+
+TEST_CASE("the radar's peak: 1000 trials, honest errors, 4.4 cm bins") {
+  Rng rng = make_rng(2, 0);
+  std::uniform_real_distribution<double> place(0.95, 1.05);
+  constexpr std::size_t count = 40;
+  Pulls pulls;
+  for (int i = 0; i < 1000; ++i) {
+    const double true_m = place(rng);
+    pulls.add(fit_echo(frames({{true_m, 1}}, -25, count, rng), fine, {}), true_m);
+  }
+  pulls.check(count - 1);
+  CHECK(pulls.worst_m < 1e-2);
+}
+
+TEST_CASE("what is no peak of a reflector is refused, with the reason") {
+  Rng rng = make_rng(3, 0);
+  const auto starts = [](const std::string& text) { return Catch::StartsWith(text); };
+  CHECK_THAT(spd(photons({}, 20, rng)).refusal, starts("no peak: fewer than 100 photons"));
+  CHECK_THAT(spd(photons({}, 20'000, rng)).refusal, starts("SNR too low"));
+  CHECK_THAT(spd(photons({{1.5, 5000}}, 1000, rng)).refusal,
+             starts("no peak in the window; the strongest is at 1.500 m"));
+  CHECK_THAT(spd(photons({{1, 5000}, {1.3, 3000}}, 1000, rng)).refusal,
+             starts("two peaks: another one at 1."));
+  const auto radar = [&](const std::vector<std::pair<double, double>>& r, double noise_db,
+                         Search search = {}) {
+    return fit_echo(frames(r, noise_db, 20, rng), fine, search).refusal;
+  };
+  CHECK_THAT(fit_echo({}, fine, {}).refusal, starts("no peak: fewer than 8 frames"));
+  CHECK_THAT(radar({{1, 1}}, 0), starts("SNR too low"));
+  CHECK_THAT(radar({{1.3, 1}}, -30), starts("no peak in the window"));
+  CHECK_THAT(radar({{1, 1}, {1.4, 0.8}}, -30, {1, 1}), starts("two peaks: another one at 1.4"));
+  auto flat = frames({{1, 1}}, -30, 20, rng);
+  for (auto& frame : flat)
+    for (auto& code : frame) code = std::min<std::uint16_t>(code, 3700);
+  CHECK_THAT(fit_echo(flat, fine, {}).refusal, starts("saturated"));
+}

@@ -1,0 +1,73 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/system/calibrate.py BIN_DIR: offsets that only the simulated laboratory knows are measured with its reflector,
+stored, named by a run, and found again."""
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+bin_dir = pathlib.Path(sys.argv[1]).resolve()
+config = pathlib.Path(__file__).resolve().parents[2] / "config/radar"
+SPD_PS, RADAR_M = 437, 0.037
+SPD_M = SPD_PS * 299792458 / 2e12
+
+
+class Calibrate(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="echofuse-")
+        self.addCleanup(folder.cleanup)
+        self.dir = pathlib.Path(folder.name)
+
+    def lab(self, *command, scene="reflector", delay_ps=SPD_PS, cfg="xwr68xx_44mm.cfg"):
+        return subprocess.run([bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--scene", scene, "--window", "1",
+                               "--radar-cfg", config / cfg, "--set", f"spd_delay_ps={delay_ps}", "--set",
+                               f"radar_bias_m={RADAR_M}", "--", bin_dir / "echofuse-acquire", *command], text=True,
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=60)
+
+    def calibrate(self, *options, **lab):
+        return self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json", "--repeat", "6", "--time", "0.4",
+                        "--window", "0.3", *options, **lab)
+
+    def test_measured_stored_used_checked(self):
+        stored = self.dir / "calibration.toml"
+        done = self.calibrate("--out", stored)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        spd, radar = json.loads(done.stdout.splitlines()[-1])["sensors"]
+        # The plate's edges are farther than its middle: 0.13 mm on average.
+        self.assertLess(abs(spd["offset_m"] - SPD_M), 2e-3, spd)
+        self.assertLess(abs(radar["offset_m"] - RADAR_M), 1e-2, radar)
+        for sensor in spd, radar:
+            self.assertLess(sensor["standard_error_m"], 2e-3)
+            self.assertGreater(sensor["snr_db"], 10)
+        uses = ("--set", f"run.calibration={stored}")
+        run = self.lab("run", "--config", self.dir / "lab/lab.toml", "--out", self.dir / "run", "--count", "1", *uses)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        info = json.loads(subprocess.run([bin_dir / "echofuse-acquire", "info", "--json", self.dir / "run.sqlite"],
+                                         check=True, stdout=subprocess.PIPE).stdout)
+        self.assertEqual([c["sensor"] for c in info["calibrations"]], ["spd", "radar"])
+        for kept, measured in zip(info["calibrations"], (spd, radar)):
+            self.assertAlmostEqual(kept["offset_m"], measured["offset_m"], 12)
+
+        self.assertEqual(self.calibrate("--check", *uses).returncode, 0)
+        slipped = self.calibrate("--check", *uses, delay_ps=SPD_PS + 200)
+        self.assertEqual(slipped.returncode, 1, slipped.stderr)
+        residuals = {r["sensor"]: r for r in json.loads(slipped.stdout.splitlines()[-1])["residuals"]}
+        self.assertFalse(residuals["spd"]["holds"])
+        self.assertLess(abs(residuals["spd"]["residual_m"] - 200 * 299792458 / 2e12), 1e-3)
+        self.assertTrue(residuals["radar"]["holds"])
+
+    def test_refused(self):
+        nothing = self.calibrate("--out", self.dir / "c.toml", scene="empty")
+        self.assertEqual(nothing.returncode, 4, nothing.stderr)
+        self.assertTrue(all("refusal" in s for s in json.loads(nothing.stdout.splitlines()[-1])["sensors"]))
+        self.assertFalse((self.dir / "c.toml").exists())
+        unknown = self.calibrate("--check")
+        self.assertEqual(unknown.returncode, 3)
+        self.assertIn("run.calibration names no calibration", unknown.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], *sys.argv[2:]])
