@@ -4,11 +4,15 @@
 #include <algorithm>
 #include <cmath>
 #include <initializer_list>
+#include <map>
+#include <memory>
+#include <mutex>
 #include <numbers>
 #include <tuple>
 #include <utility>
 
 #include "acquire/record/depth_map.hpp"
+#include "sim/capsule.hpp"
 #include "sim/room.hpp"
 
 namespace echofuse::sim {
@@ -62,49 +66,12 @@ struct Offsets {
   }
 };
 
-// Ray against a cylinder about a-b, else against the sphere at the end on whose side it passes.
-struct CapsuleShape {
-  Vec3 a, b, axis;
-  double radius, albedo, axis2, axis_a, outside;
-
-  CapsuleShape(const Capsule& c, Vec3 sensor)
-      : a(c.a - sensor),
-        b(c.b - sensor),
-        axis(b - a),
-        radius(c.radius_m),
-        albedo(c.albedo),
-        axis2(dot(axis, axis)),
-        axis_a(dot(axis, a)),
-        outside(axis2 * (dot(a, a) - radius * radius) - axis_a * axis_a) {}
-
-  Interval tangents_x() const {
-    return hull(disc_tangents(a.x, a.z, radius), disc_tangents(b.x, b.z, radius));
-  }
-  Interval tangents_y() const {
-    return hull(disc_tangents(a.y, a.z, radius), disc_tangents(b.y, b.z, radius));
-  }
-  double meet(Vec3 ray) const {
-    const double along = dot(axis, ray), ray2 = dot(ray, ray);
-    const double square = axis2 * ray2 - along * along;  // 0: parallel, or the axis is a point
-    if (square <= 1e-12 * axis2 * ray2) return meet_sphere(along > 0 ? a : b, ray, ray2);
-    const double half = axis2 * dot(ray, a) - axis_a * along;
-    const double root = half * half - square * outside;
-    if (root < 0) return 0;
-    const double z = (half - std::sqrt(root)) / square;
-    const double foot = z * along - axis_a;
-    if (foot > 0 && foot < axis2) return z;
-    return meet_sphere(foot <= 0 ? a : b, ray, ray2);
-  }
-  double meet_sphere(Vec3 centre, Vec3 ray, double ray2) const {
-    const double half = dot(centre, ray);
-    const double root = half * half - ray2 * (dot(centre, centre) - radius * radius);
-    return root < 0 ? 0 : (half - std::sqrt(root)) / ray2;
-  }
-  Vec3 normal(Vec3 point) const {
-    const double foot = axis2 > 0 ? std::clamp((dot(point, axis) - axis_a) / axis2, 0.0, 1.0) : 0.0;
-    return (1 / radius) * (point - a - foot * axis);
-  }
-};
+Interval tangents_x(const CapsuleShape& c) {
+  return hull(disc_tangents(c.a.x, c.a.z, c.radius), disc_tangents(c.b.x, c.b.z, c.radius));
+}
+Interval tangents_y(const CapsuleShape& c) {
+  return hull(disc_tangents(c.a.y, c.a.z, c.radius), disc_tangents(c.b.y, c.b.z, c.radius));
+}
 
 struct PlateShape {
   struct Band {
@@ -141,11 +108,8 @@ struct PlateShape {
       }
     return all;
   }
-  Interval tangents_x() const {
-    return tangents([](Vec3 p) { return p.x; });
-  }
-  Interval tangents_y() const {
-    return tangents([](Vec3 p) { return p.y; });
+  void meet(const double* x, const double* y, double* z, std::size_t count) const {
+    for (std::size_t i = 0; i < count; ++i) z[i] = meet({x[i], y[i], 1});
   }
   double meet(Vec3 ray) const {
     const double towards = dot(n, ray);
@@ -163,6 +127,13 @@ struct PlateShape {
   Vec3 normal(Vec3) const { return n; }
 };
 
+Interval tangents_x(const PlateShape& p) {
+  return p.tangents([](Vec3 corner) { return corner.x; });
+}
+Interval tangents_y(const PlateShape& p) {
+  return p.tangents([](Vec3 corner) { return corner.y; });
+}
+
 // A shape and the points of the axes between which it can be met.
 template <class Shape>
 struct Placed {
@@ -170,73 +141,152 @@ struct Placed {
   std::uint32_t x0 = 0, x1 = 0, y0 = 0, y1 = 0;
 
   Placed(const Shape& s, const Axis& x, const Axis& y) : shape(s) {
-    std::tie(x0, x1) = points_within(x, shape.tangents_x());
-    std::tie(y0, y1) = points_within(y, shape.tangents_y());
+    std::tie(x0, x1) = points_within(x, tangents_x(shape));
+    std::tie(y0, y1) = points_within(y, tangents_y(shape));
   }
+  bool in_row(std::uint32_t iy) const { return iy >= y0 && iy < y1 && x0 < x1; }
 };
 
-// Goes through the image row by row, so that one row of hits is all it holds. Coordinates are
-// relative to the sensor, and rays are (tx, ty, 1), so that the ray parameter is z.
+constexpr std::int32_t nothing = -1;
+using Image = std::vector<Hit>;
+
+// Goes through the image row by row, so that one row is all it holds. Coordinates are relative to
+// the sensor, and rays are (tx, ty, 1), so that the ray parameter is z. Shapes are numbered:
+// capsules, then plates.
 class Scanner {
  public:
   Scanner(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y, Sampling sampling)
-      : x_(x), y_(y), offsets_(x, y, sampling), row_(x.count) {
+      : x_(x),
+        y_(y),
+        offsets_(x, y, sampling),
+        ray_x_(x.count),
+        ray_y_(x.count),
+        met_(x.count),
+        z_(x.count, INFINITY),
+        shape_(x.count, nothing) {
     const Vec3 sensor{sensor_x_m, 0, 0};
     for (const auto& c : scene.capsules) capsules_.emplace_back(CapsuleShape(c, sensor), x, y);
     for (const auto& p : scene.plates) plates_.emplace_back(PlateShape(p, sensor), x, y);
-    if (scene.room)
-      for (const auto& p : room()) plates_.emplace_back(PlateShape(p, sensor), x, y);
+    if (scene.room) background_ = room_image(sensor_x_m, x, y, sampling);
   }
 
   // emit(index of the pixel in the image, hit) for every ray that meets something.
   template <class Emit>
   void scan(Emit emit) {
     for (std::uint32_t iy = 0; iy < y_.count; ++iy) {
-      from_ = x_.count;
-      to_ = 0;
-      for (const auto& capsule : capsules_) draw(capsule, iy);
-      for (const auto& plate : plates_) draw(plate, iy);
-      for (std::uint32_t ix = from_; ix < to_; ++ix) {
-        if (row_[ix].z_m > 0) emit(std::size_t{iy} * x_.count + ix, row_[ix]);
-        row_[ix] = {};
-      }
+      draw_row(iy);
+      if (background_)
+        emit_before_background(iy, emit);
+      else
+        for (std::uint32_t ix = from_; ix < to_; ++ix)
+          if (shape_[ix] != nothing) emit(std::size_t{iy} * x_.count + ix, hit(ix));
     }
   }
 
  private:
-  template <class Shape>
-  void draw(const Placed<Shape>& placed, std::uint32_t iy) {
-    if (iy < placed.y0 || iy >= placed.y1) return;
-    from_ = std::min(from_, placed.x0);
-    to_ = std::max(to_, placed.x1);
-    for (std::uint32_t ix = placed.x0; ix < placed.x1; ++ix) {
-      const Vec3 ray = ray_at(ix, iy);
-      const double z = placed.shape.meet(ray);
-      Hit& hit = row_[ix];
-      if (z <= 0 || (hit.z_m > 0 && static_cast<float>(z) >= hit.z_m)) continue;
-      const double stretch = length(ray);
-      hit = {static_cast<float>(z * stretch), static_cast<float>(z),
-             static_cast<float>(std::abs(dot(placed.shape.normal(z * ray), ray)) / stretch),
-             static_cast<float>(placed.shape.albedo)};
+  static std::shared_ptr<const Image> room_image(double sensor_x_m, const Axis& x, const Axis& y,
+                                                 Sampling sampling);
+
+  template <class Emit>
+  void emit_before_background(std::uint32_t iy, Emit emit) {
+    const std::size_t row = std::size_t{iy} * x_.count;
+    for (std::uint32_t ix = 0; ix < x_.count; ++ix) {
+      const Hit& behind = (*background_)[row + ix];
+      const bool in_front = ix >= from_ && ix < to_ && shape_[ix] != nothing &&
+                            (behind.z_m <= 0 || static_cast<float>(z_[ix]) < behind.z_m);
+      if (in_front)
+        emit(row + ix, hit(ix));
+      else if (behind.z_m > 0)
+        emit(row + ix, behind);
     }
   }
-  Vec3 ray_at(std::uint32_t ix, std::uint32_t iy) const {
-    const double dx = offsets_.dx_of_row[iy];
-    const std::uint32_t mirror = x_.count - 1 - ix;
-    return {x_.at(ix) + (ix < mirror   ? -dx
-                         : ix > mirror ? dx
-                                       : 0),
-            y_.at(iy) + offsets_.dy_of_column[ix], 1};
+
+  void draw_row(std::uint32_t iy) {
+    from_ = x_.count;
+    to_ = 0;
+    const auto reach = [&](const auto& placed) {
+      if (!placed.in_row(iy)) return;
+      from_ = std::min(from_, placed.x0);
+      to_ = std::max(to_, placed.x1);
+    };
+    for (const auto& capsule : capsules_) reach(capsule);
+    for (const auto& plate : plates_) reach(plate);
+    if (from_ >= to_) return;
+    aim(iy);
+    std::int32_t number = 0;
+    for (const auto& capsule : capsules_) draw(capsule, number++, iy);
+    for (const auto& plate : plates_) draw(plate, number++, iy);
+  }
+
+  // The rays of the row where there is something.
+  void aim(std::uint32_t iy) {
+    const double dx = offsets_.dx_of_row[iy], y = y_.at(iy);
+    for (std::uint32_t ix = from_; ix < to_; ++ix) {
+      const std::uint32_t mirror = x_.count - 1 - ix;
+      ray_x_[ix] = x_.at(ix) + (ix < mirror ? -dx : ix > mirror ? dx : 0);
+      ray_y_[ix] = y + offsets_.dy_of_column[ix];
+      z_[ix] = INFINITY;
+      shape_[ix] = nothing;
+    }
+  }
+
+  template <class Shape>
+  void draw(const Placed<Shape>& placed, std::int32_t number, std::uint32_t iy) {
+    if (!placed.in_row(iy)) return;
+    const std::size_t first = placed.x0, count = placed.x1 - placed.x0;
+    placed.shape.meet(&ray_x_[first], &ray_y_[first], met_.data(), count);
+    for (std::size_t i = 0; i < count; ++i) {
+      const bool nearer = met_[i] > 0 && met_[i] < z_[first + i];
+      z_[first + i] = nearer ? met_[i] : z_[first + i];
+      shape_[first + i] = nearer ? number : shape_[first + i];
+    }
+  }
+
+  Hit hit(std::uint32_t ix) const {
+    const auto of = [&](const auto& shape) {
+      const Vec3 ray{ray_x_[ix], ray_y_[ix], 1};
+      const double z = z_[ix], stretch = length(ray);
+      return Hit{static_cast<float>(z * stretch), static_cast<float>(z),
+                 static_cast<float>(std::abs(dot(shape.normal(z * ray), ray)) / stretch),
+                 static_cast<float>(shape.albedo)};
+    };
+    const auto number = static_cast<std::size_t>(shape_[ix]);
+    return number < capsules_.size() ? of(capsules_[number].shape)
+                                     : of(plates_[number - capsules_.size()].shape);
   }
 
   const Axis& x_;
   const Axis& y_;
   Offsets offsets_;
-  std::vector<Hit> row_;
-  std::uint32_t from_ = 0, to_ = 0;
+  std::vector<double> ray_x_, ray_y_, met_, z_;  // of one row
+  std::vector<std::int32_t> shape_;
+  std::uint32_t from_ = 0, to_ = 0;  // where the row may hold something
   std::vector<Placed<CapsuleShape>> capsules_;
   std::vector<Placed<PlateShape>> plates_;
+  std::shared_ptr<const Image> background_;
 };
+
+// The room never moves: its image is made once for each sensor. Safe from any thread.
+std::shared_ptr<const Image> Scanner::room_image(double sensor_x_m, const Axis& x, const Axis& y,
+                                                 Sampling sampling) {
+  static std::mutex mutex;
+  static std::map<std::vector<double>, std::shared_ptr<const Image>> images;
+  constexpr std::size_t most = 8;  // three belong to a data set
+  const std::vector<double> key{sensor_x_m,
+                                static_cast<double>(sampling),
+                                x.start,
+                                x.step,
+                                y.start,
+                                y.step,
+                                static_cast<double>(x.count),
+                                static_cast<double>(y.count)};
+  const std::lock_guard lock(mutex);
+  if (const auto known = images.find(key); known != images.end()) return known->second;
+  Scene alone;
+  alone.plates = room();
+  if (images.size() == most) images.clear();
+  return images[key] = std::make_shared<Image>(cast(alone, sensor_x_m, x, y, sampling));
+}
 
 Returns returns_of(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y) {
   const double pixel = std::abs(x.step * y.step) / mean_scene_weight;
