@@ -19,7 +19,7 @@ constexpr std::uint64_t enough_samples = 32;
 constexpr double enough_s = 0.5;
 constexpr auto longest_gap = 10s;
 constexpr double early_limit_s = 0.25, back_limit_s = 1, agreement_s = 1;
-constexpr double late_limit_s = 0.5;
+constexpr double late_limit_s = 0.1;
 constexpr auto late_long = 3s;
 constexpr unsigned late_samples = 10;
 // A damaged time may be anything; as nanoseconds it still has to fit into 64 bits.

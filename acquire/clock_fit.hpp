@@ -18,7 +18,7 @@
 //   gap    nothing for 10 s, which is also what keeps a counter of 21 s unambiguous
 //   jump   two samples in a row that agree with each other, but were read 0.25 s before they were
 //          taken, or go back by more than 1 s. A single one is a damaged time: not used, counted.
-//   step   all samples of 3 s are late by more than 0.5 s
+//   step   all samples of 3 s, at least 10, are late by more than 0.1 s
 //   reset  the caller knows (reconnection)
 #pragma once
 #include <array>

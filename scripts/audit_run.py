@@ -17,6 +17,7 @@ import sys
 LATENCIES_NS = [20_000_000 * 2**i for i in range(8)]
 LATENCY_NS = 250_000_000
 GRACE_NS = 500_000_000  # a frame belongs to the slot in which it was taken, as long as that is open
+SETTLING_NS = 5_000_000_000  # after a clock went back, until its fit is believed again
 PATIENCE_NS = 5_000_000_000
 LENGTH_FIELD = range(12, 16)  # of a bridge block
 NUMBER_FIELD = range(20, 24)  # of a radar frame
@@ -99,8 +100,9 @@ def connections(entries):
 class Tags:
     """What the daemon's bridge client makes of the blocks."""
 
-    def __init__(self, connection_list, latency_ns):
+    def __init__(self, connection_list, latency_ns, jumps):
         self.latency_ns = latency_ns
+        self.jumps = jumps  # in which tags may stand in earlier slots
         self.sums = collections.Counter()  # tags by what became of their block
         self.delivered, self.losses = [], []  # (earliest, latest, amount); prefix of tags for the driver's counter
         self.doubtful = 0
@@ -133,9 +135,11 @@ class Tags:
             doubtful = hidden and connection["end"] is not None and connection["end"] < hidden_until
             by = None if doubtful else block["t"] + (PATIENCE_NS if hidden else self.latency_ns)
             self.doubtful += block["tags"] if doubtful else 0
-            self.delivered.append((block["first"], by, block["tags"], block["t"]))
+            jumped = any(begin < block["t"] < end for begin, end in self.jumps)
+            first = block["first"] - (GRACE_NS if jumped else 0)
+            self.delivered.append((first, by, block["tags"], block["t"]))
             if lost:
-                self.losses.append((block["first"], by, lost))
+                self.losses.append((first, by, lost))
             lost = 0
         self.lost_at_end = lost
 
@@ -151,7 +155,7 @@ def audit_tags(run, entries):
 
 def audit_tags_within(run, entries, latency_ns):
     account = Account("tdc")
-    tags = Tags(connections(entries), latency_ns)
+    tags = Tags(connections(entries), latency_ns, clock_jumps(entries))
     overruns = [(e["t"] - PATIENCE_NS, None, e["tags"]) for e in entries if e["what"] == "overrun"]
     late, outside = run.counters["spd", "late"], run.counters["spd", "outside"]
     items = [(first, by, n) for first, by, n, _ in tags.delivered]
@@ -209,17 +213,32 @@ class Frames:
                 self.by_number[number]["t"] < record["end"] + GRACE_NS)
 
 
+def clock_jumps(entries):
+    """Host times (from, to) between which a device's clock was ahead and its frames stand in other slots."""
+    jumps, begun = [], None
+    for entry in entries:
+        if entry["what"] == "begin clock_offset":
+            begun = entry["t"]
+        elif entry["what"] == "end clock_offset" and begun is not None:
+            jumps.append((begun - GRACE_NS, entry["t"] + SETTLING_NS))
+            begun = None
+    return jumps + ([(begun - GRACE_NS, float("inf"))] if begun is not None else [])
+
+
 def audit_frames(run, sensor, entries):
     account = Account(sensor)
     frames = Frames(sensor, entries)
     counts = collections.Counter()
     previous, got, lost, late_used, slowest = None, 0, 0, 0, 0
     first_record = None
+    jumps = clock_jumps(entries)
     for record in run.records:
         got += record[f"{sensor}_frames"]
         lost += record[f"{sensor}_lost"]
         first_record = first_record or record
         last = record[f"{sensor}_last"]
+        if any(begin < record["end"] and record["start"] < end for begin, end in jumps):
+            continue  # the frames of these slots are audited together
         if last is None or not frames.plausible(last, previous, record):
             if last is not None and frames.renumbered(previous or 0, (previous or 0) + got + 20) == 0:
                 account.fault(f"record {record['idx']}: its last frame {last} was never sent")

@@ -111,13 +111,6 @@ TEST_CASE("what one key alone cannot show") {
               "radar.policy: is \"required\", but radar.cli is empty"));
     CHECK(has(refusal(path, {"tdc.policy=must"}).second, "\"optional\" \"required\""));
   }
-  SECTION("a sensor that is required, but has no address") {
-    write_file(path, "[depth]\naddress = \"openni:\"\npolicy = \"required\"\n");
-    CHECK(load_config(path).required() == 4);
-    CHECK(has(refusal(path, {"radar.policy=required"}).second,
-              path + ": radar.policy is \"required\", but radar.cli is empty"));
-    CHECK(has(refusal(path, {"tdc.policy=must"}).second, "\"optional\" \"required\""));
-  }
   SECTION("a bad --set") {
     write_file(path, "[depth]\naddress = \"openni:\"\n");
     CHECK(has(refusal(path, {"tdc.bin=3"}).second, "nearest known one is \"tdc.bins\""));
