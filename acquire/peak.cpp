@@ -3,13 +3,10 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <numbers>
 #include <numeric>
-#include <optional>
 
 #include "drivers/core/axis.hpp"
 
@@ -55,20 +52,29 @@ double expected(const Gaussian& g, double i, Eigen::Vector4d& slope) {
   return g.photons * share + g.floor;
 }
 
-// Moments of what stands out around the highest of the counts, smoothed over `wide` bins.
-Gaussian first_guess(std::span<const std::uint32_t> counts, std::size_t wide) {
+// Bins [from, to) of a histogram.
+struct Span {
+  std::size_t from = 0, to = 0;
+};
+
+// Moments of what stands out around the highest of the counts within `where`, smoothed over `wide`
+// bins.
+Gaussian first_guess(std::span<const std::uint32_t> counts, std::size_t wide, Span where) {
   std::vector<double> sums(counts.size() + 1);
   for (std::size_t i = 0; i < counts.size(); ++i) sums[i + 1] = sums[i] + counts[i];
-  std::size_t best = 0;
-  for (std::size_t i = 0; i + wide <= counts.size(); ++i)
+  std::size_t best = where.from;
+  for (std::size_t i = where.from; i + wide <= where.to; ++i)
     if (sums[i + wide] - sums[i] > sums[best + wide] - sums[best]) best = i;
-  std::vector<std::uint32_t> sorted(counts.begin(), counts.end());
+  const std::size_t from = best - std::min(best, wide),
+                    to = std::min(best + 2 * wide, counts.size());
+  const std::size_t around_from = best - std::min(best, 8 * wide),
+                    around_to = std::min(best + 9 * wide, counts.size());
+  std::vector<std::uint32_t> sorted(counts.begin() + static_cast<std::ptrdiff_t>(around_from),
+                                    counts.begin() + static_cast<std::ptrdiff_t>(around_to));
   std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2),
                    sorted.end());
   Gaussian g;
   g.floor = std::max<double>(sorted[sorted.size() / 2], 1e-3);
-  const std::size_t from = best - std::min(best, wide),
-                    to = std::min(best + 2 * wide, counts.size());
   double sum = 0, first = 0, second = 0;
   for (std::size_t i = from; i < to; ++i) {
     const double w = std::max(0.0, counts[i] - g.floor), x = static_cast<double>(i) + 0.5;
@@ -96,21 +102,59 @@ Eigen::Matrix4d score(std::span<const std::uint32_t> counts, std::size_t from, s
   return information;
 }
 
-// The strongest other bump of `wide` bins, in sigmas above the fitted curve; and its place.
-std::pair<double, double> rest(std::span<const std::uint32_t> counts, const Gaussian& g) {
+struct Fit {
+  Gaussian peak;
+  double centre_error = 0;  // bins
+  double snr = 0;           // photons over their standard error; 0: no fit
+};
+
+Fit fit_around(std::span<const std::uint32_t> counts, std::size_t wide, Span where) {
+  Fit fit;
+  Gaussian& g = fit.peak;
+  g = first_guess(counts, wide, where);
+  const double reach = std::max(3.0 * static_cast<double>(wide), 12 * g.sigma);
+  const auto border = [&](double x) {
+    return static_cast<std::size_t>(std::clamp(x, 0.0, static_cast<double>(counts.size())));
+  };
+  const std::size_t from = border(g.centre - reach), to = border(g.centre + reach);
+  Eigen::Vector4d gradient;
+  Eigen::Matrix4d information;
+  for (int step = 0; step < 60; ++step) {
+    information = score(counts, from, to, g, gradient);
+    const Eigen::Vector4d move = information.ldlt().solve(gradient);
+    if (!move.allFinite()) return fit;
+    g.centre += std::clamp(move[0], -g.sigma, g.sigma);
+    g.sigma *= std::exp(std::clamp(move[1], -0.5, 0.5));
+    g.photons = std::max(g.photons / 2, g.photons + move[2]);
+    g.floor = std::max({g.floor / 2, g.floor + move[3], 1e-9});
+    if (move.head<2>().norm() < 1e-6) break;
+  }
+  const Eigen::Matrix4d covariance = information.inverse();
+  if (!covariance.allFinite() || !(covariance(0, 0) > 0) || !(covariance(2, 2) > 0)) return fit;
+  fit.centre_error = std::sqrt(covariance(0, 0));
+  fit.snr = g.photons / std::sqrt(covariance(2, 2));
+  return fit;
+}
+
+struct Bump {
+  double photons = 0, bin = 0;
+};
+
+// The strongest other bump of the fitted width within `where`.
+Bump other_bump(std::span<const std::uint32_t> counts, const Gaussian& g, Span where) {
   const auto wide = static_cast<std::size_t>(std::max(1.0, 2 * g.sigma));
-  double best = 0, place = 0;
+  Bump best;
   Eigen::Vector4d unused;
-  for (std::size_t i = 0; i + wide <= counts.size(); i += std::max<std::size_t>(1, wide / 2)) {
+  for (std::size_t i = where.from; i + wide <= where.to; i += std::max<std::size_t>(1, wide / 2)) {
     if (std::abs(static_cast<double>(i + wide / 2) - g.centre) < 4 * g.sigma) continue;
     double seen = 0, mean = 0;
     for (std::size_t k = i; k < i + wide; ++k) {
       seen += counts[k];
       mean += expected(g, static_cast<double>(k), unused);
     }
-    if (seen - mean > best) best = seen - mean, place = static_cast<double>(i + wide / 2);
+    if (seen - mean > best.photons) best = {seen - mean, static_cast<double>(i + wide / 2)};
   }
-  return {best, place};
+  return best;
 }
 
 // ---- radar
@@ -121,30 +165,105 @@ double blackman(double u) {
   return sinc(u) + (0.25 * (sinc(u - 1) + sinc(u + 1)) + 0.04 * (sinc(u - 2) + sinc(u + 2))) / 0.42;
 }
 
-// Where between the bins the lobe's top is, relative to the middle one, from log2 of the power of
-// 2n+1 bins; by golden-section search over +-1 bin.
-double lobe_top(std::span<const double> log2_power, double cells_per_bin) {
-  const auto middle = static_cast<double>(log2_power.size() / 2);
-  const double highest = *std::max_element(log2_power.begin(), log2_power.end());
-  const auto misfit = [&](double top) {
-    double sum = 0, first = 0, second = 0;
-    for (std::size_t i = 0; i < log2_power.size(); ++i) {
-      const double u = (static_cast<double>(i) - middle - top) * cells_per_bin;
-      const double model = 2 * std::log2(std::max(1e-6, std::abs(blackman(u))));
-      const double weight = std::exp2(log2_power[i] - highest), d = log2_power[i] - model;
-      sum += weight;
-      first += weight * d;
-      second += weight * d * d;
+// log2 of the lobe's power, 0 at its top.
+double lobe(double u) { return 2 * std::log2(std::max(1e-6, std::abs(blackman(u)))); }
+
+constexpr std::size_t near = 5;  // bins of a lobe that are fitted
+using Near = Eigen::Matrix<double, near, 1>;
+
+struct Lobe {
+  double top = 0;     // bins from the middle one
+  Near model, power;  // expected log2 of the power; the power over the noise
+  Near share;         // of each bin's value in `top`
+};
+
+// Gauss-Newton of amplitude and place, each bin weighted with its power. The mean of the logarithm
+// of a signal P in noise N is that of P plus E1(P / N).
+Lobe fit_lobe(const Near& mean, double log2_noise, double cells_per_bin) {
+  Lobe fit;
+  double amplitude = mean.maxCoeff();
+  for (int step = 0; step < 50; ++step) {
+    Eigen::Matrix<double, near, 2> slope;
+    for (Eigen::Index i = 0; i < fit.model.size(); ++i) {
+      const double u = (static_cast<double>(i) - 2 - fit.top) * cells_per_bin, d = 1e-5;
+      const double signal = amplitude + lobe(u);
+      const double over = std::max(std::exp2(signal - log2_noise), 1e-9);
+      const double rising = -std::expm1(-over);  // of the mean with the logarithm of P
+      fit.power[i] = over;
+      fit.model[i] =
+          std::log2(over) + log2_noise + (over < 50 ? -std::expint(-over) / std::numbers::ln2 : 0);
+      slope(i, 0) = rising * (lobe(u - d) - lobe(u + d)) / (2 * d) * cells_per_bin;
+      slope(i, 1) = rising;
     }
-    return second - first * first / sum;
-  };
-  constexpr double golden = 0.61803398874989485;
-  double low = -1, high = 1;
-  while (high - low > 1e-7) {
-    const double a = high - golden * (high - low), b = low + golden * (high - low);
-    (misfit(a) < misfit(b) ? high : low) = misfit(a) < misfit(b) ? b : a;
+    const auto weighted = (slope.transpose() * fit.power.asDiagonal()).eval();
+    const auto solver = (weighted * slope).ldlt();
+    const Eigen::Vector2d move = solver.solve(weighted * (mean - fit.model));
+    fit.share = solver.solve(weighted).row(0).transpose();
+    fit.top = std::clamp(fit.top + std::clamp(move[0], -0.3, 0.3), -1.5, 1.5);
+    amplitude += move[1];
+    if (move.norm() < 1e-9) break;
   }
-  return (low + high) / 2;
+  return fit;
+}
+
+// What is known of each bin: mean over the frames, and their standard deviation.
+struct Profile {
+  std::vector<double> mean, deviation;  // log2 of the power
+  double floor = 0;                     // median of the means
+};
+
+Profile profile_of(const std::vector<std::vector<std::uint16_t>>& frames, double log2_power_step) {
+  const auto n = static_cast<double>(frames.size());
+  const std::size_t bins = frames[0].size();
+  Profile p{std::vector<double>(bins), std::vector<double>(bins), 0};
+  for (const auto& frame : frames)
+    for (std::size_t i = 0; i < bins; ++i) p.mean[i] += frame[i] * log2_power_step / n;
+  for (const auto& frame : frames)
+    for (std::size_t i = 0; i < bins; ++i)
+      p.deviation[i] += std::pow(frame[i] * log2_power_step - p.mean[i], 2) / (n - 1);
+  for (double& d : p.deviation) d = std::sqrt(d);
+  auto sorted = p.mean;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(bins / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  p.floor = *middle;
+  return p;
+}
+
+// The standard error of the place, in bins, from the frames' own scatter; and from the codes'
+// steps, as far as the noise does not make them even out.
+double place_error(const std::vector<std::vector<std::uint16_t>>& frames, const Profile& profile,
+                   const Lobe& fit, std::size_t first, double log2_power_step) {
+  const auto n = static_cast<double>(frames.size());
+  double squares = 0, steps = 0;
+  for (const auto& frame : frames) {
+    double off = 0;
+    for (std::size_t i = 0; i < near; ++i)
+      off += fit.share[static_cast<Eigen::Index>(i)] *
+             (frame[first + i] * log2_power_step - profile.mean[first + i]);
+    squares += off * off;
+  }
+  for (std::size_t i = 0; i < near; ++i) {
+    const double share = fit.share[static_cast<Eigen::Index>(i)] * log2_power_step;
+    const double dither = 2 * pi * profile.deviation[first + i] / log2_power_step;
+    steps += share * share / 12 * std::exp(-dither * dither);
+  }
+  return std::sqrt(squares / (n - 1) / n + steps);
+}
+
+// Two reflectors within each other's lobes show in its shape.
+std::string unlike_one_echo(const Profile& profile, const Lobe& fit, std::size_t top,
+                            std::size_t frames) {
+  constexpr double allowed = 0.66;       // 2 dB in log2 of the power
+  constexpr double weakest = 1 / 316.0;  // 25 dB below the top, where skirts begin
+  for (std::size_t i = 0; i < near; ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    const double off = profile.mean[top - 2 + i] - fit.model[k];
+    const double chance = 4 * profile.deviation[top - 2 + i] / std::sqrt(frames);
+    if (fit.power[k] > weakest * fit.power.maxCoeff() && std::abs(off) > allowed + chance)
+      return at("two peaks: the echo differs by %.1f dB from that of one reflector",
+                10 * std::log10(2.0) * std::abs(off));
+  }
+  return {};
 }
 
 }  // namespace
@@ -153,40 +272,38 @@ Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double 
                  const Search& search) {
   Peak peak;
   const auto range_of = [&](double bin) { return (start_ps + bin * step_ps) / ps_per_m; };
+  const auto bin_of = [&](double range_m) {
+    return static_cast<std::size_t>(std::clamp((range_m * ps_per_m - start_ps) / step_ps, 0.0,
+                                               static_cast<double>(counts.size())));
+  };
   if (std::accumulate(counts.begin(), counts.end(), 0ull) < 100) {
     peak.refusal = "no peak: fewer than 100 photons came";
     return peak;
   }
-  Gaussian g = first_guess(counts, static_cast<std::size_t>(std::max(1.0, 200 / step_ps)));
-  const double reach = std::max(60.0, 12 * g.sigma);
-  const auto border = [&](double x) {
-    return static_cast<std::size_t>(std::clamp(x, 0.0, static_cast<double>(counts.size())));
-  };
-  const std::size_t from = border(g.centre - reach), to = border(g.centre + reach);
-  Eigen::Vector4d gradient;
-  Eigen::Matrix4d information;
-  for (int step = 0; step < 60; ++step) {
-    information = score(counts, from, to, g, gradient);
-    const Eigen::Vector4d move = information.ldlt().solve(gradient);
-    if (!move.allFinite()) break;
-    g.centre += std::clamp(move[0], -g.sigma, g.sigma);
-    g.sigma *= std::exp(std::clamp(move[1], -0.5, 0.5));
-    g.photons = std::max(g.photons / 2, g.photons + move[2]);
-    g.floor = std::max({g.floor / 2, g.floor + move[3], 1e-9});
-    if (move.head<2>().norm() < 1e-6) break;
-  }
-  const Eigen::Matrix4d covariance = information.inverse();
-  peak.range_m = range_of(g.centre);
-  peak.standard_error_m = std::sqrt(covariance(0, 0)) * step_ps / ps_per_m;
-  const double snr = g.photons / std::sqrt(covariance(2, 2));
-  peak.snr_db = 20 * std::log10(snr);
-  const auto [bump, place] = rest(counts, g);
-  if (!(snr >= least_photon_snr) || !covariance.allFinite())
-    peak.refusal = at("SNR too low: the strongest peak stands at %.3f m", peak.range_m);
-  else if (!inside(search, peak.range_m))
+  const auto wide = static_cast<std::size_t>(std::max(1.0, 200 / step_ps));
+  const Span all{0, counts.size()};
+  // Half a pulse more on both sides: what stands at the window's border is fitted as a whole.
+  Span window{bin_of(search.distance_m - search.window_m / 2),
+              bin_of(search.distance_m + search.window_m / 2)};
+  window = {window.from - std::min(window.from, wide / 2),
+            std::min(window.to + wide / 2, counts.size())};
+  const Fit fit = fit_around(counts, wide, window);
+  peak.range_m = range_of(fit.peak.centre);
+  peak.standard_error_m = fit.centre_error * step_ps / ps_per_m;
+  peak.snr_db = 20 * std::log10(std::max(fit.snr, 1e-3));
+  const Bump bump = other_bump(counts, fit.peak, window);
+  if (fit.snr < least_photon_snr) {
+    const Fit strongest = fit_around(counts, wide, all);
+    peak.refusal = strongest.snr < least_photon_snr
+                       ? at("SNR too low: the strongest peak stands at %.3f m",
+                            range_of(strongest.peak.centre))
+                       : outside_text(range_of(strongest.peak.centre));
+  } else if (!inside(search, peak.range_m)) {
     peak.refusal = outside_text(peak.range_m);
-  else if (bump > 0.2 * g.photons && bump > 5 * std::sqrt(g.photons))
-    peak.refusal = at("two peaks: another one at %.3f m", range_of(place));
+  } else if (bump.photons > 0.2 * fit.peak.photons &&
+             bump.photons > 5 * std::sqrt(fit.peak.photons)) {
+    peak.refusal = at("two peaks: another one at %.3f m", range_of(bump.bin));
+  }
   return peak;
 }
 
@@ -197,26 +314,28 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
     peak.refusal = "no peak: fewer than 8 frames came";
     return peak;
   }
-  const std::size_t bins = frames[0].size();
-  std::vector<double> mean(bins);  // log2 of the power
-  for (const auto& frame : frames)
-    for (std::size_t i = 0; i < bins; ++i)
-      mean[i] += frame[i] * axis.log2_power_step / static_cast<double>(frames.size());
-  // A window narrower than the lobe would miss a top between two bins.
-  const double margin = std::max(search.window_m / 2, 1.5 * axis.step_m);
+  const Profile profile = profile_of(frames, axis.log2_power_step);
+  const auto& mean = profile.mean;
+  const std::size_t last = mean.size() - 3;
   const auto bin = [&](double range_m) {
     return static_cast<std::size_t>(
-        std::clamp(std::round(range_m / axis.step_m), 2.0, static_cast<double>(bins) - 3));
+        std::clamp(std::round(range_m / axis.step_m), 2.0, static_cast<double>(last)));
   };
-  const std::size_t low = bin(search.distance_m - margin), high = bin(search.distance_m + margin);
-  const auto top = static_cast<std::size_t>(
-      std::max_element(mean.begin() + static_cast<std::ptrdiff_t>(low),
-                       mean.begin() + static_cast<std::ptrdiff_t>(high) + 1) -
-      mean.begin());
-  auto sorted = mean;
-  std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(bins / 2),
-                   sorted.end());
-  peak.snr_db = 10 * std::log10(2.0) * (mean[top] - sorted[bins / 2]);
+  const auto highest = [&](std::size_t from, std::size_t to) {
+    const auto begin = mean.begin();
+    return static_cast<std::size_t>(std::max_element(begin + static_cast<std::ptrdiff_t>(from),
+                                                     begin + static_cast<std::ptrdiff_t>(to) + 1) -
+                                    begin);
+  };
+  const auto db_over_floor = [&](std::size_t i) {
+    return 10 * std::log10(2.0) * (mean[i] - profile.floor);
+  };
+  const std::size_t low = bin(search.distance_m - search.window_m / 2),
+                    high = bin(search.distance_m + search.window_m / 2);
+  std::size_t top = highest(low, high);
+  while (top > 2 && mean[top - 1] > mean[top]) --top;  // the window cuts its lobe
+  while (top < last && mean[top + 1] > mean[top]) ++top;
+  peak.snr_db = db_over_floor(top);
   peak.range_m = static_cast<double>(top) * axis.step_m;
   // A lobe whose top is cut off: two bins of one code, the same in every frame.
   const bool flat = std::all_of(frames.begin(), frames.end(), [&](const auto& f) {
@@ -226,40 +345,30 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
     peak.refusal = "saturated: lower the receiver's gain in profileCfg, or move the reflector away";
     return peak;
   }
-  const auto strongest =
-      static_cast<std::size_t>(std::max_element(mean.begin() + 2, mean.end() - 2) - mean.begin());
-  const double strongest_db = 10 * std::log10(2.0) * (mean[strongest] - sorted[bins / 2]);
-  const bool on_a_slope = mean[top - 1] > mean[top] || mean[top + 1] > mean[top];
-  if (on_a_slope || (peak.snr_db < least_echo_db && strongest_db >= least_echo_db)) {
-    peak.refusal = outside_text(static_cast<double>(strongest) * axis.step_m);
-    return peak;
-  }
   if (peak.snr_db < least_echo_db) {
-    peak.refusal = at("SNR too low: %.1f dB over the median, 10 needed", peak.snr_db);
+    const std::size_t strongest = highest(2, last);
+    peak.refusal = db_over_floor(strongest) < least_echo_db
+                       ? at("SNR too low: %.1f dB over the median, 10 needed", peak.snr_db)
+                       : outside_text(static_cast<double>(strongest) * axis.step_m);
     return peak;
   }
   const double cells_per_bin = axis.step_m / axis.resolution_m;
-  double sum = 0, squares = 0;
-  for (const auto& frame : frames) {
-    std::array<double, 3> near{};
-    for (std::size_t k = 0; k < near.size(); ++k)
-      near[k] = frame[top - 1 + k] * axis.log2_power_step;
-    const double place = lobe_top(near, cells_per_bin);
-    sum += place;
-    squares += place * place;
-  }
-  const auto n = static_cast<double>(frames.size());
-  const double shift = sum / n, variance = std::max(0.0, squares / n - shift * shift) * n / (n - 1);
-  peak.range_m = (static_cast<double>(top) + shift) * axis.step_m;
-  peak.standard_error_m = axis.step_m * std::sqrt(variance / n);
+  Near values;
+  for (std::size_t i = 0; i < near; ++i) values[static_cast<Eigen::Index>(i)] = mean[top - 2 + i];
+  // Of noise alone the mean of the logarithm is Euler's constant below the logarithm of the mean.
+  const double log2_noise = profile.floor + std::numbers::egamma / std::numbers::ln2;
+  const Lobe fit = fit_lobe(values, log2_noise, cells_per_bin);
+  peak.range_m = (static_cast<double>(top) + fit.top) * axis.step_m;
+  peak.standard_error_m =
+      axis.step_m * place_error(frames, profile, fit, top - 2, axis.log2_power_step);
+  peak.refusal = unlike_one_echo(profile, fit, top, frames.size());
   // Another top outside this one's lobe (3 cells to its first null), within 6 dB.
-  const auto lobe = static_cast<std::size_t>(std::ceil(3 / cells_per_bin));
+  const auto width = static_cast<std::size_t>(std::ceil(3 / cells_per_bin));
   for (std::size_t i = low; i <= high; ++i)
-    if ((i + lobe < top || i > top + lobe) && mean[i] > mean[i - 1] && mean[i] > mean[i + 1] &&
+    if ((i + width < top || i > top + width) && mean[i] > mean[i - 1] && mean[i] > mean[i + 1] &&
         mean[i] > mean[top] - 2)
       peak.refusal = at("two peaks: another one at %.3f m", static_cast<double>(i) * axis.step_m);
-  if (peak.refusal.empty() && !inside(search, peak.range_m))
-    peak.refusal = outside_text(peak.range_m);
+  if (!inside(search, peak.range_m)) peak.refusal = outside_text(peak.range_m);
   return peak;
 }
 

@@ -22,8 +22,9 @@ struct Peak {
 
 // SPD: counts per bin of two-way time, bin i from start_ps + i*step_ps. Maximum likelihood, by
 // Fisher scoring, of a Gaussian of free width, integrated over each bin, on an even background;
-// counts are Poisson. The standard error is the Cramer-Rao bound at the maximum. The peak of an IRF
-// with a tail comes out near its mean, wherever that of the runs does.
+// counts are Poisson. Only what stands in the window is looked at. The standard error is the
+// Cramer-Rao bound at the maximum. The peak of an IRF with a tail comes out near its mean, wherever
+// that of the runs does.
 Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double step_ps,
                  const Search& search);
 
@@ -31,11 +32,12 @@ struct EchoAxis {
   double step_m = 0, resolution_m = 0;  // between bins; c / 2B
   double log2_power_step = 0;           // per code (drivers/core/log2_codes.hpp)
 };
-// Radar: range profiles in log2_q8 codes, one a frame. In each frame, least squares of the
-// transform of the firmware's Blackman window (SDK 3.x, mmwDemo_genWindow; Harris, Proc. IEEE 66,
-// 1978) to the logarithms of the strongest bin of the mean and its two neighbours, amplitude free,
-// weighted with the power: the mean of a logarithm is not biased by noise, its variance falls with
-// the power. The standard error is that of the mean over the frames, at least 8.
+// Radar: range profiles in log2_q8 codes, one a frame. Least squares of the transform of the
+// firmware's Blackman window (SDK 3.x, mmwDemo_genWindow; Harris, Proc. IEEE 66, 1978) to the means
+// over the frames, at least 8, of the strongest bin and its two neighbours on either side,
+// amplitude free, weighted with the power. The mean of a logarithm is that of a signal P in noise
+// N, which is ln P + E1(P / N), N from the profile's median. The standard error is that of the
+// frames' scatter, and of the codes' steps where the noise does not even them out.
 Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoAxis& axis,
               const Search& search);
 
