@@ -3,11 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "acquire/record/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/log2_codes.hpp"
+#include "recon/shift.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -41,9 +43,9 @@ class Appender {
     adopt(data.radar_axis, radar, "radar");
     for (const auto& c : run.calibrations()) {
       if (c.sensor == Sensor::spd && data.spd_axis.unit == "ps")
-        spd_late_ = 2e12 * c.offset_m / speed_of_light_m_s / data.spd_axis.step;
+        spd_shift_.emplace(2e12 * c.offset_m / speed_of_light_m_s / data.spd_axis.step);
       if (c.sensor == Sensor::radar && data.radar_axis.unit == "m")
-        radar_late_ = c.offset_m / data.radar_axis.step;
+        radar_shift_.emplace(c.offset_m / data.radar_axis.step);
     }
     const std::string uuid = run.info().uuid;
     for (const auto& source : data.sources)
@@ -56,8 +58,8 @@ class Appender {
 
   // Returns what is wrong with the record, or nothing.
   std::string add(const record::FusedRecord& r) {
-    const std::vector<float> spd = moved({r.spd.begin(), r.spd.end()}, spd_late_);
-    const std::vector<float> radar = moved(linear(r), radar_late_);
+    const std::vector<float> spd = to_true_range(spd_shift_, {r.spd.begin(), r.spd.end()});
+    const std::vector<float> radar = to_true_range(radar_shift_, linear(r));
     if (r.has(Sensor::radar) && !std::all_of(radar.begin(), radar.end(), is_finite))
       return "a radar code is too large for a power";
     const bool depth = r.has(Sensor::depth);
@@ -91,23 +93,9 @@ class Appender {
     table.cols = cols;
     table.add_row(row);
   }
-  // Raw values stand `late` bins behind their true place: each bin takes its share of the two raw
-  // ones that it lies over; what was not measured is 0.
-  static std::vector<float> moved(std::vector<float> raw, double late) {
-    if (late == 0) return raw;
-    std::vector<float> out(raw.size());
-    const double whole = std::floor(late);
-    const auto part = static_cast<float>(late - whole);
-    const auto get = [&](std::ptrdiff_t i) {
-      return i >= 0 && i < static_cast<std::ptrdiff_t>(raw.size())
-                 ? raw[static_cast<std::size_t>(i)]
-                 : 0.0f;
-    };
-    for (std::size_t i = 0; i < raw.size(); ++i) {
-      const auto from = static_cast<std::ptrdiff_t>(i) + static_cast<std::ptrdiff_t>(whole);
-      out[i] = (1 - part) * get(from) + part * get(from + 1);
-    }
-    return out;
+  static std::vector<float> to_true_range(const std::optional<Shift>& shift,
+                                          std::vector<float> raw) {
+    return shift ? shift->apply(raw) : raw;
   }
   std::vector<float> linear(const record::FusedRecord& r) const {
     std::vector<float> out = r.radar;
@@ -119,7 +107,7 @@ class Appender {
   Dataset& data_;
   std::string path_;
   Axis raw_radar_, x_, y_;
-  double spd_late_ = 0, radar_late_ = 0;  // bins
+  std::optional<Shift> spd_shift_, radar_shift_;  // of a calibrated run
   Axis target_x_ = record::depth_x_axis(), target_y_ = record::depth_y_axis();
 };
 

@@ -4,6 +4,7 @@
 stored, named by a run, and found again."""
 import json
 import pathlib
+import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -67,6 +68,32 @@ class Calibrate(unittest.TestCase):
         unknown = self.calibrate("--check")
         self.assertEqual(unknown.returncode, 3)
         self.assertIn("run.calibration names no calibration", unknown.stderr)
+
+    def test_reconstruction(self):
+        """Ranges that are too long spoil what a model makes of a run; the run's calibration brings all of it back."""
+        def program(name, *words):
+            return subprocess.run([bin_dir / name, *words], check=True, text=True, capture_output=True, cwd=self.dir).stdout
+
+        def score(run):
+            metrics = json.loads(program("echofuse-recon", "evaluate", "model.h5", run, "--all", "--json"))["metrics"]
+            return metrics["lateral_m"], metrics["iou"]
+
+        scenes = "--records", "400", "--seed", "2"
+        program("echofuse-sim", "dataset", "--out", "train", "--records", "2000", "--seed", "1")
+        program("echofuse-recon", "train", "train", "--out", "model.h5", "--model", "mlp", "--hidden", "256", "--epochs", "20")
+        program("echofuse-sim", "dataset", "--out", "right", *scenes)
+        lateral, iou = score("right")
+        for spd_ps, radar_m in (0, 0.05), (-133.4, 0.03), (337, 0):
+            run = f"off{spd_ps}"
+            program("echofuse-sim", "dataset", "--out", run, *scenes, "--set", f"spd_delay_ps={spd_ps}", "--set",
+                    f"radar_bias_m={radar_m}")
+            self.assertGreater(score(run)[0]["mean"], 2 * lateral["mean"])
+            with sqlite3.connect(self.dir / run) as db:
+                for sensor, offset_m in ("spd", spd_ps * 299792458 / 2e12), ("radar", radar_m):
+                    db.execute("INSERT INTO calibration VALUES (?, '2026-11-21', 'known', 1, ?, 0)", (sensor, offset_m))
+            # The same scenes with the same noise: what is left is far below a standard error.
+            for now, then in zip(score(run), (lateral, iou)):
+                self.assertLess(abs(now["mean"] - then["mean"]), then["se"], (spd_ps, radar_m, now, then))
 
 
 if __name__ == "__main__":
