@@ -29,14 +29,14 @@ TEST_CASE("a narrow echo moves, and keeps its shape") {
   for (const double steps : {0.2, 0.5, -0.7, 3.3, -5.0}) {
     CAPTURE(steps);
     const auto moved = Shift(steps).apply(echo(20.4)), wanted = echo(20.4 - steps);
-    // 2 % of the peak; halfway between two samples a linear interpolation is 19 % off.
-    for (std::size_t i = 10; i < 30; ++i) CHECK(moved[i] == Approx(wanted[i]).margin(0.02));
+    // 2.5 % of the peak; halfway between two samples a linear interpolation is 19 % off.
+    for (std::size_t i = 10; i < 30; ++i) CHECK(moved[i] == Approx(wanted[i]).margin(0.025));
     CHECK(std::accumulate(moved.begin(), moved.end(), 0.) ==
           Approx(std::accumulate(wanted.begin(), wanted.end(), 0.)).epsilon(1e-2));
   }
 }
 
-TEST_CASE("whole steps and no step copy the values; beyond the ends there is nothing") {
+TEST_CASE("whole steps and no step copy the values, with nothing beyond the ends") {
   const std::vector<float> values = {1, 2, 3, 4, 5};
   CHECK(Shift().apply(values) == values);
   CHECK(Shift(2).apply(values) == std::vector<float>{3, 4, 5, 0, 0});
