@@ -266,6 +266,18 @@ std::string unlike_one_echo(const Profile& profile, const Lobe& fit, std::size_t
   return {};
 }
 
+// Another top among the bins [low, high], outside this one's lobe (3 cells to its first null) and
+// within 6 dB of it; 0: none.
+std::size_t other_top(const std::vector<double>& mean, std::size_t low, std::size_t high,
+                      std::size_t top, double cells_per_bin) {
+  const auto width = static_cast<std::size_t>(std::ceil(3 / cells_per_bin));
+  for (std::size_t i = low; i <= high; ++i)
+    if ((i + width < top || i > top + width) && mean[i] > mean[i - 1] && mean[i] > mean[i + 1] &&
+        mean[i] > mean[top] - 2)
+      return i;
+  return 0;
+}
+
 }  // namespace
 
 Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double step_ps,
@@ -362,12 +374,8 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
   peak.standard_error_m =
       axis.step_m * place_error(frames, profile, fit, top - 2, axis.log2_power_step);
   peak.refusal = unlike_one_echo(profile, fit, top, frames.size());
-  // Another top outside this one's lobe (3 cells to its first null), within 6 dB.
-  const auto width = static_cast<std::size_t>(std::ceil(3 / cells_per_bin));
-  for (std::size_t i = low; i <= high; ++i)
-    if ((i + width < top || i > top + width) && mean[i] > mean[i - 1] && mean[i] > mean[i + 1] &&
-        mean[i] > mean[top] - 2)
-      peak.refusal = at("two peaks: another one at %.3f m", static_cast<double>(i) * axis.step_m);
+  if (const std::size_t other = other_top(mean, low, high, top, cells_per_bin))
+    peak.refusal = at("two peaks: another one at %.3f m", static_cast<double>(other) * axis.step_m);
   if (!inside(search, peak.range_m)) peak.refusal = outside_text(peak.range_m);
   return peak;
 }
