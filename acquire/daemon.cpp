@@ -291,11 +291,8 @@ void Daemon::tick() {
   Recording& r = *recording_;
   const HostTime now = clock_.now();
   if (interrupted() && !std::exchange(ending_, true)) interrupt(now);
-  HostTime deadline = r.scheduler.next_deadline();
-  for (const DueSlot& due : r.scheduler.tick(now)) {
-    close_slot(due, now - deadline);
-    deadline += r.scheduler.grid().length;
-  }
+  for (const DueSlot& due : r.scheduler.tick(now))
+    close_slot(due, r.scheduler.lateness(due.index, now));
   if (now - anchor_mono_ >= anchor_pause) put_anchor();
   const std::int64_t written = r.writer.written();
   if (std::exchange(totals_.written, written) != written) notify_advance(written);

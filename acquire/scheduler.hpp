@@ -37,6 +37,10 @@ class Scheduler {
   std::vector<DueSlot> tick(HostTime now);
   // When tick() has something to do again, while not done().
   HostTime next_deadline() const { return std::max(grid_.end(next_) + grace, held_until_); }
+  // By how much slot k is late if it is closed `now`; a second grace is late, too.
+  std::chrono::nanoseconds lateness(std::int64_t k, HostTime now) const {
+    return now - (grid_.end(k) + grace);
+  }
   // The slot that runs at `now` becomes the last one.
   void finish(HostTime now);
   bool done() const { return last_ && next_ > *last_; }

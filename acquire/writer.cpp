@@ -22,6 +22,16 @@ void give_up_data(record::FusedRecord& record) {
   record.depth_mm = {};
 }
 
+bool is_disk(const std::exception_ptr& failure) {
+  try {
+    std::rethrow_exception(failure);
+  } catch (const Error& error) {
+    return error.code() == ExitCode::disk;
+  } catch (...) {
+    return false;
+  }
+}
+
 }  // namespace
 
 Writer::Writer(std::unique_ptr<record::RunWriter> run, std::size_t capacity)
@@ -37,7 +47,8 @@ bool Writer::put(record::FusedRecord record) {
   }
   if (!room) give_up_data(record);
   put([this, r = std::move(record)](record::RunWriter& run) mutable {
-    if (auto label = run.new_label()) label_ = std::move(label);
+    const UtcTime slot_end = r.slot_utc + (r.slot_end - r.slot_start);
+    if (auto label = run.new_label(slot_end)) label_ = std::move(label);
     if (label_) r.label = *label_;
     run.append(r);
     spdlog::debug("record {}: committed", r.index);  // what scripts/kill_test relies on
@@ -94,8 +105,8 @@ void Writer::finish(const std::string& status) {
     return;
   }
   try {
-    run_->close("stopped:disk");
-  } catch (const Error&) {  // the disk is what failed; the first reason is the one to tell
+    run_->close(is_disk(failure_) ? "stopped:disk" : "stopped:failed");
+  } catch (const Error&) {  // the first reason is the one to tell
   }
   std::rethrow_exception(failure_);
 }

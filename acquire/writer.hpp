@@ -36,8 +36,8 @@ class Writer {
 
   bool failed() const { return failed_; }
   std::int64_t written() const { return written_; }
-  // Writes what is waiting and closes the run with this status, or with "stopped:disk" if a job
-  // failed; then throws that job's Error.
+  // Writes what is waiting and closes the run with this status, or, if a job failed, with
+  // "stopped:disk" or (for another reason) "stopped:failed"; then throws that job's Error.
   void finish(const std::string& status);
 
  private:

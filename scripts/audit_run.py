@@ -248,6 +248,9 @@ def audit_frames(run, sensor, entries):
         late_used += audit_range(account, run, frames, record, previous, last, got, lost, counts)
         slowest = max(slowest, first_record["start"] - frames.by_number[last]["t"])
         previous, got, lost, first_record = last, 0, 0, None
+    may = sum(1 for n in frames.by_number if frames.plausible(n, previous, run.records[-1]))
+    if got > may:  # after the last record whose frames are known by their numbers
+        account.fault(f"the last records have {got} {sensor} frames, at most {may} were sent")
     counts["in records"] += got
     if late_used != run.counters[sensor, "late"]:
         account.fault(f"{late_used} whole frames are in no record, {run.counters[sensor, 'late']} were counted as late")

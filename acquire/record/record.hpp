@@ -53,7 +53,7 @@ struct SpdCounts {
 struct SlotBooks {
   std::uint64_t radar_frames = 0, depth_frames = 0;     // all that arrived in it
   std::optional<std::uint32_t> radar_last, depth_last;  // the number of the last of them
-  double closed_late_s = 0;                             // after its deadline
+  double closed_late_s = 0;                             // after its end and grace
 };
 
 struct FusedRecord {
@@ -91,7 +91,7 @@ struct CalibrationEntry {
 struct RunInfo {
   std::string uuid;                    // made by the writer
   std::string started_utc, ended_utc;  // ISO 8601
-  std::string status = "open";         // open, complete, stopped:disk, stopped:interrupted, crashed
+  std::string status = "open";  // open, complete, stopped:WHY (disk, failed, interrupted), crashed
   std::string config_text, config_resolved, radar_cfg;
   std::string version, host, operator_name, notes;
   double window_s = 0;

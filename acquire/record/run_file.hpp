@@ -47,8 +47,9 @@ class RunWriter {
   void put_event(UtcTime utc, Severity severity, const std::string& source,
                  const std::string& text);
   void append(const FusedRecord& record);
-  // The last label that mark() left in this file since the last call; none if there is none.
-  std::optional<std::string> new_label();
+  // The last label that mark() left in this file since the last call and before this time; none if
+  // there is none.
+  std::optional<std::string> new_label(UtcTime before);
   void append(std::span<const FusedRecord> batch);  // one transaction: for the generator
   void close(const std::string& status);            // folds the WAL back: one single file is left
   std::int64_t records() const { return records_; }

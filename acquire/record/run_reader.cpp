@@ -117,6 +117,10 @@ RunReader::RunReader(const std::string& path) : path_(path) {
   }
   sqlite3_busy_timeout(db_, 5000);
   try {
+    if (sqlite3_exec(db_, "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr) == SQLITE_OK &&
+        pragma(db_, path_, "SELECT count(*) FROM sqlite_schema") == 0)
+      throw Error(ExitCode::failed,
+                  path + ": is empty, as of a run that was killed before it began; remove it");
     if (sqlite3_exec(db_, "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr) != SQLITE_OK ||
         pragma(db_, path_, "PRAGMA application_id") != application_id)
       throw Error(ExitCode::failed, path + ": not an echofuse run file");

@@ -71,6 +71,8 @@ struct RunWriter::Statements {
 RunWriter::RunWriter(const std::string& path, const RunInfo& info) : path_(path) {
   create_empty(path);
   open();
+  // In one transaction: a crash leaves a run or an empty file.
+  execute(db_, path_, "BEGIN", "cannot set up");
   const std::string identity = "PRAGMA application_id=" + std::to_string(application_id) +
                                "; PRAGMA user_version=" + std::to_string(format_version) + ";";
   execute(db_, path_, identity.c_str(), "cannot set up");
@@ -95,6 +97,7 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info) : path_(path)
       .run();
   for (const auto& [key, value] : info.meta)
     Statement(db_, path_, "INSERT INTO meta VALUES (?,?)").bind(key).bind(value).run();
+  execute(db_, path_, "COMMIT", "cannot create the tables");
   statements_ = std::make_unique<Statements>(db_, path_);
 }
 
@@ -328,15 +331,17 @@ void RunWriter::append(std::span<const FusedRecord> batch) {
   records_ += static_cast<std::int64_t>(batch.size());
 }
 
-std::optional<std::string> RunWriter::new_label() {
-  Statement s(db_, path_, "SELECT id, level, text FROM event WHERE id > ? ORDER BY id");
+std::optional<std::string> RunWriter::new_label(UtcTime before) {
+  Statement s(db_, path_, "SELECT id, level, utc, text FROM event WHERE id > ? ORDER BY id");
   s.bind(last_event_);
+  const std::string end = iso8601(before);  // times of one form are in the order of their texts
   std::optional<std::string> label;
   while (s.step()) {
-    last_event_ = s.integer();
+    const std::int64_t id = s.integer();
     const bool is_label = s.text() == "label";
-    const std::string text = s.text();
-    if (is_label) label = text;
+    if (is_label && s.text() >= end) break;  // of a later slot
+    last_event_ = id;
+    if (is_label) label = s.text();
   }
   return label;
 }

@@ -102,6 +102,7 @@ TEST_CASE("after a pause the next slot is held for another grace, once") {
   // A program that never gets to run in time still closes its slots.
   CHECK(scheduler.tick(woken + 400ms).empty());
   CHECK_FALSE(scheduler.tick(woken + grace).empty());
+  CHECK(scheduler.lateness(0, woken + grace) == woken - grid.end(0));
 }
 
 TEST_CASE("the end of a run") {

@@ -82,6 +82,37 @@ TEST_CASE("the first failed job ends the writing") {
   CHECK(run.info().status == "stopped:disk");
 }
 
+TEST_CASE("not every failure is the disk's") {
+  const Folder folder;
+  Writer writer(open_run(folder / "a.sqlite"));
+  writer.put([](record::RunWriter&) { throw Error(ExitCode::failed, "not a number"); });
+  CHECK(error_of([&] { writer.finish("complete"); }) ==
+        std::pair(ExitCode::failed, std::string("not a number")));
+  CHECK(record::RunReader(folder / "a.sqlite").info().status == "stopped:failed");
+}
+
+TEST_CASE("a label begins with the slot that is running when it is given") {
+  const Folder folder;
+  auto run = open_run(folder / "a.sqlite");
+  record::mark(folder / "a.sqlite", "label", "door");
+  Writer writer(std::move(run));
+  const auto put = [&](std::int64_t index, UtcTime slot_end) {
+    record::FusedRecord r = small_record(index);
+    r.label = "before";
+    r.slot_utc = slot_end - (r.slot_end - r.slot_start);
+    writer.put(r);
+  };
+  const UtcTime now = SystemClock().utc();
+  put(0, now - std::chrono::seconds(1));
+  put(1, now + std::chrono::seconds(1));
+  put(2, now + std::chrono::seconds(2));
+  writer.finish("complete");
+  const record::RunReader reader(folder / "a.sqlite");
+  CHECK(reader.read(0).label == "before");
+  CHECK(reader.read(1).label == "door");
+  CHECK(reader.read(2).label == "door");
+}
+
 TEST_CASE("without finish a run looks crashed, with all that was put") {
   const Folder folder;
   {
