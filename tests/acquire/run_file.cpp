@@ -277,7 +277,7 @@ TEST_CASE("files that are not to be read or written") {
   }
   SECTION("empty") {
     write_file(path, "");
-    CHECK(has(refusal().second, "not an echofuse run file"));
+    CHECK(has(refusal().second, "is empty, as of a run that was killed before it began"));
   }
   SECTION("another program's database") {
     sql(path, "CREATE TABLE record (idx)");
