@@ -6,6 +6,7 @@
 #include <boost/asio/io_context.hpp>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <vector>
@@ -261,23 +262,51 @@ Calibration to_calibration(const std::vector<Result>& results, const CalibrateOp
 bool compare(const Calibration& fresh, const Calibration& stored, nlohmann::ordered_json& json,
              bool quiet) {
   bool well = true;
-  for (const auto& now : fresh.entries)
-    for (const auto& then : stored.entries) {
-      if (now.sensor != then.sensor) continue;
-      const double residual = now.offset_m - then.offset_m;
-      const double error = std::hypot(now.standard_error_m, then.standard_error_m);
-      const bool holds = std::abs(residual) <= 3 * error;
-      well = well && holds;
-      json["residuals"].push_back({{"sensor", name_of(now.sensor)},
-                                   {"residual_m", residual},
-                                   {"standard_error_m", error},
-                                   {"holds", holds}});
-      if (!quiet)
-        std::printf("%-6s residual %+.2f mm +- %.2f mm: the calibration of %s %s\n",
-                    name_of(now.sensor), 1e3 * residual, 1e3 * error, then.date_utc.c_str(),
-                    holds ? "holds" : "has slipped; calibrate anew");
-    }
+  for (const auto& now : fresh.entries) {
+    const auto* then = stored.find(now.sensor);
+    if (!then) continue;
+    const double residual = now.offset_m - then->offset_m;
+    const double error = std::hypot(now.standard_error_m, then->standard_error_m);
+    const bool holds = std::abs(residual) <= 3 * error;
+    well = well && holds;
+    json["residuals"].push_back({{"sensor", name_of(now.sensor)},
+                                 {"residual_m", residual},
+                                 {"standard_error_m", error},
+                                 {"holds", holds}});
+    if (!quiet)
+      std::printf("%-6s residual %+.2f mm +- %.2f mm: the calibration of %s %s\n",
+                  name_of(now.sensor), 1e3 * residual, 1e3 * error, then->date_utc.c_str(),
+                  holds ? "holds" : "has slipped; calibrate anew");
+  }
   return well;
+}
+
+// What the file to be written holds already; never overwritten unread.
+Calibration stored_in(const std::string& path) {
+  std::error_code none;
+  if (!std::filesystem::exists(path, none)) return {};
+  try {
+    return read_calibration(path);
+  } catch (const Error& e) {
+    throw Error(e.code(),
+                std::string(e.what()) + "\n" + path +
+                    " is not overwritten; to begin anew, remove it or name another --out");
+  }
+}
+
+void store(const Calibration& fresh, const Calibration& stored, const std::string& path,
+           nlohmann::ordered_json& json, bool quiet) {
+  write_calibration(path, fresh.over(stored));
+  json["file"] = path;
+  for (const auto& e : stored.entries) {
+    if (fresh.find(e.sensor)) continue;
+    json["kept"].push_back(
+        {{"sensor", name_of(e.sensor)}, {"offset_m", e.offset_m}, {"date_utc", e.date_utc}});
+    if (!quiet)
+      std::printf("%-6s kept: offset %+.2f mm of %s\n", name_of(e.sensor), 1e3 * e.offset_m,
+                  e.date_utc.c_str());
+  }
+  if (!quiet) std::printf("written to %s\n", path.c_str());
 }
 
 }  // namespace
@@ -288,6 +317,7 @@ ExitCode calibrate(const Config& config, const CalibrateOptions& options, const 
                 "neither tdc.address nor radar.cli is given: nothing to calibrate");
   if (options.check && config.calibration.entries.empty())
     throw Error(ExitCode::config, "--check: run.calibration names no calibration to compare with");
+  const Calibration stored = options.check ? config.calibration : stored_in(options.out);
   Measurement measurement(config, options, clock);
   measurement.run();
   const auto results = measurement.results();
@@ -302,11 +332,9 @@ ExitCode calibrate(const Config& config, const CalibrateOptions& options, const 
   const Calibration fresh = to_calibration(results, options, measurement.firmware(), clock);
   bool well = true;
   if (options.check) {
-    well = compare(fresh, config.calibration, json, options.json);
+    well = compare(fresh, stored, json, options.json);
   } else if (!fresh.entries.empty()) {
-    write_calibration(options.out, fresh);
-    json["file"] = options.out;
-    if (!options.json) std::printf("written to %s\n", options.out.c_str());
+    store(fresh, stored, options.out, json, options.json);
   }
   if (options.json) std::printf("%s\n", json.dump().c_str());
   return refused ? ExitCode::device : well ? ExitCode::ok : ExitCode::failed;

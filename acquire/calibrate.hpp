@@ -20,8 +20,9 @@ struct CalibrateOptions {
   bool json = false;
 };
 
-// Writes the sensors that could be measured; device code if one could not. With `check`: failed if
-// a sensor is off by more than three standard errors of the difference.
+// Writes the sensors that could be measured, and keeps what the file says of the others; device
+// code if one could not. With `check`: failed if a sensor is off by more than three standard errors
+// of the difference. Throws Error(config) before it measures: the file is there and cannot be read.
 ExitCode calibrate(const Config& config, const CalibrateOptions& options, const Clock& clock);
 
 }  // namespace echofuse::acquire

@@ -38,6 +38,20 @@ std::optional<FirmwareBias> read_firmware_bias(const std::string& line) {
   return whole ? std::optional(out) : std::nullopt;
 }
 
+const record::CalibrationEntry* Calibration::find(Sensor sensor) const {
+  for (const auto& e : entries)
+    if (e.sensor == sensor) return &e;
+  return nullptr;
+}
+
+Calibration Calibration::over(const Calibration& older) const {
+  Calibration out;
+  for (const Sensor sensor : ranging)
+    if (const auto* e = find(sensor) ? find(sensor) : older.find(sensor)) out.entries.push_back(*e);
+  out.firmware = firmware ? firmware : older.firmware;
+  return out;
+}
+
 Calibration read_calibration(const std::string& path) {
   std::array<record::CalibrationEntry, 2> entries;
   FirmwareBias firmware;

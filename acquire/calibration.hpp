@@ -23,6 +23,10 @@ std::optional<FirmwareBias> read_firmware_bias(const std::string& line);
 struct Calibration {
   std::vector<record::CalibrationEntry> entries;  // of one or both ranging sensors
   std::optional<FirmwareBias> firmware;
+
+  const record::CalibrationEntry* find(Sensor sensor) const;  // null: none
+  // All that this one has, and of `older` the rest.
+  Calibration over(const Calibration& older) const;
 };
 
 // Throws Error(config) with all faults, file:line each.

@@ -144,7 +144,8 @@ void judge_radar(Judge& judge, RadarConfig& radar, const std::string& cfg,
   });
 }
 
-void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& folder) {
+void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& folder,
+           bool with_calibration) {
   if (c.configured() == 0)
     judge.complain({"tdc.address", "radar.cli", "depth.address"},
                    "no device; expected at least one of tdc.address, radar.cli, depth.address");
@@ -160,7 +161,7 @@ void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& f
   judge_radar(judge, c.radar, k.cfg, folder);
   c.calibration_path =
       (folder / (k.calibration.empty() ? "calibration.toml" : k.calibration)).string();
-  if (!k.calibration.empty())
+  if (with_calibration && !k.calibration.empty())
     judge.attempt({"run.calibration"},
                   [&] { c.calibration = read_calibration(c.calibration_path); });
   if (!c.depth.address.empty())
@@ -180,7 +181,8 @@ std::uint32_t Config::required() const {
   return bits;
 }
 
-Config load_config(const std::string& path, const std::vector<std::string>& assignments) {
+Config load_config(const std::string& path, const std::vector<std::string>& assignments,
+                   bool with_calibration) {
   Config config;
   Keys keys = defaults_of(config);
   Settings settings;
@@ -188,7 +190,8 @@ Config load_config(const std::string& path, const std::vector<std::string>& assi
   config.text = read_config_text(path);
   std::vector<std::string> faults = settings.read(config.text, path, assignments);
   take_numbers(config, keys);
-  judge(Judge(settings, path, faults), config, keys, std::filesystem::path(path).parent_path());
+  judge(Judge(settings, path, faults), config, keys, std::filesystem::path(path).parent_path(),
+        with_calibration);
   if (!faults.empty()) refuse(faults);
   config.resolved = settings.resolved(true);
   config.shown = settings.with_origins();

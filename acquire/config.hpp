@@ -36,7 +36,9 @@ struct Config {
 
 // Reads the file, then applies `assignments` ("key=value"). A radar cfg named in it is read
 // relative to the file's folder. Throws Error(config) listing all faults, each with the place of
-// its key. Nothing is opened: that an address can be does not mean that a device is there.
-Config load_config(const std::string& path, const std::vector<std::string>& assignments = {});
+// its key. Nothing is opened: that an address can be does not mean that a device is there. Without
+// `with_calibration` the file of run.calibration is not read: it is about to be written.
+Config load_config(const std::string& path, const std::vector<std::string>& assignments = {},
+                   bool with_calibration = true);
 
 }  // namespace echofuse::acquire

@@ -159,7 +159,7 @@ ExitCode info(const Options& o) {
 }
 
 ExitCode calibrate_sensors(Options& o) {
-  const Config config = load(o);
+  const Config config = load_config(o.config, o.assignments, o.calibrate.check);
   if (o.calibrate.out.empty()) o.calibrate.out = config.calibration_path;
   o.calibrate.json = o.json;
   catch_interrupts();

@@ -85,6 +85,8 @@ struct CalibrationEntry {
   Sensor sensor{};
   std::string date_utc, method;
   double distance_m = 0, offset_m = 0, standard_error_m = 0;
+
+  bool operator==(const CalibrationEntry&) const = default;
 };
 
 // The `run` table.

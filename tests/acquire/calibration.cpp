@@ -29,6 +29,22 @@ TEST_CASE("a calibration file reads back as it was written") {
   CHECK(back.firmware->lines == 7);
 }
 
+TEST_CASE("what was not measured anew is kept") {
+  Calibration stored, fresh;
+  stored.entries = {{Sensor::spd, "old", "m", 1, 0.1, 1e-4},
+                    {Sensor::radar, "old", "m", 1, 0.2, 1e-4}};
+  stored.firmware = FirmwareBias{0.01, {1, 0}, 3};
+  CHECK(fresh.over(stored).entries == stored.entries);
+  fresh.entries = {{Sensor::radar, "new", "m", 1, 0.3, 1e-4}};
+  const Calibration both = fresh.over(stored);
+  CHECK(both.entries == std::vector{stored.entries[0], fresh.entries[0]});
+  REQUIRE(both.firmware);
+  CHECK(both.firmware->lines == 3);
+  CHECK(fresh.over({}).entries == fresh.entries);
+  fresh.firmware = FirmwareBias{0.02, {1, 0}, 4};
+  CHECK(fresh.over(stored).firmware->lines == 4);
+}
+
 TEST_CASE("calibration files that cannot be are refused with their place") {
   const Folder folder;
   const std::string path = folder / "c.toml";

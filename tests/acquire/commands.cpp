@@ -141,6 +141,23 @@ TEST_CASE("metadata without a value, a folder that cannot be written") {
   CHECK(has(o.text, "closed/a.sqlite: its folder is read-only"));
 }
 
+TEST_CASE("calibrate needs no calibration, and overwrites none that it cannot read") {
+  const Folder folder;
+  write_file(folder / "lab.toml",
+             "[run]\nconnect_timeout_s = 0.2\ncalibration = \"c.toml\"\n"
+             "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n");
+  const std::string config = "calibrate --repeat 1 --time 0.1 --config " + folder / "lab.toml";
+  refuses(config, 4, "spd    refused: spd bridge:tcp://127.0.0.1:9: ");
+  refuses(config + " --check", 3,
+          "lab.toml:3:1: run.calibration: " + folder / "c.toml: cannot read");
+  for (const std::string text : {"[spd]\noffset_cm = 6\n", ""}) {
+    write_file(folder / "c.toml", text);
+    refuses(config, 3, "c.toml is not overwritten; to begin anew, remove it or name another --out");
+    CHECK(fs::file_size(folder / "c.toml") == text.size());
+  }
+  refuses(config + " --out " + folder / "new.toml", 4, "refused");
+}
+
 TEST_CASE("no device answers: one clear line each, and no file") {
   const Folder folder;
   write_file(folder / "lab.toml",

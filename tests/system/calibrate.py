@@ -44,6 +44,16 @@ class Calibrate(unittest.TestCase):
             self.assertLess(sensor["standard_error_m"], 2e-3)
             self.assertGreater(sensor["snr_db"], 10)
         uses = ("--set", f"run.calibration={stored}")
+        self.assertNotIn("kept", json.loads(done.stdout.splitlines()[-1]))
+        # One sensor again: the other one's entry stays as it is.
+        before = stored.read_text()
+        again = self.calibrate("--set", "radar.cli=", "--set", "radar.data=", *uses)
+        self.assertEqual(again.returncode, 0, again.stderr)
+        [kept] = json.loads(again.stdout.splitlines()[-1])["kept"]
+        self.assertEqual((kept["sensor"], kept["date_utc"] in before), ("radar", True))
+        self.assertEqual(stored.read_text().partition("[radar]")[2], before.partition("[radar]")[2])
+        self.assertNotEqual(stored.read_text(), before)
+        stored.write_text(before)
         run = self.lab("run", "--config", self.dir / "lab/lab.toml", "--out", self.dir / "run", "--count", "1", *uses)
         self.assertEqual(run.returncode, 0, run.stderr)
         info = json.loads(subprocess.run([bin_dir / "echofuse-acquire", "info", "--json", self.dir / "run.sqlite"],
