@@ -108,7 +108,7 @@ class Daemon final : private SampleSink {
 
 void Daemon::run() {
   if (options_.resume)
-    refuse_resuming(record::RunReader(options_.out).info(), options_.out, config_);
+    refuse_resuming(record::RunReader(options_.out), config_);
   else
     refuse_bad_target(options_.out);
   devices_.start();

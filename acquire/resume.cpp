@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <map>
 #include <set>
 #include <sstream>
@@ -14,7 +15,8 @@ namespace echofuse::acquire {
 namespace {
 
 const std::set<std::string> free_keys{"run.label",      "run.operator",    "run.connect_timeout_s",
-                                      "radar.cli_baud", "radar.data_baud", "radar.cfg"};
+                                      "radar.cli_baud", "radar.data_baud", "radar.cfg",
+                                      "run.calibration"};
 const std::set<std::string> places{"tdc.address", "radar.cli", "radar.data", "depth.address"};
 
 // The resolved text: [section], key = value, comments on lines of their own.
@@ -39,9 +41,30 @@ std::string text_or(const std::map<std::string, std::string>& values, const std:
   return found == values.end() ? "not set" : found->second;
 }
 
+std::string text_of(const record::CalibrationEntry* entry) {
+  if (!entry) return "none";
+  char text[80];
+  std::snprintf(text, sizeof text, "%+.3f mm +- %.3f mm of ", 1e3 * entry->offset_m,
+                1e3 * entry->standard_error_m);
+  return text + entry->date_utc;
+}
+
+std::string other_calibration(const Calibration& before, const Calibration& now) {
+  std::string differing;
+  for (const Sensor sensor : {Sensor::spd, Sensor::radar}) {
+    const auto *a = before.find(sensor), *b = now.find(sensor);
+    if (a && b ? *a == *b : a == b) continue;
+    differing += std::string("\nrun.calibration: the offset of ") + name_of(sensor) + " was " +
+                 text_of(a) + ", now " + text_of(b);
+  }
+  return differing;
+}
+
 }  // namespace
 
-void refuse_other_config(const record::RunInfo& begun, const Config& config) {
+void refuse_other_config(const record::RunInfo& begun,
+                         const std::vector<record::CalibrationEntry>& calibrated,
+                         const Config& config) {
   const auto before = values_of(begun.config_resolved), now = values_of(config.resolved);
   std::set<std::string> keys;
   for (const auto* values : {&before, &now})
@@ -51,6 +74,7 @@ void refuse_other_config(const record::RunInfo& begun, const Config& config) {
     if (text_or(before, key) != text_or(now, key))
       differing += "\n" + key + " was " + text_or(before, key) + ", now " + text_or(now, key);
   if (begun.radar_cfg != config.radar.cfg_text) differing += "\nradar.cfg has another text";
+  differing += other_calibration({.entries = calibrated, .firmware = {}}, config.calibration);
   if (!differing.empty())
     throw Error(ExitCode::config, "a run is resumed with its own configuration only:" + differing);
 }
@@ -75,10 +99,11 @@ void refuse_bad_target(const std::filesystem::path& out) {
     throw Error(ExitCode::disk, out.string() + ": its folder is read-only");
 }
 
-void refuse_resuming(const record::RunInfo& begun, const std::string& path, const Config& config) {
-  if (begun.status == "open")
-    throw Error(ExitCode::failed, path + ": is being recorded by another process");
-  refuse_other_config(begun, config);
+void refuse_resuming(const record::RunReader& begun, const Config& config) {
+  const record::RunInfo info = begun.info();
+  if (info.status == "open")
+    throw Error(ExitCode::failed, begun.path() + ": is being recorded by another process");
+  refuse_other_config(info, begun.calibrations(), config);
 }
 
 }  // namespace echofuse::acquire

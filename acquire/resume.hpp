@@ -6,14 +6,17 @@
 #include <vector>
 
 #include "acquire/config.hpp"
-#include "acquire/record/record.hpp"
+#include "acquire/record/run_file.hpp"
 
 namespace echofuse::acquire {
 
 // Throws Error(config) that names the keys whose values differ from those that the run was begun
 // with. May differ: run.label, run.operator, run.connect_timeout_s, baud rates, and where a device
-// is attached (not whether there is one). The radar cfg counts by its text, not by its name.
-void refuse_other_config(const record::RunInfo& begun, const Config& config);
+// is attached (not whether there is one). The radar cfg counts by its text, the calibration by its
+// entries, `calibrated` in the run; neither by its name.
+void refuse_other_config(const record::RunInfo& begun,
+                         const std::vector<record::CalibrationEntry>& calibrated,
+                         const Config& config);
 
 // Throws Error(config) if a device's axis is not the one of that name in the run.
 void refuse_other_axes(const std::vector<Axis>& begun, const DeviceInfo& device);
@@ -21,6 +24,6 @@ void refuse_other_axes(const std::vector<Axis>& begun, const DeviceInfo& device)
 // Throws Error: `out` exists (failed), its folder does not or cannot be written (disk).
 void refuse_bad_target(const std::filesystem::path& out);
 // Throws Error: it is being recorded (failed), or refuse_other_config does.
-void refuse_resuming(const record::RunInfo& begun, const std::string& path, const Config& config);
+void refuse_resuming(const record::RunReader& begun, const Config& config);
 
 }  // namespace echofuse::acquire

@@ -18,7 +18,7 @@ TEST_CASE("a run is resumed with its own configuration only") {
   begun.config_resolved = first.resolved;
   begun.radar_cfg = first.radar.cfg_text;
   const auto verdict = [&](const std::vector<std::string>& set) {
-    return error_of([&] { refuse_other_config(begun, load_config(path, set)); });
+    return error_of([&] { refuse_other_config(begun, {}, load_config(path, set)); });
   };
   CHECK(verdict({}).first == ExitCode::ok);
   CHECK(verdict({"run.label=x", "run.operator=y", "run.connect_timeout_s=3",
@@ -32,6 +32,39 @@ TEST_CASE("a run is resumed with its own configuration only") {
   CHECK(has(verdict({"depth.address="}).second, "depth.address was a device, now none"));
   begun.radar_cfg = "sensorStart\n";
   CHECK(has(verdict({}).second, "radar.cfg has another text"));
+}
+
+TEST_CASE("a run is resumed with its own calibration only, whatever its file is called") {
+  const Folder folder;
+  const std::string path = folder / "lab.toml";
+  write_file(path, "[depth]\naddress = \"openni:\"\n");
+  Calibration c;
+  c.entries = {{Sensor::spd, "2026-11-21T10:00:00Z", "m", 1, 0.0656, 1e-5}};
+  write_calibration(folder / "a.toml", c);
+  write_calibration(folder / "b.toml", c);
+  const std::vector<std::string> first{"run.calibration=a.toml"};
+  record::RunInfo info;
+  info.config_resolved = load_config(path, first).resolved;
+  record::RunWriter writer(folder / "run.sqlite", info);
+  for (const auto& entry : c.entries) writer.put_calibration(entry);
+  writer.close("complete");
+  const auto verdict = [&](const std::vector<std::string>& set) {
+    return error_of(
+        [&] { refuse_resuming(record::RunReader(folder / "run.sqlite"), load_config(path, set)); });
+  };
+  CHECK(verdict(first).second == "");
+  CHECK(verdict({"run.calibration=b.toml"}).second == "");
+  c.entries[0].date_utc = "2026-11-22T10:00:00Z";
+  c.entries[0].offset_m = 0.0666;
+  c.entries.push_back({Sensor::radar, "2026-11-22T10:00:00Z", "m", 1, -0.01, 2e-4});
+  write_calibration(folder / "a.toml", c);
+  const auto [code, text] = verdict(first);
+  CHECK(code == ExitCode::config);
+  CHECK(has(text,
+            "\nrun.calibration: the offset of spd was +65.600 mm +- 0.010 mm of "
+            "2026-11-21T10:00:00Z, now +66.600 mm +- 0.010 mm of 2026-11-22T10:00:00Z"));
+  CHECK(has(text, "\nrun.calibration: the offset of radar was none, now -10.000 mm +- "));
+  CHECK(has(verdict({}).second, "2026-11-21T10:00:00Z, now none"));
 }
 
 TEST_CASE("a device with another axis does not continue a run") {
