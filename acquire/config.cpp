@@ -99,9 +99,12 @@ class Judge {
 
   // At the first of `keys` that is given.
   void complain(std::initializer_list<const char*> keys, const std::string& what) {
-    for (const char* key : keys)
-      if (settings_.given(key))
-        return faults_.push_back(settings_.origin(key) + ": " + key + ": " + what);
+    for (const char* key : keys) {
+      const std::string origin = settings_.origin(key);
+      if (origin.empty()) continue;
+      const bool names_key = origin.starts_with("--set ");
+      return faults_.push_back(origin + ": " + (names_key ? "" : key + std::string(": ")) + what);
+    }
     faults_.push_back(name_ + ": " + what);
   }
   template <class Body>
@@ -154,7 +157,8 @@ void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& f
                                      {"depth.policy", "depth.address"}};
   for (std::size_t i = 0; i < sensor_count; ++i)
     if ((c.required() & ~c.configured()) >> i & 1u)
-      judge.complain({keys[i][0]}, std::string("is \"required\", but ") + keys[i][1] + " is empty");
+      judge.complain({keys[i][0]}, std::string("a required sensor needs its address, ") +
+                                       keys[i][1] + " is empty");
   if (!c.tdc.address.empty()) judge.attempt({"tdc.address"}, [&] { check_tdc(c.tdc.address); });
   judge.attempt({"tdc.click_channel", "tdc.start_channel", "tdc.bins", "tdc.bin_width_ps"},
                 [&] { const tdc::Histogram check(c.histogram); });

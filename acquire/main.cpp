@@ -86,17 +86,25 @@ void set_up_log(const Options& o) {
 
 Config load(const Options& o) { return load_config(o.config, o.assignments); }
 
+std::filesystem::path run_file(std::filesystem::path name) {
+  if (!name.has_extension()) name += ".sqlite";
+  return name;
+}
+
+// A run that is there, by its file or by the name that --out gave it.
+std::string old_run(const std::string& name) {
+  return std::filesystem::is_regular_file(name) ? name : run_file(name).string();
+}
+
 // --out as a file: strftime's fields are those of now (UTC), so that a service names each run anew.
-std::string run_file(const std::string& out) {
+std::string new_run(const std::string& out) {
   const std::time_t now = std::time(nullptr);
   std::tm utc{};
   gmtime_r(&now, &utc);
   std::string name(out.size() + 256, '\0');
   name.resize(std::strftime(name.data(), name.size(), out.c_str(), &utc));
   if (name.empty()) throw Error(ExitCode::usage, "--out " + out + ": not a name");
-  std::filesystem::path path = std::filesystem::absolute(name);
-  if (!path.has_extension()) path += ".sqlite";
-  return path.string();
+  return std::filesystem::absolute(run_file(name)).string();
 }
 
 void plan_count(Options& o, const Config& config) {
@@ -112,11 +120,15 @@ ExitCode run(Options& o) {
     const auto equals = pair.find('=');
     if (equals == 0 || equals == std::string::npos)
       throw Error(ExitCode::usage, "--meta " + pair + ": expected key=value");
-    o.run.meta.emplace_back(pair.substr(0, equals), pair.substr(equals + 1));
+    const std::string key = pair.substr(0, equals);
+    for (const auto& [before, value] : o.run.meta)
+      if (before == key) throw Error(ExitCode::usage, "--meta " + key + ": given twice");
+    o.run.meta.emplace_back(key, pair.substr(equals + 1));
   }
   plan_count(o, config);
   o.run.resume = !o.resume.empty();
-  o.run.out = o.run.resume ? std::filesystem::absolute(o.resume).string() : run_file(o.run.out);
+  o.run.out =
+      o.run.resume ? std::filesystem::absolute(old_run(o.resume)).string() : new_run(o.run.out);
   o.run.quiet = o.quiet;
   catch_interrupts();
   record_run(config, o.run, SystemClock());
@@ -138,7 +150,7 @@ ExitCode doctor(Options& o) {
   catch_interrupts();
   const auto config = load_if_any(o);
   if (config) plan_count(o, *config);
-  return examine(config, {.out = run_file(o.run.out), .count = o.run.count, .json = o.json},
+  return examine(config, {.out = new_run(o.run.out), .count = o.run.count, .json = o.json},
                  SystemClock());
 }
 
@@ -319,6 +331,7 @@ std::string command_of(const CLI::App& app) {
 
 ExitCode dispatch(const std::string& command, Options& o) {
   set_up_log(o);
+  if (!o.file.empty()) o.file = old_run(o.file);
   if (command == "run") return run(o);
   if (command == "devices") return list_devices(o);
   if (command == "doctor") return doctor(o);

@@ -14,10 +14,11 @@
 
 namespace echofuse::record {
 
-// How well one sensor covered the slot.
+// How well one sensor covered the slot. Times are those at which samples were taken: the device's,
+// by the fit of its clock to the host's; of receipt only where there is no fit.
 struct SensorSync {
-  double offset_s = 0;              // mean receive time of what was used, minus the slot's centre
-  double span_s = 0;                // last minus first receive time of what was used
+  double offset_s = 0;              // mean time of what was used, minus the slot's centre
+  double span_s = 0;                // last minus first time of what was used
   std::uint64_t used = 0;           // SPD: clicks in the histogram; radar, depth: frames
   std::uint64_t lost = 0;           // tags, radar frames, depth frames known to be missing
   std::string verdict = "missing";  // "ok", or why the sensor is not valid

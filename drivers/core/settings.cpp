@@ -263,9 +263,8 @@ void Settings::parse(std::string text, const std::string& name, Faults& faults) 
 }
 
 void Settings::take(const std::string& assignment, Faults& faults) {
-  const auto complain = [&](const std::string& what) {
-    faults.push_back("--set " + assignment + ": " + what);
-  };
+  const std::string origin = "--set " + assignment;
+  const auto complain = [&](const std::string& what) { faults.push_back(origin + ": " + what); };
   const auto equals = assignment.find('=');
   if (equals == std::string::npos) return complain("expected key=value");
   const std::string key = assignment.substr(0, equals);
@@ -275,7 +274,7 @@ void Settings::take(const std::string& assignment, Faults& faults) {
   try {
     const toml::table table = parse_value(assignment.substr(equals + 1));
     const std::string expected =
-        table.size() == 1 ? assign(*entry, *table.get("v"), "--set") : expectation(*entry);
+        table.size() == 1 ? assign(*entry, *table.get("v"), origin) : expectation(*entry);
     if (!expected.empty()) complain("expected " + expected);
   } catch (const toml::parse_error&) {
     complain("expected UTF-8");

@@ -40,7 +40,8 @@ class Settings {
   void set(const std::string& assignment);
 
   bool given(const std::string& key) const { return !origin(key).empty(); }
-  // Where a key's value comes from: "FILE:line:column", "--set", or empty for the default.
+  // Where a key's value comes from: "FILE:line:column", "--set key=value", or empty for the
+  // default.
   std::string origin(const std::string& key) const;
   // The settings as TOML with all values, which read_text takes back; with each key's meaning and
   // range as a comment if asked.

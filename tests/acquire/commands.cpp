@@ -92,7 +92,7 @@ TEST_CASE("config check says ok or all faults; config show prints values with th
   CHECK(good.text == path + ": ok\n");
   const Outcome shown = acquire("config show" + config + " --set tdc.bins=99");
   CHECK(shown.code == 0);
-  CHECK(has(shown.text, "\nbins = 99  # --set\n"));
+  CHECK(has(shown.text, "\nbins = 99  # --set tdc.bins=99\n"));
   CHECK(has(shown.text, "\nbin_width_ps = 50  # " + path + ":3:1\n"));
   CHECK(has(shown.text, "\nwindow_s = 3.0  # default\n"));
   write_file(folder / "again.toml", shown.text);
@@ -130,6 +130,8 @@ TEST_CASE("metadata without a value, a folder that cannot be written") {
   const std::string config = " --config " + folder / "lab.toml";
   refuses("run --out " + folder / "a" + config + " --meta room", 2,
           "--meta room: expected key=value");
+  refuses("run --out " + folder / "a" + config + " --meta a=1 --meta b=1 --meta a=2", 2,
+          "--meta a: given twice");
   fs::create_directory(folder / "closed");
   fs::permissions(folder / "closed", fs::perms::owner_read | fs::perms::owner_exec);
   // Permissions do not bind root.
@@ -213,6 +215,20 @@ TEST_CASE("info, recover and export of a run") {
   refuses("export " + run + " --to " + folder / "a.txt", 2, "expected NAME.h5, or NAME.csv");
   refuses("export " + run + " --to " + folder / "b.csv", 2, "with --record N");
   refuses("export " + run + " --record 6 --to " + folder / "b.csv", 1, "no record 6");
+}
+
+TEST_CASE("a run goes by its file and by the name that --out gave it") {
+  const Folder folder;
+  write_run(folder / "m1.sqlite", 2);
+  write_run(folder / "plain", 3);
+  write_file(folder / "lab.toml", "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n");
+  CHECK(json_of("info --json " + folder / "m1")["records"] == 2);
+  CHECK(json_of("info --json " + folder / "plain")["records"] == 3);
+  CHECK(acquire("recover " + folder / "m1").text == "2 records\n");
+  refuses("mark " + folder / "m1" + " door", 1, "m1.sqlite: nobody is recording");
+  refuses("run --config " + folder / "lab.toml" + " --resume " + folder / "m1", 3,
+          "a run is resumed with its own configuration only");
+  refuses("mark " + folder / "m2" + " door", 1, "m2.sqlite: ");
 }
 
 TEST_CASE("the script in plain Python reads a run") {

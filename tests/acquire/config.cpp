@@ -75,7 +75,9 @@ TEST_CASE("what one key alone cannot show") {
     CHECK(has(text, path + ":5:1: radar.data: "));
     CHECK(has(text, path + ":6:1: radar.cfg: " + folder / "r.cfg: cannot read"));
     CHECK(has(text, path + ":7:1: radar.data_baud = 200 does not fit"));
-    CHECK(has(text, "--set: depth.address: address \"carrier:pigeon\": expected bridge:tcp"));
+    CHECK(
+        has(text,
+            "--set depth.address=carrier:pigeon: address \"carrier:pigeon\": expected bridge:tcp"));
   }
   SECTION("a radar with one port and no cfg") {
     write_file(path, "[radar]\ncli = \"serial:/dev/ttyACM0\"\n");
@@ -107,14 +109,18 @@ TEST_CASE("what one key alone cannot show") {
   SECTION("a sensor that is required, but has no address") {
     write_file(path, "[depth]\naddress = \"openni:\"\npolicy = \"required\"\n");
     CHECK(load_config(path).required() == 4);
-    CHECK(has(refusal(path, {"radar.policy=required"}).second,
-              "radar.policy: is \"required\", but radar.cli is empty"));
+    CHECK(has(
+        refusal(path, {"radar.policy=required"}).second,
+        "--set radar.policy=required: a required sensor needs its address, radar.cli is empty"));
     CHECK(has(refusal(path, {"tdc.policy=must"}).second, "\"optional\" \"required\""));
   }
   SECTION("a bad --set") {
     write_file(path, "[depth]\naddress = \"openni:\"\n");
     CHECK(has(refusal(path, {"tdc.bin=3"}).second, "nearest known one is \"tdc.bins\""));
     CHECK(has(refusal(path, {"tdc.bins=0"}).second, "expected a whole number from 1"));
+    CHECK(refusal(path, {"run.calibration=no.toml"}).second ==
+          "--set run.calibration=no.toml: " +
+              folder / "no.toml: cannot read; expected a text file");
   }
   CHECK(refusal(path, {"tdc.bins=x"}).first == ExitCode::config);
 }

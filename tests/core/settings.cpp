@@ -151,13 +151,13 @@ TEST_CASE("every value has its origin, which the settings as TOML tell and still
   REQUIRE(s.read("window_s = 1\n[tdc]\nbins = 7\n", "lab.toml", {"radar.psf=blackman"}).empty());
   CHECK(s.origin("window_s") == "lab.toml:1:1");
   CHECK(s.origin("tdc.bins") == "lab.toml:3:1");
-  CHECK(s.origin("radar.psf") == "--set");
+  CHECK(s.origin("radar.psf") == "--set radar.psf=blackman");
   CHECK(s.origin("tdc.filter").empty());
   s.set("tdc.bins=8");
-  CHECK(s.origin("tdc.bins") == "--set");
+  CHECK(s.origin("tdc.bins") == "--set tdc.bins=8");
   const std::string text = s.with_origins();
   CHECK(text.find("\nwindow_s = 1.0  # lab.toml:1:1\n") != std::string::npos);
-  CHECK(text.find("\nbins = 8  # --set\n") != std::string::npos);
+  CHECK(text.find("\nbins = 8  # --set tdc.bins=8\n") != std::string::npos);
   CHECK(text.find("\nfilter = true  # default\n") != std::string::npos);
   CHECK(text.find("# number of bins (a whole number from 1 to 65536)\n") != std::string::npos);
   Sample other;

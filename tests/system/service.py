@@ -127,6 +127,19 @@ class Service(live.Live):
         self.assertEqual(daemon.returncode, 0, log)
         self.check_slots(self.rows())
 
+    def test_stopped_early(self):
+        """Stopped while it waits for a device: nothing that systemd takes for a failure."""
+        missing = "--set", "tdc.policy=required", "--set", f"tdc.address=bridge:tcp://127.0.0.1:1"
+        daemon = self.start([live.bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--out",
+                             self.dir / "run", *missing], stderr=subprocess.PIPE, text=True)
+        first = daemon.stderr.readline()  # it has looked for the device, so it listens to signals
+        daemon.send_signal(signal.SIGTERM)
+        log = first + self.finish(daemon)
+        self.assertIn("interrupted before the first slot", log)
+        self.assertIn(str(daemon.returncode), Unit()["Service"]["SuccessExitStatus"].split(), log)
+        self.assertEqual(daemon.returncode, 130)
+        self.assertFalse(self.run.exists())
+
     def test_disk_full(self):
         """The last sign of life is that of the last record; the exit code is one that systemd leaves alone."""
         def limit_file_size():
