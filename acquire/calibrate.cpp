@@ -13,6 +13,7 @@
 
 #include "acquire/calibration.hpp"
 #include "acquire/devices.hpp"
+#include "acquire/start_gaps.hpp"
 #include "drivers/core/console.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "drivers/radar/profile.hpp"
@@ -23,7 +24,7 @@ namespace {
 constexpr double ps_per_m = 2e12 / speed_of_light_m_s;
 constexpr double spd_reach_m = 15;  // beyond the reflector: cables delay by metres
 constexpr std::int64_t spd_bin_ps = 10;
-constexpr double most_clicks_a_start = 0.05;  // more, and the first photon hides later ones
+constexpr double most_clicks_a_pulse = 0.05;  // more, and the first photon hides later ones
 
 // From the laser's sync on: a click counts from the last sync before it.
 tdc::HistogramSettings fine_axis(const Config& config, const Search& search) {
@@ -37,18 +38,20 @@ tdc::HistogramSettings fine_axis(const Config& config, const Search& search) {
 // What arrives while a repeat lasts.
 class Gatherer final : public SampleSink {
  public:
-  Gatherer(const Config& config, const Search& search) : histogram_(fine_axis(config, search)) {}
+  Gatherer(const Config& config, const Search& search)
+      : starts(config.histogram.start_channel), histogram_(fine_axis(config, search)) {}
 
   void on_tags(const TagBlock& block) override {
-    if (block.lost_blocks + block.lost_items > 0) histogram_.forget_start();
+    if (block.lost_blocks + block.lost_items > 0) forget_start();
     histogram_.add(block.tags);
+    starts.add(block.tags);
   }
   void on_radar(RadarFrame frame) override {
     if (running && !frame.range_profile.empty()) frames.push_back(std::move(frame.range_profile));
   }
   void on_depth(DepthFrame) override {}
   void on_state(Sensor sensor, DeviceState, const DeviceInfo&) override {
-    if (sensor == Sensor::spd) histogram_.forget_start();
+    if (sensor == Sensor::spd) forget_start();
   }
   void on_event(Sensor, Severity, const std::string& text) override {
     if (const auto bias = read_firmware_bias(text)) firmware.push_back(*bias);
@@ -63,10 +66,15 @@ class Gatherer final : public SampleSink {
 
   bool running = false;
   tdc::TagCounts counts;
+  StartGaps starts;
   std::vector<std::vector<std::uint16_t>> frames;
   std::vector<FirmwareBias> firmware;
 
  private:
+  void forget_start() {
+    histogram_.forget_start();
+    starts.forget_start();
+  }
   tdc::Histogram histogram_;
 };
 
@@ -189,10 +197,9 @@ class Measurement {
   Result spd() const {
     Result r{Sensor::spd, photons(all_counts_), spread_of(spd_ranges_),
              "Gaussian by maximum likelihood"};
-    const double ratio =
+    const double a_start =
         starts_ == 0 ? 0 : static_cast<double>(clicks_) / static_cast<double>(starts_);
-    // With a conditional filter only starts that have a click arrive, one each.
-    if (r.peak.refusal.empty() && ratio > most_clicks_a_start && ratio < 0.9)
+    if (r.peak.refusal.empty() && a_start * gatherer_.starts.share() > most_clicks_a_pulse)
       r.peak.refusal = "saturated: more than one click in 20 laser pulses; attenuate the light";
     if (!devices_[Sensor::spd].delivers()) r.peak.refusal = devices_.describe(Sensor::spd);
     r.peak.standard_error_m = honest_error(r.peak.standard_error_m, spd_ranges_);

@@ -22,15 +22,15 @@ class Calibrate(unittest.TestCase):
         self.addCleanup(folder.cleanup)
         self.dir = pathlib.Path(folder.name)
 
-    def lab(self, *command, scene="reflector", delay_ps=SPD_PS, cfg="xwr68xx_44mm.cfg"):
+    def lab(self, *command, scene="reflector", delay_ps=SPD_PS, cfg="xwr68xx_44mm.cfg", lab=()):
         return subprocess.run([bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--scene", scene, "--window", "1",
-                               "--radar-cfg", config / cfg, "--set", f"spd_delay_ps={delay_ps}", "--set",
-                               f"radar_bias_m={RADAR_M}", "--", bin_dir / "echofuse-acquire", *command], text=True,
+                               "--laser-rate-hz", "4e6", "--radar-cfg", config / cfg, "--set", f"spd_delay_ps={delay_ps}", "--set",
+                               f"radar_bias_m={RADAR_M}", *lab, "--", bin_dir / "echofuse-acquire", *command], text=True,
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=60)
 
-    def calibrate(self, *options, **lab):
-        return self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json", "--repeat", "6", "--time", "0.4",
-                        "--window", "0.3", *options, **lab)
+    def calibrate(self, *options, repeat=6, **lab):
+        return self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json", "--repeat", str(repeat), "--time",
+                        "0.4", "--window", "0.3", *options, **lab)
 
     def test_measured_stored_used_checked(self):
         stored = self.dir / "calibration.toml"
@@ -74,6 +74,13 @@ class Calibrate(unittest.TestCase):
         nothing = self.calibrate("--out", self.dir / "c.toml", scene="empty")
         self.assertEqual(nothing.returncode, 4, nothing.stderr)
         self.assertTrue(all("refusal" in s for s in json.loads(nothing.stdout.splitlines()[-1])["sensors"]))
+        self.assertFalse((self.dir / "c.toml").exists())
+        # A detector that clicks at 19 pulses of 20, whether the tagger sends all starts or only those with a click.
+        for syncs in (), ("--all-syncs",):
+            bright = self.calibrate("--out", self.dir / "c.toml", "--set", "radar.cli=", "--set", "radar.data=", repeat=1,
+                                    lab=("--set", "pulses_per_window=10000", *syncs))
+            self.assertEqual(bright.returncode, 4, bright.stderr)
+            self.assertIn("saturated: more than one click in 20", bright.stdout)
         self.assertFalse((self.dir / "c.toml").exists())
         unknown = self.calibrate("--check")
         self.assertEqual(unknown.returncode, 3)

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/start_gaps.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <random>
+
+#include "drivers/core/random.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+
+namespace {
+
+// Pulses of 50 ns with a click each by this chance; the device passes all starts or only theirs.
+std::vector<Tag> pulses(double chance, bool filtered, std::int64_t count, Rng& rng) {
+  std::bernoulli_distribution clicks(chance);
+  std::vector<Tag> tags;
+  for (std::int64_t n = 0; n < count; ++n) {
+    const bool click = clicks(rng);
+    if (click || !filtered) tags.push_back({.channel = 1, .time_ps = n * 50'000});
+    if (click) tags.push_back({.channel = 2, .time_ps = n * 50'000 + 6667});
+  }
+  return tags;
+}
+
+double share_of(const std::vector<Tag>& tags) {
+  StartGaps gaps(1);
+  gaps.add(tags);
+  return gaps.share();
+}
+
+}  // namespace
+
+TEST_CASE("with a conditional filter the gaps between starts tell the chance of a click") {
+  Rng rng = make_rng(7, 0);
+  for (const double chance : {0.03, 0.1, 0.5, 0.95}) {
+    const double n = 1e6 * chance, gaps = std::min(n, 1e5);
+    CHECK(std::abs(share_of(pulses(chance, true, 1'000'000, rng)) - chance) <
+          5 * std::sqrt(chance * (1 - chance) / gaps));
+  }
+  for (const double chance : {1e-4, 1e-3, 5e-3})
+    CHECK(share_of(pulses(chance, true, 10'000'000, rng)) < 0.02);
+}
+
+TEST_CASE("without a filter every pulse arrives, however bright it is") {
+  Rng rng = make_rng(7, 1);
+  for (const double chance : {0.001, 0.5, 1.0})
+    CHECK(share_of(pulses(chance, false, 20'000, rng)) == 1);
+  CHECK(share_of({}) == 1);
+}
+
+TEST_CASE("gaps in the stream and damaged times are no pulses") {
+  Rng rng = make_rng(7, 2);
+  auto tags = pulses(0.1, true, 1'000'000, rng);
+  const double whole = share_of(tags);
+  for (std::size_t i = 500; i < tags.size(); i += 5000) tags[i].time_ps ^= std::int64_t{1} << 40;
+  for (std::size_t i = 700; i < tags.size(); i += 5000) tags[i].time_ps += 3;
+  for (std::size_t i = 900; i < tags.size(); i += 5000) tags[i].type = TagType::overflow_begin;
+  CHECK(std::abs(share_of(tags) - whole) < 2e-3);
+  StartGaps gaps(1);
+  for (const Tag& tag : tags) {
+    gaps.add({&tag, 1});
+    gaps.forget_start();
+  }
+  CHECK(gaps.share() == 1);
+}
