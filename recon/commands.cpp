@@ -27,18 +27,20 @@ void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit) {
   app.add_option("--scaling", scaling, "per-record scaling of each sensor")
       ->check(CLI::IsMember(scaling_names))
       ->capture_default_str();
-  app.add_option("--hidden", fit.hidden, "mlp: widths of the hidden layers")
+  app.add_option("--hidden", fit.hidden, "mlp: widths of the hidden layers (512,256)")
       ->delimiter(',')
-      ->check(CLI::Range(1, 65536))
-      ->capture_default_str();
-  app.add_option("--epochs", fit.epochs)->check(CLI::Range(1, 100000))->capture_default_str();
+      ->check(CLI::Range(1, 65536));
+  app.add_option("--basis", fit.basis,
+                 "factorised: body shapes, and twice as many hidden units; 0: 16")
+      ->check(CLI::Range(0, 1024));
+  app.add_option("--epochs", fit.epochs, "default: 60 (mlp), 100 (factorised)")
+      ->check(CLI::Range(1, 100000));
   app.add_option("--batch", fit.batch)->check(CLI::Range(1, 65536))->capture_default_str();
-  app.add_option("--learning-rate", fit.learning_rate)
-      ->check(CLI::Range(1e-9, 10.0))
-      ->capture_default_str();
-  app.add_option("--weight-decay", fit.weight_decay)
-      ->check(CLI::Range(0.0, 10.0))
-      ->capture_default_str();
+  app.add_option("--learning-rate", fit.learning_rate,
+                 "at the beginning; default: 0.002 (mlp), 0.003 (factorised)")
+      ->check(CLI::Range(1e-9, 10.0));
+  app.add_option("--weight-decay", fit.weight_decay, "default: 0.7 (mlp), 0.3 (factorised)")
+      ->check(CLI::Range(0.0, 10.0));
 }
 
 }  // namespace
@@ -59,9 +61,9 @@ Command add_train(CLI::App& app, const Common& common) {
          "add up the radar's power in bins of so many metres from 0 to 7 m (the paper: 0.5)")
       ->check(CLI::Range(0.01, 3.5));
   add_fit_options(app, a->scaling, a->fit);
-  app.add_option("--patience", a->fit.patience, "epochs without progress before stopping")
-      ->check(CLI::Range(1, 100000))
-      ->capture_default_str();
+  app.add_option("--patience", a->fit.patience,
+                 "epochs without progress before stopping; default: 15 (mlp), 100 (factorised)")
+      ->check(CLI::Range(1, 100000));
   app.add_option("--seed", a->fit.seed, "of weights, order and random split")
       ->capture_default_str();
   app.add_option("--split", a->split.kind, "random, or blocked for sequences")

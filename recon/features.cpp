@@ -83,6 +83,10 @@ Matrix Features::apply(const Dataset& data, const Rows& rows) const {
 Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
                       const std::string& scaling) {
   Features f{inputs, scaling, data.spd_axis, data.radar_axis, {}, 1, 1};
+  if (scaling == raw_scaling) {
+    f.centre.assign(f.count(), 0);
+    return f;
+  }
   const Matrix table = raw_inputs(f, data, rows);
   f.centre = column_means(table);
   const double wanted = static_cast<double>(f.count()) / (inputs == Inputs::fused ? 2 : 1);

@@ -6,17 +6,24 @@
 #include <vector>
 
 #include "recon/dataset.hpp"
+#include "recon/models/model.hpp"
 
 namespace echofuse::recon {
 
 // How one record's readings are brought to a common strength before the training set's scaling.
 //   plain   as they are
 //   sqrt    square root, which makes the noise of a Poisson count the same in every bin
+//   raw     as they are, and not scaled by the training set either (models that do it themselves)
 //   record  minus the record's own median (background), divided by its own sum: blind to laser
 //           power, exposure and radar gain
 inline const std::vector<std::string> scaling_names = {"plain", "sqrt", "record"};
 
+inline const std::string raw_scaling = "raw";
+
 struct Features {
+  Layout layout() const {
+    return {spd_count() > 0 ? spd_axis : Axis{}, radar_count() > 0 ? radar_axis : Axis{}};
+  }
   Inputs inputs = Inputs::fused;
   std::string scaling = "record";
   Axis spd_axis, radar_axis;           // what a record must have

@@ -82,14 +82,16 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const std::strin
   const auto started = std::chrono::steady_clock::now();
   TrainedModel out;
   out.name = name;
-  out.features = fit_features(data, split.train, inputs, scaling);
+  out.features =
+      fit_features(data, split.train, inputs, wants_readings(name) ? raw_scaling : scaling);
   out.scene = learn_scene(data.depth, split.train);
   out.model = make_model(name);
   Rows all(data.size());
   for (std::size_t i = 0; i < all.size(); ++i) all[i] = i;
   const Matrix scaled = out.features.apply(data, all);
-  out.log = out.model->fit({scaled, data.depth, split.train},
-                           {scaled, data.depth, split.validation}, options);
+  const Layout layout = out.features.layout();
+  out.log = out.model->fit({scaled, data.depth, split.train, layout},
+                           {scaled, data.depth, split.validation, layout}, options);
   out.seen = remember(data, split);
   out.data_hash = data.hash;
   out.train_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();

@@ -11,8 +11,15 @@ std::unique_ptr<Model> make_model(const std::string& name) {
   if (name == "nearest") return make_nearest();
   if (name == "ridge") return make_ridge();
   if (name == "mlp") return make_mlp();
-  throw Error(ExitCode::usage,
-              "model \"" + name + "\": expected empty, mean, nearest, ridge or mlp");
+  if (name == "silhouette") return make_silhouette();
+  if (name == "factorised") return make_factorised();
+  throw Error(ExitCode::usage, "model \"" + name +
+                                   "\": expected empty, mean, nearest, ridge, mlp, silhouette or "
+                                   "factorised");
+}
+
+bool wants_readings(const std::string& name) {
+  return name == "silhouette" || name == "factorised";
 }
 
 }  // namespace echofuse::recon

@@ -3,26 +3,37 @@
 #pragma once
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "acquire/record/h5.hpp"
+#include "drivers/core/axis.hpp"
 #include "recon/maps/matrix.hpp"
 
 namespace echofuse::recon {
+
+// Which columns of the inputs are what: the SPD's bins, then the radar's. A count of 0: not there.
+struct Layout {
+  Axis spd, radar;
+};
 
 // Scaled inputs (features.hpp) and depth maps of the same records, and the rows of both to use.
 struct Samples {
   const Matrix& inputs;
   const Matrix& maps;  // 64 x 64, metres
   Rows rows;
+  Layout layout = {};
 };
 
+// What is not given is as each model works best.
 struct FitOptions {
-  std::vector<std::size_t> hidden = {512, 256};  // mlp: width of each hidden layer
-  std::size_t epochs = 60, batch = 64;
-  double learning_rate = 2e-3, weight_decay = 0.7;
-  std::size_t patience = 15;  // epochs without a better validation loss before stopping
+  std::optional<std::vector<std::size_t>> hidden;  // mlp: width of each hidden layer
+  std::size_t basis = 0;  // factorised: body shapes, and twice as many hidden units; 0: its default
+  std::optional<std::size_t> epochs;
+  std::optional<double> learning_rate, weight_decay;
+  std::optional<std::size_t> patience;  // epochs without a better validation loss before stopping
+  std::size_t batch = 64;
   std::uint64_t seed = 1;
   bool quiet = false;
 };
@@ -50,7 +61,8 @@ class Model {
   virtual void load(const record::H5File& file) = 0;
 };
 
-inline const std::vector<std::string> model_names = {"empty", "mean", "nearest", "ridge", "mlp"};
+inline const std::vector<std::string> model_names = {"empty", "mean",       "nearest",   "ridge",
+                                                     "mlp",   "silhouette", "factorised"};
 std::unique_ptr<Model> make_model(const std::string& name);  // throws Error(usage)
 
 // The models, one a file.
@@ -59,5 +71,10 @@ std::unique_ptr<Model> make_mean();        // the mean training map
 std::unique_ptr<Model> make_nearest();     // the map of the training record with the nearest input
 std::unique_ptr<Model> make_ridge();       // linear, penalty chosen by generalised cross-validation
 std::unique_ptr<Model> make_mlp();         // the paper's plain network
+std::unique_ptr<Model> make_silhouette();  // the mean body, placed
+std::unique_ptr<Model> make_factorised();  // place, and shape in the body's own frame
+
+// Whether the model takes the readings as they are (Features' scaling "raw").
+bool wants_readings(const std::string& name);
 
 }  // namespace echofuse::recon

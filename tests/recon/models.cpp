@@ -192,6 +192,10 @@ TEST_CASE("identical records make a model, not a NaN") {
   const Dataset data = load({dir / "same"});
   for (const auto& name : model_names) {
     CAPTURE(name);
+    if (wants_readings(name)) {  // what is in all maps alike is background
+      CHECK_THROWS_WITH(train(data, quick(name)), Catch::Contains("show a body"));
+      continue;
+    }
     const TrainedModel model = train(data, quick(name));
     for (const float v : model.predict(data, {0, 11}).values) REQUIRE(std::isfinite(v));
   }

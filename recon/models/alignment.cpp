@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: MIT
+#include "recon/models/alignment.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/core/exit_code.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr double background_quantile = 0.05;  // of the training records: nobody stands everywhere
+constexpr double reach_m = 0.8;               // half the depth of a body with outstretched arms
+constexpr int centroid_passes = 3;
+constexpr double significance = 5;
+constexpr double histogram_reach_m = 0.7, histogram_step_m = 0.04;
+// Of the radar profile against the body: a target at x shifts it by b x / r.
+constexpr double profile_from_m = -1.0, profile_to_m = 1.3, least_profile_step_m = 0.04;
+
+float nth(std::vector<float> values, double quantile) {
+  const auto at =
+      values.begin() + static_cast<std::ptrdiff_t>(quantile * static_cast<double>(values.size()));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+// What is there in every record: per column of [first, first + count), the level that few records
+// are below, less its distance to the median. Where bodies come and go that is nothing.
+std::vector<float> background_of(const Matrix& table, const Rows& rows, std::size_t first,
+                                 std::size_t count) {
+  std::vector<float> out(count), column(rows.size());
+  for (std::size_t c = 0; c < count; ++c) {
+    for (std::size_t i = 0; i < rows.size(); ++i) column[i] = table.row(rows[i])[first + c];
+    const float low = nth(column, background_quantile);
+    out[c] = std::max(2 * low - nth(column, 0.5), 0.f);
+  }
+  return out;
+}
+
+float sum_of(std::span<const float> values) {
+  float sum = 0;
+  for (const float v : values) sum += v;
+  return sum;
+}
+
+}  // namespace
+
+Alignment::Alignment(const Layout& layout, const Matrix& readings, const Rows& rows) {
+  if (layout.spd.count == 0 || layout.radar.count == 0)
+    throw Error(ExitCode::usage, "--model factorised needs both sensors: --inputs fused");
+  const double m_per_unit = 1e-12 * speed_of_light_m_s / 2;
+  spd_first_m_ = layout.spd.at(0.5) * m_per_unit;
+  spd_step_m_ = layout.spd.step * m_per_unit;
+  radar_first_m_ = layout.radar.start;
+  radar_step_m_ = layout.radar.step;
+  profile_step_m_ = std::max(radar_step_m_ / 2, least_profile_step_m);
+  spd_background_ = background_of(readings, rows, 0, layout.spd.count);
+  radar_background_ = background_of(readings, rows, layout.spd.count, layout.radar.count);
+}
+
+std::size_t Alignment::histogram_bins() const {
+  return static_cast<std::size_t>(std::lround(2 * histogram_reach_m / histogram_step_m));
+}
+
+std::size_t Alignment::profile_points() const {
+  return 1 + static_cast<std::size_t>((profile_to_m - profile_from_m) / profile_step_m_);
+}
+
+Body Alignment::operator()(std::span<const float> readings, std::span<float> features) const {
+  const std::size_t bins = spd_background_.size();
+  std::vector<float> clicks(bins), power(radar_background_.size());
+  for (std::size_t i = 0; i < bins; ++i) clicks[i] = readings[i] - spd_background_[i];
+  const float level = nth(clicks, 0.5);
+  for (float& v : clicks) v -= level;
+  for (std::size_t i = 0; i < power.size(); ++i)
+    power[i] = readings[bins + i] - radar_background_[i];
+  std::fill(features.begin(), features.end(), 0.f);
+  const Body body = find_body(clicks, readings.first(bins));
+  if (!body.there) return body;
+  align_histogram(clicks, body.range_m, features.first(histogram_bins()));
+  align_profile(power, body.range_m, features.subspan(histogram_bins(), profile_points()));
+  features.back() = body.range_m;
+  return body;
+}
+
+// `clicks`: above the background, which `counts` still has.
+Body Alignment::find_body(std::span<const float> clicks, std::span<const float> counts) const {
+  const auto bins = static_cast<double>(clicks.size());
+  double from = 0, to = bins, clicks_in = 0, counts_in = 0, centre = 0;
+  for (int pass = 0; pass <= centroid_passes; ++pass) {
+    double moment = 0;
+    clicks_in = counts_in = 0;
+    for (auto i = static_cast<std::size_t>(from); i < static_cast<std::size_t>(to); ++i) {
+      // At first over all bins, where a noise of both signs would pull the centroid anywhere.
+      const double weight = pass == 0 ? std::max(clicks[i], 0.f) : clicks[i];
+      clicks_in += weight, counts_in += double{counts[i]};
+      moment += weight * static_cast<double>(i);
+    }
+    if (clicks_in <= 0) return {};
+    centre = moment / clicks_in;
+    from = std::clamp(centre - reach_m / spd_step_m_, 0.0, bins);
+    to = std::clamp(centre + reach_m / spd_step_m_ + 1, 0.0, bins);
+  }
+  const bool there = clicks_in > significance * std::sqrt(counts_in);
+  return {there, static_cast<float>(spd_first_m_ + centre * spd_step_m_)};
+}
+
+// Clicks between two ranges are differences of the running sum, interpolated.
+void Alignment::align_histogram(std::span<const float> clicks, float range_m,
+                                std::span<float> out) const {
+  std::vector<float> running(clicks.size() + 1);
+  for (std::size_t i = 0; i < clicks.size(); ++i) running[i + 1] = running[i] + clicks[i];
+  const auto up_to = [&](double at_m) {
+    const double x = std::clamp((at_m - spd_first_m_) / spd_step_m_ + 0.5, 0.0,
+                                static_cast<double>(clicks.size()));
+    const auto i = std::min(static_cast<std::size_t>(x), clicks.size() - 1);
+    const auto part = static_cast<float>(x - static_cast<double>(i));
+    return running[i] + part * (running[i + 1] - running[i]);
+  };
+  const double start = double{range_m} - histogram_reach_m;
+  const float first = up_to(start);
+  float before = first;
+  for (std::size_t j = 0; j < out.size(); ++j) {
+    const float now = up_to(start + static_cast<double>(j + 1) * histogram_step_m);
+    out[j] = now - before;
+    before = now;
+  }
+  if (before - first > 0)
+    for (float& v : out) v /= before - first;
+}
+
+// A power profile has twice the bandwidth of its amplitude, which is c/2B wide: sampled at half of
+// that (as the base condition is) it is whole, and the sinc series gives it between its points.
+// sin(pi (a - i)) = (-1)^i sin(pi a) leaves one sine a point.
+void Alignment::align_profile(std::span<const float> power, float range_m,
+                              std::span<float> out) const {
+  constexpr float nearly_on = 1e-4f;
+  for (std::size_t j = 0; j < out.size(); ++j) {
+    const auto a = static_cast<float>((double{range_m} + profile_from_m +
+                                       static_cast<double>(j) * profile_step_m_ - radar_first_m_) /
+                                      radar_step_m_);
+    const float nearest = std::round(a);
+    if (std::abs(a - nearest) < nearly_on) {
+      const auto i = static_cast<std::ptrdiff_t>(nearest);
+      out[j] = i >= 0 && i < std::ssize(power) ? power[static_cast<std::size_t>(i)] : 0;
+      continue;
+    }
+    float sum = 0;
+    for (std::size_t i = 0; i < power.size(); ++i) {
+      const float term = power[i] / (a - static_cast<float>(i));
+      sum += i % 2 == 0 ? term : -term;
+    }
+    out[j] = sum * std::sin(static_cast<float>(M_PI) * a) / static_cast<float>(M_PI);
+  }
+  std::vector<float> above(out.begin(), out.end());
+  for (float& v : above) v = std::max(v, 0.f);
+  if (const float all = sum_of(above); all > 0)
+    for (float& v : out) v /= all;
+}
+
+void Alignment::save(record::H5File& file) const {
+  file.write("model/spd_background", spd_background_, {spd_background_.size()});
+  file.write("model/radar_background", radar_background_, {radar_background_.size()});
+  file.set("model/spd_background", "first_m", spd_first_m_);
+  file.set("model/spd_background", "step_m", spd_step_m_);
+  file.set("model/radar_background", "first_m", radar_first_m_);
+  file.set("model/radar_background", "step_m", radar_step_m_);
+  file.set("model/radar_background", "profile_step_m", profile_step_m_);
+}
+
+void Alignment::load(const record::H5File& file) {
+  spd_background_ = file.read<float>("model/spd_background");
+  radar_background_ = file.read<float>("model/radar_background");
+  spd_first_m_ = file.get<double>("model/spd_background", "first_m");
+  spd_step_m_ = file.get<double>("model/spd_background", "step_m");
+  radar_first_m_ = file.get<double>("model/radar_background", "first_m");
+  radar_step_m_ = file.get<double>("model/radar_background", "step_m");
+  profile_step_m_ = file.get<double>("model/radar_background", "profile_step_m");
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: MIT
+#include "recon/models/components.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "drivers/core/random.hpp"
+#include "recon/models/blas.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t spare_directions = 10;
+constexpr int iterations = 6;
+
+using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+Eigen::Map<RowMajor> as_eigen(Matrix& m) {
+  return {m.values.data(), static_cast<Eigen::Index>(m.rows), static_cast<Eigen::Index>(m.cols)};
+}
+
+// Rows of q, made orthonormal.
+void orthonormalise(Matrix& q) {
+  const auto map = as_eigen(q);
+  const Eigen::HouseholderQR<Eigen::MatrixXf> qr(map.transpose());
+  const Eigen::MatrixXf thin =
+      qr.householderQ() * Eigen::MatrixXf::Identity(map.cols(), map.rows());
+  as_eigen(q) = thin.transpose();
+}
+
+Matrix times(const Matrix& a, const Matrix& b, Transpose a_t, Transpose b_t) {
+  const std::size_t m = a_t == Transpose::yes ? a.cols : a.rows;
+  const std::size_t k = a_t == Transpose::yes ? a.rows : a.cols;
+  Matrix out(m, b_t == Transpose::yes ? b.rows : b.cols);
+  multiply({m, out.cols, k, a_t, b_t}, a.values.data(), b.values.data(), out.values.data());
+  return out;
+}
+
+std::vector<float> subtract_mean(Matrix& table) {
+  std::vector<double> sum(table.cols);
+  for (std::size_t i = 0; i < table.rows; ++i)
+    for (std::size_t c = 0; c < table.cols; ++c) sum[c] += double{table.row(i)[c]};
+  std::vector<float> mean(table.cols);
+  for (std::size_t c = 0; c < table.cols; ++c)
+    mean[c] =
+        static_cast<float>(sum[c] / static_cast<double>(std::max<std::size_t>(table.rows, 1)));
+  for (std::size_t i = 0; i < table.rows; ++i)
+    for (std::size_t c = 0; c < table.cols; ++c) table.row(i)[c] -= mean[c];
+  return mean;
+}
+
+}  // namespace
+
+Components principal_components(Matrix table, std::size_t count, std::uint64_t seed) {
+  Components out;
+  out.mean = subtract_mean(table);
+  const std::size_t most = std::min(table.rows, table.cols);
+  count = std::min(count, most);
+  Matrix q(std::min(count + spare_directions, most), table.cols);
+  Rng rng = make_rng(seed, 0);
+  std::normal_distribution<float> normal;
+  for (float& v : q.values) v = normal(rng);
+  if (count == 0) return out;
+  orthonormalise(q);
+  for (int i = 0; i < iterations; ++i) {
+    q = times(times(table, q, Transpose::no, Transpose::yes), table, Transpose::yes, Transpose::no);
+    orthonormalise(q);
+  }
+  Matrix seen = times(table, q, Transpose::no, Transpose::yes);
+  const Eigen::MatrixXd in = as_eigen(seen).cast<double>();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(in.transpose() * in /
+                                                             static_cast<double>(table.rows));
+  Matrix turn(count, q.rows);  // eigenvalues come in rising order
+  for (std::size_t k = 0; k < count; ++k) {
+    const auto last = eigen.eigenvalues().size() - 1 - static_cast<Eigen::Index>(k);
+    out.deviation.push_back(
+        static_cast<float>(std::sqrt(std::max(eigen.eigenvalues()(last), 0.0))));
+    for (std::size_t j = 0; j < q.rows; ++j)
+      turn.row(k)[j] = static_cast<float>(eigen.eigenvectors()(static_cast<Eigen::Index>(j), last));
+  }
+  out.basis = times(turn, q, Transpose::no, Transpose::no);
+  return out;
+}
+
+Matrix coordinates(const Components& components, const Matrix& table) {
+  Matrix centred = table;
+  for (std::size_t i = 0; i < table.rows; ++i)
+    for (std::size_t c = 0; c < table.cols; ++c) centred.row(i)[c] -= components.mean[c];
+  return times(centred, components.basis, Transpose::no, Transpose::yes);
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: MIT
+// The directions in which the rows of a table vary most.
+#pragma once
+#include <cstdint>
+
+#include "recon/maps/matrix.hpp"
+
+namespace echofuse::recon {
+
+struct Components {
+  std::vector<float> mean;       // of the columns
+  Matrix basis;                  // one orthonormal direction a row, the strongest first
+  std::vector<float> deviation;  // standard deviation of the table along each
+};
+
+// At most `count`, at most as many as the table's rank allows. By subspace iteration (Halko,
+// Martinsson and Tropp, SIAM Rev. 53, 217, 2011): few directions of many columns.
+Components principal_components(Matrix table, std::size_t count, std::uint64_t seed);
+
+// (table - mean) basis': one row of coordinates a row.
+Matrix coordinates(const Components& components, const Matrix& table);
+
+}  // namespace echofuse::recon

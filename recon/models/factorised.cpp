@@ -1,0 +1,336 @@
+// SPDX-License-Identifier: MIT
+// The scene taken apart: where the body is (from the radar profile's shift against the histogram,
+// a small network) and what it looks like there (a few masks and depths in a frame that moves with
+// the body, their amounts from another small network), drawn into the map. It needs both sensors
+// and one thing that stands out from the background. The silhouette is the same without the second
+// network: the mean body, placed.
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/core/exit_code.hpp"
+#include "recon/maps/scene.hpp"
+#include "recon/models/alignment.hpp"
+#include "recon/models/blas.hpp"
+#include "recon/models/body_frame.hpp"
+#include "recon/models/components.hpp"
+#include "recon/models/regression.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t default_basis = 16;
+constexpr std::size_t least_shape_hidden = 16;
+const Training own{.hidden = {32, 32},  // of the position
+                   .epochs = 100,
+                   .patience = 100,
+                   .learning_rate = 3e-3,
+                   .weight_decay = 0.3};
+// For the components of the bodies; more records hardly turn them.
+constexpr std::size_t most_bodies = 3000;
+
+float intersection_over_union(std::span<const float> map, std::span<const float> truth,
+                              std::span<const float> background) {
+  int both = 0, any = 0;
+  for (std::size_t p = 0; p < map.size(); ++p) {
+    const bool a = map[p] != background[p], b = true_foreground(truth[p], background[p]);
+    both += a && b, any += a || b;
+  }
+  return any > 0 ? static_cast<float>(both) / static_cast<float>(any) : 0;
+}
+
+Rows counted(std::size_t n) {
+  Rows out(n);
+  for (std::size_t i = 0; i < n; ++i) out[i] = i;
+  return out;
+}
+
+class Factorised final : public Model {
+ public:
+  explicit Factorised(bool shapes) : shapes_(shapes) {}
+  TrainingLog fit(const Samples& train, const Samples& validation,
+                  const FitOptions& options) override;
+  Matrix predict(const Matrix& readings) const override;
+  Cost cost() const override;
+  void save(record::H5File& file) const override;
+  void load(const record::H5File& file) override;
+
+ private:
+  // Records with a body in both the readings and the map.
+  struct Seen {
+    Matrix features;  // not yet standardised
+    Rows rows;        // of the samples
+    std::vector<Place> places;
+  };
+  struct Shapes {
+    Matrix masks, reliefs;
+  };
+  Seen see(const Samples& samples) const;
+  void learn_scale(const Matrix& features);
+  void standardise(std::span<float> features) const;
+  TrainingLog fit_position(const Seen& train, const Seen& validation, const FitOptions& options);
+  void fit_bodies(const Seen& train, const Samples& samples, const FitOptions& options);
+  void fit_shape(const Seen& train, const Samples& train_samples, const Seen& validation,
+                 const Samples& validation_samples, const FitOptions& options);
+  Shapes cut(const Seen& seen, const Samples& samples, std::size_t most) const;
+  Matrix amounts(const Seen& seen, const Samples& samples) const;
+  void choose_threshold(const Seen& seen, const Samples& samples);
+  std::vector<Place> find_places(const Matrix& features) const;
+  Shapes find_shapes(const Matrix& features) const;
+
+  bool shapes_;
+  Alignment alignment_;
+  std::vector<float> background_;          // metres
+  std::vector<float> centre_, deviation_;  // of the features
+  Regression position_, shape_;
+  BodyFrame frame_;
+  Components masks_, reliefs_;
+  float threshold_ = 0.5f;
+};
+
+Factorised::Seen Factorised::see(const Samples& samples) const {
+  Seen out;
+  out.features.cols = alignment_.size();
+  std::vector<float> features(alignment_.size());
+  for (const std::size_t row : samples.rows) {
+    const auto place = place_of(samples.maps.row(row), background_);
+    if (!place || !alignment_(samples.inputs.row(row), features).there) continue;
+    out.features.add_row(features);
+    out.rows.push_back(row);
+    out.places.push_back(*place);
+  }
+  return out;
+}
+
+void Factorised::learn_scale(const Matrix& features) {
+  centre_.assign(features.cols, 0);
+  deviation_.assign(features.cols, 1);
+  const auto n = static_cast<double>(features.rows);
+  for (std::size_t c = 0; c < features.cols; ++c) {
+    double sum = 0, squares = 0;
+    for (std::size_t i = 0; i < features.rows; ++i) sum += double{features.row(i)[c]};
+    for (std::size_t i = 0; i < features.rows; ++i)
+      squares += std::pow(double{features.row(i)[c]} - sum / n, 2);
+    centre_[c] = static_cast<float>(sum / n);
+    if (squares > 0) deviation_[c] = static_cast<float>(std::sqrt(squares / n));
+  }
+}
+
+void Factorised::standardise(std::span<float> features) const {
+  for (std::size_t c = 0; c < features.size(); ++c)
+    features[c] = (features[c] - centre_[c]) / deviation_[c];
+}
+
+TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
+                            const FitOptions& options) {
+  background_ = learn_scene(train.maps, train.rows).background;
+  alignment_ = Alignment(train.layout, train.inputs, train.rows);
+  Seen seen = see(train), judged = see(validation);
+  if (seen.rows.size() < 2)
+    throw Error(ExitCode::failed,
+                "fewer than two training records show a body in depth map, histogram and profile");
+  learn_scale(seen.features);
+  for (Seen* s : {&seen, &judged})
+    for (std::size_t i = 0; i < s->features.rows; ++i) standardise(s->features.row(i));
+  const TrainingLog log = fit_position(seen, judged, options);
+  fit_bodies(seen, train, options);
+  if (shapes_) fit_shape(seen, train, judged, validation, options);
+  if (judged.rows.empty())
+    choose_threshold(seen, train);
+  else
+    choose_threshold(judged, validation);
+  return log;
+}
+
+// Metres to the right of the axis at the body's range, and how far its mean depth lies behind it.
+TrainingLog Factorised::fit_position(const Seen& train, const Seen& validation,
+                                     const FitOptions& options) {
+  const auto targets = [&](const Seen& seen) {
+    Matrix out(seen.rows.size(), 2);
+    for (std::size_t i = 0; i < out.rows; ++i) {
+      const float range_m = seen.features.row(i).back() * deviation_.back() + centre_.back();
+      out.row(i)[0] = seen.places[i].tangent * range_m;
+      out.row(i)[1] = seen.places[i].depth_m - range_m;
+    }
+    return out;
+  };
+  Training training = training_of(options, own);
+  training.hidden = own.hidden;
+  return position_.fit({train.features, targets(train), counted(train.rows.size())},
+                       {validation.features, targets(validation), counted(validation.rows.size())},
+                       Spread::each, training, "position", " of the spread");
+}
+
+void Factorised::fit_bodies(const Seen& train, const Samples& samples, const FitOptions& options) {
+  frame_ = BodyFrame(samples.maps, background_, train.rows, train.places);
+  const std::size_t basis = !shapes_ ? 0 : options.basis > 0 ? options.basis : default_basis;
+  Shapes bodies = cut(train, samples, most_bodies);
+  masks_ = principal_components(std::move(bodies.masks), basis, options.seed);
+  reliefs_ = principal_components(std::move(bodies.reliefs), (basis + 1) / 2, options.seed + 1);
+}
+
+void Factorised::fit_shape(const Seen& train, const Samples& train_samples, const Seen& validation,
+                           const Samples& validation_samples, const FitOptions& options) {
+  Training training = training_of(options, own);
+  const std::size_t width = std::max(2 * masks_.basis.rows, least_shape_hidden);
+  training.hidden = {width, width};
+  shape_.fit({train.features, amounts(train, train_samples), counted(train.rows.size())},
+             {validation.features, amounts(validation, validation_samples),
+              counted(validation.rows.size())},
+             Spread::common, training, "shape", " of the spread");
+}
+
+Factorised::Shapes Factorised::cut(const Seen& seen, const Samples& samples,
+                                   std::size_t most) const {
+  const std::size_t count = std::min(seen.rows.size(), most);
+  Shapes out{Matrix(count, frame_.size()), Matrix(count, frame_.size())};
+  for (std::size_t i = 0; i < count; ++i)
+    frame_.cut(samples.maps.row(seen.rows[i]), background_, seen.places[i], out.masks.row(i),
+               out.reliefs.row(i));
+  return out;
+}
+
+// How much of each component a body has, masks first; both kinds in units of their strongest one.
+Matrix Factorised::amounts(const Seen& seen, const Samples& samples) const {
+  const Shapes bodies = cut(seen, samples, seen.rows.size());
+  const Matrix of_masks = coordinates(masks_, bodies.masks);
+  const Matrix of_reliefs = coordinates(reliefs_, bodies.reliefs);
+  Matrix out(seen.rows.size(), of_masks.cols + of_reliefs.cols);
+  const auto put = [&](const Matrix& from, const Components& components, std::size_t first) {
+    const float unit = std::max(components.deviation.front(), 1e-6f);
+    for (std::size_t i = 0; i < out.rows; ++i)
+      for (std::size_t k = 0; k < from.cols; ++k) out.row(i)[first + k] = from.row(i)[k] / unit;
+  };
+  put(of_masks, masks_, 0);
+  put(of_reliefs, reliefs_, of_masks.cols);
+  return out;
+}
+
+std::vector<Place> Factorised::find_places(const Matrix& features) const {
+  const Matrix found = position_.predict(features);
+  std::vector<Place> out;
+  for (std::size_t i = 0; i < found.rows; ++i) {
+    const float range_m = features.row(i).back() * deviation_.back() + centre_.back();
+    out.push_back({found.row(i)[0] / range_m, std::max(range_m + found.row(i)[1], 0.1f)});
+  }
+  return out;
+}
+
+Factorised::Shapes Factorised::find_shapes(const Matrix& features) const {
+  Shapes out{Matrix(features.rows, frame_.size()), Matrix(features.rows, frame_.size())};
+  for (std::size_t i = 0; i < features.rows; ++i) {
+    std::copy(masks_.mean.begin(), masks_.mean.end(), out.masks.row(i).begin());
+    std::copy(reliefs_.mean.begin(), reliefs_.mean.end(), out.reliefs.row(i).begin());
+  }
+  if (!shapes_) return out;
+  const Matrix found = shape_.predict(features);
+  const auto add = [&](Matrix& to, const Components& components, std::size_t first) {
+    Matrix amount(features.rows, components.basis.rows);
+    const float unit = std::max(components.deviation.front(), 1e-6f);
+    for (std::size_t i = 0; i < amount.rows; ++i)
+      for (std::size_t k = 0; k < amount.cols; ++k)
+        amount.row(i)[k] = found.row(i)[first + k] * unit;
+    multiply({amount.rows, to.cols, amount.cols, Transpose::no, Transpose::no, 1.f, 1.f},
+             amount.values.data(), components.basis.values.data(), to.values.data());
+  };
+  add(out.masks, masks_, 0);
+  add(out.reliefs, reliefs_, masks_.basis.rows);
+  return out;
+}
+
+// With an uncertain place the mask that overlaps best is wider than the one at a share of 1/2.
+void Factorised::choose_threshold(const Seen& seen, const Samples& samples) {
+  const std::vector<Place> places = find_places(seen.features);
+  const Shapes shapes = find_shapes(seen.features);
+  std::vector<float> map(background_.size());
+  double best = -1;
+  for (int percent = 25; percent <= 60; percent += 5) {
+    double sum = 0;
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      frame_.draw(shapes.masks.row(i), shapes.reliefs.row(i), places[i],
+                  static_cast<float>(percent) / 100, background_, map);
+      sum += double{intersection_over_union(map, samples.maps.row(seen.rows[i]), background_)};
+    }
+    if (sum > best) best = sum, threshold_ = static_cast<float>(percent) / 100;
+  }
+}
+
+Matrix Factorised::predict(const Matrix& readings) const {
+  Matrix features(0, alignment_.size());
+  std::vector<float> one(alignment_.size());
+  std::vector<std::size_t> with_body;
+  for (std::size_t i = 0; i < readings.rows; ++i) {
+    if (!alignment_(readings.row(i), one).there) continue;
+    standardise(one);
+    features.add_row(one);
+    with_body.push_back(i);
+  }
+  Matrix out(readings.rows, background_.size());
+  for (std::size_t i = 0; i < out.rows; ++i)
+    std::copy(background_.begin(), background_.end(), out.row(i).begin());
+  if (with_body.empty()) return out;
+  const std::vector<Place> places = find_places(features);
+  const Shapes shapes = find_shapes(features);
+  for (std::size_t i = 0; i < with_body.size(); ++i)
+    frame_.draw(shapes.masks.row(i), shapes.reliefs.row(i), places[i], threshold_, background_,
+                out.row(with_body[i]));
+  return out;
+}
+
+// The alignment's sinc series included: every point of the profile takes all of the radar's.
+Cost Factorised::cost() const {
+  const std::size_t basis = masks_.basis.values.size() + reliefs_.basis.values.size();
+  const Cost position = position_.cost(), shape = shape_.cost();
+  return {
+      alignment_.cost() + position.multiply_adds + shape.multiply_adds + basis + frame_.draw_cost(),
+      position.parameters + shape.parameters + basis + masks_.mean.size() + reliefs_.mean.size() +
+          2 * centre_.size() + background_.size()};
+}
+
+void save_components(record::H5File& file, const std::string& group, const Components& c) {
+  file.write(group + "/mean", c.mean, {c.mean.size()});
+  file.write(group + "/deviation", c.deviation, {c.deviation.size()});
+  file.write(group + "/basis", c.basis.values, {c.basis.rows, c.basis.cols});
+}
+
+Components load_components(const record::H5File& file, const std::string& group) {
+  Components c;
+  c.mean = file.read<float>(group + "/mean");
+  c.deviation = file.read<float>(group + "/deviation");
+  const auto shape = file.shape(group + "/basis");
+  c.basis = Matrix(shape.at(0), shape.at(1));
+  c.basis.values = file.read<float>(group + "/basis");
+  return c;
+}
+
+void Factorised::save(record::H5File& file) const {
+  alignment_.save(file);
+  frame_.save(file);
+  file.write("model/background_m", background_, {background_.size()});
+  file.set("model/background_m", "threshold", double{threshold_});
+  file.write("model/features_mean", centre_, {centre_.size()});
+  file.write("model/features_deviation", deviation_, {deviation_.size()});
+  position_.save(file, "model/position");
+  save_components(file, "model/masks", masks_);
+  save_components(file, "model/reliefs", reliefs_);
+  if (shapes_) shape_.save(file, "model/shape");
+}
+
+void Factorised::load(const record::H5File& file) {
+  alignment_.load(file);
+  frame_.load(file);
+  background_ = file.read<float>("model/background_m");
+  threshold_ = static_cast<float>(file.get<double>("model/background_m", "threshold"));
+  centre_ = file.read<float>("model/features_mean");
+  deviation_ = file.read<float>("model/features_deviation");
+  position_.load(file, "model/position");
+  masks_ = load_components(file, "model/masks");
+  reliefs_ = load_components(file, "model/reliefs");
+  if (shapes_) shape_.load(file, "model/shape");
+}
+
+}  // namespace
+
+std::unique_ptr<Model> make_factorised() { return std::make_unique<Factorised>(true); }
+std::unique_ptr<Model> make_silhouette() { return std::make_unique<Factorised>(false); }
+
+}  // namespace echofuse::recon

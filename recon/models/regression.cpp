@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: MIT
+#include "recon/models/regression.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "drivers/core/console.hpp"
+#include "recon/models/blas.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::uint64_t weight_stream = 1, order_stream = 2;
+
+// From the full rate down to nothing along half a cosine (Loshchilov and Hutter, ICLR 2017).
+double annealed(double rate, double progress) {
+  return rate * 0.5 * (1 + std::cos(M_PI * progress));
+}
+
+double square(double v) { return v * v; }
+
+}  // namespace
+
+Training training_of(const FitOptions& options, const Training& own) {
+  return {options.hidden.value_or(own.hidden),
+          options.epochs.value_or(own.epochs),
+          options.patience.value_or(own.patience),
+          options.learning_rate.value_or(own.learning_rate),
+          options.weight_decay.value_or(own.weight_decay),
+          options.batch,
+          options.seed,
+          options.quiet};
+}
+
+void Regression::standardise(const Examples& train, Spread spread) {
+  const std::size_t columns = train.targets.cols;
+  const auto n = static_cast<double>(train.rows.size());
+  std::vector<double> mean(columns), squares(columns);
+  for (const std::size_t row : train.rows)
+    for (std::size_t c = 0; c < columns; ++c) mean[c] += double{train.targets.row(row)[c]} / n;
+  for (const std::size_t row : train.rows)
+    for (std::size_t c = 0; c < columns; ++c)
+      squares[c] += square(double{train.targets.row(row)[c]} - mean[c]) / n;
+  if (spread == Spread::common) {
+    double all = 0;
+    for (const double s : squares) all += s / static_cast<double>(columns);
+    std::fill(squares.begin(), squares.end(), all);
+  }
+  centre_.assign(mean.begin(), mean.end());
+  spread_.assign(columns, 1);
+  for (std::size_t c = 0; c < columns; ++c)
+    if (squares[c] > 0) spread_[c] = static_cast<float>(std::sqrt(squares[c]));
+  unit_ = spread == Spread::common ? double{spread_.front()} : 1;
+}
+
+TrainingLog Regression::fit(const Examples& train, const Examples& validation, Spread spread,
+                            const Training& training, const std::string& title,
+                            const std::string& unit) {
+  standardise(train, spread);
+  std::vector<std::size_t> widths{train.inputs.cols};
+  widths.insert(widths.end(), training.hidden.begin(), training.hidden.end());
+  widths.push_back(train.targets.cols);
+  network_ = make_network(widths);
+  Rng weight_rng = make_rng(training.seed, weight_stream);
+  Rng order_rng = make_rng(training.seed, order_stream);
+  parameters_ = initial_parameters(network_, weight_rng);
+  Adam adam(network_.parameters, training.weight_decay);
+
+  TrainingLog log;
+  std::vector<float> best = parameters_;
+  double least = std::numeric_limits<double>::max();
+  Rows order = train.rows;
+  Progress progress(title, training.epochs, training.quiet);
+  for (std::size_t epoch = 0; epoch < training.epochs; ++epoch) {
+    std::shuffle(order.begin(), order.end(), order_rng);
+    log.loss.push_back(train_epoch(train, order, training, epoch, adam));
+    // Without validation records the last epoch is the best.
+    const double judged =
+        validation.rows.empty() ? -static_cast<double>(epoch) : rms_error(validation);
+    log.validation_loss.push_back(validation.rows.empty() ? log.loss.back() : judged);
+    if (!std::isfinite(log.loss.back()))
+      throw Error(ExitCode::failed, title + " diverged in epoch " + std::to_string(epoch + 1) +
+                                        ": the loss is not a finite number; use a smaller "
+                                        "--learning-rate");
+    if (judged < least) least = judged, best = parameters_, log.best_epoch = epoch + 1;
+    progress.update(epoch + 1, "validation " + std::to_string(log.validation_loss.back()) + unit);
+    if (interrupted()) log.interrupted = true;
+    if (log.interrupted || epoch + 1 - log.best_epoch >= training.patience) break;
+  }
+  parameters_ = std::move(best);
+  return log;
+}
+
+double Regression::train_epoch(const Examples& train, const Rows& order, const Training& training,
+                               std::size_t epoch, Adam& adam) {
+  double sum = 0;
+  const std::span<const std::size_t> rows(order);
+  for (std::size_t first = 0; first < rows.size() && !interrupted(); first += training.batch) {
+    const std::size_t count = std::min(training.batch, rows.size() - first);
+    const double done =
+        static_cast<double>(epoch) + static_cast<double>(first) / static_cast<double>(rows.size());
+    const double rate =
+        annealed(training.learning_rate, done / static_cast<double>(training.epochs));
+    sum += train_batch(train, rows.subspan(first, count), adam, rate);
+  }
+  return std::sqrt(sum / static_cast<double>(rows.size() * centre_.size())) * unit_;
+}
+
+// One step; returns the sum of squared errors, in units of the spread.
+double Regression::train_batch(const Examples& train, std::span<const std::size_t> rows, Adam& adam,
+                               double learning_rate) {
+  batch_inputs_ = take_rows(train.inputs, {rows.begin(), rows.end()});
+  const float* x = batch_inputs_.values.data();
+  forward(network_, parameters_, x, rows.size(), activations_);
+  auto& output = activations_.back();
+  const std::size_t columns = centre_.size();
+  const float per_value = 1.f / static_cast<float>(rows.size() * columns);
+  double sum = 0;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto truth = train.targets.row(rows[i]);
+    float* slope = output.data() + i * columns;
+    float squares = 0;
+    for (std::size_t c = 0; c < columns; ++c) {
+      const float error = slope[c] - (truth[c] - centre_[c]) / spread_[c];
+      squares += error * error;
+      slope[c] = 2 * error * per_value;
+    }
+    sum += double{squares};
+  }
+  backward(network_, parameters_, x, rows.size(), activations_, gradient_);
+  adam.step(parameters_, gradient_, learning_rate);
+  return sum;
+}
+
+Matrix Regression::predict(const Matrix& inputs) const {
+  Activations<float> activations;
+  forward(network_, parameters_, inputs.values.data(), inputs.rows, activations);
+  Matrix out;
+  out.rows = inputs.rows, out.cols = centre_.size();
+  out.values = std::move(activations.back());
+  for (std::size_t i = 0; i < out.rows; ++i)
+    for (std::size_t c = 0; c < out.cols; ++c)
+      out.row(i)[c] = centre_[c] + spread_[c] * out.row(i)[c];
+  return out;
+}
+
+double Regression::rms_error(const Examples& examples) const {
+  const Matrix found = predict(take_rows(examples.inputs, examples.rows));
+  double sum = 0;
+  for (std::size_t i = 0; i < found.rows; ++i)
+    for (std::size_t c = 0; c < found.cols; ++c)
+      sum += square((double{found.row(i)[c]} - double{examples.targets.row(examples.rows[i])[c]}) /
+                    double{spread_[c]});
+  return std::sqrt(sum / static_cast<double>(found.values.size())) * unit_;
+}
+
+void Regression::save(record::H5File& file, const std::string& group) const {
+  file.write(group + "/centre", centre_, {centre_.size()});
+  file.write(group + "/spread", spread_, {spread_.size()});
+  for (std::size_t l = 0; l < network_.layers.size(); ++l) {
+    const Layer& layer = network_.layers[l];
+    const std::string name = group + "/layer" + std::to_string(l);
+    const std::span<const float> all(parameters_);
+    file.write(name + "/weights", all.subspan(layer.weights, layer.inputs * layer.outputs),
+               {layer.inputs, layer.outputs});
+    file.write(name + "/biases", all.subspan(layer.biases, layer.outputs), {layer.outputs});
+  }
+}
+
+void Regression::load(const record::H5File& file, const std::string& group) {
+  centre_ = file.read<float>(group + "/centre");
+  spread_ = file.read<float>(group + "/spread");
+  std::vector<std::size_t> widths;
+  parameters_.clear();
+  for (std::size_t l = 0;; ++l) {
+    const std::string name = group + "/layer" + std::to_string(l);
+    if (!file.has(name + "/weights")) break;
+    const auto shape = file.shape(name + "/weights");
+    if (l == 0) widths.push_back(shape.at(0));
+    widths.push_back(shape.at(1));
+    for (const char* part : {"/weights", "/biases"}) {
+      const auto values = file.read<float>(name + part);
+      parameters_.insert(parameters_.end(), values.begin(), values.end());
+    }
+  }
+  network_ = make_network(widths);
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: MIT
+// A network fitted by least squares to a table of targets. It learns the difference to their mean
+// in units of their spread, so that training starts from the mean.
+#pragma once
+#include <span>
+#include <string>
+#include <vector>
+
+#include "recon/models/adam.hpp"
+#include "recon/models/model.hpp"
+#include "recon/models/network.hpp"
+
+namespace echofuse::recon {
+
+// Row i of both tables is one example; `rows` are those to use.
+struct Examples {
+  const Matrix& inputs;
+  const Matrix& targets;
+  const Rows& rows;
+};
+
+// What an error in one target weighs: the same number in every column (pixels of one map), or in
+// each column as many of its own standard deviations (numbers of different kinds).
+enum class Spread : bool { common, each };
+
+struct Training {
+  std::vector<std::size_t> hidden;  // width of each hidden layer
+  std::size_t epochs, patience;
+  double learning_rate, weight_decay;  // at first; falls to nothing
+  std::size_t batch = 64;
+  std::uint64_t seed = 1;
+  bool quiet = false;
+};
+
+// The options, where they are silent the given figures.
+Training training_of(const FitOptions& options, const Training& own);
+
+class Regression {
+ public:
+  // The log is in units of the targets (common) or of their standard deviations (each). `title`
+  // and `unit` are for the progress line. Throws Error(failed) if training diverges.
+  TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
+                  const Training& training, const std::string& title, const std::string& unit);
+  Matrix predict(const Matrix& inputs) const;
+  Cost cost() const { return {network_.weights, network_.parameters}; }
+  void save(record::H5File& file, const std::string& group) const;
+  void load(const record::H5File& file, const std::string& group);
+
+ private:
+  void standardise(const Examples& train, Spread spread);
+  double train_epoch(const Examples& train, const Rows& order, const Training& training,
+                     std::size_t epoch, Adam& adam);
+  double train_batch(const Examples& train, std::span<const std::size_t> rows, Adam& adam,
+                     double learning_rate);
+  double rms_error(const Examples& examples) const;
+
+  Network network_;
+  std::vector<float> parameters_;
+  std::vector<float> centre_, spread_;  // per column, in units of the targets
+  double unit_ = 1;                     // of the log
+  Matrix batch_inputs_;                 // scratch of train_batch
+  Activations<float> activations_;
+  std::vector<float> gradient_;
+};
+
+}  // namespace echofuse::recon

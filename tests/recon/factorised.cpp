@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: MIT
+#include <Eigen/SVD>
+
+#include "recon/evaluate.hpp"
+#include "recon/models/alignment.hpp"
+#include "recon/models/body_frame.hpp"
+#include "recon/models/components.hpp"
+#include "recon/train.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using echofuse::testing::Folder;
+using echofuse::testing::write_run;
+
+namespace {
+
+const Dataset& plates() {
+  static const Folder dir;
+  static const Dataset data = [] {
+    write_run(dir / "plates", 400);
+    return load({dir / "plates"});
+  }();
+  return data;
+}
+
+const TrainedModel& trained() {
+  static const TrainedModel model = [] {
+    TrainOptions options;
+    options.model = "factorised";
+    options.fit.quiet = true;
+    return train(plates(), options);
+  }();
+  return model;
+}
+
+Rows all_rows(std::size_t n) {
+  Rows out(n);
+  for (std::size_t i = 0; i < n; ++i) out[i] = i;
+  return out;
+}
+
+Layout plate_layout() { return {testing::spd_axis(), testing::radar_axis()}; }
+
+// Readings of a body at a range with nothing else: both sensors' bumps about it.
+std::vector<float> readings(double range_m, double shift_m, double gain = 1, double offset = 0) {
+  std::vector<float> out;
+  for (std::uint32_t i = 0; i < testing::spd_axis().count; ++i) {
+    const double at = testing::spd_axis().at(i + 0.5) * 1e-12 * speed_of_light_m_s / 2;
+    out.push_back(
+        static_cast<float>(gain * 1e4 * std::exp(-std::pow((at - range_m) / 0.2, 2)) + offset));
+  }
+  for (std::uint32_t i = 0; i < testing::radar_axis().count; ++i)
+    out.push_back(static_cast<float>(
+        gain * std::exp(-std::pow((testing::radar_axis().at(i) - range_m - shift_m) / 0.4, 2))));
+  return out;
+}
+
+// Learnt from nothing: no background.
+Alignment blank_alignment() {
+  Matrix nothing(1, testing::spd_axis().count + testing::radar_axis().count);
+  return {plate_layout(), nothing, {0}};
+}
+
+std::vector<float> aligned(const std::vector<float>& record, Body* body = nullptr) {
+  const Alignment alignment = blank_alignment();
+  std::vector<float> out(alignment.size());
+  const Body found = alignment(record, out);
+  if (body) *body = found;
+  return out;
+}
+
+double centroid(std::span<const float> values) {
+  double sum = 0, moment = 0;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    sum += double{values[i]};
+    moment += double{values[i]} * static_cast<double>(i);
+  }
+  return moment / sum;
+}
+
+}  // namespace
+
+TEST_CASE("aligned readings do not know gain, exposure or an even background") {
+  const auto plain = aligned(readings(3.5, 0.05));
+  for (const auto& other : {aligned(readings(3.5, 0.05, 4)), aligned(readings(3.5, 0.05, 0.25)),
+                            aligned(readings(3.5, 0.05, 1, 40))})
+    for (std::size_t i = 0; i < plain.size(); ++i)
+      REQUIRE(other[i] == Approx(plain[i]).epsilon(1e-3).margin(1e-5));
+}
+
+TEST_CASE("the radar's shift against the histogram is what moves in the aligned profile") {
+  Body near, far;
+  const auto a = aligned(readings(3.3, 0.05), &near), b = aligned(readings(3.7, 0.25), &far);
+  // Bins of 6 cm, half of them near the body: the background's median is a little too high.
+  CHECK(double{near.range_m} == Approx(3.3).margin(0.01));
+  CHECK(double{far.range_m} == Approx(3.7).margin(0.01));
+  const std::size_t bins = 35;
+  const std::span<const float> profile_a = std::span(a).subspan(bins, a.size() - bins - 1);
+  const std::span<const float> profile_b = std::span(b).subspan(bins, b.size() - bins - 1);
+  const double step_m = 0.125;  // half the radar's
+  CHECK((centroid(profile_b) - centroid(profile_a)) * step_m ==
+        Approx(0.2 - (far.range_m - near.range_m - 0.4)).margin(0.002));
+  CHECK(centroid(std::span(b).first(bins)) ==
+        Approx(centroid(std::span(a).first(bins))).margin(0.2));
+}
+
+TEST_CASE("where nobody is, there is no body") {
+  Rng rng = make_rng(3, 0);
+  std::poisson_distribution<int> counts(50);
+  int seen = 0;
+  for (int trial = 0; trial < 1000; ++trial) {
+    std::vector<float> record = readings(3.5, 0, 0);
+    for (std::uint32_t i = 0; i < testing::spd_axis().count; ++i)
+      record[i] = static_cast<float>(counts(rng));
+    Body body;
+    const auto features = aligned(record, &body);
+    seen += body.there;
+    if (!body.there)
+      REQUIRE(std::all_of(features.begin(), features.end(), [](float v) { return v == 0; }));
+  }
+  CHECK(seen == 0);
+  Body body;
+  aligned(std::vector<float>(readings(3.5, 0, 0)), &body);
+  CHECK_FALSE(body.there);
+}
+
+TEST_CASE("what is cut out of a map is drawn back to where it was") {
+  const Matrix& maps = plates().depth;
+  const std::vector<float> background(maps.cols, 0);
+  const Rows rows = all_rows(50);
+  std::vector<Place> places;
+  for (const std::size_t row : rows) places.push_back(*place_of(maps.row(row), background));
+  const BodyFrame frame(maps, background, rows, places);
+  std::vector<float> mask(frame.size()), relief(frame.size()), drawn(maps.cols);
+  for (const std::size_t row : rows) {
+    frame.cut(maps.row(row), background, places[row], mask, relief);
+    frame.draw(mask, relief, places[row], 0.5f, background, drawn);
+    int both = 0, any = 0;
+    for (std::size_t p = 0; p < drawn.size(); ++p) {
+      const bool a = drawn[p] > 0, b = maps.row(row)[p] > 0;
+      both += a && b, any += a || b;
+      if (a && b) REQUIRE(drawn[p] == Approx(maps.row(row)[p]).margin(1e-3));
+    }
+    CHECK(both > 0.85 * any);  // a plate of 24 x 12 pixels, half a pixel at its edges
+  }
+}
+
+TEST_CASE("principal components are the singular vectors") {
+  Rng rng = make_rng(5, 0);
+  std::normal_distribution<float> normal;
+  Matrix table(60, 40);
+  for (std::size_t i = 0; i < table.rows; ++i) {
+    const float a = 9 * normal(rng), b = 5 * normal(rng), c = 3 * normal(rng);
+    for (std::size_t k = 0; k < table.cols; ++k) {
+      const auto at = static_cast<float>(k);
+      table.row(i)[k] =
+          2 + a * std::sin(at) + b * std::cos(2 * at) + c * std::sin(3 * at) + 0.1f * normal(rng);
+    }
+  }
+  const Components found = principal_components(table, 3, 1);
+  Eigen::MatrixXd dense(60, 40);
+  for (Eigen::Index i = 0; i < 60; ++i)
+    for (Eigen::Index k = 0; k < 40; ++k)
+      dense(i, k) = double{table.row(static_cast<std::size_t>(i))[static_cast<std::size_t>(k)]};
+  dense.rowwise() -= Eigen::RowVectorXd(dense.colwise().mean());
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(dense, Eigen::ComputeThinV);
+  for (Eigen::Index j = 0; j < 3; ++j) {
+    double along = 0;
+    for (Eigen::Index k = 0; k < 40; ++k)
+      along += svd.matrixV()(k, j) *
+               double{found.basis.row(static_cast<std::size_t>(j))[static_cast<std::size_t>(k)]};
+    CHECK(std::abs(along) == Approx(1).margin(1e-4));
+    CHECK(double{found.deviation[static_cast<std::size_t>(j)]} ==
+          Approx(svd.singularValues()(j) / std::sqrt(60.0)).epsilon(1e-4));
+  }
+  CHECK(coordinates(found, table).cols == 3);
+}
+
+TEST_CASE("the factorised model places bodies, on the right side, whatever the gains") {
+  const Rows rows = trained().rows_of(plates(), Part::test);
+  const auto scores = [&](const Dataset& data) {
+    std::vector<MapScores> out;
+    const Matrix maps = trained().predict(data, rows);
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      out.push_back(score(maps.row(i), data.depth.row(rows[i]), trained().scene));
+    return summarise(out);
+  };
+  const Summaries plain = scores(plates());
+  CHECK(plain[metric_iou].mean > 0.7);
+  CHECK(plain[metric_left_right].mean > 0.95);
+  Dataset louder = plates();
+  for (float& v : louder.radar.values) v *= 4;
+  for (float& v : louder.spd.values) v *= 0.5f;
+  CHECK(scores(louder)[metric_iou].mean > 0.98 * plain[metric_iou].mean);
+}
+
+TEST_CASE("one record alone is reconstructed as it is among others; an empty room stays empty") {
+  const Matrix many = trained().predict(plates(), {3, 7, 11});
+  const Matrix one = trained().predict(plates(), {7});
+  for (std::size_t p = 0; p < one.cols; ++p)
+    REQUIRE(one.row(0)[p] == Approx(many.row(1)[p]).margin(1e-3));
+  Dataset dark = plates();
+  for (float& v : dark.spd.values) v = 1;
+  CHECK(trained().predict(dark, {5}).values == trained().scene.background);
+}
+
+TEST_CASE("the factorised model needs both sensors, and bodies to learn from") {
+  TrainOptions options;
+  options.model = "factorised";
+  options.inputs = "spd";
+  CHECK_THROWS_WITH(train(plates(), options), Catch::Contains("needs both sensors"));
+  Dataset empty = plates();
+  std::fill(empty.depth.values.begin(), empty.depth.values.end(), 0.f);
+  options.inputs = "fused";
+  CHECK_THROWS_WITH(train(empty, options), Catch::Contains("fewer than two training records"));
+}
