@@ -23,6 +23,17 @@ void add_inputs_option(CLI::App& app, std::string& inputs) {
       ->capture_default_str();
 }
 
+// For CLI11: empty if the text names a model, else what is wrong.
+std::string is_rung(const std::string& text) {
+  if (text == "auto") return {};
+  try {
+    rung_of(text, {});
+    return {};
+  } catch (const Error& error) {
+    return error.what();
+  }
+}
+
 void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit) {
   app.add_option("--scaling", scaling, "per-record scaling of each sensor")
       ->check(CLI::IsMember(scaling_names))
@@ -31,7 +42,8 @@ void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit) {
       ->delimiter(',')
       ->check(CLI::Range(1, 65536));
   app.add_option("--basis", fit.basis,
-                 "factorised: body shapes, and twice as many hidden units; 0: 16")
+                 "factorised: body shapes, and twice as many hidden units (16); pca: components of "
+                 "the map (128)")
       ->check(CLI::Range(0, 1024));
   app.add_option("--epochs", fit.epochs, "default: 60 (mlp), 100 (factorised)")
       ->check(CLI::Range(1, 100000));
@@ -54,7 +66,13 @@ Command add_train(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<Arguments>();
   app.add_option("run", a->runs, "run files whose axes agree")->required();
   app.add_option("--out", a->out, "model file to write")->required();
-  app.add_option("--model", a->model)->check(CLI::IsMember(model_names))->capture_default_str();
+  app.add_option("--model", a->model,
+                 "empty, mean, silhouette, factorised[-N], pca-ridge[-N], ridge, pca-mlp[-N-N], "
+                 "mlp[-N-N...], nearest, or auto: the cheapest within one standard error of the "
+                 "best")
+      ->check(is_rung)
+      ->capture_default_str();
+  app.add_option("--ladder", a->ladder, "auto: the models to try")->delimiter(',')->check(is_rung);
   add_inputs_option(app, a->inputs);
   app.add_option(
          "--radar-bin", a->radar_bin_m,
@@ -168,10 +186,7 @@ Command add_crossvalidate(CLI::App& app, const Common& common) {
   };
   const auto a = std::make_shared<Arguments>();
   app.add_option("run", a->runs, "run files whose axes agree, in the order of time")->required();
-  app.add_option("--models", a->models)
-      ->delimiter(',')
-      ->check(CLI::IsMember(model_names))
-      ->capture_default_str();
+  app.add_option("--models", a->models)->delimiter(',')->check(is_rung)->capture_default_str();
   app.add_option("--folds", a->folds)->check(CLI::Range(2, 1000))->capture_default_str();
   app.add_option("--gap", a->gap, "records between a fold and its training records")
       ->check(CLI::Range(0, 1'000'000))
@@ -184,11 +199,11 @@ Command add_crossvalidate(CLI::App& app, const Common& common) {
   return [a, &common] {
     a->fit.quiet = common.quiet;
     const Dataset data = load(a->runs);
-    const auto rows =
-        crossvalidate(data, *a, a->published.empty() ? Dataset{} : load({a->published}));
+    const auto rows = crossvalidate(data, data.usable(inputs_of(a->inputs)), *a,
+                                    a->published.empty() ? Dataset{} : load({a->published}));
     std::printf("%zu folds, gap %zu; mean +- standard error over maps\n%s", a->folds, a->gap,
-                to_table(rows).c_str());
-    std::fputs(to_span_table(rows).c_str(), stdout);
+                to_table({rows.begin(), rows.end()}).c_str());
+    std::fputs(to_span_table({rows.begin(), rows.end()}).c_str(), stdout);
     return ExitCode::ok;
   };
 }

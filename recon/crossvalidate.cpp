@@ -3,7 +3,9 @@
 
 #include <algorithm>
 
+#include "drivers/core/console.hpp"
 #include "drivers/core/exit_code.hpp"
+#include "recon/text.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -24,28 +26,74 @@ Matrix published_maps(const Dataset& data, const Rows& rows, const Dataset& publ
 
 }  // namespace
 
-std::vector<ScoredRow> crossvalidate(const Dataset& data, const CrossvalidateOptions& options,
-                                     const Dataset& published) {
+std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& rows,
+                                             const CrossvalidateOptions& options,
+                                             const Dataset& published) {
   const Inputs inputs = inputs_of(options.inputs);
-  const Rows rows = data.usable(inputs);
+  std::vector<CrossvalidatedRow> out;
   std::vector<std::vector<MapScores>> scores(options.models.size());
+  for (const auto& name : options.models) out.push_back({{name, {}}, {}, 0});
   std::vector<MapScores> published_scores;
-  for (std::size_t fold = 0; fold < options.folds; ++fold) {
+  Progress progress("cross-validation", options.folds * options.models.size(), options.fit.quiet);
+  FitOptions fit = options.fit;
+  fit.quiet = true;
+  for (std::size_t fold = 0; fold < options.folds && !interrupted(); ++fold) {
     const Split split = make_fold(rows, fold, options.folds, options.gap);
     const Scene scene = learn_scene(data.depth, split.train);
     const auto add = [&](std::vector<MapScores>& to, const Matrix& maps) {
       const auto more = score_maps(maps, data, split.test, scene);
       to.insert(to.end(), more.begin(), more.end());
     };
-    for (std::size_t m = 0; m < options.models.size(); ++m)
-      add(scores[m], fit_model(data, split, options.models[m], inputs, options.scaling, options.fit)
-                         .predict(data, split.test));
+    for (std::size_t m = 0; m < out.size() && !interrupted(); ++m) {
+      const TrainedModel model =
+          fit_model(data, split, options.models[m], inputs, options.scaling, fit);
+      add(scores[m], model.predict(data, split.test));
+      out[m].cost = model.model->cost();
+      out[m].train_s += model.train_s / static_cast<double>(options.folds);
+      progress.update(fold * out.size() + m + 1, out[m].name);
+    }
     if (published.size() > 0) add(published_scores, published_maps(data, split.test, published));
   }
-  std::vector<ScoredRow> out;
-  for (std::size_t m = 0; m < options.models.size(); ++m)
-    out.push_back({options.models[m], summarise(scores[m])});
-  if (published.size() > 0) out.push_back({"published", summarise(published_scores)});
+  if (interrupted()) throw Error(ExitCode::interrupted, "interrupted during the cross-validation");
+  for (std::size_t m = 0; m < out.size(); ++m) out[m].metrics = summarise(scores[m]);
+  if (published.size() > 0) out.push_back({{"published", summarise(published_scores)}, {}, 0});
+  return out;
+}
+
+std::vector<std::string> ladder(Inputs inputs) {
+  std::vector<std::string> out = {"empty", "mean"};
+  if (inputs == Inputs::fused)
+    for (const char* name :
+         {"silhouette", "factorised-4", "factorised-10", "factorised-16", "factorised-32"})
+      out.emplace_back(name);
+  for (const char* name : {"pca-ridge", "ridge", "pca-mlp-256-256", "mlp-512-256", "nearest"})
+    out.emplace_back(name);
+  return out;
+}
+
+std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows) {
+  const auto iou = [](const CrossvalidatedRow& row) { return row.metrics[metric_iou]; };
+  const auto best = std::max_element(rows.begin(), rows.end(), [&](const auto& a, const auto& b) {
+    return iou(a).mean < iou(b).mean;
+  });
+  const double enough = iou(*best).mean - iou(*best).se;
+  auto chosen = best;
+  for (auto row = rows.begin(); row != rows.end(); ++row)
+    if (iou(*row).mean >= enough && row->cost.multiply_adds < chosen->cost.multiply_adds)
+      chosen = row;
+  return static_cast<std::size_t>(chosen - rows.begin());
+}
+
+std::string to_choice_table(const std::vector<CrossvalidatedRow>& rows, std::size_t chosen) {
+  std::string out = formatted("%-18s %15s %8s %8s %9s %8s %12s %8s\n", "model", "IoU", "SSIM_fg",
+                              "SSIM", "lateral m", "RMSE m", "multiply-adds", "train s");
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto& m = rows[i].metrics;
+    out += formatted("%-18s %15s %8.3f %8.3f %9.3f %8.3f %12zu %8.1f%s\n", rows[i].name.c_str(),
+                     formatted(m[metric_iou], " +-").c_str(), m[metric_ssim_fg].mean,
+                     m[metric_ssim].mean, m[metric_lateral_m].mean, m[metric_rmse_m].mean,
+                     rows[i].cost.multiply_adds, rows[i].train_s, i == chosen ? "  <- chosen" : "");
+  }
   return out;
 }
 

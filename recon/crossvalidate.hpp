@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// How well each kind of model does on a sequence of records: blocked cross-validation, in which no
-// record is judged by a model that has seen its neighbours in time.
+// How well each kind of model does on records that it has not seen, by blocked cross-validation: in
+// a sequence no record is judged by a model that has seen its neighbours in time.
 #pragma once
 #include <string>
 #include <vector>
@@ -11,15 +11,33 @@ namespace echofuse::recon {
 
 struct CrossvalidateOptions {
   std::string inputs = "fused", scaling = "record";
-  std::vector<std::string> models = {"mean", "nearest", "ridge", "mlp"};
+  std::vector<std::string> models = {"mean", "nearest", "ridge",
+                                     "mlp"};  // rungs (models/model.hpp)
   std::size_t folds = 6;
   std::size_t gap = 10;  // records between a fold and its training records
   FitOptions fit;
 };
 
-// One row a model. `published`, if it has records, holds another's reconstructions of the same
-// records as its depth maps: they make a last row "published".
-std::vector<ScoredRow> crossvalidate(const Dataset& data, const CrossvalidateOptions& options,
-                                     const Dataset& published);
+struct CrossvalidatedRow : ScoredRow {
+  Cost cost;
+  double train_s = 0;  // of one fold
+};
+
+// One row a model; `rows` in the order that the folds are cut from. `published`, if it has records,
+// holds another's reconstructions of the same records as its depth maps: they make a last row
+// "published".
+std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& rows,
+                                             const CrossvalidateOptions& options,
+                                             const Dataset& published = {});
+
+// The rungs that make sense with these inputs, sizes included: what `train --model auto` tries.
+std::vector<std::string> ladder(Inputs inputs);
+
+// The cheapest model (multiply-adds) whose IoU is within one standard error of the best one's
+// (Breiman et al., Classification and Regression Trees, 1984, 3.4.3).
+std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows);
+
+// One line a model: accuracy, cost, and which is chosen.
+std::string to_choice_table(const std::vector<CrossvalidatedRow>& rows, std::size_t chosen);
 
 }  // namespace echofuse::recon

@@ -9,7 +9,10 @@
 namespace echofuse::recon {
 
 struct TrainOptions {
+  // A rung (models/model.hpp), or "auto": the cheapest of the ladder within one standard error of
+  // the best, by cross-validation on the training records.
   std::string model = "mlp", inputs = "fused", scaling = "record";
+  std::vector<std::string> ladder;  // auto: what to try; empty: what makes sense
   SplitOptions split;
   FitOptions fit;
 };

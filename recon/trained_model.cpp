@@ -81,17 +81,18 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const std::strin
                        Inputs inputs, const std::string& scaling, const FitOptions& options) {
   const auto started = std::chrono::steady_clock::now();
   TrainedModel out;
-  out.name = name;
+  const Rung rung = rung_of(name, options);
+  out.name = rung.model;
   out.features =
-      fit_features(data, split.train, inputs, wants_readings(name) ? raw_scaling : scaling);
+      fit_features(data, split.train, inputs, wants_readings(rung.model) ? raw_scaling : scaling);
   out.scene = learn_scene(data.depth, split.train);
-  out.model = make_model(name);
+  out.model = make_model(rung.model);
   Rows all(data.size());
   for (std::size_t i = 0; i < all.size(); ++i) all[i] = i;
   const Matrix scaled = out.features.apply(data, all);
   const Layout layout = out.features.layout();
   out.log = out.model->fit({scaled, data.depth, split.train, layout},
-                           {scaled, data.depth, split.validation, layout}, options);
+                           {scaled, data.depth, split.validation, layout}, rung.fit);
   out.seen = remember(data, split);
   out.data_hash = data.hash;
   out.train_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();

@@ -92,4 +92,20 @@ Matrix coordinates(const Components& components, const Matrix& table) {
   return times(centred, components.basis, Transpose::no, Transpose::yes);
 }
 
+void save_components(record::H5File& file, const std::string& group, const Components& c) {
+  file.write(group + "/mean", c.mean, {c.mean.size()});
+  file.write(group + "/deviation", c.deviation, {c.deviation.size()});
+  file.write(group + "/basis", c.basis.values, {c.basis.rows, c.basis.cols});
+}
+
+Components load_components(const record::H5File& file, const std::string& group) {
+  Components c;
+  c.mean = file.read<float>(group + "/mean");
+  c.deviation = file.read<float>(group + "/deviation");
+  const auto shape = file.shape(group + "/basis");
+  c.basis = Matrix(shape.at(0), shape.at(1));
+  c.basis.values = file.read<float>(group + "/basis");
+  return c;
+}
+
 }  // namespace echofuse::recon

@@ -2,7 +2,9 @@
 // The directions in which the rows of a table vary most.
 #pragma once
 #include <cstdint>
+#include <string>
 
+#include "acquire/record/h5.hpp"
 #include "recon/maps/matrix.hpp"
 
 namespace echofuse::recon {
@@ -19,5 +21,8 @@ Components principal_components(Matrix table, std::size_t count, std::uint64_t s
 
 // (table - mean) basis': one row of coordinates a row.
 Matrix coordinates(const Components& components, const Matrix& table);
+
+void save_components(record::H5File& file, const std::string& group, const Components& components);
+Components load_components(const record::H5File& file, const std::string& group);
 
 }  // namespace echofuse::recon

@@ -286,22 +286,6 @@ Cost Factorised::cost() const {
           2 * centre_.size() + background_.size()};
 }
 
-void save_components(record::H5File& file, const std::string& group, const Components& c) {
-  file.write(group + "/mean", c.mean, {c.mean.size()});
-  file.write(group + "/deviation", c.deviation, {c.deviation.size()});
-  file.write(group + "/basis", c.basis.values, {c.basis.rows, c.basis.cols});
-}
-
-Components load_components(const record::H5File& file, const std::string& group) {
-  Components c;
-  c.mean = file.read<float>(group + "/mean");
-  c.deviation = file.read<float>(group + "/deviation");
-  const auto shape = file.shape(group + "/basis");
-  c.basis = Matrix(shape.at(0), shape.at(1));
-  c.basis.values = file.read<float>(group + "/basis");
-  return c;
-}
-
 void Factorised::save(record::H5File& file) const {
   alignment_.save(file);
   frame_.save(file);

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "recon/models/model.hpp"
 
+#include <charconv>
+#include <sstream>
+
 #include "drivers/core/exit_code.hpp"
 
 namespace echofuse::recon {
@@ -11,11 +14,53 @@ std::unique_ptr<Model> make_model(const std::string& name) {
   if (name == "nearest") return make_nearest();
   if (name == "ridge") return make_ridge();
   if (name == "mlp") return make_mlp();
+  if (name == "pca-ridge") return make_pca(make_ridge());
+  if (name == "pca-mlp") return make_pca(make_mlp());
   if (name == "silhouette") return make_silhouette();
   if (name == "factorised") return make_factorised();
-  throw Error(ExitCode::usage, "model \"" + name +
-                                   "\": expected empty, mean, nearest, ridge, mlp, silhouette or "
-                                   "factorised");
+  std::string known;
+  for (const auto& one : model_names) known += (known.empty() ? "" : ", ") + one;
+  throw Error(ExitCode::usage, "model \"" + name + "\": expected one of " + known);
+}
+
+namespace {
+
+// "512-256" -> 512, 256; empty if it is no such list.
+std::vector<std::size_t> numbers_of(const std::string& text) {
+  std::vector<std::size_t> out;
+  std::istringstream in(text);
+  for (std::string part; std::getline(in, part, '-');) {
+    std::size_t value = 0;
+    const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), value);
+    if (error != std::errc{} || end != part.data() + part.size() || value == 0 || value > 65536)
+      return {};
+    out.push_back(value);
+  }
+  return out;
+}
+
+}  // namespace
+
+Rung rung_of(const std::string& name, const FitOptions& base) {
+  Rung out{name, name, base};
+  const auto digit = name.find_first_of("0123456789");
+  if (digit == std::string::npos || digit == 0) {
+    make_model(name);  // says what is known
+    return out;
+  }
+  out.model = name.substr(0, digit - 1);
+  make_model(out.model);
+  const auto numbers = numbers_of(name.substr(digit));
+  const bool network = out.model == "mlp" || out.model == "pca-mlp";
+  const bool basis = out.model == "factorised" || out.model == "pca-ridge";
+  if (numbers.empty() || !(network || (basis && numbers.size() == 1)))
+    throw Error(ExitCode::usage,
+                "model \"" + name + "\": sizes follow as in mlp-512-256 or factorised-16");
+  if (network)
+    out.fit.hidden = numbers;
+  else
+    out.fit.basis = numbers.front();
+  return out;
 }
 
 bool wants_readings(const std::string& name) {

@@ -29,7 +29,7 @@ struct Samples {
 // What is not given is as each model works best.
 struct FitOptions {
   std::optional<std::vector<std::size_t>> hidden;  // mlp: width of each hidden layer
-  std::size_t basis = 0;  // factorised: body shapes, and twice as many hidden units; 0: its default
+  std::size_t basis = 0;  // pca, factorised: components; 0: as each model works best
   std::optional<std::size_t> epochs;
   std::optional<double> learning_rate, weight_decay;
   std::optional<std::size_t> patience;  // epochs without a better validation loss before stopping
@@ -61,8 +61,9 @@ class Model {
   virtual void load(const record::H5File& file) = 0;
 };
 
-inline const std::vector<std::string> model_names = {"empty", "mean",       "nearest",   "ridge",
-                                                     "mlp",   "silhouette", "factorised"};
+// From the cheapest to the dearest.
+inline const std::vector<std::string> model_names = {
+    "empty", "mean", "silhouette", "factorised", "pca-ridge", "ridge", "pca-mlp", "mlp", "nearest"};
 std::unique_ptr<Model> make_model(const std::string& name);  // throws Error(usage)
 
 // The models, one a file.
@@ -71,8 +72,17 @@ std::unique_ptr<Model> make_mean();        // the mean training map
 std::unique_ptr<Model> make_nearest();     // the map of the training record with the nearest input
 std::unique_ptr<Model> make_ridge();       // linear, penalty chosen by generalised cross-validation
 std::unique_ptr<Model> make_mlp();         // the paper's plain network
-std::unique_ptr<Model> make_silhouette();  // the mean body, placed
+std::unique_ptr<Model> make_pca(std::unique_ptr<Model> inner);  // maps from few components
+std::unique_ptr<Model> make_silhouette();                       // the mean body, placed
 std::unique_ptr<Model> make_factorised();  // place, and shape in the body's own frame
+
+// A model of a certain size: "mlp-1024-512-256" has hidden layers of these widths, "factorised-8"
+// and "pca-ridge-64" so many components.
+struct Rung {
+  std::string name, model;
+  FitOptions fit;
+};
+Rung rung_of(const std::string& name, const FitOptions& base);  // throws Error(usage)
 
 // Whether the model takes the readings as they are (Features' scaling "raw").
 bool wants_readings(const std::string& name);

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: MIT
+// A model that answers with few numbers, the amounts of the strongest principal components of the
+// training maps, instead of every pixel: the last and largest layer is fixed, not fitted.
+#include "recon/models/blas.hpp"
+#include "recon/models/components.hpp"
+#include "recon/models/model.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t default_basis = 128;
+constexpr std::size_t most_maps = 3000;
+
+class Pca final : public Model {
+ public:
+  explicit Pca(std::unique_ptr<Model> inner) : inner_(std::move(inner)) {}
+
+  TrainingLog fit(const Samples& train, const Samples& validation,
+                  const FitOptions& options) override {
+    Rows some = train.rows;
+    if (some.size() > most_maps) some.resize(most_maps);
+    components_ =
+        principal_components(take_rows(train.maps, some),
+                             options.basis > 0 ? options.basis : default_basis, options.seed);
+    const Matrix amounts = coordinates(components_, train.maps);
+    return inner_->fit({train.inputs, amounts, train.rows, train.layout},
+                       {validation.inputs, amounts, validation.rows, validation.layout}, options);
+  }
+  Matrix predict(const Matrix& inputs) const override {
+    const Matrix amounts = inner_->predict(inputs);
+    Matrix out(0, components_.mean.size());
+    for (std::size_t i = 0; i < inputs.rows; ++i) out.add_row(components_.mean);
+    multiply({out.rows, out.cols, amounts.cols, Transpose::no, Transpose::no, 1.f, 1.f},
+             amounts.values.data(), components_.basis.values.data(), out.values.data());
+    return out;
+  }
+  Cost cost() const override {
+    const Cost inner = inner_->cost();
+    const std::size_t basis = components_.basis.values.size();
+    return {inner.multiply_adds + basis, inner.parameters + basis + components_.mean.size()};
+  }
+  void save(record::H5File& file) const override {
+    inner_->save(file);
+    save_components(file, "pca", components_);
+  }
+  void load(const record::H5File& file) override {
+    inner_->load(file);
+    components_ = load_components(file, "pca");
+  }
+
+ private:
+  std::unique_ptr<Model> inner_;
+  Components components_;
+};
+
+}  // namespace
+
+std::unique_ptr<Model> make_pca(std::unique_ptr<Model> inner) {
+  return std::make_unique<Pca>(std::move(inner));
+}
+
+}  // namespace echofuse::recon
