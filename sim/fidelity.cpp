@@ -10,7 +10,7 @@
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/exit_code.hpp"
-#include "sim/gnuplot.hpp"
+#include "drivers/core/gnuplot.hpp"
 #include "sim/optics.hpp"
 #include "sim/render.hpp"
 #include "sim/scene.hpp"

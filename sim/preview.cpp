@@ -7,7 +7,7 @@
 
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/exit_code.hpp"
-#include "sim/gnuplot.hpp"
+#include "drivers/core/gnuplot.hpp"
 
 namespace echofuse::sim {
 namespace {

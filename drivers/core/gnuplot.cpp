@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "sim/gnuplot.hpp"
+#include "drivers/core/gnuplot.hpp"
 
 #include <sys/wait.h>
 #include <unistd.h>
@@ -9,7 +9,7 @@
 
 #include "drivers/core/exit_code.hpp"
 
-namespace echofuse::sim {
+namespace echofuse {
 namespace {
 
 void write_all(int file, const std::string& text) {
@@ -45,4 +45,4 @@ void run_gnuplot(const std::string& script, const std::string& folder, const std
     throw Error(ExitCode::failed, without + "gnuplot made no picture (Debian: gnuplot-nox)");
 }
 
-}  // namespace echofuse::sim
+}  // namespace echofuse

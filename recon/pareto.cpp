@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: MIT
+#include "recon/pareto.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "drivers/core/console.hpp"
+#include "drivers/core/exit_code.hpp"
+#include "drivers/core/random.hpp"
+#include "recon/files.hpp"
+#include "recon/models/blas.hpp"
+#include "recon/train.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+struct Job {
+  std::string sweep;
+  double share;
+  std::string model;
+};
+
+std::vector<Job> jobs_of(const ParetoOptions& options) {
+  std::vector<Job> jobs;
+  for (const auto& model : options.models) jobs.push_back({"model", 1, model});
+  for (const auto& model : options.sweep_models) {
+    for (const double share : options.photons) jobs.push_back({"photons", share, model});
+    for (const double share : options.records) jobs.push_back({"records", share, model});
+  }
+  return jobs;
+}
+
+// A shorter exposure: each photon is kept with this chance.
+void thin(Dataset& data, double share, std::uint64_t seed) {
+  Rng rng = make_rng(seed, 0);
+  for (float& count : data.spd.values) {
+    std::binomial_distribution<std::uint32_t> kept(static_cast<std::uint32_t>(count), share);
+    count = static_cast<float>(kept(rng));
+  }
+}
+
+// The first records; a random split shuffles them, so that any are as good.
+void keep_records(Dataset& data, double share) {
+  const auto keep = static_cast<std::size_t>(std::ceil(share * static_cast<double>(data.size())));
+  for (std::size_t row = keep; row < data.size(); ++row) data.valid[row] = 0;
+}
+
+class Study {
+ public:
+  explicit Study(const ParetoOptions& options)
+      : options_(options),
+        train_(load({options.train})),
+        test_(load({options.test})),
+        progress_("study", jobs_of(options).size() * options.seeds, options.quiet) {
+    match_axes(test_, train_.spd_axis, train_.radar_axis, Inputs::fused);
+  }
+
+  std::vector<ParetoRow> run() {
+    std::vector<ParetoRow> rows;
+    for (const Job& job : jobs_of(options_)) rows.push_back(measure(job));
+    mark_front(rows);
+    return rows;
+  }
+
+ private:
+  ParetoRow measure(const Job& job) {
+    ParetoRow row{job.sweep, job.share, job.model, options_.seeds, {}, {}, {}, false};
+    std::vector<std::array<double, metric_count>> found;
+    for (std::size_t seed = 1; seed <= options_.seeds; ++seed) {
+      if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing was written");
+      found.push_back(once(job, seed, row.cost));
+      progress_.update(++done_, job.model);
+    }
+    const auto n = static_cast<double>(found.size());
+    for (std::size_t m = 0; m < metric_count; ++m) {
+      for (const auto& one : found) row.mean[m] += one[m] / n;
+      double squares = 0;
+      for (const auto& one : found) squares += std::pow(one[m] - row.mean[m], 2);
+      row.spread[m] = found.size() > 1 ? std::sqrt(squares / (n - 1)) : std::nan("");
+    }
+    return row;
+  }
+
+  std::array<double, metric_count> once(const Job& job, std::size_t seed, RunningCost& cost) {
+    Dataset train_data = train_, test_data = test_;
+    if (job.sweep == "photons") thin(train_data, job.share, seed);
+    if (job.sweep == "photons") thin(test_data, job.share, 1000 + seed);
+    if (job.sweep == "records") keep_records(train_data, job.share);
+    TrainOptions how;
+    const auto colon = job.model.find(':');
+    how.model = job.model.substr(0, colon);
+    if (colon != std::string::npos) how.inputs = job.model.substr(colon + 1);
+    how.split.test_share = 0;  // there is a run of its own for that
+    how.split.seed = how.fit.seed = seed;
+    how.fit.quiet = true;
+    const TrainedModel model = train(train_data, how);
+    const Rows rows = test_data.usable(inputs_of(how.inputs));
+    std::array<double, metric_count> out{};
+    const Summaries summaries =
+        summarise(score_maps(model.predict(test_data, rows), test_data, rows, model.scene));
+    for (std::size_t m = 0; m < metric_count; ++m) out[m] = summaries[m].mean;
+    const std::string file = options_.out + "/model.h5";
+    save_model(model, file);
+    set_threads(1);
+    cost = measure_cost(model, test_data, rows, file);
+    set_threads(options_.threads);
+    std::remove(file.c_str());
+    return out;
+  }
+
+  static void mark_front(std::vector<ParetoRow>& rows) {
+    for (auto& row : rows)
+      row.front = row.sweep == "model" &&
+                  std::none_of(rows.begin(), rows.end(), [&](const ParetoRow& other) {
+                    return other.sweep == "model" &&
+                           other.cost.infer_us_median < row.cost.infer_us_median &&
+                           other.mean[metric_iou] >= row.mean[metric_iou];
+                  });
+  }
+
+  const ParetoOptions& options_;
+  Dataset train_, test_;
+  Progress progress_;
+  std::size_t done_ = 0;
+};
+
+}  // namespace
+
+std::vector<ParetoRow> study_pareto(const ParetoOptions& options) {
+  for (const auto& job : jobs_of(options)) rung_of(job.model.substr(0, job.model.find(':')), {});
+  make_folder(options.out);
+  return Study(options).run();
+}
+
+}  // namespace echofuse::recon
