@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "sim/conditions.hpp"
 
+#include <algorithm>
+#include <cmath>
+
 namespace echofuse::sim {
 namespace {
 
@@ -19,7 +22,8 @@ void bind_scene(Settings& s, Conditions& c) {
 }
 
 void bind_spd(Settings& s, Conditions& c) {
-  s.add("spd_rays", c.spd_rays, 16, 2048, "rays across the field of view");
+  s.add("spd_rays", c.spd_rays, 0, 2048,
+        "rays across the field of view, at least 16; 0: as many as the photons ask for");
   s.add("irf_fwhm_ps", c.irf_fwhm_ps, 0.1, 100'000, "Gaussian impulse response");
   s.add("irf_tail_ps", c.irf_tail_ps, 0, 100'000, "exponential tail, 0: none");
   s.add("bin_width_ps", c.bin_width_ps, 1, 100'000, "SPD histogram");
@@ -54,7 +58,16 @@ void bind(Settings& settings, Conditions& conditions) {
   bind_radar(settings, conditions);
 }
 
+std::int64_t rays_of(const Conditions& c) {
+  if (c.spd_rays > 0) return c.spd_rays;
+  const double rays = 256 * std::pow(3.6 * c.signal_photons / 1e5, 1 / 3.65);
+  return 2 * static_cast<std::int64_t>(std::ceil(std::clamp(rays, 64.0, 2048.0) / 2));
+}
+
 void validate(const Conditions& c) {
+  if (c.spd_rays > 0 && c.spd_rays < 16)
+    throw Error(ExitCode::config, "spd_rays is " + std::to_string(c.spd_rays) +
+                                      "; expected 0 or a whole number from 16 to 2048");
   if (c.target_z_min_m > c.target_z_max_m)
     throw Error(ExitCode::config, "target_z_min_m is greater than target_z_max_m");
 }

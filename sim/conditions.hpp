@@ -26,9 +26,8 @@ struct Conditions {
   std::string background = "none";  // none, room
 
   // SPD
-  // Rays across the field of view, both ways. At 256 the sampling error of a histogram of 1e5
-  // photons is a quarter of its shot noise in variance; it falls as rays^-3 or faster.
-  std::int64_t spd_rays = 256;
+  // Rays across the field of view, both ways; 0: as many as signal_photons ask for (rays_of).
+  std::int64_t spd_rays = 0;
   double irf_fwhm_ps = 200;
   double irf_tail_ps = 0;  // time constant of an exponential tail; 0: Gaussian only
   double bin_width_ps = 100;
@@ -41,7 +40,7 @@ struct Conditions {
 
   // Radar
   // Rays across the horizontal field of view; half as many up and down, over half its tangent.
-  std::int64_t radar_rays = 384;
+  std::int64_t radar_rays = 288;
   double radar_half_tangent = 1.2;  // the antenna's +-50 degrees
   double radar_resolution_m = 0.5;  // c / 2B
   double radar_start_m = 0;
@@ -58,6 +57,13 @@ struct Conditions {
 void bind(Settings& settings, Conditions& conditions);
 // Throws Error(config) for values that are each in range but contradict one another.
 void validate(const Conditions& conditions);
+
+// The detector's rays across the field of view. Automatic: so many that the sampling error is below
+// a tenth of the shot noise in variance. Per bin it was measured (`study fidelity --scenes 300`) as
+// 0.29 of the shot noise of 1e5 photons at 256 rays, falling as rays^-3.65 and growing with the
+// photons. With a quarter in reserve:
+//   rays = 256 (3.6 signal_photons / 1e5)^(1/3.65), from 64 to 2048, even.
+std::int64_t rays_of(const Conditions& conditions);
 
 Axis spd_axis(const Conditions& conditions);
 Axis radar_axis(const Conditions& conditions);

@@ -3,6 +3,8 @@
 // was chosen, sets what to run.
 #include <CLI/CLI.hpp>
 #include <chrono>
+#include <cmath>
+#include <cstdio>
 #include <functional>
 #include <iostream>
 #include <memory>
@@ -12,6 +14,7 @@
 
 #include "drivers/core/console.hpp"
 #include "sim/dataset.hpp"
+#include "sim/fidelity.hpp"
 #include "sim/lab.hpp"
 #include "sim/lab_command.hpp"
 #include "sim/usb_lab.hpp"
@@ -204,6 +207,48 @@ void add_lab(CLI::App& app, Command& command, char** argv) {
   sub->callback([&command, a, argv] { command = [a, argv] { return run_lab(*a, argv); }; });
 }
 
+struct StudyArguments {
+  sim::FidelityOptions options;
+  std::string out, config;
+  std::vector<std::string> settings;
+};
+
+ExitCode run_fidelity(StudyArguments& a) {
+  sim::Plan plan;
+  Settings settings;
+  bind(settings, plan);
+  if (!a.config.empty()) settings.read_file(a.config);
+  for (const auto& assignment : a.settings) settings.set(assignment);
+  validate(plan.conditions);
+  a.options.conditions = plan.conditions;
+  const auto rows = sim::study_fidelity(a.options);
+  for (const auto& r : rows)
+    std::printf("%-10s %-10s %9.4f +- %.4f of the noise's variance%s\n", r.axis.c_str(),
+                r.value.c_str(), r.error, r.standard_error,
+                r.us > 0 ? ("  " + std::to_string(std::lround(r.us)) + " us").c_str() : "");
+  std::printf("chosen: %lld rays for %g photons\n",
+              static_cast<long long>(rays_of(plan.conditions)), plan.conditions.signal_photons);
+  sim::write_fidelity(rows, a.out);
+  return ExitCode::ok;
+}
+
+void add_study(CLI::App& app, Command& command) {
+  auto* study = app.add_subcommand("study", "how much detail a scene needs");
+  study->require_subcommand(1);
+  auto* sub = study->add_subcommand(
+      "fidelity", "each approximation against a finer one, in units of noise, beside its time");
+  auto a = std::make_shared<StudyArguments>();
+  sub->add_option("--out", a->out, "folder for fidelity.csv and fidelity.svg")->required();
+  sub->add_option("--scenes", a->options.scenes)
+      ->check(CLI::Range(std::int64_t{2}, std::int64_t{10'000}))
+      ->capture_default_str();
+  sub->add_option("--seed", a->options.seed)->capture_default_str();
+  sub->add_option("--config", a->config, "TOML file of settings");
+  sub->add_option("--set", a->settings, "key=value, over the file's")->allow_extra_args(false);
+  sub->add_flag("-q,--quiet", a->options.quiet, "no progress");
+  sub->callback([&command, a] { command = [a] { return run_fidelity(*a); }; });
+}
+
 void add_config(CLI::App& app, Command& command) {
   auto* sub = app.add_subcommand("config", "print every setting with its meaning, range and value");
   struct Arguments {
@@ -234,6 +279,7 @@ ExitCode run(int argc, char** argv) {
   Command command;
   add_dataset(app, command);
   add_lab(app, command, argv);
+  add_study(app, command);
   add_config(app, command);
   try {
     app.parse(argc, argv);

@@ -330,8 +330,8 @@ std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, co
 }
 
 Returns spd_returns(const Scene& scene, const Conditions& c) {
-  Returns all =
-      returns_of(scene, 0, x_rays(c.spd_rays, c.half_tangent), y_rays(c.spd_rays, c.half_tangent));
+  const std::int64_t rays = rays_of(c);
+  Returns all = returns_of(scene, 0, x_rays(rays, c.half_tangent), y_rays(rays, c.half_tangent));
   const double delay_m = c.spd_delay_ps * speed_of_light_m_s / 2e12;
   for (double& range : all.range_m) range += delay_m;
   return all;

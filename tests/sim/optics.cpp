@@ -194,12 +194,30 @@ TEST_CASE("turning a scene about the sensor's vertical axis keeps its histogram"
     }
     return sum / bins;
   };
-  const double coarse = chi2_per_bin(96), base = chi2_per_bin(Conditions{}.spd_rays);
+  const double coarse = chi2_per_bin(96), base = chi2_per_bin(rays_of(Conditions{}));
   const double fine = chi2_per_bin(1536);
   CAPTURE(coarse, base, fine);
   CHECK(base < 1);
   CHECK(base < coarse / 16);  // at least as resolution^-2
   CHECK(fine < base / 16);
+}
+
+TEST_CASE("the automatic rays err by less than a tenth of the shot noise") {
+  for (const double photons : {1e3, 1e4, 1e5}) {
+    Conditions c, fine;
+    c.signal_photons = fine.signal_photons = photons;
+    fine.spd_rays = 4 * rays_of(c);
+    double sum = 0;
+    int bins = 0;
+    for (std::uint64_t i = 0; i < 30; ++i) {
+      const auto a = spd_rate(spd_returns(some_scene(c, i), c), c);
+      const auto b = spd_rate(spd_returns(some_scene(c, i), fine), fine);
+      for (std::size_t k = 0; k < a.size(); ++k)
+        if (b[k] >= 1) sum += (a[k] - b[k]) * (a[k] - b[k]) / b[k], ++bins;
+    }
+    CAPTURE(photons, rays_of(c));
+    CHECK(sum / bins < 0.1);
+  }
 }
 
 TEST_CASE("low-flux counts are Poisson") {
