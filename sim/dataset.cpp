@@ -143,9 +143,12 @@ record::FusedRecord Generator::make(std::int64_t index) const {
   Rng rng = make_rng(seed_of(plan_, plan_.mirrored ? Stream::mirror_noise : Stream::noise),
                      static_cast<std::uint64_t>(index));
   record::FusedRecord r = blank_record(index, world.label);
-  r.spd = draw_counts(spd_rate(spd_returns(world, c), c), c, rng);
+  thread_local Returns returns;
+  spd_returns(world, c, returns);
+  r.spd = draw_counts(spd_rate(returns, c), c, rng);
   count_clicks(r);
-  auto power = radar_power(radar_returns(world, c), radar_, c);
+  radar_returns(world, c, returns);
+  auto power = radar_power(returns, radar_, c);
   add_radar_noise(power, mean_peak_, c, rng);
   r.radar.resize(power.size());
   std::transform(power.begin(), power.end(), r.radar.begin(),

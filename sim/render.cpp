@@ -288,18 +288,19 @@ std::shared_ptr<const Image> Scanner::room_image(double sensor_x_m, const Axis& 
   return images[key] = std::make_shared<Image>(cast(alone, sensor_x_m, x, y, sampling));
 }
 
-Returns returns_of(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y) {
+void look(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y, double extra_m,
+          Returns& returns) {
   const double pixel = std::abs(x.step * y.step) / mean_scene_weight;
-  Returns returns;
+  returns.range_m.clear();
+  returns.weight.clear();
   Scanner(scene, sensor_x_m, x, y, Sampling::staggered).scan([&](std::size_t, const Hit& hit) {
     // dOmega = dtx dty / |(tx, ty, 1)|^3, and |(tx, ty, 1)| = R/z.
     const double shrink = hit.z_m / hit.range_m;
     const double solid_angle = pixel * shrink * shrink * shrink;
     const double range = hit.range_m, albedo = hit.albedo, cos_theta = hit.cos_theta;
-    returns.range_m.push_back(range);
+    returns.range_m.push_back(range + extra_m);
     returns.weight.push_back(albedo * cos_theta * solid_angle / (range * range));
   });
-  return returns;
 }
 
 Axis x_rays(std::int64_t count, double half_tangent) {
@@ -329,18 +330,26 @@ std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, co
   return depth;
 }
 
-Returns spd_returns(const Scene& scene, const Conditions& c) {
+void spd_returns(const Scene& scene, const Conditions& c, Returns& out) {
   const std::int64_t rays = rays_of(c);
-  Returns all = returns_of(scene, 0, x_rays(rays, c.half_tangent), y_rays(rays, c.half_tangent));
-  const double delay_m = c.spd_delay_ps * speed_of_light_m_s / 2e12;
-  for (double& range : all.range_m) range += delay_m;
+  look(scene, 0, x_rays(rays, c.half_tangent), y_rays(rays, c.half_tangent),
+       c.spd_delay_ps * speed_of_light_m_s / 2e12, out);
+}
+
+void radar_returns(const Scene& scene, const Conditions& c, Returns& out) {
+  look(scene, -c.baseline_m, x_rays(c.radar_rays, c.radar_half_tangent),
+       y_rays(c.radar_rays / 2, c.radar_half_tangent / 2), c.radar_bias_m, out);
+}
+
+Returns spd_returns(const Scene& scene, const Conditions& c) {
+  Returns all;
+  spd_returns(scene, c, all);
   return all;
 }
 
 Returns radar_returns(const Scene& scene, const Conditions& c) {
-  Returns all = returns_of(scene, -c.baseline_m, x_rays(c.radar_rays, c.radar_half_tangent),
-                           y_rays(c.radar_rays / 2, c.radar_half_tangent / 2));
-  for (double& range : all.range_m) range += c.radar_bias_m;
+  Returns all;
+  radar_returns(scene, c, all);
   return all;
 }
 

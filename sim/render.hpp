@@ -47,5 +47,8 @@ inline constexpr double mean_scene_weight = 0.24 / (3.5 * 3.5 * 3.5 * 3.5);
 // shows them, with spd_delay_ps and radar_bias_m.
 Returns spd_returns(const Scene& scene, const Conditions& conditions);
 Returns radar_returns(const Scene& scene, const Conditions& conditions);
+// Into the memory of an earlier scene: fresh memory takes the kernel as long as the light us.
+void spd_returns(const Scene& scene, const Conditions& conditions, Returns& out);
+void radar_returns(const Scene& scene, const Conditions& conditions, Returns& out);
 
 }  // namespace echofuse::sim

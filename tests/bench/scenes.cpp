@@ -38,17 +38,21 @@ void measure(const char* background) {
   const auto y = record::depth_y_axis(record::map_size, c.half_tangent);
   const RadarAxis radar = radar_response(c);
   double sum = 0;
+  Returns returns;
+  const auto light = [&](std::int64_t i) -> const Returns& {
+    spd_returns(generator.scene(i), c, returns);
+    return returns;
+  };
   const auto row = [&](const char* name, const std::function<void(std::int64_t)>& work) {
     const double us = best_us(work);
     std::printf("%-6s %-34s %8.0f us %8.0f /s\n", background, name, us, 1e6 / us);
   };
   row("scene", [&](std::int64_t i) { sum += generator.scene(i).capsules[0].radius_m; });
-  row("scene, light on the detector",
-      [&](std::int64_t i) { sum += spd_returns(generator.scene(i), c).weight[0]; });
-  row("scene, histogram without noise",
-      [&](std::int64_t i) { sum += spd_rate(spd_returns(generator.scene(i), c), c)[90]; });
+  row("scene, light on the detector", [&](std::int64_t i) { sum += light(i).weight[0]; });
+  row("scene, histogram without noise", [&](std::int64_t i) { sum += spd_rate(light(i), c)[90]; });
   row("scene, radar profile without noise", [&](std::int64_t i) {
-    sum += radar_power(radar_returns(generator.scene(i), c), radar, c)[14];
+    radar_returns(generator.scene(i), c, returns);
+    sum += radar_power(returns, radar, c)[14];
   });
   row("scene, depth map",
       [&](std::int64_t i) { sum += render_depth_mm(generator.scene(i), x, y)[2000]; });
