@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Exact ray casting of capsules and plates.
+// Exact ray casting of capsules, plates and triangles.
 #pragma once
 #include <cstdint>
 #include <vector>

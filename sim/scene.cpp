@@ -89,6 +89,7 @@ Scene mirrored(const Scene& scene) {
     plate.u = flipped(plate.u);
     plate.v = flipped(plate.v);
   }
+  for (auto& t : image.triangles) t = {flipped(t.a), flipped(t.b), flipped(t.c), t.albedo};
   return image;
 }
 

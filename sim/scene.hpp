@@ -29,9 +29,15 @@ struct Plate {
   double albedo = 0;
 };
 
+struct Triangle {
+  Vec3 a, b, c;
+  double albedo = 0;
+};
+
 struct Scene {
   std::vector<Capsule> capsules;
   std::vector<Plate> plates;
+  std::vector<Triangle> triangles;
   bool room = false;  // the fixed room stands behind everything
   std::string label;  // person, letter:A, two_people, empty
 };
