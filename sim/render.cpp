@@ -36,14 +36,20 @@ double golden_offset(std::uint32_t k) {
 // How far each ray is off its point. Columns are counted from the middle and the two halves are
 // mirror images, so that mirrored scenes meet mirrored rays.
 struct Offsets {
-  std::vector<double> dx_of_row, dy_of_column;
+  std::vector<double> dx_of_row, x_of_column, dy_of_column;
+  std::vector<double> side_of_column;  // -1 left of the middle, 1 right of it
 
   Offsets(const Axis& x, const Axis& y, Sampling sampling)
-      : dx_of_row(y.count), dy_of_column(x.count) {
-    if (sampling == Sampling::centres) return;
-    for (std::uint32_t iy = 0; iy < y.count; ++iy) dx_of_row[iy] = x.step * golden_offset(iy);
-    for (std::uint32_t ix = 0; ix < x.count; ++ix)
-      dy_of_column[ix] = y.step * golden_offset(std::min(ix, x.count - 1 - ix));
+      : dx_of_row(y.count), x_of_column(x.count), dy_of_column(x.count), side_of_column(x.count) {
+    const bool staggered = sampling == Sampling::staggered;
+    for (std::uint32_t iy = 0; staggered && iy < y.count; ++iy)
+      dx_of_row[iy] = x.step * golden_offset(iy);
+    for (std::uint32_t ix = 0; ix < x.count; ++ix) {
+      const std::uint32_t mirror = x.count - 1 - ix;
+      x_of_column[ix] = x.at(ix);
+      side_of_column[ix] = ix < mirror ? -1 : ix > mirror ? 1 : 0;
+      if (staggered) dy_of_column[ix] = y.step * golden_offset(std::min(ix, mirror));
+    }
   }
 };
 
@@ -61,7 +67,10 @@ struct Placed {
 };
 
 constexpr std::int32_t nothing = -1;
-using Image = std::vector<Hit>;
+// z infinite where there is nothing.
+struct Image {
+  std::vector<double> z, cosine, albedo;
+};
 
 // Rays from..to-1 of a row: (x, y, 1) met something at z, infinite where it did not.
 struct Row {
@@ -145,8 +154,7 @@ class Scanner {
   void aim(std::uint32_t iy) {
     const double dx = offsets_.dx_of_row[iy], y = y_.at(iy);
     for (std::uint32_t ix = from_; ix < to_; ++ix) {
-      const std::uint32_t mirror = x_.count - 1 - ix;
-      ray_x_[ix] = x_.at(ix) + (ix < mirror ? -dx : ix > mirror ? dx : 0);
+      ray_x_[ix] = offsets_.x_of_column[ix] + dx * offsets_.side_of_column[ix];
       ray_y_[ix] = y + offsets_.dy_of_column[ix];
       z_[ix] = INFINITY;
       shape_[ix] = nothing;
@@ -185,13 +193,9 @@ class Scanner {
   }
 
   void add_background(std::uint32_t iy) {
-    const Hit* behind = background_->data() + std::size_t{iy} * x_.count;
-    for (std::uint32_t ix = 0; ix < x_.count; ++ix) {
-      if (!(behind[ix].z_m > 0) || static_cast<float>(z_[ix]) < behind[ix].z_m) continue;
-      z_[ix] = behind[ix].z_m;
-      cosine_[ix] = behind[ix].cos_theta;
-      albedo_[ix] = behind[ix].albedo;
-    }
+    const std::size_t row = std::size_t{iy} * x_.count;
+    put_behind(&background_->z[row], &background_->cosine[row], &background_->albedo[row],
+               z_.data(), cosine_.data(), albedo_.data(), x_.count);
   }
 
   const Axis& x_;
@@ -225,7 +229,18 @@ std::shared_ptr<const Image> Scanner::room_image(double sensor_x_m, const Axis& 
   Scene alone;
   alone.plates = room();
   if (images.size() == most) images.clear();
-  return images[key] = std::make_shared<Image>(cast(alone, sensor_x_m, x, y, sampling));
+  const std::size_t size = std::size_t{x.count} * y.count;
+  auto image = std::make_shared<Image>(Image{std::vector<double>(size, INFINITY),
+                                             std::vector<double>(size), std::vector<double>(size)});
+  Scanner(alone, sensor_x_m, x, y, sampling).scan(Shading::on, [&](const Row& row) {
+    const auto put = [&](const double* from, std::vector<double>& to) {
+      std::copy(from + row.from, from + row.to, &to[std::size_t{row.iy} * x.count + row.from]);
+    };
+    put(row.z, image->z);
+    put(row.cosine, image->cosine);
+    put(row.albedo, image->albedo);
+  });
+  return images[key] = image;
 }
 
 void look(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y, double extra_m,

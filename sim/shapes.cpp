@@ -116,6 +116,21 @@ ECHOFUSE_CLONES void light_rays(const double* __restrict x, const double* __rest
   }
 }
 
+ECHOFUSE_CLONES void choose_nearer(const double* __restrict far_z,
+                                   const double* __restrict far_cosine,
+                                   const double* __restrict far_albedo, double* __restrict z,
+                                   double* __restrict cosine, double* __restrict albedo,
+                                   std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const double mine_z = z[i], mine_cosine = cosine[i], mine_albedo = albedo[i];
+    const double other_z = far_z[i], other_cosine = far_cosine[i], other_albedo = far_albedo[i];
+    const bool nearer = mine_z < other_z;
+    z[i] = nearer ? mine_z : other_z;
+    cosine[i] = nearer ? mine_cosine : other_cosine;
+    albedo[i] = nearer ? mine_albedo : other_albedo;
+  }
+}
+
 }  // namespace
 
 CapsuleShape::CapsuleShape(const Capsule& capsule, Vec3 sensor)
@@ -223,6 +238,11 @@ void light_back(const double* x, const double* y, const double* z, const double*
                 const double* albedo, double factor, double* range, double* weight,
                 std::size_t count) {
   light_rays(x, y, z, cosine, albedo, factor, range, weight, count);
+}
+
+void put_behind(const double* far_z, const double* far_cosine, const double* far_albedo, double* z,
+                double* cosine, double* albedo, std::size_t count) {
+  choose_nearer(far_z, far_cosine, far_albedo, z, cosine, albedo, count);
 }
 
 }  // namespace echofuse::sim

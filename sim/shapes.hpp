@@ -71,4 +71,8 @@ void light_back(const double* x, const double* y, const double* z, const double*
                 const double* albedo, double factor, double* range, double* weight,
                 std::size_t count);
 
+// What was met, and behind it something else: the nearer of both.
+void put_behind(const double* far_z, const double* far_cosine, const double* far_albedo, double* z,
+                double* cosine, double* albedo, std::size_t count);
+
 }  // namespace echofuse::sim
