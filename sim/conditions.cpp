@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sim/mesh.hpp"
+
 namespace echofuse::sim {
 namespace {
 
@@ -18,6 +20,11 @@ void bind_scene(Settings& s, Conditions& c) {
   s.add("target_scale", c.target_scale, 0.1, 3, "size of people and letters");
   s.add("person_yaw_deg", c.person_yaw_deg, 0, 180, "people turn up to this much");
   s.add("letter_yaw_deg", c.letter_yaw_deg, 0, 80, "letters turn up to this much");
+  s.add("object", c.object, "OBJ or PLY file of the mesh that stands in object scenes");
+  s.add("object_scale", c.object_scale, 1e-6, 1e6, "metres to one unit of the mesh");
+  s.add("object_up", c.object_up, "which of the mesh's axes points up", {"y", "z"});
+  s.add("object_albedo", c.object_albedo, 0, 1, "of the object");
+  s.add("object_yaw_deg", c.object_yaw_deg, 0, 180, "objects turn up to this much");
   s.add("background", c.background, "what stands behind", {"none", "room"});
 }
 
@@ -70,6 +77,7 @@ void validate(const Conditions& c) {
                                       "; expected 0 or a whole number from 16 to 2048");
   if (c.target_z_min_m > c.target_z_max_m)
     throw Error(ExitCode::config, "target_z_min_m is greater than target_z_max_m");
+  if (!c.object.empty()) mesh_of(c.object);
 }
 
 Axis spd_axis(const Conditions& c) {

@@ -24,6 +24,11 @@ struct Conditions {
   double person_yaw_deg = 60;       // people turn up to this much from facing -z
   double letter_yaw_deg = 30;       // letters turn up to this much from facing the sensors
   std::string background = "none";  // none, room
+  std::string object;               // file of a triangle mesh (sim/mesh.hpp) for object scenes
+  double object_scale = 1;          // metres to one of its units
+  std::string object_up = "y";      // y, z
+  double object_albedo = 0.5;
+  double object_yaw_deg = 180;  // objects turn up to this much
 
   // SPD
   // Rays across the field of view, both ways; 0: as many as signal_photons ask for (rays_of).
@@ -55,7 +60,8 @@ struct Conditions {
 
 // Flat keys, named as the fields; call validate after reading.
 void bind(Settings& settings, Conditions& conditions);
-// Throws Error(config) for values that are each in range but contradict one another.
+// Throws Error(config) for values that are each in range but contradict one another, and for an
+// object that cannot be read.
 void validate(const Conditions& conditions);
 
 // The detector's rays across the field of view. Automatic: so many that the sampling error is below

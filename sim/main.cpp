@@ -28,32 +28,37 @@ struct DatasetArguments {
   sim::DatasetOptions options;
   std::string config, mirror_of;
   std::vector<std::string> settings;
-  std::optional<std::int64_t> records, people, letters, two_people, empty, seed;
+  std::optional<std::int64_t> records, people, letters, two_people, empty, objects, seed;
   bool json = false;
 };
 
 // The numbers of records on the command line replace the configured ones as a whole.
 void apply_counts(const DatasetArguments& a, sim::Plan& plan) {
-  if (a.people || a.letters || a.two_people || a.empty) {
+  const bool by_kind = a.people || a.letters || a.two_people || a.empty || a.objects;
+  if (!plan.scenes.empty() && (by_kind || a.records))
+    throw Error(ExitCode::usage, "the records are listed in " + plan.scenes + "; give no numbers");
+  if (by_kind) {
     plan.people = a.people.value_or(0);
     plan.letters = a.letters.value_or(0);
     plan.two_people = a.two_people.value_or(0);
     plan.empty = a.empty.value_or(0);
+    plan.objects = a.objects.value_or(0);
   } else if (a.records) {
     plan.people = *a.records / 4;
     plan.letters = *a.records - plan.people;
-    plan.two_people = plan.empty = 0;
+    plan.two_people = plan.empty = plan.objects = 0;
   }
-  if (a.records && *a.records != plan.records())
+  const auto count = static_cast<std::int64_t>(scenes_of(plan).size());
+  if (a.records && *a.records != count)
     throw Error(ExitCode::usage, "--records " + std::to_string(*a.records) + " differs from the " +
-                                     std::to_string(plan.records()) + " records asked for by kind");
-  if (plan.records() == 0) throw Error(ExitCode::usage, "no records asked for");
+                                     std::to_string(count) + " records asked for by kind");
+  if (count == 0) throw Error(ExitCode::usage, "no records asked for");
 }
 
 // Another seed or other numbers of records would silently make the mirror of nothing.
 void check_same_scenes(const sim::Plan& plan, const std::string& run) {
   const sim::Plan original = sim::plan_of(run);
-  if (plan.seed != original.seed || sim::shuffled_kinds(plan) != sim::shuffled_kinds(original))
+  if (plan.seed != original.seed || scenes_of(plan) != scenes_of(original))
     throw Error(ExitCode::usage,
                 "--mirror-of takes the seed and the records from " + run + "; do not give others");
 }
@@ -85,21 +90,18 @@ ExitCode run_dataset(DatasetArguments& a) {
   const std::int64_t written = sim::write_dataset(plan, a.options);
   const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
   if (a.json)
-    std::cout << nlohmann::json{{"file", a.options.out},
-                                {"records", written},
-                                {"people", plan.people},
-                                {"letters", plan.letters},
-                                {"two_people", plan.two_people},
-                                {"empty", plan.empty},
-                                {"seed", plan.seed},
-                                {"mirrored", plan.mirrored},
-                                {"seconds", seconds}}
+    std::cout << nlohmann::json{{"file", a.options.out},         {"records", written},
+                                {"people", plan.people},         {"letters", plan.letters},
+                                {"two_people", plan.two_people}, {"empty", plan.empty},
+                                {"objects", plan.objects},       {"seed", plan.seed},
+                                {"mirrored", plan.mirrored},     {"seconds", seconds}}
                      .dump()
               << "\n";
   else if (!a.options.quiet)
     std::cout << a.options.out << ": " << written << " records in " << human_duration(seconds)
               << "\n";
-  return written == plan.records() ? ExitCode::ok : ExitCode::interrupted;
+  const auto wanted = static_cast<std::int64_t>(scenes_of(plan).size());
+  return written == wanted ? ExitCode::ok : ExitCode::interrupted;
 }
 
 void add_dataset(CLI::App& app, Command& command) {
@@ -113,6 +115,8 @@ void add_dataset(CLI::App& app, Command& command) {
   sub->add_option("--letters", a->letters, "records of a person holding a letter")->check(count);
   sub->add_option("--two-people", a->two_people, "records of two people")->check(count);
   sub->add_option("--empty", a->empty, "records of nobody")->check(count);
+  sub->add_option("--objects", a->objects, "records of the object (--set object=FILE)")
+      ->check(count);
   sub->add_option("--mirror-of", a->mirror_of, "the mirrored scenes of this run");
   sub->add_option("--seed", a->seed, "the same seed makes the same records")
       ->check(CLI::NonNegativeNumber);
@@ -157,6 +161,8 @@ ExitCode run_lab(LabArguments& a, char** argv) {
   for (const auto& assignment : a.settings) settings.set(assignment);
   validate(plan.conditions);
   a.options.conditions = plan.conditions;
+  if (!plan.scenes.empty()) a.options.play.list = scenes_of(plan);
+  if (a.options.play.kind == "object") plan.objects = 1, scenes_of(plan);  // is there a mesh?
   a.options.play.seed = a.seed.value_or(plan.seed);
   const SystemClock clock;
   sim::Lab lab(clock, a.options);
@@ -179,7 +185,8 @@ void add_lab(CLI::App& app, Command& command, char** argv) {
   sub->add_option("--dir", o.dir, "where lab.toml and the devices' links go")
       ->capture_default_str();
   sub->add_option("--scene", o.play.kind, "what the devices see")
-      ->check(CLI::IsMember({"person", "letter", "mixed", "two_people", "empty", "reflector"}))
+      ->check(CLI::IsMember(
+          {"person", "letter", "mixed", "two_people", "empty", "reflector", "object"}))
       ->capture_default_str();
   sub->add_option("--hold", o.play.hold_s, "seconds that each scene stands; 0: for ever")
       ->check(CLI::Range(0.0, 86'400.0));
