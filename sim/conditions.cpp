@@ -41,6 +41,8 @@ void bind_spd(Settings& s, Conditions& c) {
   s.add("spd_delay_ps", c.spd_delay_ps, -1e6, 1e6, "of cables and electronics");
   s.add("pulses_per_window", c.pulses_per_window, 0, 1'000'000'000'000,
         "laser pulses, for pile-up; 0: low flux");
+  s.add("spd_dead_time_ps", c.spd_dead_time_ps, 0, 1e9,
+        "of a free-running detector with pile-up; 0: one photon a pulse");
 }
 
 void bind_radar(Settings& s, Conditions& c) {
@@ -55,6 +57,14 @@ void bind_radar(Settings& s, Conditions& c) {
   s.add("radar_carrier_hz", c.radar_carrier_hz, 1e8, 1e12, "for the coherent sum");
   s.add("radar_psf", c.radar_psf, "range response", {"sinc", "blackman"});
   s.add("radar_sum", c.radar_sum, "of scatterers", {"incoherent", "coherent"});
+  s.add("radar_roughness_m", c.radar_roughness_m, 0, 1, "rms height of surfaces, if coherent");
+  s.add("radar_leakage", c.radar_leakage, 0, 1e6,
+        "power of the transmitter's own echo at range 0, in mean scenes");
+}
+
+void bind_depth(Settings& s, Conditions& c) {
+  s.add("depth_noise_m", c.depth_noise_m, 0, 1, "sigma at 1 m, grows with the distance's square");
+  s.add("depth_dropout", c.depth_dropout, 0, 1, "share of the pixels at edges without return");
 }
 
 }  // namespace
@@ -63,6 +73,7 @@ void bind(Settings& settings, Conditions& conditions) {
   bind_scene(settings, conditions);
   bind_spd(settings, conditions);
   bind_radar(settings, conditions);
+  bind_depth(settings, conditions);
 }
 
 std::int64_t rays_of(const Conditions& c) {
@@ -75,6 +86,8 @@ void validate(const Conditions& c) {
   if (c.spd_rays > 0 && c.spd_rays < 16)
     throw Error(ExitCode::config, "spd_rays is " + std::to_string(c.spd_rays) +
                                       "; expected 0 or a whole number from 16 to 2048");
+  if (c.spd_dead_time_ps > 0 && c.pulses_per_window == 0)
+    throw Error(ExitCode::config, "spd_dead_time_ps needs pulses_per_window, the laser's pulses");
   if (c.target_z_min_m > c.target_z_max_m)
     throw Error(ExitCode::config, "target_z_min_m is greater than target_z_max_m");
   if (!c.object.empty()) mesh_of(c.object);

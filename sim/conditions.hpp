@@ -41,7 +41,10 @@ struct Conditions {
   double signal_photons = 1e5;   // detections from the mean scene in one window
   double background_counts = 0;  // ambient and dark counts over all bins in one window
   double spd_delay_ps = 0;       // of cables and electronics, two-way; the daemon does not know it
-  std::int64_t pulses_per_window = 0;  // laser pulses for first-photon pile-up; 0: low flux
+  // Laser pulses in a window: only the first photon of a pulse counts, or with a dead time whatever
+  // comes when the detector is ready again; 0: low flux.
+  std::int64_t pulses_per_window = 0;
+  double spd_dead_time_ps = 0;
 
   // Radar
   // Rays across the horizontal field of view; half as many up and down, over half its tangent.
@@ -56,7 +59,16 @@ struct Conditions {
   double radar_carrier_hz = 60.25e9;
   std::string radar_psf = "sinc";        // sinc, blackman
   std::string radar_sum = "incoherent";  // incoherent, coherent
+  double radar_roughness_m = 0.001;      // rms height of surfaces, for the coherent sum
+  double radar_leakage = 0;  // power of transmitter in receiver, at range 0, as of radar_power
+
+  // Depth camera
+  double depth_noise_m = 0;  // sigma at 1 m; grows as z^2
+  double depth_dropout = 0;  // share of the pixels at edges without return
 };
+
+// [S] exposure of one record; a simulated set has no other clock
+inline constexpr double dataset_window_s = 3;
 
 // Flat keys, named as the fields; call validate after reading.
 void bind(Settings& settings, Conditions& conditions);

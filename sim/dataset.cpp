@@ -12,13 +12,13 @@
 #include "acquire/record/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/console.hpp"
+#include "sim/depth_camera.hpp"
 #include "sim/optics.hpp"
 #include "sim/scene_list.hpp"
 
 namespace echofuse::sim {
 namespace {
 
-constexpr double window_s = 3;  // [S] exposure of one record; a simulated set has no other clock
 constexpr std::int64_t batch_records = 128;
 
 // Independent random streams of one seed.
@@ -30,8 +30,8 @@ std::uint64_t seed_of(const Plan& plan, Stream stream) {
 record::FusedRecord blank_record(std::int64_t index, std::string label) {
   record::FusedRecord r;
   r.index = index;
-  r.slot_start = from_seconds(static_cast<double>(index) * window_s);
-  r.slot_end = from_seconds(static_cast<double>(index + 1) * window_s);
+  r.slot_start = from_seconds(static_cast<double>(index) * dataset_window_s);
+  r.slot_end = from_seconds(static_cast<double>(index + 1) * dataset_window_s);
   r.slot_utc = r.slot_start;
   r.label = std::move(label);
   for (const auto sensor : {Sensor::spd, Sensor::radar, Sensor::depth}) {
@@ -79,7 +79,7 @@ record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
   info.version = version();
   info.host = host;
   info.notes = "simulated data set";
-  info.window_s = window_s;
+  info.window_s = dataset_window_s;
   return info;
 }
 
@@ -166,12 +166,13 @@ record::FusedRecord Generator::make(std::int64_t index) const {
   r.spd = draw_counts(spd_rate(returns, c), c, rng);
   count_clicks(r);
   radar_returns(world, c, returns);
+  roughen(returns, c, rng);
   auto power = radar_power(returns, radar_, c);
   add_radar_noise(power, mean_peak_, c, rng);
   r.radar.resize(power.size());
   std::transform(power.begin(), power.end(), r.radar.begin(),
                  [](double p) { return static_cast<float>(p); });
-  r.depth_mm = render_depth_mm(world, x_, y_);
+  r.depth_mm = depth_map_mm(world, x_, y_, c, rng);
   return r;
 }
 

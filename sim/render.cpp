@@ -311,6 +311,9 @@ void spd_returns(const Scene& scene, const Conditions& c, Returns& out) {
 void radar_returns(const Scene& scene, const Conditions& c, Returns& out) {
   look(scene, -c.baseline_m, x_rays(c.radar_rays, c.radar_half_tangent),
        y_rays(c.radar_rays / 2, c.radar_half_tangent / 2), c.radar_bias_m, out);
+  if (c.radar_leakage <= 0) return;
+  out.range_m.push_back(std::max(0.0, c.radar_bias_m));
+  out.weight.push_back(c.radar_leakage);
 }
 
 Returns spd_returns(const Scene& scene, const Conditions& c) {

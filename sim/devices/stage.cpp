@@ -42,18 +42,10 @@ const Shown& Stage::at(double time_s) {
   Scene for_radar = shown_.scene;
   if (for_radar.label == "reflector") for_radar.plates[0].centre.x = -conditions_.baseline_m;
   shown_.radar = radar_returns(for_radar, conditions_);
+  Rng rng = make_rng(static_cast<std::uint64_t>(play_.seed) + 1, static_cast<std::uint64_t>(index));
+  roughen(shown_.radar, conditions_, rng);
   shown_.index = index;
   return shown_;
-}
-
-Axis column_axis(std::uint32_t width, double half_tangent) {
-  const double step = 2 * half_tangent / width;
-  return {"depth_x", "tangent", "1", width, -0.5 * (width - 1) * step, step};
-}
-
-Axis row_axis(std::uint32_t height, double half_tangent) {
-  const double step = 2 * half_tangent / height;
-  return {"depth_y", "tangent", "1", height, 0.5 * (height - 1) * step, -step};
 }
 
 }  // namespace echofuse::sim

@@ -54,9 +54,4 @@ class Stage {
   Shown shown_;
 };
 
-// Directions of a depth camera's pixel centres for the half-angle tangent of its field of view:
-// columns run to the right, rows down from the top.
-Axis column_axis(std::uint32_t width, double half_tangent);
-Axis row_axis(std::uint32_t height, double half_tangent);
-
 }  // namespace echofuse::sim
