@@ -96,6 +96,34 @@ TEST_CASE("with pile-up only the first photon of a pulse is kept") {
     REQUIRE(stream.tags[i].channel != stream.tags[i - 1].channel);
 }
 
+TEST_CASE("a dead time loses the same photons as the histogram's law") {
+  Conditions c;
+  c.signal_photons = 3e4;
+  c.background_counts = 1e4;
+  c.pulses_per_window = 20'000;
+  c.spd_dead_time_ps = 2'000;  // within the light of one person
+  const Returns returns = person(c);
+  const Stream stream = draw(c, {}, returns);
+  const auto rate = spd_rate(returns, c);
+  Rng rng = make_rng(5, 5);
+  constexpr int draws = 40;
+  std::vector<double> mean(rate.size());
+  for (int d = 0; d < draws; ++d) {
+    const auto counts = draw_counts(rate, c, rng);
+    for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += 1.0 * counts[i] / draws;
+  }
+  CHECK(z_of_chi2(stream.counts, rate) > 50);  // without: far off
+  // What is blind now and then scatters less than Poisson, and the mean over the draws adds 1/40.
+  const double z = z_of_chi2(stream.counts, mean);
+  CHECK(z < 5);
+  std::int64_t last_ps = -1'000'000;
+  for (const Tag& tag : stream.tags) {
+    if (tag.channel != 2) continue;
+    REQUIRE(tag.time_ps - last_ps >= 1999);  // times are rounded down
+    last_ps = tag.time_ps;
+  }
+}
+
 TEST_CASE("the stream is sorted, and a sync stands before its photons only") {
   Conditions c;
   Tagging tagging;
