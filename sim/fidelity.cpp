@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "sim/fidelity.hpp"
 
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
 #include <ctime>
@@ -13,6 +10,7 @@
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/exit_code.hpp"
+#include "sim/gnuplot.hpp"
 #include "sim/optics.hpp"
 #include "sim/render.hpp"
 #include "sim/scene.hpp"
@@ -209,16 +207,7 @@ void write_fidelity(const std::vector<Fidelity>& rows, const std::string& folder
   csv.close();
   plot.close();
   if (!csv || !plot) throw Error(ExitCode::disk, folder + ": cannot be written");
-  const pid_t child = ::fork();
-  if (child == 0) {
-    if (::chdir(folder.c_str()) == 0) ::execlp("gnuplot", "gnuplot", "fidelity.gp", nullptr);
-    ::_exit(127);
-  }
-  int status = 0;
-  if (child < 0 || ::waitpid(child, &status, 0) != child || status != 0)
-    throw Error(ExitCode::failed, folder +
-                                      "/fidelity.csv is written, but gnuplot made no chart of it "
-                                      "(Debian: gnuplot-nox)");
+  run_gnuplot("load 'fidelity.gp'\n", folder, folder + "/fidelity.csv is written, but ");
 }
 
 }  // namespace echofuse::sim

@@ -17,6 +17,7 @@
 #include "sim/fidelity.hpp"
 #include "sim/lab.hpp"
 #include "sim/lab_command.hpp"
+#include "sim/preview.hpp"
 #include "sim/usb_lab.hpp"
 
 namespace {
@@ -214,6 +215,26 @@ void add_lab(CLI::App& app, Command& command, char** argv) {
   sub->callback([&command, a, argv] { command = [a, argv] { return run_lab(*a, argv); }; });
 }
 
+void add_preview(CLI::App& app, Command& command) {
+  auto* sub = app.add_subcommand("preview", "draw a record: depth map, histogram, profile");
+  struct Arguments {
+    std::string run, out;
+    std::int64_t record = 0;
+  };
+  auto a = std::make_shared<Arguments>();
+  sub->add_option("RUN", a->run, "run file")->required();
+  sub->add_option("--record", a->record, "its index")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  sub->add_option("--out", a->out, "PNG file to write")->required();
+  sub->callback([&command, a] {
+    command = [a] {
+      sim::draw_record(a->run, a->record, a->out);
+      return ExitCode::ok;
+    };
+  });
+}
+
 struct StudyArguments {
   sim::FidelityOptions options;
   std::string out, config;
@@ -287,6 +308,7 @@ ExitCode run(int argc, char** argv) {
   add_dataset(app, command);
   add_lab(app, command, argv);
   add_study(app, command);
+  add_preview(app, command);
   add_config(app, command);
   try {
     app.parse(argc, argv);

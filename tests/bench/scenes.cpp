@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
-// Whole simulated records, and their parts, on one core. Best of 5 rounds.
+// Whole simulated records, and their parts, on one core. Best of 5 rounds. With --people: some
+// scenes in numbers.
 #include <cstdio>
 #include <ctime>
 #include <functional>
 #include <limits>
+#include <string>
 
 #include "acquire/record/depth_map.hpp"
 #include "sim/dataset.hpp"
@@ -60,9 +62,30 @@ void measure(const char* background) {
   if (sum == 0) std::printf("nothing was seen\n");
 }
 
+// For a renderer of somebody else's: people and their depth maps.
+void print_people() {
+  const Conditions c;
+  std::printf("rays %d\n", static_cast<int>(rays_of(c)));
+  for (std::uint64_t i = 0; i < 10; ++i) {
+    const Scene scene = make_scene(c, SceneKind::person, 1, i);
+    std::printf("person\n");
+    for (const auto& k : scene.capsules)
+      std::printf("capsule %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g\n", k.a.x, k.a.y, k.a.z,
+                  k.b.x, k.b.y, k.b.z, k.radius_m, k.albedo);
+    std::printf("map");
+    for (const int mm : render_depth_mm(scene, record::depth_x_axis(), record::depth_y_axis()))
+      std::printf(" %d", mm);
+    std::printf("\n");
+  }
+}
+
 }  // namespace
 
-int main() {
+int main(int argc, char** argv) {
+  if (argc > 1 && std::string(argv[1]) == "--people") {
+    print_people();
+    return 0;
+  }
   measure("none");
   measure("room");
 }
