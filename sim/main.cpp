@@ -162,7 +162,10 @@ ExitCode run_lab(LabArguments& a, char** argv) {
   for (const auto& assignment : a.settings) settings.set(assignment);
   validate(plan.conditions);
   a.options.conditions = plan.conditions;
-  if (!plan.scenes.empty()) a.options.play.list = scenes_of(plan);
+  if (!plan.scenes.empty()) {
+    a.options.play.list = scenes_of(plan);
+    a.options.play.kind = plan.scenes;
+  }
   if (a.options.play.kind == "object") plan.objects = 1, scenes_of(plan);  // is there a mesh?
   a.options.play.seed = a.seed.value_or(plan.seed);
   const SystemClock clock;

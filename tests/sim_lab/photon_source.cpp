@@ -8,6 +8,7 @@
 
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/sample.hpp"
+#include "drivers/tdc/histogram.hpp"
 #include "sim/optics.hpp"
 #include "sim/scene.hpp"
 
@@ -20,7 +21,7 @@ constexpr double window_s = 0.5;
 
 struct Stream {
   std::vector<Tag> tags;
-  std::vector<double> counts;  // per bin, each click after the last sync
+  std::vector<double> counts;  // by the product's own histogram
 };
 
 Stream draw(const Conditions& c, const Tagging& tagging, const Returns& returns,
@@ -31,15 +32,13 @@ Stream draw(const Conditions& c, const Tagging& tagging, const Returns& returns,
   const auto pulses = static_cast<std::int64_t>(std::llround(source.laser_rate_hz() * window_s));
   for (std::int64_t i = 0; i < slices; ++i)
     source.draw(i * pulses / slices, (i + 1) * pulses / slices, bytes);
-  Stream stream{to_values<Tag>(bytes), std::vector<double>(static_cast<std::size_t>(c.bins))};
-  std::int64_t sync_ps = 0;
-  for (const Tag& tag : stream.tags) {
-    if (tag.channel == tagging.sync_channel) sync_ps = tag.time_ps;
-    const double bin =
-        std::floor((static_cast<double>(tag.time_ps - sync_ps) - c.first_bin_ps) / c.bin_width_ps);
-    if (tag.channel == tagging.click_channel && bin >= 0 && bin < static_cast<double>(c.bins))
-      ++stream.counts[static_cast<std::size_t>(bin)];
-  }
+  Stream stream{to_values<Tag>(bytes), {}};
+  tdc::HistogramSettings settings;
+  settings.bins = static_cast<std::uint32_t>(c.bins);
+  tdc::Histogram histogram(settings);
+  histogram.add(stream.tags);
+  const auto counts = histogram.take();
+  stream.counts.assign(counts.begin(), counts.end());
   return stream;
 }
 
