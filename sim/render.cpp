@@ -247,7 +247,8 @@ void look(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y, d
           Returns& returns) {
   // dOmega = dtx dty / |(tx, ty, 1)|^3
   const double pixel = std::abs(x.step * y.step) / mean_scene_weight;
-  auto& [ranges, weights] = returns;
+  auto& ranges = returns.range_m;
+  auto& weights = returns.weight;
   std::vector<double> range(x.count), weight(x.count);
   std::size_t seen = 0;
   Scanner(scene, sensor_x_m, x, y, Sampling::staggered).scan(Shading::on, [&](const Row& row) {

@@ -62,7 +62,7 @@ ECHOFUSE_CLONES void meet_capsule(const CapsuleShape& c, const double* x, const 
     const double on_end = (to_end - std::sqrt(end_root)) / ray2;
     const bool beside = !parallel & (foot > 0) & (foot < s.axis2);
     const double met = beside ? on_side : on_end;
-    z[i] = !parallel & (root < 0) ? 0 : met;
+    z[i] = (!parallel & (root < 0)) ? 0 : met;
   }
 }
 
