@@ -116,6 +116,18 @@ ECHOFUSE_CLONES void light_rays(const double* __restrict x, const double* __rest
   }
 }
 
+ECHOFUSE_CLONES void choose_met(const double* __restrict met, std::int32_t number,
+                                double* __restrict z, std::int32_t* __restrict shape,
+                                std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const double old_z = z[i];
+    const std::int32_t old_shape = shape[i];
+    const bool nearer = (met[i] > 0) & (met[i] < old_z);
+    z[i] = nearer ? met[i] : old_z;
+    shape[i] = nearer ? number : old_shape;
+  }
+}
+
 ECHOFUSE_CLONES void choose_nearer(const double* __restrict far_z,
                                    const double* __restrict far_cosine,
                                    const double* __restrict far_albedo, double* __restrict z,
@@ -238,6 +250,11 @@ void light_back(const double* x, const double* y, const double* z, const double*
                 const double* albedo, double factor, double* range, double* weight,
                 std::size_t count) {
   light_rays(x, y, z, cosine, albedo, factor, range, weight, count);
+}
+
+void keep_nearer(const double* met, std::int32_t number, double* z, std::int32_t* shape,
+                 std::size_t count) {
+  choose_met(met, number, z, shape, count);
 }
 
 void put_behind(const double* far_z, const double* far_cosine, const double* far_albedo, double* z,
