@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "sim/conditions.hpp"
 
+#include <algorithm>
+#include <cmath>
+
+#include "sim/mesh.hpp"
+
 namespace echofuse::sim {
 namespace {
 
@@ -15,11 +20,17 @@ void bind_scene(Settings& s, Conditions& c) {
   s.add("target_scale", c.target_scale, 0.1, 3, "size of people and letters");
   s.add("person_yaw_deg", c.person_yaw_deg, 0, 180, "people turn up to this much");
   s.add("letter_yaw_deg", c.letter_yaw_deg, 0, 80, "letters turn up to this much");
+  s.add("object", c.object, "OBJ or PLY file of the mesh that stands in object scenes");
+  s.add("object_scale", c.object_scale, 1e-6, 1e6, "metres to one unit of the mesh");
+  s.add("object_up", c.object_up, "which of the mesh's axes points up", {"y", "z"});
+  s.add("object_albedo", c.object_albedo, 0, 1, "of the object");
+  s.add("object_yaw_deg", c.object_yaw_deg, 0, 180, "objects turn up to this much");
   s.add("background", c.background, "what stands behind", {"none", "room"});
 }
 
 void bind_spd(Settings& s, Conditions& c) {
-  s.add("spd_rays", c.spd_rays, 16, 2048, "rays across the field of view");
+  s.add("spd_rays", c.spd_rays, 0, 2048,
+        "rays across the field of view, at least 16; 0: as many as the photons ask for");
   s.add("irf_fwhm_ps", c.irf_fwhm_ps, 0.1, 100'000, "Gaussian impulse response");
   s.add("irf_tail_ps", c.irf_tail_ps, 0, 100'000, "exponential tail, 0: none");
   s.add("bin_width_ps", c.bin_width_ps, 1, 100'000, "SPD histogram");
@@ -30,6 +41,8 @@ void bind_spd(Settings& s, Conditions& c) {
   s.add("spd_delay_ps", c.spd_delay_ps, -1e6, 1e6, "of cables and electronics");
   s.add("pulses_per_window", c.pulses_per_window, 0, 1'000'000'000'000,
         "laser pulses, for pile-up; 0: low flux");
+  s.add("spd_dead_time_ps", c.spd_dead_time_ps, 0, 1e9,
+        "of a free-running detector with pile-up; 0: one photon a pulse");
 }
 
 void bind_radar(Settings& s, Conditions& c) {
@@ -44,6 +57,14 @@ void bind_radar(Settings& s, Conditions& c) {
   s.add("radar_carrier_hz", c.radar_carrier_hz, 1e8, 1e12, "for the coherent sum");
   s.add("radar_psf", c.radar_psf, "range response", {"sinc", "blackman"});
   s.add("radar_sum", c.radar_sum, "of scatterers", {"incoherent", "coherent"});
+  s.add("radar_roughness_m", c.radar_roughness_m, 0, 1, "rms height of surfaces, if coherent");
+  s.add("radar_leakage", c.radar_leakage, 0, 1e6,
+        "power of the transmitter's own echo at range 0, in mean scenes");
+}
+
+void bind_depth(Settings& s, Conditions& c) {
+  s.add("depth_noise_m", c.depth_noise_m, 0, 1, "sigma at 1 m, grows with the distance's square");
+  s.add("depth_dropout", c.depth_dropout, 0, 1, "share of the pixels at edges without return");
 }
 
 }  // namespace
@@ -52,11 +73,24 @@ void bind(Settings& settings, Conditions& conditions) {
   bind_scene(settings, conditions);
   bind_spd(settings, conditions);
   bind_radar(settings, conditions);
+  bind_depth(settings, conditions);
+}
+
+std::int64_t rays_of(const Conditions& c) {
+  if (c.spd_rays > 0) return c.spd_rays;
+  const double rays = 256 * std::pow(3.6 * c.signal_photons / 1e5, 1 / 3.65);
+  return 2 * static_cast<std::int64_t>(std::ceil(std::clamp(rays, 64.0, 2048.0) / 2));
 }
 
 void validate(const Conditions& c) {
+  if (c.spd_rays > 0 && c.spd_rays < 16)
+    throw Error(ExitCode::config, "spd_rays is " + std::to_string(c.spd_rays) +
+                                      "; expected 0 or a whole number from 16 to 2048");
+  if (c.spd_dead_time_ps > 0 && c.pulses_per_window == 0)
+    throw Error(ExitCode::config, "spd_dead_time_ps needs pulses_per_window, the laser's pulses");
   if (c.target_z_min_m > c.target_z_max_m)
     throw Error(ExitCode::config, "target_z_min_m is greater than target_z_max_m");
+  if (!c.object.empty()) mesh_of(c.object);
 }
 
 Axis spd_axis(const Conditions& c) {

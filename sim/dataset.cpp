@@ -12,12 +12,13 @@
 #include "acquire/record/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/console.hpp"
+#include "sim/depth_camera.hpp"
 #include "sim/optics.hpp"
+#include "sim/scene_list.hpp"
 
 namespace echofuse::sim {
 namespace {
 
-constexpr double window_s = 3;  // [S] exposure of one record; a simulated set has no other clock
 constexpr std::int64_t batch_records = 128;
 
 // Independent random streams of one seed.
@@ -29,8 +30,8 @@ std::uint64_t seed_of(const Plan& plan, Stream stream) {
 record::FusedRecord blank_record(std::int64_t index, std::string label) {
   record::FusedRecord r;
   r.index = index;
-  r.slot_start = from_seconds(static_cast<double>(index) * window_s);
-  r.slot_end = from_seconds(static_cast<double>(index + 1) * window_s);
+  r.slot_start = from_seconds(static_cast<double>(index) * dataset_window_s);
+  r.slot_end = from_seconds(static_cast<double>(index + 1) * dataset_window_s);
   r.slot_utc = r.slot_start;
   r.label = std::move(label);
   for (const auto sensor : {Sensor::spd, Sensor::radar, Sensor::depth}) {
@@ -78,8 +79,15 @@ record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
   info.version = version();
   info.host = host;
   info.notes = "simulated data set";
-  info.window_s = window_s;
+  info.window_s = dataset_window_s;
   return info;
+}
+
+void check_object(const std::vector<SceneSpec>& scenes, const Conditions& conditions) {
+  if (conditions.object.empty() &&
+      std::find_if(scenes.begin(), scenes.end(),
+                   [](const SceneSpec& s) { return s.kind == SceneKind::object; }) != scenes.end())
+    throw Error(ExitCode::config, "object scenes need a mesh; set object = \"FILE.ply\" or .obj");
 }
 
 }  // namespace
@@ -90,6 +98,8 @@ void bind(Settings& settings, Plan& plan) {
   settings.add("letters", plan.letters, 0, 10'000'000, "records of a person holding a letter");
   settings.add("two_people", plan.two_people, 0, 10'000'000, "records of two people");
   settings.add("empty", plan.empty, 0, 10'000'000, "records of nobody");
+  settings.add("objects", plan.objects, 0, 10'000'000, "records of the object");
+  settings.add("scenes", plan.scenes, "TOML file of [[scene]] tables, instead of these numbers");
   settings.add("mirrored", plan.mirrored, "mirror every scene, x -> -x");
   bind(settings, plan.conditions);
 }
@@ -109,23 +119,30 @@ Plan plan_of(const std::string& run_path) {
   return plan;
 }
 
-std::vector<SceneKind> shuffled_kinds(const Plan& plan) {
-  std::vector<SceneKind> kinds;
+std::vector<SceneSpec> scenes_of(const Plan& plan) {
+  std::vector<SceneSpec> scenes;
   const auto add = [&](std::int64_t count, SceneKind kind) {
-    kinds.insert(kinds.end(), static_cast<std::size_t>(count), kind);
+    scenes.insert(scenes.end(), static_cast<std::size_t>(count), kind);
   };
+  if (!plan.scenes.empty()) {
+    scenes = read_scene_list(read_config_text(plan.scenes), plan.scenes);
+    check_object(scenes, plan.conditions);
+    return scenes;
+  }
   add(plan.people, SceneKind::person);
   add(plan.letters, SceneKind::letter);
   add(plan.two_people, SceneKind::two_people);
   add(plan.empty, SceneKind::empty);
+  add(plan.objects, SceneKind::object);
+  check_object(scenes, plan.conditions);
   Rng rng = make_rng(seed_of(plan, Stream::order), 0);
-  for (std::size_t i = kinds.size(); i > 1; --i) std::swap(kinds[i - 1], kinds[rng() % i]);
-  return kinds;
+  for (std::size_t i = scenes.size(); i > 1; --i) std::swap(scenes[i - 1], scenes[rng() % i]);
+  return scenes;
 }
 
 Generator::Generator(Plan plan)
     : plan_(std::move(plan)),
-      kinds_(shuffled_kinds(plan_)),
+      scenes_(scenes_of(plan_)),
       radar_(radar_response(plan_.conditions)),
       x_(record::depth_x_axis(record::map_size, plan_.conditions.half_tangent)),
       y_(record::depth_y_axis(record::map_size, plan_.conditions.half_tangent)),
@@ -133,7 +150,8 @@ Generator::Generator(Plan plan)
 
 Scene Generator::scene(std::int64_t index) const {
   const auto i = static_cast<std::size_t>(index);
-  const Scene scene = make_scene(plan_.conditions, kinds_.at(i), seed_of(plan_, Stream::scenes), i);
+  const Scene scene =
+      make_scene(plan_.conditions, scenes_.at(i), seed_of(plan_, Stream::scenes), i);
   return plan_.mirrored ? mirrored(scene) : scene;
 }
 
@@ -143,40 +161,44 @@ record::FusedRecord Generator::make(std::int64_t index) const {
   Rng rng = make_rng(seed_of(plan_, plan_.mirrored ? Stream::mirror_noise : Stream::noise),
                      static_cast<std::uint64_t>(index));
   record::FusedRecord r = blank_record(index, world.label);
-  r.spd = draw_counts(spd_rate(spd_returns(world, c), c), c, rng);
+  thread_local Returns returns;
+  spd_returns(world, c, returns);
+  r.spd = draw_counts(spd_rate(returns, c), c, rng);
   count_clicks(r);
-  auto power = radar_power(radar_returns(world, c), radar_, c);
+  radar_returns(world, c, returns);
+  roughen(returns, c, rng);
+  auto power = radar_power(returns, radar_, c);
   add_radar_noise(power, mean_peak_, c, rng);
   r.radar.resize(power.size());
   std::transform(power.begin(), power.end(), r.radar.begin(),
                  [](double p) { return static_cast<float>(p); });
-  r.depth_mm = render_depth_mm(world, x_, y_);
+  r.depth_mm = depth_map_mm(world, x_, y_, c, rng);
   return r;
 }
 
 std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
   validate(plan.conditions);
-  record::RunWriter writer(options.out, run_info(plan, options));
   const Generator generator(plan);
+  record::RunWriter writer(options.out, run_info(plan, options));
   writer.put_axis(spd_axis(plan.conditions));
   writer.put_axis(radar_axis(plan.conditions));
   writer.put_axis(record::depth_x_axis(record::map_size, plan.conditions.half_tangent));
   writer.put_axis(record::depth_y_axis(record::map_size, plan.conditions.half_tangent));
-  Progress progress("records", static_cast<std::size_t>(plan.records()), options.quiet);
+  Progress progress("records", static_cast<std::size_t>(generator.records()), options.quiet);
   const auto start_batch = [&](std::int64_t first) {
-    const std::int64_t last = std::min(first + batch_records, plan.records());
+    const std::int64_t last = std::min(first + batch_records, generator.records());
     return std::async(std::launch::async, make_batch, std::cref(generator), first, last,
                       options.threads);
   };
   // One batch is written while the next is made.
   auto pending = start_batch(0);
-  while (writer.records() < plan.records() && !interrupted()) {
+  while (writer.records() < generator.records() && !interrupted()) {
     const auto batch = pending.get();
     pending = start_batch(writer.records() + static_cast<std::int64_t>(batch.size()));
     writer.append(batch);
     progress.update(static_cast<std::size_t>(writer.records()));
   }
-  writer.close(writer.records() == plan.records() ? "complete" : "stopped:interrupted");
+  writer.close(writer.records() == generator.records() ? "complete" : "stopped:interrupted");
   return writer.records();
 }
 

@@ -3,6 +3,8 @@
 // was chosen, sets what to run.
 #include <CLI/CLI.hpp>
 #include <chrono>
+#include <cmath>
+#include <cstdio>
 #include <functional>
 #include <iostream>
 #include <memory>
@@ -12,8 +14,10 @@
 
 #include "drivers/core/console.hpp"
 #include "sim/dataset.hpp"
+#include "sim/fidelity.hpp"
 #include "sim/lab.hpp"
 #include "sim/lab_command.hpp"
+#include "sim/preview.hpp"
 #include "sim/usb_lab.hpp"
 
 namespace {
@@ -25,32 +29,37 @@ struct DatasetArguments {
   sim::DatasetOptions options;
   std::string config, mirror_of;
   std::vector<std::string> settings;
-  std::optional<std::int64_t> records, people, letters, two_people, empty, seed;
+  std::optional<std::int64_t> records, people, letters, two_people, empty, objects, seed;
   bool json = false;
 };
 
 // The numbers of records on the command line replace the configured ones as a whole.
 void apply_counts(const DatasetArguments& a, sim::Plan& plan) {
-  if (a.people || a.letters || a.two_people || a.empty) {
+  const bool by_kind = a.people || a.letters || a.two_people || a.empty || a.objects;
+  if (!plan.scenes.empty() && (by_kind || a.records))
+    throw Error(ExitCode::usage, "the records are listed in " + plan.scenes + "; give no numbers");
+  if (by_kind) {
     plan.people = a.people.value_or(0);
     plan.letters = a.letters.value_or(0);
     plan.two_people = a.two_people.value_or(0);
     plan.empty = a.empty.value_or(0);
+    plan.objects = a.objects.value_or(0);
   } else if (a.records) {
     plan.people = *a.records / 4;
     plan.letters = *a.records - plan.people;
-    plan.two_people = plan.empty = 0;
+    plan.two_people = plan.empty = plan.objects = 0;
   }
-  if (a.records && *a.records != plan.records())
+  const auto count = static_cast<std::int64_t>(scenes_of(plan).size());
+  if (a.records && *a.records != count)
     throw Error(ExitCode::usage, "--records " + std::to_string(*a.records) + " differs from the " +
-                                     std::to_string(plan.records()) + " records asked for by kind");
-  if (plan.records() == 0) throw Error(ExitCode::usage, "no records asked for");
+                                     std::to_string(count) + " records asked for by kind");
+  if (count == 0) throw Error(ExitCode::usage, "no records asked for");
 }
 
 // Another seed or other numbers of records would silently make the mirror of nothing.
 void check_same_scenes(const sim::Plan& plan, const std::string& run) {
   const sim::Plan original = sim::plan_of(run);
-  if (plan.seed != original.seed || sim::shuffled_kinds(plan) != sim::shuffled_kinds(original))
+  if (plan.seed != original.seed || scenes_of(plan) != scenes_of(original))
     throw Error(ExitCode::usage,
                 "--mirror-of takes the seed and the records from " + run + "; do not give others");
 }
@@ -82,21 +91,18 @@ ExitCode run_dataset(DatasetArguments& a) {
   const std::int64_t written = sim::write_dataset(plan, a.options);
   const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
   if (a.json)
-    std::cout << nlohmann::json{{"file", a.options.out},
-                                {"records", written},
-                                {"people", plan.people},
-                                {"letters", plan.letters},
-                                {"two_people", plan.two_people},
-                                {"empty", plan.empty},
-                                {"seed", plan.seed},
-                                {"mirrored", plan.mirrored},
-                                {"seconds", seconds}}
+    std::cout << nlohmann::json{{"file", a.options.out},         {"records", written},
+                                {"people", plan.people},         {"letters", plan.letters},
+                                {"two_people", plan.two_people}, {"empty", plan.empty},
+                                {"objects", plan.objects},       {"seed", plan.seed},
+                                {"mirrored", plan.mirrored},     {"seconds", seconds}}
                      .dump()
               << "\n";
   else if (!a.options.quiet)
     std::cout << a.options.out << ": " << written << " records in " << human_duration(seconds)
               << "\n";
-  return written == plan.records() ? ExitCode::ok : ExitCode::interrupted;
+  const auto wanted = static_cast<std::int64_t>(scenes_of(plan).size());
+  return written == wanted ? ExitCode::ok : ExitCode::interrupted;
 }
 
 void add_dataset(CLI::App& app, Command& command) {
@@ -110,6 +116,8 @@ void add_dataset(CLI::App& app, Command& command) {
   sub->add_option("--letters", a->letters, "records of a person holding a letter")->check(count);
   sub->add_option("--two-people", a->two_people, "records of two people")->check(count);
   sub->add_option("--empty", a->empty, "records of nobody")->check(count);
+  sub->add_option("--objects", a->objects, "records of the object (--set object=FILE)")
+      ->check(count);
   sub->add_option("--mirror-of", a->mirror_of, "the mirrored scenes of this run");
   sub->add_option("--seed", a->seed, "the same seed makes the same records")
       ->check(CLI::NonNegativeNumber);
@@ -154,6 +162,11 @@ ExitCode run_lab(LabArguments& a, char** argv) {
   for (const auto& assignment : a.settings) settings.set(assignment);
   validate(plan.conditions);
   a.options.conditions = plan.conditions;
+  if (!plan.scenes.empty()) {
+    a.options.play.list = scenes_of(plan);
+    a.options.play.kind = plan.scenes;
+  }
+  if (a.options.play.kind == "object") plan.objects = 1, scenes_of(plan);  // is there a mesh?
   a.options.play.seed = a.seed.value_or(plan.seed);
   const SystemClock clock;
   sim::Lab lab(clock, a.options);
@@ -176,7 +189,8 @@ void add_lab(CLI::App& app, Command& command, char** argv) {
   sub->add_option("--dir", o.dir, "where lab.toml and the devices' links go")
       ->capture_default_str();
   sub->add_option("--scene", o.play.kind, "what the devices see")
-      ->check(CLI::IsMember({"person", "letter", "mixed", "two_people", "empty", "reflector"}))
+      ->check(CLI::IsMember(
+          {"person", "letter", "mixed", "two_people", "empty", "reflector", "object"}))
       ->capture_default_str();
   sub->add_option("--hold", o.play.hold_s, "seconds that each scene stands; 0: for ever")
       ->check(CLI::Range(0.0, 86'400.0));
@@ -202,6 +216,68 @@ void add_lab(CLI::App& app, Command& command, char** argv) {
   sub->add_option("command", a->command, "run this in the laboratory, and close it afterwards")
       ->option_text("-- COMMAND ...");
   sub->callback([&command, a, argv] { command = [a, argv] { return run_lab(*a, argv); }; });
+}
+
+void add_preview(CLI::App& app, Command& command) {
+  auto* sub = app.add_subcommand("preview", "draw a record: depth map, histogram, profile");
+  struct Arguments {
+    std::string run, out;
+    std::int64_t record = 0;
+  };
+  auto a = std::make_shared<Arguments>();
+  sub->add_option("RUN", a->run, "run file")->required();
+  sub->add_option("--record", a->record, "its index")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  sub->add_option("--out", a->out, "PNG file to write")->required();
+  sub->callback([&command, a] {
+    command = [a] {
+      sim::draw_record(a->run, a->record, a->out);
+      return ExitCode::ok;
+    };
+  });
+}
+
+struct StudyArguments {
+  sim::FidelityOptions options;
+  std::string out, config;
+  std::vector<std::string> settings;
+};
+
+ExitCode run_fidelity(StudyArguments& a) {
+  sim::Plan plan;
+  Settings settings;
+  bind(settings, plan);
+  if (!a.config.empty()) settings.read_file(a.config);
+  for (const auto& assignment : a.settings) settings.set(assignment);
+  validate(plan.conditions);
+  a.options.conditions = plan.conditions;
+  const auto rows = sim::study_fidelity(a.options);
+  for (const auto& r : rows)
+    std::printf("%-10s %-10s %9.4f +- %.4f of the noise's variance%s\n", r.axis.c_str(),
+                r.value.c_str(), r.error, r.standard_error,
+                r.us > 0 ? ("  " + std::to_string(std::lround(r.us)) + " us").c_str() : "");
+  std::printf("chosen: %lld rays for %g photons\n",
+              static_cast<long long>(rays_of(plan.conditions)), plan.conditions.signal_photons);
+  sim::write_fidelity(rows, a.out);
+  return ExitCode::ok;
+}
+
+void add_study(CLI::App& app, Command& command) {
+  auto* study = app.add_subcommand("study", "how much detail a scene needs");
+  study->require_subcommand(1);
+  auto* sub = study->add_subcommand(
+      "fidelity", "each approximation against a finer one, in units of noise, beside its time");
+  auto a = std::make_shared<StudyArguments>();
+  sub->add_option("--out", a->out, "folder for fidelity.csv and fidelity.svg")->required();
+  sub->add_option("--scenes", a->options.scenes)
+      ->check(CLI::Range(std::int64_t{2}, std::int64_t{10'000}))
+      ->capture_default_str();
+  sub->add_option("--seed", a->options.seed)->capture_default_str();
+  sub->add_option("--config", a->config, "TOML file of settings");
+  sub->add_option("--set", a->settings, "key=value, over the file's")->allow_extra_args(false);
+  sub->add_flag("-q,--quiet", a->options.quiet, "no progress");
+  sub->callback([&command, a] { command = [a] { return run_fidelity(*a); }; });
 }
 
 void add_config(CLI::App& app, Command& command) {
@@ -234,6 +310,8 @@ ExitCode run(int argc, char** argv) {
   Command command;
   add_dataset(app, command);
   add_lab(app, command, argv);
+  add_study(app, command);
+  add_preview(app, command);
   add_config(app, command);
   try {
     app.parse(argc, argv);

@@ -95,6 +95,32 @@ class FineSignal {
   std::vector<double> weights_;
 };
 
+std::vector<std::uint32_t> count_running_free(const std::vector<double>& rate, const Conditions& c,
+                                              Rng& rng) {
+  const double period_ps = 1e12 * dataset_window_s / static_cast<double>(c.pulses_per_window);
+  struct Photon {
+    double time_ps;
+    std::size_t bin;
+  };
+  std::vector<Photon> photons;
+  for (std::size_t i = 0; i < rate.size(); ++i)
+    for (std::int64_t n = poisson(rate[i], rng); n > 0; --n) {
+      const auto pulse = rng() % static_cast<std::uint64_t>(c.pulses_per_window);
+      const double bin = static_cast<double>(i) + uniform(rng, 0, 1);
+      photons.push_back({static_cast<double>(pulse) * period_ps + bin * c.bin_width_ps, i});
+    }
+  std::sort(photons.begin(), photons.end(),
+            [](const Photon& a, const Photon& b) { return a.time_ps < b.time_ps; });
+  std::vector<std::uint32_t> counts(rate.size());
+  double ready_ps = 0;
+  for (const Photon& photon : photons) {
+    if (photon.time_ps < ready_ps) continue;
+    ++counts[photon.bin];
+    ready_ps = photon.time_ps + c.spd_dead_time_ps;
+  }
+  return counts;
+}
+
 }  // namespace
 
 std::vector<double> spd_rate(const Returns& returns, const Conditions& c) {
@@ -111,6 +137,7 @@ std::vector<double> spd_rate(const Returns& returns, const Conditions& c) {
 
 std::vector<std::uint32_t> draw_counts(const std::vector<double>& rate, const Conditions& c,
                                        Rng& rng) {
+  if (c.spd_dead_time_ps > 0) return count_running_free(rate, c, rng);
   std::vector<std::uint32_t> counts(rate.size());
   if (c.pulses_per_window == 0) {
     std::transform(rate.begin(), rate.end(), counts.begin(),

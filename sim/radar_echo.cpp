@@ -116,6 +116,12 @@ std::vector<double> coherent(const Returns& returns, const RadarAxis& axis, doub
 
 double psf_amplitude(Psf psf, double u) { return psf_from_sine(psf, u, std::sin(pi * u)); }
 
+void roughen(Returns& returns, const Conditions& c, Rng& rng) {
+  if (c.radar_sum != "coherent" || c.radar_roughness_m <= 0) return;
+  std::normal_distribution<double> height(0, c.radar_roughness_m);
+  for (double& range : returns.range_m) range = std::max(0.0, range + height(rng));
+}
+
 std::vector<double> radar_power(const Returns& returns, const RadarAxis& axis,
                                 const Conditions& c) {
   return c.radar_sum == "coherent" ? coherent(returns, axis, c.radar_carrier_hz)

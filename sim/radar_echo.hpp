@@ -26,6 +26,11 @@ struct RadarAxis {
 // side lobes below -58 dB; Harris, Proc. IEEE 66, 1978). u in resolution cells.
 double psf_amplitude(Psf psf, double u);
 
+// Moves each scatterer by its surface's height, Gaussian of rms radar_roughness_m: new speckle of
+// the coherent sum. Nothing happens to an incoherent one. Call it once for a scene that stands
+// still.
+void roughen(Returns& returns, const Conditions& conditions, Rng& rng);
+
 // Linear power without noise, in units in which the mean scene as a single point would give 1.
 //   incoherent: sum_k w_k psf^2
 //   coherent:   |sum_k sqrt(w_k) exp(-4 pi i R_k fc / c) psf|^2 (speckle; the former is its mean)

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <initializer_list>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -12,29 +11,11 @@
 #include <utility>
 
 #include "acquire/record/depth_map.hpp"
-#include "sim/capsule.hpp"
 #include "sim/room.hpp"
+#include "sim/shapes.hpp"
 
 namespace echofuse::sim {
 namespace {
-
-// Whatever reaches nearer to the sensor's plane is tested against every ray.
-constexpr double near_m = 0.05;
-
-struct Interval {
-  double low, high;
-};
-Interval hull(Interval a, Interval b) { return {std::min(a.low, b.low), std::max(a.high, b.high)}; }
-constexpr Interval everything{-INFINITY, INFINITY};
-
-// The tangents under which a disc of this radius at (s, z) appears in its plane: the exact
-// silhouette of a sphere along one axis.
-Interval disc_tangents(double s, double z, double radius) {
-  if (z - radius < near_m) return everything;
-  const double middle = std::atan2(s, z);
-  const double half = std::asin(radius / std::hypot(s, z));
-  return {std::tan(middle - half), std::tan(middle + half)};
-}
 
 // Points of the axis inside the interval, widened by the half step that a ray may be off and by
 // rounding: [first, last).
@@ -55,84 +36,22 @@ double golden_offset(std::uint32_t k) {
 // How far each ray is off its point. Columns are counted from the middle and the two halves are
 // mirror images, so that mirrored scenes meet mirrored rays.
 struct Offsets {
-  std::vector<double> dx_of_row, dy_of_column;
+  std::vector<double> dx_of_row, x_of_column, dy_of_column;
+  std::vector<double> side_of_column;  // -1 left of the middle, 1 right of it
 
   Offsets(const Axis& x, const Axis& y, Sampling sampling)
-      : dx_of_row(y.count), dy_of_column(x.count) {
-    if (sampling == Sampling::centres) return;
-    for (std::uint32_t iy = 0; iy < y.count; ++iy) dx_of_row[iy] = x.step * golden_offset(iy);
-    for (std::uint32_t ix = 0; ix < x.count; ++ix)
-      dy_of_column[ix] = y.step * golden_offset(std::min(ix, x.count - 1 - ix));
-  }
-};
-
-Interval tangents_x(const CapsuleShape& c) {
-  return hull(disc_tangents(c.a.x, c.a.z, c.radius), disc_tangents(c.b.x, c.b.z, c.radius));
-}
-Interval tangents_y(const CapsuleShape& c) {
-  return hull(disc_tangents(c.a.y, c.a.z, c.radius), disc_tangents(c.b.y, c.b.z, c.radius));
-}
-
-struct PlateShape {
-  struct Band {
-    double u, v, eu, ev, length, half_width;
-  };
-  Vec3 centre, u, v, n;
-  double albedo, distance;
-  std::vector<Band> bands;
-  Interval u_range{INFINITY, -INFINITY}, v_range{INFINITY, -INFINITY};
-
-  PlateShape(const Plate& p, Vec3 sensor)
-      : centre(p.centre - sensor),
-        u(p.u),
-        v(p.v),
-        n(cross(u, v)),
-        albedo(p.albedo),
-        distance(dot(n, centre)) {
-    for (const auto& s : p.strokes) {
-      const double du = s.u1 - s.u0, dv = s.v1 - s.v0, reach = std::hypot(du, dv);
-      const double half = s.width_m / 2;
-      bands.push_back({s.u0, s.v0, du / reach, dv / reach, reach, half});
-      u_range = hull(u_range, {std::min(s.u0, s.u1) - half, std::max(s.u0, s.u1) + half});
-      v_range = hull(v_range, {std::min(s.v0, s.v1) - half, std::max(s.v0, s.v1) + half});
+      : dx_of_row(y.count), x_of_column(x.count), dy_of_column(x.count), side_of_column(x.count) {
+    const bool staggered = sampling == Sampling::staggered;
+    for (std::uint32_t iy = 0; staggered && iy < y.count; ++iy)
+      dx_of_row[iy] = x.step * golden_offset(iy);
+    for (std::uint32_t ix = 0; ix < x.count; ++ix) {
+      const std::uint32_t mirror = x.count - 1 - ix;
+      x_of_column[ix] = x.at(ix);
+      side_of_column[ix] = ix < mirror ? -1 : ix > mirror ? 1 : 0;
+      if (staggered) dy_of_column[ix] = y.step * golden_offset(std::min(ix, mirror));
     }
   }
-  template <class Coordinate>
-  Interval tangents(Coordinate of) const {
-    Interval all{INFINITY, -INFINITY};
-    for (const double pu : {u_range.low, u_range.high})
-      for (const double pv : {v_range.low, v_range.high}) {
-        const Vec3 corner = centre + pu * u + pv * v;
-        if (corner.z < near_m) return everything;
-        all = hull(all, {of(corner) / corner.z, of(corner) / corner.z});
-      }
-    return all;
-  }
-  void meet(const double* x, const double* y, double* z, std::size_t count) const {
-    for (std::size_t i = 0; i < count; ++i) z[i] = meet({x[i], y[i], 1});
-  }
-  double meet(Vec3 ray) const {
-    const double towards = dot(n, ray);
-    if (towards == 0) return 0;
-    const double z = distance / towards;
-    const Vec3 p = z * ray - centre;
-    const double pu = dot(p, u), pv = dot(p, v);
-    for (const auto& b : bands) {
-      const double along = (pu - b.u) * b.eu + (pv - b.v) * b.ev;
-      const double across = (pv - b.v) * b.eu - (pu - b.u) * b.ev;
-      if (along >= 0 && along <= b.length && std::abs(across) <= b.half_width) return z;
-    }
-    return 0;
-  }
-  Vec3 normal(Vec3) const { return n; }
 };
-
-Interval tangents_x(const PlateShape& p) {
-  return p.tangents([](Vec3 corner) { return corner.x; });
-}
-Interval tangents_y(const PlateShape& p) {
-  return p.tangents([](Vec3 corner) { return corner.y; });
-}
 
 // A shape and the points of the axes between which it can be met.
 template <class Shape>
@@ -141,18 +60,28 @@ struct Placed {
   std::uint32_t x0 = 0, x1 = 0, y0 = 0, y1 = 0;
 
   Placed(const Shape& s, const Axis& x, const Axis& y) : shape(s) {
-    std::tie(x0, x1) = points_within(x, tangents_x(shape));
-    std::tie(y0, y1) = points_within(y, tangents_y(shape));
+    std::tie(x0, x1) = points_within(x, shape.tangents_x());
+    std::tie(y0, y1) = points_within(y, shape.tangents_y());
   }
   bool in_row(std::uint32_t iy) const { return iy >= y0 && iy < y1 && x0 < x1; }
 };
 
 constexpr std::int32_t nothing = -1;
-using Image = std::vector<Hit>;
+// z infinite where there is nothing.
+struct Image {
+  std::vector<double> z, cosine, albedo;
+};
 
-// Goes through the image row by row, so that one row is all it holds. Coordinates are relative to
-// the sensor, and rays are (tx, ty, 1), so that the ray parameter is z. Shapes are numbered:
-// capsules, then plates.
+// Rays from..to-1 of a row: (x, y, 1) met something at z, infinite where it did not.
+struct Row {
+  std::uint32_t iy, from, to;
+  const double *x, *y, *z;
+  const double *cosine, *albedo;  // for Shading::on
+};
+enum class Shading : std::uint8_t { off, on };
+
+// Goes through the image row by row, so that one row is all it holds. Shapes are numbered:
+// capsules, then plates, then triangles.
 class Scanner {
  public:
   Scanner(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y, Sampling sampling)
@@ -162,24 +91,31 @@ class Scanner {
         ray_x_(x.count),
         ray_y_(x.count),
         met_(x.count),
-        z_(x.count, INFINITY),
-        shape_(x.count, nothing) {
+        z_(x.count),
+        cosine_(x.count),
+        albedo_(x.count),
+        shape_(x.count) {
     const Vec3 sensor{sensor_x_m, 0, 0};
     for (const auto& c : scene.capsules) capsules_.emplace_back(CapsuleShape(c, sensor), x, y);
     for (const auto& p : scene.plates) plates_.emplace_back(PlateShape(p, sensor), x, y);
+    for (const auto& t : scene.triangles) triangles_.emplace_back(TriangleShape(t, sensor), x, y);
+    std::sort(triangles_.begin(), triangles_.end(),
+              [](const auto& a, const auto& b) { return a.y0 < b.y0; });
     if (scene.room) background_ = room_image(sensor_x_m, x, y, sampling);
   }
 
-  // emit(index of the pixel in the image, hit) for every ray that meets something.
-  template <class Emit>
-  void scan(Emit emit) {
+  // visit(row) for every row in which something can be met.
+  template <class Visit>
+  void scan(Shading shading, Visit visit) {
     for (std::uint32_t iy = 0; iy < y_.count; ++iy) {
+      find_extent(iy);
+      if (from_ >= to_) continue;
+      aim(iy);
       draw_row(iy);
-      if (background_)
-        emit_before_background(iy, emit);
-      else
-        for (std::uint32_t ix = from_; ix < to_; ++ix)
-          if (shape_[ix] != nothing) emit(std::size_t{iy} * x_.count + ix, hit(ix));
+      if (shading == Shading::on) shade_row();
+      if (background_) add_background(iy);
+      visit(Row{iy, from_, to_, ray_x_.data(), ray_y_.data(), z_.data(), cosine_.data(),
+                albedo_.data()});
     }
   }
 
@@ -187,82 +123,86 @@ class Scanner {
   static std::shared_ptr<const Image> room_image(double sensor_x_m, const Axis& x, const Axis& y,
                                                  Sampling sampling);
 
-  template <class Emit>
-  void emit_before_background(std::uint32_t iy, Emit emit) {
-    const std::size_t row = std::size_t{iy} * x_.count;
-    for (std::uint32_t ix = 0; ix < x_.count; ++ix) {
-      const Hit& behind = (*background_)[row + ix];
-      const bool in_front = ix >= from_ && ix < to_ && shape_[ix] != nothing &&
-                            (behind.z_m <= 0 || static_cast<float>(z_[ix]) < behind.z_m);
-      if (in_front)
-        emit(row + ix, hit(ix));
-      else if (behind.z_m > 0)
-        emit(row + ix, behind);
+  // use(shape, number) of every shape that reaches into the row.
+  template <class Use>
+  void for_each_in_row(std::uint32_t iy, Use use) const {
+    std::int32_t number = 0;
+    for (const auto& capsule : capsules_) {
+      if (capsule.in_row(iy)) use(capsule, number);
+      ++number;
+    }
+    for (const auto& plate : plates_) {
+      if (plate.in_row(iy)) use(plate, number);
+      ++number;
+    }
+    for (const auto& triangle : triangles_) {
+      if (triangle.y0 > iy) break;
+      if (triangle.in_row(iy)) use(triangle, number);
+      ++number;
     }
   }
 
-  void draw_row(std::uint32_t iy) {
-    from_ = x_.count;
-    to_ = 0;
-    const auto reach = [&](const auto& placed) {
-      if (!placed.in_row(iy)) return;
+  void find_extent(std::uint32_t iy) {
+    from_ = background_ ? 0 : x_.count;
+    to_ = background_ ? x_.count : 0;
+    for_each_in_row(iy, [&](const auto& placed, std::int32_t) {
       from_ = std::min(from_, placed.x0);
       to_ = std::max(to_, placed.x1);
-    };
-    for (const auto& capsule : capsules_) reach(capsule);
-    for (const auto& plate : plates_) reach(plate);
-    if (from_ >= to_) return;
-    aim(iy);
-    std::int32_t number = 0;
-    for (const auto& capsule : capsules_) draw(capsule, number++, iy);
-    for (const auto& plate : plates_) draw(plate, number++, iy);
+    });
   }
 
-  // The rays of the row where there is something.
   void aim(std::uint32_t iy) {
     const double dx = offsets_.dx_of_row[iy], y = y_.at(iy);
     for (std::uint32_t ix = from_; ix < to_; ++ix) {
-      const std::uint32_t mirror = x_.count - 1 - ix;
-      ray_x_[ix] = x_.at(ix) + (ix < mirror ? -dx : ix > mirror ? dx : 0);
+      ray_x_[ix] = offsets_.x_of_column[ix] + dx * offsets_.side_of_column[ix];
       ray_y_[ix] = y + offsets_.dy_of_column[ix];
       z_[ix] = INFINITY;
       shape_[ix] = nothing;
     }
   }
 
-  template <class Shape>
-  void draw(const Placed<Shape>& placed, std::int32_t number, std::uint32_t iy) {
-    if (!placed.in_row(iy)) return;
-    const std::size_t first = placed.x0, count = placed.x1 - placed.x0;
-    placed.shape.meet(&ray_x_[first], &ray_y_[first], met_.data(), count);
-    for (std::size_t i = 0; i < count; ++i) {
-      const bool nearer = met_[i] > 0 && met_[i] < z_[first + i];
-      z_[first + i] = nearer ? met_[i] : z_[first + i];
-      shape_[first + i] = nearer ? number : shape_[first + i];
+  void draw_row(std::uint32_t iy) {
+    for_each_in_row(iy, [&](const auto& placed, std::int32_t number) {
+      const std::size_t first = placed.x0, count = placed.x1 - placed.x0;
+      placed.shape.meet(&ray_x_[first], &ray_y_[first], met_.data(), count);
+      keep_nearer(met_.data(), number, &z_[first], &shape_[first], count);
+    });
+  }
+
+  void shade_row() {
+    for (std::size_t first = from_, last = first; first < to_; first = last) {
+      while (last < to_ && shape_[last] == shape_[first]) ++last;
+      const auto shade = [&](const auto& shape) {
+        shape.cosines(&ray_x_[first], &ray_y_[first], &z_[first], &cosine_[first], last - first);
+        std::fill(&albedo_[first], &albedo_[first] + (last - first), shape.albedo);
+      };
+      auto number = static_cast<std::size_t>(shape_[first]);
+      if (shape_[first] == nothing)
+        std::fill(&cosine_[first], &cosine_[first] + (last - first), 0.0);
+      else if (number < capsules_.size())
+        shade(capsules_[number].shape);
+      else if (number -= capsules_.size(); number < plates_.size())
+        shade(plates_[number].shape);
+      else
+        shade(triangles_[number - plates_.size()].shape);
     }
   }
 
-  Hit hit(std::uint32_t ix) const {
-    const auto of = [&](const auto& shape) {
-      const Vec3 ray{ray_x_[ix], ray_y_[ix], 1};
-      const double z = z_[ix], stretch = length(ray);
-      return Hit{static_cast<float>(z * stretch), static_cast<float>(z),
-                 static_cast<float>(std::abs(dot(shape.normal(z * ray), ray)) / stretch),
-                 static_cast<float>(shape.albedo)};
-    };
-    const auto number = static_cast<std::size_t>(shape_[ix]);
-    return number < capsules_.size() ? of(capsules_[number].shape)
-                                     : of(plates_[number - capsules_.size()].shape);
+  void add_background(std::uint32_t iy) {
+    const std::size_t row = std::size_t{iy} * x_.count;
+    put_behind(&background_->z[row], &background_->cosine[row], &background_->albedo[row],
+               z_.data(), cosine_.data(), albedo_.data(), x_.count);
   }
 
   const Axis& x_;
   const Axis& y_;
   Offsets offsets_;
-  std::vector<double> ray_x_, ray_y_, met_, z_;  // of one row
+  std::vector<double> ray_x_, ray_y_, met_, z_, cosine_, albedo_;  // of one row
   std::vector<std::int32_t> shape_;
   std::uint32_t from_ = 0, to_ = 0;  // where the row may hold something
   std::vector<Placed<CapsuleShape>> capsules_;
   std::vector<Placed<PlateShape>> plates_;
+  std::vector<Placed<TriangleShape>> triangles_;
   std::shared_ptr<const Image> background_;
 };
 
@@ -285,21 +225,42 @@ std::shared_ptr<const Image> Scanner::room_image(double sensor_x_m, const Axis& 
   Scene alone;
   alone.plates = room();
   if (images.size() == most) images.clear();
-  return images[key] = std::make_shared<Image>(cast(alone, sensor_x_m, x, y, sampling));
+  const std::size_t size = std::size_t{x.count} * y.count;
+  auto image = std::make_shared<Image>(Image{std::vector<double>(size, INFINITY),
+                                             std::vector<double>(size), std::vector<double>(size)});
+  Scanner(alone, sensor_x_m, x, y, sampling).scan(Shading::on, [&](const Row& row) {
+    const auto put = [&](const double* from, std::vector<double>& to) {
+      std::copy(from + row.from, from + row.to, &to[std::size_t{row.iy} * x.count + row.from]);
+    };
+    put(row.z, image->z);
+    put(row.cosine, image->cosine);
+    put(row.albedo, image->albedo);
+  });
+  return images[key] = image;
 }
 
-Returns returns_of(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y) {
+void look(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y, double extra_m,
+          Returns& returns) {
+  // dOmega = dtx dty / |(tx, ty, 1)|^3
   const double pixel = std::abs(x.step * y.step) / mean_scene_weight;
-  Returns returns;
-  Scanner(scene, sensor_x_m, x, y, Sampling::staggered).scan([&](std::size_t, const Hit& hit) {
-    // dOmega = dtx dty / |(tx, ty, 1)|^3, and |(tx, ty, 1)| = R/z.
-    const double shrink = hit.z_m / hit.range_m;
-    const double solid_angle = pixel * shrink * shrink * shrink;
-    const double range = hit.range_m, albedo = hit.albedo, cos_theta = hit.cos_theta;
-    returns.range_m.push_back(range);
-    returns.weight.push_back(albedo * cos_theta * solid_angle / (range * range));
+  auto& ranges = returns.range_m;
+  auto& weights = returns.weight;
+  std::vector<double> range(x.count), weight(x.count);
+  std::size_t seen = 0;
+  Scanner(scene, sensor_x_m, x, y, Sampling::staggered).scan(Shading::on, [&](const Row& row) {
+    const std::size_t first = row.from, count = row.to - row.from;
+    light_back(row.x + first, row.y + first, row.z + first, row.cosine + first, row.albedo + first,
+               pixel, range.data(), weight.data(), count);
+    ranges.resize(std::max(ranges.size(), seen + count));
+    weights.resize(ranges.size());
+    for (std::size_t i = 0; i < count; ++i) {
+      ranges[seen] = range[i] + extra_m;
+      weights[seen] = weight[i];
+      seen += row.z[first + i] < INFINITY;
+    }
   });
-  return returns;
+  ranges.resize(seen);
+  weights.resize(seen);
 }
 
 Axis x_rays(std::int64_t count, double half_tangent) {
@@ -314,33 +275,53 @@ Axis y_rays(std::int64_t count, double half_tangent) {
 std::vector<Hit> cast(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y,
                       Sampling sampling) {
   std::vector<Hit> hits(std::size_t{x.count} * y.count);
-  Scanner(scene, sensor_x_m, x, y, sampling).scan([&](std::size_t i, const Hit& hit) {
-    hits[i] = hit;
+  Scanner(scene, sensor_x_m, x, y, sampling).scan(Shading::on, [&](const Row& row) {
+    for (std::size_t ix = row.from; ix < row.to; ++ix) {
+      const double z = row.z[ix];
+      if (!(z < INFINITY)) continue;
+      hits[std::size_t{row.iy} * x.count + ix] = {
+          static_cast<float>(z * std::sqrt(row.x[ix] * row.x[ix] + row.y[ix] * row.y[ix] + 1)),
+          static_cast<float>(z), static_cast<float>(row.cosine[ix]),
+          static_cast<float>(row.albedo[ix])};
+    }
   });
   return hits;
 }
 
 std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, const Axis& y) {
   std::vector<std::uint16_t> depth(std::size_t{x.count} * y.count);
-  Scanner(scene, 0, x, y, Sampling::centres).scan([&](std::size_t i, const Hit& hit) {
-    const double z = hit.z_m;
-    if (z <= record::max_depth_m) depth[i] = static_cast<std::uint16_t>(std::lround(1000 * z));
+  Scanner(scene, 0, x, y, Sampling::centres).scan(Shading::off, [&](const Row& row) {
+    for (std::size_t ix = row.from; ix < row.to; ++ix)
+      if (row.z[ix] <= record::max_depth_m)
+        depth[std::size_t{row.iy} * x.count + ix] =
+            static_cast<std::uint16_t>(std::lround(1000 * row.z[ix]));
   });
   return depth;
 }
 
+void spd_returns(const Scene& scene, const Conditions& c, Returns& out) {
+  const std::int64_t rays = rays_of(c);
+  look(scene, 0, x_rays(rays, c.half_tangent), y_rays(rays, c.half_tangent),
+       c.spd_delay_ps * speed_of_light_m_s / 2e12, out);
+}
+
+void radar_returns(const Scene& scene, const Conditions& c, Returns& out) {
+  look(scene, -c.baseline_m, x_rays(c.radar_rays, c.radar_half_tangent),
+       y_rays(c.radar_rays / 2, c.radar_half_tangent / 2), c.radar_bias_m, out);
+  if (c.radar_leakage <= 0) return;
+  out.range_m.push_back(std::max(0.0, c.radar_bias_m));
+  out.weight.push_back(c.radar_leakage);
+}
+
 Returns spd_returns(const Scene& scene, const Conditions& c) {
-  Returns all =
-      returns_of(scene, 0, x_rays(c.spd_rays, c.half_tangent), y_rays(c.spd_rays, c.half_tangent));
-  const double delay_m = c.spd_delay_ps * speed_of_light_m_s / 2e12;
-  for (double& range : all.range_m) range += delay_m;
+  Returns all;
+  spd_returns(scene, c, all);
   return all;
 }
 
 Returns radar_returns(const Scene& scene, const Conditions& c) {
-  Returns all = returns_of(scene, -c.baseline_m, x_rays(c.radar_rays, c.radar_half_tangent),
-                           y_rays(c.radar_rays / 2, c.radar_half_tangent / 2));
-  for (double& range : all.range_m) range += c.radar_bias_m;
+  Returns all;
+  radar_returns(scene, c, all);
   return all;
 }
 

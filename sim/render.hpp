@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Exact ray casting of capsules and plates.
+// Exact ray casting of capsules, plates and triangles.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -44,8 +44,11 @@ struct Returns {
 inline constexpr double mean_scene_weight = 0.24 / (3.5 * 3.5 * 3.5 * 3.5);
 
 // From the origin and from the radar's place, each with its own occlusion; ranges as the sensor
-// shows them, with spd_delay_ps and radar_bias_m.
+// shows them, with spd_delay_ps and radar_bias_m; the radar's own leakage is one more.
 Returns spd_returns(const Scene& scene, const Conditions& conditions);
 Returns radar_returns(const Scene& scene, const Conditions& conditions);
+// Into the memory of an earlier scene: fresh memory takes the kernel as long as the light us.
+void spd_returns(const Scene& scene, const Conditions& conditions, Returns& out);
+void radar_returns(const Scene& scene, const Conditions& conditions, Returns& out);
 
 }  // namespace echofuse::sim

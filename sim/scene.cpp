@@ -1,14 +1,20 @@
 // SPDX-License-Identifier: MIT
 #include "sim/scene.hpp"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <filesystem>
 #include <numbers>
 
 #include "sim/draw.hpp"
+#include "sim/mesh.hpp"
 #include "sim/person.hpp"
 
 namespace echofuse::sim {
 namespace {
+
+constexpr std::array kinds{"person", "letter", "two_people", "empty", "reflector", "object"};
 
 Stand random_place(const Conditions& c, Rng& rng) {
   const double x = uniform(rng, -c.target_x_m, c.target_x_m);
@@ -19,44 +25,89 @@ double random_turn(double most_deg, Rng& rng) {
   return uniform(rng, -most_deg, most_deg) * std::numbers::pi / 180;
 }
 
-Stand random_stand(const Conditions& c, Rng& rng) {
+// The random numbers are drawn in any case: what else is random does not depend on the place.
+Stand chosen(const SceneSpec& spec, Stand random) {
+  const double degree = std::numbers::pi / 180;
+  return {spec.x_m.value_or(random.x_m), spec.z_m.value_or(random.z_m),
+          spec.yaw_deg ? *spec.yaw_deg * degree : random.yaw_rad};
+}
+
+Stand random_stand(const Conditions& c, double most_yaw_deg, Rng& rng) {
   Stand stand = random_place(c, rng);
-  stand.yaw_rad = random_turn(c.person_yaw_deg, rng);
+  stand.yaw_rad = random_turn(most_yaw_deg, rng);
   return stand;
 }
 
-void add_letter(Scene& scene, const Conditions& c, Rng& rng) {
+void add_letter(Scene& scene, const Conditions& c, const SceneSpec& spec, Rng& rng) {
   Stand stand = random_place(c, rng);
   const double towards_sensors = std::atan2(-stand.x_m, stand.z_m);
   stand.yaw_rad = towards_sensors + random_turn(c.letter_yaw_deg, rng);
+  stand = chosen(spec, stand);
   scene.label = std::string("letter:") + add_letter_person(scene, c, stand, rng);
 }
 
 // Half of the width each: they stand side by side.
 void add_two(Scene& scene, const Conditions& c, Rng& rng) {
   for (const double side : {-0.5, 0.5}) {
-    Stand stand = random_stand(c, rng);
+    Stand stand = random_stand(c, c.person_yaw_deg, rng);
     stand.x_m = stand.x_m / 2 + side * c.target_x_m;
     add_person(scene, c, stand, rng);
   }
   scene.label = "two_people";
 }
 
+// The middle of its ground plan stands at the place, its lowest point on the floor.
+void add_object(Scene& scene, const Conditions& c, const Stand& stand) {
+  const Mesh& mesh = mesh_of(c.object);
+  const auto upright = [&](Vec3 p) { return c.object_up == "z" ? Vec3{p.x, p.z, -p.y} : p; };
+  Vec3 low{INFINITY, INFINITY, INFINITY}, high = -1 * low;
+  for (const auto& corners : mesh.triangles)
+    for (const auto corner : corners) {
+      const Vec3 p = upright(mesh.points[corner]);
+      low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+      high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+    }
+  const Vec3 foot{(low.x + high.x) / 2, low.y, (low.z + high.z) / 2};
+  const double cosine = std::cos(stand.yaw_rad), sine = std::sin(stand.yaw_rad);
+  const auto world = [&](std::uint32_t corner) {
+    const Vec3 p = c.object_scale * (upright(mesh.points[corner]) - foot);
+    // As a person's: it faces its own -z, and turns to +x.
+    return Vec3{stand.x_m + cosine * p.x - sine * p.z, p.y - c.camera_height_m,
+                stand.z_m + sine * p.x + cosine * p.z};
+  };
+  for (const auto& [i, j, k] : mesh.triangles)
+    scene.triangles.push_back({world(i), world(j), world(k), c.object_albedo});
+  scene.label = "object:" + std::filesystem::path(c.object).stem().string();
+}
+
 Vec3 flipped(Vec3 p) { return {-p.x, p.y, p.z}; }
 
 }  // namespace
 
-Scene make_scene(const Conditions& c, SceneKind kind, std::uint64_t seed, std::uint64_t index) {
+std::optional<SceneKind> kind_named(std::string_view name) {
+  const auto found = std::find(kinds.begin(), kinds.end(), name);
+  if (found == kinds.end()) return {};
+  return static_cast<SceneKind>(found - kinds.begin());
+}
+
+std::string kind_names() {
+  std::string all;
+  for (const char* name : kinds) all += (all.empty() ? "" : ", ") + std::string(name);
+  return all;
+}
+
+Scene make_scene(const Conditions& c, const SceneSpec& spec, std::uint64_t seed,
+                 std::uint64_t index) {
   Rng rng = make_rng(seed, index);
   Scene scene;
   scene.room = c.background == "room";
-  switch (kind) {
+  switch (spec.kind) {
     case SceneKind::person:
-      add_person(scene, c, random_stand(c, rng), rng);
+      add_person(scene, c, chosen(spec, random_stand(c, c.person_yaw_deg, rng)), rng);
       scene.label = "person";
       break;
     case SceneKind::letter:
-      add_letter(scene, c, rng);
+      add_letter(scene, c, spec, rng);
       break;
     case SceneKind::two_people:
       add_two(scene, c, rng);
@@ -74,6 +125,9 @@ Scene make_scene(const Conditions& c, SceneKind kind, std::uint64_t seed, std::u
       scene.label = "reflector";
       break;
     }
+    case SceneKind::object:
+      add_object(scene, c, chosen(spec, random_stand(c, c.object_yaw_deg, rng)));
+      break;
   }
   return scene;
 }
@@ -89,6 +143,7 @@ Scene mirrored(const Scene& scene) {
     plate.u = flipped(plate.u);
     plate.v = flipped(plate.v);
   }
+  for (auto& t : image.triangles) t = {flipped(t.a), flipped(t.b), flipped(t.c), t.albedo};
   return image;
 }
 

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
-// What stands in front of the sensors: capsules (people) and flat plates made of strokes (letters,
-// walls, faces of boxes).
+// What stands in front of the sensors: capsules (people), flat plates made of strokes (letters,
+// walls, faces of boxes) and triangles (a laboratory's own object).
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "sim/conditions.hpp"
@@ -29,18 +31,37 @@ struct Plate {
   double albedo = 0;
 };
 
+struct Triangle {
+  Vec3 a, b, c;
+  double albedo = 0;
+};
+
 struct Scene {
   std::vector<Capsule> capsules;
   std::vector<Plate> plates;
+  std::vector<Triangle> triangles;
   bool room = false;  // the fixed room stands behind everything
-  std::string label;  // person, letter:A, two_people, empty
+  std::string label;  // person, letter:A, two_people, empty, object:chair
 };
 
-// reflector: a small white plate at reflector_m straight ahead of the SPD.
-enum class SceneKind : std::uint8_t { person, letter, two_people, empty, reflector };
+// reflector: a small white plate at reflector_m straight ahead of the SPD. object: the mesh of
+// Conditions::object on the floor.
+enum class SceneKind : std::uint8_t { person, letter, two_people, empty, reflector, object };
+std::optional<SceneKind> kind_named(std::string_view name);
+std::string kind_names();  // with commas between
+
+// A kind, and where person, letter or object stands and turns if that is not left to chance.
+struct SceneSpec {
+  SceneKind kind = SceneKind::empty;
+  std::optional<double> x_m{}, z_m{}, yaw_deg{};
+
+  SceneSpec() = default;
+  SceneSpec(SceneKind k) : kind(k) {}  // NOLINT: a kind alone is a specification
+  bool operator==(const SceneSpec&) const = default;
+};
 
 // Scene `index` of `seed`: the same whatever was made before and on whichever thread.
-Scene make_scene(const Conditions& conditions, SceneKind kind, std::uint64_t seed,
+Scene make_scene(const Conditions& conditions, const SceneSpec& spec, std::uint64_t seed,
                  std::uint64_t index);
 
 // x -> -x of people and plates. The room stays where it is.

@@ -8,6 +8,8 @@
 #include <deque>
 #include <list>
 
+#include "acquire/record/depth_map.hpp"
+#include "sim/depth_camera.hpp"
 #include "sim/devices/depth_wire.hpp"
 #include "sim/devices/trouble.hpp"
 
@@ -22,8 +24,8 @@ class DepthFeed final : public Device {
   DepthFeed(boost::asio::io_context& io, Stage& stage, const DepthOptions& options)
       : stage_(stage),
         options_(options),
-        columns_(column_axis(options.width, options.half_tangent_x)),
-        rows_(row_axis(options.height, options.half_tangent_y)),
+        columns_(record::depth_x_axis(options.width, options.half_tangent_x)),
+        rows_(record::depth_y_axis(options.height, options.half_tangent_y)),
         acceptor_(io, Local::endpoint(options.socket_path)),
         timer_(io),
         next_(std::chrono::steady_clock::now()),
@@ -147,7 +149,7 @@ class DepthFeed final : public Device {
     h.time_us =
         static_cast<std::uint64_t>(std::max(0.0, 1e6 * (now_s + trouble_.clock_error_s(now_s))));
     h.truncated = trouble_.strikes(FaultKind::corrupt);
-    Frame frame{h, picture(now_s), h.truncated ? "corrupt" : "sent", trouble_.due()};
+    Frame frame{h, disturbed(picture(now_s)), h.truncated ? "corrupt" : "sent", trouble_.due()};
     if (trouble_.strikes(FaultKind::garbage)) {
       for (auto& mm : frame.pixels) mm = static_cast<std::uint16_t>(trouble_.noise());
       frame.what = "garbage";
@@ -178,6 +180,11 @@ class DepthFeed final : public Device {
     }
   }
 
+  std::vector<std::uint16_t> disturbed(std::vector<std::uint16_t> pixels) {
+    disturb_depth(pixels, columns_.count, stage_.conditions(), rng_);
+    return pixels;
+  }
+
   const std::vector<std::uint16_t>& picture(double time_s) {
     const Shown& shown = stage_.at(time_s);
     if (shown.index != pictured_) {
@@ -199,7 +206,8 @@ class DepthFeed final : public Device {
   bool stopping_ = false;
   std::uint32_t frame_index_ = 0;
   std::uint64_t all_viewers_ = 0, frames_ = 0, skipped_ = 0;
-  std::deque<Frame> held_;  // delayed
+  std::deque<Frame> held_;                // delayed
+  Rng rng_ = make_rng(options_.seed, 1);  // of range noise and dropouts
   ErrorCode ignored_;
   Trouble trouble_;
 };

@@ -80,7 +80,11 @@ double PhotonSource::mean_tags(std::int64_t pulses) const {
   const double photons = mean_signal(pulses) + mean_background(pulses);
   const double pulses_with_photon = -all * std::expm1(-photons / all);
   return (tagging_.conditional_filter ? pulses_with_photon : all) +
-         (conditions_.pulses_per_window > 0 ? pulses_with_photon : photons);
+         (only_first() ? pulses_with_photon : photons);
+}
+
+bool PhotonSource::only_first() const {
+  return conditions_.pulses_per_window > 0 && conditions_.spd_dead_time_ps <= 0;
 }
 
 double PhotonSource::signal_delay_ps() {
@@ -113,6 +117,21 @@ void PhotonSource::draw_detections(std::int64_t pulses, double mean, bool signal
   }
 }
 
+void PhotonSource::wait_for_detector(std::int64_t first) {
+  const auto blind = [&](std::uint64_t detection) {
+    const double time_ps =
+        static_cast<double>(first + static_cast<std::int64_t>(detection >> 32)) * period_ps_ +
+        static_cast<double>(detection & 0xffffffffU);
+    if (time_ps < ready_ps_) return true;
+    ready_ps_ = time_ps + conditions_.spd_dead_time_ps;
+    return false;
+  };
+  std::vector<std::uint64_t> kept;
+  std::copy_if(detections_.begin(), detections_.end(), std::back_inserter(kept),
+               [&](std::uint64_t d) { return !blind(d); });
+  detections_ = std::move(kept);
+}
+
 std::size_t PhotonSource::put_pulse(std::int64_t pulse, std::size_t& next, std::int64_t first,
                                     Bytes& out) {
   const std::size_t before = out.size();
@@ -123,7 +142,7 @@ std::size_t PhotonSource::put_pulse(std::int64_t pulse, std::size_t& next, std::
   for (; next < detections_.size() &&
          static_cast<std::int64_t>(detections_[next] >> 32) == pulse - first;
        ++next) {
-    if (kept && conditions_.pulses_per_window > 0) continue;
+    if (kept && only_first()) continue;
     put_tag(out, tagging_.click_channel,
             fired_ps + static_cast<std::int64_t>(detections_[next] & 0xffffffffU));
     kept = true;
@@ -136,6 +155,7 @@ std::size_t PhotonSource::draw(std::int64_t first, std::int64_t last, Bytes& out
   draw_detections(last - first, mean_signal(last - first), true);
   draw_detections(last - first, mean_background(last - first), false);
   std::sort(detections_.begin(), detections_.end());
+  if (conditions_.spd_dead_time_ps > 0) wait_for_detector(first);
   std::size_t next = 0, tags = 0;
   if (!tagging_.conditional_filter)
     for (std::int64_t pulse = first; pulse < last; ++pulse)

@@ -22,7 +22,8 @@ struct Tagging {
 // The number of detections in a window is Poisson, each falls in a pulse of its own choice. Signal:
 // a return picked by weight, its two-way time 2R/c and the IRF's jitter. Background: uniform over
 // the histogram's bins, as of a gated detector. With pulses_per_window > 0 the laser fires that
-// often in a window, whatever laser_rate_hz, and only the first detection of a pulse is kept.
+// often in a window, whatever laser_rate_hz, and only the first detection of a pulse is kept, or
+// with spd_dead_time_ps those that are not closer than that to the last one kept.
 class PhotonSource {
  public:
   // Signal and background counts are per window_s seconds. Throws Error(config) if the laser is
@@ -46,8 +47,10 @@ class PhotonSource {
   double mean_signal(std::int64_t pulses) const;
   double mean_background(std::int64_t pulses) const;
   void draw_detections(std::int64_t pulses, double mean, bool signal);
+  bool only_first() const;
   double signal_delay_ps();
   double background_delay_ps();
+  void wait_for_detector(std::int64_t first);
   std::size_t put_pulse(std::int64_t pulse, std::size_t& next, std::int64_t first, Bytes& out);
 
   Conditions conditions_;
@@ -55,6 +58,7 @@ class PhotonSource {
   double window_s_, period_ps_, gain_ = 1;
   Rng rng_;
   std::normal_distribution<double> jitter_;
+  double ready_ps_ = 0;                        // the detector, after a detection
   std::vector<double> delay_ps_, cumulative_;  // of the scene's returns
   std::vector<std::uint64_t> detections_;      // pulse << 32 | delay in ps, scratch
 };

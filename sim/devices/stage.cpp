@@ -12,16 +12,12 @@ namespace echofuse::sim {
 Stage::Stage(const Clock& clock, const Conditions& conditions, const Play& play)
     : clock_(clock), conditions_(conditions), play_(play), start_(clock.now()) {}
 
-SceneKind Stage::kind_of(const Play& play, std::int64_t index) {
-  if (play.kind == "person") return SceneKind::person;
-  if (play.kind == "letter") return SceneKind::letter;
-  if (play.kind == "two_people") return SceneKind::two_people;
-  if (play.kind == "empty") return SceneKind::empty;
-  if (play.kind == "reflector") return SceneKind::reflector;
+SceneSpec Stage::spec_of(const Play& play, std::int64_t index) {
+  if (!play.list.empty()) return play.list[static_cast<std::size_t>(index) % play.list.size()];
+  if (const auto kind = kind_named(play.kind)) return *kind;
   if (play.kind != "mixed")
-    throw Error(ExitCode::usage, "scene \"" + play.kind +
-                                     "\" is unknown; expected person, letter, mixed, two_people, "
-                                     "empty or reflector");
+    throw Error(ExitCode::usage,
+                "scene \"" + play.kind + "\" is unknown; expected mixed, " + kind_names());
   Rng rng = make_rng(static_cast<std::uint64_t>(play.seed), static_cast<std::uint64_t>(index));
   return rng() % 4 == 0 ? SceneKind::person : SceneKind::letter;
 }
@@ -39,25 +35,17 @@ const Shown& Stage::at(double time_s) {
   const std::int64_t index = index_at(time_s);
   if (index == shown_.index) return shown_;
   shown_.scene =
-      make_scene(conditions_, kind_of(play_, index), static_cast<std::uint64_t>(play_.seed),
+      make_scene(conditions_, spec_of(play_, index), static_cast<std::uint64_t>(play_.seed),
                  static_cast<std::uint64_t>(index));
   shown_.spd = spd_returns(shown_.scene, conditions_);
   // The reflector is put before each sensor in turn; here, before both at once.
   Scene for_radar = shown_.scene;
-  if (play_.kind == "reflector") for_radar.plates[0].centre.x = -conditions_.baseline_m;
+  if (for_radar.label == "reflector") for_radar.plates[0].centre.x = -conditions_.baseline_m;
   shown_.radar = radar_returns(for_radar, conditions_);
+  Rng rng = make_rng(static_cast<std::uint64_t>(play_.seed) + 1, static_cast<std::uint64_t>(index));
+  roughen(shown_.radar, conditions_, rng);
   shown_.index = index;
   return shown_;
-}
-
-Axis column_axis(std::uint32_t width, double half_tangent) {
-  const double step = 2 * half_tangent / width;
-  return {"depth_x", "tangent", "1", width, -0.5 * (width - 1) * step, step};
-}
-
-Axis row_axis(std::uint32_t height, double half_tangent) {
-  const double step = 2 * half_tangent / height;
-  return {"depth_y", "tangent", "1", height, 0.5 * (height - 1) * step, -step};
 }
 
 }  // namespace echofuse::sim

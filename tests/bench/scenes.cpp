@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
-// Whole simulated records, and their parts, on one core. Best of 5 rounds.
+// Whole simulated records, and their parts, on one core. Best of 5 rounds. With --people: some
+// scenes in numbers.
 #include <cstdio>
 #include <ctime>
 #include <functional>
 #include <limits>
+#include <string>
 
 #include "acquire/record/depth_map.hpp"
 #include "sim/dataset.hpp"
@@ -38,17 +40,21 @@ void measure(const char* background) {
   const auto y = record::depth_y_axis(record::map_size, c.half_tangent);
   const RadarAxis radar = radar_response(c);
   double sum = 0;
+  Returns returns;
+  const auto light = [&](std::int64_t i) -> const Returns& {
+    spd_returns(generator.scene(i), c, returns);
+    return returns;
+  };
   const auto row = [&](const char* name, const std::function<void(std::int64_t)>& work) {
     const double us = best_us(work);
     std::printf("%-6s %-34s %8.0f us %8.0f /s\n", background, name, us, 1e6 / us);
   };
   row("scene", [&](std::int64_t i) { sum += generator.scene(i).capsules[0].radius_m; });
-  row("scene, light on the detector",
-      [&](std::int64_t i) { sum += spd_returns(generator.scene(i), c).weight[0]; });
-  row("scene, histogram without noise",
-      [&](std::int64_t i) { sum += spd_rate(spd_returns(generator.scene(i), c), c)[90]; });
+  row("scene, light on the detector", [&](std::int64_t i) { sum += light(i).weight[0]; });
+  row("scene, histogram without noise", [&](std::int64_t i) { sum += spd_rate(light(i), c)[90]; });
   row("scene, radar profile without noise", [&](std::int64_t i) {
-    sum += radar_power(radar_returns(generator.scene(i), c), radar, c)[14];
+    radar_returns(generator.scene(i), c, returns);
+    sum += radar_power(returns, radar, c)[14];
   });
   row("scene, depth map",
       [&](std::int64_t i) { sum += render_depth_mm(generator.scene(i), x, y)[2000]; });
@@ -56,9 +62,30 @@ void measure(const char* background) {
   if (sum == 0) std::printf("nothing was seen\n");
 }
 
+// For a renderer of somebody else's: people and their depth maps.
+void print_people() {
+  const Conditions c;
+  std::printf("rays %d\n", static_cast<int>(rays_of(c)));
+  for (std::uint64_t i = 0; i < 10; ++i) {
+    const Scene scene = make_scene(c, SceneKind::person, 1, i);
+    std::printf("person\n");
+    for (const auto& k : scene.capsules)
+      std::printf("capsule %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g\n", k.a.x, k.a.y, k.a.z,
+                  k.b.x, k.b.y, k.b.z, k.radius_m, k.albedo);
+    std::printf("map");
+    for (const int mm : render_depth_mm(scene, record::depth_x_axis(), record::depth_y_axis()))
+      std::printf(" %d", mm);
+    std::printf("\n");
+  }
+}
+
 }  // namespace
 
-int main() {
+int main(int argc, char** argv) {
+  if (argc > 1 && std::string(argv[1]) == "--people") {
+    print_people();
+    return 0;
+  }
   measure("none");
   measure("room");
 }

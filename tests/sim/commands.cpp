@@ -82,6 +82,65 @@ TEST_CASE("dataset writes a run and says so") {
   refuses(again + " --records 8", 2, "--mirror-of");
 }
 
+TEST_CASE("preview draws a record, and the study its chart") {
+  const Folder folder;
+  const std::string run = folder / "a.sqlite", picture = folder / "a.png";
+  REQUIRE(sim("dataset --out " + run + " --records 2 -q").code == 0);
+  const Outcome o = sim("preview " + run + " --record 1 --out " + picture);
+  CAPTURE(o.text);
+  CHECK(o.code == 0);
+  std::string start(8, ' ');
+  std::ifstream(picture).read(start.data(), 8);
+  CHECK(start == "\x89PNG\r\n\x1a\n");
+  CHECK(has(sim("preview " + run + " --record 2 --out " + picture).text, "no record 2; it has 2"));
+  CHECK(sim("preview " + run + " --out " + folder / "no/a.png").code == 6);
+  const Outcome study = sim("study fidelity --scenes 2 -q --out " + folder / "study");
+  CAPTURE(study.text);
+  CHECK(study.code == 0);
+  CHECK(has(study.text, "chosen: 364 rays for 100000 photons"));
+  CHECK(fs::file_size(folder / "study/fidelity.svg") > 10'000);
+  std::ifstream csv(folder / "study/fidelity.csv");
+  int rows = 0;
+  for (std::string line; std::getline(csv, line);) ++rows;
+  CHECK(rows == 1 + 10 + 11 + 6 + 7);
+}
+
+TEST_CASE("devices that were unplugged come back while a command runs in the laboratory") {
+  const Folder folder;
+  std::ofstream faults(folder / "faults.toml");
+  for (const char* device : {"tdc", "radar", "depth"})
+    faults << "[[fault]]\ndevice = \"" << device
+           << "\"\nkind = \"unplug\"\nat_s = 0.2\nfor_s = 0.2\n";
+  faults.close();
+  const Outcome o =
+      sim("lab --dir " + folder / "lab" + " --faults " + folder / "faults.toml" + " -- sleep 0.8");
+  CAPTURE(o.text);
+  CHECK(o.code == 0);
+}
+
+TEST_CASE("lists and objects are asked for by settings") {
+  const Folder folder;
+  std::ofstream(folder / "list.toml") << "[[scene]]\nkind = \"object\"\ncount = 2\n";
+  std::ofstream(folder / "plate.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+  const std::string list = " --set scenes=" + folder / "list.toml";
+  const std::string object = " --set object=" + folder / "plate.obj";
+  const std::string out = "--out " + folder / "x.sqlite";
+  refuses(out + list, 3, "object = \"FILE.ply\"");
+  refuses(out + list + object + " --people 3", 2, "give no numbers");
+  refuses(out + " --objects 1 --set object=" + folder / "no.ply", 3, "no.ply: cannot read");
+  CHECK_FALSE(fs::exists(folder / "x.sqlite"));
+  const Outcome o = sim("dataset -q " + out + list + object);
+  CAPTURE(o.text);
+  CHECK(o.code == 0);
+  const Outcome mirror = sim("dataset -q --out " + folder / "y.sqlite" + " --mirror-of " +
+                             folder / "x.sqlite" + " --json");
+  CHECK(mirror.code == 0);
+  CHECK(has(mirror.text, "\"records\":2"));
+  const Outcome lab = sim("lab --scene object --dir " + folder / "lab");
+  CHECK(lab.code == 3);
+  CHECK(has(lab.text, "object = \"FILE.ply\""));
+}
+
 TEST_CASE("configuration file, --set and options, in this order of strength") {
   const Folder folder;
   std::ofstream(folder / "sim.toml") << "people = 3\nletters = 0\nseed = 5\nbins = 100\n";

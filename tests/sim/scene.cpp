@@ -98,7 +98,7 @@ TEST_CASE("the room fills the view behind the people and inside the histogram") 
   c.background = "room";
   const Scene empty = make_scene(c, SceneKind::empty, 1, 0);
   const Returns returns = spd_returns(empty, c);
-  CHECK(returns.range_m.size() == static_cast<std::size_t>(c.spd_rays * c.spd_rays));
+  CHECK(returns.range_m.size() == static_cast<std::size_t>(rays_of(c) * rays_of(c)));
   const auto [nearest, farthest] =
       std::minmax_element(returns.range_m.begin(), returns.range_m.end());
   CHECK(*nearest > 4.6);

@@ -127,6 +127,11 @@ TEST_CASE("scenes follow one another, and mixed ones keep the paper's proportion
   int people = 0;
   constexpr int scenes = 4000;
   for (int i = 0; i < scenes; ++i)
-    people += sim::Stage::kind_of({"mixed", 3, 0.5}, i) == sim::SceneKind::person;
+    people += sim::Stage::spec_of({"mixed", 3, 0.5}, i).kind == sim::SceneKind::person;
   CHECK(std::abs(people - scenes / 4.0) < 5 * std::sqrt(scenes * 0.25 * 0.75));
+  sim::Play listed{"", 3, 0.5};
+  listed.list = {sim::SceneKind::empty, sim::SceneKind::letter};
+  for (int i = 0; i < 6; ++i)
+    CHECK(sim::Stage::spec_of(listed, i).kind ==
+          (i % 2 ? sim::SceneKind::letter : sim::SceneKind::empty));
 }

@@ -8,6 +8,7 @@
 
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/sample.hpp"
+#include "drivers/tdc/histogram.hpp"
 #include "sim/optics.hpp"
 #include "sim/scene.hpp"
 
@@ -20,7 +21,7 @@ constexpr double window_s = 0.5;
 
 struct Stream {
   std::vector<Tag> tags;
-  std::vector<double> counts;  // per bin, each click after the last sync
+  std::vector<double> counts;  // by the product's own histogram
 };
 
 Stream draw(const Conditions& c, const Tagging& tagging, const Returns& returns,
@@ -31,15 +32,13 @@ Stream draw(const Conditions& c, const Tagging& tagging, const Returns& returns,
   const auto pulses = static_cast<std::int64_t>(std::llround(source.laser_rate_hz() * window_s));
   for (std::int64_t i = 0; i < slices; ++i)
     source.draw(i * pulses / slices, (i + 1) * pulses / slices, bytes);
-  Stream stream{to_values<Tag>(bytes), std::vector<double>(static_cast<std::size_t>(c.bins))};
-  std::int64_t sync_ps = 0;
-  for (const Tag& tag : stream.tags) {
-    if (tag.channel == tagging.sync_channel) sync_ps = tag.time_ps;
-    const double bin =
-        std::floor((static_cast<double>(tag.time_ps - sync_ps) - c.first_bin_ps) / c.bin_width_ps);
-    if (tag.channel == tagging.click_channel && bin >= 0 && bin < static_cast<double>(c.bins))
-      ++stream.counts[static_cast<std::size_t>(bin)];
-  }
+  Stream stream{to_values<Tag>(bytes), {}};
+  tdc::HistogramSettings settings;
+  settings.bins = static_cast<std::uint32_t>(c.bins);
+  tdc::Histogram histogram(settings);
+  histogram.add(stream.tags);
+  const auto counts = histogram.take();
+  stream.counts.assign(counts.begin(), counts.end());
   return stream;
 }
 
@@ -94,6 +93,34 @@ TEST_CASE("with pile-up only the first photon of a pulse is kept") {
   CHECK(std::abs(z_of_chi2(stream.counts, expected)) < 5);
   for (std::size_t i = 1; i < stream.tags.size(); ++i)
     REQUIRE(stream.tags[i].channel != stream.tags[i - 1].channel);
+}
+
+TEST_CASE("a dead time loses the same photons as the histogram's law") {
+  Conditions c;
+  c.signal_photons = 3e4;
+  c.background_counts = 1e4;
+  c.pulses_per_window = 20'000;
+  c.spd_dead_time_ps = 2'000;  // within the light of one person
+  const Returns returns = person(c);
+  const Stream stream = draw(c, {}, returns);
+  const auto rate = spd_rate(returns, c);
+  Rng rng = make_rng(5, 5);
+  constexpr int draws = 40;
+  std::vector<double> mean(rate.size());
+  for (int d = 0; d < draws; ++d) {
+    const auto counts = draw_counts(rate, c, rng);
+    for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += 1.0 * counts[i] / draws;
+  }
+  CHECK(z_of_chi2(stream.counts, rate) > 50);  // without: far off
+  // What is blind now and then scatters less than Poisson, and the mean over the draws adds 1/40.
+  const double z = z_of_chi2(stream.counts, mean);
+  CHECK(z < 5);
+  std::int64_t last_ps = -1'000'000;
+  for (const Tag& tag : stream.tags) {
+    if (tag.channel != 2) continue;
+    REQUIRE(tag.time_ps - last_ps >= 1999);  // times are rounded down
+    last_ps = tag.time_ps;
+  }
 }
 
 TEST_CASE("the stream is sorted, and a sync stands before its photons only") {

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: MIT
+#include "sim/gnuplot.hpp"
+
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <csignal>
+
+#include "drivers/core/exit_code.hpp"
+
+namespace echofuse::sim {
+namespace {
+
+void write_all(int file, const std::string& text) {
+  std::size_t done = 0;
+  while (done < text.size()) {
+    const ssize_t n = ::write(file, text.data() + done, text.size() - done);
+    if (n <= 0) return;  // it is gone: its exit code tells
+    done += static_cast<std::size_t>(n);
+  }
+}
+
+}  // namespace
+
+void run_gnuplot(const std::string& script, const std::string& folder, const std::string& without) {
+  std::array<int, 2> ends{};
+  if (::pipe(ends.data()) != 0) throw Error(ExitCode::failed, without + "no pipe to gnuplot");
+  const auto before = std::signal(SIGPIPE, SIG_IGN);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    ::dup2(ends[0], STDIN_FILENO);
+    ::close(ends[0]);
+    ::close(ends[1]);
+    if (::chdir(folder.c_str()) == 0) ::execlp("gnuplot", "gnuplot", nullptr);
+    ::_exit(127);
+  }
+  ::close(ends[0]);
+  write_all(ends[1], script);
+  ::close(ends[1]);
+  int status = 0;
+  const bool ended = child > 0 && ::waitpid(child, &status, 0) == child;
+  std::signal(SIGPIPE, before);
+  if (!ended || status != 0)
+    throw Error(ExitCode::failed, without + "gnuplot made no picture (Debian: gnuplot-nox)");
+}
+
+}  // namespace echofuse::sim

@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: MIT
+// A record as a picture: depth map, histogram, profile.
+#pragma once
+#include <cstdint>
+#include <string>
+
+namespace echofuse::sim {
+
+// Writes `png`. Throws Error(failed) for a run or record that is not there, and without gnuplot;
+// Error(disk) if the picture cannot be written.
+void draw_record(const std::string& run, std::int64_t index, const std::string& png);
+
+}  // namespace echofuse::sim

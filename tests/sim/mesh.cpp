@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: MIT
+#include "sim/mesh.hpp"
+
+#include <catch2/catch.hpp>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+#include "acquire/record/depth_map.hpp"
+#include "drivers/core/exit_code.hpp"
+#include "scenes.hpp"
+#include "sim/optics.hpp"
+
+using namespace echofuse;
+using namespace echofuse::sim;
+
+namespace {
+
+// A box of 1 x 2 x 0.5 with its middle at the origin.
+constexpr const char* box_obj = R"(# a box
+o box
+v -0.5 -1 -0.25
+v  0.5 -1 -0.25
+v  0.5  1 -0.25
+v -0.5  1 -0.25
+v -0.5 -1  0.25
+v  0.5 -1  0.25
+v  0.5  1  0.25
+v -0.5  1  0.25
+vn 0 0 -1
+f 1//1 4//1 3//1 2//1
+f 5 6 7 8
+f 1/1/1 2/2/1 6 5
+f -6 -5 -1 -2
+f 1 5 8 4
+f 2 3 7 6
+)";
+
+std::string box_ply(const std::string& format) {
+  const Mesh mesh = read_mesh(box_obj, "box.obj");
+  std::string text = "ply\nformat " + format +
+                     " 1.0\ncomment made for a test\nelement vertex 8\nproperty float x\n"
+                     "property float y\nproperty double z\nproperty uchar red\nelement face 12\n"
+                     "property list uchar int vertex_indices\nend_header\n";
+  const auto put = [&](auto value) {
+    char raw[sizeof value];
+    std::memcpy(raw, &value, sizeof value);
+    if (format == "binary_big_endian") std::reverse(raw, raw + sizeof value);
+    text.append(raw, sizeof value);
+  };
+  const bool ascii = format == "ascii";
+  for (const Vec3 p : mesh.points) {
+    if (ascii)
+      text += std::to_string(p.x) + " " + std::to_string(p.y) + " " + std::to_string(p.z) + " 9\n";
+    else
+      put(static_cast<float>(p.x)), put(static_cast<float>(p.y)), put(p.z), put(std::uint8_t{9});
+  }
+  for (const auto& [a, b, c] : mesh.triangles) {
+    if (ascii)
+      text += "3 " + std::to_string(a) + " " + std::to_string(b) + " " + std::to_string(c) + "\r\n";
+    else
+      put(std::uint8_t{3}), put(a), put(b), put(c);
+  }
+  return text;
+}
+
+std::string refusal(const std::string& text) {
+  try {
+    read_mesh(text, "a.mesh");
+  } catch (const Error& e) {
+    CHECK(e.code() == ExitCode::config);
+    CHECK(std::string(e.what()).find('\n') == std::string::npos);
+    return e.what();
+  }
+  return "";
+}
+
+Triangle moved(const Mesh& mesh, std::size_t i, Vec3 by) {
+  const auto& [a, b, c] = mesh.triangles[i];
+  return {mesh.points[a] + by, mesh.points[b] + by, mesh.points[c] + by, 0.6};
+}
+
+}  // namespace
+
+TEST_CASE("a box is the same from every format") {
+  const Mesh mesh = read_mesh(box_obj, "box.obj");
+  REQUIRE(mesh.points.size() == 8);
+  REQUIRE(mesh.triangles.size() == 12);
+  double volume = 0;  // by the divergence theorem: all faces look outwards
+  for (const auto& [a, b, c] : mesh.triangles)
+    volume += dot(mesh.points[a], cross(mesh.points[b], mesh.points[c])) / 6;
+  CHECK(std::abs(volume) == Approx(1));
+  for (const char* format : {"ascii", "binary_little_endian", "binary_big_endian"}) {
+    CAPTURE(format);
+    const Mesh other = read_mesh(box_ply(format), "box.ply");
+    CHECK(other.triangles == mesh.triangles);
+    REQUIRE(other.points.size() == 8);
+    for (std::size_t i = 0; i < 8; ++i) CHECK(length(other.points[i] - mesh.points[i]) == 0);
+  }
+}
+
+TEST_CASE("a mesh of a box is seen as plates in the places of its faces") {
+  const Mesh mesh = read_mesh(box_obj, "box.obj");
+  const Vec3 place{0.7, -0.3, 3.5};
+  Scene triangles, plates;
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i)
+    triangles.triangles.push_back(moved(mesh, i, place));
+  const Vec3 x{1, 0, 0}, y{0, 1, 0}, z{0, 0, 1};
+  const auto face = [&](Vec3 at, Vec3 u, Vec3 v, double width, double height) {
+    plates.plates.push_back({place + at, u, v, {{-width / 2, 0, width / 2, 0, height}}, 0.6});
+  };
+  for (const double side : {-1.0, 1.0}) {
+    face(0.25 * side * z, x, y, 1, 2);
+    face(0.5 * side * x, z, y, 0.5, 2);
+    face(1.0 * side * y, x, z, 1, 0.5);
+  }
+  const Conditions c;
+  const Axis columns = record::depth_x_axis(200), rows = record::depth_y_axis(200);
+  CHECK(render_depth_mm(triangles, columns, rows) == render_depth_mm(plates, columns, rows));
+  const auto a = spd_rate(spd_returns(triangles, c), c), b = spd_rate(spd_returns(plates, c), c);
+  CHECK(total(a) > 1000);
+  for (std::size_t i = 0; i < a.size(); ++i)
+    CHECK(std::abs(a[i] - b[i]) <= 1e-9 * std::max(a[i], b[i]) + 1e-12 * total(a));
+}
+
+TEST_CASE("no ray slips through between triangles") {
+  // A fan about a point, looked at exactly along its spokes and at its hub.
+  Scene scene;
+  const Vec3 hub{0.25, 0.125, 2};
+  std::vector<Vec3> rim;
+  for (int k = 0; k < 24; ++k)
+    rim.push_back(hub +
+                  Vec3{0.5 * std::cos(k * 0.2618), 0.5 * std::sin(k * 0.2618), 0.1 * (k % 3)});
+  for (std::size_t k = 0; k + 1 < rim.size(); ++k)
+    scene.triangles.push_back({hub, rim[k], rim[k + 1], 0.5});
+  for (std::size_t k = 1; k + 1 < rim.size(); ++k)
+    for (int step = 0; step < 100; ++step) {
+      const Vec3 p = hub + step / 100.0 * (rim[k] - hub);
+      const Axis x{"x", "tangent", "1", 1, p.x / p.z, 1e-3},
+          y{"y", "tangent", "1", 1, p.y / p.z, 1e-3};
+      const Hit hit = cast(scene, 0, x, y)[0];
+      REQUIRE(hit.z_m == Approx(p.z).epsilon(1e-6));
+    }
+}
+
+TEST_CASE("an object stands on the floor at its place, turned and scaled") {
+  const auto path = std::filesystem::temp_directory_path() /
+                    ("echofuse-box-" + std::to_string(getpid()) + ".obj");
+  std::ofstream(path) << box_obj;
+  Conditions c;
+  c.object = path.string();
+  c.object_scale = 0.5;
+  SceneSpec spec{SceneKind::object};
+  spec.x_m = -0.4;
+  spec.z_m = 3.25;
+  spec.yaw_deg = 90;
+  for (const char* up : {"y", "z"}) {
+    c.object_up = up;
+    const Scene scene = make_scene(c, spec, 1, 0);
+    REQUIRE(scene.triangles.size() == 12);
+    CHECK(scene.label == "object:" + path.stem().string());
+    Vec3 low{9, 9, 9}, high{-9, -9, -9};
+    for (const auto& t : scene.triangles)
+      for (const Vec3 p : {t.a, t.b, t.c}) {
+        low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+        high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+      }
+    const bool y_up = c.object_up == "y";
+    CHECK(low.y == Approx(-c.camera_height_m));
+    CHECK(high.y - low.y == Approx(y_up ? 1 : 0.25));
+    CHECK(high.x - low.x == Approx(y_up ? 0.25 : 1));
+    CHECK(high.z - low.z == Approx(0.5));
+    CHECK((low.x + high.x) / 2 == Approx(-0.4));
+    CHECK((low.z + high.z) / 2 == Approx(3.25));
+  }
+  std::filesystem::remove(path);
+}
+
+TEST_CASE("damaged meshes are refused with their place") {
+  const auto has = [](const std::string& part) { return Catch::Contains(part); };
+  CHECK_THAT(refusal("v 0 0 zero\n"), has("a.mesh:1: found \"zero\"; expected a coordinate"));
+  CHECK_THAT(refusal("v 0 0 0\nv 1 0\n"), has("a.mesh:2: "));
+  CHECK_THAT(refusal("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n"), has("a.mesh:4: found \"4\""));
+  CHECK_THAT(refusal("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 0\n"), has("index from 1 to 3"));
+  CHECK_THAT(refusal("v 0 0 0\nf 1 1\n"), has("a.mesh:2: "));
+  CHECK_THAT(refusal("v 0 0 1e9\n"), has("at most 1e6"));
+  CHECK_THAT(refusal(""), has("no triangles"));
+  CHECK_THAT(refusal("ply\nformat text 1.0\n"), has("a.mesh:2: found \"text\"; expected ascii"));
+  CHECK_THAT(refusal("ply\nformat ascii 1.0\nelement vertex 99999999999\n"), has("ten million"));
+  CHECK_THAT(refusal("ply\nformat ascii 1.0\nelement vertex 1\nproperty quad x\n"), has("a type"));
+  CHECK_THAT(refusal("ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nend_header\n1\n"),
+             has("a.mesh:6: found \"\"; expected more lines of element vertex"));
+  CHECK_THAT(refusal("ply\n\x1b[2J\n"), has("found \"?[2J\""));
+  for (const char* format : {"ascii", "binary_little_endian"}) {
+    const std::string whole = box_ply(format);
+    for (std::size_t size = 0; size < whole.size() - 2; ++size) {
+      CAPTURE(format, size);
+      REQUIRE_FALSE(refusal(whole.substr(0, size)).empty());
+    }
+    Rng rng = make_rng(4, 4);
+    for (int k = 0; k < 3000; ++k) {
+      std::string spoilt = whole;
+      spoilt[rng() % spoilt.size()] = static_cast<char>(rng());
+      refusal(spoilt);
+    }
+  }
+}

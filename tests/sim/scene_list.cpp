@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: MIT
+#include "sim/scene_list.hpp"
+
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+
+#include "acquire/record/run_file.hpp"
+#include "drivers/core/exit_code.hpp"
+#include "sim/dataset.hpp"
+
+using namespace echofuse;
+using namespace echofuse::sim;
+
+namespace {
+
+constexpr const char* list = R"([[scene]]
+kind = "person"
+x_m = 0.5
+z_m = 3.5
+yaw_deg = 20
+
+[[scene]]
+kind = "letter"
+count = 2
+z_m = 3
+
+[[scene]]
+kind = "empty"
+)";
+
+std::string refusal(const std::string& text) {
+  try {
+    read_scene_list(text, "list.toml");
+  } catch (const Error& e) {
+    CHECK(e.code() == ExitCode::config);
+    return e.what();
+  }
+  return "";
+}
+
+}  // namespace
+
+TEST_CASE("a list is read in its order") {
+  const auto all = read_scene_list(list, "list.toml");
+  REQUIRE(all.size() == 4);
+  CHECK(all[0].kind == SceneKind::person);
+  CHECK(all[0].x_m == 0.5);
+  CHECK(all[0].yaw_deg == 20);
+  CHECK(all[1] == all[2]);
+  CHECK(all[2].kind == SceneKind::letter);
+  CHECK(all[2].z_m == 3);
+  CHECK_FALSE(all[2].x_m);
+  CHECK(all[3] == SceneSpec(SceneKind::empty));
+}
+
+TEST_CASE("a list's faults are told all at once, with their places") {
+  const std::string said = refusal(
+      "[[scene]]\nkind = \"persn\"\n[[scene]]\ncount = 0\nkind = \"empty\"\nx_m = 1\n"
+      "[[scene]]\nkind = \"person\"\nx = 2\n");
+  CHECK_THAT(said, Catch::Contains("list.toml:2:8: kind: expected one of person, letter"));
+  CHECK_THAT(said, Catch::Contains("list.toml:4:9: count"));
+  CHECK_THAT(said, Catch::Contains("place a person, letter or object"));
+  CHECK_THAT(said, Catch::Contains("list.toml:9:5: x: unknown key"));
+  CHECK_THAT(refusal("[[scene]]\ncount = 2\n"), Catch::Contains("list.toml:1:1: no kind"));
+  CHECK_THAT(refusal(""), Catch::Contains("no [[scene]]"));
+  CHECK_THAT(refusal("scene = 1\n"), Catch::Contains("[[scene]] tables only"));
+  CHECK_THAT(refusal("kind = \n"), Catch::Contains("not TOML"));
+}
+
+TEST_CASE("a scene's place changes nothing else of it") {
+  const Conditions c;
+  for (const auto kind : {SceneKind::person, SceneKind::letter}) {
+    SceneSpec spec{kind};
+    const Scene free = make_scene(c, spec, 3, 8);
+    spec.x_m = 0.3;
+    spec.z_m = 3.2;
+    spec.yaw_deg = 0;
+    const Scene placed = make_scene(c, spec, 3, 8);
+    REQUIRE(placed.capsules.size() == free.capsules.size());
+    for (std::size_t i = 0; i < free.capsules.size(); ++i) {
+      CHECK(placed.capsules[i].radius_m == free.capsules[i].radius_m);
+      CHECK(length(placed.capsules[i].a - placed.capsules[i].b) ==
+            Approx(length(free.capsules[i].a - free.capsules[i].b)));
+    }
+    CHECK(placed.label == free.label);
+    const Vec3 middle = 0.5 * (placed.capsules[6].a + placed.capsules[6].b);  // pelvis
+    const double height = placed.capsules[11].radius_m / 0.055;
+    CHECK(std::abs(middle.x - 0.3) < 0.02 * height);  // it may tilt
+  }
+}
+
+TEST_CASE("record k of a listed set is the same in any order, and in a shorter list") {
+  const auto folder =
+      std::filesystem::temp_directory_path() / ("echofuse-list-" + std::to_string(getpid()));
+  std::filesystem::create_directories(folder);
+  const std::string path = (folder / "list.toml").string(), run = (folder / "a.sqlite").string();
+  std::ofstream(path) << list;
+  Plan plan;
+  plan.scenes = path;
+  CHECK(write_dataset(plan, {run, "", 2, true}) == 4);
+  std::ofstream(path) << std::string(list).substr(0, std::string(list).rfind("[["));
+  const Generator shorter(plan);
+  REQUIRE(shorter.records() == 3);
+  for (std::int64_t k = 2; k >= 0; --k) {
+    const auto r = shorter.make(k);
+    record::RunReader(run).for_each([&](const record::FusedRecord& stored) {
+      if (stored.index != k) return true;
+      CHECK(stored.label == r.label);
+      CHECK(stored.spd == r.spd);
+      CHECK(stored.radar == r.radar);
+      CHECK(stored.depth_mm == r.depth_mm);
+      return false;
+    });
+  }
+  plan.scenes.clear();
+  plan.objects = 1;
+  CHECK_THROWS_WITH(scenes_of(plan), Catch::Contains("object = \"FILE.ply\""));
+  std::filesystem::remove_all(folder);
+}
