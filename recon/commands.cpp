@@ -9,6 +9,7 @@
 #include "drivers/core/console.hpp"
 #include "recon/crossvalidate.hpp"
 #include "recon/evaluate.hpp"
+#include "recon/export_model.hpp"
 #include "recon/map_files.hpp"
 #include "recon/models/blas.hpp"
 #include "recon/reconstruct.hpp"
@@ -247,6 +248,23 @@ Command add_report(CLI::App& app, const Common&) {
     set_threads(1);  // the latencies in the table are those of one thread
     const Report report = make_report(*a);
     std::printf("%s%s\n", to_text(report).c_str(), write_report(report, a->dir).c_str());
+    return ExitCode::ok;
+  };
+}
+
+Command add_export(CLI::App& app, const Common& common) {
+  struct Arguments {
+    std::string model, to;
+    std::vector<std::string> runs;
+  };
+  const auto a = std::make_shared<Arguments>();
+  app.add_option("model", a->model, "model file")->required();
+  app.add_option("--to", a->to, "x.onnx: the network; x.npz: the records of --run as it sees them")
+      ->required();
+  app.add_option("--run", a->runs, "run files, for x.npz");
+  return [a, &common] {
+    export_model(a->model, a->runs, a->to);
+    if (!common.quiet) std::fprintf(stderr, "%s: written\n", a->to.c_str());
     return ExitCode::ok;
   };
 }
