@@ -11,7 +11,7 @@
 #include "recon/evaluate.hpp"
 #include "recon/export_model.hpp"
 #include "recon/map_files.hpp"
-#include "recon/models/blas.hpp"
+#include "recon/models/parallel.hpp"
 #include "recon/reconstruct.hpp"
 #include "recon/report.hpp"
 #include "recon/train.hpp"
@@ -123,17 +123,25 @@ Command add_train(CLI::App& app, const Common& common) {
   app.add_option("--gap", a->split.gap, "blocked: records dropped between two parts")
       ->check(CLI::Range(0, 1'000'000))
       ->capture_default_str();
+  app.add_option("--checkpoint-s", a->fit.checkpoint.every_s,
+                 "seconds between two copies of the unfinished training, OUT.checkpoint")
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
+  app.add_flag("--resume", a->fit.checkpoint.resume, "go on from OUT.checkpoint");
   return [a, &common] {
     a->split.seed = a->fit.seed;
+    a->fit.checkpoint.path = a->out + ".checkpoint";
     a->fit.quiet = common.quiet;
     check_can_save(a->out);
     Dataset data = load(a->runs);
     if (a->radar_bin_m > 0) rebin_radar(data, radar_bins(a->radar_bin_m));
     const TrainedModel model = train(data, *a);
     save_model(model, a->out);
+    if (!model.log.interrupted) std::remove(a->fit.checkpoint.path.c_str());
     if (!common.quiet)
-      std::fprintf(stderr, "%s: %s on %s, trained in %.1f s\n", a->out.c_str(), model.name.c_str(),
-                   a->inputs.c_str(), model.train_s);
+      std::fprintf(stderr, "%s: %s on %s, trained in %.1f s%s\n", a->out.c_str(),
+                   model.name.c_str(), a->inputs.c_str(), model.train_s,
+                   model.log.interrupted ? "; the best so far, --resume goes on" : "");
     return model.log.interrupted ? ExitCode::interrupted : ExitCode::ok;
   };
 }

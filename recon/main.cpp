@@ -4,7 +4,7 @@
 
 #include "drivers/core/console.hpp"
 #include "recon/commands.hpp"
-#include "recon/models/blas.hpp"
+#include "recon/models/parallel.hpp"
 
 namespace {
 using namespace echofuse;

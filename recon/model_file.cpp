@@ -5,6 +5,7 @@
 
 #include "drivers/core/console.hpp"
 #include "recon/files.hpp"
+#include "recon/models/checkpoint.hpp"
 #include "recon/trained_model.hpp"
 
 namespace echofuse::recon {
@@ -14,7 +15,6 @@ using record::H5File;
 
 constexpr const char* format = "echofuse model";
 constexpr std::int64_t format_version = 1;
-constexpr const char* unfinished_suffix = ".part";
 
 void save_axis(H5File& file, const Axis& axis) {
   const std::string group = "axes/" + axis.name;
@@ -127,22 +127,18 @@ void check_format(const H5File& file, const std::string& path) {
 }  // namespace
 
 void check_can_save(const std::string& path) {
-  const std::string unfinished = path + unfinished_suffix;
+  const std::string unfinished = path + ".part";
   write_file(unfinished, {});
   std::remove(unfinished.c_str());
 }
 
 void save_model(const TrainedModel& model, const std::string& path) {
-  const std::string unfinished = path + unfinished_suffix;
-  std::remove(unfinished.c_str());
-  H5File file = H5File::create(unfinished);
-  save_head(file, model);
-  save_body(file, model);
-  save_training(file, model);
-  model.model->save(file);
-  file.close();
-  if (std::rename(unfinished.c_str(), path.c_str()) != 0)
-    throw Error(ExitCode::disk, path + ": cannot rename " + unfinished + " to it");
+  write_whole(path, [&](H5File& file) {
+    save_head(file, model);
+    save_body(file, model);
+    save_training(file, model);
+    model.model->save(file);
+  });
 }
 
 TrainedModel load_model(const std::string& path) {

@@ -32,6 +32,8 @@ def training_options(path):
     with h5py.File(path) as f:
         if f.attrs["model"] not in ("mlp", b"mlp"):
             sys.exit(f"compare_torch.py: {path}: a model of kind {f.attrs['model']}; only an mlp can be compared")
+        if "epochs" not in f["training"].attrs:
+            sys.exit(f"compare_torch.py: {path}: written before models kept their settings; train it anew")
         text = lambda value: value.decode() if isinstance(value, bytes) else str(value)
         options = {name.replace("_", "-"): text(f.attrs[name])
                    for name in ("inputs", "scaling", "split", "gap", "seed", "test_share", "validation_share")}
