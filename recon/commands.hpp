@@ -24,6 +24,7 @@ Command add_evaluate(CLI::App& app, const Common& common);
 Command add_reconstruct(CLI::App& app, const Common& common);
 Command add_crossvalidate(CLI::App& app, const Common& common);
 Command add_report(CLI::App& app, const Common& common);
+Command add_export(CLI::App& app, const Common& common);
 Command add_import(CLI::App& app, const Common& common);
 
 }  // namespace echofuse::recon

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "drivers/core/exit_code.hpp"
+#include "recon/train.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -27,7 +28,7 @@ Matrix published_maps(const Dataset& data, const Rows& rows, const Dataset& publ
 std::vector<ScoredRow> crossvalidate(const Dataset& data, const CrossvalidateOptions& options,
                                      const Dataset& published) {
   const Inputs inputs = inputs_of(options.inputs);
-  const Rows rows = data.usable(inputs);
+  const Rows rows = rows_to_train(data, inputs);
   std::vector<std::vector<MapScores>> scores(options.models.size());
   std::vector<MapScores> published_scores;
   for (std::size_t fold = 0; fold < options.folds; ++fold) {

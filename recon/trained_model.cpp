@@ -90,9 +90,11 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const std::strin
   const Matrix scaled = out.features.apply(data, all);
   out.log = out.model->fit({scaled, data.depth, split.train},
                            {scaled, data.depth, split.validation}, options);
+  out.fit = options;
   out.seen = remember(data, split);
   out.data_hash = data.hash;
-  out.train_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+  out.train_s = out.log.earlier_s +
+                std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
   return out;
 }
 

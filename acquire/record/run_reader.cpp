@@ -234,10 +234,13 @@ std::int64_t RunReader::count() const { return pragma(db_, path_, "SELECT count(
 void RunReader::for_each(
     const std::function<bool(const FusedRecord&)>& visit, std::int64_t first,
     const std::function<void(std::int64_t, const std::string&)>& on_bad) const {
-  const Shapes shapes = shapes_of(axes());
   Statement row(db_, path_, record_columns);
   row.bind(first);
+  std::optional<Shapes> known;
   while (row.step()) {
+    // Read while the records are, so that a live run's new axis is not missed by its first record.
+    if (!known) known = shapes_of(axes());
+    const Shapes& shapes = *known;
     FusedRecord r;
     if (const std::string fault = decode(row, shapes, r); !fault.empty()) {
       if (!on_bad)

@@ -7,8 +7,7 @@
 
 #include "drivers/core/console.hpp"
 #include "recon/maps/scene.hpp"
-#include "recon/models/adam.hpp"
-#include "recon/models/blas.hpp"
+#include "recon/models/checkpoint.hpp"
 #include "recon/models/model.hpp"
 #include "recon/models/network.hpp"
 
@@ -33,11 +32,13 @@ class Mlp final : public Model {
 
  private:
   void standardise(const Samples& train);
-  double train_epoch(const Samples& train, const Rows& order, const FitOptions& options,
-                     std::size_t epoch, Adam& adam);
-  double train_batch(const Samples& train, std::span<const std::size_t> rows, Adam& adam,
+  void train_epoch(const Samples& train, const FitOptions& options, TrainingState& s,
+                   Checkpoints& checkpoints);
+  double train_batch(const Samples& train, std::span<const std::size_t> rows, TrainingState& s,
                      double learning_rate);
-  double rmse(const Samples& samples) const;
+  void judge(const Samples& validation, TrainingState& s);
+  Matrix maps_of(const Matrix& inputs, const std::vector<float>& parameters) const;
+  double rmse(const Samples& samples, const std::vector<float>& parameters) const;
 
   std::vector<std::size_t> widths_;
   Network network_;
@@ -67,54 +68,71 @@ TrainingLog Mlp::fit(const Samples& train, const Samples& validation, const FitO
   widths_.push_back(train.maps.cols);
   network_ = make_network(widths_);
   Rng weight_rng = make_rng(options.seed, weight_stream);
-  Rng order_rng = make_rng(options.seed, order_stream);
-  parameters_ = initial_parameters(network_, weight_rng);
-  Adam adam(network_.parameters, options.weight_decay);
-
-  TrainingLog log;
-  std::vector<float> best = parameters_;
-  double least = std::numeric_limits<double>::max();
-  Rows order = train.rows;
+  TrainingState s{.parameters = initial_parameters(network_, weight_rng),
+                  .best = {},
+                  .adam = Adam(network_.parameters, options.weight_decay),
+                  .order = train.rows,
+                  .order_rng = make_rng(options.seed, order_stream),
+                  .log = {},
+                  .least = std::numeric_limits<double>::max()};
+  s.best = s.parameters;
+  Checkpoints checkpoints(options.checkpoint);
+  checkpoints.resume(s);
   Progress progress("training", options.epochs, options.quiet);
-  for (std::size_t epoch = 0; epoch < options.epochs; ++epoch) {
-    std::shuffle(order.begin(), order.end(), order_rng);
-    log.loss.push_back(train_epoch(train, order, options, epoch, adam));
-    // Without validation records the last epoch is the best.
-    const double judged = validation.rows.empty() ? -static_cast<double>(epoch) : rmse(validation);
-    log.validation_loss.push_back(validation.rows.empty() ? log.loss.back() : judged);
-    if (!std::isfinite(log.loss.back()))
-      throw Error(ExitCode::failed, "training diverged in epoch " + std::to_string(epoch + 1) +
-                                        ": the loss is not a finite number; use a smaller "
-                                        "--learning-rate");
-    if (judged < least) least = judged, best = parameters_, log.best_epoch = epoch + 1;
-    progress.update(epoch + 1, "validation " + std::to_string(log.validation_loss.back()) + " m");
-    if (interrupted()) log.interrupted = true;
-    if (log.interrupted || epoch + 1 - log.best_epoch >= options.patience) break;
+  while (s.epoch < options.epochs && s.epoch - s.log.best_epoch < options.patience) {
+    train_epoch(train, options, s, checkpoints);
+    const bool broken = interrupted();
+    if (broken)
+      checkpoints.save(s);  // before what there is of this epoch is judged like a whole one
+    if (s.row == 0) break;
+    judge(validation, s);
+    progress.update(s.epoch, "validation " + std::to_string(s.log.validation_loss.back()) + " m");
+    if (broken) break;
   }
-  parameters_ = std::move(best);
-  return log;
+  s.log.interrupted = interrupted();
+  s.log.earlier_s = checkpoints.earlier_s();
+  parameters_ = std::move(s.best);
+  return s.log;
 }
 
-double Mlp::train_epoch(const Samples& train, const Rows& order, const FitOptions& options,
-                        std::size_t epoch, Adam& adam) {
-  double sum = 0;
-  const std::span<const std::size_t> rows(order);
-  for (std::size_t first = 0; first < rows.size() && !interrupted(); first += options.batch) {
-    const std::size_t count = std::min(options.batch, rows.size() - first);
-    const double done =
-        static_cast<double>(epoch) + static_cast<double>(first) / static_cast<double>(rows.size());
+// To the end of the epoch, or as far as it comes before an interrupt.
+void Mlp::train_epoch(const Samples& train, const FitOptions& options, TrainingState& s,
+                      Checkpoints& checkpoints) {
+  if (s.row == 0) std::shuffle(s.order.begin(), s.order.end(), s.order_rng);
+  const std::span<const std::size_t> rows(s.order);
+  while (s.row < rows.size() && !interrupted()) {
+    const std::size_t count = std::min(options.batch, rows.size() - s.row);
+    const double done = static_cast<double>(s.epoch) +
+                        static_cast<double>(s.row) / static_cast<double>(rows.size());
     const double rate = annealed(options.learning_rate, done / static_cast<double>(options.epochs));
-    sum += train_batch(train, rows.subspan(first, count), adam, rate);
+    s.squares += train_batch(train, rows.subspan(s.row, count), s, rate);
+    s.row += count;
+    checkpoints.save_if_due(s);
   }
-  return std::sqrt(sum / static_cast<double>(rows.size() * centre_.size())) * double{spread_};
+}
+
+// Ends the epoch: its losses, and whether it is the best so far.
+void Mlp::judge(const Samples& validation, TrainingState& s) {
+  const double values = static_cast<double>(std::max<std::size_t>(s.row, 1) * centre_.size());
+  s.log.loss.push_back(std::sqrt(s.squares / values) * double{spread_});
+  if (!std::isfinite(s.log.loss.back()))
+    throw Error(ExitCode::failed, "training diverged in epoch " + std::to_string(s.epoch + 1) +
+                                      ": the loss is not a finite number; use a smaller "
+                                      "--learning-rate");
+  // Without validation records the last epoch is the best.
+  const bool blind = validation.rows.empty();
+  const double judged = blind ? -static_cast<double>(s.epoch) : rmse(validation, s.parameters);
+  s.log.validation_loss.push_back(blind ? s.log.loss.back() : judged);
+  ++s.epoch, s.row = 0, s.squares = 0;
+  if (judged < s.least) s.least = judged, s.best = s.parameters, s.log.best_epoch = s.epoch;
 }
 
 // One step; returns the sum of squared errors, in units of the spread.
-double Mlp::train_batch(const Samples& train, std::span<const std::size_t> rows, Adam& adam,
+double Mlp::train_batch(const Samples& train, std::span<const std::size_t> rows, TrainingState& s,
                         double learning_rate) {
   batch_inputs_ = take_rows(train.inputs, {rows.begin(), rows.end()});
   const float* x = batch_inputs_.values.data();
-  forward(network_, parameters_, x, rows.size(), activations_);
+  forward(network_, s.parameters, x, rows.size(), activations_);
   auto& output = activations_.back();
   const std::size_t pixels = centre_.size();
   const float per_value = 1.f / static_cast<float>(rows.size() * pixels);
@@ -130,14 +148,16 @@ double Mlp::train_batch(const Samples& train, std::span<const std::size_t> rows,
     }
     sum += double{squares};
   }
-  backward(network_, parameters_, x, rows.size(), activations_, gradient_);
-  adam.step(parameters_, gradient_, learning_rate);
+  backward(network_, s.parameters, x, rows.size(), activations_, gradient_);
+  s.adam.step(s.parameters, gradient_, learning_rate);
   return sum;
 }
 
-Matrix Mlp::predict(const Matrix& inputs) const {
+Matrix Mlp::predict(const Matrix& inputs) const { return maps_of(inputs, parameters_); }
+
+Matrix Mlp::maps_of(const Matrix& inputs, const std::vector<float>& parameters) const {
   Activations<float> activations;
-  forward(network_, parameters_, inputs.values.data(), inputs.rows, activations);
+  forward(network_, parameters, inputs.values.data(), inputs.rows, activations);
   Matrix out;
   out.rows = inputs.rows, out.cols = centre_.size();
   out.values = std::move(activations.back());
@@ -146,8 +166,8 @@ Matrix Mlp::predict(const Matrix& inputs) const {
   return out;
 }
 
-double Mlp::rmse(const Samples& samples) const {
-  const Matrix maps = predict(take_rows(samples.inputs, samples.rows));
+double Mlp::rmse(const Samples& samples, const std::vector<float>& parameters) const {
+  const Matrix maps = maps_of(take_rows(samples.inputs, samples.rows), parameters);
   double sum = 0;
   for (std::size_t i = 0; i < maps.rows; ++i)
     for (std::size_t p = 0; p < maps.cols; ++p)

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "acquire/record/h5.hpp"
@@ -18,6 +19,14 @@ struct Samples {
   Rows rows;
 };
 
+// Where and how often an unfinished training is kept.
+struct CheckpointOptions {
+  std::string path;                                           // none: not at all
+  double every_s = 10;                                        // and when it is interrupted
+  bool resume = false;                                        // go on from there
+  std::vector<std::pair<std::string, std::string>> settings;  // that must be the same then
+};
+
 struct FitOptions {
   std::vector<std::size_t> hidden = {512, 256};  // mlp: width of each hidden layer
   std::size_t epochs = 60, batch = 64;
@@ -25,6 +34,7 @@ struct FitOptions {
   std::size_t patience = 15;  // epochs without a better validation loss before stopping
   std::uint64_t seed = 1;
   bool quiet = false;
+  CheckpointOptions checkpoint;  // for models that learn in steps
 };
 
 // One entry an epoch; empty for models that are fitted in one step.
@@ -32,6 +42,7 @@ struct TrainingLog {
   std::vector<double> loss, validation_loss;  // root mean square error, metres
   std::size_t best_epoch = 0;                 // whose weights were kept, counted from 1
   bool interrupted = false;
+  double earlier_s = 0;  // spent before the training was resumed
 };
 
 struct Cost {
