@@ -2,13 +2,16 @@
 #include "recon/commands.hpp"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "drivers/core/console.hpp"
 #include "recon/crossvalidate.hpp"
 #include "recon/evaluate.hpp"
-#include "recon/models/blas.hpp"
+#include "recon/export_model.hpp"
+#include "recon/map_files.hpp"
+#include "recon/models/parallel.hpp"
 #include "recon/pareto.hpp"
 #include "recon/reconstruct.hpp"
 #include "recon/report.hpp"
@@ -41,11 +44,12 @@ void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit) {
       ->capture_default_str();
   app.add_option("--hidden", fit.hidden, "mlp: widths of the hidden layers (512,256)")
       ->delimiter(',')
+      ->allow_extra_args(false)
       ->check(CLI::Range(1, 65536));
   app.add_option("--basis", fit.basis,
                  "factorised: body shapes, and twice as many hidden units (16); pca: components of "
                  "the map (128)")
-      ->check(CLI::Range(0, 1024));
+      ->check(CLI::Range(1, 1024));
   app.add_option("--epochs", fit.epochs, "default: 60 (mlp), 100 (factorised)")
       ->check(CLI::Range(1, 100000));
   app.add_option("--batch", fit.batch)->check(CLI::Range(1, 65536))->capture_default_str();
@@ -55,6 +59,49 @@ void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit) {
   app.add_option("--weight-decay", fit.weight_decay, "default: 0.7 (mlp), 0.3 (factorised)")
       ->check(CLI::Range(0.0, 10.0));
 }
+
+// What reconstruct says of its records on stderr: while following at once, else at the end, which
+// leaves the progress bar alone.
+class ReconstructTalk {
+ public:
+  ReconstructTalk(std::string run, bool follow, bool quiet)
+      : run_(std::move(run)), follow_(follow), quiet_(quiet) {}
+  std::size_t left_out() const { return left_out_; }
+
+  void add(const RecordStatus& r) {
+    if (r.after_slot_s) after_slot_s_.push_back(*r.after_slot_s);
+    (r.fault.empty() ? good_ : left_out_) += 1;
+    if (!r.fault.empty() && !follow_) faults_.push_back(r);
+    if (follow_ && !r.fault.empty()) complain(r);
+    if (follow_ && r.after_slot_s && !quiet_)
+      std::fprintf(stderr,
+                   "record %lld: map %.3f s after its slot's end, %.1f ms after its reading\n",
+                   static_cast<long long>(r.index), *r.after_slot_s, *r.after_reading_s * 1e3);
+  }
+
+  void finish(const std::string& out) {
+    for (const auto& r : faults_) complain(r);
+    if (quiet_) return;
+    std::fprintf(stderr, "%s: %zu records reconstructed, %zu left out", out.c_str(), good_,
+                 left_out_);
+    std::sort(after_slot_s_.begin(), after_slot_s_.end());
+    if (!after_slot_s_.empty())
+      std::fprintf(stderr, "; maps %.3f s after their slot's end (median; longest %.3f s)",
+                   after_slot_s_[after_slot_s_.size() / 2], after_slot_s_.back());
+    std::fputc('\n', stderr);
+  }
+
+ private:
+  void complain(const RecordStatus& r) const {
+    std::fprintf(stderr, "%s: record %lld: %s\n", run_.c_str(), static_cast<long long>(r.index),
+                 r.fault.c_str());
+  }
+  std::string run_;
+  bool follow_, quiet_;
+  std::size_t good_ = 0, left_out_ = 0;
+  std::vector<RecordStatus> faults_;
+  std::vector<double> after_slot_s_;
+};
 
 }  // namespace
 
@@ -73,7 +120,10 @@ Command add_train(CLI::App& app, const Common& common) {
                  "best")
       ->check(is_rung)
       ->capture_default_str();
-  app.add_option("--ladder", a->ladder, "auto: the models to try")->delimiter(',')->check(is_rung);
+  app.add_option("--ladder", a->ladder, "auto: the models to try")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(is_rung);
   add_inputs_option(app, a->inputs);
   app.add_option(
          "--radar-bin", a->radar_bin_m,
@@ -97,17 +147,25 @@ Command add_train(CLI::App& app, const Common& common) {
   app.add_option("--gap", a->split.gap, "blocked: records dropped between two parts")
       ->check(CLI::Range(0, 1'000'000))
       ->capture_default_str();
+  app.add_option("--checkpoint-s", a->fit.checkpoint.every_s,
+                 "seconds between two copies of the unfinished training, OUT.checkpoint")
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
+  app.add_flag("--resume", a->fit.checkpoint.resume, "go on from OUT.checkpoint");
   return [a, &common] {
     a->split.seed = a->fit.seed;
+    a->fit.checkpoint.path = a->out + ".checkpoint";
     a->fit.quiet = common.quiet;
     check_can_save(a->out);
     Dataset data = load(a->runs);
     if (a->radar_bin_m > 0) rebin_radar(data, radar_bins(a->radar_bin_m));
     const TrainedModel model = train(data, *a);
     save_model(model, a->out);
+    if (!model.log.interrupted) std::remove(a->fit.checkpoint.path.c_str());
     if (!common.quiet)
-      std::fprintf(stderr, "%s: %s on %s, trained in %.1f s\n", a->out.c_str(), model.name.c_str(),
-                   a->inputs.c_str(), model.train_s);
+      std::fprintf(stderr, "%s: %s on %s, trained in %.1f s%s\n", a->out.c_str(),
+                   model.name.c_str(), a->inputs.c_str(), model.train_s,
+                   model.log.interrupted ? "; the best so far, --resume goes on" : "");
     return model.log.interrupted ? ExitCode::interrupted : ExitCode::ok;
   };
 }
@@ -151,32 +209,29 @@ Command add_evaluate(CLI::App& app, const Common&) {
 
 Command add_reconstruct(CLI::App& app, const Common& common) {
   struct Arguments : ReconstructOptions {
-    std::string model, run, format = "both";
+    std::string model, run;
   };
   const auto a = std::make_shared<Arguments>();
   app.add_option("model", a->model, "model file")->required();
   app.add_option("run", a->run, "run file")->required();
-  app.add_option("--out", a->out, "folder for the pictures")->required();
-  app.add_option("--format", a->format, "colour, mm (16-bit millimetres) or both")
-      ->check(CLI::IsMember({"colour", "mm", "both"}))
+  app.add_option("--out", a->out, "folder for the maps")->required();
+  app.add_option(
+         "--format", a->formats,
+         "any of colour (PNG), mm (PNG of 16-bit millimetres), ply (points), npz (all maps)")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::IsMember(map_formats))
       ->capture_default_str();
+  app.add_flag("--follow", a->follow,
+               "of a run that is being recorded: new records as they come, until it is closed");
   return [a, &common] {
     a->quiet = common.quiet;
-    a->colour = a->format != "mm";
-    a->millimetres = a->format != "colour";
-    const auto records = reconstruct(load_model(a->model), a->run, *a);
-    std::size_t bad = 0;
-    for (const auto& r : records) {
-      if (r.fault.empty()) continue;
-      ++bad;
-      std::fprintf(stderr, "%s: record %lld: %s\n", a->run.c_str(), static_cast<long long>(r.index),
-                   r.fault.c_str());
-    }
-    if (!common.quiet)
-      std::fprintf(stderr, "%s: %zu records reconstructed, %zu left out\n", a->out.c_str(),
-                   records.size() - bad, bad);
+    ReconstructTalk talk(a->run, a->follow, common.quiet);
+    a->on_record = [&](const RecordStatus& r) { talk.add(r); };
+    reconstruct(load_model(a->model), a->run, *a);
+    talk.finish(a->out);
     if (interrupted()) return ExitCode::interrupted;
-    return bad > 0 ? ExitCode::partial : ExitCode::ok;
+    return talk.left_out() > 0 ? ExitCode::partial : ExitCode::ok;
   };
 }
 
@@ -187,7 +242,11 @@ Command add_crossvalidate(CLI::App& app, const Common& common) {
   };
   const auto a = std::make_shared<Arguments>();
   app.add_option("run", a->runs, "run files whose axes agree, in the order of time")->required();
-  app.add_option("--models", a->models)->delimiter(',')->check(is_rung)->capture_default_str();
+  app.add_option("--models", a->models)
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(is_rung)
+      ->capture_default_str();
   app.add_option("--folds", a->folds)->check(CLI::Range(2, 1000))->capture_default_str();
   app.add_option("--gap", a->gap, "records between a fold and its training records")
       ->check(CLI::Range(0, 1'000'000))
@@ -200,7 +259,7 @@ Command add_crossvalidate(CLI::App& app, const Common& common) {
   return [a, &common] {
     a->fit.quiet = common.quiet;
     const Dataset data = load(a->runs);
-    const auto rows = crossvalidate(data, data.usable(inputs_of(a->inputs)), *a,
+    const auto rows = crossvalidate(data, rows_to_train(data, inputs_of(a->inputs)), *a,
                                     a->published.empty() ? Dataset{} : load({a->published}));
     std::printf("%zu folds, gap %zu; mean +- standard error over maps\n%s", a->folds, a->gap,
                 to_table({rows.begin(), rows.end()}).c_str());
@@ -235,6 +294,7 @@ Command add_study(CLI::App& app, const Common& common) {
   app.add_option("--out", a->out, "folder for pareto.csv and pareto.svg")->required();
   app.add_option("--models", a->models, "as train --model; \":spd\" or \":radar\" behind one")
       ->delimiter(',')
+      ->allow_extra_args(false)
       ->capture_default_str();
   app.add_option("--sweep-models", a->sweep_models, "of the sweeps")
       ->delimiter(',')
@@ -254,6 +314,23 @@ Command add_study(CLI::App& app, const Common& common) {
     const auto rows = study_pareto(*a);
     std::fputs(to_text(rows).c_str(), stdout);
     write_pareto(rows, a->out);
+    return ExitCode::ok;
+  };
+}
+
+Command add_export(CLI::App& app, const Common& common) {
+  struct Arguments {
+    std::string model, to;
+    std::vector<std::string> runs;
+  };
+  const auto a = std::make_shared<Arguments>();
+  app.add_option("model", a->model, "model file")->required();
+  app.add_option("--to", a->to, "x.onnx: the network; x.npz: the records of --run as it sees them")
+      ->required();
+  app.add_option("--run", a->runs, "run files, for x.npz");
+  return [a, &common] {
+    export_model(a->model, a->runs, a->to);
+    if (!common.quiet) std::fprintf(stderr, "%s: written\n", a->to.c_str());
     return ExitCode::ok;
   };
 }

@@ -3,10 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "acquire/record/depth_map.hpp"
-#include "acquire/record/run_file.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "recon/shift.hpp"
@@ -71,6 +71,7 @@ class Appender {
         depth, std::size_t{record::map_size} * record::map_size);
     data_.valid.push_back(r.valid);
     data_.index.push_back(r.index);
+    data_.slot_end.push_back(r.slot_end);
     data_.label.push_back(r.label);
     ++data_.sources.back().count;
     return {};
@@ -111,6 +112,25 @@ class Appender {
   Axis target_x_ = record::depth_x_axis(), target_y_ = record::depth_y_axis();
 };
 
+void append(Dataset& data, const record::RunReader& run, std::int64_t first, std::size_t at_most,
+            const OnBadRecord& on_bad) {
+  // Made within the reading, as a run that is being recorded may get an axis with its next record.
+  std::optional<Appender> appender;
+  const auto to = [&]() -> Appender& { return appender ? *appender : appender.emplace(data, run); };
+  std::size_t left = at_most;
+  run.for_each(
+      [&](const record::FusedRecord& r) {
+        const std::string fault = to().add(r);
+        if (!fault.empty() && !on_bad)
+          throw Error(ExitCode::failed,
+                      run.path() + ": record " + std::to_string(r.index) + ": " + fault);
+        if (!fault.empty()) on_bad(r.index, fault);
+        return --left > 0;
+      },
+      first, on_bad);
+  to();
+}
+
 }  // namespace
 
 Inputs inputs_of(const std::string& name) {
@@ -131,24 +151,32 @@ Rows Dataset::usable(Inputs inputs, bool with_depth) const {
   return rows;
 }
 
+std::string Dataset::fault_of(std::size_t row, Inputs inputs) const {
+  if (!has_inputs(row, inputs))
+    return std::string("lacks a sensor that the model needs: ") + name_of(inputs);
+  const auto dead = [&](const Matrix& table) {
+    const auto values = table.row(row);
+    return std::equal(values.begin() + 1, values.end(), values.begin());
+  };
+  if (inputs != Inputs::radar && spd.cols > 1 && dead(spd)) return "spd is the same in every bin";
+  if (inputs != Inputs::spd && radar.cols > 1 && dead(radar))
+    return "radar is the same in every bin";
+  return {};
+}
+
 Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
   Dataset data;
-  for (const auto& path : paths) {
-    const record::RunReader run(path);
-    Appender appender(data, run);
-    run.for_each(
-        [&](const record::FusedRecord& r) {
-          const std::string fault = appender.add(r);
-          if (!fault.empty() && !on_bad)
-            throw Error(ExitCode::failed,
-                        path + ": record " + std::to_string(r.index) + ": " + fault);
-          if (!fault.empty()) on_bad(r.index, fault);
-          return true;
-        },
-        0, on_bad);
-  }
+  for (const auto& path : paths)
+    append(data, record::RunReader(path), 0, std::numeric_limits<std::size_t>::max(), on_bad);
   for (const Matrix* table : {&data.spd, &data.radar, &data.depth})
     data.hash = crc32c(as_bytes(table->values), data.hash);
+  return data;
+}
+
+Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t at_most,
+                  const OnBadRecord& on_bad) {
+  Dataset data;
+  append(data, run, first, at_most, on_bad);
   return data;
 }
 

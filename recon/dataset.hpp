@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "acquire/record/record.hpp"
+#include "acquire/record/run_file.hpp"
 #include "drivers/core/axis.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "recon/maps/matrix.hpp"
@@ -33,6 +33,7 @@ struct Dataset {
   Matrix spd, radar, depth;          // counts | linear power | 64 x 64 metres, 0 = no return
   std::vector<std::uint32_t> valid;  // bit 0 SPD, 1 radar, 2 depth
   std::vector<std::int64_t> index;   // the record's number in its run
+  std::vector<HostTime> slot_end;
   std::vector<std::string> label;
   std::vector<Source> sources;
   std::uint32_t hash = 0;  // CRC-32C of the three tables
@@ -42,6 +43,9 @@ struct Dataset {
     return (valid[row] >> static_cast<unsigned>(s)) & 1u;
   }
   bool has_inputs(std::size_t row, Inputs inputs) const;
+  // Why a model with these inputs cannot use the record; empty if it can. A sensor that says the
+  // same in every bin is dead: it tells nothing, and no scaling makes it tell something.
+  std::string fault_of(std::size_t row, Inputs inputs) const;
   // Rows that have the model's sensors and, if asked, a depth map to compare with.
   Rows usable(Inputs inputs, bool with_depth = true) const;
 };
@@ -52,6 +56,11 @@ using OnBadRecord = std::function<void(std::int64_t, const std::string&)>;
 // Reads runs whose axes agree into one table. Throws Error(failed) that names the file and, for a
 // bad record (wrong size, not a finite number), its number, unless on_bad takes it.
 Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad = {});
+
+// A run by parts: its records from number `first` on, at most `at_most` of them beside those that
+// on_bad takes. Leaves `hash` 0.
+Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t at_most,
+                  const OnBadRecord& on_bad);
 
 // The paper's range bins, 0 to 7 m, if the width is 0.5 m: quantity "binned_power".
 Axis radar_bins(double width_m);

@@ -32,21 +32,6 @@ void bring_to_strength(std::span<float> values, const std::string& scaling) {
     normalise(values);
 }
 
-// [SPD ++ radar] of each row, before the training set's centre and gain.
-Matrix raw_inputs(const Features& f, const Dataset& data, const Rows& rows) {
-  const std::size_t spd = f.spd_count(), radar = f.radar_count();
-  Matrix out(rows.size(), spd + radar);
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const auto row = out.row(i);
-    std::copy_n(data.spd.row(rows[i]).begin(), spd, row.begin());
-    std::copy_n(data.radar.row(rows[i]).begin(), radar,
-                row.begin() + static_cast<std::ptrdiff_t>(spd));
-    bring_to_strength(row.first(spd), f.scaling);
-    bring_to_strength(row.last(radar), f.scaling);
-  }
-  return out;
-}
-
 std::vector<float> column_means(const Matrix& table) {
   std::vector<double> sum(table.cols);
   for (std::size_t i = 0; i < table.rows; ++i)
@@ -70,8 +55,21 @@ float gain_for(const Matrix& table, const std::vector<float>& centre, std::size_
 
 }  // namespace
 
+Matrix Features::strengths(const Dataset& data, const Rows& rows) const {
+  Matrix out(rows.size(), count());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto row = out.row(i);
+    std::copy_n(data.spd.row(rows[i]).begin(), spd_count(), row.begin());
+    std::copy_n(data.radar.row(rows[i]).begin(), radar_count(),
+                row.begin() + static_cast<std::ptrdiff_t>(spd_count()));
+    bring_to_strength(row.first(spd_count()), scaling);
+    bring_to_strength(row.last(radar_count()), scaling);
+  }
+  return out;
+}
+
 Matrix Features::apply(const Dataset& data, const Rows& rows) const {
-  Matrix out = raw_inputs(*this, data, rows);
+  Matrix out = strengths(data, rows);
   for (std::size_t i = 0; i < out.rows; ++i) {
     const auto row = out.row(i);
     for (std::size_t c = 0; c < row.size(); ++c)
@@ -87,7 +85,7 @@ Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
     f.centre.assign(f.count(), 0);
     return f;
   }
-  const Matrix table = raw_inputs(f, data, rows);
+  const Matrix table = f.strengths(data, rows);
   f.centre = column_means(table);
   const double wanted = static_cast<double>(f.count()) / (inputs == Inputs::fused ? 2 : 1);
   f.spd_gain = gain_for(table, f.centre, 0, f.spd_count(), wanted);

@@ -4,7 +4,7 @@
 
 #include "drivers/core/console.hpp"
 #include "recon/commands.hpp"
-#include "recon/models/blas.hpp"
+#include "recon/models/parallel.hpp"
 
 namespace {
 using namespace echofuse;
@@ -31,6 +31,7 @@ int run(int argc, char** argv) {
   add("crossvalidate", "score kinds of models on a sequence, in blocks", add_crossvalidate);
   add("report", "the three modes side by side, as one HTML page", add_report);
   add("study", "accuracy against cost: table and chart", add_study);
+  add("export", "a network as ONNX, or records as NumPy arrays", add_export);
   add("import", "recordings of others as run files", add_import);
   try {
     app.parse(argc, argv);

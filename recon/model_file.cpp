@@ -5,6 +5,7 @@
 
 #include "drivers/core/console.hpp"
 #include "recon/files.hpp"
+#include "recon/models/checkpoint.hpp"
 #include "recon/trained_model.hpp"
 
 namespace echofuse::recon {
@@ -14,7 +15,6 @@ using record::H5File;
 
 constexpr const char* format = "echofuse model";
 constexpr std::int64_t format_version = 1;
-constexpr const char* unfinished_suffix = ".part";
 
 void save_axis(H5File& file, const Axis& axis) {
   const std::string group = "axes/" + axis.name;
@@ -51,6 +51,8 @@ void save_head(H5File& file, const TrainedModel& m) {
   file.set("/", "split", m.split.kind);
   file.set("/", "gap", static_cast<std::int64_t>(m.split.gap));
   file.set("/", "seed", static_cast<std::int64_t>(m.split.seed));
+  file.set("/", "test_share", m.split.test_share);
+  file.set("/", "validation_share", m.split.validation_share);
 }
 
 void load_head(const H5File& file, TrainedModel& m) {
@@ -63,6 +65,20 @@ void load_head(const H5File& file, TrainedModel& m) {
   m.split.kind = file.get<std::string>("/", "split");
   m.split.gap = static_cast<std::size_t>(file.get<std::int64_t>("/", "gap"));
   m.split.seed = static_cast<std::uint64_t>(file.get<std::int64_t>("/", "seed"));
+}
+
+void save_training(H5File& file, const TrainedModel& m) {
+  file.write("training/loss_m", m.log.loss, {m.log.loss.size()});
+  file.write("training/validation_loss_m", m.log.validation_loss, {m.log.validation_loss.size()});
+  const auto widths = m.fit.hidden.value_or(std::vector<std::size_t>{});
+  const std::vector<std::uint64_t> hidden(widths.begin(), widths.end());
+  file.write("training/hidden", hidden, {hidden.size()});
+  file.set("training", "best_epoch", static_cast<std::int64_t>(m.log.best_epoch));
+  file.set("training", "epochs", static_cast<std::int64_t>(m.fit.epochs.value_or(0)));
+  file.set("training", "batch", static_cast<std::int64_t>(m.fit.batch));
+  file.set("training", "patience", static_cast<std::int64_t>(m.fit.patience.value_or(0)));
+  file.set("training", "learning_rate", m.fit.learning_rate.value_or(0));
+  file.set("training", "weight_decay", m.fit.weight_decay.value_or(0));
 }
 
 void save_body(H5File& file, const TrainedModel& m) {
@@ -80,9 +96,6 @@ void save_body(H5File& file, const TrainedModel& m) {
   flat("split/run", m.seen.run);
   flat("split/index", m.seen.index);
   flat("split/part", m.seen.part);
-  flat("training/loss_m", m.log.loss);
-  flat("training/validation_loss_m", m.log.validation_loss);
-  file.set("training", "best_epoch", static_cast<std::int64_t>(m.log.best_epoch));
 }
 
 void load_body(const H5File& file, TrainedModel& m) {
@@ -115,21 +128,18 @@ void check_format(const H5File& file, const std::string& path) {
 }  // namespace
 
 void check_can_save(const std::string& path) {
-  const std::string unfinished = path + unfinished_suffix;
+  const std::string unfinished = path + ".part";
   write_file(unfinished, {});
   std::remove(unfinished.c_str());
 }
 
 void save_model(const TrainedModel& model, const std::string& path) {
-  const std::string unfinished = path + unfinished_suffix;
-  std::remove(unfinished.c_str());
-  H5File file = H5File::create(unfinished);
-  save_head(file, model);
-  save_body(file, model);
-  model.model->save(file);
-  file.close();
-  if (std::rename(unfinished.c_str(), path.c_str()) != 0)
-    throw Error(ExitCode::disk, path + ": cannot rename " + unfinished + " to it");
+  write_whole(path, [&](H5File& file) {
+    save_head(file, model);
+    save_body(file, model);
+    save_training(file, model);
+    model.model->save(file);
+  });
 }
 
 TrainedModel load_model(const std::string& path) {

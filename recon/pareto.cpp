@@ -9,7 +9,7 @@
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/random.hpp"
 #include "recon/files.hpp"
-#include "recon/models/blas.hpp"
+#include "recon/models/parallel.hpp"
 #include "recon/train.hpp"
 
 namespace echofuse::recon {

@@ -2,73 +2,139 @@
 #include "recon/reconstruct.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <filesystem>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <thread>
 
-#include "acquire/record/depth_map.hpp"
-#include "acquire/record/png.hpp"
+#include "acquire/record/run_file.hpp"
 #include "drivers/core/console.hpp"
-#include "recon/figure.hpp"
 #include "recon/files.hpp"
+#include "recon/map_files.hpp"
 #include "recon/text.hpp"
 
 namespace echofuse::recon {
 namespace {
 
-constexpr int zoom = 4;
+constexpr std::size_t part_records = 256;  // read and predicted at once
+constexpr std::chrono::milliseconds pause_between_looks(20);
 
-Bytes millimetre_picture(std::span<const float> map) {
-  std::vector<std::uint16_t> mm(map.size());
-  for (std::size_t p = 0; p < map.size(); ++p)
-    mm[p] = static_cast<std::uint16_t>(std::lround(map[p] * 1000));
-  return record::encode_png16(mm, record::map_size, record::map_size);
+class StatusTable {
+ public:
+  explicit StatusTable(const std::string& path)
+      : path_(path), out_(path, std::ios::binary | std::ios::trunc) {
+    out_ << "record,status,after_slot_s\n";
+    flush();
+  }
+  void add(const RecordStatus& r) {
+    out_ << r.index << ",\"" << (r.fault.empty() ? "ok" : r.fault) << "\","
+         << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "") << "\n";
+  }
+  void flush() {
+    out_.flush();
+    if (!out_) throw Error(ExitCode::disk, path_ + ": cannot write: " + std::strerror(errno));
+  }
+
+ private:
+  std::string path_;
+  std::ofstream out_;
+};
+
+// One part of a run after the other, from records to files.
+class Reconstruction {
+ public:
+  Reconstruction(const TrainedModel& model, const ReconstructOptions& options)
+      : model_(model),
+        options_(options),
+        files_(options.out, options.formats, model.scene),
+        table_(options.out + "/records.csv"),
+        started_(clock_.now()) {}
+
+  // True if there was any record.
+  bool take_part(const record::RunReader& run);
+  std::size_t done() const { return done_; }
+  void close() { files_.close(); }
+
+ private:
+  std::vector<RecordStatus> write_maps(Dataset& data);
+  void time(RecordStatus& status, HostTime slot_end, HostTime read) const;
+
+  const TrainedModel& model_;
+  const ReconstructOptions& options_;
+  MapFiles files_;
+  StatusTable table_;
+  SystemClock clock_;
+  HostTime started_;
+  std::int64_t next_ = 0;
+  std::size_t done_ = 0;
+};
+
+bool Reconstruction::take_part(const record::RunReader& run) {
+  std::vector<RecordStatus> bad;
+  Dataset data = load_part(run, next_, part_records, [&](std::int64_t index, const auto& fault) {
+    bad.push_back({index, fault, {}, {}});
+  });
+  std::vector<RecordStatus> all = write_maps(data);
+  all.insert(all.end(), bad.begin(), bad.end());
+  std::sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.index < b.index; });
+  for (const auto& r : all) {
+    table_.add(r);
+    if (options_.on_record) options_.on_record(r);
+    next_ = r.index + 1;
+  }
+  table_.flush();
+  done_ += all.size();
+  return !all.empty();
 }
 
-// The farthest depth that the training maps knew, so that one scale serves the whole run.
-double farthest_of(const Scene& scene) {
-  const float wall = *std::max_element(scene.background.begin(), scene.background.end());
-  return std::clamp(std::ceil(double{std::max(wall, scene.foreground_depth_m)} + 0.5), 1.0,
-                    record::max_depth_m);
-}
-
-std::string to_csv(const std::vector<RecordStatus>& records) {
-  std::string out = "record,status\n";
-  for (const auto& r : records)
-    out += std::to_string(r.index) + ",\"" + (r.fault.empty() ? "ok" : r.fault) + "\"\n";
+std::vector<RecordStatus> Reconstruction::write_maps(Dataset& data) {
+  const HostTime read = clock_.now();
+  const Features& f = model_.features;
+  std::vector<RecordStatus> out;
+  Rows rows;
+  for (std::size_t row = 0; row < data.size(); ++row) {
+    out.push_back({data.index[row], data.fault_of(row, f.inputs), {}, {}});
+    if (out.back().fault.empty()) rows.push_back(row);
+  }
+  // A sensor's axis may come after the first records of a run that is being recorded.
+  if (!rows.empty() || !options_.follow) match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
+  const Matrix maps = model_.predict(data, rows);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    files_.write(data.index[rows[i]], maps.row(i));
+    time(out[rows[i]], data.slot_end[rows[i]], read);
+  }
   return out;
+}
+
+void Reconstruction::time(RecordStatus& status, HostTime slot_end, HostTime read) const {
+  if (!options_.follow || slot_end < started_) return;
+  status.after_slot_s = seconds(clock_.now() - slot_end);
+  status.after_reading_s = seconds(clock_.now() - read);
 }
 
 }  // namespace
 
-std::vector<RecordStatus> reconstruct(const TrainedModel& model, const std::string& run,
-                                      const ReconstructOptions& options) {
-  std::vector<RecordStatus> status;
-  Dataset data = load({run}, [&](std::int64_t index, const std::string& fault) {
-    status.push_back({index, fault});
-  });
-  const Features& f = model.features;
-  match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
+void reconstruct(const TrainedModel& model, const std::string& path,
+                 const ReconstructOptions& options) {
   make_folder(options.out);
-  const double farthest_m = farthest_of(model.scene);
-  Progress progress("reconstructing", data.size(), options.quiet);
-  for (std::size_t row = 0; row < data.size() && !interrupted(); ++row) {
-    status.push_back({data.index[row], data.has_inputs(row, f.inputs)
-                                           ? ""
-                                           : std::string("lacks a sensor that the model needs: ") +
-                                                 name_of(f.inputs)});
-    if (!status.back().fault.empty()) continue;
-    const auto map = within_span(model.predict(data, {row}).row(0));
-    const std::string name =
-        options.out + formatted("/%06lld", static_cast<long long>(data.index[row]));
-    if (options.colour) write_file(name + ".png", depth_picture(map, farthest_m, zoom));
-    if (options.millimetres) write_file(name + "_mm.png", millimetre_picture(map));
-    progress.update(row + 1);
+  Reconstruction work(model, options);
+  if (!options.follow) {
+    const record::RunReader run(path);
+    Progress progress("reconstructing", static_cast<std::size_t>(run.count()), options.quiet);
+    while (!interrupted() && work.take_part(run)) progress.update(work.done());
   }
-  std::sort(status.begin(), status.end(),
-            [](const auto& a, const auto& b) { return a.index < b.index; });
-  const std::string csv = to_csv(status);
-  write_file(options.out + "/records.csv", Bytes(csv.begin(), csv.end()));
-  return status;
+  while (options.follow && !interrupted()) {
+    // Opened anew for each look: a run's writer leaves one single file only if nobody holds it.
+    bool open = false;
+    {
+      const record::RunReader run(path);
+      open = run.info().status == "open";  // asked first: what comes before the end is seen
+      if (work.take_part(run)) continue;
+    }
+    if (!open) break;
+    std::this_thread::sleep_for(pause_between_looks);
+  }
+  work.close();
 }
 
 }  // namespace echofuse::recon

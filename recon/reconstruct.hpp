@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Depth maps of a whole run as pictures.
+// Depth maps of a whole run, also of one that is being recorded.
 #pragma once
+#include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -8,21 +10,26 @@
 
 namespace echofuse::recon {
 
-struct ReconstructOptions {
-  std::string out;          // folder, made if need be
-  bool colour = true;       // NNNNNN.png: for the eye
-  bool millimetres = true;  // NNNNNN_mm.png: 16-bit grey, z in millimetres, 0 = no return
-  bool quiet = false;
-};
-
 struct RecordStatus {
   std::int64_t index = 0;
   std::string fault;  // empty: reconstructed
+  // Of a record that came while following: from its slot's end, and from its reading, to its map.
+  std::optional<double> after_slot_s, after_reading_s;
 };
 
-// One or two pictures a record, and OUT/records.csv with what became of each. A record that cannot
-// be used (bad blob, missing sensor) is noted and left out.
-std::vector<RecordStatus> reconstruct(const TrainedModel& model, const std::string& run,
-                                      const ReconstructOptions& options);
+struct ReconstructOptions {
+  std::string out;                                      // folder, made if need be
+  std::vector<std::string> formats = {"colour", "mm"};  // of map_files.hpp
+  bool follow = false;  // take records as they come, until the run is closed
+  bool quiet = false;   // no progress bar
+  std::function<void(const RecordStatus&)> on_record;  // in the order of the records
+};
+
+// Maps in every format for each record, and OUT/records.csv with what became of each, written as
+// they come. A record that cannot be used (bad blob, missing or dead sensor) is noted and left out.
+// Ends early at an interrupt, with what it has finished. Throws Error(failed) if the run's axes are
+// not the model's, and Error(disk).
+void reconstruct(const TrainedModel& model, const std::string& run,
+                 const ReconstructOptions& options);
 
 }  // namespace echofuse::recon

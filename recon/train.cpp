@@ -6,6 +6,7 @@
 
 #include "drivers/core/random.hpp"
 #include "recon/crossvalidate.hpp"
+#include "recon/text.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -24,6 +25,7 @@ std::string choose(const Dataset& data, const Split& split, const TrainOptions& 
   CrossvalidateOptions cross{
       options.inputs, options.scaling, options.ladder, auto_folds, blocked ? options.split.gap : 0,
       options.fit};
+  cross.fit.checkpoint = {};
   if (cross.models.empty()) cross.models = ladder(inputs_of(options.inputs));
   const auto table = crossvalidate(data, rows, cross);
   const std::size_t chosen = cheapest_within_one_se(table);
@@ -31,13 +33,57 @@ std::string choose(const Dataset& data, const Split& split, const TrainOptions& 
   return table[chosen].name;
 }
 
+// Everything that a resumed training must have in common with the one that was stopped.
+std::vector<std::pair<std::string, std::string>> settings_of(const Dataset& data,
+                                                             const TrainOptions& o,
+                                                             const Rung& rung) {
+  const FitOptions& fit = rung.fit;
+  std::string hidden;
+  for (const std::size_t n : fit.hidden.value_or(std::vector<std::size_t>{}))
+    hidden += formatted(hidden.empty() ? "%zu" : ",%zu", n);
+  return {{"records", std::to_string(data.size()) + formatted(" (checksum %08x)", data.hash)},
+          {"radar bins", std::to_string(data.radar_axis.count)},
+          {"--model", rung.model},
+          {"--inputs", o.inputs},
+          {"--scaling", o.scaling},
+          {"--hidden", hidden},
+          {"--basis", std::to_string(fit.basis.value_or(0))},
+          {"--epochs", std::to_string(fit.epochs.value_or(0))},
+          {"--batch", std::to_string(fit.batch)},
+          {"--learning-rate", formatted("%.17g", fit.learning_rate.value_or(0))},
+          {"--weight-decay", formatted("%.17g", fit.weight_decay.value_or(0))},
+          {"--patience", std::to_string(fit.patience.value_or(0))},
+          {"--seed", std::to_string(fit.seed)},
+          {"--split", o.split.kind},
+          {"--test-share", formatted("%.17g", o.split.test_share)},
+          {"--validation-share", formatted("%.17g", o.split.validation_share)},
+          {"--gap", std::to_string(o.split.gap)}};
+}
+
 }  // namespace
+
+Rows rows_to_train(const Dataset& data, Inputs inputs) {
+  const Rows rows = data.usable(inputs);
+  for (const std::size_t row : rows) {
+    const std::string fault = data.fault_of(row, inputs);
+    if (fault.empty()) continue;
+    std::size_t run = 0;
+    while (row >= data.sources[run].first + data.sources[run].count) ++run;
+    throw Error(ExitCode::failed, data.sources[run].path + ": record " +
+                                      std::to_string(data.index[row]) + ": " + fault +
+                                      ": a dead sensor, of which nothing can be learned");
+  }
+  return rows;
+}
 
 TrainedModel train(const Dataset& data, const TrainOptions& options) {
   const Inputs inputs = inputs_of(options.inputs);
-  const Split split = make_split(data.usable(inputs), options.split);
+  const Split split = make_split(rows_to_train(data, inputs), options.split);
   const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
-  TrainedModel model = fit_model(data, split, name, inputs, options.scaling, options.fit);
+  FitOptions fit = options.fit;
+  if (!fit.checkpoint.path.empty())
+    fit.checkpoint.settings = settings_of(data, options, rung_of(name, fit));
+  TrainedModel model = fit_model(data, split, name, inputs, options.scaling, fit);
   model.split = options.split;
   return model;
 }

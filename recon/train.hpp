@@ -17,6 +17,10 @@ struct TrainOptions {
   FitOptions fit;
 };
 
+// The records with these inputs and depth. Throws Error(failed) that names the first one of a dead
+// sensor (Dataset::fault_of).
+Rows rows_to_train(const Dataset& data, Inputs inputs);
+
 // Splits the usable records, fits, and returns the model with what it has seen. Throws
 // Error(failed) if there are too few records.
 TrainedModel train(const Dataset& data, const TrainOptions& options);

@@ -93,9 +93,11 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const std::strin
   const Layout layout = out.features.layout();
   out.log = out.model->fit({scaled, data.depth, split.train, layout},
                            {scaled, data.depth, split.validation, layout}, rung.fit);
+  out.fit = rung.fit;
   out.seen = remember(data, split);
   out.data_hash = data.hash;
-  out.train_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+  out.train_s = out.log.earlier_s +
+                std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
   return out;
 }
 

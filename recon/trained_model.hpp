@@ -3,12 +3,13 @@
 // records it has seen and how its training went. Kept as one HDF5 file.
 //
 //   /            attributes: format, format_version, model, inputs, scaling, version, data_crc32c,
-//                train_s, foreground_depth_m, split, gap, seed
+//                train_s, foreground_depth_m, split, gap, seed, test_share, validation_share
 //   axes/NAME    attributes of spd and radar as in drivers/core/axis.hpp
 //   features/    centre, with attributes spd_gain and radar_gain
 //   scene/       background_m, mean_map_m
 //   split/       runs (uuid), run, index, part (0 train, 1 validation, 2 test): one entry a record
-//   training/    loss_m, validation_loss_m, with attribute best_epoch
+//   training/    loss_m, validation_loss_m, hidden (widths), with attributes best_epoch, epochs,
+//                batch, learning_rate, weight_decay, patience
 //   model/       what the model itself keeps
 #pragma once
 #include <cstdint>
@@ -39,6 +40,7 @@ struct TrainedModel {
   std::unique_ptr<Model> model;
   TrainingLog log;
   SplitOptions split;
+  FitOptions fit;
   SeenRecords seen;
   std::uint32_t data_hash = 0;
   double train_s = 0;

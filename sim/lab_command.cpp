@@ -26,8 +26,13 @@ pid_t spawn(const std::vector<std::string>& command) {
   std::vector<char*> words;
   for (const auto& word : command) words.push_back(const_cast<char*>(word.c_str()));
   words.push_back(nullptr);
+  // An open port of the laboratory's in the child's hands would outlive its unplugging.
+  posix_spawn_file_actions_t actions;
+  ::posix_spawn_file_actions_init(&actions);
+  ::posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
   pid_t child = 0;
-  const int error = ::posix_spawnp(&child, words[0], nullptr, nullptr, words.data(), environ);
+  const int error = ::posix_spawnp(&child, words[0], &actions, nullptr, words.data(), environ);
+  ::posix_spawn_file_actions_destroy(&actions);
   if (error != 0)
     throw Error(ExitCode::failed, command[0] + ": cannot start: " + std::strerror(error));
   return child;

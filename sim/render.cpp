@@ -165,11 +165,7 @@ class Scanner {
     for_each_in_row(iy, [&](const auto& placed, std::int32_t number) {
       const std::size_t first = placed.x0, count = placed.x1 - placed.x0;
       placed.shape.meet(&ray_x_[first], &ray_y_[first], met_.data(), count);
-      for (std::size_t i = 0; i < count; ++i) {
-        const bool nearer = met_[i] > 0 && met_[i] < z_[first + i];
-        z_[first + i] = nearer ? met_[i] : z_[first + i];
-        shape_[first + i] = nearer ? number : shape_[first + i];
-      }
+      keep_nearer(met_.data(), number, &z_[first], &shape_[first], count);
     });
   }
 
@@ -247,7 +243,8 @@ void look(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y, d
           Returns& returns) {
   // dOmega = dtx dty / |(tx, ty, 1)|^3
   const double pixel = std::abs(x.step * y.step) / mean_scene_weight;
-  auto& [ranges, weights] = returns;
+  auto& ranges = returns.range_m;
+  auto& weights = returns.weight;
   std::vector<double> range(x.count), weight(x.count);
   std::size_t seen = 0;
   Scanner(scene, sensor_x_m, x, y, Sampling::staggered).scan(Shading::on, [&](const Row& row) {

@@ -62,7 +62,7 @@ ECHOFUSE_CLONES void meet_capsule(const CapsuleShape& c, const double* x, const 
     const double on_end = (to_end - std::sqrt(end_root)) / ray2;
     const bool beside = !parallel & (foot > 0) & (foot < s.axis2);
     const double met = beside ? on_side : on_end;
-    z[i] = !parallel & (root < 0) ? 0 : met;
+    z[i] = (!parallel & (root < 0)) ? 0 : met;
   }
 }
 
@@ -113,6 +113,18 @@ ECHOFUSE_CLONES void light_rays(const double* __restrict x, const double* __rest
     const double r = z[i] * ray;
     range[i] = r;
     weight[i] = factor * albedo[i] * cosine[i] / (ray2 * ray * r * r);
+  }
+}
+
+ECHOFUSE_CLONES void choose_met(const double* __restrict met, std::int32_t number,
+                                double* __restrict z, std::int32_t* __restrict shape,
+                                std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const double old_z = z[i];
+    const std::int32_t old_shape = shape[i];
+    const bool nearer = (met[i] > 0) & (met[i] < old_z);
+    z[i] = nearer ? met[i] : old_z;
+    shape[i] = nearer ? number : old_shape;
   }
 }
 
@@ -238,6 +250,11 @@ void light_back(const double* x, const double* y, const double* z, const double*
                 const double* albedo, double factor, double* range, double* weight,
                 std::size_t count) {
   light_rays(x, y, z, cosine, albedo, factor, range, weight, count);
+}
+
+void keep_nearer(const double* met, std::int32_t number, double* z, std::int32_t* shape,
+                 std::size_t count) {
+  choose_met(met, number, z, shape, count);
 }
 
 void put_behind(const double* far_z, const double* far_cosine, const double* far_albedo, double* z,

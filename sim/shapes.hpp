@@ -5,6 +5,7 @@
 #pragma once
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "sim/scene.hpp"
@@ -70,6 +71,10 @@ struct TriangleShape {
 void light_back(const double* x, const double* y, const double* z, const double* cosine,
                 const double* albedo, double factor, double* range, double* weight,
                 std::size_t count);
+
+// Where a ray met something in front of what it has met so far, it has met shape `number`.
+void keep_nearer(const double* met, std::int32_t number, double* z, std::int32_t* shape,
+                 std::size_t count);
 
 // What was met, and behind it something else: the nearer of both.
 void put_behind(const double* far_z, const double* far_cosine, const double* far_albedo, double* z,

@@ -93,6 +93,10 @@ std::string decode(Statement& row, const Shapes& shapes, FusedRecord& r) {
   return {};
 }
 
+int look(sqlite3* db) {
+  return sqlite3_exec(db, "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr);
+}
+
 }  // namespace
 
 RunReader::RunReader(const std::string& path) : path_(path) {
@@ -100,9 +104,15 @@ RunReader::RunReader(const std::string& path) : path_(path) {
     throw Error(ExitCode::failed, path + ": no such file, or not readable; expected a run file");
   // Read-only, but a WAL left by a live or crashed writer needs its shared-memory file beside it;
   // on a read-only medium there is no writer, and `immutable` reads without one.
-  if (sqlite3_open_v2(path.c_str(), &db_, SQLITE_OPEN_READONLY, nullptr) != SQLITE_OK ||
-      sqlite3_exec(db_, "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr) ==
-          SQLITE_CANTOPEN) {
+  int first = sqlite3_open_v2(path.c_str(), &db_, SQLITE_OPEN_READONLY, nullptr);
+  if (first == SQLITE_OK) first = look(db_);
+  if (first == SQLITE_READONLY) {
+    // Killed as it began or closed, with one page half written: a writer has to undo that.
+    sqlite3_close(db_);
+    first = sqlite3_open_v2(path.c_str(), &db_, SQLITE_OPEN_READWRITE, nullptr);
+    if (first == SQLITE_OK) first = look(db_);
+  }
+  if (first == SQLITE_CANTOPEN) {
     sqlite3_close(db_);
     // There it would hide the records in a WAL.
     struct stat wal {};
@@ -117,12 +127,10 @@ RunReader::RunReader(const std::string& path) : path_(path) {
   }
   sqlite3_busy_timeout(db_, 5000);
   try {
-    if (sqlite3_exec(db_, "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr) == SQLITE_OK &&
-        pragma(db_, path_, "SELECT count(*) FROM sqlite_schema") == 0)
+    if (look(db_) == SQLITE_OK && pragma(db_, path_, "SELECT count(*) FROM sqlite_schema") == 0)
       throw Error(ExitCode::failed,
                   path + ": is empty, as of a run that was killed before it began; remove it");
-    if (sqlite3_exec(db_, "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr) != SQLITE_OK ||
-        pragma(db_, path_, "PRAGMA application_id") != application_id)
+    if (look(db_) != SQLITE_OK || pragma(db_, path_, "PRAGMA application_id") != application_id)
       throw Error(ExitCode::failed, path + ": not an echofuse run file");
     const auto found = pragma(db_, path_, "PRAGMA user_version");
     if (found > format_version)
@@ -226,10 +234,13 @@ std::int64_t RunReader::count() const { return pragma(db_, path_, "SELECT count(
 void RunReader::for_each(
     const std::function<bool(const FusedRecord&)>& visit, std::int64_t first,
     const std::function<void(std::int64_t, const std::string&)>& on_bad) const {
-  const Shapes shapes = shapes_of(axes());
   Statement row(db_, path_, record_columns);
   row.bind(first);
+  std::optional<Shapes> known;
   while (row.step()) {
+    // Read while the records are, so that a live run's new axis is not missed by its first record.
+    if (!known) known = shapes_of(axes());
+    const Shapes& shapes = *known;
     FusedRecord r;
     if (const std::string fault = decode(row, shapes, r); !fault.empty()) {
       if (!on_bad)

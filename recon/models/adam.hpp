@@ -7,17 +7,15 @@
 
 namespace echofuse::recon {
 
-class Adam {
- public:
+struct Adam {
   Adam(std::size_t parameters, double weight_decay)
-      : decay_(static_cast<float>(weight_decay)), first_(parameters), second_(parameters) {}
+      : decay(static_cast<float>(weight_decay)), first(parameters), second(parameters) {}
   void step(std::vector<float>& parameters, const std::vector<float>& gradient,
             double learning_rate);
 
- private:
-  float decay_;
-  std::size_t steps_ = 0;
-  std::vector<float> first_, second_;  // running moments of the gradient
+  float decay;
+  std::size_t steps = 0;
+  std::vector<float> first, second;  // running moments of the gradient
 };
 
 }  // namespace echofuse::recon

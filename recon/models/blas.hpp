@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // The matrix product, from the machine's BLAS. OpenBLAS picks its kernels at run time, so a
 // portable build still uses AVX2 or AVX-512 (compiled for plain x86-64, Eigen's own product is 5 x
-// slower).
+// slower). Each call of it uses one thread; large products are cut into parts (parallel.hpp) by
+// their shape, as OpenBLAS's own threads add up in another order than one does.
 #pragma once
 #include <cstddef>
 
@@ -18,8 +19,5 @@ struct Product {
 };
 void multiply(const Product<float>& p, const float* a, const float* b, float* c);
 void multiply(const Product<double>& p, const double* a, const double* b, double* c);
-
-// Threads of the product from now on, for the whole process; 0 = one per core.
-void set_threads(int count);
 
 }  // namespace echofuse::recon

@@ -18,13 +18,8 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t default_basis = 16;
 constexpr std::size_t least_shape_hidden = 16;
-const Training own{.hidden = {32, 32},  // of the position
-                   .epochs = 100,
-                   .patience = 100,
-                   .learning_rate = 3e-3,
-                   .weight_decay = 0.3};
+const std::vector<std::size_t> position_hidden = {32, 32};
 // For the components of the bodies; more records hardly turn them.
 constexpr std::size_t most_bodies = 3000;
 
@@ -153,8 +148,8 @@ TrainingLog Factorised::fit_position(const Seen& train, const Seen& validation,
     }
     return out;
   };
-  Training training = training_of(options, own);
-  training.hidden = own.hidden;
+  Training training = training_of(options);
+  training.hidden = position_hidden;
   return position_.fit({train.features, targets(train), counted(train.rows.size())},
                        {validation.features, targets(validation), counted(validation.rows.size())},
                        Spread::each, training, "position", " of the spread");
@@ -162,7 +157,7 @@ TrainingLog Factorised::fit_position(const Seen& train, const Seen& validation,
 
 void Factorised::fit_bodies(const Seen& train, const Samples& samples, const FitOptions& options) {
   frame_ = BodyFrame(samples.maps, background_, train.rows, train.places);
-  const std::size_t basis = !shapes_ ? 0 : options.basis > 0 ? options.basis : default_basis;
+  const std::size_t basis = shapes_ ? options.basis.value() : 0;
   Shapes bodies = cut(train, samples, most_bodies);
   masks_ = principal_components(std::move(bodies.masks), basis, options.seed);
   reliefs_ = principal_components(std::move(bodies.reliefs), (basis + 1) / 2, options.seed + 1);
@@ -170,7 +165,7 @@ void Factorised::fit_bodies(const Seen& train, const Samples& samples, const Fit
 
 void Factorised::fit_shape(const Seen& train, const Samples& train_samples, const Seen& validation,
                            const Samples& validation_samples, const FitOptions& options) {
-  Training training = training_of(options, own);
+  Training training = training_of(options);
   const std::size_t width = std::max(2 * masks_.basis.rows, least_shape_hidden);
   training.hidden = {width, width};
   shape_.fit({train.features, amounts(train, train_samples), counted(train.rows.size())},

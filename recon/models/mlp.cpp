@@ -6,17 +6,15 @@
 namespace echofuse::recon {
 namespace {
 
-// 512-256 is the paper's; the rest is what did best on validation records at the base condition.
-const Training own{
-    .hidden = {512, 256}, .epochs = 60, .patience = 15, .learning_rate = 2e-3, .weight_decay = 0.7};
-
 class Mlp final : public Model {
  public:
   TrainingLog fit(const Samples& train, const Samples& validation,
                   const FitOptions& options) override {
+    Training training = training_of(options);
+    training.checkpoint = options.checkpoint;
     return regression_.fit({train.inputs, train.maps, train.rows},
                            {validation.inputs, validation.maps, validation.rows}, Spread::common,
-                           training_of(options, own), "training", " m");
+                           training, "training", " m");
   }
   Matrix predict(const Matrix& inputs) const override { return regression_.predict(inputs); }
   Cost cost() const override { return regression_.cost(); }

@@ -39,17 +39,39 @@ std::vector<std::size_t> numbers_of(const std::string& text) {
   return out;
 }
 
+// What did best on validation records at the base condition. 512-256 is the paper's network.
+FitOptions own_options(const std::string& model) {
+  FitOptions own;
+  if (model == "mlp" || model == "pca-mlp") {
+    own.hidden = {512, 256};
+    own.epochs = 60, own.patience = 15, own.learning_rate = 2e-3, own.weight_decay = 0.7;
+  }
+  if (model == "silhouette" || model == "factorised") {
+    own.basis = 16;
+    own.epochs = 100, own.patience = 100, own.learning_rate = 3e-3, own.weight_decay = 0.3;
+  }
+  if (model == "pca-mlp" || model == "pca-ridge") own.basis = 128;
+  return own;
+}
+
+template <class T>
+void fill(std::optional<T>& option, const std::optional<T>& own) {
+  if (!option) option = own;
+}
+
 }  // namespace
 
 Rung rung_of(const std::string& name, const FitOptions& base) {
   Rung out{name, name, base};
   const auto digit = name.find_first_of("0123456789");
-  if (digit == std::string::npos || digit == 0) {
-    make_model(name);  // says what is known
-    return out;
-  }
-  out.model = name.substr(0, digit - 1);
-  make_model(out.model);
+  const bool sized = digit != std::string::npos && digit > 0;
+  if (sized) out.model = name.substr(0, digit - 1);
+  make_model(out.model);  // says what is known
+  const FitOptions own = own_options(out.model);
+  fill(out.fit.hidden, own.hidden), fill(out.fit.basis, own.basis);
+  fill(out.fit.epochs, own.epochs), fill(out.fit.patience, own.patience);
+  fill(out.fit.learning_rate, own.learning_rate), fill(out.fit.weight_decay, own.weight_decay);
+  if (!sized) return out;
   const auto numbers = numbers_of(name.substr(digit));
   const bool network = out.model == "mlp" || out.model == "pca-mlp";
   const bool basis = out.model == "factorised" || out.model == "pca-ridge";

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "acquire/record/h5.hpp"
@@ -26,16 +27,25 @@ struct Samples {
   Layout layout = {};
 };
 
+// Where and how often an unfinished training is kept.
+struct CheckpointOptions {
+  std::string path;                                           // none: not at all
+  double every_s = 10;                                        // and when it is interrupted
+  bool resume = false;                                        // go on from there
+  std::vector<std::pair<std::string, std::string>> settings;  // that must be the same then
+};
+
 // What is not given is as each model works best.
 struct FitOptions {
   std::optional<std::vector<std::size_t>> hidden;  // mlp: width of each hidden layer
-  std::size_t basis = 0;  // pca, factorised: components; 0: as each model works best
+  std::optional<std::size_t> basis;                // pca, factorised: components
   std::optional<std::size_t> epochs;
   std::optional<double> learning_rate, weight_decay;
   std::optional<std::size_t> patience;  // epochs without a better validation loss before stopping
   std::size_t batch = 64;
   std::uint64_t seed = 1;
   bool quiet = false;
+  CheckpointOptions checkpoint;  // for models that learn in steps
 };
 
 // One entry an epoch; empty for models that are fitted in one step.
@@ -43,6 +53,7 @@ struct TrainingLog {
   std::vector<double> loss, validation_loss;  // root mean square error, metres
   std::size_t best_epoch = 0;                 // whose weights were kept, counted from 1
   bool interrupted = false;
+  double earlier_s = 0;  // spent before the training was resumed
 };
 
 struct Cost {
@@ -82,7 +93,8 @@ struct Rung {
   std::string name, model;
   FitOptions fit;
 };
-Rung rung_of(const std::string& name, const FitOptions& base);  // throws Error(usage)
+// With every option that the model has, `base` where it speaks. Throws Error(usage).
+Rung rung_of(const std::string& name, const FitOptions& base);
 
 // Whether the model takes the readings as they are (Features' scaling "raw").
 bool wants_readings(const std::string& name);

@@ -8,7 +8,6 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t default_basis = 128;
 constexpr std::size_t most_maps = 3000;
 
 class Pca final : public Model {
@@ -20,8 +19,7 @@ class Pca final : public Model {
     Rows some = train.rows;
     if (some.size() > most_maps) some.resize(most_maps);
     components_ =
-        principal_components(take_rows(train.maps, some),
-                             options.basis > 0 ? options.basis : default_basis, options.seed);
+        principal_components(take_rows(train.maps, some), options.basis.value(), options.seed);
     const Matrix amounts = coordinates(components_, train.maps);
     return inner_->fit({train.inputs, amounts, train.rows, train.layout},
                        {validation.inputs, amounts, validation.rows, validation.layout}, options);

@@ -22,15 +22,15 @@ double square(double v) { return v * v; }
 
 }  // namespace
 
-Training training_of(const FitOptions& options, const Training& own) {
-  return {options.hidden.value_or(own.hidden),
-          options.epochs.value_or(own.epochs),
-          options.patience.value_or(own.patience),
-          options.learning_rate.value_or(own.learning_rate),
-          options.weight_decay.value_or(own.weight_decay),
-          options.batch,
-          options.seed,
-          options.quiet};
+Training training_of(const FitOptions& o) {
+  return {o.hidden.value_or(std::vector<std::size_t>{}),
+          o.epochs.value(),
+          o.patience.value(),
+          o.learning_rate.value(),
+          o.weight_decay.value(),
+          o.batch,
+          o.seed,
+          o.quiet};
 }
 
 void Regression::standardise(const Examples& train, Spread spread) {
@@ -63,56 +63,72 @@ TrainingLog Regression::fit(const Examples& train, const Examples& validation, S
   widths.push_back(train.targets.cols);
   network_ = make_network(widths);
   Rng weight_rng = make_rng(training.seed, weight_stream);
-  Rng order_rng = make_rng(training.seed, order_stream);
-  parameters_ = initial_parameters(network_, weight_rng);
-  Adam adam(network_.parameters, training.weight_decay);
-
-  TrainingLog log;
-  std::vector<float> best = parameters_;
-  double least = std::numeric_limits<double>::max();
-  Rows order = train.rows;
+  TrainingState s{.parameters = initial_parameters(network_, weight_rng),
+                  .best = {},
+                  .adam = Adam(network_.parameters, training.weight_decay),
+                  .order = train.rows,
+                  .order_rng = make_rng(training.seed, order_stream),
+                  .log = {},
+                  .least = std::numeric_limits<double>::max()};
+  s.best = s.parameters;
+  Checkpoints checkpoints(training.checkpoint);
+  checkpoints.resume(s);
   Progress progress(title, training.epochs, training.quiet);
-  for (std::size_t epoch = 0; epoch < training.epochs; ++epoch) {
-    std::shuffle(order.begin(), order.end(), order_rng);
-    log.loss.push_back(train_epoch(train, order, training, epoch, adam));
-    // Without validation records the last epoch is the best.
-    const double judged =
-        validation.rows.empty() ? -static_cast<double>(epoch) : rms_error(validation);
-    log.validation_loss.push_back(validation.rows.empty() ? log.loss.back() : judged);
-    if (!std::isfinite(log.loss.back()))
-      throw Error(ExitCode::failed, title + " diverged in epoch " + std::to_string(epoch + 1) +
-                                        ": the loss is not a finite number; use a smaller "
-                                        "--learning-rate");
-    if (judged < least) least = judged, best = parameters_, log.best_epoch = epoch + 1;
-    progress.update(epoch + 1, "validation " + std::to_string(log.validation_loss.back()) + unit);
-    if (interrupted()) log.interrupted = true;
-    if (log.interrupted || epoch + 1 - log.best_epoch >= training.patience) break;
+  while (s.epoch < training.epochs && s.epoch - s.log.best_epoch < training.patience) {
+    train_epoch(train, training, s, checkpoints);
+    const bool broken = interrupted();
+    if (broken)
+      checkpoints.save(s);  // before what there is of this epoch is judged like a whole one
+    if (s.row == 0) break;
+    judge(validation, s, title);
+    progress.update(s.epoch, "validation " + std::to_string(s.log.validation_loss.back()) + unit);
+    if (broken) break;
   }
-  parameters_ = std::move(best);
-  return log;
+  s.log.interrupted = interrupted();
+  s.log.earlier_s = checkpoints.earlier_s();
+  parameters_ = std::move(s.best);
+  return s.log;
 }
 
-double Regression::train_epoch(const Examples& train, const Rows& order, const Training& training,
-                               std::size_t epoch, Adam& adam) {
-  double sum = 0;
-  const std::span<const std::size_t> rows(order);
-  for (std::size_t first = 0; first < rows.size() && !interrupted(); first += training.batch) {
-    const std::size_t count = std::min(training.batch, rows.size() - first);
-    const double done =
-        static_cast<double>(epoch) + static_cast<double>(first) / static_cast<double>(rows.size());
+// To the end of the epoch, or as far as it comes before an interrupt.
+void Regression::train_epoch(const Examples& train, const Training& training, TrainingState& s,
+                             Checkpoints& checkpoints) {
+  if (s.row == 0) std::shuffle(s.order.begin(), s.order.end(), s.order_rng);
+  const std::span<const std::size_t> rows(s.order);
+  while (s.row < rows.size() && !interrupted()) {
+    const std::size_t count = std::min(training.batch, rows.size() - s.row);
+    const double done = static_cast<double>(s.epoch) +
+                        static_cast<double>(s.row) / static_cast<double>(rows.size());
     const double rate =
         annealed(training.learning_rate, done / static_cast<double>(training.epochs));
-    sum += train_batch(train, rows.subspan(first, count), adam, rate);
+    s.squares += train_batch(train, rows.subspan(s.row, count), s, rate);
+    s.row += count;
+    checkpoints.save_if_due(s);
   }
-  return std::sqrt(sum / static_cast<double>(rows.size() * centre_.size())) * unit_;
+}
+
+// Ends the epoch: its losses, and whether it is the best so far.
+void Regression::judge(const Examples& validation, TrainingState& s, const std::string& title) {
+  const double values = static_cast<double>(std::max<std::size_t>(s.row, 1) * centre_.size());
+  s.log.loss.push_back(std::sqrt(s.squares / values) * unit_);
+  if (!std::isfinite(s.log.loss.back()))
+    throw Error(ExitCode::failed, title + " diverged in epoch " + std::to_string(s.epoch + 1) +
+                                      ": the loss is not a finite number; use a smaller "
+                                      "--learning-rate");
+  // Without validation records the last epoch is the best.
+  const bool blind = validation.rows.empty();
+  const double judged = blind ? -static_cast<double>(s.epoch) : rms_error(validation, s.parameters);
+  s.log.validation_loss.push_back(blind ? s.log.loss.back() : judged);
+  ++s.epoch, s.row = 0, s.squares = 0;
+  if (judged < s.least) s.least = judged, s.best = s.parameters, s.log.best_epoch = s.epoch;
 }
 
 // One step; returns the sum of squared errors, in units of the spread.
-double Regression::train_batch(const Examples& train, std::span<const std::size_t> rows, Adam& adam,
-                               double learning_rate) {
+double Regression::train_batch(const Examples& train, std::span<const std::size_t> rows,
+                               TrainingState& s, double learning_rate) {
   batch_inputs_ = take_rows(train.inputs, {rows.begin(), rows.end()});
   const float* x = batch_inputs_.values.data();
-  forward(network_, parameters_, x, rows.size(), activations_);
+  forward(network_, s.parameters, x, rows.size(), activations_);
   auto& output = activations_.back();
   const std::size_t columns = centre_.size();
   const float per_value = 1.f / static_cast<float>(rows.size() * columns);
@@ -128,14 +144,16 @@ double Regression::train_batch(const Examples& train, std::span<const std::size_
     }
     sum += double{squares};
   }
-  backward(network_, parameters_, x, rows.size(), activations_, gradient_);
-  adam.step(parameters_, gradient_, learning_rate);
+  backward(network_, s.parameters, x, rows.size(), activations_, gradient_);
+  s.adam.step(s.parameters, gradient_, learning_rate);
   return sum;
 }
 
-Matrix Regression::predict(const Matrix& inputs) const {
+Matrix Regression::predict(const Matrix& inputs) const { return outputs_of(inputs, parameters_); }
+
+Matrix Regression::outputs_of(const Matrix& inputs, const std::vector<float>& parameters) const {
   Activations<float> activations;
-  forward(network_, parameters_, inputs.values.data(), inputs.rows, activations);
+  forward(network_, parameters, inputs.values.data(), inputs.rows, activations);
   Matrix out;
   out.rows = inputs.rows, out.cols = centre_.size();
   out.values = std::move(activations.back());
@@ -145,8 +163,8 @@ Matrix Regression::predict(const Matrix& inputs) const {
   return out;
 }
 
-double Regression::rms_error(const Examples& examples) const {
-  const Matrix found = predict(take_rows(examples.inputs, examples.rows));
+double Regression::rms_error(const Examples& examples, const std::vector<float>& parameters) const {
+  const Matrix found = outputs_of(take_rows(examples.inputs, examples.rows), parameters);
   double sum = 0;
   for (std::size_t i = 0; i < found.rows; ++i)
     for (std::size_t c = 0; c < found.cols; ++c)

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "recon/models/adam.hpp"
+#include "recon/models/checkpoint.hpp"
 #include "recon/models/model.hpp"
 #include "recon/models/network.hpp"
 
@@ -26,14 +26,15 @@ enum class Spread : bool { common, each };
 struct Training {
   std::vector<std::size_t> hidden;  // width of each hidden layer
   std::size_t epochs, patience;
-  double learning_rate, weight_decay;  // at first; falls to nothing
-  std::size_t batch = 64;
-  std::uint64_t seed = 1;
-  bool quiet = false;
+  double learning_rate, weight_decay;  // the rate at first; it falls to nothing
+  std::size_t batch;
+  std::uint64_t seed;
+  bool quiet;
+  CheckpointOptions checkpoint = {};
 };
 
-// The options, where they are silent the given figures.
-Training training_of(const FitOptions& options, const Training& own);
+// Of options that rung_of has filled; without a checkpoint.
+Training training_of(const FitOptions& options);
 
 class Regression {
  public:
@@ -48,11 +49,13 @@ class Regression {
 
  private:
   void standardise(const Examples& train, Spread spread);
-  double train_epoch(const Examples& train, const Rows& order, const Training& training,
-                     std::size_t epoch, Adam& adam);
-  double train_batch(const Examples& train, std::span<const std::size_t> rows, Adam& adam,
+  void train_epoch(const Examples& train, const Training& training, TrainingState& s,
+                   Checkpoints& checkpoints);
+  double train_batch(const Examples& train, std::span<const std::size_t> rows, TrainingState& s,
                      double learning_rate);
-  double rms_error(const Examples& examples) const;
+  void judge(const Examples& validation, TrainingState& s, const std::string& title);
+  Matrix outputs_of(const Matrix& inputs, const std::vector<float>& parameters) const;
+  double rms_error(const Examples& examples, const std::vector<float>& parameters) const;
 
   Network network_;
   std::vector<float> parameters_;

@@ -105,6 +105,19 @@ TEST_CASE("preview draws a record, and the study its chart") {
   CHECK(rows == 1 + 10 + 11 + 6 + 7);
 }
 
+TEST_CASE("devices that were unplugged come back while a command runs in the laboratory") {
+  const Folder folder;
+  std::ofstream faults(folder / "faults.toml");
+  for (const char* device : {"tdc", "radar", "depth"})
+    faults << "[[fault]]\ndevice = \"" << device
+           << "\"\nkind = \"unplug\"\nat_s = 0.2\nfor_s = 0.2\n";
+  faults.close();
+  const Outcome o =
+      sim("lab --dir " + folder / "lab" + " --faults " + folder / "faults.toml" + " -- sleep 0.8");
+  CAPTURE(o.text);
+  CHECK(o.code == 0);
+}
+
 TEST_CASE("lists and objects are asked for by settings") {
   const Folder folder;
   std::ofstream(folder / "list.toml") << "[[scene]]\nkind = \"object\"\ncount = 2\n";

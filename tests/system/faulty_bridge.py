@@ -113,7 +113,7 @@ FAULTS = {
 }
 # SPD records from the fault on that may be invalid
 SPD_OUT_S = {"lying length": 3.5, "stall": 1.5, "close": 1.0, "close in a block": 1.0, "away": 5.0,
-             "hold": 1.0}
+             "hold": 60.0}  # to the end
 
 
 class FaultyBridge(live.Live):
@@ -133,7 +133,7 @@ class FaultyBridge(live.Live):
             pause_s = SPD_OUT_S.get(fault, 0)
             if pause_s:
                 out.append((start, start + round(pause_s * 1e9)))
-            time.sleep(pause_s)  # what the schedule of the faults is made of
+            time.sleep(min(pause_s, 5))  # what the schedule of the faults is made of
             wait_for("records", lambda: self.committed() >= before + 2)
 
         for fault in ("bit flip in the payload", "bit flip in the header", "truncated", "omitted", "another version",

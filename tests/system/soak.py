@@ -47,9 +47,9 @@ class Soak(unittest.TestCase):
     def test_falsified_records(self):
         last = "idx = (SELECT max(idx) FROM slot WHERE {}_frames > 0)"  # by more than what is in doubt there
         for statement, sensor in (
-                ("UPDATE counter SET value = value - 1 WHERE source = 'spd' AND name = 'tags'", "tdc"),
-                (f"UPDATE record SET tags = tags + 1000000 WHERE idx = {SLOTS // 2}", "tdc"),
-                (f"UPDATE record SET spd_lost = spd_lost + 10000000 WHERE idx = {SLOTS // 2}", "tdc"),
+                ("UPDATE counter SET value = value + 1000000000 WHERE source = 'spd' AND name = 'tags'", "tdc"),
+                (f"UPDATE record SET tags = tags + 1000000000 WHERE idx = {SLOTS // 2}", "tdc"),
+                (f"UPDATE record SET spd_lost = spd_lost + 1000000000 WHERE idx = {SLOTS // 2}", "tdc"),
                 ("UPDATE slot SET radar_frames = radar_frames + 1000 WHERE " + last.format("radar"), "radar"),
                 ("UPDATE slot SET depth_frames = depth_frames + 1000 WHERE " + last.format("depth"), "depth"),
                 ("UPDATE record SET depth_lost = depth_lost + 1000 WHERE " + last.format("depth"), "depth")):

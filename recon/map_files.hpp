@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: MIT
+// Depth maps as files, in the formats that are asked for.
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "recon/maps/scene.hpp"
+#include "recon/npz.hpp"
+
+namespace echofuse::recon {
+
+//   colour  NNNNNN.png: for the eye
+//   mm      NNNNNN_mm.png: 16-bit grey, z in millimetres, 0 = no return
+//   ply     NNNNNN.ply: points x (right), y (up), z (away) in metres, of the hard map (scene.hpp),
+//           as the ripple of a least-squares map would be a fog of points
+//   npz     maps.npz for all: index i64 [n], depth_m f32 [n, 64, 64], depth_x and depth_y f64 [64],
+//           the tangents of the pixel centres
+inline const std::vector<std::string> map_formats = {"colour", "mm", "ply", "npz"};
+
+// Writes into an existing folder; every member throws Error(disk).
+class MapFiles {
+ public:
+  MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene);
+  void write(std::int64_t index, std::span<const float> prediction);
+  void close();  // finishes maps.npz
+
+ private:
+  bool wants(const char* format) const;
+  std::string folder_;
+  std::vector<std::string> formats_;
+  const Scene& scene_;
+  double farthest_m_;
+  std::optional<NpzFile> arrays_;
+  std::vector<std::int64_t> indices_;
+};
+
+}  // namespace echofuse::recon

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: MIT
+// Parts of a calculation on several threads. Who cuts the parts by the shape of the calculation
+// alone gets the same bits with any number of threads.
+//
+// Threading: called from one thread at a time, and not from within a part.
+#pragma once
+#include <cstddef>
+#include <functional>
+
+namespace echofuse::recon {
+
+void set_threads(int count);  // this one included; 0: one per core, which is the default
+
+// Calls work(0) ... work(parts - 1), in any order, and returns when all are done. `work` must not
+// throw.
+void for_each_part(std::size_t parts, const std::function<void(std::size_t)>& work);
+
+}  // namespace echofuse::recon

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: MIT
+// A trained network as an ONNX file (opset 11: Sub, Mul, Gemm, Relu, Add, Reshape), for other
+// people's runtimes.
+//
+//   input   "record"   f32 [n, inputs]: SPD histogram ++ radar profile of a record, each brought to
+//                      strength by the model's scaling (features.hpp), as Features::strengths has
+//                      it
+//   output  "depth_m"  f32 [n, 64, 64]: metres, as the model makes it, not clipped to 0..6 m
+//   metadata           inputs, scaling, and of each axis in use "NAME_axis": quantity, unit, count,
+//                      start and step
+// Centre and gain of the training set are the graph's first nodes.
+// Source: onnx.proto of ONNX 1.12 (field numbers), protobuf.dev/programming-guides/encoding.
+#pragma once
+#include <string>
+
+#include "drivers/core/bytes.hpp"
+
+namespace echofuse::recon {
+
+// Reads a model file. Throws Error(failed) if it is not one, or not of a kind that is a network:
+// mlp and ridge.
+Bytes to_onnx(const std::string& model_path);
+
+}  // namespace echofuse::recon

@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: MIT
+// What `reconstruct` leaves, read by others' eyes, and a run that is followed while it is recorded.
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <sstream>
+#include <thread>
+
+#include "acquire/record/png.hpp"
+#include "drivers/core/clock.hpp"
+#include "recon/map_files.hpp"
+#include "recon/npz.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::testing;
+
+namespace {
+
+std::string contents(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+// What NumPy says to a line of Python.
+std::string numpy(const std::string& line) {
+  const std::string command = "/usr/bin/python3 -c \"import numpy as n; " + line + "\" 2>&1";
+  FILE* pipe = popen(command.c_str(), "r");
+  REQUIRE(pipe);
+  std::string text;
+  std::array<char, 4096> buffer{};
+  while (const auto n = std::fread(buffer.data(), 1, buffer.size(), pipe))
+    text.append(buffer.data(), n);
+  pclose(pipe);
+  return text;
+}
+
+std::vector<float> points_of(const std::string& ply) {
+  const std::string last = "end_header\n";
+  const auto at = ply.find(last);
+  REQUIRE(at != std::string::npos);
+  CHECK_THAT(ply, Catch::StartsWith("ply\nformat binary_little_endian 1.0\n"));
+  const Bytes raw(ply.begin() + static_cast<std::ptrdiff_t>(at + last.size()), ply.end());
+  CHECK_THAT(ply,
+             Catch::Contains("element vertex " + std::to_string(raw.size() / 12) + "\nproperty"));
+  CHECK(raw.size() % 12 == 0);
+  return to_values<float>(raw);
+}
+
+template <class Condition>
+void wait_for(const std::string& what, const Condition& condition) {
+  for (int i = 0; i < 2000 && !condition(); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  INFO(what);
+  REQUIRE(condition());
+}
+
+}  // namespace
+
+TEST_CASE("NumPy reads the arrays that were written row by row") {
+  const Folder dir;
+  recon::NpzFile out(dir / "a.npz");
+  out.begin("map", "<f4", {2, 3});
+  for (int i = 0; i < 3; ++i) {
+    std::vector<float> row(6);
+    for (std::size_t c = 0; c < 6; ++c) row[c] = static_cast<float>(i) + static_cast<float>(c) / 8;
+    out.append(row);
+  }
+  out.begin("none", "<f4", {64, 64});
+  out.begin("index", "<i8", {});
+  out.append(std::vector<std::int64_t>{-1, 1ll << 40});
+  CHECK_FALSE(std::filesystem::exists(dir / "a.npz"));
+  out.close();
+  CHECK_FALSE(std::filesystem::exists(dir / "a.npz.part"));
+  CHECK(numpy("a = n.load('" + (dir / "a.npz") +
+              "'); print(a.files, a['map'].shape, a['map'].dtype, a['map'][2, 1, 2], "
+              "a['none'].shape, a['index'].tolist(), a.zip.testzip())") ==
+        "['map', 'none', 'index'] (3, 2, 3) float32 2.625 (0, 64, 64) [-1, 1099511627776] None\n");
+  CHECK_THROWS_WITH(recon::NpzFile(dir / "no/such.npz"), Catch::Contains("no/such.npz"));
+}
+
+TEST_CASE("points, arrays and pictures show the same map") {
+  const Folder dir;
+  write_run(dir / "run", 400);
+  REQUIRE(recon_program("train -q --hidden 48,24 --epochs 25 --batch 16 " + (dir / "run") +
+                        " --out " + (dir / "m"))
+              .code == 0);
+  write_run(dir / "live", 3, 2);
+  REQUIRE(recon_program("reconstruct -q --format mm,ply,npz " + (dir / "m") + " " + (dir / "live") +
+                        " --out " + (dir / "o"))
+              .code == 0);
+  CHECK_FALSE(std::filesystem::exists(dir / "o/000000.png"));
+  const std::string png = contents(dir / "o/000002_mm.png");
+  const auto mm = record::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
+  REQUIRE(mm.size() == 4096);
+
+  const auto points = points_of(contents(dir / "o/000002.ply"));
+  REQUIRE(points.size() > 3 * 50);  // the plate: about 24 rows of 10 pixels
+  REQUIRE(points.size() < 3 * 800);
+  const Axis x = record::depth_x_axis(), y = record::depth_y_axis();
+  std::size_t strangers = 0;
+  for (std::size_t i = 0; i < points.size(); i += 3) {
+    const double z = double{points[i + 2]};
+    const auto column = std::lround((points[i] / z - x.start) / x.step);
+    const auto row = std::lround((points[i + 1] / z - y.start) / y.step);
+    REQUIRE((column >= 0 && column < 64 && row >= 0 && row < 64));
+    strangers += mm[static_cast<std::size_t>(row * 64 + column)] != std::lround(z * 1000);
+  }
+  CHECK(strangers == 0);
+  CHECK(y.step < 0);  // the first row is the highest: y of a point goes up
+
+  const std::string peak = std::to_string(*std::max_element(mm.begin(), mm.end()));
+  CHECK(
+      numpy("a = n.load('" + (dir / "o/maps.npz") +
+            "'); print(a['index'].tolist(), a['depth_m'].shape, "
+            "round(float(a['depth_m'][2].max()) * 1000), a['depth_x'][0] == -a['depth_x'][63])") ==
+      "[0, 1, 2] (3, 64, 64) " + peak + " True\n");
+}
+
+TEST_CASE("a dead sensor's records are left out by number") {
+  const Folder dir;
+  write_run(dir / "run", 60);
+  REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
+          0);
+  write_run(dir / "dead", 5, 2, [](record::FusedRecord& r) {
+    if (r.index == 2) std::fill(r.spd.begin(), r.spd.end(), 0u);
+    if (r.index == 4) std::fill(r.radar.begin(), r.radar.end(), 0.25f);
+  });
+  const Outcome o =
+      recon_program("reconstruct " + (dir / "m") + " " + (dir / "dead") + " --out " + (dir / "o"));
+  CHECK(o.code == 5);
+  CHECK_THAT(o.text, Catch::Contains("record 2: spd is the same in every bin") &&
+                         Catch::Contains("record 4: radar is the same in every bin"));
+}
+
+TEST_CASE("a run is followed while it is recorded, until it is closed") {
+  const Folder dir;
+  write_run(dir / "run", 60);
+  const std::string model = dir / "m", live = dir / "live", out = dir / "o", log = dir / "log";
+  REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + model).code == 0);
+  record::RunWriter run(live, {});
+  for (const Axis& axis : {spd_axis(), record::depth_x_axis(), record::depth_y_axis()})
+    run.put_axis(axis);
+  Rng rng = make_rng(4, 4);
+  const auto record = [&](std::int64_t index) {
+    record::FusedRecord r = plate_record(index, 0.3, 3.5, rng);
+    r.slot_end = SystemClock().now();
+    return r;
+  };
+  // The radar is still missing, and so is its axis.
+  auto first = record(0);
+  first.valid &= ~2u, first.radar.clear();
+  run.append(first);
+
+  const pid_t child = fork();
+  REQUIRE(child >= 0);
+  if (child == 0) {
+    if (!std::freopen(log.c_str(), "w", stderr)) _exit(126);
+    execl(ECHOFUSE_BIN_DIR "/echofuse-recon", "echofuse-recon", "reconstruct", model.c_str(),
+          live.c_str(), "--out", out.c_str(), "--follow", "--format", "mm,npz", nullptr);
+    _exit(127);
+  }
+  wait_for("record 0",
+           [&] { return contents(out + "/records.csv").find("\n0,") != std::string::npos; });
+  run.put_axis(radar_axis());
+  for (std::int64_t i = 1; i <= 3; ++i) {
+    run.append(record(i));
+    const std::string name = out + "/00000" + std::to_string(i) + "_mm.png";
+    wait_for(name, [&] { return std::filesystem::exists(name); });
+  }
+  CHECK(waitpid(child, nullptr, WNOHANG) == 0);
+  run.close("complete");
+  int status = 0;
+  REQUIRE(waitpid(child, &status, 0) == child);
+  REQUIRE(WIFEXITED(status));
+  CHECK(WEXITSTATUS(status) == 5);  // record 0
+  const std::string text = contents(log);
+  CHECK_THAT(text, Catch::Contains("record 0: lacks a sensor") &&
+                       Catch::Contains("record 3: map 0.") &&
+                       Catch::Contains("3 records reconstructed, 1 left out; maps 0."));
+  CHECK(numpy("print(n.load('" + out + "/maps.npz')['index'].tolist())") == "[1, 2, 3]\n");
+}
