@@ -155,6 +155,35 @@ TEST_CASE("a screen returns its closed form") {
   }
 }
 
+TEST_CASE("a sphere returns its closed form") {
+  Conditions c;
+  c.spd_rays = 1024;
+  constexpr double d = 3, a = 0.8, albedo = 0.6, k = d * d - a * a;
+  Scene scene;
+  scene.capsules = {sphere({0, 0, d}, a, albedo)};
+  const Returns returns = spd_returns(scene, c);
+  // d^2 = R^2 + a^2 + 2 R a cos(theta) and 2 d R cos(alpha) = d^2 + R^2 - a^2, alpha off the axis:
+  // the weight within range r is the integral of 2 pi albedo cos(theta) / R^2 over cos(alpha).
+  const auto integral = [&](double r) {
+    return std::log(r) + k / (r * r) - k * k / (4 * r * r * r * r);
+  };
+  const double step = 2 * c.half_tangent / static_cast<double>(c.spd_rays);
+  for (const double r : {2.25, 2.3, 2.4, 2.6}) {
+    const double expected = albedo * std::numbers::pi / (2 * d * a) *
+                            (integral(r) - integral(d - a)) / mean_scene_weight;
+    double sum = 0;
+    for (std::size_t i = 0; i < returns.weight.size(); ++i)
+      if (returns.range_m[i] < r) sum += returns.weight[i];
+    // As of the screen, the pixels on the circle of this range.
+    const double tangent = std::tan(std::acos((d * d + r * r - a * a) / (2 * d * r)));
+    const double cosine = (d * d - r * r - a * a) / (2 * r * a);
+    const double edge = 8 * tangent * step * albedo * cosine / (r * r * mean_scene_weight);
+    CAPTURE(r, sum, expected, edge);
+    CHECK(std::abs(sum - expected) < edge);
+    CHECK(edge < 0.1 * sum);
+  }
+}
+
 TEST_CASE("mirror images return the same light, on mirrored maps") {
   const Conditions c;
   for (std::uint64_t i = 0; i < 10; ++i) {
