@@ -56,10 +56,10 @@ class Network(torch.nn.Module):
         bins = 0 if inputs in ("radar", b"radar") else int(model["axes/spd"].attrs["count"])
         gain = torch.full((widths[0],), radar)
         gain[:bins] = spd
-        for name, value in (("centre", model["features/centre"][:]), ("centre_m", model["model/centre_m"][:])):
+        for name, value in (("centre", model["features/centre"][:]), ("centre_m", model["model/centre"][:])):
             self.register_buffer(name, torch.from_numpy(value))
         self.register_buffer("gain", gain)
-        self.spread_m = float(model["model/centre_m"].attrs["spread_m"])
+        self.spread_m = float(model["model/spread"][0])  # the same for all pixels
         self.layers = torch.nn.ModuleList(torch.nn.Linear(a, b) for a, b in zip(widths, widths[1:]))
         for layer in self.layers:
             torch.nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
