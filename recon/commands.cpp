@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "drivers/core/console.hpp"
@@ -29,7 +30,6 @@ void add_inputs_option(CLI::App& app, std::string& inputs) {
 
 // For CLI11: empty if the text names a model, else what is wrong.
 std::string is_rung(const std::string& text) {
-  if (text == "auto") return {};
   try {
     rung_of(text, {});
     return {};
@@ -118,7 +118,7 @@ Command add_train(CLI::App& app, const Common& common) {
                  "empty, mean, silhouette, factorised[-N], pca-ridge[-N], ridge, pca-mlp[-N-N], "
                  "mlp[-N-N...], nearest, or auto: the cheapest within one standard error of the "
                  "best")
-      ->check(is_rung)
+      ->check([](const std::string& text) { return text == "auto" ? "" : is_rung(text); })
       ->capture_default_str();
   app.add_option("--ladder", a->ladder, "auto: the models to try")
       ->delimiter(',')
@@ -165,7 +165,10 @@ Command add_train(CLI::App& app, const Common& common) {
     if (!common.quiet)
       std::fprintf(stderr, "%s: %s on %s, trained in %.1f s%s\n", a->out.c_str(),
                    model.name.c_str(), a->inputs.c_str(), model.train_s,
-                   model.log.interrupted ? "; the best so far, --resume goes on" : "");
+                   !model.log.interrupted ? ""
+                   : std::filesystem::exists(a->fit.checkpoint.path)
+                       ? "; the best so far, --resume goes on"
+                       : "; the best so far");
     return model.log.interrupted ? ExitCode::interrupted : ExitCode::ok;
   };
 }

@@ -2,6 +2,7 @@
 #include "recon/crossvalidate.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/exit_code.hpp"
@@ -32,7 +33,7 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
   const Inputs inputs = inputs_of(options.inputs);
   std::vector<CrossvalidatedRow> out;
   std::vector<std::vector<MapScores>> scores(options.models.size());
-  for (const auto& name : options.models) out.push_back({{name, {}}, {}, 0});
+  for (const auto& name : options.models) out.push_back({{name, {}}, {}, 0, {}});
   std::vector<MapScores> published_scores;
   Progress progress("cross-validation", options.folds * options.models.size(), options.fit.quiet);
   FitOptions fit = options.fit;
@@ -45,18 +46,24 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
       to.insert(to.end(), more.begin(), more.end());
     };
     for (std::size_t m = 0; m < out.size() && !interrupted(); ++m) {
-      const TrainedModel model =
-          fit_model(data, split, options.models[m], inputs, options.scaling, fit);
-      add(scores[m], model.predict(data, split.test));
-      out[m].cost = model.model->cost();
-      out[m].train_s += model.train_s / static_cast<double>(options.folds);
+      if (out[m].fault.empty()) try {
+          const TrainedModel model =
+              fit_model(data, split, options.models[m], inputs, options.scaling, fit);
+          add(scores[m], model.predict(data, split.test));
+          out[m].cost = model.model->cost();
+          out[m].train_s += model.train_s / static_cast<double>(options.folds);
+        } catch (const Error& error) {
+          if (error.code() != ExitCode::failed) throw;
+          out[m].fault = error.what();
+          scores[m].clear();
+        }
       progress.update(fold * out.size() + m + 1, out[m].name);
     }
     if (published.size() > 0) add(published_scores, published_maps(data, split.test, published));
   }
   if (interrupted()) throw Error(ExitCode::interrupted, "interrupted during the cross-validation");
   for (std::size_t m = 0; m < out.size(); ++m) out[m].metrics = summarise(scores[m]);
-  if (published.size() > 0) out.push_back({{"published", summarise(published_scores)}, {}, 0});
+  if (published.size() > 0) out.push_back({{"published", summarise(published_scores)}, {}, 0, {}});
   return out;
 }
 
@@ -72,16 +79,18 @@ std::vector<std::string> ladder(Inputs inputs) {
 }
 
 std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows) {
-  const auto iou = [](const CrossvalidatedRow& row) { return row.metrics[metric_iou]; };
-  const auto best = std::max_element(rows.begin(), rows.end(), [&](const auto& a, const auto& b) {
-    return iou(a).mean < iou(b).mean;
-  });
-  const double enough = iou(*best).mean - iou(*best).se;
-  auto chosen = best;
-  for (auto row = rows.begin(); row != rows.end(); ++row)
-    if (iou(*row).mean >= enough && row->cost.multiply_adds < chosen->cost.multiply_adds)
-      chosen = row;
-  return static_cast<std::size_t>(chosen - rows.begin());
+  std::size_t best = rows.size();
+  const auto iou = [&](std::size_t i) { return rows[i].metrics[metric_iou]; };
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    if (!std::isnan(iou(i).mean) && (best == rows.size() || iou(i).mean > iou(best).mean)) best = i;
+  if (best == rows.size())
+    throw Error(ExitCode::failed, "no model can be judged: " + rows.front().fault);
+  const double enough = iou(best).mean - iou(best).se;
+  std::size_t chosen = best;
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    if (iou(i).mean >= enough && rows[i].cost.multiply_adds < rows[chosen].cost.multiply_adds)
+      chosen = i;
+  return chosen;
 }
 
 std::string to_choice_table(const std::vector<CrossvalidatedRow>& rows, std::size_t chosen) {
@@ -89,10 +98,11 @@ std::string to_choice_table(const std::vector<CrossvalidatedRow>& rows, std::siz
                               "SSIM", "lateral m", "RMSE m", "multiply-adds", "train s");
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto& m = rows[i].metrics;
-    out += formatted("%-18s %15s %8.3f %8.3f %9.3f %8.3f %12zu %8.1f%s\n", rows[i].name.c_str(),
+    out += formatted("%-18s %15s %8.3f %8.3f %9.3f %8.3f %12zu %8.1f %s\n", rows[i].name.c_str(),
                      formatted(m[metric_iou], " +-").c_str(), m[metric_ssim_fg].mean,
                      m[metric_ssim].mean, m[metric_lateral_m].mean, m[metric_rmse_m].mean,
-                     rows[i].cost.multiply_adds, rows[i].train_s, i == chosen ? "  <- chosen" : "");
+                     rows[i].cost.multiply_adds, rows[i].train_s,
+                     i == chosen ? " <- chosen" : rows[i].fault.c_str());
   }
   return out;
 }

@@ -21,6 +21,7 @@ struct CrossvalidateOptions {
 struct CrossvalidatedRow : ScoredRow {
   Cost cost;
   double train_s = 0;  // of one fold
+  std::string fault;   // why it cannot be fitted here; its metrics are NaN then
 };
 
 // One row a model; `rows` in the order that the folds are cut from. `published`, if it has records,
@@ -34,7 +35,9 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
 std::vector<std::string> ladder(Inputs inputs);
 
 // The cheapest model (multiply-adds) whose IoU is within one standard error of the best one's
-// (Breiman et al., Classification and Regression Trees, 1984, 3.4.3).
+// (Breiman et al., Classification and Regression Trees, 1984, 3.4.3); the error is that of
+// independent maps, which neighbours of a sequence are not. Throws Error(failed) if none has an
+// IoU.
 std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows);
 
 // One line a model: accuracy, cost, and which is chosen.

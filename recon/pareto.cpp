@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "recon/pareto.hpp"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <numeric>
 #include <random>
 
 #include "drivers/core/console.hpp"
@@ -31,20 +35,30 @@ std::vector<Job> jobs_of(const ParetoOptions& options) {
   return jobs;
 }
 
-// A shorter exposure: each photon is kept with this chance.
+// A shorter exposure: each photon is kept with this chance. (A calibrated run's histograms are
+// interpolated: their counts are rounded.)
 void thin(Dataset& data, double share, std::uint64_t seed) {
   Rng rng = make_rng(seed, 0);
   for (float& count : data.spd.values) {
-    std::binomial_distribution<std::uint32_t> kept(static_cast<std::uint32_t>(count), share);
+    std::binomial_distribution<std::uint32_t> kept(
+        static_cast<std::uint32_t>(std::lround(std::max(count, 0.f))), share);
     count = static_cast<float>(kept(rng));
   }
 }
 
-// The first records; a random split shuffles them, so that any are as good.
-void keep_records(Dataset& data, double share) {
+void keep_records(Dataset& data, double share, std::uint64_t seed) {
+  std::vector<std::size_t> rows(data.size());
+  std::iota(rows.begin(), rows.end(), 0);
+  Rng rng = make_rng(seed, 1);
+  std::shuffle(rows.begin(), rows.end(), rng);
   const auto keep = static_cast<std::size_t>(std::ceil(share * static_cast<double>(data.size())));
-  for (std::size_t row = keep; row < data.size(); ++row) data.valid[row] = 0;
+  for (std::size_t i = keep; i < rows.size(); ++i) data.valid[rows[i]] = 0;
 }
+
+struct TemporaryFile {
+  std::string path;
+  ~TemporaryFile() { std::remove(path.c_str()); }
+};
 
 class Study {
  public:
@@ -53,6 +67,10 @@ class Study {
         train_(load({options.train})),
         test_(load({options.test})),
         progress_("study", jobs_of(options).size() * options.seeds, options.quiet) {
+    for (const Source& run : test_.sources)
+      if (run.uuid == train_.sources.front().uuid)
+        throw Error(ExitCode::usage,
+                    run.path + ": the models are trained on this run; judge them by another");
     match_axes(test_, train_.spd_axis, train_.radar_axis, Inputs::fused);
   }
 
@@ -86,7 +104,7 @@ class Study {
     Dataset train_data = train_, test_data = test_;
     if (job.sweep == "photons") thin(train_data, job.share, seed);
     if (job.sweep == "photons") thin(test_data, job.share, 1000 + seed);
-    if (job.sweep == "records") keep_records(train_data, job.share);
+    if (job.sweep == "records") keep_records(train_data, job.share, seed);
     TrainOptions how;
     const auto colon = job.model.find(':');
     how.model = job.model.substr(0, colon);
@@ -100,12 +118,11 @@ class Study {
     const Summaries summaries =
         summarise(score_maps(model.predict(test_data, rows), test_data, rows, model.scene));
     for (std::size_t m = 0; m < metric_count; ++m) out[m] = summaries[m].mean;
-    const std::string file = options_.out + "/model.h5";
-    save_model(model, file);
+    const TemporaryFile file{options_.out + "/.study-" + std::to_string(::getpid()) + ".h5"};
+    save_model(model, file.path);
     set_threads(1);
-    cost = measure_cost(model, test_data, rows, file);
+    cost = measure_cost(model, test_data, rows, file.path);
     set_threads(options_.threads);
-    std::remove(file.c_str());
     return out;
   }
 

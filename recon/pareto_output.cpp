@@ -20,20 +20,20 @@ set datafile missing 'nan'
 set terminal svg size 1100,800 font 'sans,12' background 'white'
 set output 'pareto.svg'
 set multiplot layout 2,2
-set logscale x; set grid; set key bottom right
+set logscale x; set grid; set key left center
 iou(what) = strcol(1) eq what ? $5 : NaN
 set title 'accuracy against the time of one map'
 set xlabel 'one map on one thread, us (median)'; set ylabel 'IoU of the foreground'
-set yrange [-0.02:0.75]
+set yrange [-0.02:0.8]; set xrange [1:3000]
 plot 'pareto.csv' using 22:(strcol(1) eq 'model' && $25 == 1 ? $5 : NaN) with steps lw 2 lc 'gray' title 'Pareto front', \
      '' using 22:(iou('model')):6 with yerrorbars pt 7 ps 0.6 lc 3 notitle, \
      '' using 22:(iou('model')):3 with labels left font ',9' offset 0.6,0.5 rotate by 25 notitle, \
      '' using 22:(strcol(3) eq 'mlp-512-256' ? iou('model') : NaN) with points pt 6 ps 2 lc 7 title "the paper's network"
 set title 'position against multiply-adds'; set key top right
-set xlabel 'multiply-adds of one map'; set ylabel 'lateral error, m'; set yrange [0:0.5]
+set xlabel 'multiply-adds of one map'; set ylabel 'lateral error, m'; set yrange [0:0.6]; set xrange [1e4:1e7]
 plot 'pareto.csv' using 21:(strcol(1) eq 'model' ? $17 : NaN) with points pt 7 lc 3 notitle, \
      '' using 21:(strcol(1) eq 'model' ? $17 : NaN):3 with labels left font ',9' offset 0.6,0.5 rotate by 25 notitle
-set yrange [-0.02:0.7]; set ylabel 'IoU of the foreground'; set key top left
+set yrange [-0.02:0.7]; set ylabel 'IoU of the foreground'; set key bottom right; set xrange [*:*]
 models = system("awk -F, '$1==\"photons\"||$1==\"records\"{print $3}' pareto.csv | sort -u")
 part(what, model) = sprintf("< awk -F, '($1==\"%s\" || $1==\"model\") && $3==\"%s\"' pareto.csv | sort -t, -k2,2g", what, model)
 if (words(models) > 0) {

@@ -81,6 +81,10 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   const Split split = make_split(rows_to_train(data, inputs), options.split);
   const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
   FitOptions fit = options.fit;
+  const std::string kind = rung_of(name, fit).model;
+  if (fit.checkpoint.resume && kind != "mlp" && kind != "pca-mlp")
+    throw Error(ExitCode::usage,
+                "--resume: model " + name + " keeps no checkpoints; train it anew");
   if (!fit.checkpoint.path.empty())
     fit.checkpoint.settings = settings_of(data, options, rung_of(name, fit));
   TrainedModel model = fit_model(data, split, name, inputs, options.scaling, fit);

@@ -10,6 +10,7 @@ namespace echofuse::recon {
 namespace {
 
 constexpr double background_quantile = 0.05;  // of the training records: nobody stands everywhere
+constexpr float steadiness = 4;               // standard deviations of a Poisson count
 constexpr double reach_m = 0.8;               // half the depth of a body with outstretched arms
 constexpr int centroid_passes = 3;
 constexpr double significance = 5;
@@ -25,14 +26,17 @@ float nth(std::vector<float> values, double quantile) {
 }
 
 // What is there in every record: per column of [first, first + count), the level that few records
-// are below, less its distance to the median. Where bodies come and go that is nothing.
+// are below, less its distance to the median: where bodies come and go, nothing. A count that
+// scatters like one of photons alone is all background: its median.
 std::vector<float> background_of(const Matrix& table, const Rows& rows, std::size_t first,
-                                 std::size_t count) {
+                                 std::size_t count, bool poisson) {
   std::vector<float> out(count), column(rows.size());
   for (std::size_t c = 0; c < count; ++c) {
     for (std::size_t i = 0; i < rows.size(); ++i) column[i] = table.row(rows[i])[first + c];
     const float low = nth(column, background_quantile);
-    out[c] = std::max(2 * low - nth(column, 0.5), 0.f);
+    const float median = nth(column, 0.5);
+    const bool steady = median - low < steadiness * std::sqrt(poisson ? median : 0);
+    out[c] = steady ? median : std::max(2 * low - median, 0.f);
   }
   return out;
 }
@@ -47,15 +51,16 @@ float sum_of(std::span<const float> values) {
 
 Alignment::Alignment(const Layout& layout, const Matrix& readings, const Rows& rows) {
   if (layout.spd.count == 0 || layout.radar.count == 0)
-    throw Error(ExitCode::usage, "--model factorised needs both sensors: --inputs fused");
+    throw Error(ExitCode::usage,
+                "the silhouette and factorised models need both sensors: --inputs fused");
   const double m_per_unit = 1e-12 * speed_of_light_m_s / 2;
   spd_first_m_ = layout.spd.at(0.5) * m_per_unit;
   spd_step_m_ = layout.spd.step * m_per_unit;
   radar_first_m_ = layout.radar.start;
   radar_step_m_ = layout.radar.step;
   profile_step_m_ = std::max(radar_step_m_ / 2, least_profile_step_m);
-  spd_background_ = background_of(readings, rows, 0, layout.spd.count);
-  radar_background_ = background_of(readings, rows, layout.spd.count, layout.radar.count);
+  spd_background_ = background_of(readings, rows, 0, layout.spd.count, true);
+  radar_background_ = background_of(readings, rows, layout.spd.count, layout.radar.count, false);
 }
 
 std::size_t Alignment::histogram_bins() const {
@@ -129,9 +134,10 @@ void Alignment::align_histogram(std::span<const float> clicks, float range_m,
     for (float& v : out) v /= before - first;
 }
 
-// A power profile has twice the bandwidth of its amplitude, which is c/2B wide: sampled at half of
-// that (as the base condition is) it is whole, and the sinc series gives it between its points.
-// sin(pi (a - i)) = (-1)^i sin(pi a) leaves one sine a point.
+// Of profiles as they are recorded, not of bins added up: a power profile has twice the bandwidth
+// of its amplitude, which is c/2B wide: sampled at half of that (as the base condition is) it is
+// whole, and the sinc series gives it between its points. sin(pi (a - i)) = (-1)^i sin(pi a) leaves
+// one sine a point.
 void Alignment::align_profile(std::span<const float> power, float range_m,
                               std::span<float> out) const {
   constexpr float nearly_on = 1e-4f;
@@ -168,6 +174,8 @@ void Alignment::save(record::H5File& file) const {
   file.set("model/radar_background", "profile_step_m", profile_step_m_);
 }
 
+std::size_t Alignment::inputs() const { return spd_background_.size() + radar_background_.size(); }
+
 void Alignment::load(const record::H5File& file) {
   spd_background_ = file.read<float>("model/spd_background");
   radar_background_ = file.read<float>("model/radar_background");
@@ -176,6 +184,9 @@ void Alignment::load(const record::H5File& file) {
   radar_first_m_ = file.get<double>("model/radar_background", "first_m");
   radar_step_m_ = file.get<double>("model/radar_background", "step_m");
   profile_step_m_ = file.get<double>("model/radar_background", "profile_step_m");
+  require_sound(spd_step_m_ > 0 && radar_step_m_ > 0 && profile_step_m_ >= least_profile_step_m,
+                "steps of its axes");
+  require_sound(!spd_background_.empty() && !radar_background_.empty(), "backgrounds");
 }
 
 }  // namespace echofuse::recon

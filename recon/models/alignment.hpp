@@ -12,7 +12,7 @@
 namespace echofuse::recon {
 
 struct Body {
-  bool there = false;  // more clicks above the background than five standard deviations of it
+  bool there = false;  // more clicks above the background than five deviations of all clicks
   float range_m = 0;   // slant range of the histogram's centroid
 };
 
@@ -29,6 +29,7 @@ class Alignment {
     return spd_background_.size() * 4 + profile_points() * radar_background_.size();
   }
   std::size_t size() const { return histogram_bins() + profile_points() + 1; }
+  std::size_t inputs() const;  // readings of one record
   // Fills size() features: histogram (shares of the clicks), profile (shares of the power), range.
   // All zero if there is no body.
   Body operator()(std::span<const float> readings, std::span<float> features) const;

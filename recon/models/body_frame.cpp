@@ -152,6 +152,9 @@ void BodyFrame::load(const record::H5File& file) {
   left_m_ = file.get<double>("model/frame", "left_m");
   top_m_ = file.get<double>("model/frame", "top_m");
   pitch_m_ = file.get<double>("model/frame", "pitch_m");
+  require_sound(
+      columns_ >= 2 && columns_ <= most_cells && rows_ >= 2 && rows_ <= most_cells && pitch_m_ > 0,
+      "cells of model/frame");
 }
 
 }  // namespace echofuse::recon

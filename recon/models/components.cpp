@@ -9,6 +9,7 @@
 
 #include "drivers/core/random.hpp"
 #include "recon/models/blas.hpp"
+#include "recon/models/model.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -105,6 +106,10 @@ Components load_components(const record::H5File& file, const std::string& group)
   const auto shape = file.shape(group + "/basis");
   c.basis = Matrix(shape.at(0), shape.at(1));
   c.basis.values = file.read<float>(group + "/basis");
+  require_sound((c.basis.rows == 0 || c.basis.cols == c.mean.size()) &&
+                    c.deviation.size() == c.basis.rows &&
+                    c.basis.values.size() == c.basis.rows * c.basis.cols,
+                group);
   return c;
 }
 

@@ -15,7 +15,7 @@ struct Components {
   std::vector<float> deviation;  // standard deviation of the table along each
 };
 
-// At most `count`, at most as many as the table's rank allows. By subspace iteration (Halko,
+// At most `count`, at most as many as the table has rows or columns. By subspace iteration (Halko,
 // Martinsson and Tropp, SIAM Rev. 53, 217, 2011): few directions of many columns.
 Components principal_components(Matrix table, std::size_t count, std::uint64_t seed);
 

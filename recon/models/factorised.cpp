@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "acquire/record/depth_map.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/models/alignment.hpp"
@@ -64,7 +65,7 @@ class Factorised final : public Model {
   void standardise(std::span<float> features) const;
   TrainingLog fit_position(const Seen& train, const Seen& validation, const FitOptions& options);
   void fit_bodies(const Seen& train, const Samples& samples, const FitOptions& options);
-  void fit_shape(const Seen& train, const Samples& train_samples, const Seen& validation,
+  bool fit_shape(const Seen& train, const Samples& train_samples, const Seen& validation,
                  const Samples& validation_samples, const FitOptions& options);
   Shapes cut(const Seen& seen, const Samples& samples, std::size_t most) const;
   Matrix amounts(const Seen& seen, const Samples& samples) const;
@@ -126,9 +127,9 @@ TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
   learn_scale(seen.features);
   for (Seen* s : {&seen, &judged})
     for (std::size_t i = 0; i < s->features.rows; ++i) standardise(s->features.row(i));
-  const TrainingLog log = fit_position(seen, judged, options);
+  TrainingLog log = fit_position(seen, judged, options);
   fit_bodies(seen, train, options);
-  if (shapes_) fit_shape(seen, train, judged, validation, options);
+  if (shapes_) log.interrupted |= fit_shape(seen, train, judged, validation, options);
   if (judged.rows.empty())
     choose_threshold(seen, train);
   else
@@ -163,24 +164,29 @@ void Factorised::fit_bodies(const Seen& train, const Samples& samples, const Fit
   reliefs_ = principal_components(std::move(bodies.reliefs), (basis + 1) / 2, options.seed + 1);
 }
 
-void Factorised::fit_shape(const Seen& train, const Samples& train_samples, const Seen& validation,
+// True if it was interrupted.
+bool Factorised::fit_shape(const Seen& train, const Samples& train_samples, const Seen& validation,
                            const Samples& validation_samples, const FitOptions& options) {
   Training training = training_of(options);
   const std::size_t width = std::max(2 * masks_.basis.rows, least_shape_hidden);
   training.hidden = {width, width};
-  shape_.fit({train.features, amounts(train, train_samples), counted(train.rows.size())},
-             {validation.features, amounts(validation, validation_samples),
-              counted(validation.rows.size())},
-             Spread::common, training, "shape", " of the spread");
+  return shape_
+      .fit({train.features, amounts(train, train_samples), counted(train.rows.size())},
+           {validation.features, amounts(validation, validation_samples),
+            counted(validation.rows.size())},
+           Spread::common, training, "shape", " of the spread")
+      .interrupted;
 }
 
 Factorised::Shapes Factorised::cut(const Seen& seen, const Samples& samples,
                                    std::size_t most) const {
   const std::size_t count = std::min(seen.rows.size(), most);
   Shapes out{Matrix(count, frame_.size()), Matrix(count, frame_.size())};
-  for (std::size_t i = 0; i < count; ++i)
-    frame_.cut(samples.maps.row(seen.rows[i]), background_, seen.places[i], out.masks.row(i),
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t from = i * seen.rows.size() / count;
+    frame_.cut(samples.maps.row(seen.rows[from]), background_, seen.places[from], out.masks.row(i),
                out.reliefs.row(i));
+  }
   return out;
 }
 
@@ -205,7 +211,8 @@ std::vector<Place> Factorised::find_places(const Matrix& features) const {
   std::vector<Place> out;
   for (std::size_t i = 0; i < found.rows; ++i) {
     const float range_m = features.row(i).back() * deviation_.back() + centre_.back();
-    out.push_back({found.row(i)[0] / range_m, std::max(range_m + found.row(i)[1], 0.1f)});
+    out.push_back(
+        {found.row(i)[0] / std::max(range_m, 0.1f), std::max(range_m + found.row(i)[1], 0.1f)});
   }
   return out;
 }
@@ -250,6 +257,7 @@ void Factorised::choose_threshold(const Seen& seen, const Samples& samples) {
 }
 
 Matrix Factorised::predict(const Matrix& readings) const {
+  require_sound(readings.cols == alignment_.inputs(), "readings and backgrounds");
   Matrix features(0, alignment_.size());
   std::vector<float> one(alignment_.size());
   std::vector<std::size_t> with_body;
@@ -305,6 +313,16 @@ void Factorised::load(const record::H5File& file) {
   masks_ = load_components(file, "model/masks");
   reliefs_ = load_components(file, "model/reliefs");
   if (shapes_) shape_.load(file, "model/shape");
+  require_sound(background_.size() == record::map_size * record::map_size,
+                "pixels of the background");
+  require_sound(centre_.size() == alignment_.size() && deviation_.size() == alignment_.size() &&
+                    position_.inputs() == alignment_.size() && position_.outputs() == 2,
+                "features");
+  require_sound(masks_.mean.size() == frame_.size() && reliefs_.mean.size() == frame_.size(),
+                "cells of the bodies");
+  require_sound(!shapes_ || (shape_.inputs() == alignment_.size() &&
+                             shape_.outputs() == masks_.basis.rows + reliefs_.basis.rows),
+                "shapes");
 }
 
 }  // namespace

@@ -64,7 +64,7 @@ void fill(std::optional<T>& option, const std::optional<T>& own) {
 Rung rung_of(const std::string& name, const FitOptions& base) {
   Rung out{name, name, base};
   const auto digit = name.find_first_of("0123456789");
-  const bool sized = digit != std::string::npos && digit > 0;
+  const bool sized = digit != std::string::npos && digit > 1 && name[digit - 1] == '-';
   if (sized) out.model = name.substr(0, digit - 1);
   make_model(out.model);  // says what is known
   const FitOptions own = own_options(out.model);
@@ -72,17 +72,25 @@ Rung rung_of(const std::string& name, const FitOptions& base) {
   fill(out.fit.epochs, own.epochs), fill(out.fit.patience, own.patience);
   fill(out.fit.learning_rate, own.learning_rate), fill(out.fit.weight_decay, own.weight_decay);
   if (!sized) return out;
-  const auto numbers = numbers_of(name.substr(digit));
+  const auto numbers =
+      name.back() == '-' ? std::vector<std::size_t>{} : numbers_of(name.substr(digit));
   const bool network = out.model == "mlp" || out.model == "pca-mlp";
   const bool basis = out.model == "factorised" || out.model == "pca-ridge";
-  if (numbers.empty() || !(network || (basis && numbers.size() == 1)))
+  if (numbers.empty() || !(network || (basis && numbers.size() == 1 && numbers[0] <= 1024)))
     throw Error(ExitCode::usage,
                 "model \"" + name + "\": sizes follow as in mlp-512-256 or factorised-16");
+  if (network ? base.hidden.has_value() : base.basis.has_value())
+    throw Error(ExitCode::usage, "model \"" + name + "\": its size is given once more by " +
+                                     (network ? "--hidden" : "--basis"));
   if (network)
     out.fit.hidden = numbers;
   else
     out.fit.basis = numbers.front();
   return out;
+}
+
+void require_sound(bool sound, const std::string& what) {
+  if (!sound) throw Error(ExitCode::failed, "damaged model file: " + what + " do not fit");
 }
 
 bool wants_readings(const std::string& name) {

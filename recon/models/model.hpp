@@ -48,10 +48,12 @@ struct FitOptions {
   CheckpointOptions checkpoint;  // for models that learn in steps
 };
 
-// One entry an epoch; empty for models that are fitted in one step.
+// One entry an epoch; empty for models that are fitted in one step. Root mean square errors: of an
+// mlp in metres, of a pca-mlp in amounts of the components, of a factorised model of the place, in
+// units of its spread.
 struct TrainingLog {
-  std::vector<double> loss, validation_loss;  // root mean square error, metres
-  std::size_t best_epoch = 0;                 // whose weights were kept, counted from 1
+  std::vector<double> loss, validation_loss;
+  std::size_t best_epoch = 0;  // whose weights were kept, counted from 1
   bool interrupted = false;
   double earlier_s = 0;  // spent before the training was resumed
 };
@@ -95,6 +97,9 @@ struct Rung {
 };
 // With every option that the model has, `base` where it speaks. Throws Error(usage).
 Rung rung_of(const std::string& name, const FitOptions& base);
+
+// For load(): throws Error(failed) that says what of a model file is damaged.
+void require_sound(bool sound, const std::string& what);
 
 // Whether the model takes the readings as they are (Features' scaling "raw").
 bool wants_readings(const std::string& name);

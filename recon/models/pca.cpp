@@ -16,8 +16,9 @@ class Pca final : public Model {
 
   TrainingLog fit(const Samples& train, const Samples& validation,
                   const FitOptions& options) override {
-    Rows some = train.rows;
-    if (some.size() > most_maps) some.resize(most_maps);
+    Rows some;
+    const std::size_t stride = train.rows.size() / most_maps + 1;
+    for (std::size_t i = 0; i < train.rows.size(); i += stride) some.push_back(train.rows[i]);
     components_ =
         principal_components(take_rows(train.maps, some), options.basis.value(), options.seed);
     const Matrix amounts = coordinates(components_, train.maps);
@@ -39,11 +40,11 @@ class Pca final : public Model {
   }
   void save(record::H5File& file) const override {
     inner_->save(file);
-    save_components(file, "pca", components_);
+    save_components(file, "model/components", components_);
   }
   void load(const record::H5File& file) override {
     inner_->load(file);
-    components_ = load_components(file, "pca");
+    components_ = load_components(file, "model/components");
   }
 
  private:

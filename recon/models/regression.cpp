@@ -202,7 +202,11 @@ void Regression::load(const record::H5File& file, const std::string& group) {
       parameters_.insert(parameters_.end(), values.begin(), values.end());
     }
   }
+  require_sound(widths.size() > 1, group + "/layer0");
   network_ = make_network(widths);
+  require_sound(network_.parameters == parameters_.size() && centre_.size() == widths.back() &&
+                    spread_.size() == widths.back(),
+                "sizes of " + group);
 }
 
 }  // namespace echofuse::recon

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+#include <hdf5.h>
+
 #include <Eigen/SVD>
 
 #include "recon/evaluate.hpp"
@@ -205,11 +207,43 @@ TEST_CASE("one record alone is reconstructed as it is among others; an empty roo
   CHECK(trained().predict(dark, {5}).values == trained().scene.background);
 }
 
+TEST_CASE("a damaged model file is refused, never read beyond its tables") {
+  const Folder dir;
+  const std::string path = dir / "m.h5";
+  struct Damage {
+    const char *object, *attribute;
+    double value;
+  };
+  for (const Damage& d :
+       {Damage{"model/frame", "columns", 1000}, Damage{"model/frame", "columns", 5},
+        Damage{"model/frame", "rows", -1}, Damage{"model/frame", "pitch_m", 0},
+        Damage{"model/radar_background", "profile_step_m", 0},
+        Damage{"model/spd_background", "step_m", 0}}) {
+    CAPTURE(d.object, d.attribute, d.value);
+    std::filesystem::remove(path);
+    save_model(trained(), path);
+    const hid_t file = H5Fopen(path.c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+    const hid_t object = H5Oopen(file, d.object, H5P_DEFAULT);
+    const hid_t attribute = H5Aopen(object, d.attribute, H5P_DEFAULT);
+    REQUIRE(attribute >= 0);
+    const hid_t type = H5Aget_type(attribute);  // native, of eight bytes: a double or an integer
+    const auto whole = static_cast<std::int64_t>(d.value);
+    REQUIRE(H5Awrite(attribute, type,
+                     H5Tget_class(type) == H5T_INTEGER ? static_cast<const void*>(&whole)
+                                                       : static_cast<const void*>(&d.value)) >= 0);
+    H5Tclose(type);
+    H5Aclose(attribute);
+    H5Oclose(object);
+    H5Fclose(file);
+    CHECK_THROWS_WITH(load_model(path), Catch::Contains("damaged model file"));
+  }
+}
+
 TEST_CASE("the factorised model needs both sensors, and bodies to learn from") {
   TrainOptions options;
   options.model = "factorised";
   options.inputs = "spd";
-  CHECK_THROWS_WITH(train(plates(), options), Catch::Contains("needs both sensors"));
+  CHECK_THROWS_WITH(train(plates(), options), Catch::Contains("need both sensors"));
   Dataset empty = plates();
   std::fill(empty.depth.values.begin(), empty.depth.values.end(), 0.f);
   options.inputs = "fused";
