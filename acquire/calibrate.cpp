@@ -21,7 +21,6 @@
 namespace echofuse::acquire {
 namespace {
 
-constexpr double ps_per_m = 2e12 / speed_of_light_m_s;
 constexpr double spd_reach_m = 15;  // beyond the reflector: cables delay by metres
 constexpr std::int64_t spd_bin_ps = 10;
 constexpr double most_clicks_a_pulse = 0.05;  // more, and the first photon hides later ones

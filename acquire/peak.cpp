@@ -13,7 +13,6 @@
 namespace echofuse::acquire {
 namespace {
 
-constexpr double ps_per_m = 2e12 / speed_of_light_m_s;
 constexpr double pi = std::numbers::pi;
 constexpr double least_photon_snr = 10;  // amplitude over its standard error
 constexpr double least_echo_db = 10;

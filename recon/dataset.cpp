@@ -43,7 +43,7 @@ class Appender {
     adopt(data.radar_axis, radar, "radar");
     for (const auto& c : run.calibrations()) {
       if (c.sensor == Sensor::spd && data.spd_axis.unit == "ps")
-        spd_shift_.emplace(2e12 * c.offset_m / speed_of_light_m_s / data.spd_axis.step);
+        spd_shift_.emplace(c.offset_m * ps_per_m / data.spd_axis.step);
       if (c.sensor == Sensor::radar && data.radar_axis.unit == "m")
         radar_shift_.emplace(c.offset_m / data.radar_axis.step);
     }
@@ -149,6 +149,12 @@ Rows Dataset::usable(Inputs inputs, bool with_depth) const {
   for (std::size_t i = 0; i < size(); ++i)
     if (has_inputs(i, inputs) && (!with_depth || has(i, Sensor::depth))) rows.push_back(i);
   return rows;
+}
+
+std::size_t Dataset::source_of(std::size_t row) const {
+  std::size_t run = 0;
+  while (row >= sources[run].first + sources[run].count) ++run;
+  return run;
 }
 
 std::string Dataset::fault_of(std::size_t row, Inputs inputs) const {

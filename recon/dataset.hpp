@@ -42,6 +42,7 @@ struct Dataset {
   bool has(std::size_t row, Sensor s) const {
     return (valid[row] >> static_cast<unsigned>(s)) & 1u;
   }
+  std::size_t source_of(std::size_t row) const;  // index into sources
   bool has_inputs(std::size_t row, Inputs inputs) const;
   // Why a model with these inputs cannot use the record; empty if it can. A sensor that says the
   // same in every bin is dead: it tells nothing, and no scaling makes it tell something.

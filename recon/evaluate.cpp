@@ -21,10 +21,8 @@ Matrix nearest_maps(const TrainedModel& trained, const Dataset& data, const Rows
                     const Dataset& neighbours_data, const Rows& neighbours) {
   const Matrix inputs = trained.features.apply(neighbours_data, neighbours);
   const Matrix maps = take_rows(neighbours_data.depth, neighbours);
-  Rows all(neighbours.size());
-  for (std::size_t i = 0; i < all.size(); ++i) all[i] = i;
   const auto model = make_nearest();
-  model->fit({inputs, maps, all}, {inputs, maps, {}}, {});
+  model->fit({inputs, maps, all_rows(neighbours.size())}, {inputs, maps, {}}, {});
   return model->predict(trained.features.apply(data, rows));
 }
 

@@ -5,19 +5,15 @@
 #include <cmath>
 #include <numeric>
 
+#include "recon/maps/statistics.hpp"
+
 namespace echofuse::recon {
 namespace {
 
-float median_of(std::span<const float> values) {
-  std::vector<float> sorted(values.begin(), values.end());
-  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-  std::nth_element(sorted.begin(), middle, sorted.end());
-  return *middle;
-}
-
 void normalise(std::span<float> values) {
   if (values.empty()) return;
-  const float background = median_of(values);
+  std::vector<float> sorted(values.begin(), values.end());
+  const float background = quantile(sorted, 0.5);
   for (float& v : values) v -= background;
   const double sum = std::accumulate(values.begin(), values.end(), 0.0);
   // Nothing above the background: an empty scene stays an empty profile.
@@ -32,25 +28,10 @@ void bring_to_strength(std::span<float> values, const std::string& scaling) {
     normalise(values);
 }
 
-std::vector<float> column_means(const Matrix& table) {
-  std::vector<double> sum(table.cols);
-  for (std::size_t i = 0; i < table.rows; ++i)
-    for (std::size_t c = 0; c < table.cols; ++c) sum[c] += table.row(i)[c];
-  std::vector<float> out(table.cols);
-  for (std::size_t c = 0; c < out.size(); ++c)
-    out[c] = static_cast<float>(sum[c] / static_cast<double>(table.rows));
-  return out;
-}
-
-// The factor that brings the columns [first, first + count) to a total variance of `wanted`.
-float gain_for(const Matrix& table, const std::vector<float>& centre, std::size_t first,
-               std::size_t count, double wanted) {
-  double sum = 0;
-  for (std::size_t i = 0; i < table.rows; ++i)
-    for (std::size_t c = first; c < first + count; ++c)
-      sum += std::pow(double{table.row(i)[c]} - double{centre[c]}, 2);
-  return sum > 0 ? static_cast<float>(std::sqrt(wanted * static_cast<double>(table.rows) / sum))
-                 : 1;
+// The factor that brings columns of these variances to a total of `wanted`.
+float gain_for(std::span<const double> variances, double wanted) {
+  const double sum = std::accumulate(variances.begin(), variances.end(), 0.0);
+  return sum > 0 ? static_cast<float>(std::sqrt(wanted / sum)) : 1;
 }
 
 }  // namespace
@@ -86,10 +67,12 @@ Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
     return f;
   }
   const Matrix table = f.strengths(data, rows);
-  f.centre = column_means(table);
+  const ColumnStatistics columns = column_statistics(table, all_rows(table.rows));
+  f.centre.assign(columns.mean.begin(), columns.mean.end());
   const double wanted = static_cast<double>(f.count()) / (inputs == Inputs::fused ? 2 : 1);
-  f.spd_gain = gain_for(table, f.centre, 0, f.spd_count(), wanted);
-  f.radar_gain = gain_for(table, f.centre, f.spd_count(), f.radar_count(), wanted);
+  const std::span<const double> variances(columns.variance);
+  f.spd_gain = gain_for(variances.first(f.spd_count()), wanted);
+  f.radar_gain = gain_for(variances.last(f.radar_count()), wanted);
   return f;
 }
 

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <numeric>
 #include <random>
 
 #include "drivers/core/console.hpp"
@@ -20,17 +19,21 @@ namespace echofuse::recon {
 namespace {
 
 struct Job {
+  Job(std::string what, double how_much, const std::string& name)
+      : sweep(std::move(what)), share(how_much), model(name), rung(name.substr(0, name.find(':'))) {
+    if (rung.size() < name.size()) inputs = name.substr(rung.size() + 1);
+  }
   std::string sweep;
   double share;
-  std::string model;
+  std::string model, rung, inputs = "fused";  // model: "RUNG" or "RUNG:INPUTS"
 };
 
 std::vector<Job> jobs_of(const ParetoOptions& options) {
   std::vector<Job> jobs;
-  for (const auto& model : options.models) jobs.push_back({"model", 1, model});
+  for (const auto& model : options.models) jobs.emplace_back("model", 1, model);
   for (const auto& model : options.sweep_models) {
-    for (const double share : options.photons) jobs.push_back({"photons", share, model});
-    for (const double share : options.records) jobs.push_back({"records", share, model});
+    for (const double share : options.photons) jobs.emplace_back("photons", share, model);
+    for (const double share : options.records) jobs.emplace_back("records", share, model);
   }
   return jobs;
 }
@@ -47,8 +50,7 @@ void thin(Dataset& data, double share, std::uint64_t seed) {
 }
 
 void keep_records(Dataset& data, double share, std::uint64_t seed) {
-  std::vector<std::size_t> rows(data.size());
-  std::iota(rows.begin(), rows.end(), 0);
+  Rows rows = all_rows(data.size());
   Rng rng = make_rng(seed, 1);
   std::shuffle(rows.begin(), rows.end(), rng);
   const auto keep = static_cast<std::size_t>(std::ceil(share * static_cast<double>(data.size())));
@@ -84,37 +86,34 @@ class Study {
  private:
   ParetoRow measure(const Job& job) {
     ParetoRow row{job.sweep, job.share, job.model, options_.seeds, {}, {}, {}, false};
-    std::vector<std::array<double, metric_count>> found;
+    std::vector<MapScores> found;
     for (std::size_t seed = 1; seed <= options_.seeds; ++seed) {
       if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing was written");
       found.push_back(once(job, seed, row.cost));
       progress_.update(++done_, job.model);
     }
-    const auto n = static_cast<double>(found.size());
+    const Summaries over_seeds = summarise(found);
     for (std::size_t m = 0; m < metric_count; ++m) {
-      for (const auto& one : found) row.mean[m] += one[m] / n;
-      double squares = 0;
-      for (const auto& one : found) squares += std::pow(one[m] - row.mean[m], 2);
-      row.spread[m] = found.size() > 1 ? std::sqrt(squares / (n - 1)) : std::nan("");
+      row.mean[m] = over_seeds[m].mean;
+      row.spread[m] = over_seeds[m].se * std::sqrt(static_cast<double>(over_seeds[m].maps));
     }
     return row;
   }
 
-  std::array<double, metric_count> once(const Job& job, std::size_t seed, RunningCost& cost) {
+  MapScores once(const Job& job, std::size_t seed, RunningCost& cost) {
     Dataset train_data = train_, test_data = test_;
     if (job.sweep == "photons") thin(train_data, job.share, seed);
     if (job.sweep == "photons") thin(test_data, job.share, 1000 + seed);
     if (job.sweep == "records") keep_records(train_data, job.share, seed);
     TrainOptions how;
-    const auto colon = job.model.find(':');
-    how.model = job.model.substr(0, colon);
-    if (colon != std::string::npos) how.inputs = job.model.substr(colon + 1);
+    how.model = job.rung;
+    how.inputs = job.inputs;
     how.split.test_share = 0;  // there is a run of its own for that
     how.split.seed = how.fit.seed = seed;
     how.fit.quiet = true;
     const TrainedModel model = train(train_data, how);
     const Rows rows = test_data.usable(inputs_of(how.inputs));
-    std::array<double, metric_count> out{};
+    MapScores out{};
     const Summaries summaries =
         summarise(score_maps(model.predict(test_data, rows), test_data, rows, model.scene));
     for (std::size_t m = 0; m < metric_count; ++m) out[m] = summaries[m].mean;
@@ -145,7 +144,7 @@ class Study {
 }  // namespace
 
 std::vector<ParetoRow> study_pareto(const ParetoOptions& options) {
-  for (const auto& job : jobs_of(options)) rung_of(job.model.substr(0, job.model.find(':')), {});
+  for (const auto& job : jobs_of(options)) rung_of(job.rung, {});
   make_folder(options.out);
   return Study(options).run();
 }

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The table and the chart of a Pareto study.
-#include <fstream>
+#include <sstream>
 
-#include "drivers/core/exit_code.hpp"
 #include "drivers/core/gnuplot.hpp"
 #include "recon/pareto.hpp"
 #include "recon/text.hpp"
@@ -47,7 +46,7 @@ if (words(models) > 0) {
 }  // namespace
 
 void write_pareto(const std::vector<ParetoRow>& rows, const std::string& folder) {
-  std::ofstream csv(folder + "/pareto.csv"), plot(folder + "/pareto.gp");
+  std::ostringstream csv;
   csv << "sweep,share,model,seeds";
   for (const Metric m : shown) csv << ',' << metric_names[m] << ',' << metric_names[m] << "_spread";
   csv << ",multiply_adds,infer_us_median,infer_us_p99,train_s,front\n";
@@ -57,10 +56,7 @@ void write_pareto(const std::vector<ParetoRow>& rows, const std::string& folder)
     csv << ',' << r.cost.cost.multiply_adds << ',' << r.cost.infer_us_median << ','
         << r.cost.infer_us_p99 << ',' << r.cost.train_s << ',' << r.front << '\n';
   }
-  plot << chart;
-  csv.close(), plot.close();
-  if (!csv || !plot) throw Error(ExitCode::disk, folder + ": cannot be written");
-  run_gnuplot("load 'pareto.gp'\n", folder, folder + "/pareto.csv is written, but ");
+  write_chart(folder, "pareto", csv.str(), chart);
 }
 
 std::string to_text(const std::vector<ParetoRow>& rows) {

@@ -66,8 +66,7 @@ Curve spd_curve(const Dataset& data, std::size_t row) {
   const auto counts = data.spd.row(row);
   out.value.assign(counts.begin(), counts.end());
   for (std::size_t i = 0; i < counts.size(); ++i)
-    out.range_m.push_back(data.spd_axis.at(static_cast<double>(i) + 0.5) * 1e-12 *
-                          speed_of_light_m_s / 2);
+    out.range_m.push_back(data.spd_axis.at(static_cast<double>(i) + 0.5) / ps_per_m);
   return out;
 }
 

@@ -67,9 +67,7 @@ Rows rows_to_train(const Dataset& data, Inputs inputs) {
   for (const std::size_t row : rows) {
     const std::string fault = data.fault_of(row, inputs);
     if (fault.empty()) continue;
-    std::size_t run = 0;
-    while (row >= data.sources[run].first + data.sources[run].count) ++run;
-    throw Error(ExitCode::failed, data.sources[run].path + ": record " +
+    throw Error(ExitCode::failed, data.sources[data.source_of(row)].path + ": record " +
                                       std::to_string(data.index[row]) + ": " + fault +
                                       ": a dead sensor, of which nothing can be learned");
   }
@@ -81,12 +79,11 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   const Split split = make_split(rows_to_train(data, inputs), options.split);
   const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
   FitOptions fit = options.fit;
-  const std::string kind = rung_of(name, fit).model;
-  if (fit.checkpoint.resume && kind != "mlp" && kind != "pca-mlp")
+  const Rung rung = rung_of(name, fit);
+  if (fit.checkpoint.resume && rung.model != "mlp" && rung.model != "pca-mlp")
     throw Error(ExitCode::usage,
                 "--resume: model " + name + " keeps no checkpoints; train it anew");
-  if (!fit.checkpoint.path.empty())
-    fit.checkpoint.settings = settings_of(data, options, rung_of(name, fit));
+  if (!fit.checkpoint.path.empty()) fit.checkpoint.settings = settings_of(data, options, rung);
   TrainedModel model = fit_model(data, split, name, inputs, options.scaling, fit);
   model.split = options.split;
   return model;

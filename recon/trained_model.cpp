@@ -27,9 +27,7 @@ SeenRecords remember(const Dataset& data, const Split& split) {
   for (const auto& source : data.sources) seen.runs.push_back(source.uuid);
   const auto add = [&](const Rows& rows, Part part) {
     for (const std::size_t row : rows) {
-      std::uint32_t run = 0;
-      while (row >= data.sources[run].first + data.sources[run].count) ++run;
-      seen.run.push_back(run);
+      seen.run.push_back(static_cast<std::uint32_t>(data.source_of(row)));
       seen.index.push_back(data.index[row]);
       seen.part.push_back(static_cast<std::uint8_t>(part));
     }
@@ -87,9 +85,7 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const std::strin
       fit_features(data, split.train, inputs, wants_readings(rung.model) ? raw_scaling : scaling);
   out.scene = learn_scene(data.depth, split.train);
   out.model = make_model(rung.model);
-  Rows all(data.size());
-  for (std::size_t i = 0; i < all.size(); ++i) all[i] = i;
-  const Matrix scaled = out.features.apply(data, all);
+  const Matrix scaled = out.features.apply(data, all_rows(data.size()));
   const Layout layout = out.features.layout();
   out.log = out.model->fit({scaled, data.depth, split.train, layout},
                            {scaled, data.depth, split.validation, layout}, rung.fit);

@@ -5,11 +5,10 @@
 #include <cmath>
 #include <ctime>
 #include <filesystem>
-#include <fstream>
 #include <functional>
+#include <sstream>
 
 #include "drivers/core/console.hpp"
-#include "drivers/core/exit_code.hpp"
 #include "drivers/core/gnuplot.hpp"
 #include "sim/optics.hpp"
 #include "sim/render.hpp"
@@ -146,7 +145,7 @@ class Study {
   void radar() {
     const Conditions& c = options_.conditions;
     const RadarAxis axis = radar_response(c);
-    const double sigma = std::pow(10, -c.radar_snr_db / 10) * mean_peak_power(axis, c);
+    const double sigma = radar_noise_power(c, mean_peak_power(axis, c));
     const auto profile = [&](std::int64_t count) -> Model {
       Conditions changed = c;
       changed.radar_rays = count;
@@ -198,16 +197,12 @@ std::vector<Fidelity> study_fidelity(const FidelityOptions& options) {
 void write_fidelity(const std::vector<Fidelity>& rows, const std::string& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
-  std::ofstream csv(folder + "/fidelity.csv"), plot(folder + "/fidelity.gp");
+  std::ostringstream csv;
   csv << "axis,value,error_over_noise_variance,standard_error,us\n";
   for (const Fidelity& r : rows)
     csv << r.axis << ',' << r.value << ',' << r.error << ',' << r.standard_error << ',' << r.us
         << '\n';
-  plot << chart;
-  csv.close();
-  plot.close();
-  if (!csv || !plot) throw Error(ExitCode::disk, folder + ": cannot be written");
-  run_gnuplot("load 'fidelity.gp'\n", folder, folder + "/fidelity.csv is written, but ");
+  write_chart(folder, "fidelity", csv.str(), chart);
 }
 
 }  // namespace echofuse::sim

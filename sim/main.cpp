@@ -25,10 +25,28 @@ namespace {
 using namespace echofuse;
 using Command = std::function<ExitCode()>;
 
-struct DatasetArguments {
-  sim::DatasetOptions options;
-  std::string config, mirror_of;
+// What describes a plan on the command line.
+struct PlanArguments {
+  std::string config;
   std::vector<std::string> settings;
+};
+
+void add_plan_options(CLI::App& app, PlanArguments& a) {
+  app.add_option("--config", a.config, "TOML file of settings");
+  app.add_option("--set", a.settings, "key=value, over the file's")->allow_extra_args(false);
+}
+
+// A data set's file configures a laboratory and a study as well.
+void read_plan(const PlanArguments& a, sim::Plan& plan, Settings& settings) {
+  bind(settings, plan);
+  if (!a.config.empty()) settings.read_file(a.config);
+  for (const auto& assignment : a.settings) settings.set(assignment);
+  validate(plan.conditions);
+}
+
+struct DatasetArguments : PlanArguments {
+  sim::DatasetOptions options;
+  std::string mirror_of;
   std::optional<std::int64_t> records, people, letters, two_people, empty, objects, seed;
   bool json = false;
 };
@@ -121,18 +139,15 @@ void add_dataset(CLI::App& app, Command& command) {
   sub->add_option("--mirror-of", a->mirror_of, "the mirrored scenes of this run");
   sub->add_option("--seed", a->seed, "the same seed makes the same records")
       ->check(CLI::NonNegativeNumber);
-  sub->add_option("--config", a->config, "TOML file of settings");
-  sub->add_option("--set", a->settings, "key=value, over the file's")->allow_extra_args(false);
+  add_plan_options(*sub, *a);
   sub->add_option("--threads", a->options.threads)->check(CLI::Range(1, 256));
   sub->add_flag("-q,--quiet", a->options.quiet, "no progress, no summary");
   sub->add_flag("--json", a->json, "summary as one JSON object");
   sub->callback([&command, a] { command = [a] { return run_dataset(*a); }; });
 }
 
-struct LabArguments {
+struct LabArguments : PlanArguments {
   sim::LabOptions options;
-  std::string config;
-  std::vector<std::string> settings;
   std::optional<std::int64_t> seed;
   double duration_s = 0;
   bool json = false;
@@ -155,12 +170,9 @@ ExitCode run_lab(LabArguments& a, char** argv) {
                 "echofuse-acquire run --config lab/lab.toml --out monday");
   if (a.options.usb) sim::UsbLab::enter(argv);
   catch_interrupts();
-  sim::Plan plan;  // the same file configures a data set
+  sim::Plan plan;
   Settings settings;
-  bind(settings, plan);
-  if (!a.config.empty()) settings.read_file(a.config);
-  for (const auto& assignment : a.settings) settings.set(assignment);
-  validate(plan.conditions);
+  read_plan(a, plan, settings);
   a.options.conditions = plan.conditions;
   if (!plan.scenes.empty()) {
     a.options.play.list = scenes_of(plan);
@@ -209,8 +221,7 @@ void add_lab(CLI::App& app, Command& command, char** argv) {
   sub->add_option("--log", o.log, "write down everything that was sent, a JSON object a line");
   sub->add_option("--duration", a->duration_s, "close by itself after so many seconds")
       ->check(CLI::NonNegativeNumber);
-  sub->add_option("--config", a->config, "TOML file of settings");
-  sub->add_option("--set", a->settings, "key=value, over the file's")->allow_extra_args(false);
+  add_plan_options(*sub, *a);
   sub->add_flag("--json", a->json, "what was sent as one JSON object");
   sub->add_flag("--usb", o.usb, "the time tagger on emulated USB instead of the bridge");
   sub->add_option("command", a->command, "run this in the laboratory, and close it afterwards")
@@ -238,19 +249,15 @@ void add_preview(CLI::App& app, Command& command) {
   });
 }
 
-struct StudyArguments {
+struct StudyArguments : PlanArguments {
   sim::FidelityOptions options;
-  std::string out, config;
-  std::vector<std::string> settings;
+  std::string out;
 };
 
 ExitCode run_fidelity(StudyArguments& a) {
   sim::Plan plan;
   Settings settings;
-  bind(settings, plan);
-  if (!a.config.empty()) settings.read_file(a.config);
-  for (const auto& assignment : a.settings) settings.set(assignment);
-  validate(plan.conditions);
+  read_plan(a, plan, settings);
   a.options.conditions = plan.conditions;
   const auto rows = sim::study_fidelity(a.options);
   for (const auto& r : rows)
@@ -274,29 +281,20 @@ void add_study(CLI::App& app, Command& command) {
       ->check(CLI::Range(std::int64_t{2}, std::int64_t{10'000}))
       ->capture_default_str();
   sub->add_option("--seed", a->options.seed)->capture_default_str();
-  sub->add_option("--config", a->config, "TOML file of settings");
-  sub->add_option("--set", a->settings, "key=value, over the file's")->allow_extra_args(false);
+  add_plan_options(*sub, *a);
   sub->add_flag("-q,--quiet", a->options.quiet, "no progress");
   sub->callback([&command, a] { command = [a] { return run_fidelity(*a); }; });
 }
 
 void add_config(CLI::App& app, Command& command) {
   auto* sub = app.add_subcommand("config", "print every setting with its meaning, range and value");
-  struct Arguments {
-    std::string config;
-    std::vector<std::string> settings;
-  };
-  auto a = std::make_shared<Arguments>();
-  sub->add_option("--config", a->config, "TOML file of settings");
-  sub->add_option("--set", a->settings, "key=value, over the file's")->allow_extra_args(false);
+  auto a = std::make_shared<PlanArguments>();
+  add_plan_options(*sub, *a);
   sub->callback([&command, a] {
     command = [a] {
       sim::Plan plan;
       Settings settings;
-      bind(settings, plan);
-      if (!a->config.empty()) settings.read_file(a->config);
-      for (const auto& assignment : a->settings) settings.set(assignment);
-      validate(plan.conditions);
+      read_plan(*a, plan, settings);
       std::cout << settings.resolved(true);
       return ExitCode::ok;
     };

@@ -126,7 +126,6 @@ std::vector<std::uint32_t> count_running_free(const std::vector<double>& rate, c
 std::vector<double> spd_rate(const Returns& returns, const Conditions& c) {
   const Irf irf(c);
   FineSignal signal(c, irf);
-  constexpr double ps_per_m = 2e12 / speed_of_light_m_s;
   for (std::size_t k = 0; k < returns.range_m.size(); ++k)
     signal.add(ps_per_m * returns.range_m[k], c.signal_photons * returns.weight[k]);
   std::vector<double> rate(static_cast<std::size_t>(c.bins),

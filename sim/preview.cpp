@@ -65,7 +65,7 @@ void draw_record(const std::string& run_path, std::int64_t index, const std::str
   put_map(script, run, r);
   if (spd && r.has(Sensor::spd))
     put_curve(script, "detector: counts", "steps lw 2", r.spd,
-              [&](double i) { return spd->at(i) * 1e-12 * speed_of_light_m_s / 2; });
+              [&](double i) { return spd->at(i) / ps_per_m; });
   if (radar && r.has(Sensor::radar))
     put_curve(script, "radar: " + radar->quantity, "linespoints lw 2 pt 7 ps 0.5", r.radar,
               [&](double i) { return radar->at(i); });

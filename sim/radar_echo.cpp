@@ -141,8 +141,12 @@ double mean_peak_power(const RadarAxis& axis, const Conditions& c) {
   return sum / scenes;
 }
 
+double radar_noise_power(const Conditions& c, double mean_peak) {
+  return std::pow(10, -c.radar_snr_db / 10) * mean_peak;
+}
+
 void add_radar_noise(std::vector<double>& power, double mean_peak, const Conditions& c, Rng& rng) {
-  const double sigma = std::pow(10, -c.radar_snr_db / 10) * mean_peak;
+  const double sigma = radar_noise_power(c, mean_peak);
   std::normal_distribution<double> noise(0, sigma);
   for (double& p : power) p += noise(rng);
 }

@@ -26,6 +26,9 @@ struct RadarAxis {
 // side lobes below -58 dB; Harris, Proc. IEEE 66, 1978). u in resolution cells.
 double psf_amplitude(Psf psf, double u);
 
+// Power of the receiver's noise in each point.
+double radar_noise_power(const Conditions& c, double mean_peak);
+
 // Moves each scatterer by its surface's height, Gaussian of rms radar_roughness_m: new speckle of
 // the coherent sum. Nothing happens to an incoherent one. Call it once for a scene that stands
 // still.

@@ -1,41 +1,26 @@
 // SPDX-License-Identifier: MIT
 #include "sim/scene_list.hpp"
 
-#include <toml++/toml.h>
-
 #include <algorithm>
 #include <cmath>
 #include <optional>
 
-#include "drivers/core/exit_code.hpp"
-#include "drivers/core/printable.hpp"
-#include "drivers/core/settings.hpp"
+#include "sim/toml_tables.hpp"
 
 namespace echofuse::sim {
 namespace {
 
 constexpr std::int64_t most_scenes = 10'000'000;
 
-template <class Node>
-std::string place(const std::string& name, const Node& node) {
-  const auto where = node.source().begin;
-  return name + ":" + std::to_string(where.line) + ":" + std::to_string(where.column) + ": ";
-}
-
-class Reader {
+class Reader : TableReader {
  public:
-  explicit Reader(const std::string& name) : name_(name) {}
+  using TableReader::TableReader;
 
-  std::vector<SceneSpec> read(const toml::table& file) {
-    for (const auto& [key, node] : file)
-      if (key.str() != "scene" || !node.is_array_of_tables())
-        say(node, std::string(key.str()) + ": expected [[scene]] tables only");
+  std::vector<SceneSpec> read(const std::string& text) {
     std::vector<SceneSpec> all;
-    if (const auto* list = file["scene"].as_array())
-      for (const auto& node : *list)
-        if (const auto* table = node.as_table()) read_one(*table, all);
+    read_tables(text, "scene", [&](const toml::table& table) { read_one(table, all); });
     if (all.empty() && faults_.empty()) faults_.push_back(name_ + ": no [[scene]]");
-    if (!faults_.empty()) refuse(faults_);
+    refuse_faults();
     return all;
   }
 
@@ -61,8 +46,7 @@ class Reader {
       } else if (name == "yaw_deg") {
         spec.yaw_deg = number(node, "yaw_deg", -180, 180);
       } else {
-        say(node, printable(std::string(name)) +
-                      ": unknown key; expected kind, count, x_m, z_m, yaw_deg");
+        say(node, std::string(name) + ": unknown key; expected kind, count, x_m, z_m, yaw_deg");
       }
     }
     if (!has_kind) say(table, "no kind; expected one of " + kind_names());
@@ -83,24 +67,12 @@ class Reader {
                   std::to_string(max));
     return {};
   }
-
-  template <class Node>
-  void say(const Node& node, const std::string& what) {
-    faults_.push_back(place(name_, node) + what);
-  }
-
-  std::string name_;
-  std::vector<std::string> faults_;
 };
 
 }  // namespace
 
 std::vector<SceneSpec> read_scene_list(const std::string& text, const std::string& name) {
-  try {
-    return Reader(name).read(toml::parse(text, name));
-  } catch (const toml::parse_error& e) {
-    throw Error(ExitCode::config, place(name, e) + "not TOML: " + std::string(e.description()));
-  }
+  return Reader(name).read(text);
 }
 
 }  // namespace echofuse::sim

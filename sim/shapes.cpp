@@ -3,7 +3,6 @@
 #include "sim/shapes.hpp"
 
 #include <cmath>
-#include <initializer_list>
 
 namespace echofuse::sim {
 namespace {
@@ -30,10 +29,10 @@ Interval disc_tangents(double s, double z, double radius) {
   return {std::tan(middle - half), std::tan(middle + half)};
 }
 
-template <class Coordinate>
-Interval corner_tangents(std::initializer_list<Vec3> corners, Coordinate of) {
+template <class Corners, class Coordinate>
+Interval corner_tangents(const Corners& corners, Coordinate of) {
   Interval all = none;
-  for (const Vec3 corner : corners) {
+  for (const Vec3& corner : corners) {
     if (corner.z < near_m) return everything;
     all = hull(all, {of(corner) / corner.z, of(corner) / corner.z});
   }
@@ -211,17 +210,12 @@ void PlateShape::cosines(const double* x, const double* y, const double*, double
                          std::size_t count) const {
   shade_flat(normal, x, y, cosine, count);
 }
-Interval PlateShape::tangents_x() const {
+Interval PlateShape::tangents_x() const { return corner_tangents(corners(), x_of); }
+Interval PlateShape::tangents_y() const { return corner_tangents(corners(), y_of); }
+std::array<Vec3, 4> PlateShape::corners() const {
   const auto at = [&](double pu, double pv) { return centre + pu * u + pv * v; };
-  return corner_tangents({at(u_range.low, v_range.low), at(u_range.low, v_range.high),
-                          at(u_range.high, v_range.low), at(u_range.high, v_range.high)},
-                         x_of);
-}
-Interval PlateShape::tangents_y() const {
-  const auto at = [&](double pu, double pv) { return centre + pu * u + pv * v; };
-  return corner_tangents({at(u_range.low, v_range.low), at(u_range.low, v_range.high),
-                          at(u_range.high, v_range.low), at(u_range.high, v_range.high)},
-                         y_of);
+  return {at(u_range.low, v_range.low), at(u_range.low, v_range.high),
+          at(u_range.high, v_range.low), at(u_range.high, v_range.high)};
 }
 
 TriangleShape::TriangleShape(const Triangle& t, Vec3 sensor)
@@ -243,8 +237,8 @@ void TriangleShape::cosines(const double* x, const double* y, const double*, dou
                             std::size_t count) const {
   shade_flat(normal, x, y, cosine, count);
 }
-Interval TriangleShape::tangents_x() const { return corner_tangents({a, b, c}, x_of); }
-Interval TriangleShape::tangents_y() const { return corner_tangents({a, b, c}, y_of); }
+Interval TriangleShape::tangents_x() const { return corner_tangents(std::array{a, b, c}, x_of); }
+Interval TriangleShape::tangents_y() const { return corner_tangents(std::array{a, b, c}, y_of); }
 
 void light_back(const double* x, const double* y, const double* z, const double* cosine,
                 const double* albedo, double factor, double* range, double* weight,

@@ -4,6 +4,7 @@
 // machine.
 #pragma once
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -50,6 +51,7 @@ struct PlateShape {
                std::size_t count) const;
   Interval tangents_x() const;
   Interval tangents_y() const;
+  std::array<Vec3, 4> corners() const;
 };
 
 // An edge shared by two triangles belongs to both, so that no ray slips through between them.

@@ -127,10 +127,11 @@ RunReader::RunReader(const std::string& path) : path_(path) {
   }
   sqlite3_busy_timeout(db_, 5000);
   try {
-    if (look(db_) == SQLITE_OK && pragma(db_, path_, "SELECT count(*) FROM sqlite_schema") == 0)
+    const bool readable = look(db_) == SQLITE_OK;
+    if (readable && pragma(db_, path_, "SELECT count(*) FROM sqlite_schema") == 0)
       throw Error(ExitCode::failed,
                   path + ": is empty, as of a run that was killed before it began; remove it");
-    if (look(db_) != SQLITE_OK || pragma(db_, path_, "PRAGMA application_id") != application_id)
+    if (!readable || pragma(db_, path_, "PRAGMA application_id") != application_id)
       throw Error(ExitCode::failed, path + ": not an echofuse run file");
     const auto found = pragma(db_, path_, "PRAGMA user_version");
     if (found > format_version)

@@ -8,6 +8,7 @@
 namespace echofuse {
 
 inline constexpr double speed_of_light_m_s = 299'792'458.0;
+inline constexpr double ps_per_m = 2e12 / speed_of_light_m_s;  // there and back
 
 // A regular axis. Bin i of the SPD covers [start + i*step, start + (i+1)*step); point i of the
 // radar and pixel i of the depth map stand *at* start + i*step.

@@ -6,6 +6,7 @@
 
 #include <array>
 #include <csignal>
+#include <fstream>
 
 #include "drivers/core/exit_code.hpp"
 
@@ -43,6 +44,17 @@ void run_gnuplot(const std::string& script, const std::string& folder, const std
   std::signal(SIGPIPE, before);
   if (!ended || status != 0)
     throw Error(ExitCode::failed, without + "gnuplot made no picture (Debian: gnuplot-nox)");
+}
+
+void write_chart(const std::string& folder, const std::string& name, const std::string& csv,
+                 const std::string& script) {
+  std::ofstream table(folder + "/" + name + ".csv"), plot(folder + "/" + name + ".gp");
+  table << csv;
+  plot << script;
+  table.close();
+  plot.close();
+  if (!table || !plot) throw Error(ExitCode::disk, folder + ": cannot be written");
+  run_gnuplot("load '" + name + ".gp'\n", folder, folder + "/" + name + ".csv is written, but ");
 }
 
 }  // namespace echofuse

@@ -3,6 +3,7 @@
 #pragma once
 #include <algorithm>
 #include <cstddef>
+#include <numeric>
 #include <span>
 #include <vector>
 
@@ -25,6 +26,12 @@ struct Matrix {
 
 // Indices of records within a Dataset, in the order they are to be used.
 using Rows = std::vector<std::size_t>;
+
+inline Rows all_rows(std::size_t count) {
+  Rows out(count);
+  std::iota(out.begin(), out.end(), std::size_t{0});
+  return out;
+}
 
 inline Matrix take_rows(const Matrix& from, const Rows& rows) {
   Matrix out(rows.size(), from.cols);

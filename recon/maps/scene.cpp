@@ -5,17 +5,12 @@
 #include <cmath>
 
 #include "acquire/record/depth_map.hpp"
+#include "recon/maps/statistics.hpp"
 
 namespace echofuse::recon {
 namespace {
 
 constexpr float foreground_step_m = 0.1f;
-
-float median_of(std::vector<float>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 std::vector<float> median_map(const Matrix& depth, const Rows& rows) {
   // A thousand maps place the median as well as all of them would.
@@ -24,7 +19,7 @@ std::vector<float> median_map(const Matrix& depth, const Rows& rows) {
   for (std::size_t p = 0; p < depth.cols; ++p) {
     column.clear();
     for (std::size_t i = 0; i < rows.size(); i += stride) column.push_back(depth.row(rows[i])[p]);
-    out[p] = median_of(column);
+    out[p] = quantile(column, 0.5);
   }
   return out;
 }

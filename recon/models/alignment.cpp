@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "drivers/core/exit_code.hpp"
+#include "recon/maps/statistics.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -18,13 +19,6 @@ constexpr double histogram_reach_m = 0.7, histogram_step_m = 0.04;
 // Of the radar profile against the body: a target at x shifts it by b x / r.
 constexpr double profile_from_m = -1.0, profile_to_m = 1.3, least_profile_step_m = 0.04;
 
-float nth(std::vector<float> values, double quantile) {
-  const auto at =
-      values.begin() + static_cast<std::ptrdiff_t>(quantile * static_cast<double>(values.size()));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
-
 // What is there in every record: per column of [first, first + count), the level that few records
 // are below, less its distance to the median: where bodies come and go, nothing. A count that
 // scatters like one of photons alone is all background: its median.
@@ -33,18 +27,12 @@ std::vector<float> background_of(const Matrix& table, const Rows& rows, std::siz
   std::vector<float> out(count), column(rows.size());
   for (std::size_t c = 0; c < count; ++c) {
     for (std::size_t i = 0; i < rows.size(); ++i) column[i] = table.row(rows[i])[first + c];
-    const float low = nth(column, background_quantile);
-    const float median = nth(column, 0.5);
+    const float low = quantile(column, background_quantile);
+    const float median = quantile(column, 0.5);
     const bool steady = median - low < steadiness * std::sqrt(poisson ? median : 0);
     out[c] = steady ? median : std::max(2 * low - median, 0.f);
   }
   return out;
-}
-
-float sum_of(std::span<const float> values) {
-  float sum = 0;
-  for (const float v : values) sum += v;
-  return sum;
 }
 
 }  // namespace
@@ -53,9 +41,8 @@ Alignment::Alignment(const Layout& layout, const Matrix& readings, const Rows& r
   if (layout.spd.count == 0 || layout.radar.count == 0)
     throw Error(ExitCode::usage,
                 "the silhouette and factorised models need both sensors: --inputs fused");
-  const double m_per_unit = 1e-12 * speed_of_light_m_s / 2;
-  spd_first_m_ = layout.spd.at(0.5) * m_per_unit;
-  spd_step_m_ = layout.spd.step * m_per_unit;
+  spd_first_m_ = layout.spd.at(0.5) / ps_per_m;
+  spd_step_m_ = layout.spd.step / ps_per_m;
   radar_first_m_ = layout.radar.start;
   radar_step_m_ = layout.radar.step;
   profile_step_m_ = std::max(radar_step_m_ / 2, least_profile_step_m);
@@ -75,7 +62,8 @@ Body Alignment::operator()(std::span<const float> readings, std::span<float> fea
   const std::size_t bins = spd_background_.size();
   std::vector<float> clicks(bins), power(radar_background_.size());
   for (std::size_t i = 0; i < bins; ++i) clicks[i] = readings[i] - spd_background_[i];
-  const float level = nth(clicks, 0.5);
+  std::vector<float> sorted = clicks;
+  const float level = quantile(sorted, 0.5);
   for (float& v : clicks) v -= level;
   for (std::size_t i = 0; i < power.size(); ++i)
     power[i] = readings[bins + i] - radar_background_[i];
@@ -158,9 +146,9 @@ void Alignment::align_profile(std::span<const float> power, float range_m,
     }
     out[j] = sum * std::sin(static_cast<float>(M_PI) * a) / static_cast<float>(M_PI);
   }
-  std::vector<float> above(out.begin(), out.end());
-  for (float& v : above) v = std::max(v, 0.f);
-  if (const float all = sum_of(above); all > 0)
+  float all = 0;
+  for (const float v : out) all += std::max(v, 0.f);
+  if (all > 0)
     for (float& v : out) v /= all;
 }
 

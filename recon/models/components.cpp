@@ -8,6 +8,7 @@
 #include <random>
 
 #include "drivers/core/random.hpp"
+#include "recon/maps/statistics.hpp"
 #include "recon/models/blas.hpp"
 #include "recon/models/model.hpp"
 
@@ -40,24 +41,18 @@ Matrix times(const Matrix& a, const Matrix& b, Transpose a_t, Transpose b_t) {
   return out;
 }
 
-std::vector<float> subtract_mean(Matrix& table) {
-  std::vector<double> sum(table.cols);
-  for (std::size_t i = 0; i < table.rows; ++i)
-    for (std::size_t c = 0; c < table.cols; ++c) sum[c] += double{table.row(i)[c]};
-  std::vector<float> mean(table.cols);
-  for (std::size_t c = 0; c < table.cols; ++c)
-    mean[c] =
-        static_cast<float>(sum[c] / static_cast<double>(std::max<std::size_t>(table.rows, 1)));
+void subtract(Matrix& table, const std::vector<float>& mean) {
   for (std::size_t i = 0; i < table.rows; ++i)
     for (std::size_t c = 0; c < table.cols; ++c) table.row(i)[c] -= mean[c];
-  return mean;
 }
 
 }  // namespace
 
 Components principal_components(Matrix table, std::size_t count, std::uint64_t seed) {
   Components out;
-  out.mean = subtract_mean(table);
+  const auto mean = column_statistics(table, all_rows(table.rows)).mean;
+  out.mean.assign(mean.begin(), mean.end());
+  subtract(table, out.mean);
   const std::size_t most = std::min(table.rows, table.cols);
   count = std::min(count, most);
   Matrix q(std::min(count + spare_directions, most), table.cols);
@@ -88,9 +83,17 @@ Components principal_components(Matrix table, std::size_t count, std::uint64_t s
 
 Matrix coordinates(const Components& components, const Matrix& table) {
   Matrix centred = table;
-  for (std::size_t i = 0; i < table.rows; ++i)
-    for (std::size_t c = 0; c < table.cols; ++c) centred.row(i)[c] -= components.mean[c];
+  subtract(centred, components.mean);
   return times(centred, components.basis, Transpose::no, Transpose::yes);
+}
+
+Matrix from_coordinates(const Components& components, const Matrix& amounts) {
+  Matrix out(0, components.mean.size());
+  for (std::size_t i = 0; i < amounts.rows; ++i) out.add_row(components.mean);
+  if (amounts.cols > 0)
+    multiply({out.rows, out.cols, amounts.cols, Transpose::no, Transpose::no, 1.f, 1.f},
+             amounts.values.data(), components.basis.values.data(), out.values.data());
+  return out;
 }
 
 void save_components(record::H5File& file, const std::string& group, const Components& c) {
@@ -103,9 +106,7 @@ Components load_components(const record::H5File& file, const std::string& group)
   Components c;
   c.mean = file.read<float>(group + "/mean");
   c.deviation = file.read<float>(group + "/deviation");
-  const auto shape = file.shape(group + "/basis");
-  c.basis = Matrix(shape.at(0), shape.at(1));
-  c.basis.values = file.read<float>(group + "/basis");
+  c.basis = read_matrix(file, group + "/basis");
   require_sound((c.basis.rows == 0 || c.basis.cols == c.mean.size()) &&
                     c.deviation.size() == c.basis.rows &&
                     c.basis.values.size() == c.basis.rows * c.basis.cols,

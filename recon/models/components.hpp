@@ -21,6 +21,8 @@ Components principal_components(Matrix table, std::size_t count, std::uint64_t s
 
 // (table - mean) basis': one row of coordinates a row.
 Matrix coordinates(const Components& components, const Matrix& table);
+// Its inverse, as far as the basis reaches: mean + amounts basis.
+Matrix from_coordinates(const Components& components, const Matrix& amounts);
 
 void save_components(record::H5File& file, const std::string& group, const Components& components);
 Components load_components(const record::H5File& file, const std::string& group);

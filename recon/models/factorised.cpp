@@ -10,8 +10,8 @@
 #include "acquire/record/depth_map.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "recon/maps/scene.hpp"
+#include "recon/maps/statistics.hpp"
 #include "recon/models/alignment.hpp"
-#include "recon/models/blas.hpp"
 #include "recon/models/body_frame.hpp"
 #include "recon/models/components.hpp"
 #include "recon/models/regression.hpp"
@@ -34,10 +34,9 @@ float intersection_over_union(std::span<const float> map, std::span<const float>
   return any > 0 ? static_cast<float>(both) / static_cast<float>(any) : 0;
 }
 
-Rows counted(std::size_t n) {
-  Rows out(n);
-  for (std::size_t i = 0; i < n; ++i) out[i] = i;
-  return out;
+// Of the amounts of each kind, so that neither drowns the other.
+float unit_of(const Components& components) {
+  return std::max(components.deviation.front(), 1e-6f);
 }
 
 class Factorised final : public Model {
@@ -63,6 +62,7 @@ class Factorised final : public Model {
   Seen see(const Samples& samples) const;
   void learn_scale(const Matrix& features);
   void standardise(std::span<float> features) const;
+  float range_of(std::span<const float> standardised) const;  // metres
   TrainingLog fit_position(const Seen& train, const Seen& validation, const FitOptions& options);
   void fit_bodies(const Seen& train, const Samples& samples, const FitOptions& options);
   bool fit_shape(const Seen& train, const Samples& train_samples, const Seen& validation,
@@ -98,17 +98,15 @@ Factorised::Seen Factorised::see(const Samples& samples) const {
 }
 
 void Factorised::learn_scale(const Matrix& features) {
-  centre_.assign(features.cols, 0);
+  const ColumnStatistics columns = column_statistics(features, all_rows(features.rows));
+  centre_.assign(columns.mean.begin(), columns.mean.end());
   deviation_.assign(features.cols, 1);
-  const auto n = static_cast<double>(features.rows);
-  for (std::size_t c = 0; c < features.cols; ++c) {
-    double sum = 0, squares = 0;
-    for (std::size_t i = 0; i < features.rows; ++i) sum += double{features.row(i)[c]};
-    for (std::size_t i = 0; i < features.rows; ++i)
-      squares += std::pow(double{features.row(i)[c]} - sum / n, 2);
-    centre_[c] = static_cast<float>(sum / n);
-    if (squares > 0) deviation_[c] = static_cast<float>(std::sqrt(squares / n));
-  }
+  for (std::size_t c = 0; c < features.cols; ++c)
+    if (columns.variance[c] > 0) deviation_[c] = static_cast<float>(std::sqrt(columns.variance[c]));
+}
+
+float Factorised::range_of(std::span<const float> standardised) const {
+  return standardised.back() * deviation_.back() + centre_.back();
 }
 
 void Factorised::standardise(std::span<float> features) const {
@@ -143,7 +141,7 @@ TrainingLog Factorised::fit_position(const Seen& train, const Seen& validation,
   const auto targets = [&](const Seen& seen) {
     Matrix out(seen.rows.size(), 2);
     for (std::size_t i = 0; i < out.rows; ++i) {
-      const float range_m = seen.features.row(i).back() * deviation_.back() + centre_.back();
+      const float range_m = range_of(seen.features.row(i));
       out.row(i)[0] = seen.places[i].tangent * range_m;
       out.row(i)[1] = seen.places[i].depth_m - range_m;
     }
@@ -151,8 +149,8 @@ TrainingLog Factorised::fit_position(const Seen& train, const Seen& validation,
   };
   Training training = training_of(options);
   training.hidden = position_hidden;
-  return position_.fit({train.features, targets(train), counted(train.rows.size())},
-                       {validation.features, targets(validation), counted(validation.rows.size())},
+  return position_.fit({train.features, targets(train), all_rows(train.rows.size())},
+                       {validation.features, targets(validation), all_rows(validation.rows.size())},
                        Spread::each, training, "position", " of the spread");
 }
 
@@ -171,9 +169,9 @@ bool Factorised::fit_shape(const Seen& train, const Samples& train_samples, cons
   const std::size_t width = std::max(2 * masks_.basis.rows, least_shape_hidden);
   training.hidden = {width, width};
   return shape_
-      .fit({train.features, amounts(train, train_samples), counted(train.rows.size())},
+      .fit({train.features, amounts(train, train_samples), all_rows(train.rows.size())},
            {validation.features, amounts(validation, validation_samples),
-            counted(validation.rows.size())},
+            all_rows(validation.rows.size())},
            Spread::common, training, "shape", " of the spread")
       .interrupted;
 }
@@ -197,7 +195,7 @@ Matrix Factorised::amounts(const Seen& seen, const Samples& samples) const {
   const Matrix of_reliefs = coordinates(reliefs_, bodies.reliefs);
   Matrix out(seen.rows.size(), of_masks.cols + of_reliefs.cols);
   const auto put = [&](const Matrix& from, const Components& components, std::size_t first) {
-    const float unit = std::max(components.deviation.front(), 1e-6f);
+    const float unit = unit_of(components);
     for (std::size_t i = 0; i < out.rows; ++i)
       for (std::size_t k = 0; k < from.cols; ++k) out.row(i)[first + k] = from.row(i)[k] / unit;
   };
@@ -210,7 +208,7 @@ std::vector<Place> Factorised::find_places(const Matrix& features) const {
   const Matrix found = position_.predict(features);
   std::vector<Place> out;
   for (std::size_t i = 0; i < found.rows; ++i) {
-    const float range_m = features.row(i).back() * deviation_.back() + centre_.back();
+    const float range_m = range_of(features.row(i));
     out.push_back(
         {found.row(i)[0] / std::max(range_m, 0.1f), std::max(range_m + found.row(i)[1], 0.1f)});
   }
@@ -218,25 +216,15 @@ std::vector<Place> Factorised::find_places(const Matrix& features) const {
 }
 
 Factorised::Shapes Factorised::find_shapes(const Matrix& features) const {
-  Shapes out{Matrix(features.rows, frame_.size()), Matrix(features.rows, frame_.size())};
-  for (std::size_t i = 0; i < features.rows; ++i) {
-    std::copy(masks_.mean.begin(), masks_.mean.end(), out.masks.row(i).begin());
-    std::copy(reliefs_.mean.begin(), reliefs_.mean.end(), out.reliefs.row(i).begin());
-  }
-  if (!shapes_) return out;
-  const Matrix found = shape_.predict(features);
-  const auto add = [&](Matrix& to, const Components& components, std::size_t first) {
-    Matrix amount(features.rows, components.basis.rows);
-    const float unit = std::max(components.deviation.front(), 1e-6f);
-    for (std::size_t i = 0; i < amount.rows; ++i)
-      for (std::size_t k = 0; k < amount.cols; ++k)
-        amount.row(i)[k] = found.row(i)[first + k] * unit;
-    multiply({amount.rows, to.cols, amount.cols, Transpose::no, Transpose::no, 1.f, 1.f},
-             amount.values.data(), components.basis.values.data(), to.values.data());
+  const Matrix found = shapes_ ? shape_.predict(features) : Matrix(features.rows, 0);
+  const auto put_together = [&](const Components& components, std::size_t first) {
+    Matrix amounts(features.rows, components.basis.rows);
+    for (std::size_t i = 0; i < amounts.rows; ++i)
+      for (std::size_t k = 0; k < amounts.cols; ++k)
+        amounts.row(i)[k] = found.row(i)[first + k] * unit_of(components);
+    return from_coordinates(components, amounts);
   };
-  add(out.masks, masks_, 0);
-  add(out.reliefs, reliefs_, masks_.basis.rows);
-  return out;
+  return {put_together(masks_, 0), put_together(reliefs_, masks_.basis.rows)};
 }
 
 // With an uncertain place the mask that overlaps best is wider than the one at a share of 1/2.
@@ -261,15 +249,16 @@ Matrix Factorised::predict(const Matrix& readings) const {
   Matrix features(0, alignment_.size());
   std::vector<float> one(alignment_.size());
   std::vector<std::size_t> with_body;
+  Matrix out(readings.rows, background_.size());
   for (std::size_t i = 0; i < readings.rows; ++i) {
-    if (!alignment_(readings.row(i), one).there) continue;
+    if (!alignment_(readings.row(i), one).there) {
+      std::copy(background_.begin(), background_.end(), out.row(i).begin());
+      continue;
+    }
     standardise(one);
     features.add_row(one);
     with_body.push_back(i);
   }
-  Matrix out(readings.rows, background_.size());
-  for (std::size_t i = 0; i < out.rows; ++i)
-    std::copy(background_.begin(), background_.end(), out.row(i).begin());
   if (with_body.empty()) return out;
   const std::vector<Place> places = find_places(features);
   const Shapes shapes = find_shapes(features);

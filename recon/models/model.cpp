@@ -89,6 +89,13 @@ Rung rung_of(const std::string& name, const FitOptions& base) {
   return out;
 }
 
+Matrix read_matrix(const record::H5File& file, const std::string& name) {
+  const auto shape = file.shape(name);
+  Matrix out(shape.at(0), shape.at(1));
+  out.values = file.read<float>(name);
+  return out;
+}
+
 void require_sound(bool sound, const std::string& what) {
   if (!sound) throw Error(ExitCode::failed, "damaged model file: " + what + " do not fit");
 }

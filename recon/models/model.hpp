@@ -98,6 +98,9 @@ struct Rung {
 // With every option that the model has, `base` where it speaks. Throws Error(usage).
 Rung rung_of(const std::string& name, const FitOptions& base);
 
+// A table as save() left it.
+Matrix read_matrix(const record::H5File& file, const std::string& name);
+
 // For load(): throws Error(failed) that says what of a model file is damaged.
 void require_sound(bool sound, const std::string& what);
 

@@ -36,18 +36,12 @@ class Nearest final : public Model {
     file.write("model/maps_m", maps_.values, {maps_.rows, maps_.cols});
   }
   void load(const record::H5File& file) override {
-    inputs_ = read(file, "model/inputs");
-    maps_ = read(file, "model/maps_m");
+    inputs_ = read_matrix(file, "model/inputs");
+    maps_ = read_matrix(file, "model/maps_m");
     measure();
   }
 
  private:
-  static Matrix read(const record::H5File& file, const std::string& name) {
-    const auto shape = file.shape(name);
-    Matrix out(shape.at(0), shape.at(1));
-    out.values = file.read<float>(name);
-    return out;
-  }
   void measure() {
     squares_.assign(inputs_.rows, 0);
     for (std::size_t t = 0; t < inputs_.rows; ++t)

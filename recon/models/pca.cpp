@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // A model that answers with few numbers, the amounts of the strongest principal components of the
 // training maps, instead of every pixel: the last and largest layer is fixed, not fitted.
-#include "recon/models/blas.hpp"
 #include "recon/models/components.hpp"
 #include "recon/models/model.hpp"
 
@@ -26,12 +25,7 @@ class Pca final : public Model {
                        {validation.inputs, amounts, validation.rows, validation.layout}, options);
   }
   Matrix predict(const Matrix& inputs) const override {
-    const Matrix amounts = inner_->predict(inputs);
-    Matrix out(0, components_.mean.size());
-    for (std::size_t i = 0; i < inputs.rows; ++i) out.add_row(components_.mean);
-    multiply({out.rows, out.cols, amounts.cols, Transpose::no, Transpose::no, 1.f, 1.f},
-             amounts.values.data(), components_.basis.values.data(), out.values.data());
-    return out;
+    return from_coordinates(components_, inner_->predict(inputs));
   }
   Cost cost() const override {
     const Cost inner = inner_->cost();

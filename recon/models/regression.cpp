@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "drivers/core/console.hpp"
+#include "recon/maps/statistics.hpp"
 #include "recon/models/blas.hpp"
 
 namespace echofuse::recon {
@@ -34,22 +35,15 @@ Training training_of(const FitOptions& o) {
 }
 
 void Regression::standardise(const Examples& train, Spread spread) {
-  const std::size_t columns = train.targets.cols;
-  const auto n = static_cast<double>(train.rows.size());
-  std::vector<double> mean(columns), squares(columns);
-  for (const std::size_t row : train.rows)
-    for (std::size_t c = 0; c < columns; ++c) mean[c] += double{train.targets.row(row)[c]} / n;
-  for (const std::size_t row : train.rows)
-    for (std::size_t c = 0; c < columns; ++c)
-      squares[c] += square(double{train.targets.row(row)[c]} - mean[c]) / n;
+  auto [mean, squares] = column_statistics(train.targets, train.rows);
   if (spread == Spread::common) {
     double all = 0;
-    for (const double s : squares) all += s / static_cast<double>(columns);
+    for (const double s : squares) all += s / static_cast<double>(squares.size());
     std::fill(squares.begin(), squares.end(), all);
   }
   centre_.assign(mean.begin(), mean.end());
-  spread_.assign(columns, 1);
-  for (std::size_t c = 0; c < columns; ++c)
+  spread_.assign(squares.size(), 1);
+  for (std::size_t c = 0; c < squares.size(); ++c)
     if (squares[c] > 0) spread_[c] = static_cast<float>(std::sqrt(squares[c]));
   unit_ = spread == Spread::common ? double{spread_.front()} : 1;
 }

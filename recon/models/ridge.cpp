@@ -123,9 +123,7 @@ void Ridge::save(record::H5File& file) const {
 }
 
 void Ridge::load(const record::H5File& file) {
-  const auto shape = file.shape("model/weights");
-  weights_ = Matrix(shape.at(0), shape.at(1));
-  weights_.values = file.read<float>("model/weights");
+  weights_ = read_matrix(file, "model/weights");
   offset_ = file.read<float>("model/offset_m");
   penalty_ = file.get<double>("model/weights", "penalty");
 }

@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "sim/devices/faults.hpp"
 
-#include <toml++/toml.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <sstream>
 
-#include "drivers/core/exit_code.hpp"
-#include "drivers/core/printable.hpp"
+#include "sim/toml_tables.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -32,12 +29,6 @@ const char* const devices[] = {"tdc", "radar", "depth"};
 const char* const keys[] = {"device", "at_s", "for_s", "every_s", "kind", "amount"};
 constexpr double longest_s = 1e7;
 
-template <class Node>
-std::string place(const std::string& name, const Node& node) {
-  const auto where = node.source().begin;
-  return name + ":" + std::to_string(where.line) + ":" + std::to_string(where.column) + ": ";
-}
-
 template <class List>
 std::string listed(const List& names) {
   std::string text;
@@ -54,21 +45,16 @@ std::string shown(double value) {
   return text.str();
 }
 
-class Reader {
+class Reader : TableReader {
  public:
-  explicit Reader(const std::string& name) : name_(name) {}
+  using TableReader::TableReader;
 
-  std::vector<Fault> read(const toml::table& file) {
-    for (const auto& [key, node] : file)
-      if (key.str() != "fault" || !node.is_array_of_tables())
-        say(node, std::string(key.str()) + ": expected [[fault]] tables only");
+  std::vector<Fault> read(const std::string& text) {
     std::vector<Fault> all;
-    if (const auto* list = file["fault"].as_array())
-      for (const auto& node : *list)
-        if (const auto* table = node.as_table()) all.push_back(read_one(*table));
+    read_tables(text, "fault", [&](const toml::table& table) { all.push_back(read_one(table)); });
+    refuse_faults();
     return all;
   }
-  std::string mistakes() const { return mistakes_; }
 
  private:
   Fault read_one(const toml::table& table) {
@@ -122,14 +108,6 @@ class Reader {
     node ? say(*node, expected) : say(table, expected);
     return 0;
   }
-
-  template <class Node>
-  void say(const Node& node, const std::string& what) {
-    if (!mistakes_.empty()) mistakes_ += '\n';
-    mistakes_ += place(name_, node) + printable(what);
-  }
-
-  std::string name_, mistakes_;
 };
 
 // The part of the fault's repetition in which time_s lies that is over by then, and how many
@@ -146,14 +124,7 @@ std::optional<std::pair<double, double>> progress(const Fault& f, double time_s)
 const char* name_of(FaultKind kind) { return kinds[static_cast<std::size_t>(kind)].name; }
 
 std::vector<Fault> read_faults(const std::string& text, const std::string& name) {
-  try {
-    Reader reader(name);
-    auto all = reader.read(toml::parse(text, name));
-    if (!reader.mistakes().empty()) throw Error(ExitCode::config, reader.mistakes());
-    return all;
-  } catch (const toml::parse_error& e) {
-    throw Error(ExitCode::config, place(name, e) + "not TOML: " + std::string(e.description()));
-  }
+  return Reader(name).read(text);
 }
 
 Faults::Faults(const std::vector<Fault>& all, const std::string& device) {

@@ -14,7 +14,6 @@ namespace echofuse::sim {
 namespace {
 
 constexpr double most_tags_per_s = 5e6;
-constexpr double two_way_ps_per_m = 2e12 / speed_of_light_m_s;
 // Photons are stored as pulse << 32 | delay, so no period is longer than this.
 constexpr double longest_period_ps = 4e9;
 
@@ -60,7 +59,7 @@ void PhotonSource::look_at(const Returns& returns) {
   for (std::size_t k = 0; k < returns.range_m.size(); ++k) {
     sum += returns.weight[k];
     cumulative_.push_back(sum);
-    delay_ps_.push_back(two_way_ps_per_m * returns.range_m[k]);
+    delay_ps_.push_back(ps_per_m * returns.range_m[k]);
   }
 }
 

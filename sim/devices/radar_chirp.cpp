@@ -39,7 +39,7 @@ RadarAxis Chirp::axis() const {
 std::vector<std::uint16_t> range_profile_codes(const std::vector<double>& power, double mean_peak,
                                                unsigned antennas, const Conditions& conditions,
                                                Rng& rng) {
-  const double noise_power = std::pow(10, -conditions.radar_snr_db / 10) * mean_peak;
+  const double noise_power = radar_noise_power(conditions, mean_peak);
   std::normal_distribution<double> noise(0, std::sqrt(noise_power / 2));
   std::vector<std::uint16_t> codes;
   codes.reserve(power.size());

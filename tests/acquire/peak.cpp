@@ -16,7 +16,6 @@ using namespace echofuse::acquire;
 
 namespace {
 
-constexpr double ps_per_m = 2e12 / speed_of_light_m_s;
 constexpr double pi = std::numbers::pi;
 constexpr double step_ps = 10;
 constexpr std::size_t bins = 2000;  // 0 to 3 m

@@ -18,11 +18,7 @@ using echofuse::testing::write_run;
 namespace {
 
 const Dataset& plates() {
-  static const Folder dir;
-  static const Dataset data = [] {
-    write_run(dir / "plates", 400);
-    return load({dir / "plates"});
-  }();
+  static const Dataset data = testing::load_plates(400);
   return data;
 }
 
@@ -36,19 +32,13 @@ const TrainedModel& trained() {
   return model;
 }
 
-Rows all_rows(std::size_t n) {
-  Rows out(n);
-  for (std::size_t i = 0; i < n; ++i) out[i] = i;
-  return out;
-}
-
 Layout plate_layout() { return {testing::spd_axis(), testing::radar_axis()}; }
 
 // Readings of a body at a range with nothing else: both sensors' bumps about it.
 std::vector<float> readings(double range_m, double shift_m, double gain = 1, double offset = 0) {
   std::vector<float> out;
   for (std::uint32_t i = 0; i < testing::spd_axis().count; ++i) {
-    const double at = testing::spd_axis().at(i + 0.5) * 1e-12 * speed_of_light_m_s / 2;
+    const double at = testing::spd_axis().at(i + 0.5) / ps_per_m;
     out.push_back(
         static_cast<float>(gain * 1e4 * std::exp(-std::pow((at - range_m) / 0.2, 2)) + offset));
   }

@@ -22,12 +22,6 @@ Matrix random_matrix(std::size_t rows, std::size_t cols, std::uint64_t seed) {
   return out;
 }
 
-Rows first_rows(std::size_t n) {
-  Rows out(n);
-  for (std::size_t i = 0; i < n; ++i) out[i] = i;
-  return out;
-}
-
 TrainOptions quick(const std::string& model) {
   TrainOptions options;
   options.model = model;
@@ -40,11 +34,7 @@ TrainOptions quick(const std::string& model) {
 
 // One run of plates, loaded once for all cases.
 const Dataset& plates() {
-  static const Folder dir;
-  static const Dataset data = [] {
-    write_run(dir / "plates", 600);
-    return load({dir / "plates"});
-  }();
+  static const Dataset data = testing::load_plates(600);
   return data;
 }
 
@@ -62,7 +52,7 @@ TEST_CASE("ridge equals a dense solve with the penalty that it chose") {
     for (std::size_t p = 0; p < 4096; ++p)
       y.row(i)[p] = 2 + x.row(i)[p % 8] - 0.5f * x.row(i)[(p + 3) % 8] + 0.3f * noise.row(i)[p];
   const auto ridge = make_ridge();
-  ridge->fit({x, y, first_rows(50)}, {x, y, {}}, {});
+  ridge->fit({x, y, all_rows(50)}, {x, y, {}}, {});
   const Folder dir;
   record::H5File file = record::H5File::create(dir / "ridge");
   ridge->save(file);
@@ -97,17 +87,17 @@ TEST_CASE("ridge bears repeated, constant and too many inputs") {
   }
   const Matrix y = random_matrix(30, 4096, 4);
   const auto ridge = make_ridge();
-  ridge->fit({x, y, first_rows(30)}, {x, y, {}}, {});
+  ridge->fit({x, y, all_rows(30)}, {x, y, {}}, {});
   for (const float v : ridge->predict(x).values) REQUIRE(std::isfinite(v));
   const Matrix same(5, 4);
-  ridge->fit({same, y, first_rows(5)}, {same, y, {}}, {});
+  ridge->fit({same, y, all_rows(5)}, {same, y, {}}, {});
   for (const float v : ridge->predict(same).values) REQUIRE(std::isfinite(v));
 }
 
 TEST_CASE("the nearest neighbour of a training record is itself") {
   const Matrix x = random_matrix(20, 10, 5), y = random_matrix(20, 4096, 6);
   const auto nearest = make_nearest();
-  nearest->fit({x, y, first_rows(20)}, {x, y, {}}, {});
+  nearest->fit({x, y, all_rows(20)}, {x, y, {}}, {});
   CHECK(nearest->predict(x).values == y.values);
 }
 

@@ -15,6 +15,7 @@
 #include "acquire/record/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/random.hpp"
+#include "recon/dataset.hpp"
 
 namespace echofuse::testing {
 
@@ -83,6 +84,13 @@ inline void write_run(const std::string& path, std::int64_t count, std::uint64_t
   }
   run.append(records);
   run.close("complete");
+}
+
+// The records of such a run.
+inline recon::Dataset load_plates(std::int64_t count) {
+  const Folder dir;
+  write_run(dir / "plates", count);
+  return recon::load({dir / "plates"});
 }
 
 struct Outcome {

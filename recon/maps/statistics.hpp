@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: MIT
+// What the rows of a table have in common.
+#pragma once
+#include <span>
+#include <vector>
+
+#include "recon/maps/matrix.hpp"
+
+namespace echofuse::recon {
+
+struct ColumnStatistics {
+  std::vector<double> mean, variance;  // of each column; the variance divided by the number of rows
+};
+
+// Of the given rows (at least one).
+ColumnStatistics column_statistics(const Matrix& table, const Rows& rows);
+
+// The value that this share of all is below: 0.5 for the median. Reorders them.
+float quantile(std::span<float> values, double share);
+
+}  // namespace echofuse::recon

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: MIT
+// A TOML file that is a list of [[kind]] tables, read with all its faults at once. For .cpp files
+// only: toml++ is a heavy header.
+#pragma once
+#include <toml++/toml.h>
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "drivers/core/exit_code.hpp"
+#include "drivers/core/settings.hpp"
+
+namespace echofuse::sim {
+
+class TableReader {
+ public:
+  explicit TableReader(std::string file_name) : name_(std::move(file_name)) {}
+
+ protected:
+  // use(table) for each [[kind]]; anything else is a fault. Throws Error(config) for a text that is
+  // not TOML.
+  template <class Use>
+  void read_tables(const std::string& text, const std::string& kind, Use use) try {
+    const toml::table file = toml::parse(text, name_);
+    for (const auto& [key, node] : file)
+      if (key.str() != kind || !node.is_array_of_tables())
+        say(node, std::string(key.str()) + ": expected [[" + kind + "]] tables only");
+    if (const auto* list = file[kind].as_array())
+      for (const auto& node : *list)
+        if (const auto* table = node.as_table()) use(*table);
+  } catch (const toml::parse_error& e) {
+    throw Error(ExitCode::config, place(e) + "not TOML: " + std::string(e.description()));
+  }
+  template <class Node>
+  void say(const Node& node, const std::string& what) {
+    faults_.push_back(place(node) + what);
+  }
+  void refuse_faults() const {
+    if (!faults_.empty()) refuse(faults_);
+  }
+
+  std::string name_;
+  std::vector<std::string> faults_;
+
+ private:
+  template <class Node>
+  std::string place(const Node& node) const {
+    const auto where = node.source().begin;
+    return name_ + ":" + std::to_string(where.line) + ":" + std::to_string(where.column) + ": ";
+  }
+};
+
+}  // namespace echofuse::sim
