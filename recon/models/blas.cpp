@@ -43,6 +43,16 @@ void gemm(CBLAS_TRANSPOSE ta, CBLAS_TRANSPOSE tb, int m, int n, int k, double al
   cblas_dgemm(CblasRowMajor, ta, tb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc);
 }
 
+// y = alpha op(B) x + beta y; B is rows x cols as it lies in memory.
+void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, float alpha, const float* b, const float* x,
+          float beta, float* y) {
+  cblas_sgemv(CblasRowMajor, tb, rows, cols, alpha, b, cols, x, 1, beta, y, 1);
+}
+void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, double alpha, const double* b, const double* x,
+          double beta, double* y) {
+  cblas_dgemv(CblasRowMajor, tb, rows, cols, alpha, b, cols, x, 1, beta, y, 1);
+}
+
 template <class T>
 void multiply_parts(const Product<T>& p, const T* a, const T* b, T* c) {
   static const bool one_thread = [] {
@@ -51,6 +61,14 @@ void multiply_parts(const Product<T>& p, const T* a, const T* b, T* c) {
   }();
   static_cast<void>(one_thread);
   const bool ta = p.a_transposed == Transpose::yes, tb = p.b_transposed == Transpose::yes;
+  // One row reads each of B once; as a product of matrices B would be repacked first, for 5 times
+  // as long as reading it takes.
+  if (p.m == 1) {
+    const std::size_t rows = tb ? p.n : p.k, cols = tb ? p.k : p.n;
+    gemv(tb ? CblasNoTrans : CblasTrans, static_cast<int>(rows), static_cast<int>(cols), p.alpha, b,
+         a, p.beta, c);
+    return;
+  }
   const std::size_t lda = ta ? p.m : p.k, ldb = tb ? p.k : p.n;
   const auto parts = parts_of(p.m, p.n, p.k);
   for_each_part(parts.size(), [&](std::size_t i) {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "recon/models/adam.hpp"
+#include "recon/models/blas.hpp"
 
 using namespace echofuse;
 using namespace echofuse::recon;
@@ -59,6 +60,25 @@ TEST_CASE("the gradient equals central differences for every parameter") {
     CAPTURE(i);
     REQUIRE(gradient[i] == Approx(slope).margin(20 * rounding).epsilon(1e-9));
   }
+}
+
+// Sizes of a few rows and of one, whose product is made another way.
+TEST_CASE("a product of matrices equals its sums, transposed or not, for one row as for many") {
+  const std::size_t m = GENERATE(1, 5), n = GENERATE(1, 7), k = 4;
+  const auto ta = GENERATE(Transpose::no, Transpose::yes);
+  const auto tb = GENERATE(Transpose::no, Transpose::yes);
+  Rng rng = make_rng(8, 0);
+  const auto a = normal(m * k, rng), b = normal(k * n, rng), before = normal(m * n, rng);
+  auto c = before;
+  multiply({m, n, k, ta, tb, 1.5, -2.0}, a.data(), b.data(), c.data());
+  for (std::size_t i = 0; i < m; ++i)
+    for (std::size_t j = 0; j < n; ++j) {
+      double sum = -2 * before[i * n + j];
+      for (std::size_t l = 0; l < k; ++l)
+        sum += 1.5 * a[ta == Transpose::yes ? l * m + i : i * k + l] *
+               b[tb == Transpose::yes ? j * k + l : l * n + j];
+      CHECK(c[i * n + j] == Approx(sum).margin(1e-12));
+    }
 }
 
 TEST_CASE("single precision follows double precision") {
