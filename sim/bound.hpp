@@ -38,7 +38,7 @@ struct BoundOptions {
   std::int64_t scenes = 100;
   std::uint64_t seed = 1;
   std::int64_t rays = 512;  // both ways across the body, from each sensor
-  double step = 0.005;  // of the numerical derivatives, in ranges that a parameter is drawn from
+  double step = 0.0025;  // of the numerical derivatives, in ranges that a parameter is drawn from
   bool quiet = false;
 };
 
