@@ -34,7 +34,7 @@ plot 'pareto.csv' using 22:(strcol(1) eq 'model' && $25 == 1 ? $5 : NaN) with st
      '' using 22:(iou('model')):6 with yerrorbars pt 7 ps 0.6 lc 3 notitle, \
      '' using 22:(iou('model')):3 with labels left font ',9' offset 0.6,0.5 rotate by 25 notitle, \
      '' using 22:(strcol(3) eq 'mlp-512-256' ? iou('model') : NaN) with points pt 6 ps 2 lc 7 title "the paper's network"
-set title 'position against multiply-adds'; set key top right
+set title 'position against multiply-adds'; set key top left
 set xlabel 'multiply-adds of one map'; set ylabel 'lateral error, m'; set logscale y; set yrange [0.01:1]; set xrange [1e4:1e7]
 plot 'pareto.csv' using 21:(strcol(1) eq 'model' ? $17 : NaN) with points pt 7 lc 3 notitle, \
      '' using 21:(strcol(1) eq 'model' ? $17 : NaN):3 with labels left font ',9' offset 0.6,0.5 rotate by 25 notitle @bound
@@ -158,7 +158,7 @@ void write_pareto(const std::vector<ParetoRow>& rows, const std::string& folder,
                   const std::optional<LateralBound>& bound) {
   const std::string lines = bound ? formatted(
                                         ", %g with lines dt 2 lc 2 title 'bound: pose unknown', "
-                                        "%g with lines dt 3 lc 4 title 'bound: shape known'",
+                                        "%g with lines dt 3 lc 7 title 'bound: shape known'",
                                         bound->pose_unknown_m, bound->shape_known_m)
                                   : "";
   write_chart(folder, "pareto", to_csv(rows), "bound = \"" + lines + "\"\n" + chart);

@@ -14,7 +14,7 @@ constexpr const char* chart = R"(set datafile separator ','
 set terminal svg size 1000,720 font 'sans,12' background 'white'
 set output 'bound.svg'
 set multiplot layout 2,2 title 'least error of the lateral position (Cramer-Rao)'
-set logscale xy; set grid; set key bottom right; set offsets graph 0.05, graph 0.05
+set logscale xy; set grid; set key top right; set offsets graph 0.05, graph 0.05
 set ylabel 'standard deviation of x, m'; set yrange [0.001:1]
 axis(what, known) = sprintf("< awk -F, '$1==\"%s\" && $3==\"%s\"' bound.csv", what, known)
 what(known) = known eq 'shape' ? 'shape known' : 'pose unknown'

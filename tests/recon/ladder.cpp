@@ -191,11 +191,11 @@ TEST_CASE("cross-validation of held poses does not call each record a new one") 
   write_run(dir / "run", 120);
   Dataset data = load({dir / "run"});
   const Rows once = rows_to_train(data, Inputs::fused);
-  Rows held;  // every record ten times in a row
-  for (std::size_t i = 0; i < 24; ++i) held.insert(held.end(), 10, once[i]);
+  Rows held;  // every record five times in a row
+  for (std::size_t i = 0; i < 24; ++i) held.insert(held.end(), 5, once[i]);
   CrossvalidateOptions options;
   options.models = {"silhouette"};
-  options.gap = 10;
+  options.gap = 5;
   options.fit.quiet = true;
   const double folds = crossvalidate(data, held, options).front().metrics[metric_iou].se;
   options.sequence = false;
