@@ -181,7 +181,7 @@ TEST_CASE("derivatives converge with step and rays, and keep the detector's symm
     };
     return slopes(model, {0}, step)[0];
   };
-  for (const std::size_t draw : {1, 2, 8}) {  // z, turn, a leg's swing
+  for (const std::size_t draw : {1u, 2u, 8u}) {  // z, turn, a leg's swing
     CAPTURE(draw);
     const Values fine = slope(draw, 0.00125, 1536);
     const auto error = [&](double step, std::int64_t rays) {
