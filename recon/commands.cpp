@@ -264,8 +264,8 @@ Command add_crossvalidate(CLI::App& app, const Common& common) {
     const Dataset data = load(a->runs);
     const auto rows = crossvalidate(data, rows_to_train(data, inputs_of(a->inputs)), *a,
                                     a->published.empty() ? Dataset{} : load({a->published}));
-    std::printf("%zu folds, gap %zu; mean +- standard error over maps\n%s", a->folds, a->gap,
-                to_table({rows.begin(), rows.end()}).c_str());
+    std::printf("%zu folds, gap %zu; mean over maps +- standard error over folds\n%s", a->folds,
+                a->gap, to_table({rows.begin(), rows.end()}).c_str());
     std::fputs(to_span_table({rows.begin(), rows.end()}).c_str(), stdout);
     return ExitCode::ok;
   };
@@ -294,7 +294,8 @@ Command add_study(CLI::App& app, const Common& common) {
       ->check(CLI::IsMember({"pareto"}));
   app.add_option("train", a->train, "run file to train on")->required();
   app.add_option("test", a->test, "run file to judge by")->required();
-  app.add_option("--out", a->out, "folder for pareto.csv and pareto.svg")->required();
+  app.add_option("--out", a->out, "folder for pareto.csv and pareto.svg; what it holds is kept")
+      ->required();
   app.add_option("--models", a->models, "as train --model; \":spd\" or \":radar\" behind one")
       ->delimiter(',')
       ->allow_extra_args(false)
@@ -311,12 +312,15 @@ Command add_study(CLI::App& app, const Common& common) {
       ->check(CLI::Range(1e-9, 1.0))
       ->capture_default_str();
   app.add_option("--seeds", a->seeds)->check(CLI::Range(1, 1000))->capture_default_str();
-  return [a, &common] {
+  const auto bound_file = std::make_shared<std::string>();
+  app.add_option("--bound", *bound_file, "bound.csv of `echofuse-sim study bound`, to draw");
+  return [a, bound_file, &common] {
     a->quiet = common.quiet;
     a->threads = common.threads;
+    const auto bound = bound_file->empty() ? std::nullopt : std::optional(read_bound(*bound_file));
     const auto rows = study_pareto(*a);
     std::fputs(to_text(rows).c_str(), stdout);
-    write_pareto(rows, a->out);
+    write_pareto(rows, a->out, bound);
     return ExitCode::ok;
   };
 }

@@ -25,25 +25,51 @@ Matrix published_maps(const Dataset& data, const Rows& rows, const Dataset& publ
   return out;
 }
 
+using Folds = std::vector<std::vector<MapScores>>;
+
+std::vector<MapScores> all_of(const Folds& folds) {
+  std::vector<MapScores> all;
+  for (const auto& fold : folds) all.insert(all.end(), fold.begin(), fold.end());
+  return all;
+}
+
 }  // namespace
+
+Summaries summarise_folds(const Folds& folds) {
+  Summaries out = summarise(all_of(folds));
+  for (std::size_t m = 0; m < metric_count; ++m) {
+    double squares = 0, defined = 0;  // folds with a map that defines it
+    for (const auto& fold : folds) {
+      double rest = 0;
+      std::size_t maps = 0;
+      for (const MapScores& scores : fold)
+        if (!std::isnan(scores[m])) rest += scores[m] - out[m].mean, ++maps;
+      squares += rest * rest;
+      defined += maps > 0;
+    }
+    out[m].se = defined > 1 ? std::sqrt(defined / (defined - 1) * squares) /
+                                  static_cast<double>(out[m].maps)
+                            : std::nan("");
+  }
+  return out;
+}
 
 std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& rows,
                                              const CrossvalidateOptions& options,
                                              const Dataset& published) {
   const Inputs inputs = inputs_of(options.inputs);
   std::vector<CrossvalidatedRow> out;
-  std::vector<std::vector<MapScores>> scores(options.models.size());
+  std::vector<Folds> scores(options.models.size());
   for (const auto& name : options.models) out.push_back({{name, {}}, {}, 0, {}});
-  std::vector<MapScores> published_scores;
+  Folds published_scores;
   Progress progress("cross-validation", options.folds * options.models.size(), options.fit.quiet);
   FitOptions fit = options.fit;
   fit.quiet = true;
   for (std::size_t fold = 0; fold < options.folds && !interrupted(); ++fold) {
     const Split split = make_fold(rows, fold, options.folds, options.gap);
     const Scene scene = learn_scene(data.depth, split.train);
-    const auto add = [&](std::vector<MapScores>& to, const Matrix& maps) {
-      const auto more = score_maps(maps, data, split.test, scene);
-      to.insert(to.end(), more.begin(), more.end());
+    const auto add = [&](Folds& to, const Matrix& maps) {
+      to.push_back(score_maps(maps, data, split.test, scene));
     };
     for (std::size_t m = 0; m < out.size() && !interrupted(); ++m) {
       if (out[m].fault.empty()) try {
@@ -62,8 +88,11 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
     if (published.size() > 0) add(published_scores, published_maps(data, split.test, published));
   }
   if (interrupted()) throw Error(ExitCode::interrupted, "interrupted during the cross-validation");
-  for (std::size_t m = 0; m < out.size(); ++m) out[m].metrics = summarise(scores[m]);
-  if (published.size() > 0) out.push_back({{"published", summarise(published_scores)}, {}, 0, {}});
+  const auto summary = [&](const Folds& folds) {
+    return options.sequence ? summarise_folds(folds) : summarise(all_of(folds));
+  };
+  for (std::size_t m = 0; m < out.size(); ++m) out[m].metrics = summary(scores[m]);
+  if (published.size() > 0) out.push_back({{"published", summary(published_scores)}, {}, 0, {}});
   return out;
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <random>
 
 #include "drivers/core/console.hpp"
@@ -13,6 +14,7 @@
 #include "drivers/core/random.hpp"
 #include "recon/files.hpp"
 #include "recon/models/parallel.hpp"
+#include "recon/text.hpp"
 #include "recon/train.hpp"
 
 namespace echofuse::recon {
@@ -74,21 +76,55 @@ class Study {
         throw Error(ExitCode::usage,
                     run.path + ": the models are trained on this run; judge them by another");
     match_axes(test_, train_.spd_axis, train_.radar_axis, Inputs::fused);
+    claim_folder();
   }
 
   std::vector<ParetoRow> run() {
-    std::vector<ParetoRow> rows;
-    for (const Job& job : jobs_of(options_)) rows.push_back(measure(job));
-    mark_front(rows);
+    std::vector<ParetoRow> rows = read_pareto(options_.out);
+    for (const Job& job : jobs_of(options_)) {
+      const auto known =
+          std::find_if(rows.begin(), rows.end(), [&](const ParetoRow& r) { return is_of(r, job); });
+      if (known != rows.end() && known->seeds == options_.seeds) {
+        progress_.update(done_ += options_.seeds, job.model);
+        continue;
+      }
+      if (known != rows.end()) rows.erase(known);
+      rows.push_back(measure(job));
+      mark_front(rows);
+      write_pareto_table(rows, options_.out);
+    }
     return rows;
   }
 
  private:
+  // Rows of other runs must not mix with these.
+  void claim_folder() const {
+    std::string runs;
+    for (const Dataset* data : {&train_, &test_})
+      runs += data->sources.front().uuid + formatted(" (checksum %08x)\n", data->hash);
+    const std::string path = options_.out + "/pareto.runs";
+    if (std::filesystem::exists(path)) {
+      const Bytes there = read_file(path);
+      if (std::string(there.begin(), there.end()) == runs) return;
+      throw Error(ExitCode::usage,
+                  options_.out + ": holds a study of other runs; give another --out");
+    }
+    std::filesystem::remove(options_.out + "/pareto.csv");
+    write_file(path, {reinterpret_cast<const std::uint8_t*>(runs.data()), runs.size()});
+  }
+
+  // The table keeps six digits of a share.
+  static bool is_of(const ParetoRow& row, const Job& job) {
+    return row.sweep == job.sweep && row.model == job.model &&
+           std::abs(row.share - job.share) < 1e-5 * job.share;
+  }
+
   ParetoRow measure(const Job& job) {
     ParetoRow row{job.sweep, job.share, job.model, options_.seeds, {}, {}, {}, false};
     std::vector<MapScores> found;
     for (std::size_t seed = 1; seed <= options_.seeds; ++seed) {
-      if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing was written");
+      if (interrupted())
+        throw Error(ExitCode::interrupted, "interrupted; the same command goes on");
       found.push_back(once(job, seed, row.cost));
       progress_.update(++done_, job.model);
     }

@@ -3,6 +3,7 @@
 // another; then how few photons and how few training records are enough.
 #pragma once
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -48,11 +49,28 @@ struct ParetoRow {
   bool front = false;  // of the models: none is both faster and more accurate (IoU)
 };
 
-// Throws Error(usage) for a model that is not known, Error(failed) if the runs do not fit.
+// Every row is written to out/pareto.csv as soon as it is measured. Rows that are there already, of
+// the same runs (out/pareto.runs) and as many seeds, are not measured again. Throws Error(usage)
+// for a model that is not known and for a folder with a study of other runs, Error(failed) if the
+// runs do not fit.
 std::vector<ParetoRow> study_pareto(const ParetoOptions& options);
 
-// Throws Error(disk), and Error(failed) without gnuplot; the table is written first.
-void write_pareto(const std::vector<ParetoRow>& rows, const std::string& folder);
+// pareto.csv as it is while the study goes on: empty if there is none. Throws Error(failed) for a
+// damaged one.
+std::vector<ParetoRow> read_pareto(const std::string& folder);
+void write_pareto_table(const std::vector<ParetoRow>& rows, const std::string& folder);
+
+// The least mean lateral error that noise allows, at the base condition (m).
+struct LateralBound {
+  double shape_known_m = 0, pose_unknown_m = 0;
+};
+// Of the table that `echofuse-sim study bound` writes. Throws Error(failed).
+LateralBound read_bound(const std::string& path);
+
+// Table and chart. Throws Error(disk), and Error(failed) without gnuplot; the table is written
+// first.
+void write_pareto(const std::vector<ParetoRow>& rows, const std::string& folder,
+                  const std::optional<LateralBound>& bound = {});
 std::string to_text(const std::vector<ParetoRow>& rows);
 
 }  // namespace echofuse::recon

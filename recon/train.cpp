@@ -24,7 +24,7 @@ std::string choose(const Dataset& data, const Split& split, const TrainOptions& 
   if (!blocked) std::shuffle(rows.begin(), rows.end(), rng);
   CrossvalidateOptions cross{
       options.inputs, options.scaling, options.ladder, auto_folds, blocked ? options.split.gap : 0,
-      options.fit};
+      blocked,        options.fit};
   cross.fit.checkpoint = {};
   if (cross.models.empty()) cross.models = ladder(inputs_of(options.inputs));
   const auto table = crossvalidate(data, rows, cross);

@@ -3,7 +3,10 @@
 // binomial_distribution call lgamma, whose global sign is a data race between threads, and give
 // other numbers with each library.
 #pragma once
+#include <cstddef>
 #include <cstdint>
+#include <utility>
+#include <vector>
 
 #include "drivers/core/random.hpp"
 
@@ -11,6 +14,31 @@ namespace echofuse::sim {
 
 // In [low, high), 53 random bits.
 double uniform(Rng& rng, double low, double high);
+
+// The random numbers that make a scene. It keeps what it drew, and can make the same scene again
+// with the continuous ones moved: what a study of sensitivity needs.
+class Chance {
+ public:
+  struct Draw {
+    double low = 0, high = 0, value = 0;
+  };
+
+  explicit Chance(Rng rng) : rng_(rng) {}
+  // Draw k then is its value plus moves[k], which may leave the range; draws beyond the end are
+  // not moved.
+  Chance(Rng rng, std::vector<double> moves) : rng_(rng), moves_(std::move(moves)) {}
+
+  double uniform(double low, double high);
+  // One of 0..n-1; discrete, and not kept.
+  std::size_t pick(std::size_t n) { return rng_() % n; }
+  // Of all draws of uniform() so far, in their order.
+  const std::vector<Draw>& draws() const { return draws_; }
+
+ private:
+  Rng rng_;
+  std::vector<double> moves_;
+  std::vector<Draw> draws_;
+};
 
 // Hormann, "The transformed rejection method for generating Poisson random variables" (1993): PTRS.
 std::int64_t poisson(double mean, Rng& rng);

@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "drivers/core/console.hpp"
+#include "sim/bound.hpp"
 #include "sim/dataset.hpp"
 #include "sim/fidelity.hpp"
 #include "sim/lab.hpp"
@@ -249,41 +250,69 @@ void add_preview(CLI::App& app, Command& command) {
   });
 }
 
+template <class Options>
 struct StudyArguments : PlanArguments {
-  sim::FidelityOptions options;
+  Options options;
   std::string out;
 };
 
-ExitCode run_fidelity(StudyArguments& a) {
-  sim::Plan plan;
-  Settings settings;
-  read_plan(a, plan, settings);
-  a.options.conditions = plan.conditions;
+ExitCode run_fidelity(StudyArguments<sim::FidelityOptions>& a) {
   const auto rows = sim::study_fidelity(a.options);
   for (const auto& r : rows)
     std::printf("%-10s %-10s %9.4f +- %.4f of the noise's variance%s\n", r.axis.c_str(),
                 r.value.c_str(), r.error, r.standard_error,
                 r.us > 0 ? ("  " + std::to_string(std::lround(r.us)) + " us").c_str() : "");
   std::printf("chosen: %lld rays for %g photons\n",
-              static_cast<long long>(rays_of(plan.conditions)), plan.conditions.signal_photons);
+              static_cast<long long>(rays_of(a.options.conditions)),
+              a.options.conditions.signal_photons);
   sim::write_fidelity(rows, a.out);
   return ExitCode::ok;
 }
 
-void add_study(CLI::App& app, Command& command) {
-  auto* study = app.add_subcommand("study", "how much detail a scene needs");
-  study->require_subcommand(1);
-  auto* sub = study->add_subcommand(
-      "fidelity", "each approximation against a finer one, in units of noise, beside its time");
-  auto a = std::make_shared<StudyArguments>();
-  sub->add_option("--out", a->out, "folder for fidelity.csv and fidelity.svg")->required();
+ExitCode run_bound(StudyArguments<sim::BoundOptions>& a) {
+  catch_interrupts();
+  const auto rows = sim::study_bound(a.options);
+  std::printf("%-12s %8s %-6s %32s %21s\n", "axis", "value", "known",
+              "sigma of x: median (quartiles)", "mean error: x lateral");
+  for (const auto& r : rows)
+    std::printf("%-12s %8g %-6s %12.4f (%.4f .. %.4f) m %10.4f %7.4f m\n", r.axis.c_str(), r.value,
+                r.known.c_str(), r.x_median_m, r.x_lower_m, r.x_upper_m, r.x_error_m,
+                r.lateral_error_m);
+  sim::write_bound(rows, a.out);
+  return ExitCode::ok;
+}
+
+template <class Options>
+void add_one_study(CLI::App& study, Command& command, const std::string& name,
+                   const std::string& what, ExitCode (*run)(StudyArguments<Options>&)) {
+  auto* sub = study.add_subcommand(name, what);
+  auto a = std::make_shared<StudyArguments<Options>>();
+  sub->add_option("--out", a->out, "folder for " + name + ".csv and " + name + ".svg")->required();
   sub->add_option("--scenes", a->options.scenes)
       ->check(CLI::Range(std::int64_t{2}, std::int64_t{10'000}))
       ->capture_default_str();
   sub->add_option("--seed", a->options.seed)->capture_default_str();
   add_plan_options(*sub, *a);
   sub->add_flag("-q,--quiet", a->options.quiet, "no progress");
-  sub->callback([&command, a] { command = [a] { return run_fidelity(*a); }; });
+  sub->callback([&command, a, run] {
+    command = [a, run] {
+      sim::Plan plan;
+      Settings settings;
+      read_plan(*a, plan, settings);
+      a->options.conditions = plan.conditions;
+      return run(*a);
+    };
+  });
+}
+
+void add_study(CLI::App& app, Command& command) {
+  auto* study = app.add_subcommand("study", "how much detail a scene needs, and what it tells");
+  study->require_subcommand(1);
+  add_one_study(*study, command, "fidelity",
+                "each approximation against a finer one, in units of noise, beside its time",
+                run_fidelity);
+  add_one_study(*study, command, "bound", "the least error of a lateral position that noise allows",
+                run_bound);
 }
 
 void add_config(CLI::App& app, Command& command) {

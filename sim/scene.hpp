@@ -13,6 +13,8 @@
 
 namespace echofuse::sim {
 
+class Chance;
+
 // All points within radius_m of the segment a-b.
 struct Capsule {
   Vec3 a, b;
@@ -63,6 +65,9 @@ struct SceneSpec {
 // Scene `index` of `seed`: the same whatever was made before and on whichever thread.
 Scene make_scene(const Conditions& conditions, const SceneSpec& spec, std::uint64_t seed,
                  std::uint64_t index);
+// From these random numbers (sim/draw.hpp), in this order: for a person or a letter the first are
+// x, z and the turn.
+Scene make_scene(const Conditions& conditions, const SceneSpec& spec, Chance& chance);
 
 // x -> -x of people and plates. The room stays where it is.
 Scene mirrored(const Scene& scene);

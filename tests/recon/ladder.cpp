@@ -99,9 +99,106 @@ TEST_CASE("study pareto: a row a model and share, the front marked, a chart") {
                                            "records,0.5,silhouette"});
   CHECK(std::count(fronts.begin(), fronts.end(), "model,1,silhouette") == 1);
   CHECK(std::filesystem::file_size(dir / "out/pareto.svg") > 1000);
-  CHECK(std::distance(std::filesystem::directory_iterator(dir / "out"), {}) == 3);
+  CHECK(std::distance(std::filesystem::directory_iterator(dir / "out"), {}) == 4);  // .runs, .gp
   const Outcome same = recon_program("study pareto " + (dir / "train") + " " + (dir / "train") +
                                      " --out " + (dir / "same"));
   CHECK(same.code == 2);
   CHECK_THAT(same.text, Catch::Contains("the models are trained on this run"));
+}
+
+TEST_CASE("study pareto goes on where it stopped, and draws the bound") {
+  const Folder dir;
+  write_run(dir / "train", 200);
+  write_run(dir / "test", 40, 5);
+  const auto study = [&](const std::string& models, const std::string& more = {}) {
+    return recon_program("study pareto " + (dir / "train") + " " + (dir / "test") +
+                         " -q --seeds 1 --out " + (dir / "out") + " --models " + models +
+                         " --sweep-models silhouette --photons 0.1 --records 0.5" + more);
+  };
+  const auto table = [&] {
+    std::ifstream csv(dir / "out/pareto.csv");
+    return std::string(std::istreambuf_iterator<char>(csv), {});
+  };
+  const Outcome stopped = study("empty,mean,factorised-4:spd");
+  CAPTURE(stopped.text);
+  REQUIRE(stopped.code != 0);
+  CHECK_THAT(table(), Catch::Contains("\nmodel,1,mean,1,"));
+  std::string marked = table();
+  const std::string there = "\nmodel,1,empty,1,0,";
+  REQUIRE(marked.find(there) != std::string::npos);
+  marked.replace(marked.find(there), there.size(), "\nmodel,1,empty,1,0.0625,");
+  std::ofstream(dir / "out/pareto.csv") << marked;
+
+  std::ofstream(dir / "bound.csv") << "axis,value,known,lateral_error_m\nbase,0,shape,0.0125\n"
+                                      "base,0,pose,0.0375\nphotons,100,pose,0.5\n";
+  const Outcome more = study("empty,mean,silhouette", " --bound " + (dir / "bound.csv"));
+  CAPTURE(more.text);
+  REQUIRE(more.code == 0);
+  const std::string all = table();
+  CHECK_THAT(all, Catch::Contains("\nmodel,1,empty,1,0.0625,"));
+  CHECK_THAT(all, Catch::Contains("\nphotons,0.1,silhouette,1,"));
+  CHECK(std::count(all.begin(), all.end(), '\n') == 1 + 5);
+  std::ifstream script(dir / "out/pareto.gp");
+  const std::string gp(std::istreambuf_iterator<char>(script), {});
+  CHECK_THAT(gp, Catch::Contains("0.0375 with lines") && Catch::Contains("0.0125 with lines"));
+  std::ifstream picture(dir / "out/pareto.svg");
+  CHECK_THAT(std::string(std::istreambuf_iterator<char>(picture), {}),
+             Catch::Contains("bound: pose unknown"));
+
+  const Outcome no_bound = study("empty", " --bound " + (dir / "out/pareto.csv"));
+  CHECK(no_bound.code == 1);
+  CHECK_THAT(no_bound.text, Catch::Contains("is not a bound.csv"));
+  write_run(dir / "third", 40, 6);
+  const Outcome other = recon_program("study pareto " + (dir / "train") + " " + (dir / "third") +
+                                      " -q --out " + (dir / "out"));
+  CHECK(other.code == 2);
+  CHECK_THAT(other.text, Catch::Contains("a study of other runs"));
+  std::ofstream(dir / "out/pareto.csv") << "sweep,share\nmodel,1\n";
+  CHECK_THAT(study("empty").text, Catch::Contains("pareto.csv: expected a number as seeds"));
+}
+
+TEST_CASE("the standard error of a sequence is that of its folds") {
+  const auto fold = [](std::initializer_list<double> ious) {
+    std::vector<MapScores> out;
+    for (const double iou : ious) {
+      MapScores scores;
+      scores.fill(std::nan(""));
+      scores[metric_iou] = iou;
+      out.push_back(scores);
+    }
+    return out;
+  };
+  const double none = std::nan("");
+  // Ten records of each pose: three poses, not thirty.
+  const auto held = [&](double iou) {
+    return fold({iou, iou, iou, iou, iou, iou, iou, iou, iou, iou});
+  };
+  const Summary sequence = summarise_folds({held(0.4), held(0.6), held(0.5)})[metric_iou];
+  CHECK(sequence.mean == Approx(0.5));
+  CHECK(sequence.se == Approx(0.1 / std::sqrt(3)));
+  CHECK(sequence.maps == 30);
+  // Unequal folds, one without a value: K = 2, n = 4, mean 0.4; rests 0.6 - 3 * 0.4 and 1 - 0.4.
+  const Summary uneven =
+      summarise_folds({fold({0.2, 0.2, 0.2}), fold({none}), fold({1.0, none})})[metric_iou];
+  CHECK(uneven.mean == Approx(0.4));
+  CHECK(uneven.se == Approx(std::sqrt(2 * (0.36 + 0.36)) / 4));
+  CHECK(std::isnan(summarise_folds({held(0.4)})[metric_iou].se));
+  CHECK(std::isnan(summarise_folds({held(0.4), held(0.5)})[metric_lateral_m].mean));
+}
+
+TEST_CASE("cross-validation of held poses does not call each record a new one") {
+  const Folder dir;
+  write_run(dir / "run", 120);
+  Dataset data = load({dir / "run"});
+  const Rows once = rows_to_train(data, Inputs::fused);
+  Rows held;  // every record five times in a row
+  for (std::size_t i = 0; i < 24; ++i) held.insert(held.end(), 5, once[i]);
+  CrossvalidateOptions options;
+  options.models = {"silhouette"};
+  options.gap = 5;
+  options.fit.quiet = true;
+  const double folds = crossvalidate(data, held, options).front().metrics[metric_iou].se;
+  options.sequence = false;
+  const double maps = crossvalidate(data, held, options).front().metrics[metric_iou].se;
+  CHECK(folds > 1.5 * maps);
 }

@@ -2,6 +2,7 @@
 // echofuse-sim as a user meets it: exit codes, one line of error, what it prints.
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <array>
 #include <catch2/catch.hpp>
 #include <cstdio>
@@ -103,6 +104,24 @@ TEST_CASE("preview draws a record, and the study its chart") {
   int rows = 0;
   for (std::string line; std::getline(csv, line);) ++rows;
   CHECK(rows == 1 + 10 + 11 + 6 + 7);
+}
+
+TEST_CASE("study bound: a table, a chart, and no answer for another noise") {
+  const Folder folder;
+  const Outcome o = sim("study bound --scenes 2 -q --out " + folder / "study");
+  CAPTURE(o.text);
+  CHECK(o.code == 0);
+  CHECK(fs::file_size(folder / "study/bound.svg") > 10'000);
+  std::ifstream csv(folder / "study/bound.csv");
+  int rows = 0;
+  for (std::string line; std::getline(csv, line);) {
+    ++rows;
+    CHECK(std::count(line.begin(), line.end(), ',') == 7);
+  }
+  CHECK(rows == 1 + 2 * (1 + 5 + 5 + 5 + 5));
+  const Outcome speckle = sim("study bound -q --set radar_sum=coherent --out " + folder / "no");
+  CHECK(speckle.code == 3);
+  CHECK(has(speckle.text, "speckle is not Gaussian"));
 }
 
 TEST_CASE("devices that were unplugged come back while a command runs in the laboratory") {
