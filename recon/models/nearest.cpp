@@ -54,8 +54,7 @@ class Nearest final : public Model {
       for (const float v : inputs_.row(t)) squares_[t] += v * v;
   }
   // Weights exp(-excess / width), excess: of the squared distance over the nearest one's. A third
-  // of the mean excess as width did best: wider the overlap falls, narrower only the nearest
-  // counts.
+  // of the mean excess as width, as at the mean itself 16 neighbours blur an IoU of .25 to .17.
   void blend(std::span<const float> score, std::span<float> map) const {
     const auto distance = [&](std::size_t t) { return score[t] + squares_[t]; };
     Rows order = all_rows(inputs_.rows);
