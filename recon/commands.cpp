@@ -48,7 +48,7 @@ void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit) {
       ->check(CLI::Range(1, 65536));
   app.add_option("--basis", fit.basis,
                  "factorised: body shapes, and twice as many hidden units (16); pca: components of "
-                 "the map (128)")
+                 "the map (128); nearest: neighbours (1)")
       ->check(CLI::Range(1, 1024));
   app.add_option("--epochs", fit.epochs, "default: 60 (mlp), 100 (factorised)")
       ->check(CLI::Range(1, 100000));
@@ -114,10 +114,11 @@ Command add_train(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<Arguments>();
   app.add_option("run", a->runs, "run files whose axes agree")->required();
   app.add_option("--out", a->out, "model file to write")->required();
-  app.add_option("--model", a->model,
-                 "empty, mean, silhouette, factorised[-N], pca-ridge[-N], ridge, pca-mlp[-N-N], "
-                 "mlp[-N-N...], nearest, or auto: the cheapest within one standard error of the "
-                 "best")
+  app.add_option(
+         "--model", a->model,
+         "empty, mean, silhouette, factorised[-N], pca-ridge[-N], ridge, pca-mlp[-N-N], "
+         "mlp[-N-N...], nearest[-N], or auto: the cheapest within one standard error of the "
+         "best")
       ->check([](const std::string& text) { return text == "auto" ? "" : is_rung(text); })
       ->capture_default_str();
   app.add_option("--ladder", a->ladder, "auto: the models to try")

@@ -113,7 +113,10 @@ std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows) {
   for (std::size_t i = 0; i < rows.size(); ++i)
     if (!std::isnan(iou(i).mean) && (best == rows.size() || iou(i).mean > iou(best).mean)) best = i;
   if (best == rows.size())
-    throw Error(ExitCode::failed, "no model can be judged: " + rows.front().fault);
+    throw Error(ExitCode::failed,
+                "no model can be judged: " + (rows.front().fault.empty()
+                                                  ? "the maps show nothing before the background"
+                                                  : rows.front().fault));
   const double enough = iou(best).mean - iou(best).se;
   std::size_t chosen = best;
   for (std::size_t i = 0; i < rows.size(); ++i)

@@ -115,8 +115,8 @@ void add_network(Chain& chain, const record::H5File& file) {
   }
   const auto centre = file.read<float>("model/centre"), spread = file.read<float>("model/spread");
   const Shape row{centre.size()};
-  chain.add("Mul", {chain.constant("spread_m", spread, row)});
-  chain.add("Add", {chain.constant("centre_m", centre, row)});
+  chain.add("Mul", {chain.constant("spread", spread, row)});
+  chain.add("Add", {chain.constant("mean", centre, row)});
 }
 
 void add_metadata(Message& model, const Features& f) {
@@ -139,15 +139,19 @@ void add_metadata(Message& model, const Features& f) {
 Bytes to_onnx(const std::string& model_path) {
   const TrainedModel model = load_model(model_path);
   const record::H5File file = record::H5File::open(model_path);
-  if (model.name != "mlp" && model.name != "ridge")
-    throw Error(ExitCode::failed, model_path + ": a model of kind \"" + model.name +
-                                      "\" is not a network; mlp and ridge can be exported");
+  const bool network = model.name.ends_with("mlp"), linear = model.name.ends_with("ridge");
+  if (!network && !linear)
+    throw Error(ExitCode::failed,
+                model_path + ": a model of kind \"" + model.name +
+                    "\" is not a plain network; mlp, ridge, pca-mlp and pca-ridge can be exported");
   Chain chain("record");
   add_scaling(chain, model.features);
-  if (model.name == "mlp")
+  if (network)
     add_network(chain, file);
   else
     add_layer(chain, file, "model/weights", "model/offset_m");
+  if (model.name.starts_with("pca-"))
+    add_layer(chain, file, "model/components/basis", "model/components/mean");
   chain.add("Reshape", {chain.constant("map_shape", std::vector<std::int64_t>{-1, 64, 64}, {3})},
             {}, "depth_m");
   chain.graph().text(2, "echofuse");

@@ -17,8 +17,8 @@
 
 namespace echofuse::recon {
 
-// Reads a model file. Throws Error(failed) if it is not one, or not of a kind that is a network:
-// mlp and ridge.
+// Reads a model file. Throws Error(failed) if it is not one, or not of a kind that is a chain of
+// matrix products: mlp, ridge, pca-mlp and pca-ridge.
 Bytes to_onnx(const std::string& model_path);
 
 }  // namespace echofuse::recon

@@ -51,6 +51,7 @@ FitOptions own_options(const std::string& model) {
     own.epochs = 100, own.patience = 100, own.learning_rate = 3e-3, own.weight_decay = 0.3;
   }
   if (model == "pca-mlp" || model == "pca-ridge") own.basis = 128;
+  if (model == "nearest") own.basis = 1;
   return own;
 }
 
@@ -75,7 +76,8 @@ Rung rung_of(const std::string& name, const FitOptions& base) {
   const auto numbers =
       name.back() == '-' ? std::vector<std::size_t>{} : numbers_of(name.substr(digit));
   const bool network = out.model == "mlp" || out.model == "pca-mlp";
-  const bool basis = out.model == "factorised" || out.model == "pca-ridge";
+  const bool basis =
+      out.model == "factorised" || out.model == "pca-ridge" || out.model == "nearest";
   if (numbers.empty() || !(network || (basis && numbers.size() == 1 && numbers[0] <= 1024)))
     throw Error(ExitCode::usage,
                 "model \"" + name + "\": sizes follow as in mlp-512-256 or factorised-16");

@@ -38,7 +38,7 @@ struct CheckpointOptions {
 // What is not given is as each model works best.
 struct FitOptions {
   std::optional<std::vector<std::size_t>> hidden;  // mlp: width of each hidden layer
-  std::optional<std::size_t> basis;                // pca, factorised: components
+  std::optional<std::size_t> basis;                // pca, factorised: components; nearest: records
   std::optional<std::size_t> epochs;
   std::optional<double> learning_rate, weight_decay;
   std::optional<std::size_t> patience;  // epochs without a better validation loss before stopping
@@ -53,7 +53,7 @@ struct FitOptions {
 // units of its spread.
 struct TrainingLog {
   std::vector<double> loss, validation_loss;
-  std::size_t best_epoch = 0;  // whose weights were kept, counted from 1
+  std::size_t best_epoch = 0;  // whose weights were kept, counted from 1; 0: none beat the mean
   bool interrupted = false;
   double earlier_s = 0;  // spent before the training was resumed
 };
@@ -82,7 +82,7 @@ std::unique_ptr<Model> make_model(const std::string& name);  // throws Error(usa
 // The models, one a file.
 std::unique_ptr<Model> make_background();  // "empty": the room without anybody
 std::unique_ptr<Model> make_mean();        // the mean training map
-std::unique_ptr<Model> make_nearest();     // the map of the training record with the nearest input
+std::unique_ptr<Model> make_nearest();     // from the maps of the training records nearest to it
 std::unique_ptr<Model> make_ridge();       // linear, penalty chosen by generalised cross-validation
 std::unique_ptr<Model> make_mlp();         // the paper's plain network
 std::unique_ptr<Model> make_pca(std::unique_ptr<Model> inner);  // maps from few components
@@ -90,7 +90,7 @@ std::unique_ptr<Model> make_silhouette();                       // the mean body
 std::unique_ptr<Model> make_factorised();  // place, and shape in the body's own frame
 
 // A model of a certain size: "mlp-1024-512-256" has hidden layers of these widths, "factorised-8"
-// and "pca-ridge-64" so many components.
+// and "pca-ridge-64" so many components, "nearest-16" so many neighbours.
 struct Rung {
   std::string name, model;
   FitOptions fit;

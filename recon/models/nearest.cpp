@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Nearest neighbour in the scaled inputs: what a look-up table of the training set can do.
+// Nearest neighbours in the scaled inputs: what a look-up table of the training set can do. The
+// answer is the mean of their maps, the nearer the heavier; with one neighbour, its map.
 #include <algorithm>
-#include <limits>
+#include <cmath>
+#include <numeric>
 
 #include "recon/models/blas.hpp"
 #include "recon/models/model.hpp"
@@ -11,9 +13,10 @@ namespace {
 
 class Nearest final : public Model {
  public:
-  TrainingLog fit(const Samples& train, const Samples&, const FitOptions&) override {
+  TrainingLog fit(const Samples& train, const Samples&, const FitOptions& options) override {
     inputs_ = take_rows(train.inputs, train.rows);
     maps_ = take_rows(train.maps, train.rows);
+    neighbours_ = std::min(options.basis.value_or(1), inputs_.rows);
     measure();
     return {};
   }
@@ -22,10 +25,7 @@ class Nearest final : public Model {
     Matrix score(inputs.rows, inputs_.rows), out(inputs.rows, maps_.cols);
     multiply({inputs.rows, inputs_.rows, inputs_.cols, Transpose::no, Transpose::yes, -2.f},
              inputs.values.data(), inputs_.values.data(), score.values.data());
-    for (std::size_t i = 0; i < inputs.rows; ++i) {
-      const auto nearest = maps_.row(nearest_of(score.row(i)));
-      std::copy(nearest.begin(), nearest.end(), out.row(i).begin());
-    }
+    for (std::size_t i = 0; i < inputs.rows; ++i) blend(score.row(i), out.row(i));
     return out;
   }
   Cost cost() const override {
@@ -34,10 +34,16 @@ class Nearest final : public Model {
   void save(record::H5File& file) const override {
     file.write("model/inputs", inputs_.values, {inputs_.rows, inputs_.cols});
     file.write("model/maps_m", maps_.values, {maps_.rows, maps_.cols});
+    file.set("model/maps_m", "neighbours", static_cast<std::int64_t>(neighbours_));
   }
   void load(const record::H5File& file) override {
     inputs_ = read_matrix(file, "model/inputs");
     maps_ = read_matrix(file, "model/maps_m");
+    const auto neighbours = file.get<std::int64_t>("model/maps_m", "neighbours");
+    require_sound(neighbours >= 1 && neighbours <= static_cast<std::int64_t>(maps_.rows) &&
+                      inputs_.rows == maps_.rows,
+                  "neighbours");
+    neighbours_ = static_cast<std::size_t>(neighbours);
     measure();
   }
 
@@ -47,18 +53,31 @@ class Nearest final : public Model {
     for (std::size_t t = 0; t < inputs_.rows; ++t)
       for (const float v : inputs_.row(t)) squares_[t] += v * v;
   }
-  std::size_t nearest_of(std::span<const float> score) const {
-    std::size_t best = 0;
-    float least = std::numeric_limits<float>::max();
-    for (std::size_t t = 0; t < score.size(); ++t) {
-      const float distance = score[t] + squares_[t];
-      if (distance < least) least = distance, best = t;
+  // Weights exp(-excess / width), excess: of the squared distance over the nearest one's. A third
+  // of the mean excess as width, as at the mean itself 16 neighbours blur an IoU of .25 to .17.
+  void blend(std::span<const float> score, std::span<float> map) const {
+    const auto distance = [&](std::size_t t) { return score[t] + squares_[t]; };
+    Rows order = all_rows(inputs_.rows);
+    const auto end = order.begin() + static_cast<std::ptrdiff_t>(neighbours_);
+    std::partial_sort(order.begin(), end, order.end(), [&](std::size_t a, std::size_t b) {
+      return std::pair(distance(a), a) < std::pair(distance(b), b);
+    });
+    std::vector<float> farther, weights;
+    for (auto t = order.begin(); t != end; ++t)
+      farther.push_back(distance(*t) - distance(order.front()));
+    const float excess = std::accumulate(farther.begin(), farther.end(), 0.f);
+    const float width = std::max(excess / static_cast<float>(3 * neighbours_), 1e-30f);
+    for (const float f : farther) weights.push_back(std::exp(-f / width));
+    const float all = std::accumulate(weights.begin(), weights.end(), 0.f);
+    for (std::size_t k = 0; k < neighbours_; ++k) {
+      const auto from = maps_.row(order[k]);
+      for (std::size_t p = 0; p < map.size(); ++p) map[p] += weights[k] / all * from[p];
     }
-    return best;
   }
 
   Matrix inputs_, maps_;
   std::vector<float> squares_;
+  std::size_t neighbours_ = 1;
 };
 
 }  // namespace

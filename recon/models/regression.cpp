@@ -21,6 +21,10 @@ double annealed(double rate, double progress) {
 
 double square(double v) { return v * v; }
 
+bool all_finite(const std::vector<float>& values) {
+  return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
+}
+
 }  // namespace
 
 Training training_of(const FitOptions& o) {
@@ -65,6 +69,8 @@ TrainingLog Regression::fit(const Examples& train, const Examples& validation, S
                   .log = {},
                   .least = std::numeric_limits<double>::max()};
   s.best = s.parameters;
+  // What never does better than the mean of the targets is not kept.
+  if (!validation.rows.empty()) s.least = rms_error(validation, s.parameters);
   Checkpoints checkpoints(training.checkpoint);
   checkpoints.resume(s);
   Progress progress(title, training.epochs, training.quiet);
@@ -105,9 +111,10 @@ void Regression::train_epoch(const Examples& train, const Training& training, Tr
 void Regression::judge(const Examples& validation, TrainingState& s, const std::string& title) {
   const double values = static_cast<double>(std::max<std::size_t>(s.row, 1) * centre_.size());
   s.log.loss.push_back(std::sqrt(s.squares / values) * unit_);
-  if (!std::isfinite(s.log.loss.back()))
+  // The last step's damage is not in the loss yet.
+  if (!std::isfinite(s.log.loss.back()) || !all_finite(s.parameters))
     throw Error(ExitCode::failed, title + " diverged in epoch " + std::to_string(s.epoch + 1) +
-                                      ": the loss is not a finite number; use a smaller "
+                                      ": its weights are not finite numbers; use a smaller "
                                       "--learning-rate");
   // Without validation records the last epoch is the best.
   const bool blind = validation.rows.empty();

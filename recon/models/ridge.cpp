@@ -9,14 +9,14 @@
 #include <cmath>
 #include <limits>
 
-#include "recon/maps/scene.hpp"
 #include "recon/models/blas.hpp"
 #include "recon/models/model.hpp"
 
 namespace echofuse::recon {
 namespace {
 
-using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using InFloat = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 // X = U S V', thin.
 struct Decomposition {
@@ -43,10 +43,12 @@ Decomposition decompose(const Eigen::MatrixXd& x) {
 double best_penalty(const Eigen::VectorXd& s, const Eigen::VectorXd& projected, double total,
                     double records) {
   double best = 0, least = std::numeric_limits<double>::max();
+  const double outside = std::max(total - projected.sum(), 0.0);
   for (int quarter_decades = -40; quarter_decades <= 4; ++quarter_decades) {
     const double penalty = std::pow(10, 0.25 * quarter_decades) * s(0) * s(0);
     const Eigen::ArrayXd kept = s.array().square() / (s.array().square() + penalty);
-    const double residual = total - (projected.array() * (2 * kept - kept.square())).sum();
+    // As sums of squares: a difference of large numbers would be rounding when the fit is close.
+    const double residual = outside + (projected.array() * (1 - kept).square()).sum();
     const double freedom = records - 1 - kept.sum();  // one for the mean
     if (freedom < 1e-3 * records) continue;
     const double gcv = residual / (freedom * freedom);
@@ -74,36 +76,39 @@ class Ridge final : public Model {
 TrainingLog Ridge::fit(const Samples& train, const Samples&, const FitOptions&) {
   const std::size_t n = train.rows.size(), d = train.inputs.cols, pixels = train.maps.cols;
   const Matrix inputs = take_rows(train.inputs, train.rows);
-  Matrix maps = take_rows(train.maps, train.rows);
   const auto en = static_cast<Eigen::Index>(n), ed = static_cast<Eigen::Index>(d);
-  Eigen::MatrixXd x = Eigen::Map<const RowMajor>(inputs.values.data(), en, ed).cast<double>();
+  const auto ep = static_cast<Eigen::Index>(pixels);
+  Eigen::MatrixXd x = Eigen::Map<const InFloat>(inputs.values.data(), en, ed).cast<double>();
   const Eigen::RowVectorXd input_mean = x.colwise().mean();
   x.rowwise() -= input_mean;
-  offset_ = learn_scene(train.maps, train.rows).mean_map;
+  // In double precision to the end: a weak direction's weight magnifies what was rounded away.
+  RowMajor y(en, ep);
   for (std::size_t i = 0; i < n; ++i)
-    for (std::size_t p = 0; p < pixels; ++p) maps.row(i)[p] -= offset_[p];
+    y.row(static_cast<Eigen::Index>(i)) =
+        Eigen::Map<const Eigen::RowVectorXf>(train.maps.row(train.rows[i]).data(), ep)
+            .cast<double>();
+  const Eigen::RowVectorXd mean = y.colwise().mean();
+  y.rowwise() -= mean;
 
   const Decomposition svd = decompose(x);
-  const RowMajor u = svd.u.cast<float>();
+  const RowMajor u = svd.u;
   const auto rank = static_cast<std::size_t>(svd.s.size());
-  RowMajor uty(svd.s.size(), static_cast<Eigen::Index>(pixels));
-  multiply({rank, pixels, n, Transpose::yes, Transpose::no}, u.data(), maps.values.data(),
-           uty.data());
-  const Eigen::VectorXd projected = uty.cast<double>().rowwise().squaredNorm();
-  double total = 0;
-  for (const float v : maps.values) total += double{v} * double{v};
-  penalty_ = best_penalty(svd.s, projected, total, static_cast<double>(n));
+  RowMajor uty(svd.s.size(), ep);
+  multiply(Product<double>{rank, pixels, n, Transpose::yes}, u.data(), y.data(), uty.data());
+  const Eigen::VectorXd projected = uty.rowwise().squaredNorm();
+  penalty_ = best_penalty(svd.s, projected, y.squaredNorm(), static_cast<double>(n));
 
   // W = V diag(s / (s^2 + penalty)) U'Y; directions without signal get no weight.
   const Eigen::ArrayXd s = svd.s.array();
   const double tiny = 1e-12 * std::max(s(0), 1e-300);
   const Eigen::VectorXd shrink = (s > tiny).select(s / (s.square() + penalty_).max(1e-300), 0);
-  const RowMajor v = (svd.v * shrink.asDiagonal()).cast<float>();
+  const RowMajor v = svd.v * shrink.asDiagonal();
+  RowMajor w(ed, ep);
+  multiply(Product<double>{d, pixels, rank}, v.data(), uty.data(), w.data());
+  const Eigen::RowVectorXd offset = mean - input_mean * w;
   weights_ = Matrix(d, pixels);
-  multiply({d, pixels, rank}, v.data(), uty.data(), weights_.values.data());
-  const Eigen::Map<const RowMajor> w(weights_.values.data(), ed, static_cast<Eigen::Index>(pixels));
-  const Eigen::RowVectorXf shift = input_mean.cast<float>() * w;
-  for (std::size_t p = 0; p < pixels; ++p) offset_[p] -= shift(static_cast<Eigen::Index>(p));
+  std::copy_n(w.data(), w.size(), weights_.values.begin());
+  offset_.assign(offset.begin(), offset.end());
   return {};
 }
 

@@ -43,7 +43,7 @@ TEST_CASE("OpenCV's dnn makes the same maps of an exported network") {
   write_run(dir / "run", 80);
   const Dataset data = load({dir / "run"});
   const Rows many{3, 0, 79, 41, 41}, one{7};
-  for (const std::string kind : {"mlp", "ridge"})
+  for (const std::string kind : {"mlp", "ridge", "pca-mlp", "pca-ridge"})
     for (const std::string inputs : {"fused", "spd", "radar"})
       for (const std::string& scaling : scaling_names) {
         CAPTURE(kind, inputs, scaling);
@@ -65,9 +65,12 @@ TEST_CASE("OpenCV's dnn makes the same maps of an exported network") {
 TEST_CASE("what cannot be exported is said") {
   const Folder dir;
   write_run(dir / "run", 30);
-  train_into(dir / "m", load({dir / "run"}), "nearest", "fused", "record");
-  CHECK_THROWS_WITH(export_model(dir / "m", {}, dir / "x.onnx"),
-                    Catch::Contains("\"nearest\" is not a network; mlp and ridge"));
+  for (const std::string kind : {"nearest", "factorised"}) {
+    train_into(dir / "m", load({dir / "run"}), kind, "fused", "record");
+    CHECK_THROWS_WITH(export_model(dir / "m", {}, dir / "x.onnx"),
+                      Catch::Contains("m: a model of kind \"" + kind +
+                                      "\" is not a plain network; mlp, ridge, pca-mlp"));
+  }
   CHECK_THROWS_WITH(export_model(dir / "m", {}, dir / "x.pt"), Catch::Contains(".onnx or .npz"));
   CHECK_THROWS_WITH(export_model(dir / "m", {}, dir / "x.npz"), Catch::Contains("--run"));
   CHECK_THROWS_WITH(export_model(dir / "run", {}, dir / "x.onnx"), Catch::Contains(dir / "run"));

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: MIT
 """tests/system/soak.py BIN_DIR: a short soak passes its audit, and the audit sees what is falsified."""
 import json
+import os
 import pathlib
 import shutil
 import sqlite3
@@ -13,6 +14,7 @@ import unittest
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 scripts = pathlib.Path(__file__).resolve().parents[2] / "scripts"
 SLOTS = 60
+WINDOW_S = os.environ.get("ECHOFUSE_TEST_WINDOW_S", "0.1")  # longer: fewer tags a second
 
 
 def run(*command):
@@ -25,7 +27,7 @@ class Soak(unittest.TestCase):
         cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-")
         cls.dir = pathlib.Path(cls.folder.name)
         # A busy machine is late; that is not what is tested here.
-        cls.soak = run(scripts / "soak", "--slots", SLOTS, "--late-ms", 2000, "--bin", bin_dir, "--keep", cls.dir)
+        cls.soak = run(scripts / "soak", "--slots", SLOTS, "--window", WINDOW_S, "--late-ms", 2000, "--bin", bin_dir, "--keep", cls.dir)
 
     @classmethod
     def tearDownClass(cls):

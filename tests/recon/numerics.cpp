@@ -1,0 +1,295 @@
+// SPDX-License-Identifier: MIT
+// Numbers that stay numbers: whatever the seed and the learning rate, a model makes finite maps or
+// is refused; single precision is enough; ridge bears what is nearly singular.
+#include <Eigen/QR>
+#include <Eigen/SVD>
+#include <cstdlib>
+
+#include "recon/evaluate.hpp"
+#include "recon/models/alignment.hpp"
+#include "recon/models/components.hpp"
+#include "recon/models/regression.hpp"
+#include "recon/train.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using echofuse::testing::Folder;
+
+namespace {
+
+const Dataset& plates() {
+  static const Dataset data = testing::load_plates(240);
+  return data;
+}
+
+TrainOptions options_for(const std::string& model, std::uint64_t seed, double rate_factor) {
+  TrainOptions o;
+  o.model = model;
+  if (model != "factorised") o.fit.hidden = {32, 16};
+  o.fit.basis = model == "factorised" ? 4 : 16;
+  o.fit.epochs = model == "factorised" ? 8 : 20, o.fit.batch = 8, o.fit.quiet = true;
+  o.fit.learning_rate = rung_of(model, {}).fit.learning_rate.value() * rate_factor;
+  o.fit.seed = seed;
+  return o;
+}
+
+bool all_finite(const std::vector<float>& values) {
+  return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
+}
+
+// Every weight that a model file holds.
+std::vector<float> weights_of(const std::string& path) {
+  const record::H5File file = record::H5File::open(path);
+  std::vector<float> out;
+  for (const std::string group : {"model", "model/position", "model/shape"})
+    for (int l = 0; file.has(group + "/layer" + std::to_string(l) + "/weights"); ++l)
+      for (const char* part : {"/weights", "/biases"}) {
+        const auto some = file.read<float>(group + "/layer" + std::to_string(l) + part);
+        out.insert(out.end(), some.begin(), some.end());
+      }
+  return out;
+}
+
+// IoU of the held-out records; fails if a weight or a pixel is no finite number.
+double iou_of(const TrainOptions& options) {
+  const Folder dir;
+  const TrainedModel model = train(plates(), options);
+  save_model(model, dir / "m");
+  const auto weights = weights_of(dir / "m");
+  REQUIRE(!weights.empty());
+  REQUIRE(all_finite(weights));
+  REQUIRE(all_finite(model.predict(plates(), all_rows(plates().size())).values));
+  const Rows rows = model.rows_of(plates(), Part::test);
+  return summarise(
+             score_maps(model.predict(plates(), rows), plates(), rows, model.scene))[metric_iou]
+      .mean;
+}
+
+// A network's layers as Regression keeps them, in double precision.
+struct DoubleRegression {
+  Network network;
+  std::vector<double> parameters, centre, spread;
+  DoubleRegression(const record::H5File& file, const std::string& group)
+      : centre(file.read<double>(group + "/centre")), spread(file.read<double>(group + "/spread")) {
+    std::vector<std::size_t> widths;
+    for (std::size_t l = 0; file.has(group + "/layer" + std::to_string(l) + "/weights"); ++l) {
+      const std::string layer = group + "/layer" + std::to_string(l);
+      const auto shape = file.shape(layer + "/weights");
+      if (widths.empty()) widths.push_back(shape[0]);
+      widths.push_back(shape[1]);
+      for (const char* part : {"/weights", "/biases"}) {
+        const auto some = file.read<double>(layer + part);
+        parameters.insert(parameters.end(), some.begin(), some.end());
+      }
+    }
+    network = make_network(widths);
+  }
+  Eigen::MatrixXd operator()(const Matrix& inputs) const {
+    const std::vector<double> x(inputs.values.begin(), inputs.values.end());
+    Activations<double> a;
+    forward(network, parameters, x.data(), inputs.rows, a);
+    Eigen::MatrixXd out(static_cast<Eigen::Index>(inputs.rows),
+                        static_cast<Eigen::Index>(centre.size()));
+    for (Eigen::Index i = 0; i < out.rows(); ++i)
+      for (Eigen::Index c = 0; c < out.cols(); ++c) {
+        const auto column = static_cast<std::size_t>(c);
+        out(i, c) = centre[column] +
+                    spread[column] * a.back()[static_cast<std::size_t>(i) * centre.size() + column];
+      }
+    return out;
+  }
+};
+
+using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+Eigen::MatrixXd in_double(const Matrix& m) {
+  return Eigen::Map<const RowMajor>(m.values.data(), static_cast<Eigen::Index>(m.rows),
+                                    static_cast<Eigen::Index>(m.cols))
+      .cast<double>();
+}
+
+double farthest(const Matrix& a, const Eigen::MatrixXd& b) {
+  return (in_double(a) - b).cwiseAbs().maxCoeff();
+}
+
+// mean + amounts basis, both as the model file has them.
+Eigen::MatrixXd composed(const record::H5File& file, const std::string& group,
+                         const Eigen::MatrixXd& amounts) {
+  const Components c = load_components(file, group);
+  const Eigen::RowVectorXf mean =
+      Eigen::Map<const Eigen::RowVectorXf>(c.mean.data(), static_cast<Eigen::Index>(c.mean.size()));
+  return (amounts * in_double(c.basis)).rowwise() + mean.cast<double>();
+}
+
+}  // namespace
+
+TEST_CASE("a hundred seeds and a hundredfold range of learning rates: never a NaN") {
+  const bool longer = std::getenv("ECHOFUSE_LONG");
+  for (const std::string name : {"mlp", "pca-mlp", "factorised"})
+    for (const double factor : {0.1, 0.3, 1.0, 3.0, 10.0}) {
+      CAPTURE(name, factor);
+      std::vector<double> ious;
+      for (std::uint64_t seed = 1; seed <= (longer ? 100u : factor == 1 ? 10u : 3u); ++seed)
+        ious.push_back(iou_of(options_for(name, seed, factor)));
+      std::sort(ious.begin(), ious.end());
+      double mean = 0, squares = 0;
+      for (const double v : ious) mean += v / static_cast<double>(ious.size());
+      for (const double v : ious) squares += (v - mean) * (v - mean);
+      std::printf("%-10s rate x%-4g %3zu seeds: IoU %.3f +- %.3f, %.3f to %.3f\n", name.c_str(),
+                  factor, ious.size(), mean,
+                  std::sqrt(squares / static_cast<double>(ious.size() - 1)), ious.front(),
+                  ious.back());
+      if (factor == 1) CHECK(ious.front() > 0.25);
+    }
+}
+
+TEST_CASE("a rate that blows up is said, or what it spoilt is not kept") {
+  for (const std::string name : {"mlp", "pca-mlp", "factorised"})
+    for (const double factor : {1e2, 1e3, 1e4, 1e6, 1e12})
+      for (const double share : {0.0, 0.1}) {
+        CAPTURE(name, factor, share);
+        TrainOptions o = options_for(name, 1, factor);
+        o.split.validation_share = share;
+        try {
+          const TrainedModel model = train(plates(), o);
+          CHECK(all_finite(model.predict(plates(), {0, 1, 2}).values));
+        } catch (const Error& error) {
+          CHECK(error.code() == ExitCode::failed);
+          CHECK_THAT(error.what(), Catch::Contains("--learning-rate"));
+        }
+      }
+}
+
+TEST_CASE("a training that never does better than the mean keeps the mean") {
+  Rng rng = make_rng(4, 0);
+  std::normal_distribution<float> normal;
+  Matrix x(80, 5), y(80, 3), opposite(80, 3);
+  for (float& v : x.values) v = normal(rng);
+  for (std::size_t i = 0; i < y.rows; ++i)
+    for (std::size_t c = 0; c < y.cols; ++c)
+      y.row(i)[c] = 7 + x.row(i)[c], opposite.row(i)[c] = 7 - x.row(i)[c];
+  const Rows rows = all_rows(80);
+  Regression regression;
+  Training training = training_of(rung_of("mlp", {}).fit);
+  training.hidden = {16}, training.quiet = true;
+  const TrainingLog log =
+      regression.fit({x, y, rows}, {x, opposite, rows}, Spread::each, training, "", "");
+  CHECK(log.best_epoch == 0);
+  CHECK(log.loss.size() == training.patience);
+  for (const float v : regression.predict(x).values) REQUIRE(v == Approx(7).margin(0.5));
+}
+
+TEST_CASE("single precision makes the maps of double precision, to a tenth of a millimetre") {
+  const Folder dir;
+  const Rows rows = all_rows(plates().size());
+  for (const std::string name : {"mlp", "pca-mlp"}) {
+    TrainOptions o = options_for(name, 3, 1);
+    o.fit.hidden = {512, 256};
+    const TrainedModel model = train(plates(), o);
+    save_model(model, dir / name);
+    const record::H5File file = record::H5File::open(dir / name);
+    const Eigen::MatrixXd direct =
+        DoubleRegression(file, "model")(model.features.apply(plates(), rows));
+    const Matrix maps = model.predict(plates(), rows);
+    const double off =
+        farthest(maps, name == "mlp" ? direct : composed(file, "model/components", direct));
+    std::printf("%-10s float against double: at most %.1e m\n", name.c_str(), off);
+    CHECK(off < 1e-4);
+  }
+}
+
+// Of the factorised model: what its networks make of the aligned records, and the masks and reliefs
+// that they stand for. Drawing compares masks with a threshold: there a pixel may go either way.
+TEST_CASE("single precision places and shapes a body as double precision does") {
+  const Folder dir;
+  TrainOptions o = options_for("factorised", 3, 1);
+  o.fit.basis = 16;
+  const TrainedModel model = train(plates(), o);
+  save_model(model, dir / "m");
+  const record::H5File file = record::H5File::open(dir / "m");
+  Alignment alignment;
+  alignment.load(file);
+  const auto centre = file.read<float>("model/features_mean");
+  const auto deviation = file.read<float>("model/features_deviation");
+  const Matrix readings = model.features.apply(plates(), all_rows(plates().size()));
+  Matrix features(readings.rows, alignment.size());
+  for (std::size_t i = 0; i < readings.rows; ++i) {
+    REQUIRE(alignment(readings.row(i), features.row(i)).there);
+    for (std::size_t c = 0; c < features.cols; ++c)
+      features.row(i)[c] = (features.row(i)[c] - centre[c]) / deviation[c];
+  }
+  const auto off = [&](const std::string& group) {
+    Regression in_float;
+    in_float.load(file, group);
+    return farthest(in_float.predict(features), DoubleRegression(file, group)(features));
+  };
+  std::printf("factorised float against double: place %.1e m, amounts %.1e\n",
+              off("model/position"), off("model/shape"));
+  CHECK(off("model/position") < 1e-4);
+  CHECK(off("model/shape") < 1e-4);
+}
+
+TEST_CASE("ridge of nearly and wholly collinear inputs is the singular value solution") {
+  constexpr Eigen::Index n = 60, d = 12, pixels = 40;
+  Rng rng = make_rng(9, 0);
+  std::normal_distribution<double> normal;
+  const auto random = [&](Eigen::Index rows, Eigen::Index cols) {
+    return Eigen::MatrixXd(Eigen::MatrixXd::NullaryExpr(rows, cols, [&] { return normal(rng); }));
+  };
+  const auto orthogonal = [&](Eigen::Index rows, Eigen::Index cols) {
+    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(random(rows, cols));
+    return Eigen::MatrixXd(qr.householderQ() * Eigen::MatrixXd::Identity(rows, cols));
+  };
+  // Condition 1e4 to 1e14 (single precision keeps 1e-7 of that), then rank 5 of 12; more records
+  // than inputs and fewer; with noise and without.
+  for (const double condition : {1e4, 1e8, 1e14, 0.0})
+    for (const Eigen::Index records : {n, d / 2})
+      for (const double noise : {0.0, 0.1}) {
+        CAPTURE(condition, records, noise);
+        Eigen::VectorXd s(d);
+        for (Eigen::Index k = 0; k < d; ++k)
+          s(k) = condition > 0 ? std::pow(condition, -static_cast<double>(k) / (d - 1))
+                               : static_cast<double>(k < 5);
+        const RowMajor x = (orthogonal(n, d) * s.asDiagonal() * orthogonal(d, d).transpose() * 10)
+                               .topRows(records)
+                               .cast<float>();
+        const RowMajor y =
+            (x.cast<double>() * random(d, pixels) + noise * random(records, pixels)).cast<float>();
+        Matrix inputs(static_cast<std::size_t>(records), d);
+        Matrix maps(inputs.rows, pixels);
+        std::copy_n(x.data(), x.size(), inputs.values.begin());
+        std::copy_n(y.data(), y.size(), maps.values.begin());
+        const auto ridge = make_ridge();
+        ridge->fit({inputs, maps, all_rows(inputs.rows)}, {inputs, maps, {}}, {});
+        const Folder dir;
+        record::H5File file = record::H5File::create(dir / "ridge");
+        ridge->save(file);
+        file.close();
+        const double penalty =
+            record::H5File::open(dir / "ridge").get<double>("model/weights", "penalty");
+
+        const Eigen::RowVectorXd mean = x.cast<double>().colwise().mean();
+        const Eigen::MatrixXd centred = x.cast<double>().rowwise() - mean;
+        const Eigen::RowVectorXd level = y.cast<double>().colwise().mean();
+        const Eigen::JacobiSVD<Eigen::MatrixXd> svd(centred,
+                                                    Eigen::ComputeThinU | Eigen::ComputeThinV);
+        const Eigen::ArrayXd sv = svd.singularValues().array();
+        const Eigen::VectorXd shrink =
+            (sv > 1e-12 * sv(0)).select(sv / (sv.square() + penalty), 0.0);
+        const Eigen::MatrixXd w = svd.matrixV() * shrink.asDiagonal() * svd.matrixU().transpose() *
+                                  (y.cast<double>().rowwise() - level);
+        const double scale = y.cwiseAbs().maxCoeff();
+        // Seen records, and others.
+        Matrix others = inputs;
+        for (float& v : others.values) v += static_cast<float>(normal(rng));
+        for (const Matrix& asked : {inputs, others}) {
+          const Eigen::MatrixXd expected =
+              ((in_double(asked).rowwise() - mean) * w).rowwise() + level;
+          const double size = std::max(scale, expected.cwiseAbs().maxCoeff());
+          const double off = farthest(ridge->predict(asked), expected) / size;
+          CAPTURE(penalty, size);
+          CHECK(off < 1e-5);
+        }
+      }
+}

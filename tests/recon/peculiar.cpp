@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: MIT
+// Sets of records that no laboratory wants: every model makes finite maps of them or refuses.
+#include "recon/evaluate.hpp"
+#include "recon/train.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using echofuse::testing::Folder;
+using echofuse::testing::Outcome;
+using echofuse::testing::recon_program;
+using echofuse::testing::write_run;
+
+namespace {
+
+bool all_finite(const std::vector<float>& values) {
+  return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
+}
+
+struct Peculiar {
+  const char* name;
+  std::int64_t count;
+  testing::Change change;
+  const char* scaling = "record";
+};
+
+record::FusedRecord plate(std::uint64_t seed, double x, double z) {
+  Rng rng = make_rng(seed, 1);
+  return testing::plate_record(0, x, z, rng);
+}
+
+const std::vector<Peculiar> peculiar_sets = {
+    {"one record", 1, {}},
+    {"two records", 2, {}},
+    {"three records", 3, {}},
+    {"one record, repeated", 12,
+     [](record::FusedRecord& r) {
+       const auto same = plate(1, 0.5, 3.5);
+       r.spd = same.spd, r.radar = same.radar, r.depth_mm = same.depth_mm;
+     }},
+    {"one reading, other maps", 12,
+     [](record::FusedRecord& r) {
+       const auto same = plate(1, 0.5, 3.5);
+       r.spd = same.spd, r.radar = same.radar;
+     }},
+    {"one map, other readings", 12,
+     [](record::FusedRecord& r) { r.depth_mm = plate(1, 0.5, 3.5).depth_mm; }},
+    {"empty maps", 12,
+     [](record::FusedRecord& r) { std::fill(r.depth_mm.begin(), r.depth_mm.end(), 0); }},
+    {"maps of one depth", 12,
+     [](record::FusedRecord& r) { std::fill(r.depth_mm.begin(), r.depth_mm.end(), 3000); }},
+    {"constant bins", 40,
+     [](record::FusedRecord& r) {
+       for (std::size_t i = 0; i < r.spd.size(); i += 2) r.spd[i] = 3;
+       for (std::size_t i = 0; i < r.radar.size(); i += 2) r.radar[i] = 0.5f;
+     },
+     "plain"},
+    {"one click a record", 12,
+     [](record::FusedRecord& r) {
+       std::fill(r.spd.begin(), r.spd.end(), 0);
+       r.spd[static_cast<std::size_t>(r.index) % r.spd.size()] = 1;
+     }},
+    {"one label", 12, [](record::FusedRecord& r) { r.label = "person"; }},
+    {"counts at their limit", 40,
+     [](record::FusedRecord& r) {
+       for (auto& n : r.spd) n = n > 1000 ? 0xffffffffu : n;
+     },
+     "plain"},
+    {"huge powers", 40,
+     [](record::FusedRecord& r) {
+       for (auto& v : r.radar) v *= 1e30f;
+     },
+     "plain"},
+    {"tiny powers", 40,
+     [](record::FusedRecord& r) {
+       for (auto& v : r.radar) v *= 1e-30f;
+     },
+     "plain"},
+    {"negative powers", 40,
+     [](record::FusedRecord& r) {
+       for (auto& v : r.radar) v = -v;
+     },
+     "plain"},
+    {"nobody in half of them", 40,
+     [](record::FusedRecord& r) {
+       if (r.index % 2 == 0) return;
+       for (auto& n : r.spd) n = static_cast<std::uint32_t>(&n - r.spd.data()) % 2;
+       std::fill(r.depth_mm.begin(), r.depth_mm.end(), 0);
+     }},
+};
+
+}  // namespace
+
+TEST_CASE("peculiar sets of records make finite maps or are refused in one line") {
+  std::vector<std::string> names = model_names;
+  names.insert(names.end(), {"nearest-16", "auto"});
+  for (const auto& set : peculiar_sets) {
+    const Folder dir;
+    write_run(dir / "run", set.count, 1, set.change);
+    write_run(dir / "others", 6, 2);
+    const Dataset data = load({dir / "run"}), others = load({dir / "others"});
+    for (const auto& name : names) {
+      CAPTURE(set.name, name);
+      TrainOptions o;
+      o.model = name, o.scaling = set.scaling;
+      o.fit.quiet = true, o.fit.epochs = 3;
+      if (name.ends_with("mlp")) o.fit.hidden = {24};
+      if (name == "auto") o.ladder = {"empty", "mean", "factorised-4", "ridge", "nearest"};
+      try {
+        const TrainedModel model = train(data, o);
+        for (const Dataset* judged : {&data, &others}) {
+          const Rows rows = rows_to_evaluate(model, *judged, true);
+          CHECK(all_finite(model.predict(*judged, rows).values));
+          const Rows seen = model.rows_of(data, Part::train);
+          const Evaluation e = evaluate(model, *judged, rows, data, seen);
+          CHECK(std::isfinite(e.metrics[metric_rmse_m].mean));
+        }
+      } catch (const Error& error) {
+        CHECK(error.code() == ExitCode::failed);
+        CHECK_THAT(error.what(), Catch::Contains("records") || Catch::Contains("judged: the maps"));
+        CHECK_THAT(error.what(), !Catch::Contains("\n"));
+      }
+    }
+  }
+}
+
+TEST_CASE("the program with one record, with two, and with nobody in half of them") {
+  const auto& half = peculiar_sets.back();
+  const Folder dir;
+  write_run(dir / "1", 1);
+  write_run(dir / "2", 2);
+  write_run(dir / "half", half.count, 1, half.change);
+  const auto train_on = [&](const std::string& model, const std::string& run) {
+    return recon_program("train -q --model " + model + " --epochs 3 --ladder mean,ridge --out " +
+                         (dir / "m") + " " + (dir / run));
+  };
+  const auto is_line = [](const std::string& text) {
+    return !text.empty() && text.find('\n') == text.size() - 1;
+  };
+  for (const std::string model : {"mean", "mlp", "factorised", "auto"}) {
+    CAPTURE(model);
+    const Outcome one = train_on(model, "1");
+    CHECK(one.code == 1);
+    CHECK_THAT(one.text, Catch::Contains("1 usable records leave 1"));
+    CHECK(is_line(one.text));
+    for (const std::string run : {"2", "half"}) {
+      CAPTURE(run);
+      const Outcome trained = train_on(model, run);
+      CAPTURE(trained.text);
+      if (run == "2" && (model == "factorised" || model == "auto")) {
+        CHECK(trained.code == 1);
+        CHECK(is_line(trained.text));
+        continue;
+      }
+      REQUIRE(trained.code == 0);
+      const Outcome judged =
+          recon_program("evaluate --all --json " + (dir / "m") + " " + (dir / run));
+      CHECK(judged.code == 0);
+      CHECK_THAT(judged.text, !Catch::Contains("\"rmse_m\": null"));
+      const Outcome made = recon_program("reconstruct -q " + (dir / "m") + " " + (dir / run) +
+                                         " --out " + (dir / ("maps-" + model + run)));
+      CAPTURE(made.text);
+      CHECK((made.code == 0 || made.code == 5));
+    }
+  }
+}
