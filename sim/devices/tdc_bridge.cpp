@@ -228,17 +228,21 @@ class Bridge final : public TdcBridge {
   }
 
   void written(const ErrorCode& error) {
+    if (!error) sent();  // whole, also when the connection was closed since
     if (!connected_) return next_client();
     if (error) return disconnect("client left");
+    if (!queue_.empty())
+      write();
+    else if (stopping_)
+      disconnect("closed");
+  }
+
+  void sent() {
     log(queue_.front(), queue_.front().what);
     ++blocks_;
     tags_ += queue_.front().tags;
     queued_bytes_ -= queue_.front().bytes.size();
     queue_.pop_front();
-    if (!queue_.empty())
-      write();
-    else if (stopping_)
-      disconnect("closed");
   }
 
   TdcOptions options_;
