@@ -60,6 +60,14 @@ void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit) {
       ->check(CLI::Range(0.0, 10.0));
 }
 
+void add_slip_option(CLI::App& app, std::string& action) {
+  app.add_option("--slip", action,
+                 "if the radar's ranges have slipped against the SPD's since training: correct, "
+                 "warn or ignore")
+      ->check(CLI::IsMember(slip_action_names))
+      ->capture_default_str();
+}
+
 // What reconstruct says of its records on stderr: while following at once, else at the end, which
 // leaves the progress bar alone.
 class ReconstructTalk {
@@ -173,9 +181,9 @@ Command add_train(CLI::App& app, const Common& common) {
   };
 }
 
-Command add_evaluate(CLI::App& app, const Common&) {
+Command add_evaluate(CLI::App& app, const Common& common) {
   struct Arguments {
-    std::string model, run;
+    std::string model, run, slip_action = "correct";
     std::vector<std::string> train;
     bool all = false, json = false;
   };
@@ -185,12 +193,15 @@ Command add_evaluate(CLI::App& app, const Common&) {
   app.add_flag("--all", a->all, "also score records that the model was trained on");
   app.add_option("--train", a->train,
                  "the runs the model was trained on, for the nearest-neighbour row of a fresh run");
+  add_slip_option(app, a->slip_action);
   app.add_flag("--json", a->json, "one JSON object instead of text");
-  return [a] {
+  return [a, &common] {
     const TrainedModel model = load_model(a->model);
     const Features& f = model.features;
     Dataset data = load({a->run});
-    match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
+    const std::string slipped = match_model(data, model, slip_action_of(a->slip_action));
+    if (!slipped.empty() && !common.quiet)
+      std::fprintf(stderr, "%s: %s\n", a->run.c_str(), slipped.c_str());
     Dataset other;
     if (!a->train.empty()) {
       other = load(a->train);
@@ -212,7 +223,7 @@ Command add_evaluate(CLI::App& app, const Common&) {
 
 Command add_reconstruct(CLI::App& app, const Common& common) {
   struct Arguments : ReconstructOptions {
-    std::string model, run;
+    std::string model, run, slip_action = "correct";
   };
   const auto a = std::make_shared<Arguments>();
   app.add_option("model", a->model, "model file")->required();
@@ -225,12 +236,17 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
       ->allow_extra_args(false)
       ->check(CLI::IsMember(map_formats))
       ->capture_default_str();
+  add_slip_option(app, a->slip_action);
   app.add_flag("--follow", a->follow,
                "of a run that is being recorded: new records as they come, until it is closed");
   return [a, &common] {
     a->quiet = common.quiet;
     ReconstructTalk talk(a->run, a->follow, common.quiet);
     a->on_record = [&](const RecordStatus& r) { talk.add(r); };
+    a->slip = slip_action_of(a->slip_action);
+    a->on_slip = [&](const std::string& text) {
+      std::fprintf(stderr, "%s: %s\n", a->run.c_str(), text.c_str());
+    };
     reconstruct(load_model(a->model), a->run, *a);
     talk.finish(a->out);
     if (interrupted()) return ExitCode::interrupted;

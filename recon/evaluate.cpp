@@ -41,6 +41,24 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) 
                              name_of(model.features.inputs) + "\" model");
 }
 
+std::string match_model(Dataset& data, const TrainedModel& model, SlipAction action) {
+  const Features& f = model.features;
+  const Matrix recorded = data.radar;
+  const Axis recorded_axis = data.radar_axis;
+  match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
+  if (action == SlipAction::ignore || !model.slip.known()) return {};
+  std::vector<float> found;
+  model.slip.measure(data, found);
+  const Slip slip = model.slip.judge(found);
+  const bool correct = action == SlipAction::correct;
+  if (correct && slip.verdict == Slip::Verdict::found) {
+    data.radar = recorded, data.radar_axis = recorded_axis;
+    shorten_radar(data, slip.metres);
+    match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
+  }
+  return slip.text(correct);
+}
+
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
                                   const Scene& scene) {
   std::vector<MapScores> out;

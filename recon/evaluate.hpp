@@ -36,6 +36,10 @@ struct Evaluation {
 // Throws Error(failed) if there are none.
 Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
 
+// Estimates the slip of the whole data set (on the axes of its run), corrects it if asked, and
+// brings the data onto the model's axes. Returns what there is to say, or nothing.
+std::string match_model(Dataset& data, const TrainedModel& model, SlipAction slip);
+
 // Scores of one map a row against the depth table's rows.
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
                                   const Scene& scene);

@@ -84,6 +84,8 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const std::strin
   out.features =
       fit_features(data, split.train, inputs, wants_readings(rung.model) ? raw_scaling : scaling);
   out.scene = learn_scene(data.depth, split.train);
+  if (inputs == Inputs::fused && data.spd_axis.unit == "ps" && data.radar_axis.unit == "m")
+    out.slip = SlipReference(data, split.train);
   out.model = make_model(rung.model);
   const Matrix scaled = out.features.apply(data, all_rows(data.size()));
   const Layout layout = out.features.layout();

@@ -11,6 +11,7 @@
 //   training/    loss_m, validation_loss_m, hidden (widths), with attributes best_epoch, epochs,
 //                batch, learning_rate, weight_decay, patience
 //   model/       what the model itself keeps
+//   slip/        of a fused model: slip.hpp
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -20,6 +21,7 @@
 #include "recon/features.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/models/model.hpp"
+#include "recon/slip.hpp"
 #include "recon/split.hpp"
 
 namespace echofuse::recon {
@@ -42,6 +44,7 @@ struct TrainedModel {
   SplitOptions split;
   FitOptions fit;
   SeenRecords seen;
+  SlipReference slip;  // of a fused model
   std::uint32_t data_hash = 0;
   double train_s = 0;
 

@@ -5,6 +5,7 @@
 // Each sensor is divided by its own sum, so that laser power, exposure and gains do not matter.
 #pragma once
 #include <span>
+#include <string>
 #include <vector>
 
 #include "recon/models/model.hpp"
@@ -33,9 +34,12 @@ class Alignment {
   // Fills size() features: histogram (shares of the clicks), profile (shares of the power), range.
   // All zero if there is no body.
   Body operator()(std::span<const float> readings, std::span<float> features) const;
+  // How far behind the body's range the radar sees it, metres, of features with a body: the
+  // centroid of what rises above half the profile's peak.
+  double displacement_m(std::span<const float> features) const;
 
-  void save(record::H5File& file) const;
-  void load(const record::H5File& file);
+  void save(record::H5File& file, const std::string& group = "model") const;
+  void load(const record::H5File& file, const std::string& group = "model");
 
  private:
   std::size_t histogram_bins() const;
