@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/core/console.hpp"
+#include "recon/augment.hpp"
 #include "recon/crossvalidate.hpp"
 #include "recon/evaluate.hpp"
 #include "recon/export_model.hpp"
@@ -74,13 +75,14 @@ class ReconstructTalk {
  public:
   ReconstructTalk(std::string run, bool follow, bool quiet)
       : run_(std::move(run)), follow_(follow), quiet_(quiet) {}
-  std::size_t left_out() const { return left_out_; }
+  bool all_well() const { return left_out_ + fell_back_ == 0; }
 
   void add(const RecordStatus& r) {
     if (r.after_slot_s) after_slot_s_.push_back(*r.after_slot_s);
     (r.fault.empty() ? good_ : left_out_) += 1;
+    fell_back_ += !r.note.empty();
     if (!r.fault.empty() && !follow_) faults_.push_back(r);
-    if (follow_ && !r.fault.empty()) complain(r);
+    if (follow_ && !(r.fault.empty() && r.note.empty())) complain(r);
     if (follow_ && r.after_slot_s && !quiet_)
       std::fprintf(stderr,
                    "record %lld: map %.3f s after its slot's end, %.1f ms after its reading\n",
@@ -92,6 +94,7 @@ class ReconstructTalk {
     if (quiet_) return;
     std::fprintf(stderr, "%s: %zu records reconstructed, %zu left out", out.c_str(), good_,
                  left_out_);
+    if (fell_back_ > 0) std::fprintf(stderr, "; %zu with %s", fell_back_, fallback_note);
     std::sort(after_slot_s_.begin(), after_slot_s_.end());
     if (!after_slot_s_.empty())
       std::fprintf(stderr, "; maps %.3f s after their slot's end (median; longest %.3f s)",
@@ -102,11 +105,11 @@ class ReconstructTalk {
  private:
   void complain(const RecordStatus& r) const {
     std::fprintf(stderr, "%s: record %lld: %s\n", run_.c_str(), static_cast<long long>(r.index),
-                 r.fault.c_str());
+                 (r.fault.empty() ? r.note : r.fault).c_str());
   }
   std::string run_;
   bool follow_, quiet_;
-  std::size_t good_ = 0, left_out_ = 0;
+  std::size_t good_ = 0, left_out_ = 0, fell_back_ = 0;
   std::vector<RecordStatus> faults_;
   std::vector<double> after_slot_s_;
 };
@@ -160,6 +163,15 @@ Command add_train(CLI::App& app, const Common& common) {
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
   app.add_flag("--resume", a->fit.checkpoint.resume, "go on from OUT.checkpoint");
+  app.add_option("--augment", a->augment,
+                 "train on perturbed copies of the records, too: noise (of the radar, down to 10 "
+                 "dB), speckle (of the radar)")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::IsMember(augment_names));
+  a->fallback = true;
+  app.add_flag("!--no-fallback", a->fallback,
+               "train no network beside a fused model for records whose radar is lost");
   return [a, &common] {
     a->split.seed = a->fit.seed;
     a->fit.checkpoint.path = a->out + ".checkpoint";
@@ -197,7 +209,6 @@ Command add_evaluate(CLI::App& app, const Common& common) {
   app.add_flag("--json", a->json, "one JSON object instead of text");
   return [a, &common] {
     const TrainedModel model = load_model(a->model);
-    const Features& f = model.features;
     Dataset data = load({a->run});
     const std::string slipped = match_model(data, model, slip_action_of(a->slip_action));
     if (!slipped.empty() && !common.quiet)
@@ -205,7 +216,7 @@ Command add_evaluate(CLI::App& app, const Common& common) {
     Dataset other;
     if (!a->train.empty()) {
       other = load(a->train);
-      match_axes(other, f.spd_axis, f.radar_axis, f.inputs);
+      model.match(other);
       if (!model.knows(other))
         throw Error(ExitCode::failed, a->train.front() + ": " + a->model +
                                           " was not trained on it; give the training run, or "
@@ -250,7 +261,7 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
     reconstruct(load_model(a->model), a->run, *a);
     talk.finish(a->out);
     if (interrupted()) return ExitCode::interrupted;
-    return talk.left_out() > 0 ? ExitCode::partial : ExitCode::ok;
+    return talk.all_well() ? ExitCode::ok : ExitCode::partial;
   };
 }
 

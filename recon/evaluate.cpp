@@ -30,7 +30,9 @@ Matrix nearest_maps(const TrainedModel& trained, const Dataset& data, const Rows
 
 Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) {
   const bool held_out = !all && model.knows(data);
-  Rows rows = held_out ? model.rows_of(data, Part::test) : data.usable(model.features.inputs);
+  Rows rows = held_out ? model.rows_of(data, Part::test)
+                       : data.usable(model.fallback ? model.fallback->features.inputs
+                                                    : model.features.inputs);
   if (!rows.empty()) return rows;
   const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
   throw Error(ExitCode::failed,
@@ -42,10 +44,9 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) 
 }
 
 std::string match_model(Dataset& data, const TrainedModel& model, SlipAction action) {
-  const Features& f = model.features;
   const Matrix recorded = data.radar;
   const Axis recorded_axis = data.radar_axis;
-  match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
+  model.match(data);
   if (action == SlipAction::ignore || !model.slip.known()) return {};
   std::vector<float> found;
   model.slip.measure(data, found);
@@ -54,7 +55,7 @@ std::string match_model(Dataset& data, const TrainedModel& model, SlipAction act
   if (correct && slip.verdict == Slip::Verdict::found) {
     data.radar = recorded, data.radar_axis = recorded_axis;
     shorten_radar(data, slip.metres);
-    match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
+    model.match(data);
   }
   return slip.text(correct);
 }
@@ -76,6 +77,7 @@ Evaluation evaluate(const TrainedModel& model, const Dataset& data, const Rows& 
   out.model = model.name;
   out.inputs = model.features.inputs;
   out.records = rows.size();
+  for (const std::size_t row : rows) out.fallback_records += model.falls_back(data, row);
   out.metrics = scored(model.predict(data, rows));
   out.trivial.push_back({"empty", scored(constant_maps(model.scene.background, rows.size()))});
   out.trivial.push_back({"mean", scored(constant_maps(model.scene.mean_map, rows.size()))});

@@ -27,6 +27,7 @@ struct Evaluation {
   std::string model;
   Inputs inputs{};
   std::size_t records = 0;
+  std::size_t fallback_records = 0;  // of them, for which the fallback answered
   Summaries metrics;
   std::vector<ScoredRow> trivial;  // empty room, mean map, nearest neighbour
   RunningCost cost;

@@ -29,8 +29,11 @@ class StatusTable {
     flush();
   }
   void add(const RecordStatus& r) {
-    out_ << r.index << ",\"" << (r.fault.empty() ? "ok" : r.fault) << "\","
-         << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "") << "\n";
+    out_ << r.index << ",\""
+         << (!r.fault.empty()  ? r.fault
+             : !r.note.empty() ? r.note
+                               : "ok")
+         << "\"," << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "") << "\n";
   }
   void flush() {
     out_.flush();
@@ -80,7 +83,7 @@ class Reconstruction {
 bool Reconstruction::take_part(const record::RunReader& run) {
   std::vector<RecordStatus> bad;
   Dataset data = load_part(run, next_, part_records, [&](std::int64_t index, const auto& fault) {
-    bad.push_back({index, fault, {}, {}});
+    bad.push_back({index, fault, {}, {}, {}});
   });
   std::vector<RecordStatus> all = write_maps(data);
   all.insert(all.end(), bad.begin(), bad.end());
@@ -97,13 +100,12 @@ bool Reconstruction::take_part(const record::RunReader& run) {
 
 void Reconstruction::look_for_slip(const record::RunReader& run) {
   if (options_.slip == SlipAction::ignore || !model_.slip.known()) return;
-  const Features& f = model_.features;
   std::vector<float> found;
   for (std::int64_t next = 0; found.size() < slip_records && !interrupted();) {
     Dataset part = load_part(run, next, part_records, [](std::int64_t, const auto&) {});
     if (part.size() == 0) break;
     next = part.index.back() + 1;
-    match_axes(part, f.spd_axis, f.radar_axis, f.inputs);
+    model_.match(part);
     model_.slip.measure(part, found);
   }
   const Slip slip = model_.slip.judge(found);
@@ -128,15 +130,16 @@ void Reconstruction::watch_slip(const Dataset& data) {
 std::vector<RecordStatus> Reconstruction::write_maps(Dataset& data) {
   const HostTime read = clock_.now();
   if (slip_m_ != 0) shorten_radar(data, slip_m_);
-  const Features& f = model_.features;
   std::vector<RecordStatus> out;
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row) {
-    out.push_back({data.index[row], data.fault_of(row, f.inputs), {}, {}});
+    const bool falls_back = model_.falls_back(data, row);
+    out.push_back(
+        {data.index[row], model_.fault_of(data, row), falls_back ? fallback_note : "", {}, {}});
     if (out.back().fault.empty()) rows.push_back(row);
   }
   // A sensor's axis may come after the first records of a run that is being recorded.
-  if (!rows.empty() || !options_.follow) match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
+  if (!rows.empty() || !options_.follow) model_.match(data);
   if (!rows.empty()) watch_slip(data);
   const Matrix maps = model_.predict(data, rows);
   for (std::size_t i = 0; i < rows.size(); ++i) {

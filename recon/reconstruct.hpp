@@ -13,6 +13,7 @@ namespace echofuse::recon {
 struct RecordStatus {
   std::int64_t index = 0;
   std::string fault;  // empty: reconstructed
+  std::string note;   // of a map: what the model had to do without
   // Of a record that came while following: from its slot's end, and from its reading, to its map.
   std::optional<double> after_slot_s, after_reading_s;
 };

@@ -14,7 +14,8 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::size_t least_records = 50;
-constexpr double edge = 0.05;  // share of the records beyond it
+constexpr double most_background = 0.1;  // share of the radar's power
+constexpr double edge = 0.05;            // share of the records beyond it
 constexpr int resamples = 200;
 constexpr double significance = 4;                      // standard errors
 constexpr double least_slip_m = 0.01;                   // less costs next to nothing
@@ -66,7 +67,7 @@ std::string Slip::text(bool corrected) const {
       return formatted(
           "cannot tell whether a calibration slipped: against the SPD's, the radar's ranges of the "
           "leftmost bodies moved by %+.1f cm since training, of the rightmost by %+.1f cm; people "
-          "stand elsewhere",
+          "or the radar stand elsewhere",
           left_m * 100, right_m * 100);
     case Verdict::found:
       break;
@@ -78,9 +79,32 @@ std::string Slip::text(bool corrected) const {
 
 SlipReference::SlipReference(const Dataset& data, const Rows& rows) {
   const Features raw = fit_features(data, rows, Inputs::fused, raw_scaling);
-  alignment_ = Alignment(raw.layout(), raw.apply(data, rows), all_rows(rows.size()));
+  const Matrix readings = raw.apply(data, rows);
+  alignment_ = Alignment(raw.layout(), readings, all_rows(rows.size()));
+  if (alignment_.radar_background_share(readings) > most_background) return;
+  const Seen seen = see(data, rows);
+  if (seen.histograms.rows < least_records) return;
+  expected_ = make_ridge();
+  const Samples samples{seen.histograms, seen.displacements_m, all_rows(seen.histograms.rows)};
+  expected_->fit(samples, samples, {});
   measure(data, rows, displacements_m_);
-  std::sort(displacements_m_.begin(), displacements_m_.end());
+}
+
+SlipReference::Seen SlipReference::see(const Dataset& data, const Rows& rows) const {
+  const std::size_t bins = alignment_.histogram_bins();
+  Seen out{Matrix(0, bins + 1), Matrix(0, 1)};
+  std::vector<float> readings, features(alignment_.size());
+  for (const std::size_t row : rows) {
+    const auto spd = data.spd.row(row), radar = data.radar.row(row);
+    readings.assign(spd.begin(), spd.end());
+    readings.insert(readings.end(), radar.begin(), radar.end());
+    if (!alignment_(readings, features).there) continue;
+    const auto displacement_m = static_cast<float>(alignment_.displacement_m(features));
+    out.displacements_m.add_row({&displacement_m, 1});
+    features[bins] = features.back();
+    out.histograms.add_row(std::span(features).first(bins + 1));
+  }
+  return out;
 }
 
 void SlipReference::measure(const Dataset& data, std::vector<float>& out) const {
@@ -91,14 +115,11 @@ void SlipReference::measure(const Dataset& data, std::vector<float>& out) const 
 }
 
 void SlipReference::measure(const Dataset& data, const Rows& rows, std::vector<float>& out) const {
-  std::vector<float> readings, features(alignment_.size());
-  for (const std::size_t row : rows) {
-    const auto spd = data.spd.row(row), radar = data.radar.row(row);
-    readings.assign(spd.begin(), spd.end());
-    readings.insert(readings.end(), radar.begin(), radar.end());
-    if (alignment_(readings, features).there)
-      out.push_back(static_cast<float>(alignment_.displacement_m(features)));
-  }
+  const Seen seen = see(data, rows);
+  if (seen.histograms.rows == 0) return;
+  const Matrix expected = expected_->predict(seen.histograms);
+  for (std::size_t i = 0; i < expected.rows; ++i)
+    out.push_back(seen.displacements_m.values[i] - expected.values[i]);
 }
 
 Slip SlipReference::judge(std::vector<float> found) const {
@@ -128,12 +149,16 @@ Slip SlipReference::judge(std::vector<float> found) const {
 void SlipReference::save(record::H5File& file) const {
   if (!known()) return;
   alignment_.save(file, "slip");
+  record::H5File group = file.group("slip");
+  expected_->save(group);
   file.write("slip/displacement_m", displacements_m_, {displacements_m_.size()});
 }
 
 void SlipReference::load(const record::H5File& file) {
   if (!file.has("slip/displacement_m")) return;
   alignment_.load(file, "slip");
+  expected_ = make_ridge();
+  expected_->load(file.group("slip"));
   displacements_m_ = file.read<float>("slip/displacement_m");
 }
 

@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: MIT
 // Whether the radar's ranges have slipped against the SPD's since training, from records without
-// labels. Nothing but the side on which a body stands moves the radar's profile against the
-// histogram (by b x / r), and bodies stand within the trained area: so the leftmost and the
-// rightmost ones of a run must lie where those of the training lay. When both edges have moved by
-// the same length, the ranges have slipped by it; when they have not, people stand elsewhere, and
-// the slip can only be bounded. Neither the way in which people spread between the edges nor gain,
-// impulse response or noise moves the estimate.
+// labels. The radar sees a body farther than the SPD by b x / r, and by a little that depends on
+// its shape, which a linear regression on the histogram takes off. What is left tells the side on
+// which a body stands, and bodies stand within the trained area: the leftmost and the rightmost
+// ones of a run must lie where those of the training lay. When both edges have moved by the same
+// length, the ranges have slipped by it; when they have not, people stand elsewhere, and nothing
+// can be told. How people spread between the edges, gains, impulse response and noise do not
+// matter.
 //
-// Not to be seen: what moves both sensors alike, and a whole stage that was moved sideways.
+// Not to be seen: what moves both sensors alike, and a whole stage that was moved sideways. Not
+// tried: in front of walls, whose own echoes move along.
 #pragma once
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -36,14 +39,15 @@ struct Slip {
   std::string text(bool corrected) const;  // for the user; empty if there is nothing to say
 };
 
-// How far behind the SPD the radar sees the bodies of the training records.
+// How far behind the SPD the radar saw the bodies of the training records.
 class SlipReference {
  public:
   SlipReference() = default;
   // Of both sensors' readings.
   SlipReference(const Dataset& data, const Rows& rows);
 
-  bool known() const { return !displacements_m_.empty(); }  // false in models of earlier versions
+  // False in models of earlier versions, in front of walls and with fewer than 50 records.
+  bool known() const { return !displacements_m_.empty(); }
   // Appends what the rows with two live sensors show. The data must be on the model's axes.
   void measure(const Dataset& data, std::vector<float>& displacements_m) const;
   // Standard errors by the bootstrap (Efron 1979), the same for the same records.
@@ -53,9 +57,15 @@ class SlipReference {
   void load(const record::H5File& file);
 
  private:
+  struct Seen {
+    Matrix histograms;  // aligned, and their ranges
+    Matrix displacements_m;
+  };
   void measure(const Dataset& data, const Rows& rows, std::vector<float>& out) const;
+  Seen see(const Dataset& data, const Rows& rows) const;
   Alignment alignment_;
-  std::vector<float> displacements_m_;  // sorted
+  std::shared_ptr<Model> expected_;     // from histogram and range to displacement
+  std::vector<float> displacements_m_;  // of the training records, less what is expected
 };
 
 // Moves the radar's profiles, on the axis that the data have, to ranges shorter by this.

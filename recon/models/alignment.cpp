@@ -163,6 +163,14 @@ double Alignment::displacement_m(std::span<const float> features) const {
   return profile_from_m + (sum > 0 ? moment / sum : 0) * profile_step_m_;
 }
 
+double Alignment::radar_background_share(const Matrix& readings) const {
+  double always = 0, all = 0;
+  for (const float v : radar_background_) always += double{v};
+  for (std::size_t i = 0; i < readings.rows; ++i)
+    for (const float v : readings.row(i).subspan(spd_background_.size())) all += double{v};
+  return all > 0 ? always * static_cast<double>(readings.rows) / all : 0;
+}
+
 void Alignment::save(record::H5File& file, const std::string& group) const {
   file.write(group + "/spd_background", spd_background_, {spd_background_.size()});
   file.write(group + "/radar_background", radar_background_, {radar_background_.size()});

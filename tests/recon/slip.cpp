@@ -52,8 +52,8 @@ TEST_CASE("a slip of the radar against the SPD is found from records without lab
     CHECK(slip.records == 800);
     CHECK(slip.metres == Approx(slip_m).margin(0.01));
     CHECK(std::abs(slip.metres - slip_m) < 4 * slip.error);
-    CHECK_THAT(slip.text(true), Catch::Contains(slip_m > 0 ? "longer" : "shorter") &&
-                                    Catch::EndsWith("corrected"));
+    CHECK_THAT(slip.text(true),
+               Catch::Contains(slip_m > 0 ? "longer" : "shorter") && Catch::EndsWith("corrected"));
     shorten_radar(data, slip.metres);
     CHECK(slip_of(data).verdict == Slip::Verdict::none);
   }
@@ -113,7 +113,8 @@ TEST_CASE("reconstruct and evaluate correct a slip, and say so") {
   };
   const double clean = iou_of(evaluated("fresh"));
   const std::string corrected = evaluated("slipped");
-  CHECK_THAT(corrected, Catch::Contains("longer than in training") && Catch::Contains(": corrected"));
+  CHECK_THAT(corrected,
+             Catch::Contains("longer than in training") && Catch::Contains(": corrected"));
   CHECK(iou_of(corrected) > 0.95 * clean);
   CHECK(iou_of(evaluated("slipped --slip ignore")) < 0.9 * clean);
   CHECK_THAT(evaluated("slipped --slip warn"), Catch::Contains("not corrected; calibrate anew"));
