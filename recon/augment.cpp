@@ -5,26 +5,18 @@
 #include <cmath>
 #include <complex>
 #include <numbers>
-#include <numeric>
 #include <random>
 
 #include "drivers/core/random.hpp"
-#include "recon/shift.hpp"
 
 namespace echofuse::recon {
 namespace {
 
 constexpr std::uint64_t augment_stream = 0x6175676d;  // "augm"
 constexpr double least_snr_db = 10, most_snr_db = 20;
-constexpr double most_delay_m = 0.05;
-constexpr double most_sigma_ps = 300 / 2.355;
-
-double uniform(Rng& rng, double from, double to) {
-  return std::uniform_real_distribution<double>(from, to)(rng);
-}
 
 void add_noise(std::span<float> power, double mean_peak, Rng& rng) {
-  const double snr_db = uniform(rng, least_snr_db, most_snr_db);
+  const double snr_db = std::uniform_real_distribution<double>(least_snr_db, most_snr_db)(rng);
   std::normal_distribution<double> noise(0, mean_peak * std::pow(10, -snr_db / 10));
   for (float& v : power) v += static_cast<float>(noise(rng));
 }
@@ -54,36 +46,6 @@ void add_speckle(std::span<float> power, Rng& rng) {
     power[i] = static_cast<float>(std::norm(profile[i]) * scale);
 }
 
-void add_delay(std::span<float> power, double step_m, Rng& rng) {
-  const Shift shift(uniform(rng, -most_delay_m, most_delay_m) / step_m);
-  const auto moved = shift.apply({power.begin(), power.end()});
-  std::copy(moved.begin(), moved.end(), power.begin());
-}
-
-void widen(std::span<float> counts, double step_ps, Rng& rng) {
-  const double sigma = uniform(rng, 0, most_sigma_ps) / step_ps;
-  const auto reach = static_cast<std::ptrdiff_t>(std::ceil(4 * sigma));
-  std::vector<float> out(counts.size());
-  double sum = 0;
-  for (std::ptrdiff_t k = -reach; k <= reach; ++k)
-    sum += std::exp(-0.5 * std::pow(static_cast<double>(k) / std::max(sigma, 1e-6), 2));
-  for (std::ptrdiff_t k = -reach; k <= reach; ++k) {
-    const auto weight = static_cast<float>(
-        std::exp(-0.5 * std::pow(static_cast<double>(k) / std::max(sigma, 1e-6), 2)) / sum);
-    for (std::ptrdiff_t i = std::max<std::ptrdiff_t>(-k, 0);
-         i < std::min(std::ssize(counts), std::ssize(counts) - k); ++i)
-      out[static_cast<std::size_t>(i)] += weight * counts[static_cast<std::size_t>(i + k)];
-  }
-  std::copy(out.begin(), out.end(), counts.begin());
-}
-
-void add_background(std::span<float> counts, Rng& rng) {
-  const double all = std::accumulate(counts.begin(), counts.end(), 0.0);
-  std::poisson_distribution<std::uint32_t> extra(uniform(rng, 0, 1) * all /
-                                                 static_cast<double>(counts.size()));
-  for (float& v : counts) v += static_cast<float>(extra(rng));
-}
-
 double mean_peak_of(const Matrix& profiles, const Rows& rows) {
   double sum = 0;
   for (const std::size_t row : rows)
@@ -111,15 +73,12 @@ void augment(Dataset& data, Rows& rows, const std::vector<std::string>& kinds, s
   Rng rng = make_rng(seed, augment_stream);
   for (const auto& kind : kinds) {
     if (std::find(augment_names.begin(), augment_names.end(), kind) == augment_names.end())
-      throw Error(ExitCode::usage, "augment \"" + kind + "\": not known");
+      throw Error(ExitCode::usage, "augment \"" + kind + "\": expected noise or speckle");
     for (const std::size_t original : originals) {
       rows.push_back(append_copy(data, original));
-      const auto spd = data.spd.row(rows.back()), radar = data.radar.row(rows.back());
+      const auto radar = data.radar.row(rows.back());
       if (kind == "noise") add_noise(radar, mean_peak, rng);
       if (kind == "speckle") add_speckle(radar, rng);
-      if (kind == "delay") add_delay(radar, data.radar_axis.step, rng);
-      if (kind == "irf") widen(spd, data.spd_axis.step, rng);
-      if (kind == "background") add_background(spd, rng);
     }
   }
 }

@@ -10,13 +10,11 @@
 
 namespace echofuse::recon {
 
-//   noise       more radar noise: 20 down to 10 dB below the mean profile's peak
-//   speckle     radar power of the coherent sum of scatterers that are spread like the profile
-//   delay       the radar's ranges off by up to 5 cm
-//   irf         an SPD response wider by up to as much as 300 ps
-//   background  up to as many SPD counts again, spread evenly
-inline const std::vector<std::string> augment_names = {"noise", "speckle", "delay", "irf",
-                                                       "background"};
+//   noise    more radar noise: 20 down to 10 dB below the mean profile's peak
+//   speckle  radar power of the coherent sum of scatterers that are spread like the profile
+// Gains, impulse response and background have none, as the models do not mind them, nor has a slip,
+// which is corrected (slip.hpp).
+inline const std::vector<std::string> augment_names = {"noise", "speckle"};
 
 // Appends a perturbed copy of the rows for each kind, and their numbers to `rows`. The copies
 // belong to no source. Throws Error(usage) if the kind is not known.

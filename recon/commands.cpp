@@ -193,7 +193,7 @@ Command add_train(CLI::App& app, const Common& common) {
   };
 }
 
-Command add_evaluate(CLI::App& app, const Common& common) {
+Command add_evaluate(CLI::App& app, const Common&) {
   struct Arguments {
     std::string model, run, slip_action = "correct";
     std::vector<std::string> train;
@@ -207,12 +207,10 @@ Command add_evaluate(CLI::App& app, const Common& common) {
                  "the runs the model was trained on, for the nearest-neighbour row of a fresh run");
   add_slip_option(app, a->slip_action);
   app.add_flag("--json", a->json, "one JSON object instead of text");
-  return [a, &common] {
+  return [a] {
     const TrainedModel model = load_model(a->model);
     Dataset data = load({a->run});
     const std::string slipped = match_model(data, model, slip_action_of(a->slip_action));
-    if (!slipped.empty() && !common.quiet)
-      std::fprintf(stderr, "%s: %s\n", a->run.c_str(), slipped.c_str());
     Dataset other;
     if (!a->train.empty()) {
       other = load(a->train);
@@ -225,6 +223,7 @@ Command add_evaluate(CLI::App& app, const Common& common) {
     const Dataset& trained_on = a->train.empty() ? data : other;
     const Rows rows = rows_to_evaluate(model, data, a->all);
     Evaluation e = evaluate(model, data, rows, trained_on, model.rows_of(trained_on, Part::train));
+    e.slip = slipped;
     set_threads(1);
     e.cost = measure_cost(model, data, rows, a->model);
     std::puts(a->json ? to_json(e).dump(2).c_str() : to_text(e).c_str());

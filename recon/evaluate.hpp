@@ -28,6 +28,7 @@ struct Evaluation {
   Inputs inputs{};
   std::size_t records = 0;
   std::size_t fallback_records = 0;  // of them, for which the fallback answered
+  std::string slip;                  // what match_model said
   Summaries metrics;
   std::vector<ScoredRow> trivial;  // empty room, mean map, nearest neighbour
   RunningCost cost;

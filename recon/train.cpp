@@ -68,6 +68,8 @@ std::vector<std::pair<std::string, std::string>> settings_of(const Dataset& data
 
 TrainedModel fit_augmented(Dataset data, Split split, const std::string& name,
                            const TrainOptions& options, const FitOptions& fit) {
+  if (inputs_of(options.inputs) == Inputs::spd)
+    throw Error(ExitCode::usage, "--augment: its kinds are of the radar, --inputs spd has none");
   augment(data, split.train, options.augment, fit.seed);
   return fit_model(data, split, name, inputs_of(options.inputs), options.scaling, fit);
 }

@@ -154,11 +154,10 @@ void Alignment::align_profile(std::span<const float> power, float range_m,
 
 double Alignment::displacement_m(std::span<const float> features) const {
   const auto profile = features.subspan(histogram_bins(), profile_points());
-  const float half = *std::max_element(profile.begin(), profile.end()) / 2;
   double sum = 0, moment = 0;
   for (std::size_t j = 0; j < profile.size(); ++j) {
-    const double above = std::max(profile[j] - half, 0.f);
-    sum += above, moment += above * static_cast<double>(j);
+    const double square = double{profile[j]} * double{profile[j]};
+    sum += square, moment += square * static_cast<double>(j);
   }
   return profile_from_m + (sum > 0 ? moment / sum : 0) * profile_step_m_;
 }

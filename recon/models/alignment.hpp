@@ -36,7 +36,7 @@ class Alignment {
   // All zero if there is no body.
   Body operator()(std::span<const float> readings, std::span<float> features) const;
   // How far behind the body's range the radar sees it, metres, of features with a body: the
-  // centroid of what rises above half the profile's peak.
+  // centroid of the squared profile, which noise and side lobes hardly pull.
   double displacement_m(std::span<const float> features) const;
   // How much of the radar's power comes from what is always there.
   double radar_background_share(const Matrix& readings) const;
