@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/core/console.hpp"
+#include "recon/augment.hpp"
 #include "recon/crossvalidate.hpp"
 #include "recon/evaluate.hpp"
 #include "recon/export_model.hpp"
@@ -60,19 +61,28 @@ void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit) {
       ->check(CLI::Range(0.0, 10.0));
 }
 
+void add_slip_option(CLI::App& app, std::string& action) {
+  app.add_option("--slip", action,
+                 "if the radar's ranges have slipped against the SPD's since training: correct, "
+                 "warn or ignore")
+      ->check(CLI::IsMember(slip_action_names))
+      ->capture_default_str();
+}
+
 // What reconstruct says of its records on stderr: while following at once, else at the end, which
 // leaves the progress bar alone.
 class ReconstructTalk {
  public:
   ReconstructTalk(std::string run, bool follow, bool quiet)
       : run_(std::move(run)), follow_(follow), quiet_(quiet) {}
-  std::size_t left_out() const { return left_out_; }
+  bool all_well() const { return left_out_ + fell_back_ == 0; }
 
   void add(const RecordStatus& r) {
     if (r.after_slot_s) after_slot_s_.push_back(*r.after_slot_s);
     (r.fault.empty() ? good_ : left_out_) += 1;
+    fell_back_ += !r.note.empty();
     if (!r.fault.empty() && !follow_) faults_.push_back(r);
-    if (follow_ && !r.fault.empty()) complain(r);
+    if (follow_ && !(r.fault.empty() && r.note.empty())) complain(r);
     if (follow_ && r.after_slot_s && !quiet_)
       std::fprintf(stderr,
                    "record %lld: map %.3f s after its slot's end, %.1f ms after its reading\n",
@@ -84,6 +94,7 @@ class ReconstructTalk {
     if (quiet_) return;
     std::fprintf(stderr, "%s: %zu records reconstructed, %zu left out", out.c_str(), good_,
                  left_out_);
+    if (fell_back_ > 0) std::fprintf(stderr, "; %zu with %s", fell_back_, fallback_note);
     std::sort(after_slot_s_.begin(), after_slot_s_.end());
     if (!after_slot_s_.empty())
       std::fprintf(stderr, "; maps %.3f s after their slot's end (median; longest %.3f s)",
@@ -94,11 +105,11 @@ class ReconstructTalk {
  private:
   void complain(const RecordStatus& r) const {
     std::fprintf(stderr, "%s: record %lld: %s\n", run_.c_str(), static_cast<long long>(r.index),
-                 r.fault.c_str());
+                 (r.fault.empty() ? r.note : r.fault).c_str());
   }
   std::string run_;
   bool follow_, quiet_;
-  std::size_t good_ = 0, left_out_ = 0;
+  std::size_t good_ = 0, left_out_ = 0, fell_back_ = 0;
   std::vector<RecordStatus> faults_;
   std::vector<double> after_slot_s_;
 };
@@ -153,6 +164,15 @@ Command add_train(CLI::App& app, const Common& common) {
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
   app.add_flag("--resume", a->fit.checkpoint.resume, "go on from OUT.checkpoint");
+  app.add_option("--augment", a->augment,
+                 "train on perturbed copies of the records, too: noise (of the radar, down to 10 "
+                 "dB), speckle (of the radar)")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::IsMember(augment_names));
+  a->fallback = true;
+  app.add_flag("!--no-fallback", a->fallback,
+               "train no network beside a fused model for records whose radar is lost");
   return [a, &common] {
     a->split.seed = a->fit.seed;
     a->fit.checkpoint.path = a->out + ".checkpoint";
@@ -176,7 +196,7 @@ Command add_train(CLI::App& app, const Common& common) {
 
 Command add_evaluate(CLI::App& app, const Common&) {
   struct Arguments {
-    std::string model, run;
+    std::string model, run, slip_action = "correct";
     std::vector<std::string> train;
     bool all = false, json = false;
   };
@@ -186,16 +206,16 @@ Command add_evaluate(CLI::App& app, const Common&) {
   app.add_flag("--all", a->all, "also score records that the model was trained on");
   app.add_option("--train", a->train,
                  "the runs the model was trained on, for the nearest-neighbour row of a fresh run");
+  add_slip_option(app, a->slip_action);
   app.add_flag("--json", a->json, "one JSON object instead of text");
   return [a] {
     const TrainedModel model = load_model(a->model);
-    const Features& f = model.features;
     Dataset data = load({a->run});
-    match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
+    const std::string slipped = match_model(data, model, slip_action_of(a->slip_action));
     Dataset other;
     if (!a->train.empty()) {
       other = load(a->train);
-      match_axes(other, f.spd_axis, f.radar_axis, f.inputs);
+      model.match(other);
       if (!model.knows(other))
         throw Error(ExitCode::failed, a->train.front() + ": " + a->model +
                                           " was not trained on it; give the training run, or "
@@ -204,6 +224,7 @@ Command add_evaluate(CLI::App& app, const Common&) {
     const Dataset& trained_on = a->train.empty() ? data : other;
     const Rows rows = rows_to_evaluate(model, data, a->all);
     Evaluation e = evaluate(model, data, rows, trained_on, model.rows_of(trained_on, Part::train));
+    e.slip = slipped;
     set_threads(1);
     e.cost = measure_cost(model, data, rows, a->model);
     std::puts(a->json ? to_json(e).dump(2).c_str() : to_text(e).c_str());
@@ -213,7 +234,7 @@ Command add_evaluate(CLI::App& app, const Common&) {
 
 Command add_reconstruct(CLI::App& app, const Common& common) {
   struct Arguments : ReconstructOptions {
-    std::string model, run;
+    std::string model, run, slip_action = "correct";
   };
   const auto a = std::make_shared<Arguments>();
   app.add_option("model", a->model, "model file")->required();
@@ -226,16 +247,21 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
       ->allow_extra_args(false)
       ->check(CLI::IsMember(map_formats))
       ->capture_default_str();
+  add_slip_option(app, a->slip_action);
   app.add_flag("--follow", a->follow,
                "of a run that is being recorded: new records as they come, until it is closed");
   return [a, &common] {
     a->quiet = common.quiet;
     ReconstructTalk talk(a->run, a->follow, common.quiet);
     a->on_record = [&](const RecordStatus& r) { talk.add(r); };
+    a->slip = slip_action_of(a->slip_action);
+    a->on_slip = [&](const std::string& text) {
+      std::fprintf(stderr, "%s: %s\n", a->run.c_str(), text.c_str());
+    };
     reconstruct(load_model(a->model), a->run, *a);
     talk.finish(a->out);
     if (interrupted()) return ExitCode::interrupted;
-    return talk.left_out() > 0 ? ExitCode::partial : ExitCode::ok;
+    return talk.all_well() ? ExitCode::ok : ExitCode::partial;
   };
 }
 

@@ -30,7 +30,9 @@ Matrix nearest_maps(const TrainedModel& trained, const Dataset& data, const Rows
 
 Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) {
   const bool held_out = !all && model.knows(data);
-  Rows rows = held_out ? model.rows_of(data, Part::test) : data.usable(model.features.inputs);
+  Rows rows = held_out ? model.rows_of(data, Part::test)
+                       : data.usable(model.fallback ? model.fallback->features.inputs
+                                                    : model.features.inputs);
   if (!rows.empty()) return rows;
   const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
   throw Error(ExitCode::failed,
@@ -39,6 +41,23 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) 
                              "out; use --all to score it on what it has seen"
                        : path + ": no record has depth and the sensors of a \"" +
                              name_of(model.features.inputs) + "\" model");
+}
+
+std::string match_model(Dataset& data, const TrainedModel& model, SlipAction action) {
+  const Matrix recorded = data.radar;
+  const Axis recorded_axis = data.radar_axis;
+  model.match(data);
+  if (action == SlipAction::ignore || !model.slip.known()) return {};
+  std::vector<float> found;
+  model.slip.measure(data, found);
+  const Slip slip = model.slip.judge(found);
+  const bool correct = action == SlipAction::correct;
+  if (correct && slip.verdict == Slip::Verdict::found) {
+    data.radar = recorded, data.radar_axis = recorded_axis;
+    shorten_radar(data, slip.metres);
+    model.match(data);
+  }
+  return slip.text(correct);
 }
 
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
@@ -58,6 +77,7 @@ Evaluation evaluate(const TrainedModel& model, const Dataset& data, const Rows& 
   out.model = model.name;
   out.inputs = model.features.inputs;
   out.records = rows.size();
+  for (const std::size_t row : rows) out.fallback_records += model.falls_back(data, row);
   out.metrics = scored(model.predict(data, rows));
   out.trivial.push_back({"empty", scored(constant_maps(model.scene.background, rows.size()))});
   out.trivial.push_back({"mean", scored(constant_maps(model.scene.mean_map, rows.size()))});

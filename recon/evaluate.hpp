@@ -27,6 +27,8 @@ struct Evaluation {
   std::string model;
   Inputs inputs{};
   std::size_t records = 0;
+  std::size_t fallback_records = 0;  // of them, for which the fallback answered
+  std::string slip;                  // what match_model said
   Summaries metrics;
   std::vector<ScoredRow> trivial;  // empty room, mean map, nearest neighbour
   RunningCost cost;
@@ -35,6 +37,10 @@ struct Evaluation {
 // The rows to judge a model by: the held-out ones of a run it was trained on, else all usable ones.
 // Throws Error(failed) if there are none.
 Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
+
+// Estimates the slip of the whole data set (on the axes of its run), corrects it if asked, and
+// brings the data onto the model's axes. Returns what there is to say, or nothing.
+std::string match_model(Dataset& data, const TrainedModel& model, SlipAction slip);
 
 // Scores of one map a row against the depth table's rows.
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,

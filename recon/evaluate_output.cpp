@@ -31,6 +31,8 @@ json to_json(const Evaluation& e) {
   return {{"model", e.model},
           {"inputs", name_of(e.inputs)},
           {"records", e.records},
+          {"fallback_records", e.fallback_records},
+          {"slip", e.slip},
           {"metrics", metrics_json(e.metrics)},
           {"trivial", trivial},
           {"cost",
@@ -67,7 +69,11 @@ std::string to_span_table(const std::vector<ScoredRow>& rows) {
 std::string to_text(const Evaluation& e) {
   std::vector<ScoredRow> rows = {{e.model + " " + name_of(e.inputs), e.metrics}};
   rows.insert(rows.end(), e.trivial.begin(), e.trivial.end());
-  return formatted("%zu records; mean +- standard error over maps\n", e.records) + to_table(rows) +
+  std::string out = formatted("%zu records; mean +- standard error over maps\n", e.records);
+  if (!e.slip.empty()) out += e.slip + '\n';
+  if (e.fallback_records > 0)
+    out += formatted("%zu records: %s\n", e.fallback_records, fallback_note);
+  return out + to_table(rows) +
          formatted(
              "%zu multiply-adds a map, %zu parameters, %.0f us a map (median; p99 %.0f) on one "
              "thread\n",

@@ -15,6 +15,7 @@ using record::H5File;
 
 constexpr const char* format = "echofuse model";
 constexpr std::int64_t format_version = 1;
+constexpr const char* fallback_group = "fallback";
 
 void save_axis(H5File& file, const Axis& axis) {
   const std::string group = "axes/" + axis.name;
@@ -39,32 +40,32 @@ Axis load_axis(const H5File& file, const std::string& name) {
 }
 
 void save_head(H5File& file, const TrainedModel& m) {
-  file.set("/", "format", std::string(format));
-  file.set("/", "format_version", format_version);
-  file.set("/", "model", m.name);
-  file.set("/", "inputs", std::string(name_of(m.features.inputs)));
-  file.set("/", "scaling", m.features.scaling);
-  file.set("/", "version", std::string(version()));
-  file.set("/", "data_crc32c", std::int64_t{m.data_hash});
-  file.set("/", "train_s", m.train_s);
-  file.set("/", "foreground_depth_m", double{m.scene.foreground_depth_m});
-  file.set("/", "split", m.split.kind);
-  file.set("/", "gap", static_cast<std::int64_t>(m.split.gap));
-  file.set("/", "seed", static_cast<std::int64_t>(m.split.seed));
-  file.set("/", "test_share", m.split.test_share);
-  file.set("/", "validation_share", m.split.validation_share);
+  file.set(".", "format", std::string(format));
+  file.set(".", "format_version", format_version);
+  file.set(".", "model", m.name);
+  file.set(".", "inputs", std::string(name_of(m.features.inputs)));
+  file.set(".", "scaling", m.features.scaling);
+  file.set(".", "version", std::string(version()));
+  file.set(".", "data_crc32c", std::int64_t{m.data_hash});
+  file.set(".", "train_s", m.train_s);
+  file.set(".", "foreground_depth_m", double{m.scene.foreground_depth_m});
+  file.set(".", "split", m.split.kind);
+  file.set(".", "gap", static_cast<std::int64_t>(m.split.gap));
+  file.set(".", "seed", static_cast<std::int64_t>(m.split.seed));
+  file.set(".", "test_share", m.split.test_share);
+  file.set(".", "validation_share", m.split.validation_share);
 }
 
 void load_head(const H5File& file, TrainedModel& m) {
-  m.name = file.get<std::string>("/", "model");
-  m.features.inputs = inputs_of(file.get<std::string>("/", "inputs"));
-  m.features.scaling = file.get<std::string>("/", "scaling");
-  m.data_hash = static_cast<std::uint32_t>(file.get<std::int64_t>("/", "data_crc32c"));
-  m.train_s = file.get<double>("/", "train_s");
-  m.scene.foreground_depth_m = static_cast<float>(file.get<double>("/", "foreground_depth_m"));
-  m.split.kind = file.get<std::string>("/", "split");
-  m.split.gap = static_cast<std::size_t>(file.get<std::int64_t>("/", "gap"));
-  m.split.seed = static_cast<std::uint64_t>(file.get<std::int64_t>("/", "seed"));
+  m.name = file.get<std::string>(".", "model");
+  m.features.inputs = inputs_of(file.get<std::string>(".", "inputs"));
+  m.features.scaling = file.get<std::string>(".", "scaling");
+  m.data_hash = static_cast<std::uint32_t>(file.get<std::int64_t>(".", "data_crc32c"));
+  m.train_s = file.get<double>(".", "train_s");
+  m.scene.foreground_depth_m = static_cast<float>(file.get<double>(".", "foreground_depth_m"));
+  m.split.kind = file.get<std::string>(".", "split");
+  m.split.gap = static_cast<std::size_t>(file.get<std::int64_t>(".", "gap"));
+  m.split.seed = static_cast<std::uint64_t>(file.get<std::int64_t>(".", "seed"));
 }
 
 void save_training(H5File& file, const TrainedModel& m) {
@@ -116,13 +117,36 @@ void load_body(const H5File& file, TrainedModel& m) {
 }
 
 void check_format(const H5File& file, const std::string& path) {
-  if (!file.has_attribute("/", "format") || file.get<std::string>("/", "format") != format)
+  if (!file.has_attribute(".", "format") || file.get<std::string>(".", "format") != format)
     throw Error(ExitCode::failed, path + ": not an echofuse model file");
-  const auto found = file.get<std::int64_t>("/", "format_version");
+  const auto found = file.get<std::int64_t>(".", "format_version");
   if (found > format_version)
     throw Error(ExitCode::failed, path + ": model format " + std::to_string(found) +
                                       " is newer than this program's " +
                                       std::to_string(format_version) + "; use a newer echofuse");
+}
+
+void save_to(H5File& file, const TrainedModel& model) {
+  save_head(file, model);
+  save_body(file, model);
+  save_training(file, model);
+  model.model->save(file);
+  model.slip.save(file);
+  if (!model.fallback) return;
+  H5File group = file.group(fallback_group);
+  save_to(group, *model.fallback);
+}
+
+TrainedModel load_from(const H5File& file) {
+  TrainedModel out;
+  load_head(file, out);
+  load_body(file, out);
+  out.model = make_model(out.name);
+  out.model->load(file);
+  out.slip.load(file);
+  if (file.has(fallback_group))
+    out.fallback = std::make_unique<TrainedModel>(load_from(file.group(fallback_group)));
+  return out;
 }
 
 }  // namespace
@@ -134,12 +158,7 @@ void check_can_save(const std::string& path) {
 }
 
 void save_model(const TrainedModel& model, const std::string& path) {
-  write_whole(path, [&](H5File& file) {
-    save_head(file, model);
-    save_body(file, model);
-    save_training(file, model);
-    model.model->save(file);
-  });
+  write_whole(path, [&](H5File& file) { save_to(file, model); });
 }
 
 TrainedModel load_model(const std::string& path) {
@@ -147,12 +166,7 @@ TrainedModel load_model(const std::string& path) {
     throw Error(ExitCode::failed, path + ": no such file, or not readable; expected a model file");
   const H5File file = H5File::open(path);
   check_format(file, path);
-  TrainedModel out;
-  load_head(file, out);
-  load_body(file, out);
-  out.model = make_model(out.name);
-  out.model->load(file);
-  return out;
+  return load_from(file);
 }
 
 }  // namespace echofuse::recon

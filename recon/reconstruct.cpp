@@ -18,6 +18,8 @@ namespace {
 
 constexpr std::size_t part_records = 256;  // read and predicted at once
 constexpr std::chrono::milliseconds pause_between_looks(20);
+constexpr std::size_t slip_records = 2000;    // enough for millimetres
+constexpr std::size_t slip_watch_every = 25;  // records, while following
 
 class StatusTable {
  public:
@@ -27,8 +29,11 @@ class StatusTable {
     flush();
   }
   void add(const RecordStatus& r) {
-    out_ << r.index << ",\"" << (r.fault.empty() ? "ok" : r.fault) << "\","
-         << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "") << "\n";
+    out_ << r.index << ",\""
+         << (!r.fault.empty()  ? r.fault
+             : !r.note.empty() ? r.note
+                               : "ok")
+         << "\"," << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "") << "\n";
   }
   void flush() {
     out_.flush();
@@ -52,11 +57,14 @@ class Reconstruction {
 
   // True if there was any record.
   bool take_part(const record::RunReader& run);
+  // Looks whether a calibration slipped: of a whole run before its first map.
+  void look_for_slip(const record::RunReader& run);
   std::size_t done() const { return done_; }
   void close() { files_.close(); }
 
  private:
   std::vector<RecordStatus> write_maps(Dataset& data);
+  void watch_slip(const Dataset& data);
   void time(RecordStatus& status, HostTime slot_end, HostTime read) const;
 
   const TrainedModel& model_;
@@ -67,12 +75,15 @@ class Reconstruction {
   HostTime started_;
   std::int64_t next_ = 0;
   std::size_t done_ = 0;
+  double slip_m_ = 0;  // to be taken off the radar's ranges
+  std::vector<float> displacements_m_;
+  bool slip_told_ = false;
 };
 
 bool Reconstruction::take_part(const record::RunReader& run) {
   std::vector<RecordStatus> bad;
   Dataset data = load_part(run, next_, part_records, [&](std::int64_t index, const auto& fault) {
-    bad.push_back({index, fault, {}, {}});
+    bad.push_back({index, fault, {}, {}, {}});
   });
   std::vector<RecordStatus> all = write_maps(data);
   all.insert(all.end(), bad.begin(), bad.end());
@@ -87,17 +98,49 @@ bool Reconstruction::take_part(const record::RunReader& run) {
   return !all.empty();
 }
 
+void Reconstruction::look_for_slip(const record::RunReader& run) {
+  if (options_.slip == SlipAction::ignore || !model_.slip.known()) return;
+  std::vector<float> found;
+  for (std::int64_t next = 0; found.size() < slip_records && !interrupted();) {
+    Dataset part = load_part(run, next, part_records, [](std::int64_t, const auto&) {});
+    if (part.size() == 0) break;
+    next = part.index.back() + 1;
+    model_.match(part);
+    model_.slip.measure(part, found);
+  }
+  const Slip slip = model_.slip.judge(found);
+  const bool correct = options_.slip == SlipAction::correct;
+  if (correct && slip.verdict == Slip::Verdict::found) slip_m_ = slip.metres;
+  if (options_.on_slip && !slip.text(correct).empty()) options_.on_slip(slip.text(correct));
+}
+
+// While following: once, as soon as it can be told. No correction, as it would come amid the maps.
+void Reconstruction::watch_slip(const Dataset& data) {
+  if (!options_.follow || options_.slip == SlipAction::ignore || slip_told_) return;
+  if (!model_.slip.known() || displacements_m_.size() >= slip_records) return;
+  const std::size_t before = displacements_m_.size();
+  model_.slip.measure(data, displacements_m_);
+  if (displacements_m_.size() / slip_watch_every == before / slip_watch_every) return;
+  const Slip slip = model_.slip.judge(displacements_m_);
+  if (slip.verdict != Slip::Verdict::found) return;
+  slip_told_ = true;
+  if (options_.on_slip) options_.on_slip(slip.text(false));
+}
+
 std::vector<RecordStatus> Reconstruction::write_maps(Dataset& data) {
   const HostTime read = clock_.now();
-  const Features& f = model_.features;
+  if (slip_m_ != 0) shorten_radar(data, slip_m_);
   std::vector<RecordStatus> out;
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row) {
-    out.push_back({data.index[row], data.fault_of(row, f.inputs), {}, {}});
+    const bool falls_back = model_.falls_back(data, row);
+    out.push_back(
+        {data.index[row], model_.fault_of(data, row), falls_back ? fallback_note : "", {}, {}});
     if (out.back().fault.empty()) rows.push_back(row);
   }
   // A sensor's axis may come after the first records of a run that is being recorded.
-  if (!rows.empty() || !options_.follow) match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
+  if (!rows.empty() || !options_.follow) model_.match(data);
+  if (!rows.empty()) watch_slip(data);
   const Matrix maps = model_.predict(data, rows);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     files_.write(data.index[rows[i]], maps.row(i));
@@ -120,6 +163,7 @@ void reconstruct(const TrainedModel& model, const std::string& path,
   Reconstruction work(model, options);
   if (!options.follow) {
     const record::RunReader run(path);
+    work.look_for_slip(run);
     Progress progress("reconstructing", static_cast<std::size_t>(run.count()), options.quiet);
     while (!interrupted() && work.take_part(run)) progress.update(work.done());
   }

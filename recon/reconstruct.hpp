@@ -13,6 +13,7 @@ namespace echofuse::recon {
 struct RecordStatus {
   std::int64_t index = 0;
   std::string fault;  // empty: reconstructed
+  std::string note;   // of a map: what the model had to do without
   // Of a record that came while following: from its slot's end, and from its reading, to its map.
   std::optional<double> after_slot_s, after_reading_s;
 };
@@ -20,8 +21,10 @@ struct RecordStatus {
 struct ReconstructOptions {
   std::string out;                                      // folder, made if need be
   std::vector<std::string> formats = {"colour", "mm"};  // of map_files.hpp
-  bool follow = false;  // take records as they come, until the run is closed
-  bool quiet = false;   // no progress bar
+  bool follow = false;                    // take records as they come, until the run is closed
+  bool quiet = false;                     // no progress bar
+  SlipAction slip = SlipAction::correct;  // while following: warn
+  std::function<void(const std::string&)> on_slip;     // what slip.hpp has to say of the run
   std::function<void(const RecordStatus&)> on_record;  // in the order of the records
 };
 

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "drivers/core/random.hpp"
+#include "recon/augment.hpp"
 #include "recon/crossvalidate.hpp"
 #include "recon/text.hpp"
 
@@ -12,6 +13,8 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::size_t auto_folds = 4;
+// In front of a room the SPD alone sees nearly everything, but only a network learns it.
+constexpr const char* fallback_rung = "pca-mlp-256-256";
 constexpr std::uint64_t fold_stream = 0x666f6c64;  // "fold"
 
 // Judged on the training records alone: the test records choose nothing.
@@ -41,6 +44,8 @@ std::vector<std::pair<std::string, std::string>> settings_of(const Dataset& data
   std::string hidden;
   for (const std::size_t n : fit.hidden.value_or(std::vector<std::size_t>{}))
     hidden += formatted(hidden.empty() ? "%zu" : ",%zu", n);
+  std::string kinds;
+  for (const auto& kind : o.augment) kinds += (kinds.empty() ? "" : ",") + kind;
   return {{"records", std::to_string(data.size()) + formatted(" (checksum %08x)", data.hash)},
           {"radar bins", std::to_string(data.radar_axis.count)},
           {"--model", rung.model},
@@ -57,7 +62,26 @@ std::vector<std::pair<std::string, std::string>> settings_of(const Dataset& data
           {"--split", o.split.kind},
           {"--test-share", formatted("%.17g", o.split.test_share)},
           {"--validation-share", formatted("%.17g", o.split.validation_share)},
-          {"--gap", std::to_string(o.split.gap)}};
+          {"--gap", std::to_string(o.split.gap)},
+          {"--augment", kinds}};
+}
+
+TrainedModel fit_augmented(Dataset data, Split split, const std::string& name,
+                           const TrainOptions& options, const FitOptions& fit) {
+  if (inputs_of(options.inputs) == Inputs::spd)
+    throw Error(ExitCode::usage, "--augment: its kinds are of the radar, --inputs spd has none");
+  augment(data, split.train, options.augment, fit.seed);
+  return fit_model(data, split, name, inputs_of(options.inputs), options.scaling, fit);
+}
+
+std::unique_ptr<TrainedModel> fit_fallback(const Dataset& data, const Split& split,
+                                           const FitOptions& options) {
+  FitOptions fit;
+  fit.seed = options.seed, fit.quiet = options.quiet, fit.epochs = options.epochs;
+  auto out = std::make_unique<TrainedModel>(
+      fit_model(data, split, fallback_rung, Inputs::spd, "record", fit));
+  out->seen = {};  // the same as its owner's
+  return out;
 }
 
 }  // namespace
@@ -84,8 +108,16 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
     throw Error(ExitCode::usage,
                 "--resume: model " + name + " keeps no checkpoints; train it anew");
   if (!fit.checkpoint.path.empty()) fit.checkpoint.settings = settings_of(data, options, rung);
-  TrainedModel model = fit_model(data, split, name, inputs, options.scaling, fit);
+  TrainedModel model = options.augment.empty()
+                           ? fit_model(data, split, name, inputs, options.scaling, fit)
+                           : fit_augmented(data, split, name, options, fit);
   model.split = options.split;
+  model.seen = remember(data, split);
+  if (inputs == Inputs::fused && data.spd_axis.unit == "ps" && data.radar_axis.unit == "m")
+    model.slip = SlipReference(data, split.train);
+  const bool blind = model.name == "empty" || model.name == "mean";
+  if (options.fallback && inputs == Inputs::fused && !blind && !model.log.interrupted)
+    model.fallback = fit_fallback(data, split, options.fit);
   return model;
 }
 

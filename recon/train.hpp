@@ -15,6 +15,9 @@ struct TrainOptions {
   std::vector<std::string> ladder;  // auto: what to try; empty: what makes sense
   SplitOptions split;
   FitOptions fit;
+  std::vector<std::string> augment;  // kinds of augment.hpp
+  // Beside a fused model that looks at its inputs, one for the SPD alone (TrainedModel::fallback).
+  bool fallback = false;
 };
 
 // The records with these inputs and depth. Throws Error(failed) that names the first one of a dead

@@ -22,6 +22,8 @@ std::vector<std::int64_t> known_runs(const SeenRecords& seen, const Dataset& dat
   return out;
 }
 
+}  // namespace
+
 SeenRecords remember(const Dataset& data, const Split& split) {
   SeenRecords seen;
   for (const auto& source : data.sources) seen.runs.push_back(source.uuid);
@@ -38,18 +40,40 @@ SeenRecords remember(const Dataset& data, const Split& split) {
   return seen;
 }
 
-}  // namespace
+void TrainedModel::match(Dataset& data) const {
+  const bool lost = fallback && data.radar_axis.count == 0;
+  match_axes(data, features.spd_axis, features.radar_axis, lost ? Inputs::spd : features.inputs);
+  if (!lost) return;
+  data.radar_axis = features.radar_axis;
+  data.radar = Matrix(data.size(), data.radar_axis.count);
+}
+
+bool TrainedModel::falls_back(const Dataset& data, std::size_t row) const {
+  return fallback && !data.fault_of(row, features.inputs).empty() &&
+         data.fault_of(row, fallback->features.inputs).empty();
+}
+
+std::string TrainedModel::fault_of(const Dataset& data, std::size_t row) const {
+  return falls_back(data, row) ? "" : data.fault_of(row, features.inputs);
+}
 
 Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
-  Matrix out(0, data.depth.cols);
-  for (std::size_t first = 0; first < rows.size(); first += chunk_rows) {
-    const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(first);
-    const std::size_t count = std::min(chunk_rows, rows.size() - first);
-    const Matrix part =
-        model->predict(features.apply(data, {begin, begin + static_cast<std::ptrdiff_t>(count)}));
-    out.values.insert(out.values.end(), part.values.begin(), part.values.end());
-    out.rows += part.rows;
-  }
+  Matrix out(rows.size(), data.depth.cols);
+  const auto answer = [&](const TrainedModel& with, const Rows& places) {
+    for (std::size_t first = 0; first < places.size(); first += chunk_rows) {
+      const std::size_t count = std::min(chunk_rows, places.size() - first);
+      Rows part;
+      for (std::size_t i = 0; i < count; ++i) part.push_back(rows[places[first + i]]);
+      const Matrix maps = with.model->predict(with.features.apply(data, part));
+      for (std::size_t i = 0; i < count; ++i)
+        std::copy_n(maps.row(i).begin(), maps.cols, out.row(places[first + i]).begin());
+    }
+  };
+  Rows own, others;
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    (falls_back(data, rows[i]) ? others : own).push_back(i);
+  answer(*this, own);
+  if (fallback) answer(*fallback, others);
   return out;
 }
 
@@ -90,7 +114,6 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const std::strin
   out.log = out.model->fit({scaled, data.depth, split.train, layout},
                            {scaled, data.depth, split.validation, layout}, rung.fit);
   out.fit = rung.fit;
-  out.seen = remember(data, split);
   out.data_hash = data.hash;
   out.train_s = out.log.earlier_s +
                 std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();

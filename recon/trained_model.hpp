@@ -11,6 +11,8 @@
 //   training/    loss_m, validation_loss_m, hidden (widths), with attributes best_epoch, epochs,
 //                batch, learning_rate, weight_decay, patience
 //   model/       what the model itself keeps
+//   slip/        of a fused model: slip.hpp
+//   fallback/    of a fused model: another one of this format, for records without a live radar
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -20,6 +22,7 @@
 #include "recon/features.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/models/model.hpp"
+#include "recon/slip.hpp"
 #include "recon/split.hpp"
 
 namespace echofuse::recon {
@@ -42,9 +45,18 @@ struct TrainedModel {
   SplitOptions split;
   FitOptions fit;
   SeenRecords seen;
+  SlipReference slip;                      // of a fused model
+  std::unique_ptr<TrainedModel> fallback;  // of a fused model, for the SPD alone; may be null
   std::uint32_t data_hash = 0;
   double train_s = 0;
 
+  // Brings the data onto the model's axes (match_axes). A run without any radar becomes one of
+  // lost radars if there is a fallback.
+  void match(Dataset& data) const;
+  // Whether the record's radar is missing or dead, and the fallback answers for it.
+  bool falls_back(const Dataset& data, std::size_t row) const;
+  // Why there is no map of the record; empty if there is one.
+  std::string fault_of(const Dataset& data, std::size_t row) const;
   // Maps of the given rows, metres, as the model makes them: within_span() for show.
   Matrix predict(const Dataset& data, const Rows& rows) const;
   // True if the data set holds a run that the model was trained on.
@@ -53,7 +65,12 @@ struct TrainedModel {
   Rows rows_of(const Dataset& data, Part part) const;
 };
 
-// Fits scaling, scene and model to the training rows.
+// What a record's status says when the fallback answered.
+inline const char* const fallback_note = "radar lost: SPD alone";
+
+SeenRecords remember(const Dataset& data, const Split& split);
+
+// Fits scaling, scene and model to the training rows; leaves `seen`, `slip` and `fallback` empty.
 TrainedModel fit_model(const Dataset& data, const Split& split, const std::string& name,
                        Inputs inputs, const std::string& scaling, const FitOptions& options);
 

@@ -85,6 +85,10 @@ std::size_t product(const H5Shape& shape) {
   return std::accumulate(shape.begin(), shape.end(), std::size_t{1}, std::multiplies<>());
 }
 
+herr_t release(hid_t file) {
+  return H5Iget_type(file) == H5I_GROUP ? H5Gclose(file) : H5Fclose(file);
+}
+
 Handle make_space(const H5Shape& shape) {
   const std::vector<hsize_t> sizes(shape.begin(), shape.end());
   return {shape.empty() ? H5Screate(H5S_SCALAR)
@@ -112,8 +116,16 @@ H5File H5File::open(const std::string& path) {
   return opened;
 }
 
+H5File H5File::group(const std::string& name) const {
+  const hid_t found = has(name)
+                          ? H5Gopen2(file_, name.c_str(), H5P_DEFAULT)
+                          : H5Gcreate2(file_, name.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+  if (found < 0) fail(name, "no such group", false);
+  return {path_, found};
+}
+
 H5File::~H5File() {
-  if (file_ >= 0) H5Fclose(file_);
+  if (file_ >= 0) release(file_);
 }
 
 H5File::H5File(H5File&& other) noexcept
@@ -121,7 +133,7 @@ H5File::H5File(H5File&& other) noexcept
 
 void H5File::close() {
   const hid_t file = std::exchange(file_, -1);
-  if (file >= 0 && H5Fclose(file) < 0) fail("", "cannot finish writing", true);
+  if (file >= 0 && release(file) < 0) fail("", "cannot finish writing", true);
 }
 
 void H5File::fail(const std::string& name, const char* what, bool writing) const {
@@ -286,7 +298,7 @@ std::string H5File::read_text(const std::string& name) const {
 }
 
 bool H5File::has_attribute(const std::string& object, const std::string& attribute) const {
-  return (object == "/" || has(object)) &&
+  return (object == "." || object == "/" || has(object)) &&
          H5Aexists_by_name(file_, object.c_str(), attribute.c_str(), H5P_DEFAULT) > 0;
 }
 

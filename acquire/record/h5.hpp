@@ -26,6 +26,8 @@ class H5File {
   H5File(H5File&& other) noexcept;
   H5File& operator=(H5File&&) = delete;
   void close();
+  // A group of it as a file of its own, made if the file is being written. Lives within the file.
+  H5File group(const std::string& name) const;
 
   // Row-major; shape {} is a scalar. Arrays of two or more dimensions are compressed, one chunk
   // for each index of the first dimension.
@@ -43,7 +45,7 @@ class H5File {
   void write_text(const std::string& name, const std::string& text);
   void write_texts(const std::string& name, const std::vector<std::string>& texts);
   void make_group(const std::string& name);
-  // An attribute of a dataset or group; "/" is the file itself.
+  // An attribute of a dataset or group; "." is the file (or group) itself, "/" its root.
   void set(const std::string& object, const std::string& attribute, const H5Value& value);
 
   bool has(const std::string& name) const;

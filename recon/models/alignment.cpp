@@ -152,26 +152,44 @@ void Alignment::align_profile(std::span<const float> power, float range_m,
     for (float& v : out) v /= all;
 }
 
-void Alignment::save(record::H5File& file) const {
-  file.write("model/spd_background", spd_background_, {spd_background_.size()});
-  file.write("model/radar_background", radar_background_, {radar_background_.size()});
-  file.set("model/spd_background", "first_m", spd_first_m_);
-  file.set("model/spd_background", "step_m", spd_step_m_);
-  file.set("model/radar_background", "first_m", radar_first_m_);
-  file.set("model/radar_background", "step_m", radar_step_m_);
-  file.set("model/radar_background", "profile_step_m", profile_step_m_);
+double Alignment::displacement_m(std::span<const float> features) const {
+  const auto profile = features.subspan(histogram_bins(), profile_points());
+  double sum = 0, moment = 0;
+  for (std::size_t j = 0; j < profile.size(); ++j) {
+    const double square = double{profile[j]} * double{profile[j]};
+    sum += square, moment += square * static_cast<double>(j);
+  }
+  return profile_from_m + (sum > 0 ? moment / sum : 0) * profile_step_m_;
+}
+
+double Alignment::radar_background_share(const Matrix& readings) const {
+  double always = 0, all = 0;
+  for (const float v : radar_background_) always += double{v};
+  for (std::size_t i = 0; i < readings.rows; ++i)
+    for (const float v : readings.row(i).subspan(spd_background_.size())) all += double{v};
+  return all > 0 ? always * static_cast<double>(readings.rows) / all : 0;
+}
+
+void Alignment::save(record::H5File& file, const std::string& group) const {
+  file.write(group + "/spd_background", spd_background_, {spd_background_.size()});
+  file.write(group + "/radar_background", radar_background_, {radar_background_.size()});
+  file.set(group + "/spd_background", "first_m", spd_first_m_);
+  file.set(group + "/spd_background", "step_m", spd_step_m_);
+  file.set(group + "/radar_background", "first_m", radar_first_m_);
+  file.set(group + "/radar_background", "step_m", radar_step_m_);
+  file.set(group + "/radar_background", "profile_step_m", profile_step_m_);
 }
 
 std::size_t Alignment::inputs() const { return spd_background_.size() + radar_background_.size(); }
 
-void Alignment::load(const record::H5File& file) {
-  spd_background_ = file.read<float>("model/spd_background");
-  radar_background_ = file.read<float>("model/radar_background");
-  spd_first_m_ = file.get<double>("model/spd_background", "first_m");
-  spd_step_m_ = file.get<double>("model/spd_background", "step_m");
-  radar_first_m_ = file.get<double>("model/radar_background", "first_m");
-  radar_step_m_ = file.get<double>("model/radar_background", "step_m");
-  profile_step_m_ = file.get<double>("model/radar_background", "profile_step_m");
+void Alignment::load(const record::H5File& file, const std::string& group) {
+  spd_background_ = file.read<float>(group + "/spd_background");
+  radar_background_ = file.read<float>(group + "/radar_background");
+  spd_first_m_ = file.get<double>(group + "/spd_background", "first_m");
+  spd_step_m_ = file.get<double>(group + "/spd_background", "step_m");
+  radar_first_m_ = file.get<double>(group + "/radar_background", "first_m");
+  radar_step_m_ = file.get<double>(group + "/radar_background", "step_m");
+  profile_step_m_ = file.get<double>(group + "/radar_background", "profile_step_m");
   require_sound(spd_step_m_ > 0 && radar_step_m_ > 0 && profile_step_m_ >= least_profile_step_m,
                 "steps of its axes");
   require_sound(!spd_background_.empty() && !radar_background_.empty(), "backgrounds");

@@ -5,6 +5,7 @@
 // Each sensor is divided by its own sum, so that laser power, exposure and gains do not matter.
 #pragma once
 #include <span>
+#include <string>
 #include <vector>
 
 #include "recon/models/model.hpp"
@@ -28,17 +29,22 @@ class Alignment {
   std::size_t cost() const {
     return spd_background_.size() * 4 + profile_points() * radar_background_.size();
   }
+  std::size_t histogram_bins() const;
   std::size_t size() const { return histogram_bins() + profile_points() + 1; }
   std::size_t inputs() const;  // readings of one record
   // Fills size() features: histogram (shares of the clicks), profile (shares of the power), range.
   // All zero if there is no body.
   Body operator()(std::span<const float> readings, std::span<float> features) const;
+  // How far behind the body's range the radar sees it, metres, of features with a body: the
+  // centroid of the squared profile, which noise and side lobes hardly pull.
+  double displacement_m(std::span<const float> features) const;
+  // How much of the radar's power comes from what is always there.
+  double radar_background_share(const Matrix& readings) const;
 
-  void save(record::H5File& file) const;
-  void load(const record::H5File& file);
+  void save(record::H5File& file, const std::string& group = "model") const;
+  void load(const record::H5File& file, const std::string& group = "model");
 
  private:
-  std::size_t histogram_bins() const;
   std::size_t profile_points() const;
   Body find_body(std::span<const float> clicks, std::span<const float> counts) const;
   void align_histogram(std::span<const float> clicks, float range_m, std::span<float> out) const;

@@ -121,8 +121,9 @@ TEST_CASE("points, arrays and pictures show the same map") {
 TEST_CASE("a dead sensor's records are left out by number") {
   const Folder dir;
   write_run(dir / "run", 60);
-  REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
-          0);
+  REQUIRE(recon_program("train -q --no-fallback --model ridge " + (dir / "run") + " --out " +
+                        (dir / "m"))
+              .code == 0);
   write_run(dir / "dead", 5, 2, [](record::FusedRecord& r) {
     if (r.index == 2) std::fill(r.spd.begin(), r.spd.end(), 0u);
     if (r.index == 4) std::fill(r.radar.begin(), r.radar.end(), 0.25f);
@@ -138,7 +139,8 @@ TEST_CASE("a run is followed while it is recorded, until it is closed") {
   const Folder dir;
   write_run(dir / "run", 60);
   const std::string model = dir / "m", live = dir / "live", out = dir / "o", log = dir / "log";
-  REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + model).code == 0);
+  REQUIRE(recon_program("train -q --no-fallback --model ridge " + (dir / "run") + " --out " + model)
+              .code == 0);
   record::RunWriter run(live, {});
   for (const Axis& axis : {spd_axis(), record::depth_x_axis(), record::depth_y_axis()})
     run.put_axis(axis);

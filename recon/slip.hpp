@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: MIT
+// Whether the radar's ranges have slipped against the SPD's since training, from records without
+// labels. The radar sees a body farther than the SPD by b x / r, and by a little that depends on
+// its shape, which a linear regression on the histogram takes off. What is left tells the side on
+// which a body stands, and bodies stand within the trained area: the leftmost and the rightmost
+// ones of a run must lie where those of the training lay. When both edges have moved by the same
+// length, the ranges have slipped by it; when they have not, people stand elsewhere, and nothing
+// can be told. How people spread between the edges, gains, impulse response and noise do not
+// matter.
+//
+// Not to be seen: what moves both sensors alike, and a whole stage that was moved sideways. Not
+// tried: in front of walls, whose own echoes move along.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "recon/dataset.hpp"
+#include "recon/models/alignment.hpp"
+
+namespace echofuse::recon {
+
+enum class SlipAction : std::uint8_t { warn, correct, ignore };
+SlipAction slip_action_of(const std::string& name);  // throws Error(usage)
+inline const std::vector<std::string> slip_action_names = {"warn", "correct", "ignore"};
+
+struct Slip {
+  enum class Verdict : std::uint8_t {
+    few,      // records, for any answer
+    none,     // to be seen
+    unclear,  // the edges moved differently
+    found
+  };
+  Verdict verdict = Verdict::few;
+  std::size_t records = 0;                 // with a body in both sensors
+  double metres = 0, error = 0;            // radar ranges longer than in training, standard error
+  double left_m = 0, right_m = 0;          // displacement of either edge
+  std::string text(bool corrected) const;  // for the user; empty if there is nothing to say
+};
+
+// How far behind the SPD the radar saw the bodies of the training records.
+class SlipReference {
+ public:
+  SlipReference() = default;
+  // Of both sensors' readings.
+  SlipReference(const Dataset& data, const Rows& rows);
+
+  // False in models of earlier versions, in front of walls and with fewer than 50 records.
+  bool known() const { return !displacements_m_.empty(); }
+  // Appends what the rows with two live sensors show. The data must be on the model's axes.
+  void measure(const Dataset& data, std::vector<float>& displacements_m) const;
+  // Standard errors by the bootstrap (Efron 1979), the same for the same records.
+  Slip judge(std::vector<float> displacements_m) const;
+
+  void save(record::H5File& file) const;
+  void load(const record::H5File& file);
+
+ private:
+  struct Seen {
+    Matrix histograms;  // aligned, and their ranges
+    Matrix displacements_m;
+  };
+  void measure(const Dataset& data, const Rows& rows, std::vector<float>& out) const;
+  Seen see(const Dataset& data, const Rows& rows) const;
+  Alignment alignment_;
+  std::shared_ptr<Model> expected_;     // from histogram and range to displacement
+  std::vector<float> displacements_m_;  // of the training records, less what is expected
+};
+
+// Moves the radar's profiles, on the axis that the data have, to ranges shorter by this.
+void shorten_radar(Dataset& data, double metres);
+
+}  // namespace echofuse::recon

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: MIT
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "recon/evaluate.hpp"
+#include "recon/train.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using echofuse::testing::Folder;
+using echofuse::testing::recon_program;
+using echofuse::testing::write_run;
+
+namespace {
+
+const Dataset& plates() {
+  static const Dataset data = testing::load_plates(300);
+  return data;
+}
+
+TrainedModel trained_with(const std::string& model) {
+  TrainOptions options;
+  options.model = model;
+  options.fallback = true;
+  options.fit.quiet = true;
+  options.fit.epochs = 20;
+  return train(plates(), options);
+}
+
+std::string contents(const std::string& path) {
+  std::ifstream in(path);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+void lose_radar(record::FusedRecord& r) {
+  r.radar.clear();
+  r.valid &= ~2u;
+}
+
+}  // namespace
+
+TEST_CASE("without the radar a fused model answers as a model of the SPD alone, and comes back") {
+  const TrainedModel model = trained_with("factorised-4");
+  Dataset lost = plates();
+  const Rows rows = {1, 2, 3, 4};
+  lost.valid[1] &= ~2u;                         // missing
+  for (float& v : lost.radar.row(3)) v = 0.5f;  // dead
+  for (float& v : lost.radar.row(1)) v = 0;
+  CHECK(model.falls_back(lost, 1));
+  CHECK_FALSE(model.falls_back(lost, 2));
+  CHECK(model.falls_back(lost, 3));
+  CHECK(model.fault_of(lost, 1).empty());
+  const Matrix maps = model.predict(lost, rows), whole = model.predict(plates(), rows);
+  const Matrix alone = model.fallback->predict(plates(), rows);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto expected = i % 2 ? whole.row(i) : alone.row(i);
+    for (std::size_t p = 0; p < maps.cols; ++p)
+      REQUIRE(maps.row(i)[p] == Approx(expected[p]).margin(1e-4));
+  }
+  lost.valid[2] &= ~1u;  // the SPD: nobody answers
+  CHECK_THAT(model.fault_of(lost, 2), Catch::Contains("lacks a sensor"));
+}
+
+TEST_CASE("the fallback lives in the model's file, and a model may do without") {
+  const Folder dir;
+  TrainedModel model = trained_with("ridge");
+  save_model(model, dir / "with");
+  const TrainedModel again = load_model(dir / "with");
+  REQUIRE(again.fallback);
+  Dataset lost = plates();
+  for (float& v : lost.radar.values) v = 0;
+  const Rows rows = {5, 6};
+  CHECK(again.predict(lost, rows).values == model.predict(lost, rows).values);
+  CHECK(again.fallback->name == "pca-mlp");
+  CHECK(again.slip.known());
+  model.fallback.reset();
+  save_model(model, dir / "without");
+  const TrainedModel plain = load_model(dir / "without");
+  CHECK_FALSE(plain.fallback);
+  CHECK_THAT(plain.fault_of(lost, 5), Catch::Contains("radar is the same in every bin"));
+  for (const std::string inputs : {"spd", "radar"}) {
+    TrainOptions options;
+    options.model = "ridge", options.inputs = inputs, options.fallback = true;
+    options.fit.quiet = true;
+    CHECK_FALSE(train(plates(), options).fallback);
+  }
+}
+
+TEST_CASE("reconstruct and evaluate say which maps the SPD made alone") {
+  const Folder dir;
+  write_run(dir / "run", 200);
+  REQUIRE(
+      recon_program("train -q --model ridge --epochs 10 " + (dir / "run") + " --out " + (dir / "m"))
+          .code == 0);
+  write_run(dir / "live", 4, 2, [](record::FusedRecord& r) {
+    if (r.index == 2) lose_radar(r);
+  });
+  const auto o =
+      recon_program("reconstruct " + (dir / "m") + " " + (dir / "live") + " --out " + (dir / "o"));
+  CHECK(o.code == 5);
+  CHECK_THAT(o.text, Catch::Contains("4 records reconstructed, 0 left out; 1 with radar lost"));
+  CHECK(std::filesystem::exists(dir / "o/000002.png"));
+  CHECK_THAT(contents(dir / "o/records.csv"),
+             Catch::Contains("\n1,\"ok\",") && Catch::Contains("\n2,\"radar lost: SPD alone\","));
+  CHECK_THAT(recon_program("evaluate " + (dir / "m") + " " + (dir / "live")).text,
+             Catch::Contains("4 records") && Catch::Contains("1 records: radar lost: SPD alone"));
+
+  // A run without any radar.
+  write_run(dir / "dark", 3, 3, lose_radar, Axis{"radar", "power", "m", 0, 0, 1, 1});
+  const auto dark = recon_program("evaluate --json " + (dir / "m") + " " + (dir / "dark"));
+  REQUIRE(dark.code == 0);
+  CHECK(nlohmann::json::parse(dark.text.substr(dark.text.find('{')))["fallback_records"] == 3);
+}
