@@ -182,7 +182,7 @@ StabilityOptions complete(StabilityOptions options) {
   if (options.records == 0) options.records = options.quick ? 1000 : 3600;
   if (options.test_records == 0) options.test_records = options.quick ? 300 : 1000;
   if (options.models.empty()) {
-    const std::string plain = options.quick ? "mlp-256-128" : "mlp-512-256";
+    const std::string plain = options.quick ? "mlp-128-64" : "mlp-512-256";
     options.models = {"factorised-16",  "silhouette", "pca-mlp",     plain,          plain + ":spd",
                       plain + ":radar", "nearest",    "nearest:spd", "nearest:radar"};
   }

@@ -142,7 +142,7 @@ void add_surprises(std::vector<StabilityAxis>& all) {
                   {"two people", {.scenes = "two-people"}},
                   {"nobody", {.scenes = "empty"}}}});
   all.push_back(numbers(false, "side", "bodies at |x| (m); trained within 1", 1,
-                        {1, 1.1, 1.25, 1.5, 1.75}, {1.25, 1.75},
+                        {1, 1.1, 1.25, 1.5}, {1.25, 1.5},
                         [](double v) { return World{.at_x_m = v}; }));
   all.push_back({"distance",
                  "bodies at z (m)",

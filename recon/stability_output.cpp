@@ -98,21 +98,29 @@ std::string data_block(const StabilityResult& result, std::vector<const Stabilit
   return out + "EOD\n";
 }
 
+bool any(const StabilityCurve& curve, Metric metric, bool lost) {
+  return std::any_of(curve.points.begin(), curve.points.end(), [&](const StabilityPoint& p) {
+    return (p.loses || !lost) && !std::isnan(p.mean[metric]);
+  });
+}
+
+// Curves with something to draw, those of the trivial models first; where a model loses, a cross.
 std::string plot(const std::vector<const StabilityCurve*>& curves, std::size_t trivial,
-                 std::size_t metric) {
-  std::string out = "plot ";
+                 Metric metric) {
+  std::vector<std::string> parts;
   for (std::size_t i = 0; i < curves.size(); ++i) {
-    const std::size_t column = 2 + 6 * i + 3 * metric;
-    const std::string look = i < trivial ? formatted("dt %zu lw 2 lc 'gray40'", 2 + i)
-                                         : formatted("pt 7 ps 0.5 lc %zu", i);
-    const std::string title = metric == 0 ? "title '" + curves[i]->name + "'" : "notitle";
-    out += formatted("$data using 0:%zu:%zu:xtic(1) with ", column, column + 1) +
-           (i < trivial ? "lines " : "yerrorlines ") + look + " " + title + ", ";
-    if (i >= trivial)
-      out += formatted("$data using 0:%zu with points pt 2 ps 1.3 lw 2 lc %zu notitle, ",
-                       column + 2, i);
+    if (!any(*curves[i], metric, false)) continue;
+    const std::size_t column = 2 + 6 * i + (metric == metric_iou ? 0 : 3);
+    const std::string look = i < trivial
+                                 ? formatted("lines dt %zu lw 2 lc 'gray40'", 2 + i)
+                                 : formatted("yerrorlines pt 7 ps 0.5 lc %zu", 1 + i - trivial);
+    parts.push_back(formatted("$data using 0:%zu:%zu:xtic(1) with ", column, column + 1) + look +
+                    (metric == metric_iou ? " title '" + curves[i]->name + "'" : " notitle"));
+    if (i >= trivial && any(*curves[i], metric, true))
+      parts.push_back(formatted("$data using 0:%zu with points pt 2 ps 1.3 lw 2 lc %zu notitle",
+                                column + 2, 1 + i - trivial));
   }
-  return out + "NaN notitle\n";
+  return "plot " + joined(parts) + "\n";
 }
 
 std::string chart(const StabilityResult& result) {
@@ -126,8 +134,10 @@ std::string chart(const StabilityResult& result) {
                    result.axis.base(), result.axis.base());
   out += "set xlabel \"" + result.axis.title + "\"\n";
   out += "set multiplot layout 1,2\n";
-  out += "set ylabel 'IoU of the foreground'; set yrange [-0.02:*]\n" + plot(curves, trivial, 0);
-  out += "set ylabel 'SSIM of the hard map'; set yrange [*:*]\n" + plot(curves, trivial, 1);
+  out += "set ylabel 'IoU of the foreground'; set yrange [-0.02:*]\n" +
+         plot(curves, trivial, metric_iou);
+  out += "set ylabel 'SSIM of the hard map'; set yrange [*:*]\n" +
+         plot(curves, trivial, metric_ssim_hard);
   return out + "unset multiplot\n";
 }
 
