@@ -63,8 +63,7 @@ class Study {
  private:
   static std::vector<StudyModel> models_of(const StabilityOptions& options) {
     std::vector<StudyModel> models(trivial_models.begin(), trivial_models.end());
-    for (const auto& name : options.models)
-      if (!is_trivial(name)) models.emplace_back(name);
+    for (const auto& name : options.models) models.emplace_back(name);
     return models;
   }
 
@@ -186,6 +185,7 @@ StabilityOptions complete(StabilityOptions options) {
     options.models = {"factorised-16",  "silhouette", "pca-mlp",     plain,          plain + ":spd",
                       plain + ":radar", "nearest",    "nearest:spd", "nearest:radar"};
   }
+  std::erase_if(options.models, is_trivial);  // they are always there
   for (const auto& name : options.models) StudyModel{name};
   axes_of(options);
   return options;

@@ -83,7 +83,12 @@ std::string to_html(const StabilityOptions& o, const std::vector<StabilityResult
 
 std::string number(double v) { return std::isnan(v) ? " nan" : formatted(" %.6g", v); }
 
-// A line a value: label, then for each curve IoU, spread, IoU where it loses, and the same of SSIM.
+bool fails_at(const StabilityCurve& curve, const std::string& label) {
+  return std::find(curve.loses_at.begin(), curve.loses_at.end(), label) != curve.loses_at.end();
+}
+
+// A line a value: label, then for each curve IoU, spread, IoU if it is the first value at which the
+// model loses, and the same of SSIM.
 std::string data_block(const StabilityResult& result, std::vector<const StabilityCurve*> curves) {
   std::string out = "$data << EOD\n";
   for (std::size_t i = 0; i < result.axis.values.size(); ++i) {
@@ -91,33 +96,40 @@ std::string data_block(const StabilityResult& result, std::vector<const Stabilit
     for (const StabilityCurve* curve : curves)
       for (const Metric m : {metric_iou, metric_ssim_hard}) {
         const StabilityPoint& p = curve->points[i];
-        out += number(p.mean[m]) + number(p.spread[m]) + number(p.loses ? p.mean[m] : NAN);
+        const bool fails = fails_at(*curve, result.axis.values[i].label);
+        out += number(p.mean[m]) + number(p.spread[m]) + number(fails ? p.mean[m] : NAN);
       }
     out += '\n';
   }
   return out + "EOD\n";
 }
 
-bool any(const StabilityCurve& curve, Metric metric, bool lost) {
-  return std::any_of(curve.points.begin(), curve.points.end(), [&](const StabilityPoint& p) {
-    return (p.loses || !lost) && !std::isnan(p.mean[metric]);
-  });
+// Of all values, or of those at which the model begins to lose.
+bool has_points(const StabilityResult& result, const StabilityCurve& curve, Metric metric,
+                bool failing) {
+  for (std::size_t i = 0; i < curve.points.size(); ++i)
+    if (!std::isnan(curve.points[i].mean[metric]) &&
+        (!failing || fails_at(curve, result.axis.values[i].label)))
+      return true;
+  return false;
 }
 
-// Curves with something to draw, those of the trivial models first; where a model loses, a cross.
-std::string plot(const std::vector<const StabilityCurve*>& curves, std::size_t trivial,
+// Curves with something to draw, those of the trivial models first; where a model begins to lose, a
+// cross.
+std::string plot(const StabilityResult& result, const std::vector<const StabilityCurve*>& curves,
                  Metric metric) {
+  const std::size_t trivial = result.trivial.size();
   std::vector<std::string> parts;
   for (std::size_t i = 0; i < curves.size(); ++i) {
-    if (!any(*curves[i], metric, false)) continue;
+    if (!has_points(result, *curves[i], metric, false)) continue;
     const std::size_t column = 2 + 6 * i + (metric == metric_iou ? 0 : 3);
     const std::string look = i < trivial
                                  ? formatted("lines dt %zu lw 2 lc 'gray40'", 2 + i)
                                  : formatted("yerrorlines pt 7 ps 0.5 lc %zu", 1 + i - trivial);
     parts.push_back(formatted("$data using 0:%zu:%zu:xtic(1) with ", column, column + 1) + look +
                     (metric == metric_iou ? " title '" + curves[i]->name + "'" : " notitle"));
-    if (i >= trivial && any(*curves[i], metric, true))
-      parts.push_back(formatted("$data using 0:%zu with points pt 2 ps 1.3 lw 2 lc %zu notitle",
+    if (i >= trivial && has_points(result, *curves[i], metric, true))
+      parts.push_back(formatted("$data using 0:%zu with points pt 2 ps 1.6 lw 3 lc %zu notitle",
                                 column + 2, 1 + i - trivial));
   }
   return "plot " + joined(parts) + "\n";
@@ -127,23 +139,23 @@ std::string chart(const StabilityResult& result) {
   std::vector<const StabilityCurve*> curves;
   for (const auto& curve : result.trivial) curves.push_back(&curve);
   for (const auto& curve : result.curves) curves.push_back(&curve);
-  const std::size_t trivial = result.trivial.size();
   std::string out = data_block(result, curves) + "set output '" + result.axis.id() + ".svg'\n";
   out += formatted("set xrange [-0.4:%g]\n", static_cast<double>(result.axis.values.size()) - 0.6);
   out += formatted("set arrow 1 from %zu,graph 0 to %zu,graph 1 nohead dt 3 lc 'gray'\n",
                    result.axis.base(), result.axis.base());
   out += "set xlabel \"" + result.axis.title + "\"\n";
   out += "set multiplot layout 1,2\n";
-  out += "set ylabel 'IoU of the foreground'; set yrange [-0.02:*]\n" +
-         plot(curves, trivial, metric_iou);
-  out += "set ylabel 'SSIM of the hard map'; set yrange [*:*]\n" +
-         plot(curves, trivial, metric_ssim_hard);
+  out += "set ylabel 'IoU of the foreground'; set yrange [-0.02:0.1<*]\n" +
+         plot(result, curves, metric_iou);
+  out += "set ylabel 'SSIM of the hard map'; set yrange [*<0.78:0.84<*]\n" +
+         plot(result, curves, metric_ssim_hard);
   return out + "unset multiplot\n";
 }
 
 constexpr const char* chart_head = R"(set datafile missing 'nan'
-set terminal svg noenhanced size 1200,460 font 'sans,12' background 'white'
-set grid y; set key outside below maxrows 3; set xtics rotate by -20
+set terminal svg noenhanced size 1200,500 font 'sans,12' background 'white'
+set grid y; set xtics rotate by -20; set bmargin at screen 0.3; set tmargin at screen 0.97
+set key at screen 0.5,0.01 center bottom vertical maxrows 3
 )";
 
 }  // namespace
