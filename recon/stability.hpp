@@ -2,11 +2,12 @@
 // Where models fail: each of a list under conditions from easy to broken, trained under the
 // condition itself (alike) or at the base condition only (shifted).
 //
-// A model *loses* at a value if its map is worse than no map: its hard SSIM is below that of the
-// empty room, or its IoU is not above that of empty room and mean map, by more than the spread over
-// seeds; or if it gives no map at all (a sensor is missing, the training is refused or diverges).
-// IoU alone would be too kind: the empty room scores 0, and a body in the wrong place a little
-// more. Where the maps show nobody, IoU is undefined and SSIM decides.
+// A model *loses* at a value if its map is no better than no map: its hard SSIM is not above that
+// of the empty room, or its IoU not above that of empty room and mean map, with the same records
+// and by more than the spread over seeds; or if it gives no map at all (a sensor is missing, the
+// training is refused or diverges). IoU alone would be too kind: the empty room scores 0, and a
+// body in the wrong place a little more. Where nobody is there, IoU is undefined, and a model loses
+// that shows somebody.
 #pragma once
 #include <array>
 #include <string>

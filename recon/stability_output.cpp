@@ -70,9 +70,9 @@ std::string to_html(const StabilityOptions& o, const std::vector<StabilityResult
          " fresh ones to judge by, " + std::to_string(o.seeds) + " seeds, echofuse " + version() +
          ". <i>alike</i>: trained and tested under the condition; <i>shifted</i>: trained at the "
          "base condition, tested under this one. Each cell: least IoU on the axis as a share of "
-         "that at the base. A model <b>loses</b> where its map is worse than no map: hard SSIM "
-         "below the empty room's, IoU not above that of empty room and mean map (by more than the "
-         "spread over seeds), or no map at all. <small>half</small>: where its IoU falls below "
+         "that at the base. A model <b>loses</b> where its map is no better than no map: hard SSIM "
+         "not above the empty room's, IoU not above that of empty room and mean map (by more than "
+         "the spread over seeds), or no map at all. <small>half</small>: where its IoU falls below "
          "half of the base's. Sorted by what breaks the first model most.</p>\n" +
          table(results);
   for (const auto& result : results)

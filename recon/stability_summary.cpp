@@ -54,8 +54,7 @@ class Measured {
 };
 
 // By how much a model is better than the best of the trivial ones with the same seed; those of
-// which the score is undefined (nobody there) do not count, and against none of them the model
-// neither wins nor loses: nothing.
+// which the score is undefined (nobody there) do not count. One number a seed, or none.
 std::vector<double> advantage(const Seeds& model, const std::vector<const Seeds*>& trivial,
                               Metric metric) {
   std::vector<double> out;
@@ -72,10 +71,10 @@ std::vector<double> advantage(const Seeds& model, const std::vector<const Seeds*
 // Written so that NaN, no map, loses.
 bool loses(const Seeds& model, const Seeds& empty, const Seeds& mean) {
   const auto iou = advantage(model, {&empty, &mean}, metric_iou);
-  const auto ssim = advantage(model, {&empty}, metric_ssim_hard);
-  const Moments by_iou = moments(iou), by_ssim = moments(ssim);
-  const bool overlaps = iou.empty() || by_iou.mean - by_iou.spread > 0;
-  return !(overlaps && by_ssim.mean + by_ssim.spread >= 0);
+  const Moments by_iou = moments(iou),
+                by_ssim = moments(advantage(model, {&empty}, metric_ssim_hard));
+  if (iou.empty()) return !(by_ssim.mean + by_ssim.spread >= 0);
+  return !(by_iou.mean > by_iou.spread && by_ssim.mean > by_ssim.spread);
 }
 
 StabilityPoint point_of(const Seeds& seeds) {
