@@ -47,6 +47,12 @@ std::string cell(const StabilityCurve& curve, const StabilityAxis& axis) {
 std::string table(const std::vector<StabilityResult>& results) {
   std::string out = "<table>\n<tr><th>condition</th><th>base, then</th>";
   for (const auto& curve : results.front().curves) out += "<th>" + curve.name + "</th>";
+  out += "</tr>\n<tr><td>IoU at the base</td><td></td>";
+  for (const auto& curve : results.front().curves) {
+    const StabilityPoint& base = curve.points[results.front().axis.base()];
+    out += formatted("<td>%.3f <small>&plusmn;%.3f</small></td>", base.mean[metric_iou],
+                     base.spread[metric_iou]);
+  }
   out += "</tr>\n";
   for (const auto& [axis, curves, trivial] : results) {
     std::string values = axis.values[axis.base()].label + ";";
