@@ -120,6 +120,8 @@ bool has_points(const StabilityResult& result, const StabilityCurve& curve, Metr
   return false;
 }
 
+constexpr std::size_t colours = 8;  // of gnuplot; then dashes
+
 // Curves with something to draw, those of the trivial models first; where a model begins to lose, a
 // cross.
 std::string plot(const StabilityResult& result, const std::vector<const StabilityCurve*>& curves,
@@ -129,14 +131,15 @@ std::string plot(const StabilityResult& result, const std::vector<const Stabilit
   for (std::size_t i = 0; i < curves.size(); ++i) {
     if (!has_points(result, *curves[i], metric, false)) continue;
     const std::size_t column = 2 + 6 * i + (metric == metric_iou ? 0 : 3);
-    const std::string look = i < trivial
-                                 ? formatted("lines dt %zu lw 2 lc 'gray40'", 2 + i)
-                                 : formatted("yerrorlines pt 7 ps 0.5 lc %zu", 1 + i - trivial);
+    const std::size_t model = i < trivial ? 0 : i - trivial, colour = 1 + model % colours;
+    const std::string look = i < trivial ? formatted("lines dt %zu lw 2 lc 'gray40'", 2 + i)
+                                         : formatted("yerrorlines pt 7 ps 0.5 lc %zu dt %zu",
+                                                     colour, 1 + model / colours);
     parts.push_back(formatted("$data using 0:%zu:%zu:xtic(1) with ", column, column + 1) + look +
                     (metric == metric_iou ? " title '" + curves[i]->name + "'" : " notitle"));
     if (i >= trivial && has_points(result, *curves[i], metric, true))
       parts.push_back(formatted("$data using 0:%zu with points pt 2 ps 1.6 lw 3 lc %zu notitle",
-                                column + 2, 1 + i - trivial));
+                                column + 2, colour));
   }
   return "plot " + joined(parts) + "\n";
 }
