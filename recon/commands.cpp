@@ -14,7 +14,6 @@
 #include "recon/export_model.hpp"
 #include "recon/map_files.hpp"
 #include "recon/models/parallel.hpp"
-#include "recon/pareto.hpp"
 #include "recon/reconstruct.hpp"
 #include "recon/report.hpp"
 #include "recon/train.hpp"
@@ -310,44 +309,6 @@ Command add_report(CLI::App& app, const Common&) {
     set_threads(1);  // the latencies in the table are those of one thread
     const Report report = make_report(*a);
     std::printf("%s%s\n", to_text(report).c_str(), write_report(report, a->dir).c_str());
-    return ExitCode::ok;
-  };
-}
-
-Command add_study(CLI::App& app, const Common& common) {
-  const auto a = std::make_shared<ParetoOptions>();
-  app.add_option("kind", "pareto: accuracy against the time of a map, photons and records")
-      ->required()
-      ->check(CLI::IsMember({"pareto"}));
-  app.add_option("train", a->train, "run file to train on")->required();
-  app.add_option("test", a->test, "run file to judge by")->required();
-  app.add_option("--out", a->out, "folder for pareto.csv and pareto.svg; what it holds is kept")
-      ->required();
-  app.add_option("--models", a->models, "as train --model; \":spd\" or \":radar\" behind one")
-      ->delimiter(',')
-      ->allow_extra_args(false)
-      ->capture_default_str();
-  app.add_option("--sweep-models", a->sweep_models, "of the sweeps")
-      ->delimiter(',')
-      ->capture_default_str();
-  app.add_option("--photons", a->photons, "shares of the photons to sweep")
-      ->delimiter(',')
-      ->check(CLI::Range(1e-9, 1.0))
-      ->capture_default_str();
-  app.add_option("--records", a->records, "shares of the training records to sweep")
-      ->delimiter(',')
-      ->check(CLI::Range(1e-9, 1.0))
-      ->capture_default_str();
-  app.add_option("--seeds", a->seeds)->check(CLI::Range(1, 1000))->capture_default_str();
-  const auto bound_file = std::make_shared<std::string>();
-  app.add_option("--bound", *bound_file, "bound.csv of `echofuse-sim study bound`, to draw");
-  return [a, bound_file, &common] {
-    a->quiet = common.quiet;
-    a->threads = common.threads;
-    const auto bound = bound_file->empty() ? std::nullopt : std::optional(read_bound(*bound_file));
-    const auto rows = study_pareto(*a);
-    std::fputs(to_text(rows).c_str(), stdout);
-    write_pareto(rows, a->out, bound);
     return ExitCode::ok;
   };
 }

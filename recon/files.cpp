@@ -26,6 +26,10 @@ void write_file(const std::string& path, ByteView contents) {
   if (!out) throw Error(ExitCode::disk, path + ": cannot write: " + std::strerror(errno));
 }
 
+void write_text(const std::string& path, const std::string& text) {
+  write_file(path, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+}
+
 void make_folder(const std::string& path) {
   std::error_code code;
   std::filesystem::create_directories(path, code);

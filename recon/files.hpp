@@ -7,8 +7,9 @@
 
 namespace echofuse::recon {
 
-Bytes read_file(const std::string& path);                     // throws Error(failed)
-void write_file(const std::string& path, ByteView contents);  // throws Error(disk)
-void make_folder(const std::string& path);                    // throws Error(disk)
+Bytes read_file(const std::string& path);                           // throws Error(failed)
+void write_file(const std::string& path, ByteView contents);        // throws Error(disk)
+void write_text(const std::string& path, const std::string& text);  // throws Error(disk)
+void make_folder(const std::string& path);                          // throws Error(disk)
 
 }  // namespace echofuse::recon

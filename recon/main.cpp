@@ -30,7 +30,7 @@ int run(int argc, char** argv) {
   add("reconstruct", "depth maps of a run as pictures", add_reconstruct);
   add("crossvalidate", "score kinds of models on a sequence, in blocks", add_crossvalidate);
   add("report", "the three modes side by side, as one HTML page", add_report);
-  add("study", "accuracy against cost: table and chart", add_study);
+  add("study", "accuracy against cost, or stability: tables and charts", add_study);
   add("export", "a network as ONNX, or records as NumPy arrays", add_export);
   add("import", "recordings of others as run files", add_import);
   try {

@@ -14,20 +14,18 @@
 #include "drivers/core/random.hpp"
 #include "recon/files.hpp"
 #include "recon/models/parallel.hpp"
+#include "recon/study.hpp"
 #include "recon/text.hpp"
-#include "recon/train.hpp"
 
 namespace echofuse::recon {
 namespace {
 
 struct Job {
   Job(std::string what, double how_much, const std::string& name)
-      : sweep(std::move(what)), share(how_much), model(name), rung(name.substr(0, name.find(':'))) {
-    if (rung.size() < name.size()) inputs = name.substr(rung.size() + 1);
-  }
+      : sweep(std::move(what)), share(how_much), model(name) {}
   std::string sweep;
   double share;
-  std::string model, rung, inputs = "fused";  // model: "RUNG" or "RUNG:INPUTS"
+  StudyModel model;
 };
 
 std::vector<Job> jobs_of(const ParetoOptions& options) {
@@ -85,7 +83,7 @@ class Study {
       const auto known =
           std::find_if(rows.begin(), rows.end(), [&](const ParetoRow& r) { return is_of(r, job); });
       if (known != rows.end() && known->seeds == options_.seeds) {
-        progress_.update(done_ += options_.seeds, job.model);
+        progress_.update(done_ += options_.seeds, job.model.name);
         continue;
       }
       if (known != rows.end()) rows.erase(known);
@@ -115,18 +113,18 @@ class Study {
 
   // The table keeps six digits of a share.
   static bool is_of(const ParetoRow& row, const Job& job) {
-    return row.sweep == job.sweep && row.model == job.model &&
+    return row.sweep == job.sweep && row.model == job.model.name &&
            std::abs(row.share - job.share) < 1e-5 * job.share;
   }
 
   ParetoRow measure(const Job& job) {
-    ParetoRow row{job.sweep, job.share, job.model, options_.seeds, {}, {}, {}, false};
+    ParetoRow row{job.sweep, job.share, job.model.name, options_.seeds, {}, {}, {}, false};
     std::vector<MapScores> found;
     for (std::size_t seed = 1; seed <= options_.seeds; ++seed) {
       if (interrupted())
         throw Error(ExitCode::interrupted, "interrupted; the same command goes on");
       found.push_back(once(job, seed, row.cost));
-      progress_.update(++done_, job.model);
+      progress_.update(++done_, job.model.name);
     }
     const Summaries over_seeds = summarise(found);
     for (std::size_t m = 0; m < metric_count; ++m) {
@@ -141,18 +139,9 @@ class Study {
     if (job.sweep == "photons") thin(train_data, job.share, seed);
     if (job.sweep == "photons") thin(test_data, job.share, 1000 + seed);
     if (job.sweep == "records") keep_records(train_data, job.share, seed);
-    TrainOptions how;
-    how.model = job.rung;
-    how.inputs = job.inputs;
-    how.split.test_share = 0;  // there is a run of its own for that
-    how.split.seed = how.fit.seed = seed;
-    how.fit.quiet = true;
-    const TrainedModel model = train(train_data, how);
-    const Rows rows = test_data.usable(inputs_of(how.inputs));
-    MapScores out{};
-    const Summaries summaries =
-        summarise(score_maps(model.predict(test_data, rows), test_data, rows, model.scene));
-    for (std::size_t m = 0; m < metric_count; ++m) out[m] = summaries[m].mean;
+    const TrainedModel model = train_whole(train_data, job.model, seed);
+    const Rows rows = test_data.usable(model.features.inputs);
+    const MapScores out = mean_scores(model, test_data, rows);
     const TemporaryFile file{options_.out + "/.study-" + std::to_string(::getpid()) + ".h5"};
     save_model(model, file.path);
     set_threads(1);
@@ -180,7 +169,7 @@ class Study {
 }  // namespace
 
 std::vector<ParetoRow> study_pareto(const ParetoOptions& options) {
-  for (const auto& job : jobs_of(options)) rung_of(job.rung, {});
+  jobs_of(options);  // are they all known?
   make_folder(options.out);
   return Study(options).run();
 }

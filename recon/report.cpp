@@ -180,7 +180,7 @@ std::string write_report(const Report& report, const std::string& dir) {
   make_folder(dir);
   for (const auto& picture : report.pictures) write_file(dir + "/" + picture.file, picture.png);
   const std::string page = to_html(report), path = dir + "/report.html";
-  write_file(path, {reinterpret_cast<const std::uint8_t*>(page.data()), page.size()});
+  write_text(path, page);
   return path;
 }
 

@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: MIT
+// Where models fail: the table of conditions, the rule of losing, and the whole study.
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <set>
+#include <sstream>
+
+#include "recon/stability_summary.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using namespace echofuse::testing;
+using Catch::Contains;
+
+namespace {
+
+constexpr double undefined = std::numeric_limits<double>::quiet_NaN();
+
+StabilityRow row(const std::string& value, const std::string& model, std::size_t seed, double iou,
+                 double ssim_hard) {
+  StabilityRow r{"shifted", "snr", value, model, model == "silhouette" ? "fused" : "-", seed, {}};
+  if (value == "20") r.kind = r.axis = r.value = "base";
+  r.scores.fill(undefined);
+  r.scores[0] = iou, r.scores[2] = ssim_hard;
+  return r;
+}
+
+struct Score {
+  const char* value;
+  double iou, ssim_hard;
+};
+
+// The rows of a model over the axis shifted-snr of two seeds, beside an empty room of 0.81.
+std::vector<StabilityRow> rows_of(const std::vector<Score>& scores) {
+  std::vector<StabilityRow> rows;
+  for (const Score& s : scores)
+    for (const std::size_t seed : {1u, 2u}) {
+      const double noise = seed == 1 ? 0.001 : -0.001;
+      rows.push_back(row(s.value, "empty", seed, 0, 0.81));
+      rows.push_back(row(s.value, "mean", seed, 0.05, 0.80));
+      rows.push_back(row(s.value, "silhouette", seed, s.iou + noise, s.ssim_hard + noise));
+    }
+  return rows;
+}
+
+StabilityCurve curve_of(const std::vector<StabilityRow>& rows) {
+  StabilityOptions options;
+  options.models = {"silhouette"}, options.axes = {"shifted-snr"};
+  const auto results = summarise_stability(options, rows);
+  REQUIRE(results.size() == 1);
+  REQUIRE(results[0].trivial.size() == 2);
+  return results[0].curves.at(0);
+}
+
+using Labels = std::vector<std::string>;
+
+std::vector<std::string> lines_of(const std::string& path) {
+  std::ifstream in(path);
+  std::vector<std::string> out;
+  for (std::string line; std::getline(in, line);) out.push_back(line);
+  return out;
+}
+
+std::string text_of(const std::string& path) {
+  std::ifstream in(path);
+  std::ostringstream out;
+  out << in.rdbuf();
+  return out.str();
+}
+
+// The mean over the seeds of the IoU of these lines.
+double iou_of(const std::vector<std::string>& lines, const std::string& begin) {
+  double sum = 0, count = 0;
+  for (const auto& line : lines)
+    if (line.starts_with(begin)) sum += std::stod(line.substr(begin.size() + 2)), ++count;
+  REQUIRE(count == 2);
+  return sum / count;
+}
+
+}  // namespace
+
+TEST_CASE("every axis of stability has one base, and its names fit into table and files") {
+  for (const bool quick : {false, true}) {
+    std::set<std::string> ids;
+    for (const StabilityAxis& axis : stability_axes(quick)) {
+      CAPTURE(axis.id());
+      CHECK(ids.insert(axis.id()).second);
+      CHECK(axis.values.size() >= 2);
+      std::set<std::string> labels;
+      int bases = 0;
+      for (const AxisValue& v : axis.values) {
+        CHECK(labels.insert(v.label).second);
+        CHECK(v.label.find_first_of(",\"\n") == std::string::npos);
+        bases += v.world.base();
+        // Trained elsewhere, a model could not read records of other axes.
+        for (const auto& set : v.world.set)
+          if (!axis.alike) CHECK_THAT(set, !Contains("bin") && !Contains("radar_step"));
+      }
+      CHECK(bases == 1);
+    }
+    CHECK(ids.size() == stability_axes(!quick).size());
+  }
+}
+
+TEST_CASE("a lost sensor is zeros, and missing if it is said to be") {
+  Dataset data = load_plates(3), zeros = data;
+  apply({.damage = Damage::radar_missing}, data);
+  CHECK(data.usable(Inputs::fused).empty());
+  CHECK(data.usable(Inputs::spd).size() == 3);
+  apply({.damage = Damage::spd_zero}, zeros);
+  CHECK(zeros.usable(Inputs::fused).size() == 3);
+  CHECK(std::count(zeros.spd.values.begin(), zeros.spd.values.end(), 0.f) ==
+        static_cast<std::ptrdiff_t>(zeros.spd.values.size()));
+  const float before = zeros.radar.values[5];
+  apply({.radar_gain = 4}, zeros);
+  CHECK(zeros.radar.values[5] == 4 * before);
+}
+
+TEST_CASE("a model loses where its map is no better than no map") {
+  using Scores = std::vector<Score>;
+  SECTION("it never does") {
+    const auto c = curve_of(rows_of(Scores{
+        {"30", .6, .87}, {"20", .6, .87}, {"10", .5, .85}, {"5", .45, .84}, {"0", .36, .82}}));
+    CHECK(c.loses_at.empty());
+    CHECK(c.halved_at.empty());
+    CHECK(c.worst == Approx(0.6));
+  }
+  SECTION("by its hard SSIM, and the first value counts, though a later one is better") {
+    const auto c = curve_of(rows_of(Scores{
+        {"30", .6, .87}, {"20", .6, .87}, {"10", .29, .85}, {"5", .3, .80}, {"0", .4, .82}}));
+    CHECK(c.loses_at == Labels{"5"});
+    CHECK(c.halved_at == Labels{"10"});
+  }
+  SECTION("by its IoU, which must beat the mean map by more than the spread; on both sides") {
+    const auto c = curve_of(rows_of(Scores{
+        {"30", .051, .87}, {"20", .6, .87}, {"10", .053, .85}, {"5", .051, .85}, {"0", .4, .82}}));
+    CHECK(c.loses_at == Labels{"30", "5"});
+    CHECK(c.halved_at == Labels{"30", "10"});
+    CHECK(c.worst == Approx(0.085));
+  }
+  SECTION("a map must be better than none by more than the spread") {
+    const auto c = curve_of(rows_of(Scores{
+        {"30", .6, .87}, {"20", .6, .87}, {"10", .6, .8105}, {"5", .6, .87}, {"0", .6, .80}}));
+    CHECK(c.loses_at == Labels{"10"});
+  }
+  SECTION("without a map") {
+    const auto c = curve_of(rows_of(Scores{{"30", .6, .87},
+                                           {"20", .6, .87},
+                                           {"10", .5, .85},
+                                           {"5", .5, .85},
+                                           {"0", undefined, undefined}}));
+    CHECK(c.loses_at == Labels{"0"});
+    CHECK(c.worst == 0);
+  }
+  SECTION("at the base already") {
+    const auto c = curve_of(rows_of(Scores{
+        {"30", .6, .87}, {"20", .01, .87}, {"10", .5, .85}, {"5", .5, .85}, {"0", .5, .85}}));
+    CHECK(c.loses_at == Labels{"20"});
+    CHECK(c.halved_at.empty());
+    CHECK(std::isnan(c.worst));
+  }
+}
+
+TEST_CASE("where nobody is, inventing nobody loses nothing, and a ghost does") {
+  for (const bool ghost : {false, true}) {
+    auto rows = rows_of({{"30", .6, .87}, {"20", .6, .87}, {"10", .6, .86}, {"5", .6, .86}});
+    for (const std::size_t seed : {1u, 2u}) {
+      rows.push_back(row("0", "empty", seed, undefined, 1));
+      rows.push_back(row("0", "mean", seed, undefined, 1));
+      rows.push_back(row("0", "silhouette", seed, ghost ? 0 : undefined, ghost ? 0.97 : 1));
+    }
+    const auto c = curve_of(rows);
+    CHECK(c.loses_at == (ghost ? Labels{"0"} : Labels{}));
+    CHECK(c.worst == Approx(1));
+  }
+}
+
+TEST_CASE("study stability: a small one, cut and continued, and refused with other settings") {
+  const Folder dir;
+  const std::string out = dir / "out", table = out + "/stability.csv";
+  const std::string study = "study stability -q --quick --seeds 2 --test-records 40 --out " + out +
+                            " --axes alike-side,shifted-radar_offset --models silhouette,nearest" +
+                            " --records ";
+  const Outcome first = recon_program(study + "500");
+  CAPTURE(first.text);
+  REQUIRE(first.code == 0);
+  const auto lines = lines_of(table);
+  CHECK(lines.size() == 1 + 2 * (1 + 1 + 3) * 4);  // seeds x values x models
+  const double base = iou_of(lines, "base,base,base,silhouette,fused,");
+  CHECK(base > 0.3);
+  CHECK(iou_of(lines, "shifted,radar_offset,0.2,silhouette,fused,") < 0.3 * base);
+  CHECK_THAT(first.text, Contains("shifted-radar_offset       silhouette"));
+  const std::string page = text_of(out + "/stability.html");
+  CHECK_THAT(page, Contains("What fails first") && Contains("shifted-radar_offset.svg") &&
+                       Contains("half at 0.05"));
+  CHECK(page.find("shifted-radar_offset.svg") < page.find("alike-side.svg"));
+  CHECK(std::filesystem::file_size(out + "/alike-side.svg") > 1000);
+  CHECK(std::distance(std::filesystem::directory_iterator(out), {}) == 5);
+
+  const std::string whole = text_of(table);
+  std::filesystem::resize_file(table, whole.size() * 2 / 3 + 1);  // within a line
+  const Outcome second = recon_program(study + "500");
+  CHECK(second.code == 0);
+  CHECK(second.text == first.text);
+  CHECK(text_of(table) == whole);
+
+  const Outcome other = recon_program(study + "510");
+  CHECK(other.code == 3);
+  CHECK_THAT(other.text, Contains("records 500 (now: records 510)"));
+  CHECK(text_of(table) == whole);
+}
+
+TEST_CASE("study stability says what it cannot do") {
+  const Folder dir;
+  const std::string study = "study stability -q --quick --out " + (dir / "out");
+  const Outcome axis = recon_program(study + " --axes shifted-weather");
+  CHECK(axis.code == 2);
+  CHECK_THAT(axis.text, Contains("shifted-weather") && Contains("shifted-snr, "));
+  const Outcome model = recon_program(study + " --models silhouette:spd");
+  CHECK(model.code == 2);
+  CHECK_THAT(model.text, Contains("needs both sensors"));
+  CHECK_FALSE(std::filesystem::exists(dir / "out"));
+  const Outcome sim = recon_program(study + " --models mean --sim " + (dir / "nowhere"));
+  CHECK(sim.code == 1);
+  CHECK_THAT(sim.text, Contains("No such file") && Contains("--sim"));
+}
