@@ -71,7 +71,8 @@ class Study {
   std::string settings() const {
     return std::string("echofuse ") + version() + "\nquick " + (options_.quick ? "yes" : "no") +
            "\nrecords " + std::to_string(options_.records) + "\ntest records " +
-           std::to_string(options_.test_records) + "\n";
+           std::to_string(options_.test_records) + "\nslip " +
+           (options_.slip == SlipAction::correct ? "correct" : "ignore") + "\n";
   }
 
   StabilityRow row_of(const Place& place, const StudyModel& model, std::size_t seed) const {
@@ -102,7 +103,7 @@ class Study {
       const bool own = place.kind == "alike";
       if (own && !train_data) train_data = training_records(place.train, seed);
       const std::optional<TrainedModel> fitted =
-          own ? fit(*train_data, model, seed) : std::optional<TrainedModel>{};
+          own ? fit(*train_data, model, seed, false) : std::optional<TrainedModel>{};
       row.scores = judge(own ? fitted : base_model(model, seed), *test_data, model);
       if (interrupted())
         throw Error(ExitCode::interrupted,
@@ -128,9 +129,10 @@ class Study {
   }
 
   // Nothing if the training is refused or diverges.
-  std::optional<TrainedModel> fit(const Dataset& data, const StudyModel& model, std::size_t seed) {
+  std::optional<TrainedModel> fit(const Dataset& data, const StudyModel& model, std::size_t seed,
+                                  bool fallback) {
     try {
-      return train_whole(data, model, seed);
+      return train_whole(data, model, seed, fallback);
     } catch (const Error& error) {
       if (error.code() != ExitCode::failed) throw;
       return {};
@@ -142,16 +144,18 @@ class Study {
     const auto found = trained_.find(model.name);
     if (found != trained_.end()) return found->second;
     if (!train_data_) train_data_ = training_records({}, seed);
-    return trained_.emplace(model.name, fit(*train_data_, model, seed)).first->second;
+    return trained_.emplace(model.name, fit(*train_data_, model, seed, true)).first->second;
   }
 
-  StabilityScores judge(const std::optional<TrainedModel>& fitted, const Dataset& data,
+  StabilityScores judge(const std::optional<TrainedModel>& fitted, Dataset data,
                         const StudyModel& model) const {
     StabilityScores out;
     out.fill(std::numeric_limits<double>::quiet_NaN());
     if (!fitted) return out;
-    const Rows rows =
-        is_trivial(model.rung) ? all_rows(data.size()) : data.usable(fitted->features.inputs);
+    match_model(data, *fitted, options_.slip);
+    Rows rows = all_rows(data.size());
+    if (!is_trivial(model.rung))
+      std::erase_if(rows, [&](std::size_t row) { return !fitted->fault_of(data, row).empty(); });
     if (rows.empty()) return out;
     const MapScores scores = mean_scores(*fitted, data, rows);
     std::transform(stability_metrics.begin(), stability_metrics.end(), out.begin(),

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "recon/maps/metrics.hpp"
+#include "recon/slip.hpp"
 #include "recon/stability_axes.hpp"
 
 namespace echofuse::recon {
@@ -27,6 +28,7 @@ struct StabilityOptions {
   std::vector<std::string> axes;              // ids; none: all
   std::size_t records = 0, test_records = 0;  // 0: those of the study
   std::size_t seeds = 3;                      // each makes its own records, and its own models
+  SlipAction slip = SlipAction::correct;      // before each test
   int threads = 0;
   bool quiet = false;
 };

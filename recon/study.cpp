@@ -12,10 +12,12 @@ StudyModel::StudyModel(const std::string& text) : name(text), rung(text.substr(0
     throw Error(ExitCode::usage, "model \"" + text + "\": needs both sensors");
 }
 
-TrainedModel train_whole(const Dataset& data, const StudyModel& model, std::uint64_t seed) {
+TrainedModel train_whole(const Dataset& data, const StudyModel& model, std::uint64_t seed,
+                         bool fallback) {
   TrainOptions how;
   how.model = model.rung;
   how.inputs = model.inputs;
+  how.fallback = fallback;
   how.split.test_share = 0;
   how.split.seed = how.fit.seed = seed;
   how.fit.quiet = true;

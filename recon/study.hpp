@@ -15,8 +15,10 @@ struct StudyModel {
   std::string name, rung, inputs = "fused";
 };
 
-// On all usable records but the validation share: there is another run to judge by.
-TrainedModel train_whole(const Dataset& data, const StudyModel& model, std::uint64_t seed);
+// On all usable records but the validation share: there is another run to judge by. With a
+// fallback for a lost radar if asked.
+TrainedModel train_whole(const Dataset& data, const StudyModel& model, std::uint64_t seed,
+                         bool fallback = false);
 
 // Means over the maps.
 MapScores mean_scores(const TrainedModel& model, const Dataset& data, const Rows& rows);
