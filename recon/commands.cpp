@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "drivers/core/console.hpp"
@@ -16,6 +17,7 @@
 #include "recon/pareto.hpp"
 #include "recon/reconstruct.hpp"
 #include "recon/report.hpp"
+#include "recon/text.hpp"
 #include "recon/train.hpp"
 #include "recon/turpin.hpp"
 
@@ -72,7 +74,14 @@ class ReconstructTalk {
     if (r.after_slot_s) after_slot_s_.push_back(*r.after_slot_s);
     (r.fault.empty() ? good_ : left_out_) += 1;
     if (!r.fault.empty() && !follow_) faults_.push_back(r);
+    if (r.claim && !r.claim->strangeness.why.empty()) {
+      const std::string& why = r.claim->strangeness.why;
+      ++unusual_[why.substr(0, why.find(" ("))];
+    }
     if (follow_ && !r.fault.empty()) complain(r);
+    if (follow_ && r.claim && !r.claim->strangeness.why.empty() && !quiet_)
+      std::fprintf(stderr, "record %lld: unusual: %s\n", static_cast<long long>(r.index),
+                   r.claim->strangeness.why.c_str());
     if (follow_ && r.after_slot_s && !quiet_)
       std::fprintf(stderr,
                    "record %lld: map %.3f s after its slot's end, %.1f ms after its reading\n",
@@ -89,9 +98,19 @@ class ReconstructTalk {
       std::fprintf(stderr, "; maps %.3f s after their slot's end (median; longest %.3f s)",
                    after_slot_s_[after_slot_s_.size() / 2], after_slot_s_.back());
     std::fputc('\n', stderr);
+    if (!unusual_.empty()) list_unusual();
   }
 
  private:
+  void list_unusual() const {
+    std::size_t all = 0;
+    std::string reasons;
+    for (const auto& [why, count] : unusual_) {
+      all += count;
+      reasons += formatted("%s%zu %s", reasons.empty() ? "" : "; ", count, why.c_str());
+    }
+    std::fprintf(stderr, "%zu of %zu records are flagged: %s\n", all, good_, reasons.c_str());
+  }
   void complain(const RecordStatus& r) const {
     std::fprintf(stderr, "%s: record %lld: %s\n", run_.c_str(), static_cast<long long>(r.index),
                  r.fault.c_str());
@@ -101,6 +120,7 @@ class ReconstructTalk {
   std::size_t good_ = 0, left_out_ = 0;
   std::vector<RecordStatus> faults_;
   std::vector<double> after_slot_s_;
+  std::map<std::string, std::size_t> unusual_;  // records for each reason
 };
 
 }  // namespace

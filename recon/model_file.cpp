@@ -139,6 +139,7 @@ void save_model(const TrainedModel& model, const std::string& path) {
     save_body(file, model);
     save_training(file, model);
     model.model->save(file);
+    if (model.confidence) model.confidence->save(file);
   });
 }
 
@@ -152,6 +153,7 @@ TrainedModel load_model(const std::string& path) {
   load_body(file, out);
   out.model = make_model(out.name);
   out.model->load(file);
+  if (file.has("confidence")) out.confidence.emplace().load(file, out.features);
   return out;
 }
 

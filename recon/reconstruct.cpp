@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <thread>
@@ -23,12 +24,14 @@ class StatusTable {
  public:
   explicit StatusTable(const std::string& path)
       : path_(path), out_(path, std::ios::binary | std::ios::trunc) {
-    out_ << "record,status,after_slot_s\n";
+    out_ << "record,status,after_slot_s,lateral_90_m,distance,two_bodies,unusual\n";
     flush();
   }
   void add(const RecordStatus& r) {
     out_ << r.index << ",\"" << (r.fault.empty() ? "ok" : r.fault) << "\","
-         << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "") << "\n";
+         << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "") << ",";
+    if (r.claim) add(*r.claim);
+    out_ << (r.claim ? "\n" : ",,,\n");
   }
   void flush() {
     out_.flush();
@@ -36,6 +39,11 @@ class StatusTable {
   }
 
  private:
+  void add(const Claim& c) {
+    out_ << (std::isnan(c.lateral_90_m) ? "" : formatted("%.3f", c.lateral_90_m))
+         << formatted(",%.3f,%.3f,\"", c.strangeness.distance, c.strangeness.two_bodies)
+         << c.strangeness.why << "\"";
+  }
   std::string path_;
   std::ofstream out_;
 };
@@ -72,7 +80,7 @@ class Reconstruction {
 bool Reconstruction::take_part(const record::RunReader& run) {
   std::vector<RecordStatus> bad;
   Dataset data = load_part(run, next_, part_records, [&](std::int64_t index, const auto& fault) {
-    bad.push_back({index, fault, {}, {}});
+    bad.push_back({index, fault, {}, {}, {}});
   });
   std::vector<RecordStatus> all = write_maps(data);
   all.insert(all.end(), bad.begin(), bad.end());
@@ -93,13 +101,16 @@ std::vector<RecordStatus> Reconstruction::write_maps(Dataset& data) {
   std::vector<RecordStatus> out;
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row) {
-    out.push_back({data.index[row], data.fault_of(row, f.inputs), {}, {}});
+    out.push_back({data.index[row], data.fault_of(row, f.inputs), {}, {}, {}});
     if (out.back().fault.empty()) rows.push_back(row);
   }
   // A sensor's axis may come after the first records of a run that is being recorded.
   if (!rows.empty() || !options_.follow) match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
   const Matrix maps = model_.predict(data, rows);
+  const auto claimed =
+      model_.confidence ? claims(model_, data, rows, maps) : std::vector<Claim>{};
   for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (model_.confidence) out[rows[i]].claim = claimed[i];
     files_.write(data.index[rows[i]], maps.row(i));
     time(out[rows[i]], data.slot_end[rows[i]], read);
   }

@@ -86,6 +86,8 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   if (!fit.checkpoint.path.empty()) fit.checkpoint.settings = settings_of(data, options, rung);
   TrainedModel model = fit_model(data, split, name, inputs, options.scaling, fit);
   model.split = options.split;
+  if (can_judge(split) && !model.log.interrupted)
+    model.confidence = fit_confidence(model, data, split, fit.seed);
   return model;
 }
 

@@ -11,12 +11,15 @@
 //   training/    loss_m, validation_loss_m, hidden (widths), with attributes best_epoch, epochs,
 //                batch, learning_rate, weight_decay, patience
 //   model/       what the model itself keeps
+//   confidence/  what tells how far to trust it; files of older versions have none
 #pragma once
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "recon/confidence.hpp"
 #include "recon/features.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/models/model.hpp"
@@ -38,6 +41,7 @@ struct TrainedModel {
   Features features;
   Scene scene;
   std::unique_ptr<Model> model;
+  std::optional<Confidence> confidence;  // none: nothing is claimed
   TrainingLog log;
   SplitOptions split;
   FitOptions fit;

@@ -116,6 +116,9 @@ void Factorised::standardise(std::span<float> features) const {
 
 TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
                             const FitOptions& options) {
+  if (train.layout.spd.count == 0 || train.layout.radar.count == 0)
+    throw Error(ExitCode::usage,
+                "the silhouette and factorised models need both sensors: --inputs fused");
   background_ = learn_scene(train.maps, train.rows).background;
   alignment_ = Alignment(train.layout, train.inputs, train.rows);
   Seen seen = see(train), judged = see(validation);
