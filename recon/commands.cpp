@@ -40,6 +40,13 @@ std::string is_rung(const std::string& text) {
   }
 }
 
+void add_output_option(CLI::App& app, std::string& output) {
+  app.add_option("--output", output,
+                 "own: the model's map; hard: body or background; mean: over what may be there")
+      ->check(CLI::IsMember(output_names))
+      ->capture_default_str();
+}
+
 void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit) {
   app.add_option("--scaling", scaling, "per-record scaling of each sensor")
       ->check(CLI::IsMember(scaling_names))
@@ -197,6 +204,7 @@ Command add_evaluate(CLI::App& app, const Common&) {
   struct Arguments {
     std::string model, run;
     std::vector<std::string> train;
+    std::string output = "own";
     bool all = false, json = false;
   };
   const auto a = std::make_shared<Arguments>();
@@ -205,6 +213,7 @@ Command add_evaluate(CLI::App& app, const Common&) {
   app.add_flag("--all", a->all, "also score records that the model was trained on");
   app.add_option("--train", a->train,
                  "the runs the model was trained on, for the nearest-neighbour row of a fresh run");
+  add_output_option(app, a->output);
   app.add_flag("--json", a->json, "one JSON object instead of text");
   return [a] {
     const TrainedModel model = load_model(a->model);
@@ -222,7 +231,8 @@ Command add_evaluate(CLI::App& app, const Common&) {
     }
     const Dataset& trained_on = a->train.empty() ? data : other;
     const Rows rows = rows_to_evaluate(model, data, a->all);
-    Evaluation e = evaluate(model, data, rows, trained_on, model.rows_of(trained_on, Part::train));
+    Evaluation e = evaluate(model, data, rows, trained_on, model.rows_of(trained_on, Part::train),
+                            a->output);
     set_threads(1);
     e.cost = measure_cost(model, data, rows, a->model);
     std::puts(a->json ? to_json(e).dump(2).c_str() : to_text(e).c_str());
@@ -240,11 +250,13 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
   app.add_option("--out", a->out, "folder for the maps")->required();
   app.add_option(
          "--format", a->formats,
-         "any of colour (PNG), mm (PNG of 16-bit millimetres), ply (points), npz (all maps)")
+         "any of colour (PNG), mm (PNG of 16-bit millimetres), ply (points), npz (all maps), "
+         "uncertainty (standard deviations, as mm and npz)")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->check(CLI::IsMember(map_formats))
       ->capture_default_str();
+  add_output_option(app, a->output);
   app.add_flag("--follow", a->follow,
                "of a run that is being recorded: new records as they come, until it is closed");
   return [a, &common] {

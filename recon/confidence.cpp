@@ -92,6 +92,18 @@ std::vector<double> lateral_errors(const Matrix& maps, const Dataset& data, cons
   return out;
 }
 
+// The lateral error as that of a normal distribution.
+SoftMaps soft_maps(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                   const Matrix& maps, const std::vector<double>& lateral_90_m) {
+  constexpr double deviations_90 = 1.645;
+  auto own = model.model->predict_soft(model.features.apply(data, rows));
+  if (!own) return soft_of(maps, model.scene);
+  std::vector<double> deviation_m = lateral_90_m;
+  for (double& d : deviation_m) d /= deviations_90;
+  blur(*own, deviation_m);
+  return std::move(*own);
+}
+
 }  // namespace
 
 std::vector<float> LateralError::terms_of(std::span<const float> signs) const {
@@ -170,12 +182,14 @@ void LateralError::load(const record::H5File& file, const std::string& group) {
 
 void Confidence::save(record::H5File& file) const {
   novelty.save(file, "confidence/novelty");
+  pixels.save(file, "confidence/pixels");
   lateral.save(file, "confidence/lateral");
 }
 
 void Confidence::load(const record::H5File& file, const Features& of_model) {
   novelty.load(file, "confidence/novelty", of_model);
   lateral.load(file, "confidence/lateral");
+  pixels.load(file, "confidence/pixels");
 }
 
 bool can_judge(const Split& split) {
@@ -203,6 +217,12 @@ Confidence fit_confidence(const TrainedModel& model, const Dataset& data, const 
     errors.insert(errors.end(), more.begin(), more.end());
   }
   out.lateral.fit(signs, errors, split.validation.size());
+  std::vector<double> lateral_90_m;
+  for (std::size_t i = 0; i < split.validation.size(); ++i)
+    lateral_90_m.push_back(out.lateral(signs.row(i)));
+  const Matrix maps = model.predict(data, split.validation);
+  out.pixels.fit(soft_maps(model, data, split.validation, maps, lateral_90_m),
+                 take_rows(data.depth, split.validation), model.scene);
   return out;
 }
 
@@ -214,6 +234,35 @@ std::vector<Claim> claims(const TrainedModel& model, const Dataset& data, const 
   std::vector<Claim> out;
   for (std::size_t i = 0; i < rows.size(); ++i)
     out.push_back({confidence.lateral(signs.row(i)), strangeness[i]});
+  return out;
+}
+
+PixelMaps pixel_maps(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                     const Matrix& maps, const std::vector<Claim>& claims) {
+  std::vector<double> lateral_90_m;
+  for (const Claim& c : claims) lateral_90_m.push_back(c.lateral_90_m);
+  return model.confidence.value().pixels(soft_maps(model, data, rows, maps, lateral_90_m),
+                                         model.scene);
+}
+
+Answer answer(const TrainedModel& model, const Dataset& data, const Rows& rows,
+              const std::string& output, bool with_deviation) {
+  const bool with_pixels = with_deviation || output == "mean";
+  if (with_pixels && !model.confidence)
+    throw Error(ExitCode::usage,
+                "the model does not know how sure it is: it was trained on too few records (100, and "
+                "30 validation records) or by an older version; train it anew");
+  Answer out{model.predict(data, rows), {}, {}};
+  if (model.confidence) out.claims = claims(model, data, rows, out.maps);
+  if (with_pixels) {
+    PixelMaps pixels = pixel_maps(model, data, rows, out.maps, out.claims);
+    if (output == "mean") out.maps = std::move(pixels.mean);
+    if (with_deviation) out.deviation = std::move(pixels.deviation);
+  }
+  for (std::size_t i = 0; i < out.maps.rows && output == "hard"; ++i) {
+    const auto map = hard_map(out.maps.row(i), model.scene);
+    std::copy(map.begin(), map.end(), out.maps.row(i).begin());
+  }
   return out;
 }
 

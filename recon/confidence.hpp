@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "recon/novelty.hpp"
+#include "recon/pixel_error.hpp"
 #include "recon/split.hpp"
 
 namespace echofuse::recon {
@@ -50,6 +51,7 @@ struct Confidence {
 
   Novelty novelty;
   LateralError lateral;
+  PixelError pixels;
 
   void save(record::H5File& file) const;  // below "confidence/"
   void load(const record::H5File& file, const Features& of_model);
@@ -63,5 +65,20 @@ Confidence fit_confidence(const TrainedModel& model, const Dataset& data, const 
 // Of the model's maps of these rows; the model must have a confidence.
 std::vector<Claim> claims(const TrainedModel& model, const Dataset& data, const Rows& rows,
                           const Matrix& maps);
+PixelMaps pixel_maps(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                     const Matrix& maps, const std::vector<Claim>& claims);
+
+// own: the map as the model makes it; hard: where a body is its depth, else the background; mean:
+// the mean over what may be there, which has the least squared error.
+inline const std::vector<std::string> output_names = {"own", "hard", "mean"};
+
+struct Answer {
+  Matrix maps;                // metres
+  std::vector<Claim> claims;  // none without a confidence
+  Matrix deviation;           // metres; no rows unless asked for
+};
+// Throws Error(usage) if the model has no confidence and one is needed, for the mean or deviations.
+Answer answer(const TrainedModel& model, const Dataset& data, const Rows& rows,
+              const std::string& output, bool with_deviation);
 
 }  // namespace echofuse::recon

@@ -15,10 +15,10 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::uint64_t pair_stream = 0x70616972;  // "pair"
-constexpr std::size_t most_components = 20, rows_a_component = 60, most_pairs = 5000;
+constexpr std::size_t most_components = 36, rows_a_component = 60, most_pairs = 5000;
 constexpr double held_out_share = 0.25;
 constexpr double background_quantile = 0.05;
-constexpr double discriminant_penalty = 1e-3;
+constexpr double discriminant_penalty = 2e-2;
 // Of records like the training ones, above each limit.
 constexpr std::array<double, 3> false_alarms = {0.002, 0.002, 0.003};
 constexpr double range_reserve = 0.05;       // of the span of the training records' ranges

@@ -106,12 +106,14 @@ std::vector<RecordStatus> Reconstruction::write_maps(Dataset& data) {
   }
   // A sensor's axis may come after the first records of a run that is being recorded.
   if (!rows.empty() || !options_.follow) match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
-  const Matrix maps = model_.predict(data, rows);
-  const auto claimed =
-      model_.confidence ? claims(model_, data, rows, maps) : std::vector<Claim>{};
+  const auto& formats = options_.formats;
+  const bool uncertainty =
+      std::find(formats.begin(), formats.end(), "uncertainty") != formats.end();
+  const Answer answers = answer(model_, data, rows, options_.output, uncertainty);
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    if (model_.confidence) out[rows[i]].claim = claimed[i];
-    files_.write(data.index[rows[i]], maps.row(i));
+    if (!answers.claims.empty()) out[rows[i]].claim = answers.claims[i];
+    files_.write(data.index[rows[i]], answers.maps.row(i),
+                 uncertainty ? answers.deviation.row(i) : std::span<const float>{});
     time(out[rows[i]], data.slot_end[rows[i]], read);
   }
   return out;

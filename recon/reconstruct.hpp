@@ -21,6 +21,7 @@ struct RecordStatus {
 struct ReconstructOptions {
   std::string out;                                      // folder, made if need be
   std::vector<std::string> formats = {"colour", "mm"};  // of map_files.hpp
+  std::string output = "own";                           // of output_names (confidence.hpp)
   bool follow = false;  // take records as they come, until the run is closed
   bool quiet = false;   // no progress bar
   std::function<void(const RecordStatus&)> on_record;  // in the order of the records
