@@ -231,8 +231,8 @@ Command add_evaluate(CLI::App& app, const Common&) {
     }
     const Dataset& trained_on = a->train.empty() ? data : other;
     const Rows rows = rows_to_evaluate(model, data, a->all);
-    Evaluation e = evaluate(model, data, rows, trained_on, model.rows_of(trained_on, Part::train),
-                            a->output);
+    Evaluation e =
+        evaluate(model, data, rows, trained_on, model.rows_of(trained_on, Part::train), a->output);
     set_threads(1);
     e.cost = measure_cost(model, data, rows, a->model);
     std::puts(a->json ? to_json(e).dump(2).c_str() : to_text(e).c_str());

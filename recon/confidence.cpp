@@ -18,9 +18,9 @@ namespace {
 constexpr double nothing = std::numeric_limits<double>::quiet_NaN();
 constexpr std::uint64_t noise_stream = 0x6e6f6973;  // "nois"
 constexpr std::size_t worse_copies = 3;
-constexpr double fewest_photons_log10 = -2.5;            // share of a worse copy's photons
+constexpr double fewest_photons_log10 = -2.5;  // share of a worse copy's photons
 constexpr double least_noise_log10 = -2, most_noise_log10 = -0.3;  // radar, against its peak
-constexpr double smallest_error_m = 1e-3;                // below which errors are all alike
+constexpr double smallest_error_m = 0.01;  // below which errors are all alike
 constexpr double penalty = 1e-3;
 
 // Clicks above the background, in deviations of all clicks.
@@ -52,8 +52,7 @@ Matrix signs_of(const TrainedModel& model, const Dataset& data, const Rows& rows
   for (std::size_t i = 0; i < rows.size(); ++i) {
     std::vector<float> signs{
         static_cast<float>(std::abs(foreground_tangent(maps.row(i), model.scene)))};
-    if (inputs != Inputs::radar)
-      signs.push_back(std::log(significance(data.spd.row(rows[i])) + 1));
+    if (inputs != Inputs::radar) signs.push_back(std::log(significance(data.spd.row(rows[i])) + 1));
     if (inputs != Inputs::spd) signs.push_back(std::log(peak_to_noise(data.radar.row(rows[i]))));
     out.cols = signs.size();
     out.add_row(signs);
@@ -75,7 +74,8 @@ Dataset made_worse(const Dataset& data, const Rows& rows, Rng* rng) {
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const double share = std::pow(10, photons(*rng));
     for (float& v : out.spd.row(i))
-      v = static_cast<float>(std::binomial_distribution<int>(std::max(static_cast<int>(v), 0), share)(*rng));
+      v = static_cast<float>(
+          std::binomial_distribution<int>(std::max(static_cast<int>(v), 0), share)(*rng));
     const auto power = out.radar.row(i);
     if (power.empty()) continue;
     const float deviation = *std::max_element(power.begin(), power.end()) *
@@ -113,8 +113,7 @@ std::vector<float> LateralError::terms_of(std::span<const float> signs) const {
   return quadratic_terms(out);
 }
 
-void LateralError::fit(const Matrix& signs, const std::vector<double>& error_m,
-                       std::size_t plain) {
+void LateralError::fit(const Matrix& signs, const std::vector<double>& error_m, std::size_t plain) {
   Rows known;
   std::size_t known_plain = 0;
   for (std::size_t i = 0; i < signs.rows; ++i) {
@@ -125,8 +124,8 @@ void LateralError::fit(const Matrix& signs, const std::vector<double>& error_m,
   if (known_plain < Confidence::least_validation) return;
   const ColumnStatistics columns = column_statistics(signs, known);
   centre_.assign(columns.mean.begin(), columns.mean.end());
-  least_ = most_ = std::vector<float>(signs.row(known.front()).begin(),
-                                      signs.row(known.front()).end());
+  least_ = most_ =
+      std::vector<float>(signs.row(known.front()).begin(), signs.row(known.front()).end());
   for (std::size_t c = 0; c < signs.cols; ++c) {
     spread_.push_back(static_cast<float>(std::sqrt(std::max(columns.variance[c], 1e-12))));
     for (const std::size_t i : known) {
@@ -147,8 +146,8 @@ void LateralError::fit(const Matrix& signs, const std::vector<double>& error_m,
   for (std::size_t i = 0; i < known_plain; ++i)
     ratios.push_back(error_m[known[i]] / std::exp(product(terms.row(i), weights_)));
   std::sort(ratios.begin(), ratios.end());
-  const auto rank = static_cast<std::size_t>(
-      std::ceil(share_within * static_cast<double>(ratios.size() + 1)));
+  const auto rank =
+      static_cast<std::size_t>(std::ceil(share_within * static_cast<double>(ratios.size() + 1)));
   factor_ = ratios[std::min(rank, ratios.size()) - 1];
 }
 
@@ -249,9 +248,10 @@ Answer answer(const TrainedModel& model, const Dataset& data, const Rows& rows,
               const std::string& output, bool with_deviation) {
   const bool with_pixels = with_deviation || output == "mean";
   if (with_pixels && !model.confidence)
-    throw Error(ExitCode::usage,
-                "the model does not know how sure it is: it was trained on too few records (100, and "
-                "30 validation records) or by an older version; train it anew");
+    throw Error(
+        ExitCode::usage,
+        "the model does not know how sure it is: it was trained on too few records (100, and "
+        "30 validation records) or by an older version; train it anew");
   Answer out{model.predict(data, rows), {}, {}};
   if (model.confidence) out.claims = claims(model, data, rows, out.maps);
   if (with_pixels) {

@@ -74,9 +74,9 @@ Calibration calibration_of(const TrainedModel& model, const Dataset& data, const
   constexpr std::size_t at_once = 512;
   double within = 0, stated = 0, known = 0, flagged = 0, squares = 0, variance = 0;
   for (std::size_t first = 0; first < rows.size(); first += at_once) {
-    const Rows part(rows.begin() + static_cast<std::ptrdiff_t>(first),
-                    rows.begin() + static_cast<std::ptrdiff_t>(
-                                       std::min(first + at_once, rows.size())));
+    const Rows part(
+        rows.begin() + static_cast<std::ptrdiff_t>(first),
+        rows.begin() + static_cast<std::ptrdiff_t>(std::min(first + at_once, rows.size())));
     const Matrix maps = model.predict(data, part);
     const auto claimed = claims(model, data, part, maps);
     const PixelMaps pixels = pixel_maps(model, data, part, maps, claimed);

@@ -26,10 +26,10 @@ struct RunningCost {
 
 // How well a model's claims hold on records with a truth.
 struct Calibration {
-  double within_90 = 0;                // share of the records within their lateral_90_m
-  double lateral_90_m = 0;             // mean
-  double flagged = 0;                  // share of the records that are called unusual
-  double error_m = 0, deviation_m = 0; // of pixels, root mean square: of the mean map, as stated
+  double within_90 = 0;                 // share of the records within their lateral_90_m
+  double lateral_90_m = 0;              // mean
+  double flagged = 0;                   // share of the records that are called unusual
+  double error_m = 0, deviation_m = 0;  // of pixels, root mean square: of the mean map, as stated
 };
 
 struct Evaluation {

@@ -76,12 +76,14 @@ std::string to_text(const std::optional<Calibration>& c) {
   const std::string lateral =
       std::isnan(c->within_90)
           ? ""
-          : formatted("%.1f %% of the records within their stated lateral error, %.1f cm on average "
-                      "(meant for 90 %%); ",
-                      100 * c->within_90, 100 * c->lateral_90_m);
-  return lateral + formatted("%.2f %% flagged as unusual; pixels of the mean map are off by %.2f m "
-                             "rms, stated %.2f m\n",
-                             100 * c->flagged, c->error_m, c->deviation_m);
+          : formatted(
+                "%.1f %% of the records within their stated lateral error, %.1f cm on average "
+                "(meant for 90 %%); ",
+                100 * c->within_90, 100 * c->lateral_90_m);
+  return lateral + formatted(
+                       "%.2f %% flagged as unusual; pixels of the mean map are off by %.2f m "
+                       "rms, stated %.2f m\n",
+                       100 * c->flagged, c->error_m, c->deviation_m);
 }
 
 std::string to_text(const Evaluation& e) {

@@ -40,7 +40,8 @@ std::vector<float> kernel_of(double deviation_pixels) {
 
 SoftMaps soft_of(const Matrix& maps, const Scene& scene) {
   SoftMaps out{Matrix(0, maps.cols), Matrix(maps.rows, maps.cols)};
-  for (std::size_t i = 0; i < maps.rows; ++i) out.share.add_row(foreground_share(maps.row(i), scene));
+  for (std::size_t i = 0; i < maps.rows; ++i)
+    out.share.add_row(foreground_share(maps.row(i), scene));
   for (float& v : out.share.values) v = std::clamp(v, 0.f, 1.f);
   std::fill(out.depth.values.begin(), out.depth.values.end(), scene.foreground_depth_m);
   return out;
@@ -66,7 +67,8 @@ void blur(SoftMaps& maps, const std::vector<double>& deviation_m) {
         const std::ptrdiff_t first = std::max<std::ptrdiff_t>(c - reach, 0);
         const std::ptrdiff_t last = std::min(c + reach, std::ssize(row) - 1);
         for (std::ptrdiff_t k = first; k <= last; ++k)
-          sum += line[static_cast<std::size_t>(k)] * kernel[static_cast<std::size_t>(k - c + reach)];
+          sum +=
+              line[static_cast<std::size_t>(k)] * kernel[static_cast<std::size_t>(k - c + reach)];
         row[static_cast<std::size_t>(c)] = sum;
       }
     }
@@ -103,9 +105,8 @@ PixelMaps PixelError::operator()(const SoftMaps& soft, const Scene& scene) const
       const double b = double{scene.background[p]}, z = double{soft.depth.row(i)[p]};
       out.probability.row(i)[p] = static_cast<float>(body);
       out.mean.row(i)[p] = static_cast<float>(body * z + (1 - body) * b);
-      out.deviation.row(i)[p] = static_cast<float>(
-          std::sqrt(body * (1 - body) * (z - b) * (z - b) +
-                    body * depth_deviation_m_ * depth_deviation_m_));
+      out.deviation.row(i)[p] = static_cast<float>(std::sqrt(
+          body * (1 - body) * (z - b) * (z - b) + body * depth_deviation_m_ * depth_deviation_m_));
     }
   return out;
 }

@@ -28,9 +28,9 @@ struct ReconstructOptions {
 };
 
 // Maps in every format for each record, and OUT/records.csv with what became of each and how far to
-// trust it, written as they come. A record that cannot be used (bad blob, missing or dead sensor) is noted and left out.
-// Ends early at an interrupt, with what it has finished. Throws Error(failed) if the run's axes are
-// not the model's, and Error(disk).
+// trust it, written as they come. A record that cannot be used (bad blob, missing or dead sensor)
+// is noted and left out. Ends early at an interrupt, with what it has finished. Throws
+// Error(failed) if the run's axes are not the model's, and Error(disk).
 void reconstruct(const TrainedModel& model, const std::string& run,
                  const ReconstructOptions& options);
 
