@@ -20,7 +20,7 @@ constexpr std::uint64_t noise_stream = 0x6e6f6973;  // "nois"
 constexpr std::size_t worse_copies = 3;
 constexpr double fewest_photons_log10 = -2.5;  // share of a worse copy's photons
 constexpr double least_noise_log10 = -2, most_noise_log10 = -0.3;  // radar, against its peak
-constexpr double smallest_error_m = 0.01;  // below which errors are all alike
+constexpr double smallest_error_m = 3e-3;  // below which errors are all alike
 constexpr double penalty = 1e-3;
 
 // Clicks above the background, in deviations of all clicks.

@@ -15,7 +15,7 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::uint64_t pair_stream = 0x70616972;  // "pair"
-constexpr std::size_t most_components = 36, rows_a_component = 60, most_pairs = 5000;
+constexpr std::size_t most_components = 36, rows_a_component = 60, most_pairs = 4000;
 constexpr double held_out_share = 0.25;
 constexpr double background_quantile = 0.05;
 constexpr double discriminant_penalty = 2e-2;
@@ -55,12 +55,15 @@ Novelty::Novelty(const Dataset& data, const Rows& rows, Inputs inputs, std::uint
   for (const std::size_t row : rows)
     most_clicks_per_start_ = std::max(most_clicks_per_start_, data.clicks_per_start[row]);
   learn_scale(take_rows(all, fit));
-  const Matrix scaled = describe(readings);
+  Matrix scaled = all;
+  for (std::size_t i = 0; i < scaled.values.size(); ++i)
+    scaled.values[i] *= scale_[i % scaled.cols];
   const std::size_t count =
       std::clamp<std::size_t>(fit.size() / rows_a_component, 2, most_components);
-  components_ = principal_components(take_rows(scaled, fit), count, seed);
+  const Matrix one_body = take_rows(scaled, fit);
+  components_ = principal_components(one_body, count, seed);
   for (float& d : components_.deviation) d = std::max(d, 1e-6f);
-  learn_pairs(readings, fit, seed);
+  learn_pairs(readings, fit, one_body, seed);
   learn_limits(take_rows(scaled, held));
   if (inputs == Inputs::radar || with_body.empty()) return;
   const std::size_t at = alignment_.size() - 1;
@@ -117,7 +120,8 @@ void Novelty::learn_scale(const Matrix& descriptions) {
   }
 }
 
-void Novelty::learn_pairs(const Matrix& readings, const Rows& rows, std::uint64_t seed) {
+void Novelty::learn_pairs(const Matrix& readings, const Rows& rows, const Matrix& one_body,
+                          std::uint64_t seed) {
   std::vector<float> background(readings.cols), column(rows.size());
   for (std::size_t c = 0; c < readings.cols; ++c) {
     for (std::size_t i = 0; i < rows.size(); ++i) column[i] = readings.row(rows[i])[c];
@@ -133,6 +137,8 @@ void Novelty::learn_pairs(const Matrix& readings, const Rows& rows, std::uint64_
   }
   Matrix terms;
   std::vector<float> targets, counts;
+  terms.values.reserve((rows.size() + pairs) * (components_.basis.rows + 1) *
+                       (components_.basis.rows + 2) / 2);
   const auto add = [&](const Matrix& described, float target) {
     Matrix amounts = coordinates(components_, described);
     for (std::size_t i = 0; i < amounts.rows; ++i) {
@@ -144,7 +150,7 @@ void Novelty::learn_pairs(const Matrix& readings, const Rows& rows, std::uint64_
       counts.push_back(1.f / static_cast<float>(amounts.rows));
     }
   };
-  add(describe(take_rows(readings, rows)), -1);
+  add(one_body, -1);
   add(describe(sums), 1);
   discriminant_ = linear_fit(terms, targets, counts, discriminant_penalty);
 }

@@ -51,7 +51,8 @@ class Novelty {
   Description describe(std::span<const float> readings) const;
   Matrix describe(const Matrix& readings, Rows* with_body = nullptr) const;
   void learn_scale(const Matrix& descriptions);
-  void learn_pairs(const Matrix& readings, const Rows& rows, std::uint64_t seed);
+  void learn_pairs(const Matrix& readings, const Rows& rows, const Matrix& one_body,
+                   std::uint64_t seed);
   // log T^2, log Q, discriminant; residuals of histogram and radar in units of their usual size.
   std::array<double, 5> statistics(std::span<const float> description) const;
   void learn_limits(const Matrix& descriptions);

@@ -13,28 +13,31 @@ namespace echofuse::recon {
 std::vector<double> linear_fit(const Matrix& inputs, std::span<const float> targets,
                                std::span<const float> counts, double penalty) {
   const std::size_t n = inputs.rows, d = inputs.cols;
-  std::vector<double> x(n * d), scale(d), wanted(d);
+  std::vector<float> x = inputs.values, squares(d * d), scale(d);
+  std::vector<double> wanted(d);
   const double all = std::accumulate(counts.begin(), counts.end(), 0.0);
-  for (std::size_t i = 0; i < n; ++i)
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto root = static_cast<float>(std::sqrt(double{counts[i]} / all));
     for (std::size_t c = 0; c < d; ++c) {
-      x[i * d + c] = double{inputs.row(i)[c]} * std::sqrt(double{counts[i]} / all);
-      scale[c] += x[i * d + c] * x[i * d + c];
+      float& v = x[i * d + c];
+      v *= root;
+      scale[c] += v * v;
+      wanted[c] += double{v} * double{targets[i] * root};
     }
-  for (double& s : scale) s = s > 0 ? 1 / std::sqrt(s) : 0;
+  }
+  for (float& s : scale) s = s > 0 ? 1 / std::sqrt(s) : 0;
   for (std::size_t i = 0; i < n; ++i)
-    for (std::size_t c = 0; c < d; ++c) {
-      x[i * d + c] *= scale[c];
-      wanted[c] += x[i * d + c] * double{targets[i]} * std::sqrt(double{counts[i]} / all);
-    }
-  std::vector<double> squares(d * d);
+    for (std::size_t c = 0; c < d; ++c) x[i * d + c] *= scale[c];
+  for (std::size_t c = 0; c < d; ++c) wanted[c] *= double{scale[c]};
   multiply({d, d, n, Transpose::yes, Transpose::no}, x.data(), x.data(), squares.data());
   const auto size = static_cast<Eigen::Index>(d);
-  Eigen::MatrixXd normal = Eigen::Map<Eigen::MatrixXd>(squares.data(), size, size);
+  Eigen::MatrixXd normal = Eigen::Map<Eigen::MatrixXf>(squares.data(), size, size).cast<double>();
   normal.diagonal().array() += penalty;
   const Eigen::VectorXd solved =
       normal.ldlt().solve(Eigen::Map<Eigen::VectorXd>(wanted.data(), size));
   std::vector<double> out(d);
-  for (std::size_t c = 0; c < d; ++c) out[c] = solved(static_cast<Eigen::Index>(c)) * scale[c];
+  for (std::size_t c = 0; c < d; ++c)
+    out[c] = solved(static_cast<Eigen::Index>(c)) * double{scale[c]};
   return out;
 }
 
