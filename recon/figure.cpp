@@ -15,6 +15,7 @@ namespace {
 
 const cv::Scalar ink(50, 50, 50), faint(215, 215, 215), paper(255, 255, 255);
 const cv::Scalar curve_colours[] = {{180, 119, 31}, {14, 127, 255}};  // BGR, as enum Ink
+const cv::Scalar red(30, 38, 179);
 constexpr int margin_x = 110, margin_y = 84, gap = 78, panel = 300, plot_width = 380,
               row_height = 386;
 constexpr double most_deviation_m = 2;  // half of what a body stands out by: as unsure as it gets
@@ -165,6 +166,8 @@ Bytes figure(const std::string& title, const std::vector<FigureRow>& rows) {
     if (rows[i].deviation.empty()) continue;
     draw_map(canvas, {deviation_x, y}, rows[i].deviation, most_deviation_m);
     write(canvas, rows[i].claim, {deviation_x + panel / 2, y + panel + 58}, Align::centre, 0.45);
+    write(canvas, rows[i].warning, {deviation_x + panel / 2, y + panel + 76}, Align::centre, 0.45,
+          red);
     draw_bar(canvas, {deviation_x + panel + 28, y}, most_deviation_m, "+- (m)");
   }
   return png_of(canvas);

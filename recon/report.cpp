@@ -85,13 +85,12 @@ const char* mode_title(Inputs inputs) {
   return inputs == Inputs::spd ? "SPD only" : "radar only";
 }
 
-std::string in_words(const Claim& claim) {
+void show_claim(FigureRow& row, const Claim& claim) {
   const std::string& why = claim.strangeness.why;
-  const std::string place =
-      std::isnan(claim.lateral_90_m)
-          ? "place unknown"
-          : formatted("within %.0f cm sideways (90 %%)", 100 * claim.lateral_90_m);
-  return place + (why.empty() ? "" : "   UNUSUAL: " + why);
+  row.claim = std::isnan(claim.lateral_90_m)
+                  ? "place unknown"
+                  : formatted("within %.0f cm sideways (90 %%)", 100 * claim.lateral_90_m);
+  if (!why.empty()) row.warning = "unusual: " + why;
 }
 
 Bytes draw(const std::string& title, const std::vector<const TrainedModel*>& models,
@@ -112,10 +111,11 @@ Bytes draw(const std::string& title, const std::vector<const TrainedModel*>& mod
                 shown[i],
                 {},
                 formatted("SSIM %.3f   IoU %.2f", s[metric_ssim], s[metric_iou]),
+                {},
                 {}};
     if (models[i]->confidence) {
       r.deviation = std::as_const(answers[i].deviation).row(0);
-      r.claim = in_words(answers[i].claims.front());
+      show_claim(r, answers[i].claims.front());
     }
     if (inputs != Inputs::radar) r.curves.push_back(spd_curve(data, row));
     if (inputs != Inputs::spd) r.curves.push_back(radar_curve(data, row));
