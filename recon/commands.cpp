@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "drivers/core/console.hpp"
@@ -16,6 +17,7 @@
 #include "recon/models/parallel.hpp"
 #include "recon/reconstruct.hpp"
 #include "recon/report.hpp"
+#include "recon/text.hpp"
 #include "recon/train.hpp"
 #include "recon/turpin.hpp"
 
@@ -36,6 +38,13 @@ std::string is_rung(const std::string& text) {
   } catch (const Error& error) {
     return error.what();
   }
+}
+
+void add_output_option(CLI::App& app, std::string& output) {
+  app.add_option("--output", output,
+                 "own: the model's map; hard: body or background; mean: over what may be there")
+      ->check(CLI::IsMember(output_names))
+      ->capture_default_str();
 }
 
 void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit) {
@@ -81,7 +90,14 @@ class ReconstructTalk {
     (r.fault.empty() ? good_ : left_out_) += 1;
     fell_back_ += !r.note.empty();
     if (!r.fault.empty() && !follow_) faults_.push_back(r);
+    if (r.claim && !r.claim->strangeness.why.empty()) {
+      const std::string& why = r.claim->strangeness.why;
+      ++unusual_[why.substr(0, why.find(" ("))];
+    }
     if (follow_ && !(r.fault.empty() && r.note.empty())) complain(r);
+    if (follow_ && r.claim && !r.claim->strangeness.why.empty() && !quiet_)
+      std::fprintf(stderr, "record %lld: unusual: %s\n", static_cast<long long>(r.index),
+                   r.claim->strangeness.why.c_str());
     if (follow_ && r.after_slot_s && !quiet_)
       std::fprintf(stderr,
                    "record %lld: map %.3f s after its slot's end, %.1f ms after its reading\n",
@@ -99,9 +115,19 @@ class ReconstructTalk {
       std::fprintf(stderr, "; maps %.3f s after their slot's end (median; longest %.3f s)",
                    after_slot_s_[after_slot_s_.size() / 2], after_slot_s_.back());
     std::fputc('\n', stderr);
+    if (!unusual_.empty()) list_unusual();
   }
 
  private:
+  void list_unusual() const {
+    std::size_t all = 0;
+    std::string reasons;
+    for (const auto& [why, count] : unusual_) {
+      all += count;
+      reasons += formatted("%s%zu %s", reasons.empty() ? "" : "; ", count, why.c_str());
+    }
+    std::fprintf(stderr, "%zu of %zu records are flagged: %s\n", all, good_, reasons.c_str());
+  }
   void complain(const RecordStatus& r) const {
     std::fprintf(stderr, "%s: record %lld: %s\n", run_.c_str(), static_cast<long long>(r.index),
                  (r.fault.empty() ? r.note : r.fault).c_str());
@@ -111,6 +137,7 @@ class ReconstructTalk {
   std::size_t good_ = 0, left_out_ = 0, fell_back_ = 0;
   std::vector<RecordStatus> faults_;
   std::vector<double> after_slot_s_;
+  std::map<std::string, std::size_t> unusual_;  // records for each reason
 };
 
 }  // namespace
@@ -197,6 +224,7 @@ Command add_evaluate(CLI::App& app, const Common&) {
   struct Arguments {
     std::string model, run, slip_action = "correct";
     std::vector<std::string> train;
+    std::string output = "own";
     bool all = false, json = false;
   };
   const auto a = std::make_shared<Arguments>();
@@ -206,6 +234,7 @@ Command add_evaluate(CLI::App& app, const Common&) {
   app.add_option("--train", a->train,
                  "the runs the model was trained on, for the nearest-neighbour row of a fresh run");
   add_slip_option(app, a->slip_action);
+  add_output_option(app, a->output);
   app.add_flag("--json", a->json, "one JSON object instead of text");
   return [a] {
     const TrainedModel model = load_model(a->model);
@@ -222,7 +251,8 @@ Command add_evaluate(CLI::App& app, const Common&) {
     }
     const Dataset& trained_on = a->train.empty() ? data : other;
     const Rows rows = rows_to_evaluate(model, data, a->all);
-    Evaluation e = evaluate(model, data, rows, trained_on, model.rows_of(trained_on, Part::train));
+    Evaluation e =
+        evaluate(model, data, rows, trained_on, model.rows_of(trained_on, Part::train), a->output);
     e.slip = slipped;
     set_threads(1);
     e.cost = measure_cost(model, data, rows, a->model);
@@ -241,12 +271,14 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
   app.add_option("--out", a->out, "folder for the maps")->required();
   app.add_option(
          "--format", a->formats,
-         "any of colour (PNG), mm (PNG of 16-bit millimetres), ply (points), npz (all maps)")
+         "any of colour (PNG), mm (PNG of 16-bit millimetres), ply (points), npz (all maps), "
+         "uncertainty (standard deviations, as mm and npz)")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->check(CLI::IsMember(map_formats))
       ->capture_default_str();
   add_slip_option(app, a->slip_action);
+  add_output_option(app, a->output);
   app.add_flag("--follow", a->follow,
                "of a run that is being recorded: new records as they come, until it is closed");
   return [a, &common] {

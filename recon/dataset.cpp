@@ -72,6 +72,9 @@ class Appender {
     data_.valid.push_back(r.valid);
     data_.index.push_back(r.index);
     data_.slot_end.push_back(r.slot_end);
+    const auto clicks = static_cast<double>(r.spd_counts.in_range + r.spd_counts.out_of_range);
+    const auto starts = static_cast<double>(r.spd_counts.starts);
+    data_.clicks_per_start.push_back(starts > 0 ? clicks / starts : 0);
     data_.label.push_back(r.label);
     ++data_.sources.back().count;
     return {};

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 
 #include "drivers/core/exit_code.hpp"
@@ -69,7 +70,8 @@ std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const
 }
 
 Evaluation evaluate(const TrainedModel& model, const Dataset& data, const Rows& rows,
-                    const Dataset& neighbours_data, const Rows& neighbours) {
+                    const Dataset& neighbours_data, const Rows& neighbours,
+                    const std::string& output) {
   const auto scored = [&](const Matrix& maps) {
     return summarise(score_maps(maps, data, rows, model.scene));
   };
@@ -78,13 +80,42 @@ Evaluation evaluate(const TrainedModel& model, const Dataset& data, const Rows& 
   out.inputs = model.features.inputs;
   out.records = rows.size();
   for (const std::size_t row : rows) out.fallback_records += model.falls_back(data, row);
-  out.metrics = scored(model.predict(data, rows));
+  out.metrics = scored(answer(model, data, rows, output, false).maps);
+  if (model.confidence) out.calibration = calibration_of(model, data, rows);
   out.trivial.push_back({"empty", scored(constant_maps(model.scene.background, rows.size()))});
   out.trivial.push_back({"mean", scored(constant_maps(model.scene.mean_map, rows.size()))});
   if (!neighbours.empty())
     out.trivial.push_back(
         {"nearest", scored(nearest_maps(model, data, rows, neighbours_data, neighbours))});
   return out;
+}
+
+Calibration calibration_of(const TrainedModel& model, const Dataset& data, const Rows& rows) {
+  constexpr std::size_t at_once = 512;
+  double within = 0, stated = 0, known = 0, flagged = 0, squares = 0, variance = 0;
+  for (std::size_t first = 0; first < rows.size(); first += at_once) {
+    const Rows part(
+        rows.begin() + static_cast<std::ptrdiff_t>(first),
+        rows.begin() + static_cast<std::ptrdiff_t>(std::min(first + at_once, rows.size())));
+    const Matrix maps = model.predict(data, part);
+    const auto claimed = claims(model, data, part, maps);
+    const PixelMaps pixels = pixel_maps(model, data, part, maps, claimed);
+    for (std::size_t i = 0; i < part.size(); ++i) {
+      const auto truth = data.depth.row(part[i]);
+      flagged += !claimed[i].strangeness.why.empty();
+      for (std::size_t p = 0; p < truth.size(); ++p) {
+        squares += std::pow(double{pixels.mean.row(i)[p]} - double{truth[p]}, 2);
+        variance += std::pow(double{pixels.deviation.row(i)[p]}, 2);
+      }
+      const double error = lateral_error(maps.row(i), truth, model.scene);
+      if (std::isnan(error) || std::isnan(claimed[i].lateral_90_m)) continue;
+      within += error <= claimed[i].lateral_90_m, stated += claimed[i].lateral_90_m, ++known;
+    }
+  }
+  const auto all = static_cast<double>(rows.size());
+  const double pixels = all * static_cast<double>(data.depth.cols);
+  return {within / known, stated / known, flagged / all, std::sqrt(squares / pixels),
+          std::sqrt(variance / pixels)};
 }
 
 RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,

@@ -2,6 +2,7 @@
 // A model's scores on records it has not seen, with the trivial answers beside and the cost.
 #pragma once
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,14 @@ struct RunningCost {
   std::size_t model_bytes = 0;
 };
 
+// How well a model's claims hold on records with a truth.
+struct Calibration {
+  double within_90 = 0;                 // share of the records within their lateral_90_m
+  double lateral_90_m = 0;              // mean
+  double flagged = 0;                   // share of the records that are called unusual
+  double error_m = 0, deviation_m = 0;  // of pixels, root mean square: of the mean map, as stated
+};
+
 struct Evaluation {
   std::string model;
   Inputs inputs{};
@@ -32,6 +41,7 @@ struct Evaluation {
   Summaries metrics;
   std::vector<ScoredRow> trivial;  // empty room, mean map, nearest neighbour
   RunningCost cost;
+  std::optional<Calibration> calibration;  // none: the model claims nothing
 };
 
 // The rows to judge a model by: the held-out ones of a run it was trained on, else all usable ones.
@@ -47,8 +57,13 @@ std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const
                                   const Scene& scene);
 
 // `neighbours`: records for the nearest-neighbour row, which is left out if there are none.
+// `output`: which of the model's maps to score (output_names).
 Evaluation evaluate(const TrainedModel& model, const Dataset& data, const Rows& rows,
-                    const Dataset& neighbours_data, const Rows& neighbours);
+                    const Dataset& neighbours_data, const Rows& neighbours,
+                    const std::string& output = "own");
+
+// NaN where no record defines it. The model must have a confidence.
+Calibration calibration_of(const TrainedModel& model, const Dataset& data, const Rows& rows);
 
 RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,
                          const std::string& model_path);
@@ -59,5 +74,6 @@ std::string to_table(const std::vector<ScoredRow>& rows);
 // Whole-map SSIM and RMSE in units of the depth span (6 m), for recordings whose depth is relative.
 std::string to_span_table(const std::vector<ScoredRow>& rows);
 std::string to_text(const Evaluation& evaluation);
+std::string to_text(const std::optional<Calibration>& calibration);  // one line, or nothing
 
 }  // namespace echofuse::recon

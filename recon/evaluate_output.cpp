@@ -28,20 +28,27 @@ json metrics_json(const Summaries& metrics) {
 json to_json(const Evaluation& e) {
   json trivial = json::object();
   for (const auto& row : e.trivial) trivial[row.name] = metrics_json(row.metrics);
-  return {{"model", e.model},
-          {"inputs", name_of(e.inputs)},
-          {"records", e.records},
-          {"fallback_records", e.fallback_records},
-          {"slip", e.slip},
-          {"metrics", metrics_json(e.metrics)},
-          {"trivial", trivial},
-          {"cost",
-           {{"multiply_adds", e.cost.cost.multiply_adds},
-            {"parameters", e.cost.cost.parameters},
-            {"infer_us_median", e.cost.infer_us_median},
-            {"infer_us_p99", e.cost.infer_us_p99},
-            {"train_s", e.cost.train_s},
-            {"model_bytes", e.cost.model_bytes}}}};
+  json out = {{"model", e.model},
+              {"inputs", name_of(e.inputs)},
+              {"records", e.records},
+              {"fallback_records", e.fallback_records},
+              {"slip", e.slip},
+              {"metrics", metrics_json(e.metrics)},
+              {"trivial", trivial},
+              {"cost",
+               {{"multiply_adds", e.cost.cost.multiply_adds},
+                {"parameters", e.cost.cost.parameters},
+                {"infer_us_median", e.cost.infer_us_median},
+                {"infer_us_p99", e.cost.infer_us_p99},
+                {"train_s", e.cost.train_s},
+                {"model_bytes", e.cost.model_bytes}}}};
+  if (e.calibration)
+    out["calibration"] = {{"within_lateral_90", number(e.calibration->within_90)},
+                          {"lateral_90_m", number(e.calibration->lateral_90_m)},
+                          {"flagged", e.calibration->flagged},
+                          {"pixel_error_m", e.calibration->error_m},
+                          {"pixel_deviation_m", e.calibration->deviation_m}};
+  return out;
 }
 
 std::string to_table(const std::vector<ScoredRow>& rows) {
@@ -66,6 +73,21 @@ std::string to_span_table(const std::vector<ScoredRow>& rows) {
   return out;
 }
 
+std::string to_text(const std::optional<Calibration>& c) {
+  if (!c) return {};
+  const std::string lateral =
+      std::isnan(c->within_90)
+          ? ""
+          : formatted(
+                "%.1f %% of the records within their stated lateral error, %.1f cm on average "
+                "(meant for 90 %%); ",
+                100 * c->within_90, 100 * c->lateral_90_m);
+  return lateral + formatted(
+                       "%.2f %% flagged as unusual; pixels of the mean map are off by %.2f m "
+                       "rms, stated %.2f m\n",
+                       100 * c->flagged, c->error_m, c->deviation_m);
+}
+
 std::string to_text(const Evaluation& e) {
   std::vector<ScoredRow> rows = {{e.model + " " + name_of(e.inputs), e.metrics}};
   rows.insert(rows.end(), e.trivial.begin(), e.trivial.end());
@@ -80,7 +102,8 @@ std::string to_text(const Evaluation& e) {
              e.cost.cost.multiply_adds, e.cost.cost.parameters, e.cost.infer_us_median,
              e.cost.infer_us_p99) +
          formatted("trained in %.1f s, model file %.1f MB\n", e.cost.train_s,
-                   static_cast<double>(e.cost.model_bytes) / 1e6);
+                   static_cast<double>(e.cost.model_bytes) / 1e6) +
+         to_text(e.calibration);
 }
 
 }  // namespace echofuse::recon

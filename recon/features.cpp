@@ -8,7 +8,6 @@
 #include "recon/maps/statistics.hpp"
 
 namespace echofuse::recon {
-namespace {
 
 void normalise(std::span<float> values) {
   if (values.empty()) return;
@@ -20,6 +19,8 @@ void normalise(std::span<float> values) {
   const double factor = sum > 0 ? 1 / sum : 0;
   for (float& v : values) v = static_cast<float>(v * factor);
 }
+
+namespace {
 
 void bring_to_strength(std::span<float> values, const std::string& scaling) {
   if (scaling == "sqrt")

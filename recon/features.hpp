@@ -2,6 +2,7 @@
 // From sensor readings to the input of a model: [SPD histogram ++ radar profile], each sensor
 // scaled by itself so that hundreds of SPD bins do not drown tens of radar bins.
 #pragma once
+#include <span>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,9 @@ namespace echofuse::recon {
 inline const std::vector<std::string> scaling_names = {"plain", "sqrt", "record"};
 
 inline const std::string raw_scaling = "raw";
+
+// "record" of one sensor's values. Nothing above the background: all zero.
+void normalise(std::span<float> values);
 
 struct Features {
   Layout layout() const {

@@ -15,8 +15,10 @@ namespace {
 
 const cv::Scalar ink(50, 50, 50), faint(215, 215, 215), paper(255, 255, 255);
 const cv::Scalar curve_colours[] = {{180, 119, 31}, {14, 127, 255}};  // BGR, as enum Ink
+const cv::Scalar red(30, 38, 179);
 constexpr int margin_x = 110, margin_y = 84, gap = 78, panel = 300, plot_width = 380,
               row_height = 386;
+constexpr double most_deviation_m = 2;  // half of what a body stands out by: as unsure as it gets
 
 Bytes png_of(const cv::Mat& image) {
   Bytes out;
@@ -109,7 +111,7 @@ void draw_map(cv::Mat& canvas, cv::Point at, std::span<const float> map, double 
   write(canvas, "x / z", {at.x + panel / 2, box.br().y + 38}, Align::centre, 0.45);
 }
 
-void draw_bar(cv::Mat& canvas, cv::Point at, double farthest_m) {
+void draw_bar(cv::Mat& canvas, cv::Point at, double farthest_m, const char* title) {
   cv::Mat ramp(panel, 1, CV_8U), bar;
   for (int i = 0; i < panel; ++i)
     ramp.at<std::uint8_t>(i) = static_cast<std::uint8_t>(255 - 255 * i / (panel - 1));
@@ -121,7 +123,7 @@ void draw_bar(cv::Mat& canvas, cv::Point at, double farthest_m) {
     const int y = at.y + panel - static_cast<int>(std::lround(d / farthest_m * panel));
     write(canvas, std::to_string(d), {at.x + 26, y + 5}, Align::left, 0.42);
   }
-  write(canvas, "depth (m)", {at.x + 12, at.y - 10}, Align::centre, 0.42);
+  write(canvas, title, {at.x + 12, at.y - 10}, Align::centre, 0.42);
 }
 
 double farthest_of(const std::vector<FigureRow>& rows) {
@@ -139,13 +141,20 @@ Bytes depth_picture(std::span<const float> map, double farthest_m, int zoom) {
 
 Bytes figure(const std::string& title, const std::vector<FigureRow>& rows) {
   const int truth_x = margin_x + plot_width + gap, map_x = truth_x + panel + gap;
+  const int deviation_x = map_x + panel + 130;
   const int height = margin_y + row_height * static_cast<int>(rows.size());
-  cv::Mat canvas(height, map_x + panel + 100, CV_8UC3, paper);
+  const bool deviations = std::any_of(rows.begin(), rows.end(),
+                                      [](const FigureRow& r) { return !r.deviation.empty(); });
+  const int width = (deviations ? deviation_x : map_x) + panel + 100;
+  cv::Mat canvas(height, width, CV_8UC3, paper);
   const double farthest_m = farthest_of(rows);
   write(canvas, title, {margin_x, 32}, Align::left, 0.7);
   write(canvas, "measured", {margin_x + plot_width / 2, margin_y - 18}, Align::centre, 0.55);
   write(canvas, "truth (depth camera)", {truth_x + panel / 2, margin_y - 18}, Align::centre, 0.55);
   write(canvas, "reconstruction", {map_x + panel / 2, margin_y - 18}, Align::centre, 0.55);
+  if (deviations)
+    write(canvas, "its uncertainty (standard deviation)", {deviation_x + panel / 2, margin_y - 18},
+          Align::centre, 0.55);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const int y = margin_y + row_height * static_cast<int>(i);
     write(canvas, rows[i].name, {margin_x / 2, y + panel / 2}, Align::centre, 0.6);
@@ -153,7 +162,12 @@ Bytes figure(const std::string& title, const std::vector<FigureRow>& rows) {
     draw_map(canvas, {truth_x, y}, rows[i].truth, farthest_m);
     draw_map(canvas, {map_x, y}, rows[i].reconstruction, farthest_m);
     write(canvas, rows[i].caption, {map_x + panel / 2, y + panel + 58}, Align::centre, 0.45);
-    draw_bar(canvas, {map_x + panel + 28, y}, farthest_m);
+    draw_bar(canvas, {map_x + panel + 28, y}, farthest_m, "depth (m)");
+    if (rows[i].deviation.empty()) continue;
+    draw_map(canvas, {deviation_x, y}, rows[i].deviation, most_deviation_m);
+    write(canvas, rows[i].claim, {deviation_x + panel / 2, y + panel + 58}, Align::centre, 0.45);
+    write(canvas, rows[i].warning, {deviation_x + panel, y + panel + 76}, Align::right, 0.45, red);
+    draw_bar(canvas, {deviation_x + panel + 28, y}, most_deviation_m, "+- (m)");
   }
   return png_of(canvas);
 }

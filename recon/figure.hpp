@@ -21,12 +21,13 @@ struct Curve {
   std::vector<double> range_m, value;
 };
 
-// histogram | truth | reconstruction
+// histogram | truth | reconstruction | its standard deviation, if any row has one
 struct FigureRow {
   std::string name;
   std::vector<Curve> curves;  // at most two: each is scaled to its own peak
-  std::span<const float> truth, reconstruction;
-  std::string caption;  // below the reconstruction
+  std::span<const float> truth, reconstruction, deviation;  // the last may be empty
+  std::string caption;                                      // below the reconstruction
+  std::string claim, warning;  // below the deviation, one below the other
 };
 
 Bytes figure(const std::string& title, const std::vector<FigureRow>& rows);

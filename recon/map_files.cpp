@@ -63,21 +63,27 @@ MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats, 
   if (!wants("npz")) return;
   arrays_.emplace(folder_ + "/maps.npz");
   arrays_->begin("depth_m", "<f4", {record::map_size, record::map_size});
+  if (!wants("uncertainty")) return;
+  deviations_.emplace(folder_ + "/uncertainty.npz");
+  deviations_->begin("deviation_m", "<f4", {record::map_size, record::map_size});
 }
 
 bool MapFiles::wants(const char* format) const {
   return std::find(formats_.begin(), formats_.end(), format) != formats_.end();
 }
 
-void MapFiles::write(std::int64_t index, std::span<const float> prediction) {
+void MapFiles::write(std::int64_t index, std::span<const float> prediction,
+                     std::span<const float> deviation) {
   const auto map = within_span(prediction);
   const std::string name = folder_ + formatted("/%06lld", static_cast<long long>(index));
   if (wants("colour")) write_file(name + ".png", depth_picture(map, farthest_m_, zoom));
   if (wants("mm")) write_file(name + "_mm.png", millimetre_picture(map));
   if (wants("ply")) write_file(name + ".ply", point_cloud(hard_map(map, scene_)));
+  if (wants("uncertainty")) write_file(name + "_sd.png", millimetre_picture(deviation));
   if (!arrays_) return;
   arrays_->append(map);
   indices_.push_back(index);
+  if (deviations_) deviations_->append(deviation);
 }
 
 void MapFiles::close() {
@@ -89,6 +95,7 @@ void MapFiles::close() {
   arrays_->begin("depth_y", "<f8", {});
   arrays_->append(values_of(record::depth_y_axis()));
   arrays_->close();
+  if (deviations_) deviations_->close();
 }
 
 }  // namespace echofuse::recon

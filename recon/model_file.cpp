@@ -132,6 +132,7 @@ void save_to(H5File& file, const TrainedModel& model) {
   save_training(file, model);
   model.model->save(file);
   model.slip.save(file);
+  if (model.confidence) model.confidence->save(file);
   if (!model.fallback) return;
   H5File group = file.group(fallback_group);
   save_to(group, *model.fallback);
@@ -144,6 +145,7 @@ TrainedModel load_from(const H5File& file) {
   out.model = make_model(out.name);
   out.model->load(file);
   out.slip.load(file);
+  if (file.has("confidence")) out.confidence.emplace().load(file, out.features);
   if (file.has(fallback_group))
     out.fallback = std::make_unique<TrainedModel>(load_from(file.group(fallback_group)));
   return out;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <thread>
@@ -25,15 +26,15 @@ class StatusTable {
  public:
   explicit StatusTable(const std::string& path)
       : path_(path), out_(path, std::ios::binary | std::ios::trunc) {
-    out_ << "record,status,after_slot_s\n";
+    out_ << "record,status,after_slot_s,lateral_90_m,distance,two_bodies,unusual\n";
     flush();
   }
   void add(const RecordStatus& r) {
-    out_ << r.index << ",\""
-         << (!r.fault.empty()  ? r.fault
-             : !r.note.empty() ? r.note
-                               : "ok")
-         << "\"," << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "") << "\n";
+    const std::string status = !r.fault.empty() ? r.fault : !r.note.empty() ? r.note : "ok";
+    out_ << r.index << ",\"" << status << "\","
+         << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "") << ",";
+    if (r.claim) add(*r.claim);
+    out_ << (r.claim ? "\n" : ",,,\n");
   }
   void flush() {
     out_.flush();
@@ -41,6 +42,11 @@ class StatusTable {
   }
 
  private:
+  void add(const Claim& c) {
+    out_ << (std::isnan(c.lateral_90_m) ? "" : formatted("%.3f", c.lateral_90_m))
+         << formatted(",%.3f,%.3f,\"", c.strangeness.distance, c.strangeness.two_bodies)
+         << c.strangeness.why << "\"";
+  }
   std::string path_;
   std::ofstream out_;
 };
@@ -83,7 +89,7 @@ class Reconstruction {
 bool Reconstruction::take_part(const record::RunReader& run) {
   std::vector<RecordStatus> bad;
   Dataset data = load_part(run, next_, part_records, [&](std::int64_t index, const auto& fault) {
-    bad.push_back({index, fault, {}, {}, {}});
+    bad.push_back({index, fault, {}, {}, {}, {}});
   });
   std::vector<RecordStatus> all = write_maps(data);
   all.insert(all.end(), bad.begin(), bad.end());
@@ -135,15 +141,20 @@ std::vector<RecordStatus> Reconstruction::write_maps(Dataset& data) {
   for (std::size_t row = 0; row < data.size(); ++row) {
     const bool falls_back = model_.falls_back(data, row);
     out.push_back(
-        {data.index[row], model_.fault_of(data, row), falls_back ? fallback_note : "", {}, {}});
+        {data.index[row], model_.fault_of(data, row), falls_back ? fallback_note : "", {}, {}, {}});
     if (out.back().fault.empty()) rows.push_back(row);
   }
   // A sensor's axis may come after the first records of a run that is being recorded.
   if (!rows.empty() || !options_.follow) model_.match(data);
   if (!rows.empty()) watch_slip(data);
-  const Matrix maps = model_.predict(data, rows);
+  const auto& formats = options_.formats;
+  const bool uncertainty =
+      std::find(formats.begin(), formats.end(), "uncertainty") != formats.end();
+  const Answer answers = answer(model_, data, rows, options_.output, uncertainty);
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    files_.write(data.index[rows[i]], maps.row(i));
+    if (!answers.claims.empty()) out[rows[i]].claim = answers.claims[i];
+    files_.write(data.index[rows[i]], answers.maps.row(i),
+                 uncertainty ? answers.deviation.row(i) : std::span<const float>{});
     time(out[rows[i]], data.slot_end[rows[i]], read);
   }
   return out;

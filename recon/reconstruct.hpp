@@ -16,11 +16,13 @@ struct RecordStatus {
   std::string note;   // of a map: what the model had to do without
   // Of a record that came while following: from its slot's end, and from its reading, to its map.
   std::optional<double> after_slot_s, after_reading_s;
+  std::optional<Claim> claim;  // of a reconstructed record, if the model makes any
 };
 
 struct ReconstructOptions {
   std::string out;                                      // folder, made if need be
   std::vector<std::string> formats = {"colour", "mm"};  // of map_files.hpp
+  std::string output = "own";                           // of output_names (confidence.hpp)
   bool follow = false;                    // take records as they come, until the run is closed
   bool quiet = false;                     // no progress bar
   SlipAction slip = SlipAction::correct;  // while following: warn
@@ -28,10 +30,10 @@ struct ReconstructOptions {
   std::function<void(const RecordStatus&)> on_record;  // in the order of the records
 };
 
-// Maps in every format for each record, and OUT/records.csv with what became of each, written as
-// they come. A record that cannot be used (bad blob, missing or dead sensor) is noted and left out.
-// Ends early at an interrupt, with what it has finished. Throws Error(failed) if the run's axes are
-// not the model's, and Error(disk).
+// Maps in every format for each record, and OUT/records.csv with what became of each and how far to
+// trust it, written as they come. A record that cannot be used (bad blob, missing or dead sensor)
+// is noted and left out. Ends early at an interrupt, with what it has finished. Throws
+// Error(failed) if the run's axes are not the model's, and Error(disk).
 void reconstruct(const TrainedModel& model, const std::string& run,
                  const ReconstructOptions& options);
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "drivers/core/exit_code.hpp"
 #include "recon/figure.hpp"
@@ -84,23 +85,38 @@ const char* mode_title(Inputs inputs) {
   return inputs == Inputs::spd ? "SPD only" : "radar only";
 }
 
+void show_claim(FigureRow& row, const Claim& claim) {
+  const std::string& why = claim.strangeness.why;
+  row.claim = std::isnan(claim.lateral_90_m)
+                  ? "place unknown"
+                  : formatted("within %.0f cm sideways (90 %%)", 100 * claim.lateral_90_m);
+  if (!why.empty()) row.warning = "unusual: " + why;
+}
+
 Bytes draw(const std::string& title, const std::vector<const TrainedModel*>& models,
            const Dataset& data, std::size_t row) {
-  std::vector<Matrix> maps;
+  std::vector<Answer> answers;
   std::vector<std::vector<float>> shown;
   for (const auto* model : models) {
-    maps.push_back(model->predict(data, {row}));
-    shown.push_back(within_span(maps.back().row(0)));
+    answers.push_back(answer(*model, data, {row}, "own", model->confidence.has_value()));
+    shown.push_back(within_span(answers.back().maps.row(0)));
   }
   std::vector<FigureRow> rows;
   for (std::size_t i = 0; i < models.size(); ++i) {
     const Inputs inputs = models[i]->features.inputs;
-    const auto s = score(maps[i].row(0), data.depth.row(row), models[i]->scene);
+    const auto s = score(answers[i].maps.row(0), data.depth.row(row), models[i]->scene);
     FigureRow r{mode_title(inputs),
                 {},
                 data.depth.row(row),
                 shown[i],
-                formatted("SSIM %.3f   IoU %.2f", s[metric_ssim], s[metric_iou])};
+                {},
+                formatted("SSIM %.3f   IoU %.2f", s[metric_ssim], s[metric_iou]),
+                {},
+                {}};
+    if (models[i]->confidence) {
+      r.deviation = std::as_const(answers[i].deviation).row(0);
+      show_claim(r, answers[i].claims.front());
+    }
     if (inputs != Inputs::radar) r.curves.push_back(spd_curve(data, row));
     if (inputs != Inputs::spd) r.curves.push_back(radar_curve(data, row));
     rows.push_back(std::move(r));

@@ -24,6 +24,8 @@ constexpr Column columns[] = {
     {metric_left_right, "left/right"},
 };
 
+constexpr double flagged_often = 0.05;  // of a run: something about it is not as in the training
+
 constexpr const char* style = R"(
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1240px; margin: 2em auto;
   padding: 0 1em; }
@@ -35,6 +37,7 @@ th:first-child, td:first-child { text-align: left; }
 figure { margin: 2em 0; } figcaption { color: #555; }
 tr.trivial td { color: #777; } small { color: #888; }
 img { max-width: 100%; border: 1px solid #ddd; }
+td.flag { background: #b3261e; color: white; font-weight: bold; }
 p.note { background: #f6f3e6; padding: .7em 1em; border-left: 4px solid #c9b458; }
 )";
 
@@ -140,6 +143,30 @@ std::string explanations(const Report& report) {
          "but cannot resolve the body.</p>\n";
 }
 
+// What the models say of themselves, and how it holds: one line a mode.
+std::string confidence_section(const Report& report) {
+  std::string lines;
+  const auto add = [&](const std::string& name, const Evaluation& e) {
+    if (!e.calibration) return;
+    const Calibration& c = *e.calibration;
+    const auto cell = [](const char* form, double value) {
+      return "<td>" + (std::isnan(value) ? std::string("-") : formatted(form, value)) + "</td>";
+    };
+    lines += "<tr><td>" + escaped(name) + "</td>" + cell("%.3f", c.lateral_90_m) +
+             cell("%.1f %%", 100 * c.within_90) + cell("%.2f", c.deviation_m) +
+             cell("%.2f", c.error_m) +
+             formatted("<td class=\"%s\">%.1f %%</td></tr>\n",
+                       c.flagged > flagged_often ? "flag" : "", 100 * c.flagged);
+  };
+  for (const auto& mode : report.modes) add(name_of(mode.inputs), mode.evaluations.front());
+  if (!report.live.empty()) add(report.live, report.live_evaluation);
+  if (lines.empty()) return {};
+  return "<h2>How sure the models are</h2>\n<table>\n<tr><th></th><th>stated lateral error, 90 % "
+         "(m)</th><th>records within it</th><th>stated uncertainty of a pixel (m, rms)</th>"
+         "<th>error of the mean map (m, rms)</th><th>flagged as unusual</th></tr>\n" +
+         lines + "</table>\n";
+}
+
 std::string live_section(const Report& report) {
   if (report.live.empty()) return {};
   std::string out = "<h2>Recorded live: " + escaped(report.live) + "</h2>\n<p>" +
@@ -165,7 +192,8 @@ std::string to_html(const Report& report) {
       "radar</h1>\n<p>" +
       std::to_string(report.records) + " held-out records of " + escaped(report.run) + " (run " +
       escaped(report.run_uuid) + "), echofuse " + version() + ".</p>\n";
-  out += modes_table(report) + explanations(report) + ssim_note(report) + live_section(report);
+  out += modes_table(report) + explanations(report) + ssim_note(report) +
+         confidence_section(report) + live_section(report);
   for (const auto& picture : report.pictures)
     out += "<figure><img alt=\"" + escaped(picture.file) + "\" src=\"data:image/png;base64," +
            base64(picture.png) + "\"><figcaption>" + escaped(picture.caption) +

@@ -80,7 +80,7 @@ std::unique_ptr<TrainedModel> fit_fallback(const Dataset& data, const Split& spl
   fit.seed = options.seed, fit.quiet = options.quiet, fit.epochs = options.epochs;
   auto out = std::make_unique<TrainedModel>(
       fit_model(data, split, fallback_rung, Inputs::spd, "record", fit));
-  out->seen = {};  // the same as its owner's
+  if (can_judge(split)) out->confidence = fit_confidence(*out, data, split, fit.seed);
   return out;
 }
 
@@ -115,8 +115,10 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   model.seen = remember(data, split);
   if (inputs == Inputs::fused && data.spd_axis.unit == "ps" && data.radar_axis.unit == "m")
     model.slip = SlipReference(data, split.train);
+  if (model.log.interrupted) return model;
+  if (can_judge(split)) model.confidence = fit_confidence(model, data, split, fit.seed);
   const bool blind = model.name == "empty" || model.name == "mean";
-  if (options.fallback && inputs == Inputs::fused && !blind && !model.log.interrupted)
+  if (options.fallback && inputs == Inputs::fused && !blind)
     model.fallback = fit_fallback(data, split, options.fit);
   return model;
 }

@@ -57,23 +57,28 @@ std::string TrainedModel::fault_of(const Dataset& data, std::size_t row) const {
   return falls_back(data, row) ? "" : data.fault_of(row, features.inputs);
 }
 
+std::vector<TrainedModel::Share> TrainedModel::shares(const Dataset& data, const Rows& rows) const {
+  Share own{*this, {}, {}}, others{fallback ? *fallback : *this, {}, {}};
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    Share& share = falls_back(data, rows[i]) ? others : own;
+    share.places.push_back(i);
+    share.rows.push_back(rows[i]);
+  }
+  if (others.rows.empty()) return {own};
+  return {own, others};
+}
+
 Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
   Matrix out(rows.size(), data.depth.cols);
-  const auto answer = [&](const TrainedModel& with, const Rows& places) {
+  for (const auto& [by, places, own_rows] : shares(data, rows))
     for (std::size_t first = 0; first < places.size(); first += chunk_rows) {
       const std::size_t count = std::min(chunk_rows, places.size() - first);
-      Rows part;
-      for (std::size_t i = 0; i < count; ++i) part.push_back(rows[places[first + i]]);
-      const Matrix maps = with.model->predict(with.features.apply(data, part));
+      const auto begin = own_rows.begin() + static_cast<std::ptrdiff_t>(first);
+      const Matrix maps = by.model->predict(
+          by.features.apply(data, {begin, begin + static_cast<std::ptrdiff_t>(count)}));
       for (std::size_t i = 0; i < count; ++i)
         std::copy_n(maps.row(i).begin(), maps.cols, out.row(places[first + i]).begin());
     }
-  };
-  Rows own, others;
-  for (std::size_t i = 0; i < rows.size(); ++i)
-    (falls_back(data, rows[i]) ? others : own).push_back(i);
-  answer(*this, own);
-  if (fallback) answer(*fallback, others);
   return out;
 }
 

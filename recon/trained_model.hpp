@@ -13,12 +13,15 @@
 //   model/       what the model itself keeps
 //   slip/        of a fused model: slip.hpp
 //   fallback/    of a fused model: another one of this format, for records without a live radar
+//   confidence/  what tells how far to trust it; files of older versions have none
 #pragma once
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "recon/confidence.hpp"
 #include "recon/features.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/models/model.hpp"
@@ -41,6 +44,7 @@ struct TrainedModel {
   Features features;
   Scene scene;
   std::unique_ptr<Model> model;
+  std::optional<Confidence> confidence;  // none: nothing is claimed
   TrainingLog log;
   SplitOptions split;
   FitOptions fit;
@@ -57,6 +61,12 @@ struct TrainedModel {
   bool falls_back(const Dataset& data, std::size_t row) const;
   // Why there is no map of the record; empty if there is one.
   std::string fault_of(const Dataset& data, std::size_t row) const;
+  // Who answers for which of the rows: this model, and its fallback if it is needed.
+  struct Share {
+    const TrainedModel& by;
+    Rows places, rows;  // indices into the given rows, and those rows
+  };
+  std::vector<Share> shares(const Dataset& data, const Rows& rows) const;
   // Maps of the given rows, metres, as the model makes them: within_span() for show.
   Matrix predict(const Dataset& data, const Rows& rows) const;
   // True if the data set holds a run that the model was trained on.

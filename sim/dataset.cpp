@@ -43,10 +43,12 @@ record::FusedRecord blank_record(std::int64_t index, std::string label) {
   return r;
 }
 
-void count_clicks(record::FusedRecord& r) {
+void count_clicks(record::FusedRecord& r, std::int64_t pulses) {
   std::uint64_t clicks = 0;
   for (const auto n : r.spd) clicks += n;
-  r.spd_counts.tags = r.spd_counts.in_range = clicks;
+  r.spd_counts.in_range = clicks;
+  r.spd_counts.starts = static_cast<std::uint64_t>(pulses);  // 0: low flux, pulses are not counted
+  r.spd_counts.tags = clicks + r.spd_counts.starts;
   r.sync[static_cast<std::size_t>(Sensor::spd)].used = clicks;
 }
 
@@ -164,7 +166,7 @@ record::FusedRecord Generator::make(std::int64_t index) const {
   thread_local Returns returns;
   spd_returns(world, c, returns);
   r.spd = draw_counts(spd_rate(returns, c), c, rng);
-  count_clicks(r);
+  count_clicks(r, c.pulses_per_window);
   radar_returns(world, c, returns);
   roughen(returns, c, rng);
   auto power = radar_power(returns, radar_, c);

@@ -125,6 +125,18 @@ MapScores score(std::span<const float> prediction, std::span<const float> truth,
   return out;
 }
 
+double foreground_tangent(std::span<const float> prediction, const Scene& scene) {
+  const auto share = foreground_share(prediction, scene);
+  return centroid_tangent({share.begin(), share.end()});
+}
+
+double lateral_error(std::span<const float> prediction, std::span<const float> truth,
+                     const Scene& scene) {
+  MapScores out;
+  score_position(out, truth, true_mask(truth, scene), foreground_share(prediction, scene));
+  return out[metric_lateral_m];
+}
+
 Summaries summarise(const std::vector<MapScores>& scores) {
   Summaries out;
   for (std::size_t m = 0; m < metric_count; ++m) {

@@ -38,6 +38,13 @@ using MapScores = std::array<double, metric_count>;
 MapScores score(std::span<const float> prediction, std::span<const float> truth,
                 const Scene& scene);
 
+// x/z of the centroid of a prediction's foreground; NaN if it has none.
+double foreground_tangent(std::span<const float> prediction, const Scene& scene);
+
+// metric_lateral_m alone.
+double lateral_error(std::span<const float> prediction, std::span<const float> truth,
+                     const Scene& scene);
+
 struct Summary {
   double mean = 0;       // NaN if no map defines the metric
   double se = 0;         // standard error of the mean; NaN for fewer than two maps

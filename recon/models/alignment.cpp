@@ -38,13 +38,12 @@ std::vector<float> background_of(const Matrix& table, const Rows& rows, std::siz
 }  // namespace
 
 Alignment::Alignment(const Layout& layout, const Matrix& readings, const Rows& rows) {
-  if (layout.spd.count == 0 || layout.radar.count == 0)
-    throw Error(ExitCode::usage,
-                "the silhouette and factorised models need both sensors: --inputs fused");
+  if (layout.spd.count == 0)
+    throw Error(ExitCode::usage, "aligning records needs the detector's histogram");
   spd_first_m_ = layout.spd.at(0.5) / ps_per_m;
   spd_step_m_ = layout.spd.step / ps_per_m;
-  radar_first_m_ = layout.radar.start;
-  radar_step_m_ = layout.radar.step;
+  if (layout.radar.count > 0)
+    radar_first_m_ = layout.radar.start, radar_step_m_ = layout.radar.step;
   profile_step_m_ = std::max(radar_step_m_ / 2, least_profile_step_m);
   spd_background_ = background_of(readings, rows, 0, layout.spd.count, true);
   radar_background_ = background_of(readings, rows, layout.spd.count, layout.radar.count, false);
@@ -55,6 +54,7 @@ std::size_t Alignment::histogram_bins() const {
 }
 
 std::size_t Alignment::profile_points() const {
+  if (radar_background_.empty()) return 0;
   return 1 + static_cast<std::size_t>((profile_to_m - profile_from_m) / profile_step_m_);
 }
 
@@ -192,7 +192,7 @@ void Alignment::load(const record::H5File& file, const std::string& group) {
   profile_step_m_ = file.get<double>(group + "/radar_background", "profile_step_m");
   require_sound(spd_step_m_ > 0 && radar_step_m_ > 0 && profile_step_m_ >= least_profile_step_m,
                 "steps of its axes");
-  require_sound(!spd_background_.empty() && !radar_background_.empty(), "backgrounds");
+  require_sound(!spd_background_.empty(), "backgrounds");
 }
 
 }  // namespace echofuse::recon

@@ -21,8 +21,8 @@ struct Body {
 class Alignment {
  public:
   Alignment() = default;
-  // Learns from readings (clicks per bin, radar power per bin) what is always there. Throws
-  // Error(usage) if one of the sensors is missing.
+  // Learns from readings (clicks per bin, radar power per bin) what is always there. Without a
+  // radar the profile has no points. Throws Error(usage) without a histogram.
   Alignment(const Layout& layout, const Matrix& readings, const Rows& rows);
 
   // Multiply-adds of one record, with the sinc series: every point takes all of the radar's.
@@ -30,6 +30,7 @@ class Alignment {
     return spd_background_.size() * 4 + profile_points() * radar_background_.size();
   }
   std::size_t histogram_bins() const;
+  std::size_t profile_points() const;  // 0 without a radar
   std::size_t size() const { return histogram_bins() + profile_points() + 1; }
   std::size_t inputs() const;  // readings of one record
   // Fills size() features: histogram (shares of the clicks), profile (shares of the power), range.
@@ -45,7 +46,6 @@ class Alignment {
   void load(const record::H5File& file, const std::string& group = "model");
 
  private:
-  std::size_t profile_points() const;
   Body find_body(std::span<const float> clicks, std::span<const float> counts) const;
   void align_histogram(std::span<const float> clicks, float range_m, std::span<float> out) const;
   void align_profile(std::span<const float> power, float range_m, std::span<float> out) const;

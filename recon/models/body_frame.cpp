@@ -100,12 +100,11 @@ void BodyFrame::cut(std::span<const float> map, std::span<const float> backgroun
   }
 }
 
-void BodyFrame::draw(std::span<const float> mask, std::span<const float> relief, const Place& place,
-                     float threshold, std::span<const float> background,
-                     std::span<float> map) const {
+template <class Paint>
+void BodyFrame::visit(std::span<const float> mask, std::span<const float> relief,
+                      const Place& place, const Paint& paint) const {
   const Axis x = record::depth_x_axis(), y = record::depth_y_axis();
   const double z = double{place.depth_m};
-  std::copy(background.begin(), background.end(), map.begin());
   std::array<Between, side> across;
   std::size_t first = side, last = 0;  // map columns that the patch covers: [first, last)
   for (std::size_t c = 0; c < side; ++c) {
@@ -126,11 +125,30 @@ void BodyFrame::draw(std::span<const float> mask, std::span<const float> relief,
     for (std::size_t c = first; c < last; ++c) {
       const auto low = static_cast<std::size_t>(across[c].low);
       const float share = body[low] + across[c].part * (body[low + 1] - body[low]);
-      if (share <= threshold) continue;
-      const float offset = depth[low] + across[c].part * (depth[low + 1] - depth[low]);
-      map[r * side + c] = place.depth_m + offset / share;
+      paint(r * side + c, share, depth[low] + across[c].part * (depth[low + 1] - depth[low]));
     }
   }
+}
+
+void BodyFrame::draw(std::span<const float> mask, std::span<const float> relief, const Place& place,
+                     float threshold, std::span<const float> background,
+                     std::span<float> map) const {
+  std::copy(background.begin(), background.end(), map.begin());
+  visit(mask, relief, place, [&](std::size_t pixel, float share, float offset) {
+    if (share > threshold) map[pixel] = place.depth_m + offset / share;
+  });
+}
+
+void BodyFrame::draw_soft(std::span<const float> mask, std::span<const float> relief,
+                          const Place& place, std::span<float> share,
+                          std::span<float> depth) const {
+  constexpr float least_share = 0.1f;  // below, relief / mask is noise
+  std::fill(share.begin(), share.end(), 0.f);
+  std::fill(depth.begin(), depth.end(), place.depth_m);
+  visit(mask, relief, place, [&](std::size_t pixel, float part, float offset) {
+    share[pixel] = std::clamp(part, 0.f, 1.f);
+    if (part > least_share) depth[pixel] = place.depth_m + offset / part;
+  });
 }
 
 std::size_t BodyFrame::draw_cost() const {

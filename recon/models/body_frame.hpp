@@ -33,6 +33,9 @@ class BodyFrame {
   // Foreground where the mask is above the threshold, at depth_m + relief / mask.
   void draw(std::span<const float> mask, std::span<const float> relief, const Place& place,
             float threshold, std::span<const float> background, std::span<float> map) const;
+  // The same without a threshold: the mask's share in 0..1, and the depth there, of every pixel.
+  void draw_soft(std::span<const float> mask, std::span<const float> relief, const Place& place,
+                 std::span<float> share, std::span<float> depth) const;
   // Multiply-adds of one draw().
   std::size_t draw_cost() const;
 
@@ -40,6 +43,11 @@ class BodyFrame {
   void load(const record::H5File& file);
 
  private:
+  // Calls paint(pixel, mask's share, relief) for every pixel of the map that the patch covers.
+  template <class Paint>
+  void visit(std::span<const float> mask, std::span<const float> relief, const Place& place,
+             const Paint& paint) const;
+
   std::size_t columns_ = 0, rows_ = 0;
   double left_m_ = 0, top_m_ = 0, pitch_m_ = 1;  // centre of cell (0, 0), distance of the cells
 };

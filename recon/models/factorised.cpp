@@ -45,6 +45,7 @@ class Factorised final : public Model {
   TrainingLog fit(const Samples& train, const Samples& validation,
                   const FitOptions& options) override;
   Matrix predict(const Matrix& readings) const override;
+  std::optional<SoftMaps> predict_soft(const Matrix& readings) const override;
   Cost cost() const override;
   void save(record::H5File& file) const override;
   void load(const record::H5File& file) override;
@@ -60,6 +61,7 @@ class Factorised final : public Model {
     Matrix masks, reliefs;
   };
   Seen see(const Samples& samples) const;
+  Matrix look(const Matrix& readings, Rows& with_body) const;
   void learn_scale(const Matrix& features);
   void standardise(std::span<float> features) const;
   float range_of(std::span<const float> standardised) const;  // metres
@@ -116,6 +118,9 @@ void Factorised::standardise(std::span<float> features) const {
 
 TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
                             const FitOptions& options) {
+  if (train.layout.spd.count == 0 || train.layout.radar.count == 0)
+    throw Error(ExitCode::usage,
+                "the silhouette and factorised models need both sensors: --inputs fused");
   background_ = learn_scene(train.maps, train.rows).background;
   alignment_ = Alignment(train.layout, train.inputs, train.rows);
   Seen seen = see(train), judged = see(validation);
@@ -244,27 +249,45 @@ void Factorised::choose_threshold(const Seen& seen, const Samples& samples) {
   }
 }
 
-Matrix Factorised::predict(const Matrix& readings) const {
+// Standardised features of the records that show a body, whose rows go to `with_body`.
+Matrix Factorised::look(const Matrix& readings, Rows& with_body) const {
   require_sound(readings.cols == alignment_.inputs(), "readings and backgrounds");
   Matrix features(0, alignment_.size());
   std::vector<float> one(alignment_.size());
-  std::vector<std::size_t> with_body;
-  Matrix out(readings.rows, background_.size());
   for (std::size_t i = 0; i < readings.rows; ++i) {
-    if (!alignment_(readings.row(i), one).there) {
-      std::copy(background_.begin(), background_.end(), out.row(i).begin());
-      continue;
-    }
+    if (!alignment_(readings.row(i), one).there) continue;
     standardise(one);
     features.add_row(one);
     with_body.push_back(i);
   }
+  return features;
+}
+
+Matrix Factorised::predict(const Matrix& readings) const {
+  Rows with_body;
+  const Matrix features = look(readings, with_body);
+  Matrix out(0, background_.size());
+  for (std::size_t i = 0; i < readings.rows; ++i) out.add_row(background_);
   if (with_body.empty()) return out;
   const std::vector<Place> places = find_places(features);
   const Shapes shapes = find_shapes(features);
   for (std::size_t i = 0; i < with_body.size(); ++i)
     frame_.draw(shapes.masks.row(i), shapes.reliefs.row(i), places[i], threshold_, background_,
                 out.row(with_body[i]));
+  return out;
+}
+
+std::optional<SoftMaps> Factorised::predict_soft(const Matrix& readings) const {
+  Rows with_body;
+  const Matrix features = look(readings, with_body);
+  SoftMaps out{Matrix(readings.rows, background_.size()),
+               Matrix(readings.rows, background_.size())};
+  if (with_body.empty()) return out;
+  const std::vector<Place> places = find_places(features);
+  const Shapes shapes = find_shapes(features);
+  for (std::size_t i = 0; i < with_body.size(); ++i)
+    frame_.draw_soft(shapes.masks.row(i), shapes.reliefs.row(i), places[i],
+                     out.share.row(with_body[i]), out.depth.row(with_body[i]));
   return out;
 }
 

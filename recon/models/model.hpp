@@ -63,12 +63,20 @@ struct Cost {
   std::size_t parameters = 0;
 };
 
+// One row a record: how probably a body is at each pixel if it is where the model puts it, and how
+// far away (metres) it is there if so.
+struct SoftMaps {
+  Matrix share, depth;
+};
+
 class Model {
  public:
   virtual ~Model() = default;
   virtual TrainingLog fit(const Samples& train, const Samples& validation,
                           const FitOptions& options) = 0;
   virtual Matrix predict(const Matrix& inputs) const = 0;  // one map a row, metres
+  // Of models that place a body; others say both at once, as the mean map.
+  virtual std::optional<SoftMaps> predict_soft(const Matrix& /*inputs*/) const { return {}; }
   virtual Cost cost() const = 0;
   virtual void save(record::H5File& file) const = 0;  // below "model/"
   virtual void load(const record::H5File& file) = 0;

@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: MIT
+#include "recon/confidence.hpp"
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "acquire/record/png.hpp"
+#include "recon/evaluate.hpp"
+#include "recon/models/linear_fit.hpp"
+#include "recon/train.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using echofuse::testing::Folder;
+using echofuse::testing::recon_program;
+using echofuse::testing::write_run;
+
+namespace {
+
+Dataset fresh_plates(std::int64_t count, const testing::Change& change = {}) {
+  const Folder dir;
+  write_run(dir / "fresh", count, 2, change);
+  return load({dir / "fresh"});
+}
+
+TrainedModel train_on_plates(const std::string& model, double validation_share) {
+  TrainOptions options;
+  options.model = model;
+  options.split.validation_share = validation_share;
+  options.fit.quiet = true;
+  return train(testing::load_plates(800), options);
+}
+
+const TrainedModel& trained() {
+  static const TrainedModel model = train_on_plates("factorised-4", 0.3);
+  return model;
+}
+
+std::vector<Claim> claims_of(const Dataset& data) {
+  return answer(trained(), data, all_rows(data.size()), "own", false).claims;
+}
+
+double share_flagged(const std::vector<Claim>& claims, const std::string& why = "") {
+  double flagged = 0;
+  for (const Claim& c : claims)
+    flagged += !c.strangeness.why.empty() && c.strangeness.why.find(why) == 0;
+  return flagged / static_cast<double>(claims.size());
+}
+
+std::string text_of(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+}  // namespace
+
+TEST_CASE("weights come back from what they made, rows counting as they should") {
+  Rng rng = make_rng(1, 1);
+  std::normal_distribution<float> normal;
+  Matrix inputs;
+  inputs.cols = 6;
+  std::vector<float> targets, counts;
+  const std::vector<double> truth = {1, -2, 0.5, 3, 0, -1};
+  for (int i = 0; i < 200; ++i) {
+    const std::vector<float> two = {normal(rng), 10 * normal(rng)};
+    inputs.add_row(quadratic_terms(two));
+    const bool wrong = i % 2;
+    targets.push_back(wrong ? 1000
+                            : static_cast<float>(product(inputs.row(inputs.rows - 1), truth)));
+    counts.push_back(wrong ? 0.f : 1.f);
+  }
+  const auto found = linear_fit(inputs, targets, counts, 1e-9);
+  REQUIRE(found.size() == truth.size());
+  for (std::size_t c = 0; c < truth.size(); ++c) CHECK(found[c] == Approx(truth[c]).margin(1e-3));
+}
+
+TEST_CASE("nine of ten bodies are within the stated lateral error, which grows with the noise") {
+  const Dataset clean = fresh_plates(400);
+  const Calibration c = calibration_of(trained(), clean, all_rows(400));
+  CHECK(c.within_90 == Approx(0.9).margin(0.07));
+  Dataset noisy = clean;
+  Rng rng = make_rng(4, 4);
+  std::normal_distribution<float> noise(0, 0.1f);
+  for (float& v : noisy.radar.values) v += noise(rng);
+  const Calibration n = calibration_of(trained(), noisy, all_rows(400));
+  CHECK(n.lateral_90_m > 1.5 * c.lateral_90_m);
+  CHECK(n.within_90 > 0.75);
+}
+
+TEST_CASE("records like the training ones are seldom flagged, others are, by their names") {
+  const Dataset clean = fresh_plates(400);
+  CHECK(share_flagged(claims_of(clean)) < 0.03);
+
+  Dataset two = clean;
+  for (std::size_t i = 0; i < two.size(); ++i)
+    for (Matrix* table : {&two.spd, &two.radar})
+      for (std::size_t c = 0; c < table->cols; ++c)
+        table->row(i)[c] += (table == &two.spd ? clean.spd : clean.radar).row((i + 7) % 400)[c];
+  CHECK(share_flagged(claims_of(two)) > 0.5);
+
+  Rng rng = make_rng(5, 5);
+  std::poisson_distribution<int> dark(50);
+  Dataset empty = clean;
+  for (float& v : empty.spd.values) v = static_cast<float>(dark(rng));
+  CHECK(share_flagged(claims_of(empty), "empty") > 0.98);
+
+  Dataset bright = clean;
+  std::fill(bright.clicks_per_start.begin(), bright.clicks_per_start.end(), 0.4);
+  CHECK(share_flagged(claims_of(bright), "saturated (0.40 clicks a laser pulse)") == 1);
+
+  Dataset noise = clean;
+  std::normal_distribution<float> normal;
+  for (float& v : noise.radar.values) v = normal(rng);
+  CHECK(share_flagged(claims_of(noise)) > 0.98);
+
+  const Dataset far = fresh_plates(50, [](record::FusedRecord& r) {
+    std::rotate(r.spd.begin(), r.spd.end() - 9, r.spd.end());  // 54 cm
+    std::rotate(r.radar.begin(), r.radar.end() - 2, r.radar.end());
+  });
+  CHECK(share_flagged(claims_of(far), "outside the training records' distances") > 0.3);
+
+  Dataset louder = clean;
+  for (float& v : louder.radar.values) v *= 4;
+  for (float& v : louder.spd.values) v *= 0.5f;
+  CHECK(share_flagged(claims_of(louder)) < 0.03);
+}
+
+TEST_CASE("models of one sensor flag as well") {
+  for (const std::string inputs : {"spd", "radar"}) {
+    CAPTURE(inputs);
+    TrainOptions options;
+    options.model = "ridge", options.inputs = inputs, options.split.validation_share = 0.3;
+    const TrainedModel model = train(testing::load_plates(400), options);
+    Dataset data = fresh_plates(200);
+    const Rows rows = all_rows(200);
+    CHECK(share_flagged(answer(model, data, rows, "own", false).claims) < 0.04);
+    Rng rng = make_rng(6, 6);
+    std::poisson_distribution<int> dark(50);
+    for (Matrix* table : {&data.spd, &data.radar})
+      for (float& v : table->values) v = static_cast<float>(dark(rng));
+    CHECK(share_flagged(answer(model, data, rows, "own", false).claims) > 0.95);
+  }
+}
+
+TEST_CASE("pixels are as uncertain as they say, and the mean map errs little") {
+  const Dataset data = fresh_plates(300);
+  const Rows rows = all_rows(300);
+  for (const std::string name : {"factorised-4", "ridge"}) {
+    CAPTURE(name);
+    const TrainedModel model = train_on_plates(name, 0.3);
+    const Calibration c = calibration_of(model, data, rows);
+    CHECK(c.deviation_m == Approx(c.error_m).epsilon(0.15));
+    const auto rmse = [&](const std::string& output) {
+      return summarise(score_maps(answer(model, data, rows, output, false).maps, data, rows,
+                                  model.scene))[metric_rmse_m]
+          .mean;
+    };
+    // A plate's place is known to less than a pixel: there is little to gain from a mean over it.
+    CHECK(rmse("mean") < (name == "ridge" ? 0.95 : 1.05) * rmse("hard"));
+  }
+}
+
+TEST_CASE("a model file keeps its confidence; without one nothing is claimed") {
+  const Folder dir;
+  const Dataset data = fresh_plates(20);
+  save_model(trained(), dir / "m");
+  const auto a = claims_of(data);
+  const auto b = answer(load_model(dir / "m"), data, all_rows(20), "own", false).claims;
+  REQUIRE(b.size() == a.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    CHECK(a[i].lateral_90_m == b[i].lateral_90_m);
+    CHECK(a[i].strangeness.distance == b[i].strangeness.distance);
+    CHECK(a[i].strangeness.two_bodies == b[i].strangeness.two_bodies);
+  }
+  const TrainedModel few = train_on_plates("ridge", 0.01);
+  save_model(few, dir / "few");
+  const TrainedModel loaded = load_model(dir / "few");
+  CHECK_FALSE(loaded.confidence);
+  CHECK(answer(loaded, data, all_rows(20), "hard", false).claims.empty());
+  CHECK_THROWS_WITH(answer(loaded, data, all_rows(20), "mean", false),
+                    Catch::Contains("does not know how sure it is"));
+}
+
+TEST_CASE("reconstruct and evaluate say how sure the model is") {
+  const Folder dir;
+  save_model(trained(), dir / "m");
+  write_run(dir / "run", 40, 3, [](record::FusedRecord& r) {
+    for (std::size_t i = 0; i < r.spd.size() && r.index == 5; ++i) r.spd[i] = 3 + i % 2;
+  });
+  const auto o = recon_program("reconstruct " + (dir / "m") + " " + (dir / "run") + " --out " +
+                               (dir / "o") + " --format uncertainty,npz --output mean");
+  CHECK(o.code == 0);
+  CHECK_THAT(o.text, Catch::Contains("of 40 records are flagged: ") && Catch::Contains("1 empty"));
+  const std::string table = text_of(dir / "o/records.csv");
+  CHECK_THAT(table, Catch::StartsWith(
+                        "record,status,after_slot_s,lateral_90_m,distance,two_bodies,unusual\n"));
+  CHECK_THAT(table, Catch::Contains("\n5,\"ok\",,,") && Catch::Contains(",\"empty\"\n"));
+  const std::string png = text_of(dir / "o/000007_sd.png");
+  const auto mm = record::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
+  const auto most = *std::max_element(mm.begin(), mm.end());
+  CHECK(most > 300);  // at the plate's edge, of about 3500 mm
+  CHECK(most < 2500);
+  CHECK(std::filesystem::file_size(dir / "o/uncertainty.npz") > 40 * 64 * 64 * 4);
+
+  const auto e =
+      recon_program("evaluate --json --output mean " + (dir / "m") + " " + (dir / "run"));
+  REQUIRE(e.code == 0);
+  const auto json = nlohmann::json::parse(e.text);
+  CHECK(json["calibration"]["within_lateral_90"].get<double>() > 0.7);
+  CHECK(json["calibration"]["flagged"].get<double>() >= 1 / 40.0);
+}
