@@ -115,3 +115,30 @@ TEST_CASE("cross-validation of held poses does not call each record a new one") 
   const double maps = crossvalidate(data, held, options).front().metrics[metric_iou].se;
   CHECK(folds > 1.5 * maps);
 }
+
+TEST_CASE("crossvalidate says which model could not be fitted, and why") {
+  const Folder dir;
+  write_run(dir / "run", 4);
+  const Outcome o =
+      recon_program("crossvalidate -q --models mean,factorised --folds 2 --gap 0 " + (dir / "run"));
+  CAPTURE(o.text);
+  CHECK(o.code == 5);
+  CHECK_THAT(o.text, Catch::Contains("factorised: fewer than two training records show a body"));
+  CHECK(recon_program("crossvalidate -q --models mean --folds 2 --gap 0 " + (dir / "run")).code ==
+        0);
+}
+
+TEST_CASE("train says that a network never beat the mean map") {
+  const Folder dir;
+  write_run(dir / "run", 240);
+  const auto train = [&](const std::string& how) {
+    return recon_program("train --model mlp-64 --out " + (dir / "m") + " " + (dir / "run") + how);
+  };
+  // One step moves every weight by the rate.
+  const Outcome wild = train(" --epochs 1 --batch 1024 --learning-rate 1");
+  const Outcome sound = train(" --epochs 20 --batch 8");
+  CHECK(wild.code == 0);
+  CHECK_THAT(wild.text, Catch::Contains("s; never better than the mean map\n"));
+  CHECK(sound.code == 0);
+  CHECK_THAT(sound.text, !Catch::Contains("never better"));
+}
