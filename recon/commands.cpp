@@ -210,12 +210,14 @@ Command add_train(CLI::App& app, const Common& common) {
     save_model(model, a->out);
     if (!model.log.interrupted) std::remove(a->fit.checkpoint.path.c_str());
     if (!common.quiet)
-      std::fprintf(stderr, "%s: %s on %s, trained in %.1f s%s\n", a->out.c_str(),
-                   model.name.c_str(), a->inputs.c_str(), model.train_s,
-                   !model.log.interrupted ? ""
-                   : std::filesystem::exists(a->fit.checkpoint.path)
-                       ? "; the best so far, --resume goes on"
-                       : "; the best so far");
+      std::fprintf(
+          stderr, "%s: %s on %s, trained in %.1f s%s%s\n", a->out.c_str(), model.name.c_str(),
+          a->inputs.c_str(), model.train_s,
+          model.log.best_epoch > 0 || model.log.loss.empty() ? ""
+                                                             : "; never better than the mean map",
+          !model.log.interrupted                            ? ""
+          : std::filesystem::exists(a->fit.checkpoint.path) ? "; the best so far, --resume goes on"
+                                                            : "; the best so far");
     return model.log.interrupted ? ExitCode::interrupted : ExitCode::ok;
   };
 }
@@ -325,7 +327,7 @@ Command add_crossvalidate(CLI::App& app, const Common& common) {
     std::printf("%zu folds, gap %zu; mean over maps +- standard error over folds\n%s", a->folds,
                 a->gap, to_table({rows.begin(), rows.end()}).c_str());
     std::fputs(to_span_table({rows.begin(), rows.end()}).c_str(), stdout);
-    return ExitCode::ok;
+    return all_fitted(rows) ? ExitCode::ok : ExitCode::partial;
   };
 }
 

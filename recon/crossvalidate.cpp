@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/exit_code.hpp"
@@ -123,6 +124,16 @@ std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows) {
     if (iou(i).mean >= enough && rows[i].cost.multiply_adds < rows[chosen].cost.multiply_adds)
       chosen = i;
   return chosen;
+}
+
+bool all_fitted(const std::vector<CrossvalidatedRow>& rows) {
+  bool all = true;
+  for (const auto& row : rows) {
+    if (row.fault.empty()) continue;
+    std::fprintf(stderr, "%s: %s\n", row.name.c_str(), row.fault.c_str());
+    all = false;
+  }
+  return all;
 }
 
 std::string to_choice_table(const std::vector<CrossvalidatedRow>& rows, std::size_t chosen) {

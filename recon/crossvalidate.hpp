@@ -47,6 +47,9 @@ std::vector<std::string> ladder(Inputs inputs);
 // has an IoU.
 std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows);
 
+// Whether every model could be fitted; says on stderr which could not, and why.
+bool all_fitted(const std::vector<CrossvalidatedRow>& rows);
+
 // One line a model: accuracy, cost, and which is chosen.
 std::string to_choice_table(const std::vector<CrossvalidatedRow>& rows, std::size_t chosen);
 

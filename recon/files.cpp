@@ -2,6 +2,7 @@
 #include "recon/files.hpp"
 
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -18,6 +19,11 @@ Bytes read_file(const std::string& path) {
   return out;
 }
 
+std::string read_text(const std::string& path) {
+  const Bytes bytes = read_file(path);
+  return {bytes.begin(), bytes.end()};
+}
+
 void write_file(const std::string& path, ByteView contents) {
   std::ofstream out(path, std::ios::binary | std::ios::trunc);
   out.write(reinterpret_cast<const char*>(contents.data()),
@@ -28,6 +34,10 @@ void write_file(const std::string& path, ByteView contents) {
 
 void write_text(const std::string& path, const std::string& text) {
   write_file(path, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+}
+
+TemporaryFile::~TemporaryFile() {
+  for (const char* beside : {"", "-wal", "-shm", "-lock"}) std::remove((path + beside).c_str());
 }
 
 void make_folder(const std::string& path) {

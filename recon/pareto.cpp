@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <random>
 
@@ -57,11 +56,6 @@ void keep_records(Dataset& data, double share, std::uint64_t seed) {
   for (std::size_t i = keep; i < rows.size(); ++i) data.valid[rows[i]] = 0;
 }
 
-struct TemporaryFile {
-  std::string path;
-  ~TemporaryFile() { std::remove(path.c_str()); }
-};
-
 class Study {
  public:
   explicit Study(const ParetoOptions& options)
@@ -74,6 +68,11 @@ class Study {
         throw Error(ExitCode::usage,
                     run.path + ": the models are trained on this run; judge them by another");
     match_axes(test_, train_.spd_axis, train_.radar_axis, Inputs::fused);
+    for (const Job& job : jobs_of(options)) {
+      TrainedModel judged;
+      judged.features.inputs = inputs_of(job.model.inputs);
+      rows_to_evaluate(judged, test_, true);  // are there any?
+    }
     claim_folder();
   }
 
@@ -95,20 +94,23 @@ class Study {
   }
 
  private:
-  // Rows of other runs must not mix with these.
+  // Rows of other runs, or of another version, must not mix with these.
   void claim_folder() const {
-    std::string runs;
+    std::string runs = std::string("echofuse ") + version() + "\n";
     for (const Dataset* data : {&train_, &test_})
       runs += data->sources.front().uuid + formatted(" (checksum %08x)\n", data->hash);
     const std::string path = options_.out + "/pareto.runs";
     if (std::filesystem::exists(path)) {
-      const Bytes there = read_file(path);
-      if (std::string(there.begin(), there.end()) == runs) return;
-      throw Error(ExitCode::usage,
-                  options_.out + ": holds a study of other runs; give another --out");
+      if (read_text(path) == runs) return;
+      throw Error(ExitCode::usage, options_.out +
+                                       ": holds a study of other runs, or of another version of "
+                                       "echofuse; give another --out");
     }
-    std::filesystem::remove(options_.out + "/pareto.csv");
-    write_file(path, {reinterpret_cast<const std::uint8_t*>(runs.data()), runs.size()});
+    if (std::filesystem::exists(options_.out + "/pareto.csv"))
+      throw Error(ExitCode::usage, options_.out +
+                                       ": holds a pareto.csv of unknown runs (no pareto.runs); "
+                                       "give another --out");
+    write_text(path, runs);
   }
 
   // The table keeps six digits of a share.
@@ -121,9 +123,9 @@ class Study {
     ParetoRow row{job.sweep, job.share, job.model.name, options_.seeds, {}, {}, {}, false};
     std::vector<MapScores> found;
     for (std::size_t seed = 1; seed <= options_.seeds; ++seed) {
-      if (interrupted())
-        throw Error(ExitCode::interrupted, "interrupted; the same command goes on");
       found.push_back(once(job, seed, row.cost));
+      if (interrupted())  // what was cut short is not kept
+        throw Error(ExitCode::interrupted, "interrupted; the same command goes on");
       progress_.update(++done_, job.model.name);
     }
     const Summaries over_seeds = summarise(found);
@@ -141,7 +143,7 @@ class Study {
     if (job.sweep == "records") keep_records(train_data, job.share, seed);
     const TrainedModel model = train_whole(train_data, job.model, seed);
     const Rows rows = test_data.usable(model.features.inputs);
-    const MapScores out = mean_scores(model, test_data, rows);
+    const MapScores out = mean_scores(model.predict(test_data, rows), test_data, rows, model.scene);
     const TemporaryFile file{options_.out + "/.study-" + std::to_string(::getpid()) + ".h5"};
     save_model(model, file.path);
     set_threads(1);

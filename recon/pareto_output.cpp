@@ -2,7 +2,6 @@
 // The table and the chart of a Pareto study.
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <sstream>
 
@@ -30,8 +29,8 @@ iou(what) = strcol(1) eq what ? $5 : NaN
 set title 'accuracy against the time of one map'
 set xlabel 'one map on one thread, us (median)'; set ylabel 'IoU of the foreground'
 set yrange [-0.02:0.8]; set xrange [1:3000]
-plot 'pareto.csv' using 22:(strcol(1) eq 'model' && $25 == 1 ? $5 : NaN) with steps lw 2 lc 'gray' title 'Pareto front', \
-     '' using 22:(iou('model')):6 with yerrorbars pt 7 ps 0.6 lc 3 notitle, \
+plot "< awk -F, '$1==\"model\" && $25==1' pareto.csv | sort -t, -k22,22g" using 22:5 with steps lw 2 lc 'gray' title 'Pareto front', \
+     'pareto.csv' using 22:(iou('model')):6 with yerrorbars pt 7 ps 0.6 lc 3 notitle, \
      '' using 22:(iou('model')):3 with labels left font ',9' offset 0.6,0.5 rotate by 25 notitle, \
      '' using 22:(strcol(3) eq 'mlp-512-256' ? iou('model') : NaN) with points pt 6 ps 2 lc 7 title "the paper's network"
 set title 'position against multiply-adds'; set key top left
@@ -53,7 +52,7 @@ if (words(models) > 0) {
 using Fields = std::map<std::string, std::string>;
 
 std::vector<Fields> read_table(const std::string& path) {
-  std::ifstream file(path);
+  std::istringstream file(read_text(path));
   const auto split = [](const std::string& line) {
     std::vector<std::string> out;
     std::istringstream in(line);
@@ -105,6 +104,7 @@ std::string to_csv(const std::vector<ParetoRow>& rows) {
 std::vector<ParetoRow> read_pareto(const std::string& folder) {
   const std::string path = folder + "/pareto.csv";
   std::vector<ParetoRow> rows;
+  if (!std::filesystem::exists(path)) return rows;
   for (const Fields& line : read_table(path)) {
     const auto value = [&](const std::string& name) { return number(line, name, path); };
     const auto count = [&](const std::string& name) {
@@ -131,7 +131,7 @@ std::vector<ParetoRow> read_pareto(const std::string& folder) {
 
 void write_pareto_table(const std::vector<ParetoRow>& rows, const std::string& folder) {
   const std::string path = folder + "/pareto.csv", text = to_csv(rows);
-  write_file(path + ".part", {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+  write_text(path + ".part", text);
   std::error_code error;
   std::filesystem::rename(path + ".part", path, error);
   if (error) throw Error(ExitCode::disk, path + ": " + error.message());

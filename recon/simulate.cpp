@@ -5,7 +5,6 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cstdio>
 #include <cstring>
 #include <filesystem>
 
@@ -15,11 +14,6 @@
 
 namespace echofuse::recon {
 namespace {
-
-struct TemporaryFile {
-  std::string path;
-  ~TemporaryFile() { std::remove(path.c_str()); }
-};
 
 std::string simulator_beside() {
   std::error_code code;
@@ -54,7 +48,9 @@ void run(const std::vector<std::string>& words) {
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
   std::string line;
   for (const auto& word : words) line += (line.empty() ? "" : " ") + word;
-  throw Error(ExitCode::failed, line + ": failed");
+  throw Error(ExitCode::failed,
+              line + (WIFSIGNALED(status) ? formatted(": ended by signal %d", WTERMSIG(status))
+                                          : formatted(": exit code %d", WEXITSTATUS(status))));
 }
 
 }  // namespace

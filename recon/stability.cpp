@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <map>
 #include <optional>
+#include <set>
 
 #include "drivers/core/console.hpp"
 #include "recon/simulate.hpp"
@@ -128,13 +130,15 @@ class Study {
     return copy;
   }
 
-  // Nothing if the training is refused or diverges.
+  // Nothing if the training is refused or diverges; each reason is said once.
   std::optional<TrainedModel> fit(const Dataset& data, const StudyModel& model, std::size_t seed,
                                   bool fallback) {
     try {
-      return train_whole(data, model, seed, fallback);
+      return train_whole(data, model, seed, {options_.slip == SlipAction::correct, fallback});
     } catch (const Error& error) {
       if (error.code() != ExitCode::failed) throw;
+      const std::string reason = model.name + ": " + error.what();
+      if (reasons_.insert(reason).second) std::fprintf(stderr, "%s\n", reason.c_str());
       return {};
     }
   }
@@ -157,7 +161,8 @@ class Study {
     if (!is_trivial(model.rung))
       std::erase_if(rows, [&](std::size_t row) { return !fitted->fault_of(data, row).empty(); });
     if (rows.empty()) return out;
-    const MapScores scores = mean_scores(*fitted, data, rows);
+    const MapScores scores =
+        mean_scores(with_nobody(*fitted, data, rows), data, all_rows(data.size()), fitted->scene);
     std::transform(stability_metrics.begin(), stability_metrics.end(), out.begin(),
                    [&](Metric m) { return scores[m]; });
     return out;
@@ -172,6 +177,7 @@ class Study {
   std::size_t done_ = 0;
   std::map<std::string, std::optional<TrainedModel>> trained_;  // at the base, with this seed
   std::optional<Dataset> train_data_, test_data_;
+  std::set<std::string> reasons_;  // why trainings were refused
 };
 
 }  // namespace

@@ -78,7 +78,8 @@ std::string to_html(const StabilityOptions& o, const std::vector<StabilityResult
          "base condition, tested under this one. Each cell: least IoU on the axis as a share of "
          "that at the base. A model <b>loses</b> where its map is no better than no map: hard SSIM "
          "not above the empty room's, IoU not above that of empty room and mean map (by more than "
-         "the spread over seeds), or no map at all. <small>half</small>: where its IoU falls below "
+         "the spread over seeds), or no map at all; of single records that it cannot read it shows "
+         "the empty room. <small>half</small>: where its IoU falls below "
          "half of the base's. Sorted by what breaks the first model most.</p>\n" +
          table(results);
   for (const auto& result : results)

@@ -41,11 +41,6 @@ StabilityRow row_of(const std::string& line, const std::string& where) {
   return row;
 }
 
-std::string text_of(const std::string& path) {
-  const Bytes bytes = read_file(path);
-  return {bytes.begin(), bytes.end()};
-}
-
 }  // namespace
 
 StabilityTable::StabilityTable(const std::string& folder, const std::string& settings)
@@ -75,7 +70,7 @@ std::string StabilityTable::key_of(const StabilityRow& r) {
 }
 
 void StabilityTable::check_settings(const std::string& settings) const {
-  std::istringstream there(text_of(folder_ + "/settings.txt")), here(settings);
+  std::istringstream there(read_text(folder_ + "/settings.txt")), here(settings);
   std::string before, now, differ;
   while (std::getline(here, now)) {
     if (!std::getline(there, before)) before.clear();
@@ -87,7 +82,7 @@ void StabilityTable::check_settings(const std::string& settings) const {
 }
 
 void StabilityTable::read() {
-  std::string text = text_of(path_);
+  std::string text = read_text(path_);
   const std::size_t end = text.rfind('\n') + 1;  // 0 if there is none
   if (end < text.size()) std::filesystem::resize_file(path_, end);
   text.resize(end);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "recon/study.hpp"
 
+#include <algorithm>
+
 #include "drivers/core/exit_code.hpp"
 #include "recon/train.hpp"
 
@@ -8,25 +10,42 @@ namespace echofuse::recon {
 
 StudyModel::StudyModel(const std::string& text) : name(text), rung(text.substr(0, text.find(':'))) {
   if (rung.size() < text.size()) inputs = text.substr(rung.size() + 1);
-  if (wants_readings(rung_of(rung, {}).model) && inputs_of(inputs) != Inputs::fused)
+  const Inputs wanted = inputs_of(inputs);
+  if (wants_readings(rung_of(rung, {}).model) && wanted != Inputs::fused)
     throw Error(ExitCode::usage, "model \"" + text + "\": needs both sensors");
 }
 
 TrainedModel train_whole(const Dataset& data, const StudyModel& model, std::uint64_t seed,
-                         bool fallback) {
+                         const Beside& beside) {
   TrainOptions how;
   how.model = model.rung;
   how.inputs = model.inputs;
-  how.fallback = fallback;
   how.split.test_share = 0;
   how.split.seed = how.fit.seed = seed;
   how.fit.quiet = true;
-  return train(data, how);
+  const Inputs inputs = inputs_of(model.inputs);
+  const bool alone = inputs != Inputs::fused || model.rung == "empty" || model.rung == "mean";
+  how.fallback = beside.fallback && !alone;
+  if (how.fallback) return train(data, how);
+  // No study reads what a model claims of itself, which takes long to learn.
+  const Split split = make_split(rows_to_train(data, inputs), how.split);
+  TrainedModel out = fit_model(data, split, how.model, inputs, how.scaling, how.fit);
+  if (beside.slip && !alone) out.slip = SlipReference(data, split.train);
+  return out;
 }
 
-MapScores mean_scores(const TrainedModel& model, const Dataset& data, const Rows& rows) {
-  const Summaries summaries =
-      summarise(score_maps(model.predict(data, rows), data, rows, model.scene));
+Matrix with_nobody(const TrainedModel& model, const Dataset& data, const Rows& rows) {
+  Matrix maps(0, data.depth.cols);
+  for (std::size_t row = 0; row < data.size(); ++row) maps.add_row(model.scene.background);
+  const Matrix made = model.predict(data, rows);
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    std::copy_n(made.row(i).begin(), maps.cols, maps.row(rows[i]).begin());
+  return maps;
+}
+
+MapScores mean_scores(const Matrix& maps, const Dataset& data, const Rows& rows,
+                      const Scene& scene) {
+  const Summaries summaries = summarise(score_maps(maps, data, rows, scene));
   MapScores out{};
   for (std::size_t m = 0; m < metric_count; ++m) out[m] = summaries[m].mean;
   return out;

@@ -15,12 +15,22 @@ struct StudyModel {
   std::string name, rung, inputs = "fused";
 };
 
-// On all usable records but the validation share: there is another run to judge by. With a
-// fallback for a lost radar if asked.
-TrainedModel train_whole(const Dataset& data, const StudyModel& model, std::uint64_t seed,
-                         bool fallback = false);
+// What a fused model that looks at its inputs has beside it, if asked: the reference of a slip, or
+// that and a fallback for a lost radar.
+struct Beside {
+  bool slip = false, fallback = false;
+};
 
-// Means over the maps.
-MapScores mean_scores(const TrainedModel& model, const Dataset& data, const Rows& rows);
+// On all usable records but the validation share: there is another run to judge by.
+TrainedModel train_whole(const Dataset& data, const StudyModel& model, std::uint64_t seed,
+                         const Beside& beside = {});
+
+// A map of every record. The model answers for the rows; the others, which it cannot read, show the
+// empty room.
+Matrix with_nobody(const TrainedModel& model, const Dataset& data, const Rows& rows);
+
+// Means over the maps, one a row.
+MapScores mean_scores(const Matrix& maps, const Dataset& data, const Rows& rows,
+                      const Scene& scene);
 
 }  // namespace echofuse::recon

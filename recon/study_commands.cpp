@@ -21,13 +21,16 @@ Command add_pareto(CLI::App& app, const Common& common) {
       ->capture_default_str();
   app.add_option("--sweep-models", a->sweep_models, "of the sweeps")
       ->delimiter(',')
+      ->allow_extra_args(false)
       ->capture_default_str();
   app.add_option("--photons", a->photons, "shares of the photons to sweep")
       ->delimiter(',')
+      ->allow_extra_args(false)
       ->check(CLI::Range(1e-9, 1.0))
       ->capture_default_str();
   app.add_option("--records", a->records, "shares of the training records to sweep")
       ->delimiter(',')
+      ->allow_extra_args(false)
       ->check(CLI::Range(1e-9, 1.0))
       ->capture_default_str();
   app.add_option("--seeds", a->seeds)->check(CLI::Range(1, 1000))->capture_default_str();

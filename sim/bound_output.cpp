@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // The table and the chart of the bound.
-#include <filesystem>
 #include <sstream>
 
 #include "drivers/core/gnuplot.hpp"
@@ -30,8 +29,6 @@ do for [a in 'photons baseline_m resolution_m snr_db'] {
 }  // namespace
 
 void write_bound(const std::vector<Bound>& rows, const std::string& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
   std::ostringstream csv;
   csv << "axis,value,known,x_median_m,x_lower_m,x_upper_m,x_error_m,lateral_error_m\n";
   for (const Bound& r : rows)

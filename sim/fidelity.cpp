@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <ctime>
-#include <filesystem>
 #include <functional>
 #include <sstream>
 
@@ -195,8 +194,6 @@ std::vector<Fidelity> study_fidelity(const FidelityOptions& options) {
 }
 
 void write_fidelity(const std::vector<Fidelity>& rows, const std::string& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
   std::ostringstream csv;
   csv << "axis,value,error_over_noise_variance,standard_error,us\n";
   for (const Fidelity& r : rows)

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <functional>
 #include <iostream>
 #include <memory>
@@ -299,7 +300,16 @@ void add_one_study(CLI::App& study, Command& command, const std::string& name,
       sim::Plan plan;
       Settings settings;
       read_plan(*a, plan, settings);
+      for (const char* key :
+           {"seed", "people", "letters", "two_people", "empty", "objects", "scenes", "mirrored"})
+        if (settings.given(key))
+          throw Error(ExitCode::config, std::string(key) +
+                                            ": a study draws its own scenes; --scenes says how "
+                                            "many, --seed which");
       a->options.conditions = plan.conditions;
+      std::error_code error;
+      std::filesystem::create_directories(a->out, error);
+      if (error) throw Error(ExitCode::disk, a->out + ": " + error.message());
       return run(*a);
     };
   });

@@ -302,7 +302,7 @@ std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, co
 void spd_returns(const Scene& scene, const Conditions& c, Returns& out) {
   const std::int64_t rays = rays_of(c);
   look(scene, 0, x_rays(rays, c.half_tangent), y_rays(rays, c.half_tangent),
-       c.spd_delay_ps * speed_of_light_m_s / 2e12, out);
+       c.spd_delay_ps / ps_per_m, out);
 }
 
 void radar_returns(const Scene& scene, const Conditions& c, Returns& out) {

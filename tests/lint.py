@@ -42,13 +42,27 @@ if formatter:
 
 if len(sys.argv) > 1:  # the folder of the built programs
     readme = (root / "README.md").read_text(encoding="utf-8")
+
+    def check_help(words, inherited=()):
+        help_text = subprocess.run([pathlib.Path(sys.argv[1]) / words[0], *words[1:], "--help"], capture_output=True,
+                                   text=True).stdout
+        head, *commands = help_text.split("Subcommands:")
+        options = re.findall(r"^  (-\w,)?(--[\w-]+)", head, re.M)
+        told_of_all = ("--help", "--version", "--quiet")
+        options = [(short.strip(","), name) for short, name in options if name not in told_of_all]
+        for command in re.findall(r"^  ([a-z]+) ", commands[0], re.M) if commands else ():
+            check_help([*words, command], [*inherited, *options])
+        if commands:
+            return
+        row = " ".join(re.findall(rf"^\| `{' '.join(words)}\b.*", readme, re.M))
+        if not row:
+            faults.append(f"README.md: no row of `{' '.join(words)}`")
+        for short, name in [*inherited, *options] if row else ():
+            if not any(re.search(rf"(?<![\w-]){o}(?![\w-])", row) for o in (short, name) if o):
+                faults.append(f"README.md: no word of {name} in the row of `{' '.join(words)}`")
+
     for program in ("echofuse-acquire", "echofuse-recon", "echofuse-sim"):
-        binary = pathlib.Path(sys.argv[1]) / program
-        help_text = subprocess.run([binary, "--help"], capture_output=True, text=True).stdout
-        commands = re.findall(r"^  ([a-z]+) ", help_text.split("Subcommands:")[-1], re.M)
-        for command in commands:
-            if f"{program} {command}" not in readme:
-                faults.append(f"README.md: no word of `{program} {command}`")
+        check_help([program])
 
 # udev takes a rule that it does not understand for none, and only the journal says so.
 udev_keys = {"ACTION": "==", "SUBSYSTEM": "==", "ATTR": "==", "ATTRS": "==", "ENV": "== =", "GROUP": "=", "MODE": "=",

@@ -6,6 +6,7 @@
 
 #include <array>
 #include <csignal>
+#include <cstdio>
 #include <fstream>
 
 #include "drivers/core/exit_code.hpp"
@@ -20,6 +21,16 @@ void write_all(int file, const std::string& text) {
     if (n <= 0) return;  // it is gone: its exit code tells
     done += static_cast<std::size_t>(n);
   }
+}
+
+// What was there stays until all of the new is.
+void replace_file(const std::string& path, const std::string& text) {
+  const std::string part = path + ".part";
+  std::ofstream out(part);
+  out << text;
+  out.close();
+  if (!out || std::rename(part.c_str(), path.c_str()) != 0)
+    throw Error(ExitCode::disk, path + ": cannot be written");
 }
 
 }  // namespace
@@ -48,12 +59,8 @@ void run_gnuplot(const std::string& script, const std::string& folder, const std
 
 void write_chart(const std::string& folder, const std::string& name, const std::string& csv,
                  const std::string& script) {
-  std::ofstream table(folder + "/" + name + ".csv"), plot(folder + "/" + name + ".gp");
-  table << csv;
-  plot << script;
-  table.close();
-  plot.close();
-  if (!table || !plot) throw Error(ExitCode::disk, folder + ": cannot be written");
+  replace_file(folder + "/" + name + ".csv", csv);
+  replace_file(folder + "/" + name + ".gp", script);
   run_gnuplot("load '" + name + ".gp'\n", folder, folder + "/" + name + ".csv is written, but ");
 }
 

@@ -29,7 +29,8 @@ class Nearest final : public Model {
     return out;
   }
   Cost cost() const override {
-    return {inputs_.values.size(), inputs_.values.size() + maps_.values.size()};
+    const std::size_t blended = neighbours_ > 1 ? neighbours_ * maps_.cols : 0;
+    return {inputs_.values.size() + blended, inputs_.values.size() + maps_.values.size()};
   }
   void save(record::H5File& file) const override {
     file.write("model/inputs", inputs_.values, {inputs_.rows, inputs_.cols});

@@ -10,7 +10,7 @@
 
 #include "recon/models/blas.hpp"
 #include "recon/models/parallel.hpp"
-#include "recon/train.hpp"
+#include "recon/trained_model.hpp"
 
 using namespace echofuse;
 using namespace echofuse::recon;
@@ -39,27 +39,30 @@ double peak() {
 }
 
 TrainedModel fitted(const Dataset& data, const std::string& model, std::size_t epochs) {
-  TrainOptions o;
-  o.model = model;
-  o.fit.quiet = true, o.fit.epochs = epochs, o.fit.patience = epochs;
-  return train(data, o);
+  FitOptions fit;
+  fit.quiet = true, fit.epochs = epochs, fit.patience = epochs;
+  const Split split = make_split(data.usable(Inputs::fused), {});
+  return fit_model(data, split, model, Inputs::fused, "record", fit);
 }
 
 // An epoch is the difference between a training of one and of three.
 void training(const Dataset& data) {
+  const std::size_t records = make_split(data.usable(Inputs::fused), {}).train.size();
   for (const int threads : {1, 2}) {
     set_threads(threads);
     const double most = peak();
-    std::size_t records = 0, weights = 0;
+    std::size_t multiply_adds = 0;
     const auto run = [&](std::size_t epochs) {
       return best_s(3, [&] {
         const TrainedModel m = fitted(data, "mlp-512-256", epochs);
-        records = m.rows_of(data, Part::train).size(), weights = m.model->cost().multiply_adds;
+        // Forward, and backward to the weights and to the layer below, but for the inputs.
+        const std::size_t first_product =
+            (data.spd_axis.count + data.radar_axis.count) * m.fit.hidden.value().front();
+        multiply_adds = 3 * m.model->cost().multiply_adds - first_product;
       });
     };
     const double once = run(1), epoch = (run(3) - once) / 2;
-    // Forward, and backward to the weights and to the layer below.
-    const double done = 3 * static_cast<double>(weights * records) / epoch;
+    const double done = static_cast<double>(multiply_adds * records) / epoch;
     std::printf(
         "training mlp-512-256, %d thread%s: %.2f s an epoch of %zu records (with validation), "
         "%.0f of at most %.0f GFLOP/s: %.0f %%\n",

@@ -1,8 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Which model: sizes by name, the one-standard-error rule, and the study of accuracy against cost.
-#include <fstream>
-#include <sstream>
-
+// Which model: sizes by name, and the one-standard-error rule.
 #include "recon/crossvalidate.hpp"
 #include "recon/train.hpp"
 #include "world.hpp"
@@ -73,91 +70,6 @@ TEST_CASE("train --model auto keeps what does best for its cost, and says why") 
   CHECK_THAT(bad.text, Catch::Contains("oracle"));
 }
 
-TEST_CASE("study pareto: a row a model and share, the front marked, a chart") {
-  const Folder dir;
-  write_run(dir / "train", 200);
-  write_run(dir / "test", 40, 5);
-  const Outcome o = recon_program(
-      "study pareto " + (dir / "train") + " " + (dir / "test") + " -q --seeds 2 --out " +
-      (dir / "out") + " --models empty,silhouette,nearest,mean:spd --sweep-models silhouette " +
-      "--photons 0.1 --records 0.5");
-  CAPTURE(o.text);
-  REQUIRE(o.code == 0);
-  std::ifstream csv(dir / "out/pareto.csv");
-  std::string line, header;
-  std::getline(csv, header);
-  CHECK(header.starts_with("sweep,share,model,seeds,iou,iou_spread"));
-  std::vector<std::string> begins, fronts;
-  while (std::getline(csv, line)) {
-    begins.push_back(line.substr(0, line.find(",2,")));
-    if (line.ends_with(",1")) fronts.push_back(begins.back());
-    CHECK(std::count(line.begin(), line.end(), ',') ==
-          std::count(header.begin(), header.end(), ','));
-  }
-  CHECK(begins == std::vector<std::string>{"model,1,empty", "model,1,silhouette", "model,1,nearest",
-                                           "model,1,mean:spd", "photons,0.1,silhouette",
-                                           "records,0.5,silhouette"});
-  CHECK(std::count(fronts.begin(), fronts.end(), "model,1,silhouette") == 1);
-  CHECK(std::filesystem::file_size(dir / "out/pareto.svg") > 1000);
-  CHECK(std::distance(std::filesystem::directory_iterator(dir / "out"), {}) == 4);  // .runs, .gp
-  const Outcome same = recon_program("study pareto " + (dir / "train") + " " + (dir / "train") +
-                                     " --out " + (dir / "same"));
-  CHECK(same.code == 2);
-  CHECK_THAT(same.text, Catch::Contains("the models are trained on this run"));
-}
-
-TEST_CASE("study pareto goes on where it stopped, and draws the bound") {
-  const Folder dir;
-  write_run(dir / "train", 200);
-  write_run(dir / "test", 40, 5);
-  const auto study = [&](const std::string& models, const std::string& more = {},
-                         const std::string& records = "0.5") {
-    return recon_program("study pareto " + (dir / "train") + " " + (dir / "test") +
-                         " -q --seeds 1 --out " + (dir / "out") + " --models " + models +
-                         " --sweep-models silhouette --photons 0.1 --records " + records + more);
-  };
-  const auto table = [&] {
-    std::ifstream csv(dir / "out/pareto.csv");
-    return std::string(std::istreambuf_iterator<char>(csv), {});
-  };
-  const Outcome stopped = study("empty,mean", {}, "1e-9");  // of one record nothing can be learnt
-  CAPTURE(stopped.text);
-  REQUIRE(stopped.code != 0);
-  CHECK_THAT(table(), Catch::Contains("\nmodel,1,mean,1,"));
-  std::string marked = table();
-  const std::string there = "\nmodel,1,empty,1,0,";
-  REQUIRE(marked.find(there) != std::string::npos);
-  marked.replace(marked.find(there), there.size(), "\nmodel,1,empty,1,0.0625,");
-  std::ofstream(dir / "out/pareto.csv") << marked;
-
-  std::ofstream(dir / "bound.csv") << "axis,value,known,lateral_error_m\nbase,0,shape,0.0125\n"
-                                      "base,0,pose,0.0375\nphotons,100,pose,0.5\n";
-  const Outcome more = study("empty,mean,silhouette", " --bound " + (dir / "bound.csv"));
-  CAPTURE(more.text);
-  REQUIRE(more.code == 0);
-  const std::string all = table();
-  CHECK_THAT(all, Catch::Contains("\nmodel,1,empty,1,0.0625,"));
-  CHECK_THAT(all, Catch::Contains("\nphotons,0.1,silhouette,1,"));
-  CHECK(std::count(all.begin(), all.end(), '\n') == 1 + 5);
-  std::ifstream script(dir / "out/pareto.gp");
-  const std::string gp(std::istreambuf_iterator<char>(script), {});
-  CHECK_THAT(gp, Catch::Contains("0.0375 with lines") && Catch::Contains("0.0125 with lines"));
-  std::ifstream picture(dir / "out/pareto.svg");
-  CHECK_THAT(std::string(std::istreambuf_iterator<char>(picture), {}),
-             Catch::Contains("bound: pose unknown"));
-
-  const Outcome no_bound = study("empty", " --bound " + (dir / "out/pareto.csv"));
-  CHECK(no_bound.code == 1);
-  CHECK_THAT(no_bound.text, Catch::Contains("is not a bound.csv"));
-  write_run(dir / "third", 40, 6);
-  const Outcome other = recon_program("study pareto " + (dir / "train") + " " + (dir / "third") +
-                                      " -q --out " + (dir / "out"));
-  CHECK(other.code == 2);
-  CHECK_THAT(other.text, Catch::Contains("a study of other runs"));
-  std::ofstream(dir / "out/pareto.csv") << "sweep,share\nmodel,1\n";
-  CHECK_THAT(study("empty").text, Catch::Contains("pareto.csv: expected a number as seeds"));
-}
-
 TEST_CASE("the standard error of a sequence is that of its folds") {
   const auto fold = [](std::initializer_list<double> ious) {
     std::vector<MapScores> out;
@@ -202,4 +114,31 @@ TEST_CASE("cross-validation of held poses does not call each record a new one") 
   options.sequence = false;
   const double maps = crossvalidate(data, held, options).front().metrics[metric_iou].se;
   CHECK(folds > 1.5 * maps);
+}
+
+TEST_CASE("crossvalidate says which model could not be fitted, and why") {
+  const Folder dir;
+  write_run(dir / "run", 4);
+  const Outcome o =
+      recon_program("crossvalidate -q --models mean,factorised --folds 2 --gap 0 " + (dir / "run"));
+  CAPTURE(o.text);
+  CHECK(o.code == 5);
+  CHECK_THAT(o.text, Catch::Contains("factorised: fewer than two training records show a body"));
+  CHECK(recon_program("crossvalidate -q --models mean --folds 2 --gap 0 " + (dir / "run")).code ==
+        0);
+}
+
+TEST_CASE("train says that a network never beat the mean map") {
+  const Folder dir;
+  write_run(dir / "run", 240);
+  const auto train = [&](const std::string& how) {
+    return recon_program("train --model mlp-64 --out " + (dir / "m") + " " + (dir / "run") + how);
+  };
+  // One step moves every weight by the rate.
+  const Outcome wild = train(" --epochs 1 --batch 1024 --learning-rate 1");
+  const Outcome sound = train(" --epochs 20 --batch 8");
+  CHECK(wild.code == 0);
+  CHECK_THAT(wild.text, Catch::Contains("s; never better than the mean map\n"));
+  CHECK(sound.code == 0);
+  CHECK_THAT(sound.text, !Catch::Contains("never better"));
 }

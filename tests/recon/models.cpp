@@ -99,6 +99,12 @@ TEST_CASE("the nearest neighbour of a training record is itself") {
   const auto nearest = make_nearest();
   nearest->fit({x, y, all_rows(20)}, {x, y, {}}, {});
   CHECK(nearest->predict(x).values == y.values);
+  const std::size_t looked_up = nearest->cost().multiply_adds;
+  CHECK(looked_up == x.values.size());
+  FitOptions five;
+  five.basis = 5;
+  nearest->fit({x, y, all_rows(20)}, {x, y, {}}, five);
+  CHECK(nearest->cost().multiply_adds == looked_up + 5 * y.cols);
 }
 
 TEST_CASE("the same seed makes the same model, another seed another one") {

@@ -6,16 +6,13 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
+using echofuse::testing::all_finite;
 using echofuse::testing::Folder;
 using echofuse::testing::Outcome;
 using echofuse::testing::recon_program;
 using echofuse::testing::write_run;
 
 namespace {
-
-bool all_finite(const std::vector<float>& values) {
-  return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
-}
 
 struct Peculiar {
   const char* name;
@@ -119,6 +116,8 @@ TEST_CASE("peculiar sets of records make finite maps or are refused in one line"
         CHECK(error.code() == ExitCode::failed);
         CHECK_THAT(error.what(), Catch::Contains("records") || Catch::Contains("judged: the maps"));
         CHECK_THAT(error.what(), !Catch::Contains("\n"));
+        // A laboratory's number of records is enough for these, whatever is in them.
+        if (set.count == 40) CHECK((name != "mean" && name != "ridge" && name != "mlp"));
       }
     }
   }

@@ -7,7 +7,9 @@
 #include <set>
 #include <sstream>
 
+#include "recon/files.hpp"
 #include "recon/stability_summary.hpp"
+#include "recon/study.hpp"
 #include "world.hpp"
 
 using namespace echofuse;
@@ -183,7 +185,7 @@ TEST_CASE("study stability: a small one, cut and continued, and refused with oth
   const std::string out = dir / "out", table = out + "/stability.csv";
   const std::string study = "study stability -q --quick --seeds 2 --test-records 40 --out " + out +
                             " --axes alike-side,shifted-radar_offset --models silhouette,nearest" +
-                            " --records ";
+                            " --slip ignore --records ";
   const Outcome first = recon_program(study + "500");
   CAPTURE(first.text);
   REQUIRE(first.code == 0);
@@ -213,6 +215,87 @@ TEST_CASE("study stability: a small one, cut and continued, and refused with oth
   CHECK(text_of(table) == whole);
 }
 
+TEST_CASE("study stability as it is by default: a slip corrected, a lost radar replaced") {
+  const Folder dir;
+  const std::string out = dir / "out";
+  const Outcome study = recon_program(
+      "study stability -q --quick --seeds 2 --records 500 --test-records 80 --models factorised-4 "
+      "--axes shifted-radar_offset,shifted-scenes,shifted-lost_radar --out " +
+      out);
+  CAPTURE(study.text);
+  REQUIRE(study.code == 0);
+  const auto lines = lines_of(out + "/stability.csv");
+  const double base = iou_of(lines, "base,base,base,factorised-4,fused,");
+  CHECK(base > 0.4);
+  CHECK(iou_of(lines, "shifted,radar_offset,0.2,factorised-4,fused,") > 0.9 * base);
+  // The SPD alone does not know the side, but it answers: without it there would be no number.
+  CHECK(iou_of(lines, "shifted,lost_radar,missing,factorised-4,fused,") >= 0);
+  // Where nobody is, it shows nobody: a hard SSIM of 1, as the empty room.
+  for (const char* seed : {"1", "2"}) {
+    const std::string begin = std::string("shifted,scenes,nobody,factorised-4,fused,") + seed;
+    CHECK(std::ranges::count_if(lines, [&](const std::string& line) {
+            return line.starts_with(begin + ",nan,nan,1,");
+          }) == 1);
+  }
+}
+
+TEST_CASE("a record that a model cannot read shows the empty room") {
+  Dataset data = load_plates(60);
+  const TrainedModel model = train_whole(data, StudyModel("nearest"), 1);
+  std::fill(data.spd.row(7).begin(), data.spd.row(7).end(), 0.f);
+  Rows rows = all_rows(data.size());
+  std::erase_if(rows, [&](std::size_t row) { return !model.fault_of(data, row).empty(); });
+  REQUIRE(rows.size() == 59);
+  const Matrix maps = with_nobody(model, data, rows), made = model.predict(data, rows);
+  REQUIRE(maps.rows == 60);
+  CHECK(std::ranges::equal(maps.row(7), model.scene.background));
+  CHECK(std::ranges::equal(maps.row(6), made.row(6)));
+  CHECK(std::ranges::equal(maps.row(59), made.row(58)));
+  CHECK_FALSE(std::ranges::equal(maps.row(8), model.scene.background));
+}
+
+TEST_CASE("a study's models have beside them what it asks for, and claim nothing") {
+  const Dataset data = load_plates(120);
+  const StudyModel silhouette("silhouette"), mean("mean");
+  const TrainedModel alone = train_whole(data, silhouette, 1);
+  CHECK_FALSE(alone.confidence);
+  CHECK_FALSE(alone.slip.known());
+  CHECK_FALSE(alone.fallback);
+  const TrainedModel with_slip = train_whole(data, silhouette, 1, {.slip = true});
+  CHECK_FALSE(with_slip.confidence);
+  CHECK(with_slip.slip.known());
+  const TrainedModel with_both = train_whole(data, silhouette, 1, {.slip = true, .fallback = true});
+  CHECK(with_both.slip.known());
+  CHECK(with_both.fallback);
+  const TrainedModel blind = train_whole(data, mean, 1, {.slip = true, .fallback = true});
+  CHECK_FALSE(blind.slip.known());
+  CHECK_FALSE(blind.fallback);
+}
+
+TEST_CASE("study stability says once why a training is refused") {
+  const Folder dir;
+  const Outcome study = recon_program(
+      "study stability -q --seeds 2 --records 20 --test-records 10 --models silhouette --axes "
+      "alike-records --out " +
+      (dir / "out"));
+  CAPTURE(study.text);
+  REQUIRE(study.code == 0);
+  const std::string reason = "\nsilhouette: 1 usable records leave 1";
+  const auto at = ("\n" + study.text).find(reason);
+  REQUIRE(at != std::string::npos);
+  CHECK(study.text.find(reason, at) == std::string::npos);
+}
+
+TEST_CASE("a temporary run file goes with what is kept beside it") {
+  const Folder dir;
+  {
+    const TemporaryFile file{dir / "a.sqlite"};
+    for (const char* beside : {"", "-wal", "-shm", "-lock"})
+      std::ofstream(file.path + beside) << "x";
+  }
+  CHECK(std::filesystem::is_empty(dir.path));
+}
+
 TEST_CASE("study stability says what it cannot do") {
   const Folder dir;
   const std::string study = "study stability -q --quick --out " + (dir / "out");
@@ -222,8 +305,18 @@ TEST_CASE("study stability says what it cannot do") {
   const Outcome model = recon_program(study + " --models silhouette:spd");
   CHECK(model.code == 2);
   CHECK_THAT(model.text, Contains("needs both sensors"));
+  const Outcome inputs = recon_program(study + " --models mlp-512-256:rader");
+  CHECK(inputs.code == 2);
+  CHECK_THAT(inputs.text, Contains("rader"));
   CHECK_FALSE(std::filesystem::exists(dir / "out"));
   const Outcome sim = recon_program(study + " --models mean --sim " + (dir / "nowhere"));
   CHECK(sim.code == 1);
   CHECK_THAT(sim.text, Contains("No such file") && Contains("--sim"));
+  const Outcome fails = recon_program(study + " --models mean --sim false");
+  CHECK(fails.code == 1);
+  CHECK_THAT(fails.text, Contains(": exit code 1\n"));
+  std::ofstream(dir / "dies") << "#!/bin/sh\nkill -9 $$\n";
+  std::filesystem::permissions(dir / "dies", std::filesystem::perms::owner_all);
+  CHECK_THAT(recon_program(study + " --models mean --sim " + (dir / "dies")).text,
+             Contains(": ended by signal 9\n"));
 }

@@ -4,6 +4,7 @@
 #pragma once
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -11,6 +12,7 @@
 #include <filesystem>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "acquire/record/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
@@ -91,6 +93,10 @@ inline recon::Dataset load_plates(std::int64_t count) {
   const Folder dir;
   write_run(dir / "plates", count);
   return recon::load({dir / "plates"});
+}
+
+inline bool all_finite(const std::vector<float>& values) {
+  return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
 }
 
 struct Outcome {

@@ -122,6 +122,12 @@ TEST_CASE("study bound: a table, a chart, and no answer for another noise") {
   const Outcome speckle = sim("study bound -q --set radar_sum=coherent --out " + folder / "no");
   CHECK(speckle.code == 3);
   CHECK(has(speckle.text, "speckle is not Gaussian"));
+  const Outcome scenes = sim("study bound -q --set people=9 --out " + folder / "never");
+  CHECK(scenes.code == 3);
+  CHECK(has(scenes.text, "people: a study draws its own scenes"));
+  CHECK_FALSE(fs::exists(folder / "never"));
+  std::ofstream(folder / "file") << "no folder";
+  CHECK(sim("study bound -q --out " + folder / "file").code == 6);
 }
 
 TEST_CASE("devices that were unplugged come back while a command runs in the laboratory") {
