@@ -233,6 +233,8 @@ TEST_CASE("the mean map of an empty room in front of a wall is the wall") {
   const Folder dir;
   write_run(dir / "walled", 300, 1, [](record::FusedRecord& r) {
     for (auto& mm : r.depth_mm) mm = mm > 0 ? mm : 5000;
+    // Bodies that the detector does not see: a pixel without a mask may show one.
+    for (std::size_t i = 0; i < r.spd.size() && r.index % 10 == 0; ++i) r.spd[i] = 3 + i % 2;
   });
   TrainOptions options;
   options.model = "factorised-4", options.split.validation_share = 0.3, options.fit.quiet = true;
@@ -241,7 +243,6 @@ TEST_CASE("the mean map of an empty room in front of a wall is the wall") {
   for (std::size_t i = 0; i < empty.spd.values.size(); ++i)
     empty.spd.values[i] = static_cast<float>(3 + i % 2);
   const Answer a = answer(model, empty, all_rows(3), "mean", false);
-  REQUIRE(a.claims.front().strangeness.why == "empty");
   for (const float z : a.maps.values) REQUIRE(z == Approx(5.0f).margin(1e-3));
 }
 
