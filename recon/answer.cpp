@@ -31,36 +31,6 @@ float peak_to_noise(std::span<const float> power) {
   return static_cast<float>((double{sorted.back()} - mean) / std::max(std::sqrt(square), 1e-12));
 }
 
-}  // namespace
-
-Matrix signs_of(const TrainedModel& model, const Dataset& data, const Rows& rows,
-                const Matrix& maps) {
-  const Inputs inputs = model.features.inputs;
-  Matrix out;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    std::vector<float> signs{
-        static_cast<float>(std::abs(foreground_tangent(maps.row(i), model.scene)))};
-    if (inputs != Inputs::radar) signs.push_back(std::log(significance(data.spd.row(rows[i])) + 1));
-    if (inputs != Inputs::spd) signs.push_back(std::log(peak_to_noise(data.radar.row(rows[i]))));
-    out.cols = signs.size();
-    out.add_row(signs);
-  }
-  return out;
-}
-
-SoftMaps soft_maps(const TrainedModel& model, const Dataset& data, const Rows& rows,
-                   const Matrix& maps, const std::vector<double>& lateral_90_m) {
-  constexpr double deviations_90 = 1.645;
-  auto own = model.model->predict_soft(model.features.apply(data, rows));
-  if (!own) return soft_of(maps, model.scene);
-  std::vector<double> deviation_m = lateral_90_m;
-  for (double& d : deviation_m) d /= deviations_90;
-  blur(*own, deviation_m);
-  return std::move(*own);
-}
-
-namespace {
-
 std::vector<Claim> claims(const TrainedModel& model, const Dataset& data, const Rows& rows,
                           const Matrix& maps) {
   std::vector<Claim> out(rows.size());
@@ -92,6 +62,32 @@ PixelMaps pixel_maps(const TrainedModel& model, const Dataset& data, const Rows&
 }
 
 }  // namespace
+
+Matrix signs_of(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                const Matrix& maps) {
+  const Inputs inputs = model.features.inputs;
+  Matrix out;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    std::vector<float> signs{
+        static_cast<float>(std::abs(foreground_tangent(maps.row(i), model.scene)))};
+    if (inputs != Inputs::radar) signs.push_back(std::log(significance(data.spd.row(rows[i])) + 1));
+    if (inputs != Inputs::spd) signs.push_back(std::log(peak_to_noise(data.radar.row(rows[i]))));
+    out.cols = signs.size();
+    out.add_row(signs);
+  }
+  return out;
+}
+
+SoftMaps soft_maps(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                   const Matrix& maps, const std::vector<double>& lateral_90_m) {
+  constexpr double deviations_90 = 1.645;
+  auto own = model.model->predict_soft(model.features.apply(data, rows));
+  if (!own) return soft_of(maps, model.scene);
+  std::vector<double> deviation_m = lateral_90_m;
+  for (double& d : deviation_m) d /= deviations_90;
+  blur(*own, deviation_m);
+  return std::move(*own);
+}
 
 Answer answer(const TrainedModel& model, const Dataset& data, const Rows& rows,
               const std::string& output, bool with_deviation) {

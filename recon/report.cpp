@@ -54,6 +54,7 @@ LoadedMode score_mode(Inputs inputs, double paper_ssim, const std::vector<std::s
     const std::string slip = match_model(data, model, SlipAction::warn);
     const Rows rows = rows_of_both(model, data);
     Evaluation e = evaluate(model, data, rows, data, model.rows_of(data, Part::train));
+    e.left_out += rows_to_evaluate(model, data, false).size() - rows.size();
     e.slip = slip;
     e.cost = measure_cost(model, data, rows, path);
     mode.result.evaluations.push_back(std::move(e));

@@ -201,7 +201,8 @@ TEST_CASE("the report takes what evaluate takes, and says what it did about it")
                                      (dir / "fresh") + " --live " + (dir / "dark"));
   CAPTURE(dark.text);
   REQUIRE(dark.code == 0);
-  CHECK_THAT(dark.text, Catch::Contains("5 records: radar lost: SPD alone"));
+  CHECK_THAT(dark.text, Catch::Contains("5 records: radar lost: SPD alone") &&
+                            Catch::Contains("15 records with depth left out"));
   CHECK_THAT(contents(dir / "out/report.html"),
              Catch::Contains(">45 held-out records of") &&
                  Catch::Contains("5 records: radar lost: SPD alone"));
