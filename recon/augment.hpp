@@ -10,11 +10,10 @@
 
 namespace echofuse::recon {
 
-//   noise    more radar noise: 20 down to 10 dB below the mean profile's peak
-//   speckle  radar power of the coherent sum of scatterers that are spread like the profile
+//   noise  more radar noise: 20 down to 10 dB below the mean of the records' peaks
 // Gains, impulse response and background have none, as the models do not mind them, nor has a slip,
 // which is corrected (slip.hpp).
-inline const std::vector<std::string> augment_names = {"noise", "speckle"};
+inline const std::vector<std::string> augment_names = {"noise"};
 
 // Appends a perturbed copy of the rows for each kind, and their numbers to `rows`. The copies
 // belong to no source. Throws Error(usage) if the kind is not known.

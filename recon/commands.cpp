@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/core/console.hpp"
+#include "recon/answer.hpp"
 #include "recon/augment.hpp"
 #include "recon/crossvalidate.hpp"
 #include "recon/evaluate.hpp"
@@ -90,14 +91,11 @@ class ReconstructTalk {
     (r.fault.empty() ? good_ : left_out_) += 1;
     fell_back_ += !r.note.empty();
     if (!r.fault.empty() && !follow_) faults_.push_back(r);
-    if (r.claim && !r.claim->strangeness.why.empty()) {
-      const std::string& why = r.claim->strangeness.why;
-      ++unusual_[why.substr(0, why.find(" ("))];
-    }
+    if (r.claim && !r.claim->strangeness.why.empty()) ++unusual_[r.claim->strangeness.why];
     if (follow_ && !(r.fault.empty() && r.note.empty())) complain(r);
     if (follow_ && r.claim && !r.claim->strangeness.why.empty() && !quiet_)
       std::fprintf(stderr, "record %lld: unusual: %s\n", static_cast<long long>(r.index),
-                   r.claim->strangeness.why.c_str());
+                   r.claim->strangeness.text().c_str());
     if (follow_ && r.after_slot_s && !quiet_)
       std::fprintf(stderr,
                    "record %lld: map %.3f s after its slot's end, %.1f ms after its reading\n",
@@ -192,7 +190,7 @@ Command add_train(CLI::App& app, const Common& common) {
   app.add_flag("--resume", a->fit.checkpoint.resume, "go on from OUT.checkpoint");
   app.add_option("--augment", a->augment,
                  "train on perturbed copies of the records, too: noise (of the radar, down to 10 "
-                 "dB), speckle (of the radar)")
+                 "dB)")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->check(CLI::IsMember(augment_names));

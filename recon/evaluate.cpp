@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "drivers/core/exit_code.hpp"
+#include "recon/answer.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -27,20 +28,70 @@ Matrix nearest_maps(const TrainedModel& trained, const Dataset& data, const Rows
   return model->predict(trained.features.apply(data, rows));
 }
 
+Rows with_depth(const Dataset& data) {
+  Rows rows = all_rows(data.size());
+  std::erase_if(rows, [&](std::size_t row) { return !data.has(row, Sensor::depth); });
+  return rows;
+}
+
+// A Calibration in the making.
+struct Claimed {
+  double within = 0, stated = 0, known = 0, flagged = 0, squares = 0, variance = 0, pixels = 0,
+         records = 0;
+
+  void add(const Answer& own, const Dataset& data, const Rows& rows, const Scene& scene) {
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const auto truth = data.depth.row(rows[i]);
+      flagged += !own.claims[i].strangeness.why.empty(), ++records;
+      for (std::size_t p = 0; p < truth.size(); ++p, ++pixels) {
+        squares += std::pow(double{own.mean.row(i)[p]} - double{truth[p]}, 2);
+        variance += std::pow(double{own.deviation.row(i)[p]}, 2);
+      }
+      const double error = lateral_error(own.maps.row(i), truth, scene);
+      const double claimed = own.claims[i].lateral_90_m;
+      if (std::isnan(error) || std::isnan(claimed)) continue;
+      within += error <= claimed, stated += claimed, ++known;
+    }
+  }
+  Calibration mean() const {
+    return {within / known, stated / known, flagged / records, std::sqrt(squares / pixels),
+            std::sqrt(variance / pixels)};
+  }
+};
+
+// Metrics and calibration, by parts that bound the memory.
+void score_answers(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                   Evaluation& out) {
+  constexpr std::size_t at_once = 512;
+  std::vector<MapScores> scores;
+  Claimed claimed;
+  for (std::size_t first = 0; first < rows.size(); first += at_once) {
+    const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(first);
+    const Rows part(begin, begin + std::min<std::ptrdiff_t>(at_once, rows.end() - begin));
+    const bool with_pixels = model.confidence || out.output == "mean";
+    Answer one = answer(model, data, part, "own", with_pixels);
+    if (model.confidence) claimed.add(one, data, part, model.scene);
+    choose_output(one, out.output, model.scene);
+    const auto some = score_maps(one.maps, data, part, model.scene);
+    scores.insert(scores.end(), some.begin(), some.end());
+  }
+  out.metrics = summarise(scores);
+  if (model.confidence) out.calibration = claimed.mean();
+}
+
 }  // namespace
 
 Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) {
   const bool held_out = !all && model.knows(data);
-  Rows rows = held_out ? model.rows_of(data, Part::test)
-                       : data.usable(model.fallback ? model.fallback->features.inputs
-                                                    : model.features.inputs);
+  Rows rows = held_out ? model.rows_of(data, Part::test) : with_depth(data);
+  if (!held_out) std::erase_if(rows, [&](auto row) { return !model.fault_of(data, row).empty(); });
   if (!rows.empty()) return rows;
   const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
   throw Error(ExitCode::failed,
               held_out ? path +
                              ": the model was trained on this run and held none of its records "
                              "out; use --all to score it on what it has seen"
-                       : path + ": no record has depth and the sensors of a \"" +
+                       : path + ": no record has depth and the live sensors of a \"" +
                              name_of(model.features.inputs) + "\" model");
 }
 
@@ -78,44 +129,19 @@ Evaluation evaluate(const TrainedModel& model, const Dataset& data, const Rows& 
   Evaluation out;
   out.model = model.name;
   out.inputs = model.features.inputs;
+  out.output = output;
   out.records = rows.size();
   for (const std::size_t row : rows) out.fallback_records += model.falls_back(data, row);
-  out.metrics = scored(answer(model, data, rows, output, false).maps);
-  if (model.confidence) out.calibration = calibration_of(model, data, rows);
+  if (!model.knows(data))
+    for (const std::size_t row : with_depth(data))
+      out.left_out += !model.fault_of(data, row).empty();
+  score_answers(model, data, rows, out);
   out.trivial.push_back({"empty", scored(constant_maps(model.scene.background, rows.size()))});
   out.trivial.push_back({"mean", scored(constant_maps(model.scene.mean_map, rows.size()))});
   if (!neighbours.empty())
     out.trivial.push_back(
         {"nearest", scored(nearest_maps(model, data, rows, neighbours_data, neighbours))});
   return out;
-}
-
-Calibration calibration_of(const TrainedModel& model, const Dataset& data, const Rows& rows) {
-  constexpr std::size_t at_once = 512;
-  double within = 0, stated = 0, known = 0, flagged = 0, squares = 0, variance = 0;
-  for (std::size_t first = 0; first < rows.size(); first += at_once) {
-    const Rows part(
-        rows.begin() + static_cast<std::ptrdiff_t>(first),
-        rows.begin() + static_cast<std::ptrdiff_t>(std::min(first + at_once, rows.size())));
-    const Matrix maps = model.predict(data, part);
-    const auto claimed = claims(model, data, part, maps);
-    const PixelMaps pixels = pixel_maps(model, data, part, maps, claimed);
-    for (std::size_t i = 0; i < part.size(); ++i) {
-      const auto truth = data.depth.row(part[i]);
-      flagged += !claimed[i].strangeness.why.empty();
-      for (std::size_t p = 0; p < truth.size(); ++p) {
-        squares += std::pow(double{pixels.mean.row(i)[p]} - double{truth[p]}, 2);
-        variance += std::pow(double{pixels.deviation.row(i)[p]}, 2);
-      }
-      const double error = lateral_error(maps.row(i), truth, model.scene);
-      if (std::isnan(error) || std::isnan(claimed[i].lateral_90_m)) continue;
-      within += error <= claimed[i].lateral_90_m, stated += claimed[i].lateral_90_m, ++known;
-    }
-  }
-  const auto all = static_cast<double>(rows.size());
-  const double pixels = all * static_cast<double>(data.depth.cols);
-  return {within / known, stated / known, flagged / all, std::sqrt(squares / pixels),
-          std::sqrt(variance / pixels)};
 }
 
 RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,

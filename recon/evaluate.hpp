@@ -35,16 +35,19 @@ struct Calibration {
 struct Evaluation {
   std::string model;
   Inputs inputs{};
+  std::string output;  // of output_names, which the metrics are of
   std::size_t records = 0;
   std::size_t fallback_records = 0;  // of them, for which the fallback answered
+  std::size_t left_out = 0;          // of a fresh run: had depth, but no map can be made of them
   std::string slip;                  // what match_model said
   Summaries metrics;
   std::vector<ScoredRow> trivial;  // empty room, mean map, nearest neighbour
   RunningCost cost;
-  std::optional<Calibration> calibration;  // none: the model claims nothing
+  std::optional<Calibration> calibration;  // none: the model claims nothing; NaN: of no record
 };
 
-// The rows to judge a model by: the held-out ones of a run it was trained on, else all usable ones.
+// The rows to judge a model by: the held-out ones of a run it was trained on, else all with depth
+// that the model has a map of.
 // Throws Error(failed) if there are none.
 Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
 
@@ -62,9 +65,6 @@ Evaluation evaluate(const TrainedModel& model, const Dataset& data, const Rows& 
                     const Dataset& neighbours_data, const Rows& neighbours,
                     const std::string& output = "own");
 
-// NaN where no record defines it. The model must have a confidence.
-Calibration calibration_of(const TrainedModel& model, const Dataset& data, const Rows& rows);
-
 RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,
                          const std::string& model_path);
 
@@ -74,6 +74,9 @@ std::string to_table(const std::vector<ScoredRow>& rows);
 // Whole-map SSIM and RMSE in units of the depth span (6 m), for recordings whose depth is relative.
 std::string to_span_table(const std::vector<ScoredRow>& rows);
 std::string to_text(const Evaluation& evaluation);
+// What must be known to read the scores (slip, fallback, records left out): a line each, or
+// nothing.
+std::string notes(const Evaluation& evaluation);
 std::string to_text(const std::optional<Calibration>& calibration);  // one line, or nothing
 
 }  // namespace echofuse::recon

@@ -30,7 +30,9 @@ json to_json(const Evaluation& e) {
   for (const auto& row : e.trivial) trivial[row.name] = metrics_json(row.metrics);
   json out = {{"model", e.model},
               {"inputs", name_of(e.inputs)},
+              {"output", e.output},
               {"records", e.records},
+              {"left_out", e.left_out},
               {"fallback_records", e.fallback_records},
               {"slip", e.slip},
               {"metrics", metrics_json(e.metrics)},
@@ -88,14 +90,20 @@ std::string to_text(const std::optional<Calibration>& c) {
                        100 * c->flagged, c->error_m, c->deviation_m);
 }
 
+std::string notes(const Evaluation& e) {
+  std::string out = e.slip.empty() ? "" : e.slip + '\n';
+  if (e.fallback_records > 0)
+    out += formatted("%zu records: %s\n", e.fallback_records, fallback_note);
+  if (e.left_out > 0)
+    out += formatted("%zu records with depth left out: a sensor missing or dead\n", e.left_out);
+  return out;
+}
+
 std::string to_text(const Evaluation& e) {
   std::vector<ScoredRow> rows = {{e.model + " " + name_of(e.inputs), e.metrics}};
   rows.insert(rows.end(), e.trivial.begin(), e.trivial.end());
-  std::string out = formatted("%zu records; mean +- standard error over maps\n", e.records);
-  if (!e.slip.empty()) out += e.slip + '\n';
-  if (e.fallback_records > 0)
-    out += formatted("%zu records: %s\n", e.fallback_records, fallback_note);
-  return out + to_table(rows) +
+  return formatted("%zu records; mean +- standard error over maps\n", e.records) + notes(e) +
+         to_table(rows) +
          formatted(
              "%zu multiply-adds a map, %zu parameters, %.0f us a map (median; p99 %.0f) on one "
              "thread\n",

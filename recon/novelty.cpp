@@ -15,6 +15,7 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::uint64_t pair_stream = 0x70616972;  // "pair"
+constexpr std::uint64_t held_stream = 0x68656c64;  // "held"
 constexpr std::size_t most_components = 36, rows_a_component = 60, most_pairs = 4000;
 constexpr double held_out_share = 0.25;
 constexpr double background_quantile = 0.05;
@@ -42,9 +43,15 @@ double upper_limit(std::vector<float> values, double share_above) {
 Novelty::Novelty(const Dataset& data, const Rows& rows, Inputs inputs, std::uint64_t seed)
     : readings_{fit_features(data, rows, inputs, raw_scaling)} {
   const Matrix readings = readings_.strengths(data, rows);
-  const auto first_held = static_cast<std::size_t>((1 - held_out_share) * double(rows.size()));
-  Rows fit, held;
-  for (std::size_t i = 0; i < rows.size(); ++i) (i < first_held ? fit : held).push_back(i);
+  const auto first_held =
+      static_cast<std::ptrdiff_t>((1 - held_out_share) * static_cast<double>(rows.size()));
+  Rows fit = all_rows(rows.size());  // shuffled, as runs and kinds of records lie behind each other
+  Rng rng = make_rng(seed, held_stream);
+  std::shuffle(fit.begin(), fit.end(), rng);
+  const auto first_held_row = fit.begin() + first_held;
+  const Rows held(first_held_row, fit.end());
+  fit.erase(first_held_row, fit.end());
+  std::sort(fit.begin(), fit.end());
   if (inputs != Inputs::radar) alignment_ = Alignment(readings_.layout(), readings, fit);
   Rows with_body, fit_with_body;
   const Matrix all = describe(readings, &with_body);
@@ -101,8 +108,6 @@ Matrix Novelty::describe(const Matrix& readings, Rows* with_body) const {
   }
   return out;
 }
-
-std::size_t Novelty::radar_first() const { return alignment_.histogram_bins(); }
 
 // Histogram, aligned profile, range and profile get the same total variance.
 void Novelty::learn_scale(const Matrix& descriptions) {
@@ -171,7 +176,7 @@ std::array<double, 5> Novelty::statistics(std::span<const float> description) co
   std::array<double, 2> residual{};
   const std::size_t range_at = readings_.spd_count() > 0 ? alignment_.size() - 1 : off.size();
   for (std::size_t c = 0; c < off.size(); ++c)
-    residual[readings_.spd_count() == 0 || (c >= radar_first() && c != range_at)] +=
+    residual[readings_.spd_count() == 0 || (c >= alignment_.histogram_bins() && c != range_at)] +=
         double{off[c]} * double{off[c]};
   return {std::log(along + tiny), std::log(residual[0] + residual[1] + tiny),
           product(quadratic_terms(amounts), discriminant_), residual[0] / usual_residual_[0],
@@ -200,6 +205,7 @@ std::vector<Strangeness> Novelty::judge(const Dataset& data, const Rows& rows) c
     const auto found = statistics(one.values);
     Strangeness s{std::max(limits_[0].share(found[0]), limits_[1].share(found[1])),
                   limits_[2].share(found[2]),
+                  {},
                   {}};
     const double range_m = double{one.body.range_m}, clicks = data.clicks_per_start[rows[i]];
     const bool has_range = readings_.spd_count() > 0 && one.body.there;
@@ -207,9 +213,9 @@ std::vector<Strangeness> Novelty::judge(const Dataset& data, const Rows& rows) c
       s.why = "empty";
     else if (readings_.spd_count() > 0 && clicks > low_flux &&
              clicks > clicks_reserve * most_clicks_per_start_)
-      s.why = formatted("saturated (%.2f clicks a laser pulse)", clicks);
+      s.why = "saturated", s.figures = formatted("%.2f clicks a laser pulse", clicks);
     else if (has_range && (range_m < nearest_m_ || range_m > farthest_m_))
-      s.why = formatted("outside the training records' distances (%.2f m)", range_m);
+      s.why = "outside the training records' distances", s.figures = formatted("%.2f m", range_m);
     else if (s.two_bodies > 1 && s.two_bodies > s.distance)
       s.why = "two bodies, or one unlike those of the training records";
     else if (s.distance > 1)

@@ -23,7 +23,9 @@ namespace echofuse::recon {
 
 struct Strangeness {
   double distance = 0, two_bodies = 0;  // above 1: unusual
-  std::string why;  // empty: like the training records; figures at its end, " (in brackets)"
+  std::string why;                      // empty: like the training records
+  std::string figures;                  // to it, if there are any
+  std::string text() const { return figures.empty() ? why : why + " (" + figures + ")"; }
 };
 
 class Novelty {
@@ -56,7 +58,6 @@ class Novelty {
   // log T^2, log Q, discriminant; residuals of histogram and radar in units of their usual size.
   std::array<double, 5> statistics(std::span<const float> description) const;
   void learn_limits(const Matrix& descriptions);
-  std::size_t radar_first() const;  // of the description
 
   Features readings_;
   Alignment alignment_;  // without a detector: unused

@@ -15,9 +15,8 @@
 namespace echofuse::recon {
 
 struct PixelMaps {
-  Matrix probability;  // that the pixel shows a body
-  Matrix mean;         // p z + (1 - p) B, metres
-  Matrix deviation;    // sqrt(p (1 - p) (z - B)^2 + p s^2), metres; s: of depths within the body
+  Matrix mean;       // p z + (1 - p) B, metres
+  Matrix deviation;  // sqrt(p (1 - p) (z - B)^2 + p s^2), metres; s: of depths within the body
 };
 
 // The soft maps of a model that has none of its own: its mean maps as probabilities.

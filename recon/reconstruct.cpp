@@ -10,6 +10,7 @@
 
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/console.hpp"
+#include "recon/answer.hpp"
 #include "recon/files.hpp"
 #include "recon/map_files.hpp"
 #include "recon/text.hpp"
@@ -45,7 +46,7 @@ class StatusTable {
   void add(const Claim& c) {
     out_ << (std::isnan(c.lateral_90_m) ? "" : formatted("%.3f", c.lateral_90_m))
          << formatted(",%.3f,%.3f,\"", c.strangeness.distance, c.strangeness.two_bodies)
-         << c.strangeness.why << "\"";
+         << c.strangeness.text() << "\"";
   }
   std::string path_;
   std::ofstream out_;

@@ -22,7 +22,7 @@ struct RecordStatus {
 struct ReconstructOptions {
   std::string out;                                      // folder, made if need be
   std::vector<std::string> formats = {"colour", "mm"};  // of map_files.hpp
-  std::string output = "own";                           // of output_names (confidence.hpp)
+  std::string output = "own";                           // of output_names (answer.hpp)
   bool follow = false;                    // take records as they come, until the run is closed
   bool quiet = false;                     // no progress bar
   SlipAction slip = SlipAction::correct;  // while following: warn

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "drivers/core/exit_code.hpp"
+#include "recon/answer.hpp"
 #include "recon/figure.hpp"
 #include "recon/files.hpp"
 #include "recon/text.hpp"
@@ -30,6 +31,17 @@ Summaries over_models(const std::vector<Evaluation>& evaluations) {
   return summarise(means);
 }
 
+// Those with both sensors alive, on which all three modes can be compared.
+Rows rows_of_both(const TrainedModel& model, const Dataset& data) {
+  Rows rows = rows_to_evaluate(model, data, false);
+  std::erase_if(rows, [&](auto row) { return !data.fault_of(row, Inputs::fused).empty(); });
+  if (rows.empty())
+    throw Error(ExitCode::failed, data.sources.front().path +
+                                      ": no record with depth has both sensors, which the three "
+                                      "modes are compared on");
+  return rows;
+}
+
 LoadedMode score_mode(Inputs inputs, double paper_ssim, const std::vector<std::string>& paths,
                       Dataset& data) {
   LoadedMode mode{{inputs, paper_ssim, {}, {}}, {}};
@@ -39,9 +51,11 @@ LoadedMode score_mode(Inputs inputs, double paper_ssim, const std::vector<std::s
     if (f.inputs != inputs)
       throw Error(ExitCode::failed, path + ": was trained on " + name_of(f.inputs) +
                                         " inputs, given as --" + name_of(inputs));
-    match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
-    const Rows rows = rows_to_evaluate(model, data, false);
+    const std::string slip = match_model(data, model, SlipAction::warn);
+    const Rows rows = rows_of_both(model, data);
     Evaluation e = evaluate(model, data, rows, data, model.rows_of(data, Part::train));
+    e.left_out += rows_to_evaluate(model, data, false).size() - rows.size();
+    e.slip = slip;
     e.cost = measure_cost(model, data, rows, path);
     mode.result.evaluations.push_back(std::move(e));
     mode.models.push_back(std::move(model));
@@ -86,11 +100,10 @@ const char* mode_title(Inputs inputs) {
 }
 
 void show_claim(FigureRow& row, const Claim& claim) {
-  const std::string& why = claim.strangeness.why;
   row.claim = std::isnan(claim.lateral_90_m)
                   ? "place unknown"
                   : formatted("within %.0f cm sideways (90 %%)", 100 * claim.lateral_90_m);
-  if (!why.empty()) row.warning = "unusual: " + why;
+  if (!claim.strangeness.why.empty()) row.warning = "unusual: " + claim.strangeness.text();
 }
 
 Bytes draw(const std::string& title, const std::vector<const TrainedModel*>& models,
@@ -126,7 +139,7 @@ Bytes draw(const std::string& title, const std::vector<const TrainedModel*>& mod
 
 // Held-out rows of all models whose label is, or is not, that of a person alone.
 Rows labelled(const std::vector<const TrainedModel*>& models, const Dataset& data, bool person) {
-  Rows rows = rows_to_evaluate(*models.front(), data, false);
+  Rows rows = rows_of_both(*models.front(), data);
   for (const auto* model : models) {
     Rows other = rows_to_evaluate(*model, data, false), common;
     std::sort(other.begin(), other.end());
@@ -159,10 +172,11 @@ void add_figures(Report& report, const std::vector<const TrainedModel*>& models,
 
 void add_live(Report& report, const TrainedModel& fused, const std::string& path) {
   Dataset data = load({path});
-  match_axes(data, fused.features.spd_axis, fused.features.radar_axis, fused.features.inputs);
+  const std::string slip = match_model(data, fused, SlipAction::correct);
   const Rows rows = rows_to_evaluate(fused, data, false);
   report.live = path;
   report.live_evaluation = evaluate(fused, data, rows, data, {});
+  report.live_evaluation.slip = slip;
   const std::size_t row = median_row(fused, data, rows);
   const std::string name = formatted("live record %lld", static_cast<long long>(data.index[row]));
   report.pictures.push_back({"figure_live.png", name + " of " + path + ", recorded by the daemon.",

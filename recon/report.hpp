@@ -12,7 +12,7 @@ namespace echofuse::recon {
 struct ReportOptions {
   std::string dir;
   std::vector<std::string> fused, spd, radar;  // model files; several of a mode are its seeds
-  std::string run;                             // scored on its held-out records
+  std::string run;                             // its held-out records with both sensors are scored
   std::string live;                            // optional: a recorded run, for the fused model
 };
 

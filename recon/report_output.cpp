@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include <cmath>
+#include <sstream>
 
 #include "drivers/core/console.hpp"
 #include "recon/report.hpp"
@@ -167,12 +168,21 @@ std::string confidence_section(const Report& report) {
          lines + "</table>\n";
 }
 
+// notes() as paragraphs.
+std::string notes_section(const Evaluation& e) {
+  std::string out;
+  std::istringstream lines(notes(e));
+  for (std::string line; std::getline(lines, line);)
+    out += "<p class=\"note\">" + escaped(line) + "</p>\n";
+  return out;
+}
+
 std::string live_section(const Report& report) {
   if (report.live.empty()) return {};
   std::string out = "<h2>Recorded live: " + escaped(report.live) + "</h2>\n<p>" +
                     std::to_string(report.live_evaluation.records) +
-                    " records through the daemon, scored with the fused model.</p>\n<table>\n" +
-                    header_row("", "");
+                    " records through the daemon, scored with the fused model.</p>\n" +
+                    notes_section(report.live_evaluation) + "<table>\n" + header_row("", "");
   out += "<tr><td>fused</td>" + metric_cells(report.live_evaluation.metrics) + "</tr>\n";
   for (const auto& row : report.live_evaluation.trivial)
     out += "<tr class=\"trivial\"><td>" + escaped(row.name) + "</td>" + metric_cells(row.metrics) +
@@ -192,8 +202,9 @@ std::string to_html(const Report& report) {
       "radar</h1>\n<p>" +
       std::to_string(report.records) + " held-out records of " + escaped(report.run) + " (run " +
       escaped(report.run_uuid) + "), echofuse " + version() + ".</p>\n";
-  out += modes_table(report) + explanations(report) + ssim_note(report) +
-         confidence_section(report) + live_section(report);
+  out += notes_section(report.modes.front().evaluations.front()) + modes_table(report) +
+         explanations(report) + ssim_note(report) + confidence_section(report) +
+         live_section(report);
   for (const auto& picture : report.pictures)
     out += "<figure><img alt=\"" + escaped(picture.file) + "\" src=\"data:image/png;base64," +
            base64(picture.png) + "\"><figcaption>" + escaped(picture.caption) +
@@ -214,6 +225,11 @@ std::string to_text(const Report& report) {
   for (const auto& mode : report.modes)
     line(name_of(mode.inputs), formatted("%.4f", mode.paper_ssim), mode.metrics);
   for (const auto& row : report.trivial) line(row.name.c_str(), "", row.metrics);
+  out += notes(report.modes.front().evaluations.front());
+  if (!report.live.empty()) {
+    line("live", "", report.live_evaluation.metrics);
+    out += notes(report.live_evaluation);
+  }
   return out;
 }
 

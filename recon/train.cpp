@@ -7,6 +7,7 @@
 #include "drivers/core/random.hpp"
 #include "recon/augment.hpp"
 #include "recon/crossvalidate.hpp"
+#include "recon/fit_confidence.hpp"
 #include "recon/text.hpp"
 
 namespace echofuse::recon {

@@ -280,8 +280,8 @@ Matrix Factorised::predict(const Matrix& readings) const {
 std::optional<SoftMaps> Factorised::predict_soft(const Matrix& readings) const {
   Rows with_body;
   const Matrix features = look(readings, with_body);
-  SoftMaps out{Matrix(readings.rows, background_.size()),
-               Matrix(readings.rows, background_.size())};
+  SoftMaps out{Matrix(readings.rows, background_.size()), Matrix(0, background_.size())};
+  for (std::size_t i = 0; i < readings.rows; ++i) out.depth.add_row(background_);
   if (with_body.empty()) return out;
   const std::vector<Place> places = find_places(features);
   const Shapes shapes = find_shapes(features);

@@ -40,7 +40,9 @@ class Nearest final : public Model {
   void load(const record::H5File& file) override {
     inputs_ = read_matrix(file, "model/inputs");
     maps_ = read_matrix(file, "model/maps_m");
-    const auto neighbours = file.get<std::int64_t>("model/maps_m", "neighbours");
+    const auto neighbours = file.has_attribute("model/maps_m", "neighbours")  // not in older files
+                                ? file.get<std::int64_t>("model/maps_m", "neighbours")
+                                : 1;
     require_sound(neighbours >= 1 && neighbours <= static_cast<std::int64_t>(maps_.rows) &&
                       inputs_.rows == maps_.rows,
                   "neighbours");

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/record/png.hpp"
+#include "recon/shift.hpp"
 #include "world.hpp"
 
 using namespace echofuse;
@@ -177,6 +178,45 @@ TEST_CASE("the report holds everything in one page") {
   refuses("report " + (dir / "out") + " --fused " + (dir / "spd") + " --spd " + (dir / "spd") +
               " --radar " + (dir / "radar") + " --run " + (dir / "run"),
           1, "was trained on spd inputs");
+}
+
+TEST_CASE("the report takes what evaluate takes, and says what it did about it") {
+  const Folder dir;
+  write_run(dir / "run", 600);
+  std::string models;
+  for (const std::string inputs : {"fused", "spd", "radar"}) {
+    REQUIRE(recon_program("train -q --model ridge --inputs " + inputs + " " + (dir / "run") +
+                          " --out " + (dir / inputs))
+                .code == 0);
+    models += " --" + inputs + " " + (dir / inputs);
+  }
+  // A fresh run: all modes are scored on the records that have both sensors.
+  write_run(dir / "fresh", 60, 8, [](record::FusedRecord& r) {
+    if (r.index % 4 == 0) r.radar.clear(), r.valid &= ~2u;
+  });
+  // Live: no radar at all.
+  const auto lose_radar = [](record::FusedRecord& r) { r.radar.clear(), r.valid &= ~2u; };
+  write_run(dir / "dark", 5, 9, lose_radar, Axis{"radar", "power", "m", 0, 0, 1, 1});
+  const Outcome dark = recon_program("report " + (dir / "out") + models + " --run " +
+                                     (dir / "fresh") + " --live " + (dir / "dark"));
+  CAPTURE(dark.text);
+  REQUIRE(dark.code == 0);
+  CHECK_THAT(dark.text, Catch::Contains("5 records: radar lost: SPD alone") &&
+                            Catch::Contains("15 records with depth left out"));
+  CHECK_THAT(contents(dir / "out/report.html"),
+             Catch::Contains(">45 held-out records of") &&
+                 Catch::Contains("5 records: radar lost: SPD alone"));
+
+  // Live: the radar's ranges have slipped by 30 cm.
+  write_run(dir / "slipped", 300, 9, [&](record::FusedRecord& r) {
+    r.radar = recon::Shift(-0.3 / radar_axis().step).apply(r.radar);
+  });
+  const Outcome slipped = recon_program("report " + (dir / "out") + models + " --run " +
+                                        (dir / "slipped") + " --live " + (dir / "slipped"));
+  CAPTURE(slipped.text);
+  REQUIRE(slipped.code == 0);
+  CHECK_THAT(slipped.text, Catch::Contains("not corrected; calibrate anew\nlive") &&
+                               Catch::Contains("against the SPD's: corrected"));
 }
 
 TEST_CASE("interrupted training keeps the best so far") {

@@ -113,3 +113,21 @@ TEST_CASE("reconstruct and evaluate say which maps the SPD made alone") {
   REQUIRE(dark.code == 0);
   CHECK(nlohmann::json::parse(dark.text.substr(dark.text.find('{')))["fallback_records"] == 3);
 }
+
+TEST_CASE("records that no map can be made of are not scored, and the user is told how many") {
+  const Folder dir;
+  REQUIRE(trained_with("ridge").fallback);
+  save_model(trained_with("ridge"), dir / "m");
+  write_run(dir / "live", 6, 2, [](record::FusedRecord& r) {
+    if (r.index >= 3) lose_radar(r);
+    if (r.index >= 4) std::fill(r.spd.begin(), r.spd.end(), 2);
+  });
+  const auto o = recon_program("evaluate --json " + (dir / "m") + " " + (dir / "live"));
+  REQUIRE(o.code == 0);
+  const auto json = nlohmann::json::parse(o.text);
+  CHECK(json["records"] == 4);
+  CHECK(json["fallback_records"] == 1);
+  CHECK(json["left_out"] == 2);
+  CHECK_THAT(recon_program("evaluate " + (dir / "m") + " " + (dir / "live")).text,
+             Catch::Contains("2 records with depth left out"));
+}
