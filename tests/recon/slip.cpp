@@ -115,7 +115,7 @@ TEST_CASE("poses that are held for some records are no slip") {
     });
     found += slip_of(data).verdict == Slip::Verdict::found;
   }
-  CHECK(found <= 1);  // 5, were the records taken for independent
+  CHECK(found <= 1);  // 3, were the records taken for independent
 }
 
 TEST_CASE("people who spread otherwise than in training are no slip") {
