@@ -203,7 +203,7 @@ TEST_CASE("interrupted training keeps the best so far") {
   CHECK(recon_program("evaluate " + model + " " + run).code == 0);
 }
 
-TEST_CASE("a training interrupted on the way to its fallback has none, and says so") {
+TEST_CASE("a training interrupted on the way to its fallback has none, and exits with 130") {
   const Folder dir;
   write_run(dir / "run", 1000);
   const std::string run = dir / "run", model = dir / "m";

@@ -175,7 +175,7 @@ TEST_CASE("a dead radar is seen in a calibrated run, after a correction and in w
 }
 
 TEST_CASE(
-    "nothing is learnt of radar power in wide bins, nor lost with a model of older versions") {
+    "of radar power in wide bins nothing is learnt, and older models without a slip correct none") {
   const Folder dir;
   write_run(dir / "train", 150);
   write_run(dir / "slipped", 100, 2, longer_by(0.06));
