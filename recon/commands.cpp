@@ -71,9 +71,10 @@ void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit) {
 }
 
 void add_slip_option(CLI::App& app, std::string& action) {
-  app.add_option("--slip", action,
-                 "if the radar's ranges have slipped against the SPD's since training: correct, "
-                 "warn or ignore")
+  app.add_option(
+         "--slip", action,
+         "if the radar's ranges seem to have slipped against the SPD's since training: warn, "
+         "correct (wrong if people stand further to one side), or ignore")
       ->check(CLI::IsMember(slip_action_names))
       ->capture_default_str();
 }
@@ -190,7 +191,7 @@ Command add_train(CLI::App& app, const Common& common) {
   app.add_flag("--resume", a->fit.checkpoint.resume, "go on from OUT.checkpoint");
   app.add_option("--augment", a->augment,
                  "train on perturbed copies of the records, too: noise (of the radar, down to 10 "
-                 "dB)")
+                 "dB); auto chooses without them")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->check(CLI::IsMember(augment_names));
@@ -222,7 +223,7 @@ Command add_train(CLI::App& app, const Common& common) {
 
 Command add_evaluate(CLI::App& app, const Common&) {
   struct Arguments {
-    std::string model, run, slip_action = "correct";
+    std::string model, run, slip_action = "warn";
     std::vector<std::string> train;
     std::string output = "own";
     bool all = false, json = false;
@@ -263,7 +264,7 @@ Command add_evaluate(CLI::App& app, const Common&) {
 
 Command add_reconstruct(CLI::App& app, const Common& common) {
   struct Arguments : ReconstructOptions {
-    std::string model, run, slip_action = "correct";
+    std::string model, run, slip_action = "warn";
   };
   const auto a = std::make_shared<Arguments>();
   app.add_option("model", a->model, "model file")->required();

@@ -30,6 +30,10 @@ bool agree(const Axis& a, const Axis& b) {
   return a.count == b.count && (!a.count || same_axis(a, b));
 }
 
+bool is_dead(std::span<const float> values) {
+  return std::equal(values.begin() + 1, values.end(), values.begin());
+}
+
 // One run being appended to a Dataset.
 class Appender {
  public:
@@ -163,12 +167,9 @@ std::size_t Dataset::source_of(std::size_t row) const {
 std::string Dataset::fault_of(std::size_t row, Inputs inputs) const {
   if (!has_inputs(row, inputs))
     return std::string("lacks a sensor that the model needs: ") + name_of(inputs);
-  const auto dead = [&](const Matrix& table) {
-    const auto values = table.row(row);
-    return std::equal(values.begin() + 1, values.end(), values.begin());
-  };
-  if (inputs != Inputs::radar && spd.cols > 1 && dead(spd)) return "spd is the same in every bin";
-  if (inputs != Inputs::spd && radar.cols > 1 && dead(radar))
+  if (inputs != Inputs::radar && spd.cols > 1 && is_dead(spd.row(row)))
+    return "spd is the same in every bin";
+  if (inputs != Inputs::spd && radar.cols > 1 && is_dead(radar.row(row)))
     return "radar is the same in every bin";
   return {};
 }
@@ -213,6 +214,10 @@ void rebin_radar(Dataset& data, const Axis& bins) {
   Matrix table(data.size(), bins.count);
   std::vector<double> sums(bins.count);
   for (std::size_t row = 0; row < data.size(); ++row) {
+    if (is_dead(data.radar.row(row))) {
+      std::fill_n(table.row(row).begin(), bins.count, data.radar.row(row)[0]);
+      continue;
+    }
     std::fill(sums.begin(), sums.end(), 0.0);
     for (std::uint32_t i = 0; i < from.count; ++i) {
       const double power = data.radar.row(row)[i], end = std::max(edge(i + 0.5), 0.0);

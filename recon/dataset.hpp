@@ -69,8 +69,8 @@ Axis radar_bins(double width_m);
 
 // Adds up the radar's power in wider bins. Point i of the recorded profile spreads evenly over
 // [i - 1/2, i + 1/2] steps, so that no energy within the bins' span is lost or made; what lies
-// below the first bin (half of point 0) belongs to it. Throws Error(failed) if the profile is
-// coarser or shorter than the bins.
+// below the first bin (half of point 0) belongs to it. A dead sensor's row stays one. Throws
+// Error(failed) if the profile is coarser or shorter than the bins.
 void rebin_radar(Dataset& data, const Axis& bins);
 
 // Brings the tables onto the axes of a model: a radar axis with the same start and step but more

@@ -20,14 +20,14 @@ namespace {
 
 constexpr std::size_t part_records = 256;  // read and predicted at once
 constexpr std::chrono::milliseconds pause_between_looks(20);
-constexpr std::size_t slip_records = 2000;    // enough for millimetres
-constexpr std::size_t slip_watch_every = 25;  // records, while following
+constexpr std::size_t slip_window = 500;      // bodies, while following: what came last
+constexpr std::size_t slip_watch_every = 25;  // bodies
 
 class StatusTable {
  public:
   explicit StatusTable(const std::string& path)
       : path_(path), out_(path, std::ios::binary | std::ios::trunc) {
-    out_ << "record,status,after_slot_s,lateral_90_m,distance,two_bodies,unusual\n";
+    out_ << "record,status,after_slot_s,lateral_90_m,distance,two_bodies,unusual,radar_shift_m\n";
     flush();
   }
   void add(const RecordStatus& r) {
@@ -35,7 +35,8 @@ class StatusTable {
     out_ << r.index << ",\"" << status << "\","
          << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "") << ",";
     if (r.claim) add(*r.claim);
-    out_ << (r.claim ? "\n" : ",,,\n");
+    out_ << (r.claim ? "," : ",,,,") << (r.fault.empty() ? formatted("%.4f", r.radar_shift_m) : "")
+         << "\n";
   }
   void flush() {
     out_.flush();
@@ -84,13 +85,14 @@ class Reconstruction {
   std::size_t done_ = 0;
   double slip_m_ = 0;  // to be taken off the radar's ranges
   std::vector<float> displacements_m_;
-  bool slip_told_ = false;
+  std::size_t watched_ = 0;
+  Slip::Verdict verdict_ = Slip::Verdict::few;
 };
 
 bool Reconstruction::take_part(const record::RunReader& run) {
   std::vector<RecordStatus> bad;
   Dataset data = load_part(run, next_, part_records, [&](std::int64_t index, const auto& fault) {
-    bad.push_back({index, fault, {}, {}, {}, {}});
+    bad.push_back({index, fault, {}, 0, {}, {}, {}});
   });
   std::vector<RecordStatus> all = write_maps(data);
   all.insert(all.end(), bad.begin(), bad.end());
@@ -108,7 +110,7 @@ bool Reconstruction::take_part(const record::RunReader& run) {
 void Reconstruction::look_for_slip(const record::RunReader& run) {
   if (options_.slip == SlipAction::ignore || !model_.slip.known()) return;
   std::vector<float> found;
-  for (std::int64_t next = 0; found.size() < slip_records && !interrupted();) {
+  for (std::int64_t next = 0; !interrupted();) {
     Dataset part = load_part(run, next, part_records, [](std::int64_t, const auto&) {});
     if (part.size() == 0) break;
     next = part.index.back() + 1;
@@ -118,20 +120,24 @@ void Reconstruction::look_for_slip(const record::RunReader& run) {
   const Slip slip = model_.slip.judge(found);
   const bool correct = options_.slip == SlipAction::correct;
   if (correct && slip.verdict == Slip::Verdict::found) slip_m_ = slip.metres;
+  if (options_.quiet && slip.verdict == Slip::Verdict::few) return;
   if (options_.on_slip && !slip.text(correct).empty()) options_.on_slip(slip.text(correct));
 }
 
-// While following: once, as soon as it can be told. No correction, as it would come amid the maps.
+// While following: whenever one comes up. No correction, as it would come amid the maps.
 void Reconstruction::watch_slip(const Dataset& data) {
-  if (!options_.follow || options_.slip == SlipAction::ignore || slip_told_) return;
-  if (!model_.slip.known() || displacements_m_.size() >= slip_records) return;
-  const std::size_t before = displacements_m_.size();
+  if (!options_.follow || options_.slip == SlipAction::ignore || !model_.slip.known()) return;
+  const std::size_t before = displacements_m_.size(), looks = watched_ / slip_watch_every;
   model_.slip.measure(data, displacements_m_);
-  if (displacements_m_.size() / slip_watch_every == before / slip_watch_every) return;
+  watched_ += displacements_m_.size() - before;
+  if (displacements_m_.size() > slip_window)
+    displacements_m_.erase(displacements_m_.begin(),
+                           displacements_m_.end() - static_cast<std::ptrdiff_t>(slip_window));
+  if (watched_ / slip_watch_every == looks) return;
   const Slip slip = model_.slip.judge(displacements_m_);
-  if (slip.verdict != Slip::Verdict::found) return;
-  slip_told_ = true;
-  if (options_.on_slip) options_.on_slip(slip.text(false));
+  const bool news = slip.verdict == Slip::Verdict::found && verdict_ != slip.verdict;
+  verdict_ = slip.verdict;
+  if (news && options_.on_slip) options_.on_slip(slip.text(false));
 }
 
 std::vector<RecordStatus> Reconstruction::write_maps(Dataset& data) {
@@ -141,8 +147,13 @@ std::vector<RecordStatus> Reconstruction::write_maps(Dataset& data) {
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row) {
     const bool falls_back = model_.falls_back(data, row);
-    out.push_back(
-        {data.index[row], model_.fault_of(data, row), falls_back ? fallback_note : "", {}, {}, {}});
+    out.push_back({data.index[row],
+                   model_.fault_of(data, row),
+                   falls_back ? fallback_note : "",
+                   slip_m_,
+                   {},
+                   {},
+                   {}});
     if (out.back().fault.empty()) rows.push_back(row);
   }
   // A sensor's axis may come after the first records of a run that is being recorded.

@@ -12,8 +12,9 @@ namespace echofuse::recon {
 
 struct RecordStatus {
   std::int64_t index = 0;
-  std::string fault;  // empty: reconstructed
-  std::string note;   // of a map: what the model had to do without
+  std::string fault;         // empty: reconstructed
+  std::string note;          // of a map: what the model had to do without
+  double radar_shift_m = 0;  // taken off its ranges, which had slipped by it
   // Of a record that came while following: from its slot's end, and from its reading, to its map.
   std::optional<double> after_slot_s, after_reading_s;
   std::optional<Claim> claim;  // of a reconstructed record, if the model makes any
@@ -23,9 +24,9 @@ struct ReconstructOptions {
   std::string out;                                      // folder, made if need be
   std::vector<std::string> formats = {"colour", "mm"};  // of map_files.hpp
   std::string output = "own";                           // of output_names (answer.hpp)
-  bool follow = false;                    // take records as they come, until the run is closed
-  bool quiet = false;                     // no progress bar
-  SlipAction slip = SlipAction::correct;  // while following: warn
+  bool follow = false;                 // take records as they come, until the run is closed
+  bool quiet = false;                  // no progress bar, no word on runs too short for a slip
+  SlipAction slip = SlipAction::warn;  // correct: not while following
   std::function<void(const std::string&)> on_slip;     // what slip.hpp has to say of the run
   std::function<void(const RecordStatus&)> on_record;  // in the order of the records
 };

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <numeric>
 
@@ -28,6 +29,8 @@ Shift::Shift(double steps) : whole_(static_cast<std::ptrdiff_t>(std::floor(steps
 }
 
 std::vector<float> Shift::apply(const std::vector<float>& values) const {
+  if (std::adjacent_find(values.begin(), values.end(), std::not_equal_to<>()) == values.end())
+    return values;
   std::vector<float> out(values.size());
   const auto count = static_cast<std::ptrdiff_t>(values.size());
   for (std::ptrdiff_t i = 0; i < count; ++i) {

@@ -13,7 +13,8 @@ class Shift {
  public:
   // By this many steps towards the start of the axis.
   explicit Shift(double steps = 0);
-  // Beyond both ends there is nothing: 0.
+  // Beyond both ends there is nothing: 0. The same value throughout, a dead sensor's, stays, or the
+  // zeros at the ends would make it look alive (Dataset::fault_of).
   std::vector<float> apply(const std::vector<float>& values) const;
 
  private:

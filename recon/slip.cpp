@@ -17,9 +17,11 @@ constexpr std::size_t least_records = 50;
 constexpr double most_background = 0.1;  // share of the radar's power
 constexpr double edge = 0.05;            // share of the records beyond it
 constexpr int resamples = 200;
-constexpr double significance = 4;                      // standard errors
-constexpr double least_slip_m = 0.01;                   // less costs next to nothing
-constexpr double edges_agree_m = 0.015;                 // on either side of their mean
+constexpr std::size_t block = 10;        // records, half a minute of them: a pose held
+constexpr double significance = 4;       // standard errors
+constexpr double least_slip_m = 0.01;    // less costs next to nothing
+constexpr double blind_m = 0.03;         // if even this is not significant
+constexpr double edges_agree_m = 0.015;  // on either side of their mean
 constexpr std::uint64_t bootstrap_stream = 0x736c6970;  // "slip"
 
 struct Edges {
@@ -37,15 +39,10 @@ Edges operator-(const Edges& a, const Edges& b) {
 std::vector<float> resampled(const std::vector<float>& values, Rng& rng) {
   std::uniform_int_distribution<std::size_t> any(0, values.size() - 1);
   std::vector<float> out(values.size());
-  for (float& v : out) v = values[any(rng)];
+  for (std::size_t i = 0; i < out.size();)
+    for (std::size_t k = 0, from = any(rng); k < block && i < out.size(); ++k)
+      out[i++] = values[(from + k) % values.size()];
   return out;
-}
-
-double standard_deviation(const std::vector<double>& values) {
-  double sum = 0, squares = 0;
-  for (const double v : values) sum += v, squares += v * v;
-  const auto n = static_cast<double>(values.size());
-  return std::sqrt(std::max(squares / n - sum * sum / (n * n), 0.0));
 }
 
 }  // namespace
@@ -59,8 +56,10 @@ SlipAction slip_action_of(const std::string& name) {
 std::string Slip::text(bool corrected) const {
   switch (verdict) {
     case Verdict::few:
+      if (records == 0) return {};
       return formatted("%zu records with a body are too few to tell whether a calibration slipped",
-                       records);
+                       records) +
+             (error > 0 ? formatted(" (standard error %.1f cm)", error * 100) : "");
     case Verdict::none:
       return {};
     case Verdict::unclear:
@@ -72,9 +71,11 @@ std::string Slip::text(bool corrected) const {
     case Verdict::found:
       break;
   }
-  return formatted("radar ranges %.1f +- %.1f cm %s than in training, against the SPD's: %s",
+  return formatted("radar ranges %.1f +- %.1f cm %s than in training, against the SPD's%s",
                    std::abs(metres) * 100, error * 100, metres > 0 ? "longer" : "shorter",
-                   corrected ? "corrected" : "not corrected; calibrate anew");
+                   corrected ? ": corrected"
+                             : ", or people further to one side: not corrected; if nobody moved, "
+                               "calibrate anew, and meanwhile --slip correct");
 }
 
 SlipReference::SlipReference(const Dataset& data, const Rows& rows) {
@@ -142,6 +143,7 @@ Slip SlipReference::judge(std::vector<float> found) const {
   const double least = std::max(least_slip_m, significance * out.error);
   out.verdict = apart > edges_agree_m + 2 * apart_error ? Slip::Verdict::unclear
                 : std::abs(out.metres) > least          ? Slip::Verdict::found
+                : significance * out.error > blind_m    ? Slip::Verdict::few
                                                         : Slip::Verdict::none;
   return out;
 }

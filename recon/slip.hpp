@@ -2,14 +2,16 @@
 // Whether the radar's ranges have slipped against the SPD's since training, from records without
 // labels. The radar sees a body farther than the SPD by b x / r, and by a little that depends on
 // its shape, which a linear regression on the histogram takes off. What is left tells the side on
-// which a body stands, and bodies stand within the trained area: the leftmost and the rightmost
-// ones of a run must lie where those of the training lay. When both edges have moved by the same
-// length, the ranges have slipped by it; when they have not, people stand elsewhere, and nothing
-// can be told. How people spread between the edges, gains, impulse response and noise do not
-// matter.
+// which a body stands. The 5 % and 95 % quantiles of a run are held against those of the training:
+// when both have moved by the same length, either the ranges have slipped by it, or people stand
+// further to one side. Nothing in the records tells these apart, and a little slip looks like a
+// long way: 1 cm like r / b = 7 cm at 3.5 m with a baseline of 0.5 m. So the user decides, by
+// correcting or not. When the quantiles have moved differently, people spread differently (the
+// quantiles follow that, and noise moves them outwards) or the radar stands elsewhere, and nothing
+// can be told. Gains and the impulse response do not matter.
 //
-// Not to be seen: what moves both sensors alike, and a whole stage that was moved sideways. Not
-// tried: in front of walls, whose own echoes move along.
+// Not to be seen: what moves both sensors alike. Not tried: in front of walls, whose own echoes
+// move along, and with the radar's power in wide bins, where echoes have no place to 1 cm.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -27,15 +29,15 @@ inline const std::vector<std::string> slip_action_names = {"warn", "correct", "i
 
 struct Slip {
   enum class Verdict : std::uint8_t {
-    few,      // records, for any answer
+    few,      // records: for any answer, or to see 3 cm
     none,     // to be seen
-    unclear,  // the edges moved differently
-    found
+    unclear,  // the quantiles moved differently
+    found     // or people stand further to one side
   };
   Verdict verdict = Verdict::few;
   std::size_t records = 0;                 // with a body in both sensors
   double metres = 0, error = 0;            // radar ranges longer than in training, standard error
-  double left_m = 0, right_m = 0;          // displacement of either edge
+  double left_m = 0, right_m = 0;          // how far either quantile moved
   std::string text(bool corrected) const;  // for the user; empty if there is nothing to say
 };
 
@@ -43,14 +45,16 @@ struct Slip {
 class SlipReference {
  public:
   SlipReference() = default;
-  // Of both sensors' readings.
+  // Of both sensors' readings; the rows in the order of their records.
   SlipReference(const Dataset& data, const Rows& rows);
 
   // False in models of earlier versions, in front of walls and with fewer than 50 records.
   bool known() const { return !displacements_m_.empty(); }
-  // Appends what the rows with two live sensors show. The data must be on the model's axes.
+  // Appends what the rows with two live sensors show, in their order. The data must be on the
+  // model's axes.
   void measure(const Dataset& data, std::vector<float>& displacements_m) const;
-  // Standard errors by the bootstrap (Efron 1979), the same for the same records.
+  // Standard errors by the bootstrap of circular blocks (Politis and Romano 1992), as a pose may be
+  // held for some records in a row; the same for the same records.
   Slip judge(std::vector<float> displacements_m) const;
 
   void save(record::H5File& file) const;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "drivers/core/console.hpp"
 #include "drivers/core/random.hpp"
 #include "recon/augment.hpp"
 #include "recon/crossvalidate.hpp"
@@ -64,13 +65,12 @@ std::vector<std::pair<std::string, std::string>> settings_of(const Dataset& data
           {"--test-share", formatted("%.17g", o.split.test_share)},
           {"--validation-share", formatted("%.17g", o.split.validation_share)},
           {"--gap", std::to_string(o.split.gap)},
-          {"--augment", kinds}};
+          {"--augment", kinds},
+          {"--no-fallback", o.fallback ? "not given" : "given"}};
 }
 
 TrainedModel fit_augmented(Dataset data, Split split, const std::string& name,
                            const TrainOptions& options, const FitOptions& fit) {
-  if (inputs_of(options.inputs) == Inputs::spd)
-    throw Error(ExitCode::usage, "--augment: its kinds are of the radar, --inputs spd has none");
   augment(data, split.train, options.augment, fit.seed);
   return fit_model(data, split, name, inputs_of(options.inputs), options.scaling, fit);
 }
@@ -83,6 +83,11 @@ std::unique_ptr<TrainedModel> fit_fallback(const Dataset& data, const Split& spl
       fit_model(data, split, fallback_rung, Inputs::spd, "record", fit));
   if (can_judge(split)) out->confidence = fit_confidence(*out, data, split, fit.seed);
   return out;
+}
+
+Rows in_order(Rows rows) {
+  std::sort(rows.begin(), rows.end());
+  return rows;
 }
 
 }  // namespace
@@ -101,6 +106,8 @@ Rows rows_to_train(const Dataset& data, Inputs inputs) {
 
 TrainedModel train(const Dataset& data, const TrainOptions& options) {
   const Inputs inputs = inputs_of(options.inputs);
+  if (!options.augment.empty() && inputs == Inputs::spd)
+    throw Error(ExitCode::usage, "--augment: its kinds are of the radar, --inputs spd has none");
   const Split split = make_split(rows_to_train(data, inputs), options.split);
   const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
   FitOptions fit = options.fit;
@@ -114,13 +121,16 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
                            : fit_augmented(data, split, name, options, fit);
   model.split = options.split;
   model.seen = remember(data, split);
-  if (inputs == Inputs::fused && data.spd_axis.unit == "ps" && data.radar_axis.unit == "m")
-    model.slip = SlipReference(data, split.train);
+  // In bins as wide as the paper's an echo has no place to 1 cm.
+  if (inputs == Inputs::fused && data.spd_axis.unit == "ps" && data.radar_axis.unit == "m" &&
+      data.radar_axis.quantity == "power")
+    model.slip = SlipReference(data, in_order(split.train));
   if (model.log.interrupted) return model;
   if (can_judge(split)) model.confidence = fit_confidence(model, data, split, fit.seed);
   const bool blind = model.name == "empty" || model.name == "mean";
   if (options.fallback && inputs == Inputs::fused && !blind)
     model.fallback = fit_fallback(data, split, options.fit);
+  if (interrupted()) model.log.interrupted = true, model.fallback.reset();  // half trained
   return model;
 }
 

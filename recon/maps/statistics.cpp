@@ -2,6 +2,8 @@
 #include "recon/maps/statistics.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <numeric>
 
 namespace echofuse::recon {
 
@@ -17,6 +19,14 @@ ColumnStatistics column_statistics(const Matrix& table, const Rows& rows) {
       out.variance[c] += off * off / n;
     }
   return out;
+}
+
+double standard_deviation(std::span<const double> values) {
+  const auto n = static_cast<double>(values.size());
+  const double mean = std::accumulate(values.begin(), values.end(), 0.0) / n;
+  double squares = 0;
+  for (const double v : values) squares += (v - mean) * (v - mean);
+  return std::sqrt(squares / n);
 }
 
 float quantile(std::span<float> values, double share) {

@@ -15,6 +15,9 @@ struct ColumnStatistics {
 // Of the given rows (at least one).
 ColumnStatistics column_statistics(const Matrix& table, const Rows& rows);
 
+// Divided by their number (at least one).
+double standard_deviation(std::span<const double> values);
+
 // The value that this share of all is below: 0.5 for the median. Reorders them.
 float quantile(std::span<float> values, double share);
 

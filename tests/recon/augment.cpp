@@ -74,6 +74,13 @@ TEST_CASE("a model trained on noisy copies stands noise better") {
   CHECK(iou({"noise"}) > 1.05 * iou({}));
 }
 
+TEST_CASE("kinds of the radar are refused for the SPD alone before anything is tried") {
+  TrainOptions options;
+  options.model = "auto", options.inputs = "spd", options.augment = {"noise"};
+  options.ladder = {"not a model"}, options.fit.quiet = true;
+  CHECK_THROWS_WITH(train(plates(), options), Catch::Contains("--inputs spd has none"));
+}
+
 TEST_CASE("an unknown kind is refused") {
   const auto o = recon_program("train none --out m --augment dust");
   CHECK(o.code == 2);

@@ -10,6 +10,7 @@
 
 #include "acquire/record/png.hpp"
 #include "recon/shift.hpp"
+#include "recon/trained_model.hpp"
 #include "world.hpp"
 
 using namespace echofuse;
@@ -30,9 +31,11 @@ std::string contents(const std::string& path) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-// True once the process has its handler for SIGINT (signal 2) in place.
+// True once the program has its handler for SIGINT (signal 2) in place; before the exec it was the
+// tests' own.
 bool catches_interrupts(pid_t process) {
   const std::string status = contents("/proc/" + std::to_string(process) + "/status");
+  if (!status.starts_with("Name:\techofuse-recon\n")) return false;
   const auto at = status.find("SigCgt:");
   REQUIRE(at != std::string::npos);
   return std::stoull(status.substr(at + 7), nullptr, 16) & 2u;
@@ -238,4 +241,24 @@ TEST_CASE("interrupted training keeps the best so far") {
   REQUIRE(WIFEXITED(status));
   CHECK(WEXITSTATUS(status) == 130);
   CHECK(recon_program("evaluate " + model + " " + run).code == 0);
+}
+
+TEST_CASE("a training interrupted on the way to its fallback has none, and exits with 130") {
+  const Folder dir;
+  write_run(dir / "run", 1000);
+  const std::string run = dir / "run", model = dir / "m";
+  const pid_t child = fork();
+  REQUIRE(child >= 0);
+  if (child == 0) {  // the ridge itself takes no notice
+    execl(ECHOFUSE_BIN_DIR "/echofuse-recon", "echofuse-recon", "train", run.c_str(), "--out",
+          model.c_str(), "-q", "--model", "ridge", nullptr);
+    _exit(127);
+  }
+  while (!catches_interrupts(child)) ::usleep(1'000);
+  kill(child, SIGINT);
+  int status = 0;
+  waitpid(child, &status, 0);
+  REQUIRE(WIFEXITED(status));
+  CHECK(WEXITSTATUS(status) == 130);
+  CHECK_FALSE(recon::load_model(model).fallback);
 }

@@ -278,9 +278,11 @@ TEST_CASE("reconstruct and evaluate say how sure the model is") {
   CHECK(o.code == 0);
   CHECK_THAT(o.text, Catch::Contains("of 40 records are flagged: ") && Catch::Contains("1 empty"));
   const std::string table = text_of(dir / "o/records.csv");
-  CHECK_THAT(table, Catch::StartsWith(
-                        "record,status,after_slot_s,lateral_90_m,distance,two_bodies,unusual\n"));
-  CHECK_THAT(table, Catch::Contains("\n5,\"ok\",,,") && Catch::Contains(",\"empty\"\n"));
+  CHECK_THAT(
+      table,
+      Catch::StartsWith(
+          "record,status,after_slot_s,lateral_90_m,distance,two_bodies,unusual,radar_shift_m\n"));
+  CHECK_THAT(table, Catch::Contains("\n5,\"ok\",,,") && Catch::Contains(",\"empty\",0.0000\n"));
   const std::string png = text_of(dir / "o/000007_sd.png");
   const auto mm = record::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
   const auto most = *std::max_element(mm.begin(), mm.end());

@@ -38,6 +38,7 @@ TEST_CASE("a narrow echo moves, and keeps its shape") {
 
 TEST_CASE("whole steps and no step copy the values, with nothing beyond the ends") {
   const std::vector<float> values = {1, 2, 3, 4, 5};
+  CHECK(Shift(2.3).apply({7, 7, 7, 7, 7}) == std::vector<float>(5, 7));  // dead, and to be seen
   CHECK(Shift().apply(values) == values);
   CHECK(Shift(2).apply(values) == std::vector<float>{3, 4, 5, 0, 0});
   CHECK(Shift(-1).apply(values) == std::vector<float>{0, 1, 2, 3, 4});

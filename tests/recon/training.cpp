@@ -84,6 +84,8 @@ TEST_CASE("a training that was killed, resumed, stopped and resumed is the one n
   const Outcome other = recon_program(command + options + " --seed 2");
   CHECK(other.code == 3);
   CHECK_THAT(other.text, Catch::Contains("--seed=1, this one has --seed=2"));
+  CHECK_THAT(recon_program(command + options + " --no-fallback").text,
+             Catch::Contains("this one has --no-fallback=given"));
   REQUIRE(recon_program(command + options).code == 0);
   CHECK_FALSE(std::filesystem::exists(checkpoint));
   const Outcome nothing = recon_program(command + options);
