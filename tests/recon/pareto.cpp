@@ -150,7 +150,7 @@ TEST_CASE("study pareto refuses what it cannot judge or must not mix, before it 
   };
   const Outcome blind = study("blind");
   CHECK(blind.code == 1);
-  CHECK_THAT(blind.text, Catch::Contains("no record has depth and the sensors"));
+  CHECK_THAT(blind.text, Catch::Contains("no record has depth and the live sensors"));
   CHECK(std::filesystem::is_empty(dir / "out"));
   REQUIRE(study("test").code == 0);
   const std::string runs = contents(dir / "out/pareto.runs"),
