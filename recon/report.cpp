@@ -172,7 +172,7 @@ void add_figures(Report& report, const std::vector<const TrainedModel*>& models,
 
 void add_live(Report& report, const TrainedModel& fused, const std::string& path) {
   Dataset data = load({path});
-  const std::string slip = match_model(data, fused, SlipAction::correct);
+  const std::string slip = match_model(data, fused, SlipAction::warn);
   const Rows rows = rows_to_evaluate(fused, data, false);
   report.live = path;
   report.live_evaluation = evaluate(fused, data, rows, data, {});

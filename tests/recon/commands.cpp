@@ -218,8 +218,10 @@ TEST_CASE("the report takes what evaluate takes, and says what it did about it")
                                         (dir / "slipped") + " --live " + (dir / "slipped"));
   CAPTURE(slipped.text);
   REQUIRE(slipped.code == 0);
-  CHECK_THAT(slipped.text, Catch::Contains("not corrected; calibrate anew\nlive") &&
-                               Catch::Contains("against the SPD's: corrected"));
+  const std::size_t live = slipped.text.find("\nlive");
+  REQUIRE(live != std::string::npos);
+  for (const std::string& part : {slipped.text.substr(0, live), slipped.text.substr(live)})
+    CHECK_THAT(part, Catch::Contains("longer than in training, against the SPD's: not corrected"));
 }
 
 TEST_CASE("interrupted training keeps the best so far") {
