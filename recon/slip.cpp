@@ -73,9 +73,10 @@ std::string Slip::text(bool corrected) const {
   }
   return formatted("radar ranges %.1f +- %.1f cm %s than in training, against the SPD's%s",
                    std::abs(metres) * 100, error * 100, metres > 0 ? "longer" : "shorter",
-                   corrected ? ": corrected"
-                             : ", or people further to one side: not corrected (--slip correct "
-                               "of evaluate and reconstruct does); if nobody moved, calibrate anew");
+                   corrected
+                       ? ": corrected"
+                       : ", or people further to one side: not corrected (--slip correct "
+                         "of evaluate and reconstruct does); if nobody moved, calibrate anew");
 }
 
 SlipReference::SlipReference(const Dataset& data, const Rows& rows) {
