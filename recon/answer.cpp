@@ -89,14 +89,18 @@ SoftMaps soft_maps(const TrainedModel& model, const Dataset& data, const Rows& r
   return std::move(*own);
 }
 
-Answer answer(const TrainedModel& model, const Dataset& data, const Rows& rows,
-              const std::string& output, bool with_deviation) {
-  const bool with_pixels = with_deviation || output == "mean";
-  if (with_pixels && !model.confidence)
+void require_confidence(const TrainedModel& model) {
+  if (!model.confidence)
     throw Error(ExitCode::usage,
                 "the model does not know how sure it is: it was trained on too few records (100, "
                 "and 30 validation records), its training was interrupted, or an older version "
                 "trained it; train it anew");
+}
+
+Answer answer(const TrainedModel& model, const Dataset& data, const Rows& rows,
+              const std::string& output, bool with_deviation) {
+  const bool with_pixels = with_deviation || output == "mean";
+  if (with_pixels) require_confidence(model);
   Answer out{model.predict(data, rows), {}, {}, {}};
   if (model.confidence) out.claims = claims(model, data, rows, out.maps);
   if (with_pixels) {

@@ -17,6 +17,8 @@ struct Answer {
   std::vector<Claim> claims;  // none without a confidence
   Matrix mean, deviation;     // metres; no rows unless asked for
 };
+// Throws Error(usage) if the model claims nothing: mean maps and deviations need that.
+void require_confidence(const TrainedModel& model);
 // Throws Error(usage) if the model has no confidence and one is needed, for mean or deviation.
 Answer answer(const TrainedModel& model, const Dataset& data, const Rows& rows,
               const std::string& output, bool with_deviation);

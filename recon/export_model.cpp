@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "recon/export_model.hpp"
 
+#include <filesystem>
+
 #include "recon/files.hpp"
 #include "recon/npz.hpp"
 #include "recon/onnx.hpp"
@@ -43,8 +45,14 @@ void export_model(const std::string& model, const std::vector<std::string>& runs
                   const std::string& to) {
   const bool onnx = to.ends_with(".onnx"), npz = to.ends_with(".npz");
   if (!onnx && !npz) throw Error(ExitCode::usage, to + ": expected the ending .onnx or .npz");
+  const std::vector<std::string> models{model};
   if (npz == runs.empty())
     throw Error(ExitCode::usage, to + ": --run belongs to .npz, which holds its records");
+  for (const auto* inputs : {&runs, &models})
+    for (const auto& input : *inputs)
+      if (std::filesystem::exists(to) && std::filesystem::exists(input) &&
+          std::filesystem::equivalent(to, input))
+        throw Error(ExitCode::usage, to + ": is what is to be exported; give another --to");
   if (onnx)
     write_file(to, to_onnx(model));
   else

@@ -2,6 +2,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <filesystem>
 
 #include "drivers/core/console.hpp"
 #include "recon/files.hpp"
@@ -154,6 +155,12 @@ TrainedModel load_from(const H5File& file) {
 }  // namespace
 
 void check_can_save(const std::string& path) {
+  // A run that is given for OUT by mistake must not become a model.
+  if (std::filesystem::exists(path)) try {
+      check_format(H5File::open(path), path);
+    } catch (const Error&) {
+      throw Error(ExitCode::usage, path + ": exists and is no model file; give another --out");
+    }
   const std::string unfinished = path + ".part";
   write_file(unfinished, {});
   std::remove(unfinished.c_str());

@@ -182,6 +182,11 @@ void Reconstruction::time(RecordStatus& status, HostTime slot_end, HostTime read
 
 void reconstruct(const TrainedModel& model, const std::string& path,
                  const ReconstructOptions& options) {
+  const auto& formats = options.formats;
+  if (options.output == "mean" ||
+      std::find(formats.begin(), formats.end(), "uncertainty") != formats.end())
+    require_confidence(model);
+  static_cast<void>(record::RunReader(path));  // refused before the folder changes
   make_folder(options.out);
   Reconstruction work(model, options);
   if (!options.follow) {

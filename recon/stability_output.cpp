@@ -73,7 +73,9 @@ std::string to_html(const StabilityOptions& o, const std::vector<StabilityResult
       "first</title><style>" +
       std::string(style) + "</style></head><body>\n<h1>What fails first</h1>\n<p>";
   out += std::to_string(o.records) + " training records, " + std::to_string(o.test_records) +
-         " fresh ones to judge by, " + std::to_string(o.seeds) + " seeds, echofuse " + version() +
+         " fresh ones to judge by, " + std::to_string(o.seeds) + " seeds, slips " +
+         (o.slip == SlipAction::correct ? "corrected" : "not corrected") + ", echofuse " +
+         version() +
          ". <i>alike</i>: trained and tested under the condition; <i>shifted</i>: trained at the "
          "base condition, tested under this one. Each cell: least IoU on the axis as a share of "
          "that at the base. A model <b>loses</b> where its map is no better than no map: hard SSIM "

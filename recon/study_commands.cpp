@@ -65,7 +65,7 @@ Command add_stability(CLI::App& app, const Common& common) {
   app.add_option("--test-records", a->test_records, "default: 1000")
       ->check(CLI::Range(10, 1'000'000));
   app.add_option("--seeds", a->seeds)->check(CLI::Range(1, 1000))->capture_default_str();
-  const auto slip = std::make_shared<std::string>("correct");
+  const auto slip = std::make_shared<std::string>("ignore");
   app.add_option("--slip", *slip, "before each test: correct or ignore, as of evaluate")
       ->check(CLI::IsMember({"correct", "ignore"}))
       ->capture_default_str();

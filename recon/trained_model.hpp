@@ -84,7 +84,8 @@ SeenRecords remember(const Dataset& data, const Split& split);
 TrainedModel fit_model(const Dataset& data, const Split& split, const std::string& name,
                        Inputs inputs, const std::string& scaling, const FitOptions& options);
 
-// Throws Error(disk) if no file can be made there: to be asked before a long training.
+// Throws Error(disk) if no file can be made there, and Error(usage) if there is one that is no
+// model: to be asked before a long training.
 void check_can_save(const std::string& path);
 // Writes a new file beside and renames it: an interrupted save leaves the old one.
 void save_model(const TrainedModel& model, const std::string& path);

@@ -225,6 +225,29 @@ TEST_CASE("the report takes what evaluate takes, and says what it did about it")
                          Catch::Contains("not corrected"));
 }
 
+TEST_CASE("neither a model nor an export replaces what it is made of") {
+  const Folder dir;
+  write_run(dir / "run", 60);
+  const auto refused = [](const std::string& arguments, const std::string& why) {
+    const Outcome o = recon_program(arguments);
+    CAPTURE(o.text);
+    CHECK(o.code == 2);
+    CHECK_THAT(o.text, Catch::Contains(why));
+  };
+  refused("train " + (dir / "run") + " --model mean --out " + (dir / "run"), "is no model file");
+  CHECK(recon::load({dir / "run"}).size() == 60);
+  const std::string train =
+      "train " + (dir / "run") + " -q --model ridge --out " + (dir / "m.onnx");
+  REQUIRE(recon_program(train).code == 0);
+  CHECK(recon_program(train).code == 0);  // a model may be trained anew
+  refused("export " + (dir / "m.onnx") + " --to " + (dir / "m.onnx"), "is what is to be exported");
+  std::filesystem::rename(dir / "run", dir / "run.npz");
+  refused(
+      "export " + (dir / "m.onnx") + " --run " + (dir / "run.npz") + " --to " + (dir / "run.npz"),
+      "is what is to be exported");
+  CHECK(recon::load({dir / "run.npz"}).size() == 60);
+}
+
 TEST_CASE("interrupted training keeps the best so far") {
   const Folder dir;
   write_run(dir / "run", 200);

@@ -185,7 +185,7 @@ TEST_CASE("study stability: a small one, cut and continued, and refused with oth
   const std::string out = dir / "out", table = out + "/stability.csv";
   const std::string study = "study stability -q --quick --seeds 2 --test-records 40 --out " + out +
                             " --axes alike-side,shifted-radar_offset --models silhouette,nearest" +
-                            " --slip ignore --records ";
+                            " --records ";
   const Outcome first = recon_program(study + "500");
   CAPTURE(first.text);
   REQUIRE(first.code == 0);
@@ -215,11 +215,13 @@ TEST_CASE("study stability: a small one, cut and continued, and refused with oth
   CHECK(text_of(table) == whole);
 }
 
-TEST_CASE("study stability as it is by default: a slip corrected, a lost radar replaced") {
+TEST_CASE("study stability: a slip corrected if asked, a lost radar replaced") {
   const Folder dir;
   const std::string out = dir / "out";
   const Outcome study = recon_program(
-      "study stability -q --quick --seeds 2 --records 500 --test-records 80 --models factorised-4 "
+      "study stability -q --quick --slip correct --seeds 2 --records 500 --test-records 80 "
+      "--models "
+      "factorised-4 "
       "--axes shifted-radar_offset,shifted-scenes,shifted-lost_radar --out " +
       out);
   CAPTURE(study.text);
