@@ -127,11 +127,7 @@ void Novelty::learn_scale(const Matrix& descriptions) {
 
 void Novelty::learn_pairs(const Matrix& readings, const Rows& rows, const Matrix& one_body,
                           std::uint64_t seed) {
-  std::vector<float> background(readings.cols), column(rows.size());
-  for (std::size_t c = 0; c < readings.cols; ++c) {
-    for (std::size_t i = 0; i < rows.size(); ++i) column[i] = readings.row(rows[i])[c];
-    background[c] = quantile(column, background_quantile);
-  }
+  const std::vector<float> background = column_quantile(readings, rows, background_quantile);
   Rng rng = make_rng(seed, pair_stream);
   std::uniform_int_distribution<std::size_t> any(0, rows.size() - 1);
   const std::size_t pairs = std::min(most_pairs, 2 * rows.size());

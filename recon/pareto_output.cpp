@@ -53,18 +53,12 @@ using Fields = std::map<std::string, std::string>;
 
 std::vector<Fields> read_table(const std::string& path) {
   std::istringstream file(read_text(path));
-  const auto split = [](const std::string& line) {
-    std::vector<std::string> out;
-    std::istringstream in(line);
-    for (std::string value; std::getline(in, value, ',');) out.push_back(value);
-    return out;
-  };
   std::string line;
   std::getline(file, line);
-  const auto names = split(line);
+  const auto names = cells_of(line);
   std::vector<Fields> rows;
   while (std::getline(file, line)) {
-    const auto values = split(line);
+    const auto values = cells_of(line);
     if (values.size() != names.size())
       throw Error(ExitCode::failed,
                   path + formatted(":%zu: expected %zu values", rows.size() + 2, names.size()));

@@ -23,6 +23,11 @@ constexpr std::chrono::milliseconds pause_between_looks(20);
 constexpr std::size_t slip_window = 500;      // bodies, while following: what came last
 constexpr std::size_t slip_watch_every = 25;  // bodies
 
+bool wants_uncertainty(const ReconstructOptions& options) {
+  const auto& formats = options.formats;
+  return std::find(formats.begin(), formats.end(), "uncertainty") != formats.end();
+}
+
 class StatusTable {
  public:
   explicit StatusTable(const std::string& path)
@@ -159,9 +164,7 @@ std::vector<RecordStatus> Reconstruction::write_maps(Dataset& data) {
   // A sensor's axis may come after the first records of a run that is being recorded.
   if (!rows.empty() || !options_.follow) model_.match(data);
   if (!rows.empty()) watch_slip(data);
-  const auto& formats = options_.formats;
-  const bool uncertainty =
-      std::find(formats.begin(), formats.end(), "uncertainty") != formats.end();
+  const bool uncertainty = wants_uncertainty(options_);
   const Answer answers = answer(model_, data, rows, options_.output, uncertainty);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (!answers.claims.empty()) out[rows[i]].claim = answers.claims[i];
@@ -182,10 +185,7 @@ void Reconstruction::time(RecordStatus& status, HostTime slot_end, HostTime read
 
 void reconstruct(const TrainedModel& model, const std::string& path,
                  const ReconstructOptions& options) {
-  const auto& formats = options.formats;
-  if (options.output == "mean" ||
-      std::find(formats.begin(), formats.end(), "uncertainty") != formats.end())
-    require_confidence(model);
+  if (options.output == "mean" || wants_uncertainty(options)) require_confidence(model);
   static_cast<void>(record::RunReader(path));  // refused before the folder changes
   make_folder(options.out);
   Reconstruction work(model, options);

@@ -19,10 +19,6 @@ namespace {
 
 constexpr std::uint64_t test_seeds = 1000;  // the test records' seed, after the training records'
 
-bool is_trivial(const std::string& model) {
-  return std::find(trivial_models.begin(), trivial_models.end(), model) != trivial_models.end();
-}
-
 // One value of one axis; the base value of all of them is measured once.
 struct Place {
   std::string kind, axis, value;
@@ -41,7 +37,7 @@ std::vector<Place> places_of(const StabilityOptions& options) {
 
 // Trainings take most of the time, those of a network most of that.
 std::size_t work_of(const Place& place, const StudyModel& model) {
-  if (place.kind == "shifted" || is_trivial(model.name)) return 1;
+  if (place.kind == "shifted" || is_blind(model.name)) return 1;
   return model.rung.find("mlp") == std::string::npos ? 4 : 20;
 }
 
@@ -78,13 +74,9 @@ class Study {
   }
 
   StabilityRow row_of(const Place& place, const StudyModel& model, std::size_t seed) const {
-    return {place.kind,
-            place.axis,
-            place.value,
-            model.rung,
-            is_trivial(model.rung) ? "-" : model.inputs,
-            seed,
-            {}};
+    return {
+        place.kind, place.axis, place.value, model.rung, is_blind(model.rung) ? "-" : model.inputs,
+        seed,       {}};
   }
 
   std::size_t work() const {
@@ -158,7 +150,7 @@ class Study {
     if (!fitted) return out;
     match_model(data, *fitted, options_.slip);
     Rows rows = all_rows(data.size());
-    if (!is_trivial(model.rung))
+    if (!is_blind(model.rung))
       std::erase_if(rows, [&](std::size_t row) { return !fitted->fault_of(data, row).empty(); });
     if (rows.empty()) return out;
     const MapScores scores =
@@ -195,7 +187,7 @@ StabilityOptions complete(StabilityOptions options) {
     options.models = {"factorised-16",  "silhouette", "pca-mlp",     plain,          plain + ":spd",
                       plain + ":radar", "nearest",    "nearest:spd", "nearest:radar"};
   }
-  std::erase_if(options.models, is_trivial);  // they are always there
+  std::erase_if(options.models, is_blind);  // they are always there
   for (const auto& name : options.models) StudyModel{name};
   axes_of(options);
   return options;

@@ -13,6 +13,12 @@
 namespace echofuse::recon {
 namespace {
 
+// What a line begins with; no two lines may.
+std::string key_of(const StabilityRow& r) {
+  return r.kind + ',' + r.axis + ',' + r.value + ',' + r.model + ',' + r.inputs + ',' +
+         std::to_string(r.seed);
+}
+
 std::string header() {
   std::string out = "kind,axis,value,model,inputs,seed";
   for (const Metric m : stability_metrics) out += std::string(",") + metric_names[m];
@@ -20,16 +26,13 @@ std::string header() {
 }
 
 std::string line_of(const StabilityRow& r) {
-  std::string out = r.kind + ',' + r.axis + ',' + r.value + ',' + r.model + ',' + r.inputs + ',' +
-                    std::to_string(r.seed);
+  std::string out = key_of(r);
   for (const double score : r.scores) out += std::isnan(score) ? ",nan" : formatted(",%.6g", score);
   return out;
 }
 
 StabilityRow row_of(const std::string& line, const std::string& where) {
-  std::vector<std::string> cells;
-  std::istringstream in(line);
-  for (std::string cell; std::getline(in, cell, ',');) cells.push_back(cell);
+  const auto cells = cells_of(line);
   StabilityRow row;
   if (cells.size() != 6 + row.scores.size())
     throw Error(ExitCode::failed, where + ": damaged line; remove it, and it is measured again");
@@ -57,16 +60,13 @@ StabilityTable::StabilityTable(const std::string& folder, const std::string& set
   if (!out_) throw Error(ExitCode::disk, path_ + ": cannot be written");
 }
 
+bool StabilityTable::has(const StabilityRow& row) const { return known_.count(key_of(row)) > 0; }
+
 void StabilityTable::add(const StabilityRow& row) {
   out_ << line_of(row) << std::endl;
   if (!out_) throw Error(ExitCode::disk, path_ + ": cannot be written");
   rows_.push_back(row);
   known_.insert(key_of(row));
-}
-
-std::string StabilityTable::key_of(const StabilityRow& r) {
-  return r.kind + ',' + r.axis + ',' + r.value + ',' + r.model + ',' + r.inputs + ',' +
-         std::to_string(r.seed);
 }
 
 void StabilityTable::check_settings(const std::string& settings) const {

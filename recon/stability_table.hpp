@@ -16,12 +16,11 @@ class StabilityTable {
   // FOLDER/settings.txt tells of other settings than these, Error(failed) for a damaged line,
   // Error(disk).
   StabilityTable(const std::string& folder, const std::string& settings);
-  bool has(const StabilityRow& row) const { return known_.count(key_of(row)) > 0; }
+  bool has(const StabilityRow& row) const;
   void add(const StabilityRow& row);  // throws Error(disk)
   const std::vector<StabilityRow>& rows() const { return rows_; }
 
  private:
-  static std::string key_of(const StabilityRow& row);
   void check_settings(const std::string& settings) const;
   void read();
 

@@ -23,15 +23,10 @@ TrainedModel train_whole(const Dataset& data, const StudyModel& model, std::uint
   how.split.test_share = 0;
   how.split.seed = how.fit.seed = seed;
   how.fit.quiet = true;
-  const Inputs inputs = inputs_of(model.inputs);
-  const bool alone = inputs != Inputs::fused || model.rung == "empty" || model.rung == "mean";
-  how.fallback = beside.fallback && !alone;
-  if (how.fallback) return train(data, how);
-  // No study reads what a model claims of itself, which takes long to learn.
-  const Split split = make_split(rows_to_train(data, inputs), how.split);
-  TrainedModel out = fit_model(data, split, how.model, inputs, how.scaling, how.fit);
-  if (beside.slip && !alone) out.slip = SlipReference(data, split.train);
-  return out;
+  how.slip = beside.slip && !is_blind(model.rung);
+  how.fallback = beside.fallback;
+  how.confidence = false;  // no study reads it, and it takes long to learn
+  return train(data, how);
 }
 
 Matrix with_nobody(const TrainedModel& model, const Dataset& data, const Rows& rows) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
+#include <sstream>
 
 namespace echofuse::recon {
 
@@ -20,6 +21,13 @@ std::string formatted(const Summary& s, const char* plus_minus) {
   if (std::isnan(s.mean)) return "-";
   if (std::isnan(s.se)) return formatted("%.3f", s.mean);
   return formatted("%.3f", s.mean) + plus_minus + formatted("%.3f", s.se);
+}
+
+std::vector<std::string> cells_of(const std::string& line) {
+  std::vector<std::string> out;
+  std::istringstream in(line);
+  for (std::string cell; std::getline(in, cell, ',');) out.push_back(cell);
+  return out;
 }
 
 }  // namespace echofuse::recon

@@ -76,12 +76,12 @@ TrainedModel fit_augmented(Dataset data, Split split, const std::string& name,
 }
 
 std::unique_ptr<TrainedModel> fit_fallback(const Dataset& data, const Split& split,
-                                           const FitOptions& options) {
+                                           const FitOptions& options, bool claims) {
   FitOptions fit;
   fit.seed = options.seed, fit.quiet = options.quiet, fit.epochs = options.epochs;
   auto out = std::make_unique<TrainedModel>(
       fit_model(data, split, fallback_rung, Inputs::spd, "record", fit));
-  if (can_judge(split)) out->confidence = fit_confidence(*out, data, split, fit.seed);
+  if (claims) out->confidence = fit_confidence(*out, data, split, fit.seed);
   return out;
 }
 
@@ -122,14 +122,14 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   model.split = options.split;
   model.seen = remember(data, split);
   // In bins as wide as the paper's an echo has no place to 1 cm.
-  if (inputs == Inputs::fused && data.spd_axis.unit == "ps" && data.radar_axis.unit == "m" &&
-      data.radar_axis.quantity == "power")
+  if (options.slip && inputs == Inputs::fused && data.spd_axis.unit == "ps" &&
+      data.radar_axis.unit == "m" && data.radar_axis.quantity == "power")
     model.slip = SlipReference(data, in_order(split.train));
   if (model.log.interrupted) return model;
-  if (can_judge(split)) model.confidence = fit_confidence(model, data, split, fit.seed);
-  const bool blind = model.name == "empty" || model.name == "mean";
-  if (options.fallback && inputs == Inputs::fused && !blind)
-    model.fallback = fit_fallback(data, split, options.fit);
+  const bool claims = options.confidence && can_judge(split);
+  if (claims) model.confidence = fit_confidence(model, data, split, fit.seed);
+  if (options.fallback && inputs == Inputs::fused && !is_blind(model.name))
+    model.fallback = fit_fallback(data, split, options.fit, claims);
   if (interrupted()) model.log.interrupted = true, model.fallback.reset();  // half trained
   return model;
 }

@@ -16,8 +16,9 @@ struct TrainOptions {
   SplitOptions split;
   FitOptions fit;
   std::vector<std::string> augment;  // kinds of augment.hpp
-  // Beside a fused model that looks at its inputs, one for the SPD alone (TrainedModel::fallback).
-  bool fallback = false;
+  // What is kept beside the model: of a fused one the reference of a slip, and of one that looks at
+  // its inputs a model for the SPD alone (TrainedModel); of any what it claims of itself.
+  bool slip = true, fallback = false, confidence = true;
 };
 
 // The records with these inputs and depth. Throws Error(failed) that names the first one of a dead

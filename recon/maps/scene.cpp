@@ -15,13 +15,9 @@ constexpr float foreground_step_m = 0.1f;
 std::vector<float> median_map(const Matrix& depth, const Rows& rows) {
   // A thousand maps place the median as well as all of them would.
   const std::size_t stride = std::max<std::size_t>(1, rows.size() / 1000);
-  std::vector<float> out(depth.cols), column;
-  for (std::size_t p = 0; p < depth.cols; ++p) {
-    column.clear();
-    for (std::size_t i = 0; i < rows.size(); i += stride) column.push_back(depth.row(rows[i])[p]);
-    out[p] = quantile(column, 0.5);
-  }
-  return out;
+  Rows some;
+  for (std::size_t i = 0; i < rows.size(); i += stride) some.push_back(rows[i]);
+  return column_quantile(depth, some, 0.5);
 }
 
 }  // namespace

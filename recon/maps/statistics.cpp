@@ -36,4 +36,13 @@ float quantile(std::span<float> values, double share) {
   return *at;
 }
 
+std::vector<float> column_quantile(const Matrix& table, const Rows& rows, double share) {
+  std::vector<float> out(table.cols), column(rows.size());
+  for (std::size_t c = 0; c < table.cols; ++c) {
+    for (std::size_t i = 0; i < rows.size(); ++i) column[i] = table.row(rows[i])[c];
+    out[c] = quantile(column, share);
+  }
+  return out;
+}
+
 }  // namespace echofuse::recon

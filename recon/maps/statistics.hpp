@@ -21,4 +21,7 @@ double standard_deviation(std::span<const double> values);
 // The value that this share of all is below: 0.5 for the median. Reorders them.
 float quantile(std::span<float> values, double share);
 
+// Of each column, over the given rows (at least one).
+std::vector<float> column_quantile(const Matrix& table, const Rows& rows, double share);
+
 }  // namespace echofuse::recon

@@ -19,18 +19,15 @@ constexpr double histogram_reach_m = 0.7, histogram_step_m = 0.04;
 // Of the radar profile against the body: a target at x shifts it by b x / r.
 constexpr double profile_from_m = -1.0, profile_to_m = 1.3, least_profile_step_m = 0.04;
 
-// What is there in every record: per column of [first, first + count), the level that few records
-// are below, less its distance to the median: where bodies come and go, nothing. A count that
-// scatters like one of photons alone is all background: its median.
-std::vector<float> background_of(const Matrix& table, const Rows& rows, std::size_t first,
-                                 std::size_t count, bool poisson) {
-  std::vector<float> out(count), column(rows.size());
-  for (std::size_t c = 0; c < count; ++c) {
-    for (std::size_t i = 0; i < rows.size(); ++i) column[i] = table.row(rows[i])[first + c];
-    const float low = quantile(column, background_quantile);
-    const float median = quantile(column, 0.5);
-    const bool steady = median - low < steadiness * std::sqrt(poisson ? median : 0);
-    out[c] = steady ? median : std::max(2 * low - median, 0.f);
+// What is there in every record: per column the level that few records are below, less its distance
+// to the median: where bodies come and go, nothing. A count that scatters like one of photons alone
+// is all background: its median.
+std::vector<float> background_of(std::span<const float> low, std::span<const float> median,
+                                 bool poisson) {
+  std::vector<float> out(low.size());
+  for (std::size_t c = 0; c < out.size(); ++c) {
+    const bool steady = median[c] - low[c] < steadiness * std::sqrt(poisson ? median[c] : 0);
+    out[c] = steady ? median[c] : std::max(2 * low[c] - median[c], 0.f);
   }
   return out;
 }
@@ -45,8 +42,12 @@ Alignment::Alignment(const Layout& layout, const Matrix& readings, const Rows& r
   if (layout.radar.count > 0)
     radar_first_m_ = layout.radar.start, radar_step_m_ = layout.radar.step;
   profile_step_m_ = std::max(radar_step_m_ / 2, least_profile_step_m);
-  spd_background_ = background_of(readings, rows, 0, layout.spd.count, true);
-  radar_background_ = background_of(readings, rows, layout.spd.count, layout.radar.count, false);
+  const auto lows = column_quantile(readings, rows, background_quantile);
+  const auto medians = column_quantile(readings, rows, 0.5);
+  const std::span low(lows), median(medians);
+  const std::size_t clicks = layout.spd.count, powers = layout.radar.count;
+  spd_background_ = background_of(low.first(clicks), median.first(clicks), true);
+  radar_background_ = background_of(low.last(powers), median.last(powers), false);
 }
 
 std::size_t Alignment::histogram_bins() const {

@@ -102,6 +102,8 @@ void require_sound(bool sound, const std::string& what) {
   if (!sound) throw Error(ExitCode::failed, "damaged model file: " + what + " do not fit");
 }
 
+bool is_blind(const std::string& name) { return name == "empty" || name == "mean"; }
+
 bool wants_readings(const std::string& name) {
   return name == "silhouette" || name == "factorised";
 }

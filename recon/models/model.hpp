@@ -112,6 +112,9 @@ Matrix read_matrix(const record::H5File& file, const std::string& name);
 // For load(): throws Error(failed) that says what of a model file is damaged.
 void require_sound(bool sound, const std::string& what);
 
+// Whether the model answers the same to every record: the empty room and the mean map.
+bool is_blind(const std::string& name);
+
 // Whether the model takes the readings as they are (Features' scaling "raw").
 bool wants_readings(const std::string& name);
 

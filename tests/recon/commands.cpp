@@ -26,11 +26,6 @@ void refuses(const std::string& arguments, int code, const std::string& saying) 
   CHECK(std::count(o.text.begin(), o.text.end(), '\n') <= (code == 2 ? 3 : 1));
 }
 
-std::string contents(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
 // True once the program has its handler for SIGINT (signal 2) in place; before the exec it was the
 // tests' own.
 bool catches_interrupts(pid_t process) {
@@ -252,39 +247,21 @@ TEST_CASE("interrupted training keeps the best so far") {
   const Folder dir;
   write_run(dir / "run", 200);
   const std::string run = dir / "run", model = dir / "m";
-  const pid_t child = fork();
-  REQUIRE(child >= 0);
-  if (child == 0) {
-    execl(ECHOFUSE_BIN_DIR "/echofuse-recon", "echofuse-recon", "train", run.c_str(), "--out",
-          model.c_str(), "-q", "--epochs", "100000", "--patience", "100000", nullptr);
-    _exit(127);
-  }
+  const pid_t child = start_recon(
+      {"train", run, "--out", model, "-q", "--epochs", "100000", "--patience", "100000"});
   while (!catches_interrupts(child)) ::usleep(10'000);
   ::usleep(500'000);
-  kill(child, SIGINT);
-  int status = 0;
-  waitpid(child, &status, 0);
-  REQUIRE(WIFEXITED(status));
-  CHECK(WEXITSTATUS(status) == 130);
+  CHECK(interrupted_code(child) == 130);
   CHECK(recon_program("evaluate " + model + " " + run).code == 0);
 }
 
 TEST_CASE("a training interrupted on the way to its fallback has none, and exits with 130") {
   const Folder dir;
   write_run(dir / "run", 1000);
-  const std::string run = dir / "run", model = dir / "m";
-  const pid_t child = fork();
-  REQUIRE(child >= 0);
-  if (child == 0) {  // the ridge itself takes no notice
-    execl(ECHOFUSE_BIN_DIR "/echofuse-recon", "echofuse-recon", "train", run.c_str(), "--out",
-          model.c_str(), "-q", "--model", "ridge", nullptr);
-    _exit(127);
-  }
+  const std::string model = dir / "m";
+  // The ridge itself takes no notice.
+  const pid_t child = start_recon({"train", dir / "run", "--out", model, "-q", "--model", "ridge"});
   while (!catches_interrupts(child)) ::usleep(1'000);
-  kill(child, SIGINT);
-  int status = 0;
-  waitpid(child, &status, 0);
-  REQUIRE(WIFEXITED(status));
-  CHECK(WEXITSTATUS(status) == 130);
+  CHECK(interrupted_code(child) == 130);
   CHECK_FALSE(recon::load_model(model).fallback);
 }

@@ -13,6 +13,7 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
+using echofuse::testing::contents;
 using echofuse::testing::Folder;
 using echofuse::testing::recon_program;
 using echofuse::testing::write_run;
@@ -58,11 +59,6 @@ double share_flagged(const std::vector<Claim>& claims, const std::string& why = 
   for (const Claim& c : claims)
     flagged += !c.strangeness.why.empty() && c.strangeness.text().find(why) == 0;
   return flagged / static_cast<double>(claims.size());
-}
-
-std::string text_of(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
 }
 
 }  // namespace
@@ -277,13 +273,13 @@ TEST_CASE("reconstruct and evaluate say how sure the model is") {
                                (dir / "o") + " --format uncertainty,npz --output mean");
   CHECK(o.code == 0);
   CHECK_THAT(o.text, Catch::Contains("of 40 records are flagged: ") && Catch::Contains("1 empty"));
-  const std::string table = text_of(dir / "o/records.csv");
+  const std::string table = contents(dir / "o/records.csv");
   CHECK_THAT(
       table,
       Catch::StartsWith(
           "record,status,after_slot_s,lateral_90_m,distance,two_bodies,unusual,radar_shift_m\n"));
   CHECK_THAT(table, Catch::Contains("\n5,\"ok\",,,") && Catch::Contains(",\"empty\",0.0000\n"));
-  const std::string png = text_of(dir / "o/000007_sd.png");
+  const std::string png = contents(dir / "o/000007_sd.png");
   const auto mm = record::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
   const auto most = *std::max_element(mm.begin(), mm.end());
   CHECK(most > 300);  // at the plate's edge, of about 3500 mm

@@ -9,6 +9,7 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
+using echofuse::testing::contents;
 using echofuse::testing::Folder;
 using echofuse::testing::recon_program;
 using echofuse::testing::write_run;
@@ -27,11 +28,6 @@ TrainedModel trained_with(const std::string& model) {
   options.fit.quiet = true;
   options.fit.epochs = 20;
   return train(plates(), options);
-}
-
-std::string contents(const std::string& path) {
-  std::ifstream in(path);
-  return {std::istreambuf_iterator<char>(in), {}};
 }
 
 void lose_radar(record::FusedRecord& r) {

@@ -13,14 +13,7 @@ using namespace echofuse;
 using namespace echofuse::recon;
 using namespace echofuse::testing;
 
-namespace {
-
-std::string contents(const std::string& path) {
-  std::ifstream in(path);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
-}  // namespace
+namespace {}  // namespace
 
 TEST_CASE("study pareto: a row a model and share, the front marked, a chart") {
   const Folder dir;
@@ -65,10 +58,7 @@ TEST_CASE("study pareto goes on where it stopped, and draws the bound") {
                          " -q --seeds 1 --out " + (dir / "out") + " --models " + models +
                          " --sweep-models silhouette --photons 0.1 --records " + records + more);
   };
-  const auto table = [&] {
-    std::ifstream csv(dir / "out/pareto.csv");
-    return std::string(std::istreambuf_iterator<char>(csv), {});
-  };
+  const auto table = [&] { return contents(dir / "out/pareto.csv"); };
   const Outcome stopped = study("empty,mean", {}, "1e-9");  // of one record nothing can be learnt
   CAPTURE(stopped.text);
   REQUIRE(stopped.code != 0);
@@ -88,12 +78,9 @@ TEST_CASE("study pareto goes on where it stopped, and draws the bound") {
   CHECK_THAT(all, Catch::Contains("\nmodel,1,empty,1,0.0625,"));
   CHECK_THAT(all, Catch::Contains("\nphotons,0.1,silhouette,1,"));
   CHECK(std::count(all.begin(), all.end(), '\n') == 1 + 5);
-  std::ifstream script(dir / "out/pareto.gp");
-  const std::string gp(std::istreambuf_iterator<char>(script), {});
-  CHECK_THAT(gp, Catch::Contains("0.0375 with lines") && Catch::Contains("0.0125 with lines"));
-  std::ifstream picture(dir / "out/pareto.svg");
-  CHECK_THAT(std::string(std::istreambuf_iterator<char>(picture), {}),
-             Catch::Contains("bound: pose unknown"));
+  CHECK_THAT(contents(dir / "out/pareto.gp"),
+             Catch::Contains("0.0375 with lines") && Catch::Contains("0.0125 with lines"));
+  CHECK_THAT(contents(dir / "out/pareto.svg"), Catch::Contains("bound: pose unknown"));
 
   const Outcome nowhere = study("empty", " --bound " + (dir / "nowhere.csv"));
   CHECK(nowhere.code == 1);
@@ -114,24 +101,14 @@ TEST_CASE("study pareto keeps no row of a training that was broken off") {
   const Folder dir;
   write_run(dir / "train", 1000);
   write_run(dir / "test", 40, 5);
-  const std::string train = dir / "train", test = dir / "test", out = dir / "out";
-  const pid_t child = fork();
-  REQUIRE(child >= 0);
-  if (child == 0) {
-    execl(ECHOFUSE_BIN_DIR "/echofuse-recon", "echofuse-recon", "study", "pareto", train.c_str(),
-          test.c_str(), "-q", "--seeds", "1", "--models", "empty,mlp-1024-1024", "--out",
-          out.c_str(), nullptr);
-    _exit(127);
-  }
+  const std::string out = dir / "out";
+  const pid_t child = start_recon({"study", "pareto", dir / "train", dir / "test", "-q", "--seeds",
+                                   "1", "--models", "empty,mlp-1024-1024", "--out", out});
   while (contents(out + "/pareto.csv").find("model,1,empty,") == std::string::npos &&
          kill(child, 0) == 0)
     ::usleep(10'000);
   ::usleep(500'000);
-  kill(child, SIGINT);
-  int status = 0;
-  waitpid(child, &status, 0);
-  REQUIRE(WIFEXITED(status));
-  CHECK(WEXITSTATUS(status) == 130);
+  CHECK(interrupted_code(child) == 130);
   CHECK_THAT(contents(out + "/pareto.csv"), !Catch::Contains("mlp-1024-1024"));
 }
 

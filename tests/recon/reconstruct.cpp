@@ -18,11 +18,6 @@ using namespace echofuse::testing;
 
 namespace {
 
-std::string contents(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
 // What NumPy says to a line of Python.
 std::string numpy(const std::string& line) {
   const std::string command = "/usr/bin/python3 -c \"import numpy as n; " + line + "\" 2>&1";

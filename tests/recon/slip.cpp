@@ -10,6 +10,7 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
+using echofuse::testing::contents;
 using echofuse::testing::Folder;
 using echofuse::testing::recon_program;
 using echofuse::testing::write_run;
@@ -25,11 +26,6 @@ double place_of(const Dataset& data, std::size_t row) {
   for (std::size_t p = 0; p < scene.size(); ++p)
     if (scene[p] > 0) sum += 1, moment += static_cast<double>(p % 64) - 31.5;
   return moment / sum;
-}
-
-std::string contents(const std::string& path) {
-  std::ifstream in(path);
-  return {std::istreambuf_iterator<char>(in), {}};
 }
 
 int count_of(const std::string& word, const std::string& text) {

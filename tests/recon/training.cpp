@@ -19,6 +19,7 @@ using namespace echofuse::recon;
 using echofuse::testing::Folder;
 using echofuse::testing::Outcome;
 using echofuse::testing::recon_program;
+using echofuse::testing::start_recon;
 using echofuse::testing::write_run;
 
 namespace {
@@ -31,16 +32,7 @@ ino_t inode(const std::string& path) {
 // Trains until the checkpoint is another file than before, then sends the signal.
 int stopped_by(int signal, std::vector<std::string> words, const std::string& checkpoint) {
   const ino_t before = inode(checkpoint);
-  words.insert(words.begin(), "echofuse-recon");
-  const pid_t child = fork();
-  REQUIRE(child >= 0);
-  if (child == 0) {
-    std::vector<char*> arguments;
-    for (auto& w : words) arguments.push_back(w.data());
-    arguments.push_back(nullptr);
-    execv(ECHOFUSE_BIN_DIR "/echofuse-recon", arguments.data());
-    _exit(127);
-  }
+  const pid_t child = start_recon(std::move(words));
   int status = 0;
   while (inode(checkpoint) == before) {
     REQUIRE(waitpid(child, &status, WNOHANG) == 0);

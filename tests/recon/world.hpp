@@ -3,13 +3,16 @@
 // it. Few bins and coarse plates, so that models fit in a fraction of a second.
 #pragma once
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <csignal>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <string>
 #include <vector>
@@ -99,6 +102,12 @@ inline bool all_finite(const std::vector<float>& values) {
   return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
 }
 
+// Of the file, or nothing if it is not there.
+inline std::string contents(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
 struct Outcome {
   int code = -1;
   std::string text;  // stdout and stderr
@@ -115,6 +124,30 @@ inline Outcome recon_program(const std::string& arguments) {
     outcome.text.append(buffer.data(), n);
   outcome.code = WEXITSTATUS(pclose(pipe));
   return outcome;
+}
+
+// Starts echofuse-recon as a user does, and does not wait for it.
+inline pid_t start_recon(std::vector<std::string> words) {
+  words.insert(words.begin(), "echofuse-recon");
+  std::vector<char*> arguments;
+  for (auto& word : words) arguments.push_back(word.data());
+  arguments.push_back(nullptr);
+  const pid_t child = fork();
+  REQUIRE(child >= 0);
+  if (child == 0) {
+    execv(ECHOFUSE_BIN_DIR "/echofuse-recon", arguments.data());
+    _exit(127);
+  }
+  return child;
+}
+
+// The exit code of a program that is interrupted now.
+inline int interrupted_code(pid_t child) {
+  kill(child, SIGINT);
+  int status = 0;
+  waitpid(child, &status, 0);
+  REQUIRE(WIFEXITED(status));
+  return WEXITSTATUS(status);
 }
 
 }  // namespace echofuse::testing
