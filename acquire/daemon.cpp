@@ -11,10 +11,12 @@
 #include <utility>
 #include <vector>
 
+#include "acquire/accounts.hpp"
 #include "acquire/devices.hpp"
 #include "acquire/notify.hpp"
 #include "acquire/resume.hpp"
 #include "acquire/room.hpp"
+#include "acquire/run_log.hpp"
 #include "acquire/scheduler.hpp"
 #include "acquire/status.hpp"
 #include "acquire/window.hpp"
@@ -29,12 +31,6 @@ constexpr auto tick_pause = std::chrono::milliseconds(50);
 constexpr auto settle_time = std::chrono::milliseconds(100);
 constexpr auto anchor_pause = std::chrono::minutes(1);
 
-spdlog::level::level_enum level_of(Severity s) {
-  constexpr spdlog::level::level_enum levels[] = {spdlog::level::info, spdlog::level::warn,
-                                                  spdlog::level::err};
-  return levels[static_cast<std::size_t>(s)];
-}
-
 // Leaves a second for the devices and the disk: SIGTERM closes a run within 5 s.
 constexpr auto close_limit = std::chrono::seconds(4);
 
@@ -43,7 +39,11 @@ constexpr auto close_limit = std::chrono::seconds(4);
 class Daemon final : private SampleSink {
  public:
   Daemon(const Config& config, const RunOptions& options, const Clock& clock)
-      : config_(config), options_(options), clock_(clock), devices_(io_, config, clock, *this) {}
+      : config_(config),
+        options_(options),
+        clock_(clock),
+        log_(clock),
+        devices_(io_, config, clock, *this) {}
 
   void run();
 
@@ -69,18 +69,18 @@ class Daemon final : private SampleSink {
 
   void require_devices() const;
   void begin();
-  std::unique_ptr<record::RunWriter> make_file() const;
-  std::unique_ptr<record::RunWriter> reopen_file();
+  std::unique_ptr<record::RunWriter> open_file();
   void warn_of_room();
   void interrupt(HostTime now);
   void announce(Sensor sensor);
   void put_anchor();
-  void log(Severity severity, const std::string& source, const std::string& text);
+  void log(Severity severity, const std::string& source, const std::string& text) {
+    log_.put(severity, source, text);
+  }
   void arm();
   void tick();
   void close_slot(const DueSlot& due, std::chrono::nanoseconds late);
   void note_change_of(const record::FusedRecord& record);
-  void put_counters(std::array<std::vector<Counter>, sensor_count> counters, const Strays& strays);
   void end();
 
   boost::asio::io_context io_;  // first: destroyed last
@@ -88,12 +88,12 @@ class Daemon final : private SampleSink {
   const Config& config_;
   const RunOptions& options_;
   const Clock& clock_;
+  RunLog log_;
   Devices devices_;
   SensorClocks clocks_;  // they hear what comes before the first slot as well
   std::optional<Recording> recording_;
   std::vector<std::string> axes_written_;
   std::array<std::string, sensor_count> identities_;  // of the devices written
-  std::vector<Writer::Job> waiting_;                  // events from before the file existed
   HostTime anchor_mono_{};
   UtcTime anchor_utc_{};
   RunTotals totals_;
@@ -143,33 +143,15 @@ void Daemon::require_devices() const {
   if (!missing.empty()) spdlog::warn("starting without {}", missing);
 }
 
-std::unique_ptr<record::RunWriter> Daemon::make_file() const {
-  record::RunInfo info;
-  info.config_text = config_.text;
-  info.config_resolved = config_.resolved;
-  info.radar_cfg = config_.radar.cfg_text;
-  info.version = version();
-  info.operator_name = config_.operator_name;
-  info.window_s = config_.window_s;
-  info.meta = options_.meta;
-  return std::make_unique<record::RunWriter>(options_.out, info);
-}
-
 // The index goes on; so does time, by UTC: the monotonic clock may have begun again.
-std::unique_ptr<record::RunWriter> Daemon::reopen_file() {
-  const record::RunReader begun(options_.out);
-  begun_axes_ = begun.axes();
+std::unique_ptr<record::RunWriter> Daemon::open_file() {
+  if (!options_.resume) return make_run(config_, options_.out, options_.meta);
+  begun_axes_ = record::RunReader(options_.out).axes();
   for (const Sensor s : all_sensors) refuse_other_axes(begun_axes_, devices_[s].info);
-  const std::string status = begun.info().status;
-  const record::RunSummary sum = begun.summary();
-  auto file = std::make_unique<record::RunWriter>(options_.out);
-  first_index_ = file->next_index();
-  gap_ = "resumed at record " + std::to_string(first_index_) + ", was " + status;
-  if (sum.records > 0)
-    gap_ += ", " +
-            human_duration(std::chrono::duration<double>(clock_.utc() - sum.last_utc).count()) +
-            " after the last slot";
-  return file;
+  ResumedRun resumed = reopen_run(options_.out, clock_.utc());
+  first_index_ = resumed.file->next_index();
+  gap_ = std::move(resumed.gap);
+  return std::move(resumed.file);
 }
 
 void Daemon::warn_of_room() {
@@ -182,7 +164,7 @@ void Daemon::warn_of_room() {
 }
 
 void Daemon::begin() {
-  auto file = options_.resume ? reopen_file() : make_file();
+  auto file = open_file();
   const SlotGrid grid{clock_.now() + settle_time, from_seconds(config_.window_s)};
   recording_.emplace(grid, config_, options_, clocks_, std::move(file));
   put_anchor();
@@ -195,7 +177,7 @@ void Daemon::begin() {
       recording_->writer.put([entry](record::RunWriter& run) { run.put_calibration(entry); });
   for (const Axis& axis : begun_axes_) axes_written_.push_back(axis.name);
   if (!gap_.empty()) log(Severity::warning, "run", gap_);
-  for (auto& job : std::exchange(waiting_, {})) recording_->writer.put(std::move(job));
+  log_.attach(recording_->writer);
   last_valid_ = config_.configured();
   for (const Sensor s : all_sensors)
     if (devices_[s].state == DeviceState::streaming)
@@ -230,19 +212,6 @@ void Daemon::put_anchor() {
   recording_->writer.put([mono = anchor_mono_, utc = anchor_utc_](record::RunWriter& run) {
     run.put_anchor(mono, utc);
   });
-}
-
-// Everything goes to the terminal; warnings and errors into the run as well.
-void Daemon::log(Severity severity, const std::string& source, const std::string& text) {
-  spdlog::log(level_of(severity), "{}: {}", source, text);
-  if (severity == Severity::info) return;
-  Writer::Job job = [=, utc = clock_.utc()](record::RunWriter& run) {
-    run.put_event(utc, severity, source, text);
-  };
-  if (recording_)
-    recording_->writer.put(std::move(job));
-  else
-    waiting_.push_back(std::move(job));
 }
 
 void Daemon::on_tags(const TagBlock& block) {
@@ -343,22 +312,6 @@ void Daemon::note_change_of(const record::FusedRecord& record) {
   last_valid_ = record.valid;
 }
 
-// What of all that the devices sent is in no record, and why.
-void Daemon::put_counters(std::array<std::vector<Counter>, sensor_count> counters,
-                          const Strays& strays) {
-  for (const Sensor s : all_sensors) {
-    const auto i = static_cast<std::size_t>(s);
-    counters[i].push_back({"late", strays.late[i]});
-    counters[i].push_back({"outside", strays.outside[i]});
-    counters[i].push_back({"duplicate", strays.duplicate[i]});
-  }
-  recording_->writer.put([counters = std::move(counters)](record::RunWriter& run) {
-    for (const Sensor s : all_sensors)
-      for (const Counter& c : counters[static_cast<std::size_t>(s)])
-        run.put_counter(name_of(s), c.name, c.value);
-  });
-}
-
 void Daemon::end() {
   Recording& r = *recording_;
   notify_stopping();
@@ -366,17 +319,7 @@ void Daemon::end() {
   for (const Sensor s : all_sensors) counters[static_cast<std::size_t>(s)] = devices_.counters(s);
   devices_.stop();
   r.windows.finish();
-  const Strays& strays = r.windows.strays();
-  put_counters(std::move(counters), strays);
-  const auto count = [&](const char* what, const std::array<std::uint64_t, sensor_count>& n) {
-    if (n[0] + n[1] + n[2] > 0)
-      log(Severity::warning, "run",
-          std::to_string(n[0]) + " tags, " + std::to_string(n[1]) + " radar frames, " +
-              std::to_string(n[2]) + " depth frames " + what);
-  };
-  count("came after their slot was closed", strays.late);
-  count("came twice", strays.duplicate);
-  count("came out of order", strays.out_of_order);
+  close_accounts(r.writer, log_, std::move(counters), r.windows.strays());
   r.writer.finish(status_);
   totals_.written = r.writer.written();
   r.status.finish(clock_.now(), totals_);

@@ -9,6 +9,7 @@
 #include <set>
 #include <sstream>
 
+#include "drivers/core/console.hpp"
 #include "drivers/core/exit_code.hpp"
 
 namespace echofuse::acquire {
@@ -104,6 +105,35 @@ void refuse_resuming(const record::RunReader& begun, const Config& config) {
   if (info.status == "open")
     throw Error(ExitCode::failed, begun.path() + ": is being recorded by another process");
   refuse_other_config(info, begun.calibrations(), config);
+}
+
+std::unique_ptr<record::RunWriter> make_run(
+    const Config& config, const std::string& out,
+    const std::vector<std::pair<std::string, std::string>>& meta) {
+  record::RunInfo info;
+  info.config_text = config.text;
+  info.config_resolved = config.resolved;
+  info.radar_cfg = config.radar.cfg_text;
+  info.version = version();
+  info.operator_name = config.operator_name;
+  info.window_s = config.window_s;
+  info.meta = meta;
+  return std::make_unique<record::RunWriter>(out, info);
+}
+
+ResumedRun reopen_run(const std::string& out, UtcTime now) {
+  const record::RunReader begun(out);
+  ResumedRun resumed;
+  const std::string status = begun.info().status;
+  const record::RunSummary sum = begun.summary();
+  resumed.file = std::make_unique<record::RunWriter>(out);
+  resumed.gap =
+      "resumed at record " + std::to_string(resumed.file->next_index()) + ", was " + status;
+  if (sum.records > 0)
+    resumed.gap += ", " +
+                   human_duration(std::chrono::duration<double>(now - sum.last_utc).count()) +
+                   " after the last slot";
+  return resumed;
 }
 
 }  // namespace echofuse::acquire

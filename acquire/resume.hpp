@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: MIT
-// What must be the same for a run to be continued.
+// The file of a run: a new one, or one to continue, and what must be the same for that.
 #pragma once
+#include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "acquire/config.hpp"
 #include "acquire/record/run_file.hpp"
+#include "drivers/core/clock.hpp"
 
 namespace echofuse::acquire {
 
@@ -25,5 +29,15 @@ void refuse_other_axes(const std::vector<Axis>& begun, const DeviceInfo& device)
 void refuse_bad_target(const std::filesystem::path& out);
 // Throws Error: it is being recorded (failed), or refuse_other_config does.
 void refuse_resuming(const record::RunReader& begun, const Config& config);
+
+std::unique_ptr<record::RunWriter> make_run(
+    const Config& config, const std::string& out,
+    const std::vector<std::pair<std::string, std::string>>& meta);
+
+struct ResumedRun {
+  std::unique_ptr<record::RunWriter> file;
+  std::string gap;  // what to note of it
+};
+ResumedRun reopen_run(const std::string& out, UtcTime now);
 
 }  // namespace echofuse::acquire

@@ -2,6 +2,7 @@
 // The doctor's verdicts on devices and disks, from samples and figures made by hand.
 #include "acquire/self_test.hpp"
 
+#include "../paths.hpp"
 #include "acquire/disk.hpp"
 #include "testing.hpp"
 
@@ -13,7 +14,7 @@ namespace {
 
 constexpr double time_s = 2;
 
-Config lab() { return load_config(ECHOFUSE_SOURCE_DIR "/config/lab.toml", {"depth.fps=10"}); }
+Config lab() { return load_config(test::source_dir + "/config/lab.toml", {"depth.fps=10"}); }
 
 // A start and, after `delay_ps`, a click; a thousand times.
 std::vector<Tag> pairs(std::int32_t start, std::int32_t click, std::int64_t delay_ps) {

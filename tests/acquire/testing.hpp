@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "../paths.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/exit_code.hpp"
 
@@ -56,7 +57,7 @@ inline Outcome shell(const std::string& command) {
 }
 
 inline Outcome acquire(const std::string& arguments) {
-  return shell(ECHOFUSE_BIN_DIR "/echofuse-acquire " + arguments);
+  return shell(test::bin_dir + "/echofuse-acquire " + arguments);
 }
 
 // The code of the Error that body throws, and its text; ok if it throws none.

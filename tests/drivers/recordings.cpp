@@ -9,6 +9,7 @@
 #include <iostream>
 #include <iterator>
 
+#include "../paths.hpp"
 #include "drivers/radar/frame_parser.hpp"
 
 using namespace echofuse;
@@ -18,7 +19,7 @@ namespace {
 std::filesystem::path data_folder() {
   const char* set = std::getenv("ECHOFUSE_DATA");
   return set ? std::filesystem::path(set)
-             : std::filesystem::path(ECHOFUSE_SOURCE_DIR) / ".." / "shared" / "data";
+             : std::filesystem::path(test::source_dir) / ".." / "shared" / "data";
 }
 
 Bytes read(const std::filesystem::path& path) {

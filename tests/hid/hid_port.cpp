@@ -14,6 +14,7 @@
 #include <mutex>
 #include <thread>
 
+#include "../paths.hpp"
 #include "bed.hpp"
 #include "drivers/inventory/inventory.hpp"
 #include "sim/usb/hid_cp2110.hpp"
@@ -287,7 +288,7 @@ TEST_CASE("the devices command finds it, in a program of its own") {
       std::filesystem::temp_directory_path() / ("echofuse-" + std::to_string(::getpid()));
   std::filesystem::create_directory(folder);
   const std::string command =
-      "cd " + folder.string() + " && " ECHOFUSE_BIN_DIR "/echofuse-acquire devices";
+      "cd " + folder.string() + " && " + test::bin_dir + "/echofuse-acquire devices";
   FILE* pipe = ::popen(command.c_str(), "r");
   REQUIRE(pipe);
   std::string text;

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "../drivers/sink.hpp"
+#include "../paths.hpp"
 #include "bed.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/make_driver.hpp"
@@ -29,7 +30,7 @@ struct Bench {
       };
     };
     board = sim::make_radar_board(io, stage, {}, uart(0, "CLI", cli), uart(1, "DATA", data));
-    std::ifstream cfg(ECHOFUSE_SOURCE_DIR "/config/radar/xwr68xx_paper_50cm.cfg");
+    std::ifstream cfg(test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
     std::ostringstream text;
     text << cfg.rdbuf();
     driver =

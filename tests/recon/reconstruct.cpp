@@ -7,6 +7,7 @@
 #include <sstream>
 #include <thread>
 
+#include "../paths.hpp"
 #include "acquire/record/png.hpp"
 #include "drivers/core/clock.hpp"
 #include "recon/map_files.hpp"
@@ -154,8 +155,9 @@ TEST_CASE("a run is followed while it is recorded, until it is closed") {
   REQUIRE(child >= 0);
   if (child == 0) {
     if (!std::freopen(log.c_str(), "w", stderr)) _exit(126);
-    execl(ECHOFUSE_BIN_DIR "/echofuse-recon", "echofuse-recon", "reconstruct", model.c_str(),
-          live.c_str(), "--out", out.c_str(), "--follow", "--format", "mm,npz", nullptr);
+    execl((test::bin_dir + "/echofuse-recon").c_str(), "echofuse-recon", "reconstruct",
+          model.c_str(), live.c_str(), "--out", out.c_str(), "--follow", "--format", "mm,npz",
+          nullptr);
     _exit(127);
   }
   wait_for("record 0",

@@ -10,6 +10,8 @@
 #include <fstream>
 #include <string>
 
+#include "paths.hpp"
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -20,7 +22,7 @@ struct Outcome {
 };
 
 Outcome sim(const std::string& arguments) {
-  const std::string command = ECHOFUSE_BIN_DIR "/echofuse-sim " + arguments + " 2>&1";
+  const std::string command = test::bin_dir + "/echofuse-sim " + arguments + " 2>&1";
   FILE* pipe = popen(command.c_str(), "r");
   REQUIRE(pipe);
   Outcome outcome;

@@ -5,6 +5,7 @@
 #include <catch2/catch.hpp>
 #include <cstdio>
 
+#include "../paths.hpp"
 #include "drivers/core/bytes.hpp"
 #include "lab_thread.hpp"
 
@@ -18,9 +19,8 @@ class Reader {
   Reader(const std::string& lab_dir, const std::string& file, const std::string& arguments) {
     const auto folder = std::filesystem::read_symlink("/proc/self/exe").parent_path();
     // OpenNI2 leaks some, and is not built for the thread sanitizer.
-    const std::string sanitizers =
-        "ASAN_OPTIONS=detect_leaks=0 TSAN_OPTIONS=suppressions='" ECHOFUSE_SOURCE_DIR
-        "/tests/tsan.supp' ";
+    const std::string sanitizers = "ASAN_OPTIONS=detect_leaks=0 TSAN_OPTIONS=suppressions='" +
+                                   test::source_dir + "/tests/tsan.supp' ";
     const std::string command = sanitizers + "LD_LIBRARY_PATH='" + lab_dir + "/openni' '" +
                                 (folder / "depth_reader").string() + "' '" + file + "' " +
                                 arguments;

@@ -5,6 +5,7 @@
 #include <catch2/catch.hpp>
 #include <set>
 
+#include "../paths.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "lab_thread.hpp"
 
@@ -54,7 +55,7 @@ TEST_CASE("what an open laboratory has, and what a closed one leaves") {
   CHECK_THAT(toml, Catch::Contains("cfg = \"radar.cfg\""));
   CHECK_THAT(toml, Catch::Contains("address = \"openni:\""));
   CHECK(read_text(options.dir + "/radar.cfg") ==
-        read_text(std::string(ECHOFUSE_SOURCE_DIR) + "/config/radar/xwr68xx_paper_50cm.cfg"));
+        read_text(test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg"));
   CHECK_THAT(lab.lab().daemon_command(),
              Catch::StartsWith("LD_LIBRARY_PATH=" + options.dir + "/openni ") &&
                  Catch::Contains(" run --config " + options.dir + "/lab.toml --out "));

@@ -5,6 +5,7 @@
 #include <set>
 
 #include "../drivers/sink.hpp"
+#include "../paths.hpp"
 #include "lab_thread.hpp"
 #include "radar_bench.hpp"
 
@@ -28,8 +29,7 @@ struct Bench {
     setup.address = "test";
     setup.cli = board.cli.opener();
     setup.data = board.data.opener();
-    setup.cfg_text =
-        read_text(std::string(ECHOFUSE_SOURCE_DIR) + "/config/radar/xwr68xx_paper_50cm.cfg");
+    setup.cfg_text = read_text(test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
     setup.cfg_name = "x.cfg";
     for (const auto& line : radar::command_lines(setup.cfg_text)) whole_cfg.push_back(line.text);
     whole_cfg.insert(whole_cfg.begin(), "version");

@@ -6,6 +6,8 @@
 #include <fstream>
 #include <sstream>
 
+#include "../paths.hpp"
+
 using namespace echofuse;
 using namespace echofuse::sim;
 
@@ -33,7 +35,7 @@ class Console {
 };
 
 std::vector<std::string> profile_lines(const std::string& name) {
-  std::ifstream file(std::string(ECHOFUSE_SOURCE_DIR) + "/config/radar/" + name);
+  std::ifstream file(test::source_dir + "/config/radar/" + name);
   REQUIRE(file);
   std::vector<std::string> lines;
   for (std::string line; std::getline(file, line);) lines.push_back(line);

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/accounts.hpp"
+
+#include <string>
+#include <utility>
+
+#include "acquire/devices.hpp"
+
+namespace echofuse::acquire {
+
+void close_accounts(Writer& writer, RunLog& log,
+                    std::array<std::vector<Counter>, sensor_count> counters, const Strays& strays) {
+  for (const Sensor s : all_sensors) {
+    const auto i = static_cast<std::size_t>(s);
+    counters[i].push_back({"late", strays.late[i]});
+    counters[i].push_back({"outside", strays.outside[i]});
+    counters[i].push_back({"duplicate", strays.duplicate[i]});
+  }
+  writer.put([counters = std::move(counters)](record::RunWriter& run) {
+    for (const Sensor s : all_sensors)
+      for (const Counter& c : counters[static_cast<std::size_t>(s)])
+        run.put_counter(name_of(s), c.name, c.value);
+  });
+  const auto count = [&](const char* what, const std::array<std::uint64_t, sensor_count>& n) {
+    if (n[0] + n[1] + n[2] > 0)
+      log.put(Severity::warning, "run",
+              std::to_string(n[0]) + " tags, " + std::to_string(n[1]) + " radar frames, " +
+                  std::to_string(n[2]) + " depth frames " + what);
+  };
+  count("came after their slot was closed", strays.late);
+  count("came twice", strays.duplicate);
+  count("came out of order", strays.out_of_order);
+}
+
+}  // namespace echofuse::acquire

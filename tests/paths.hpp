@@ -1,0 +1,11 @@
+// SPDX-License-Identifier: MIT
+// Where this checkout and its programs are. Not macros, so that only paths.cpp depends on the
+// folder.
+#pragma once
+#include <string>
+
+namespace echofuse::test {
+
+extern const std::string source_dir, bin_dir;
+
+}  // namespace echofuse::test
