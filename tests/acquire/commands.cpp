@@ -109,7 +109,7 @@ TEST_CASE("config check says ok or all faults; config show prints values with th
 TEST_CASE("doctor without a configuration looks at the machine; a bad one ends it") {
   const Folder folder;
   const std::string here =
-      "cd " + folder / "" + " && " + test::bin_dir + "/echofuse-acquire doctor";
+      "cd " + folder / "" + " && " + echofuse::test::bin_dir + "/echofuse-acquire doctor";
   const Outcome o = shell(here + " --json");
   CAPTURE(o.text);
   REQUIRE(o.code == 0);
@@ -138,7 +138,7 @@ TEST_CASE("metadata without a value, a folder that cannot be written") {
   fs::permissions(folder / "closed", fs::perms::owner_read | fs::perms::owner_exec);
   // Permissions do not bind root.
   const std::string as_user = geteuid() == 0 ? "setpriv --bounding-set=-all --inh-caps=-all " : "";
-  const Outcome o = shell(as_user + test::bin_dir + "/echofuse-acquire run --out " +
+  const Outcome o = shell(as_user + echofuse::test::bin_dir + "/echofuse-acquire run --out " +
                           folder / "closed/a" + config);
   CAPTURE(o.text);
   CHECK(o.code == 6);
@@ -168,7 +168,7 @@ TEST_CASE("no device answers: one clear line each, and no file") {
              "[run]\nconnect_timeout_s = 0.3\n[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n"
              "[radar]\ncli = \"serial:" +
                  folder / "cli" + "\"\ndata = \"serial:" + folder / "data" + "\"\ncfg = \"" +
-                 test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg\"\n");
+                 echofuse::test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg\"\n");
   const std::string config = " --config " + folder / "lab.toml";
   const Outcome o = acquire("run -q --out " + folder / "a" + config);
   CAPTURE(o.text);
@@ -185,8 +185,8 @@ TEST_CASE("no device answers: one clear line each, and no file") {
 
 TEST_CASE("devices without a configuration only lists what is attached") {
   const Folder folder;
-  const Outcome o =
-      shell("cd " + folder / "" + " && " + test::bin_dir + "/echofuse-acquire devices --json");
+  const Outcome o = shell("cd " + folder / "" + " && " + echofuse::test::bin_dir +
+                          "/echofuse-acquire devices --json");
   CAPTURE(o.text);
   REQUIRE(o.code == 0);
   const Json all = Json::parse(o.text);
@@ -236,8 +236,8 @@ TEST_CASE("a run goes by its file and by the name that --out gave it") {
 TEST_CASE("the script in plain Python reads a run") {
   const Folder folder;
   write_run(folder / "a.sqlite", 3);
-  const Outcome o =
-      shell("python3 " + test::source_dir + "/scripts/read_run.py " + folder / "a.sqlite" + " 1");
+  const Outcome o = shell("python3 " + echofuse::test::source_dir + "/scripts/read_run.py " +
+                          folder / "a.sqlite" + " 1");
   CAPTURE(o.text);
   CHECK(o.code == 0);
   CHECK(has(o.text, "record 1  valid mask 7  label 'letter:A'"));

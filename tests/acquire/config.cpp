@@ -18,7 +18,8 @@ std::pair<ExitCode, std::string> refusal(const std::string& path,
 }  // namespace
 
 TEST_CASE("the shipped configuration loads, with the radar cfg beside it") {
-  const Config config = load_config(test::source_dir + "/config/lab.toml", {"run.window_s=0.5"});
+  const Config config =
+      load_config(echofuse::test::source_dir + "/config/lab.toml", {"run.window_s=0.5"});
   CHECK(config.configured() == 7);
   CHECK(config.window_s == 0.5);
   CHECK(config.histogram.bins == 336);

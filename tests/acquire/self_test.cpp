@@ -14,7 +14,9 @@ namespace {
 
 constexpr double time_s = 2;
 
-Config lab() { return load_config(test::source_dir + "/config/lab.toml", {"depth.fps=10"}); }
+Config lab() {
+  return load_config(echofuse::test::source_dir + "/config/lab.toml", {"depth.fps=10"});
+}
 
 // A start and, after `delay_ps`, a click; a thousand times.
 std::vector<Tag> pairs(std::int32_t start, std::int32_t click, std::int64_t delay_ps) {

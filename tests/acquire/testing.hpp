@@ -57,7 +57,7 @@ inline Outcome shell(const std::string& command) {
 }
 
 inline Outcome acquire(const std::string& arguments) {
-  return shell(test::bin_dir + "/echofuse-acquire " + arguments);
+  return shell(echofuse::test::bin_dir + "/echofuse-acquire " + arguments);
 }
 
 // The code of the Error that body throws, and its text; ok if it throws none.

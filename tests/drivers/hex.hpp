@@ -15,7 +15,7 @@ namespace echofuse::test {
 // A golden file: lines of hexadecimal bytes; each "#" line that is followed by bytes begins a
 // piece.
 inline std::vector<Bytes> read_golden(const std::string& name) {
-  const std::string path = test::source_dir + "/tests/golden/" + name;
+  const std::string path = echofuse::test::source_dir + "/tests/golden/" + name;
   std::ifstream file(path);
   if (!file) throw std::runtime_error("cannot read " + path);
   std::vector<Bytes> pieces;

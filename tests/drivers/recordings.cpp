@@ -19,7 +19,7 @@ namespace {
 std::filesystem::path data_folder() {
   const char* set = std::getenv("ECHOFUSE_DATA");
   return set ? std::filesystem::path(set)
-             : std::filesystem::path(test::source_dir) / ".." / "shared" / "data";
+             : std::filesystem::path(echofuse::test::source_dir) / ".." / "shared" / "data";
 }
 
 Bytes read(const std::filesystem::path& path) {

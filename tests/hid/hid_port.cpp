@@ -288,7 +288,7 @@ TEST_CASE("the devices command finds it, in a program of its own") {
       std::filesystem::temp_directory_path() / ("echofuse-" + std::to_string(::getpid()));
   std::filesystem::create_directory(folder);
   const std::string command =
-      "cd " + folder.string() + " && " + test::bin_dir + "/echofuse-acquire devices";
+      "cd " + folder.string() + " && " + echofuse::test::bin_dir + "/echofuse-acquire devices";
   FILE* pipe = ::popen(command.c_str(), "r");
   REQUIRE(pipe);
   std::string text;

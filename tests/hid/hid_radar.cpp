@@ -30,7 +30,7 @@ struct Bench {
       };
     };
     board = sim::make_radar_board(io, stage, {}, uart(0, "CLI", cli), uart(1, "DATA", data));
-    std::ifstream cfg(test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
+    std::ifstream cfg(echofuse::test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
     std::ostringstream text;
     text << cfg.rdbuf();
     driver =

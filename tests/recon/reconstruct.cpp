@@ -155,7 +155,7 @@ TEST_CASE("a run is followed while it is recorded, until it is closed") {
   REQUIRE(child >= 0);
   if (child == 0) {
     if (!std::freopen(log.c_str(), "w", stderr)) _exit(126);
-    execl((test::bin_dir + "/echofuse-recon").c_str(), "echofuse-recon", "reconstruct",
+    execl((echofuse::test::bin_dir + "/echofuse-recon").c_str(), "echofuse-recon", "reconstruct",
           model.c_str(), live.c_str(), "--out", out.c_str(), "--follow", "--format", "mm,npz",
           nullptr);
     _exit(127);

@@ -15,7 +15,8 @@ namespace {
 
 std::string data_folder() {
   const char* set = std::getenv("ECHOFUSE_DATA");
-  return (set ? std::string(set) : test::source_dir + "/../shared/data") + "/turpin-radar";
+  return (set ? std::string(set) : echofuse::test::source_dir + "/../shared/data") +
+         "/turpin-radar";
 }
 
 // SSIM and RMSE of a row of the last table: "  mean       SSIM 0.583  RMSE 0.161".

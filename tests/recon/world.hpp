@@ -116,7 +116,7 @@ struct Outcome {
 
 // Runs echofuse-recon as a user does.
 inline Outcome recon_program(const std::string& arguments) {
-  const std::string command = test::bin_dir + "/echofuse-recon " + arguments + " 2>&1";
+  const std::string command = echofuse::test::bin_dir + "/echofuse-recon " + arguments + " 2>&1";
   FILE* pipe = popen(command.c_str(), "r");
   REQUIRE(pipe);
   Outcome outcome;
@@ -136,7 +136,7 @@ inline pid_t start_recon(std::vector<std::string> words) {
   const pid_t child = fork();
   REQUIRE(child >= 0);
   if (child == 0) {
-    execv((test::bin_dir + "/echofuse-recon").c_str(), arguments.data());
+    execv((echofuse::test::bin_dir + "/echofuse-recon").c_str(), arguments.data());
     _exit(127);
   }
   return child;

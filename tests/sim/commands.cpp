@@ -10,7 +10,7 @@
 #include <fstream>
 #include <string>
 
-#include "paths.hpp"
+#include "../paths.hpp"
 
 namespace {
 
@@ -22,7 +22,7 @@ struct Outcome {
 };
 
 Outcome sim(const std::string& arguments) {
-  const std::string command = test::bin_dir + "/echofuse-sim " + arguments + " 2>&1";
+  const std::string command = echofuse::test::bin_dir + "/echofuse-sim " + arguments + " 2>&1";
   FILE* pipe = popen(command.c_str(), "r");
   REQUIRE(pipe);
   Outcome outcome;

@@ -20,7 +20,7 @@ class Reader {
     const auto folder = std::filesystem::read_symlink("/proc/self/exe").parent_path();
     // OpenNI2 leaks some, and is not built for the thread sanitizer.
     const std::string sanitizers = "ASAN_OPTIONS=detect_leaks=0 TSAN_OPTIONS=suppressions='" +
-                                   test::source_dir + "/tests/tsan.supp' ";
+                                   echofuse::test::source_dir + "/tests/tsan.supp' ";
     const std::string command = sanitizers + "LD_LIBRARY_PATH='" + lab_dir + "/openni' '" +
                                 (folder / "depth_reader").string() + "' '" + file + "' " +
                                 arguments;

@@ -55,7 +55,7 @@ TEST_CASE("what an open laboratory has, and what a closed one leaves") {
   CHECK_THAT(toml, Catch::Contains("cfg = \"radar.cfg\""));
   CHECK_THAT(toml, Catch::Contains("address = \"openni:\""));
   CHECK(read_text(options.dir + "/radar.cfg") ==
-        read_text(test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg"));
+        read_text(echofuse::test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg"));
   CHECK_THAT(lab.lab().daemon_command(),
              Catch::StartsWith("LD_LIBRARY_PATH=" + options.dir + "/openni ") &&
                  Catch::Contains(" run --config " + options.dir + "/lab.toml --out "));

@@ -29,7 +29,7 @@ struct Bench {
     setup.address = "test";
     setup.cli = board.cli.opener();
     setup.data = board.data.opener();
-    setup.cfg_text = read_text(test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
+    setup.cfg_text = read_text(echofuse::test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
     setup.cfg_name = "x.cfg";
     for (const auto& line : radar::command_lines(setup.cfg_text)) whole_cfg.push_back(line.text);
     whole_cfg.insert(whole_cfg.begin(), "version");

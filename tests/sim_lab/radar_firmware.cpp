@@ -35,7 +35,7 @@ class Console {
 };
 
 std::vector<std::string> profile_lines(const std::string& name) {
-  std::ifstream file(test::source_dir + "/config/radar/" + name);
+  std::ifstream file(echofuse::test::source_dir + "/config/radar/" + name);
   REQUIRE(file);
   std::vector<std::string> lines;
   for (std::string line; std::getline(file, line);) lines.push_back(line);

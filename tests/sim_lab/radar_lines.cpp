@@ -60,7 +60,7 @@ TEST_CASE("a consumer that stands still costs frames of a real line, and they ar
   sim::LabOptions options;
   options.dir = dir / "lab";
   options.radar_cfg = dir / "fast.cfg";
-  std::string cfg = read_text(test::source_dir + "/config/radar/xwr68xx_44mm.cfg");
+  std::string cfg = read_text(echofuse::test::source_dir + "/config/radar/xwr68xx_44mm.cfg");
   cfg.replace(cfg.find("frameCfg 0 2 32 0 50"), 20, "frameCfg 0 2 32 0 10");
   std::ofstream(options.radar_cfg) << cfg;
   LabThread lab(options);
