@@ -74,19 +74,19 @@ class Arrays {
     out.make_group("/entry/data");
     out.set("/entry/data", "NX_class", "NXdata");
     out.set("/entry/data", "signal", "spd");
-    if (const auto spd = run.axis("spd")) {
+    if (const auto spd = run.axis("spd"); spd && spd->count > 0) {
       out.allocate<std::uint32_t>(data + "spd", {n, spd->count});
       out.set(data + "spd", "units", "counts");
       write_axis(out, "spd_time", *spd);
     }
-    if (const auto radar = run.axis("radar")) {
+    if (const auto radar = run.axis("radar"); radar && radar->count > 0) {
       no_radar_.assign(radar->count, std::numeric_limits<float>::quiet_NaN());
       out.allocate<float>(data + "radar", {n, radar->count});
       out.set(data + "radar", "units", radar->quantity == "log2_q8" ? "log2_q8" : "1");
       write_axis(out, "radar_range", *radar);
     }
     const auto x = run.axis("depth_x"), y = run.axis("depth_y");
-    if (x && y) {
+    if (x && y && x->count > 0 && y->count > 0) {
       out.allocate<std::uint16_t>(data + "depth", {n, y->count, x->count});
       out.set(data + "depth", "units", "mm");
       write_axis(out, "depth_x", *x);

@@ -21,9 +21,15 @@ struct sqlite3;
 
 namespace echofuse::record {
 
+class Statement;
 class WriterLock;
+struct Budget;
 
 inline constexpr int format_version = 1;
+// A record's index is not above the first, so that the one after it is a number too; a run is
+// resumed while there is room below it.
+inline constexpr std::int64_t max_index = std::int64_t{1} << 53;
+inline constexpr std::int64_t max_resumed_index = std::int64_t{1} << 52;
 
 // Threading: one thread at a time. Every member throws Error (disk for a full disk or a failed
 // write, failed for anything else); after a failed append the file is as it was before it.
@@ -83,6 +89,7 @@ struct RunSummary {
   std::array<std::int64_t, sensor_count> valid{};  // records with a valid SPD, radar, depth
   std::array<std::int64_t, sensor_count> lost{};   // tags, radar frames, depth frames
   std::int64_t tags = 0;
+  std::int64_t last_index = -1;                        // the largest of a record
   UtcTime first_utc{}, last_utc{};                     // start of the first slot, end of the last
   std::map<std::string, std::int64_t> labels, events;  // records by label, events by level
   std::map<std::string, std::string> policies;         // by sensor
@@ -92,7 +99,8 @@ struct RunSummary {
 // Reads closed, live and crashed runs alike.
 class RunReader {
  public:
-  // Throws Error(failed): not there, not a run file, written by a newer version, damaged.
+  // Throws Error(failed): not there, not a run file, written by a newer version, damaged, or with
+  // anything in it but the tables of a run. What a file may cost is bounded by its size.
   explicit RunReader(const std::string& path);
   ~RunReader();
   RunReader(const RunReader&) = delete;
@@ -117,9 +125,15 @@ class RunReader {
   std::string check() const;
 
  private:
+  void open();
+  void check_identity() const;
   void summarise_sync(RunSummary& sum) const;
-  std::string path_;
+  void check_axis(const Axis& axis, std::int64_t points) const;
+  Statement ask(const char* sql) const;  // with the whole budget
+  std::string path_, shown_;             // shown_: printable
   sqlite3* db_ = nullptr;
+  std::uint64_t bytes_ = 0;  // when it was opened
+  std::unique_ptr<Budget> budget_;
 };
 
 // Writes into a run that another process records: an event of level "mark", or of level "label",

@@ -8,6 +8,7 @@
 
 #include "acquire/record/png.hpp"
 #include "acquire/record/run_file.hpp"
+#include "acquire/record/run_tables.hpp"
 #include "acquire/record/schema.hpp"
 #include "acquire/record/sqlite.hpp"
 #include "acquire/record/writer_lock.hpp"
@@ -120,6 +121,7 @@ void RunWriter::open() {
     throw Error(ExitCode::failed, path_ + ": is being written by another process");
   if (sqlite3_open_v2(path_.c_str(), &db_, SQLITE_OPEN_READWRITE, nullptr) != SQLITE_OK)
     sqlite_fail(db_, path_, "cannot open");
+  harden(db_);
   lock_->reserve(reserve_bytes);
   sqlite3_busy_timeout(db_, busy_timeout_ms);
   execute(db_, path_, "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL;", "cannot set up");
@@ -372,6 +374,7 @@ void mark(const std::string& path, const std::string& level, const std::string& 
   if (sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READWRITE, nullptr) != SQLITE_OK)
     sqlite_fail(db, path, "cannot open for writing");
   const std::unique_ptr<sqlite3, int (*)(sqlite3*)> closing(db, sqlite3_close);
+  harden(db);
   sqlite3_busy_timeout(db, busy_timeout_ms);
   Statement(db, path, "INSERT INTO event (utc, level, source, text) VALUES (?,?,'mark',?)")
       .bind(iso8601(SystemClock().utc()))
