@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/core/exit_code.hpp"
+#include "drivers/core/printable.hpp"
 #include "drivers/radar/frame_parser.hpp"
 
 namespace echofuse::acquire {
@@ -69,7 +70,7 @@ std::string to_text(const Json& json) {
     std::string name = key;
     std::replace(name.begin(), name.end(), '_', ' ');
     name.resize(24, ' ');
-    out += name + (value.is_string() ? value.get<std::string>() : value.dump()) + "\n";
+    out += name + (value.is_string() ? printable(value.get<std::string>()) : value.dump()) + "\n";
   }
   return out;
 }
@@ -87,7 +88,7 @@ std::string replay_radar(const std::string& path, bool json) {
   for_each_chunk(path, [&](ByteView chunk) { parser.feed(chunk, HostTime{}, on_frame); });
   parser.finish(on_frame);
   const Json counts = to_json(path, parser.counts(), contents);
-  return json ? counts.dump(2) + "\n" : to_text(counts);
+  return json ? counts.dump(2, ' ', true, Json::error_handler_t::replace) + "\n" : to_text(counts);
 }
 
 }  // namespace echofuse::acquire

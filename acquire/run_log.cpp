@@ -5,6 +5,8 @@
 
 #include <utility>
 
+#include "drivers/core/printable.hpp"
+
 namespace echofuse::acquire {
 namespace {
 
@@ -17,7 +19,7 @@ spdlog::level::level_enum level_of(Severity s) {
 }  // namespace
 
 void RunLog::put(Severity severity, const std::string& source, const std::string& text) {
-  spdlog::log(level_of(severity), "{}: {}", source, text);
+  spdlog::log(level_of(severity), "{}: {}", source, printable(text));
   if (severity == Severity::info) return;
   Writer::Job job = [=, utc = clock_.utc()](record::RunWriter& run) {
     run.put_event(utc, severity, source, text);

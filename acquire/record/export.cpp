@@ -9,6 +9,7 @@
 
 #include "acquire/record/h5.hpp"
 #include "drivers/core/exit_code.hpp"
+#include "drivers/core/printable.hpp"
 
 namespace echofuse::record {
 namespace {
@@ -201,13 +202,29 @@ std::int64_t export_h5(const RunReader& run, const std::string& path,
   }
 }
 
+namespace {
+
+// In a line that is no cell: nothing begins another one, whatever the separator.
+std::string in_comment(const std::string& text) {
+  std::string out;
+  for (const char c : printable(text, 200))
+    if (c == ',' || c == ';' || c == '"')
+      out += c == ',' ? "\\x2c" : c == ';' ? "\\x3b" : "\\x22";
+    else
+      out += c;
+  return out;
+}
+
+}  // namespace
+
 void export_csv(const RunReader& run, std::int64_t index, const std::string& path) {
   const FusedRecord r = run.read(index);
   if (::access(path.c_str(), F_OK) == 0)
     throw Error(ExitCode::failed, path + ": exists already; choose another name");
   std::ofstream out(path);
   out.precision(std::numeric_limits<float>::max_digits10);
-  out << "# record " << r.index << " of " << run.path() << ", label " << r.label
+  out << "# record " << r.index << " of " << in_comment(run.path()) << ", label "
+      << in_comment(r.label)
       << "\n# spd: x = two-way time in ps, value = counts\n"
          "# radar: x = range in m, value = as in the run's radar axis\n"
          "# depth: x, y = tangents, value = mm, 0 = no return\nsensor,x,y,value\n";

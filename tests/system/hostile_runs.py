@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """tests/system/hostile_runs.py BIN_DIR [TEST]: run files that somebody made to do harm, given to every command that
-reads one: each ends soon, in little memory, with a documented exit code and one line of error."""
+reads one: each ends soon, in little memory, with a documented exit code and one line of error. And texts of runs and
+devices that are to do harm at a terminal or in a table."""
 import json
 import os
 import pathlib
@@ -12,6 +13,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import unittest
 import zlib
@@ -67,6 +69,18 @@ def pages_that_repeat(path, table):
     data += leaf
     data[28:32] = struct.pack(">I", len(data) // size)
     path.write_bytes(data)
+
+
+class Crc32c:
+    """Of what bridge.py needs of the package python3-crc32c."""
+    @staticmethod
+    def crc32c(data, value=0):
+        value ^= 0xffffffff
+        for byte in bytes(data):
+            value ^= byte
+            for _ in range(8):
+                value = value >> 1 ^ (0x82f63b78 if value & 1 else 0)
+        return value ^ 0xffffffff
 
 
 ENDLESS = "WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) SELECT "
@@ -279,6 +293,79 @@ class HostileRuns(unittest.TestCase):
         run = self.make(f"UPDATE record SET idx = 9007199254740992 WHERE idx = {RECORDS - 1}")
         self.assertEqual(self.attack(run, "resume"), {"resume": 1})
         self.assertIn("its last record has the index 9007199254740992; there is no room for more", self.said)
+
+    def test_texts(self):
+        esc = "char(27) || '[2J' || char(10) || 'forged line' || char(7) || char(0) || 'x'"
+        bad = "CAST(x'fffe80c09b' AS TEXT)"
+        for name, change in {
+                "control": f"UPDATE record SET label = {esc}, spd_verdict = {esc}; UPDATE run SET uuid = {esc}, status = {esc}, "
+                           f"host = {esc}, operator = {esc}, version = {esc}, notes = {esc};"
+                           f"INSERT INTO device VALUES ('spd', {esc}, {esc}, {esc}, {esc}); INSERT INTO meta VALUES ({esc}, {esc});"
+                           f"INSERT INTO event (utc, level, source, text) VALUES ({esc}, 'mark', {esc}, {esc});"
+                           f"UPDATE axis SET unit = {esc}, quantity = {esc}; INSERT INTO policy VALUES ({esc}, {esc});"
+                           f"INSERT INTO calibration VALUES ('depth', {esc}, {esc}, 1, 0, 0)",
+                "not UTF-8": f"UPDATE record SET label = {bad}; UPDATE run SET uuid = {bad}, notes = {bad}, host = {bad};"
+                             f"INSERT INTO meta VALUES ({bad}, {bad}); INSERT INTO event (utc, level, text) VALUES (1, 'mark', {bad})",
+                }.items():
+            with self.subTest(name):
+                run = self.make(change)
+                codes = self.attack(run, "info", "json", "export", "csv", "evaluate", "reconstruct")
+                self.assertEqual({codes[n] for n in ("info", "json", "csv")}, {0}, self.said)
+                for words in (["info", run], ["info", run, "--json"]):
+                    out = self.command("acquire", *words)[1].decode("utf-8")
+                    self.assertNotIn("\nforged", out)
+                    self.assertEqual(out, "".join(c for c in out if c == "\n" or c.isprintable()))
+
+    def test_tables_for_a_spreadsheet(self):
+        run = self.make("UPDATE record SET label = 'x' || char(10) || '=cmd|''/c calc''!A1' || char(10) || 'spd,1,1,1;=1,=\"2'")
+        table = self.dir / "x.csv"
+        self.assertEqual(self.command("acquire", "export", run, "--record", 3, "--to", table)[0], 0)
+        lines = table.read_text().splitlines()
+        table.unlink()
+        heads = [line for line in lines if line.startswith("#")]
+        self.assertEqual(lines[:len(heads) + 1], [*heads, "sensor,x,y,value"])
+        self.assertIn("label x\\n=cmd", heads[0])
+        self.assertEqual(sum(line.startswith("spd,") for line in lines), self.shapes["spd"])
+        for line in lines:
+            self.assertIsNone(re.search(r"(^|[,;])[=+@]", line), line)
+
+    def test_picture_runs_no_command(self):
+        run = self.make("UPDATE record SET label = 'a' || char(10) || '!touch owned' || char(10) || 'system(\"touch owned\")';"
+                        "UPDATE axis SET quantity = char(10) || '!touch owned' || char(10) WHERE name = 'radar'")
+        code, _, said = self.command("sim", "preview", run, "--record", 3, "--out", self.dir / "x.png")
+        self.assertEqual(code, 0, said)
+        self.assertFalse((self.dir / "owned").exists())
+
+    def test_hello(self):
+        sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "scripts/bridges"))
+        import bridge
+        bridge.crc32c = Crc32c
+        server, over = bridge.Server(("127.0.0.1", 0)), threading.Event()
+
+        def send():
+            while not over.wait(0.05):
+                server.send(bridge.TAGS, bytes(16), 1)
+        sender = threading.Thread(target=send)
+        sender.start()
+        try:
+            evil = "m\x1b[2J\r\nforged line\u202e\x9b"
+            server.online({"model": evil, "serial": evil, "firmware": evil})
+            config = self.dir / "evil.toml"
+            config.write_text(f"[run]\nconnect_timeout_s = 1.5\n[tdc]\naddress = \"bridge:tcp://127.0.0.1:{server.address[1]}\"\n")
+            for words in (["devices", "--config", config], ["devices", "--json", "--config", config],
+                          ["doctor", "--config", config],
+                          ["run", "--config", config, "--out", self.dir / "evil", "--count", 1, "--set",
+                           "run.window_s=0.3"], ["info", self.dir / "evil"]):
+                _, out, said = self.command("acquire", *words)
+                text = out.decode("utf-8") + said
+                if words[0] in ("devices", "info"):  # which name the model
+                    self.assertIn("forged", text, words)
+                self.assertNotIn("\nforged", text)
+                self.assertEqual(text, "".join(c for c in text if c == "\n" or c.isprintable()))
+        finally:
+            over.set()
+            sender.join()
+            server.close()
 
     def test_values(self):
         blob = f"x'{'ff' * 4 * self.shapes['spd']}'"
