@@ -8,11 +8,13 @@
 #pragma once
 #include <array>
 #include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
 #include <span>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "acquire/record/record.hpp"
@@ -82,6 +84,13 @@ struct Event {
   std::string utc, level, source, text;
 };
 
+// A column of a table, in the order of its rows. A NULL is null_integer, not a number, or "".
+struct Column {
+  std::string name;
+  std::variant<std::vector<std::int64_t>, std::vector<double>, std::vector<std::string>> values;
+};
+inline constexpr std::int64_t null_integer = std::numeric_limits<std::int64_t>::min();
+
 // A run in numbers, without reading the sensors' data.
 struct RunSummary {
   std::int64_t records = 0, all_valid = 0;         // all_valid: of records with all three sensors
@@ -115,6 +124,8 @@ class RunReader {
   std::optional<Axis> axis(const std::string& name) const;
   std::int64_t count() const;
   RunSummary summary() const;
+  std::vector<std::string> table_names() const;              // of all its tables
+  std::vector<Column> table(const std::string& name) const;  // without the blobs
   // Records in index order from `first` on; the callback returns false to stop. A record whose
   // blobs do not fit the axes or hold non-finite values throws Error naming the record, or, with
   // `on_bad`, is handed there and skipped.

@@ -72,6 +72,7 @@ class Statement {
     sqlite3_reset(handle_);
     bound_ = 0;
   }
+  bool next_is_null() { return sqlite3_column_type(handle_, column_) == SQLITE_NULL; }
   std::int64_t integer() { return sqlite3_column_int64(handle_, column_++); }
   double real() { return sqlite3_column_double(handle_, column_++); }
   std::string text() {
