@@ -111,6 +111,7 @@ void Daemon::run() {
     refuse_resuming(record::RunReader(options_.out), config_);
   else
     refuse_bad_target(options_.out);
+  devices_.take("run", options_.out);
   devices_.start();
   devices_.wait(config_.connect_timeout_s);
   require_devices();

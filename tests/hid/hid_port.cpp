@@ -238,6 +238,20 @@ TEST_CASE("another serial number: told which ones are there") {
   CHECK(host.why == "hid:10c4:ea80:Z: open (attached: A): No such device");
 }
 
+TEST_CASE("a bridge that another program has is left alone; it is free once that is gone") {
+  Bridge bridge;
+  Host first, second;
+  first.opens("A");
+  second.open();
+  second.goes();
+  CHECK(second.why ==
+        "hid:10c4:ea80: open /dev/hidraw0 (in use by another program): Device or resource busy");
+  bridge.device.receive(pattern(100));
+  CHECK(first.until([&] { return first.received == pattern(100); }));
+  first.port.reset();
+  second.opens();
+}
+
 TEST_CASE("no permission: told what grants it; and listed so") {
   Bridge bridge;
   const std::string root = test::bed().root(), node = root + "/dev/hidraw0";
