@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/devices.hpp"
 
+#include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <cinttypes>
 #include <cstdio>
@@ -13,6 +14,8 @@
 
 namespace echofuse::acquire {
 namespace {
+
+constexpr auto last_words = std::chrono::milliseconds(300);  // of all drivers to their devices
 
 // For whoever only wants to know what answers.
 class NullSink final : public SampleSink {
@@ -72,7 +75,7 @@ Devices::Devices(boost::asio::io_context& io, const Config& config, const Clock&
   if (seen(Sensor::depth).configured) drivers_[2] = make_depth(io, config.depth, clock);
 }
 
-Devices::~Devices() { stop(); }
+Devices::~Devices() { halt(); }  // whoever listened may be gone
 
 void Devices::take_free(const std::string& command) {
   locks_.emplace(config_, command);
@@ -96,8 +99,28 @@ void Devices::start() {
 }
 
 void Devices::stop() {
+  for (const Sensor s : halt())
+    next_.on_event(s, Severity::warning, "did not confirm that it stopped: is it still sending?");
+}
+
+// Those that did not confirm it.
+std::vector<Sensor> Devices::halt() {
   for (auto& driver : drivers_)
-    if (driver) std::exchange(driver, nullptr)->stop();
+    if (driver) driver->stop();
+  const auto ends = [](const auto& driver) { return !driver || driver->finished(); };
+  const auto give_up = std::chrono::steady_clock::now() + last_words;
+  while (!std::all_of(drivers_.begin(), drivers_.end(), ends) &&
+         std::chrono::steady_clock::now() < give_up) {
+    if (io_.stopped()) io_.restart();
+    if (io_.run_one_until(give_up) == 0) break;  // also if nothing can come any more
+  }
+  std::vector<Sensor> unfinished;
+  for (const Sensor s : all_sensors) {
+    auto& driver = drivers_[static_cast<std::size_t>(s)];
+    if (!ends(driver)) unfinished.push_back(s);
+    driver.reset();
+  }
+  return unfinished;
 }
 
 void Devices::wait(double timeout_s) {

@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "acquire/config.hpp"
 #include "acquire/device_locks.hpp"
@@ -40,6 +41,7 @@ class Devices final : private SampleSink {
   // Makes those of them this program's that are free.
   void take_free(const std::string& command);
   void start();
+  // All at once, and waits for them. A device that does not confirm its end is an event.
   void stop();
   // Runs io until every configured device that is ours delivers, the time is up or the user
   // interrupts.
@@ -58,6 +60,7 @@ class Devices final : private SampleSink {
   void on_depth(DepthFrame frame) override;
   void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
+  std::vector<Sensor> halt();
   Seen& seen(Sensor s) { return seen_[static_cast<std::size_t>(s)]; }
 
   boost::asio::io_context& io_;

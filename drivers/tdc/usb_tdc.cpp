@@ -56,12 +56,13 @@ class UsbTdc::Worker {
  private:
   // Until the device fails: why.
   std::string run_session() {
+    if (connections_ > 0) records_.interrupt();  // what waits for its end will wait in vain
     usb::Link link(transfers_);
     std::string wrong = link.open(
         usb_, [this](ByteView bytes, bool ends) { on_transfer(bytes, ends); },
         [this] { records_.interrupt(); });
     if (!wrong.empty()) return wrong;
-    if (connections_++ > 0) records_.interrupt();
+    ++connections_;
     describe(link);
     tell(DeviceState::streaming);
     lost_before_ = device_lost_;  // a device counts from its start
@@ -159,7 +160,10 @@ UsbTdc::UsbTdc(boost::asio::io_context& io, std::string address, port::UsbAddres
       usb_(std::move(usb)),
       clock_(clock) {}
 
-UsbTdc::~UsbTdc() { stop(); }
+UsbTdc::~UsbTdc() {
+  stop();
+  if (thread_.joinable()) thread_.join();
+}
 
 void UsbTdc::start(SampleSink& sink) {
   shared_->begin(sink);
@@ -171,10 +175,7 @@ void UsbTdc::start(SampleSink& sink) {
   thread_ = std::thread([worker] { worker->run(); });
 }
 
-void UsbTdc::stop() {
-  shared_->end();
-  if (thread_.joinable()) thread_.join();
-}
+void UsbTdc::stop() { shared_->end(); }
 
 std::vector<Counter> UsbTdc::counters() const {
   const std::lock_guard lock(shared_->mutex);

@@ -7,6 +7,7 @@ import json
 import os
 import re
 import signal
+import sqlite3
 import subprocess
 import sys
 import termios
@@ -24,6 +25,13 @@ class Lock(live.Live):
 
     def config(self):
         return "--config", self.dir / "lab/lab.toml"
+
+    def events(self):
+        db = sqlite3.connect(self.run)
+        try:
+            return db.execute("SELECT level, source, text FROM event").fetchall()
+        finally:
+            db.close()
 
     def test_beside_a_run(self):
         """`run`, `calibrate`, `devices` and `doctor` during a run: told who has the devices; the run loses nothing."""
@@ -104,6 +112,39 @@ class Lock(live.Live):
             self.assertIn("radar-cli: open (in use by another program): Device or resource busy", done.stdout)
             self.assertEqual(termios.tcgetattr(port), before)
             self.assertFalse(port.read(), "something was sent to the radar, and it answered")
+
+    def test_radar_hangs(self):
+        """A radar that does not answer `sensorStop` costs 0.3 s, and is warned of."""
+        daemon = self.record("--set", "depth.address=", "--set", "tdc.address=")
+        live.wait_for("records", lambda: self.committed() >= 2)
+        self.lab.send_signal(signal.SIGSTOP)
+        daemon.send_signal(signal.SIGTERM)
+        asked = time.monotonic()
+        log = self.finish(daemon)
+        self.assertLess(time.monotonic() - asked, 5, log)
+        self.lab.send_signal(signal.SIGCONT)
+        self.assertEqual(daemon.returncode, 0, log)
+        self.assertIn("warning radar: did not confirm that it stopped", log)
+        self.assertIn("did not confirm", str(self.events()))
+
+    def test_radar_after_run(self):
+        daemon = self.record("--count", "2")
+        self.finish(daemon)
+        self.assertEqual(self.close_lab()["radar"]["radiates"], 0)
+
+    def test_radar_keeps_running(self):
+        daemon = self.record("--count", "2", "--set", "radar.keep_running=true")
+        self.finish(daemon)
+        self.assertEqual(self.close_lab()["radar"]["radiates"], 1)
+
+    def test_radar_stopped_before_the_first_slot(self):
+        """A run that does not begin, as another device is required, leaves no radar radiating."""
+        daemon = self.record("--set", "tdc.address=usb:ffff:ffff", "--set", "tdc.policy=required", "--set",
+                             "run.connect_timeout_s=2")
+        log = self.finish(daemon)
+        self.assertEqual(daemon.returncode, 4, log)
+        self.assertIn("radar: streaming", log)
+        self.assertEqual(self.close_lab()["radar"]["radiates"], 0)
 
 
 if __name__ == "__main__":

@@ -123,7 +123,7 @@ TEST_CASE("a USB tagger is found, started, read and stopped") {
   CHECK(b.lost_blocks() == 0);
   CHECK(b.counted("device_lost", 42));
   CHECK(b.counted("tags", 10));
-  b.driver->stop();
+  b.driver.reset();
   CHECK(b.stops == 1);
   CHECK_FALSE(b.device.claimed());
 }
