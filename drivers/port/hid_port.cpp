@@ -99,7 +99,7 @@ Result<Device> open_device(const HidAddress& address) {
   }
   if (fd >= 0) ::close(fd);
   return Failure{{error, std::generic_category()},
-                 doing + (error == EACCES  ? " (config/99-echofuse.rules grants access)"
+                 doing + (error == EACCES  ? " (config/70-echofuse.rules grants access)"
                           : error == EBUSY ? " (in use by another program)"
                                            : "")};
 }

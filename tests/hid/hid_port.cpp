@@ -269,13 +269,13 @@ TEST_CASE("no permission: told what grants it; and listed so") {
   if (is_root) REQUIRE(::setresuid(0, 0, 0) == 0);
   REQUIRE(told);
   CHECK(host.why ==
-        "hid:10c4:ea80:A: open /dev/hidraw0 (config/99-echofuse.rules grants access): "
+        "hid:10c4:ea80:A: open /dev/hidraw0 (config/70-echofuse.rules grants access): "
         "Permission denied");
   REQUIRE(list.size() == 1);
   CHECK(list[0].serial == "A");
   CHECK(list[0].nodes.at(0).address == "hid:10c4:ea80:A");
   CHECK(list[0].nodes[0].missing ==
-        "no read/write permission on /dev/hidraw0: install config/99-echofuse.rules");
+        "no read/write permission on /dev/hidraw0: install config/70-echofuse.rules");
 }
 
 TEST_CASE("a slow consumer: what does not fit is dropped, and every byte counted") {
