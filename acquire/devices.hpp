@@ -31,8 +31,9 @@ class Devices final : private SampleSink {
   };
 
   // Throws Error(config) for an address that cannot be. `io`, `config`, `clock` and `next` must
-  // outlive this.
-  Devices(boost::asio::io_context& io, const Config& config, const Clock& clock, SampleSink& next);
+  // outlive this. Into `raw`, if any, go the devices' bytes.
+  Devices(boost::asio::io_context& io, const Config& config, const Clock& clock, SampleSink& next,
+          port::RawKeeper* raw = nullptr);
   ~Devices() override;
 
   // Makes the configured devices this program's, `command` of echofuse-acquire, that writes `run`.
