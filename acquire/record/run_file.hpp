@@ -58,11 +58,6 @@ class RunWriter {
  private:
   struct Statements;
   void open();
-  void insert(const FusedRecord& record);
-  void insert_spd_status(const FusedRecord& r);
-  void insert_books(const FusedRecord& r);
-  void insert_status(const FusedRecord& record);
-  void insert_sync(const FusedRecord& record);
   void in_transaction(const std::function<void()>& body);
   std::string path_;
   std::unique_ptr<WriterLock> lock_;

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <random>
 
-#include "acquire/record/png.hpp"
+#include "acquire/record/record_rows.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/schema.hpp"
 #include "acquire/record/sqlite.hpp"
@@ -51,21 +51,16 @@ constexpr int busy_timeout_ms = 30'000;
 // The status rewrites the row of the run, configuration included, and readers need an index file.
 constexpr int reserve_bytes = 128 << 10;
 
-std::string blob_place(const FusedRecord& r, Sensor s) {
-  return "record " + std::to_string(r.index) + ": " + name_of(s);
-}
-
 }  // namespace
 
 struct RunWriter::Statements {
   Statements(sqlite3* db, const std::string& path)
-      : record(db, path,
-               "INSERT INTO record VALUES (?,?,?,?,?,?,?,?,?, ?,?,?,?,?,?,?, ?,?,?,?,?, ?,?,?,?,?, "
-               "?,?,?,?,?)"),
+      : rows(db, path),
         event(db, path, "INSERT INTO event (utc, level, source, text) VALUES (?,?,?,?)"),
         begin(db, path, "BEGIN IMMEDIATE"),
         commit(db, path, "COMMIT") {}
-  Statement record, event, begin, commit;
+  RecordRows rows;
+  Statement event, begin, commit;
 };
 
 RunWriter::RunWriter(const std::string& path, const RunInfo& info) : path_(path) {
@@ -198,111 +193,6 @@ void RunWriter::put_event(UtcTime utc, Severity severity, const std::string& sou
       .run();
 }
 
-void RunWriter::insert(const FusedRecord& r) {
-  const auto expect = [&](Sensor s, std::size_t got, std::size_t wanted) {
-    if (r.has(s) && got != wanted)
-      throw Error(ExitCode::failed, path_ + ": " + blob_place(r, s) + " has " +
-                                        std::to_string(got) + " values, its axis " +
-                                        std::to_string(wanted));
-  };
-  const auto count_of = [&](const char* name) -> std::uint32_t {
-    for (const auto& a : axes_)
-      if (a.name == name) return a.count;
-    return 0;
-  };
-  const std::uint32_t width = count_of("depth_x"), height = count_of("depth_y");
-  expect(Sensor::spd, r.spd.size(), count_of("spd"));
-  expect(Sensor::radar, r.radar.size(), count_of("radar"));
-  expect(Sensor::depth, r.depth_mm.size(), std::size_t{width} * height);
-  const Bytes png = r.has(Sensor::depth) ? encode_png16(r.depth_mm, width, height) : Bytes{};
-
-  Statement& s = statements_->record;
-  s.reset();
-  s.bind(r.index)
-      .bind(std::int64_t{r.slot_start.count()})
-      .bind(std::int64_t{r.slot_end.count()})
-      .bind(std::int64_t{r.slot_utc.count()})
-      .bind(std::int64_t{r.valid})
-      .bind(r.label);
-  const SpdCounts& c = r.spd_counts;
-  for (const std::uint64_t v :
-       {c.tags, c.starts, c.in_range, c.out_of_range, c.without_start, c.other, c.lost})
-    s.bind(v);
-  for (const SensorSync& y : r.sync)
-    s.bind(y.offset_s).bind(y.span_s).bind(y.used).bind(y.lost).bind(y.verdict);
-  s.bind(r.has(Sensor::spd) ? as_bytes(r.spd) : ByteView{})
-      .bind(r.has(Sensor::radar) ? as_bytes(r.radar) : ByteView{})
-      .bind(ByteView{png})
-      .run();
-  if (r.radar_stats || r.radar_temperature) insert_status(r);
-  insert_spd_status(r);
-  insert_sync(r);
-  insert_books(r);
-}
-
-void RunWriter::insert_sync(const FusedRecord& r) {
-  if (r.missing != 0) {
-    std::string names;
-    for (const Sensor sensor : {Sensor::spd, Sensor::radar, Sensor::depth}) {
-      if (!((r.missing >> static_cast<unsigned>(sensor)) & 1u)) continue;
-      if (!names.empty()) names += ' ';
-      names += name_of(sensor);
-    }
-    Statement(db_, path_, "INSERT INTO incomplete VALUES (?,?)").bind(r.index).bind(names).run();
-  }
-  if (!r.clocks[0] && !r.clocks[1] && !r.clocks[2]) return;
-  Statement s(db_, path_, "INSERT INTO clock_fit VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?)");
-  s.bind(r.index);
-  for (const auto& clock : r.clocks)
-    if (clock)
-      s.bind(clock->offset_s).bind(clock->drift_ppm).bind(clock->residual_s).bind(clock->samples);
-    else
-      for (int i = 0; i < 4; ++i) s.bind(ByteView{});
-  s.run();
-}
-
-void RunWriter::insert_books(const FusedRecord& r) {
-  const SlotBooks& b = r.books;
-  Statement s(db_, path_, "INSERT INTO slot VALUES (?,?,?,?,?,?)");
-  const auto put = [&](std::uint64_t frames, std::optional<std::uint32_t> last) {
-    s.bind(frames);
-    last ? s.bind(std::int64_t{*last}) : s.bind(ByteView{});
-  };
-  s.bind(r.index);
-  put(b.radar_frames, b.radar_last);
-  put(b.depth_frames, b.depth_last);
-  s.bind(b.closed_late_s).run();
-}
-
-void RunWriter::insert_spd_status(const FusedRecord& r) {
-  const SpdCounts& c = r.spd_counts;
-  if (c.missed + c.overflows + c.errors + c.bad_tags + c.backwards + c.removed == 0) return;
-  Statement s(db_, path_, "INSERT INTO spd_status VALUES (?,?,?,?,?,?,?)");
-  s.bind(r.index);
-  for (const std::uint64_t v :
-       {c.missed, c.overflows, c.errors, c.bad_tags, c.backwards, c.removed})
-    s.bind(v);
-  s.run();
-}
-
-void RunWriter::insert_status(const FusedRecord& r) {
-  Statement s(db_, path_, "INSERT INTO radar_status VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
-  s.bind(r.index);
-  const auto put = [&](bool there, std::int64_t value) {
-    there ? s.bind(value) : s.bind(ByteView{});
-  };
-  const bool stats = r.radar_stats.has_value();
-  const RadarStats n = r.radar_stats.value_or(RadarStats{});
-  for (const std::uint32_t v :
-       {n.inter_frame_processing_us, n.transmit_us, n.inter_frame_margin_us,
-        n.inter_chirp_margin_us, n.active_frame_load_percent, n.inter_frame_load_percent})
-    put(stats, v);
-  const RadarTemperature t = r.radar_temperature.value_or(RadarTemperature{1, 0, {}});
-  put(t.invalid == 0, t.time_ms);
-  for (const std::int16_t v : t.celsius) put(t.invalid == 0, v);
-  s.run();
-}
-
 void RunWriter::in_transaction(const std::function<void()>& body) {
   statements_->begin.reset();
   statements_->begin.run();
@@ -312,7 +202,7 @@ void RunWriter::in_transaction(const std::function<void()>& body) {
     statements_->commit.run();
   } catch (...) {
     // Releases the statement that failed; a full disk may have rolled back already.
-    statements_->record.reset();
+    statements_->rows.reset();
     statements_->commit.reset();
     if (!sqlite3_get_autocommit(db_)) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);
     throw;
@@ -326,7 +216,7 @@ void RunWriter::append(std::span<const FusedRecord> batch) {
   if (::access(path_.c_str(), F_OK) != 0)
     throw Error(ExitCode::disk, path_ + ": was removed or renamed during the run");
   in_transaction([&] {
-    for (const auto& r : batch) insert(r);
+    for (const auto& r : batch) statements_->rows.insert(r, axes_);
   });
   records_ += static_cast<std::int64_t>(batch.size());
 }
@@ -362,22 +252,6 @@ void RunWriter::close(const std::string& status) {
   sqlite3_close(db_);
   db_ = nullptr;
   lock_.reset();
-}
-
-void mark(const std::string& path, const std::string& level, const std::string& text) {
-  if (RunReader(path).info().status != "open")
-    throw Error(ExitCode::failed,
-                path + ": nobody is recording this run; only a live one is marked");
-  sqlite3* db = nullptr;
-  if (sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READWRITE, nullptr) != SQLITE_OK)
-    sqlite_fail(db, path, "cannot open for writing");
-  const std::unique_ptr<sqlite3, int (*)(sqlite3*)> closing(db, sqlite3_close);
-  sqlite3_busy_timeout(db, busy_timeout_ms);
-  Statement(db, path, "INSERT INTO event (utc, level, source, text) VALUES (?,?,'mark',?)")
-      .bind(iso8601(SystemClock().utc()))
-      .bind(level)
-      .bind(text)
-      .run();
 }
 
 }  // namespace echofuse::record
