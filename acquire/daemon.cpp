@@ -320,7 +320,11 @@ void Daemon::end() {
   devices_.stop();
   r.windows.finish();
   close_accounts(r.writer, log_, std::move(counters), r.windows.strays());
-  r.writer.finish(status_);
+  if (!r.writer.finish(status_))
+    spdlog::warn(
+        "{}: another program reads it; its last records stay in {}-wal until "
+        "`echofuse-acquire recover` or the next --resume",
+        options_.out, options_.out);
   totals_.written = r.writer.written();
   r.status.finish(clock_.now(), totals_);
   const std::string incomplete = incomplete_ == 0 ? ""

@@ -19,6 +19,7 @@ void mark(const std::string& path, const std::string& level, const std::string& 
     sqlite_fail(db, path, "cannot open for writing");
   const std::unique_ptr<sqlite3, int (*)(sqlite3*)> closing(db, sqlite3_close);
   sqlite3_busy_timeout(db, patience_ms);
+  sqlite3_wal_autocheckpoint(db, 0);  // that is for the recording process
   Statement(db, path, "INSERT INTO event (utc, level, source, text) VALUES (?,?,'mark',?)")
       .bind(iso8601(SystemClock().utc()))
       .bind(level)

@@ -5,8 +5,12 @@
 #include <cerrno>
 #include <cstring>
 #include <random>
+#include <thread>
+#include <utility>
 
+#include "acquire/record/file_watch.hpp"
 #include "acquire/record/record_rows.hpp"
+#include "acquire/record/rescue.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/schema.hpp"
 #include "acquire/record/sqlite.hpp"
@@ -33,6 +37,11 @@ std::string host_name() {
   return name;
 }
 
+[[noreturn]] void refuse_existing(const std::string& path) {
+  throw Error(ExitCode::failed,
+              path + ": exists already; runs are never overwritten, choose another name");
+}
+
 // Reserves the path, so that two writers cannot take the same one.
 void create_empty(const std::string& path) {
   const int fd = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0644);
@@ -40,14 +49,13 @@ void create_empty(const std::string& path) {
     ::close(fd);
     return;
   }
-  if (errno == EEXIST)
-    throw Error(ExitCode::failed,
-                path + ": exists already; runs are never overwritten, choose another name");
+  if (errno == EEXIST) refuse_existing(path);
   throw Error(ExitCode::disk, path + ": cannot create the run file: " + std::strerror(errno));
 }
 
 // Other processes may write marks; what waits for one of them longer is broken.
 constexpr int busy_timeout_ms = 30'000;
+constexpr int checkpoint_pages = 1000;  // SQLite's own default
 // The status rewrites the row of the run, configuration included, and readers need an index file.
 constexpr int reserve_bytes = 128 << 10;
 
@@ -63,9 +71,18 @@ struct RunWriter::Statements {
   Statement event, begin, commit;
 };
 
-RunWriter::RunWriter(const std::string& path, const RunInfo& info) : path_(path) {
+RunWriter::RunWriter(const std::string& path, const RunInfo& info)
+    : path_(path), handle_(nullptr, sqlite3_close) {
+  if (::access(path.c_str(), F_OK) == 0) refuse_existing(path);
+  lock();
   create_empty(path);
-  open();
+  try {
+    open();
+    use_wal();
+  } catch (...) {
+    ::unlink(path.c_str());  // empty, and of our making
+    throw;
+  }
   // In one transaction: a crash leaves a run or an empty file.
   execute(db_, path_, "BEGIN", "cannot set up");
   const std::string identity = "PRAGMA application_id=" + std::to_string(application_id) +
@@ -93,12 +110,14 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info) : path_(path)
   for (const auto& [key, value] : info.meta)
     Statement(db_, path_, "INSERT INTO meta VALUES (?,?)").bind(key).bind(value).run();
   execute(db_, path_, "COMMIT", "cannot create the tables");
-  statements_ = std::make_unique<Statements>(db_, path_);
+  ready();
 }
 
-RunWriter::RunWriter(const std::string& path) : path_(path) {
+RunWriter::RunWriter(const std::string& path) : path_(path), handle_(nullptr, sqlite3_close) {
   axes_ = RunReader(path).axes();  // and: it is a run file
+  lock();
   open();
+  use_wal();
   execute(db_, path_, schema, "cannot add the tables of this version");
   execute(db_, path_, "UPDATE run SET status = 'open', ended_utc = ''", "cannot reopen");
   Statement state(db_, path_,
@@ -106,24 +125,52 @@ RunWriter::RunWriter(const std::string& path) : path_(path) {
                   "event) FROM record");
   state.step();
   for (std::int64_t* v : {&records_, &next_index_, &last_event_}) *v = state.integer();
-  statements_ = std::make_unique<Statements>(db_, path_);
+  ready();
 }
 
-void RunWriter::open() {
+void RunWriter::lock() {
   lock_ = std::make_unique<WriterLock>(path_);
   if (!lock_->held())
     throw Error(ExitCode::failed, path_ + ": is being written by another process");
-  if (sqlite3_open_v2(path_.c_str(), &db_, SQLITE_OPEN_READWRITE, nullptr) != SQLITE_OK)
-    sqlite_fail(db_, path_, "cannot open");
-  lock_->reserve(reserve_bytes);
-  sqlite3_busy_timeout(db_, busy_timeout_ms);
-  execute(db_, path_, "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL;", "cannot set up");
 }
 
-RunWriter::~RunWriter() {
-  statements_.reset();
-  sqlite3_close(db_);
+void RunWriter::open() {
+  const int code = sqlite3_open_v2(path_.c_str(), &db_, SQLITE_OPEN_READWRITE, nullptr);
+  handle_.reset(db_);
+  if (code != SQLITE_OK) sqlite_fail(db_, path_, "cannot open");
+  lock_->reserve(reserve_bytes);
+  sqlite3_busy_timeout(db_, busy_timeout_ms);
 }
+
+void RunWriter::use_wal() {
+  Statement mode(db_, path_, "PRAGMA journal_mode=WAL");
+  const std::string answer = mode.step() ? mode.text() : "";
+  if (answer != "wal")
+    throw Error(ExitCode::disk, path_ +
+                                    ": this file system cannot hold a run while it is written "
+                                    "(no shared memory for SQLite's WAL, as on a network); "
+                                    "record to a local disk");
+  execute(db_, path_, "PRAGMA synchronous=FULL", "cannot set up");
+}
+
+// After the first write, which makes the WAL.
+void RunWriter::ready() {
+  statements_ = std::make_unique<Statements>(db_, path_);
+  watch_ = std::make_unique<FileWatch>(path_);
+  const auto hook = [](void* self, sqlite3*, const char*, int pages) {
+    if (pages >= checkpoint_pages) static_cast<RunWriter*>(self)->checkpoint();
+    return SQLITE_OK;
+  };
+  sqlite3_wal_hook(db_, hook, this);  // instead of SQLite's own, so that we know which was ours
+}
+
+void RunWriter::checkpoint() {
+  touched_ = touched_ || watch_->touched();
+  sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
+  watch_->note();
+}
+
+RunWriter::~RunWriter() = default;
 
 void RunWriter::put_axis(const Axis& axis) {
   Statement(db_, path_, "INSERT INTO axis VALUES (?,?,?,?,?,?,?)")
@@ -201,6 +248,9 @@ void RunWriter::in_transaction(const std::function<void()>& body) {
     statements_->commit.reset();
     statements_->commit.run();
   } catch (...) {
+    const int code = sqlite3_errcode(db_);
+    if (code == SQLITE_CORRUPT || code == SQLITE_NOTADB)
+      harm_ = std::string("was damaged during the run: ") + sqlite3_errstr(code);
     // Releases the statement that failed; a full disk may have rolled back already.
     statements_->rows.reset();
     statements_->commit.reset();
@@ -212,9 +262,7 @@ void RunWriter::in_transaction(const std::function<void()>& body) {
 void RunWriter::append(const FusedRecord& record) { append(std::span(&record, 1)); }
 
 void RunWriter::append(std::span<const FusedRecord> batch) {
-  // Without its name a file is written as before, and all of it is lost at the end.
-  if (::access(path_.c_str(), F_OK) != 0)
-    throw Error(ExitCode::disk, path_ + ": was removed or renamed during the run");
+  require_sound();
   in_transaction([&] {
     for (const auto& r : batch) statements_->rows.insert(r, axes_);
   });
@@ -236,22 +284,72 @@ std::optional<std::string> RunWriter::new_label(UtcTime before) {
   return label;
 }
 
-void RunWriter::close(const std::string& status) {
+// Whoever writes into the file beside us may do so (a checkpoint of another program's own), as long
+// as it stays a database.
+void RunWriter::require_sound() {
+  if (harm_.empty()) harm_ = watch_->lost();
+  if (harm_.empty() && (std::exchange(touched_, false) || watch_->touched())) {
+    watch_->note();
+    if (const std::string fault = damage(db_, path_); !fault.empty())
+      harm_ = "was damaged during the run: " + fault;
+  }
+  if (!harm_.empty()) throw Error(ExitCode::disk, path_ + ": " + harm_);
+}
+
+bool RunWriter::close(const std::string& status) {
+  try {
+    require_sound();
+  } catch (const Error&) {
+    leave(status);
+  }
   const SystemClock clock;
   // Two chances on a full disk: the WAL is emptied, or, where the file cannot grow for that, the
   // reserve is given back.
+  sqlite3_busy_timeout(db_, 0);
   sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);
+  watch_->note();
   lock_->release();
+  sqlite3_busy_timeout(db_, busy_timeout_ms);
   Statement(db_, path_, "UPDATE run SET status = ?, ended_utc = ?")
       .bind(status)
       .bind(iso8601(clock.utc()))
       .run();
+  try {
+    require_sound();
+  } catch (const Error&) {
+    leave(status);
+  }
   statements_.reset();
-  // Folds the WAL back if no reader holds it; a reader's close does it otherwise.
-  sqlite3_exec(db_, "PRAGMA journal_mode=DELETE", nullptr, nullptr, nullptr);
-  sqlite3_close(db_);
+  const bool folded = fold();
+  handle_.reset();
   db_ = nullptr;
   lock_.reset();
+  return folded;
+}
+
+// A reader that only follows the run sees its end and goes.
+bool RunWriter::fold() {
+  sqlite3_busy_timeout(db_, 0);
+  constexpr auto pause = std::chrono::milliseconds(20);
+  for (int tries = 0; tries < 25; ++tries) {
+    if (sqlite3_exec(db_, "PRAGMA journal_mode=DELETE", nullptr, nullptr, nullptr) == SQLITE_OK)
+      return true;
+    std::this_thread::sleep_for(pause);
+  }
+  return false;
+}
+
+// What bears the file's name is not touched any more: it may belong to somebody else by now.
+void RunWriter::leave(const std::string& status) {
+  statements_.reset();
+  lock_->release();
+  const Rescue kept = rescue(db_, path_, status);
+  sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
+  handle_.reset();
+  db_ = nullptr;
+  if (kept.whole && !watch_->same_database()) watch_->remove_wal();
+  lock_.reset();
+  throw Error(ExitCode::disk, path_ + ": " + harm_ + "; " + kept.text);
 }
 
 }  // namespace echofuse::record

@@ -223,12 +223,12 @@ class Live(unittest.TestCase):
         folder = self.dir / "away"
         folder.mkdir()
         self.run = folder / "run.sqlite"
-        daemon = self.record()
+        daemon = self.record(cwd=self.dir)
         wait_for("records", lambda: self.committed() >= 2)
         folder.rename(self.dir / "elsewhere")
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 6, log)
-        self.assertIn("was removed or renamed during the run", log)
+        self.assertRegex(log, rf"was removed or renamed during the run; its \d+ records are in {self.dir}/run.rescued.sqlite")
 
     def test_close_in_5_s(self):
         """A slot that takes longer than SIGTERM allows is given up, and the run says that it was stopped."""
