@@ -167,6 +167,9 @@ def audit_tags_within(run, entries, latency_ns):
         near = sums[bisect.bisect_left(sums, heard) - 1]
         account.fault(f"the driver heard {heard} tags, which is no sum of whole blocks sent ({near} to the block before)")
     before = heard - in_records - late - outside
+    if ("spd", "early") in run.counters and before != run.counters["spd", "early"]:  # older runs are without
+        account.fault(f"{before} tags were heard and are in no record, not late and not outside; "
+                      f"{run.counters['spd', 'early']} were counted as early")
     start = run.records[0]["start"]
     may_before = sum(n for first, _, n, _ in tags.delivered if first < start)
     if not 0 <= before <= may_before:

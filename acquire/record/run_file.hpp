@@ -26,6 +26,12 @@ class WriterLock;
 
 inline constexpr int format_version = 1;
 
+struct Counted {
+  std::string source, name;  // sensor, what was counted
+  std::uint64_t value = 0;
+  std::int64_t part = 0;  // 0, or that of a resumed run
+};
+
 // Threading: one thread at a time. Every member throws Error (disk for a full disk or a failed
 // write, failed for anything else); after a failed append the file is as it was before it. append()
 // and close() first look whether the file is still there, the same and sound. If it is not, both
@@ -46,7 +52,8 @@ class RunWriter {
   void put_calibration(const CalibrationEntry& entry);
   void put_policy(Sensor sensor, const std::string& policy);  // required or optional
   void put_anchor(HostTime mono, UtcTime utc);
-  void put_counter(const std::string& source, const std::string& name, std::uint64_t value);
+  // At the end; all of them, of the part that is being written, in one transaction.
+  void put_counters(std::span<const Counted> counters);
   void put_event(UtcTime utc, Severity severity, const std::string& source,
                  const std::string& text);
   void append(const FusedRecord& record);
@@ -68,6 +75,7 @@ class RunWriter {
   void open();
   void use_wal();
   void ready();
+  void begin_part();
   void in_transaction(const std::function<void()>& body);
   void checkpoint();
   void require_sound();
@@ -82,7 +90,7 @@ class RunWriter {
   bool touched_ = false;  // by somebody else, before a checkpoint of ours
   std::string harm_;      // what was done to the file
   std::vector<Axis> axes_;
-  std::int64_t records_ = 0, next_index_ = 0, last_event_ = 0;
+  std::int64_t records_ = 0, next_index_ = 0, last_event_ = 0, part_ = 0;
 };
 
 struct Event {
@@ -116,10 +124,13 @@ class RunReader {
   std::vector<DeviceInfo> devices() const;
   std::vector<CalibrationEntry> calibrations() const;
   std::vector<Event> events() const;
+  std::vector<Counted> counters() const;  // of an older file: as one part
   std::vector<Axis> axes() const;
   std::optional<Axis> axis(const std::string& name) const;
   std::int64_t count() const;
   RunSummary summary() const;
+  // Of the last record, or of a mark after it; none in a run without either.
+  std::optional<std::string> last_label() const;
   // Records in index order from `first` on; the callback returns false to stop. A record whose
   // blobs do not fit the axes or hold non-finite values throws Error naming the record, or, with
   // `on_bad`, is handed there and skipped.

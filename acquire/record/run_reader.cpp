@@ -207,6 +207,24 @@ std::vector<Event> RunReader::events() const {
   return out;
 }
 
+std::vector<Counted> RunReader::counters() const {
+  std::vector<Counted> out;
+  const auto columns = pragma(db_, path_, "SELECT count(*) FROM pragma_table_info('counter')");
+  if (columns == 0) return out;
+  const char* part = columns > 3 ? "part" : "0";
+  const std::string sql = std::string("SELECT source, name, value, ") + part + " FROM counter";
+  Statement s(db_, path_, sql.c_str());
+  while (s.step()) {
+    Counted c;
+    c.source = s.text();
+    c.name = s.text();
+    c.value = static_cast<std::uint64_t>(s.integer());
+    c.part = s.integer();
+    out.push_back(std::move(c));
+  }
+  return out;
+}
+
 std::vector<Axis> RunReader::axes() const {
   Statement s(db_, path_, "SELECT name, quantity, unit, count, start, step, scale FROM axis");
   std::vector<Axis> out;

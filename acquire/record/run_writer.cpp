@@ -109,7 +109,8 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info)
       .run();
   for (const auto& [key, value] : info.meta)
     Statement(db_, path_, "INSERT INTO meta VALUES (?,?)").bind(key).bind(value).run();
-  execute(db_, path_, "COMMIT", "cannot create the tables");
+  execute(db_, path_, "INSERT INTO part SELECT 0, 0, started_utc FROM run; COMMIT",
+          "cannot create the tables");
   ready();
 }
 
@@ -118,14 +119,34 @@ RunWriter::RunWriter(const std::string& path) : path_(path), handle_(nullptr, sq
   lock();
   open();
   use_wal();
+  execute(db_, path_, "BEGIN IMMEDIATE", "cannot reopen");
   execute(db_, path_, schema, "cannot add the tables of this version");
+  if (!Statement(db_, path_, "SELECT 1 FROM pragma_table_info('counter') WHERE name = 'part'")
+           .step())
+    execute(db_, path_, "ALTER TABLE counter ADD COLUMN part INTEGER DEFAULT 0", "cannot reopen");
   execute(db_, path_, "UPDATE run SET status = 'open', ended_utc = ''", "cannot reopen");
   Statement state(db_, path_,
                   "SELECT count(*), ifnull(max(idx) + 1, 0), (SELECT ifnull(max(id), 0) FROM "
                   "event) FROM record");
   state.step();
   for (std::int64_t* v : {&records_, &next_index_, &last_event_}) *v = state.integer();
+  begin_part();
+  execute(db_, path_, "COMMIT", "cannot reopen");
   ready();
+}
+
+// An older file is one part, whatever was resumed before.
+void RunWriter::begin_part() {
+  execute(db_, path_, "INSERT OR IGNORE INTO part SELECT 0, 0, started_utc FROM run",
+          "cannot begin a part");
+  Statement last(db_, path_, "SELECT max(part) FROM part");
+  last.step();
+  part_ = last.integer() + 1;
+  Statement(db_, path_, "INSERT INTO part VALUES (?,?,?)")
+      .bind(part_)
+      .bind(next_index_)
+      .bind(iso8601(SystemClock().utc()))
+      .run();
 }
 
 void RunWriter::lock() {
@@ -213,13 +234,12 @@ void RunWriter::put_policy(Sensor sensor, const std::string& policy) {
       .run();
 }
 
-void RunWriter::put_counter(const std::string& source, const std::string& name,
-                            std::uint64_t value) {
-  Statement(db_, path_, "INSERT INTO counter VALUES (?,?,?)")
-      .bind(source)
-      .bind(name)
-      .bind(value)
-      .run();
+void RunWriter::put_counters(std::span<const Counted> counters) {
+  in_transaction([&] {
+    Statement row(db_, path_, "INSERT INTO counter VALUES (?,?,?,?)");
+    for (const Counted& c : counters)
+      row.bind(c.source).bind(c.name).bind(c.value).bind(part_).run();
+  });
 }
 
 void RunWriter::put_anchor(HostTime mono, UtcTime utc) {
