@@ -7,6 +7,7 @@
 #include <array>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <deque>
 #include <filesystem>
 #include <utility>
 #include <vector>
@@ -30,6 +31,7 @@ constexpr auto tick_pause = std::chrono::milliseconds(50);
 // What the devices sent while the file was being made is read before the first slot starts.
 constexpr auto settle_time = std::chrono::milliseconds(100);
 constexpr auto anchor_pause = std::chrono::minutes(1);
+constexpr std::int64_t most_behind = 32;  // slots that wait behind those of a pause
 
 // Leaves a second for the devices and the disk: SIGTERM closes a run within 5 s.
 constexpr auto close_limit = std::chrono::seconds(4);
@@ -59,6 +61,8 @@ class Daemon final : private SampleSink {
     Scheduler scheduler;
     Windows windows;
     Writer writer;
+    std::deque<DueSlot> due;      // to be closed
+    std::int64_t pause_end = -1;  // last of the slots that became due at once
     StatusLine status;
   };
 
@@ -80,6 +84,7 @@ class Daemon final : private SampleSink {
   }
   void arm();
   void tick();
+  void close_due(HostTime now);
   void close_slot(const DueSlot& due, std::chrono::nanoseconds late);
   void note_change_of(const record::FusedRecord& record);
   void end();
@@ -264,7 +269,8 @@ void Daemon::on_event(Sensor sensor, Severity severity, const std::string& text)
 }
 
 void Daemon::arm() {
-  const HostTime next = std::min(recording_->scheduler.next_deadline(), clock_.now() + tick_pause);
+  HostTime next = clock_.now() + tick_pause;
+  if (!recording_->scheduler.done()) next = std::min(next, recording_->scheduler.next_deadline());
   timer_.expires_at(std::chrono::steady_clock::time_point(next));
   timer_.async_wait([this](const boost::system::error_code& error) {
     if (!error) tick();
@@ -275,16 +281,31 @@ void Daemon::tick() {
   Recording& r = *recording_;
   const HostTime now = clock_.now();
   if (interrupted() && !std::exchange(ending_, true)) interrupt(now);
-  for (const DueSlot& due : r.scheduler.tick(now))
-    close_slot(due, r.scheduler.lateness(due.index, now));
+  close_due(now);
   if (now - anchor_mono_ >= anchor_pause) put_anchor();
   const std::int64_t written = r.writer.written();
   if (std::exchange(totals_.written, written) != written) notify_advance(written);
   r.status.update(now, totals_);
-  if (r.scheduler.done() || r.writer.failed())
+  if ((r.scheduler.done() && r.due.empty()) || r.writer.failed())
     io_.stop();
   else
     arm();
+}
+
+// After a pause of the program many slots are due at once; they go to the disk as it takes them, as
+// long as that does not last: then it is too slow.
+void Daemon::close_due(HostTime now) {
+  Recording& r = *recording_;
+  const std::vector<DueSlot> fresh = r.scheduler.tick(now);
+  r.due.insert(r.due.end(), fresh.begin(), fresh.end());
+  if (fresh.size() > 1) r.pause_end = fresh.back().index;
+  const auto may_wait = [&] {
+    return r.due.front().index <= r.pause_end && r.due.back().index - r.pause_end < most_behind;
+  };
+  while (!r.due.empty() && !(may_wait() && r.writer.crowded())) {
+    close_slot(r.due.front(), r.scheduler.lateness(r.due.front().index, now));
+    r.due.pop_front();
+  }
 }
 
 // The run ends with the slot that is running, or with the one before if that takes too long.
