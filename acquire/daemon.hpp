@@ -19,6 +19,7 @@ struct RunOptions {
   bool resume = false;       // continue `out`, which exists
   bool label_given = false;  // by the command line: a resumed run does not keep its last one
   bool quiet = false;
+  std::string keep_raw;  // folder for the devices' bytes; empty: not kept
 };
 
 // Returns when the run is closed: after `count` slots, or with the slot that was running when
