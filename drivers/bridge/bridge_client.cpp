@@ -10,12 +10,14 @@ namespace {
 // without a block, what waits for its end is given up (8 MB/s bring 16 MiB in time), after four the
 // connection.
 constexpr std::chrono::seconds look_pause{1};
+// The longest block, and as much again while the parser catches up.
+constexpr std::size_t most_waiting_bytes = 2 * (std::size_t{max_payload_bytes} + header_bytes);
 constexpr int patience_block = 2, patience_connection = 4;
 
 }  // namespace
 
 BridgeClient::BridgeClient(boost::asio::io_context& io, port::ByteOpener opener, const Clock& clock)
-    : opener_(std::move(opener)), clock_(clock), timer_(io) {}
+    : opener_(std::move(opener)), clock_(clock), timer_(io), turn_(io) {}
 
 void BridgeClient::start(Handlers handlers) {
   handlers_ = std::move(handlers);
@@ -27,6 +29,7 @@ void BridgeClient::start(Handlers handlers) {
 void BridgeClient::stop() {
   running_ = false;
   timer_.cancel();
+  turn_.cancel();
   port_.reset();
 }
 
@@ -45,6 +48,8 @@ std::vector<Counter> BridgeClient::counters() const {
 }
 
 void BridgeClient::connect() {
+  turn_.cancel();
+  turn_waits_ = false;
   parser_.reset();
   greeted_ = connected_ = told_kind_ = false;
   quiet_looks_ = 0;
@@ -59,9 +64,23 @@ void BridgeClient::connect() {
                    [this](ByteView bytes) {
                      const HostTime received = clock_.now();
                      parser_.feed(bytes, [&](const Block& block) { on_block(block, received); });
+                     go_on();
                    },
                .gone = [this](const Failure& failure) { fail(failure.text()); }});
   watch();
+}
+
+// With what the parser has left, after everybody else had a turn.
+void BridgeClient::go_on() {
+  if (!port_) return;
+  if (parser_.waiting_bytes() > most_waiting_bytes)
+    return fail("it sends damaged blocks faster than they can be told from sound ones");
+  if (!parser_.behind() || std::exchange(turn_waits_, true)) return;
+  turn_.after(std::chrono::nanoseconds(0), [this] {
+    turn_waits_ = false;
+    parser_.go_on([this, now = clock_.now()](const Block& block) { on_block(block, now); });
+    go_on();
+  });
 }
 
 void BridgeClient::watch() {
@@ -79,6 +98,7 @@ void BridgeClient::look() {
                               : "no hello within 4 s: is this an echofuse bridge?");
   if (quiet_looks_ == patience_block)
     parser_.give_up([this, now = clock_.now()](const Block& block) { on_block(block, now); });
+  go_on();
   if (port_) watch();
 }
 

@@ -70,6 +70,9 @@ struct RadarFrame {
   std::optional<RadarTemperature> temperature;
 };
 
+// Drivers take no frame with a longer side.
+inline constexpr std::uint32_t max_depth_side = 8192;
+
 struct DepthFrame {
   HostTime received{};
   std::uint64_t device_time_us = 0;
