@@ -80,6 +80,7 @@ class Daemon final : private SampleSink {
   void arm();
   void tick();
   void close_slot(const DueSlot& due, std::chrono::nanoseconds late);
+  void put_late();
   void note_change_of(const record::FusedRecord& record);
   void end();
 
@@ -238,7 +239,9 @@ void Daemon::on_depth(DepthFrame frame) {
 void Daemon::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
   log(state == DeviceState::faulted ? Severity::warning : Severity::info, name_of(sensor),
       std::string(name_of(state)) + " " + info.address);
-  if (state != DeviceState::streaming) clocks_.reset(sensor);
+  // What a sender kept and sends now stands where the clock that it had places it. A clock that
+  // began anew shows by itself, but not one that wraps after seconds.
+  if (state != DeviceState::streaming && sensor == Sensor::radar) clocks_.reset(sensor);
   if (!recording_) return;
   if (sensor == Sensor::spd) recording_->windows.tag_gap();
   if (state == DeviceState::streaming) announce(sensor);
@@ -298,6 +301,15 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
     log(Severity::error, "run file",
         "record " + std::to_string(due.index + first_index_) +
             ": its data are given up, the disk is too slow");
+  put_late();
+}
+
+void Daemon::put_late() {
+  record::LateCounts late = recording_->windows.take_late();
+  if (late.empty()) return;
+  recording_->writer.put([late = std::move(late), first = first_index_](record::RunWriter& run) {
+    run.put_late(first, late);
+  });
 }
 
 // One line when a sensor drops out or comes back, not one for every record.
@@ -319,6 +331,7 @@ void Daemon::end() {
   for (const Sensor s : all_sensors) counters[static_cast<std::size_t>(s)] = devices_.counters(s);
   devices_.stop();
   r.windows.finish();
+  put_late();
   close_accounts(r.writer, log_, std::move(counters), r.windows.strays());
   r.writer.finish(status_);
   totals_.written = r.writer.written();

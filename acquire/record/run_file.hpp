@@ -44,6 +44,9 @@ class RunWriter {
   void put_policy(Sensor sensor, const std::string& policy);  // required or optional
   void put_anchor(HostTime mono, UtcTime utc);
   void put_counter(const std::string& source, const std::string& name, std::uint64_t value);
+  // Adds what came late to what is known of these records; `first` is the record of slot 0. All in
+  // one transaction.
+  void put_late(std::int64_t first, const LateCounts& late);
   void put_event(UtcTime utc, Severity severity, const std::string& source,
                  const std::string& text);
   void append(const FusedRecord& record);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/bridge/bridge_client.hpp"
 
+#include <algorithm>
 #include <iterator>
 #include <utility>
 
@@ -42,6 +43,7 @@ std::vector<Counter> BridgeClient::counters() const {
           {"bad_crcs", c.bad_crcs},
           {"gaps", c.gaps},
           {"lost_blocks", c.lost_blocks},
+          {"out_of_order_blocks", c.out_of_order},
           {"duplicates", c.duplicates},
           {"bad_payloads", bad_payloads_},
           {"connections", connections_}};
@@ -107,7 +109,11 @@ void BridgeClient::on_block(Block block, HostTime received) {
   if (!running_ || !port_) return;
   // What a hello or an early block says is missing belongs to the next block that is delivered.
   lost_blocks_ += block.lost_blocks;
+  found_blocks_ += block.found_blocks;
   dropped_items_ += block.dropped_items;
+  const std::uint64_t both = std::min(lost_blocks_, found_blocks_);
+  lost_blocks_ -= both;
+  found_blocks_ -= both;
   if (block.kind == BlockKind::bye)
     return fail("the bridge said goodbye: its device is gone, or it serves another client");
   if (block.kind == BlockKind::hello) return on_hello(block);
@@ -119,6 +125,7 @@ void BridgeClient::on_block(Block block, HostTime received) {
   backoff_.alive(received);
   last_failure_.clear();
   block.lost_blocks = std::exchange(lost_blocks_, 0) + std::exchange(rejoined_, false);
+  block.found_blocks = std::exchange(found_blocks_, 0);
   block.dropped_items = std::exchange(dropped_items_, 0);
   handlers_.block(block, received);
 }
@@ -132,6 +139,7 @@ void BridgeClient::reject(const Block& block, const char* expected) {
                                            expected + ": is it the port of the other device?");
   ++bad_payloads_;
   lost_blocks_ += block.lost_blocks + 1;
+  found_blocks_ += block.found_blocks;
   dropped_items_ += block.dropped_items;
 }
 

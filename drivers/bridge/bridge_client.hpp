@@ -59,7 +59,7 @@ class BridgeClient {
   bool connected_ = false, told_kind_ = false;  // on this connection
   bool turn_waits_ = false;
   std::uint64_t connections_ = 0, bad_payloads_ = 0;
-  std::uint64_t lost_blocks_ = 0, dropped_items_ = 0;  // not yet handed on
+  std::uint64_t lost_blocks_ = 0, found_blocks_ = 0, dropped_items_ = 0;  // not yet handed on
   std::unique_ptr<port::BytePort> port_;
 };
 

@@ -86,6 +86,7 @@ void BlockParser::reset() {
   place_ = doubtful_until_ = 0;
   doubtful_.clear();
   expected_ = 0;
+  missing_ = 0;
   recent_ = {};
 }
 
@@ -132,11 +133,12 @@ Step BlockParser::judge(ByteView bytes, const OnBlock& on_block) {
     ++counts_.duplicates;
     return {size, 0};
   }
-  on_block({.kind = static_cast<BlockKind>(header.kind),
-            .sequence = header.sequence,
-            .dropped_items = header.dropped_items,
-            .lost_blocks = lost_before(header.sequence),
-            .payload = payload});
+  Block block{.kind = static_cast<BlockKind>(header.kind),
+              .sequence = header.sequence,
+              .dropped_items = header.dropped_items,
+              .payload = payload};
+  place(block);
+  on_block(block);
   return {size, 0};
 }
 
@@ -165,14 +167,27 @@ bool BlockParser::seen_before(std::uint32_t sequence, std::uint32_t crc) {
   return std::exchange(recent_[sequence % recent_.size()], key) == key;
 }
 
-std::uint32_t BlockParser::lost_before(std::uint32_t sequence) {
-  std::uint32_t lost = sequence - expected_;
-  expected_ = sequence + 1;
-  if (lost == 0) return 0;
-  if (lost > UINT32_MAX / 2) lost = 1;  // it went back: renumbered, so how many are lost is unknown
-  ++counts_.gaps;
-  counts_.lost_blocks += lost;
-  return lost;
+// In the sequence.
+void BlockParser::place(Block& block) {
+  const std::uint32_t ahead = block.sequence - expected_, back = ~ahead;
+  if (back < 64 && (missing_ >> back & 1)) {
+    missing_ ^= std::uint64_t{1} << back;
+    block.found_blocks = 1;
+    ++counts_.out_of_order;
+    --counts_.lost_blocks;
+    return;
+  }
+  expected_ = block.sequence + 1;
+  if (ahead > UINT32_MAX / 2) {  // renumbered: how many are lost is unknown
+    block.lost_blocks = 1;
+    missing_ = 0;
+  } else {
+    block.lost_blocks = ahead;
+    missing_ = ahead >= 63 ? ~std::uint64_t{1}
+                           : missing_ << (ahead + 1) | ((std::uint64_t{1} << ahead) - 1) << 1;
+  }
+  counts_.gaps += block.lost_blocks > 0;
+  counts_.lost_blocks += block.lost_blocks;
 }
 
 std::optional<std::span<const Tag>> read_tags(ByteView payload, std::vector<Tag>& scratch) {

@@ -52,7 +52,9 @@ struct Block {
   std::uint32_t sequence = 0;
   std::uint64_t dropped_items = 0;  // by the sender, before this block
   std::uint64_t lost_blocks = 0;    // missing in the sequence before this block
-  ByteView payload;                 // valid only during the call
+  // 1: it comes after blocks that it stands before, one of which said that it is missing.
+  std::uint64_t found_blocks = 0;
+  ByteView payload;  // valid only during the call
 };
 
 // bytes == those of the blocks + junk_bytes + bytes that still wait for more.
@@ -61,9 +63,10 @@ struct BlockCounts {
   std::uint64_t junk_bytes = 0;   // in no block
   std::uint64_t bad_headers = 0;  // a magic with an implausible header (or another version)
   std::uint64_t bad_crcs = 0;
-  std::uint64_t gaps = 0;         // places where blocks are missing
-  std::uint64_t lost_blocks = 0;  // how many are
-  std::uint64_t duplicates = 0;   // sound, but handed on before: part of `blocks`
+  std::uint64_t gaps = 0;          // places where blocks are missing
+  std::uint64_t lost_blocks = 0;   // how many are
+  std::uint64_t out_of_order = 0;  // came later than in their order: not lost
+  std::uint64_t duplicates = 0;    // sound, but handed on before: part of `blocks`
 };
 
 // Bytes -> sound blocks. It searches for the magic only where a header is implausible or a CRC
@@ -92,7 +95,7 @@ class BlockParser {
   std::uint32_t crc_of(ByteView block);
   Step skip_junk(ByteView bytes);
   bool seen_before(std::uint32_t sequence, std::uint32_t crc);
-  std::uint32_t lost_before(std::uint32_t sequence);
+  void place(Block& block);
 
   FrameBuffer buffer_;
   std::uint64_t place_ = 0;           // in the stream: of the first byte that is not done with
@@ -102,6 +105,7 @@ class BlockParser {
   bool behind_ = false;
   BlockCounts counts_;
   std::uint32_t expected_ = 0;
+  std::uint64_t missing_ = 0;               // bit i: the block expected_ - 1 - i is
   std::array<std::uint64_t, 16> recent_{};  // sequence and CRC of the last blocks
 };
 
