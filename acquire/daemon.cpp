@@ -22,6 +22,7 @@
 #include "acquire/window.hpp"
 #include "acquire/writer.hpp"
 #include "drivers/core/console.hpp"
+#include "drivers/port/raw_tap.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -43,7 +44,7 @@ class Daemon final : private SampleSink {
         options_(options),
         clock_(clock),
         log_(clock),
-        devices_(io_, config, clock, *this) {}
+        devices_(io_, config, clock, *this, keep_raw(options)) {}
 
   void run();
 
@@ -67,6 +68,8 @@ class Daemon final : private SampleSink {
   void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
 
+  port::RawKeeper* keep_raw(const RunOptions& options);
+  void tell_raw_trouble();
   void require_devices() const;
   void begin();
   std::unique_ptr<record::RunWriter> open_file();
@@ -90,6 +93,7 @@ class Daemon final : private SampleSink {
   const RunOptions& options_;
   const Clock& clock_;
   RunLog log_;
+  std::optional<port::RawKeeper> raw_;
   Devices devices_;
   SensorClocks clocks_;  // they hear what comes before the first slot as well
   std::optional<Recording> recording_;
@@ -153,6 +157,16 @@ std::unique_ptr<record::RunWriter> Daemon::open_file() {
   first_index_ = resumed.file->next_index();
   gap_ = std::move(resumed.gap);
   return std::move(resumed.file);
+}
+
+port::RawKeeper* Daemon::keep_raw(const RunOptions& options) {
+  return options.keep_raw.empty() ? nullptr : &raw_.emplace(options.keep_raw);
+}
+
+void Daemon::tell_raw_trouble() {
+  if (!raw_) return;
+  if (const std::string trouble = raw_->take_trouble(); !trouble.empty())
+    log(Severity::warning, "raw", trouble);
 }
 
 void Daemon::warn_of_room() {
@@ -266,6 +280,7 @@ void Daemon::tick() {
   for (const DueSlot& due : r.scheduler.tick(now))
     close_slot(due, r.scheduler.lateness(due.index, now));
   if (now - anchor_mono_ >= anchor_pause) put_anchor();
+  tell_raw_trouble();
   const std::int64_t written = r.writer.written();
   if (std::exchange(totals_.written, written) != written) notify_advance(written);
   r.status.update(now, totals_);
@@ -330,6 +345,13 @@ void Daemon::end() {
   std::array<std::vector<Counter>, sensor_count> counters;
   for (const Sensor s : all_sensors) counters[static_cast<std::size_t>(s)] = devices_.counters(s);
   devices_.stop();
+  if (raw_) {
+    const port::RawKeeper::Counts bytes = raw_->finish();
+    tell_raw_trouble();
+    log(bytes.dropped > 0 ? Severity::warning : Severity::info, "raw",
+        std::to_string(bytes.kept) + " bytes were kept in " + options_.keep_raw + ", " +
+            std::to_string(bytes.dropped) + " were not");
+  }
   r.windows.finish();
   put_late();
   close_accounts(r.writer, log_, std::move(counters), r.windows.strays());

@@ -18,6 +18,7 @@ struct RunOptions {
   std::vector<std::pair<std::string, std::string>> meta;
   bool resume = false;  // continue `out`, which exists
   bool quiet = false;
+  std::string keep_raw;  // folder for the devices' bytes; empty: not kept
 };
 
 // Returns when the run is closed: after `count` slots, or with the slot that was running when

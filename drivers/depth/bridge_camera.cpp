@@ -62,7 +62,8 @@ void BridgeCamera::on_block(const bridge::Block& block, HostTime received) {
 // none; by the bridge's where they make no sense.
 std::uint64_t BridgeCamera::lost_before(std::uint32_t index, const bridge::Block& block) {
   const auto last = std::exchange(last_index_, index);
-  if (last && index - *last - 1 < longest_gap) return index - *last - 1;
+  if (last && index - *last - 1 < longest_gap)
+    return std::max<std::uint64_t>(index - *last - 1, block.dropped_items);
   return block.dropped_items + block.lost_blocks;
 }
 
