@@ -43,6 +43,7 @@ class Daemon final : private SampleSink {
       : config_(config),
         options_(options),
         clock_(clock),
+        label_(config.label),
         log_(clock),
         devices_(io_, config, clock, *this, keep_raw(options)) {}
 
@@ -92,6 +93,7 @@ class Daemon final : private SampleSink {
   const Config& config_;
   const RunOptions& options_;
   const Clock& clock_;
+  std::string label_;
   RunLog log_;
   std::optional<port::RawKeeper> raw_;
   Devices devices_;
@@ -102,9 +104,11 @@ class Daemon final : private SampleSink {
   HostTime anchor_mono_{};
   UtcTime anchor_utc_{};
   RunTotals totals_;
-  std::int64_t incomplete_ = 0;  // records without a required sensor
+  std::array<std::uint64_t, sensor_count> early_{};  // heard before there were slots
+  std::int64_t incomplete_ = 0;                      // records without a required sensor
   std::uint32_t last_valid_ = 0;
   std::int64_t first_index_ = 0;  // of a resumed run: slots are counted from here
+  std::int64_t records_before_ = 0;
   std::vector<Axis> begun_axes_;  // of a resumed run
   std::string gap_;               // of a resumed run: what to note of it
   bool ending_ = false;           // interrupted
@@ -155,7 +159,9 @@ std::unique_ptr<record::RunWriter> Daemon::open_file() {
   for (const Sensor s : all_sensors) refuse_other_axes(begun_axes_, devices_[s].info);
   ResumedRun resumed = reopen_run(options_.out, clock_.utc());
   first_index_ = resumed.file->next_index();
+  records_before_ = resumed.file->records();
   gap_ = std::move(resumed.gap);
+  if (resumed.label && !options_.label_given) label_ = *resumed.label;
   return std::move(resumed.file);
 }
 
@@ -231,21 +237,30 @@ void Daemon::put_anchor() {
 
 void Daemon::on_tags(const TagBlock& block) {
   clocks_.hear(block);
-  if (!recording_) return;
+  if (!recording_) {
+    early_[0] += block.tags.size();
+    return;
+  }
   totals_.tags += block.tags.size();
   recording_->windows.add(block);
 }
 
 void Daemon::on_radar(RadarFrame frame) {
   clocks_.hear(frame);
-  if (!recording_) return;
+  if (!recording_) {
+    ++early_[1];
+    return;
+  }
   ++totals_.radar_frames;
   recording_->windows.add(frame);
 }
 
 void Daemon::on_depth(DepthFrame frame) {
   clocks_.hear(frame);
-  if (!recording_) return;
+  if (!recording_) {
+    ++early_[2];
+    return;
+  }
   ++totals_.depth_frames;
   recording_->windows.add(std::move(frame));
 }
@@ -304,7 +319,7 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
   record.index += first_index_;
   record.books.closed_late_s = seconds(late);
   record.slot_utc = anchor_utc_ + (record.slot_start - anchor_mono_);
-  record.label = config_.label;
+  record.label = label_;
   ++totals_.records;
   incomplete_ += record.missing != 0;
   totals_.valid = record.valid;
@@ -354,15 +369,26 @@ void Daemon::end() {
   }
   r.windows.finish();
   put_late();
-  close_accounts(r.writer, log_, std::move(counters), r.windows.strays());
-  r.writer.finish(status_);
+  Strays strays = r.windows.strays();
+  for (std::size_t s = 0; s < sensor_count; ++s) strays.early[s] += early_[s];
+  close_accounts(r.writer, log_, std::move(counters), strays);
+  if (!r.writer.finish(status_))
+    spdlog::warn(
+        "{}: another program reads it; its last records stay in {}-wal until "
+        "`echofuse-acquire recover` or the next --resume",
+        options_.out, options_.out);
   totals_.written = r.writer.written();
   r.status.finish(clock_.now(), totals_);
   const std::string incomplete = incomplete_ == 0 ? ""
                                                   : "; " + std::to_string(incomplete_) +
                                                         " incomplete, without a required device";
-  spdlog::info("{}: {} records, {}{}; arrived: {} tags, {} radar frames, {} depth frames",
-               options_.out, totals_.written, status_, incomplete, devices_[Sensor::spd].samples,
+  std::string records = std::to_string(totals_.written);
+  if (options_.count) records += " of " + std::to_string(*options_.count);
+  records += " records";
+  if (options_.resume)
+    records += ", " + std::to_string(records_before_ + totals_.written) + " in all";
+  spdlog::info("{}: {}, {}{}; arrived: {} tags, {} radar frames, {} depth frames", options_.out,
+               records, status_, incomplete, devices_[Sensor::spd].samples,
                devices_[Sensor::radar].samples, devices_[Sensor::depth].samples);
 }
 

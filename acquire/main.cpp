@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
@@ -116,6 +117,8 @@ void plan_count(Options& o, const Config& config) {
 ExitCode run(Options& o) {
   Config config = load(o);
   if (o.label) config.label = *o.label;
+  o.run.label_given = o.label || std::any_of(o.assignments.begin(), o.assignments.end(),
+                                             [](auto& a) { return a.starts_with("run.label"); });
   if (o.operator_name) config.operator_name = *o.operator_name;
   for (const auto& pair : o.meta) {
     const auto equals = pair.find('=');

@@ -126,6 +126,7 @@ ResumedRun reopen_run(const std::string& out, UtcTime now) {
   ResumedRun resumed;
   const std::string status = begun.info().status;
   const record::RunSummary sum = begun.summary();
+  resumed.label = begun.last_label();
   resumed.file = std::make_unique<record::RunWriter>(out);
   resumed.gap =
       "resumed at record " + std::to_string(resumed.file->next_index()) + ", was " + status;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -36,7 +37,8 @@ std::unique_ptr<record::RunWriter> make_run(
 
 struct ResumedRun {
   std::unique_ptr<record::RunWriter> file;
-  std::string gap;  // what to note of it
+  std::string gap;                   // what to note of it
+  std::optional<std::string> label;  // its last one
 };
 ResumedRun reopen_run(const std::string& out, UtcTime now);
 

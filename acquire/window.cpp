@@ -94,7 +94,7 @@ std::vector<Axis> Windows::axes() const {
 Windows::Slot* Windows::find(Sensor sensor, HostTime taken, std::uint64_t amount) {
   const std::int64_t k = grid_.slot_of(taken);
   if (k >= next_) return &open_[k];
-  (k < 0 ? strays_.outside : strays_.late)[at(sensor)] += amount;
+  (k < 0 ? strays_.early : strays_.late)[at(sensor)] += amount;
   if (k >= 0 && (late_.size() < most_late_slots || late_.contains(k)))
     late_[k][at(sensor)] += amount;
   return nullptr;

@@ -5,7 +5,8 @@
 // receipt while that is not known well enough. Never after its receipt.
 // Which slot it belongs to: the one whose [start, end) holds that time, whenever it arrives, as
 // long as that slot is open. Nothing else moves it.
-//   early         before slot 0, or after the run's last slot: counted as `outside`, used nowhere
+//   early         before slot 0: counted as `early`, used nowhere
+//   outside       after the run's last slot: counted as `outside`, used nowhere
 //   late          its slot was closed already: counted as `late`, and of that slot's record; used
 //                 nowhere, moves nothing
 //   duplicate     a frame with the number and the device time of one of the eight before it:
@@ -17,7 +18,7 @@
 // A block of tags is cut where its times cross a border, found by bisection: a tag out of order may
 // stay with its neighbours. A marker goes with the event that follows it in its block.
 // Losses belong to the slot of the sample that reports them or, if that is closed, to the next one.
-// Every tag that arrives is in the counts of exactly one record, or late, or outside.
+// Every tag that arrives is in the counts of exactly one record, or early, late or outside.
 //
 // What a record holds
 //   spd    every click of the slot's tags against the last start before it; a start survives the
@@ -45,7 +46,7 @@ namespace echofuse::acquire {
 
 // Samples that are in no record: tags for the SPD, frames for the others.
 struct Strays {
-  std::array<std::uint64_t, sensor_count> late{}, outside{}, duplicate{}, out_of_order{};
+  std::array<std::uint64_t, sensor_count> early{}, late{}, outside{}, duplicate{}, out_of_order{};
   std::uint64_t found = 0;  // blocks of tags
 };
 

@@ -98,15 +98,13 @@ void Writer::stop() {
   if (thread_.joinable()) thread_.join();
 }
 
-void Writer::finish(const std::string& status) {
+bool Writer::finish(const std::string& status) {
   stop();
-  if (!failed_) {
-    run_->close(status);
-    return;
-  }
+  if (!failed_) return run_->close(status);
   try {
     run_->close(is_disk(failure_) ? "stopped:disk" : "stopped:failed");
-  } catch (const Error&) {  // the first reason is the one to tell
+  } catch (const Error&) {  // the first reason is the one to tell, unless this says what is left
+    if (run_->lost()) throw;
   }
   std::rethrow_exception(failure_);
 }

@@ -37,8 +37,9 @@ class Writer {
   bool failed() const { return failed_; }
   std::int64_t written() const { return written_; }
   // Writes what is waiting and closes the run with this status, or, if a job failed, with
-  // "stopped:disk" or (for another reason) "stopped:failed"; then throws that job's Error.
-  void finish(const std::string& status);
+  // "stopped:disk" or (for another reason) "stopped:failed"; then throws that job's Error. False if
+  // a reader keeps the run from being one file (RunWriter::close).
+  bool finish(const std::string& status);
 
  private:
   void work();

@@ -169,6 +169,9 @@ def audit_tags_within(run, entries, latency_ns):
         near = sums[bisect.bisect_left(sums, heard) - 1]
         account.fault(f"the driver heard {heard} tags, which is no sum of whole blocks sent ({near} to the block before)")
     before = heard - in_records - late - outside
+    if before != run.counters["spd", "early"]:
+        account.fault(f"{before} tags were heard and are in no record, not late and not outside; "
+                      f"{run.counters['spd', 'early']} were counted as early")
     start = run.records[0]["start"]
     may_before = sum(n for first, _, n, _ in tags.delivered if first < start)
     if not 0 <= before <= may_before:
@@ -276,16 +279,18 @@ def audit_frames(run, sensor, entries):
     late, outside, early = (run.counters[sensor, what] for what in ("late", "outside", "early"))
     if (of_records := sum(r[f"{sensor}_late"] for r in run.records)) != late:
         account.fault(f"{late} frames were counted as late, {of_records} in the records that they belong to")
-    before = (run.counters[sensor, "frames"] - run.counters[sensor, "early_frames"] - late - outside - early -
-              run.counters[sensor, "duplicate"] - sum(r[f"{sensor}_frames"] for r in run.records))
+    nowhere = (run.counters[sensor, "frames"] - run.counters[sensor, "early_frames"] - late - outside - early -
+               run.counters[sensor, "duplicate"] - sum(r[f"{sensor}_frames"] for r in run.records))
+    if nowhere:
+        account.fault(f"{nowhere} frames were heard and are nowhere")
     may = sum(1 for e in frames.by_number.values() if e["t"] < run.records[0]["start"])
-    if not 0 <= before <= may:
-        account.fault(f"{before} frames were heard and are nowhere; before the run came at most {may}")
+    if early > may:
+        account.fault(f"{early} frames were counted as early; before the run came at most {may}")
     for what, number in counts.items():
         account.put(what, number)
     account.put("late", late)
-    account.put("outside the run's slots", outside + early)
-    account.put("heard before the run", before)
+    account.put("outside the run's slots", outside)
+    account.put("heard before the run", early)
     return account
 
 

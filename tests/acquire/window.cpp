@@ -280,7 +280,8 @@ TEST_CASE("late, early and repeated samples are counted and move nothing") {
   CHECK(r.spd_counts.tags == 0);
   windows.finish();
   const Strays& strays = windows.strays();
-  CHECK(strays.outside == std::array<std::uint64_t, 3>{2, 1, 1});
+  CHECK(strays.early == std::array<std::uint64_t, 3>{2, 1, 0});
+  CHECK(strays.outside == std::array<std::uint64_t, 3>{0, 0, 1});
   CHECK(strays.late == std::array<std::uint64_t, 3>{1, 0, 1});
   CHECK(strays.duplicate == std::array<std::uint64_t, 3>{0, 1, 1});
 }
@@ -357,7 +358,7 @@ TEST_CASE("thousands of slots: no row is lost or shifted, every sample is in one
   const Strays& strays = day.windows.strays();
   CHECK(strays.late[0] > 0);
   CHECK(strays.outside[0] > 0);
-  CHECK(tags + strays.late[0] + strays.outside[0] == day.tags_sent);
-  CHECK(radar + strays.late[1] + strays.outside[1] == day.radar_sent);
+  CHECK(tags + strays.early[0] + strays.late[0] + strays.outside[0] == day.tags_sent);
+  CHECK(radar + strays.early[1] + strays.late[1] + strays.outside[1] == day.radar_sent);
   for (const auto n : valid) CHECK((n > 0 && n < 3000));  // there were both kinds
 }

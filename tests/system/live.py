@@ -230,12 +230,12 @@ class Live(unittest.TestCase):
         folder = self.dir / "away"
         folder.mkdir()
         self.run = folder / "run.sqlite"
-        daemon = self.record()
+        daemon = self.record(cwd=self.dir)
         wait_for("records", lambda: self.committed() >= 2)
         folder.rename(self.dir / "elsewhere")
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 6, log)
-        self.assertIn("was removed or renamed during the run", log)
+        self.assertRegex(log, rf"was removed or renamed during the run; its \d+ records are in {self.dir}/run.rescued.sqlite")
 
     def test_close_in_5_s(self):
         """A slot that takes longer than SIGTERM allows is given up, and the run says that it was stopped."""
@@ -282,16 +282,20 @@ class Live(unittest.TestCase):
             self.assertEqual(utc, sorted(set(utc)))
             self.assertEqual(rows[-1]["label"], f"after {total}")
             self.assertEqual(rows[-1]["valid"], 7, log)
+        log, code = self.resume("--count", "2")
+        self.assertIn(f"2 of 2 records, {len(before) + 10} in all, complete", log)
+        self.assertEqual([row["label"] for row in self.rows()[-2:]], ["after 8", "after 8"])
         info = self.info()
         self.assertEqual(info["status"], "complete")
         self.assertEqual(info["meta"], {"room": "2", "note": "a=b"})
+        self.assertEqual([part["part"] for part in info["counters"]], [1, 2, 3])  # 0 was killed
         db = sqlite3.connect(self.run)
         gaps = [text for (text,) in db.execute("SELECT text FROM event WHERE text LIKE 'resumed%' ORDER BY id")]
         anchors = db.execute("SELECT count(*) FROM anchor").fetchone()[0]
         db.close()
         self.assertRegex(gaps[0], f"resumed at record {len(before)}, was crashed, .* after the last slot")
         self.assertRegex(gaps[1], f"resumed at record {len(before) + 4}, was complete, .* after the last slot")
-        self.assertEqual(anchors, 3)
+        self.assertEqual(anchors, 4)
 
     def resume(self, *options):
         env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}
