@@ -16,7 +16,9 @@ void close_accounts(Writer& writer, RunLog& log,
     counters[i].push_back({"late", strays.late[i]});
     counters[i].push_back({"outside", strays.outside[i]});
     counters[i].push_back({"duplicate", strays.duplicate[i]});
+    counters[i].push_back({"out_of_order", strays.out_of_order[i]});
   }
+  counters[0].push_back({"found", strays.found});
   std::vector<record::Counted> rows;
   for (const Sensor s : all_sensors)
     for (const Counter& c : counters[static_cast<std::size_t>(s)])

@@ -91,6 +91,7 @@ class Daemon final : private SampleSink {
   }
   void close_due(HostTime now);
   void close_slot(const DueSlot& due, std::chrono::nanoseconds late);
+  void put_late();
   void note_change_of(const record::FusedRecord& record);
   void end();
 
@@ -265,7 +266,9 @@ void Daemon::on_depth(DepthFrame frame) {
 void Daemon::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
   log(state == DeviceState::faulted ? Severity::warning : Severity::info, name_of(sensor),
       std::string(name_of(state)) + " " + info.address);
-  if (state != DeviceState::streaming) clocks_.reset(sensor);
+  // What a sender kept and sends now stands where the clock that it had places it. A clock that
+  // began anew shows by itself, but not one that wraps after seconds.
+  if (state != DeviceState::streaming && sensor == Sensor::radar) clocks_.reset(sensor);
   if (!recording_) return;
   if (sensor == Sensor::spd) recording_->windows.tag_gap();
   if (state == DeviceState::streaming) announce(sensor);
@@ -333,6 +336,15 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
     log(Severity::error, "run file",
         "record " + std::to_string(due.index + first_index_) +
             ": its data are given up, the disk is too slow");
+  put_late();
+}
+
+void Daemon::put_late() {
+  record::LateCounts late = recording_->windows.take_late();
+  if (late.empty()) return;
+  recording_->writer.put([late = std::move(late), first = first_index_](record::RunWriter& run) {
+    run.put_late(first, late);
+  });
 }
 
 // One line when a sensor drops out or comes back, not one for every record.
@@ -361,6 +373,7 @@ void Daemon::end() {
             std::to_string(bytes.dropped) + " were not");
   }
   r.windows.finish();
+  put_late();
   Strays strays = r.windows.strays();
   for (std::size_t s = 0; s < sensor_count; ++s) strays.early[s] += early_[s];
   close_accounts(r.writer, log_, std::move(counters), strays);

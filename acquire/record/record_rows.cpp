@@ -37,6 +37,12 @@ void RecordRows::insert(const FusedRecord& r, const std::vector<Axis>& axes) {
   expect(Sensor::radar, r.radar.size(), count_of("radar"));
   expect(Sensor::depth, r.depth_mm.size(), std::size_t{width} * height);
   const Bytes png = r.has(Sensor::depth) ? encode_png16(r.depth_mm, width, height) : Bytes{};
+  if (r.has(Sensor::depth) && png.empty()) {  // what one camera sends never ends a run
+    FusedRecord without = r;
+    without.valid &= ~(1u << static_cast<unsigned>(Sensor::depth));
+    without.sync[static_cast<std::size_t>(Sensor::depth)].verdict = "cannot be encoded as PNG";
+    return insert(without, axes);
+  }
 
   Statement& s = record_;
   s.reset();

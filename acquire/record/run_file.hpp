@@ -54,6 +54,9 @@ class RunWriter {
   void put_anchor(HostTime mono, UtcTime utc);
   // At the end; all of them, of the part that is being written, in one transaction.
   void put_counters(std::span<const Counted> counters);
+  // Adds what came late to what is known of these records; `first` is the record of slot 0. All in
+  // one transaction.
+  void put_late(std::int64_t first, const LateCounts& late);
   void put_event(UtcTime utc, Severity severity, const std::string& source,
                  const std::string& text);
   void append(const FusedRecord& record);

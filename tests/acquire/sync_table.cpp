@@ -79,7 +79,7 @@ const std::vector<Verdicts> verdicts = {
   {2, "ok",                          "ok",                      "ok",                      0, 6},
   {3, "the program stood still",     "the program stood still", "the program stood still", 2, 0},
   {4, "the program stood still",     "the program stood still", "the program stood still", 2, 0},
-  {5, "the program stood still",     "the program stood still", "the program stood still", 2, 0},
+  {5, "the program stood still",     "ok",                      "the program stood still", 0, 0},  // placed by its clock
   {6, "ok",                          "ok",                      "no frames",               0, 0},
 };
 // clang-format on
@@ -204,6 +204,8 @@ TEST_CASE("every event of the table is in the record that the rules say") {
   CHECK(strays.early == bench.expected["early"]);
   CHECK(strays.outside == bench.expected["outside"]);
   CHECK(strays.late == bench.expected["late"]);
+  CHECK(bench.windows.take_late() == record::LateCounts{{0, strays.late}});
+  CHECK(bench.windows.take_late().empty());
   CHECK(strays.duplicate == bench.expected["twice"]);
   CHECK(strays.out_of_order == std::array<std::uint64_t, 3>{0, 2, 0});  // 6 after 7, 1 after 10
   // Losses: with the slot of the sample that tells, or the next one if that is closed.
