@@ -7,7 +7,6 @@
 #include <array>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
-#include <filesystem>
 #include <utility>
 #include <vector>
 
@@ -76,7 +75,6 @@ class Daemon final : private SampleSink {
   void require_devices() const;
   void begin();
   std::unique_ptr<record::RunWriter> open_file();
-  void warn_of_room();
   void interrupt(HostTime now);
   void announce(Sensor sensor);
   void put_anchor();
@@ -182,15 +180,6 @@ void Daemon::tell_raw_trouble() {
     log(Severity::warning, "raw", trouble);
 }
 
-void Daemon::warn_of_room() {
-  const auto folder = std::filesystem::path(options_.out).parent_path();
-  const auto free = free_bytes(folder.string());
-  if (!free) return;
-  const std::string warning = room_warning(record_bytes(recording_->windows.axes()), options_.count,
-                                           config_.window_s, *free);
-  if (!warning.empty()) log(Severity::warning, "disk", warning);
-}
-
 void Daemon::begin() {
   auto file = open_file();
   const SlotGrid grid{clock_.now() + settle_time, from_seconds(config_.window_s)};
@@ -212,7 +201,9 @@ void Daemon::begin() {
       announce(s);
     else if (devices_[s].configured)
       log(Severity::warning, name_of(s), "not there at the start: " + devices_.describe(s));
-  warn_of_room();
+  const std::string room =
+      room_warning(options_.out, recording_->windows.axes(), options_.count, config_.window_s);
+  if (!room.empty()) log(Severity::warning, "disk", room);
   spdlog::info("recording into {}, slots of {} s", options_.out, config_.window_s);
   notify_ready(config_.window_s);
 }
