@@ -19,6 +19,7 @@ LATENCY_NS = 250_000_000
 GRACE_NS = 500_000_000  # a frame belongs to the slot in which it was taken, as long as that is open
 SETTLING_NS = 5_000_000_000  # after a clock went back, until its fit is believed again
 PATIENCE_NS = 5_000_000_000
+CLOCK_ERROR_NS = 100_000_000  # a clock that went back by no more is not seen to
 SETTLED = 200  # samples of a clock
 LENGTH_FIELD = range(12, 16)  # of a bridge block
 NUMBER_FIELD = range(20, 24)  # of a radar frame
@@ -104,15 +105,23 @@ def connections(entries):
 class Tags:
     """What the daemon's bridge client makes of the blocks."""
 
-    def __init__(self, connection_list, latency_ns, jumps):
+    def __init__(self, entries, latency_ns):
+        connection_list = connections(entries)
         self.latency_ns = latency_ns
-        self.jumps = jumps  # in which tags may stand in earlier slots
+        self.jumps = clock_jumps(entries)  # in which tags may stand in earlier slots
+        self.clock_faults = min((e["t"] for e in entries if e["what"].startswith("begin clock_")), default=float("inf"))
         self.sums = collections.Counter()  # tags by what became of their block
         self.delivered, self.losses = [], []  # (earliest, latest, amount); prefix of tags for the driver's counter
         self.doubtful = 0
         self.pending = 0  # lost, as no delivered block has told yet, over connections
         for number, connection in enumerate(connection_list):
             self.take(connection, number > 0)
+
+    def earliest(self, block):
+        """Where its first tag may stand."""
+        if any(begin < block["t"] < end for begin, end in self.jumps):
+            return block["first"] - GRACE_NS
+        return block["first"] - (CLOCK_ERROR_NS if block["t"] > self.clock_faults else 0)
 
     def take(self, connection, rejoined):
         expected, greeted, hidden_until = 0, False, 0
@@ -140,8 +149,7 @@ class Tags:
             doubtful = hidden and connection["end"] is not None and connection["end"] < hidden_until
             by = None if doubtful else block["t"] + (PATIENCE_NS if hidden else self.latency_ns)
             self.doubtful += block["tags"] if doubtful else 0
-            jumped = any(begin < block["t"] < end for begin, end in self.jumps)
-            first = block["first"] - (GRACE_NS if jumped else 0)
+            first = self.earliest(block)
             self.delivered.append((first, by, block["tags"], block["t"]))
             if self.pending:
                 self.losses.append((first, by, self.pending))
@@ -159,7 +167,7 @@ def audit_tags(run, entries):
 
 def audit_tags_within(run, entries, latency_ns):
     account = Account("tdc")
-    tags = Tags(connections(entries), latency_ns, clock_jumps(entries))
+    tags = Tags(entries, latency_ns)
     overruns = [(e["t"] - PATIENCE_NS, None, e["tags"]) for e in entries if e["what"] == "overrun"]
     late, outside = run.counters["spd", "late"], run.counters["spd", "outside"]
     items = [(first, by, n) for first, by, n, _ in tags.delivered]
@@ -222,14 +230,16 @@ class Frames:
 
 def clock_jumps(entries):
     """Host times (from, to) between which a device's clock was ahead and its frames stand in other slots."""
-    jumps, begun = [], None
+    jumps, begun, lasting = [], None, 0  # several may overlap
     for entry in entries:
         if entry["what"] == "begin clock_offset":
-            begun = entry["t"]
-        elif entry["what"] == "end clock_offset" and begun is not None:
-            jumps.append((begun - GRACE_NS, entry["t"] + SETTLING_NS))
-            begun = None
-    return jumps + ([(begun - GRACE_NS, float("inf"))] if begun is not None else [])
+            begun = entry["t"] if lasting == 0 else begun
+            lasting += 1
+        elif entry["what"] == "end clock_offset" and lasting > 0:
+            lasting -= 1
+            if lasting == 0:
+                jumps.append((begun - GRACE_NS, entry["t"] + SETTLING_NS))
+    return jumps + ([(begun - GRACE_NS, float("inf"))] if lasting > 0 else [])
 
 
 class Range:
@@ -257,6 +267,7 @@ def ranges_of(account, run, frames, jumps):
         if any(begin < record["end"] and record["start"] < end for begin, end in jumps):
             continue  # the frames of these slots are audited together
         if last is None or not frames.plausible(last, previous, record):
+            got = sum(r[f"{sensor}_frames"] for r in records)
             if last is not None and frames.renumbered(previous or 0, (previous or 0) + got + 20) == 0:
                 account.fault(f"record {record['idx']}: its last frame {last} was never sent")
             continue  # a number that was damaged: the next record shows what became of this one
