@@ -7,11 +7,11 @@
 #include <array>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
-#include <filesystem>
 #include <utility>
 #include <vector>
 
 #include "acquire/accounts.hpp"
+#include "acquire/backlog.hpp"
 #include "acquire/devices.hpp"
 #include "acquire/notify.hpp"
 #include "acquire/resume.hpp"
@@ -22,6 +22,7 @@
 #include "acquire/window.hpp"
 #include "acquire/writer.hpp"
 #include "drivers/core/console.hpp"
+#include "drivers/port/raw_tap.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -42,8 +43,9 @@ class Daemon final : private SampleSink {
       : config_(config),
         options_(options),
         clock_(clock),
+        label_(config.label),
         log_(clock),
-        devices_(io_, config, clock, *this) {}
+        devices_(io_, config, clock, *this, keep_raw(options)) {}
 
   void run();
 
@@ -58,6 +60,7 @@ class Daemon final : private SampleSink {
     Scheduler scheduler;
     Windows windows;
     Writer writer;
+    Backlog due;
     StatusLine status;
   };
 
@@ -67,10 +70,11 @@ class Daemon final : private SampleSink {
   void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
 
+  port::RawKeeper* keep_raw(const RunOptions& options);
+  void tell_raw_trouble();
   void require_devices() const;
   void begin();
   std::unique_ptr<record::RunWriter> open_file();
-  void warn_of_room();
   void interrupt(HostTime now);
   void announce(Sensor sensor);
   void put_anchor();
@@ -79,7 +83,13 @@ class Daemon final : private SampleSink {
   }
   void arm();
   void tick();
+  bool is_early(Sensor sensor, std::uint64_t amount) {
+    if (!recording_) early_[static_cast<std::size_t>(sensor)] += amount;
+    return !recording_;
+  }
+  void close_due(HostTime now);
   void close_slot(const DueSlot& due, std::chrono::nanoseconds late);
+  void put_late();
   void note_change_of(const record::FusedRecord& record);
   void end();
 
@@ -88,7 +98,9 @@ class Daemon final : private SampleSink {
   const Config& config_;
   const RunOptions& options_;
   const Clock& clock_;
+  std::string label_;
   RunLog log_;
+  std::optional<port::RawKeeper> raw_;
   Devices devices_;
   SensorClocks clocks_;  // they hear what comes before the first slot as well
   std::optional<Recording> recording_;
@@ -97,9 +109,11 @@ class Daemon final : private SampleSink {
   HostTime anchor_mono_{};
   UtcTime anchor_utc_{};
   RunTotals totals_;
-  std::int64_t incomplete_ = 0;  // records without a required sensor
+  std::array<std::uint64_t, sensor_count> early_{};  // heard before there were slots
+  std::int64_t incomplete_ = 0;                      // records without a required sensor
   std::uint32_t last_valid_ = 0;
   std::int64_t first_index_ = 0;  // of a resumed run: slots are counted from here
+  std::optional<std::int64_t> records_before_;
   std::vector<Axis> begun_axes_;  // of a resumed run
   std::string gap_;               // of a resumed run: what to note of it
   bool ending_ = false;           // interrupted
@@ -111,6 +125,7 @@ void Daemon::run() {
     refuse_resuming(record::RunReader(options_.out), config_);
   else
     refuse_bad_target(options_.out);
+  devices_.take("run", options_.out);
   devices_.start();
   devices_.wait(config_.connect_timeout_s);
   require_devices();
@@ -150,17 +165,20 @@ std::unique_ptr<record::RunWriter> Daemon::open_file() {
   for (const Sensor s : all_sensors) refuse_other_axes(begun_axes_, devices_[s].info);
   ResumedRun resumed = reopen_run(options_.out, clock_.utc());
   first_index_ = resumed.file->next_index();
+  records_before_ = resumed.file->records();
   gap_ = std::move(resumed.gap);
+  if (resumed.label && !options_.label_given) label_ = *resumed.label;
   return std::move(resumed.file);
 }
 
-void Daemon::warn_of_room() {
-  const auto folder = std::filesystem::path(options_.out).parent_path();
-  const auto free = free_bytes(folder.string());
-  if (!free) return;
-  const std::string warning = room_warning(record_bytes(recording_->windows.axes()), options_.count,
-                                           config_.window_s, *free);
-  if (!warning.empty()) log(Severity::warning, "disk", warning);
+port::RawKeeper* Daemon::keep_raw(const RunOptions& options) {
+  return options.keep_raw.empty() ? nullptr : &raw_.emplace(options.keep_raw);
+}
+
+void Daemon::tell_raw_trouble() {
+  if (!raw_) return;
+  if (const std::string trouble = raw_->take_trouble(); !trouble.empty())
+    log(Severity::warning, "raw", trouble);
 }
 
 void Daemon::begin() {
@@ -184,7 +202,9 @@ void Daemon::begin() {
       announce(s);
     else if (devices_[s].configured)
       log(Severity::warning, name_of(s), "not there at the start: " + devices_.describe(s));
-  warn_of_room();
+  const std::string room =
+      room_warning(options_.out, recording_->windows.axes(), options_.count, config_.window_s);
+  if (!room.empty()) log(Severity::warning, "disk", room);
   spdlog::info("recording into {}, slots of {} s", options_.out, config_.window_s);
   notify_ready(config_.window_s);
 }
@@ -216,21 +236,21 @@ void Daemon::put_anchor() {
 
 void Daemon::on_tags(const TagBlock& block) {
   clocks_.hear(block);
-  if (!recording_) return;
+  if (is_early(Sensor::spd, block.tags.size())) return;
   totals_.tags += block.tags.size();
   recording_->windows.add(block);
 }
 
 void Daemon::on_radar(RadarFrame frame) {
   clocks_.hear(frame);
-  if (!recording_) return;
+  if (is_early(Sensor::radar, 1)) return;
   ++totals_.radar_frames;
   recording_->windows.add(frame);
 }
 
 void Daemon::on_depth(DepthFrame frame) {
   clocks_.hear(frame);
-  if (!recording_) return;
+  if (is_early(Sensor::depth, 1)) return;
   ++totals_.depth_frames;
   recording_->windows.add(std::move(frame));
 }
@@ -238,7 +258,9 @@ void Daemon::on_depth(DepthFrame frame) {
 void Daemon::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
   log(state == DeviceState::faulted ? Severity::warning : Severity::info, name_of(sensor),
       std::string(name_of(state)) + " " + info.address);
-  if (state != DeviceState::streaming) clocks_.reset(sensor);
+  // What a sender kept and sends now stands where the clock that it had places it. A clock that
+  // began anew shows by itself, but not one that wraps after seconds.
+  if (state != DeviceState::streaming && sensor == Sensor::radar) clocks_.reset(sensor);
   if (!recording_) return;
   if (sensor == Sensor::spd) recording_->windows.tag_gap();
   if (state == DeviceState::streaming) announce(sensor);
@@ -249,7 +271,8 @@ void Daemon::on_event(Sensor sensor, Severity severity, const std::string& text)
 }
 
 void Daemon::arm() {
-  const HostTime next = std::min(recording_->scheduler.next_deadline(), clock_.now() + tick_pause);
+  HostTime next = clock_.now() + tick_pause;
+  if (!recording_->scheduler.done()) next = std::min(next, recording_->scheduler.next_deadline());
   timer_.expires_at(std::chrono::steady_clock::time_point(next));
   timer_.async_wait([this](const boost::system::error_code& error) {
     if (!error) tick();
@@ -260,16 +283,23 @@ void Daemon::tick() {
   Recording& r = *recording_;
   const HostTime now = clock_.now();
   if (interrupted() && !std::exchange(ending_, true)) interrupt(now);
-  for (const DueSlot& due : r.scheduler.tick(now))
-    close_slot(due, r.scheduler.lateness(due.index, now));
+  close_due(now);
   if (now - anchor_mono_ >= anchor_pause) put_anchor();
+  tell_raw_trouble();
   const std::int64_t written = r.writer.written();
   if (std::exchange(totals_.written, written) != written) notify_advance(written);
   r.status.update(now, totals_);
-  if (r.scheduler.done() || r.writer.failed())
+  if ((r.scheduler.done() && r.due.empty()) || r.writer.failed())
     io_.stop();
   else
     arm();
+}
+
+void Daemon::close_due(HostTime now) {
+  Recording& r = *recording_;
+  r.due.put(r.scheduler.tick(now));
+  while (const auto due = r.due.next(r.writer.crowded()))
+    close_slot(*due, r.scheduler.lateness(due->index, now));
 }
 
 // The run ends with the slot that is running, or with the one before if that takes too long.
@@ -286,7 +316,7 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
   record.index += first_index_;
   record.books.closed_late_s = seconds(late);
   record.slot_utc = anchor_utc_ + (record.slot_start - anchor_mono_);
-  record.label = config_.label;
+  record.label = label_;
   ++totals_.records;
   incomplete_ += record.missing != 0;
   totals_.valid = record.valid;
@@ -298,6 +328,15 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
     log(Severity::error, "run file",
         "record " + std::to_string(due.index + first_index_) +
             ": its data are given up, the disk is too slow");
+  put_late();
+}
+
+void Daemon::put_late() {
+  record::LateCounts late = recording_->windows.take_late();
+  if (late.empty()) return;
+  recording_->writer.put([late = std::move(late), first = first_index_](record::RunWriter& run) {
+    run.put_late(first, late);
+  });
 }
 
 // One line when a sensor drops out or comes back, not one for every record.
@@ -318,17 +357,32 @@ void Daemon::end() {
   std::array<std::vector<Counter>, sensor_count> counters;
   for (const Sensor s : all_sensors) counters[static_cast<std::size_t>(s)] = devices_.counters(s);
   devices_.stop();
+  if (raw_) {
+    const port::RawKeeper::Counts bytes = raw_->finish();
+    tell_raw_trouble();
+    log(bytes.dropped > 0 ? Severity::warning : Severity::info, "raw",
+        std::to_string(bytes.kept) + " bytes were kept in " + options_.keep_raw + ", " +
+            std::to_string(bytes.dropped) + " were not");
+  }
   r.windows.finish();
-  close_accounts(r.writer, log_, std::move(counters), r.windows.strays());
-  r.writer.finish(status_);
+  put_late();
+  Strays strays = r.windows.strays();
+  for (std::size_t s = 0; s < sensor_count; ++s) strays.early[s] += early_[s];
+  close_accounts(r.writer, log_, std::move(counters), strays);
+  if (!r.writer.finish(status_))
+    spdlog::warn(
+        "{}: another program reads it; its last records stay in {}-wal until "
+        "`echofuse-acquire recover` or the next --resume",
+        options_.out, options_.out);
   totals_.written = r.writer.written();
   r.status.finish(clock_.now(), totals_);
   const std::string incomplete = incomplete_ == 0 ? ""
                                                   : "; " + std::to_string(incomplete_) +
                                                         " incomplete, without a required device";
-  spdlog::info("{}: {} records, {}{}; arrived: {} tags, {} radar frames, {} depth frames",
-               options_.out, totals_.written, status_, incomplete, devices_[Sensor::spd].samples,
-               devices_[Sensor::radar].samples, devices_[Sensor::depth].samples);
+  spdlog::info("{}: {}, {}{}; arrived: {} tags, {} radar frames, {} depth frames", options_.out,
+               count_text(totals_.written, options_.count, records_before_), status_, incomplete,
+               devices_[Sensor::spd].samples, devices_[Sensor::radar].samples,
+               devices_[Sensor::depth].samples);
 }
 
 }  // namespace

@@ -82,7 +82,9 @@ void write_full_run(const std::string& path) {
   run.put_calibration({Sensor::radar, "2026-01-01", "plate", 2, 0.0125, 0.001});
   run.put_policy(Sensor::spd, "required");
   run.put_anchor(HostTime(5), UtcTime(7));
-  run.put_counter("spd", "tags", 12'345'678'901);
+  run.put_late(0, {{1, {3, 2, 1}}});
+  const Counted tags{"spd", "tags", 12'345'678'901, 0};
+  run.put_counters({&tags, 1});
   run.put_event(UtcTime(0), Severity::warning, "radar", "no frames");
   mark(path, "label", "letter:B");
   mark(path, "mark", "door open");

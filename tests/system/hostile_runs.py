@@ -386,7 +386,7 @@ class HostileRuns(unittest.TestCase):
                 "no offset": "INSERT INTO calibration VALUES ('radar', 'x', 'y', 1, 9e999, -1)",
                 "names": "INSERT INTO device VALUES ('../../../x', 'a', 'b', 'c', 'd'), (NULL, NULL, NULL, NULL, NULL)"}.items():
             with self.subTest(name):
-                self.attack(self.make(change))
+                self.attack(self.make(change), "info", "json", "export", "csv", "reconstruct", "train", "resume")
 
 
 if __name__ == "__main__":
