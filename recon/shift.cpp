@@ -17,7 +17,10 @@ double sinc(double x) {
 
 }  // namespace
 
-Shift::Shift(double steps) : whole_(static_cast<std::ptrdiff_t>(std::floor(steps))) {
+// Further than any axis: nothing of it is left.
+Shift::Shift(double steps) {
+  steps = std::clamp(steps, -1e9, 1e9);
+  whole_ = static_cast<std::ptrdiff_t>(std::floor(steps));
   constexpr double half = 4;
   const double part = steps - std::floor(steps);
   for (std::size_t k = 0; k < weights_.size(); ++k) {

@@ -30,7 +30,7 @@ class TableReader {
       for (const auto& node : *list)
         if (const auto* table = node.as_table()) use(*table);
   } catch (const toml::parse_error& e) {
-    throw Error(ExitCode::config, place(e) + "not TOML: " + std::string(e.description()));
+    refuse({place(e) + "not TOML: " + std::string(e.description())});
   }
   template <class Node>
   void say(const Node& node, const std::string& what) {

@@ -333,7 +333,7 @@ void RunReader::for_each(
     const Shapes& shapes = *known;
     FusedRecord r;
     const std::string fault = decode(row, shapes, r);
-    if (r.index > max_index || (before && r.index <= *before))
+    if (r.index < first || r.index > max_index || (before && r.index <= *before))
       throw Error(ExitCode::failed, shown_ + ": damaged: a record has the index " +
                                         std::to_string(r.index) + ", after " +
                                         (before ? std::to_string(*before) : "none"));

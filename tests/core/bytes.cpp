@@ -55,6 +55,8 @@ TEST_CASE("random streams depend on seed and stream only") {
 
 TEST_CASE("times are written for people and machines") {
   CHECK(iso8601(std::chrono::milliseconds(1'707'309'296'789)) == "2024-02-07T12:34:56.789Z");
+  CHECK(iso8601(UtcTime::min()) == "1677-09-21T00:12:43.145Z");
+  CHECK(iso8601(UtcTime::max()) == "2262-04-11T23:47:16.854Z");
   CHECK(human_duration(7.26) == "7.3 s");
   CHECK(human_duration(75.3) == "1 min 15 s");
   CHECK(human_duration(12'000) == "3 h 20 min");
