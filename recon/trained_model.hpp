@@ -78,6 +78,9 @@ struct TrainedModel {
 // What a record's status says when the fallback answered.
 inline const char* const fallback_note = "radar lost: SPD alone";
 
+// Throws Error(failed) if they are not: a file may hold any weights.
+void require_finite(const Matrix& maps);
+
 SeenRecords remember(const Dataset& data, const Split& split);
 
 // Fits scaling, scene and model to the training rows; leaves `seen`, `slip` and `fallback` empty.
@@ -89,7 +92,9 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const std::strin
 void check_can_save(const std::string& path);
 // Writes a new file beside and renames it: an interrupted save leaves the old one.
 void save_model(const TrainedModel& model, const std::string& path);
-// Throws Error(failed): not there, not a model, written by a newer version.
+// Throws Error(failed) that names file, object, what is wrong and what would be right: not there,
+// not a model, damaged, written by another version, or of parts that do not fit together.
 TrainedModel load_model(const std::string& path);
+TrainedModel load_model(const record::H5File& file);  // of one that is open
 
 }  // namespace echofuse::recon

@@ -34,7 +34,7 @@ std::int64_t integer(std::size_t n) { return static_cast<std::int64_t>(n); }
 void write_whole(const std::string& path, const std::function<void(record::H5File&)>& fill) {
   const std::string unfinished = path + ".part";
   std::remove(unfinished.c_str());
-  record::H5File file = record::H5File::create(unfinished);
+  record::H5File file = record::H5File::create_sealed(unfinished);
   fill(file);
   file.close();
   if (std::rename(unfinished.c_str(), path.c_str()) != 0)
@@ -78,25 +78,31 @@ void Checkpoints::resume(TrainingState& s) {
   if (!options_.resume) return;
   if (::access(options_.path.c_str(), R_OK) != 0)
     throw Error(ExitCode::failed, options_.path + ": no such file: no training was stopped here");
-  const record::H5File file = record::H5File::open(options_.path);
+  const record::H5File file = record::H5File::open_sealed(options_.path);
   check_settings(file.read_texts("settings"), options_);
   const auto count = [&](const char* name) {
     return static_cast<std::size_t>(file.get<std::int64_t>("log", name));
   };
-  s.parameters = file.read<float>("parameters");
-  s.best = file.read<float>("best");
-  s.adam.first = file.read<float>("adam/first");
-  s.adam.second = file.read<float>("adam/second");
+  const record::H5Shape weights{s.parameters.size()};
+  s.parameters = file.read<float>("parameters", weights);
+  s.best = file.read<float>("best", weights);
+  s.adam.first = file.read<float>("adam/first", weights);
+  s.adam.second = file.read<float>("adam/second", weights);
   s.adam.steps = static_cast<std::size_t>(file.get<std::int64_t>("adam", "steps"));
-  const auto order = file.read<std::uint64_t>("order");
+  const auto order = file.read<std::uint64_t>("order", {s.order.size()});
+  require_sound(file, std::is_permutation(order.begin(), order.end(), s.order.begin()), "order",
+                "the training records in any order");
   s.order.assign(order.begin(), order.end());
-  std::istringstream(file.read_text("rng")) >> s.order_rng;
-  s.log.loss = file.read<double>("log/loss_m");
-  s.log.validation_loss = file.read<double>("log/validation_loss_m");
+  std::istringstream rng(file.read_text("rng"));
+  require_sound(file, static_cast<bool>(rng >> s.order_rng), "rng", "a generator's state");
+  s.log.loss = file.read<double>("log/loss_m", {count("epoch")});
+  s.log.validation_loss = file.read<double>("log/validation_loss_m", {count("epoch")});
   s.log.best_epoch = count("best_epoch");
   s.least = file.get<double>("log", "least");
   s.epoch = count("epoch");
   s.row = count("row");
+  require_sound(file, s.row <= s.order.size(), "log@row", "at most the number of training records");
+  require_sound(file, s.log.best_epoch <= s.epoch, "log@best_epoch", "no later one than log@epoch");
   s.squares = file.get<double>("log", "squares");
   earlier_s_ = file.get<double>("log", "s");
 }
