@@ -10,7 +10,6 @@
 #include "acquire/record/depth_map.hpp"
 #include "drivers/core/console.hpp"
 #include "recon/files.hpp"
-#include "recon/models/checkpoint.hpp"
 #include "recon/trained_model.hpp"
 
 namespace echofuse::recon {
@@ -222,20 +221,26 @@ void check_fallback(const H5File& file, const TrainedModel& model) {
 
 }  // namespace
 
-void check_can_save(const std::string& path) {
+void check_can_save(const std::string& path, Existing existing) {
   // A run that is given for OUT by mistake must not become a model.
-  if (std::filesystem::exists(path)) try {
+  if (std::filesystem::exists(path)) {
+    try {
       check_format(H5File::open_sealed(path));
     } catch (const Error&) {
-      throw Error(ExitCode::usage, path + ": exists and is no model file; give another --out");
+      throw Error(ExitCode::usage,
+                  path + ": exists and is no model file of this version; give another --out");
     }
+    if (existing == Existing::keep)
+      throw Error(ExitCode::usage,
+                  path + ": is a model already; give another --out, or --force to replace it");
+  }
   const std::string unfinished = path + ".part";
   write_file(unfinished, {});
   std::remove(unfinished.c_str());
 }
 
-void save_model(const TrainedModel& model, const std::string& path) {
-  write_whole(path, [&](H5File& file) { save_to(file, model); });
+void save_model(const TrainedModel& model, const std::string& path, Existing existing) {
+  write_whole(path, existing, [&](H5File& file) { save_to(file, model); });
 }
 
 TrainedModel load_model(const H5File& file) {

@@ -24,6 +24,7 @@
 #include "recon/confidence.hpp"
 #include "recon/features.hpp"
 #include "recon/maps/scene.hpp"
+#include "recon/models/checkpoint.hpp"
 #include "recon/models/model.hpp"
 #include "recon/slip.hpp"
 #include "recon/split.hpp"
@@ -88,10 +89,11 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const std::strin
                        Inputs inputs, const std::string& scaling, const FitOptions& options);
 
 // Throws Error(disk) if no file can be made there, and Error(usage) if there is one that is no
-// model: to be asked before a long training.
-void check_can_save(const std::string& path);
-// Writes a new file beside and renames it: an interrupted save leaves the old one.
-void save_model(const TrainedModel& model, const std::string& path);
+// model, or is not to be replaced: to be asked before a long training.
+void check_can_save(const std::string& path, Existing existing);
+// As write_whole: an interrupted save leaves the old one.
+void save_model(const TrainedModel& model, const std::string& path,
+                Existing existing = Existing::replace);
 // Throws Error(failed) that names file, object, what is wrong and what would be right: not there,
 // not a model, damaged, written by another version, or of parts that do not fit together.
 TrainedModel load_model(const std::string& path);

@@ -151,7 +151,7 @@ def main():
         folder.mkdir(parents=True, exist_ok=True)
         ours, theirs, records = folder / "ours.h5", folder / "torch.h5", folder / "records.npz"
         run = lambda *words: subprocess.run([recon, *map(str, words)], check=True, stdout=subprocess.PIPE).stdout
-        run("train", *arguments.run, "--out", ours, "--threads", arguments.threads, "-q",
+        run("train", *arguments.run, "--out", ours, "--threads", arguments.threads, "-q", "--force",
             *(word for name, value in options.items() for word in (f"--{name}", value)))
         run("export", ours, "--to", records, "--run", *arguments.run, "-q")
         data = numpy.load(records)

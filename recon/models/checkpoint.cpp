@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "recon/models/checkpoint.hpp"
 
+#include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cerrno>
 #include <cstdio>
 #include <sstream>
 
@@ -29,16 +32,31 @@ void check_settings(const std::vector<std::string>& found, const CheckpointOptio
 
 std::int64_t integer(std::size_t n) { return static_cast<std::int64_t>(n); }
 
+// False with errno. A file system that cannot do it in one step does it in two.
+bool rename_to(const std::string& from, const std::string& to, Existing existing) {
+  if (existing == Existing::replace) return std::rename(from.c_str(), to.c_str()) == 0;
+  if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return true;
+  if (errno != EINVAL && errno != ENOSYS) return false;
+  if (::access(to.c_str(), F_OK) == 0) return errno = EEXIST, false;
+  return std::rename(from.c_str(), to.c_str()) == 0;
+}
+
 }  // namespace
 
-void write_whole(const std::string& path, const std::function<void(record::H5File&)>& fill) {
+void write_whole(const std::string& path, Existing existing,
+                 const std::function<void(record::H5File&)>& fill) {
   const std::string unfinished = path + ".part";
   std::remove(unfinished.c_str());
   record::H5File file = record::H5File::create_sealed(unfinished);
   fill(file);
   file.close();
-  if (std::rename(unfinished.c_str(), path.c_str()) != 0)
-    throw Error(ExitCode::disk, path + ": cannot rename " + unfinished + " to it");
+  if (rename_to(unfinished, path, existing)) return;
+  const bool there = errno == EEXIST;
+  throw Error(there ? ExitCode::failed : ExitCode::disk,
+              path +
+                  (there ? ": was made by somebody else meanwhile; what was to be there is in "
+                         : ": cannot rename to it ") +
+                  unfinished);
 }
 
 Checkpoints::Checkpoints(const CheckpointOptions& options) : options_(options) {}
@@ -52,7 +70,7 @@ void Checkpoints::save(const TrainingState& s) {
   const double spent = std::chrono::duration<double>(Clock::now() - started_).count();
   std::ostringstream rng;
   rng << s.order_rng;
-  write_whole(options_.path, [&](record::H5File& file) {
+  write_whole(options_.path, Existing::replace, [&](record::H5File& file) {
     file.write_texts("settings", lines_of(options_));
     const auto flat = [&](const char* name, const auto& v) { file.write(name, v, {v.size()}); };
     flat("parameters", s.parameters);
