@@ -80,7 +80,7 @@ void check_head(ByteView head, std::size_t length, const std::string& path) {
     const bool hdf5 = head.size() >= 8 && std::memcmp(head.data(), "\x89HDF\r\n\x1a\n", 8) == 0;
     refuse_file(path, hdf5 ? "an HDF5 file without a checksum; a model of an older echofuse must "
                              "be trained again"
-                           : "not an echofuse model file");
+                           : "not an echofuse model file or checkpoint");
   }
   const auto version = in.get<std::uint32_t>();
   in.get<std::uint32_t>();
