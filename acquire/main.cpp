@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
@@ -45,7 +46,8 @@ struct Options {
   std::vector<std::string> meta;
   std::string resume;
   double duration_s = 0;
-  std::string file, to, radar;
+  std::string file, to;
+  std::vector<std::string> radar, tdc, depth;
   std::optional<std::int64_t> record;
   bool config_given = false;  // --config or --set
   bool json = false, quiet = false, verbose = false;
@@ -115,6 +117,8 @@ void plan_count(Options& o, const Config& config) {
 ExitCode run(Options& o) {
   Config config = load(o);
   if (o.label) config.label = *o.label;
+  o.run.label_given = o.label || std::any_of(o.assignments.begin(), o.assignments.end(),
+                                             [](auto& a) { return a.starts_with("run.label"); });
   if (o.operator_name) config.operator_name = *o.operator_name;
   for (const auto& pair : o.meta) {
     const auto equals = pair.find('=');
@@ -130,6 +134,7 @@ ExitCode run(Options& o) {
   o.run.out =
       o.run.resume ? std::filesystem::absolute(old_run(o.resume)).string() : new_run(o.run.out);
   o.run.quiet = o.quiet;
+  if (!o.run.keep_raw.empty()) o.run.keep_raw = std::filesystem::absolute(o.run.keep_raw).string();
   catch_interrupts();
   record_run(config, o.run, SystemClock());
   return ExitCode::ok;
@@ -186,7 +191,10 @@ ExitCode mark(const Options& o) {
 }
 
 ExitCode replay(const Options& o) {
-  std::fputs(replay_radar(o.radar, o.json).c_str(), stdout);
+  const std::string counts = !o.radar.empty() ? replay_radar(o.radar, o.json)
+                             : !o.tdc.empty() ? replay_tdc(o.tdc, o.json)
+                                              : replay_depth(o.depth, o.json);
+  std::fputs(counts.c_str(), stdout);
   return ExitCode::ok;
 }
 
@@ -245,6 +253,8 @@ void add_run(CLI::App& app, Options& o) {
                                     "run to continue, with the configuration it was begun with");
   target->require_option(1);
   add_length_options(*c, o);
+  c->add_option("--keep-raw", o.run.keep_raw,
+                "new folder for the devices' bytes as they came, for `replay`");
   c->add_option("--label", o.label, "label of every record, instead of run.label");
   c->add_option("--operator", o.operator_name, "who records, instead of run.operator");
   c->add_option("--meta", o.meta, "key=value, kept in the run; may be repeated")
@@ -296,7 +306,11 @@ void add_file_commands(CLI::App& app, Options& o) {
   marker->add_option("--label", o.label, "label of the records from the running slot on");
 
   auto* replay = app.add_subcommand("replay", "recorded device bytes through the live parser");
-  replay->add_option("--radar", o.radar, "recording of the radar's data port")->required();
+  auto* kind = replay->add_option_group("device");
+  kind->add_option("--radar", o.radar, "recordings of the radar's data port");
+  kind->add_option("--tdc", o.tdc, "blocks of a tagger behind a bridge, or NAME.usb");
+  kind->add_option("--depth", o.depth, "blocks of a depth camera");
+  kind->require_option(1);
   replay->add_flag("--json", o.json);
 }
 
@@ -367,7 +381,7 @@ int main(int argc, char** argv) {
       options.config_given |= c->count("--config") + c->count("--set") > 0;
     if (app.get_subcommands().empty()) throw CLI::RequiredError("a command");
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : static_cast<int>(ExitCode::usage);
+    return run_main(program, [&] { return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage; });
   }
   return run_main(program, [&] { return dispatch(command_of(app), options); });
 }

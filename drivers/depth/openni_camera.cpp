@@ -5,7 +5,9 @@
 #include <optional>
 #include <utility>
 
+#include "drivers/bridge/bridge_writer.hpp"
 #include "drivers/depth/openni_session.hpp"
+#include "drivers/port/raw_tap.hpp"
 #include "drivers/port/worker_link.hpp"
 
 namespace echofuse::depth {
@@ -31,11 +33,12 @@ struct OpenNiCamera::Shared : port::WorkerLink {
 class OpenNiCamera::Worker {
  public:
   Worker(std::shared_ptr<Shared> shared, std::string address, std::string uri, const Clock& clock,
-         OpenNiOptions options)
+         OpenNiOptions options, port::RawKeeper* raw)
       : shared_(std::move(shared)),
         uri_(std::move(uri)),
         clock_(clock),
         options_(options),
+        raw_(raw),
         backoff_(options.backoff) {
     info_.sensor = Sensor::depth;
     info_.address = std::move(address);
@@ -59,11 +62,12 @@ class OpenNiCamera::Worker {
     OpenNiSession session;
     if (std::string wrong = session.open(uri_, options_); !wrong.empty()) return wrong;
     ++shared_->connections;
-    last_index_.reset();
+    rejoined_ = last_index_.has_value();
     pace_.reset();
     const std::string address = info_.address;
     info_ = session.info();
     info_.address = address;
+    raw_name_.clear();
     tell(DeviceState::streaming);
     auto last_frame = std::chrono::steady_clock::now();
     while (!shared_->stopping()) {
@@ -88,10 +92,10 @@ class OpenNiCamera::Worker {
   void deliver(DepthFrame frame, bool recording) {
     if (recording && !hold_back(frame.device_time_us)) return;
     frame.received = clock_.now();
-    if (last_index_ && frame.frame_index > *last_index_)
-      frame.lost_before = frame.frame_index - *last_index_ - 1;
+    frame.lost_before = lost_before(frame.frame_index);
     last_index_ = frame.frame_index;
     shared_->lost_frames += frame.lost_before;
+    keep(frame);
     if (shared_->queued >= max_queued) {
       ++shared_->dropped_frames;
       dropped_since_ += 1 + frame.lost_before;
@@ -105,6 +109,29 @@ class OpenNiCamera::Worker {
       --shared->queued;
       sink.on_depth(std::move(*held));
     });
+  }
+
+  // Many cameras go on to number their frames while nobody looks. One that began anew has lost one
+  // at least.
+  std::uint32_t lost_before(std::uint32_t index) {
+    const bool rejoined = std::exchange(rejoined_, false);
+    if (last_index_ && index > *last_index_) return index - *last_index_ - 1;
+    return rejoined;
+  }
+
+  // One file a session, which a hello opens.
+  void keep(const DepthFrame& frame) {
+    if (!raw_) return;
+    using bridge::BlockKind;
+    if (raw_name_.empty()) {
+      raw_name_ = raw_->next_name("depth", ".blocks");
+      raw_->put(raw_name_,
+                bridge::make_block(BlockKind::hello, 0, 0, bridge::hello_payload(info_)));
+      raw_sequence_ = 0;
+    }
+    raw_->put(raw_name_,
+              bridge::make_block(BlockKind::depth, ++raw_sequence_, frame.lost_before,
+                                 bridge::depth_payload(frame, info_.axes[0], info_.axes[1])));
   }
 
   // A recording waits for its time and for room in the queue. False: stopped meanwhile.
@@ -135,22 +162,27 @@ class OpenNiCamera::Worker {
   std::string uri_;
   const Clock& clock_;
   OpenNiOptions options_;
+  port::RawKeeper* raw_;
+  std::string raw_name_;
+  std::uint32_t raw_sequence_ = 0;
   DeviceInfo info_;
   DeviceState state_ = DeviceState::connecting;
   port::Backoff backoff_;
   std::string last_failure_;  // told once, not at every attempt
   std::optional<std::uint32_t> last_index_;
+  bool rejoined_ = false;  // no frame since it was opened again
   std::uint32_t dropped_since_ = 0;
   std::optional<std::pair<std::chrono::steady_clock::time_point, std::uint64_t>> pace_;
 };
 
 OpenNiCamera::OpenNiCamera(boost::asio::io_context& io, std::string address, std::string uri,
-                           const Clock& clock, OpenNiOptions options)
+                           const Clock& clock, OpenNiOptions options, port::RawKeeper* raw)
     : shared_(std::make_shared<Shared>(io)),
       address_(std::move(address)),
       uri_(std::move(uri)),
       clock_(clock),
-      options_(options) {
+      options_(options),
+      raw_(raw) {
   initialize_openni();
 }
 
@@ -162,7 +194,7 @@ void OpenNiCamera::start(SampleSink& sink) {
   info.sensor = Sensor::depth;
   info.address = address_;
   sink.on_state(Sensor::depth, DeviceState::connecting, info);
-  auto worker = std::make_shared<Worker>(shared_, address_, uri_, clock_, options_);
+  auto worker = std::make_shared<Worker>(shared_, address_, uri_, clock_, options_, raw_);
   thread_ = std::thread([worker] { worker->run(); });
 }
 

@@ -65,7 +65,10 @@ TEST_CASE("files that are not there or not runs") {
     refuses(command + folder / "none.sqlite", 1, "none.sqlite: no such file");
     refuses(command + folder / "text.sqlite", 1, "text.sqlite: not an echofuse run file");
   }
-  refuses("replay --radar " + folder / "none.dat", 1, "none.dat: cannot read: No such file");
+  for (const char* device : {"--radar ", "--tdc ", "--depth "})
+    refuses(std::string("replay ") + device + folder / "none.dat", 1,
+            "none.dat: cannot read: No such file");
+  refuses("replay --tdc a --depth b", 2, "--depth");
 }
 
 TEST_CASE("bad configurations and targets of a run") {
@@ -84,7 +87,7 @@ TEST_CASE("bad configurations and targets of a run") {
   CHECK(fs::file_size(folder / "a.sqlite") == 8);
 }
 
-TEST_CASE("config check says ok or all faults; config show prints values with their origin") {
+TEST_CASE("config check says ok or all faults, config show prints values with their origin") {
   const Folder folder;
   const std::string path = folder / "lab.toml", config = " --config " + path;
   write_file(path, "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\nbin_width_ps = 50\n");
@@ -104,9 +107,27 @@ TEST_CASE("config check says ok or all faults; config show prints values with th
   CHECK(has(bad.text, "--set tdc.bins=0: expected a whole number"));
   CHECK(has(bad.text, "--set a=1: unknown key"));
   refuses("config check --config " + folder / "none.toml", 3, "none.toml: cannot read");
+  refuses("config check --config " + folder / "", 3, "is a folder; expected a text file");
+  refuses("config check --config /dev/zero", 3, "/dev/zero: has more than 64 MiB");
+  CHECK(acquire("config check --config /dev/stdin < " + path).code == 0);
 }
 
-TEST_CASE("doctor without a configuration looks at the machine; a bad one ends it") {
+TEST_CASE("what cannot be printed is a failure") {
+  const Folder folder;
+  write_run(folder / "a.sqlite", 2);
+  write_file(folder / "lab.toml", "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n");
+  for (const std::string& command :
+       {"info " + folder / "a", "info --json " + folder / "a", "recover " + folder / "a",
+        "config show --config " + folder / "lab.toml", std::string("--help")}) {
+    const Outcome o =
+        shell("(" + echofuse::test::bin_dir + "/echofuse-acquire " + command + " > /dev/full)");
+    CAPTURE(command, o.text);
+    CHECK(o.code == 1);
+    CHECK(has(o.text, "stdout: cannot be written: No space left on device"));
+  }
+}
+
+TEST_CASE("doctor without a configuration looks at the machine, a bad one ends it") {
   const Folder folder;
   const std::string here =
       "cd " + folder / "" + " && " + echofuse::test::bin_dir + "/echofuse-acquire doctor";
@@ -142,7 +163,7 @@ TEST_CASE("metadata without a value, a folder that cannot be written") {
                           folder / "closed/a" + config);
   CAPTURE(o.text);
   CHECK(o.code == 6);
-  CHECK(has(o.text, "closed/a.sqlite: its folder is read-only"));
+  CHECK(has(o.text, "closed/a.sqlite: its folder is read-only: Permission denied"));
 }
 
 TEST_CASE("calibrate needs no calibration, and overwrites none that it cannot read") {
@@ -244,6 +265,24 @@ TEST_CASE("the script in plain Python reads a run") {
   CHECK(has(o.text, "spd    828 counts in 8 bins, peak at 1.404e+04 ps: ok"));
   CHECK(has(o.text, "radar  4 bins, peak at 1.5 m: ok"));
   CHECK(has(o.text, "depth  3 x 2 pixels: ok"));
+}
+
+TEST_CASE("replay takes kept transfers of a USB tagger") {
+  const Folder folder;
+  const auto u32 = [](std::uint32_t v) { return std::string(reinterpret_cast<char*>(&v), 4); };
+  const std::string tag("\0\0\0\0\x01\0\0\0\x05\0\0\0\0\0\0\0", 16);
+  constexpr std::uint32_t end = 1u << 31, gap = 1u << 30;
+  // A record over two transfers; a beginning that a gap cuts off; an empty run; a cut file.
+  write_file(folder / "t.usb", u32(24) + tag + tag.substr(0, 8) + u32(8 | end) + tag.substr(8) +
+                                   u32(4) + tag.substr(0, 4) + u32(gap) + u32(end) + u32(16 | end) +
+                                   tag.substr(0, 9));
+  const Json counts = json_of("replay --json --tdc " + folder / "t.usb");
+  CHECK(counts["bytes"] == 36);
+  CHECK(counts["transfers"] == 4);
+  CHECK(counts["tags"] == 2);
+  CHECK(counts["junk_bytes"] == 4);
+  CHECK(counts["gaps"] == 1);
+  CHECK(counts["cut_transfers"] == 1);
 }
 
 TEST_CASE("replay counts a recording's frames") {

@@ -37,7 +37,7 @@ TEST_CASE("jobs are done in order, and all of them before the run is closed") {
   for (const auto& event : run.events()) CHECK(event.text == "1");
 }
 
-TEST_CASE("a slow disk costs data, never a row; a disk that stands still ends the run") {
+TEST_CASE("a slow disk costs data, never a row, a disk that stands still ends the run") {
   const Folder folder;
   Writer writer(open_run(folder / "a.sqlite"), 2);
   std::promise<void> disk;
@@ -138,4 +138,28 @@ TEST_CASE("the status line") {
         "record 7/20  S-D  1.20 Mtag/s  radar 20.0 fps  depth 29.5 fps  lost 3  on disk 6");
   CHECK(status_text(now, now, 0, std::nullopt) ==
         "record 7  S-D  0.0 ktag/s  radar 0.0 fps  depth 0.0 fps  lost 3  on disk 6");
+}
+
+TEST_CASE("a depth image that cannot be encoded costs its sensor, not the run") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  auto file = std::make_unique<record::RunWriter>(path, record::RunInfo{});
+  constexpr std::uint32_t width = 2'000'000;  // above what OpenCV encodes
+  for (auto axis : small_axes()) {
+    if (axis.name == "depth_x") axis.count = width;
+    if (axis.name == "depth_y") axis.count = 1;
+    file->put_axis(axis);
+  }
+  Writer writer(std::move(file));
+  for (int i = 0; i < 2; ++i) {
+    auto record = small_record(i);
+    record.depth_mm.assign(width, 1000);
+    CHECK(writer.put(std::move(record)));
+  }
+  writer.finish("complete");
+  const record::RunReader run(path);
+  REQUIRE(run.count() == 2);
+  CHECK(run.read(1).valid == 3);
+  CHECK(run.read(1).sync[2].verdict == "cannot be encoded as PNG");
+  CHECK(run.read(1).radar == small_record(1).radar);
 }
