@@ -182,7 +182,7 @@ TEST_CASE("no flipped byte of a model file is read") {
     text[at] = static_cast<char>(text[at] ^ static_cast<char>(1 + random() % 255));
     CAPTURE(at);
     std::ofstream(dir / "m", std::ios::binary) << text;
-    if (i % 10 == 0)
+    if (i % 20 == 0)
       programs_refuse(dir / "m", ": ");
     else
       CHECK_THROWS_AS(load_model(dir / "m"), Error);
