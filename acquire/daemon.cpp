@@ -7,12 +7,11 @@
 #include <array>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
-#include <deque>
-#include <filesystem>
 #include <utility>
 #include <vector>
 
 #include "acquire/accounts.hpp"
+#include "acquire/backlog.hpp"
 #include "acquire/devices.hpp"
 #include "acquire/notify.hpp"
 #include "acquire/resume.hpp"
@@ -32,7 +31,6 @@ constexpr auto tick_pause = std::chrono::milliseconds(50);
 // What the devices sent while the file was being made is read before the first slot starts.
 constexpr auto settle_time = std::chrono::milliseconds(100);
 constexpr auto anchor_pause = std::chrono::minutes(1);
-constexpr std::int64_t most_behind = 32;  // slots that wait behind those of a pause
 
 // Leaves a second for the devices and the disk: SIGTERM closes a run within 5 s.
 constexpr auto close_limit = std::chrono::seconds(4);
@@ -62,8 +60,7 @@ class Daemon final : private SampleSink {
     Scheduler scheduler;
     Windows windows;
     Writer writer;
-    std::deque<DueSlot> due;      // to be closed
-    std::int64_t pause_end = -1;  // last of the slots that became due at once
+    Backlog due;
     StatusLine status;
   };
 
@@ -78,7 +75,6 @@ class Daemon final : private SampleSink {
   void require_devices() const;
   void begin();
   std::unique_ptr<record::RunWriter> open_file();
-  void warn_of_room();
   void interrupt(HostTime now);
   void announce(Sensor sensor);
   void put_anchor();
@@ -87,6 +83,10 @@ class Daemon final : private SampleSink {
   }
   void arm();
   void tick();
+  bool is_early(Sensor sensor, std::uint64_t amount) {
+    if (!recording_) early_[static_cast<std::size_t>(sensor)] += amount;
+    return !recording_;
+  }
   void close_due(HostTime now);
   void close_slot(const DueSlot& due, std::chrono::nanoseconds late);
   void put_late();
@@ -113,7 +113,7 @@ class Daemon final : private SampleSink {
   std::int64_t incomplete_ = 0;                      // records without a required sensor
   std::uint32_t last_valid_ = 0;
   std::int64_t first_index_ = 0;  // of a resumed run: slots are counted from here
-  std::int64_t records_before_ = 0;
+  std::optional<std::int64_t> records_before_;
   std::vector<Axis> begun_axes_;  // of a resumed run
   std::string gap_;               // of a resumed run: what to note of it
   bool ending_ = false;           // interrupted
@@ -125,6 +125,7 @@ void Daemon::run() {
     refuse_resuming(record::RunReader(options_.out), config_);
   else
     refuse_bad_target(options_.out);
+  devices_.take("run", options_.out);
   devices_.start();
   devices_.wait(config_.connect_timeout_s);
   require_devices();
@@ -180,15 +181,6 @@ void Daemon::tell_raw_trouble() {
     log(Severity::warning, "raw", trouble);
 }
 
-void Daemon::warn_of_room() {
-  const auto folder = std::filesystem::path(options_.out).parent_path();
-  const auto free = free_bytes(folder.string());
-  if (!free) return;
-  const std::string warning = room_warning(record_bytes(recording_->windows.axes()), options_.count,
-                                           config_.window_s, *free);
-  if (!warning.empty()) log(Severity::warning, "disk", warning);
-}
-
 void Daemon::begin() {
   auto file = open_file();
   const SlotGrid grid{clock_.now() + settle_time, from_seconds(config_.window_s)};
@@ -210,7 +202,9 @@ void Daemon::begin() {
       announce(s);
     else if (devices_[s].configured)
       log(Severity::warning, name_of(s), "not there at the start: " + devices_.describe(s));
-  warn_of_room();
+  const std::string room =
+      room_warning(options_.out, recording_->windows.axes(), options_.count, config_.window_s);
+  if (!room.empty()) log(Severity::warning, "disk", room);
   spdlog::info("recording into {}, slots of {} s", options_.out, config_.window_s);
   notify_ready(config_.window_s);
 }
@@ -242,30 +236,21 @@ void Daemon::put_anchor() {
 
 void Daemon::on_tags(const TagBlock& block) {
   clocks_.hear(block);
-  if (!recording_) {
-    early_[0] += block.tags.size();
-    return;
-  }
+  if (is_early(Sensor::spd, block.tags.size())) return;
   totals_.tags += block.tags.size();
   recording_->windows.add(block);
 }
 
 void Daemon::on_radar(RadarFrame frame) {
   clocks_.hear(frame);
-  if (!recording_) {
-    ++early_[1];
-    return;
-  }
+  if (is_early(Sensor::radar, 1)) return;
   ++totals_.radar_frames;
   recording_->windows.add(frame);
 }
 
 void Daemon::on_depth(DepthFrame frame) {
   clocks_.hear(frame);
-  if (!recording_) {
-    ++early_[2];
-    return;
-  }
+  if (is_early(Sensor::depth, 1)) return;
   ++totals_.depth_frames;
   recording_->windows.add(std::move(frame));
 }
@@ -310,20 +295,11 @@ void Daemon::tick() {
     arm();
 }
 
-// After a pause of the program many slots are due at once; they go to the disk as it takes them, as
-// long as that does not last: then it is too slow.
 void Daemon::close_due(HostTime now) {
   Recording& r = *recording_;
-  const std::vector<DueSlot> fresh = r.scheduler.tick(now);
-  r.due.insert(r.due.end(), fresh.begin(), fresh.end());
-  if (fresh.size() > 1) r.pause_end = fresh.back().index;
-  const auto may_wait = [&] {
-    return r.due.front().index <= r.pause_end && r.due.back().index - r.pause_end < most_behind;
-  };
-  while (!r.due.empty() && !(may_wait() && r.writer.crowded())) {
-    close_slot(r.due.front(), r.scheduler.lateness(r.due.front().index, now));
-    r.due.pop_front();
-  }
+  r.due.put(r.scheduler.tick(now));
+  while (const auto due = r.due.next(r.writer.crowded()))
+    close_slot(*due, r.scheduler.lateness(due->index, now));
 }
 
 // The run ends with the slot that is running, or with the one before if that takes too long.
@@ -403,14 +379,10 @@ void Daemon::end() {
   const std::string incomplete = incomplete_ == 0 ? ""
                                                   : "; " + std::to_string(incomplete_) +
                                                         " incomplete, without a required device";
-  std::string records = std::to_string(totals_.written);
-  if (options_.count) records += " of " + std::to_string(*options_.count);
-  records += " records";
-  if (options_.resume)
-    records += ", " + std::to_string(records_before_ + totals_.written) + " in all";
   spdlog::info("{}: {}, {}{}; arrived: {} tags, {} radar frames, {} depth frames", options_.out,
-               records, status_, incomplete, devices_[Sensor::spd].samples,
-               devices_[Sensor::radar].samples, devices_[Sensor::depth].samples);
+               count_text(totals_.written, options_.count, records_before_), status_, incomplete,
+               devices_[Sensor::spd].samples, devices_[Sensor::radar].samples,
+               devices_[Sensor::depth].samples);
 }
 
 }  // namespace
