@@ -7,11 +7,11 @@
 #include <array>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
-#include <filesystem>
 #include <utility>
 #include <vector>
 
 #include "acquire/accounts.hpp"
+#include "acquire/backlog.hpp"
 #include "acquire/devices.hpp"
 #include "acquire/notify.hpp"
 #include "acquire/resume.hpp"
@@ -60,6 +60,7 @@ class Daemon final : private SampleSink {
     Scheduler scheduler;
     Windows windows;
     Writer writer;
+    Backlog due;
     StatusLine status;
   };
 
@@ -74,7 +75,6 @@ class Daemon final : private SampleSink {
   void require_devices() const;
   void begin();
   std::unique_ptr<record::RunWriter> open_file();
-  void warn_of_room();
   void interrupt(HostTime now);
   void announce(Sensor sensor);
   void put_anchor();
@@ -83,6 +83,11 @@ class Daemon final : private SampleSink {
   }
   void arm();
   void tick();
+  bool is_early(Sensor sensor, std::uint64_t amount) {
+    if (!recording_) early_[static_cast<std::size_t>(sensor)] += amount;
+    return !recording_;
+  }
+  void close_due(HostTime now);
   void close_slot(const DueSlot& due, std::chrono::nanoseconds late);
   void put_late();
   void note_change_of(const record::FusedRecord& record);
@@ -108,7 +113,7 @@ class Daemon final : private SampleSink {
   std::int64_t incomplete_ = 0;                      // records without a required sensor
   std::uint32_t last_valid_ = 0;
   std::int64_t first_index_ = 0;  // of a resumed run: slots are counted from here
-  std::int64_t records_before_ = 0;
+  std::optional<std::int64_t> records_before_;
   std::vector<Axis> begun_axes_;  // of a resumed run
   std::string gap_;               // of a resumed run: what to note of it
   bool ending_ = false;           // interrupted
@@ -120,6 +125,7 @@ void Daemon::run() {
     refuse_resuming(record::RunReader(options_.out), config_);
   else
     refuse_bad_target(options_.out);
+  devices_.take("run", options_.out);
   devices_.start();
   devices_.wait(config_.connect_timeout_s);
   require_devices();
@@ -175,15 +181,6 @@ void Daemon::tell_raw_trouble() {
     log(Severity::warning, "raw", trouble);
 }
 
-void Daemon::warn_of_room() {
-  const auto folder = std::filesystem::path(options_.out).parent_path();
-  const auto free = free_bytes(folder.string());
-  if (!free) return;
-  const std::string warning = room_warning(record_bytes(recording_->windows.axes()), options_.count,
-                                           config_.window_s, *free);
-  if (!warning.empty()) log(Severity::warning, "disk", warning);
-}
-
 void Daemon::begin() {
   auto file = open_file();
   const SlotGrid grid{clock_.now() + settle_time, from_seconds(config_.window_s)};
@@ -205,7 +202,9 @@ void Daemon::begin() {
       announce(s);
     else if (devices_[s].configured)
       log(Severity::warning, name_of(s), "not there at the start: " + devices_.describe(s));
-  warn_of_room();
+  const std::string room =
+      room_warning(options_.out, recording_->windows.axes(), options_.count, config_.window_s);
+  if (!room.empty()) log(Severity::warning, "disk", room);
   spdlog::info("recording into {}, slots of {} s", options_.out, config_.window_s);
   notify_ready(config_.window_s);
 }
@@ -237,30 +236,21 @@ void Daemon::put_anchor() {
 
 void Daemon::on_tags(const TagBlock& block) {
   clocks_.hear(block);
-  if (!recording_) {
-    early_[0] += block.tags.size();
-    return;
-  }
+  if (is_early(Sensor::spd, block.tags.size())) return;
   totals_.tags += block.tags.size();
   recording_->windows.add(block);
 }
 
 void Daemon::on_radar(RadarFrame frame) {
   clocks_.hear(frame);
-  if (!recording_) {
-    ++early_[1];
-    return;
-  }
+  if (is_early(Sensor::radar, 1)) return;
   ++totals_.radar_frames;
   recording_->windows.add(frame);
 }
 
 void Daemon::on_depth(DepthFrame frame) {
   clocks_.hear(frame);
-  if (!recording_) {
-    ++early_[2];
-    return;
-  }
+  if (is_early(Sensor::depth, 1)) return;
   ++totals_.depth_frames;
   recording_->windows.add(std::move(frame));
 }
@@ -281,7 +271,8 @@ void Daemon::on_event(Sensor sensor, Severity severity, const std::string& text)
 }
 
 void Daemon::arm() {
-  const HostTime next = std::min(recording_->scheduler.next_deadline(), clock_.now() + tick_pause);
+  HostTime next = clock_.now() + tick_pause;
+  if (!recording_->scheduler.done()) next = std::min(next, recording_->scheduler.next_deadline());
   timer_.expires_at(std::chrono::steady_clock::time_point(next));
   timer_.async_wait([this](const boost::system::error_code& error) {
     if (!error) tick();
@@ -292,17 +283,23 @@ void Daemon::tick() {
   Recording& r = *recording_;
   const HostTime now = clock_.now();
   if (interrupted() && !std::exchange(ending_, true)) interrupt(now);
-  for (const DueSlot& due : r.scheduler.tick(now))
-    close_slot(due, r.scheduler.lateness(due.index, now));
+  close_due(now);
   if (now - anchor_mono_ >= anchor_pause) put_anchor();
   tell_raw_trouble();
   const std::int64_t written = r.writer.written();
   if (std::exchange(totals_.written, written) != written) notify_advance(written);
   r.status.update(now, totals_);
-  if (r.scheduler.done() || r.writer.failed())
+  if ((r.scheduler.done() && r.due.empty()) || r.writer.failed())
     io_.stop();
   else
     arm();
+}
+
+void Daemon::close_due(HostTime now) {
+  Recording& r = *recording_;
+  r.due.put(r.scheduler.tick(now));
+  while (const auto due = r.due.next(r.writer.crowded()))
+    close_slot(*due, r.scheduler.lateness(due->index, now));
 }
 
 // The run ends with the slot that is running, or with the one before if that takes too long.
@@ -382,14 +379,10 @@ void Daemon::end() {
   const std::string incomplete = incomplete_ == 0 ? ""
                                                   : "; " + std::to_string(incomplete_) +
                                                         " incomplete, without a required device";
-  std::string records = std::to_string(totals_.written);
-  if (options_.count) records += " of " + std::to_string(*options_.count);
-  records += " records";
-  if (options_.resume)
-    records += ", " + std::to_string(records_before_ + totals_.written) + " in all";
   spdlog::info("{}: {}, {}{}; arrived: {} tags, {} radar frames, {} depth frames", options_.out,
-               records, status_, incomplete, devices_[Sensor::spd].samples,
-               devices_[Sensor::radar].samples, devices_[Sensor::depth].samples);
+               count_text(totals_.written, options_.count, records_before_), status_, incomplete,
+               devices_[Sensor::spd].samples, devices_[Sensor::radar].samples,
+               devices_[Sensor::depth].samples);
 }
 
 }  // namespace

@@ -381,7 +381,7 @@ int main(int argc, char** argv) {
       options.config_given |= c->count("--config") + c->count("--set") > 0;
     if (app.get_subcommands().empty()) throw CLI::RequiredError("a command");
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : static_cast<int>(ExitCode::usage);
+    return run_main(program, [&] { return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage; });
   }
   return run_main(program, [&] { return dispatch(command_of(app), options); });
 }

@@ -16,9 +16,9 @@
 namespace echofuse::acquire {
 
 // Throws Error(config) that names the keys whose values differ from those that the run was begun
-// with. May differ: run.label, run.operator, run.connect_timeout_s, baud rates, and where a device
-// is attached (not whether there is one). The radar cfg counts by its text, the calibration by its
-// entries, `calibrated` in the run; neither by its name.
+// with. May differ: run.label, run.operator, run.connect_timeout_s, baud rates, radar.keep_running,
+// and where a device is attached (not whether there is one). The radar cfg counts by its text, the
+// calibration by its entries, `calibrated` in the run; neither by its name.
 void refuse_other_config(const record::RunInfo& begun,
                          const std::vector<record::CalibrationEntry>& calibrated,
                          const Config& config);
@@ -28,7 +28,8 @@ void refuse_other_axes(const std::vector<Axis>& begun, const DeviceInfo& device)
 
 // Throws Error: `out` exists (failed), its folder does not or cannot be written (disk).
 void refuse_bad_target(const std::filesystem::path& out);
-// Throws Error: it is being recorded (failed), or refuse_other_config does.
+// Throws Error: it is being recorded (failed) or cannot be written (disk), or refuse_other_config
+// does.
 void refuse_resuming(const record::RunReader& begun, const Config& config);
 
 std::unique_ptr<record::RunWriter> make_run(

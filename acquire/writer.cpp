@@ -69,6 +69,11 @@ void Writer::put(Job job) {
   wake_.notify_one();
 }
 
+bool Writer::crowded() {
+  const std::lock_guard lock(mutex_);
+  return queue_.size() >= capacity_ / 2;
+}
+
 void Writer::work() {
   std::unique_lock lock(mutex_);
   while (!failed_) {

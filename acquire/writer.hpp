@@ -33,6 +33,8 @@ class Writer {
   // written, with that verdict. Ten times as many jobs fail the writer.
   bool put(record::FusedRecord record);
   void put(Job job);
+  // Half of `capacity` jobs are waiting: who has many records at once gives the disk its time.
+  bool crowded();
 
   bool failed() const { return failed_; }
   std::int64_t written() const { return written_; }

@@ -3,6 +3,7 @@
 """beside.py BIN_DIR [TEST]: what others do beside a live run of the real daemon."""
 import os
 import pathlib
+import resource
 import signal
 import sqlite3
 import subprocess
@@ -69,6 +70,58 @@ class Beside(live.Live):
         self.assertEqual(recovered.stdout, f"{info['records']} records\n")
         self.assertFalse(pathlib.Path(f"{self.run}-wal").exists())
         self.assertEqual(self.info()["status"], "complete")
+
+    def test_pause_of_many_slots(self):
+        """More slots than the disk's queue holds become due at once: the pause is told, and no disk is blamed."""
+        daemon = self.record("--set", "run.window_s=0.05")
+        wait_for("records", lambda: self.committed() >= 4)
+        daemon.send_signal(signal.SIGSTOP)
+        time.sleep(8)
+        daemon.send_signal(signal.SIGCONT)
+        behind = self.committed() + 160
+        wait_for("the slots of the pause", lambda: self.committed() >= behind)
+        daemon.send_signal(signal.SIGINT)
+        log = self.finish(daemon)
+        self.assertEqual(daemon.returncode, 0, log)
+        self.assertNotIn("the disk is too slow", log)
+        rows = self.rows()
+        self.assertEqual([row["idx"] for row in rows], list(range(len(rows))))
+        self.assertFalse([row["idx"] for row in rows if row["spd_verdict"].startswith("dropped")])
+
+    def test_file_size_limit(self):
+        """SIGXFSZ does not kill: the run ends as on a full disk."""
+        def limit():
+            resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))
+
+        daemon = self.record("--set", "depth.address=", preexec_fn=limit)
+        log = self.finish(daemon)
+        self.assertEqual(daemon.returncode, 6, log)
+        self.assertEqual(self.info()["status"], "stopped:disk")
+        self.check_slots(self.rows())
+
+    def test_read_only(self):
+        """A run on a file system that has become read-only is not continued, and says why."""
+        disk = self.dir / "disk"
+        disk.mkdir()
+        if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=4m", "tmpfs", disk], stderr=subprocess.DEVNULL).returncode:
+            self.skipTest("no permission to mount a tmpfs")
+        try:
+            self.run = disk / "run.sqlite"
+            daemon = self.record("--count", "2")
+            log = self.finish(daemon)
+            self.assertEqual(daemon.returncode, 0, log)
+            subprocess.run(["mount", "-o", "remount,ro", disk], check=True)
+            log, code = self.resume()
+            self.assertEqual(code, 6, log)
+            self.assertIn("run.sqlite: it is on a read-only file system", log)
+            self.assertEqual(self.info()["records"], 2)
+            self.run = disk / "new.sqlite"
+            daemon = self.record("--count", "2")
+            log = self.finish(daemon)
+            self.assertEqual(daemon.returncode, 6, log)
+            self.assertIn("new.sqlite: its folder is on a read-only file system", log)
+        finally:
+            subprocess.run(["umount", disk], check=True)
 
     def test_lock_is_a_link(self):
         victim = self.dir / "victim"
