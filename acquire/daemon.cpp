@@ -18,6 +18,7 @@
 #include "acquire/room.hpp"
 #include "acquire/run_log.hpp"
 #include "acquire/scheduler.hpp"
+#include "acquire/signal_check.hpp"
 #include "acquire/status.hpp"
 #include "acquire/window.hpp"
 #include "acquire/writer.hpp"
@@ -45,7 +46,7 @@ class Daemon final : private SampleSink {
         log_(clock),
         devices_(io_, config, clock, *this) {}
 
-  void run();
+  ExitCode run();
 
  private:
   struct Recording {  // exists from the first slot on
@@ -53,10 +54,12 @@ class Daemon final : private SampleSink {
               const SensorClocks& clocks, std::unique_ptr<record::RunWriter> file)
         : scheduler(grid, options.count),
           windows(grid, config.histogram, clocks, config.configured(), config.required()),
+          signal(config.signal, config.window_s),
           writer(std::move(file)),
           status(grid.first, options.count, options.quiet) {}
     Scheduler scheduler;
     Windows windows;
+    SignalCheck signal;
     Writer writer;
     StatusLine status;
   };
@@ -98,7 +101,7 @@ class Daemon final : private SampleSink {
   UtcTime anchor_utc_{};
   RunTotals totals_;
   std::int64_t incomplete_ = 0;  // records without a required sensor
-  std::uint32_t last_valid_ = 0;
+  std::array<std::string, sensor_count> kinds_{"ok", "ok", "ok"};  // of the last verdicts
   std::int64_t first_index_ = 0;  // of a resumed run: slots are counted from here
   std::vector<Axis> begun_axes_;  // of a resumed run
   std::string gap_;               // of a resumed run: what to note of it
@@ -106,7 +109,7 @@ class Daemon final : private SampleSink {
   std::string status_ = "complete";
 };
 
-void Daemon::run() {
+ExitCode Daemon::run() {
   if (options_.resume)
     refuse_resuming(record::RunReader(options_.out), config_);
   else
@@ -119,6 +122,7 @@ void Daemon::run() {
   arm();
   io_.run();
   end();
+  return options_.strict && totals_.not_ok > 0 ? ExitCode::partial : ExitCode::ok;
 }
 
 // Starts with what is there, and says what is not; with nothing, or without a sensor that the
@@ -165,7 +169,8 @@ void Daemon::warn_of_room() {
 
 void Daemon::begin() {
   auto file = open_file();
-  const SlotGrid grid{clock_.now() + settle_time, from_seconds(config_.window_s)};
+  const auto length = from_seconds(config_.window_s);
+  const SlotGrid grid{first_slot(clock_.now() + settle_time, length), length};
   recording_.emplace(grid, config_, options_, clocks_, std::move(file));
   put_anchor();
   for (const Sensor s : all_sensors)
@@ -178,7 +183,6 @@ void Daemon::begin() {
   for (const Axis& axis : begun_axes_) axes_written_.push_back(axis.name);
   if (!gap_.empty()) log(Severity::warning, "run", gap_);
   log_.attach(recording_->writer);
-  last_valid_ = config_.configured();
   for (const Sensor s : all_sensors)
     if (devices_[s].state == DeviceState::streaming)
       announce(s);
@@ -272,17 +276,19 @@ void Daemon::tick() {
     arm();
 }
 
-// The run ends with the slot that is running, or with the one before if that takes too long.
+// The run ends with the slot that is running, or with the one before if that takes too long; before
+// the first slot it ends at once.
 void Daemon::interrupt(HostTime now) {
   Scheduler& scheduler = recording_->scheduler;
   const SlotGrid& grid = scheduler.grid();
-  const bool too_long = grid.end(grid.slot_of(now)) - now > close_limit;
+  const bool too_long = now < grid.first || grid.end(grid.slot_of(now)) - now > close_limit;
   if (too_long) status_ = "stopped:interrupted";
   scheduler.finish(too_long ? now - grid.length : now);
 }
 
 void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
   record::FusedRecord record = recording_->windows.close(due);
+  recording_->signal.judge(record, recording_->windows.axes());
   record.index += first_index_;
   record.books.closed_late_s = seconds(late);
   record.slot_utc = anchor_utc_ + (record.slot_start - anchor_mono_);
@@ -300,16 +306,19 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
             ": its data are given up, the disk is too slow");
 }
 
-// One line when a sensor drops out or comes back, not one for every record.
+// One line when a sensor drops out, gets bad or comes back, not one for every record.
 void Daemon::note_change_of(const record::FusedRecord& record) {
+  bool all_ok = true;
   for (const Sensor s : all_sensors) {
-    const bool before = (last_valid_ >> static_cast<unsigned>(s)) & 1u;
-    if (before == record.has(s)) continue;
-    log(before ? Severity::warning : Severity::info, name_of(s),
-        "record " + std::to_string(record.index) + ": " +
-            record.sync[static_cast<std::size_t>(s)].verdict);
+    if (!devices_[s].configured) continue;
+    const auto i = static_cast<std::size_t>(s);
+    const std::string kind = kind_of(record, s);
+    all_ok = all_ok && kind == "ok";
+    if (std::exchange(kinds_[i], kind) == kind) continue;
+    log(kind == "ok" ? Severity::info : Severity::warning, name_of(s),
+        "record " + std::to_string(record.index) + ": " + record.sync[i].verdict);
   }
-  last_valid_ = record.valid;
+  totals_.not_ok += !all_ok;
 }
 
 void Daemon::end() {
@@ -326,15 +335,18 @@ void Daemon::end() {
   const std::string incomplete = incomplete_ == 0 ? ""
                                                   : "; " + std::to_string(incomplete_) +
                                                         " incomplete, without a required device";
-  spdlog::info("{}: {} records, {}{}; arrived: {} tags, {} radar frames, {} depth frames",
-               options_.out, totals_.written, status_, incomplete, devices_[Sensor::spd].samples,
-               devices_[Sensor::radar].samples, devices_[Sensor::depth].samples);
+  const std::string doubtful =
+      totals_.not_ok == 0 ? "" : "; " + std::to_string(totals_.not_ok) + " with a sensor not ok";
+  spdlog::info("{}: {} records, {}{}{}; arrived: {} tags, {} radar frames, {} depth frames",
+               options_.out, totals_.written, status_, incomplete, doubtful,
+               devices_[Sensor::spd].samples, devices_[Sensor::radar].samples,
+               devices_[Sensor::depth].samples);
 }
 
 }  // namespace
 
-void record_run(const Config& config, const RunOptions& options, const Clock& clock) {
-  Daemon(config, options, clock).run();
+ExitCode record_run(const Config& config, const RunOptions& options, const Clock& clock) {
+  return Daemon(config, options, clock).run();
 }
 
 }  // namespace echofuse::acquire

@@ -29,7 +29,8 @@ constexpr const char* program = "echofuse-acquire";
 constexpr const char* footer =
     "stdout is data, stderr is talk.\n"
     "exit codes: 0 ok, 1 failed, 2 usage, 3 config, 4 device, 5 partial (some records "
-    "unreadable),\n"
+    "unreadable;\n"
+    "            run --strict: of some a sensor was not ok),\n"
     "            6 disk, 130 interrupted (second Ctrl-C, or before the first slot)";
 
 constexpr const char* out_help =
@@ -131,8 +132,7 @@ ExitCode run(Options& o) {
       o.run.resume ? std::filesystem::absolute(old_run(o.resume)).string() : new_run(o.run.out);
   o.run.quiet = o.quiet;
   catch_interrupts();
-  record_run(config, o.run, SystemClock());
-  return ExitCode::ok;
+  return record_run(config, o.run, SystemClock());
 }
 
 // Of commands that do without: none if there is no file and none was asked for.
@@ -247,6 +247,7 @@ void add_run(CLI::App& app, Options& o) {
   add_length_options(*c, o);
   c->add_option("--label", o.label, "label of every record, instead of run.label");
   c->add_option("--operator", o.operator_name, "who records, instead of run.operator");
+  c->add_flag("--strict", o.run.strict, "exit code 5 if any record has a sensor that is not ok");
   c->add_option("--meta", o.meta, "key=value, kept in the run; may be repeated")
       ->allow_extra_args(false)
       ->excludes(resume);

@@ -13,6 +13,7 @@ namespace echofuse::acquire {
 struct RunTotals {
   std::int64_t records = 0, written = 0;
   std::uint32_t valid = 0;  // of the last record
+  std::int64_t not_ok = 0;  // records of which a configured sensor's verdict is not "ok"
   std::uint64_t tags = 0, radar_frames = 0, depth_frames = 0, lost = 0;
 };
 

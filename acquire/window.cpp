@@ -116,6 +116,12 @@ void Windows::settle_tags() {
   merge(slot->second.spd, histogram_.take());
 }
 
+void Windows::tag_gap() {
+  histogram_.forget_start();
+  for (auto& [k, slot] : open_)
+    if (slot.starts) slot.starts->forget_start();
+}
+
 void Windows::add(const TagBlock& block) {
   if (block.lost_blocks > 0 || block.lost_items > 0) tag_gap();
   const ClockFit& clock = clocks_[Sensor::spd];
@@ -148,6 +154,8 @@ void Windows::add_part(std::span<const Tag> tags, HostTime from, HostTime to) {
     tag_slot_ = k;
   }
   histogram_.add(tags);
+  if (!slot->starts) slot->starts.emplace(histogram_.settings().start_channel);
+  slot->starts->add(tags);
   slot->spd_times.add(from, to, grid_.centre(k), static_cast<double>(tags.size()));
 }
 
@@ -245,6 +253,9 @@ void Windows::fill_spd(Slot& slot, record::FusedRecord& record) const {
   slot.spd_times.describe(sync);
   sync.used = c.in_range;
   sync.lost = record.spd_counts.lost;
+  if (slot.starts)
+    record.signal.clicks_a_pulse =
+        slot.starts->clicks_a_pulse(c.in_range + c.out_of_range, c.starts);
   if (record.has(Sensor::spd)) record.spd = std::move(slot.spd);
 }
 

@@ -61,6 +61,7 @@ class RunWriter {
   void insert(const FusedRecord& record);
   void insert_spd_status(const FusedRecord& r);
   void insert_books(const FusedRecord& r);
+  void insert_signal(const FusedRecord& r);
   void insert_status(const FusedRecord& record);
   void insert_sync(const FusedRecord& record);
   void in_transaction(const std::function<void()>& body);
@@ -86,6 +87,8 @@ struct RunSummary {
   UtcTime first_utc{}, last_utc{};                     // start of the first slot, end of the last
   std::map<std::string, std::int64_t> labels, events;  // records by label, events by level
   std::map<std::string, std::string> policies;         // by sensor
+  // By sensor, records by verdict, without the figures behind a verdict's colon.
+  std::array<std::map<std::string, std::int64_t>, sensor_count> verdicts;
   std::array<std::optional<ClockState>, sensor_count> clocks;  // of the last record that has them
 };
 
@@ -117,6 +120,7 @@ class RunReader {
   std::string check() const;
 
  private:
+  bool has_table(const char* name) const;
   void summarise_sync(RunSummary& sum) const;
   std::string path_;
   sqlite3* db_ = nullptr;

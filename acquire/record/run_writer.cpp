@@ -238,6 +238,7 @@ void RunWriter::insert(const FusedRecord& r) {
   insert_spd_status(r);
   insert_sync(r);
   insert_books(r);
+  insert_signal(r);
 }
 
 void RunWriter::insert_sync(const FusedRecord& r) {
@@ -272,6 +273,17 @@ void RunWriter::insert_books(const FusedRecord& r) {
   put(b.radar_frames, b.radar_last);
   put(b.depth_frames, b.depth_last);
   s.bind(b.closed_late_s).run();
+}
+
+void RunWriter::insert_signal(const FusedRecord& r) {
+  const Signal& n = r.signal;
+  if (n == Signal{}) return;
+  Statement s(db_, path_, "INSERT INTO signal VALUES (?,?,?,?,?,?,?)");
+  s.bind(r.index);
+  for (const auto& v : {n.clicks_a_pulse, n.spd_clicks, n.spd_peak_m, n.radar_snr_db,
+                        n.radar_peak_m, n.depth_share})
+    v ? s.bind(*v) : s.bind(ByteView{});
+  s.run();
 }
 
 void RunWriter::insert_spd_status(const FusedRecord& r) {
