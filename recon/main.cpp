@@ -4,6 +4,7 @@
 
 #include "drivers/core/console.hpp"
 #include "recon/commands.hpp"
+#include "recon/models/blas_kernels.hpp"
 #include "recon/models/parallel.hpp"
 
 namespace {
@@ -12,7 +13,8 @@ using namespace echofuse::recon;
 
 int run(int argc, char** argv) {
   CLI::App app("records to model to depth maps", "echofuse-recon");
-  app.set_version_flag("--version", version());
+  app.set_version_flag("--version", std::string("echofuse-recon ") + version() +
+                                        ", matrix kernels " + blas_kernels());
   app.require_subcommand(1);
   Common common;
   Command chosen;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "recon/models/blas_kernels.hpp"
 #include "recon/models/parallel.hpp"
 
 // Only OpenBLAS has it; with another BLAS the call is left out.
@@ -56,6 +57,7 @@ void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, double alpha, const double* b,
 template <class T>
 void multiply_parts(const Product<T>& p, const T* a, const T* b, T* c) {
   static const bool one_thread = [] {
+    blas_kernels();
     if (openblas_set_num_threads) openblas_set_num_threads(1);
     return true;
   }();

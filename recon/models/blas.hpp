@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
-// The matrix product, from the machine's BLAS. OpenBLAS picks its kernels at run time, so a
-// portable build still uses AVX2 or AVX-512 (compiled for plain x86-64, Eigen's own product is 5 x
-// slower). Each call of it uses one thread; large products are cut into parts (parallel.hpp) by
-// their shape, as OpenBLAS's own threads add up in another order than one does.
+// The matrix product, from the machine's BLAS. OpenBLAS's kernels are chosen at run time
+// (blas_kernels.hpp), so a portable build still uses AVX2 or AVX-512 (compiled for plain x86-64,
+// Eigen's own product is 5 x slower). Each call of it uses one thread; large products are cut into
+// parts (parallel.hpp) by their shape, as OpenBLAS's own threads add up in another order than one
+// does.
 #pragma once
 #include <cstddef>
 

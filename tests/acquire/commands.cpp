@@ -84,7 +84,7 @@ TEST_CASE("bad configurations and targets of a run") {
   CHECK(fs::file_size(folder / "a.sqlite") == 8);
 }
 
-TEST_CASE("config check says ok or all faults; config show prints values with their origin") {
+TEST_CASE("config check says ok or all faults, config show prints values with their origin") {
   const Folder folder;
   const std::string path = folder / "lab.toml", config = " --config " + path;
   write_file(path, "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\nbin_width_ps = 50\n");
@@ -106,7 +106,7 @@ TEST_CASE("config check says ok or all faults; config show prints values with th
   refuses("config check --config " + folder / "none.toml", 3, "none.toml: cannot read");
 }
 
-TEST_CASE("doctor without a configuration looks at the machine; a bad one ends it") {
+TEST_CASE("doctor without a configuration looks at the machine, a bad one ends it") {
   const Folder folder;
   const std::string here =
       "cd " + folder / "" + " && " + echofuse::test::bin_dir + "/echofuse-acquire doctor";

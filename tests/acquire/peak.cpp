@@ -4,6 +4,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <complex>
+#include <cstdlib>
 #include <numbers>
 #include <random>
 
@@ -77,6 +78,8 @@ std::vector<std::vector<std::uint16_t>> frames(
   return out;
 }
 
+int trials() { return std::getenv("ECHOFUSE_LONG") ? 1000 : 200; }
+
 // Pulls of many trials: their mean square is 1 within 4.5 of its own standard errors, and no more
 // lie beyond 3 than the binomial of that tail allows.
 struct Pulls {
@@ -101,17 +104,17 @@ struct Pulls {
     CAPTURE(sum / n, squares / n, beyond / n);
     CHECK(std::abs(sum / n) < 4.5 * std::sqrt(variance / n));
     CHECK(std::abs(squares / n - variance) < 4.5 * variance * std::sqrt((kurtosis - 1) / n));
-    CHECK(beyond <= 0.01 * n);
+    CHECK(beyond <= 0.01 * n + (n < 1000 ? 2 : 0));
   }
 };
 
 }  // namespace
 
-TEST_CASE("the SPD's peak: 1000 trials, honest errors") {
+TEST_CASE("the SPD's peak: honest errors") {
   Rng rng = make_rng(1, 0);
   std::uniform_real_distribution<double> place(0.95, 1.05);
   Pulls pulls;
-  for (int i = 0; i < 1000; ++i) {
+  for (int i = 0; i < trials(); ++i) {
     const double true_m = place(rng);
     pulls.add(spd(photons({{true_m, 2000}}, 1000, rng)), true_m);
   }
@@ -119,14 +122,14 @@ TEST_CASE("the SPD's peak: 1000 trials, honest errors") {
   CHECK(pulls.worst_m < 2e-3);
 }
 
-TEST_CASE("the radar's peak: 1000 trials, honest errors, 4.4 cm bins") {
+TEST_CASE("the radar's peak: honest errors, 4.4 cm bins") {
   // Weak: what noise does to the means of logarithms is more than the standard error.
   const auto [noise_db, count] =
       GENERATE(table<double, std::size_t>({{-40, 20}, {-25, 40}, {-15, 100}}));
   Rng rng = make_rng(2, 0);
   std::uniform_real_distribution<double> place(0.95, 1.05);
   Pulls pulls;
-  for (int i = 0; i < 1000; ++i) {
+  for (int i = 0; i < trials(); ++i) {
     const double true_m = place(rng);
     pulls.add(fit_echo(frames({{true_m, 1}}, noise_db, count, rng), fine, {}), true_m);
   }

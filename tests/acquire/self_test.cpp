@@ -140,7 +140,7 @@ TEST_CASE("a camera: its rate, and how much it sees") {
   CHECK(has(covered.advice, "covered"));
 }
 
-TEST_CASE("a complaint is kept once, at any time; information is none") {
+TEST_CASE("a complaint is kept once, at any time, information is none") {
   const Config config = lab();
   Capture capture(config.histogram);
   capture.on_event(Sensor::radar, Severity::warning, "swapped?");
@@ -188,7 +188,7 @@ TEST_CASE("a disk has room for the planned run, or for hours, or not") {
   CHECK(judge_room(0.5e9, plan).grade == Grade::warning);
 }
 
-TEST_CASE("a real folder is measured and left as it was; one that is not there is a problem") {
+TEST_CASE("a real folder is measured and left as it was, one that is not there is a problem") {
   const Folder folder;
   const DiskSpeed speed = measure_disk(folder / "", 100'000);
   CHECK(speed.bytes_per_s > 0);

@@ -37,7 +37,7 @@ TEST_CASE("jobs are done in order, and all of them before the run is closed") {
   for (const auto& event : run.events()) CHECK(event.text == "1");
 }
 
-TEST_CASE("a slow disk costs data, never a row; a disk that stands still ends the run") {
+TEST_CASE("a slow disk costs data, never a row, a disk that stands still ends the run") {
   const Folder folder;
   Writer writer(open_run(folder / "a.sqlite"), 2);
   std::promise<void> disk;

@@ -37,7 +37,7 @@ TEST_CASE("every source pixel falls into exactly one target pixel, and invalid o
   for (std::size_t i = 64; i < 64 * 63; ++i) REQUIRE(map[i] == 3.0f);
 }
 
-TEST_CASE("a camera that sees less than the target leaves the rest empty; up is up") {
+TEST_CASE("a camera that sees less than the target leaves the rest empty, up is up") {
   const Axis x = depth_x_axis(64, 0.275), y = depth_y_axis(64, 0.275);
   Image image(64 * 64, 2000);
   for (std::size_t i = 0; i < 64 * 32; ++i) image[i] = 4000;  // upper half

@@ -38,7 +38,7 @@ std::string faults_of(const std::string& toml) {
 
 }  // namespace
 
-TEST_CASE("values land in their fields; an integer is a number too") {
+TEST_CASE("values land in their fields, an integer is a number too") {
   Sample sample;
   Settings s = sample.bound();
   s.read_text("window_s = 2\n[tdc]\nbins = 8\nfilter = false\naddress = \"a\\\"b\"\n", "x");
@@ -133,7 +133,7 @@ TEST_CASE("lines that are not TOML, and keys given twice, do not hide the faults
   CHECK(std::count(many.begin(), many.end(), '\n') == 19);
 }
 
-TEST_CASE("text and assignments are read at once; the assignment wins, faults of both are told") {
+TEST_CASE("text and assignments are read at once, the assignment wins, faults of both are told") {
   Sample sample;
   Settings s = sample.bound();
   const auto faults =

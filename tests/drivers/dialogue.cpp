@@ -204,7 +204,7 @@ TEST_CASE("a calibration line that cuts into an echo is told, and spoils nothing
   CHECK(s.d.take_output() == "sensorStart\n");
 }
 
-TEST_CASE("a restart sends two lines; refused, or after a banner, the whole cfg") {
+TEST_CASE("a restart sends two lines, refused, or after a banner, the whole cfg") {
   CommandDialogue d(cfg, "x.cfg", {}, CommandDialogue::Send::restart);
   const auto say = [&](const std::string& wire) { d.receive(test::view_of(wire), HostTime{0}); };
   d.start(HostTime{0});

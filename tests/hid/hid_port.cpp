@@ -127,7 +127,7 @@ TEST_CASE("an address that fits two bridges is refused") {
              Catch::StartsWith("hid:10c4:ea80: open; the address fits several (attached: "));
 }
 
-TEST_CASE("bytes both ways; long writes are cut") {
+TEST_CASE("bytes both ways, long writes are cut") {
   Bridge bridge;
   Host host;
   host.opens();
@@ -194,7 +194,7 @@ TEST_CASE("a baud rate beyond the USB pipe is told") {
   CHECK(host.warnings.empty());
 }
 
-TEST_CASE("unplugged: gone, once; then the address is not there") {
+TEST_CASE("unplugged: gone, once, then the address is not there") {
   Bridge bridge;
   Host host;
   host.opens("A");
@@ -238,7 +238,7 @@ TEST_CASE("another serial number: told which ones are there") {
   CHECK(host.why == "hid:10c4:ea80:Z: open (attached: A): No such device");
 }
 
-TEST_CASE("no permission: told what grants it; and listed so") {
+TEST_CASE("no permission: told what grants it, and listed so") {
   Bridge bridge;
   const std::string root = test::bed().root(), node = root + "/dev/hidraw0";
   // The emulation's own files are for everyone; only the node is not.

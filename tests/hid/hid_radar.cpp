@@ -52,7 +52,7 @@ struct Bench {
 
 }  // namespace
 
-TEST_CASE("dialogue and frames over two HID ports; unplug and back") {
+TEST_CASE("dialogue and frames over two HID ports, unplug and back") {
   Bench b;
   b.driver->start(b.sink);
   REQUIRE(run_until(

@@ -242,7 +242,7 @@ TEST_CASE("the mean map of an empty room in front of a wall is the wall") {
   for (const float z : a.maps.values) REQUIRE(z == Approx(5.0f).margin(1e-3));
 }
 
-TEST_CASE("a model file keeps its confidence; without one nothing is claimed") {
+TEST_CASE("a model file keeps its confidence, without one nothing is claimed") {
   const Folder dir;
   const Dataset data = fresh_plates(20);
   save_model(trained(), dir / "m");

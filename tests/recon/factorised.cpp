@@ -187,7 +187,7 @@ TEST_CASE("the factorised model places bodies, on the right side, whatever the g
   CHECK(scores(louder)[metric_iou].mean > 0.98 * plain[metric_iou].mean);
 }
 
-TEST_CASE("one record alone is reconstructed as it is among others; an empty room stays empty") {
+TEST_CASE("one record alone is reconstructed as it is among others, an empty room stays empty") {
   const Matrix many = trained().predict(plates(), {3, 7, 11});
   const Matrix one = trained().predict(plates(), {7});
   for (std::size_t p = 0; p < one.cols; ++p)

@@ -111,7 +111,7 @@ TEST_CASE("elsewhere linear sharing is as close as its documented bound") {
   }
 }
 
-TEST_CASE("bins hold the whole energy; mean and variance are those of the IRF") {
+TEST_CASE("bins hold the whole energy, mean and variance are those of the IRF") {
   for (const double tail : {0.0, 40.0, 400.0})
     for (const double fwhm : {2.0, 200.0, 1000.0}) {
       Conditions c;

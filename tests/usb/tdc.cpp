@@ -183,7 +183,7 @@ TEST_CASE("a device whose memory is full says what it lost, in the stream") {
   CHECK(total(TagType::overflow_begin) == total(TagType::overflow_end));
 }
 
-TEST_CASE("records may be cut anywhere between transfers; short and empty packets are no loss") {
+TEST_CASE("records may be cut anywhere between transfers, short and empty packets are no loss") {
   Bench b;
   b.connect();
   const Bytes all = b.tags(100'000);
@@ -268,7 +268,7 @@ TEST_CASE("unplugged in mid-transfer and plugged in again") {
   CHECK(b.counted("connections", cycles + 1));
 }
 
-TEST_CASE("a silent device is opened again; its empty packets are signs of life") {
+TEST_CASE("a silent device is opened again, its empty packets are signs of life") {
   Bench b;
   b.connect();
   const auto until = std::chrono::steady_clock::now() + 4s;

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: MIT
+// A program of its own: the kernels are chosen once, before the first product of the process.
+#include "recon/models/blas_kernels.hpp"
+
+#include <array>
+#include <catch2/catch.hpp>
+#include <cstdio>
+#include <cstdlib>
+#include <vector>
+
+#include "../paths.hpp"
+#include "recon/models/blas.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+
+extern "C" {
+char* openblas_get_corename() __attribute__((weak));
+void gotoblas_dynamic_quit() __attribute__((weak));
+void gotoblas_dynamic_init() __attribute__((weak));
+}
+
+namespace {
+
+bool avx2() { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }
+bool avx512() {
+  return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+         __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
+}
+
+// OpenBLAS as it is on a processor that it does not know by name.
+bool forget_processor() {
+  if (!openblas_get_corename || !gotoblas_dynamic_quit || !gotoblas_dynamic_init) return false;
+  setenv("OPENBLAS_CORETYPE", "Prescott", 1);
+  gotoblas_dynamic_quit();
+  gotoblas_dynamic_init();
+  unsetenv("OPENBLAS_CORETYPE");
+  return std::string(openblas_get_corename()) == "Prescott";
+}
+
+std::string version_with(const std::string& environment) {
+  const std::string command =
+      "env " + environment + " " + echofuse::test::bin_dir + "/echofuse-recon --version";
+  FILE* pipe = popen(command.c_str(), "r");
+  REQUIRE(pipe);
+  std::array<char, 200> text{};
+  const std::size_t n = std::fread(text.data(), 1, text.size(), pipe);
+  REQUIRE(pclose(pipe) == 0);
+  return {text.data(), n};
+}
+
+}  // namespace
+
+TEST_CASE("a processor that OpenBLAS does not know gets the kernels that it can run") {
+  const bool dispatched = forget_processor();
+  const std::string kernels = blas_kernels();
+  CAPTURE(kernels);
+  if (dispatched && avx512())
+    CHECK(kernels == "SkylakeX");
+  else if (dispatched && avx2())
+    CHECK(kernels == "Haswell");
+  CHECK(std::getenv("OPENBLAS_CORETYPE") == nullptr);
+  const float a[] = {1, 2, 3, 4}, b[] = {5, 6, 7, 8};
+  float c[4] = {};
+  multiply(Product<float>{.m = 2, .n = 2, .k = 2}, a, b, c);
+  CHECK(std::vector<float>(c, c + 4) == std::vector<float>{19, 22, 43, 50});
+}
+
+TEST_CASE("--version names the matrix kernels, the environment chooses others") {
+  const std::string own = version_with("-u OPENBLAS_CORETYPE");
+  CHECK_THAT(own, Catch::Contains("matrix kernels "));
+  if (avx2()) CHECK_THAT(own, !Catch::Contains("Prescott"));
+  if (openblas_get_corename)
+    CHECK_THAT(version_with("OPENBLAS_CORETYPE=Prescott"), Catch::Contains("Prescott"));
+}
