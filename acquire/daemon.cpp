@@ -5,9 +5,11 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <filesystem>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -35,6 +37,8 @@ constexpr auto anchor_pause = std::chrono::minutes(1);
 // Leaves a second for the devices and the disk: SIGTERM closes a run within 5 s.
 constexpr auto close_limit = std::chrono::seconds(4);
 
+constexpr std::uint64_t unknown_free = std::numeric_limits<std::uint64_t>::max();
+
 // Threading: everything runs on the thread that calls run(); drivers and the writer have threads of
 // their own behind their interfaces.
 class Daemon final : private SampleSink {
@@ -56,7 +60,7 @@ class Daemon final : private SampleSink {
           windows(grid, config.histogram, clocks, config.configured(), config.required()),
           signal(config.signal, config.window_s),
           writer(std::move(file)),
-          status(grid.first, options.count, options.quiet) {}
+          status(grid.first, config.window_s, options.count, options.quiet) {}
     Scheduler scheduler;
     Windows windows;
     SignalCheck signal;
@@ -75,6 +79,7 @@ class Daemon final : private SampleSink {
   std::unique_ptr<record::RunWriter> open_file();
   void warn_of_room();
   void interrupt(HostTime now);
+  void show_status(HostTime now);
   void announce(Sensor sensor);
   void put_anchor();
   void log(Severity severity, const std::string& source, const std::string& text) {
@@ -94,6 +99,7 @@ class Daemon final : private SampleSink {
   RunLog log_;
   Devices devices_;
   SensorClocks clocks_;  // they hear what comes before the first slot as well
+  std::atomic<std::uint64_t> free_{unknown_free};  // on the run's disk; set by the writer's thread
   std::optional<Recording> recording_;
   std::vector<std::string> axes_written_;
   std::array<std::string, sensor_count> identities_;  // of the devices written
@@ -213,9 +219,12 @@ void Daemon::announce(Sensor sensor) {
 void Daemon::put_anchor() {
   anchor_mono_ = clock_.now();
   anchor_utc_ = clock_.utc();
-  recording_->writer.put([mono = anchor_mono_, utc = anchor_utc_](record::RunWriter& run) {
-    run.put_anchor(mono, utc);
-  });
+  const auto folder = std::filesystem::path(options_.out).parent_path().string();
+  recording_->writer.put(
+      [this, folder, mono = anchor_mono_, utc = anchor_utc_](record::RunWriter& run) {
+        run.put_anchor(mono, utc);
+        free_ = free_bytes(folder).value_or(unknown_free);  // here, as a disk may take its time
+      });
 }
 
 void Daemon::on_tags(const TagBlock& block) {
@@ -269,11 +278,17 @@ void Daemon::tick() {
   if (now - anchor_mono_ >= anchor_pause) put_anchor();
   const std::int64_t written = r.writer.written();
   if (std::exchange(totals_.written, written) != written) notify_advance(written);
-  r.status.update(now, totals_);
+  show_status(now);
   if (r.scheduler.done() || r.writer.failed())
     io_.stop();
   else
     arm();
+}
+
+void Daemon::show_status(HostTime now) {
+  if (const std::uint64_t free = free_; free != unknown_free) totals_.free_bytes = free;
+  totals_.label = recording_->writer.label().value_or(config_.label);
+  recording_->status.update(now, totals_);
 }
 
 // The run ends with the slot that is running, or with the one before if that takes too long; before
@@ -282,6 +297,11 @@ void Daemon::interrupt(HostTime now) {
   Scheduler& scheduler = recording_->scheduler;
   const SlotGrid& grid = scheduler.grid();
   const bool too_long = now < grid.first || grid.end(grid.slot_of(now)) - now > close_limit;
+  const double left_s = seconds(std::max(grid.first, grid.end(grid.slot_of(now)) + grace) - now);
+  if (too_long)
+    spdlog::info("giving up the slot, which would take {:.0f} s", left_s);
+  else
+    spdlog::info("finishing the slot, {:.1f} s; a second Ctrl-C ends at once", left_s);
   if (too_long) status_ = "stopped:interrupted";
   scheduler.finish(too_long ? now - grid.length : now);
 }
@@ -296,7 +316,8 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
   ++totals_.records;
   incomplete_ += record.missing != 0;
   totals_.valid = record.valid;
-  for (const auto& sync : record.sync) totals_.lost += sync.lost;
+  totals_.signal = record.signal;
+  for (std::size_t s = 0; s < sensor_count; ++s) totals_.lost[s] += record.sync[s].lost;
   spdlog::debug("record {}: valid {}, {} clicks, {} radar frames, {} depth frames", record.index,
                 record.valid, record.sync[0].used, record.sync[1].used, record.sync[2].used);
   note_change_of(record);
@@ -308,17 +329,21 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
 
 // One line when a sensor drops out, gets bad or comes back, not one for every record.
 void Daemon::note_change_of(const record::FusedRecord& record) {
-  bool all_ok = true;
+  totals_.doubtful = 0;
+  totals_.trouble.clear();
   for (const Sensor s : all_sensors) {
     if (!devices_[s].configured) continue;
     const auto i = static_cast<std::size_t>(s);
     const std::string kind = kind_of(record, s);
-    all_ok = all_ok && kind == "ok";
+    if (kind != "ok") {
+      totals_.doubtful |= 1u << i;
+      if (totals_.trouble.empty()) totals_.trouble = name_of(s) + (" " + kind);
+    }
     if (std::exchange(kinds_[i], kind) == kind) continue;
     log(kind == "ok" ? Severity::info : Severity::warning, name_of(s),
         "record " + std::to_string(record.index) + ": " + record.sync[i].verdict);
   }
-  totals_.not_ok += !all_ok;
+  totals_.not_ok += totals_.doubtful != 0;
 }
 
 void Daemon::end() {

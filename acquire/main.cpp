@@ -16,6 +16,7 @@
 #include "acquire/devices.hpp"
 #include "acquire/doctor.hpp"
 #include "acquire/info.hpp"
+#include "acquire/mark.hpp"
 #include "acquire/record/export.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/replay.hpp"
@@ -181,7 +182,7 @@ ExitCode calibrate_sensors(Options& o) {
 ExitCode mark(const Options& o) {
   if (o.text.has_value() == o.label.has_value())
     throw Error(ExitCode::usage, "expected either a text or --label TEXT");
-  record::mark(o.file, o.label ? "label" : "mark", o.label ? *o.label : *o.text);
+  std::printf("%s\n", mark_run(o.file, o.text, o.label).c_str());
   return ExitCode::ok;
 }
 
