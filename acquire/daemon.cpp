@@ -25,6 +25,7 @@
 #include "acquire/window.hpp"
 #include "acquire/writer.hpp"
 #include "drivers/core/console.hpp"
+#include "drivers/port/raw_tap.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -48,7 +49,7 @@ class Daemon final : private SampleSink {
         options_(options),
         clock_(clock),
         log_(clock),
-        devices_(io_, config, clock, *this) {}
+        devices_(io_, config, clock, *this, keep_raw(options)) {}
 
   ExitCode run();
 
@@ -74,6 +75,8 @@ class Daemon final : private SampleSink {
   void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
 
+  port::RawKeeper* keep_raw(const RunOptions& options);
+  void tell_raw_trouble();
   void require_devices() const;
   void begin();
   std::unique_ptr<record::RunWriter> open_file();
@@ -88,7 +91,6 @@ class Daemon final : private SampleSink {
   void arm();
   void tick();
   void close_slot(const DueSlot& due, std::chrono::nanoseconds late);
-  void note_change_of(const record::FusedRecord& record);
   void end();
 
   boost::asio::io_context io_;  // first: destroyed last
@@ -97,6 +99,7 @@ class Daemon final : private SampleSink {
   const RunOptions& options_;
   const Clock& clock_;
   RunLog log_;
+  std::optional<port::RawKeeper> raw_;
   Devices devices_;
   SensorClocks clocks_;  // they hear what comes before the first slot as well
   std::atomic<std::uint64_t> free_{unknown_free};  // on the run's disk; set by the writer's thread
@@ -106,8 +109,7 @@ class Daemon final : private SampleSink {
   HostTime anchor_mono_{};
   UtcTime anchor_utc_{};
   RunTotals totals_;
-  std::int64_t incomplete_ = 0;  // records without a required sensor
-  std::array<std::string, sensor_count> kinds_{"ok", "ok", "ok"};  // of the last verdicts
+  std::int64_t incomplete_ = 0;   // records without a required sensor
   std::int64_t first_index_ = 0;  // of a resumed run: slots are counted from here
   std::vector<Axis> begun_axes_;  // of a resumed run
   std::string gap_;               // of a resumed run: what to note of it
@@ -162,6 +164,16 @@ std::unique_ptr<record::RunWriter> Daemon::open_file() {
   first_index_ = resumed.file->next_index();
   gap_ = std::move(resumed.gap);
   return std::move(resumed.file);
+}
+
+port::RawKeeper* Daemon::keep_raw(const RunOptions& options) {
+  return options.keep_raw.empty() ? nullptr : &raw_.emplace(options.keep_raw);
+}
+
+void Daemon::tell_raw_trouble() {
+  if (!raw_) return;
+  if (const std::string trouble = raw_->take_trouble(); !trouble.empty())
+    log(Severity::warning, "raw", trouble);
 }
 
 void Daemon::warn_of_room() {
@@ -276,6 +288,7 @@ void Daemon::tick() {
   for (const DueSlot& due : r.scheduler.tick(now))
     close_slot(due, r.scheduler.lateness(due.index, now));
   if (now - anchor_mono_ >= anchor_pause) put_anchor();
+  tell_raw_trouble();
   const std::int64_t written = r.writer.written();
   if (std::exchange(totals_.written, written) != written) notify_advance(written);
   show_status(now);
@@ -313,37 +326,18 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
   record.books.closed_late_s = seconds(late);
   record.slot_utc = anchor_utc_ + (record.slot_start - anchor_mono_);
   record.label = config_.label;
-  ++totals_.records;
   incomplete_ += record.missing != 0;
-  totals_.valid = record.valid;
-  totals_.signal = record.signal;
-  for (std::size_t s = 0; s < sensor_count; ++s) totals_.lost[s] += record.sync[s].lost;
+  totals_.take(record, config_.configured(), [&](Sensor sensor, Severity severity) {
+    log(severity, name_of(sensor),
+        "record " + std::to_string(record.index) + ": " +
+            record.sync[static_cast<std::size_t>(sensor)].verdict);
+  });
   spdlog::debug("record {}: valid {}, {} clicks, {} radar frames, {} depth frames", record.index,
                 record.valid, record.sync[0].used, record.sync[1].used, record.sync[2].used);
-  note_change_of(record);
   if (!recording_->writer.put(std::move(record)))
     log(Severity::error, "run file",
         "record " + std::to_string(due.index + first_index_) +
             ": its data are given up, the disk is too slow");
-}
-
-// One line when a sensor drops out, gets bad or comes back, not one for every record.
-void Daemon::note_change_of(const record::FusedRecord& record) {
-  totals_.doubtful = 0;
-  totals_.trouble.clear();
-  for (const Sensor s : all_sensors) {
-    if (!devices_[s].configured) continue;
-    const auto i = static_cast<std::size_t>(s);
-    const std::string kind = kind_of(record, s);
-    if (kind != "ok") {
-      totals_.doubtful |= 1u << i;
-      if (totals_.trouble.empty()) totals_.trouble = name_of(s) + (" " + kind);
-    }
-    if (std::exchange(kinds_[i], kind) == kind) continue;
-    log(kind == "ok" ? Severity::info : Severity::warning, name_of(s),
-        "record " + std::to_string(record.index) + ": " + record.sync[i].verdict);
-  }
-  totals_.not_ok += totals_.doubtful != 0;
 }
 
 void Daemon::end() {
@@ -352,6 +346,13 @@ void Daemon::end() {
   std::array<std::vector<Counter>, sensor_count> counters;
   for (const Sensor s : all_sensors) counters[static_cast<std::size_t>(s)] = devices_.counters(s);
   devices_.stop();
+  if (raw_) {
+    const port::RawKeeper::Counts bytes = raw_->finish();
+    tell_raw_trouble();
+    log(bytes.dropped > 0 ? Severity::warning : Severity::info, "raw",
+        std::to_string(bytes.kept) + " bytes were kept in " + options_.keep_raw + ", " +
+            std::to_string(bytes.dropped) + " were not");
+  }
   r.windows.finish();
   close_accounts(r.writer, log_, std::move(counters), r.windows.strays());
   r.writer.finish(status_);

@@ -19,7 +19,8 @@ struct RunOptions {
   std::vector<std::pair<std::string, std::string>> meta;
   bool resume = false;  // continue `out`, which exists
   bool quiet = false;
-  bool strict = false;  // the code partial if a record has a sensor that is not ok
+  bool strict = false;   // the code partial if a record has a sensor that is not ok
+  std::string keep_raw;  // folder for the devices' bytes; empty: not kept
 };
 
 // Returns when the run is closed: after `count` slots, or with the slot that was running when

@@ -49,15 +49,15 @@ void print_device(Sensor s, const Devices::Seen& seen, const std::string& descri
 }  // namespace
 
 Devices::Devices(boost::asio::io_context& io, const Config& config, const Clock& clock,
-                 SampleSink& next)
+                 SampleSink& next, port::RawKeeper* raw)
     : io_(io), next_(next) {
   for (const Sensor s : all_sensors) {
     seen(s).configured = (config.configured() >> static_cast<unsigned>(s)) & 1u;
     seen(s).info.address = address_of(config, s);
   }
-  if (seen(Sensor::spd).configured) drivers_[0] = make_tdc(io, config.tdc, clock);
-  if (seen(Sensor::radar).configured) drivers_[1] = make_radar(io, config.radar, clock);
-  if (seen(Sensor::depth).configured) drivers_[2] = make_depth(io, config.depth, clock);
+  if (seen(Sensor::spd).configured) drivers_[0] = make_tdc(io, config.tdc, clock, raw);
+  if (seen(Sensor::radar).configured) drivers_[1] = make_radar(io, config.radar, clock, raw);
+  if (seen(Sensor::depth).configured) drivers_[2] = make_depth(io, config.depth, clock, raw);
 }
 
 Devices::~Devices() { stop(); }

@@ -28,7 +28,9 @@ class Devices final : private SampleSink {
   };
 
   // Throws Error(config) for an address that cannot be. `io`, `clock` and `next` must outlive this.
-  Devices(boost::asio::io_context& io, const Config& config, const Clock& clock, SampleSink& next);
+  // Into `raw`, if any, go the devices' bytes.
+  Devices(boost::asio::io_context& io, const Config& config, const Clock& clock, SampleSink& next,
+          port::RawKeeper* raw = nullptr);
   ~Devices() override;
 
   void start();

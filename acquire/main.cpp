@@ -47,7 +47,8 @@ struct Options {
   std::vector<std::string> meta;
   std::string resume;
   double duration_s = 0;
-  std::string file, to, radar;
+  std::string file, to;
+  std::vector<std::string> radar, tdc, depth;
   std::optional<std::int64_t> record;
   bool config_given = false;  // --config or --set
   bool json = false, quiet = false, verbose = false;
@@ -132,6 +133,7 @@ ExitCode run(Options& o) {
   o.run.out =
       o.run.resume ? std::filesystem::absolute(old_run(o.resume)).string() : new_run(o.run.out);
   o.run.quiet = o.quiet;
+  if (!o.run.keep_raw.empty()) o.run.keep_raw = std::filesystem::absolute(o.run.keep_raw).string();
   catch_interrupts();
   return record_run(config, o.run, SystemClock());
 }
@@ -187,7 +189,10 @@ ExitCode mark(const Options& o) {
 }
 
 ExitCode replay(const Options& o) {
-  std::fputs(replay_radar(o.radar, o.json).c_str(), stdout);
+  const std::string counts = !o.radar.empty() ? replay_radar(o.radar, o.json)
+                             : !o.tdc.empty() ? replay_tdc(o.tdc, o.json)
+                                              : replay_depth(o.depth, o.json);
+  std::fputs(counts.c_str(), stdout);
   return ExitCode::ok;
 }
 
@@ -246,6 +251,8 @@ void add_run(CLI::App& app, Options& o) {
                                     "run to continue, with the configuration it was begun with");
   target->require_option(1);
   add_length_options(*c, o);
+  c->add_option("--keep-raw", o.run.keep_raw,
+                "new folder for the devices' bytes as they came, for `replay`");
   c->add_option("--label", o.label, "label of every record, instead of run.label");
   c->add_option("--operator", o.operator_name, "who records, instead of run.operator");
   c->add_flag("--strict", o.run.strict, "exit code 5 if any record has a sensor that is not ok");
@@ -298,7 +305,11 @@ void add_file_commands(CLI::App& app, Options& o) {
   marker->add_option("--label", o.label, "label of the records from the running slot on");
 
   auto* replay = app.add_subcommand("replay", "recorded device bytes through the live parser");
-  replay->add_option("--radar", o.radar, "recording of the radar's data port")->required();
+  auto* kind = replay->add_option_group("device");
+  kind->add_option("--radar", o.radar, "recordings of the radar's data port");
+  kind->add_option("--tdc", o.tdc, "blocks of a tagger behind a bridge, or NAME.usb");
+  kind->add_option("--depth", o.depth, "blocks of a depth camera");
+  kind->require_option(1);
   replay->add_flag("--json", o.json);
 }
 

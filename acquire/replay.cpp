@@ -35,14 +35,13 @@ void for_each_chunk(const std::string& path, const Visit& visit) {
   if (in.bad()) throw Error(ExitCode::failed, path + ": cannot read: " + std::strerror(errno));
 }
 
-Json to_json(const std::string& path, const radar::FrameCounts& c, const Contents& contents) {
+Json to_json(const radar::FrameCounts& c, const Contents& contents) {
   Json bins = Json::object();
   for (const auto& [size, frames] : contents.profiles_by_bins) bins[std::to_string(size)] = frames;
   Json types = Json::object();
   for (const auto& [type, count] : c.tlvs) types[std::to_string(type)] = count;
   const auto number = [](const std::optional<std::uint32_t>& n) { return n ? Json(*n) : Json(); };
-  return {{"file", path},
-          {"bytes", c.bytes},
+  return {{"bytes", c.bytes},
           {"frames", c.frames},
           {"frame_bytes", c.frame_bytes},
           {"range_profiles", c.range_profiles},
@@ -76,7 +75,15 @@ std::string to_text(const Json& json) {
 
 }  // namespace
 
-std::string replay_radar(const std::string& path, bool json) {
+std::string replay_result(const std::vector<std::string>& paths, const Json& counts, bool json) {
+  std::string names;
+  for (const std::string& path : paths) names += (names.empty() ? "" : " ") + path;
+  Json all{{"file", names}};
+  all.update(counts);
+  return json ? all.dump(2, ' ', false, Json::error_handler_t::replace) + "\n" : to_text(all);
+}
+
+std::string replay_radar(const std::vector<std::string>& paths, bool json) {
   radar::FrameParser parser;
   Contents contents;
   const auto on_frame = [&](const RadarFrame& frame) {
@@ -84,10 +91,11 @@ std::string replay_radar(const std::string& path, bool json) {
     contents.stats += frame.stats.has_value();
     contents.temperatures += frame.temperature.has_value();
   };
-  for_each_chunk(path, [&](ByteView chunk) { parser.feed(chunk, HostTime{}, on_frame); });
-  parser.finish(on_frame);
-  const Json counts = to_json(path, parser.counts(), contents);
-  return json ? counts.dump(2) + "\n" : to_text(counts);
+  for (const std::string& path : paths) {
+    for_each_chunk(path, [&](ByteView chunk) { parser.feed(chunk, HostTime{}, on_frame); });
+    parser.finish(on_frame);
+  }
+  return replay_result(paths, to_json(parser.counts(), contents), json);
 }
 
 }  // namespace echofuse::acquire

@@ -1,12 +1,23 @@
 // SPDX-License-Identifier: MIT
-// The `replay` command: a recorded byte stream through the parser that live data go through.
+// The `replay` command: recorded byte streams, as `run --keep-raw` keeps them, through the parsers
+// that live data go through. Several files are connections of the same device, one after the other.
 #pragma once
+#include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <vector>
 
 namespace echofuse::acquire {
 
-// Counts of a recording of the radar's data port, as JSON (one object) or text for people.
-// Throws Error if the file cannot be read.
-std::string replay_radar(const std::string& path, bool json);
+// Counts, named as the counters of a run, as JSON (one object) or text for people. Throws Error if
+// a file cannot be read.
+// Of recordings of the radar's data port:
+std::string replay_radar(const std::vector<std::string>& paths, bool json);
+// Of blocks of the bridge protocol, or transfers of a USB tagger (NAME.usb):
+std::string replay_tdc(const std::vector<std::string>& paths, bool json);
+std::string replay_depth(const std::vector<std::string>& paths, bool json);
+
+// "file" and the counts, in either form.
+std::string replay_result(const std::vector<std::string>& paths,
+                          const nlohmann::ordered_json& counts, bool json);
 
 }  // namespace echofuse::acquire

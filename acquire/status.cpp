@@ -12,6 +12,7 @@
 #include <cstring>
 #include <utility>
 
+#include "acquire/signal_check.hpp"
 #include "drivers/core/printable.hpp"
 
 namespace echofuse::acquire {
@@ -83,6 +84,28 @@ std::size_t columns_of_terminal() {
 }
 
 }  // namespace
+
+void RunTotals::take(const record::FusedRecord& record, std::uint32_t configured,
+                     const std::function<void(Sensor, Severity)>& changed) {
+  ++records;
+  valid = record.valid;
+  signal = record.signal;
+  doubtful = 0;
+  trouble.clear();
+  for (const Sensor s : {Sensor::spd, Sensor::radar, Sensor::depth}) {
+    const auto i = static_cast<std::size_t>(s);
+    lost[i] += record.sync[i].lost;
+    if (!((configured >> i) & 1u)) continue;
+    const std::string kind = kind_of(record, s);
+    if (kind != "ok") {
+      doubtful |= 1u << i;
+      if (trouble.empty()) trouble = name_of(s) + (" " + kind);
+    }
+    if (std::exchange(kinds[i], kind) != kind)
+      changed(s, kind == "ok" ? Severity::info : Severity::warning);
+  }
+  not_ok += doubtful != 0;
+}
 
 std::vector<StatusField> status_fields(const RunTotals& now, const RunTotals& before,
                                        const StatusTimes& times) {

@@ -3,6 +3,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -23,7 +24,13 @@ struct RunTotals {
   std::string trouble;                    // of the first of these: "radar weak"
   std::string label;
   record::Signal signal;
-  std::optional<std::uint64_t> free_bytes;  // of the disk
+  std::optional<std::uint64_t> free_bytes;                        // of the disk
+  std::array<std::string, sensor_count> kinds{"ok", "ok", "ok"};  // of the last verdicts
+
+  // One more record. `changed` hears of each configured sensor (bits of valid) that drops out, gets
+  // bad or comes back: once, not for every record.
+  void take(const record::FusedRecord& record, std::uint32_t configured,
+            const std::function<void(Sensor, Severity)>& changed);
 };
 
 // What the line may show: in this order, and in a narrow terminal those of low rank first.

@@ -7,6 +7,7 @@
 #include "drivers/inventory/inventory.hpp"
 #include "drivers/port/hid_port.hpp"
 #include "drivers/port/open_port.hpp"
+#include "drivers/port/raw_tap.hpp"
 #include "drivers/radar/radar_driver.hpp"
 #include "drivers/tdc/bridge_tdc.hpp"
 #include "drivers/tdc/usb_tdc.hpp"
@@ -43,13 +44,14 @@ void check_depth(const std::string& address) {
 }
 
 std::unique_ptr<Driver> make_tdc(boost::asio::io_context& io, const TdcConfig& config,
-                                 const Clock& clock) {
+                                 const Clock& clock, port::RawKeeper* raw) {
   check_tdc(config.address);
   const port::Address address = port::parse_address(config.address);
   if (const auto* usb = std::get_if<port::UsbAddress>(&address))
-    return std::make_unique<tdc::UsbTdc>(io, config.address, *usb, clock);
-  return std::make_unique<tdc::BridgeTdc>(io, config.address, port::byte_opener(io, config.address),
-                                          clock);
+    return std::make_unique<tdc::UsbTdc>(io, config.address, *usb, clock, raw);
+  return std::make_unique<tdc::BridgeTdc>(
+      io, config.address, port::tap(port::byte_opener(io, config.address), raw, "tags", ".blocks"),
+      clock);
 }
 
 namespace {
@@ -74,14 +76,16 @@ std::vector<std::string> radar_warnings(const RadarConfig& config) {
 }  // namespace
 
 std::unique_ptr<Driver> make_radar(boost::asio::io_context& io, const RadarConfig& config,
-                                   const Clock& clock) {
+                                   const Clock& clock, port::RawKeeper* raw) {
   check_radar_port(config.cli, config.cli_baud);
   check_radar_port(config.data, config.data_baud);
   return std::make_unique<radar::RadarDriver>(
       io,
       radar::RadarSetup{.address = config.cli + " " + config.data,
-                        .cli = port::byte_opener(io, config.cli, config.cli_baud),
-                        .data = port::byte_opener(io, config.data, config.data_baud),
+                        .cli = port::tap(port::byte_opener(io, config.cli, config.cli_baud), raw,
+                                         "radar-cli", ".txt"),
+                        .data = port::tap(port::byte_opener(io, config.data, config.data_baud), raw,
+                                          "radar", ".dat"),
                         .cfg_text = config.cfg_text,
                         .cfg_name = config.cfg_name,
                         .warnings = radar_warnings(config),
@@ -90,15 +94,17 @@ std::unique_ptr<Driver> make_radar(boost::asio::io_context& io, const RadarConfi
 }
 
 std::unique_ptr<Driver> make_depth(boost::asio::io_context& io, const DepthConfig& config,
-                                   const Clock& clock) {
+                                   const Clock& clock, port::RawKeeper* raw) {
   check_depth(config.address);
   const port::Address address = port::parse_address(config.address);
   if (const auto* openni = std::get_if<port::OpenNiAddress>(&address))
     return std::make_unique<depth::OpenNiCamera>(
         io, config.address, openni->uri, clock,
-        depth::OpenNiOptions{.width = config.width, .height = config.height, .fps = config.fps});
-  return std::make_unique<depth::BridgeCamera>(io, config.address,
-                                               port::byte_opener(io, config.address), clock);
+        depth::OpenNiOptions{.width = config.width, .height = config.height, .fps = config.fps},
+        raw);
+  return std::make_unique<depth::BridgeCamera>(
+      io, config.address, port::tap(port::byte_opener(io, config.address), raw, "depth", ".blocks"),
+      clock);
 }
 
 }  // namespace echofuse

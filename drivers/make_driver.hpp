@@ -15,6 +15,10 @@
 
 namespace echofuse {
 
+namespace port {
+class RawKeeper;
+}
+
 struct TdcConfig {
   std::string address;
 };
@@ -37,12 +41,13 @@ void check_tdc(const std::string& address);
 void check_radar_port(const std::string& address, std::uint32_t baud);
 void check_depth(const std::string& address);
 
-// `io` and `clock` must outlive the driver.
+// `io`, `clock` and `raw` must outlive the driver. Into `raw`, if any, go the bytes of the device:
+// radar-001.dat and radar-cli-001.txt, tags-001.blocks or tags-001.usb, depth-001.blocks.
 std::unique_ptr<Driver> make_tdc(boost::asio::io_context& io, const TdcConfig& config,
-                                 const Clock& clock);
+                                 const Clock& clock, port::RawKeeper* raw = nullptr);
 std::unique_ptr<Driver> make_radar(boost::asio::io_context& io, const RadarConfig& config,
-                                   const Clock& clock);
+                                   const Clock& clock, port::RawKeeper* raw = nullptr);
 std::unique_ptr<Driver> make_depth(boost::asio::io_context& io, const DepthConfig& config,
-                                   const Clock& clock);
+                                   const Clock& clock, port::RawKeeper* raw = nullptr);
 
 }  // namespace echofuse

@@ -27,7 +27,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr char first_line[] = "# echofuse-sim lab";
-constexpr char default_radar_cfg[] = "radar/xwr68xx_paper_50cm.cfg";
+constexpr char default_radar_cfg[] = "radar/xwr68xx_paper_50cm";
 constexpr char module_name[] = "libechofuse_sim_depth.so";
 // What a laboratory puts into its directory, and of that what a closed one leaves behind.
 const char* const transient[] = {"radar-cli",  "radar-data", "radar-cli.new", "radar-data.new",
@@ -94,10 +94,12 @@ class DirectoryLock {
 
 fs::path program_folder() { return fs::read_symlink("/proc/self/exe").parent_path(); }
 
-fs::path find_radar_cfg(const std::string& given) {
-  if (!given.empty()) return given;
-  const fs::path beside = program_folder() / "../../../config" / default_radar_cfg;
-  return fs::exists(beside) ? beside : fs::path(ECHOFUSE_CONFIG_DIR) / default_radar_cfg;
+fs::path find_radar_cfg(const LabOptions& options) {
+  if (!options.radar_cfg.empty()) return options.radar_cfg;
+  const std::string name =
+      default_radar_cfg + std::string(options.radar_sdk == "3.4" ? "_sdk3.4.cfg" : ".cfg");
+  const fs::path beside = program_folder() / "../../../config" / name;
+  return fs::exists(beside) ? beside : fs::path(ECHOFUSE_CONFIG_DIR) / name;
 }
 
 std::string read_cfg(const fs::path& path) {
@@ -190,7 +192,7 @@ struct Lab::Parts {
   }
 
   void start() {
-    const std::string cfg = read_cfg(find_radar_cfg(options.radar_cfg));
+    const std::string cfg = read_cfg(find_radar_cfg(options));
     remove(std::begin(transient), std::end(transient));
     remove(std::begin(lasting), std::end(lasting));
     const std::string label = options.play.hold_s > 0 ? "" : stage.at(0).scene.label;
@@ -201,7 +203,8 @@ struct Lab::Parts {
                             {.cli_link = (dir / "radar-cli").string(),
                              .data_link = (dir / "radar-data").string(),
                              .seed = seed,
-                             .script = script});
+                             .script = script,
+                             .sdk = static_cast<unsigned>(options.radar_sdk.back() - '0')});
     depth = make_depth_feed(
         io, stage, {.socket_path = (dir / "depth.sock").string(), .seed = seed, .script = script});
     make_openni(dir);

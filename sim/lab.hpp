@@ -28,9 +28,10 @@ struct LabOptions {
   Tagging tagging{.laser_rate_hz = 4e6};  // the brightest scenes click less than once in 20 pulses
   double window_s = 3;    // of the daemon; signal and background counts are per window
   std::string radar_cfg;  // empty: the paper's 50 cm profile
-  std::string faults;     // a file of what goes wrong; empty: nothing
-  std::string log;        // where everything sent is written down; empty: nowhere
-  bool usb = false;       // the time tagger on emulated USB: only commands of serve() can see it
+  std::string radar_sdk = "3.5";
+  std::string faults;  // a file of what goes wrong; empty: nothing
+  std::string log;     // where everything sent is written down; empty: nowhere
+  bool usb = false;    // the time tagger on emulated USB: only commands of serve() can see it
 };
 
 class Lab {

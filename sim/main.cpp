@@ -224,6 +224,9 @@ void add_lab(CLI::App& app, Command& command, char** argv) {
   sub->add_flag("!--all-syncs", o.tagging.conditional_filter,
                 "send every laser sync, not only those before a photon");
   sub->add_option("--radar-cfg", o.radar_cfg, "TI .cfg file (the paper's 50 cm profile)");
+  sub->add_option("--radar-sdk", o.radar_sdk, "the mmWave SDK of its firmware")
+      ->check(CLI::IsMember({"3.4", "3.5", "3.6"}))
+      ->capture_default_str();
   sub->add_option("--faults", o.faults, "TOML file of what goes wrong, and when");
   sub->add_option("--log", o.log, "write down everything that was sent, a JSON object a line");
   sub->add_option("--duration", a->duration_s, "close by itself after so many seconds")

@@ -5,7 +5,9 @@
 #include <optional>
 #include <utility>
 
+#include "drivers/bridge/bridge_writer.hpp"
 #include "drivers/depth/openni_session.hpp"
+#include "drivers/port/raw_tap.hpp"
 #include "drivers/port/worker_link.hpp"
 
 namespace echofuse::depth {
@@ -31,11 +33,12 @@ struct OpenNiCamera::Shared : port::WorkerLink {
 class OpenNiCamera::Worker {
  public:
   Worker(std::shared_ptr<Shared> shared, std::string address, std::string uri, const Clock& clock,
-         OpenNiOptions options)
+         OpenNiOptions options, port::RawKeeper* raw)
       : shared_(std::move(shared)),
         uri_(std::move(uri)),
         clock_(clock),
         options_(options),
+        raw_(raw),
         backoff_(options.backoff) {
     info_.sensor = Sensor::depth;
     info_.address = std::move(address);
@@ -64,6 +67,7 @@ class OpenNiCamera::Worker {
     const std::string address = info_.address;
     info_ = session.info();
     info_.address = address;
+    raw_name_.clear();
     tell(DeviceState::streaming);
     auto last_frame = std::chrono::steady_clock::now();
     while (!shared_->stopping()) {
@@ -92,6 +96,7 @@ class OpenNiCamera::Worker {
       frame.lost_before = frame.frame_index - *last_index_ - 1;
     last_index_ = frame.frame_index;
     shared_->lost_frames += frame.lost_before;
+    keep(frame);
     if (shared_->queued >= max_queued) {
       ++shared_->dropped_frames;
       dropped_since_ += 1 + frame.lost_before;
@@ -105,6 +110,21 @@ class OpenNiCamera::Worker {
       --shared->queued;
       sink.on_depth(std::move(*held));
     });
+  }
+
+  // One file a session, which a hello opens.
+  void keep(const DepthFrame& frame) {
+    if (!raw_) return;
+    using bridge::BlockKind;
+    if (raw_name_.empty()) {
+      raw_name_ = raw_->next_name("depth", ".blocks");
+      raw_->put(raw_name_,
+                bridge::make_block(BlockKind::hello, 0, 0, bridge::hello_payload(info_)));
+      raw_sequence_ = 0;
+    }
+    raw_->put(raw_name_,
+              bridge::make_block(BlockKind::depth, ++raw_sequence_, frame.lost_before,
+                                 bridge::depth_payload(frame, info_.axes[0], info_.axes[1])));
   }
 
   // A recording waits for its time and for room in the queue. False: stopped meanwhile.
@@ -135,6 +155,9 @@ class OpenNiCamera::Worker {
   std::string uri_;
   const Clock& clock_;
   OpenNiOptions options_;
+  port::RawKeeper* raw_;
+  std::string raw_name_;
+  std::uint32_t raw_sequence_ = 0;
   DeviceInfo info_;
   DeviceState state_ = DeviceState::connecting;
   port::Backoff backoff_;
@@ -145,12 +168,13 @@ class OpenNiCamera::Worker {
 };
 
 OpenNiCamera::OpenNiCamera(boost::asio::io_context& io, std::string address, std::string uri,
-                           const Clock& clock, OpenNiOptions options)
+                           const Clock& clock, OpenNiOptions options, port::RawKeeper* raw)
     : shared_(std::make_shared<Shared>(io)),
       address_(std::move(address)),
       uri_(std::move(uri)),
       clock_(clock),
-      options_(options) {
+      options_(options),
+      raw_(raw) {
   initialize_openni();
 }
 
@@ -162,7 +186,7 @@ void OpenNiCamera::start(SampleSink& sink) {
   info.sensor = Sensor::depth;
   info.address = address_;
   sink.on_state(Sensor::depth, DeviceState::connecting, info);
-  auto worker = std::make_shared<Worker>(shared_, address_, uri_, clock_, options_);
+  auto worker = std::make_shared<Worker>(shared_, address_, uri_, clock_, options_, raw_);
   thread_ = std::thread([worker] { worker->run(); });
 }
 

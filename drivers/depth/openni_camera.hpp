@@ -9,6 +9,10 @@
 #include "drivers/core/driver.hpp"
 #include "drivers/port/backoff.hpp"
 
+namespace echofuse::port {
+class RawKeeper;
+}
+
 namespace echofuse::depth {
 
 struct OpenNiOptions {
@@ -24,11 +28,12 @@ struct OpenNiOptions {
 // another is found again, if it is the only one of its kind.
 // Threading: as every driver. Its own thread talks to OpenNI, copies, and posts to the io context;
 // at most 4 frames are on their way, a live camera's further ones are dropped and counted.
+// Into `raw`, if any, goes every frame, as a depth block of the bridge protocol.
 class OpenNiCamera final : public Driver {
  public:
   // Loads OpenNI's modules; throws Error(device) if there are none.
   OpenNiCamera(boost::asio::io_context& io, std::string address, std::string uri,
-               const Clock& clock, OpenNiOptions options = {});
+               const Clock& clock, OpenNiOptions options = {}, port::RawKeeper* raw = nullptr);
   ~OpenNiCamera() override;
   void start(SampleSink& sink) override;
   void stop() override;  // waits for the thread: a tenth of a second
@@ -41,6 +46,7 @@ class OpenNiCamera final : public Driver {
   std::string address_, uri_;
   const Clock& clock_;
   OpenNiOptions options_;
+  port::RawKeeper* raw_;
   std::thread thread_;
 };
 

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "drivers/radar/sdk.hpp"
+
 namespace echofuse::radar {
 namespace {
 
@@ -151,8 +153,15 @@ void CommandDialogue::judge_answer(HostTime now) {
     next_ = 0;
     next_command(now);
   } else if (!why.empty()) {
-    fail(printable(why));
+    fail(printable(why) + advice(refused));
   }
+}
+
+std::string CommandDialogue::advice(bool unknown) const {
+  const std::string& command = commands_[next_].text;
+  if (unknown) return advice_for_unknown(command, firmware_, cfg_name_);
+  const bool starts = command.find("sensorStart") != command.npos;
+  return starts ? advice_for_start(cfg_, firmware_, cfg_name_) : "";
 }
 
 void CommandDialogue::send_bare_line(HostTime now) {

@@ -10,7 +10,7 @@
 //               Ignored: ... / Done                          good, told
 //               Skipped                                      good (a comment)
 //               Error -1 (often an explaining line before)   failed
-//               'LINE' is not recognized as a CLI command    failed
+//               'LINE' is not recognized as a CLI command    failed; sdk.hpp says why
 //               Exception: FILE, line N.                     failed: the firmware has stopped
 //             "mmwDemo:/>"                                   before which nothing more is sent: the
 //                                                            firmware's receiver has no buffer
@@ -75,6 +75,7 @@ class CommandDialogue {
   void on_line();
   void on_prompt(HostTime now);
   void judge_answer(HostTime now);
+  std::string advice(bool unknown) const;
   void send_bare_line(HostTime now);
   void send_command(HostTime now);
   void next_command(HostTime now);

@@ -39,6 +39,11 @@ std::optional<T> read_struct(ByteView answer) {
   return reader.ok() ? std::optional<T>(value) : std::nullopt;
 }
 
+// One transfer as a run keeps it: u32, bits 0..29 the count of bytes that follow, bit 30: records
+// are missing here for another reason, bit 31: it ended with a short or empty packet.
+inline constexpr std::uint32_t kept_bytes_mask = 0x3fffffff, kept_gap = 1u << 30,
+                               kept_end = 1u << 31;
+
 // tags * 16 + junk_bytes + bytes of a record that is still incomplete == all bytes.
 struct RecordCounts {
   std::uint64_t tags = 0;

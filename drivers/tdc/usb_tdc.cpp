@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "drivers/port/backoff.hpp"
+#include "drivers/port/raw_tap.hpp"
 #include "drivers/port/worker_link.hpp"
 #include "drivers/tdc/usb_link.hpp"
 
@@ -40,8 +41,13 @@ struct UsbTdc::Shared : port::WorkerLink {
 // The device's thread.
 class UsbTdc::Worker {
  public:
-  Worker(std::shared_ptr<Shared> shared, DeviceInfo info, port::UsbAddress usb, const Clock& clock)
-      : shared_(std::move(shared)), info_(std::move(info)), usb_(std::move(usb)), clock_(clock) {}
+  Worker(std::shared_ptr<Shared> shared, DeviceInfo info, port::UsbAddress usb, const Clock& clock,
+         port::RawKeeper* raw)
+      : shared_(std::move(shared)),
+        info_(std::move(info)),
+        usb_(std::move(usb)),
+        clock_(clock),
+        raw_(raw) {}
 
   void run() {
     do {
@@ -59,9 +65,9 @@ class UsbTdc::Worker {
     usb::Link link(transfers_);
     std::string wrong = link.open(
         usb_, [this](ByteView bytes, bool ends) { on_transfer(bytes, ends); },
-        [this] { records_.interrupt(); });
+        [this] { interrupt(); });
     if (!wrong.empty()) return wrong;
-    if (connections_++ > 0) records_.interrupt();
+    if (connections_++ > 0) interrupt();
     describe(link);
     tell(DeviceState::streaming);
     lost_before_ = device_lost_;  // a device counts from its start
@@ -87,8 +93,23 @@ class UsbTdc::Worker {
     info_.firmware = version_of(d.bcdDevice);
   }
 
+  void interrupt() {
+    keep({}, usb::kept_gap);
+    records_.interrupt();
+  }
+
+  void keep(ByteView bytes, std::uint32_t flags) {
+    if (!raw_) return;
+    if (raw_name_.empty()) raw_name_ = raw_->next_name("tags", ".usb");
+    Bytes piece;
+    put(piece, static_cast<std::uint32_t>(bytes.size()) | flags);
+    piece.insert(piece.end(), bytes.begin(), bytes.end());
+    raw_->put(raw_name_, piece);
+  }
+
   void on_transfer(ByteView bytes, bool ends) {
     const HostTime now = clock_.now();
+    keep(bytes, ends ? usb::kept_end : 0);
     std::vector<Tag> tags;
     const bool gap = records_.feed(bytes, ends, tags);
     // Junk is no sign of life.
@@ -140,6 +161,8 @@ class UsbTdc::Worker {
   DeviceInfo info_;
   port::UsbAddress usb_;
   const Clock& clock_;
+  port::RawKeeper* raw_;
+  std::string raw_name_;  // one file: its gaps are marked
   DeviceState state_ = DeviceState::connecting;
   port::Backoff backoff_;
   std::string last_failure_;  // told once, not at every attempt
@@ -153,11 +176,12 @@ class UsbTdc::Worker {
 };
 
 UsbTdc::UsbTdc(boost::asio::io_context& io, std::string address, port::UsbAddress usb,
-               const Clock& clock)
+               const Clock& clock, port::RawKeeper* raw)
     : shared_(std::make_shared<Shared>(io)),
       address_(std::move(address)),
       usb_(std::move(usb)),
-      clock_(clock) {}
+      clock_(clock),
+      raw_(raw) {}
 
 UsbTdc::~UsbTdc() { stop(); }
 
@@ -167,7 +191,7 @@ void UsbTdc::start(SampleSink& sink) {
   info.sensor = Sensor::spd;
   info.address = address_;
   sink.on_state(Sensor::spd, DeviceState::connecting, info);
-  auto worker = std::make_shared<Worker>(shared_, info, usb_, clock_);
+  auto worker = std::make_shared<Worker>(shared_, info, usb_, clock_, raw_);
   thread_ = std::thread([worker] { worker->run(); });
 }
 

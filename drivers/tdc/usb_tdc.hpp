@@ -9,17 +9,22 @@
 #include "drivers/core/driver.hpp"
 #include "drivers/port/address.hpp"
 
+namespace echofuse::port {
+class RawKeeper;
+}
+
 namespace echofuse::tdc {
 
 // Threading: as every driver. A thread of its own makes all libusb calls, copies and posts; at most
 // 64 MiB of tags are on their way, further ones are dropped and counted as lost items.
+// Into `raw`, if any, go all transfers (usb_protocol.hpp).
 class UsbTdc final : public Driver {
  public:
   // What its transfers take of the kernel's usbfs memory.
   static constexpr std::size_t ring_bytes = std::size_t{2} << 20;
 
-  UsbTdc(boost::asio::io_context& io, std::string address, port::UsbAddress usb,
-         const Clock& clock);
+  UsbTdc(boost::asio::io_context& io, std::string address, port::UsbAddress usb, const Clock& clock,
+         port::RawKeeper* raw = nullptr);
   ~UsbTdc() override;
   void start(SampleSink& sink) override;
   void stop() override;  // waits for the thread: it cancels its transfers and tells the device
@@ -32,6 +37,7 @@ class UsbTdc final : public Driver {
   std::string address_;
   port::UsbAddress usb_;
   const Clock& clock_;
+  port::RawKeeper* raw_;
   std::thread thread_;
 };
 

@@ -46,10 +46,11 @@ class Camera:
         self._unmirror(device)
         self._pipeline = sdk.Pipeline(device)
         self._config = sdk.Config()
-        self._config.enable_stream(self._profile())
+        profile = self._profile()
+        self._config.enable_stream(profile)
         self._pipeline.start(self._config)
         try:
-            self._axes = self._read_axes()
+            self._axes = self._read_axes(profile)
         except Exception:
             self.close()
             raise
@@ -78,14 +79,25 @@ class Camera:
         except Exception as error:
             raise RuntimeError(f"no depth mode {o.width} x {o.height} at {o.fps} frames/s: {error}") from None
 
-    def _read_axes(self):
-        """Tangents: columns to the right, rows upwards, of the pixel centres."""
-        param = self._pipeline.get_camera_param()
-        lens = param.depth_intrinsic
+    def _read_axes(self, profile):
+        """Tangents: columns to the right, rows upwards, of the pixel centres. From the profile:
+        Pipeline.get_camera_param() is all zeros in releases of version 2 unless colour runs as well
+        (orbbec/pyorbbecsdk, issues 56 and 103)."""
+        if not hasattr(profile, "get_intrinsic"):
+            raise RuntimeError("this pyorbbecsdk does not tell the intrinsics of a stream: version 2 is needed")
+        try:
+            lens, distortion = profile.get_intrinsic(), profile.get_distortion()
+        except Exception as error:
+            raise RuntimeError(f"the camera does not tell the intrinsics of its depth mode: {error}") from None
         size, asked = (lens.width, lens.height), (self._options.width, self._options.height)
+        mode = f"{asked[0]} x {asked[1]} pixels"
+        if not (lens.fx > 0 and lens.fy > 0 and np.isfinite([lens.fx, lens.fy, lens.cx, lens.cy]).all()):
+            raise RuntimeError(f"the SDK tells no intrinsics of the depth mode of {mode}: fx {lens.fx:g}, fy {lens.fy:g}; "
+                               "without them no pixel has a direction; choose another --width and --height, or update "
+                               "pyorbbecsdk and the camera's firmware")
         if size != asked:
-            raise RuntimeError(f"the intrinsics are those of {size[0]} x {size[1]} pixels, not {asked[0]} x {asked[1]}")
-        bridge.say(f"lens distortion, not corrected: up to {distortion_px(lens, param.depth_distortion):.2f} pixel")
+            raise RuntimeError(f"the intrinsics are those of {size[0]} x {size[1]} pixels, not {mode}")
+        bridge.say(f"lens distortion, not corrected: up to {distortion_px(lens, distortion):.2f} pixel")
         return -lens.cx / lens.fx, 1 / lens.fx, lens.cy / lens.fy, -1 / lens.fy
 
     def hello(self):

@@ -5,13 +5,20 @@ vendor's own Python library. echofuse connects with tdc.address = "bridge:tcp://
 import argparse
 import importlib
 import sys
+import time
 
 import bridge
 from bridge import np
 
-RECORD = [("type", "u1"), ("reserved", "u1"), ("missed", "<u2"), ("channel", "<i4"), ("time", "<i8")]
+RECORD = {"names": ["type", "missed_events", "channel", "time"], "formats": ["u1", "<u2", "<i4", "<i8"],
+          "offsets": [0, 2, 4, 8], "itemsize": 16}
 BLOCK_TAGS = 65536           # 1 MiB: what one damaged block costs
 MOST_EVENTS = (1 << 28) - 1  # the library's limit
+SILENCE_S = 3.0              # then the device is asked whether it is there
+ANSWER_MS = 1000             # within which it must answer
+RATE_S = 1.0                 # over which the rate is measured
+TELL_S = 60.0                # how often, at most, the same trouble is told
+OVERFLOW_BEGIN = 2           # type of the tag at which a device starts to lose events
 
 FILTER_HELP = """\
 conditional filter: every photon lets one laser pulse through, the first that reaches the filter after
@@ -83,13 +90,16 @@ class Tagger:
 
     def __init__(self, library, options):
         self._library, self._options = library, options
-        self._told_full = False
+        self._channels = [options.start_channel, options.click_channel]
+        self._losses = Losses(options)
         self._stream = None
+        self._told_dark = False
         self._tagger = library.createTimeTagger(*filter(None, [options.serial]))
         try:
             self._configure()
-            self._stream = library.TimeTagStream(self._tagger, options.max_events,
-                                                 [options.start_channel, options.click_channel])
+            open_stream = custom_stream if hasattr(library, "CustomMeasurement") else BufferStream
+            self._stream = open_stream(library, self._tagger, self._channels, options.max_events)
+            self._last_tags_s = time.monotonic()
         except Exception:
             self.close()
             raise
@@ -133,34 +143,135 @@ class Tagger:
     def poll(self, server):
         if not self._stream.isRunning():
             raise RuntimeError("the tag stream has stopped")
-        data = self._stream.getData()
-        if data.size > 0:
-            self._send(data, server)
-        if data.size >= self._options.max_events:
-            self._overrun(server)
-            return 0
-        return self._options.block_ms * 1e-3
+        blocks, lost = self._stream.take()
+        for tags in blocks:
+            for first in range(0, len(tags), BLOCK_TAGS):
+                part = tags[first:first + BLOCK_TAGS]
+                server.send(bridge.TAGS, part.view(np.uint8).data, len(part))
+        if lost:
+            server.lose(lost)
+        self._losses.look(blocks, lost, server.dropped)
+        self._watch(any(len(tags) for tags in blocks))
+        return 0 if lost else self._options.block_ms * 1e-3
 
-    def _send(self, data, server):
-        columns = (data.getEventTypes(), data.getMissedEvents(), data.getChannels(), data.getTimestamps())
-        for first in range(0, data.size, BLOCK_TAGS):
-            part = slice(first, min(first + BLOCK_TAGS, data.size))
-            tags = np.zeros(part.stop - part.start, RECORD)
-            for name, column in zip(("type", "missed", "channel", "time"), columns):
-                tags[name] = column[part]
-            server.send(bridge.TAGS, tags.view(np.uint8).data, len(tags))
-
-    def _overrun(self, server):
-        server.lose(1)  # how many the library threw away it does not say
-        if not self._told_full:
-            bridge.say("the library's buffer was full and tags are lost: raise --max-events or lower --block-ms")
-        self._told_full = True
+    def _watch(self, tags_came):
+        """isRunning() may stay true after an unplug. A device that is there lets a sync() pass, also
+        in the dark: it is not gone because the laser is off."""
+        now = time.monotonic()
+        if tags_came:
+            self._last_tags_s, self._told_dark = now, False
+        if now - self._last_tags_s < SILENCE_S:
+            return
+        if not self._tagger.sync(ANSWER_MS):
+            raise RuntimeError(f"no tags for {SILENCE_S:g} s, and the device does not answer: it is gone")
+        if not self._told_dark:
+            bridge.say(f"no tags for {SILENCE_S:g} s, but the device answers: is the laser on, are the trigger levels "
+                       "right?")
+        self._told_dark = True
+        self._last_tags_s = time.monotonic()
 
     def close(self):
         if self._stream is not None:
             self._stream.stop()
         self._stream = None
         self._library.freeTimeTagger(self._tagger)
+
+
+class BufferStream:
+    """The library's TimeTagStream, which hands over four columns: for libraries without CustomMeasurement."""
+
+    def __init__(self, library, tagger, channels, most):
+        self._stream, self._most = library.TimeTagStream(tagger, most, channels), most
+        self.isRunning, self.stop = self._stream.isRunning, self._stream.stop
+
+    def take(self):
+        """The records since the last call, as a list of arrays, and how many (at least) were lost."""
+        data = self._stream.getData()
+        tags = np.zeros(data.size, RECORD)
+        for name, column in (("type", data.getEventTypes()), ("missed_events", data.getMissedEvents()),
+                             ("channel", data.getChannels()), ("time", data.getTimestamps())):
+            tags[name] = column
+        return [tags] if data.size else [], int(data.size >= self._most)  # how many more it does not say
+
+
+def custom_stream(library, tagger, channels, most):
+    """A measurement of our own, to whose process() the library hands its 16-byte records as they are.
+    It takes what BufferStream takes and is used like it."""
+    class Stream(library.CustomMeasurement):
+        def __init__(self):
+            super().__init__(tagger)
+            self._blocks, self._held, self._lost = [], 0, 0
+            for channel in channels:
+                self.register_channel(channel)
+            self.finalize_init()
+
+        def process(self, incoming_tags, begin_time, end_time):
+            # On the library's thread, under its mutex; the array is gone when this returns.
+            if len(incoming_tags) == 0:
+                return
+            if self._held + len(incoming_tags) > most:
+                self._lost += len(incoming_tags)
+                return
+            self._blocks.append(records(incoming_tags))
+            self._held += len(incoming_tags)
+
+        def take(self):
+            with self.mutex:
+                blocks, lost = self._blocks, self._lost
+                self._blocks, self._held, self._lost = [], 0, 0
+            return blocks, lost
+    return Stream()
+
+
+def records(tags):
+    """A copy of a structured array of tags, as RECORD."""
+    ours = np.dtype(RECORD)
+    if tags.dtype.itemsize == ours.itemsize and \
+            all(name in tags.dtype.names and tags.dtype.fields[name][:2] == ours.fields[name][:2] for name in ours.names):
+        return np.frombuffer(np.ascontiguousarray(tags).tobytes(), ours)
+    copy = np.zeros(len(tags), ours)
+    for name in ours.names:
+        copy[name] = tags[name]
+    return copy
+
+
+class Losses:
+    """Says, once a minute at most, how many tags a second do not pass and what would help."""
+
+    def __init__(self, options):
+        self._options = options
+        self._begin_s, self._next_told_s = time.monotonic(), 0.0
+        self._tags = self._starts = self._dropped = 0
+        self._places = {}  # where tags were lost: an ordered set
+
+    def look(self, blocks, lost, dropped):
+        """The new blocks of tags, those that the stream lost, and those dropped by the server so far."""
+        for tags in blocks:
+            self._tags += len(tags)
+            some = tags[:BLOCK_TAGS]
+            self._starts += len(tags) * np.count_nonzero(some["channel"] == self._options.start_channel) / len(some)
+            if (tags["type"] == OVERFLOW_BEGIN).any():
+                self._places["the device overflows"] = True
+        if lost:
+            self._places["the buffer is full (raise --max-events or lower --block-ms)"] = True
+        if dropped != self._dropped:
+            self._places["echofuse does not fetch them in time"] = True
+        self._dropped = dropped
+        now = time.monotonic()
+        if now - self._begin_s >= RATE_S:
+            if self._places and now >= self._next_told_s:
+                self._tell(now - self._begin_s)
+                self._next_told_s = now + TELL_S
+            self._begin_s, self._tags, self._starts, self._places = now, 0, 0, {}
+
+    def _tell(self, seconds):
+        rate = self._tags / max(seconds, 1e-9)
+        text = f"tags are lost: {rate * 1e-6:.2f} million tags/s ({16e-6 * rate:.0f} MB/s) do not pass, " \
+            f"{' and '.join(self._places)}"
+        if self._options.conditional_filter is None and 2 * self._starts > self._tags:
+            text += f"; {100 * self._starts / self._tags:.0f} % of them are laser pulses: --conditional-filter sends " \
+                "only those that belong to a photon"
+        bridge.say(text)
 
 
 def import_library():

@@ -55,6 +55,7 @@ struct RadarOptions {
   std::string cli_link, data_link;
   std::uint64_t seed = 1;
   Script script{};
+  unsigned sdk = 5;  // the 5 of SDK 3.5
 };
 std::unique_ptr<Device> make_radar_ptys(boost::asio::io_context& io, Stage& stage,
                                         const RadarOptions& options);

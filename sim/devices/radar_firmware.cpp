@@ -12,10 +12,7 @@ namespace {
 
 constexpr std::size_t longest_read = 255, most_words = 40;
 constexpr unsigned last_chirp = 511;
-constexpr char banner[] =
-    "******************************************\n"
-    "xWR68xx MMW Demo 03.05.00.04\n"
-    "******************************************\n";
+constexpr char banner_line[] = "******************************************\n";
 constexpr char prompt_text[] = "mmwDemo:/>";
 
 struct Command {
@@ -73,11 +70,19 @@ std::vector<std::string> split(const std::string& line) {
 
 }  // namespace
 
-RadarFirmware::RadarFirmware(Write cli, Write data)
-    : cli_(std::move(cli)), data_(std::move(data)) {}
+RadarFirmware::RadarFirmware(Write cli, Write data, unsigned sdk)
+    : cli_(std::move(cli)), data_(std::move(data)), sdk_(sdk) {}
+
+std::string RadarFirmware::version() const {
+  return sdk_ == 4 ? "03.04.00.03" : sdk_ == 5 ? "03.05.00.04" : "03.06.00.00";
+}
+
+bool RadarFirmware::knows(const std::string& command) const {
+  return configuring.count(command) > 0 && (command != "calibData" || sdk_ >= 5);
+}
 
 void RadarFirmware::boot() {
-  say(banner);
+  say(banner_line + ("xWR68xx MMW Demo " + version() + '\n') + banner_line);
   prompt();
 }
 
@@ -128,13 +133,12 @@ std::optional<int> RadarFirmware::execute(const Arguments& words) {
   if (name == "configDataPort") return config_data_port(words);
   if (name == "version") return print_version();
   if (name == "queryDemoStatus") return print_status();
-  const auto it = configuring.find(name);
-  if (it == configuring.end()) {
+  if (!knows(name)) {
     say("'" + name + "' is not recognized as a CLI command\n");
     prompt();
     return {};
   }
-  const Command& command = it->second;
+  const Command& command = configuring.at(name);
   if (!command.when_started && state_ == State::started) {
     say("Ignored: This command is not allowed after sensor has started\n");
     return 0;
@@ -197,7 +201,9 @@ int RadarFirmware::config_data_port(const Arguments& words) {
 
 int RadarFirmware::print_version() {
   say("Platform                : xWR68xx\n"
-      "mmWave SDK Version      : 03.05.00.04\n"
+      "mmWave SDK Version      : " +
+      version() +
+      "\n"
       "Device Info             : IWR68XX ES 02.00\n"
       "RF F/W Version          : 06.03.02.06.20.08.11\n"
       "mmWaveLink Version      : 01.02.06.06\n");
@@ -212,7 +218,7 @@ int RadarFirmware::print_status() {
 
 bool RadarFirmware::all_pending() const {
   return std::all_of(configuring.begin(), configuring.end(), [&](const auto& entry) {
-    if (!entry.second.needed) return true;
+    if (!entry.second.needed || !knows(entry.first)) return true;
     if (!entry.second.by_direction) return pending_.count(entry.first) > 0;
     return pending_.count(entry.first + " 0") > 0 && pending_.count(entry.first + " 1") > 0;
   });

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// The command line of TI's xWR68xx out-of-box demo, SDK 3.5, as its sources have it (utils/cli,
-// demo/xwr68xx/mmw/mss/mmw_cli.c, uartsci.c): echo, prompt, "Done", "Error -1", "Ignored: ...",
-// what has to be configured before a start, and what may not change after the first one. Knows no
-// ports and no time.
+// The command line of TI's xWR68xx out-of-box demo, SDK 3.4 to 3.6, as its sources have it
+// (utils/cli, demo/xwr68xx/mmw/mss/mmw_cli.c, uartsci.c): echo, prompt, "Done", "Error -1",
+// "Ignored: ...", what has to be configured before a start, and what may not change after the first
+// one. Knows no ports and no time.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -28,7 +28,8 @@ class RadarFirmware {
  public:
   using Write = std::function<void(const std::string&)>;
   // `cli` gets what the firmware says on its command port, `data` raw bytes for the data port.
-  RadarFirmware(Write cli, Write data);
+  // `sdk`: the 5 of SDK 3.5; before it there is no calibData.
+  RadarFirmware(Write cli, Write data, unsigned sdk = 5);
 
   // Power-up: banner and prompt.
   void boot();
@@ -60,12 +61,15 @@ class RadarFirmware {
   int gui_monitor(const Arguments& words);
   int print_version();
   int print_status();
+  std::string version() const;
+  bool knows(const std::string& command) const;
   bool all_pending() const;
   bool refuse_start(bool reconfigure);
   bool changed_latched();
   std::optional<Chirp> chirp() const;
 
   Write cli_, data_;
+  unsigned sdk_;
   std::string line_;
   State state_ = State::init;
   bool stopping_ = false, dead_ = false;

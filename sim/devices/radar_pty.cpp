@@ -36,7 +36,7 @@ class RadarBoard final : public Device {
         cli_(make_cli(cli_baud, [this](ByteView bytes) { on_command_bytes(bytes); })),
         data_(make_data(data_baud, [](ByteView) {})),
         firmware_([this](const std::string& text) { cli_->send(bytes_of(text)); },
-                  [this](const std::string& raw) { data_->send(bytes_of(raw)); }),
+                  [this](const std::string& raw) { data_->send(bytes_of(raw)); }, options.sdk),
         frame_timer_(io),
         output_timer_(io),
         rng_(make_rng(options.seed, 2)),
@@ -245,8 +245,8 @@ std::unique_ptr<Device> make_radar_ptys(boost::asio::io_context& io, Stage& stag
   const auto plug = [ports](bool in) {
     for (PtyUart* port : *ports) port->plug(in);
   };
-  return make_radar_board(io, stage, {options.seed, options.script, plug}, pty(options.cli_link),
-                          pty(options.data_link));
+  return make_radar_board(io, stage, {options.seed, options.script, options.sdk, plug},
+                          pty(options.cli_link), pty(options.data_link));
 }
 
 }  // namespace echofuse::sim

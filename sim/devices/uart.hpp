@@ -64,6 +64,7 @@ using MakeUart = std::function<std::unique_ptr<Uart>(unsigned baud, Uart::Receiv
 struct RadarBoardOptions {
   std::uint64_t seed = 1;
   Script script{};
+  unsigned sdk = 5;                     // the 5 of SDK 3.5
   std::function<void(bool in)> plug{};  // pulls both ports out, or puts them in; asked often
 };
 std::unique_ptr<Device> make_radar_board(boost::asio::io_context& io, Stage& stage,

@@ -65,7 +65,10 @@ TEST_CASE("files that are not there or not runs") {
     refuses(command + folder / "none.sqlite", 1, "none.sqlite: no such file");
     refuses(command + folder / "text.sqlite", 1, "text.sqlite: not an echofuse run file");
   }
-  refuses("replay --radar " + folder / "none.dat", 1, "none.dat: cannot read: No such file");
+  for (const char* device : {"--radar ", "--tdc ", "--depth "})
+    refuses(std::string("replay ") + device + folder / "none.dat", 1,
+            "none.dat: cannot read: No such file");
+  refuses("replay --tdc a --depth b", 2, "--depth");
 }
 
 TEST_CASE("bad configurations and targets of a run") {
@@ -244,6 +247,24 @@ TEST_CASE("the script in plain Python reads a run") {
   CHECK(has(o.text, "spd    828 counts in 8 bins, peak at 1.404e+04 ps: ok"));
   CHECK(has(o.text, "radar  4 bins, peak at 1.5 m: ok"));
   CHECK(has(o.text, "depth  3 x 2 pixels: ok"));
+}
+
+TEST_CASE("replay takes kept transfers of a USB tagger") {
+  const Folder folder;
+  const auto u32 = [](std::uint32_t v) { return std::string(reinterpret_cast<char*>(&v), 4); };
+  const std::string tag("\0\0\0\0\x01\0\0\0\x05\0\0\0\0\0\0\0", 16);
+  constexpr std::uint32_t end = 1u << 31, gap = 1u << 30;
+  // A record over two transfers; a beginning that a gap cuts off; an empty run; a cut file.
+  write_file(folder / "t.usb", u32(24) + tag + tag.substr(0, 8) + u32(8 | end) + tag.substr(8) +
+                                   u32(4) + tag.substr(0, 4) + u32(gap) + u32(end) + u32(16 | end) +
+                                   tag.substr(0, 9));
+  const Json counts = json_of("replay --json --tdc " + folder / "t.usb");
+  CHECK(counts["bytes"] == 36);
+  CHECK(counts["transfers"] == 4);
+  CHECK(counts["tags"] == 2);
+  CHECK(counts["junk_bytes"] == 4);
+  CHECK(counts["gaps"] == 1);
+  CHECK(counts["cut_transfers"] == 1);
 }
 
 TEST_CASE("replay counts a recording's frames") {

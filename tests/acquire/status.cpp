@@ -61,6 +61,35 @@ TEST_CASE("a narrow status line leaves out what matters least, and is never too 
   CHECK(m.line(5) == "s-D");
 }
 
+TEST_CASE("a sensor that gets bad is told once, and counted in every record") {
+  RunTotals totals;
+  std::string heard;
+  const auto take = [&](std::uint32_t valid, const char* spd, std::uint32_t configured = 5) {
+    record::FusedRecord r;
+    r.valid = valid;
+    r.sync[0].verdict = spd;
+    r.sync[2].verdict = "ok";
+    r.sync[2].lost = 2;
+    totals.take(r, configured, [&](Sensor s, Severity severity) {
+      heard += name_of(s) + std::string(severity == Severity::info ? " ok;" : " bad;");
+    });
+  };
+  take(5, "ok");
+  CHECK((heard.empty() && totals.doubtful == 0 && totals.trouble.empty()));
+  take(5, "weak: 98 clicks");
+  take(5, "weak: 95 clicks");
+  CHECK(heard == "spd bad;");
+  CHECK((totals.doubtful == 1 && totals.trouble == "spd weak"));
+  take(4, "no tags");
+  CHECK(heard == "spd bad;spd bad;");
+  CHECK(totals.trouble == "spd missing");
+  take(5, "ok");
+  CHECK(heard == "spd bad;spd bad;spd ok;");
+  CHECK((totals.records == 5 && totals.not_ok == 3 && totals.lost[2] == 10));
+  take(4, "not configured", 4);
+  CHECK(totals.not_ok == 3);
+}
+
 TEST_CASE("a bad sensor is red where there are colours, which take no columns") {
   Moment m;
   CHECK(m.line(26, true) == "record 7/20  \033[31ms-D\033[0m  \033[31mspd weak\033[0m");

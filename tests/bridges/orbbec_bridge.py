@@ -55,10 +55,19 @@ class Calls(CameraCase):
 
     def test_intrinsics_of_another_mode(self):
         lens = types.SimpleNamespace(**vars(sdk.camera) | {"width": 128})
-        param = types.SimpleNamespace(depth_intrinsic=lens, depth_distortion=sdk.distortion)
-        with mock.patch.object(sdk.Pipeline, "get_camera_param", lambda self: param):
+        with mock.patch.object(sdk.VideoStreamProfile, "get_intrinsic", lambda self: lens):
             self.assertRaisesRegex(RuntimeError, "128 x 64", self.open)
         self.assertEqual(recorder.calls[-1], ("stop",))
+
+    def test_intrinsics_that_are_none(self):
+        for fault, words in (("zero", "no intrinsics of the depth mode of 64 x 64 pixels: fx 0, fy 0"),
+                             ("nan", "no intrinsics of the depth mode"), ("none", "version 2 is needed")):
+            with mock.patch.object(sdk, "intrinsics", fault):
+                self.assertRaisesRegex(RuntimeError, words, self.open)
+            self.assertEqual(recorder.calls[-1], ("stop",))
+        fails = mock.Mock(side_effect=RuntimeError("Can not find matched camera param!"))
+        with mock.patch.object(sdk.VideoStreamProfile, "get_intrinsic", fails):
+            self.assertRaisesRegex(RuntimeError, "depth mode: Can not find matched camera param!$", self.open)
 
     def test_distortion_is_told(self):
         with mock.patch.object(sdk.distortion, "k1", 0.1):
@@ -78,10 +87,9 @@ class Frames(CameraCase):
         camera = self.open()
         camera._options.width, camera._options.height = 3, 2
         lens = types.SimpleNamespace(width=3, height=2, fx=2, fy=2, cx=1, cy=0.5)
-        camera._pipeline.get_camera_param = lambda: types.SimpleNamespace(depth_intrinsic=lens,
-                                                                          depth_distortion=sdk.distortion)
+        profile = types.SimpleNamespace(get_intrinsic=lambda: lens, get_distortion=lambda: sdk.distortion)
         with contextlib.redirect_stderr(io.StringIO()):
-            camera._axes = camera._read_axes()
+            camera._axes = camera._read_axes(profile)
         frame = mock.Mock(**{"get_width.return_value": 3, "get_height.return_value": 2, "get_index.return_value": 42,
                              "get_depth_scale.return_value": 1.0, "get_timestamp_us.return_value": 123_456_789_012,
                              "get_data.return_value": np.array([0, 1000, 2000, 3000, 4000, 65535], "<u2").view("u1")})
@@ -148,6 +156,11 @@ class Process(unittest.TestCase):
         with Program("orbbec.py", STAND_IN_CAMERAS="0") as program:
             self.assertEqual(program.process.wait(10), 4)
             self.assertEqual(program.said(), "orbbec: no Orbbec camera is connected\n")
+
+    def test_zero_intrinsics_are_refused(self):
+        with Program("orbbec.py", *SIZE, STAND_IN_INTRINSICS="zero") as program:
+            self.assertEqual(program.process.wait(10), 4)
+            self.assertRegex(program.said(), r"\Aorbbec: the SDK tells no intrinsics of [^\n]*\n\Z")
 
     def test_library_is_absent(self):
         with tempfile.TemporaryDirectory() as folder:

@@ -6,7 +6,10 @@ import io
 import pathlib
 import signal
 import tempfile
+import time
+import types
 import unittest
+from unittest import mock
 
 import testing
 from testing import Client, Program, connect, golden, np
@@ -24,11 +27,15 @@ def options(*arguments):
     return timetagger.parse_arguments(arguments)
 
 
-def open_tagger(*arguments):
-    """The calls made, and what was said."""
+# A library of before CustomMeasurement.
+old_library = types.SimpleNamespace(**{k: v for k, v in vars(library).items() if k != "CustomMeasurement"})
+
+
+def open_tagger(*arguments, which=library):
+    """The tagger, and what was said."""
     recorder.reset()
     with contextlib.redirect_stderr(io.StringIO()) as said:
-        tagger = timetagger.Tagger(library, options(*arguments))
+        tagger = timetagger.Tagger(which, options(*arguments))
     return tagger, said.getvalue()
 
 
@@ -36,7 +43,7 @@ class Outlet:
     """In place of the server."""
 
     def __init__(self):
-        self.blocks, self.lost = [], 0
+        self.blocks, self.lost, self.dropped = [], 0, 0
 
     def send(self, kind, payload, items):
         self.blocks.append((kind, bytes(payload), items))
@@ -77,9 +84,14 @@ class Calls(unittest.TestCase):
             ("setConditionalFilter", [], []),
             ("setEventDivider", -1, 4),
             ("sync",),
-            ("TimeTagStream", 5000, [-1, 2]),
+            ("CustomMeasurement",), ("register_channel", -1), ("register_channel", 2), ("finalize_init",),
             ("stop",), ("freeTimeTagger",)])
         self.assertIn("dead time of channel 2: 26000 ps (asked for 25001)", said)
+
+    def test_library_without_custom_measurements(self):
+        tagger, _ = open_tagger(*SETTINGS, which=old_library)
+        tagger.close()
+        self.assertEqual(recorder.calls[-3:], [("TimeTagStream", 5000, [-1, 2]), ("stop",), ("freeTimeTagger",)])
 
     def test_first_device(self):
         open_tagger("--test-signal")
@@ -98,7 +110,7 @@ class Calls(unittest.TestCase):
         self.assertEqual(delays, [("setDelaySoftware", 1, -48000)])
 
     def test_refused_settings_free_the_device(self):
-        for name in ("setTriggerLevel", "sync", "TimeTagStream"):
+        for name in ("setTriggerLevel", "sync", "CustomMeasurement"):
             recorder.reset()
             recorder.faults[name, 1] = "no"
             self.assertRaisesRegex(RuntimeError, "^no$", timetagger.Tagger, library, options("--trigger-level", "1=1"))
@@ -110,42 +122,116 @@ class Calls(unittest.TestCase):
 
 
 class Tags(unittest.TestCase):
-    def poll(self, size, *arguments):
-        """What a stream with these tags makes of it."""
-        tagger, _ = open_tagger(*arguments)
-        types, missed, channels, times = library.pattern(1, 2, 5_000_000)
-        columns = [np.resize(column, size) for column in (types, missed, channels, times)]
-        tagger._stream.getData = lambda: library.TimeTagStreamBuffer(*columns)
+    def poll(self, columns, *arguments, which=library):
+        """What becomes of these tags."""
+        tagger, _ = open_tagger(*arguments, which=which)
+        tagger._stream.stop()
+        if which is old_library:
+            tagger._stream._stream.getData = lambda: library.TimeTagStreamBuffer(*columns)
+        else:
+            tagger._stream.take()
+            tags = np.zeros(len(columns[3]), library.TAG)
+            for name, column in zip(library.TAG.names, columns):
+                tags[name] = column
+            tagger._stream.process(tags, 0, 0)
+            tags.view("u1")[:] = 0xEE  # it is the library's again
         outlet = Outlet()
-        with contextlib.redirect_stderr(io.StringIO()) as said:
+        with contextlib.redirect_stderr(io.StringIO()) as said, mock.patch.object(timetagger, "RATE_S", 0):
             pause = tagger.poll(outlet)
-        return outlet, pause, said.getvalue(), columns
+        return outlet, pause, said.getvalue()
+
+    def pattern(self, size):
+        return [np.resize(column, size) for column in library.pattern(1, 2, 5_000_000)]
 
     def test_golden_payload(self):
-        tagger, _ = open_tagger()
         columns = ([0, 0, 4, 2], [0, 0, 7, 0], [1, 2, 2, 0], [1_000_000, 1_013_443, 0, 1_100_000])
-        tagger._stream.getData = lambda: library.TimeTagStreamBuffer(
-            *(np.array(column, kind) for column, kind in zip(columns, ("u1", "u2", "i4", "i8"))))
-        outlet = Outlet()
-        tagger.poll(outlet)
-        self.assertEqual(outlet.blocks, [(bridge.TAGS, golden()[1][32:], 4)])
+        columns = [np.array(column, kind) for column, kind in zip(columns, ("u1", "u2", "i4", "i8"))]
+        for which in (library, old_library):
+            outlet, _, _ = self.poll(columns, which=which)
+            self.assertEqual(outlet.blocks, [(bridge.TAGS, golden()[1][32:], 4)])
+
+    def test_another_layout_is_copied_by_name(self):
+        tags = np.zeros(3, [("time", "i8"), ("type", "u4"), ("channel", "i4"), ("missed_events", "u4")])
+        tags["time"], tags["type"], tags["channel"], tags["missed_events"] = [5, 6, 7], [0, 4, 0], -2, 9
+        copy = timetagger.records(tags)
+        self.assertEqual(copy.dtype.itemsize, 16)
+        for name in copy.dtype.names:
+            np.testing.assert_array_equal(copy[name], tags[name])
 
     def test_long_blocks_are_divided(self):
-        outlet, pause, _, columns = self.poll(150_000)
-        self.assertEqual([items for _, _, items in outlet.blocks], [65536, 65536, 18928])
-        tags = np.frombuffer(b"".join(payload for _, payload, _ in outlet.blocks), timetagger.RECORD)
-        for name, column in zip(("type", "missed", "channel", "time"), columns):
-            np.testing.assert_array_equal(tags[name], column)
-        self.assertEqual((pause, outlet.lost), (0.02, 0))
+        columns = self.pattern(150_000)
+        for which in (library, old_library):
+            outlet, pause, _ = self.poll(columns, which=which)
+            self.assertEqual([items for _, _, items in outlet.blocks], [65536, 65536, 18928])
+            tags = np.frombuffer(b"".join(payload for _, payload, _ in outlet.blocks), timetagger.RECORD)
+            for name, column in zip(tags.dtype.names, columns):
+                np.testing.assert_array_equal(tags[name], column)
+            self.assertEqual((pause, outlet.lost), (0.02, 0))
 
     def test_nothing_is_no_block(self):
-        outlet, _, _, _ = self.poll(0)
-        self.assertEqual(outlet.blocks, [])
+        for which in (library, old_library):
+            self.assertEqual(self.poll(self.pattern(0), which=which)[0].blocks, [])
 
     def test_full_buffer_is_a_loss(self):
-        outlet, pause, said, _ = self.poll(5000, "--max-events", "5000")
-        self.assertEqual((sum(items for _, _, items in outlet.blocks), outlet.lost, pause), (5000, 1, 0))
-        self.assertIn("--max-events", said)
+        # The old stream gives what it holds and tells no number; ours knows what it refused.
+        for which, size, sent, lost in ((old_library, 5000, 5000, 1), (library, 5001, 0, 5001)):
+            outlet, pause, said = self.poll(self.pattern(size), "--max-events", "5000", which=which)
+            self.assertEqual((sum(items for _, _, items in outlet.blocks), outlet.lost, pause), (sent, lost, 0))
+            self.assertIn("--max-events", said)
+
+    def test_what_does_not_pass_is_told_with_its_rate(self):
+        said = self.poll(self.pattern(150_000))[2]  # overflows
+        self.assertRegex(said, r"tags are lost: [\d.]+ million tags/s \(\d+ MB/s\) do not pass, the device overflows; "
+                               r"67 % of them are laser pulses: --conditional-filter")
+        self.assertNotIn("--conditional-filter", self.poll(self.pattern(150_000), "--conditional-filter", "48000")[2])
+        self.assertEqual(self.poll([column[:700] for column in self.pattern(700)])[2], "")  # before the overflow
+
+    def test_rate(self):
+        """20 MHz of laser pulses are 320 MB/s."""
+        with mock.patch.object(time, "monotonic", lambda: self.now), contextlib.redirect_stderr(io.StringIO()) as said:
+            self.now = 0.0
+            losses = timetagger.Losses(options())
+            tags = np.zeros(1_000_000, timetagger.RECORD)
+            tags["channel"] = 1
+            for _ in range(20):
+                self.now += 0.05
+                losses.look([tags], 0, 0)
+            self.assertEqual(said.getvalue(), "")  # nothing is lost
+            for _ in range(2000):
+                self.now += 0.05
+                losses.look([tags], 0, dropped=round(20 * self.now))
+        self.assertEqual(said.getvalue().count("\n"), 2)  # in 100 s
+        self.assertIn("20.00 million tags/s (320 MB/s) do not pass, echofuse does not fetch them in time; 100 % of them "
+                      "are laser pulses", said.getvalue())
+
+
+class Silence(unittest.TestCase):
+    def setUp(self):
+        patch = mock.patch.object(timetagger, "SILENCE_S", 0.1), mock.patch.object(timetagger, "ANSWER_MS", 10)
+        for each in patch:
+            each.start()
+            self.addCleanup(each.stop)
+
+    def poll(self, which, seconds):
+        tagger, _ = open_tagger(which=which)
+        self.addCleanup(tagger.close)
+        outlet, end = Outlet(), time.monotonic() + seconds
+        with contextlib.redirect_stderr(io.StringIO()) as said:
+            while time.monotonic() < end:
+                time.sleep(tagger.poll(outlet))
+        self.assertGreater(len(outlet.blocks), 0)
+        return said.getvalue()
+
+    def test_unplugged_though_the_stream_runs(self):
+        for which in (library, old_library):
+            with mock.patch.object(library, "unplugged", 5):
+                self.assertRaisesRegex(RuntimeError, "does not answer", self.poll, which, 10)
+
+    def test_a_dark_laser_is_no_fault(self):
+        with mock.patch.object(library, "dark", 5):
+            said = self.poll(library, 0.6)
+        self.assertEqual(said.count("is the laser on"), 1)
+        self.assertGreaterEqual(recorder.calls.count(("sync",)), 3)  # it goes on asking
 
 
 class Process(unittest.TestCase):
@@ -182,21 +268,38 @@ class Process(unittest.TestCase):
                 self.assertEqual(second.calls()[-1], ("freeTimeTagger",))
 
     def test_device_that_comes_back(self):
-        """It fails in the 20th reading and is not there at the next opening."""
+        """It fails in the 20th look and is not there at the next openings."""
         with Program("timetagger.py", *SETTINGS[:7],
-                     STAND_IN_FAULTS="getData:20,createTimeTagger:2,createTimeTagger:3") as program:
+                     STAND_IN_FAULTS="isRunning:20,createTimeTagger:2,createTimeTagger:3") as program:
             with Client(program.address) as client:
                 blocks = [b for b in client.until(bridge.BYE) if b.kind != bridge.HELLO]  # a sign of life may be last
                 self.assertEqual(blocks[-2].kind, bridge.TAGS)
                 self.assertRaises(EOFError, client.block)
             calls = program.calls
-            testing.wait_for("device", lambda: [c[0] for c in calls()].count("TimeTagStream") == 2)
+            testing.wait_for("device", lambda: [c[0] for c in calls()].count("finalize_init") == 2)
             with connect(program.address) as client:
                 client.until(bridge.TAGS)
             opening = [c for c in calls()[: calls().index(("freeTimeTagger",))] if c[0] != "stop"]
             self.assertEqual(calls()[-len(opening):], opening)  # all settings once more
-            self.assertIn("getData failed; trying again", program.said())
+            self.assertIn("isRunning failed; trying again", program.said())
             self.assertEqual(program.stop(), 0)
+
+    def test_unplugged_device_is_opened_again(self):
+        """isRunning() stays true; the client is told goodbye, as of every device that is gone."""
+        with Program("timetagger.py", STAND_IN_UNPLUGGED="20") as program:
+            with Client(program.address) as client:
+                self.assertIn(bridge.TAGS, [b.kind for b in client.until(bridge.BYE)])
+            with connect(program.address) as client:
+                client.until(bridge.TAGS)
+            self.assertIn("the device does not answer: it is gone; trying again", program.said())
+            self.assertEqual([c[0] for c in program.calls()].count("createTimeTagger"), 2)
+            self.assertEqual(program.stop(), 0)
+
+    def test_old_library(self):
+        with Program("timetagger.py", STAND_IN_OLD="1") as program, Client(program.address) as client:
+            client.until(bridge.TAGS)
+            self.assertEqual(program.stop(), 0)
+            self.assertIn("TimeTagStream", [c[0] for c in program.calls()])
 
     def test_slow_client_loses_and_knows(self):
         with Program("timetagger.py", STAND_IN_PULSES_PER_S="inf") as program, Client(program.address) as client:

@@ -120,6 +120,39 @@ TEST_CASE("the first command is sent again when garbage got before it") {
   }
 }
 
+namespace {
+// What becomes of `cfg` on a radar with this SDK that refuses its last line with these words.
+std::string refusal(const std::string& text, const std::string& sdk, const std::string& words) {
+  Session s(text);
+  s.say("\r\n" + prompt);
+  s.wait(100ms);
+  s.say(answer("version", "mmWave SDK Version      : " + sdk + "\nDone\n"));
+  const auto lines = command_lines(text);
+  for (std::size_t i = 0; i + 1 < lines.size(); ++i) s.say(answer(lines[i].text, "Done\n"));
+  s.say(answer(lines.back().text, words));
+  return s.d.failure();
+}
+}  // namespace
+
+TEST_CASE("a cfg of another SDK is told with the SDKs and the file to use") {
+  const std::string unknown = "'calibData' is not recognized as a CLI command\n";
+  CHECK(refusal("flushCfg\ncalibData 0 0 0\n", "03.04.00.03", unknown) ==
+        "x.cfg:2: calibData 0 0 0: 'calibData' is not recognized as a CLI command; SDK 3.5 and 3.6 "
+        "know this command, this radar has mmWave SDK 03.04.00.03: use a cfg for SDK 3.4, "
+        "config/radar/xwr68xx_paper_50cm_sdk3.4.cfg");
+  const std::string partial = "Error: Full configuration must be provided\nError -1\n";
+  CHECK(
+      refusal("flushCfg\nsensorStart\n", "03.05.00.04", partial) ==
+      "x.cfg:2: sensorStart: Error: Full configuration must be provided; Error -1; the cfg is for "
+      "SDK 3.4, as it has no calibData, and this radar has mmWave SDK 03.05.00.04: use a cfg for "
+      "SDK 3.5, config/radar/xwr68xx_paper_50cm.cfg");
+  // Not the SDK's fault:
+  CHECK_THAT(refusal("flushCfg\nsensorStart\n", "03.04.00.03", partial),
+             Catch::EndsWith("Error -1"));
+  CHECK_THAT(refusal("calibData 0 0 0\nsensorStart\n", "03.06.00.00", partial),
+             Catch::EndsWith("Error -1"));
+}
+
 TEST_CASE("a refused line fails with its place and the firmware's words") {
   Session s;
   s.begin();
@@ -131,7 +164,9 @@ TEST_CASE("a refused line fails with its place and the firmware's words") {
   }
   SECTION("unknown command") {
     s.say(answer("flushCfg", "'flushCfg' is not recognized as a CLI command\n"));
-    CHECK(s.d.failure() == "x.cfg:4:   flushCfg: 'flushCfg' is not recognized as a CLI command");
+    CHECK(s.d.failure() ==
+          "x.cfg:4:   flushCfg: 'flushCfg' is not recognized as a CLI command; this radar has "
+          "mmWave SDK 03.05.00.04: is the cfg for another demo?");
   }
   SECTION("the firmware dies") {
     s.say("flushCfg\r\nException: ../mss_main.c, line 1234.\n\r");

@@ -15,9 +15,9 @@ namespace {
 
 class Console {
  public:
-  Console()
+  explicit Console(unsigned sdk = 5)
       : firmware_([this](const std::string& text) { said_ += text; },
-                  [this](const std::string& raw) { data_ += raw; }) {}
+                  [this](const std::string& raw) { data_ += raw; }, sdk) {}
 
   RadarFirmware& firmware() { return firmware_; }
   // All that the firmware says to these bytes.
@@ -117,6 +117,15 @@ TEST_CASE("a complete configuration starts, and gives the axis") {
     CHECK(axis.count == 256);
     CHECK(axis.step_m == Approx(3e8 * 12.5e6 / (2 * 166e12 * 256)).epsilon(1e-12));
   }
+}
+
+TEST_CASE("SDK 3.4 has no calibData, and starts without") {
+  Console console(4);
+  CHECK_THAT(console.send("version\n"), Catch::Contains("mmWave SDK Version      : 03.04.00.03"));
+  CHECK_THAT(console.send("calibData 0 0 0\n"),
+             Catch::Contains("'calibData' is not recognized as a CLI command"));
+  configure(console, "none", GENERATE("xwr68xx_paper_50cm_sdk3.4.cfg", "xwr68xx_44mm_sdk3.4.cfg"));
+  CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
 }
 
 TEST_CASE("an incomplete configuration does not start") {

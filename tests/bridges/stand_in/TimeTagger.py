@@ -2,8 +2,17 @@
 """The calls of Swabian's Python library that the bridge makes, with a known stream of tags.
 
 A pattern of 1000 laser pulses: each is a start; every second one a click 20000 + 100 * (k % 200) ps
-later; in front of pulse 500 an overflow in which 7 clicks were missed. 1503 tags."""
+later; in front of pulse 500 an overflow in which 7 clicks were missed. 1503 tags.
+
+Names and arguments are those of the vendor's documentation of version 2.22 (TimeTagger classes,
+Time-tag streaming, Helper classes, Raw Time-Tag-Stream access) and of its headers TimeTagger.h and
+Iterators.h; signatures.py compares them. What can go wrong, by environment:
+  STAND_IN_OLD=1        a library without CustomMeasurement
+  STAND_IN_UNPLUGGED=n  the n-th batch of tags (20 ms each) and all after it do not come and sync()
+                        times out, while isRunning() stays true; the next opening cures it
+  STAND_IN_DARK=n       the same, but sync() passes: the laser is off"""
 import os
+import threading
 import time
 
 import numpy as np
@@ -14,18 +23,33 @@ PULSES, CLICKS, MISSED = 1000, 500, 7
 PATTERN_TAGS = PULSES + CLICKS + 3
 RATE = float(os.environ.get("STAND_IN_PULSES_PER_S", "50000"))  # inf: always as many as fit
 DEAD_TIME_STEP_PS = 2000
+BLOCK_S, BLOCK_TAGS = 0.02, 131072  # setStreamBlockSize's defaults
+TAG = np.dtype([("type", "u1"), ("missed_events", "u2"), ("channel", "i4"), ("time", "i8")], align=True)
+unplugged = int(os.environ.get("STAND_IN_UNPLUGGED", "0"))
+dark = int(os.environ.get("STAND_IN_DARK", "0"))
 
 
-def createTimeTagger(serial=""):
+def createTimeTagger(serial="", resolution=0):
     called("createTimeTagger", serial)
     return TimeTagger()
 
 
 def freeTimeTagger(tagger):
+    global unplugged
     called("freeTimeTagger")
+    if tagger.silent and unplugged:
+        unplugged = 0
 
 
 class TimeTagger:
+    def __init__(self):
+        self.batches = 0
+
+    @property
+    def silent(self):
+        """No tags come any more."""
+        return any(n and self.batches >= n for n in (unplugged, dark))
+
     def getModel(self):
         return "Time Tagger Ultra"
 
@@ -62,6 +86,11 @@ class TimeTagger:
 
     def sync(self, timeout=-1):
         called("sync")
+        if not (self.silent and unplugged):
+            return True
+        assert timeout >= 0, "this would wait for ever"
+        time.sleep(1e-3 * timeout)
+        return False
 
 
 class TimeTagStreamBuffer:
@@ -95,17 +124,37 @@ def pattern(start_channel, click_channel, period_ps):
     return types[order], missed[order], channels[order], times[order]
 
 
+class Source:
+    """The tags that are due: whole patterns, as four columns."""
+
+    def __init__(self, tagger, channels, most):
+        self._tagger = tagger
+        self._period_ps = 5_000_000 if RATE == float("inf") else round(1e12 / RATE)
+        longest = -(-min(most, 1 << 20) // PATTERN_TAGS)
+        self._columns = [np.tile(column, longest) for column in pattern(*channels, self._period_ps)]
+        self._columns[3] += np.repeat(np.arange(longest), PATTERN_TAGS) * PULSES * self._period_ps
+        self._most = min(most, len(self._columns[0]))
+        self._began = time.monotonic()
+        self._done = 0  # patterns
+
+    def due(self):
+        self._tagger.batches += 1
+        if self._tagger.silent:
+            return [column[:0] for column in self._columns]
+        if RATE == float("inf"):
+            return [column[:self._most] for column in self._columns]
+        due = int((time.monotonic() - self._began) * RATE / PULSES)
+        tags = min((due - self._done) * PATTERN_TAGS, self._most)
+        part = [column[:tags] for column in self._columns]
+        part[3] = part[3] + self._done * PULSES * self._period_ps
+        self._done = due
+        return part
+
+
 class TimeTagStream:
     def __init__(self, tagger, n_max_events, channels):
         called("TimeTagStream", n_max_events, channels)
-        self._most = n_max_events
-        self._period_ps = 5_000_000 if RATE == float("inf") else round(1e12 / RATE)
-        columns = pattern(*channels, self._period_ps)
-        longest = -(-min(n_max_events, 1 << 20) // PATTERN_TAGS)
-        self._columns = [np.tile(column, longest) for column in columns]
-        self._columns[3] += np.repeat(np.arange(longest), PATTERN_TAGS) * PULSES * self._period_ps
-        self._began = time.monotonic()
-        self._done = 0  # patterns
+        self._source = Source(tagger, channels, n_max_events)
 
     def isRunning(self):
         recorder.happen("isRunning")
@@ -113,14 +162,56 @@ class TimeTagStream:
 
     def getData(self):
         recorder.happen("getData")
-        if RATE == float("inf"):
-            return TimeTagStreamBuffer(*self._columns)
-        due = int((time.monotonic() - self._began) * RATE / PULSES)
-        tags = min((due - self._done) * PATTERN_TAGS, self._most, len(self._columns[0]))
-        part = [column[:tags] for column in self._columns]
-        part[3] = part[3] + self._done * PULSES * self._period_ps
-        self._done = due
-        return TimeTagStreamBuffer(*part)
+        return TimeTagStreamBuffer(*self._source.due())
 
     def stop(self):
         called("stop")
+
+
+class CustomMeasurement:
+    """Its thread calls process() as the library's own does: under the mutex, with an array that is
+    written over after the call."""
+
+    def __init__(self, tagger):
+        called("CustomMeasurement")
+        self.mutex = threading.Lock()
+        self._standin_tagger, self._standin_channels = tagger, []
+        self._standin_end = threading.Event()
+        self._standin_thread = threading.Thread(target=self._standin_run, daemon=True)
+
+    def register_channel(self, channel):
+        called("register_channel", channel)
+        self._standin_channels.append(channel)
+
+    def finalize_init(self):
+        called("finalize_init")
+        self._standin_thread.start()
+
+    def process(self, incoming_tags, begin_time, end_time):
+        pass
+
+    def isRunning(self):
+        recorder.happen("isRunning")
+        return True
+
+    def stop(self):
+        called("stop")
+        self._standin_end.set()
+        self._standin_thread.join()
+
+    def _standin_run(self):
+        source = Source(self._standin_tagger, self._standin_channels, BLOCK_TAGS)
+        while not self._standin_end.wait(0 if RATE == float("inf") else BLOCK_S):
+            columns = source.due()
+            tags = np.empty(len(columns[3]), TAG)
+            tags.view("u1")[:] = 0  # the padding as well
+            for name, column in zip(TAG.names, columns):
+                tags[name] = column
+            if len(tags):
+                with self.mutex:
+                    self.process(tags, tags["time"][0], tags["time"][-1])
+            tags.view("u1")[:] = 0xEE
+
+
+if os.environ.get("STAND_IN_OLD"):
+    del CustomMeasurement

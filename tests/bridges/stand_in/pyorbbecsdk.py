@@ -1,6 +1,13 @@
 # SPDX-License-Identifier: MIT
 """The calls of Orbbec's Python SDK (version 2) that the bridge makes. Frame n has the values
-500 + (7 n + 3 i) % 5000 in its pixels i; STAND_IN_SCALE multiplies them."""
+500 + (7 n + 3 i) % 5000 in its pixels i, times `scale`.
+
+Names and numbers of arguments are those of the vendor's stub (orbbec/pyorbbecsdk, stubs/
+pyorbbecsdk.pyi at 9fcf324) and, for what version 2 added, of its bindings (src/pyorbbecsdk/
+stream_profile.cpp); signatures.py compares them. As in releases of version 2,
+get_camera_param() is all zeros while colour does not run (issues 56 and 103 there).
+STAND_IN_INTRINSICS=zero or nan makes those of the depth profile such as well; =none removes them, as
+in version 1."""
 import os
 import time
 import types
@@ -15,6 +22,7 @@ OBPermissionType = types.SimpleNamespace(PERMISSION_WRITE="write")
 silent = False       # no frames
 skip = 0             # frames to leave out before the next one
 scale = 1.0          # of the frames
+intrinsics = os.environ.get("STAND_IN_INTRINSICS", "")
 camera = types.SimpleNamespace(fx=50.0, fy=50.0, cx=31.5, cy=31.5, width=64, height=64)
 distortion = types.SimpleNamespace(k1=0.0, k2=0.0, k3=0.0, k4=0.0, k5=0.0, k6=0.0, p1=0.0, p2=0.0)
 
@@ -66,14 +74,29 @@ class DeviceInfo:
 
 class Config:
     def enable_stream(self, profile):
-        called("enable_stream", *profile)
+        called("enable_stream", *profile.mode)
+
+
+class VideoStreamProfile:
+    def __init__(self, mode):
+        self.mode = mode
+
+    def get_intrinsic(self):
+        if intrinsics not in ("zero", "nan"):
+            return camera
+        value = 0.0 if intrinsics == "zero" else float("nan")
+        return types.SimpleNamespace(**vars(camera) | dict.fromkeys(("fx", "fy", "cx", "cy"), value))
+
+    def get_distortion(self):
+        return distortion
 
 
 class StreamProfileList:
     def get_video_stream_profile(self, width, height, format, fps):
         if (width, height) != (camera.width, camera.height):
             raise RuntimeError("Invalid input, no matched video stream profile found!")
-        return width, height, format, fps
+        mode = width, height, format, fps
+        return types.SimpleNamespace(mode=mode) if intrinsics == "none" else VideoStreamProfile(mode)
 
 
 class Pipeline:
@@ -92,7 +115,8 @@ class Pipeline:
         called("stop")
 
     def get_camera_param(self):
-        return types.SimpleNamespace(depth_intrinsic=camera, depth_distortion=distortion)
+        zero = types.SimpleNamespace(**dict.fromkeys(vars(camera), 0))
+        return types.SimpleNamespace(depth_intrinsic=zero, depth_distortion=distortion)
 
     def wait_for_frames(self, timeout):
         global skip
@@ -102,8 +126,15 @@ class Pipeline:
             return None
         self._index += 1 + skip
         skip = 0
-        frame = DepthFrame(self._index)
-        return types.SimpleNamespace(get_depth_frame=lambda: frame)
+        return FrameSet(DepthFrame(self._index))
+
+
+class FrameSet:
+    def __init__(self, frame):
+        self._frame = frame
+
+    def get_depth_frame(self):
+        return self._frame
 
 
 class DepthFrame:

@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: MIT
+// Recorded blocks go through the drivers themselves: each file is one connection of a port that
+// reads files.
+#include <array>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "acquire/replay.hpp"
+#include "drivers/core/exit_code.hpp"
+#include "drivers/depth/bridge_camera.hpp"
+#include "drivers/tdc/bridge_tdc.hpp"
+#include "drivers/tdc/usb_protocol.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t chunk_bytes = 64u << 10;
+
+[[noreturn]] void cannot_read(const std::string& path) {
+  throw Error(ExitCode::failed, path + ": cannot read: " + std::strerror(errno));
+}
+
+std::ifstream open_file(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) cannot_read(path);
+  return in;
+}
+
+class FilePort final : public port::BytePort {
+ public:
+  // `at_end` is called once behind the last byte.
+  FilePort(boost::asio::io_context& io, const std::string& path, std::function<void()> at_end)
+      : link_(std::make_shared<Link>(
+            Link{io, path, open_file(path), std::move(at_end), {}, false, {}})) {}
+  ~FilePort() override { link_->closed = true; }
+  FilePort(const FilePort&) = delete;
+  FilePort& operator=(const FilePort&) = delete;
+
+  void open(port::PortHandlers handlers) override {
+    link_->handlers = std::move(handlers);
+    later(link_, [](const std::shared_ptr<Link>& link) {
+      link->handlers.opened();
+      later(link, step);
+    });
+  }
+  void write(ByteView) override {}
+
+ private:
+  struct Link {
+    boost::asio::io_context& io;
+    std::string path;
+    std::ifstream file;
+    std::function<void()> at_end;
+    port::PortHandlers handlers;
+    bool closed;
+    Bytes chunk;
+  };
+  template <class Action>
+  static void later(const std::shared_ptr<Link>& link, Action action) {
+    boost::asio::post(link->io, [link, action] {
+      if (!link->closed) action(link);
+    });
+  }
+  static void step(const std::shared_ptr<Link>& link) {
+    link->chunk.resize(chunk_bytes);
+    link->file.read(reinterpret_cast<char*>(link->chunk.data()), chunk_bytes);
+    if (link->file.bad()) cannot_read(link->path);
+    const auto count = static_cast<std::size_t>(link->file.gcount());
+    if (count > 0) link->handlers.bytes(ByteView(link->chunk).first(count));
+    if (link->closed) return;
+    if (count > 0) return later(link, step);
+    link->at_end();
+    link->handlers.gone({std::make_error_code(std::errc::no_message_available), link->path});
+  }
+
+  std::shared_ptr<Link> link_;
+};
+
+// What the driver does not count: where it is.
+struct Events final : SampleSink {
+  void on_tags(const TagBlock&) override {}
+  void on_radar(RadarFrame) override {}
+  void on_depth(DepthFrame) override {}
+  void on_state(Sensor, DeviceState, const DeviceInfo& info) override {
+    if (!info.model.empty()) last = info;
+  }
+  void on_event(Sensor, Severity, const std::string&) override {}
+  DeviceInfo last;
+};
+
+// Behind the last file.
+struct NoPort final : port::BytePort {
+  void open(port::PortHandlers) override {}
+  void write(ByteView) override {}
+};
+
+// Every reading is 6 s after the one before: a device that sends is healthy, and the next file
+// follows after a tenth of a second.
+class HastyClock final : public Clock {
+ public:
+  HostTime now() const override { return now_ += std::chrono::seconds(6); }
+  UtcTime utc() const override { return {}; }
+
+ private:
+  mutable HostTime now_{};
+};
+
+template <class BridgeDriver>
+Json play(const std::vector<std::string>& paths) {
+  boost::asio::io_context io;
+  std::size_t next = 0;
+  bool ended = false;
+  const auto opener = [&]() -> std::unique_ptr<port::BytePort> {
+    if (next == paths.size()) {  // the last one said goodbye
+      ended = true;
+      return std::make_unique<NoPort>();
+    }
+    return std::make_unique<FilePort>(io, paths[next++], [&] { ended = next == paths.size(); });
+  };
+  const HastyClock clock;
+  BridgeDriver driver(io, paths[0], opener, clock);
+  Events events;
+  driver.start(events);
+  while (!ended && io.run_one() > 0) {
+  }
+  Json json{{"model", events.last.model},
+            {"serial", events.last.serial},
+            {"firmware", events.last.firmware}};
+  for (const Counter& counter : driver.counters()) json[counter.name] = counter.value;
+  driver.stop();
+  return json;
+}
+
+// Transfers of a USB tagger as usb_protocol.hpp describes them.
+Json play_transfers(const std::vector<std::string>& paths) {
+  tdc::usb::RecordReader reader;
+  std::uint64_t transfers = 0, bytes = 0, cut = 0;
+  for (const std::string& path : paths) {
+    std::ifstream in = open_file(path);
+    std::uint32_t head = 0;
+    std::vector<Tag> tags;
+    while (in.read(reinterpret_cast<char*>(&head), sizeof head)) {
+      const std::size_t size = head & tdc::usb::kept_bytes_mask;
+      if (size > (std::size_t{64} << 20))
+        throw Error(ExitCode::failed, path + ": a transfer of " + std::to_string(size) +
+                                          " bytes: these are no kept USB transfers");
+      Bytes transfer(size);
+      in.read(reinterpret_cast<char*>(transfer.data()), static_cast<std::streamsize>(size));
+      if (static_cast<std::size_t>(in.gcount()) < size) {
+        ++cut;
+        break;
+      }
+      tags.clear();
+      if (head & tdc::usb::kept_gap) {
+        reader.interrupt();
+        continue;
+      }
+      reader.feed(transfer, head & tdc::usb::kept_end, tags);
+      ++transfers;
+      bytes += size;
+    }
+    if (in.bad()) cannot_read(path);
+  }
+  const tdc::usb::RecordCounts& c = reader.counts();
+  return {{"bytes", bytes}, {"transfers", transfers},
+          {"tags", c.tags}, {"junk_bytes", c.junk_bytes},
+          {"gaps", c.gaps}, {"cut_transfers", cut}};
+}
+
+bool holds_blocks(const std::string& path) {
+  std::array<char, 4> begin{};
+  std::ifstream in = open_file(path);
+  if (!in.read(begin.data(), begin.size()) && in.bad()) cannot_read(path);
+  return std::memcmp(begin.data(), "EFBR", begin.size()) == 0 || !path.ends_with(".usb");
+}
+
+}  // namespace
+
+std::string replay_tdc(const std::vector<std::string>& paths, bool json) {
+  return replay_result(
+      paths, holds_blocks(paths[0]) ? play<tdc::BridgeTdc>(paths) : play_transfers(paths), json);
+}
+
+std::string replay_depth(const std::vector<std::string>& paths, bool json) {
+  return replay_result(paths, play<depth::BridgeCamera>(paths), json);
+}
+
+}  // namespace echofuse::acquire

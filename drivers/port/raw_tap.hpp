@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: MIT
+// The bytes of devices as they came, kept in files beside a run, so that `replay` can take them
+// through the parsers again.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "drivers/core/bytes.hpp"
+#include "drivers/port/byte_port.hpp"
+
+namespace echofuse::port {
+
+struct RawLimits {
+  std::size_t queue_bytes = 64u << 20;     // that wait for the disk; more are dropped, and counted
+  std::uint64_t reserve_bytes = 1u << 30;  // of the disk, left free for the run
+};
+
+// Threading: put(), take_trouble() and finish() from any thread; none of them waits for the disk,
+// but finish(). A thread of its own writes. The first failure (a full disk, a removed folder) ends
+// the keeping, and nothing else.
+class RawKeeper {
+ public:
+  // The folder is made; Throws Error(usage) if there is something in it, Error(disk) if it cannot
+  // be made.
+  explicit RawKeeper(std::string folder, RawLimits limits = {});
+  ~RawKeeper();
+  RawKeeper(const RawKeeper&) = delete;
+  RawKeeper& operator=(const RawKeeper&) = delete;
+
+  // To FOLDER/NAME, which is made with its first bytes.
+  void put(const std::string& name, ByteView bytes);
+  // The next file of this device: NAME-001.dat with the ending ".dat"; one for each connection.
+  std::string next_name(const std::string& name, const std::string& ending);
+  // Once: why nothing is kept any more. Empty if all is well.
+  std::string take_trouble();
+  struct Counts {
+    std::uint64_t kept = 0, dropped = 0;  // bytes
+  };
+  // Writes what waits, for at most 2 s; nothing is kept after that.
+  Counts finish();
+
+ private:
+  struct Shared;
+  std::shared_ptr<Shared> shared_;
+};
+
+// The opener's ports, but each puts what it receives into a file of next_name() as well.
+// Without a keeper: the opener itself. `keeper` must outlive the ports.
+ByteOpener tap(ByteOpener opener, RawKeeper* keeper, std::string name, std::string ending);
+
+}  // namespace echofuse::port

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: MIT
+// Which release of TI's mmWave SDK a cfg and a firmware are of. From 3.5 on the demo wants a
+// `calibData` line before the first start; 3.4 does not know the command. Both kinds of cfg are in
+// config/radar.
+#pragma once
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "drivers/radar/profile.hpp"
+
+namespace echofuse::radar {
+
+// {3, 4} of "mmWave SDK 03.04.00.03" or "MMW Demo 03.04.00.03".
+std::optional<std::pair<int, int>> sdk_of(std::string_view firmware);
+
+// What to add to the message that the firmware does not know `command`, or refuses to start with
+// what the lines of `cfg` gave it: whose SDK is which, and the file to send instead. Empty if the
+// SDK is not the reason. `firmware`: what it says of itself; may be empty.
+std::string advice_for_unknown(const std::string& command, std::string_view firmware,
+                               std::string_view cfg_name);
+std::string advice_for_start(const std::vector<CfgLine>& cfg, std::string_view firmware,
+                             std::string_view cfg_name);
+
+}  // namespace echofuse::radar

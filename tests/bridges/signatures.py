@@ -1,0 +1,134 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: MIT
+"""The stand-ins have the names and arguments of the vendors' libraries, and the bridges call nothing
+that is not in these tables. They are facts copied from what the vendors publish:
+
+Swabian Instruments, documentation of the Time Tagger software 2.22 ("TimeTagger classes", "Time-tag
+streaming", "Helper classes"; CustomMeasurement.process(incoming_tags, begin_time, end_time) is "called
+whenever a new chunk of time tags is available") and its headers TimeTagger.h and Iterators.h, whose
+classes the Python module wraps (IteratorBase: isRunning, stop; CustomMeasurementBase: register_channel,
+finalize_init; TimeTagStream(tagger, n_max_events, channels)).
+
+Orbbec, orbbec/pyorbbecsdk: stubs/pyorbbecsdk.pyi at commit 9fcf324, whose arguments have no names
+(arg0, arg1, ...), hence their number; VideoStreamProfile.get_intrinsic() and get_distortion() came with
+version 2 and are in its bindings (src/pyorbbecsdk/stream_profile.cpp)."""
+import ast
+import inspect
+import unittest
+
+import testing
+
+import pyorbbecsdk
+import TimeTagger
+
+SWABIAN = {
+    "createTimeTagger": ["serial", "resolution"],
+    "freeTimeTagger": ["tagger"],
+    "TimeTagger.getModel": [],
+    "TimeTagger.getSerial": [],
+    "TimeTagger.getFirmwareVersion": [],
+    "TimeTagger.setTestSignal": ["channel", "enabled"],
+    "TimeTagger.setTriggerLevel": ["channel", "voltage"],
+    "TimeTagger.setInputDelay": ["channel", "delay"],
+    "TimeTagger.setDelayHardware": ["channel", "delay"],
+    "TimeTagger.setDelaySoftware": ["channel", "delay"],
+    "TimeTagger.setDeadtime": ["channel", "deadtime"],
+    "TimeTagger.setConditionalFilter": ["trigger", "filtered", "hardwareDelayCompensation"],
+    "TimeTagger.setEventDivider": ["channel", "divider"],
+    "TimeTagger.sync": ["timeout"],
+    "TimeTagStream.__init__": ["tagger", "n_max_events", "channels"],
+    "TimeTagStream.isRunning": [],
+    "TimeTagStream.getData": [],
+    "TimeTagStream.stop": [],
+    "TimeTagStreamBuffer.getEventTypes": [],
+    "TimeTagStreamBuffer.getMissedEvents": [],
+    "TimeTagStreamBuffer.getChannels": [],
+    "TimeTagStreamBuffer.getTimestamps": [],
+    "CustomMeasurement.__init__": ["tagger"],
+    "CustomMeasurement.register_channel": ["channel"],
+    "CustomMeasurement.finalize_init": [],
+    "CustomMeasurement.process": ["incoming_tags", "begin_time", "end_time"],
+    "CustomMeasurement.isRunning": [],
+    "CustomMeasurement.stop": [],
+}
+SWABIAN_FIELDS = {"size", "mutex"}
+
+ORBBEC = {
+    "Context.query_devices": 0,
+    "DeviceList.get_count": 0,
+    "DeviceList.get_device_by_index": 1,
+    "DeviceList.get_device_by_serial_number": 1,
+    "Device.get_device_info": 0,
+    "Device.is_property_supported": 2,
+    "Device.set_bool_property": 2,
+    "DeviceInfo.get_name": 0,
+    "DeviceInfo.get_serial_number": 0,
+    "DeviceInfo.get_firmware_version": 0,
+    "Config.enable_stream": 1,
+    "StreamProfileList.get_video_stream_profile": 4,
+    "VideoStreamProfile.get_intrinsic": 0,
+    "VideoStreamProfile.get_distortion": 0,
+    "Pipeline.__init__": 1,
+    "Pipeline.get_stream_profile_list": 1,
+    "Pipeline.start": 1,
+    "Pipeline.stop": 0,
+    "Pipeline.get_camera_param": 0,
+    "Pipeline.wait_for_frames": 1,
+    "FrameSet.get_depth_frame": 0,
+    "DepthFrame.get_index": 0,
+    "DepthFrame.get_width": 0,
+    "DepthFrame.get_height": 0,
+    "DepthFrame.get_depth_scale": 0,
+    "DepthFrame.get_timestamp_us": 0,
+    "DepthFrame.get_data": 0,
+}
+
+
+def arguments(module, name):
+    """Of a function or, without self, of a method."""
+    *owner, last = name.split(".")
+    names = list(inspect.signature(getattr(getattr(module, owner[0]) if owner else module, last)).parameters)
+    return names[1:] if owner else names
+
+
+def calls(script, owners):
+    """The methods that a bridge calls on objects with these names."""
+    tree = ast.parse((testing.root / "scripts/bridges" / script).read_text(encoding="utf-8"))
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            base = node.func.value
+            owner = base.attr if isinstance(base, ast.Attribute) else getattr(base, "id", "")
+            if owner in owners:
+                found.add(node.func.attr)
+    return found
+
+
+class Signatures(unittest.TestCase):
+    def test_swabian(self):
+        for name, expected in SWABIAN.items():
+            self.assertEqual(arguments(TimeTagger, name), expected, name)
+        # A record of the stream, in memory (documentation, "Time tag format").
+        fields = {name: (str(kind), offset) for name, (kind, offset) in TimeTagger.TAG.fields.items()}
+        self.assertEqual(fields, {"type": ("uint8", 0), "missed_events": ("uint16", 2), "channel": ("int32", 4),
+                                  "time": ("int64", 8)})
+        self.assertEqual(TimeTagger.TAG.itemsize, 16)
+
+    def test_orbbec(self):
+        for name, expected in ORBBEC.items():
+            self.assertEqual(len(arguments(pyorbbecsdk, name)), expected, name)
+
+    def test_the_bridges_call_nothing_else(self):
+        known = {name.split(".")[-1] for name in SWABIAN} | {"TimeTagStream", "take"}
+        called = calls("timetagger.py", {"library", "_library", "tagger", "_tagger", "_stream", "data"})
+        self.assertEqual(called - known, set())
+        self.assertGreater(len(called), 15)
+        known = {name.split(".")[-1] for name in ORBBEC} | {"Context", "Config", "Pipeline"}
+        called = calls("orbbec.py", {"_sdk", "sdk", "_context", "devices", "device", "info", "_pipeline", "_config",
+                                     "profiles", "profile", "frames", "frame"})
+        self.assertEqual(called - known, set())
+        self.assertGreater(len(called), 15)
+
+
+if __name__ == "__main__":
+    testing.main()

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/port/raw_tap.hpp"
+
+#include <stdlib.h>
+
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <thread>
+
+#include "drivers/bridge/bridge_writer.hpp"
+#include "drivers/core/exit_code.hpp"
+#include "hex.hpp"
+
+using namespace echofuse;
+using namespace echofuse::port;
+namespace fs = std::filesystem;
+
+namespace {
+
+struct Folder {
+  fs::path parent = make();
+  std::string path = (parent / "raw").string();
+
+  ~Folder() { fs::remove_all(parent); }
+  std::string read(const char* name) const {
+    std::ifstream in(fs::path(path) / name, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+  static fs::path make() {
+    std::string name = (fs::temp_directory_path() / "echofuse-XXXXXX").string();
+    REQUIRE(mkdtemp(name.data()));
+    return name;
+  }
+};
+
+// Tells `hello` as soon as it is opened.
+struct Speaker final : BytePort {
+  void open(PortHandlers handlers) override { handlers.bytes(test::view_of("hello")); }
+  void write(ByteView bytes) override { written.assign(bytes.begin(), bytes.end()); }
+  Bytes written;
+};
+
+}  // namespace
+
+TEST_CASE("every connection has a file of its own, made with its first bytes") {
+  const Folder folder;
+  RawKeeper keeper(folder.path);
+  std::string heard;
+  const PortHandlers handlers{[] {}, [&](ByteView b) { heard.append(b.begin(), b.end()); },
+                              [](const Failure&) {}};
+  const ByteOpener opener =
+      tap([] { return std::make_unique<Speaker>(); }, &keeper, "tags", ".blocks");
+  const auto silent = opener();  // never opened
+  for (int i = 0; i < 20; ++i) opener()->open(handlers);
+  const RawKeeper::Counts counts = keeper.finish();
+  CHECK(counts.kept == 100);
+  CHECK(counts.dropped == 0);
+  CHECK(keeper.take_trouble().empty());
+  CHECK(heard.size() == 100);
+  CHECK(folder.read("tags-001.blocks") == "hello");
+  CHECK(folder.read("tags-020.blocks") == "hello");
+  CHECK(std::distance(fs::directory_iterator(folder.path), {}) == 20);
+  keeper.put("tags-020.blocks", test::view_of("late"));
+  CHECK(keeper.finish().dropped == 4);
+}
+
+TEST_CASE("without a keeper the opener stays as it is") {
+  const auto port = tap([] { return std::make_unique<Speaker>(); }, nullptr, "x", ".y")();
+  port->write(test::view_of("w"));
+  CHECK(dynamic_cast<Speaker&>(*port).written == Bytes{'w'});
+}
+
+TEST_CASE("what the disk does not take in time is dropped and counted") {
+  const Folder folder;
+  RawKeeper keeper(folder.path, {.queue_bytes = 10, .reserve_bytes = 0});
+  keeper.put("a", Bytes(11));
+  keeper.put("a", Bytes(10));
+  const auto counts = keeper.finish();
+  CHECK(counts.dropped == 11);
+  CHECK(counts.kept == 10);
+}
+
+TEST_CASE("the first failure ends the keeping, once told") {
+  const Folder folder;
+  RawLimits limits{.reserve_bytes = 0};
+  const char* why = "";
+  SECTION("no folder any more") { why = "No such file or directory"; }
+  SECTION("no room") {
+    limits.reserve_bytes = UINT64_MAX;
+    why = "are left to the run";
+  }
+  RawKeeper keeper(folder.path, limits);
+  if (limits.reserve_bytes == 0) fs::remove(folder.path);
+  keeper.put("a", Bytes(5));
+  std::string trouble;
+  for (int i = 0; i < 2000 && trouble.empty(); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    trouble = keeper.take_trouble();
+  }
+  CHECK_THAT(trouble, Catch::Contains(why) &&
+                          Catch::EndsWith("raw bytes are no longer kept, the run goes on"));
+  CHECK(keeper.take_trouble().empty());
+  keeper.put("a", Bytes(6));
+  CHECK(keeper.finish().dropped == 11);
+}
+
+TEST_CASE("a folder with something in it is refused") {
+  const Folder folder;
+  fs::create_directories(folder.path);
+  std::ofstream(fs::path(folder.path) / "x") << "y";
+  CHECK_THROWS_WITH(RawKeeper(folder.path), Catch::Contains("is not empty"));
+  CHECK_THROWS_AS(RawKeeper((fs::path(folder.path) / "x").string()), Error);
+}
+
+TEST_CASE("the blocks of a run's camera are those of the protocol") {
+  using namespace echofuse::bridge;
+  const auto golden = test::read_golden("bridge.hex");
+  for (std::size_t i = 0; i < golden.size(); ++i) {
+    const ByteView payload = ByteView(golden[i]).subspan(header_bytes);
+    CHECK(make_block(static_cast<BlockKind>(i), static_cast<std::uint32_t>(i), i == 2 ? 5 : 0,
+                     payload) == golden[i]);
+  }
+  const ByteView depth = ByteView(golden[2]).subspan(header_bytes);
+  const auto read = read_depth(depth);
+  REQUIRE(read);
+  const Bytes again = depth_payload(read->frame, read->x, read->y);
+  CHECK(std::equal(again.begin(), again.end(), depth.begin(), depth.end()));
+  const auto hello = read_hello(hello_payload({.sensor = Sensor::depth,
+                                               .address = "a",
+                                               .model = "m \xff",
+                                               .serial = "s",
+                                               .firmware = "f",
+                                               .axes = {}}));
+  REQUIRE(hello);
+  CHECK(hello->serial == "s");
+}
