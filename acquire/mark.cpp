@@ -10,16 +10,16 @@
 namespace echofuse::acquire {
 namespace {
 
-// The record of the slot that runs now; none if the slots on disk do not tell, as none has been
-// closed since the run began or went on.
+// The record of the slot that runs now, counted on from the last one on disk; none if there is none
+// since the run began or was resumed.
 std::optional<std::int64_t> running_record(const record::RunReader& run, UtcTime now) {
-  constexpr std::int64_t usual_slots_behind = 2;  // those closed, and waiting for the disk
   const record::RunSummary sum = run.summary();
   const auto window = from_seconds(run.info().window_s);
   if (sum.records == 0 || window.count() <= 0) return std::nullopt;
-  const std::int64_t behind = std::max(HostTime(0), now - sum.last_utc) / window;
-  if (behind > usual_slots_behind) return std::nullopt;
-  return sum.records + behind;
+  const std::string last = iso8601(sum.last_utc);
+  for (const record::Event& e : run.events())
+    if (e.source == "run" && e.text.starts_with("resumed") && e.utc > last) return std::nullopt;
+  return sum.records + std::max(HostTime(0), now - sum.last_utc) / window;
 }
 
 }  // namespace

@@ -29,7 +29,7 @@ class Terminal:
         self.master, self.slave = pty.openpty()
         self.resize(columns)
         self.text = ""
-        self.reader = threading.Thread(target=self.read)
+        self.reader = threading.Thread(target=self.read, daemon=True)
         self.reader.start()
 
     def resize(self, columns):
