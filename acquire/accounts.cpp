@@ -12,15 +12,18 @@ void close_accounts(Writer& writer, RunLog& log,
                     std::array<std::vector<Counter>, sensor_count> counters, const Strays& strays) {
   for (const Sensor s : all_sensors) {
     const auto i = static_cast<std::size_t>(s);
+    counters[i].push_back({"early", strays.early[i]});
     counters[i].push_back({"late", strays.late[i]});
     counters[i].push_back({"outside", strays.outside[i]});
     counters[i].push_back({"duplicate", strays.duplicate[i]});
+    counters[i].push_back({"out_of_order", strays.out_of_order[i]});
   }
-  writer.put([counters = std::move(counters)](record::RunWriter& run) {
-    for (const Sensor s : all_sensors)
-      for (const Counter& c : counters[static_cast<std::size_t>(s)])
-        run.put_counter(name_of(s), c.name, c.value);
-  });
+  counters[0].push_back({"found", strays.found});
+  std::vector<record::Counted> rows;
+  for (const Sensor s : all_sensors)
+    for (const Counter& c : counters[static_cast<std::size_t>(s)])
+      rows.push_back({name_of(s), c.name, c.value});
+  writer.put([rows = std::move(rows)](record::RunWriter& run) { run.put_counters(rows); });
   const auto count = [&](const char* what, const std::array<std::uint64_t, sensor_count>& n) {
     if (n[0] + n[1] + n[2] > 0)
       log.put(Severity::warning, "run",

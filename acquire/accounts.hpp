@@ -10,8 +10,8 @@
 
 namespace echofuse::acquire {
 
-// At a run's end: the drivers' counters and the strays into the run, and a warning of each kind of
-// stray that there was.
+// At a run's end: the drivers' counters and the strays into the run, all of them or none, and a
+// warning of each kind of stray that matters.
 void close_accounts(Writer& writer, RunLog& log,
                     std::array<std::vector<Counter>, sensor_count> counters, const Strays& strays);
 

@@ -19,7 +19,7 @@
 //   jump   two samples in a row that agree with each other, but were read 0.25 s before they were
 //          taken, or go back by more than 1 s. A single one is a damaged time: not used, counted.
 //   step   all samples of 3 s, at least 10, are late by more than 0.1 s
-//   reset  the caller knows (reconnection)
+//   reset  the caller knows (reconnection of a radar, whose counter wraps too soon to tell)
 #pragma once
 #include <array>
 #include <cstdint>

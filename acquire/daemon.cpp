@@ -8,6 +8,7 @@
 #include <atomic>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <deque>
 #include <filesystem>
 #include <limits>
 #include <utility>
@@ -34,6 +35,7 @@ constexpr auto tick_pause = std::chrono::milliseconds(50);
 // What the devices sent while the file was being made is read before the first slot starts.
 constexpr auto settle_time = std::chrono::milliseconds(100);
 constexpr auto anchor_pause = std::chrono::minutes(1);
+constexpr std::int64_t most_behind = 32;  // slots that wait behind those of a pause
 
 // Leaves a second for the devices and the disk: SIGTERM closes a run within 5 s.
 constexpr auto close_limit = std::chrono::seconds(4);
@@ -48,6 +50,7 @@ class Daemon final : private SampleSink {
       : config_(config),
         options_(options),
         clock_(clock),
+        label_(config.label),
         log_(clock),
         devices_(io_, config, clock, *this, keep_raw(options)) {}
 
@@ -66,6 +69,8 @@ class Daemon final : private SampleSink {
     Windows windows;
     SignalCheck signal;
     Writer writer;
+    std::deque<DueSlot> due;      // to be closed
+    std::int64_t pause_end = -1;  // last of the slots that became due at once
     StatusLine status;
   };
 
@@ -90,7 +95,9 @@ class Daemon final : private SampleSink {
   }
   void arm();
   void tick();
+  void close_due(HostTime now);
   void close_slot(const DueSlot& due, std::chrono::nanoseconds late);
+  void put_late();
   void end();
 
   boost::asio::io_context io_;  // first: destroyed last
@@ -98,6 +105,7 @@ class Daemon final : private SampleSink {
   const Config& config_;
   const RunOptions& options_;
   const Clock& clock_;
+  std::string label_;
   RunLog log_;
   std::optional<port::RawKeeper> raw_;
   Devices devices_;
@@ -109,8 +117,10 @@ class Daemon final : private SampleSink {
   HostTime anchor_mono_{};
   UtcTime anchor_utc_{};
   RunTotals totals_;
-  std::int64_t incomplete_ = 0;   // records without a required sensor
+  std::array<std::uint64_t, sensor_count> early_{};  // heard before there were slots
+  std::int64_t incomplete_ = 0;                      // records without a required sensor
   std::int64_t first_index_ = 0;  // of a resumed run: slots are counted from here
+  std::int64_t records_before_ = 0;
   std::vector<Axis> begun_axes_;  // of a resumed run
   std::string gap_;               // of a resumed run: what to note of it
   bool ending_ = false;           // interrupted
@@ -162,7 +172,9 @@ std::unique_ptr<record::RunWriter> Daemon::open_file() {
   for (const Sensor s : all_sensors) refuse_other_axes(begun_axes_, devices_[s].info);
   ResumedRun resumed = reopen_run(options_.out, clock_.utc());
   first_index_ = resumed.file->next_index();
+  records_before_ = resumed.file->records();
   gap_ = std::move(resumed.gap);
+  if (resumed.label && !options_.label_given) label_ = *resumed.label;
   return std::move(resumed.file);
 }
 
@@ -241,21 +253,30 @@ void Daemon::put_anchor() {
 
 void Daemon::on_tags(const TagBlock& block) {
   clocks_.hear(block);
-  if (!recording_) return;
+  if (!recording_) {
+    early_[0] += block.tags.size();
+    return;
+  }
   totals_.tags += block.tags.size();
   recording_->windows.add(block);
 }
 
 void Daemon::on_radar(RadarFrame frame) {
   clocks_.hear(frame);
-  if (!recording_) return;
+  if (!recording_) {
+    ++early_[1];
+    return;
+  }
   ++totals_.radar_frames;
   recording_->windows.add(frame);
 }
 
 void Daemon::on_depth(DepthFrame frame) {
   clocks_.hear(frame);
-  if (!recording_) return;
+  if (!recording_) {
+    ++early_[2];
+    return;
+  }
   ++totals_.depth_frames;
   recording_->windows.add(std::move(frame));
 }
@@ -263,7 +284,9 @@ void Daemon::on_depth(DepthFrame frame) {
 void Daemon::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
   log(state == DeviceState::faulted ? Severity::warning : Severity::info, name_of(sensor),
       std::string(name_of(state)) + " " + info.address);
-  if (state != DeviceState::streaming) clocks_.reset(sensor);
+  // What a sender kept and sends now stands where the clock that it had places it. A clock that
+  // began anew shows by itself, but not one that wraps after seconds.
+  if (state != DeviceState::streaming && sensor == Sensor::radar) clocks_.reset(sensor);
   if (!recording_) return;
   if (sensor == Sensor::spd) recording_->windows.tag_gap();
   if (state == DeviceState::streaming) announce(sensor);
@@ -274,7 +297,8 @@ void Daemon::on_event(Sensor sensor, Severity severity, const std::string& text)
 }
 
 void Daemon::arm() {
-  const HostTime next = std::min(recording_->scheduler.next_deadline(), clock_.now() + tick_pause);
+  HostTime next = clock_.now() + tick_pause;
+  if (!recording_->scheduler.done()) next = std::min(next, recording_->scheduler.next_deadline());
   timer_.expires_at(std::chrono::steady_clock::time_point(next));
   timer_.async_wait([this](const boost::system::error_code& error) {
     if (!error) tick();
@@ -285,14 +309,13 @@ void Daemon::tick() {
   Recording& r = *recording_;
   const HostTime now = clock_.now();
   if (interrupted() && !std::exchange(ending_, true)) interrupt(now);
-  for (const DueSlot& due : r.scheduler.tick(now))
-    close_slot(due, r.scheduler.lateness(due.index, now));
+  close_due(now);
   if (now - anchor_mono_ >= anchor_pause) put_anchor();
   tell_raw_trouble();
   const std::int64_t written = r.writer.written();
   if (std::exchange(totals_.written, written) != written) notify_advance(written);
   show_status(now);
-  if (r.scheduler.done() || r.writer.failed())
+  if ((r.scheduler.done() && r.due.empty()) || r.writer.failed())
     io_.stop();
   else
     arm();
@@ -300,8 +323,24 @@ void Daemon::tick() {
 
 void Daemon::show_status(HostTime now) {
   if (const std::uint64_t free = free_; free != unknown_free) totals_.free_bytes = free;
-  totals_.label = recording_->writer.label().value_or(config_.label);
+  totals_.label = recording_->writer.label().value_or(label_);
   recording_->status.update(now, totals_);
+}
+
+// After a pause of the program many slots are due at once; they go to the disk as it takes them, as
+// long as that does not last: then it is too slow.
+void Daemon::close_due(HostTime now) {
+  Recording& r = *recording_;
+  const std::vector<DueSlot> fresh = r.scheduler.tick(now);
+  r.due.insert(r.due.end(), fresh.begin(), fresh.end());
+  if (fresh.size() > 1) r.pause_end = fresh.back().index;
+  const auto may_wait = [&] {
+    return r.due.front().index <= r.pause_end && r.due.back().index - r.pause_end < most_behind;
+  };
+  while (!r.due.empty() && !(may_wait() && r.writer.crowded())) {
+    close_slot(r.due.front(), r.scheduler.lateness(r.due.front().index, now));
+    r.due.pop_front();
+  }
 }
 
 // The run ends with the slot that is running, or with the one before if that takes too long; before
@@ -325,7 +364,7 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
   record.index += first_index_;
   record.books.closed_late_s = seconds(late);
   record.slot_utc = anchor_utc_ + (record.slot_start - anchor_mono_);
-  record.label = config_.label;
+  record.label = label_;
   incomplete_ += record.missing != 0;
   totals_.take(record, config_.configured(), [&](Sensor sensor, Severity severity) {
     log(severity, name_of(sensor),
@@ -338,6 +377,15 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
     log(Severity::error, "run file",
         "record " + std::to_string(due.index + first_index_) +
             ": its data are given up, the disk is too slow");
+  put_late();
+}
+
+void Daemon::put_late() {
+  record::LateCounts late = recording_->windows.take_late();
+  if (late.empty()) return;
+  recording_->writer.put([late = std::move(late), first = first_index_](record::RunWriter& run) {
+    run.put_late(first, late);
+  });
 }
 
 void Daemon::end() {
@@ -354,19 +402,29 @@ void Daemon::end() {
             std::to_string(bytes.dropped) + " were not");
   }
   r.windows.finish();
-  close_accounts(r.writer, log_, std::move(counters), r.windows.strays());
-  r.writer.finish(status_);
+  put_late();
+  Strays strays = r.windows.strays();
+  for (std::size_t s = 0; s < sensor_count; ++s) strays.early[s] += early_[s];
+  close_accounts(r.writer, log_, std::move(counters), strays);
+  if (!r.writer.finish(status_))
+    spdlog::warn(
+        "{}: another program reads it; its last records stay in {}-wal until "
+        "`echofuse-acquire recover` or the next --resume",
+        options_.out, options_.out);
   totals_.written = r.writer.written();
   r.status.finish(clock_.now(), totals_);
-  const std::string incomplete = incomplete_ == 0 ? ""
-                                                  : "; " + std::to_string(incomplete_) +
-                                                        " incomplete, without a required device";
-  const std::string doubtful =
-      totals_.not_ok == 0 ? "" : "; " + std::to_string(totals_.not_ok) + " with a sensor not ok";
-  spdlog::info("{}: {} records, {}{}{}; arrived: {} tags, {} radar frames, {} depth frames",
-               options_.out, totals_.written, status_, incomplete, doubtful,
-               devices_[Sensor::spd].samples, devices_[Sensor::radar].samples,
-               devices_[Sensor::depth].samples);
+  std::string doubts;
+  if (incomplete_ > 0)
+    doubts += "; " + std::to_string(incomplete_) + " incomplete, without a required device";
+  if (totals_.not_ok > 0) doubts += "; " + std::to_string(totals_.not_ok) + " with a sensor not ok";
+  std::string records = std::to_string(totals_.written);
+  if (options_.count) records += " of " + std::to_string(*options_.count);
+  records += " records";
+  if (options_.resume)
+    records += ", " + std::to_string(records_before_ + totals_.written) + " in all";
+  spdlog::info("{}: {}, {}{}; arrived: {} tags, {} radar frames, {} depth frames", options_.out,
+               records, status_, doubts, devices_[Sensor::spd].samples,
+               devices_[Sensor::radar].samples, devices_[Sensor::depth].samples);
 }
 
 }  // namespace

@@ -17,7 +17,8 @@ struct RunOptions {
   std::string out;                    // the run file to make
   std::optional<std::int64_t> count;  // slots; none: until interrupted
   std::vector<std::pair<std::string, std::string>> meta;
-  bool resume = false;  // continue `out`, which exists
+  bool resume = false;       // continue `out`, which exists
+  bool label_given = false;  // by the command line: a resumed run does not keep its last one
   bool quiet = false;
   bool strict = false;   // the code partial if a record has a sensor that is not ok
   std::string keep_raw;  // folder for the devices' bytes; empty: not kept

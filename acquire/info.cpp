@@ -15,6 +15,16 @@ Json by_sensor(const std::array<std::int64_t, sensor_count>& values) {
   return {{"spd", values[0]}, {"radar", values[1]}, {"depth", values[2]}};
 }
 
+// {"part": 0, "spd": {"tags": 123, ...}, ...}
+Json parts_of(const record::RunReader& run) {
+  Json parts = Json::array();
+  for (const record::Counted& c : run.counters()) {
+    if (parts.empty() || parts.back()["part"] != c.part) parts.push_back({{"part", c.part}});
+    parts.back()[c.source][c.name] = c.value;
+  }
+  return parts;
+}
+
 Json to_json(const record::RunReader& run) {
   const record::RunInfo info = run.info();
   const record::RunSummary sum = run.summary();
@@ -81,6 +91,7 @@ Json to_json(const record::RunReader& run) {
           {"notes", info.notes},
           {"meta", meta},
           {"marks", marks},
+          {"counters", parts_of(run)},
           {"axes", axes},
           {"calibrations", calibrations},
           {"devices", devices}};
@@ -103,6 +114,12 @@ std::string list(const Json& object) {
   return text;
 }
 
+Json without_zeros(Json object) {
+  for (auto item = object.begin(); item != object.end();)
+    item = item.value() == 0 ? object.erase(item) : std::next(item);
+  return object;
+}
+
 std::string to_text(const Json& j) {
   std::string out =
       word(j["file"]) + ": " + word(j["records"]) + " records, " + word(j["status"]) + "\n";
@@ -122,6 +139,11 @@ std::string to_text(const Json& j) {
   for (const auto& [sensor, clock] : j["clocks"].items())
     line("clock", sensor + ": " + list(clock));
   line("lost", list(j["lost"]) + "; tags " + word(j["tags"]));
+  for (const auto& part : j["counters"])
+    for (const Sensor s : {Sensor::spd, Sensor::radar, Sensor::depth})
+      if (part.contains(name_of(s)))
+        line("counted", "part " + word(part["part"]) + " " + name_of(s) + ": " +
+                            list(without_zeros(part[name_of(s)])));
   line("labels", list(j["labels"]));
   line("events", list(j["events"]));
   for (const auto& a : j["axes"])

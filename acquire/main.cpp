@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
@@ -118,6 +119,8 @@ void plan_count(Options& o, const Config& config) {
 ExitCode run(Options& o) {
   Config config = load(o);
   if (o.label) config.label = *o.label;
+  o.run.label_given = o.label || std::any_of(o.assignments.begin(), o.assignments.end(),
+                                             [](auto& a) { return a.starts_with("run.label"); });
   if (o.operator_name) config.operator_name = *o.operator_name;
   for (const auto& pair : o.meta) {
     const auto equals = pair.find('=');
@@ -380,7 +383,7 @@ int main(int argc, char** argv) {
       options.config_given |= c->count("--config") + c->count("--set") > 0;
     if (app.get_subcommands().empty()) throw CLI::RequiredError("a command");
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : static_cast<int>(ExitCode::usage);
+    return run_main(program, [&] { return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage; });
   }
   return run_main(program, [&] { return dispatch(command_of(app), options); });
 }

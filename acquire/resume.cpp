@@ -4,7 +4,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <map>
 #include <set>
 #include <sstream>
@@ -61,6 +63,15 @@ std::string other_calibration(const Calibration& before, const Calibration& now)
   return differing;
 }
 
+void refuse_read_only(const std::filesystem::path& run, const std::filesystem::path& place,
+                      const std::string& what) {
+  if (::access(place.c_str(), W_OK) == 0) return;
+  throw Error(ExitCode::disk,
+              run.string() + ": " +
+                  (errno == EROFS ? what + " is on a read-only file system"
+                                  : what + " is read-only: " + std::strerror(errno)));
+}
+
 }  // namespace
 
 void refuse_other_config(const record::RunInfo& begun,
@@ -96,14 +107,16 @@ void refuse_bad_target(const std::filesystem::path& out) {
                                       "another name");
   if (!std::filesystem::is_directory(out.parent_path()))
     throw Error(ExitCode::disk, out.string() + ": its folder does not exist");
-  if (::access(out.parent_path().c_str(), W_OK) != 0)
-    throw Error(ExitCode::disk, out.string() + ": its folder is read-only");
+  refuse_read_only(out, out.parent_path(), "its folder");
 }
 
 void refuse_resuming(const record::RunReader& begun, const Config& config) {
   const record::RunInfo info = begun.info();
   if (info.status == "open")
     throw Error(ExitCode::failed, begun.path() + ": is being recorded by another process");
+  const std::filesystem::path file = begun.path();
+  refuse_read_only(file, file, "it");
+  refuse_read_only(file, file.parent_path(), "its folder");
   refuse_other_config(info, begun.calibrations(), config);
 }
 
@@ -126,6 +139,7 @@ ResumedRun reopen_run(const std::string& out, UtcTime now) {
   ResumedRun resumed;
   const std::string status = begun.info().status;
   const record::RunSummary sum = begun.summary();
+  resumed.label = begun.last_label();
   resumed.file = std::make_unique<record::RunWriter>(out);
   resumed.gap =
       "resumed at record " + std::to_string(resumed.file->next_index()) + ", was " + status;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -27,7 +28,8 @@ void refuse_other_axes(const std::vector<Axis>& begun, const DeviceInfo& device)
 
 // Throws Error: `out` exists (failed), its folder does not or cannot be written (disk).
 void refuse_bad_target(const std::filesystem::path& out);
-// Throws Error: it is being recorded (failed), or refuse_other_config does.
+// Throws Error: it is being recorded (failed) or cannot be written (disk), or refuse_other_config
+// does.
 void refuse_resuming(const record::RunReader& begun, const Config& config);
 
 std::unique_ptr<record::RunWriter> make_run(
@@ -36,7 +38,8 @@ std::unique_ptr<record::RunWriter> make_run(
 
 struct ResumedRun {
   std::unique_ptr<record::RunWriter> file;
-  std::string gap;  // what to note of it
+  std::string gap;                   // what to note of it
+  std::optional<std::string> label;  // its last one
 };
 ResumedRun reopen_run(const std::string& out, UtcTime now);
 

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: MIT
-// What happens during a run: to the terminal, and warnings and errors into the run as well.
+// What happens during a run: to the terminal, and warnings and errors into the run as well. A
+// source has 100 lines in 10 s; of those beyond, the next line after that says how many there were:
+// no device can fill the disk, or the writer's queue, with what it does.
 #pragma once
+#include <map>
 #include <string>
 #include <vector>
 
@@ -19,7 +22,14 @@ class RunLog {
   void attach(Writer& writer);
 
  private:
+  struct Source {
+    HostTime since{};
+    unsigned lines = 0, left_out = 0;
+  };
+  void write(Severity severity, const std::string& source, const std::string& text);
+
   const Clock& clock_;
+  std::map<std::string, Source> sources_;
   Writer* writer_ = nullptr;
   std::vector<Writer::Job> waiting_;  // events from before the file existed
 };

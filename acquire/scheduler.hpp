@@ -8,7 +8,8 @@
 // tick() wants to be called every 50 ms. A pause of more than 100 ms means that the program stood
 // still. What was sent meanwhile waits to be read, so the slot to be closed next gets another
 // grace. After a pause of more than a slot, those that began in it are marked as stalled: without a
-// fitted clock, samples bear the time at which they were read.
+// fitted clock, samples bear the time at which they were read. With one, a slot that is whole is
+// valid all the same.
 #pragma once
 #include <algorithm>
 #include <cstdint>

@@ -10,6 +10,7 @@
 namespace echofuse::acquire {
 namespace {
 
+constexpr std::size_t most_late_slots = 256;
 constexpr const char* stood_still = "the program stood still";
 constexpr const char* axis_changed = "axis differs from the one at the start of the run";
 
@@ -93,13 +94,25 @@ std::vector<Axis> Windows::axes() const {
 Windows::Slot* Windows::find(Sensor sensor, HostTime taken, std::uint64_t amount) {
   const std::int64_t k = grid_.slot_of(taken);
   if (k >= next_) return &open_[k];
-  (k < 0 ? strays_.outside : strays_.late)[at(sensor)] += amount;
+  (k < 0 ? strays_.early : strays_.late)[at(sensor)] += amount;
+  if (k >= 0 && (late_.size() < most_late_slots || late_.contains(k)))
+    late_[k][at(sensor)] += amount;
   return nullptr;
 }
 
 void Windows::add_lost(std::uint64_t Slot::*lost, HostTime taken, std::uint64_t amount) {
   const std::int64_t k = grid_.slot_of(taken);
   if (amount > 0 && k >= 0) open_[std::max(k, next_)].*lost += amount;
+}
+
+// From the last open slot that tells of losses.
+void Windows::take_back(std::uint64_t Slot::*lost, std::uint64_t amount) {
+  for (auto slot = open_.rbegin(); slot != open_.rend() && amount > 0; ++slot) {
+    const std::uint64_t part = std::min(slot->second.*lost, amount);
+    slot->second.*lost -= part;
+    amount -= part;
+  }
+  strays_.found += amount;
 }
 
 bool Windows::repeated(Sensor sensor, Numbers::Order order) {
@@ -123,7 +136,10 @@ void Windows::tag_gap() {
 }
 
 void Windows::add(const TagBlock& block) {
-  if (block.lost_blocks > 0 || block.lost_items > 0) tag_gap();
+  // What is out of order has other tags before it and behind it than in the stream.
+  const bool found = block.found_blocks > 0;
+  if (block.lost_blocks > 0 || block.lost_items > 0 || found || was_found_) tag_gap();
+  was_found_ = found;
   const ClockFit& clock = clocks_[Sensor::spd];
   const Tag* const end = block.tags.data() + block.tags.size();
   const auto taken = [&](const Tag& first) {
@@ -133,6 +149,7 @@ void Windows::add(const TagBlock& block) {
   };
   add_lost(&Slot::spd_lost, block.tags.empty() ? block.received : taken(block.tags.front()),
            block.lost_blocks + block.lost_items);
+  take_back(&Slot::spd_lost, block.found_blocks);
   for (auto rest = block.tags; !rest.empty();) {
     const HostTime from = taken(rest.front());
     const std::int64_t k = grid_.slot_of(from);
@@ -301,12 +318,15 @@ record::FusedRecord Windows::close(const DueSlot& due) {
                   .depth_frames = slot.depth_frames,
                   .radar_last = slot.radar_last,
                   .depth_last = slot.depth_last};
+  const auto span = slot.spd_times.last - slot.spd_times.first;
   const std::string faults[] = {spd_fault(slot), radar_fault(slot), depth_fault(slot)};
   for (const Sensor s : {Sensor::spd, Sensor::radar, Sensor::depth}) {
     std::string& verdict = record.sync[at(s)].verdict;
+    // What was lost meanwhile is told of by a later sample.
+    const bool cut = s == Sensor::spd && span < grid_.length * 9 / 10;
     if (!((configured_ >> at(s)) & 1u)) {
       verdict = "not configured";
-    } else if (due.stalled) {
+    } else if (due.stalled && (!faults[at(s)].empty() || !clocks_[s].sound() || cut)) {
       verdict = stood_still;
     } else if (!faults[at(s)].empty()) {
       verdict = faults[at(s)];

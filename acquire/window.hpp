@@ -5,16 +5,20 @@
 // receipt while that is not known well enough. Never after its receipt.
 // Which slot it belongs to: the one whose [start, end) holds that time, whenever it arrives, as
 // long as that slot is open. Nothing else moves it.
-//   early         before slot 0, or after the run's last slot: counted as `outside`, used nowhere
-//   late          its slot was closed already: counted as `late`, used nowhere, moves nothing
+//   early         before slot 0: counted as `early`, used nowhere
+//   outside       after the run's last slot: counted as `outside`, used nowhere
+//   late          its slot was closed already: counted as `late`, and of that slot's record; used
+//                 nowhere, moves nothing
 //   duplicate     a frame with the number and the device time of one of the eight before it:
 //                 counted as `duplicate`, used nowhere
 //   out of order  a frame with a lower number than the one before it: used as any other, counted as
-//                 `out_of_order`; tags: `backwards` of the record
+//                 `out_of_order`; tags: `backwards` of the record. A block of tags that was
+//                 counted as lost and then comes is taken off the losses again; as `found`, if the
+//                 record that tells of the loss is closed.
 // A block of tags is cut where its times cross a border, found by bisection: a tag out of order may
 // stay with its neighbours. A marker goes with the event that follows it in its block.
 // Losses belong to the slot of the sample that reports them or, if that is closed, to the next one.
-// Every tag that arrives is in the counts of exactly one record, or late, or outside.
+// Every tag that arrives is in the counts of exactly one record, or early, late or outside.
 //
 // What a record holds
 //   spd    every click of the slot's tags against the last start before it; a start survives the
@@ -43,7 +47,8 @@ namespace echofuse::acquire {
 
 // Samples that are in no record: tags for the SPD, frames for the others.
 struct Strays {
-  std::array<std::uint64_t, sensor_count> late{}, outside{}, duplicate{}, out_of_order{};
+  std::array<std::uint64_t, sensor_count> early{}, late{}, outside{}, duplicate{}, out_of_order{};
+  std::uint64_t found = 0;  // blocks of tags
 };
 
 class Windows {
@@ -70,6 +75,8 @@ class Windows {
   // The run is over: what was gathered for later slots becomes `outside`.
   void finish();
   const Strays& strays() const { return strays_; }
+  // Since the last call, for the 256 slots at most that came first; all of them are in strays().
+  record::LateCounts take_late() { return std::exchange(late_, {}); }
 
  private:
   struct Times {  // when what was used was taken
@@ -114,6 +121,7 @@ class Windows {
 
   Slot* find(Sensor sensor, HostTime taken, std::uint64_t amount);
   void add_lost(std::uint64_t Slot::*lost, HostTime taken, std::uint64_t amount);
+  void take_back(std::uint64_t Slot::*lost, std::uint64_t amount);
   bool repeated(Sensor sensor, Numbers::Order order);
   void add_part(std::span<const Tag> tags, HostTime from, HostTime to);
   void take_profile(Slot& slot, const RadarFrame& frame, HostTime taken);
@@ -136,6 +144,8 @@ class Windows {
   std::int64_t next_ = 0;  // first slot that is not closed
   Numbers radar_numbers_, depth_numbers_;
   Strays strays_;
+  record::LateCounts late_;
+  bool was_found_ = false;  // the last block of tags stands before the one before it
 };
 
 }  // namespace echofuse::acquire

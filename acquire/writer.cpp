@@ -77,6 +77,11 @@ void Writer::put(Job job) {
   wake_.notify_one();
 }
 
+bool Writer::crowded() {
+  const std::lock_guard lock(mutex_);
+  return queue_.size() >= capacity_ / 2;
+}
+
 void Writer::work() {
   std::unique_lock lock(mutex_);
   while (!failed_) {
@@ -106,15 +111,13 @@ void Writer::stop() {
   if (thread_.joinable()) thread_.join();
 }
 
-void Writer::finish(const std::string& status) {
+bool Writer::finish(const std::string& status) {
   stop();
-  if (!failed_) {
-    run_->close(status);
-    return;
-  }
+  if (!failed_) return run_->close(status);
   try {
     run_->close(is_disk(failure_) ? "stopped:disk" : "stopped:failed");
-  } catch (const Error&) {  // the first reason is the one to tell
+  } catch (const Error&) {  // the first reason is the one to tell, unless this says what is left
+    if (run_->lost()) throw;
   }
   std::rethrow_exception(failure_);
 }

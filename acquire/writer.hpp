@@ -33,14 +33,17 @@ class Writer {
   // written, with that verdict. Ten times as many jobs fail the writer.
   bool put(record::FusedRecord record);
   void put(Job job);
+  // Half of `capacity` jobs are waiting: who has many records at once gives the disk its time.
+  bool crowded();
 
   bool failed() const { return failed_; }
   std::int64_t written() const { return written_; }
   // That a mark gave to the records written last; none if none did.
   std::optional<std::string> label() const;
   // Writes what is waiting and closes the run with this status, or, if a job failed, with
-  // "stopped:disk" or (for another reason) "stopped:failed"; then throws that job's Error.
-  void finish(const std::string& status);
+  // "stopped:disk" or (for another reason) "stopped:failed"; then throws that job's Error. False if
+  // a reader keeps the run from being one file (RunWriter::close).
+  bool finish(const std::string& status);
 
  private:
   void work();

@@ -30,7 +30,9 @@ class Run:
         db.row_factory = sqlite3.Row
         self.records = [dict(r) for r in db.execute(
             "SELECT r.idx, slot_start_ns start, slot_end_ns end, tags, spd_lost, radar_lost, depth_lost, s.radar_frames,"
-            " s.radar_last, s.depth_frames, s.depth_last FROM record r JOIN slot s ON r.idx = s.idx ORDER BY r.idx")]
+            " s.radar_last, s.depth_frames, s.depth_last, ifnull(l.spd, 0) spd_late, ifnull(l.radar, 0) radar_late,"
+            " ifnull(l.depth, 0) depth_late FROM record r JOIN slot s ON r.idx = s.idx LEFT JOIN late l ON r.idx = l.idx"
+            " ORDER BY r.idx")]
         self.rows = db.execute("SELECT count(*) FROM record").fetchone()[0]
         self.counters = collections.Counter()
         for source, name, value in db.execute("SELECT source, name, value FROM counter"):
@@ -167,6 +169,9 @@ def audit_tags_within(run, entries, latency_ns):
         near = sums[bisect.bisect_left(sums, heard) - 1]
         account.fault(f"the driver heard {heard} tags, which is no sum of whole blocks sent ({near} to the block before)")
     before = heard - in_records - late - outside
+    if before != run.counters["spd", "early"]:
+        account.fault(f"{before} tags were heard and are in no record, not late and not outside; "
+                      f"{run.counters['spd', 'early']} were counted as early")
     start = run.records[0]["start"]
     may_before = sum(n for first, _, n, _ in tags.delivered if first < start)
     if not 0 <= before <= may_before:
@@ -225,17 +230,20 @@ def clock_jumps(entries):
     return jumps + ([(begun - GRACE_NS, float("inf"))] if begun is not None else [])
 
 
-def audit_frames(run, sensor, entries):
-    account = Account(sensor)
-    frames = Frames(sensor, entries)
-    counts = collections.Counter()
-    previous, got, lost, late_used, slowest = None, 0, 0, 0, 0
-    first_record = None
-    jumps = clock_jumps(entries)
+class Range:
+    """Records up to one whose last frame is known by its number, and the frames (previous, last] that are theirs."""
+
+    def __init__(self, sensor, records, previous, last):
+        self.records, self.previous, self.last = records, previous, last
+        self.got, self.lost, self.late = (sum(r[f"{sensor}_{what}"] for r in records) for what in ("frames", "lost", "late"))
+        self.numbers = range(previous + 1, last + 1)
+
+
+def ranges_of(account, run, frames, jumps):
+    """And the records after the last of them."""
+    sensor, found, records, previous = frames.sensor, [], [], None
     for record in run.records:
-        got += record[f"{sensor}_frames"]
-        lost += record[f"{sensor}_lost"]
-        first_record = first_record or record
+        records.append(record)
         last = record[f"{sensor}_last"]
         if any(begin < record["end"] and record["start"] < end for begin, end in jumps):
             continue  # the frames of these slots are audited together
@@ -244,61 +252,72 @@ def audit_frames(run, sensor, entries):
                 account.fault(f"record {record['idx']}: its last frame {last} was never sent")
             continue  # a number that was damaged: the next record shows what became of this one
         if previous is None:
-            previous = last - got - lost
-        late_used += audit_range(account, run, frames, record, previous, last, got, lost, counts)
-        slowest = max(slowest, first_record["start"] - frames.by_number[last]["t"])
-        previous, got, lost, first_record = last, 0, 0, None
+            previous = last - sum(r[f"{sensor}_frames"] + r[f"{sensor}_lost"] + r[f"{sensor}_late"] for r in records)
+        found.append(Range(sensor, records, previous, last))
+        previous, records = last, []
+    return found, records
+
+
+def audit_frames(run, sensor, entries):
+    account = Account(sensor)
+    frames = Frames(sensor, entries)
+    counts = collections.Counter()
+    ranges, rest = ranges_of(account, run, frames, clock_jumps(entries))
+    left = 0
+    for i, each in enumerate(ranges):
+        # A late frame may have a higher number than the last one of its record.
+        near = sum(r.late for r in ranges[max(0, i - 1):i + 2])
+        left += audit_range(account, run, frames, each, near, counts)
+    if left:
+        account.fault(f"{abs(left)} frames more or less are in records, late or lost than were sent")
+    got = sum(r[f"{sensor}_frames"] for r in rest)
+    previous = ranges[-1].last if ranges else None
     may = sum(1 for n in frames.by_number if frames.plausible(n, previous, run.records[-1]))
     if got > may:  # after the last record whose frames are known by their numbers
         account.fault(f"the last records have {got} {sensor} frames, at most {may} were sent")
     counts["in records"] += got
-    if late_used != run.counters[sensor, "late"]:
-        account.fault(f"{late_used} whole frames are in no record, {run.counters[sensor, 'late']} were counted as late")
+    late, outside, early = (run.counters[sensor, what] for what in ("late", "outside", "early"))
+    if (of_records := sum(r[f"{sensor}_late"] for r in run.records)) != late:
+        account.fault(f"{late} frames were counted as late, {of_records} in the records that they belong to")
+    nowhere = (run.counters[sensor, "frames"] - run.counters[sensor, "early_frames"] - late - outside - early -
+               run.counters[sensor, "duplicate"] - sum(r[f"{sensor}_frames"] for r in run.records))
+    if nowhere:
+        account.fault(f"{nowhere} frames were heard and are nowhere")
+    may = sum(1 for e in frames.by_number.values() if e["t"] < run.records[0]["start"])
+    if early > may:
+        account.fault(f"{early} frames were counted as early; before the run came at most {may}")
     for what, number in counts.items():
         account.put(what, number)
-    account.put("late", run.counters[sensor, "late"])
-    account.put("outside the run's slots", run.counters[sensor, "outside"])
+    account.put("late", late)
+    account.put("outside the run's slots", outside)
+    account.put("heard before the run", early)
     return account
 
 
-def audit_range(account, run, frames, record, previous, last, got, lost, counts):
-    """The frames (previous, last], of which `got` are in the records and `lost` were counted as lost. Returns how many
-    are explained only by having been late."""
-    numbers = range(previous + 1, last + 1)
+def audit_range(account, run, frames, part, near, counts):
+    """Returns how many frames too few (or too many) are accounted for, which a late frame of a neighbour explains if
+    they come to nothing in the end."""
+    numbers, arrived = part.numbers, part.got + part.late
     certain = sum(map(frames.certain, numbers))
     doubtful = sum(map(frames.doubtful, numbers))
     for n in numbers:
         counts["sent: " + (frames.by_number[n]["what"] if n in frames.by_number else "never")] += 1
-    counts["in records"] += got
-    counts["counted as lost"] += lost
-    times = [frames.by_number[n]["t"] for n in (previous, last) if n in frames.by_number]
-    broke = len(times) == 2 and any(times[0] - LATENCY_NS <= t <= times[1] + LATENCY_NS
-                                    for t in run.breaks[frames.sensor])
-    renumbered = frames.renumbered(previous - 2, last)
-    where = f"record {record['idx']}: {frames.sensor} frames {previous + 1} to {last}: "
-    late = 0
-    uncounted = len(numbers) - got - lost
-    if got < certain and uncounted == 0:
-        counts["sent whole, lost on the way and counted"] += certain - got
-    elif got < certain and not broke:
-        late = certain - got
-        counts["sent whole, but late"] += late
-        uncounted -= late
-    elif got < certain:
-        counts["sent whole, while the connection broke"] += certain - got
-        if frames.sensor == "radar" and uncounted > 0:  # of a frame that was in the parser: late as well
-            late, uncounted = min(uncounted, certain - got), max(0, uncounted - (certain - got))
-    if 0 < uncounted <= doubtful:  # damaged frames that passed
-        late, uncounted = late + uncounted, 0
-    if got > certain + doubtful:
-        account.fault(where + f"{got} arrived, {certain + doubtful} were sent")
-    if uncounted > 0 and frames.sensor == "depth" and broke:
-        counts["not counted, over a reconnection"] += uncounted
-    elif uncounted != 0 and not renumbered:
-        account.fault(where + f"{len(numbers) - got} are missing, {lost} were counted as lost")
-    elif uncounted != 0:
-        counts["miscounted for damaged numbers"] += uncounted
-    return late
+    counts["in records"] += part.got
+    counts["counted as lost"] += part.lost
+    counts["sent whole, lost on the way"] += max(0, certain - arrived)
+    where = f"record {part.records[-1]['idx']}: {frames.sensor} frames {part.previous + 1} to {part.last}: "
+    if arrived > certain + doubtful + near:
+        account.fault(where + f"{arrived} arrived, {certain + doubtful} were sent")
+    left = len(numbers) - arrived - part.lost
+    if left == 0:
+        return 0
+    if frames.renumbered(part.previous - 2, part.last):
+        counts["miscounted for damaged numbers"] += left
+        return 0
+    if abs(left) > near:
+        account.fault(where + f"{len(numbers) - arrived} did not arrive, {part.lost} were counted as lost")
+        return 0
+    return left
 
 
 def main():

@@ -11,9 +11,12 @@ Bytes encode_png16(std::span<const std::uint16_t> pixels, std::uint32_t width,
   const cv::Mat image(static_cast<int>(height), static_cast<int>(width), CV_16UC1,
                       const_cast<std::uint16_t*>(pixels.data()));
   Bytes png;
-  // Level 1: on depth images the higher levels cost time and save nothing.
-  cv::imencode(".png", image, png, {cv::IMWRITE_PNG_COMPRESSION, 1});
-  return png;
+  try {
+    // Level 1: on depth images the higher levels cost time and save nothing.
+    if (cv::imencode(".png", image, png, {cv::IMWRITE_PNG_COMPRESSION, 1})) return png;
+  } catch (const cv::Exception&) {  // it has limits of its own for the sides
+  }
+  return {};
 }
 
 std::vector<std::uint16_t> decode_png16(ByteView png, std::uint32_t width, std::uint32_t height) {

@@ -9,6 +9,7 @@
 
 namespace echofuse::record {
 
+// Empty if it cannot be done.
 Bytes encode_png16(std::span<const std::uint16_t> pixels, std::uint32_t width,
                    std::uint32_t height);
 // Empty if the bytes are not a 16-bit grey PNG of this size.

@@ -96,6 +96,9 @@ struct FusedRecord {
   void set_valid(Sensor s) { valid |= 1u << static_cast<unsigned>(s); }
 };
 
+// Tags, radar frames and depth frames that came after the slots with these numbers were closed.
+using LateCounts = std::map<std::int64_t, std::array<std::uint64_t, sensor_count>>;
+
 struct CalibrationEntry {
   Sensor sensor{};
   std::string date_utc, method;

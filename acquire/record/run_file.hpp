@@ -21,12 +21,21 @@ struct sqlite3;
 
 namespace echofuse::record {
 
+class FileWatch;
 class WriterLock;
 
 inline constexpr int format_version = 1;
 
+struct Counted {
+  std::string source, name;  // sensor, what was counted
+  std::uint64_t value = 0;
+  std::int64_t part = 0;  // 0, or that of a resumed run
+};
+
 // Threading: one thread at a time. Every member throws Error (disk for a full disk or a failed
-// write, failed for anything else); after a failed append the file is as it was before it.
+// write, failed for anything else); after a failed append the file is as it was before it. append()
+// and close() first look whether the file is still there, the same and sound. If it is not, both
+// throw Error(disk), and close() keeps all that was committed in a copy that its Error names.
 class RunWriter {
  public:
   // Refuses a path that exists.
@@ -43,7 +52,11 @@ class RunWriter {
   void put_calibration(const CalibrationEntry& entry);
   void put_policy(Sensor sensor, const std::string& policy);  // required or optional
   void put_anchor(HostTime mono, UtcTime utc);
-  void put_counter(const std::string& source, const std::string& name, std::uint64_t value);
+  // At the end; all of them, of the part that is being written, in one transaction.
+  void put_counters(std::span<const Counted> counters);
+  // Adds what came late to what is known of these records; `first` is the record of slot 0. All in
+  // one transaction.
+  void put_late(std::int64_t first, const LateCounts& late);
   void put_event(UtcTime utc, Severity severity, const std::string& source,
                  const std::string& text);
   void append(const FusedRecord& record);
@@ -51,26 +64,36 @@ class RunWriter {
   // there is none.
   std::optional<std::string> new_label(UtcTime before);
   void append(std::span<const FusedRecord> batch);  // one transaction: for the generator
-  void close(const std::string& status);            // folds the WAL back: one single file is left
+  // Folds the WAL back, so that one single file is left. False if another program reads the run
+  // just now: close() waits half a second for it, and then the last records stay in the WAL until
+  // recover() or a writer folds them back.
+  bool close(const std::string& status);
+  bool lost() const { return !harm_.empty(); }  // as append() or close() found
   std::int64_t records() const { return records_; }
   std::int64_t next_index() const { return next_index_; }  // at opening: 0, or after the last
 
  private:
   struct Statements;
+  void lock();
   void open();
-  void insert(const FusedRecord& record);
-  void insert_spd_status(const FusedRecord& r);
-  void insert_books(const FusedRecord& r);
-  void insert_signal(const FusedRecord& r);
-  void insert_status(const FusedRecord& record);
-  void insert_sync(const FusedRecord& record);
+  void use_wal();
+  void ready();
+  void begin_part();
   void in_transaction(const std::function<void()>& body);
+  void checkpoint();
+  void require_sound();
+  bool fold();
+  [[noreturn]] void leave(const std::string& status);
   std::string path_;
   std::unique_ptr<WriterLock> lock_;
+  std::unique_ptr<sqlite3, int (*)(sqlite3*)> handle_;
   sqlite3* db_ = nullptr;
   std::unique_ptr<Statements> statements_;
+  std::unique_ptr<FileWatch> watch_;
+  bool touched_ = false;  // by somebody else, before a checkpoint of ours
+  std::string harm_;      // what was done to the file
   std::vector<Axis> axes_;
-  std::int64_t records_ = 0, next_index_ = 0, last_event_ = 0;
+  std::int64_t records_ = 0, next_index_ = 0, last_event_ = 0, part_ = 0;
 };
 
 struct Event {
@@ -106,10 +129,13 @@ class RunReader {
   std::vector<DeviceInfo> devices() const;
   std::vector<CalibrationEntry> calibrations() const;
   std::vector<Event> events() const;
+  std::vector<Counted> counters() const;  // of an older file: as one part
   std::vector<Axis> axes() const;
   std::optional<Axis> axis(const std::string& name) const;
   std::int64_t count() const;
   RunSummary summary() const;
+  // Of the last record, or of a mark after it; none in a run without either.
+  std::optional<std::string> last_label() const;
   // Records in index order from `first` on; the callback returns false to stop. A record whose
   // blobs do not fit the axes or hold non-finite values throws Error naming the record, or, with
   // `on_bad`, is handed there and skipped.
@@ -131,7 +157,8 @@ class RunReader {
 // Throws Error(failed) if nobody is recording this run.
 void mark(const std::string& path, const std::string& level, const std::string& text);
 
-// Marks a run that a crash left "open" as "crashed" after checking it; returns the record count.
+// Marks a run that a crash left "open" as "crashed" after checking it, and folds back a WAL that
+// was left beside it; returns the record count.
 std::int64_t recover(const std::string& path);
 
 }  // namespace echofuse::record

@@ -210,6 +210,24 @@ std::vector<Event> RunReader::events() const {
   return out;
 }
 
+std::vector<Counted> RunReader::counters() const {
+  std::vector<Counted> out;
+  const auto columns = pragma(db_, path_, "SELECT count(*) FROM pragma_table_info('counter')");
+  if (columns == 0) return out;
+  const char* part = columns > 3 ? "part" : "0";
+  const std::string sql = std::string("SELECT source, name, value, ") + part + " FROM counter";
+  Statement s(db_, path_, sql.c_str());
+  while (s.step()) {
+    Counted c;
+    c.source = s.text();
+    c.name = s.text();
+    c.value = static_cast<std::uint64_t>(s.integer());
+    c.part = s.integer();
+    out.push_back(std::move(c));
+  }
+  return out;
+}
+
 std::vector<Axis> RunReader::axes() const {
   Statement s(db_, path_, "SELECT name, quantity, unit, count, start, step, scale FROM axis");
   std::vector<Axis> out;
@@ -282,20 +300,24 @@ std::string RunReader::check() const {
 
 std::int64_t recover(const std::string& path) {
   std::int64_t records = 0;
+  bool crashed = false;
   {
     const RunReader run(path);
     if (const std::string fault = run.check(); !fault.empty())
       throw Error(ExitCode::failed, path + ": damaged: " + fault);
     records = run.count();
-    if (run.info().status != "crashed") return records;
+    const std::string status = run.info().status;
+    crashed = status == "crashed";
+    if (status == "open" || (!crashed && ::access((path + "-wal").c_str(), F_OK) != 0))
+      return records;
   }
   const WriterLock lock(path);
   if (!lock.held()) throw Error(ExitCode::failed, path + ": is being written; stop the run first");
   sqlite3* db = nullptr;
   if (sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READWRITE, nullptr) != SQLITE_OK)
     sqlite_fail(db, path, "cannot open for writing");
-  execute(db, path, "UPDATE run SET status = 'crashed'; PRAGMA journal_mode=DELETE;",
-          "cannot mark as crashed");
+  if (crashed) execute(db, path, "UPDATE run SET status = 'crashed'", "cannot mark as crashed");
+  execute(db, path, "PRAGMA journal_mode=DELETE", "cannot fold its WAL back");
   sqlite3_close(db);
   return records;
 }

@@ -46,6 +46,23 @@ RunSummary RunReader::summary() const {
   return sum;
 }
 
+std::optional<std::string> RunReader::last_label() const {
+  std::optional<std::string> label;
+  std::string end;
+  Statement record(db_, path_,
+                   "SELECT label, slot_utc_ns + slot_end_ns - slot_start_ns FROM record ORDER BY "
+                   "idx DESC LIMIT 1");
+  if (record.step()) {
+    label = record.text();
+    end = iso8601(UtcTime(record.integer()));
+  }
+  Statement mark(db_, path_,
+                 "SELECT text FROM event WHERE level = 'label' AND utc >= ? ORDER BY id DESC LIMIT "
+                 "1");
+  if (mark.bind(end).step()) label = mark.text();
+  return label;
+}
+
 // Older files are without these tables.
 void RunReader::summarise_sync(RunSummary& sum) const {
   Statement incomplete(db_, path_, "SELECT count(*) FROM incomplete");

@@ -5,8 +5,12 @@
 #include <cerrno>
 #include <cstring>
 #include <random>
+#include <thread>
+#include <utility>
 
-#include "acquire/record/png.hpp"
+#include "acquire/record/file_watch.hpp"
+#include "acquire/record/record_rows.hpp"
+#include "acquire/record/rescue.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/schema.hpp"
 #include "acquire/record/sqlite.hpp"
@@ -33,6 +37,11 @@ std::string host_name() {
   return name;
 }
 
+[[noreturn]] void refuse_existing(const std::string& path) {
+  throw Error(ExitCode::failed,
+              path + ": exists already; runs are never overwritten, choose another name");
+}
+
 // Reserves the path, so that two writers cannot take the same one.
 void create_empty(const std::string& path) {
   const int fd = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0644);
@@ -40,37 +49,40 @@ void create_empty(const std::string& path) {
     ::close(fd);
     return;
   }
-  if (errno == EEXIST)
-    throw Error(ExitCode::failed,
-                path + ": exists already; runs are never overwritten, choose another name");
+  if (errno == EEXIST) refuse_existing(path);
   throw Error(ExitCode::disk, path + ": cannot create the run file: " + std::strerror(errno));
 }
 
 // Other processes may write marks; what waits for one of them longer is broken.
 constexpr int busy_timeout_ms = 30'000;
+constexpr int checkpoint_pages = 1000;  // SQLite's own default
 // The status rewrites the row of the run, configuration included, and readers need an index file.
 constexpr int reserve_bytes = 128 << 10;
-
-std::string blob_place(const FusedRecord& r, Sensor s) {
-  return "record " + std::to_string(r.index) + ": " + name_of(s);
-}
 
 }  // namespace
 
 struct RunWriter::Statements {
   Statements(sqlite3* db, const std::string& path)
-      : record(db, path,
-               "INSERT INTO record VALUES (?,?,?,?,?,?,?,?,?, ?,?,?,?,?,?,?, ?,?,?,?,?, ?,?,?,?,?, "
-               "?,?,?,?,?)"),
+      : rows(db, path),
         event(db, path, "INSERT INTO event (utc, level, source, text) VALUES (?,?,?,?)"),
         begin(db, path, "BEGIN IMMEDIATE"),
         commit(db, path, "COMMIT") {}
-  Statement record, event, begin, commit;
+  RecordRows rows;
+  Statement event, begin, commit;
 };
 
-RunWriter::RunWriter(const std::string& path, const RunInfo& info) : path_(path) {
+RunWriter::RunWriter(const std::string& path, const RunInfo& info)
+    : path_(path), handle_(nullptr, sqlite3_close) {
+  if (::access(path.c_str(), F_OK) == 0) refuse_existing(path);
+  lock();
   create_empty(path);
-  open();
+  try {
+    open();
+    use_wal();
+  } catch (...) {
+    ::unlink(path.c_str());  // empty, and of our making
+    throw;
+  }
   // In one transaction: a crash leaves a run or an empty file.
   execute(db_, path_, "BEGIN", "cannot set up");
   const std::string identity = "PRAGMA application_id=" + std::to_string(application_id) +
@@ -97,38 +109,89 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info) : path_(path)
       .run();
   for (const auto& [key, value] : info.meta)
     Statement(db_, path_, "INSERT INTO meta VALUES (?,?)").bind(key).bind(value).run();
-  execute(db_, path_, "COMMIT", "cannot create the tables");
-  statements_ = std::make_unique<Statements>(db_, path_);
+  execute(db_, path_, "INSERT INTO part SELECT 0, 0, started_utc FROM run; COMMIT",
+          "cannot create the tables");
+  ready();
 }
 
-RunWriter::RunWriter(const std::string& path) : path_(path) {
+RunWriter::RunWriter(const std::string& path) : path_(path), handle_(nullptr, sqlite3_close) {
   axes_ = RunReader(path).axes();  // and: it is a run file
+  lock();
   open();
+  use_wal();
+  execute(db_, path_, "BEGIN IMMEDIATE", "cannot reopen");
   execute(db_, path_, schema, "cannot add the tables of this version");
+  if (!Statement(db_, path_, "SELECT 1 FROM pragma_table_info('counter') WHERE name = 'part'")
+           .step())
+    execute(db_, path_, "ALTER TABLE counter ADD COLUMN part INTEGER DEFAULT 0", "cannot reopen");
   execute(db_, path_, "UPDATE run SET status = 'open', ended_utc = ''", "cannot reopen");
   Statement state(db_, path_,
                   "SELECT count(*), ifnull(max(idx) + 1, 0), (SELECT ifnull(max(id), 0) FROM "
                   "event) FROM record");
   state.step();
   for (std::int64_t* v : {&records_, &next_index_, &last_event_}) *v = state.integer();
-  statements_ = std::make_unique<Statements>(db_, path_);
+  begin_part();
+  execute(db_, path_, "COMMIT", "cannot reopen");
+  ready();
 }
 
-void RunWriter::open() {
+// An older file is one part, whatever was resumed before.
+void RunWriter::begin_part() {
+  execute(db_, path_, "INSERT OR IGNORE INTO part SELECT 0, 0, started_utc FROM run",
+          "cannot begin a part");
+  Statement last(db_, path_, "SELECT max(part) FROM part");
+  last.step();
+  part_ = last.integer() + 1;
+  Statement(db_, path_, "INSERT INTO part VALUES (?,?,?)")
+      .bind(part_)
+      .bind(next_index_)
+      .bind(iso8601(SystemClock().utc()))
+      .run();
+}
+
+void RunWriter::lock() {
   lock_ = std::make_unique<WriterLock>(path_);
   if (!lock_->held())
     throw Error(ExitCode::failed, path_ + ": is being written by another process");
-  if (sqlite3_open_v2(path_.c_str(), &db_, SQLITE_OPEN_READWRITE, nullptr) != SQLITE_OK)
-    sqlite_fail(db_, path_, "cannot open");
-  lock_->reserve(reserve_bytes);
-  sqlite3_busy_timeout(db_, busy_timeout_ms);
-  execute(db_, path_, "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL;", "cannot set up");
 }
 
-RunWriter::~RunWriter() {
-  statements_.reset();
-  sqlite3_close(db_);
+void RunWriter::open() {
+  const int code = sqlite3_open_v2(path_.c_str(), &db_, SQLITE_OPEN_READWRITE, nullptr);
+  handle_.reset(db_);
+  if (code != SQLITE_OK) sqlite_fail(db_, path_, "cannot open");
+  lock_->reserve(reserve_bytes);
+  sqlite3_busy_timeout(db_, busy_timeout_ms);
 }
+
+void RunWriter::use_wal() {
+  Statement mode(db_, path_, "PRAGMA journal_mode=WAL");
+  const std::string answer = mode.step() ? mode.text() : "";
+  if (answer != "wal")
+    throw Error(ExitCode::disk, path_ +
+                                    ": this file system cannot hold a run while it is written "
+                                    "(no shared memory for SQLite's WAL, as on a network); "
+                                    "record to a local disk");
+  execute(db_, path_, "PRAGMA synchronous=FULL", "cannot set up");
+}
+
+// After the first write, which makes the WAL.
+void RunWriter::ready() {
+  statements_ = std::make_unique<Statements>(db_, path_);
+  watch_ = std::make_unique<FileWatch>(path_);
+  const auto hook = [](void* self, sqlite3*, const char*, int pages) {
+    if (pages >= checkpoint_pages) static_cast<RunWriter*>(self)->checkpoint();
+    return SQLITE_OK;
+  };
+  sqlite3_wal_hook(db_, hook, this);  // instead of SQLite's own, so that we know which was ours
+}
+
+void RunWriter::checkpoint() {
+  touched_ = touched_ || watch_->touched();
+  sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
+  watch_->note();
+}
+
+RunWriter::~RunWriter() = default;
 
 void RunWriter::put_axis(const Axis& axis) {
   Statement(db_, path_, "INSERT INTO axis VALUES (?,?,?,?,?,?,?)")
@@ -171,13 +234,12 @@ void RunWriter::put_policy(Sensor sensor, const std::string& policy) {
       .run();
 }
 
-void RunWriter::put_counter(const std::string& source, const std::string& name,
-                            std::uint64_t value) {
-  Statement(db_, path_, "INSERT INTO counter VALUES (?,?,?)")
-      .bind(source)
-      .bind(name)
-      .bind(value)
-      .run();
+void RunWriter::put_counters(std::span<const Counted> counters) {
+  in_transaction([&] {
+    Statement row(db_, path_, "INSERT INTO counter VALUES (?,?,?,?)");
+    for (const Counted& c : counters)
+      row.bind(c.source).bind(c.name).bind(c.value).bind(part_).run();
+  });
 }
 
 void RunWriter::put_anchor(HostTime mono, UtcTime utc) {
@@ -198,123 +260,6 @@ void RunWriter::put_event(UtcTime utc, Severity severity, const std::string& sou
       .run();
 }
 
-void RunWriter::insert(const FusedRecord& r) {
-  const auto expect = [&](Sensor s, std::size_t got, std::size_t wanted) {
-    if (r.has(s) && got != wanted)
-      throw Error(ExitCode::failed, path_ + ": " + blob_place(r, s) + " has " +
-                                        std::to_string(got) + " values, its axis " +
-                                        std::to_string(wanted));
-  };
-  const auto count_of = [&](const char* name) -> std::uint32_t {
-    for (const auto& a : axes_)
-      if (a.name == name) return a.count;
-    return 0;
-  };
-  const std::uint32_t width = count_of("depth_x"), height = count_of("depth_y");
-  expect(Sensor::spd, r.spd.size(), count_of("spd"));
-  expect(Sensor::radar, r.radar.size(), count_of("radar"));
-  expect(Sensor::depth, r.depth_mm.size(), std::size_t{width} * height);
-  const Bytes png = r.has(Sensor::depth) ? encode_png16(r.depth_mm, width, height) : Bytes{};
-
-  Statement& s = statements_->record;
-  s.reset();
-  s.bind(r.index)
-      .bind(std::int64_t{r.slot_start.count()})
-      .bind(std::int64_t{r.slot_end.count()})
-      .bind(std::int64_t{r.slot_utc.count()})
-      .bind(std::int64_t{r.valid})
-      .bind(r.label);
-  const SpdCounts& c = r.spd_counts;
-  for (const std::uint64_t v :
-       {c.tags, c.starts, c.in_range, c.out_of_range, c.without_start, c.other, c.lost})
-    s.bind(v);
-  for (const SensorSync& y : r.sync)
-    s.bind(y.offset_s).bind(y.span_s).bind(y.used).bind(y.lost).bind(y.verdict);
-  s.bind(r.has(Sensor::spd) ? as_bytes(r.spd) : ByteView{})
-      .bind(r.has(Sensor::radar) ? as_bytes(r.radar) : ByteView{})
-      .bind(ByteView{png})
-      .run();
-  if (r.radar_stats || r.radar_temperature) insert_status(r);
-  insert_spd_status(r);
-  insert_sync(r);
-  insert_books(r);
-  insert_signal(r);
-}
-
-void RunWriter::insert_sync(const FusedRecord& r) {
-  if (r.missing != 0) {
-    std::string names;
-    for (const Sensor sensor : {Sensor::spd, Sensor::radar, Sensor::depth}) {
-      if (!((r.missing >> static_cast<unsigned>(sensor)) & 1u)) continue;
-      if (!names.empty()) names += ' ';
-      names += name_of(sensor);
-    }
-    Statement(db_, path_, "INSERT INTO incomplete VALUES (?,?)").bind(r.index).bind(names).run();
-  }
-  if (!r.clocks[0] && !r.clocks[1] && !r.clocks[2]) return;
-  Statement s(db_, path_, "INSERT INTO clock_fit VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?)");
-  s.bind(r.index);
-  for (const auto& clock : r.clocks)
-    if (clock)
-      s.bind(clock->offset_s).bind(clock->drift_ppm).bind(clock->residual_s).bind(clock->samples);
-    else
-      for (int i = 0; i < 4; ++i) s.bind(ByteView{});
-  s.run();
-}
-
-void RunWriter::insert_books(const FusedRecord& r) {
-  const SlotBooks& b = r.books;
-  Statement s(db_, path_, "INSERT INTO slot VALUES (?,?,?,?,?,?)");
-  const auto put = [&](std::uint64_t frames, std::optional<std::uint32_t> last) {
-    s.bind(frames);
-    last ? s.bind(std::int64_t{*last}) : s.bind(ByteView{});
-  };
-  s.bind(r.index);
-  put(b.radar_frames, b.radar_last);
-  put(b.depth_frames, b.depth_last);
-  s.bind(b.closed_late_s).run();
-}
-
-void RunWriter::insert_signal(const FusedRecord& r) {
-  const Signal& n = r.signal;
-  if (n == Signal{}) return;
-  Statement s(db_, path_, "INSERT INTO signal VALUES (?,?,?,?,?,?,?)");
-  s.bind(r.index);
-  for (const auto& v : {n.clicks_a_pulse, n.spd_clicks, n.spd_peak_m, n.radar_snr_db,
-                        n.radar_peak_m, n.depth_share})
-    v ? s.bind(*v) : s.bind(ByteView{});
-  s.run();
-}
-
-void RunWriter::insert_spd_status(const FusedRecord& r) {
-  const SpdCounts& c = r.spd_counts;
-  if (c.missed + c.overflows + c.errors + c.bad_tags + c.backwards + c.removed == 0) return;
-  Statement s(db_, path_, "INSERT INTO spd_status VALUES (?,?,?,?,?,?,?)");
-  s.bind(r.index);
-  for (const std::uint64_t v :
-       {c.missed, c.overflows, c.errors, c.bad_tags, c.backwards, c.removed})
-    s.bind(v);
-  s.run();
-}
-
-void RunWriter::insert_status(const FusedRecord& r) {
-  Statement s(db_, path_, "INSERT INTO radar_status VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
-  s.bind(r.index);
-  const auto put = [&](bool there, std::int64_t value) {
-    there ? s.bind(value) : s.bind(ByteView{});
-  };
-  const bool stats = r.radar_stats.has_value();
-  const RadarStats n = r.radar_stats.value_or(RadarStats{});
-  for (const std::uint32_t v :
-       {n.inter_frame_processing_us, n.transmit_us, n.inter_frame_margin_us,
-        n.inter_chirp_margin_us, n.active_frame_load_percent, n.inter_frame_load_percent})
-    put(stats, v);
-  const RadarTemperature t = r.radar_temperature.value_or(RadarTemperature{1, 0, {}});
-  put(t.invalid == 0, t.time_ms);
-  for (const std::int16_t v : t.celsius) put(t.invalid == 0, v);
-  s.run();
-}
-
 void RunWriter::in_transaction(const std::function<void()>& body) {
   statements_->begin.reset();
   statements_->begin.run();
@@ -323,8 +268,11 @@ void RunWriter::in_transaction(const std::function<void()>& body) {
     statements_->commit.reset();
     statements_->commit.run();
   } catch (...) {
+    const int code = sqlite3_errcode(db_);
+    if (code == SQLITE_CORRUPT || code == SQLITE_NOTADB)
+      harm_ = std::string("was damaged during the run: ") + sqlite3_errstr(code);
     // Releases the statement that failed; a full disk may have rolled back already.
-    statements_->record.reset();
+    statements_->rows.reset();
     statements_->commit.reset();
     if (!sqlite3_get_autocommit(db_)) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);
     throw;
@@ -334,11 +282,9 @@ void RunWriter::in_transaction(const std::function<void()>& body) {
 void RunWriter::append(const FusedRecord& record) { append(std::span(&record, 1)); }
 
 void RunWriter::append(std::span<const FusedRecord> batch) {
-  // Without its name a file is written as before, and all of it is lost at the end.
-  if (::access(path_.c_str(), F_OK) != 0)
-    throw Error(ExitCode::disk, path_ + ": was removed or renamed during the run");
+  require_sound();
   in_transaction([&] {
-    for (const auto& r : batch) insert(r);
+    for (const auto& r : batch) statements_->rows.insert(r, axes_);
   });
   records_ += static_cast<std::int64_t>(batch.size());
 }
@@ -358,38 +304,72 @@ std::optional<std::string> RunWriter::new_label(UtcTime before) {
   return label;
 }
 
-void RunWriter::close(const std::string& status) {
+// Whoever writes into the file beside us may do so (a checkpoint of another program's own), as long
+// as it stays a database.
+void RunWriter::require_sound() {
+  if (harm_.empty()) harm_ = watch_->lost();
+  if (harm_.empty() && (std::exchange(touched_, false) || watch_->touched())) {
+    watch_->note();
+    if (const std::string fault = damage(db_, path_); !fault.empty())
+      harm_ = "was damaged during the run: " + fault;
+  }
+  if (!harm_.empty()) throw Error(ExitCode::disk, path_ + ": " + harm_);
+}
+
+bool RunWriter::close(const std::string& status) {
+  try {
+    require_sound();
+  } catch (const Error&) {
+    leave(status);
+  }
   const SystemClock clock;
   // Two chances on a full disk: the WAL is emptied, or, where the file cannot grow for that, the
   // reserve is given back.
+  sqlite3_busy_timeout(db_, 0);
   sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);
+  watch_->note();
   lock_->release();
+  sqlite3_busy_timeout(db_, busy_timeout_ms);
   Statement(db_, path_, "UPDATE run SET status = ?, ended_utc = ?")
       .bind(status)
       .bind(iso8601(clock.utc()))
       .run();
+  try {
+    require_sound();
+  } catch (const Error&) {
+    leave(status);
+  }
   statements_.reset();
-  // Folds the WAL back if no reader holds it; a reader's close does it otherwise.
-  sqlite3_exec(db_, "PRAGMA journal_mode=DELETE", nullptr, nullptr, nullptr);
-  sqlite3_close(db_);
+  const bool folded = fold();
+  handle_.reset();
   db_ = nullptr;
   lock_.reset();
+  return folded;
 }
 
-void mark(const std::string& path, const std::string& level, const std::string& text) {
-  if (RunReader(path).info().status != "open")
-    throw Error(ExitCode::failed,
-                path + ": nobody is recording this run; only a live one is marked");
-  sqlite3* db = nullptr;
-  if (sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READWRITE, nullptr) != SQLITE_OK)
-    sqlite_fail(db, path, "cannot open for writing");
-  const std::unique_ptr<sqlite3, int (*)(sqlite3*)> closing(db, sqlite3_close);
-  sqlite3_busy_timeout(db, busy_timeout_ms);
-  Statement(db, path, "INSERT INTO event (utc, level, source, text) VALUES (?,?,'mark',?)")
-      .bind(iso8601(SystemClock().utc()))
-      .bind(level)
-      .bind(text)
-      .run();
+// A reader that only follows the run sees its end and goes.
+bool RunWriter::fold() {
+  sqlite3_busy_timeout(db_, 0);
+  constexpr auto pause = std::chrono::milliseconds(20);
+  for (int tries = 0; tries < 25; ++tries) {
+    if (sqlite3_exec(db_, "PRAGMA journal_mode=DELETE", nullptr, nullptr, nullptr) == SQLITE_OK)
+      return true;
+    std::this_thread::sleep_for(pause);
+  }
+  return false;
+}
+
+// What bears the file's name is not touched any more: it may belong to somebody else by now.
+void RunWriter::leave(const std::string& status) {
+  statements_.reset();
+  lock_->release();
+  const Rescue kept = rescue(db_, path_, status);
+  sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
+  handle_.reset();
+  db_ = nullptr;
+  if (kept.whole && !watch_->same_database()) watch_->remove_wal();
+  lock_.reset();
+  throw Error(ExitCode::disk, path_ + ": " + harm_ + "; " + kept.text);
 }
 
 }  // namespace echofuse::record

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: MIT
-// Who is writing a run: the writer holds flock(2) on PATH-lock for as long as it lives, so that a
-// reader can tell a live run from one that a crash left behind. A separate file, because closing
-// any descriptor of the database itself would drop SQLite's own locks.
+// Who is writing a run: the writer holds a lock (of its open file description) on RUN-lock for as
+// long as it lives, so that a reader can tell a live run from one that a crash left behind. A
+// separate file, because closing any descriptor of the database itself would drop SQLite's own
+// locks. It is never removed, because a second writer may have it open already; it stays, empty.
 #pragma once
-#include <fcntl.h>
-#include <sys/file.h>
-#include <unistd.h>
+#include <sys/types.h>
 
 #include <string>
 
@@ -13,38 +12,24 @@ namespace echofuse::record {
 
 class WriterLock {
  public:
-  // Takes the lock if it is free.
-  explicit WriterLock(const std::string& run_path)
-      : path_(run_path + "-lock"), fd_(::open(path_.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0644)) {
-    held_ = fd_ >= 0 && flock(fd_, LOCK_EX | LOCK_NB) == 0;
-  }
-  ~WriterLock() {
-    if (held_) ::unlink(path_.c_str());
-    if (fd_ >= 0) ::close(fd_);
-  }
+  // Takes the lock if it is free. Throws Error: failed if RUN-lock is something else than a lock
+  // file (a link, a folder, a file with contents), which is then left alone; disk if it cannot be
+  // made.
+  explicit WriterLock(const std::string& run_path);
+  ~WriterLock();
   WriterLock(const WriterLock&) = delete;
   WriterLock& operator=(const WriterLock&) = delete;
 
   bool held() const { return held_; }
 
   // Room for a run's last words on a disk that is full by then; as much as the disk gives.
-  void reserve(off_t bytes) const {
-    if (held_ && posix_fallocate(fd_, 0, bytes) != 0) release();
-  }
-  void release() const {
-    if (held_ && ftruncate(fd_, 0) != 0) return;  // then there is no room: what follows says so
-  }
+  void reserve(off_t bytes) const;
+  void release() const;
 
-  static bool someone_writes(const std::string& run_path) {
-    const int fd = ::open((run_path + "-lock").c_str(), O_RDONLY | O_CLOEXEC);
-    if (fd < 0) return false;
-    const bool busy = flock(fd, LOCK_SH | LOCK_NB) != 0;
-    ::close(fd);
-    return busy;
-  }
+  // Asks without taking the lock, so that no writer finds it taken by a reader.
+  static bool someone_writes(const std::string& run_path);
 
  private:
-  std::string path_;
   int fd_;
   bool held_ = false;
 };

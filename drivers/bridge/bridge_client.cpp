@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/bridge/bridge_client.hpp"
 
+#include <algorithm>
 #include <iterator>
 #include <utility>
 
@@ -10,12 +11,14 @@ namespace {
 // without a block, what waits for its end is given up (8 MB/s bring 16 MiB in time), after four the
 // connection.
 constexpr std::chrono::seconds look_pause{1};
+// The longest block, and as much again while the parser catches up.
+constexpr std::size_t most_waiting_bytes = 2 * (std::size_t{max_payload_bytes} + header_bytes);
 constexpr int patience_block = 2, patience_connection = 4;
 
 }  // namespace
 
 BridgeClient::BridgeClient(boost::asio::io_context& io, port::ByteOpener opener, const Clock& clock)
-    : opener_(std::move(opener)), clock_(clock), timer_(io) {}
+    : opener_(std::move(opener)), clock_(clock), timer_(io), turn_(io) {}
 
 void BridgeClient::start(Handlers handlers) {
   handlers_ = std::move(handlers);
@@ -27,6 +30,7 @@ void BridgeClient::start(Handlers handlers) {
 void BridgeClient::stop() {
   running_ = false;
   timer_.cancel();
+  turn_.cancel();
   port_.reset();
 }
 
@@ -39,12 +43,15 @@ std::vector<Counter> BridgeClient::counters() const {
           {"bad_crcs", c.bad_crcs},
           {"gaps", c.gaps},
           {"lost_blocks", c.lost_blocks},
+          {"out_of_order_blocks", c.out_of_order},
           {"duplicates", c.duplicates},
           {"bad_payloads", bad_payloads_},
           {"connections", connections_}};
 }
 
 void BridgeClient::connect() {
+  turn_.cancel();
+  turn_waits_ = false;
   parser_.reset();
   greeted_ = connected_ = told_kind_ = false;
   quiet_looks_ = 0;
@@ -59,9 +66,23 @@ void BridgeClient::connect() {
                    [this](ByteView bytes) {
                      const HostTime received = clock_.now();
                      parser_.feed(bytes, [&](const Block& block) { on_block(block, received); });
+                     go_on();
                    },
                .gone = [this](const Failure& failure) { fail(failure.text()); }});
   watch();
+}
+
+// With what the parser has left, after everybody else had a turn.
+void BridgeClient::go_on() {
+  if (!port_) return;
+  if (parser_.waiting_bytes() > most_waiting_bytes)
+    return fail("it sends damaged blocks faster than they can be told from sound ones");
+  if (!parser_.behind() || std::exchange(turn_waits_, true)) return;
+  turn_.after(std::chrono::nanoseconds(0), [this] {
+    turn_waits_ = false;
+    parser_.go_on([this, now = clock_.now()](const Block& block) { on_block(block, now); });
+    go_on();
+  });
 }
 
 void BridgeClient::watch() {
@@ -79,6 +100,7 @@ void BridgeClient::look() {
                               : "no hello within 4 s: is this an echofuse bridge?");
   if (quiet_looks_ == patience_block)
     parser_.give_up([this, now = clock_.now()](const Block& block) { on_block(block, now); });
+  go_on();
   if (port_) watch();
 }
 
@@ -87,7 +109,11 @@ void BridgeClient::on_block(Block block, HostTime received) {
   if (!running_ || !port_) return;
   // What a hello or an early block says is missing belongs to the next block that is delivered.
   lost_blocks_ += block.lost_blocks;
+  found_blocks_ += block.found_blocks;
   dropped_items_ += block.dropped_items;
+  const std::uint64_t both = std::min(lost_blocks_, found_blocks_);
+  lost_blocks_ -= both;
+  found_blocks_ -= both;
   if (block.kind == BlockKind::bye)
     return fail("the bridge said goodbye: its device is gone, or it serves another client");
   if (block.kind == BlockKind::hello) return on_hello(block);
@@ -99,6 +125,7 @@ void BridgeClient::on_block(Block block, HostTime received) {
   backoff_.alive(received);
   last_failure_.clear();
   block.lost_blocks = std::exchange(lost_blocks_, 0) + std::exchange(rejoined_, false);
+  block.found_blocks = std::exchange(found_blocks_, 0);
   block.dropped_items = std::exchange(dropped_items_, 0);
   handlers_.block(block, received);
 }
@@ -112,6 +139,7 @@ void BridgeClient::reject(const Block& block, const char* expected) {
                                            expected + ": is it the port of the other device?");
   ++bad_payloads_;
   lost_blocks_ += block.lost_blocks + 1;
+  found_blocks_ += block.found_blocks;
   dropped_items_ += block.dropped_items;
 }
 

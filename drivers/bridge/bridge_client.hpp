@@ -38,6 +38,7 @@ class BridgeClient {
 
  private:
   void connect();
+  void go_on();
   void on_block(Block block, HostTime received);
   void on_hello(const Block& block);
   void watch();
@@ -46,7 +47,7 @@ class BridgeClient {
 
   port::ByteOpener opener_;
   const Clock& clock_;
-  port::Timer timer_;
+  port::Timer timer_, turn_;
   port::Backoff backoff_;
   Handlers handlers_;
   BlockParser parser_;
@@ -56,8 +57,9 @@ class BridgeClient {
   int quiet_looks_ = 0;
   bool running_ = false, faulted_ = false, greeted_ = false, rejoined_ = false;
   bool connected_ = false, told_kind_ = false;  // on this connection
+  bool turn_waits_ = false;
   std::uint64_t connections_ = 0, bad_payloads_ = 0;
-  std::uint64_t lost_blocks_ = 0, dropped_items_ = 0;  // not yet handed on
+  std::uint64_t lost_blocks_ = 0, found_blocks_ = 0, dropped_items_ = 0;  // not yet handed on
   std::unique_ptr<port::BytePort> port_;
 };
 

@@ -3,13 +3,15 @@
 
 #include <array>
 #include <cmath>
-#include <nlohmann/json.hpp>
+#include <cstring>
 #include <utility>
 
 #include "drivers/core/crc32c.hpp"
 
 namespace echofuse::bridge {
 namespace {
+
+constexpr int most_looks = 1000;  // in one turn: a few milliseconds
 
 constexpr std::array<std::uint8_t, 4> magic = {'E', 'F', 'B', 'R'};
 
@@ -21,7 +23,10 @@ struct Header {
 
   bool plausible() const {
     return version == protocol_version && kind <= static_cast<std::uint16_t>(BlockKind::bye) &&
-           payload_bytes <= max_payload_bytes && reserved == 0;
+           payload_bytes <= (kind == static_cast<std::uint16_t>(BlockKind::hello)
+                                 ? max_hello_bytes
+                                 : max_payload_bytes) &&
+           dropped_items <= max_dropped_items && reserved == 0;
   }
 };
 
@@ -43,11 +48,6 @@ bool starts_with_magic(ByteView bytes) {
   return std::equal(magic.begin(), magic.begin() + static_cast<std::ptrdiff_t>(n), bytes.begin());
 }
 
-std::string text_of(const nlohmann::json& object, const char* key) {
-  const auto it = object.find(key);
-  return it == object.end() ? std::string{} : it->get<std::string>();
-}
-
 Axis tangent_axis(const char* name, std::uint32_t count, float start, float step) {
   return {.name = name,
           .quantity = "tangent",
@@ -57,21 +57,36 @@ Axis tangent_axis(const char* name, std::uint32_t count, float start, float step
           .step = step};
 }
 
+// A tangent of 100 is 89.4 degrees off the axis.
 bool usable(const Axis& axis) {
-  return axis.count > 0 && std::isfinite(axis.start) && std::isfinite(axis.step) && axis.step != 0;
+  const double end = axis.start + axis.step * axis.count;
+  return axis.count >= 1 && axis.count <= max_depth_side && std::abs(axis.start) <= 100 &&
+         std::abs(end) <= 100 && std::abs(axis.step) >= 1e-6;
 }
 
 }  // namespace
 
 void BlockParser::feed(ByteView bytes, const OnBlock& on_block) {
   counts_.bytes += bytes.size();
+  looks_ = 0;
+  behind_ = false;
   buffer_.feed(bytes, [&](ByteView view) { return next(view, on_block); });
+}
+
+void BlockParser::go_on(const OnBlock& on_block) {
+  looks_ = 0;
+  behind_ = false;
+  buffer_.again([&](ByteView view) { return next(view, on_block); });
 }
 
 void BlockParser::reset() {
   counts_.junk_bytes += buffer_.held().size();
   buffer_.clear();
+  behind_ = false;
+  place_ = doubtful_until_ = 0;
+  doubtful_.clear();
   expected_ = 0;
+  missing_ = 0;
   recent_ = {};
 }
 
@@ -80,13 +95,26 @@ void BlockParser::give_up(const OnBlock& on_block) {
   const Bytes held(buffer_.held().begin(), buffer_.held().end());
   buffer_.clear();
   ++counts_.bad_headers;
-  const ByteView rest = ByteView(held).subspan(skip_junk(held).used);
+  looks_ = 0;
+  behind_ = false;
+  const std::size_t skipped = skip_junk(held).used;
+  place_ += skipped;
+  const ByteView rest = ByteView(held).subspan(skipped);
   buffer_.feed(rest, [&](ByteView view) { return next(view, on_block); });
 }
 
 Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
+  const Step step = judge(bytes, on_block);
+  place_ += step.used;
+  return step;
+}
+
+Step BlockParser::judge(ByteView bytes, const OnBlock& on_block) {
   if (!bytes.empty() && !starts_with_magic(bytes)) return skip_junk(bytes);
   if (bytes.size() < header_bytes) return {0, header_bytes};
+  behind_ = looks_ == most_looks;
+  if (behind_) return {0, 0};
+  ++looks_;
   const Header header = read_header(bytes);
   if (!header.plausible()) {
     ++counts_.bad_headers;
@@ -95,7 +123,8 @@ Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
   const std::size_t size = header_bytes + header.payload_bytes;
   if (bytes.size() < size) return {0, size};
   const ByteView payload = bytes.subspan(header_bytes, header.payload_bytes);
-  if (crc32c(payload, crc32c(bytes.first(header_bytes - 4))) != header.crc) {
+  if (crc_of(bytes.first(size)) != header.crc) {
+    doubtful_until_ = std::max(doubtful_until_, place_ + size);
     ++counts_.bad_crcs;
     return skip_junk(bytes);
   }
@@ -104,18 +133,30 @@ Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
     ++counts_.duplicates;
     return {size, 0};
   }
-  on_block({.kind = static_cast<BlockKind>(header.kind),
-            .sequence = header.sequence,
-            .dropped_items = header.dropped_items,
-            .lost_blocks = lost_before(header.sequence),
-            .payload = payload});
+  Block block{.kind = static_cast<BlockKind>(header.kind),
+              .sequence = header.sequence,
+              .dropped_items = header.dropped_items,
+              .payload = payload};
+  place(block);
+  on_block(block);
   return {size, 0};
+}
+
+// What an unsound block held is a part of many, if its sender wants it so.
+std::uint32_t BlockParser::crc_of(ByteView block) {
+  const std::uint32_t crc = crc32c(block.first(header_bytes - 4));
+  if (place_ >= doubtful_until_) return crc32c(block.subspan(header_bytes), crc);
+  return doubtful_.of(block, place_, header_bytes, block.size() - header_bytes, crc);
 }
 
 // From the byte after the first to where a magic stands, or where the end may hold half of one.
 Step BlockParser::skip_junk(ByteView bytes) {
-  std::size_t at = 1;
-  while (at < bytes.size() && !starts_with_magic(bytes.subspan(at))) ++at;
+  auto at = std::min<std::size_t>(1, bytes.size());
+  while (at < bytes.size() && !starts_with_magic(bytes.subspan(at))) {
+    const void* const next = std::memchr(bytes.data() + at + 1, magic[0], bytes.size() - at - 1);
+    at = next ? static_cast<std::size_t>(static_cast<const std::uint8_t*>(next) - bytes.data())
+              : bytes.size();
+  }
   counts_.junk_bytes += at;
   return {at, 0};
 }
@@ -126,24 +167,27 @@ bool BlockParser::seen_before(std::uint32_t sequence, std::uint32_t crc) {
   return std::exchange(recent_[sequence % recent_.size()], key) == key;
 }
 
-std::uint32_t BlockParser::lost_before(std::uint32_t sequence) {
-  std::uint32_t lost = sequence - expected_;
-  expected_ = sequence + 1;
-  if (lost == 0) return 0;
-  if (lost > UINT32_MAX / 2) lost = 1;  // it went back: renumbered, so how many are lost is unknown
-  ++counts_.gaps;
-  counts_.lost_blocks += lost;
-  return lost;
-}
-
-std::optional<Hello> read_hello(ByteView payload) {
-  try {
-    const auto object = nlohmann::json::parse(payload.begin(), payload.end());
-    if (!object.is_object()) return std::nullopt;
-    return Hello{text_of(object, "model"), text_of(object, "serial"), text_of(object, "firmware")};
-  } catch (const nlohmann::json::exception&) {
-    return std::nullopt;
+// In the sequence.
+void BlockParser::place(Block& block) {
+  const std::uint32_t ahead = block.sequence - expected_, back = ~ahead;
+  if (back < 64 && (missing_ >> back & 1)) {
+    missing_ ^= std::uint64_t{1} << back;
+    block.found_blocks = 1;
+    ++counts_.out_of_order;
+    --counts_.lost_blocks;
+    return;
   }
+  expected_ = block.sequence + 1;
+  if (ahead > UINT32_MAX / 2) {  // renumbered: how many are lost is unknown
+    block.lost_blocks = 1;
+    missing_ = 0;
+  } else {
+    block.lost_blocks = ahead;
+    missing_ = ahead >= 63 ? ~std::uint64_t{1}
+                           : missing_ << (ahead + 1) | ((std::uint64_t{1} << ahead) - 1) << 1;
+  }
+  counts_.gaps += block.lost_blocks > 0;
+  counts_.lost_blocks += block.lost_blocks;
 }
 
 std::optional<std::span<const Tag>> read_tags(ByteView payload, std::vector<Tag>& scratch) {

@@ -7,8 +7,9 @@
 //     4 u16    version = 1
 //     6 u16    kind: 0 hello, 1 tags, 2 depth, 3 bye
 //     8 u32    sequence: 0 for a connection's first block, +1 for each block, wraps
-//    12 u32    payload bytes, at most 16 MiB
-//    16 u64    items (tags or frames) the sender dropped between the previous block and this one
+//    12 u32    payload bytes, at most 16 MiB; of a hello at most 64 KiB
+//    16 u64    items (tags or frames) the sender dropped between the previous block and this one,
+//              at most 2^40
 //    24 u32    reserved = 0
 //    28 u32    CRC-32C (RFC 3720) over header bytes 0..27 followed by the payload
 //    32        payload
@@ -19,7 +20,8 @@
 //   tags   n * 16 bytes as in drivers/core/sample.hpp; n may be 0
 //   depth  u32 width, u32 height, u64 device time in us, u32 frame index,
 //          f32 x_start, x_step, y_start, y_step (tangents, drivers/core/axis.hpp),
-//          then width * height * u16 z in mm, row-major, top row first, 0 = no measurement
+//          then width * height (at most 8192 each) u16 z in mm, row-major, top row first, 0 = no
+//          measurement
 //   bye    empty; the sender closes the connection
 #pragma once
 #include <array>
@@ -30,6 +32,7 @@
 #include <string>
 #include <vector>
 
+#include "drivers/bridge/stretch_crc.hpp"
 #include "drivers/core/bytes.hpp"
 #include "drivers/core/frame_buffer.hpp"
 #include "drivers/core/sample.hpp"
@@ -38,6 +41,8 @@ namespace echofuse::bridge {
 
 inline constexpr std::size_t header_bytes = 32;
 inline constexpr std::uint32_t max_payload_bytes = 16u << 20;
+inline constexpr std::uint32_t max_hello_bytes = 64u << 10;
+inline constexpr std::uint64_t max_dropped_items = std::uint64_t{1} << 40;
 inline constexpr std::uint16_t protocol_version = 1;
 
 enum class BlockKind : std::uint16_t { hello = 0, tags = 1, depth = 2, bye = 3 };
@@ -47,7 +52,9 @@ struct Block {
   std::uint32_t sequence = 0;
   std::uint64_t dropped_items = 0;  // by the sender, before this block
   std::uint64_t lost_blocks = 0;    // missing in the sequence before this block
-  ByteView payload;                 // valid only during the call
+  // 1: it comes after blocks that it stands before, one of which said that it is missing.
+  std::uint64_t found_blocks = 0;
+  ByteView payload;  // valid only during the call
 };
 
 // bytes == those of the blocks + junk_bytes + bytes that still wait for more.
@@ -56,18 +63,25 @@ struct BlockCounts {
   std::uint64_t junk_bytes = 0;   // in no block
   std::uint64_t bad_headers = 0;  // a magic with an implausible header (or another version)
   std::uint64_t bad_crcs = 0;
-  std::uint64_t gaps = 0;         // places where blocks are missing
-  std::uint64_t lost_blocks = 0;  // how many are
-  std::uint64_t duplicates = 0;   // sound, but handed on before: part of `blocks`
+  std::uint64_t gaps = 0;          // places where blocks are missing
+  std::uint64_t lost_blocks = 0;   // how many are
+  std::uint64_t out_of_order = 0;  // came later than in their order: not lost
+  std::uint64_t duplicates = 0;    // sound, but handed on before: part of `blocks`
 };
 
 // Bytes -> sound blocks. It searches for the magic only where a header is implausible or a CRC
-// fails: payloads may contain the magic.
+// fails: payloads may contain the magic. What a byte costs does not depend on what headers claim:
+// a stretch that was in a damaged block is read once more for all headers in it (StretchCrc), and a
+// call looks at 1000 headers at most.
 class BlockParser {
  public:
   using OnBlock = std::function<void(const Block&)>;
 
   void feed(ByteView bytes, const OnBlock& on_block);
+  // There is more to do without another byte: the caller does something else first.
+  bool behind() const { return behind_; }
+  std::size_t waiting_bytes() const { return buffer_.held().size(); }
+  void go_on(const OnBlock& on_block);
   // The rest of the block that is waited for does not come: its header may lie about the length
   // and hide the blocks behind it. Goes on with those.
   void give_up(const OnBlock& on_block);
@@ -77,20 +91,29 @@ class BlockParser {
 
  private:
   Step next(ByteView bytes, const OnBlock& on_block);
+  Step judge(ByteView bytes, const OnBlock& on_block);
+  std::uint32_t crc_of(ByteView block);
   Step skip_junk(ByteView bytes);
   bool seen_before(std::uint32_t sequence, std::uint32_t crc);
-  std::uint32_t lost_before(std::uint32_t sequence);
+  void place(Block& block);
 
   FrameBuffer buffer_;
+  std::uint64_t place_ = 0;           // in the stream: of the first byte that is not done with
+  std::uint64_t doubtful_until_ = 0;  // as far as a block reached that was not sound
+  StretchCrc doubtful_;
+  int looks_ = 0;  // at headers in this call
+  bool behind_ = false;
   BlockCounts counts_;
   std::uint32_t expected_ = 0;
+  std::uint64_t missing_ = 0;               // bit i: the block expected_ - 1 - i is
   std::array<std::uint64_t, 16> recent_{};  // sequence and CRC of the last blocks
 };
 
 struct Hello {
   std::string model, serial, firmware;
 };
-// No value: not JSON, not an object, or a key of another type than text.
+// No value: not JSON, not an object, a key of another type than text, more than 64 KiB, 1024 values
+// or 8 levels.
 std::optional<Hello> read_hello(ByteView payload);
 
 // The tags in place where the payload is aligned for them, else copied into `scratch`. No value:
@@ -101,7 +124,8 @@ struct DepthPayload {
   DepthFrame frame;  // without receive time and lost_before
   Axis x, y;
 };
-// No value: the size does not fit, no pixels, or axes that are not finite or have no step.
+// No value: the size does not fit, a side is not 1 to 8192 pixels, or a tangent is above 100, a
+// step below 1e-6 or not finite.
 std::optional<DepthPayload> read_depth(ByteView payload);
 
 }  // namespace echofuse::bridge

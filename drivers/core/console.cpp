@@ -5,8 +5,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <cerrno>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <exception>
 #include <utility>
 
@@ -33,8 +36,17 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
     std::fprintf(stderr, "%s\n", text.c_str());
     return static_cast<int>(code);
   };
+  const auto deliver = [&](ExitCode code) {
+    const bool failed = std::ferror(stdout) != 0;
+    errno = 0;
+    if (std::fflush(stdout) == 0 && !failed) return static_cast<int>(code);
+    const std::string why = errno != 0 ? std::string(": ") + std::strerror(errno) : "";
+    return complain(("stdout: cannot be written" + why).c_str(),
+                    code == ExitCode::ok ? ExitCode::failed : code);
+  };
+  std::signal(SIGXFSZ, SIG_IGN);
   try {
-    return static_cast<int>(body());
+    return deliver(body());
   } catch (const Error& e) {
     return complain(e.what(), e.code());
   } catch (const std::exception& e) {

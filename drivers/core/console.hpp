@@ -11,7 +11,9 @@
 
 namespace echofuse {
 
-// Runs body and returns its exit code; an exception becomes one line "PROGRAM: text" on stderr.
+// Runs body and returns its exit code; an exception becomes one line "PROGRAM: text" on stderr, and
+// so does stdout that cannot be written (code failed). A limit on the size of files is an error of
+// the file, not the end of the process.
 int run_main(const std::string& program, const std::function<ExitCode()>& body);
 
 // Whether stderr goes to systemd's journal, which keeps the time by itself and takes "<N>" in front

@@ -17,6 +17,28 @@ constexpr std::array<std::uint32_t, 256> make_table() {
 }
 constexpr auto table = make_table();
 
+// The product of two polynomials modulo that of the CRC; bit 31 stands for 1, bit 30 for x.
+constexpr std::uint32_t product(std::uint32_t a, std::uint32_t b) {
+  std::uint32_t sum = 0;
+  for (; a != 0; a <<= 1) {
+    if (a & 0x80000000U) sum ^= b;
+    b = (b & 1) ? (b >> 1) ^ 0x82f63b78U : b >> 1;
+  }
+  return sum;
+}
+
+// x to the power of 8 * 2^i: a shift by 2^i bytes.
+constexpr std::array<std::uint32_t, 64> make_shifts() {
+  std::array<std::uint32_t, 64> shifts{};
+  std::uint32_t power = 0x80000000U >> 8;
+  for (auto& shift : shifts) {
+    shift = power;
+    power = product(power, power);
+  }
+  return shifts;
+}
+constexpr auto shifts = make_shifts();
+
 std::uint32_t update_portable(std::uint32_t crc, ByteView bytes) {
   for (const std::uint8_t b : bytes) crc = (crc >> 8) ^ table[(crc ^ b) & 0xff];
   return crc;
@@ -45,6 +67,12 @@ std::uint32_t crc32c(ByteView bytes, std::uint32_t crc) {
   if (has_sse42) return ~update_sse42(~crc, bytes);
 #endif
   return ~update_portable(~crc, bytes);
+}
+
+std::uint32_t crc32c_shift(std::uint32_t crc, std::uint64_t count) {
+  for (std::size_t i = 0; count != 0; ++i, count >>= 1)
+    if (count & 1) crc = product(shifts[i], crc);
+  return crc;
 }
 
 }  // namespace echofuse

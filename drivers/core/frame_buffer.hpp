@@ -21,24 +21,39 @@ class FrameBuffer {
   // are. consume must return {0, wanted} at the latest when its view is empty.
   template <class Consume>
   void feed(ByteView bytes, const Consume& consume) {
-    while (!held_.empty() && !bytes.empty()) {
-      const std::size_t missing = wanted_ > held_.size() ? wanted_ - held_.size() : bytes.size();
+    while (!held().empty() && !bytes.empty()) {
+      const std::size_t has = held().size();
+      const std::size_t missing = wanted_ > has ? wanted_ - has : bytes.size();
       const ByteView head = bytes.first(std::min(missing, bytes.size()));
       held_.insert(held_.end(), head.begin(), head.end());
       bytes = bytes.subspan(head.size());
-      if (held_.size() < wanted_) return;
-      const std::size_t used = run(held_, consume);
-      held_.erase(held_.begin(), held_.begin() + static_cast<std::ptrdiff_t>(used));
+      if (held().size() < wanted_) return;
+      again(consume);
     }
-    if (held_.empty() && !bytes.empty()) {
+    if (held().empty() && !bytes.empty()) {
       const ByteView rest = bytes.subspan(run(bytes, consume));
       held_.assign(rest.begin(), rest.end());
     }
   }
-  ByteView held() const { return held_; }
+  // Shows it what is held once more.
+  template <class Consume>
+  void again(const Consume& consume) {
+    used_ += run(held(), consume);
+    // What is done with goes when it is a quarter: a frame that ends after another few bytes must
+    // not move all that waits behind it.
+    if (used_ == held_.size()) {
+      held_.clear();
+    } else if (used_ >= held_.size() / 4) {
+      held_.erase(held_.begin(), held_.begin() + static_cast<std::ptrdiff_t>(used_));
+    } else {
+      return;
+    }
+    used_ = 0;
+  }
+  ByteView held() const { return ByteView(held_).subspan(used_); }
   void clear() {
     held_.clear();
-    wanted_ = 0;
+    used_ = wanted_ = 0;
   }
 
  private:
@@ -56,6 +71,7 @@ class FrameBuffer {
   }
 
   Bytes held_;
+  std::size_t used_ = 0;  // of held_, from its beginning
   std::size_t wanted_ = 0;
 };
 

@@ -2,8 +2,14 @@
 #include "drivers/depth/bridge_camera.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace echofuse::depth {
+namespace {
+
+constexpr std::uint32_t longest_gap = 1u << 20;
+
+}  // namespace
 
 BridgeCamera::BridgeCamera(boost::asio::io_context& io, std::string address,
                            port::ByteOpener opener, const Clock& clock)
@@ -45,11 +51,20 @@ void BridgeCamera::on_block(const bridge::Block& block, HostTime received) {
   }
   DepthFrame& frame = depth->frame;
   frame.received = received;
-  const std::uint64_t lost = block.dropped_items + block.lost_blocks;
+  const std::uint64_t lost = lost_before(frame.frame_index, block);
   frame.lost_before = static_cast<std::uint32_t>(std::min<std::uint64_t>(lost, UINT32_MAX));
   ++frames_;
   lost_frames_ += lost;
   sink_->on_depth(std::move(frame));
+}
+
+// By the camera's own numbers, which also tell what it lost before the bridge and while there was
+// none; by the bridge's where they make no sense.
+std::uint64_t BridgeCamera::lost_before(std::uint32_t index, const bridge::Block& block) {
+  const auto last = std::exchange(last_index_, index);
+  if (last && index - *last - 1 < longest_gap)
+    return std::max<std::uint64_t>(index - *last - 1, block.dropped_items);
+  return block.dropped_items + block.lost_blocks;
 }
 
 std::vector<Counter> BridgeCamera::counters() const {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // A depth camera behind the bridge protocol.
 #pragma once
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,10 +22,12 @@ class BridgeCamera final : public Driver {
  private:
   void on_state(DeviceState state, const bridge::Hello& hello);
   void on_block(const bridge::Block& block, HostTime received);
+  std::uint64_t lost_before(std::uint32_t index, const bridge::Block& block);
 
   bridge::BridgeClient client_;
   SampleSink* sink_ = nullptr;
   DeviceInfo info_;
+  std::optional<std::uint32_t> last_index_;
   std::uint64_t frames_ = 0, lost_frames_ = 0;
 };
 

@@ -62,7 +62,7 @@ class OpenNiCamera::Worker {
     OpenNiSession session;
     if (std::string wrong = session.open(uri_, options_); !wrong.empty()) return wrong;
     ++shared_->connections;
-    last_index_.reset();
+    rejoined_ = last_index_.has_value();
     pace_.reset();
     const std::string address = info_.address;
     info_ = session.info();
@@ -92,8 +92,7 @@ class OpenNiCamera::Worker {
   void deliver(DepthFrame frame, bool recording) {
     if (recording && !hold_back(frame.device_time_us)) return;
     frame.received = clock_.now();
-    if (last_index_ && frame.frame_index > *last_index_)
-      frame.lost_before = frame.frame_index - *last_index_ - 1;
+    frame.lost_before = lost_before(frame.frame_index);
     last_index_ = frame.frame_index;
     shared_->lost_frames += frame.lost_before;
     keep(frame);
@@ -110,6 +109,14 @@ class OpenNiCamera::Worker {
       --shared->queued;
       sink.on_depth(std::move(*held));
     });
+  }
+
+  // Many cameras go on to number their frames while nobody looks. One that began anew has lost one
+  // at least.
+  std::uint32_t lost_before(std::uint32_t index) {
+    const bool rejoined = std::exchange(rejoined_, false);
+    if (last_index_ && index > *last_index_) return index - *last_index_ - 1;
+    return rejoined;
   }
 
   // One file a session, which a hello opens.
@@ -163,6 +170,7 @@ class OpenNiCamera::Worker {
   port::Backoff backoff_;
   std::string last_failure_;  // told once, not at every attempt
   std::optional<std::uint32_t> last_index_;
+  bool rejoined_ = false;  // no frame since it was opened again
   std::uint32_t dropped_since_ = 0;
   std::optional<std::pair<std::chrono::steady_clock::time_point, std::uint64_t>> pace_;
 };

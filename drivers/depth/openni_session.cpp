@@ -154,7 +154,10 @@ std::string OpenNiSession::set_up(const OpenNiOptions& wanted) {
   units_per_mm_ = format == openni::PIXEL_FORMAT_DEPTH_100_UM ? 10 : 1;
   const double h = stream_.getHorizontalFieldOfView(), v = stream_.getVerticalFieldOfView();
   if (!(h > 0 && h < 3.1 && v > 0 && v < 3.1)) return "it does not tell its field of view";
-  if (mode.getResolutionX() <= 0 || mode.getResolutionY() <= 0) return "its frames have no pixels";
+  for (const int side : {mode.getResolutionX(), mode.getResolutionY()})
+    if (side < 1 || side > static_cast<int>(max_depth_side))
+      return "its frames have a side of " + std::to_string(side) + " pixels, not 1 to " +
+             std::to_string(max_depth_side);
   describe(mode);
   return {};
 }

@@ -107,6 +107,24 @@ TEST_CASE("config check says ok or all faults, config show prints values with th
   CHECK(has(bad.text, "--set tdc.bins=0: expected a whole number"));
   CHECK(has(bad.text, "--set a=1: unknown key"));
   refuses("config check --config " + folder / "none.toml", 3, "none.toml: cannot read");
+  refuses("config check --config " + folder / "", 3, "is a folder; expected a text file");
+  refuses("config check --config /dev/zero", 3, "/dev/zero: has more than 64 MiB");
+  CHECK(acquire("config check --config /dev/stdin < " + path).code == 0);
+}
+
+TEST_CASE("what cannot be printed is a failure") {
+  const Folder folder;
+  write_run(folder / "a.sqlite", 2);
+  write_file(folder / "lab.toml", "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n");
+  for (const std::string& command :
+       {"info " + folder / "a", "info --json " + folder / "a", "recover " + folder / "a",
+        "config show --config " + folder / "lab.toml", std::string("--help")}) {
+    const Outcome o =
+        shell("(" + echofuse::test::bin_dir + "/echofuse-acquire " + command + " > /dev/full)");
+    CAPTURE(command, o.text);
+    CHECK(o.code == 1);
+    CHECK(has(o.text, "stdout: cannot be written: No space left on device"));
+  }
 }
 
 TEST_CASE("doctor without a configuration looks at the machine, a bad one ends it") {
@@ -145,7 +163,7 @@ TEST_CASE("metadata without a value, a folder that cannot be written") {
                           folder / "closed/a" + config);
   CAPTURE(o.text);
   CHECK(o.code == 6);
-  CHECK(has(o.text, "closed/a.sqlite: its folder is read-only"));
+  CHECK(has(o.text, "closed/a.sqlite: its folder is read-only: Permission denied"));
 }
 
 TEST_CASE("calibrate needs no calibration, and overwrites none that it cannot read") {

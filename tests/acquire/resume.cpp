@@ -1,12 +1,34 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/resume.hpp"
 
+#include <sqlite3.h>
+
+#include "acquire/info.hpp"
 #include "acquire/room.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace testing;
+
+namespace {
+
+// Rows as the sqlite3 shell shows them, a line each.
+std::string query(const std::string& path, const char* statement) {
+  sqlite3* db = nullptr;
+  REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
+  std::string rows;
+  const auto add = [](void* all, int count, char** values, char**) {
+    for (int i = 0; i < count; ++i)
+      static_cast<std::string*>(all)->append(values[i]).append(i + 1 < count ? "|" : "\n");
+    return 0;
+  };
+  REQUIRE(sqlite3_exec(db, statement, add, &rows, nullptr) == SQLITE_OK);
+  sqlite3_close(db);
+  return rows;
+}
+
+}  // namespace
 
 TEST_CASE("a run is resumed with its own configuration only") {
   const Folder folder;
@@ -85,4 +107,79 @@ TEST_CASE("whether a run fits the disk") {
             "1000 records need up to 5.2 MB, free are 5.0 MB"));
   CHECK(room_warning(1000, std::nullopt, 3, 30'000'000).empty());
   CHECK(has(room_warning(1000, std::nullopt, 3, 12'000'000), "after about 10.0 hours"));
+}
+
+TEST_CASE("each part of a resumed run has its own counters; an older run is one part") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  const auto sql = [&](const char* statement) { return query(path, statement); };
+  const std::vector<record::Counted> counted{{"spd", "tags", 7}, {"radar", "late", 2}};
+  const auto texts = [&] {
+    std::string all;
+    for (const auto& c : record::RunReader(path).counters())
+      all += std::to_string(c.part) + ' ' + c.source + ' ' + c.name + ' ' +
+             std::to_string(c.value) + '\n';
+    return all;
+  };
+  write_run(path, 3);
+  const std::string first = "0 spd tags 7\n0 radar late 2\n";
+  SECTION("this version's") {}
+  SECTION("without a column for the part") {
+    sql("DROP TABLE counter; CREATE TABLE counter (source TEXT, name TEXT, value INTEGER); DROP "
+        "TABLE part");
+    CHECK(texts().empty());
+  }
+  sql("INSERT INTO counter (source, name, value) VALUES ('spd', 'tags', 7), ('radar', 'late', 2)");
+  CHECK(texts() == first);
+  for (const char* part : {"1", "2"}) {
+    record::RunWriter again(path);
+    again.append(small_record(again.next_index()));
+    again.put_counters(counted);
+    again.close("complete");
+    CHECK(has(texts(), std::string(part) + " spd tags 7\n"));
+  }
+  CHECK(texts() == first + "1 spd tags 7\n1 radar late 2\n2 spd tags 7\n2 radar late 2\n");
+  CHECK(sql("SELECT part, first_idx FROM part") == "0|0\n1|3\n2|4\n");
+  CHECK(has(describe_run(path, false), "counted   part 2 radar: late 2\n"));
+}
+
+TEST_CASE("the counters of a part come all or not at all") {
+  const Folder folder;
+  write_run(folder / "a.sqlite", 1);
+  record::RunWriter again(folder / "a.sqlite");
+  query(folder / "a.sqlite",
+        "CREATE TRIGGER full BEFORE INSERT ON counter WHEN NEW.name = 'b' "
+        "BEGIN SELECT raise(ABORT, 'full'); END");
+  const std::vector<record::Counted> counted{{"spd", "a", 1}, {"spd", "b", 2}};
+  CHECK(has(error_of([&] { again.put_counters(counted); }).second, "full"));
+  CHECK(record::RunReader(folder / "a.sqlite").counters().empty());
+}
+
+TEST_CASE("a run goes on with its last label, also one that a mark gave it") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  const auto last = [&] { return reopen_run(path, UtcTime(0)).label.value_or("none"); };
+  write_run(path, 0);
+  CHECK(last() == "none");
+  {
+    record::RunWriter again(path);
+    again.append(small_record(0));
+    again.close("complete");
+  }
+  CHECK(last() == "person");
+  {
+    record::RunWriter again(path);
+    record::mark(path, "label", "door");  // after the last record
+    again.close("complete");
+  }
+  CHECK(last() == "door");
+  {
+    record::RunWriter again(path);
+    auto later = small_record(1);
+    later.slot_utc = SystemClock().utc() + std::chrono::seconds(1);
+    later.label = "chair";
+    again.append(later);
+    again.close("complete");
+  }
+  CHECK(last() == "chair");
 }

@@ -18,7 +18,7 @@ constexpr SlotGrid grid{.first = 100s, .length = 1s};
 HostTime host(double t) { return HostTime(std::llround(t * 1e9)); }
 
 // What arrives: at `read`, by a device, taken at these times (s). `places`: for each of them the
-// record that it belongs to, or early, late, twice.
+// record that it belongs to, or early, late, outside, twice.
 struct Event {
   double read;
   const char* device;
@@ -63,8 +63,8 @@ const std::vector<Event> events = {
   // The radar comes back with another clock: by receipt, until that is known.
   {106.600,  "radar+",{106.100},                           "6",              1        },
   {106.700,  "spd",   {106.100, 106.650},                  "6 6"                      },
-  {107.300,  "spd",   {107.001, 107.299},                  "early early"              },  // after the last slot
-  {107.300,  "depth", {107.200},                           "early",          7        },
+  {107.300,  "spd",   {107.001, 107.299},                  "outside outside"          },  // after the last slot
+  {107.300,  "depth", {107.200},                           "outside",        7        },
 };
 
 struct Verdicts {
@@ -79,7 +79,7 @@ const std::vector<Verdicts> verdicts = {
   {2, "ok",                          "ok",                      "ok",                      0, 6},
   {3, "the program stood still",     "the program stood still", "the program stood still", 2, 0},
   {4, "the program stood still",     "the program stood still", "the program stood still", 2, 0},
-  {5, "the program stood still",     "the program stood still", "the program stood still", 2, 0},
+  {5, "the program stood still",     "ok",                      "the program stood still", 0, 0},  // placed by its clock
   {6, "ok",                          "ok",                      "no frames",               0, 0},
 };
 // clang-format on
@@ -201,8 +201,11 @@ TEST_CASE("every event of the table is in the record that the rules say") {
     CHECK((r.depth_mm.empty() ? 0 : r.depth_mm[0]) == v.depth_mm);
   }
   const Strays& strays = bench.windows.strays();
-  CHECK(strays.outside == bench.expected["early"]);
+  CHECK(strays.early == bench.expected["early"]);
+  CHECK(strays.outside == bench.expected["outside"]);
   CHECK(strays.late == bench.expected["late"]);
+  CHECK(bench.windows.take_late() == record::LateCounts{{0, strays.late}});
+  CHECK(bench.windows.take_late().empty());
   CHECK(strays.duplicate == bench.expected["twice"]);
   CHECK(strays.out_of_order == std::array<std::uint64_t, 3>{0, 2, 0});  // 6 after 7, 1 after 10
   // Losses: with the slot of the sample that tells, or the next one if that is closed.

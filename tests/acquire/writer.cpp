@@ -122,3 +122,27 @@ TEST_CASE("without finish a run looks crashed, with all that was put") {
   CHECK(run.count() == 1);
   CHECK(run.info().status == "crashed");
 }
+
+TEST_CASE("a depth image that cannot be encoded costs its sensor, not the run") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  auto file = std::make_unique<record::RunWriter>(path, record::RunInfo{});
+  constexpr std::uint32_t width = 2'000'000;  // above what OpenCV encodes
+  for (auto axis : small_axes()) {
+    if (axis.name == "depth_x") axis.count = width;
+    if (axis.name == "depth_y") axis.count = 1;
+    file->put_axis(axis);
+  }
+  Writer writer(std::move(file));
+  for (int i = 0; i < 2; ++i) {
+    auto record = small_record(i);
+    record.depth_mm.assign(width, 1000);
+    CHECK(writer.put(std::move(record)));
+  }
+  writer.finish("complete");
+  const record::RunReader run(path);
+  REQUIRE(run.count() == 2);
+  CHECK(run.read(1).valid == 3);
+  CHECK(run.read(1).sync[2].verdict == "cannot be encoded as PNG");
+  CHECK(run.read(1).radar == small_record(1).radar);
+}

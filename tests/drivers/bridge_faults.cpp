@@ -31,7 +31,7 @@ std::vector<std::uint32_t> all_but(std::initializer_list<std::uint32_t> missing)
 
 struct Outcome {
   std::vector<std::uint32_t> delivered;
-  std::uint64_t lost = 0;
+  std::uint64_t lost = 0, found = 0;
   BlockCounts counts;
 };
 
@@ -42,6 +42,7 @@ Outcome receive(const std::vector<Bytes>& stream) {
   const auto keep = [&](const Block& block) {
     out.delivered.push_back(block.sequence);
     out.lost += block.lost_blocks;
+    out.found += block.found_blocks;
   };
   parser.feed(join(stream), keep);
   parser.give_up(keep);
@@ -130,6 +131,22 @@ TEST_CASE("blocks that come again are counted, and handed on once") {
   stream.insert(stream.begin() + hit + 1, again.begin(), again.end());
   check_lost(stream, {});
   CHECK(receive(stream).counts.duplicates == again.size());
+}
+
+TEST_CASE("blocks out of order are out of order, and not lost") {
+  for (const std::uint32_t by : {1u, 2u, 15u}) {  // its neighbours overtake it
+    auto stream = sound_stream();
+    std::rotate(stream.begin() + hit, stream.begin() + hit + 1, stream.begin() + hit + 1 + by);
+    const Outcome out = receive(stream);
+    CAPTURE(by);
+    CHECK(out.delivered.size() == last + 1);
+    CHECK(out.lost == 1);
+    CHECK(out.found == 1);
+    CHECK(out.counts.lost_blocks == 0);
+    CHECK(out.counts.out_of_order == 1);
+    stream.push_back(tags_block(hit));  // once more, much later
+    CHECK(receive(stream).counts.lost_blocks == 1);
+  }
 }
 
 TEST_CASE("blocks that never came are counted") {

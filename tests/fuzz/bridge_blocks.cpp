@@ -62,7 +62,7 @@ struct Session {
     require(at != rest.end(), "each block stands whole in the stream, in this order");
     searched += static_cast<std::size_t>(at - rest.begin()) + 1;
     block_bytes += bytes.size();
-    lost += block.lost_blocks;
+    lost += block.lost_blocks - block.found_blocks;
     gaps += block.lost_blocks > 0;
     blocks.push_back(std::move(bytes));
   }

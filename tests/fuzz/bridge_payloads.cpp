@@ -49,8 +49,12 @@ void depth(ByteView payload) {
   // Fewer than 2^31 pixels, so the product cannot wrap to what is left.
   const bool fits = in.ok() && width && height && in.left() / 2 / width == height &&
                     in.left() == std::uint64_t{width} * height * 2;
-  const bool finite = std::all_of(axes, axes + 4, [](float v) { return std::isfinite(v); });
-  require(read.has_value() == (fits && finite && axes[1] != 0 && axes[3] != 0),
+  const auto lens = [&](std::size_t at, std::uint32_t count) {
+    const double start = axes[at], step = axes[at + 1];
+    return std::abs(start) <= 100 && std::abs(start + step * count) <= 100 &&
+           std::abs(step) >= 1e-6 && count <= max_depth_side;
+  };
+  require(read.has_value() == (fits && lens(0, width) && lens(2, height)),
           "a frame is taken if its size and axes are right, and only then");
   if (!read) return;
   const DepthFrame& frame = read->frame;

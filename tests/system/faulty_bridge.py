@@ -26,6 +26,7 @@ class Proxy:
         self.lost = 0         # blocks that the daemon must have missed, and tags that the laboratory dropped
         self.connections = 0
         self.fault, self.done = None, threading.Event()
+        self.overtaken = b""  # a block that is to be sent after the next one
         self.refuse_until = 0.0
         threading.Thread(target=self.run, daemon=True).start()
 
@@ -52,13 +53,17 @@ class Proxy:
         self.lost += struct.unpack_from("<Q", head, 16)[0]  # a stall fills its queue
         fault = self.fault if kind == 1 else None
         if fault is None:
-            down.sendall(block)
+            down.sendall(block + (self.overtaken if kind == 1 else b""))
+            self.overtaken = b"" if kind == 1 else self.overtaken
             self.tags += size // 16 if kind == 1 else 0
             return True
         if fault == "hold":
             self.done.set()
             return bool(down.recv(1))  # until the daemon goes
-        if fault == "close in a block":
+        if fault == "out of order":
+            self.overtaken = block
+            self.tags += size // 16
+        elif fault == "close in a block":
             down.sendall(block[:20])
         elif fault != "close":
             tags, lost, data = FAULTS[fault](block)
@@ -137,7 +142,7 @@ class FaultyBridge(live.Live):
             wait_for("records", lambda: self.committed() >= before + 2)
 
         for fault in ("bit flip in the payload", "bit flip in the header", "truncated", "omitted", "another version",
-                      "oversize", "duplicate", "garbage", "lying length", "stall", "close in a block", "close"):
+                      "oversize", "duplicate", "out of order", "garbage", "lying length", "stall", "close in a block", "close"):
             suffer(fault, lambda: proxy.do(fault))
         connections = proxy.connections
 

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/record/file_watch.hpp"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+namespace echofuse::record {
+
+FileWatch::FileWatch(std::string path) : path_(std::move(path)) {
+  for (File& file : files_) {
+    struct stat now {};
+    if (::stat((path_ + file.suffix).c_str(), &now) != 0) continue;
+    file.device = now.st_dev;
+    file.inode = now.st_ino;
+  }
+  note();
+}
+
+std::string FileWatch::lost() const {
+  for (const File& file : files_) {
+    const std::string what = *file.suffix ? std::string("its ") + file.suffix + " file " : "";
+    const int fault = fault_of(file);
+    if (fault == ENOENT || fault == ENOTDIR) return what + "was removed or renamed during the run";
+    if (fault == ESTALE) return what + "was replaced by another file during the run";
+    if (fault != 0) return what + "is out of reach: " + std::strerror(fault);
+  }
+  return {};
+}
+
+// 0 if the name means the same file, ESTALE if another one, or why there is none.
+int FileWatch::fault_of(const File& file) const {
+  struct stat now {};
+  if (::stat((path_ + file.suffix).c_str(), &now) != 0) return errno;
+  return now.st_dev == file.device && now.st_ino == file.inode ? 0 : ESTALE;
+}
+
+bool FileWatch::touched() const {
+  struct stat now {};
+  if (::stat(path_.c_str(), &now) != 0) return true;
+  return now.st_size != size_ || now.st_mtim.tv_sec != written_.tv_sec ||
+         now.st_mtim.tv_nsec != written_.tv_nsec;
+}
+
+void FileWatch::note() {
+  struct stat now {};
+  if (::stat(path_.c_str(), &now) != 0) return;
+  written_ = now.st_mtim;
+  size_ = now.st_size;
+}
+
+void FileWatch::remove_wal() const {
+  for (const File& file : files_)
+    if (*file.suffix && fault_of(file) == 0) ::unlink((path_ + file.suffix).c_str());
+}
+
+}  // namespace echofuse::record

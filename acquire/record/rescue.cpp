@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/record/rescue.hpp"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+
+#include "acquire/record/sqlite.hpp"
+#include "drivers/core/clock.hpp"
+
+namespace echofuse::record {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The name of a new empty file, made by this call. Throws Error.
+std::string make_beside(const fs::path& path) {
+  std::error_code none;
+  const bool there = fs::is_directory(path.parent_path(), none);
+  const fs::path folder = there ? path.parent_path() : fs::current_path(none);
+  for (int n = 1;; ++n) {
+    const auto copy = path.stem().string() + ".rescued" + (n > 1 ? std::to_string(-n) : "");
+    const std::string name = (folder / (copy + path.extension().string())).string();
+    const int fd = ::open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0644);
+    if (fd >= 0) {
+      ::close(fd);
+      return name;
+    }
+    if (errno != EEXIST) throw Error(ExitCode::disk, name + ": " + std::strerror(errno));
+  }
+}
+
+void copy_into(sqlite3* copy, const std::string& name, sqlite3* db) {
+  sqlite3_backup* const backup = sqlite3_backup_init(copy, "main", db, "main");
+  if (!backup) sqlite_fail(copy, name, "cannot copy");
+  sqlite3_backup_step(backup, -1);
+  if (sqlite3_backup_finish(backup) != SQLITE_OK) sqlite_fail(copy, name, "cannot copy");
+}
+
+}  // namespace
+
+std::string damage(sqlite3* db, const std::string& path) {
+  try {
+    sqlite3_db_release_memory(db);  // the pages that it remembers are sound
+    Statement check(db, path, "PRAGMA quick_check(1)");
+    const std::string verdict = check.step() ? check.text() : "no answer";
+    return verdict == "ok" ? "" : verdict.substr(verdict.rfind('\n') + 1);
+  } catch (const Error&) {
+    return sqlite3_errmsg(db);
+  }
+}
+
+Rescue rescue(sqlite3* db, const std::string& path, const std::string& status) {
+  std::string name;
+  try {
+    name = make_beside(path);
+    sqlite3* raw = nullptr;
+    const int code = sqlite3_open_v2(name.c_str(), &raw, SQLITE_OPEN_READWRITE, nullptr);
+    const std::unique_ptr<sqlite3, int (*)(sqlite3*)> copy(raw, sqlite3_close);
+    if (code != SQLITE_OK) sqlite_fail(raw, name, "cannot open");
+    copy_into(raw, name, db);
+    if (const std::string fault = damage(raw, name); !fault.empty())
+      return {false, "what can still be read is in " + name + ", which is damaged: " + fault};
+    execute(raw, name, "PRAGMA journal_mode=DELETE", "cannot close");
+    Statement(raw, name, "UPDATE run SET status = ?, ended_utc = ?")
+        .bind(status)
+        .bind(iso8601(SystemClock().utc()))
+        .run();
+    Statement count(raw, name, "SELECT count(*) FROM record");
+    count.step();
+    return {true, "its " + std::to_string(count.integer()) + " records are in " + name};
+  } catch (const std::exception& e) {
+    for (const char* beside : {"", "-journal", "-wal", "-shm"})
+      if (!name.empty()) ::unlink((name + beside).c_str());
+    return {false, std::string("nothing could be kept: ") + e.what()};
+  }
+}
+
+}  // namespace echofuse::record

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: MIT
+// A copy of a run whose file was removed, replaced or damaged while it was written: the open
+// connection still reaches what was committed.
+#pragma once
+#include <sqlite3.h>
+
+#include <string>
+
+namespace echofuse::record {
+
+struct Rescue {
+  bool whole = false;  // every committed record is in the copy
+  std::string text;    // for the message: what is where, or why nothing is
+};
+
+// Makes NAME.rescued.sqlite (-2, -3 ... if there is one) beside `path`, or in the current folder if
+// that folder is gone, with this status. Never throws.
+Rescue rescue(sqlite3* db, const std::string& path, const std::string& status);
+
+// What SQLite's quick check says of the database as it is on disk now; empty if sound.
+std::string damage(sqlite3* db, const std::string& path);
+
+}  // namespace echofuse::record

@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: MIT
+// What others do beside a run that is being written: to its files, its lock, its readers.
+#include <fcntl.h>
+#include <sqlite3.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstring>
+#include <functional>
+#include <memory>
+
+#include "acquire/record/run_file.hpp"
+#include "acquire/record/writer_lock.hpp"
+#include "testing.hpp"
+
+using namespace echofuse;
+using namespace echofuse::record;
+using namespace testing;
+
+namespace {
+
+using Database = std::unique_ptr<sqlite3, int (*)(sqlite3*)>;
+
+Database open(const std::string& path) {
+  sqlite3* db = nullptr;
+  REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
+  return {db, sqlite3_close};
+}
+
+void sql(const Database& db, const char* statement) {
+  REQUIRE(sqlite3_exec(db.get(), statement, nullptr, nullptr, nullptr) == SQLITE_OK);
+}
+
+std::unique_ptr<RunWriter> begin(const std::string& path, std::int64_t records) {
+  auto run = std::make_unique<RunWriter>(path, RunInfo{});
+  for (const auto& axis : small_axes()) run->put_axis(axis);
+  for (std::int64_t i = 0; i < records; ++i) run->append(small_record(i));
+  return run;
+}
+
+// As another program may: what was committed goes from the WAL into the database.
+void checkpoint(const std::string& path) { sql(open(path), "PRAGMA wal_checkpoint(TRUNCATE)"); }
+
+void overwrite(const std::string& path, std::size_t at, std::size_t size) {
+  const int fd = ::open(path.c_str(), O_WRONLY);
+  const std::string garbage(size, '\xde');
+  REQUIRE(::pwrite(fd, garbage.data(), size, static_cast<off_t>(at)) == static_cast<ssize_t>(size));
+  ::close(fd);
+}
+
+ino_t inode(const std::string& path) {
+  struct stat file {};
+  return ::stat(path.c_str(), &file) == 0 ? file.st_ino : 0;
+}
+
+void check_whole(const std::string& path, std::int64_t records, const std::string& status) {
+  CAPTURE(path);
+  const RunReader run(path);
+  CHECK(run.check().empty());
+  CHECK(run.info().status == status);
+  REQUIRE(run.count() == records);
+  for (std::int64_t i = 0; i < records; ++i) CHECK(run.read(i).spd == small_record(i).spd);
+}
+
+}  // namespace
+
+TEST_CASE("a run whose files are taken away ends at the next record, with all of it in a copy") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite", copy = folder / "a.rescued.sqlite";
+  write_file(folder / "x", "");
+  struct Attack {
+    const char* what;
+    std::function<void()> act;
+    std::string said;
+  };
+  const Attack attacks[] = {
+      {"replaced", [&] { fs::rename(folder / "x", path); }, "was replaced by another file"},
+      {"removed", [&] { fs::remove(path); }, "was removed or renamed"},
+      {"renamed", [&] { fs::rename(path, folder / "b"); }, "was removed or renamed"},
+      {"WAL removed", [&] { fs::remove(path + "-wal"); }, "its -wal file was removed or renamed"},
+      {"WAL replaced", [&] { fs::rename(folder / "x", path + "-wal"); },
+       "its -wal file was replaced by another file"},
+      {"index removed", [&] { fs::remove(path + "-shm"); }, "its -shm file was removed"},
+  };
+  for (const Attack& attack : attacks) DYNAMIC_SECTION(attack.what) {
+      const auto run = begin(path, 7);
+      if (GENERATE(false, true)) checkpoint(path);
+      run->append(small_record(7));
+      attack.act();
+      const auto [code, text] = error_of([&] { run->append(small_record(8)); });
+      CHECK(code == ExitCode::disk);
+      CHECK(has(text, path + ": " + attack.said));
+      const auto [end, said] = error_of([&] { run->close("stopped:disk"); });
+      CHECK(end == ExitCode::disk);
+      CHECK(said == text + "; its 8 records are in " + copy);
+      check_whole(copy, 8, "stopped:disk");
+      CHECK_FALSE(fs::exists(copy + "-wal"));
+      if (!fs::exists(path) || fs::file_size(path) == 0) CHECK_FALSE(fs::exists(path + "-wal"));
+    }
+}
+
+TEST_CASE("a run is not closed as complete into a file that is not there") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  write_file(folder / "a.rescued.sqlite", "somebody's");
+  const auto run = begin(path, 3);
+  write_file(folder / "x", "precious");
+  fs::rename(folder / "x", path);
+  const auto [code, text] = error_of([&] { run->close("complete"); });
+  CHECK(code == ExitCode::disk);
+  CHECK(has(text, "its 3 records are in " + folder / "a.rescued-2.sqlite"));
+  check_whole(folder / "a.rescued-2.sqlite", 3, "complete");
+  CHECK(fs::file_size(path) == 8);
+  CHECK_FALSE(fs::exists(path + "-wal"));
+}
+
+TEST_CASE("a damaged file ends a run; one that is only touched does not") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  const auto run = begin(path, 20);
+  const auto ends = [&](const std::string& said) {
+    const auto [code, text] = error_of([&] { run->append(small_record(20)); });
+    CHECK(code == ExitCode::disk);
+    CHECK(has(text, path + ": was damaged during the run: "));
+    const auto end = error_of([&] { run->close("stopped:disk"); });
+    CHECK(end.first == ExitCode::disk);
+    CHECK(has(end.second, said));
+  };
+  SECTION("overwritten") {
+    checkpoint(path);
+    overwrite(path, 4096, fs::file_size(path) - 4096);
+    ends("what can still be read is in " + folder / "a.rescued.sqlite");
+  }
+  SECTION("truncated") {
+    checkpoint(path);
+    fs::resize_file(path, 0);
+    ends("nothing could be kept: ");
+    CHECK_FALSE(fs::exists(folder / "a.rescued.sqlite"));
+  }
+  SECTION("emptied while all of it is in the WAL") {
+    fs::resize_file(path, 0);
+    run->append(small_record(20));
+    CHECK(run->close("complete"));
+    check_whole(path, 21, "complete");
+  }
+  SECTION("touched, marked and checkpointed") {
+    fs::last_write_time(path, fs::file_time_type::clock::now() + std::chrono::hours(1));
+    run->append(small_record(20));
+    mark(path, "mark", "door");
+    checkpoint(path);
+    run->append(small_record(21));
+    CHECK(run->close("complete"));
+    check_whole(path, 22, "complete");
+  }
+}
+
+TEST_CASE("closing does not wait for a reader; who comes later folds the WAL back") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  const auto run = begin(path, 5);
+  {
+    const Database reader = open(path);
+    sql(reader, "BEGIN; SELECT count(*) FROM record");
+    run->append(small_record(5));
+    const auto start = std::chrono::steady_clock::now();
+    CHECK_FALSE(run->close("complete"));
+    CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(3));
+    check_whole(path, 6, "complete");
+    CHECK(fs::exists(path + "-wal"));
+    // Killed, so that it does not tidy up: as a reader that may not write.
+    sqlite3_db_config(reader.get(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
+  }
+  CHECK(recover(path) == 6);
+  CHECK_FALSE(fs::exists(path + "-wal"));
+  check_whole(path, 6, "complete");
+}
+
+TEST_CASE("the lock is a file of ours, or there is no run; it stays") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite", lock = path + "-lock";
+  SECTION("something else is there") {
+    write_file(folder / "victim", "precious");
+    const std::string kind = GENERATE("link", "dangling", "file", "hard link", "fifo", "folder");
+    if (kind == "link") fs::create_symlink(folder / "victim", lock);
+    if (kind == "dangling") fs::create_symlink(folder / "nowhere", lock);
+    if (kind == "file") fs::copy_file(folder / "victim", lock);
+    if (kind == "hard link") {
+      write_file(folder / "victim", "");
+      fs::create_hard_link(folder / "victim", lock);
+    }
+    if (kind == "fifo") REQUIRE(mkfifo(lock.c_str(), 0600) == 0);
+    if (kind == "folder") fs::create_directory(lock);
+    CAPTURE(kind);
+    const auto [code, text] = error_of([&] { begin(path, 0); });
+    CHECK(code == ExitCode::failed);
+    CHECK(has(text, lock + ": is not a lock file of echofuse"));
+    CHECK_FALSE(fs::exists(path));
+    CHECK_FALSE(fs::exists(folder / "nowhere"));
+    CHECK(fs::file_size(folder / "victim") == (kind == "hard link" ? 0 : 8));
+    if (kind == "file") CHECK(fs::file_size(lock) == 8);
+    CHECK_FALSE(WriterLock::someone_writes(path));
+  }
+  SECTION("as a crash leaves it") {
+    write_file(lock, std::string(128 << 10, '\0'));
+    const ino_t before = inode(lock);
+    auto run = begin(path, 1);
+    CHECK(WriterLock::someone_writes(path));
+    CHECK_FALSE(WriterLock(path).held());
+    CHECK(fs::file_size(lock) == 128 << 10);
+    run->close("complete");
+    CHECK(inode(lock) == before);
+    CHECK(fs::file_size(lock) == 0);
+    CHECK_FALSE(WriterLock::someone_writes(path));
+  }
+  SECTION("a reader that asks does not take it") {
+    begin(path, 1)->close("complete");
+    const int reader = ::open(lock.c_str(), O_RDONLY);
+    REQUIRE(flock(reader, LOCK_SH | LOCK_NB) == 0);
+    CHECK(WriterLock(path).held());
+    ::close(reader);
+  }
+}
+
+namespace {
+
+// SQLite's own file system, as one without shared memory.
+int open_without_memory(sqlite3_vfs* self, const char* name, sqlite3_file* file, int flags,
+                        int* out) {
+  auto* whole = static_cast<sqlite3_vfs*>(self->pAppData);
+  const int code = whole->xOpen(whole, name, file, flags, out);
+  if (file->pMethods) {
+    static sqlite3_io_methods plain;
+    plain = *file->pMethods;
+    plain.iVersion = 1;
+    file->pMethods = &plain;
+  }
+  return code;
+}
+
+}  // namespace
+
+TEST_CASE("a file system without shared memory is refused") {
+  const Folder folder;
+  sqlite3_vfs* const whole = sqlite3_vfs_find(nullptr);
+  sqlite3_vfs network = *whole;
+  network.zName = "network";
+  network.pAppData = whole;
+  network.xOpen = open_without_memory;
+  sqlite3_vfs_register(&network, 1);
+  const auto [code, text] = error_of([&] { begin(folder / "a.sqlite", 0); });
+  sqlite3_vfs_register(whole, 1);
+  sqlite3_vfs_unregister(&network);
+  CHECK(code == ExitCode::disk);
+  CHECK(has(text, "a.sqlite: this file system cannot hold a run while it is written"));
+  CHECK_FALSE(fs::exists(folder / "a.sqlite"));
+}
