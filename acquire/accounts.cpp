@@ -35,4 +35,13 @@ void close_accounts(Writer& writer, RunLog& log,
   count("came out of order", strays.out_of_order);
 }
 
+std::string count_text(std::int64_t written, std::optional<std::int64_t> planned,
+                       std::optional<std::int64_t> before) {
+  std::string text = std::to_string(written);
+  if (planned) text += " of " + std::to_string(*planned);
+  text += " records";
+  if (before) text += ", " + std::to_string(*before + written) + " in all";
+  return text;
+}
+
 }  // namespace echofuse::acquire

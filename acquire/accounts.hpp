@@ -2,6 +2,9 @@
 // What of all that the devices sent is in no record, and why.
 #pragma once
 #include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "acquire/run_log.hpp"
@@ -14,5 +17,9 @@ namespace echofuse::acquire {
 // warning of each kind of stray that matters.
 void close_accounts(Writer& writer, RunLog& log,
                     std::array<std::vector<Counter>, sensor_count> counters, const Strays& strays);
+
+// "7 records", "3 of 3 records, 23 in all": of `planned` ones, and of a resumed run with `before`.
+std::string count_text(std::int64_t written, std::optional<std::int64_t> planned,
+                       std::optional<std::int64_t> before);
 
 }  // namespace echofuse::acquire

@@ -111,6 +111,7 @@ class Measurement {
         devices_(io_, config, clock, gatherer_) {}
 
   void run() {
+    devices_.take("calibrate");
     devices_.start();
     devices_.wait(config_.connect_timeout_s);
     Progress progress("calibrate", static_cast<std::size_t>(options_.repeats));

@@ -87,6 +87,8 @@ void bind(Settings& s, Config& c, Keys& k) {
   s.add("radar.cfg", k.cfg, "TI mmWave .cfg file, sent verbatim; relative to this file's folder");
   s.add("radar.cli_baud", k.cli_baud, 1200, 4'000'000, "of the command port");
   s.add("radar.data_baud", k.data_baud, 1200, 4'000'000, "of the data port");
+  s.add("radar.keep_running", c.radar.keep_running,
+        "leave the sensor radiating at the end; else it is sent sensorStop");
   s.add("depth.address", c.depth.address,
         "openni:[URI or file.oni] or bridge:tcp://HOST:PORT; empty: none");
   bind_policy(s, c, "depth", Sensor::depth);

@@ -5,16 +5,13 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
-#include <deque>
-#include <filesystem>
-#include <limits>
 #include <utility>
 #include <vector>
 
 #include "acquire/accounts.hpp"
+#include "acquire/backlog.hpp"
 #include "acquire/devices.hpp"
 #include "acquire/notify.hpp"
 #include "acquire/resume.hpp"
@@ -35,12 +32,9 @@ constexpr auto tick_pause = std::chrono::milliseconds(50);
 // What the devices sent while the file was being made is read before the first slot starts.
 constexpr auto settle_time = std::chrono::milliseconds(100);
 constexpr auto anchor_pause = std::chrono::minutes(1);
-constexpr std::int64_t most_behind = 32;  // slots that wait behind those of a pause
 
 // Leaves a second for the devices and the disk: SIGTERM closes a run within 5 s.
 constexpr auto close_limit = std::chrono::seconds(4);
-
-constexpr std::uint64_t unknown_free = std::numeric_limits<std::uint64_t>::max();
 
 // Threading: everything runs on the thread that calls run(); drivers and the writer have threads of
 // their own behind their interfaces.
@@ -69,8 +63,7 @@ class Daemon final : private SampleSink {
     Windows windows;
     SignalCheck signal;
     Writer writer;
-    std::deque<DueSlot> due;      // to be closed
-    std::int64_t pause_end = -1;  // last of the slots that became due at once
+    Backlog due;
     StatusLine status;
   };
 
@@ -85,9 +78,7 @@ class Daemon final : private SampleSink {
   void require_devices() const;
   void begin();
   std::unique_ptr<record::RunWriter> open_file();
-  void warn_of_room();
   void interrupt(HostTime now);
-  void show_status(HostTime now);
   void announce(Sensor sensor);
   void put_anchor();
   void log(Severity severity, const std::string& source, const std::string& text) {
@@ -95,6 +86,10 @@ class Daemon final : private SampleSink {
   }
   void arm();
   void tick();
+  bool is_early(Sensor sensor, std::uint64_t amount) {
+    if (!recording_) early_[static_cast<std::size_t>(sensor)] += amount;
+    return !recording_;
+  }
   void close_due(HostTime now);
   void close_slot(const DueSlot& due, std::chrono::nanoseconds late);
   void put_late();
@@ -110,7 +105,6 @@ class Daemon final : private SampleSink {
   std::optional<port::RawKeeper> raw_;
   Devices devices_;
   SensorClocks clocks_;  // they hear what comes before the first slot as well
-  std::atomic<std::uint64_t> free_{unknown_free};  // on the run's disk; set by the writer's thread
   std::optional<Recording> recording_;
   std::vector<std::string> axes_written_;
   std::array<std::string, sensor_count> identities_;  // of the devices written
@@ -118,9 +112,8 @@ class Daemon final : private SampleSink {
   UtcTime anchor_utc_{};
   RunTotals totals_;
   std::array<std::uint64_t, sensor_count> early_{};  // heard before there were slots
-  std::int64_t incomplete_ = 0;                      // records without a required sensor
   std::int64_t first_index_ = 0;  // of a resumed run: slots are counted from here
-  std::int64_t records_before_ = 0;
+  std::optional<std::int64_t> records_before_;
   std::vector<Axis> begun_axes_;  // of a resumed run
   std::string gap_;               // of a resumed run: what to note of it
   bool ending_ = false;           // interrupted
@@ -132,6 +125,7 @@ ExitCode Daemon::run() {
     refuse_resuming(record::RunReader(options_.out), config_);
   else
     refuse_bad_target(options_.out);
+  devices_.take("run", options_.out);
   devices_.start();
   devices_.wait(config_.connect_timeout_s);
   require_devices();
@@ -188,15 +182,6 @@ void Daemon::tell_raw_trouble() {
     log(Severity::warning, "raw", trouble);
 }
 
-void Daemon::warn_of_room() {
-  const auto folder = std::filesystem::path(options_.out).parent_path();
-  const auto free = free_bytes(folder.string());
-  if (!free) return;
-  const std::string warning = room_warning(record_bytes(recording_->windows.axes()), options_.count,
-                                           config_.window_s, *free);
-  if (!warning.empty()) log(Severity::warning, "disk", warning);
-}
-
 void Daemon::begin() {
   auto file = open_file();
   const auto length = from_seconds(config_.window_s);
@@ -218,7 +203,9 @@ void Daemon::begin() {
       announce(s);
     else if (devices_[s].configured)
       log(Severity::warning, name_of(s), "not there at the start: " + devices_.describe(s));
-  warn_of_room();
+  const std::string room =
+      room_warning(options_.out, recording_->windows.axes(), options_.count, config_.window_s);
+  if (!room.empty()) log(Severity::warning, "disk", room);
   spdlog::info("recording into {}, slots of {} s", options_.out, config_.window_s);
   notify_ready(config_.window_s);
 }
@@ -243,40 +230,28 @@ void Daemon::announce(Sensor sensor) {
 void Daemon::put_anchor() {
   anchor_mono_ = clock_.now();
   anchor_utc_ = clock_.utc();
-  const auto folder = std::filesystem::path(options_.out).parent_path().string();
-  recording_->writer.put(
-      [this, folder, mono = anchor_mono_, utc = anchor_utc_](record::RunWriter& run) {
-        run.put_anchor(mono, utc);
-        free_ = free_bytes(folder).value_or(unknown_free);  // here, as a disk may take its time
-      });
+  recording_->writer.put([mono = anchor_mono_, utc = anchor_utc_](record::RunWriter& run) {
+    run.put_anchor(mono, utc);
+  });
 }
 
 void Daemon::on_tags(const TagBlock& block) {
   clocks_.hear(block);
-  if (!recording_) {
-    early_[0] += block.tags.size();
-    return;
-  }
+  if (is_early(Sensor::spd, block.tags.size())) return;
   totals_.tags += block.tags.size();
   recording_->windows.add(block);
 }
 
 void Daemon::on_radar(RadarFrame frame) {
   clocks_.hear(frame);
-  if (!recording_) {
-    ++early_[1];
-    return;
-  }
+  if (is_early(Sensor::radar, 1)) return;
   ++totals_.radar_frames;
   recording_->windows.add(frame);
 }
 
 void Daemon::on_depth(DepthFrame frame) {
   clocks_.hear(frame);
-  if (!recording_) {
-    ++early_[2];
-    return;
-  }
+  if (is_early(Sensor::depth, 1)) return;
   ++totals_.depth_frames;
   recording_->windows.add(std::move(frame));
 }
@@ -314,33 +289,20 @@ void Daemon::tick() {
   tell_raw_trouble();
   const std::int64_t written = r.writer.written();
   if (std::exchange(totals_.written, written) != written) notify_advance(written);
-  show_status(now);
+  totals_.label = r.writer.label().value_or(label_);
+  totals_.free_bytes = r.writer.free_bytes();
+  r.status.update(now, totals_);
   if ((r.scheduler.done() && r.due.empty()) || r.writer.failed())
     io_.stop();
   else
     arm();
 }
 
-void Daemon::show_status(HostTime now) {
-  if (const std::uint64_t free = free_; free != unknown_free) totals_.free_bytes = free;
-  totals_.label = recording_->writer.label().value_or(label_);
-  recording_->status.update(now, totals_);
-}
-
-// After a pause of the program many slots are due at once; they go to the disk as it takes them, as
-// long as that does not last: then it is too slow.
 void Daemon::close_due(HostTime now) {
   Recording& r = *recording_;
-  const std::vector<DueSlot> fresh = r.scheduler.tick(now);
-  r.due.insert(r.due.end(), fresh.begin(), fresh.end());
-  if (fresh.size() > 1) r.pause_end = fresh.back().index;
-  const auto may_wait = [&] {
-    return r.due.front().index <= r.pause_end && r.due.back().index - r.pause_end < most_behind;
-  };
-  while (!r.due.empty() && !(may_wait() && r.writer.crowded())) {
-    close_slot(r.due.front(), r.scheduler.lateness(r.due.front().index, now));
-    r.due.pop_front();
-  }
+  r.due.put(r.scheduler.tick(now));
+  while (const auto due = r.due.next(r.writer.crowded()))
+    close_slot(*due, r.scheduler.lateness(due->index, now));
 }
 
 // The run ends with the slot that is running, or with the one before if that takes too long; before
@@ -365,7 +327,6 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
   record.books.closed_late_s = seconds(late);
   record.slot_utc = anchor_utc_ + (record.slot_start - anchor_mono_);
   record.label = label_;
-  incomplete_ += record.missing != 0;
   totals_.take(record, config_.configured(), [&](Sensor sensor, Severity severity) {
     log(severity, name_of(sensor),
         "record " + std::to_string(record.index) + ": " +
@@ -413,18 +374,10 @@ void Daemon::end() {
         options_.out, options_.out);
   totals_.written = r.writer.written();
   r.status.finish(clock_.now(), totals_);
-  std::string doubts;
-  if (incomplete_ > 0)
-    doubts += "; " + std::to_string(incomplete_) + " incomplete, without a required device";
-  if (totals_.not_ok > 0) doubts += "; " + std::to_string(totals_.not_ok) + " with a sensor not ok";
-  std::string records = std::to_string(totals_.written);
-  if (options_.count) records += " of " + std::to_string(*options_.count);
-  records += " records";
-  if (options_.resume)
-    records += ", " + std::to_string(records_before_ + totals_.written) + " in all";
   spdlog::info("{}: {}, {}{}; arrived: {} tags, {} radar frames, {} depth frames", options_.out,
-               records, status_, doubts, devices_[Sensor::spd].samples,
-               devices_[Sensor::radar].samples, devices_[Sensor::depth].samples);
+               count_text(totals_.written, options_.count, records_before_), status_,
+               totals_.doubts(), devices_[Sensor::spd].samples, devices_[Sensor::radar].samples,
+               devices_[Sensor::depth].samples);
 }
 
 }  // namespace

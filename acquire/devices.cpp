@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/devices.hpp"
 
+#include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <cinttypes>
 #include <cstdio>
@@ -8,10 +9,13 @@
 #include <utility>
 
 #include "acquire/attached.hpp"
+#include "acquire/live_run.hpp"
 #include "drivers/core/console.hpp"
 
 namespace echofuse::acquire {
 namespace {
+
+constexpr auto last_words = std::chrono::milliseconds(300);  // of all drivers to their devices
 
 // For whoever only wants to know what answers.
 class NullSink final : public SampleSink {
@@ -27,15 +31,26 @@ std::string address_of(const Config& config, Sensor s) {
   return s == Sensor::radar ? config.radar.cli : config.depth.address;
 }
 
-nlohmann::ordered_json to_json(Sensor s, const Devices::Seen& seen) {
-  return {{"sensor", name_of(s)},           {"address", seen.info.address},
-          {"state", name_of(seen.state)},   {"answers", seen.delivers()},
-          {"model", seen.info.model},       {"serial", seen.info.serial},
-          {"firmware", seen.info.firmware}, {"samples", seen.samples},
-          {"last_event", seen.last_event}};
+nlohmann::ordered_json to_json(Sensor s, const Devices::Seen& seen,
+                               const std::optional<LiveDevice>& live) {
+  return {{"sensor", name_of(s)},
+          {"address", seen.info.address},
+          {"state", live ? "in use" : name_of(seen.state)},
+          {"answers", live ? live->delivers : seen.delivers()},
+          {"model", seen.info.model},
+          {"serial", seen.info.serial},
+          {"firmware", seen.info.firmware},
+          {"samples", seen.samples},
+          {"last_event", live ? live->text : seen.last_event},
+          {"run", seen.holder ? seen.holder->run : ""}};
 }
 
-void print_device(Sensor s, const Devices::Seen& seen, const std::string& description) {
+void print_device(Sensor s, const Devices::Seen& seen, const std::string& description,
+                  const std::optional<LiveDevice>& live) {
+  if (live) {
+    std::printf("%s %s: %s\n", name_of(s), seen.info.address.c_str(), live->text.c_str());
+    return;
+  }
   if (!seen.delivers()) {
     std::printf("%s\n", description.c_str());
     return;
@@ -50,7 +65,7 @@ void print_device(Sensor s, const Devices::Seen& seen, const std::string& descri
 
 Devices::Devices(boost::asio::io_context& io, const Config& config, const Clock& clock,
                  SampleSink& next, port::RawKeeper* raw)
-    : io_(io), next_(next) {
+    : io_(io), config_(config), next_(next) {
   for (const Sensor s : all_sensors) {
     seen(s).configured = (config.configured() >> static_cast<unsigned>(s)) & 1u;
     seen(s).info.address = address_of(config, s);
@@ -60,22 +75,59 @@ Devices::Devices(boost::asio::io_context& io, const Config& config, const Clock&
   if (seen(Sensor::depth).configured) drivers_[2] = make_depth(io, config.depth, clock, raw);
 }
 
-Devices::~Devices() { stop(); }
+Devices::~Devices() { halt(); }  // whoever listened may be gone
+
+void Devices::take_free(const std::string& command) {
+  locks_.emplace(config_, command);
+  for (const Sensor s : all_sensors) seen(s).holder = locks_->other(s);
+}
+
+void Devices::take(const std::string& command, const std::string& run) {
+  locks_.emplace(config_, command, run);
+  std::string taken;
+  for (const Sensor s : all_sensors) {
+    seen(s).holder = locks_->other(s);
+    if (seen(s).holder) taken += (taken.empty() ? "" : "\n") + describe(s);
+  }
+  if (!taken.empty()) throw Error(ExitCode::device, taken);
+}
 
 void Devices::start() {
-  for (auto& driver : drivers_)
-    if (driver) driver->start(*this);
+  for (const Sensor s : all_sensors)
+    if (auto& driver = drivers_[static_cast<std::size_t>(s)]; driver && !seen(s).holder)
+      driver->start(*this);
 }
 
 void Devices::stop() {
+  for (const Sensor s : halt())
+    next_.on_event(s, Severity::warning, "did not confirm that it stopped: is it still sending?");
+}
+
+// Those that did not confirm it.
+std::vector<Sensor> Devices::halt() {
   for (auto& driver : drivers_)
-    if (driver) std::exchange(driver, nullptr)->stop();
+    if (driver) driver->stop();
+  const auto ends = [](const auto& driver) { return !driver || driver->finished(); };
+  const auto give_up = std::chrono::steady_clock::now() + last_words;
+  while (!std::all_of(drivers_.begin(), drivers_.end(), ends) &&
+         std::chrono::steady_clock::now() < give_up) {
+    if (io_.stopped()) io_.restart();
+    if (io_.run_one_until(give_up) == 0) break;  // also if nothing can come any more
+  }
+  std::vector<Sensor> unfinished;
+  for (const Sensor s : all_sensors) {
+    auto& driver = drivers_[static_cast<std::size_t>(s)];
+    if (!ends(driver)) unfinished.push_back(s);
+    driver.reset();
+  }
+  return unfinished;
 }
 
 void Devices::wait(double timeout_s) {
   using Clock = std::chrono::steady_clock;
   const auto give_up = Clock::now() + from_seconds(timeout_s);
-  while (!all(&Seen::delivers) && Clock::now() < give_up && !interrupted()) {
+  const auto settled = [](const Seen& device) { return device.holder || device.delivers(); };
+  while (!all(settled) && Clock::now() < give_up && !interrupted()) {
     if (io_.stopped()) io_.restart();
     io_.run_one_for(std::chrono::milliseconds(20));
   }
@@ -95,6 +147,7 @@ bool Devices::all(const std::function<bool(const Seen&)>& predicate) const {
 std::string Devices::describe(Sensor s) const {
   const Seen& device = (*this)[s];
   std::string text = std::string(name_of(s)) + " " + device.info.address + ": ";
+  if (device.holder) return text + "in use by " + device.holder->who;
   if (device.state == DeviceState::streaming && device.samples == 0)
     return text + "answers, but sends no " + (s == Sensor::spd ? "tags" : "frames");
   text += name_of(device.state);
@@ -119,6 +172,7 @@ void Devices::on_depth(DepthFrame frame) {
 void Devices::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
   Seen& device = seen(sensor);
   device.state = state;
+  if (locks_) locks_->follow(sensor);
   if (state == DeviceState::streaming) device.info = info;
   next_.on_state(sensor, state, info);
 }
@@ -135,16 +189,22 @@ bool all_answer(const Config& config, const Clock& clock, nlohmann::ordered_json
   boost::asio::io_context io;
   NullSink nothing;
   Devices devices(io, config, clock, nothing);
+  devices.take_free("devices");
   devices.start();
   devices.wait(config.connect_timeout_s);
+  bool all = true;
   for (const Sensor s : all_sensors) {
-    if (!devices[s].configured) continue;
+    const Devices::Seen& seen = devices[s];
+    if (!seen.configured) continue;
+    std::optional<LiveDevice> live;
+    if (seen.holder) live = look_at(*seen.holder, s, clock);
+    all = all && (live ? live->delivers : seen.delivers());
     if (list)
-      list->push_back(to_json(s, devices[s]));
+      list->push_back(to_json(s, seen, live));
     else
-      print_device(s, devices[s], devices.describe(s));
+      print_device(s, seen, devices.describe(s), live);
   }
-  return devices.all(&Devices::Seen::delivers);
+  return all;
 }
 
 }  // namespace

@@ -7,8 +7,10 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "acquire/config.hpp"
+#include "acquire/device_locks.hpp"
 #include "drivers/core/driver.hpp"
 #include "drivers/core/exit_code.hpp"
 
@@ -21,28 +23,36 @@ class Devices final : private SampleSink {
     bool configured = false;
     DeviceState state = DeviceState::connecting;
     DeviceInfo info;
-    std::uint64_t samples = 0;  // tags or frames
-    std::string last_event;     // why it does not stream, if it said so
+    std::uint64_t samples = 0;       // tags or frames
+    std::string last_event;          // why it does not stream, if it said so
+    std::optional<Holder> holder{};  // another program that has it: it is not touched
 
     bool delivers() const { return state == DeviceState::streaming && samples > 0; }
   };
 
-  // Throws Error(config) for an address that cannot be. `io`, `clock` and `next` must outlive this.
-  // Into `raw`, if any, go the devices' bytes.
+  // Throws Error(config) for an address that cannot be. `io`, `config`, `clock` and `next` must
+  // outlive this. Into `raw`, if any, go the devices' bytes.
   Devices(boost::asio::io_context& io, const Config& config, const Clock& clock, SampleSink& next,
           port::RawKeeper* raw = nullptr);
   ~Devices() override;
 
+  // Makes the configured devices this program's, `command` of echofuse-acquire, that writes `run`.
+  // Throws Error(device) that names who else has one.
+  void take(const std::string& command, const std::string& run = {});
+  // Makes those of them this program's that are free.
+  void take_free(const std::string& command);
   void start();
+  // All at once, and waits for them. A device that does not confirm its end is an event.
   void stop();
-  // Runs io until every configured device delivers, the time is up or the user interrupts.
+  // Runs io until every configured device that is ours delivers, the time is up or the user
+  // interrupts.
   void wait(double timeout_s);
   const Seen& operator[](Sensor s) const { return seen_[static_cast<std::size_t>(s)]; }
   // Of the sensor's driver; none if it is not configured, or stopped.
   std::vector<Counter> counters(Sensor s) const;
   // Asks it of every configured device.
   bool all(const std::function<bool(const Seen&)>& predicate) const;
-  // "radar serial:/dev/ttyUSB0: faulted: no such file or directory"
+  // "radar serial:/dev/ttyUSB0: faulted: no such file or directory", or by whom it is in use
   std::string describe(Sensor s) const;
 
  private:
@@ -51,10 +61,13 @@ class Devices final : private SampleSink {
   void on_depth(DepthFrame frame) override;
   void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
+  std::vector<Sensor> halt();
   Seen& seen(Sensor s) { return seen_[static_cast<std::size_t>(s)]; }
 
   boost::asio::io_context& io_;
+  const Config& config_;
   SampleSink& next_;
+  std::optional<DeviceLocks> locks_;  // outlive the drivers
   std::array<Seen, sensor_count> seen_;
   std::array<std::unique_ptr<Driver>, sensor_count> drivers_;
 };
@@ -62,7 +75,8 @@ class Devices final : private SampleSink {
 inline constexpr Sensor all_sensors[] = {Sensor::spd, Sensor::radar, Sensor::depth};
 
 // The `devices` command: what is attached; then, given a configuration, waits as `run` does and
-// says what of it answers. Device code if one does not.
+// says what of it answers, or of a device in use what the run that has it says. Device code if one
+// does not deliver.
 ExitCode check_devices(const std::optional<Config>& config, const Clock& clock, bool json);
 
 }  // namespace echofuse::acquire

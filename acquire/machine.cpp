@@ -19,9 +19,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* rules = "99-echofuse.rules";
+constexpr const char* rules = "70-echofuse.rules";
 constexpr const char* install_rules =
-    "install config/99-echofuse.rules as its first lines say, and join the group plugdev";
+    "install config/70-echofuse.rules as its first lines say, and join the groups dialout, plugdev "
+    "and video";
+constexpr const char* look_at_groups =
+    "plug it in again; is this user in the groups dialout, plugdev and video?";
+constexpr const char* look_at_plug =
+    "is it plugged in, and is this its name? `devices` lists what is attached";
 
 std::string text_of(const fs::path& file) {
   std::ifstream in(file);
@@ -54,7 +59,12 @@ std::vector<std::string> configured_addresses(const std::optional<Config>& confi
 struct Port {
   std::string path, missing;
   bool configured = false;
+  bool denied = false;  // it is there, but not for this user
 };
+
+bool is_denied(const std::string& path) {
+  return ::access(path.c_str(), R_OK | W_OK) != 0 && (errno == EACCES || errno == EPERM);
+}
 
 // All device nodes that matter: those of attached devices, and configured serial ports of others.
 std::vector<Port> ports(const std::optional<Config>& config, const MachineRoots& roots) {
@@ -65,7 +75,7 @@ std::vector<Port> ports(const std::optional<Config>& config, const MachineRoots&
     const std::string path = serial_path(address);
     if (path.empty()) continue;
     const bool usable = ::access(path.c_str(), R_OK | W_OK) == 0;
-    out.push_back({path, usable ? "" : path + ": " + std::strerror(errno), true});
+    out.push_back({path, usable ? "" : path + ": " + std::strerror(errno), true, is_denied(path)});
   }
   const auto is_wanted = [&](const inventory::Node& node) {
     return !node.address.empty() &&
@@ -76,7 +86,7 @@ std::vector<Port> ports(const std::optional<Config>& config, const MachineRoots&
       const auto known =
           std::find_if(out.begin(), out.end(), [&](auto& p) { return p.path == node.path; });
       if (known == out.end())
-        out.push_back({node.path, node.missing, is_wanted(node)});
+        out.push_back({node.path, node.missing, is_wanted(node), is_denied(node.path)});
       else
         known->missing = node.missing;
     }
@@ -113,8 +123,10 @@ std::vector<Finding> check_permissions(const std::optional<Config>& config,
   for (const Port& port : all)
     if (!port.missing.empty())
       out.push_back({check, port.configured ? Grade::problem : Grade::warning, port.missing,
-                     rules_installed(roots) ? "plug it in again; is this user in the group plugdev?"
-                                            : install_rules});
+                     port.path.empty()        ? ""
+                     : !port.denied           ? look_at_plug
+                     : rules_installed(roots) ? look_at_groups
+                                              : install_rules});
   const double count = static_cast<double>(all.size());
   if (out.empty())
     out.push_back({check,

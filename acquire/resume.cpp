@@ -17,9 +17,9 @@
 namespace echofuse::acquire {
 namespace {
 
-const std::set<std::string> free_keys{"run.label",      "run.operator",    "run.connect_timeout_s",
-                                      "radar.cli_baud", "radar.data_baud", "radar.cfg",
-                                      "run.calibration"};
+const std::set<std::string> free_keys{
+    "run.label",       "run.operator", "run.connect_timeout_s", "radar.cli_baud",
+    "radar.data_baud", "radar.cfg",    "run.calibration",       "radar.keep_running"};
 const std::set<std::string> places{"tdc.address", "radar.cli", "radar.data", "depth.address"};
 
 // The resolved text: [section], key = value, comments on lines of their own.

@@ -16,9 +16,9 @@
 namespace echofuse::acquire {
 
 // Throws Error(config) that names the keys whose values differ from those that the run was begun
-// with. May differ: run.label, run.operator, run.connect_timeout_s, baud rates, and where a device
-// is attached (not whether there is one). The radar cfg counts by its text, the calibration by its
-// entries, `calibrated` in the run; neither by its name.
+// with. May differ: run.label, run.operator, run.connect_timeout_s, baud rates, radar.keep_running,
+// and where a device is attached (not whether there is one). The radar cfg counts by its text, the
+// calibration by its entries, `calibrated` in the run; neither by its name.
 void refuse_other_config(const record::RunInfo& begun,
                          const std::vector<record::CalibrationEntry>& calibrated,
                          const Config& config);

@@ -4,6 +4,7 @@
 #include <sys/statvfs.h>
 
 #include <cstdio>
+#include <filesystem>
 
 namespace echofuse::acquire {
 namespace {
@@ -31,8 +32,9 @@ std::uint64_t record_bytes(const std::vector<Axis>& axes) {
   return bytes + (depth ? 2 * pixels : 0);
 }
 
-std::optional<std::uint64_t> free_bytes(const std::string& folder) {
+std::optional<std::uint64_t> free_bytes(const std::string& run) {
   struct statvfs disk {};
+  const auto folder = std::filesystem::path(run).parent_path();
   if (statvfs(folder.c_str(), &disk) != 0) return std::nullopt;
   return std::uint64_t{disk.f_bavail} * disk.f_frsize;
 }
@@ -51,6 +53,12 @@ std::string room_warning(std::uint64_t bytes_per_record, std::optional<std::int6
   char text[120];
   std::snprintf(text, sizeof text, "the disk is full after about %.1f hours of this run", hours);
   return text;
+}
+
+std::string room_warning(const std::string& run, const std::vector<Axis>& axes,
+                         std::optional<std::int64_t> count, double window_s) {
+  const auto free = free_bytes(run);
+  return free ? room_warning(record_bytes(axes), count, window_s, *free) : "";
 }
 
 }  // namespace echofuse::acquire

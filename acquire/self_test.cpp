@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "acquire/live_run.hpp"
 #include "acquire/record/png.hpp"
 #include "drivers/core/console.hpp"
 #include "drivers/core/log2_codes.hpp"
@@ -223,14 +224,27 @@ double estimate_record_bytes(const Capture& capture, const Config& config) {
                      (config.depth.height ? config.depth.height : usual_height);
 }
 
+namespace {
+
+Finding judge_in_use(Sensor s, const LiveDevice& live) {
+  return {name_of(s), live.delivers ? Grade::warning : Grade::problem, live.text,
+          "not touched; another run needs that one to end"};
+}
+
+}  // namespace
+
 SelfTest test_devices(const Config& config, const Clock& clock) {
   boost::asio::io_context io;
   Capture capture(config.histogram);
   Devices devices(io, config, clock, capture);
+  devices.take_free("doctor");
   devices.start();
   devices.wait(config.connect_timeout_s);
   capture.begin();
-  const HostTime begin = clock.now(), end = begin + from_seconds(capture_s);
+  const bool none_is_ours =
+      devices.all([](const auto& device) { return device.holder.has_value(); });
+  const HostTime begin = clock.now();
+  const HostTime end = begin + from_seconds(none_is_ours ? 0 : capture_s);
   while (clock.now() < end && !interrupted()) {
     if (io.stopped()) io.restart();
     io.run_one_for(std::chrono::milliseconds(20));
@@ -243,7 +257,9 @@ SelfTest test_devices(const Config& config, const Clock& clock) {
   for (const Sensor s : all_sensors) {
     const auto index = static_cast<std::size_t>(s);
     if (!devices[s].configured) continue;
-    if (devices[s].delivers()) {
+    if (devices[s].holder) {
+      out.findings.push_back(judge_in_use(s, look_at(*devices[s].holder, s, clock)));
+    } else if (devices[s].delivers()) {
       out.findings.push_back(judges[index](capture, config, time_s));
     } else {
       out.findings.push_back({name_of(s), Grade::problem, devices.describe(s),

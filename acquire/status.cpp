@@ -105,6 +105,15 @@ void RunTotals::take(const record::FusedRecord& record, std::uint32_t configured
       changed(s, kind == "ok" ? Severity::info : Severity::warning);
   }
   not_ok += doubtful != 0;
+  incomplete += record.missing != 0;
+}
+
+std::string RunTotals::doubts() const {
+  std::string text;
+  if (incomplete > 0)
+    text += format("; %" PRId64 " incomplete, without a required device", incomplete);
+  if (not_ok > 0) text += format("; %" PRId64 " with a sensor not ok", not_ok);
+  return text;
 }
 
 std::vector<StatusField> status_fields(const RunTotals& now, const RunTotals& before,

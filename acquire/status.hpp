@@ -16,7 +16,8 @@ namespace echofuse::acquire {
 // Totals since the start of the run.
 struct RunTotals {
   std::int64_t records = 0, written = 0;
-  std::int64_t not_ok = 0;  // records of which a configured sensor's verdict is not "ok"
+  std::int64_t incomplete = 0;  // records without a required sensor
+  std::int64_t not_ok = 0;      // records of which a configured sensor's verdict is not "ok"
   std::uint64_t tags = 0, radar_frames = 0, depth_frames = 0;
   std::array<std::uint64_t, sensor_count> lost{};  // tags, radar frames, depth frames
   // Of the last record; sensors are bits of valid.
@@ -31,6 +32,8 @@ struct RunTotals {
   // bad or comes back: once, not for every record.
   void take(const record::FusedRecord& record, std::uint32_t configured,
             const std::function<void(Sensor, Severity)>& changed);
+  // "; 3 with a sensor not ok", or nothing.
+  std::string doubts() const;
 };
 
 // What the line may show: in this order, and in a narrow terminal those of low rank first.

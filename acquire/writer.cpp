@@ -5,6 +5,7 @@
 
 #include <utility>
 
+#include "acquire/room.hpp"
 #include "drivers/core/exit_code.hpp"
 
 namespace echofuse::acquire {
@@ -55,9 +56,17 @@ bool Writer::put(record::FusedRecord record) {
     if (label_) r.label = *label_;
     run.append(r);
     spdlog::debug("record {}: committed", r.index);  // what scripts/kill_test relies on
+    const auto free = acquire::free_bytes(run.path());
+    const std::lock_guard lock(mutex_);
+    free_ = free;
     ++written_;
   });
   return room;
+}
+
+std::optional<std::uint64_t> Writer::free_bytes() const {
+  const std::lock_guard lock(mutex_);
+  return free_;
 }
 
 std::optional<std::string> Writer::label() const {

@@ -89,7 +89,8 @@ std::unique_ptr<Driver> make_radar(boost::asio::io_context& io, const RadarConfi
                         .cfg_text = config.cfg_text,
                         .cfg_name = config.cfg_name,
                         .warnings = radar_warnings(config),
-                        .data_baud = config.data_baud},
+                        .data_baud = config.data_baud,
+                        .keep_running = config.keep_running},
       clock);
 }
 

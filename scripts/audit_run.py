@@ -19,6 +19,8 @@ LATENCY_NS = 250_000_000
 GRACE_NS = 500_000_000  # a frame belongs to the slot in which it was taken, as long as that is open
 SETTLING_NS = 5_000_000_000  # after a clock went back, until its fit is believed again
 PATIENCE_NS = 5_000_000_000
+CLOCK_ERROR_NS = 100_000_000  # a clock that went back by no more is not seen to
+SETTLED = 200  # samples of a clock
 LENGTH_FIELD = range(12, 16)  # of a bridge block
 NUMBER_FIELD = range(20, 24)  # of a radar frame
 RECEIVED_WHOLE = {"sent", "garbage"}
@@ -31,8 +33,9 @@ class Run:
         self.records = [dict(r) for r in db.execute(
             "SELECT r.idx, slot_start_ns start, slot_end_ns end, tags, spd_lost, radar_lost, depth_lost, s.radar_frames,"
             " s.radar_last, s.depth_frames, s.depth_last, ifnull(l.spd, 0) spd_late, ifnull(l.radar, 0) radar_late,"
-            " ifnull(l.depth, 0) depth_late FROM record r JOIN slot s ON r.idx = s.idx LEFT JOIN late l ON r.idx = l.idx"
-            " ORDER BY r.idx")]
+            " ifnull(l.depth, 0) depth_late, ifnull(c.radar_samples, 0) radar_samples, ifnull(c.depth_samples, 0)"
+            " depth_samples FROM record r JOIN slot s ON r.idx = s.idx LEFT JOIN late l ON r.idx = l.idx"
+            " LEFT JOIN clock_fit c ON r.idx = c.idx ORDER BY r.idx")]
         self.rows = db.execute("SELECT count(*) FROM record").fetchone()[0]
         self.counters = collections.Counter()
         for source, name, value in db.execute("SELECT source, name, value FROM counter"):
@@ -102,18 +105,26 @@ def connections(entries):
 class Tags:
     """What the daemon's bridge client makes of the blocks."""
 
-    def __init__(self, connection_list, latency_ns, jumps):
+    def __init__(self, entries, latency_ns):
+        connection_list = connections(entries)
         self.latency_ns = latency_ns
-        self.jumps = jumps  # in which tags may stand in earlier slots
+        self.jumps = clock_jumps(entries)  # in which tags may stand in earlier slots
+        self.clock_faults = min((e["t"] for e in entries if e["what"].startswith("begin clock_")), default=float("inf"))
         self.sums = collections.Counter()  # tags by what became of their block
         self.delivered, self.losses = [], []  # (earliest, latest, amount); prefix of tags for the driver's counter
         self.doubtful = 0
+        self.pending = 0  # lost, as no delivered block has told yet, over connections
         for number, connection in enumerate(connection_list):
             self.take(connection, number > 0)
 
+    def earliest(self, block):
+        """Where its first tag may stand."""
+        if any(begin < block["t"] < end for begin, end in self.jumps):
+            return block["first"] - GRACE_NS
+        return block["first"] - (CLOCK_ERROR_NS if block["t"] > self.clock_faults else 0)
+
     def take(self, connection, rejoined):
-        expected, lost, greeted, hidden_until = 0, int(rejoined), False, 0
-        overrun = 0
+        expected, greeted, hidden_until = 0, False, 0
         for block in sorted(connection["blocks"], key=lambda b: (b.get("seq", -1), b["t"])):
             if block["what"] == "overrun":
                 self.sums["overrun"] += block["tags"]
@@ -123,13 +134,14 @@ class Tags:
                 hidden_until = block["t"] + PATIENCE_NS
             if block["what"] != "sent":
                 continue
-            lost += block["seq"] - expected
+            self.pending += block["seq"] - expected
             expected = block["seq"] + 1
             if not greeted and block["kind"] != 0:
-                lost += 1
+                self.pending += 1
                 self.sums["before a hello"] += block["tags"]
                 self.sums["sent"] -= block["tags"]
                 continue
+            self.pending += rejoined and not greeted
             greeted = True
             if block["kind"] != 1:
                 continue
@@ -137,13 +149,11 @@ class Tags:
             doubtful = hidden and connection["end"] is not None and connection["end"] < hidden_until
             by = None if doubtful else block["t"] + (PATIENCE_NS if hidden else self.latency_ns)
             self.doubtful += block["tags"] if doubtful else 0
-            jumped = any(begin < block["t"] < end for begin, end in self.jumps)
-            first = block["first"] - (GRACE_NS if jumped else 0)
+            first = self.earliest(block)
             self.delivered.append((first, by, block["tags"], block["t"]))
-            if lost:
-                self.losses.append((first, by, lost))
-            lost = 0
-        self.lost_at_end = lost
+            if self.pending:
+                self.losses.append((first, by, self.pending))
+            self.pending = 0
 
 
 def audit_tags(run, entries):
@@ -157,7 +167,7 @@ def audit_tags(run, entries):
 
 def audit_tags_within(run, entries, latency_ns):
     account = Account("tdc")
-    tags = Tags(connections(entries), latency_ns, clock_jumps(entries))
+    tags = Tags(entries, latency_ns)
     overruns = [(e["t"] - PATIENCE_NS, None, e["tags"]) for e in entries if e["what"] == "overrun"]
     late, outside = run.counters["spd", "late"], run.counters["spd", "outside"]
     items = [(first, by, n) for first, by, n, _ in tags.delivered]
@@ -220,14 +230,16 @@ class Frames:
 
 def clock_jumps(entries):
     """Host times (from, to) between which a device's clock was ahead and its frames stand in other slots."""
-    jumps, begun = [], None
+    jumps, begun, lasting = [], None, 0  # several may overlap
     for entry in entries:
         if entry["what"] == "begin clock_offset":
-            begun = entry["t"]
-        elif entry["what"] == "end clock_offset" and begun is not None:
-            jumps.append((begun - GRACE_NS, entry["t"] + SETTLING_NS))
-            begun = None
-    return jumps + ([(begun - GRACE_NS, float("inf"))] if begun is not None else [])
+            begun = entry["t"] if lasting == 0 else begun
+            lasting += 1
+        elif entry["what"] == "end clock_offset" and lasting > 0:
+            lasting -= 1
+            if lasting == 0:
+                jumps.append((begun - GRACE_NS, entry["t"] + SETTLING_NS))
+    return jumps + ([(begun - GRACE_NS, float("inf"))] if lasting > 0 else [])
 
 
 class Range:
@@ -237,6 +249,13 @@ class Range:
         self.records, self.previous, self.last = records, previous, last
         self.got, self.lost, self.late = (sum(r[f"{sensor}_{what}"] for r in records) for what in ("frames", "lost", "late"))
         self.numbers = range(previous + 1, last + 1)
+        self.settling = any(r[f"{sensor}_samples"] < SETTLED for r in records)
+
+    def movable(self, frames):
+        """How many of its frames may stand in a neighbour: a late one may have a higher number than the last one of its
+        record; a damaged one is placed by its receipt, as all are while the clock is not known; and one that was much
+        delayed when only a few others have been heard is placed too late."""
+        return self.late + (self.got if self.settling else sum(map(frames.doubtful, self.numbers)))
 
 
 def ranges_of(account, run, frames, jumps):
@@ -248,6 +267,7 @@ def ranges_of(account, run, frames, jumps):
         if any(begin < record["end"] and record["start"] < end for begin, end in jumps):
             continue  # the frames of these slots are audited together
         if last is None or not frames.plausible(last, previous, record):
+            got = sum(r[f"{sensor}_frames"] for r in records)
             if last is not None and frames.renumbered(previous or 0, (previous or 0) + got + 20) == 0:
                 account.fault(f"record {record['idx']}: its last frame {last} was never sent")
             continue  # a number that was damaged: the next record shows what became of this one
@@ -265,9 +285,8 @@ def audit_frames(run, sensor, entries):
     ranges, rest = ranges_of(account, run, frames, clock_jumps(entries))
     left = 0
     for i, each in enumerate(ranges):
-        # A late frame may have a higher number than the last one of its record.
-        near = sum(r.late for r in ranges[max(0, i - 1):i + 2])
-        left += audit_range(account, run, frames, each, near, counts)
+        near = sum(r.movable(frames) for r in ranges[max(0, i - 1):i + 2])
+        left += audit_range(account, frames, each, near, left, counts)
     if left:
         account.fault(f"{abs(left)} frames more or less are in records, late or lost than were sent")
     got = sum(r[f"{sensor}_frames"] for r in rest)
@@ -294,9 +313,9 @@ def audit_frames(run, sensor, entries):
     return account
 
 
-def audit_range(account, run, frames, part, near, counts):
-    """Returns how many frames too few (or too many) are accounted for, which a late frame of a neighbour explains if
-    they come to nothing in the end."""
+def audit_range(account, frames, part, near, before, counts):
+    """Returns how many frames too few (or too many) are accounted for. Frames that stand with a neighbour explain them, of
+    which there may be `near`, if they come to nothing in the end; `before`: those of all ranges before this one."""
     numbers, arrived = part.numbers, part.got + part.late
     certain = sum(map(frames.certain, numbers))
     doubtful = sum(map(frames.doubtful, numbers))
@@ -312,8 +331,9 @@ def audit_range(account, run, frames, part, near, counts):
     if left == 0:
         return 0
     if frames.renumbered(part.previous - 2, part.last):
-        counts["miscounted for damaged numbers"] += left
-        return 0
+        settled = -before if left * before < 0 and abs(before) <= abs(left) else 0
+        counts["miscounted for damaged numbers"] += left - settled
+        return settled
     if abs(left) > near:
         account.fault(where + f"{len(numbers) - arrived} did not arrive, {part.lost} were counted as lost")
         return 0

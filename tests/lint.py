@@ -67,14 +67,16 @@ if len(sys.argv) > 1:  # the folder of the built programs
 # udev takes a rule that it does not understand for none, and only the journal says so.
 udev_keys = {"ACTION": "==", "SUBSYSTEM": "==", "ATTR": "==", "ATTRS": "==", "ENV": "== =", "GROUP": "=", "MODE": "=",
              "TAG": "+=", "GOTO": "=", "LABEL": "="}
-rules = (root / "config/99-echofuse.rules").read_text(encoding="utf-8")
+rules = (root / "config/70-echofuse.rules").read_text(encoding="utf-8")
 for number, line in enumerate(rules.splitlines(), 1):
     for item in [] if line.startswith("#") or not line else line.split(", "):
         token = re.fullmatch(r'([A-Z]+)(\{\w+\})?(==|=|\+=)"([^"]+)"', item)
         if not token or token[3] not in udev_keys.get(token[1], "").split():
-            faults.append(f"config/99-echofuse.rules:{number}: not a udev rule: {item}")
+            faults.append(f"config/70-echofuse.rules:{number}: not a udev rule: {item}")
+    if re.match('SUBSYSTEM=="(tty|video4linux)"', line) and ("GROUP=" in line or 'TAG+="uaccess"' not in line):
+        faults.append(f"config/70-echofuse.rules:{number}: its group is the system's; expected uaccess alone")
 if set(re.findall(r'GOTO="(\w+)"', rules)) != set(re.findall(r'LABEL="(\w+)"', rules)):
-    faults.append("config/99-echofuse.rules: GOTO and LABEL differ")
+    faults.append("config/70-echofuse.rules: GOTO and LABEL differ")
 
 print("\n".join(faults) or f"{len(sources)} sources keep the house rules")
 sys.exit(bool(faults))

@@ -69,6 +69,7 @@ class RunWriter {
   // recover() or a writer folds them back.
   bool close(const std::string& status);
   bool lost() const { return !harm_.empty(); }  // as append() or close() found
+  const std::string& path() const { return path_; }
   std::int64_t records() const { return records_; }
   std::int64_t next_index() const { return next_index_; }  // at opening: 0, or after the last
 

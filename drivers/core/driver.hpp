@@ -45,12 +45,16 @@ class SampleSink {
 
 // Threading: built, started, stopped and destroyed on the io thread, and calls its sink there only.
 // A driver with threads of its own copies and posts. It reconnects by itself, with back-off, until
-// stopped; after stop() returns the sink is not called again.
+// stopped. Whoever ends several stops all before he destroys one.
 class Driver {
  public:
   virtual ~Driver() = default;
   virtual void start(SampleSink& sink) = 0;
+  // Asks it to end, and does not wait: its destructor does. The sink is not called again.
   virtual void stop() = 0;
+  // After stop(): whether the device has all that it is to hear. Until then the io context has to
+  // run, for as long as its user likes to wait.
+  virtual bool finished() const { return true; }
   // Graded counters since start (bytes, short, not_ours, corrupt, resynced, reconnects, ...).
   virtual std::vector<Counter> counters() const = 0;
 };

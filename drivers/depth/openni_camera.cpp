@@ -186,7 +186,10 @@ OpenNiCamera::OpenNiCamera(boost::asio::io_context& io, std::string address, std
   initialize_openni();
 }
 
-OpenNiCamera::~OpenNiCamera() { stop(); }
+OpenNiCamera::~OpenNiCamera() {
+  stop();
+  if (thread_.joinable()) thread_.join();
+}
 
 void OpenNiCamera::start(SampleSink& sink) {
   shared_->begin(sink);
@@ -198,10 +201,7 @@ void OpenNiCamera::start(SampleSink& sink) {
   thread_ = std::thread([worker] { worker->run(); });
 }
 
-void OpenNiCamera::stop() {
-  shared_->end();
-  if (thread_.joinable()) thread_.join();
-}
+void OpenNiCamera::stop() { shared_->end(); }
 
 std::vector<Counter> OpenNiCamera::counters() const {
   return {{"frames", shared_->frames},

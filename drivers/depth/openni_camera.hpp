@@ -34,9 +34,9 @@ class OpenNiCamera final : public Driver {
   // Loads OpenNI's modules; throws Error(device) if there are none.
   OpenNiCamera(boost::asio::io_context& io, std::string address, std::string uri,
                const Clock& clock, OpenNiOptions options = {}, port::RawKeeper* raw = nullptr);
-  ~OpenNiCamera() override;
+  ~OpenNiCamera() override;  // waits for the thread: a tenth of a second
   void start(SampleSink& sink) override;
-  void stop() override;  // waits for the thread: a tenth of a second
+  void stop() override;
   std::vector<Counter> counters() const override;
 
  private:

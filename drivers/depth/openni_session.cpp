@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <sstream>
 #include <thread>
 
@@ -53,6 +54,21 @@ std::string moved(const std::string& uri) {
   return found;
 }
 
+// Why "the first camera" names none: there are several.
+std::string several_cameras() {
+  openni::Array<openni::DeviceInfo> all;
+  OpenNI::enumerateDevices(&all);
+  std::string list;
+  int count = 0;
+  for (int i = 0; i < all.getSize(); ++i) {
+    const std::string uri = all[i].getUri();
+    std::error_code none;
+    if (std::filesystem::is_regular_file(uri, none)) continue;  // a recording that was opened
+    list += (count++ > 0 ? ", openni:" : "openni:") + uri;
+  }
+  return count > 1 ? "the address fits several cameras; give one of " + list : "";
+}
+
 // Pixel i of `count` looks along tangent (i - (count - 1) / 2) * step.
 Axis tangent_axis(const char* name, int count, double field_of_view, double sign) {
   const double step = sign * 2 * std::tan(field_of_view / 2) / count;
@@ -96,6 +112,8 @@ bool OpenNiSession::open_device(const std::string& uri) {
 }
 
 std::string OpenNiSession::open(const std::string& uri, const OpenNiOptions& wanted) {
+  if (uri.empty())
+    if (std::string several = several_cameras(); !several.empty()) return several;
   // isFile() and its like crash on a device that is not open.
   if (!open_device(uri)) return failure("open");
   uri_ = device_.getDeviceInfo().getUri();

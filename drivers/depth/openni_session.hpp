@@ -28,7 +28,7 @@ class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
   OpenNiSession(const OpenNiSession&) = delete;
   OpenNiSession& operator=(const OpenNiSession&) = delete;
 
-  // A device URI, a recording's file name, or empty for the first camera. Empty if it went well,
+  // A device URI, a recording's file name, or empty for the only camera. Empty if it went well,
   // else what went wrong.
   std::string open(const std::string& uri, const OpenNiOptions& wanted);
 

@@ -81,7 +81,7 @@ std::string stable_path(const std::string& node, const Roots& roots) {
 std::string lack_of(const std::string& path) {
   if (::access(path.c_str(), R_OK | W_OK) == 0) return {};
   if (errno == EACCES)
-    return "no read/write permission on " + path + ": install config/99-echofuse.rules";
+    return "no read/write permission on " + path + ": install config/70-echofuse.rules";
   return path + ": " + std::strerror(errno);
 }
 

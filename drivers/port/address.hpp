@@ -4,7 +4,7 @@
 //   usb:VVVV:PPPP[:serial]      vendor and product in hexadecimal
 //   hid:VVVV:PPPP[:serial]
 //   serial:/dev/...             any absolute path
-//   openni:[URI or file.oni]    empty: the first camera
+//   openni:[URI or file.oni]    empty: the only camera
 #pragma once
 #include <cstdint>
 #include <string>

@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <hidapi/hidapi.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -32,8 +33,13 @@ constexpr auto patience =
 constexpr int read_wait_ms = 2;                 // bytes to send wait for so long at most
 constexpr std::size_t max_waiting = 256 << 10;  // 4 s of a full pipe
 
+// hidraw lets everybody in. A lock of the node keeps other programs of ours out.
 struct CloseDevice {
-  void operator()(hid_device* device) const { hid_close(device); }
+  int lock = -1;
+  void operator()(hid_device* device) const {
+    hid_close(device);
+    ::close(lock);
+  }
 };
 using Device = std::unique_ptr<hid_device, CloseDevice>;
 
@@ -83,13 +89,19 @@ Result<Device> open_device(const HidAddress& address) {
   const Result<std::string> node = find_node(address);
   if (!node) return node.failure();
   const std::string doing = name_of(address) + ": open " + *node;
-  if (Device device{hid_open_path(node->c_str())}) return device;
-  // hidapi does not say why; the node does.
   const int fd = ::open(node->c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
-  const int error = fd < 0 ? errno : EIO;
+  int error = fd < 0 ? errno : 0;
+  if (error == 0 && ::flock(fd, LOCK_EX | LOCK_NB) != 0)
+    error = errno == EWOULDBLOCK ? EBUSY : errno;
+  if (error == 0) {
+    if (hid_device* device = hid_open_path(node->c_str())) return Device(device, CloseDevice{fd});
+    error = EIO;  // hidapi does not say why
+  }
   if (fd >= 0) ::close(fd);
   return Failure{{error, std::generic_category()},
-                 doing + (error == EACCES ? " (config/99-echofuse.rules grants access)" : "")};
+                 doing + (error == EACCES  ? " (config/70-echofuse.rules grants access)"
+                          : error == EBUSY ? " (in use by another program)"
+                                           : "")};
 }
 
 // What both threads see; `handlers`, `work` and `closed` belong to the io thread.

@@ -1,7 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/port/serial_port.hpp"
 
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/ioctl.h>
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
 #include <termios.h>
+#include <unistd.h>
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/serial_port.hpp>
@@ -14,12 +20,42 @@ namespace {
 using boost::asio::serial_port;
 using boost::system::error_code;
 
+error_code last_error() { return {errno, boost::system::system_category()}; }
+
+// Also against root, whom TIOCEXCL does not stop, and who asks politely is not disturbed by an open
+// that fails: nothing was set or flushed. A pseudo-terminal has no TIOCEXCL from us: it would stay
+// with the other end, which keeps the terminal, after we are gone.
+error_code make_ours(int fd) {
+  struct stat is {};
+  if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
+    if (errno == EWOULDBLOCK) errno = EBUSY;
+    return last_error();
+  }
+  if (::fstat(fd, &is) != 0) return last_error();
+  constexpr unsigned first_pty = 136, last_pty = 143;
+  const unsigned kind = major(is.st_rdev);
+  if ((kind < first_pty || kind > last_pty) && ::ioctl(fd, TIOCEXCL) != 0) return last_error();
+  termios line{};
+  if (::tcgetattr(fd, &line) != 0) return last_error();
+  ::cfmakeraw(&line);
+  line.c_cflag |= CREAD | CLOCAL;
+  return ::tcsetattr(fd, TCSANOW, &line) == 0 ? error_code{} : last_error();
+}
+
+error_code open_line(serial_port& line, const std::string& path) {
+  const int fd = ::open(path.c_str(), O_RDWR | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
+  if (fd < 0) return last_error();
+  error_code error = make_ours(fd);
+  if (!error) line.assign(fd, error);
+  if (error) ::close(fd);
+  return error;
+}
+
 error_code set_up(serial_port& line, const std::string& path, std::uint32_t baud) {
-  error_code error;
+  error_code error = open_line(line, path);
   const auto set = [&](const auto& option) {
     if (!error) line.set_option(option, error);
   };
-  line.open(path, error);
   set(serial_port::baud_rate(baud));
   set(serial_port::character_size(8));
   set(serial_port::parity(serial_port::parity::none));
@@ -40,9 +76,11 @@ class SerialPort final : public StreamPort<serial_port> {
     const error_code error = set_up(link_->stream, path_, baud_);
     // Only the baud rate can be one that the system does not know.
     const bool unknown_rate = error == boost::asio::error::invalid_argument;
+    const bool taken = error == boost::system::errc::device_or_resource_busy;
     const std::string doing = unknown_rate ? "baud rate " + std::to_string(baud_) +
                                                  " (115200, 921600 or another usual one)"
-                                           : "open";
+                              : taken ? "open (in use by another program)"
+                                      : "open";
     boost::asio::post(link_->stream.get_executor(), [link = link_, error, doing] {
       if (error) return link->fail(error, doing.c_str());
       begin(link);

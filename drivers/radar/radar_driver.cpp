@@ -28,6 +28,7 @@ RadarDriver::RadarDriver(boost::asio::io_context& io, RadarSetup setup, const Cl
 void RadarDriver::start(SampleSink& sink) {
   sink_ = &sink;
   running_ = true;
+  last_words_.reset();
   for (const auto& warnings : {profile_.warnings, setup_.warnings})
     for (const std::string& warning : warnings)
       sink_->on_event(Sensor::radar, Severity::warning, warning);
@@ -36,8 +37,18 @@ void RadarDriver::start(SampleSink& sink) {
 }
 
 void RadarDriver::stop() {
-  running_ = false;
-  disconnect();
+  if (!std::exchange(running_, false)) return;
+  const bool connected = cli_ && dialogue_;
+  if (!connected || setup_.keep_running) return disconnect();
+  stop_timers();
+  last_words_.emplace(dialogue_->state() == CommandDialogue::State::commanding);
+  advance_last_words();
+}
+
+void RadarDriver::advance_last_words() {
+  const std::string out = last_words_->take_output();
+  cli_->write({reinterpret_cast<const std::uint8_t*>(out.data()), out.size()});
+  if (last_words_->done()) disconnect();
 }
 
 std::vector<Counter> RadarDriver::counters() const {
@@ -106,6 +117,10 @@ void RadarDriver::advance() {
 }
 
 void RadarDriver::on_cli(ByteView bytes) {
+  if (last_words_) {
+    last_words_->receive(bytes);
+    return advance_last_words();
+  }
   if (!dialogue_) return;
   const bool before = dialogue_->state() == CommandDialogue::State::done;
   dialogue_->receive(bytes, clock_.now());
@@ -122,6 +137,7 @@ void RadarDriver::on_cli(ByteView bytes) {
 }
 
 void RadarDriver::on_data(ByteView bytes) {
+  if (!running_) return;
   const auto take = [this](RadarFrame frame) { on_frame(std::move(frame)); };
   parser_.feed(bytes, clock_.now(), take);
   quiet_timer_.cancel();
@@ -174,10 +190,14 @@ void RadarDriver::on_gone(const Failure& failure) {
   if (worked) unplugged_ = clock_.now();
 }
 
-void RadarDriver::disconnect() {
+void RadarDriver::stop_timers() {
   dialogue_timer_.cancel();
   watch_timer_.cancel();
   quiet_timer_.cancel();
+}
+
+void RadarDriver::disconnect() {
+  stop_timers();
   cli_.reset();
   data_.reset();
   streaming_ = false;

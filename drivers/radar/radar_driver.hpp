@@ -14,6 +14,7 @@
 #include "drivers/port/timer.hpp"
 #include "drivers/radar/command_dialogue.hpp"
 #include "drivers/radar/frame_parser.hpp"
+#include "drivers/radar/stop_dialogue.hpp"
 
 namespace echofuse::radar {
 
@@ -25,19 +26,21 @@ struct RadarSetup {
   std::uint32_t data_baud = 921600;     // for the cfg's warnings
   port::Backoff backoff{};
   DialogueTimeouts timeouts{};
+  bool keep_running = false;  // leave the sensor as it is at the end
 };
 
 // Each connection opens both ports and sends the whole cfg; or restarts the sensor with the cfg
 // that it has, if a port was away for less than 10 s and nothing else was wrong. It is `streaming`
 // from the first frame on. Silence of the data port, an end of either port, a refused command, or a
 // board that was reset (its banner, or frame numbers that begin again) makes it `faulted`, and it
-// starts over.
+// starts over. At the end it is told to stop: finished() when it says that it has.
 class RadarDriver final : public Driver {
  public:
   // Throws Error(config) for a cfg that cannot work.
   RadarDriver(boost::asio::io_context& io, RadarSetup setup, const Clock& clock);
   void start(SampleSink& sink) override;
   void stop() override;
+  bool finished() const override { return !last_words_ || last_words_->done(); }
   std::vector<Counter> counters() const override;
 
  private:
@@ -50,8 +53,10 @@ class RadarDriver final : public Driver {
   void discard(const RadarFrame& frame);
   void watch();
   bool board_was_reset();
+  void advance_last_words();
   void on_gone(const Failure& failure);
   void fail(const std::string& why);
+  void stop_timers();
   void disconnect();
 
   RadarSetup setup_;
@@ -62,6 +67,7 @@ class RadarDriver final : public Driver {
   port::Backoff backoff_;
   FrameParser parser_;
   std::optional<CommandDialogue> dialogue_;
+  std::optional<StopDialogue> last_words_;
   SampleSink* sink_ = nullptr;
   std::string last_failure_;           // told once, not at every attempt
   std::set<std::string> told_;         // warnings of the ports: each once

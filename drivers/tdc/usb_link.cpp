@@ -13,7 +13,7 @@ constexpr int max_errors_in_a_row = 10;
 
 std::string reason(const char* doing, int error) {
   std::string text = std::string(doing) + ": " + libusb_strerror(error);
-  if (error == LIBUSB_ERROR_ACCESS) text += " (see config/99-echofuse.rules)";
+  if (error == LIBUSB_ERROR_ACCESS) text += " (see config/70-echofuse.rules)";
   if (error == LIBUSB_ERROR_BUSY) text += " (another program uses it)";
   if (error == LIBUSB_ERROR_NO_MEM)
     text += " (raise /sys/module/usbcore/parameters/usbfs_memory_mb, shared by all USB programs)";
@@ -56,9 +56,20 @@ std::string Link::find(const port::UsbAddress& address) {
   libusb_device** list = nullptr;
   const auto count = libusb_get_device_list(context_.get(), &list);
   if (count < 0) return reason("list devices", static_cast<int>(count));
-  std::string wrong = "no such device is attached";
-  for (std::ptrdiff_t i = 0; i < count && !handle_; ++i)
-    if (!try_device(list[i], address, wrong)) handle_.reset();
+  std::string wrong = "no such device is attached", serials;
+  libusb_device* only = nullptr;
+  int fitting = 0;
+  for (std::ptrdiff_t i = 0; i < count; ++i) {
+    if (try_device(list[i], address, wrong)) {
+      only = list[i];
+      serials += (fitting++ > 0 ? ", " : "") + text(descriptor_.iSerialNumber);
+    }
+    handle_.reset();
+  }
+  if (fitting > 1)
+    wrong =
+        "the address fits several (attached: " + serials + "): give the serial number behind it";
+  if (fitting != 1 || !try_device(only, address, wrong)) handle_.reset();
   libusb_free_device_list(list, 1);
   return handle_ ? "" : wrong;
 }

@@ -62,12 +62,14 @@ class UsbTdc::Worker {
  private:
   // Until the device fails: why.
   std::string run_session() {
+    if (std::exchange(had_session_, false)) interrupt();  // what waits for its end waits in vain
     usb::Link link(transfers_);
     std::string wrong = link.open(
         usb_, [this](ByteView bytes, bool ends) { on_transfer(bytes, ends); },
         [this] { interrupt(); });
     if (!wrong.empty()) return wrong;
-    if (connections_++ > 0) interrupt();
+    ++connections_;
+    had_session_ = true;
     describe(link);
     tell(DeviceState::streaming);
     lost_before_ = device_lost_;  // a device counts from its start
@@ -169,6 +171,7 @@ class UsbTdc::Worker {
   usb::RecordReader records_;
   usb::LinkCounts transfers_;
   HostTime heard_{};
+  bool had_session_ = false;
   bool gap_since_ = false;           // not yet handed on
   std::uint64_t dropped_since_ = 0;  // the same
   std::uint64_t dropped_tags_ = 0, device_lost_ = 0, connections_ = 0;
@@ -183,7 +186,10 @@ UsbTdc::UsbTdc(boost::asio::io_context& io, std::string address, port::UsbAddres
       clock_(clock),
       raw_(raw) {}
 
-UsbTdc::~UsbTdc() { stop(); }
+UsbTdc::~UsbTdc() {
+  stop();
+  if (thread_.joinable()) thread_.join();
+}
 
 void UsbTdc::start(SampleSink& sink) {
   shared_->begin(sink);
@@ -195,10 +201,7 @@ void UsbTdc::start(SampleSink& sink) {
   thread_ = std::thread([worker] { worker->run(); });
 }
 
-void UsbTdc::stop() {
-  shared_->end();
-  if (thread_.joinable()) thread_.join();
-}
+void UsbTdc::stop() { shared_->end(); }
 
 std::vector<Counter> UsbTdc::counters() const {
   const std::lock_guard lock(shared_->mutex);

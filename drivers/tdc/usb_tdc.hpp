@@ -25,9 +25,9 @@ class UsbTdc final : public Driver {
 
   UsbTdc(boost::asio::io_context& io, std::string address, port::UsbAddress usb, const Clock& clock,
          port::RawKeeper* raw = nullptr);
-  ~UsbTdc() override;
+  ~UsbTdc() override;  // waits for the thread: it cancels its transfers and tells the device
   void start(SampleSink& sink) override;
-  void stop() override;  // waits for the thread: it cancels its transfers and tells the device
+  void stop() override;
   std::vector<Counter> counters() const override;
 
  private:

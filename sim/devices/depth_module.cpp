@@ -32,7 +32,6 @@ using echofuse::sim::depth_magic;
 using echofuse::sim::DepthHeader;
 using Pixels = std::vector<OniDepthPixel>;
 
-constexpr char uri[] = "echofuse-sim://depth";
 constexpr char serial[] = "SIM-DEPTH-1";
 constexpr int poll_ms = 50;
 constexpr auto retry = std::chrono::milliseconds(100);
@@ -40,7 +39,7 @@ constexpr int hello_patience_polls = 40;
 
 std::string find_socket() {
   Dl_info info{};
-  if (dladdr(&uri, &info) == 0 || !info.dli_fname) return {};
+  if (dladdr(&serial, &info) == 0 || !info.dli_fname) return {};
   std::string path = info.dli_fname;
   if (path[0] != '/') {  // OpenNI loads its drivers from within their folder
     char here[4096];
@@ -52,6 +51,8 @@ std::string find_socket() {
 }
 // While the module is being loaded: later the working directory is another.
 const std::string socket_path = find_socket();
+// Every laboratory's camera is another one.
+const std::string uri = "echofuse-sim://" + socket_path;
 
 class Stream final : public oni::driver::StreamBase {
  public:
@@ -233,7 +234,7 @@ class Camera final : public oni::driver::DeviceBase {
 class Driver final : public oni::driver::DriverBase {
  public:
   explicit Driver(OniDriverServices* services) : DriverBase(services) {
-    std::strcpy(info_.uri, uri);
+    std::strncpy(info_.uri, uri.c_str(), sizeof info_.uri - 1);
     std::strcpy(info_.vendor, "Simulated");
     std::strcpy(info_.name, "Laboratory depth camera");
   }
@@ -252,11 +253,11 @@ class Driver final : public oni::driver::DriverBase {
     fd_ = -1;
   }
   OniStatus tryDevice(const char* wanted) override {
-    return present_ && std::strcmp(wanted, uri) == 0 ? ONI_STATUS_OK : ONI_STATUS_ERROR;
+    return present_ && wanted == uri ? ONI_STATUS_OK : ONI_STATUS_ERROR;
   }
   oni::driver::DeviceBase* deviceOpen(const char* wanted, const char*) override {
     const std::lock_guard lock(mutex_);
-    if (!present_ || std::strcmp(wanted, uri) != 0) return nullptr;
+    if (!present_ || wanted != uri) return nullptr;
     return new Camera(camera_, streams_);
   }
   void deviceClose(oni::driver::DeviceBase* device) override { delete device; }

@@ -56,9 +56,13 @@ class RadarBoard final : public Device {
   }
 
   std::vector<std::pair<std::string, std::uint64_t>> sent() const override {
-    return {{"frames", frames_},           {"frames_skipped", skipped_},
-            {"data_bytes", data_->sent()}, {"data_bytes_lost", data_->lost()},
-            {"cli_bytes", cli_->sent()},   {"cli_bytes_lost", cli_->lost()}};
+    return {{"frames", frames_},
+            {"frames_skipped", skipped_},
+            {"data_bytes", data_->sent()},
+            {"data_bytes_lost", data_->lost()},
+            {"cli_bytes", cli_->sent()},
+            {"cli_bytes_lost", cli_->lost()},
+            {"radiates", firmware_.running() ? 1u : 0u}};
   }
 
  private:

@@ -15,9 +15,6 @@
 namespace echofuse::sim {
 namespace {
 
-constexpr char node[] = "/dev/bus/usb/001/009";
-constexpr char folder[] = "/devices/pci0000:00/0000:00:14.0/usb1/1-9";
-
 std::string hex(std::uint64_t value, int digits) {
   std::ostringstream out;
   out << std::hex << std::setfill('0') << std::setw(digits) << value;
@@ -25,6 +22,18 @@ std::string hex(std::uint64_t value, int digits) {
 }
 
 std::string hex16le(std::uint16_t value) { return hex(value & 0xffu, 2) + hex(value >> 8, 2); }
+
+std::string node_of(const UsbIdentity& id) {
+  std::ostringstream out;
+  out << "/dev/bus/usb/001/" << std::setfill('0') << std::setw(3) << id.number;
+  return out.str();
+}
+std::string folder_of(const UsbIdentity& id) {
+  return "/devices/pci0000:00/0000:00:14.0/usb1/1-" + std::to_string(id.number);
+}
+std::string interface_of(const UsbIdentity& id) {
+  return folder_of(id) + "/1-" + std::to_string(id.number) + ":1.0";
+}
 
 // USB 2.0, chapter 9.6: device, configuration, interface, endpoint.
 std::string descriptors(const UsbIdentity& id) {
@@ -39,10 +48,12 @@ std::string describe(const UsbIdentity& id) {
   const auto attribute = [&](const char* name, const std::string& value) {
     out << "A: " << name << '=' << value << "\\n\n";
   };
-  out << "P: " << folder << "\nE: SUBSYSTEM=usb\nE: DRIVER=usb\nE: DEVTYPE=usb_device\n"
-      << "E: BUSNUM=001\nE: DEVNUM=009\nE: MAJOR=189\nE: MINOR=8\nE: DEVNAME=" << node << '\n';
+  const std::string node = node_of(id);
+  out << "P: " << folder_of(id) << "\nE: SUBSYSTEM=usb\nE: DRIVER=usb\nE: DEVTYPE=usb_device\n"
+      << "E: BUSNUM=001\nE: DEVNUM=" << node.substr(node.size() - 3)
+      << "\nE: MAJOR=189\nE: MINOR=" << id.number - 1 << "\nE: DEVNAME=" << node << '\n';
   attribute("busnum", "1");
-  attribute("devnum", "9");
+  attribute("devnum", std::to_string(id.number));
   attribute("speed", "480");
   attribute("bConfigurationValue", "1");
   attribute("idVendor", hex(id.vendor, 4));
@@ -52,7 +63,7 @@ std::string describe(const UsbIdentity& id) {
   attribute("product", id.name);
   attribute("serial", id.serial);
   out << "H: descriptors=" << descriptors(id) << "\n\n"
-      << "P: " << folder << "/1-9:1.0\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_interface\n";
+      << "P: " << interface_of(id) << "\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_interface\n";
   attribute("bInterfaceNumber", "00");
   attribute("bInterfaceClass", "ff");
   attribute("bInterfaceSubClass", hex(id.interface_subclass, 2));
@@ -67,7 +78,8 @@ usbdevfs_urb& urb_of(UMockdevIoctlData* data) {
 }  // namespace
 
 UsbDevice::UsbDevice(UsbBed& bed, const UsbIdentity& identity, Control control)
-    : BedNode(bed, node, describe(identity), {folder, std::string(folder) + "/1-9:1.0"}),
+    : BedNode(bed, node_of(identity), describe(identity),
+              {folder_of(identity), interface_of(identity)}),
       identity_(identity),
       control_(std::move(control)) {}
 
@@ -127,6 +139,16 @@ void UsbDevice::on_plug(int fifo) {
 void UsbDevice::on_unplug() {
   const std::lock_guard lock(mutex_);
   gone_ = true;
+  // What came of an unfinished run is in its transfer.
+  if (!pending_.empty() && !data_.empty()) {
+    Transfer transfer = std::move(pending_.front());
+    pending_.pop_front();
+    const usbdevfs_urb& urb = urb_of(transfer.urb.get());
+    const std::size_t bytes = std::min(static_cast<std::size_t>(urb.buffer_length), data_.size());
+    std::copy_n(data_.begin(), bytes, static_cast<std::uint8_t*>(urb.buffer));
+    fetched_ += bytes;
+    finish(std::move(transfer), -ENODEV, bytes);
+  }
   data_.clear();
   ends_.clear();
   finish_all(-ENODEV);

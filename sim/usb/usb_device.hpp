@@ -18,6 +18,7 @@ struct UsbIdentity {
   std::uint16_t vendor = 0, product = 0, release_bcd = 0x0100;
   std::string manufacturer, name, serial;
   std::uint8_t interface_subclass = 0, interface_protocol = 0;
+  unsigned number = 9;  // on its bus
 };
 
 // Threading: made, plugged, unplugged and destroyed on one thread; send(), halt(), waiting() on

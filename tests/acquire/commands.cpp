@@ -13,6 +13,15 @@ namespace {
 
 using Json = nlohmann::json;
 
+// Where nobody listens; another place for each process, as devices are one program's at a time.
+const std::string host = [] {
+  const auto pid = static_cast<unsigned>(::getpid());
+  return "127." + std::to_string(pid >> 16 & 255u) + '.' + std::to_string(pid >> 8 & 255u) + '.' +
+         std::to_string(pid & 255u);
+}();
+const std::string nowhere = "bridge:tcp://" + host + ":9";
+const std::string tdc_nowhere = "[tdc]\naddress = \"" + nowhere + "\"\n";
+
 void refuses(const std::string& arguments, int code, const std::string& saying) {
   const Outcome o = acquire(arguments);
   CAPTURE(arguments, o.text);
@@ -32,10 +41,9 @@ Json json_of(const std::string& arguments) {
 TEST_CASE("no run without a required device") {
   const Folder folder;
   write_file(folder / "a.toml",
-             "[run]\nconnect_timeout_s = 0.2\n[tdc]\naddress = \"bridge:tcp://127.0.0.1:1\"\n"
-             "policy = \"required\"\n");
+             "[run]\nconnect_timeout_s = 0.2\n" + tdc_nowhere + "policy = \"required\"\n");
   refuses("run --config " + folder / "a.toml" + " --out " + folder / "run", 4,
-          "a required device does not deliver after 0.2 s\nspd bridge:tcp://127.0.0.1:1: ");
+          "a required device does not deliver after 0.2 s\nspd " + nowhere + ": ");
   CHECK_FALSE(fs::exists(folder / "run.sqlite"));
 }
 
@@ -78,7 +86,7 @@ TEST_CASE("bad configurations and targets of a run") {
   write_file(folder / "lab.toml", "[depth]\nadress = \"openni:\"\n");
   refuses("run --out " + folder / "a" + config, 3,
           "lab.toml:2:1: unknown key \"depth.adress\"; the nearest known one is \"depth.address\"");
-  write_file(folder / "lab.toml", "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n");
+  write_file(folder / "lab.toml", tdc_nowhere);
   refuses("run --out " + folder / "a" + config + " --set tdc.address=carrier:pigeon", 3,
           "carrier:pigeon");
   write_file(folder / "a.sqlite", "precious");
@@ -149,7 +157,7 @@ TEST_CASE("doctor without a configuration looks at the machine, a bad one ends i
 
 TEST_CASE("metadata without a value, a folder that cannot be written") {
   const Folder folder;
-  write_file(folder / "lab.toml", "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n");
+  write_file(folder / "lab.toml", tdc_nowhere);
   const std::string config = " --config " + folder / "lab.toml";
   refuses("run --out " + folder / "a" + config + " --meta room", 2,
           "--meta room: expected key=value");
@@ -169,10 +177,9 @@ TEST_CASE("metadata without a value, a folder that cannot be written") {
 TEST_CASE("calibrate needs no calibration, and overwrites none that it cannot read") {
   const Folder folder;
   write_file(folder / "lab.toml",
-             "[run]\nconnect_timeout_s = 0.2\ncalibration = \"c.toml\"\n"
-             "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n");
+             "[run]\nconnect_timeout_s = 0.2\ncalibration = \"c.toml\"\n" + tdc_nowhere);
   const std::string config = "calibrate --repeat 1 --time 0.1 --config " + folder / "lab.toml";
-  refuses(config, 4, "spd    refused: spd bridge:tcp://127.0.0.1:9: ");
+  refuses(config, 4, "spd    refused: spd " + nowhere + ": ");
   refuses(config + " --check", 3,
           "lab.toml:3:1: run.calibration: " + folder / "c.toml: cannot read");
   for (const std::string text : {"[spd]\noffset_cm = 6\n", ""}) {
@@ -186,15 +193,14 @@ TEST_CASE("calibrate needs no calibration, and overwrites none that it cannot re
 TEST_CASE("no device answers: one clear line each, and no file") {
   const Folder folder;
   write_file(folder / "lab.toml",
-             "[run]\nconnect_timeout_s = 0.3\n[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n"
-             "[radar]\ncli = \"serial:" +
+             "[run]\nconnect_timeout_s = 0.3\n" + tdc_nowhere + "[radar]\ncli = \"serial:" +
                  folder / "cli" + "\"\ndata = \"serial:" + folder / "data" + "\"\ncfg = \"" +
                  echofuse::test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg\"\n");
   const std::string config = " --config " + folder / "lab.toml";
   const Outcome o = acquire("run -q --out " + folder / "a" + config);
   CAPTURE(o.text);
   CHECK(o.code == 4);
-  CHECK(has(o.text, "\nspd bridge:tcp://127.0.0.1:9: faulted: "));
+  CHECK(has(o.text, "\nspd " + nowhere + ": faulted: "));
   CHECK(has(o.text, "\nradar serial:" + folder / "cli" + ": faulted: "));
   CHECK_FALSE(fs::exists(folder / "a.sqlite"));
   const Outcome devices = acquire("devices --json" + config);
@@ -244,7 +250,7 @@ TEST_CASE("a run goes by its file and by the name that --out gave it") {
   const Folder folder;
   write_run(folder / "m1.sqlite", 2);
   write_run(folder / "plain", 3);
-  write_file(folder / "lab.toml", "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n");
+  write_file(folder / "lab.toml", tdc_nowhere);
   CHECK(json_of("info --json " + folder / "m1")["records"] == 2);
   CHECK(json_of("info --json " + folder / "plain")["records"] == 3);
   CHECK(acquire("recover " + folder / "m1").text == "2 records\n");

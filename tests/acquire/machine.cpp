@@ -2,6 +2,8 @@
 // The doctor's checks of the machine, on a tree with the kernel's and udev's layout.
 #include "acquire/machine.hpp"
 
+#include <unistd.h>
+
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -76,9 +78,9 @@ TEST_CASE("device nodes that can be opened, and udev rules that are missing") {
   auto findings = check_permissions(std::nullopt, machine.roots());
   CHECK(of(findings, "permissions").found == "2 device nodes can be opened");
   CHECK(of(findings, "udev rules").grade == Grade::warning);
-  CHECK(has(of(findings, "udev rules").advice, "config/99-echofuse.rules"));
+  CHECK(has(of(findings, "udev rules").advice, "config/70-echofuse.rules"));
   const std::string place = GENERATE("etc", "lib");
-  machine.write(place + "/udev/rules.d/99-echofuse.rules", "");
+  machine.write(place + "/udev/rules.d/70-echofuse.rules", "");
   findings = check_permissions(std::nullopt, machine.roots());
   CHECK(of(findings, "udev rules").grade == Grade::ok);
 }
@@ -101,6 +103,22 @@ TEST_CASE("a configured port of another maker is looked at too") {
       check_permissions(with_radar("serial:" + machine / "dev/ttyS7"), machine.roots());
   CHECK(of(findings, "permissions").grade == Grade::problem);
   CHECK(has(of(findings, "permissions").found, "dev/ttyS7: No such file or directory"));
+  // What is not there is no matter of permissions.
+  CHECK(has(of(findings, "permissions").advice, "is it plugged in"));
+  CHECK_FALSE(has(of(findings, "permissions").advice, "rules"));
+}
+
+TEST_CASE("a node without permission is explained by the rules, or by groups once they are there") {
+  if (::geteuid() == 0) return;  // root may open everything
+  Machine machine;
+  machine.plug_in_radar();
+  fs::permissions(machine / "dev/ttyACM0", fs::perms::none);
+  const auto advice = [&] {
+    return of(check_permissions(std::nullopt, machine.roots()), "permissions").advice;
+  };
+  CHECK(has(advice(), "install config/70-echofuse.rules"));
+  machine.write("etc/udev/rules.d/70-echofuse.rules", "");
+  CHECK(has(advice(), "is this user in the groups dialout"));
 }
 
 TEST_CASE("ModemManager probes ports that udev does not mark") {

@@ -4,6 +4,7 @@
 #include <catch2/catch.hpp>
 #include <vector>
 
+#include "acquire/backlog.hpp"
 #include "drivers/core/random.hpp"
 
 using namespace echofuse;
@@ -142,4 +143,27 @@ TEST_CASE("the end of a run") {
     scheduler.finish(grid.start(5));
     CHECK(ticking.run(200s) == Indices{0, 1});
   }
+}
+
+TEST_CASE("the slots of a pause wait for a busy disk, the slots of now do not") {
+  Backlog backlog;
+  const auto next = [&](bool busy) {
+    const auto slot = backlog.next(busy);
+    return slot ? slot->index : -1;
+  };
+  backlog.put({{0, false}});
+  CHECK(next(true) == 0);
+  std::vector<DueSlot> pause;
+  for (std::int64_t k = 1; k <= 1000; ++k) pause.push_back({k, true});
+  backlog.put(pause);
+  CHECK(next(false) == 1);
+  CHECK(next(true) == -1);
+  std::int64_t k = 1001;
+  for (; k < 1000 + Backlog::most_behind; ++k) {
+    backlog.put({{k, false}});
+    CHECK(next(true) == -1);
+  }
+  backlog.put({{k, false}});  // so many slots later the disk is too slow, whatever came before
+  for (std::int64_t i = 2; i <= k; ++i) REQUIRE(next(true) == i);
+  CHECK(backlog.empty());
 }

@@ -68,8 +68,8 @@ def live(offered):
             rows = db.execute("SELECT tags, tags_lost FROM record WHERE tags > 0").fetchall()
         lost = sum(row[1] for row in rows) - sum(row[0] for row in rows) // library.PATTERN_TAGS * library.MISSED
         full = sorted(row[0] for row in rows)[len(rows) // 2]
-        strays = sum(int(n) for (text,) in db.execute("SELECT text FROM event WHERE source = 'run'")
-                     for n in re.findall(r"^(\d+) tags", text))
+        strays = db.execute("SELECT sum(value) FROM counter WHERE source = 'spd' AND name IN"
+                            " ('early', 'late', 'outside')").fetchone()[0]
     recorded = sum(row[0] for row in rows) + strays
     print(f"live run, {offered / 1e6:.0f} Mtags/s offered: {full / 1e6:.1f} Mtags in the median slot of 1 s; {sent} "
           f"sent, {arrived} arrived, {dropped} dropped by the bridge, {lost} lost by the records' counts; "

@@ -189,3 +189,29 @@ TEST_CASE("depth frames come through a bridge with their axes") {
   server.send(b.golden[1]);
   CHECK(run_until(b.io, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
 }
+
+TEST_CASE("a camera's gaps are exact, by its own numbers, also over a reconnection") {
+  Bench b;
+  Server server(b.io);
+  const auto driver = make_depth(b.io, {server.address()}, b.clock);
+  driver->start(b.sink);
+  const auto frame = [](std::uint32_t sequence, std::uint32_t index) {
+    Bytes payload = test::depth_block(index);
+    payload.erase(payload.begin(), payload.begin() + bridge::header_bytes);
+    return test::make_block(bridge::BlockKind::depth, sequence, payload);
+  };
+  REQUIRE(server.accept());
+  server.send(test::join({b.golden[0], frame(1, 7), frame(2, 10)}));  // 8 and 9 before the bridge
+  REQUIRE(run_until(b.io, [&] { return b.sink.depth.size() == 2; }));
+  server.client.reset();
+  REQUIRE(server.accept());
+  server.send(test::join({b.golden[0], frame(1, 40), frame(4, 43)}));
+  REQUIRE(run_until(b.io, [&] { return b.sink.depth.size() == 4; }));
+  server.client.reset();
+  REQUIRE(server.accept());
+  server.send(test::join({b.golden[0], frame(1, 1)}));  // numbered anew: one at least
+  REQUIRE(run_until(b.io, [&] { return b.sink.depth.size() == 5; }));
+  const std::uint32_t lost[] = {0, 2, 29, 2, 1};
+  for (std::size_t i = 0; i < 5; ++i) CHECK(b.sink.depth[i].lost_before == lost[i]);
+  CHECK(test::counter(*driver, "lost_frames") == 34);
+}

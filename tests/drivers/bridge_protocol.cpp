@@ -163,8 +163,9 @@ TEST_CASE("missing blocks are counted where they are missing") {
 
 TEST_CASE("the sequence may wrap, and a renumbered one is one loss") {
   BlockParser parser;
-  const auto seen = feed(
-      parser, join({tag_block(0xffffffff, 1), tag_block(0, 1), tag_block(107, 1), tag_block(3, 1)}));
+  const auto seen =
+      feed(parser,
+           join({tag_block(0xffffffff, 1), tag_block(0, 1), tag_block(107, 1), tag_block(3, 1)}));
   REQUIRE(seen.size() == 4);
   CHECK(seen[0].lost == 1);
   CHECK(seen[1].lost == 0);

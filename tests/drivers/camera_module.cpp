@@ -189,6 +189,12 @@ class Module final : public DriverBase {
     if (present.exchange(in) == in) return;
     in ? deviceConnected(&info_) : deviceDisconnected(&info_);
   }
+  void plug_second() {
+    second_ = info_;
+    std::strcpy(second_.uri, uris[1]);
+    deviceConnected(&second_);
+  }
+  void unplug_second() { deviceDisconnected(&second_); }
   void move() {
     place = 1;
     std::strcpy(info_.uri, uris[1]);
@@ -197,7 +203,7 @@ class Module final : public DriverBase {
   static inline Module* self = nullptr;
 
  private:
-  OniDeviceInfo info_{};
+  OniDeviceInfo info_{}, second_{};
 };
 
 }  // namespace
@@ -205,6 +211,8 @@ class Module final : public DriverBase {
 extern "C" __attribute__((visibility("default"))) void test_camera(const char* command) {
   const std::string_view what = command;
   if (what == "plug" || what == "unplug") Module::self->plug(what == "plug");
+  if (what == "plug second") Module::self->plug_second();
+  if (what == "unplug second") Module::self->unplug_second();
   if (what == "stall" || what == "run") stalled = what == "stall";
   if (what == "mirror") mirrored = true;
   if (what == "tenths") tenths = true;

@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include "drivers/radar/command_dialogue.hpp"
+#include "drivers/radar/stop_dialogue.hpp"
 #include "hex.hpp"
 
 using namespace echofuse;
@@ -279,4 +280,32 @@ TEST_CASE("a flood without line ends stays bounded and harmless") {
   s.say(std::string(1'000'000, 'x'));
   s.say("\n\r" + answer("sensorStop", "Done\n"));
   CHECK(s.d.take_output() == "  flushCfg\n");
+}
+
+TEST_CASE("the last words wait for the prompt of a running command, and for their own answer") {
+  const bool busy = GENERATE(false, true);
+  StopDialogue d(busy);
+  if (busy) {
+    CHECK(d.take_output().empty());
+    d.receive(test::view_of("Done\n\r"));
+    CHECK(d.take_output().empty());
+    d.receive(test::view_of(prompt));
+  }
+  CHECK(d.take_output() == "sensorStop\n");
+  d.receive(test::view_of("\r\n" + prompt));  // a leftover
+  CHECK_FALSE(d.done());
+  const std::string wire =
+      answer("sensorStop", GENERATE("Done\n", "Ignored: Sensor is already stopped\nDone\n"));
+  for (const char& c : wire) {
+    CHECK_FALSE(d.done());
+    d.receive(test::view_of(std::string(1, c)));
+  }
+  CHECK(d.done());
+  CHECK(d.take_output().empty());
+}
+
+TEST_CASE("a refused last word is no end") {
+  StopDialogue d(false);
+  d.receive(test::view_of(answer("sensorStop", "Error -1\n")));
+  CHECK_FALSE(d.done());
 }

@@ -134,7 +134,7 @@ TEST_CASE("a node that may not be opened is told with the rules that help") {
   const auto list = list_attached(tree.roots());
   if (root) REQUIRE(::setresuid(0, 0, 0) == 0);
   CHECK(list.at(0).nodes.at(0).missing == "no read/write permission on " + tree.dir("dev/ttyACM0") +
-                                              ": install config/99-echofuse.rules");
+                                              ": install config/70-echofuse.rules");
 }
 
 TEST_CASE("no tree, no devices") {

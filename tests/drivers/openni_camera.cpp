@@ -132,6 +132,20 @@ TEST_CASE("a live camera: frames, axes, names") {
   CHECK(y.at(5.5) == Approx(-std::tan(0.4)));
 }
 
+TEST_CASE("two cameras and no URI: none is opened, and both are listed") {
+  initialize_openni();
+  camera("plug second");
+  Bench b;
+  b.start();
+  REQUIRE(b.reaches(DeviceState::faulted));
+  CHECK(b.sink.events ==
+        std::vector<std::string>{"the address fits several cameras; give one of "
+                                 "openni:test/camera@1/4, openni:test/camera@1/5"});
+  CHECK(b.sink.depth.empty());
+  camera("unplug second");
+  CHECK(b.frames(3));
+}
+
 TEST_CASE("a camera that mirrors and cannot be told not to is turned back") {
   Bench b;
   camera("mirror");

@@ -238,6 +238,20 @@ TEST_CASE("another serial number: told which ones are there") {
   CHECK(host.why == "hid:10c4:ea80:Z: open (attached: A): No such device");
 }
 
+TEST_CASE("a bridge that another program has is left alone, and is free once that is gone") {
+  Bridge bridge;
+  Host first, second;
+  first.opens("A");
+  second.open();
+  second.goes();
+  CHECK(second.why ==
+        "hid:10c4:ea80: open /dev/hidraw0 (in use by another program): Device or resource busy");
+  bridge.device.receive(pattern(100));
+  CHECK(first.until([&] { return first.received == pattern(100); }));
+  first.port.reset();
+  second.opens();
+}
+
 TEST_CASE("no permission: told what grants it, and listed so") {
   Bridge bridge;
   const std::string root = test::bed().root(), node = root + "/dev/hidraw0";
@@ -255,13 +269,13 @@ TEST_CASE("no permission: told what grants it, and listed so") {
   if (is_root) REQUIRE(::setresuid(0, 0, 0) == 0);
   REQUIRE(told);
   CHECK(host.why ==
-        "hid:10c4:ea80:A: open /dev/hidraw0 (config/99-echofuse.rules grants access): "
+        "hid:10c4:ea80:A: open /dev/hidraw0 (config/70-echofuse.rules grants access): "
         "Permission denied");
   REQUIRE(list.size() == 1);
   CHECK(list[0].serial == "A");
   CHECK(list[0].nodes.at(0).address == "hid:10c4:ea80:A");
   CHECK(list[0].nodes[0].missing ==
-        "no read/write permission on /dev/hidraw0: install config/99-echofuse.rules");
+        "no read/write permission on /dev/hidraw0: install config/70-echofuse.rules");
 }
 
 TEST_CASE("a slow consumer: what does not fit is dropped, and every byte counted") {

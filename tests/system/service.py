@@ -129,7 +129,9 @@ class Service(live.Live):
 
     def test_stopped_early(self):
         """Stopped while it waits for a device: nothing that systemd takes for a failure."""
-        missing = "--set", "tdc.policy=required", "--set", f"tdc.address=bridge:tcp://127.0.0.1:1"
+        pid = os.getpid()  # another place than other tests': a device is one program's
+        nowhere = f"tdc.address=bridge:tcp://127.{pid >> 16}.{pid >> 8 & 255}.{pid & 255}:1"
+        missing = "--set", "tdc.policy=required", "--set", nowhere
         daemon = self.start([live.bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--out",
                              self.dir / "run", *missing], stderr=subprocess.PIPE, text=True)
         first = daemon.stderr.readline()  # it has looked for the device, so it listens to signals

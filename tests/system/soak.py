@@ -46,15 +46,25 @@ class Soak(unittest.TestCase):
                              ("radar", "sent: dropped"), ("depth", "sent: dropped"), ("depth", "sent: corrupt")):
             self.assertGreater(account[device].get(loss, 0), 0, (device, loss))
 
+    def test_random_faults(self):
+        folder = self.dir / "random"
+        done = run(scripts / "soak", "--slots", SLOTS, "--window", WINDOW_S, "--random", 5, "--late-ms", 2000, "--bin", bin_dir,
+                   "--keep", folder)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        faults = (folder / "faults.toml").read_text()
+        self.assertGreaterEqual(len(set(line for line in faults.splitlines() if line.startswith("kind"))), 5)
+
     def test_falsified_records(self):
-        last = "idx = (SELECT max(idx) FROM slot WHERE {}_frames > 0)"  # by more than what is in doubt there
+        last = "idx = (SELECT max(idx) FROM slot WHERE {}_frames > 0)"
+        first = "idx = (SELECT min(idx) FROM slot WHERE {}_frames > 0)"
         for statement, sensor in (
                 ("UPDATE counter SET value = value + 1000000000 WHERE source = 'spd' AND name = 'tags'", "tdc"),
                 (f"UPDATE record SET tags = tags + 1000000000 WHERE idx = {SLOTS // 2}", "tdc"),
                 (f"UPDATE record SET spd_lost = spd_lost + 1000000000 WHERE idx = {SLOTS // 2}", "tdc"),
-                ("UPDATE slot SET radar_frames = radar_frames + 1000 WHERE " + last.format("radar"), "radar"),
-                ("UPDATE slot SET depth_frames = depth_frames + 1000 WHERE " + last.format("depth"), "depth"),
-                ("UPDATE record SET depth_lost = depth_lost + 1000 WHERE " + last.format("depth"), "depth")):
+                ("UPDATE slot SET radar_frames = radar_frames + 1 WHERE " + last.format("radar"), "radar"),
+                ("UPDATE slot SET depth_frames = depth_frames + 1 WHERE " + first.format("depth"), "depth"),
+                ("UPDATE counter SET value = value + 1 WHERE source = 'depth' AND name = 'early'", "depth"),
+                ("UPDATE record SET depth_lost = depth_lost + 1 WHERE " + last.format("depth"), "depth")):
             copy = self.dir / "falsified.sqlite"
             shutil.copy(self.dir / "run.sqlite", copy)
             db = sqlite3.connect(copy)

@@ -5,6 +5,7 @@ is an emulated USB device."""
 import json
 import os
 import pathlib
+import re
 import sqlite3
 import subprocess
 import sys
@@ -36,6 +37,31 @@ class Usb(unittest.TestCase):
         arrived = int(done.stderr.split("arrived: ")[1].split(" tags")[0])
         self.assertLessEqual(arrived, sent["tags"])
         self.assertLess(sent["tags"] - arrived, 0.2 / (10 * WINDOW_S) * sent["tags"], done.stderr)
+
+    def test_beside_a_run(self):
+        """A USB device's lock goes by the device, not by how it is written; its run does not notice the others."""
+        with tempfile.TemporaryDirectory(prefix="echofuse-") as folder:
+            lab, run = pathlib.Path(folder) / "lab", pathlib.Path(folder) / "run.sqlite"
+            script = f"""
+                echofuse-acquire run --config {lab}/lab.toml --out {run} --count 12 & run=$!
+                until [ "$(echofuse-acquire info --json {run} 2>&1 | grep -c '"records": [1-9]')" = 1 ]; do sleep 0.1; done
+                echofuse-acquire devices --config {lab}/lab.toml --set tdc.address=usb:1209:0001; echo "devices $?"
+                echofuse-acquire run --config {lab}/lab.toml --out {folder}/second --count 1 2>&1; echo "second $?"
+                wait $run; echo "run $? was $run" """
+            done = subprocess.run([bin_dir / "echofuse-sim", "lab", "--usb", "--dir", lab, "--window", str(WINDOW_S), "--", "sh",
+                                   "-c", script], capture_output=True, text=True, timeout=60)
+            out = done.stdout + done.stderr
+            pid = re.search(r"run 0 was (\d+)", out)
+            self.assertTrue(pid, out)
+            holder = f"in use by echofuse-acquire run, pid {pid[1]}, run {run}"
+            self.assertRegex(out, rf"spd usb:1209:0001: {holder}; record \d+, [\d.]+ s ago: ok")
+            self.assertRegex(out, rf"spd usb:1209:0001:SIM-USB-1: {holder}")
+            self.assertIn("devices 0\n", out)
+            self.assertIn("second 4\n", out)
+            db = sqlite3.connect(run)
+            rows = db.execute("SELECT valid & 1, spd_lost FROM record ORDER BY idx").fetchall()
+            db.close()
+        self.assertEqual(rows, [(1, 0)] * 12, out)
 
     def test_exit_code_and_usage(self):
         with tempfile.TemporaryDirectory(prefix="echofuse-") as folder:

@@ -123,7 +123,7 @@ TEST_CASE("a USB tagger is found, started, read and stopped") {
   CHECK(b.lost_blocks() == 0);
   CHECK(b.counted("device_lost", 42));
   CHECK(b.counted("tags", 10));
-  b.driver->stop();
+  b.driver.reset();
   CHECK(b.stops == 1);
   CHECK_FALSE(b.device.claimed());
 }
@@ -254,17 +254,22 @@ TEST_CASE("unplugged in mid-transfer and plugged in again") {
   b.connect();
   const std::size_t cycles = std::getenv("ECHOFUSE_LONG") ? 100 : 3;
   for (std::size_t i = 1; i <= cycles; ++i) {
-    b.device.send_more(b.tags(1000));  // waits in a transfer that is not full
+    Bytes cut = b.tags(1000);
+    cut.resize(cut.size() - 5);
+    b.device.send_more(cut);  // waits in a transfer that is not full
     b.device.unplug();
     REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::faulted; }));
-    b.device.plug();
-    REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::streaming; }));
     const std::size_t before = b.sink.tags.size();
-    b.device.send(b.tags(4));
+    CHECK(before == i * 999 + (i - 1) * 4);
+    b.device.plug();
+    b.device.send(b.tags(4));  // is there before the start is over
+    REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::streaming; }));
     REQUIRE(b.arrived(before + 4));
+    CHECK(b.sink.tags.back().time_ps == b.sent);
     CHECK(b.sink.blocks.back().lost_blocks == 1);
   }
-  CHECK(b.sink.tags.size() == 4 * cycles);
+  CHECK(b.sink.tags.size() == (999 + 4) * cycles);
+  CHECK(b.counted("junk_bytes", 11 * cycles));
   CHECK(b.counted("connections", cycles + 1));
 }
 
@@ -329,6 +334,27 @@ TEST_CASE("what keeps a tagger from being used is said in one line") {
     Bench b;
     b.device.unplug();
     CHECK(refusal(b, address) == "no such device is attached");
+  }
+  SECTION("two, and no serial number") {
+    Bench b;
+    sim::UsbDevice other(b.bed,
+                         {.vendor = 0x1209,
+                          .product = 1,
+                          .manufacturer = "Maker",
+                          .name = "Tagger",
+                          .serial = "T0",
+                          .interface_subclass = 0x45,
+                          .interface_protocol = 1,
+                          .number = 4},
+                         [&](const sim::UsbDevice::Setup& setup) { return b.control(setup); });
+    other.plug();
+    CHECK_THAT(refusal(b, "usb:1209:0001"), Catch::StartsWith("the address fits several (") &&
+                                                Catch::Contains("T0") && Catch::Contains("T1"));
+    CHECK(b.starts == 0);
+    b.sink = {};
+    b.connect();
+    CHECK(b.sink.info.serial == "T1");
+    b.driver.reset();
   }
   SECTION("another protocol version") {
     Bench b;

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: MIT
+// Whose the configured devices are: one program at a time, by locks that all users see.
+#pragma once
+#include <array>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "acquire/config.hpp"
+#include "acquire/lock_file.hpp"
+#include "drivers/core/sample.hpp"
+
+namespace echofuse::acquire {
+
+// By what a device is known, however it is written in the configuration: a serial port and a USB
+// device by its node, an OpenNI2 camera by its URI, a bridge by its host and port. Empty: it is not
+// there, or has no name of its own (a recording).
+std::string lock_name(const std::string& address);
+
+// Held as long as this lives, also while a device is away or being opened again: nobody else may
+// come in between. A device that was not there at the start has no lock (its port, though, is
+// opened exclusively as well).
+class DeviceLocks {
+ public:
+  // `command`: "run"; `run`: the run file to come. Takes what is free; throws Error(device) if a
+  // lock file cannot be used.
+  DeviceLocks(const Config& config, const std::string& command, const std::string& run = {});
+
+  // Who else has a device of this sensor.
+  const std::optional<Holder>& other(Sensor sensor) const {
+    return others_[static_cast<std::size_t>(sensor)];
+  }
+  // A serial port went or came: its old node may soon be another device's.
+  void follow(Sensor sensor);
+
+ private:
+  void take(Sensor sensor, const std::string& address);
+
+  Holder me_;
+  std::array<std::vector<std::string>, sensor_count> addresses_;
+  std::array<std::optional<Holder>, sensor_count> others_;
+  struct Held {
+    std::string name;
+    std::unique_ptr<LockFile> file;
+  };
+  std::map<std::string, Held> held_;  // by address
+};
+
+}  // namespace echofuse::acquire

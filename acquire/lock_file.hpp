@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: MIT
+// A lock that other programs see, with the name of who holds it.
+#pragma once
+#include <optional>
+#include <string>
+
+namespace echofuse::acquire {
+
+struct Holder {
+  std::string who;  // "echofuse-acquire run, pid 4711, run /data/monday.sqlite"
+  std::string run;  // the run file that it writes; empty: none
+};
+
+// A folder that all users share, so that they see each other's locks.
+std::string lock_folder();
+
+// An open file description's lock on FOLDER/NAME: it ends with this object, or with the process.
+class LockFile {
+ public:
+  // Takes the lock if it is free. Throws Error(device) if the file can neither be made nor opened,
+  // or is no ordinary file: a link is not followed, and nothing but a lock file of ours written to.
+  LockFile(const std::string& folder, const std::string& name, const Holder& me);
+  ~LockFile();
+  LockFile(const LockFile&) = delete;
+  LockFile& operator=(const LockFile&) = delete;
+
+  // Who else holds it; none: we do.
+  const std::optional<Holder>& other() const { return other_; }
+
+ private:
+  void open_file();
+  bool is_named() const;  // the open file is still the one that has the name
+  void write(const Holder& me) const;
+  std::optional<Holder> read() const;
+
+  std::string path_;
+  int fd_ = -1;
+  std::optional<Holder> other_;
+};
+
+}  // namespace echofuse::acquire
