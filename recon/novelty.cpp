@@ -23,7 +23,6 @@ constexpr double discriminant_penalty = 2e-2;
 // Of records like the training ones, above each limit.
 constexpr std::array<double, 3> false_alarms = {0.002, 0.002, 0.003};
 constexpr double range_reserve = 0.05;       // of the span of the training records' ranges
-constexpr double low_flux = 0.05;            // clicks a pulse; more, and the first one hides others
 constexpr double clicks_reserve = 1.25;      // against the brightest training record
 constexpr double nearly_all_records = 0.99;  // of the training records show a body
 
@@ -60,7 +59,7 @@ Novelty::Novelty(const Dataset& data, const Rows& rows, Inputs inputs, std::uint
   if (fit_with_body.size() >= least_records / 2) fit = std::move(fit_with_body);
   share_with_body_ = static_cast<double>(with_body.size()) / static_cast<double>(rows.size());
   for (const std::size_t row : rows)
-    most_clicks_per_start_ = std::max(most_clicks_per_start_, data.clicks_per_start[row]);
+    most_clicks_per_start_ = std::max(most_clicks_per_start_, data.clicks_a_pulse[row]);
   learn_scale(take_rows(all, fit));
   Matrix scaled = all;
   for (std::size_t i = 0; i < scaled.values.size(); ++i)
@@ -203,11 +202,11 @@ std::vector<Strangeness> Novelty::judge(const Dataset& data, const Rows& rows) c
                   limits_[2].share(found[2]),
                   {},
                   {}};
-    const double range_m = double{one.body.range_m}, clicks = data.clicks_per_start[rows[i]];
+    const double range_m = double{one.body.range_m}, clicks = data.clicks_a_pulse[rows[i]];
     const bool has_range = readings_.spd_count() > 0 && one.body.there;
     if (!one.body.there && share_with_body_ > nearly_all_records)
       s.why = "empty";
-    else if (readings_.spd_count() > 0 && clicks > low_flux &&
+    else if (readings_.spd_count() > 0 && clicks > record::most_clicks_a_pulse &&
              clicks > clicks_reserve * most_clicks_per_start_)
       s.why = "saturated", s.figures = formatted("%.2f clicks a laser pulse", clicks);
     else if (has_range && (range_m < nearest_m_ || range_m > farthest_m_))
