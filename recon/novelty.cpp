@@ -239,26 +239,29 @@ void Novelty::save(record::H5File& file, const std::string& group) const {
 
 void Novelty::load(const record::H5File& file, const std::string& group, const Features& of_model) {
   readings_ = {of_model.inputs, raw_scaling, of_model.spd_axis, of_model.radar_axis, {}, 1, 1};
-  scale_ = file.read<float>(group + "/scale");
-  components_ = load_components(file, group + "/components");
-  discriminant_ = file.read<double>(group + "/discriminant");
-  const auto limits = file.read<double>(group + "/limits");
+  const bool spd = readings_.spd_count() > 0;
+  if (spd) alignment_.load(file, readings_.layout(), group);
+  const std::size_t values = (spd ? alignment_.size() : 0) + readings_.radar_count();
+  scale_ = file.read<float>(group + "/scale", {values});
+  components_ = load_components(file, group + "/components", values);
+  require_sound(file,
+                std::all_of(components_.deviation.begin(), components_.deviation.end(),
+                            [](float d) { return d > 0; }),
+                group + "/components/deviation", "all above 0");
   const std::size_t k = components_.basis.rows;
-  require_sound(limits.size() == 2 * limits_.size() + usual_residual_.size() &&
-                    discriminant_.size() == (k + 1) * (k + 2) / 2,
-                "limits of " + group);
+  discriminant_ = file.read<double>(group + "/discriminant", {(k + 1) * (k + 2) / 2});
+  const auto limits =
+      file.read<double>(group + "/limits", {2 * limits_.size() + usual_residual_.size()});
   for (std::size_t s = 0; s < limits_.size(); ++s) limits_[s] = {limits[2 * s], limits[2 * s + 1]};
   std::copy_n(limits.end() - 2, 2, usual_residual_.begin());
   nearest_m_ = file.get<double>(group, "nearest_m");
   farthest_m_ = file.get<double>(group, "farthest_m");
   most_clicks_per_start_ = file.get<double>(group, "most_clicks_per_start");
   share_with_body_ = file.get<double>(group, "share_with_body");
-  const bool spd = readings_.spd_count() > 0;
-  if (spd) alignment_.load(file, group);
-  require_sound(scale_.size() == components_.mean.size() &&
-                    scale_.size() == (spd ? alignment_.size() : 0) + readings_.radar_count() &&
-                    (!spd || alignment_.inputs() == readings_.count()),
-                "sizes of " + group);
+  for (const Limit& l : limits_)
+    require_sound(file, l.most >= l.usual, group + "/limits", "no limit below the usual value");
+  require_sound(file, usual_residual_[0] > 0 && usual_residual_[1] > 0, group + "/limits",
+                "usual residuals above 0");
 }
 
 }  // namespace echofuse::recon

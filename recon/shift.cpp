@@ -17,7 +17,9 @@ double sinc(double x) {
 
 }  // namespace
 
-Shift::Shift(double steps) : whole_(static_cast<std::ptrdiff_t>(std::floor(steps))) {
+// A length that is no shift of any profile moves it away as a whole.
+Shift::Shift(double steps)
+    : whole_(static_cast<std::ptrdiff_t>(std::clamp(std::floor(steps), -1e9, 1e9))) {
   constexpr double half = 4;
   const double part = steps - std::floor(steps);
   for (std::size_t k = 0; k < weights_.size(); ++k) {
