@@ -96,7 +96,8 @@ class Raw(unittest.TestCase):
         counted = self.counters("spd")
         files, replayed = self.replay("tdc", "tags-*.blocks")
         self.assertEqual(files, 1)
-        self.compare(counted, replayed, [n for n in counted if n not in ("early", "late", "outside", "duplicate", "part")])
+        self.compare(counted, replayed, [n for n in counted if n not in (
+            "early", "late", "outside", "duplicate", "out_of_order")])
         self.assertGreater(counted["tags"], 1000)
         self.assertEqual(self.check_radar()[0], 1)
         self.check_depth()
