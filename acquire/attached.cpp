@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/core/exit_code.hpp"
+#include "drivers/core/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -18,14 +19,14 @@ std::string ids(const inventory::Attached& device) {
 }
 
 std::string setting(const std::string& key, const std::string& address) {
-  return "  " + key + " = \"" + address + "\"\n";
+  return "  " + key + " = \"" + printable(address) + "\"\n";
 }
 
 std::string node_text(const inventory::Node& node) {
   std::string text;
   if (!node.address.empty()) text += setting(node.key, node.address);
   if (!node.missing.empty())
-    text += "  " + (node.key.empty() ? "" : node.key + ": ") + node.missing + '\n';
+    text += "  " + (node.key.empty() ? "" : node.key + ": ") + printable(node.missing) + '\n';
   return text;
 }
 
@@ -57,15 +58,15 @@ AttachedList find_attached() {
 std::string to_text(const AttachedList& list) {
   std::string text;
   for (const auto& device : list.usb) {
-    text += device.kind + ' ' + ids(device) + ": model " + device.model + ", serial " +
-            device.serial + ", firmware " + device.firmware + '\n';
-    if (!device.advice.empty()) text += "  " + device.advice + '\n';
+    text += device.kind + ' ' + ids(device) + ": model " + printable(device.model) + ", serial " +
+            printable(device.serial) + ", firmware " + printable(device.firmware) + '\n';
+    if (!device.advice.empty()) text += "  " + printable(device.advice) + '\n';
     for (const auto& node : device.nodes) text += node_text(node);
   }
   for (const auto& camera : list.cameras)
-    text += "OpenNI2 camera: model " + camera.model + '\n' +
+    text += "OpenNI2 camera: model " + printable(camera.model) + '\n' +
             setting("depth.address", "openni:" + camera.uri);
-  if (!list.camera_fault.empty()) text += list.camera_fault + '\n';
+  if (!list.camera_fault.empty()) text += printable(list.camera_fault) + '\n';
   return text.empty() ? "nothing that could be one of our devices is attached\n" : text;
 }
 
@@ -75,7 +76,7 @@ std::string to_json(const AttachedList& list) {
   for (const auto& camera : list.cameras)
     cameras.push_back({{"model", camera.model}, {"address", "openni:" + camera.uri}});
   // A device's strings are its own business: what is not UTF-8 is replaced.
-  return Json{{"usb", usb}, {"openni", cameras}}.dump(-1, ' ', false,
+  return Json{{"usb", usb}, {"openni", cameras}}.dump(-1, ' ', true,
                                                       Json::error_handler_t::replace);
 }
 

@@ -16,6 +16,7 @@
 #include "acquire/start_gaps.hpp"
 #include "drivers/core/console.hpp"
 #include "drivers/core/log2_codes.hpp"
+#include "drivers/core/printable.hpp"
 #include "drivers/radar/profile.hpp"
 
 namespace echofuse::acquire {
@@ -240,7 +241,7 @@ nlohmann::ordered_json json_of(const Result& r, const Search& search) {
 void say(const Result& r, const Search& search) {
   const Peak& p = r.peak;
   if (!p.refusal.empty())
-    std::printf("%-6s refused: %s\n", name_of(r.sensor), p.refusal.c_str());
+    std::printf("%-6s refused: %s\n", name_of(r.sensor), printable(p.refusal).c_str());
   else
     std::printf(
         "%-6s %.4f m, offset %+.2f mm +- %.2f mm; spread of the repeats %.2f mm, SNR %.0f dB\n",
@@ -311,7 +312,7 @@ void store(const Calibration& fresh, const Calibration& stored, const std::strin
       std::printf("%-6s kept: offset %+.2f mm of %s\n", name_of(e.sensor), 1e3 * e.offset_m,
                   e.date_utc.c_str());
   }
-  if (!quiet) std::printf("written to %s\n", path.c_str());
+  if (!quiet) std::printf("written to %s\n", printable(path).c_str());
 }
 
 }  // namespace
@@ -341,7 +342,8 @@ ExitCode calibrate(const Config& config, const CalibrateOptions& options, const 
   } else if (!fresh.entries.empty()) {
     store(fresh, stored, options.out, json, options.json);
   }
-  if (options.json) std::printf("%s\n", json.dump().c_str());
+  if (options.json)
+    std::printf("%s\n", json.dump(-1, ' ', true, decltype(json)::error_handler_t::replace).c_str());
   return refused ? ExitCode::device : well ? ExitCode::ok : ExitCode::failed;
 }
 

@@ -11,6 +11,7 @@
 #include "acquire/attached.hpp"
 #include "acquire/live_run.hpp"
 #include "drivers/core/console.hpp"
+#include "drivers/core/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -56,9 +57,9 @@ void print_device(Sensor s, const Devices::Seen& seen, const std::string& descri
     return;
   }
   std::printf("%s %s: answers; model %s, serial %s, firmware %s, %" PRIu64 " %s so far\n",
-              name_of(s), seen.info.address.c_str(), seen.info.model.c_str(),
-              seen.info.serial.c_str(), seen.info.firmware.c_str(), seen.samples,
-              s == Sensor::spd ? "tags" : "frames");
+              name_of(s), printable(seen.info.address).c_str(), printable(seen.info.model).c_str(),
+              printable(seen.info.serial).c_str(), printable(seen.info.firmware).c_str(),
+              seen.samples, s == Sensor::spd ? "tags" : "frames");
 }
 
 }  // namespace
@@ -146,12 +147,12 @@ bool Devices::all(const std::function<bool(const Seen&)>& predicate) const {
 
 std::string Devices::describe(Sensor s) const {
   const Seen& device = (*this)[s];
-  std::string text = std::string(name_of(s)) + " " + device.info.address + ": ";
-  if (device.holder) return text + "in use by " + device.holder->who;
+  std::string text = std::string(name_of(s)) + " " + printable(device.info.address) + ": ";
+  if (device.holder) return text + "in use by " + printable(device.holder->who);
   if (device.state == DeviceState::streaming && device.samples == 0)
     return text + "answers, but sends no " + (s == Sensor::spd ? "tags" : "frames");
   text += name_of(device.state);
-  return device.last_event.empty() ? text : text + ": " + device.last_event;
+  return device.last_event.empty() ? text : text + ": " + printable(device.last_event, 500);
 }
 
 void Devices::on_tags(const TagBlock& block) {
@@ -219,7 +220,7 @@ ExitCode check_devices(const std::optional<Config>& config, const Clock& clock, 
     nlohmann::ordered_json all{{"configured", configured}};
     all["attached"] = nlohmann::ordered_json::parse(to_json(attached));
     std::printf("%s\n",
-                all.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+                all.dump(2, ' ', true, nlohmann::ordered_json::error_handler_t::replace).c_str());
   }
   return ok ? ExitCode::ok : ExitCode::device;
 }

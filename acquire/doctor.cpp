@@ -7,6 +7,7 @@
 
 #include "acquire/disk.hpp"
 #include "acquire/self_test.hpp"
+#include "drivers/core/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -40,15 +41,15 @@ class Report {
     if (!json_) return code_;
     const nlohmann::ordered_json all{{"checks", checks_}, {"exit_code", static_cast<int>(code_)}};
     std::printf("%s\n",
-                all.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+                all.dump(2, ' ', true, nlohmann::ordered_json::error_handler_t::replace).c_str());
     return code_;
   }
 
  private:
   static void print(const Finding& finding) {
     std::printf("%-8s %-13s %s%s%s\n", name_of(finding.grade), finding.check.c_str(),
-                finding.found.c_str(), finding.advice.empty() ? "" : " -> ",
-                finding.advice.c_str());
+                printable(finding.found).c_str(), finding.advice.empty() ? "" : " -> ",
+                printable(finding.advice).c_str());
     std::fflush(stdout);
   }
 

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/record/run_file.hpp"
+#include "drivers/core/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -99,7 +100,7 @@ Json to_json(const record::RunReader& run) {
 
 std::string word(const Json& value) {
   if (value.is_string()) return value.get<std::string>();
-  if (!value.is_number_float()) return value.dump();
+  if (!value.is_number_float()) return value.dump(-1, ' ', true, Json::error_handler_t::replace);
   char text[32];
   std::snprintf(text, sizeof text, "%.6g", value.get<double>());
   return text;
@@ -121,12 +122,13 @@ Json without_zeros(Json object) {
 }
 
 std::string to_text(const Json& j) {
-  std::string out =
-      word(j["file"]) + ": " + word(j["records"]) + " records, " + word(j["status"]) + "\n";
+  constexpr std::size_t longest = 2000;  // of a line; --json holds all
+  std::string out = printable(word(j["file"])) + ": " + word(j["records"]) + " records, " +
+                    printable(word(j["status"]), 40) + "\n";
   const auto line = [&](const char* name, const std::string& value) {
     if (!value.empty())
-      out +=
-          "  " + std::string(name) + std::string(10 - std::string(name).size(), ' ') + value + "\n";
+      out += "  " + std::string(name) + std::string(10 - std::string(name).size(), ' ') +
+             printable(value, longest) + "\n";
   };
   if (j["records"] > 0)
     line("slots", word(j["first_slot_utc"]) + " to " + word(j["last_slot_end_utc"]) + ", " +
@@ -168,7 +170,8 @@ std::string to_text(const Json& j) {
 
 std::string describe_run(const std::string& path, bool json) {
   const Json description = to_json(record::RunReader(path));
-  return json ? description.dump(2) + "\n" : to_text(description);
+  return json ? description.dump(2, ' ', true, Json::error_handler_t::replace) + "\n"
+              : to_text(description);
 }
 
 }  // namespace echofuse::acquire

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
-#include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -17,11 +15,13 @@
 #include "acquire/devices.hpp"
 #include "acquire/doctor.hpp"
 #include "acquire/info.hpp"
+#include "acquire/log_format.hpp"
 #include "acquire/mark.hpp"
 #include "acquire/record/export.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/replay.hpp"
 #include "drivers/core/console.hpp"
+#include "drivers/core/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -54,30 +54,6 @@ struct Options {
   bool config_given = false;  // --config or --set
   bool json = false, quiet = false, verbose = false;
 };
-
-// %N: the level as the journal takes it, "<4>" for a warning.
-class Priority final : public spdlog::custom_flag_formatter {
-  void format(const spdlog::details::log_msg& message, const std::tm&,
-              spdlog::memory_buf_t& out) override {
-    constexpr char priorities[] = {'7', '7', '6', '4', '3', '2'};  // trace to critical
-    out.push_back('<');
-    out.push_back(priorities[static_cast<std::size_t>(message.level)]);
-    out.push_back('>');
-  }
-  std::unique_ptr<custom_flag_formatter> clone() const override {
-    return std::make_unique<Priority>();
-  }
-};
-
-// On a terminal a message first clears the status line; the journal keeps the time by itself.
-std::unique_ptr<spdlog::formatter> log_format() {
-  const char* pattern = stderr_is_journal()     ? "%N%v"
-                        : isatty(STDERR_FILENO) ? "\r\033[K%H:%M:%S %^%l%$ %v"
-                                                : "%Y-%m-%dT%H:%M:%S.%e %l %v";
-  auto format = std::make_unique<spdlog::pattern_formatter>();
-  format->add_flag<Priority>('N').set_pattern(pattern);
-  return format;
-}
 
 void set_up_log(const Options& o) {
   auto log = spdlog::stderr_color_mt(program);
@@ -167,7 +143,7 @@ ExitCode show_config(const Options& o) {
 
 ExitCode check_config(const Options& o) {
   load(o);
-  std::printf("%s: ok\n", o.config.c_str());
+  std::printf("%s: ok\n", printable(o.config).c_str());
   return ExitCode::ok;
 }
 

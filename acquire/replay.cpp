@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/core/exit_code.hpp"
+#include "drivers/core/printable.hpp"
 #include "drivers/radar/frame_parser.hpp"
 
 namespace echofuse::acquire {
@@ -68,7 +69,7 @@ std::string to_text(const Json& json) {
     std::string name = key;
     std::replace(name.begin(), name.end(), '_', ' ');
     name.resize(24, ' ');
-    out += name + (value.is_string() ? value.get<std::string>() : value.dump()) + "\n";
+    out += name + (value.is_string() ? printable(value.get<std::string>()) : value.dump()) + "\n";
   }
   return out;
 }
@@ -80,7 +81,7 @@ std::string replay_result(const std::vector<std::string>& paths, const Json& cou
   for (const std::string& path : paths) names += (names.empty() ? "" : " ") + path;
   Json all{{"file", names}};
   all.update(counts);
-  return json ? all.dump(2, ' ', false, Json::error_handler_t::replace) + "\n" : to_text(all);
+  return json ? all.dump(2, ' ', true, Json::error_handler_t::replace) + "\n" : to_text(all);
 }
 
 std::string replay_radar(const std::vector<std::string>& paths, bool json) {

@@ -13,6 +13,7 @@
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/exit_code.hpp"
+#include "drivers/core/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -49,7 +50,7 @@ std::string text_of(const record::CalibrationEntry* entry) {
   char text[80];
   std::snprintf(text, sizeof text, "%+.3f mm +- %.3f mm of ", 1e3 * entry->offset_m,
                 1e3 * entry->standard_error_m);
-  return text + entry->date_utc;
+  return std::string(text).append(printable(entry->date_utc, 40));
 }
 
 std::string other_calibration(const Calibration& before, const Calibration& now) {
@@ -84,7 +85,9 @@ void refuse_other_config(const record::RunInfo& begun,
   std::string differing;
   for (const auto& key : keys)
     if (text_or(before, key) != text_or(now, key))
-      differing += "\n" + key + " was " + text_or(before, key) + ", now " + text_or(now, key);
+      differing.append("\n").append(printable(key, 80) + " was " +
+                                    printable(text_or(before, key), 200) + ", now " +
+                                    text_or(now, key));
   if (begun.radar_cfg != config.radar.cfg_text) differing += "\nradar.cfg has another text";
   differing += other_calibration({.entries = calibrated, .firmware = {}}, config.calibration);
   if (!differing.empty())
@@ -118,6 +121,14 @@ void refuse_resuming(const record::RunReader& begun, const Config& config) {
   refuse_read_only(file, file, "it");
   refuse_read_only(file, file.parent_path(), "its folder");
   refuse_other_config(info, begun.calibrations(), config);
+  static_cast<void>(begun.axes());
+  // What is damaged is read with care, but cannot be written to.
+  if (const std::string fault = begun.check(); !fault.empty())
+    throw Error(ExitCode::failed, printable(begun.path()) + ": damaged: " + printable(fault, 200));
+  if (const auto last = begun.summary().last_index; last >= record::max_resumed_index)
+    throw Error(ExitCode::failed, printable(begun.path()) + ": its last record has the index " +
+                                      std::to_string(last) +
+                                      "; there is no room for more, begin another run");
 }
 
 std::unique_ptr<record::RunWriter> make_run(
@@ -144,9 +155,8 @@ ResumedRun reopen_run(const std::string& out, UtcTime now) {
   resumed.gap =
       "resumed at record " + std::to_string(resumed.file->next_index()) + ", was " + status;
   if (sum.records > 0)
-    resumed.gap += ", " +
-                   human_duration(std::chrono::duration<double>(now - sum.last_utc).count()) +
-                   " after the last slot";
+    resumed.gap +=
+        ", " + human_duration(seconds(now) - seconds(sum.last_utc)) + " after the last slot";
   return resumed;
 }
 

@@ -5,6 +5,8 @@
 
 #include <utility>
 
+#include "drivers/core/printable.hpp"
+
 namespace echofuse::acquire {
 namespace {
 
@@ -34,7 +36,7 @@ void RunLog::put(Severity severity, const std::string& source, const std::string
 }
 
 void RunLog::write(Severity severity, const std::string& source, const std::string& text) {
-  spdlog::log(level_of(severity), "{}: {}", source, text);
+  spdlog::log(level_of(severity), "{}: {}", source, printable(text));
   if (severity == Severity::info) return;
   Writer::Job job = [=, utc = clock_.utc()](record::RunWriter& run) {
     run.put_event(utc, severity, source, text);

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/core/console.hpp"
+#include "drivers/core/printable.hpp"
 #include "recon/answer.hpp"
 #include "recon/augment.hpp"
 #include "recon/crossvalidate.hpp"
@@ -106,8 +107,8 @@ class ReconstructTalk {
   void finish(const std::string& out) {
     for (const auto& r : faults_) complain(r);
     if (quiet_) return;
-    std::fprintf(stderr, "%s: %zu records reconstructed, %zu left out", out.c_str(), good_,
-                 left_out_);
+    std::fprintf(stderr, "%s: %zu records reconstructed, %zu left out", printable(out).c_str(),
+                 good_, left_out_);
     if (fell_back_ > 0) std::fprintf(stderr, "; %zu with %s", fell_back_, fallback_note);
     std::sort(after_slot_s_.begin(), after_slot_s_.end());
     if (!after_slot_s_.empty())
@@ -128,8 +129,9 @@ class ReconstructTalk {
     std::fprintf(stderr, "%zu of %zu records are flagged: %s\n", all, good_, reasons.c_str());
   }
   void complain(const RecordStatus& r) const {
-    std::fprintf(stderr, "%s: record %lld: %s\n", run_.c_str(), static_cast<long long>(r.index),
-                 (r.fault.empty() ? r.note : r.fault).c_str());
+    std::fprintf(stderr, "%s: record %lld: %s\n", printable(run_).c_str(),
+                 static_cast<long long>(r.index),
+                 printable(r.fault.empty() ? r.note : r.fault).c_str());
   }
   std::string run_;
   bool follow_, quiet_;
@@ -261,7 +263,9 @@ Command add_evaluate(CLI::App& app, const Common&) {
     e.slip = slipped;
     set_threads(1);
     e.cost = measure_cost(model, data, rows, a->model);
-    std::puts(a->json ? to_json(e).dump(2).c_str() : to_text(e).c_str());
+    std::puts(a->json
+                  ? to_json(e).dump(2, ' ', true, nlohmann::json::error_handler_t::replace).c_str()
+                  : printable_lines(to_text(e)).c_str());
     return ExitCode::ok;
   };
 }
@@ -293,7 +297,7 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
     a->on_record = [&](const RecordStatus& r) { talk.add(r); };
     a->slip = slip_action_of(a->slip_action);
     a->on_slip = [&](const std::string& text) {
-      std::fprintf(stderr, "%s: %s\n", a->run.c_str(), text.c_str());
+      std::fprintf(stderr, "%s: %s\n", printable(a->run).c_str(), printable(text).c_str());
     };
     reconstruct(load_model(a->model), a->run, *a);
     talk.finish(a->out);
@@ -348,7 +352,8 @@ Command add_report(CLI::App& app, const Common&) {
     check_report_folder(*a);
     set_threads(1);  // the latencies in the table are those of one thread
     const Report report = make_report(*a);
-    std::printf("%s%s\n", to_text(report).c_str(), write_report(report, a->dir).c_str());
+    std::printf("%s%s\n", printable_lines(to_text(report)).c_str(),
+                printable(write_report(report, a->dir)).c_str());
     return ExitCode::ok;
   };
 }

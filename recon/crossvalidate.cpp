@@ -7,6 +7,7 @@
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/exit_code.hpp"
+#include "drivers/core/printable.hpp"
 #include "recon/text.hpp"
 
 namespace echofuse::recon {
@@ -130,7 +131,7 @@ bool all_fitted(const std::vector<CrossvalidatedRow>& rows) {
   bool all = true;
   for (const auto& row : rows) {
     if (row.fault.empty()) continue;
-    std::fprintf(stderr, "%s: %s\n", row.name.c_str(), row.fault.c_str());
+    std::fprintf(stderr, "%s: %s\n", row.name.c_str(), printable(row.fault).c_str());
     all = false;
   }
   return all;

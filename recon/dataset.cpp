@@ -9,6 +9,7 @@
 #include "acquire/record/depth_map.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/log2_codes.hpp"
+#include "drivers/core/printable.hpp"
 #include "recon/shift.hpp"
 
 namespace echofuse::recon {
@@ -16,14 +17,15 @@ namespace {
 
 std::string describe(const Axis& a) {
   if (a.count == 0) return "none";
-  return std::to_string(a.count) + " x " + std::to_string(a.step) + " " + a.unit + " from " +
-         std::to_string(a.start) + " " + a.unit + " (" + a.quantity + ")";
+  return std::to_string(a.count) + " x " + std::to_string(a.step) + " " + printable(a.unit, 20) +
+         " from " + std::to_string(a.start) + " " + printable(a.unit, 20) + " (" +
+         printable(a.quantity, 20) + ")";
 }
 
 Error axis_error(const std::string& path, const Axis& found, const Axis& wanted,
                  const std::string& whose) {
-  return {ExitCode::failed, path + ": " + wanted.name + " axis is " + describe(found) + ", " +
-                                whose + " is " + describe(wanted)};
+  return {ExitCode::failed, printable(path) + ": " + wanted.name + " axis is " + describe(found) +
+                                ", " + whose + " is " + describe(wanted)};
 }
 
 bool agree(const Axis& a, const Axis& b) {
@@ -55,7 +57,7 @@ class Appender {
     for (const auto& source : data.sources)
       if (source.uuid == uuid)
         throw Error(ExitCode::failed,
-                    path_ + ": the same run as " + source.path +
+                    printable(path_) + ": the same run as " + printable(source.path) +
                         "; give each run once, or its records leak into the test");
     data.sources.push_back({path_, uuid, data.size(), 0});
   }
@@ -137,7 +139,7 @@ void append(Dataset& data, const record::RunReader& run, std::int64_t first, std
         const std::string fault = to().add(r);
         if (!fault.empty() && !on_bad)
           throw Error(ExitCode::failed,
-                      run.path() + ": record " + std::to_string(r.index) + ": " + fault);
+                      printable(run.path()) + ": record " + std::to_string(r.index) + ": " + fault);
         if (!fault.empty()) on_bad(r.index, fault);
         return --left > 0;
       },

@@ -11,6 +11,7 @@
 
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/console.hpp"
+#include "drivers/core/csv.hpp"
 #include "drivers/core/printable.hpp"
 #include "recon/answer.hpp"
 #include "recon/files.hpp"
@@ -39,7 +40,7 @@ class StatusTable {
   }
   void add(const RecordStatus& r) {
     const std::string status = !r.fault.empty() ? r.fault : !r.note.empty() ? r.note : "ok";
-    out_ << r.index << ",\"" << status << "\","
+    out_ << r.index << "," << csv_text(status) << ","
          << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "") << ",";
     if (r.claim) add(*r.claim);
     out_ << (r.claim ? "," : ",,,,") << (r.fault.empty() ? formatted("%.4f", r.radar_shift_m) : "")

@@ -3,6 +3,7 @@
 #include <sstream>
 
 #include "drivers/core/console.hpp"
+#include "drivers/core/printable.hpp"
 #include "recon/report.hpp"
 #include "recon/text.hpp"
 
@@ -44,7 +45,7 @@ p.note { background: #f6f3e6; padding: .7em 1em; border-left: 4px solid #c9b458;
 
 std::string escaped(const std::string& text) {
   std::string out;
-  for (const char c : text) {
+  for (const char c : printable(text)) {
     if (c == '&')
       out += "&amp;";
     else if (c == '<')

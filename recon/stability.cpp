@@ -10,6 +10,7 @@
 #include <set>
 
 #include "drivers/core/console.hpp"
+#include "drivers/core/printable.hpp"
 #include "recon/simulate.hpp"
 #include "recon/stability_table.hpp"
 #include "recon/study.hpp"
@@ -130,7 +131,7 @@ class Study {
     } catch (const Error& error) {
       if (error.code() != ExitCode::failed) throw;
       const std::string reason = model.name + ": " + error.what();
-      if (reasons_.insert(reason).second) std::fprintf(stderr, "%s\n", reason.c_str());
+      if (reasons_.insert(reason).second) std::fprintf(stderr, "%s\n", printable(reason).c_str());
       return {};
     }
   }

@@ -2,6 +2,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
+#include "drivers/core/printable.hpp"
 #include "recon/commands.hpp"
 #include "recon/pareto.hpp"
 #include "recon/stability_summary.hpp"
@@ -41,7 +42,7 @@ Command add_pareto(CLI::App& app, const Common& common) {
     a->threads = common.threads;
     const auto bound = bound_file->empty() ? std::nullopt : std::optional(read_bound(*bound_file));
     const auto rows = study_pareto(*a);
-    std::fputs(to_text(rows).c_str(), stdout);
+    std::fputs(printable_lines(to_text(rows)).c_str(), stdout);
     write_pareto(rows, a->out, bound);
     return ExitCode::ok;
   };

@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "drivers/core/console.hpp"
+#include "drivers/core/printable.hpp"
 #include "sim/bound.hpp"
 #include "sim/dataset.hpp"
 #include "sim/fidelity.hpp"
@@ -116,11 +117,11 @@ ExitCode run_dataset(DatasetArguments& a) {
                                 {"two_people", plan.two_people}, {"empty", plan.empty},
                                 {"objects", plan.objects},       {"seed", plan.seed},
                                 {"mirrored", plan.mirrored},     {"seconds", seconds}}
-                     .dump()
+                     .dump(-1, ' ', true, nlohmann::json::error_handler_t::replace)
               << "\n";
   else if (!a.options.quiet)
-    std::cout << a.options.out << ": " << written << " records in " << human_duration(seconds)
-              << "\n";
+    std::cout << printable(a.options.out) << ": " << written << " records in "
+              << human_duration(seconds) << "\n";
   const auto wanted = static_cast<std::int64_t>(scenes_of(plan).size());
   return written == wanted ? ExitCode::ok : ExitCode::interrupted;
 }

@@ -8,14 +8,15 @@
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/gnuplot.hpp"
+#include "drivers/core/printable.hpp"
 
 namespace echofuse::sim {
 namespace {
 
-// In gnuplot's single quotes.
+// In gnuplot's single quotes, which end with the line: what follows it would be a command.
 std::string quoted(const std::string& text) {
   std::string all = "'";
-  for (const char c : text) all += c == '\'' ? "''" : std::string(1, c);
+  for (const char c : printable(text)) all += c == '\'' ? "''" : std::string(1, c);
   return all + "'";
 }
 

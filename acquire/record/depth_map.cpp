@@ -25,8 +25,8 @@ std::vector<Cell> cells_of(const Axis& source, const Axis& target) {
     const double n = source.count;
     if (centre < -0.5 || centre > n - 0.5) continue;  // outside the camera's view: {0, 0}
     // A hair to the left, so that a centre on a cell's edge falls into one cell only.
-    auto first = static_cast<std::int64_t>(std::ceil(std::min(a, b) - 1e-9));
-    auto last = static_cast<std::int64_t>(std::ceil(std::max(a, b) - 1e-9));
+    auto first = static_cast<std::int64_t>(std::clamp(std::ceil(std::min(a, b) - 1e-9), -1.0, n));
+    auto last = static_cast<std::int64_t>(std::clamp(std::ceil(std::max(a, b) - 1e-9), -1.0, n));
     if (first >= last) first = std::lround(centre), last = first + 1;
     cells[i].first =
         static_cast<std::uint32_t>(std::clamp<std::int64_t>(first, 0, source.count - 1));

@@ -9,6 +9,7 @@
 
 #include "acquire/record/h5.hpp"
 #include "drivers/core/exit_code.hpp"
+#include "drivers/core/printable.hpp"
 
 namespace echofuse::record {
 namespace {
@@ -67,6 +68,50 @@ void write_head(H5File& out, const RunReader& run) {
   }
 }
 
+// By the end of a column's name; "1" is a count or a flag.
+std::string units_of(const std::string& table, const std::string& column) {
+  if (table == "axis" && (column == "start" || column == "step")) return "as the row's unit says";
+  constexpr std::pair<const char*, const char*> units[] = {
+      {"_ns", "ns"}, {"_us", "us"},    {"_ms", "ms"},     {"_s", "s"},
+      {"_m", "m"},   {"_ppm", "1e-6"}, {"_percent", "%"}, {"_c", "degC"}};
+  for (const auto& [end, unit] : units)
+    if (column.ends_with(end)) return unit;
+  return "1";
+}
+
+// All of the run but the sensors' data, as its tables have it.
+void write_tables(H5File& out, const RunReader& run) {
+  for (const std::string& table : run.table_names()) {
+    const std::string group = "/entry/tables/" + table;
+    out.make_group(group);
+    for (const Column& column : run.table(table)) {
+      const std::string name = group + "/" + column.name;
+      if (const auto* texts = std::get_if<std::vector<std::string>>(&column.values)) {
+        out.write_texts(name, *texts);
+        continue;
+      }
+      if (const auto* whole = std::get_if<std::vector<std::int64_t>>(&column.values)) {
+        out.write(name, *whole, {whole->size()});
+        out.set(name, "missing_value", null_integer);
+      } else {
+        const auto& real = std::get<std::vector<double>>(column.values);
+        out.write(name, real, {real.size()});
+      }
+      out.set(name, "units", units_of(table, column.name));
+    }
+  }
+}
+
+// What the values of the radar axis are (drivers/core/axis.hpp).
+std::string meaning_of(const Axis& radar) {
+  if (radar.quantity == "log2_q8")
+    return "256 * log2(magnitude), summed over the axis's `scale` virtual antennas and divided by "
+           "the next power of two";
+  if (radar.quantity == "binned_power")
+    return "linear power on an arbitrary scale, added up over a step around each point";
+  return "linear power on an arbitrary scale";
+}
+
 // The arrays of one sensor each, made for n records.
 class Arrays {
  public:
@@ -74,21 +119,24 @@ class Arrays {
     out.make_group("/entry/data");
     out.set("/entry/data", "NX_class", "NXdata");
     out.set("/entry/data", "signal", "spd");
-    if (const auto spd = run.axis("spd")) {
+    if (const auto spd = run.axis("spd"); spd && spd->count > 0) {
       out.allocate<std::uint32_t>(data + "spd", {n, spd->count});
       out.set(data + "spd", "units", "counts");
+      out.set(data + "spd", "long_name", "detections per bin of two-way time of flight");
       write_axis(out, "spd_time", *spd);
     }
-    if (const auto radar = run.axis("radar")) {
+    if (const auto radar = run.axis("radar"); radar && radar->count > 0) {
       no_radar_.assign(radar->count, std::numeric_limits<float>::quiet_NaN());
       out.allocate<float>(data + "radar", {n, radar->count});
       out.set(data + "radar", "units", radar->quantity == "log2_q8" ? "log2_q8" : "1");
+      out.set(data + "radar", "long_name", meaning_of(*radar));
       write_axis(out, "radar_range", *radar);
     }
     const auto x = run.axis("depth_x"), y = run.axis("depth_y");
-    if (x && y) {
+    if (x && y && x->count > 0 && y->count > 0) {
       out.allocate<std::uint16_t>(data + "depth", {n, y->count, x->count});
       out.set(data + "depth", "units", "mm");
+      out.set(data + "depth", "long_name", "z of each pixel, 0: no return");
       write_axis(out, "depth_x", *x);
       write_axis(out, "depth_y", *y);
     }
@@ -184,6 +232,7 @@ std::int64_t write_h5(H5File& out, const RunReader& run,
                  add(r);
                });
   columns.write(out);
+  write_tables(out, run);
   out.close();
   return bad;
 }
@@ -201,13 +250,29 @@ std::int64_t export_h5(const RunReader& run, const std::string& path,
   }
 }
 
+namespace {
+
+// In a line that is no cell: nothing begins another one, whatever the separator.
+std::string in_comment(const std::string& text) {
+  std::string out;
+  for (const char c : printable(text, 200))
+    if (c == ',' || c == ';' || c == '"')
+      out += c == ',' ? "\\x2c" : c == ';' ? "\\x3b" : "\\x22";
+    else
+      out += c;
+  return out;
+}
+
+}  // namespace
+
 void export_csv(const RunReader& run, std::int64_t index, const std::string& path) {
   const FusedRecord r = run.read(index);
   if (::access(path.c_str(), F_OK) == 0)
     throw Error(ExitCode::failed, path + ": exists already; choose another name");
   std::ofstream out(path);
   out.precision(std::numeric_limits<float>::max_digits10);
-  out << "# record " << r.index << " of " << run.path() << ", label " << r.label
+  out << "# record " << r.index << " of " << in_comment(run.path()) << ", label "
+      << in_comment(r.label)
       << "\n# spd: x = two-way time in ps, value = counts\n"
          "# radar: x = range in m, value = as in the run's radar axis\n"
          "# depth: x, y = tangents, value = mm, 0 = no return\nsensor,x,y,value\n";

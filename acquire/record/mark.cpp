@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/record/run_file.hpp"
+#include "acquire/record/run_tables.hpp"
 #include "acquire/record/sqlite.hpp"
 
 namespace echofuse::record {
@@ -18,6 +19,7 @@ void mark(const std::string& path, const std::string& level, const std::string& 
   if (sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READWRITE, nullptr) != SQLITE_OK)
     sqlite_fail(db, path, "cannot open for writing");
   const std::unique_ptr<sqlite3, int (*)(sqlite3*)> closing(db, sqlite3_close);
+  harden(db);
   sqlite3_busy_timeout(db, patience_ms);
   sqlite3_wal_autocheckpoint(db, 0);  // that is for the recording process
   Statement(db, path, "INSERT INTO event (utc, level, source, text) VALUES (?,?,'mark',?)")

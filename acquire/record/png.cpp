@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/record/png.hpp"
 
+#include <algorithm>
+#include <iterator>
 #include <opencv2/imgcodecs.hpp>
 
 namespace echofuse::record {
@@ -19,13 +21,45 @@ Bytes encode_png16(std::span<const std::uint16_t> pixels, std::uint32_t width,
   return {};
 }
 
+namespace {
+
+std::uint32_t big_endian(ByteView bytes, std::size_t at) {
+  return std::uint32_t{bytes[at]} << 24 | std::uint32_t{bytes[at + 1]} << 16 |
+         std::uint32_t{bytes[at + 2]} << 8 | std::uint32_t{bytes[at + 3]};
+}
+
+// Whether the bytes are laid out as encode_png16 does it: signature, IHDR of this size (16 bits,
+// grey, not interlaced), IDATs, IEND. Of other chunks a decoder would make what they ask for.
+bool is_laid_out(ByteView png, std::uint32_t width, std::uint32_t height) {
+  constexpr std::uint8_t begin[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n',  //
+                                    0,    0,   0,   13,  'I',  'H',  'D',  'R'};
+  constexpr std::uint8_t kind[] = {16, 0, 0, 0, 0};
+  constexpr std::size_t first_chunk = 33, around_data = 12;  // length, name, CRC
+  if (png.size() < first_chunk || !std::equal(std::begin(begin), std::end(begin), png.begin()) ||
+      big_endian(png, 16) != width || big_endian(png, 20) != height ||
+      !std::equal(std::begin(kind), std::end(kind), png.begin() + 24))
+    return false;
+  std::size_t data = 0;
+  for (ByteView rest = png.subspan(first_chunk); rest.size() >= around_data;) {
+    const std::uint32_t length = big_endian(rest, 0), name = big_endian(rest, 4);
+    constexpr std::uint32_t idat = 0x49444154, iend = 0x49454e44;
+    if (length > rest.size() - around_data) return false;
+    if (name == iend) {
+      // Deflate makes at most 1032 bytes of one (zlib, "maximum compression factor").
+      const std::uint64_t pixel_bytes = std::uint64_t{height} * (2 * std::uint64_t{width} + 1);
+      return rest.size() == around_data && pixel_bytes <= 1032 * std::uint64_t{data};
+    }
+    if (name != idat) return false;
+    data += length;
+    rest = rest.subspan(around_data + length);
+  }
+  return false;
+}
+
+}  // namespace
+
 std::vector<std::uint16_t> decode_png16(ByteView png, std::uint32_t width, std::uint32_t height) {
-  // The size is in the first chunk (PNG specification, IHDR): a damaged one must not allocate.
-  const auto big_endian = [&](std::size_t at) {
-    return std::uint32_t{png[at]} << 24 | std::uint32_t{png[at + 1]} << 16 |
-           std::uint32_t{png[at + 2]} << 8 | std::uint32_t{png[at + 3]};
-  };
-  if (png.size() < 24 || big_endian(16) != width || big_endian(20) != height) return {};
+  if (std::uint64_t{width} * height > max_png_pixels || !is_laid_out(png, width, height)) return {};
   const cv::Mat raw(1, static_cast<int>(png.size()), CV_8UC1,
                     const_cast<std::uint8_t*>(png.data()));
   const cv::Mat image = cv::imdecode(raw, cv::IMREAD_UNCHANGED);

@@ -9,10 +9,14 @@
 
 namespace echofuse::record {
 
+// 2^23: what fits into one frame of a bridge.
+inline constexpr std::uint64_t max_png_pixels = std::uint64_t{1} << 23;
+
 // Empty if it cannot be done.
 Bytes encode_png16(std::span<const std::uint16_t> pixels, std::uint32_t width,
                    std::uint32_t height);
-// Empty if the bytes are not a 16-bit grey PNG of this size.
+// Empty if the bytes are not a 16-bit grey PNG of this size as encode_png16 makes it, or larger
+// than any.
 std::vector<std::uint16_t> decode_png16(ByteView png, std::uint32_t width, std::uint32_t height);
 
 }  // namespace echofuse::record

@@ -8,11 +8,13 @@
 #pragma once
 #include <array>
 #include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
 #include <span>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "acquire/record/record.hpp"
@@ -22,9 +24,15 @@ struct sqlite3;
 namespace echofuse::record {
 
 class FileWatch;
+class Statement;
 class WriterLock;
+struct Budget;
 
 inline constexpr int format_version = 1;
+// A record's index is not above the first, so that the one after it is a number too; a run is
+// resumed while there is room below it.
+inline constexpr std::int64_t max_index = std::int64_t{1} << 53;
+inline constexpr std::int64_t max_resumed_index = std::int64_t{1} << 52;
 
 struct Counted {
   std::string source, name;  // sensor, what was counted
@@ -101,6 +109,13 @@ struct Event {
   std::string utc, level, source, text;
 };
 
+// A column of a table, in the order of its rows. A NULL is null_integer, not a number, or "".
+struct Column {
+  std::string name;
+  std::variant<std::vector<std::int64_t>, std::vector<double>, std::vector<std::string>> values;
+};
+inline constexpr std::int64_t null_integer = std::numeric_limits<std::int64_t>::min();
+
 // A run in numbers, without reading the sensors' data.
 struct RunSummary {
   std::int64_t records = 0, all_valid = 0;         // all_valid: of records with all three sensors
@@ -108,6 +123,7 @@ struct RunSummary {
   std::array<std::int64_t, sensor_count> valid{};  // records with a valid SPD, radar, depth
   std::array<std::int64_t, sensor_count> lost{};   // tags, radar frames, depth frames
   std::int64_t tags = 0;
+  std::int64_t last_index = -1;                        // the largest of a record
   UtcTime first_utc{}, last_utc{};                     // start of the first slot, end of the last
   std::map<std::string, std::int64_t> labels, events;  // records by label, events by level
   std::map<std::string, std::string> policies;         // by sensor
@@ -119,7 +135,8 @@ struct RunSummary {
 // Reads closed, live and crashed runs alike.
 class RunReader {
  public:
-  // Throws Error(failed): not there, not a run file, written by a newer version, damaged.
+  // Throws Error(failed): not there, not a run file, written by a newer version, damaged, or with
+  // anything in it but the tables of a run. What a file may cost is bounded by its size.
   explicit RunReader(const std::string& path);
   ~RunReader();
   RunReader(const RunReader&) = delete;
@@ -135,6 +152,8 @@ class RunReader {
   std::optional<Axis> axis(const std::string& name) const;
   std::int64_t count() const;
   RunSummary summary() const;
+  std::vector<std::string> table_names() const;              // of all its tables
+  std::vector<Column> table(const std::string& name) const;  // without the blobs
   // Of the last record, or of a mark after it; none in a run without either.
   std::optional<std::string> last_label() const;
   // Records in index order from `first` on; the callback returns false to stop. A record whose
@@ -148,9 +167,15 @@ class RunReader {
 
  private:
   bool has_table(const char* name) const;
+  void open();
+  void check_identity() const;
   void summarise_sync(RunSummary& sum) const;
-  std::string path_;
+  void check_axis(const Axis& axis, std::int64_t points) const;
+  Statement ask(const char* sql) const;  // with the whole budget
+  std::string path_, shown_;             // shown_: printable
   sqlite3* db_ = nullptr;
+  std::uint64_t bytes_ = 0;  // when it was opened
+  std::unique_ptr<Budget> budget_;
 };
 
 // Writes into a run that another process records: an event of level "mark", or of level "label",

@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "acquire/record/png.hpp"
 #include "acquire/record/run_file.hpp"
+#include "acquire/record/run_tables.hpp"
 #include "acquire/record/schema.hpp"
 #include "acquire/record/sqlite.hpp"
 #include "acquire/record/writer_lock.hpp"
@@ -24,6 +26,8 @@ Sensor sensor_of(const std::string& name) {
     if (name == name_of(s)) return s;
   return Sensor::spd;
 }
+
+constexpr std::int64_t most_points = 1 << 24;
 
 // The axes that decode one record, looked up once per pass.
 struct Shapes {
@@ -58,11 +62,9 @@ std::string decode(Statement& row, const Shapes& shapes, FusedRecord& r) {
   r.slot_start = HostTime(row.integer());
   r.slot_end = HostTime(row.integer());
   r.slot_utc = UtcTime(row.integer());
-  r.valid = static_cast<std::uint32_t>(row.integer());
+  r.valid = static_cast<std::uint32_t>(row.integer()) & 7u;
   r.label = row.text();
   const ByteView spd = row.blob(), radar = row.blob(), depth = row.blob();
-  r.spd = to_values<std::uint32_t>(spd);
-  r.radar = to_values<float>(radar);
   SpdCounts& c = r.spd_counts;
   for (std::uint64_t* v :
        {&c.tags, &c.starts, &c.in_range, &c.out_of_range, &c.without_start, &c.other, &c.lost})
@@ -83,6 +85,8 @@ std::string decode(Statement& row, const Shapes& shapes, FusedRecord& r) {
     return sizes("spd", spd.size(), shapes.spd * 4);
   if (r.has(Sensor::radar) && radar.size() != shapes.radar * 4)
     return sizes("radar", radar.size(), shapes.radar * 4);
+  if (r.has(Sensor::spd)) r.spd = to_values<std::uint32_t>(spd);
+  if (r.has(Sensor::radar)) r.radar = to_values<float>(radar);
   const auto bad =
       std::find_if_not(r.radar.begin(), r.radar.end(), [](float v) { return std::isfinite(v); });
   if (r.has(Sensor::radar) && bad != r.radar.end())
@@ -96,72 +100,102 @@ std::string decode(Statement& row, const Shapes& shapes, FusedRecord& r) {
   return {};
 }
 
+std::string short_text(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%g", value);
+  return text;
+}
+
+std::uint64_t bytes_of(const std::string& path) {
+  struct stat file {};
+  return ::stat(path.c_str(), &file) == 0 ? static_cast<std::uint64_t>(file.st_size) : 0;
+}
+
 int look(sqlite3* db) {
   return sqlite3_exec(db, "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr);
 }
 
 }  // namespace
 
-RunReader::RunReader(const std::string& path) : path_(path) {
+RunReader::RunReader(const std::string& path)
+    : path_(path), shown_(printable(path)), budget_(std::make_unique<Budget>()) {
   if (::access(path.c_str(), R_OK) != 0)
-    throw Error(ExitCode::failed, path + ": no such file, or not readable; expected a run file");
-  // Read-only, but a WAL left by a live or crashed writer needs its shared-memory file beside it;
-  // on a read-only medium there is no writer, and `immutable` reads without one.
-  int first = sqlite3_open_v2(path.c_str(), &db_, SQLITE_OPEN_READONLY, nullptr);
-  if (first == SQLITE_OK) first = look(db_);
-  if (first == SQLITE_READONLY) {
-    // Killed as it began or closed, with one page half written: a writer has to undo that.
-    sqlite3_close(db_);
-    first = sqlite3_open_v2(path.c_str(), &db_, SQLITE_OPEN_READWRITE, nullptr);
-    if (first == SQLITE_OK) first = look(db_);
-  }
-  if (first == SQLITE_CANTOPEN) {
-    sqlite3_close(db_);
-    // There it would hide the records in a WAL.
-    struct stat wal {};
-    if (::stat((path + "-wal").c_str(), &wal) == 0 && wal.st_size > 0)
-      throw Error(ExitCode::failed, path + ": was not closed, and its last records are in " + path +
-                                        "-wal; copy both to a folder that can be written");
-    std::string uri = "file:";
-    for (const char c : path)
-      uri += c == '%' ? "%25" : c == '?' ? "%3f" : c == '#' ? "%23" : std::string(1, c);
-    uri += "?immutable=1";
-    sqlite3_open_v2(uri.c_str(), &db_, SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, nullptr);
-  }
-  sqlite3_busy_timeout(db_, 5000);
+    throw Error(ExitCode::failed, shown_ + ": no such file, or not readable; expected a run file");
+  bytes_ = bytes_of(path) + bytes_of(path + "-wal");
+  *budget_ = Budget::of_file(bytes_);
   try {
-    const bool readable = look(db_) == SQLITE_OK;
-    if (readable && pragma(db_, path_, "SELECT count(*) FROM sqlite_schema") == 0)
-      throw Error(ExitCode::failed,
-                  path + ": is empty, as of a run that was killed before it began; remove it");
-    if (!readable || pragma(db_, path_, "PRAGMA application_id") != application_id)
-      throw Error(ExitCode::failed, path + ": not an echofuse run file");
-    const auto found = pragma(db_, path_, "PRAGMA user_version");
-    if (found > format_version)
-      throw Error(ExitCode::failed, path + ": run format " + std::to_string(found) +
-                                        " is newer than this program's " +
-                                        std::to_string(format_version) + "; use a newer echofuse");
+    open();
+    check_identity();
+    check_tables(db_, path_);
   } catch (...) {
     sqlite3_close(db_);
     throw;
   }
 }
 
+void RunReader::open() {
+  const auto try_to_open = [&](const std::string& name, int flags) {
+    sqlite3_close(db_);
+    db_ = nullptr;
+    const int code = sqlite3_open_v2(name.c_str(), &db_, flags, nullptr);
+    if (code != SQLITE_OK) return code;
+    harden(db_);
+    limit(db_, *budget_);
+    return look(db_);
+  };
+  // Read-only, but a WAL left by a live or crashed writer needs its shared-memory file beside it;
+  // on a read-only medium there is no writer, and `immutable` reads without one.
+  int first = try_to_open(path_, SQLITE_OPEN_READONLY);
+  // Killed as it began or closed, with one page half written: a writer has to undo that.
+  if (first == SQLITE_READONLY) first = try_to_open(path_, SQLITE_OPEN_READWRITE);
+  if (first == SQLITE_CANTOPEN) {
+    // There it would hide the records in a WAL.
+    if (bytes_of(path_ + "-wal") > 0)
+      throw Error(ExitCode::failed, shown_ + ": was not closed, and its last records are in " +
+                                        shown_ + "-wal; copy both to a folder that can be written");
+    std::string uri = "file:";
+    for (const char c : path_)
+      uri += c == '%' ? "%25" : c == '?' ? "%3f" : c == '#' ? "%23" : std::string(1, c);
+    uri += "?immutable=1";
+    try_to_open(uri, SQLITE_OPEN_READONLY | SQLITE_OPEN_URI);
+  }
+  sqlite3_busy_timeout(db_, 5000);
+}
+
+void RunReader::check_identity() const {
+  const bool readable = look(db_) == SQLITE_OK;
+  if (readable && pragma(db_, path_, "SELECT count(*) FROM sqlite_schema") == 0)
+    throw Error(ExitCode::failed,
+                shown_ + ": is empty, as of a run that was killed before it began; remove it");
+  if (!readable || pragma(db_, path_, "PRAGMA application_id") != application_id)
+    throw Error(ExitCode::failed, shown_ + ": not an echofuse run file");
+  const auto found = pragma(db_, path_, "PRAGMA user_version");
+  if (found > format_version)
+    throw Error(ExitCode::failed, shown_ + ": run format " + std::to_string(found) +
+                                      " is newer than this program's " +
+                                      std::to_string(format_version) + "; use a newer echofuse");
+}
+
+Statement RunReader::ask(const char* sql) const {
+  budget_->left = budget_->all;
+  return {db_, path_, sql, budget_->bytes};
+}
+
 RunReader::~RunReader() { sqlite3_close(db_); }
 
 RunInfo RunReader::info() const {
-  Statement s(db_, path_,
-              "SELECT uuid, started_utc, ended_utc, status, config_text, config_resolved, "
-              "radar_cfg, version, host, operator, notes, window_s FROM run");
+  Statement s =
+      ask("SELECT uuid, started_utc, ended_utc, status, config_text, config_resolved, "
+          "radar_cfg, version, host, operator, notes, window_s FROM run");
   RunInfo info;
-  if (!s.step()) throw Error(ExitCode::failed, path_ + ": the run table is empty");
+  if (!s.step()) throw Error(ExitCode::failed, shown_ + ": the run table is empty");
   for (std::string* text : {&info.uuid, &info.started_utc, &info.ended_utc, &info.status,
                             &info.config_text, &info.config_resolved, &info.radar_cfg,
                             &info.version, &info.host, &info.operator_name, &info.notes})
     *text = s.text();
   info.window_s = s.real();
   if (has_table("meta")) {
-    Statement rows(db_, path_, "SELECT key, value FROM meta");
+    Statement rows = ask("SELECT key, value FROM meta");
     while (rows.step()) {
       const std::string key = rows.text();
       info.meta.emplace_back(key, rows.text());
@@ -172,7 +206,7 @@ RunInfo RunReader::info() const {
 }
 
 std::vector<DeviceInfo> RunReader::devices() const {
-  Statement s(db_, path_, "SELECT sensor, address, model, serial, firmware FROM device");
+  Statement s = ask("SELECT sensor, address, model, serial, firmware FROM device");
   std::vector<DeviceInfo> out;
   while (s.step()) {
     DeviceInfo d;
@@ -184,9 +218,9 @@ std::vector<DeviceInfo> RunReader::devices() const {
 }
 
 std::vector<CalibrationEntry> RunReader::calibrations() const {
-  Statement s(db_, path_,
-              "SELECT sensor, date_utc, method, distance_m, offset_m, standard_error_m FROM "
-              "calibration");
+  Statement s =
+      ask("SELECT sensor, date_utc, method, distance_m, offset_m, standard_error_m FROM "
+          "calibration");
   std::vector<CalibrationEntry> out;
   while (s.step()) {
     CalibrationEntry c;
@@ -200,7 +234,7 @@ std::vector<CalibrationEntry> RunReader::calibrations() const {
 }
 
 std::vector<Event> RunReader::events() const {
-  Statement s(db_, path_, "SELECT utc, level, source, text FROM event ORDER BY id");
+  Statement s = ask("SELECT utc, level, source, text FROM event ORDER BY id");
   std::vector<Event> out;
   while (s.step()) {
     Event e;
@@ -216,7 +250,7 @@ std::vector<Counted> RunReader::counters() const {
   if (columns == 0) return out;
   const char* part = columns > 3 ? "part" : "0";
   const std::string sql = std::string("SELECT source, name, value, ") + part + " FROM counter";
-  Statement s(db_, path_, sql.c_str());
+  Statement s = ask(sql.c_str());
   while (s.step()) {
     Counted c;
     c.source = s.text();
@@ -229,20 +263,52 @@ std::vector<Counted> RunReader::counters() const {
 }
 
 std::vector<Axis> RunReader::axes() const {
-  Statement s(db_, path_, "SELECT name, quantity, unit, count, start, step, scale FROM axis");
+  Statement s = ask("SELECT name, quantity, unit, count, start, step, scale FROM axis");
+  constexpr std::size_t most_axes = 16;
   std::vector<Axis> out;
   while (s.step()) {
+    if (out.size() == most_axes)
+      throw Error(ExitCode::failed, shown_ + ": more than 16 axes; expected four");
     Axis a;
     a.name = s.text();
     a.quantity = s.text();
     a.unit = s.text();
-    a.count = static_cast<std::uint32_t>(s.integer());
+    const std::int64_t points = s.integer();
+    a.count = static_cast<std::uint32_t>(points);
     a.start = s.real();
     a.step = s.real();
     a.scale = s.real();
+    check_axis(a, points);
     out.push_back(std::move(a));
   }
   return out;
+}
+
+// What readers hold for all records is made by the axes: a small file asks for a little only.
+void RunReader::check_axis(const Axis& axis, std::int64_t points) const {
+  const auto refuse = [&](const std::string& what) {
+    throw Error(ExitCode::failed, shown_ + ": axis " + printable(axis.name, 40) + ": " + what);
+  };
+  if (points < 0 || points > most_points)
+    refuse("has " + std::to_string(points) + " points; expected at most " +
+           std::to_string(most_points));
+  const auto is_length = [](double v) { return std::abs(v) < 1e15; };
+  if (!is_length(axis.start) || !is_length(axis.step) || std::abs(axis.step) < 1e-15 ||
+      !is_length(axis.scale) || !(axis.scale > 0))
+    refuse("its start, step and scale are " + short_text(axis.start) + ", " +
+           short_text(axis.step) + " and " + short_text(axis.scale) +
+           "; expected numbers of a measurement");
+  const double most = std::max(1e9, 256 * static_cast<double>(bytes_));
+  const auto too_many = [&](double records) {
+    return 4 * static_cast<double>(points) * records > most;
+  };
+  // Counting takes a while: only where the indices, which are quick to look up, make it doubtful.
+  Statement s = ask("SELECT (SELECT min(idx) FROM record), (SELECT max(idx) FROM record)");
+  s.step();
+  const auto first = static_cast<double>(s.integer()), last = static_cast<double>(s.integer());
+  if (too_many(last - first + 1) && too_many(static_cast<double>(count())))
+    refuse(std::to_string(points) + " points in each of its records do not fit into " +
+           std::to_string(bytes_) + " bytes of file");
 }
 
 std::optional<Axis> RunReader::axis(const std::string& name) const {
@@ -251,24 +317,36 @@ std::optional<Axis> RunReader::axis(const std::string& name) const {
   return std::nullopt;
 }
 
-std::int64_t RunReader::count() const { return pragma(db_, path_, "SELECT count(*) FROM record"); }
+// count(idx), not count(*): that walks through the pages without asking for the budget.
+std::int64_t RunReader::count() const {
+  Statement s = ask("SELECT count(idx) FROM record");
+  return s.step() ? s.integer() : 0;
+}
 
 void RunReader::for_each(
     const std::function<bool(const FusedRecord&)>& visit, std::int64_t first,
     const std::function<void(std::int64_t, const std::string&)>& on_bad) const {
   const std::string sql =
       record_columns + std::string(has_table("signal") ? signal_column : "-1") + record_rows;
-  Statement row(db_, path_, sql.c_str());
+  Statement row = ask(sql.c_str());
   row.bind(first);
   std::optional<Shapes> known;
+  std::optional<std::int64_t> before;
   while (row.step()) {
     // Read while the records are, so that a live run's new axis is not missed by its first record.
     if (!known) known = shapes_of(axes());
     const Shapes& shapes = *known;
     FusedRecord r;
-    if (const std::string fault = decode(row, shapes, r); !fault.empty()) {
+    const std::string fault = decode(row, shapes, r);
+    if (r.index > max_index || (before && r.index <= *before))
+      throw Error(ExitCode::failed, shown_ + ": damaged: a record has the index " +
+                                        std::to_string(r.index) + ", after " +
+                                        (before ? std::to_string(*before) : "none"));
+    before = r.index;
+    if (!fault.empty()) {
       if (!on_bad)
-        throw Error(ExitCode::failed, path_ + ": record " + std::to_string(r.index) + ": " + fault);
+        throw Error(ExitCode::failed,
+                    shown_ + ": record " + std::to_string(r.index) + ": " + fault);
       on_bad(r.index, fault);
     } else if (!visit(r)) {
       return;
@@ -287,39 +365,15 @@ FusedRecord RunReader::read(std::int64_t index) const {
       },
       index);
   if (!seen)
-    throw Error(ExitCode::failed, path_ + ": no record " + std::to_string(index) + "; it has " +
+    throw Error(ExitCode::failed, shown_ + ": no record " + std::to_string(index) + "; it has " +
                                       std::to_string(count()));
   return found;
 }
 
 std::string RunReader::check() const {
-  Statement s(db_, path_, "PRAGMA integrity_check");
+  Statement s = ask("PRAGMA integrity_check");
   const std::string verdict = s.step() ? s.text() : "no answer";
   return verdict == "ok" ? "" : verdict;
-}
-
-std::int64_t recover(const std::string& path) {
-  std::int64_t records = 0;
-  bool crashed = false;
-  {
-    const RunReader run(path);
-    if (const std::string fault = run.check(); !fault.empty())
-      throw Error(ExitCode::failed, path + ": damaged: " + fault);
-    records = run.count();
-    const std::string status = run.info().status;
-    crashed = status == "crashed";
-    if (status == "open" || (!crashed && ::access((path + "-wal").c_str(), F_OK) != 0))
-      return records;
-  }
-  const WriterLock lock(path);
-  if (!lock.held()) throw Error(ExitCode::failed, path + ": is being written; stop the run first");
-  sqlite3* db = nullptr;
-  if (sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READWRITE, nullptr) != SQLITE_OK)
-    sqlite_fail(db, path, "cannot open for writing");
-  if (crashed) execute(db, path, "UPDATE run SET status = 'crashed'", "cannot mark as crashed");
-  execute(db, path, "PRAGMA journal_mode=DELETE", "cannot fold its WAL back");
-  sqlite3_close(db);
-  return records;
 }
 
 }  // namespace echofuse::record

@@ -5,17 +5,17 @@
 namespace echofuse::record {
 
 bool RunReader::has_table(const char* name) const {
-  Statement s(db_, path_, "SELECT 1 FROM sqlite_schema WHERE name = ?");
+  Statement s = ask("SELECT 1 FROM sqlite_schema WHERE name = ?");
   return s.bind(name).step();
 }
 
 RunSummary RunReader::summary() const {
   RunSummary sum;
-  Statement totals(
-      db_, path_,
-      "SELECT count(*), total(valid & 7 = 7), total(valid & 1), total(valid >> 1 & 1), "
+  Statement totals = ask(
+      "SELECT count(idx), total(valid & 7 = 7), total(valid & 1), total(valid >> 1 & 1), "
       "total(valid >> 2 & 1), total(spd_lost), total(radar_lost), total(depth_lost), total(tags), "
-      "ifnull(min(slot_utc_ns), 0), ifnull(max(slot_utc_ns + slot_end_ns - slot_start_ns), 0) "
+      "ifnull(min(slot_utc_ns), 0), ifnull(max(slot_utc_ns + slot_end_ns - slot_start_ns), 0), "
+      "ifnull(max(idx), -1) "
       "FROM record");
   if (totals.step()) {
     sum.records = totals.integer();
@@ -25,22 +25,21 @@ RunSummary RunReader::summary() const {
     sum.tags = totals.integer();
     sum.first_utc = UtcTime(totals.integer());
     sum.last_utc = UtcTime(totals.integer());
+    sum.last_index = totals.integer();
   }
+  // Not by GROUP BY, which sorts a copy of them all.
   const auto count_by = [&](const char* sql, std::map<std::string, std::int64_t>& into) {
-    Statement rows(db_, path_, sql);
-    while (rows.step()) {
-      const std::string name = rows.text();
-      into[name] = rows.integer();
-    }
+    Statement rows = ask(sql);
+    while (rows.step()) ++into[rows.text()];
   };
-  count_by("SELECT label, count(*) FROM record GROUP BY label", sum.labels);
-  count_by("SELECT level, count(*) FROM event GROUP BY level", sum.events);
+  count_by("SELECT label FROM record", sum.labels);
+  count_by("SELECT level FROM event", sum.events);
   for (std::size_t i = 0; i < sensor_count; ++i) {
     const std::string verdict = name_of(static_cast<Sensor>(i)) + std::string("_verdict");
-    count_by(("SELECT substr(" + verdict + ", 1, instr(" + verdict +
-              " || ':', ':') - 1) AS kind, count(*) FROM record GROUP BY kind")
-                 .c_str(),
-             sum.verdicts[i]);
+    count_by(
+        ("SELECT substr(" + verdict + ", 1, instr(" + verdict + " || ':', ':') - 1) FROM record")
+            .c_str(),
+        sum.verdicts[i]);
   }
   if (has_table("clock_fit")) summarise_sync(sum);
   return sum;
@@ -49,25 +48,25 @@ RunSummary RunReader::summary() const {
 std::optional<std::string> RunReader::last_label() const {
   std::optional<std::string> label;
   std::string end;
-  Statement record(db_, path_,
-                   "SELECT label, slot_utc_ns + slot_end_ns - slot_start_ns FROM record ORDER BY "
-                   "idx DESC LIMIT 1");
+  Statement record =
+      ask("SELECT label, slot_utc_ns + slot_end_ns - slot_start_ns FROM record ORDER BY "
+          "idx DESC LIMIT 1");
   if (record.step()) {
     label = record.text();
     end = iso8601(UtcTime(record.integer()));
   }
-  Statement mark(db_, path_,
-                 "SELECT text FROM event WHERE level = 'label' AND utc >= ? ORDER BY id DESC LIMIT "
-                 "1");
+  Statement mark =
+      ask("SELECT text FROM event WHERE level = 'label' AND utc >= ? ORDER BY id DESC LIMIT "
+          "1");
   if (mark.bind(end).step()) label = mark.text();
   return label;
 }
 
 // Older files are without these tables.
 void RunReader::summarise_sync(RunSummary& sum) const {
-  Statement incomplete(db_, path_, "SELECT count(*) FROM incomplete");
+  Statement incomplete = ask("SELECT count(idx) FROM incomplete");
   if (incomplete.step()) sum.incomplete = incomplete.integer();
-  Statement policies(db_, path_, "SELECT sensor, policy FROM policy");
+  Statement policies = ask("SELECT sensor, policy FROM policy");
   while (policies.step()) {
     const std::string sensor = policies.text();
     sum.policies[sensor] = policies.text();
@@ -77,7 +76,7 @@ void RunReader::summarise_sync(RunSummary& sum) const {
     const std::string sql = "SELECT " + name + "_offset_s, " + name + "_drift_ppm, " + name +
                             "_residual_s, " + name + "_samples FROM clock_fit WHERE " + name +
                             "_samples > 0 ORDER BY idx DESC LIMIT 1";
-    Statement row(db_, path_, sql.c_str());
+    Statement row = ask(sql.c_str());
     if (!row.step()) continue;
     ClockState& clock = sum.clocks[i].emplace();
     clock.offset_s = row.real();

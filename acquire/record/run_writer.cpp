@@ -12,6 +12,7 @@
 #include "acquire/record/record_rows.hpp"
 #include "acquire/record/rescue.hpp"
 #include "acquire/record/run_file.hpp"
+#include "acquire/record/run_tables.hpp"
 #include "acquire/record/schema.hpp"
 #include "acquire/record/sqlite.hpp"
 #include "acquire/record/writer_lock.hpp"
@@ -159,6 +160,7 @@ void RunWriter::open() {
   const int code = sqlite3_open_v2(path_.c_str(), &db_, SQLITE_OPEN_READWRITE, nullptr);
   handle_.reset(db_);
   if (code != SQLITE_OK) sqlite_fail(db_, path_, "cannot open");
+  harden(db_);
   lock_->reserve(reserve_bytes);
   sqlite3_busy_timeout(db_, busy_timeout_ms);
 }

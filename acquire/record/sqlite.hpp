@@ -3,27 +3,38 @@
 #pragma once
 #include <sqlite3.h>
 
+#include <limits>
 #include <string>
 #include <string_view>
 
 #include "drivers/core/bytes.hpp"
 #include "drivers/core/exit_code.hpp"
+#include "drivers/core/printable.hpp"
 
 namespace echofuse::record {
+
+// What SQLite gives without an end.
+inline Error damaged(const std::string& path) {
+  return {ExitCode::failed, printable(path) + ": damaged: it holds more than its size explains"};
+}
 
 // Throws with the file's name; a full disk or failed write carries ExitCode::disk.
 [[noreturn]] inline void sqlite_fail(sqlite3* db, const std::string& path, const char* doing) {
   const int code = sqlite3_errcode(db);
+  if (code == SQLITE_INTERRUPT) throw damaged(path);
   const bool disk = code == SQLITE_FULL || code == SQLITE_IOERR || code == SQLITE_READONLY ||
                     code == SQLITE_CANTOPEN;
   throw Error(disk ? ExitCode::disk : ExitCode::failed,
-              path + ": " + doing + ": " + sqlite3_errmsg(db));
+              printable(path) + ": " + doing + ": " + printable(sqlite3_errmsg(db)));
 }
 
 // A prepared statement; bind and column in order, from the first.
 class Statement {
  public:
-  Statement(sqlite3* db, const std::string& path, const char* sql) : db_(db), path_(path) {
+  // Throws where its texts and blobs are more than most_bytes together.
+  Statement(sqlite3* db, const std::string& path, const char* sql,
+            std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max())
+      : db_(db), path_(path), bytes_left_(most_bytes) {
     if (sqlite3_prepare_v2(db, sql, -1, &handle_, nullptr) != SQLITE_OK)
       sqlite_fail(db, path, "not the tables of a run file");
   }
@@ -61,6 +72,7 @@ class Statement {
     sqlite3_reset(handle_);
     bound_ = 0;
   }
+  bool next_is_null() { return sqlite3_column_type(handle_, column_) == SQLITE_NULL; }
   std::int64_t integer() { return sqlite3_column_int64(handle_, column_++); }
   double real() { return sqlite3_column_double(handle_, column_++); }
   std::string text() {
@@ -70,6 +82,7 @@ class Statement {
   ByteView blob() {
     const auto* data = static_cast<const std::uint8_t*>(sqlite3_column_blob(handle_, column_));
     const auto size = static_cast<std::size_t>(sqlite3_column_bytes(handle_, column_++));
+    if ((bytes_left_ -= static_cast<std::int64_t>(size)) < 0) throw damaged(path_);
     return {data, data ? size : 0};
   }
 
@@ -81,6 +94,7 @@ class Statement {
   sqlite3* db_;
   const std::string& path_;
   sqlite3_stmt* handle_ = nullptr;
+  std::int64_t bytes_left_;
   int bound_ = 0, column_ = 0;
 };
 

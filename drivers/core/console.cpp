@@ -13,6 +13,8 @@
 #include <exception>
 #include <utility>
 
+#include "drivers/core/printable.hpp"
+
 namespace echofuse {
 namespace {
 
@@ -27,7 +29,7 @@ void on_signal(int number) {
 
 int run_main(const std::string& program, const std::function<ExitCode()>& body) {
   const auto complain = [&](const char* what, ExitCode code) {
-    std::string text = program + ": " + what;
+    std::string text = program + ": " + printable_lines(what);
     if (stderr_is_journal()) {  // each line is an entry of its own
       constexpr const char* error = "<3>";
       for (std::size_t at = 0; at != text.npos; at = text.find('\n', at + 1))

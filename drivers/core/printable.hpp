@@ -1,16 +1,18 @@
 // SPDX-License-Identifier: MIT
 #pragma once
-#include <algorithm>
+#include <cstddef>
 #include <string>
+#include <string_view>
 
 namespace echofuse {
 
-// What a file or a command line said, for a message: one line whatever it holds, and nothing in it
-// that a terminal obeys or that ends a C string.
-inline std::string printable(std::string text) {
-  std::replace_if(
-      text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, '?');
-  return text;
-}
+// A text that came from outside (a file, a device, a command line), for a terminal, a log or a
+// message: valid UTF-8 in one line, whatever it holds. Characters that a terminal obeys or that
+// reorder the line are written out (\n, \x1b, \u202e), and so are bytes that are not UTF-8 (\xff).
+// What is longer than `longest` bytes is cut at a character and ends in "...".
+std::string printable(std::string_view text, std::size_t longest = std::string_view::npos);
+
+// The same, but lines stay lines: for messages of several lines, as the faults of a configuration.
+std::string printable_lines(std::string_view text);
 
 }  // namespace echofuse

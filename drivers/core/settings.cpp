@@ -49,7 +49,10 @@ toml::table parse_value(const std::string& value) {
   try {
     return toml::parse("v = " + value);
   } catch (const toml::parse_error&) {
-    static_cast<void>(toml::parse("#" + printable(value)));  // checks the encoding
+    std::string comment = "#" + value;  // checks the encoding
+    std::replace_if(
+        comment.begin(), comment.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, '?');
+    static_cast<void>(toml::parse(comment));
     return toml::table{{"v", value}};
   }
 }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "drivers/core/printable.hpp"
 #include "drivers/radar/sdk.hpp"
 
 namespace echofuse::radar {
@@ -19,13 +20,7 @@ std::string trimmed(std::string_view text) {
 }
 
 // For messages: one short line whatever the UART delivered.
-std::string printable(std::string text) {
-  constexpr std::size_t longest = 256;
-  if (text.size() > longest) text.resize(longest);
-  std::replace_if(
-      text.begin(), text.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
-  return text;
-}
+std::string shown(std::string_view text) { return printable(text, 256); }
 
 bool has(const std::vector<std::string>& lines, std::string_view whole) {
   return std::find(lines.begin(), lines.end(), whole) != lines.end();
@@ -105,7 +100,7 @@ void CommandDialogue::on_line() {
   // Once per frame while measureRangeBiasAndRxChanPhase is on; it may cut into an echo.
   const std::size_t calibration = line.find("compRangeBiasAndRxChanPhase ");
   if (line.starts_with("Exception:")) {
-    fail(printable(line) + " (the firmware has stopped: reset the board)");
+    fail(shown(line) + " (the firmware has stopped: reset the board)");
   } else if (is_banner(line) && state_ != State::draining) {
     fail("the board was reset");
   } else if (commanding && line == trimmed(commands_[next_].text)) {
@@ -153,7 +148,7 @@ void CommandDialogue::judge_answer(HostTime now) {
     next_ = 0;
     next_command(now);
   } else if (!why.empty()) {
-    fail(printable(why) + advice(refused));
+    fail(shown(why) + advice(refused));
   }
 }
 
@@ -190,17 +185,17 @@ void CommandDialogue::next_command(HostTime now) {
 void CommandDialogue::read_version(const std::string& line) {
   const std::size_t colon = line.find(':'), demo = line.find(" MMW Demo ");
   if (is_banner(line)) {
-    platform_ = printable(line.substr(0, demo));
-    firmware_ = printable(line.substr(demo + 1));
+    platform_ = shown(line.substr(0, demo));
+    firmware_ = shown(line.substr(demo + 1));
   } else if (colon != line.npos && line.starts_with("Platform")) {
-    platform_ = printable(trimmed(std::string_view(line).substr(colon + 1)));
+    platform_ = shown(trimmed(std::string_view(line).substr(colon + 1)));
   } else if (colon != line.npos && line.starts_with("mmWave SDK Version")) {
-    firmware_ = printable("mmWave SDK " + trimmed(std::string_view(line).substr(colon + 1)));
+    firmware_ = shown("mmWave SDK " + trimmed(std::string_view(line).substr(colon + 1)));
   }
 }
 
 void CommandDialogue::tell(Severity severity, const std::string& text) {
-  events_.push_back({severity, printable(text)});
+  events_.push_back({severity, shown(text)});
 }
 
 void CommandDialogue::fail(const std::string& what) {
@@ -208,7 +203,7 @@ void CommandDialogue::fail(const std::string& what) {
   const bool sent = state_ == State::commanding;
   const std::string where =
       command.number ? cfg_name_ + ":" + std::to_string(command.number) + ": " : "";
-  failure_ = (sent ? where + printable(command.text) + ": " : "") + what;
+  failure_ = (sent ? where + shown(command.text) + ": " : "") + what;
   state_ = State::failed;
   deadline_.reset();
   drain_end_.reset();

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/record/export.hpp"
 
+#include <sqlite3.h>
+
 #include <cmath>
+#include <functional>
 #include <sstream>
 
 #include "acquire/record/h5.hpp"
@@ -63,6 +66,106 @@ TEST_CASE("what is exported to HDF5 is the run") {
   CHECK(in.get<std::string>("/entry", "NX_class") == "NXentry");
   CHECK(in.read_text("/entry/entry_identifier") == run.info().uuid);
   CHECK(in.read_text("/entry/instrument/spd/model") == "TT");
+}
+
+namespace {
+
+// A run with rows in every table, two of them where the second has NULLs.
+void write_full_run(const std::string& path) {
+  RunInfo info;
+  info.window_s = 0.2;
+  info.operator_name = "Ada";
+  info.meta = {{"gel", "blue"}, {"laser", "5 mW, \xc2\xb5"}};
+  RunWriter run(path, info);
+  for (const auto& axis : small_axes()) run.put_axis(axis);
+  run.put_device({Sensor::spd, "bridge:tcp://h:1", "TT", "42", "1.0", {}});
+  run.put_calibration({Sensor::radar, "2026-01-01", "plate", 2, 0.0125, 0.001});
+  run.put_policy(Sensor::spd, "required");
+  run.put_anchor(HostTime(5), UtcTime(7));
+  run.put_late(0, {{1, {3, 2, 1}}});
+  const Counted tags{"spd", "tags", 12'345'678'901, 0};
+  run.put_counters({&tags, 1});
+  run.put_event(UtcTime(0), Severity::warning, "radar", "no frames");
+  mark(path, "label", "letter:B");
+  mark(path, "mark", "door open");
+  for (std::int64_t i = 0; i < 3; ++i) {
+    FusedRecord r = small_record(i);
+    r.spd_counts.overflows = 2;
+    if (i > 0) r.radar_stats = RadarStats{1, 2, 3, 4, 5, 6};
+    if (i == 1) r.radar_temperature = RadarTemperature{0, 9, {-1, 2, 3, 4, 5, 6, 7, 8, 9, 10}};
+    if (i == 2) r.missing = 1, r.valid = 6;
+    if (i > 0) r.clocks[1] = ClockState{0.5, -3.25, 1e-6, 40};
+    if (i == 1) r.books.radar_last = 77;
+    run.append(r);
+  }
+  run.close("complete");
+}
+
+using Query = std::function<void(sqlite3_stmt*)>;
+void each_row(sqlite3* db, const std::string& sql, const Query& visit) {
+  sqlite3_stmt* s = nullptr;
+  REQUIRE(sqlite3_prepare_v2(db, sql.c_str(), -1, &s, nullptr) == SQLITE_OK);
+  while (sqlite3_step(s) == SQLITE_ROW) visit(s);
+  sqlite3_finalize(s);
+}
+
+std::string text_of(sqlite3_stmt* s, int column) {
+  const auto* text = sqlite3_column_text(s, column);
+  return text ? reinterpret_cast<const char*>(text) : "";
+}
+
+// The exported values of one column against the database's own.
+void check_column(sqlite3* db, const H5File& in, const std::string& table,
+                  const std::string& column, const std::string& type) {
+  const std::string name = "/entry/tables/" + table + "/" + column;
+  CAPTURE(name);
+  REQUIRE(in.has(name));
+  std::size_t row = 0;
+  const auto whole = type == "INTEGER" ? in.read<std::int64_t>(name) : std::vector<std::int64_t>{};
+  const auto real = type == "REAL" ? in.read<double>(name) : std::vector<double>{};
+  const auto texts = type == "TEXT" ? in.read_texts(name) : std::vector<std::string>{};
+  if (type != "TEXT") CHECK_FALSE(in.get<std::string>(name, "units").empty());
+  each_row(db, "SELECT " + column + " FROM " + table + " ORDER BY rowid", [&](sqlite3_stmt* s) {
+    const bool null = sqlite3_column_type(s, 0) == SQLITE_NULL;
+    if (type == "INTEGER")
+      CHECK(whole.at(row) == (null ? null_integer : sqlite3_column_int64(s, 0)));
+    else if (type == "REAL" && null)
+      CHECK(std::isnan(real.at(row)));
+    else if (type == "REAL")
+      CHECK(real.at(row) == sqlite3_column_double(s, 0));
+    else
+      CHECK(texts.at(row) == text_of(s, 0));
+    ++row;
+  });
+  CHECK(row > 0);
+  CHECK(row == whole.size() + real.size() + texts.size());
+}
+
+}  // namespace
+
+TEST_CASE("every table of a run is in its export, with units") {
+  const Folder folder;
+  write_full_run(folder / "a.sqlite");
+  CHECK(export_h5(RunReader(folder / "a.sqlite"), folder / "a.h5") == 0);
+  const H5File in = H5File::open(folder / "a.h5");
+  sqlite3* db = nullptr;
+  REQUIRE(sqlite3_open((folder / "a.sqlite").c_str(), &db) == SQLITE_OK);
+  std::vector<std::string> tables;
+  each_row(db, "SELECT name FROM sqlite_schema WHERE type = 'table'",
+           [&](sqlite3_stmt* s) { tables.push_back(text_of(s, 0)); });
+  CHECK(tables.size() >= 14);
+  for (const auto& table : tables)
+    each_row(db, "PRAGMA table_info(" + table + ")", [&](sqlite3_stmt* s) {
+      if (text_of(s, 2) != "BLOB") check_column(db, in, table, text_of(s, 1), text_of(s, 2));
+    });
+  sqlite3_close(db);
+  const std::string all = "/entry/tables/";
+  CHECK(in.read_texts(all + "event/text").back() == "door open");
+  CHECK(in.read_texts(all + "meta/value") == std::vector<std::string>{"blue", "5 mW, \xc2\xb5"});
+  CHECK(in.get<std::string>(all + "slot/closed_late_s", "units") == "s");
+  CHECK(in.get<std::string>(all + "radar_status/rx0_c", "units") == "degC");
+  CHECK(in.get<std::string>(all + "clock_fit/radar_drift_ppm", "units") == "1e-6");
+  CHECK(in.get<std::string>(all + "radar_status/transmit_us", "units") == "us");
 }
 
 TEST_CASE("an export never overwrites, and leaves nothing behind if it fails") {

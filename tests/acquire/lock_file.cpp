@@ -51,7 +51,7 @@ TEST_CASE("a lock says who holds it, and is free again when he is gone") {
     CHECK_FALSE(held.other());
     const LockFile refused(folder.path, "x.lock", second);
     REQUIRE(refused.other());
-    CHECK(refused.other()->who == "echofuse-acquire run, pid 1, run /data/a b?.sqlite");
+    CHECK(refused.other()->who == "echofuse-acquire run, pid 1, run /data/a b\\n.sqlite");
     CHECK(refused.other()->run == first.run);
     CHECK_FALSE(LockFile(folder.path, "y.lock", second).other());
   }

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/core/printable.hpp"
+
+#include <catch2/catch.hpp>
+
+#include "drivers/core/csv.hpp"
+
+using namespace echofuse;
+
+TEST_CASE("a printable text is valid UTF-8 in one line that moves no cursor") {
+  CHECK(printable("letter:A \xc3\xa9 \xe2\x82\xac \xf0\x9f\x98\x80 \\") ==
+        "letter:A \xc3\xa9 \xe2\x82\xac \xf0\x9f\x98\x80 \\");
+  CHECK(printable(std::string("a\0b\x1b[2J\r\n\t\x7f", 11)) == "a\\x00b\\x1b[2J\\x0d\\n\\t\\x7f");
+  CHECK(printable("\xc2\x9b"
+                  "31m \xe2\x80\xae"
+                  "cod.exe \xe2\x80\xa8") == "\\u009b31m \\u202ecod.exe \\u2028");
+  // RFC 3629: overlong, surrogate, beyond the last character, cut, a tail alone.
+  CHECK(printable("\xc0\xaf \xe0\x80\xaf \xed\xa0\x80 \xf4\x90\x80\x80 \xe2\x82 \x80") ==
+        "\\xc0\\xaf \\xe0\\x80\\xaf \\xed\\xa0\\x80 \\xf4\\x90\\x80\\x80 \\xe2\\x82 \\x80");
+  CHECK(printable("\xf0\x9f\x98") == "\\xf0\\x9f\\x98");
+  CHECK(printable(std::string(100, 'x'), 10) == "xxxxxxxxxx...");
+  CHECK(printable("xx\xe2\x82\xac", 3) == "xx\xe2\x82\xac");
+  CHECK(printable_lines("a\n\x1b") == "a\n\\x1b");
+}
+
+TEST_CASE("a text in a table begins neither another cell nor a formula") {
+  CHECK(csv_text("ok") == "\"ok\"");
+  CHECK(csv_text("") == "\"\"");
+  CHECK(csv_text("a \"b\", c\nd") == "\"a \"\"b\"\", c\nd\"");
+  CHECK(csv_text("=1+1") == "\"'=1+1\"");
+  CHECK(csv_text("@SUM(1)") == "\"'@SUM(1)\"");
+  CHECK(csv_text("-1 m") == "\"'-1 m\"");
+}

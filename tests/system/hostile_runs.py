@@ -1,0 +1,393 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/system/hostile_runs.py BIN_DIR [TEST]: run files that somebody made to do harm, given to every command that
+reads one: each ends soon, in little memory, with a documented exit code and one line of error. And texts of runs and
+devices that are to do harm at a terminal or in a table."""
+import json
+import os
+import pathlib
+import re
+import shutil
+import sqlite3
+import struct
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+import zlib
+
+bin_dir = pathlib.Path(sys.argv[1]).resolve()
+RECORDS = 12
+sanitized = b"__asan_init" in (bin_dir / "echofuse-acquire").read_bytes()
+MOST_S = 60  # of a command; they take a fraction of a second
+MOST_MIB = 4000 if sanitized else 700
+DOCUMENTED = {0, 1, 2, 3, 4, 5, 6}
+
+
+def chunk(name, data):
+    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+
+def png(width, height, data=None, extra=b"", bits=16):
+    head = struct.pack(">IIBBBBB", width, height, bits, 0, 0, 0, 0)
+    data = zlib.compress(bytes(1000)) if data is None else data
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + extra + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+
+
+def depth(blob, width=None, height=None):
+    def change(db):
+        db.execute("UPDATE record SET depth = ?", (blob,))
+        for name, count in (("depth_x", width), ("depth_y", height)):
+            if count is not None:
+                db.execute("UPDATE axis SET count = ? WHERE name = ?", (count, name))
+    return change
+
+
+def pages_that_repeat(path, table):
+    """The table's root becomes the top of six pages, each of which has the next 400 times below it: 4e15 rows."""
+    db = sqlite3.connect(path)
+    root = db.execute("SELECT rootpage FROM sqlite_schema WHERE name = ?", (table,)).fetchone()[0]
+    size = db.execute("PRAGMA page_size").fetchone()[0]
+    db.close()
+    data = bytearray(path.read_bytes())
+    leaf = data[(root - 1) * size:root * size]
+    first_new = len(data) // size + 1
+    below = [first_new + i for i in range(6)]
+    fan = 400
+
+    def interior(child):
+        cell = struct.pack(">I", child) + b"\x01"
+        content = size - fan * len(cell)
+        head = struct.pack(">BHHHBI", 5, 0, fan, content, 0, child)
+        pointers = b"".join(struct.pack(">H", content + i * len(cell)) for i in range(fan))
+        return (head + pointers).ljust(content, b"\0") + cell * fan
+    data[(root - 1) * size:root * size] = interior(below[0])
+    for i in range(5):
+        data += interior(below[i + 1])
+    data += leaf
+    data[28:32] = struct.pack(">I", len(data) // size)
+    path.write_bytes(data)
+
+
+class Crc32c:
+    """Of what bridge.py needs of the package python3-crc32c."""
+    @staticmethod
+    def crc32c(data, value=0):
+        value ^= 0xffffffff
+        for byte in bytes(data):
+            value ^= byte
+            for _ in range(8):
+                value = value >> 1 ^ (0x82f63b78 if value & 1 else 0)
+        return value ^ 0xffffffff
+
+
+ENDLESS = "WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) SELECT "
+RECORD_VIEW = "ALTER TABLE record RENAME TO r0; CREATE VIEW record AS "
+
+
+class HostileRuns(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-")
+        cls.dir = pathlib.Path(cls.folder.name)
+        cls.seed = cls.dir / "seed.sqlite"
+        cls.model = cls.dir / "mean.h5"
+        for command in (["sim", "dataset", "--out", cls.seed, "--people", RECORDS, "--seed", 7, "-q"],
+                        ["recon", "train", cls.seed, "--out", cls.model, "--model", "mean", "-q"]):
+            done = subprocess.run([bin_dir / f"echofuse-{command[0]}", *map(str, command[1:])], capture_output=True,
+                                  text=True)
+            assert done.returncode == 0, done.stderr
+        # A run is resumed with its own configuration only.
+        config = cls.dir / "lab.toml"
+        config.write_text("[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n")
+        shown = subprocess.run([bin_dir / "echofuse-acquire", "config", "show", "--config", config], check=True,
+                               capture_output=True, text=True).stdout
+        db = sqlite3.connect(cls.seed)
+        cls.shapes = dict(db.execute("SELECT name, count FROM axis"))
+        db.execute("UPDATE run SET config_resolved = ?, radar_cfg = ''", (re.sub(r"  # .*", "", shown),))
+        db.commit()
+        db.close()
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def command(self, *words):
+        out, err = self.dir / "out", self.dir / "err"
+        began = time.monotonic()
+        with open(out, "wb") as o, open(err, "wb") as e:
+            process = subprocess.Popen([str(bin_dir / f"echofuse-{words[0]}"), *map(str, words[1:])], stdout=o, stderr=e,
+                                       stdin=subprocess.DEVNULL, cwd=self.dir)
+            while True:
+                pid, status, usage = os.wait4(process.pid, os.WNOHANG)
+                if pid:
+                    break
+                if time.monotonic() > began + MOST_S:
+                    process.kill()
+                    os.wait4(process.pid, 0)
+                    process.returncode = -9
+                    self.fail(f"{words} did not end within {MOST_S} s")
+                time.sleep(0.002)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        said = err.read_bytes()
+        self.assertIn(process.returncode, DOCUMENTED, (words, said[-500:]))
+        self.assertLess(usage.ru_maxrss / 1024, MOST_MIB, words)
+        self.assertIsNone(re.search(rb"[\x00-\x08\x0b-\x1f\x7f]", out.read_bytes() + said), (words, said[:300]))
+        if process.returncode == 1:
+            self.assertEqual(said.count(b"\n"), 1, (words, said))
+        return process.returncode, out.read_bytes(), said.decode()
+
+    def make(self, change):
+        run = self.dir / "run.sqlite"
+        shutil.copy(self.seed, run)
+        db = sqlite3.connect(run)
+        if callable(change):
+            change(db)
+        else:
+            db.executescript(change)
+        db.commit()
+        db.close()
+        return run
+
+    def attack(self, run, *only):
+        """Codes by command."""
+        d, codes, self.said = self.dir, {}, ""
+        commands = {"info": ["acquire", "info", run], "json": ["acquire", "info", run, "--json"],
+                    "export": ["acquire", "export", run, "--to", d / "x.h5", "-q"],
+                    "csv": ["acquire", "export", run, "--record", 3, "--to", d / "x.csv"],
+                    "evaluate": ["recon", "evaluate", self.model, run, "--all"],
+                    "reconstruct": ["recon", "reconstruct", self.model, run, "--out", d / "maps", "--format", "mm"],
+                    "train": ["recon", "train", run, "--out", d / "x.model.h5", "--model", "mean", "-q"],
+                    "mark": ["acquire", "mark", run, "hello"], "recover": ["acquire", "recover", run],
+                    "resume": ["acquire", "run", "--resume", run, "--config", d / "lab.toml", "--count", 1, "--set",
+                               "run.connect_timeout_s=0.1"]}
+        for name in only or ():
+            self.assertIn(name, commands)
+        commands = {name: words for name, words in commands.items() if not only or name in only}
+        for name, words in commands.items():
+            before = run.read_bytes()
+            codes[name], out, said = self.command(*words)
+            self.said += said
+            if name == "json" and codes[name] == 0:
+                json.loads(out.decode("utf-8"))
+            if name not in ("recover", "resume"):
+                self.assertEqual(run.read_bytes(), before, f"{name} changed the run")
+            for left in (d / "x.h5", d / "x.csv", d / "x.model.h5"):
+                left.unlink(missing_ok=True)
+            shutil.rmtree(d / "maps", ignore_errors=True)
+        return codes
+
+    def refused(self, cases, *commands):
+        for name, (change, why) in cases.items():
+            with self.subTest(name):
+                codes = self.attack(self.make(change), "info", "export", "reconstruct", "resume", *commands)
+                self.assertTrue(all(c == 1 for c in codes.values()), (codes, self.said))
+                self.assertEqual(codes["info"], 1)
+                self.assertIn(why, self.said)
+
+    def test_seed_is_well(self):
+        codes = self.attack(self.make(""))
+        self.assertEqual({n: c for n, c in codes.items() if c}, {"mark": 1, "resume": 4}, (codes, self.said))
+
+    def test_tables(self):
+        only = "expected the tables of a run only"
+        self.refused({
+            "endless view": (f"{RECORD_VIEW}{ENDLESS}r0.* FROM r0, c", only),
+            "endless view of meta": (f"DROP TABLE meta; CREATE VIEW meta(key, value) AS {ENDLESS}x, x FROM c", only),
+            "trigger": ("CREATE TRIGGER t AFTER UPDATE ON run BEGIN DELETE FROM record; END", only),
+            "index": ("CREATE INDEX i ON record(hex(label))", only),
+            "strange name": ("CREATE TABLE \"a\x1b[31m\nb\" (x)", "a\\x1b[31m\\nb"),
+            "virtual table": ("CREATE VIRTUAL TABLE v USING rtree(id, a, b)", only),
+            "generated column": ("DROP TABLE meta; CREATE TABLE meta (key TEXT, value TEXT AS (hex(zeroblob(100000000))));"
+                                 "INSERT INTO meta(key) VALUES ('a'), ('b')", "meta has the column"),
+            "default": ("DROP TABLE event; CREATE TABLE event (id INTEGER PRIMARY KEY, utc TEXT, level TEXT, source TEXT,"
+                        "text TEXT, x TEXT DEFAULT (hex(zeroblob(100000000))))", "event has the column"),
+            "check": ("DROP TABLE event; CREATE TABLE event (id INTEGER PRIMARY KEY, utc TEXT, level TEXT, source TEXT,"
+                      "text TEXT, CHECK (length(hex(zeroblob(100000000))) > 0))", "event has the column"),
+            "no rowid": ("DROP TABLE policy; CREATE TABLE policy (sensor TEXT PRIMARY KEY, policy TEXT) WITHOUT ROWID",
+                         "table policy is not that of a run"),
+            "no key": ("DROP TABLE slot; CREATE TABLE slot (idx INTEGER, radar_frames INTEGER)", "slot has the column \"idx INTEGER\""),
+            "no records": ("DROP TABLE record", "no such table: record"),
+        }, "recover")
+
+    def test_pages(self):
+        for table in ("record", "event", "run", "axis", "meta", "sqlite_schema"):
+            with self.subTest(table):
+                run = self.make("INSERT INTO event (utc, text) VALUES (1, 'a'); INSERT INTO meta VALUES (1, 2)")
+                if table == "sqlite_schema":
+                    db = sqlite3.connect(run)
+                    db.execute("PRAGMA writable_schema = ON")
+                    db.execute("UPDATE sqlite_schema SET rootpage = 1 WHERE name = 'record'")
+                    db.commit()
+                    db.close()
+                else:
+                    pages_that_repeat(run, table)
+                codes = self.attack(run)
+                self.assertEqual((codes["recover"], codes["resume"]), (1, 1), self.said)
+                self.assertEqual(codes["info"], 0 if table == "run" else 1, self.said)  # one row of it is read
+
+    def test_axes(self):
+        def axis(what, where="1"):
+            return f"UPDATE axis SET {what} WHERE {where}"
+        self.refused({
+            "negative": (axis("count = -1"), "has -1 points"),
+            "4e9": (axis("count = 4294967295"), "has 4294967295 points"),
+            "wrapped": (axis("count = count + 4294967296"), "points; expected at most"),
+            "words": (axis("step = 'many'"), "expected numbers of a measurement"),
+            "1e7": (axis("count = 16000000", "name = 'spd'") + ";" + """
+                WITH RECURSIVE c(x) AS (SELECT 1000 UNION ALL SELECT x + 1 FROM c LIMIT 5000)
+                INSERT INTO record (idx, valid) SELECT x, 0 FROM c""", "do not fit into"),
+            "infinite": (axis("start = 9e999, step = -9e999"), "expected numbers of a measurement"),
+            "no step": (axis("step = 0"), "expected numbers of a measurement"), "tiny": (axis("step = 1e-300"), "expected numbers of a measurement"),
+            "huge": (axis("start = 1e300, step = 1e300"), "expected numbers of a measurement"),
+            "many": ("WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c LIMIT 1000) INSERT INTO axis "
+                     "SELECT x, x, x, 9, 0, 1, 1 FROM c", "more than 16 axes"),
+        })
+        codes = self.attack(self.make(axis("count = 0")))
+        self.assertEqual((codes["info"], codes["export"], codes["csv"]), (0, 5, 1), self.said)
+        codes = self.attack(self.make(axis("count = 1000000", "name = 'spd'")), "info", "export", "csv", "reconstruct")
+        self.assertEqual((codes["info"], codes["export"], codes["csv"], codes["reconstruct"]), (0, 5, 1, 1), self.said)
+        self.assertIn("its axis asks for 4000000", self.said)
+
+    def test_depth_images(self):
+        n = self.shapes["depth_x"]
+        row = b"\0" + b"\1\1" * n
+        good = zlib.compress(row * n)
+        huge_text = struct.pack(">I", 0x7fffffff) + b"tEXtabcd"
+        flat = zlib.compress(bytes(60001) * 3000, 9)
+        signatures = {"tiff": b"II*\0\x08\0\0\0", "exr": b"\x76\x2f\x31\x01", "jp2": b"\0\0\0\x0cjP  \r\n\x87\n",
+                      "bmp": b"BM", "hdr": b"#?RADIANCE", "pgm": b"P5 64 64 65535\n", "jpg": b"\xff\xd8\xff\xe0"}
+        cases = {name: depth((magic + bytes(16))[:16] + struct.pack(">II", n, n) + bytes(9000))
+                 for name, magic in signatures.items()}
+        cases |= {"chunk of 2 GiB": depth(png(n, n, good, huge_text)), "compressed text": depth(
+                      png(n, n, good, chunk(b"zTXt", b"a\0\0" + zlib.compress(bytes(1 << 20))))),
+                  "no data": depth(png(n, n, b"")), "8 bits": depth(png(n, n, good, bits=8)),
+                  "cut": depth(png(n, n, good)[:-20]), "tail": depth(png(n, n, good) + b"more"),
+                  "30000 x 3000": depth(png(30000, 3000, flat), 30000, 3000),
+                  "2^30": depth(png(1 << 20, 1 << 10), 1 << 20, 1 << 10),
+                  "4000 x 2000 of nothing": depth(png(4000, 2000), 4000, 2000)}
+        for name, change in cases.items():
+            with self.subTest(name):
+                codes = self.attack(self.make(change), "export", "csv", "evaluate")
+                self.assertEqual((codes["export"], codes["csv"]), (5, 1), (codes, self.said))
+                self.assertIn("depth is not a 16-bit grey PNG of", self.said)
+        codes = self.attack(self.make(depth(png(n, n, good))), "export", "csv")
+        self.assertEqual((codes["export"], codes["csv"]), (0, 0), self.said)
+
+    def test_indices(self):
+        last = f"idx = {RECORDS - 1}"
+        for name, (change, why) in {
+                "one at the end": (f"UPDATE record SET idx = 9223372036854775807 WHERE {last}", "9223372036854775807"),
+                "all at the end": ("UPDATE record SET idx = 9223372036854775807 - idx", "damaged: a record has the index"),
+                "far": (f"UPDATE record SET idx = 9007199254740993 WHERE {last}", "9007199254740993")}.items():
+            with self.subTest(name):
+                codes = self.attack(self.make(change))
+                self.assertEqual((codes["reconstruct"], codes["resume"]), (1, 1), self.said)
+                self.assertIn(why, self.said)
+        codes = self.attack(self.make("UPDATE record SET idx = idx - 9223372036854775807"))
+        self.assertEqual((codes["info"], codes["export"]), (0, 0), self.said)
+
+    def test_resume_at_the_last_index(self):
+        run = self.make(f"UPDATE record SET idx = 9007199254740992 WHERE idx = {RECORDS - 1}")
+        self.assertEqual(self.attack(run, "resume"), {"resume": 1})
+        self.assertIn("its last record has the index 9007199254740992; there is no room for more", self.said)
+
+    def test_texts(self):
+        esc = "char(27) || '[2J' || char(10) || 'forged line' || char(7) || char(0) || 'x'"
+        bad = "CAST(x'fffe80c09b' AS TEXT)"
+        for name, change in {
+                "control": f"UPDATE record SET label = {esc}, spd_verdict = {esc}; UPDATE run SET uuid = {esc}, status = {esc}, "
+                           f"host = {esc}, operator = {esc}, version = {esc}, notes = {esc};"
+                           f"INSERT INTO device VALUES ('spd', {esc}, {esc}, {esc}, {esc}); INSERT INTO meta VALUES ({esc}, {esc});"
+                           f"INSERT INTO event (utc, level, source, text) VALUES ({esc}, 'mark', {esc}, {esc});"
+                           f"UPDATE axis SET unit = {esc}, quantity = {esc}; INSERT INTO policy VALUES ({esc}, {esc});"
+                           f"INSERT INTO calibration VALUES ('depth', {esc}, {esc}, 1, 0, 0)",
+                "not UTF-8": f"UPDATE record SET label = {bad}; UPDATE run SET uuid = {bad}, notes = {bad}, host = {bad};"
+                             f"INSERT INTO meta VALUES ({bad}, {bad}); INSERT INTO event (utc, level, text) VALUES (1, 'mark', {bad})",
+                }.items():
+            with self.subTest(name):
+                run = self.make(change)
+                codes = self.attack(run, "info", "json", "export", "csv", "evaluate", "reconstruct")
+                self.assertEqual({codes[n] for n in ("info", "json", "csv")}, {0}, self.said)
+                for words in (["info", run], ["info", run, "--json"]):
+                    out = self.command("acquire", *words)[1].decode("utf-8")
+                    self.assertNotIn("\nforged", out)
+                    self.assertEqual(out, "".join(c for c in out if c == "\n" or c.isprintable()))
+
+    def test_tables_for_a_spreadsheet(self):
+        run = self.make("UPDATE record SET label = 'x' || char(10) || '=cmd|''/c calc''!A1' || char(10) || 'spd,1,1,1;=1,=\"2'")
+        table = self.dir / "x.csv"
+        self.assertEqual(self.command("acquire", "export", run, "--record", 3, "--to", table)[0], 0)
+        lines = table.read_text().splitlines()
+        table.unlink()
+        heads = [line for line in lines if line.startswith("#")]
+        self.assertEqual(lines[:len(heads) + 1], [*heads, "sensor,x,y,value"])
+        self.assertIn("label x\\n=cmd", heads[0])
+        self.assertEqual(sum(line.startswith("spd,") for line in lines), self.shapes["spd"])
+        for line in lines:
+            self.assertIsNone(re.search(r"(^|[,;])[=+@]", line), line)
+
+    def test_picture_runs_no_command(self):
+        run = self.make("UPDATE record SET label = 'a' || char(10) || '!touch owned' || char(10) || 'system(\"touch owned\")';"
+                        "UPDATE axis SET quantity = char(10) || '!touch owned' || char(10) WHERE name = 'radar'")
+        code, _, said = self.command("sim", "preview", run, "--record", 3, "--out", self.dir / "x.png")
+        self.assertEqual(code, 0, said)
+        self.assertFalse((self.dir / "owned").exists())
+
+    def test_hello(self):
+        sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "scripts/bridges"))
+        import bridge
+        bridge.crc32c = Crc32c
+        server, over = bridge.Server(("127.0.0.1", 0)), threading.Event()
+
+        def send():
+            while not over.wait(0.05):
+                server.send(bridge.TAGS, bytes(16), 1)
+        sender = threading.Thread(target=send)
+        sender.start()
+        try:
+            evil = "m\x1b[2J\r\nforged line\u202e\x9b"
+            server.online({"model": evil, "serial": evil, "firmware": evil})
+            config = self.dir / "evil.toml"
+            config.write_text(f"[run]\nconnect_timeout_s = 1.5\n[tdc]\naddress = \"bridge:tcp://127.0.0.1:{server.address[1]}\"\n")
+            for words in (["devices", "--config", config], ["devices", "--json", "--config", config],
+                          ["doctor", "--config", config],
+                          ["run", "--config", config, "--out", self.dir / "evil", "--count", 1, "--set",
+                           "run.window_s=0.3"], ["info", self.dir / "evil"]):
+                _, out, said = self.command("acquire", *words)
+                text = out.decode("utf-8") + said
+                if words[0] in ("devices", "info"):  # which name the model
+                    self.assertIn("forged", text, words)
+                self.assertNotIn("\nforged", text)
+                self.assertEqual(text, "".join(c for c in text if c == "\n" or c.isprintable()))
+        finally:
+            over.set()
+            sender.join()
+            server.close()
+
+    def test_values(self):
+        blob = f"x'{'ff' * 4 * self.shapes['spd']}'"
+        for name, change in {
+                "null": "UPDATE record SET slot_start_ns = NULL, slot_utc_ns = NULL, valid = 7, label = NULL, spd = NULL",
+                "no run": "DELETE FROM run", "no axis": "DELETE FROM axis", "no record": "DELETE FROM record",
+                "no axis, spd not valid": "DELETE FROM axis; UPDATE record SET valid = 0", "valid": "UPDATE record SET valid = -1",
+                "times": "UPDATE record SET slot_start_ns = 9223372036854775807, slot_end_ns = -9223372036854775808, "
+                         "slot_utc_ns = 9223372036854775807",
+                "past": "UPDATE record SET slot_utc_ns = -9223372036854775808", "window": "UPDATE run SET window_s = 9e999",
+                "counts": "UPDATE record SET tags = -1, in_range = 9223372036854775807, radar_lost = -9223372036854775808",
+                "swapped": "UPDATE record SET spd = radar, radar = depth, depth = spd",
+                "other types": "UPDATE record SET spd = 'a', radar = 1, depth = 3.14, valid = 'seven', label = x'0011'",
+                "full bins": f"UPDATE record SET spd = {blob}", "notes": "UPDATE run SET notes = hex(zeroblob(10000000))",
+                "long value": "UPDATE run SET notes = zeroblob(200000000)",
+                "settings": "UPDATE run SET config_resolved = replace(hex(zeroblob(100000)), '0', '[')",
+                "offset": "INSERT INTO calibration VALUES ('radar', 'x', 'y', 1, 1e300, 1), ('spd', 'x', 'y', 1, -1e300, 1)",
+                "no offset": "INSERT INTO calibration VALUES ('radar', 'x', 'y', 1, 9e999, -1)",
+                "names": "INSERT INTO device VALUES ('../../../x', 'a', 'b', 'c', 'd'), (NULL, NULL, NULL, NULL, NULL)"}.items():
+            with self.subTest(name):
+                self.attack(self.make(change), "info", "json", "export", "csv", "reconstruct", "train", "resume")
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], *(f"HostileRuns.{name}" for name in sys.argv[2:])])
