@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: MIT
+// Input: the text of an OBJ or PLY file.
+#include "sim/mesh.hpp"
+
+#include <cmath>
+
+#include "drivers/core/exit_code.hpp"
+#include "fuzz.hpp"
+
+using namespace echofuse;
+using fuzz::require;
+
+void fuzz::run(ByteView input) {
+  try {
+    const sim::Mesh mesh = sim::read_mesh(std::string(text_of(input)), "x.mesh");
+    require(!mesh.triangles.empty(), "a mesh has triangles");
+    for (const sim::Vec3& p : mesh.points)
+      require(std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z), "points are places");
+    for (const auto& corners : mesh.triangles)
+      for (const std::uint32_t corner : corners)
+        require(corner < mesh.points.size(), "a corner is a point");
+  } catch (const Error& error) {
+    const std::string_view what = error.what();
+    require(error.code() == ExitCode::config, "a fault is the configuration's");
+    require(what.starts_with("x.mesh:") && is_printable(what), "a fault is one line with the name");
+  }
+}

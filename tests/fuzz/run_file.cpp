@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: MIT
+// Input: a run file. All that info, export and reconstruct read of it is read. SQLite itself is not
+// instrumented. Runs with pages of 512 bytes make small inputs.
+#include "acquire/record/run_file.hpp"
+
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+
+#include "drivers/core/exit_code.hpp"
+#include "fuzz.hpp"
+#include "recon/dataset.hpp"
+
+using namespace echofuse;
+using namespace echofuse::record;
+using fuzz::require;
+
+namespace {
+
+// In memory where the system has it; goes away with the process.
+class Folder {
+ public:
+  Folder() {
+    const bool shared = std::filesystem::is_directory("/dev/shm");
+    std::string name = std::string(shared ? "/dev/shm" : "/tmp") + "/echofuse-fuzz-XXXXXX";
+    require(mkdtemp(name.data()), "a folder can be made");
+    path_ = name;
+  }
+  ~Folder() { std::filesystem::remove_all(path_); }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+std::string file_of(ByteView input) {
+  static const Folder folder;
+  const std::string path = folder.path() + "/run.sqlite";
+  for (const char* beside : {"-wal", "-shm", "-journal"}) ::unlink((path + beside).c_str());
+  std::ofstream out(path, std::ios::binary | std::ios::trunc);
+  out.write(reinterpret_cast<const char*>(input.data()),
+            static_cast<std::streamsize>(input.size()));
+  return path;
+}
+
+template <class Body>
+void refused_or_done(Body body) {
+  try {
+    body();
+  } catch (const Error& error) {
+    require(error.code() == ExitCode::failed || error.code() == ExitCode::disk,
+            "a fault is the file's");
+    require(fuzz::is_printable(error.what()), "a fault is one line");
+  }
+}
+
+void check_record(const FusedRecord& r, const std::vector<Axis>& axes) {
+  std::size_t points[4] = {};  // spd, radar, depth_x, depth_y
+  for (const Axis& a : axes) {
+    const std::string names[] = {"spd", "radar", "depth_x", "depth_y"};
+    for (std::size_t i = 0; i < 4; ++i)
+      if (a.name == names[i]) points[i] = a.count;
+  }
+  require(r.index <= max_index && r.valid < 8, "index and mask are those of a record");
+  require(r.spd.size() == (r.has(Sensor::spd) ? points[0] : 0), "spd has its axis's values");
+  require(r.radar.size() == (r.has(Sensor::radar) ? points[1] : 0), "radar has its axis's values");
+  require(r.depth_mm.size() == (r.has(Sensor::depth) ? points[2] * points[3] : 0),
+          "depth has its axes' pixels");
+  for (const float v : r.radar) require(std::isfinite(v), "radar values are numbers");
+}
+
+void read_records(const RunReader& run) {
+  const auto axes = run.axes();
+  std::int64_t last = std::numeric_limits<std::int64_t>::min();
+  run.for_each(
+      [&](const FusedRecord& r) {
+        require(last < r.index || last == std::numeric_limits<std::int64_t>::min(), "in order");
+        last = r.index;
+        check_record(r, axes);
+        return true;
+      },
+      last, [](std::int64_t, const std::string&) {});
+}
+
+// As `reconstruct` does it.
+void read_parts(const RunReader& run) {
+  std::int64_t next = 0;
+  for (int parts = 0; parts < 4; ++parts) {
+    std::int64_t bad = -1;
+    const recon::Dataset data = recon::load_part(
+        run, next, 3, [&](std::int64_t index, const std::string&) { bad = index; });
+    if (data.size() == 0 && bad < 0) return;
+    if (data.size() > 0) bad = std::max(bad, data.index.back());
+    require(bad >= next, "the reading goes on");
+    next = bad + 1;
+  }
+}
+
+}  // namespace
+
+void fuzz::run(ByteView input) {
+  const std::string path = file_of(input);
+  refused_or_done([&] {
+    const RunReader run(path);
+    refused_or_done([&] { run.info(); });
+    refused_or_done([&] { run.devices(), run.calibrations(), run.events(), run.counters(); });
+    refused_or_done([&] { require(run.count() >= 0, "there are no fewer than no records"); });
+    refused_or_done([&] { run.summary(), run.last_label(); });
+    refused_or_done([&] { run.check(); });
+    refused_or_done([&] { read_records(run); });
+    refused_or_done([&] { read_parts(run); });
+    for (const std::string& table : run.table_names())
+      refused_or_done([&] {
+        std::size_t rows = 0;
+        for (const Column& column : run.table(table)) {
+          const auto size = std::visit([](const auto& v) { return v.size(); }, column.values);
+          require(rows == 0 || rows == size, "columns are of one length");
+          rows = size;
+        }
+      });
+  });
+}

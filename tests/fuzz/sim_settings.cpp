@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: MIT
+// Input: a first byte 's' for a list of scenes, 'f' for a timetable of faults, another for the
+// settings of the simulated world; then the text of the file.
+#include <cmath>
+
+#include "drivers/core/exit_code.hpp"
+#include "drivers/core/settings.hpp"
+#include "fuzz.hpp"
+#include "sim/dataset.hpp"
+#include "sim/devices/faults.hpp"
+#include "sim/scene_list.hpp"
+
+using namespace echofuse;
+using fuzz::require;
+
+namespace {
+
+void read_scenes(const std::string& text) {
+  for (const sim::SceneSpec& scene : sim::read_scene_list(text, "x.toml"))
+    for (const auto& number : {scene.x_m, scene.z_m, scene.yaw_deg})
+      require(!number || std::isfinite(*number), "a place is a number");
+}
+
+void read_faults(const std::string& text) {
+  const auto all = sim::read_faults(text, "x.toml");
+  for (const char* device : {"tdc", "radar", "depth"}) {
+    const sim::Faults faults(all, device);
+    for (const double time : {0.0, 0.5, 1e3, 1e6})
+      require(std::isfinite(faults.clock_error_s(time)), "a clock is off by a number");
+  }
+}
+
+void read_settings(const std::string& text) {
+  sim::Plan plan;
+  Settings settings;
+  bind(settings, plan);
+  settings.read_text(text, "x.toml");
+  const std::string resolved = settings.resolved(true);
+  settings.read_text(resolved, "resolved");
+  require(settings.resolved(true) == resolved, "the resolved settings are the same when read");
+}
+
+}  // namespace
+
+void fuzz::run(ByteView input) {
+  if (input.empty()) return;
+  const std::string text(text_of(input.subspan(1)));
+  try {
+    if (input[0] == 's') return read_scenes(text);
+    if (input[0] == 'f') return read_faults(text);
+    read_settings(text);
+  } catch (const Error& error) {
+    std::string_view rest = error.what();
+    require(error.code() == ExitCode::config, "a fault is the configuration's");
+    require(!rest.empty() && is_printable(rest, "\n"), "faults can be printed");
+    for (; !rest.empty(); rest.remove_prefix(std::min(rest.find('\n'), rest.size() - 1) + 1))
+      require(rest.starts_with("x.toml:"), "each line is one fault and says where it is");
+  }
+}
