@@ -100,7 +100,7 @@ TEST_CASE("a bad sensor is red where there are colours, which take no columns") 
 TEST_CASE("a label in the status line is short, of one line, and whole characters") {
   Moment m;
   m.now.label = "a\033[2J\n";
-  CHECK(m.line(std::nullopt).find("  a?[2J?  ") != std::string::npos);
+  CHECK(m.line(std::nullopt).find(R"(  a\x1b[2J\n  )") != std::string::npos);
   m.now.label = "abcdefghijklmnopqrstuvw\xc3\xa4xyz";  // the 24th byte is half a character
   CHECK(m.line(std::nullopt).find("  abcdefghijklmnopqrstuvw  ") != std::string::npos);
 }

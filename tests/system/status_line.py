@@ -128,7 +128,7 @@ class StatusLine(live.Live):
         first = int(re.fullmatch(re.escape(str(self.run)) + r': label "person" from record (\d+) on\n', told)[1])
         noted = subprocess.run([bin_dir / "echofuse-acquire", "mark", self.run, "door\x1b[2J opened"],
                                stdout=subprocess.PIPE, text=True, check=True).stdout
-        self.assertRegex(noted, r': "door\?\[2J opened" noted in record \d+\n$')
+        self.assertRegex(noted, r': "door\\x1b\[2J opened" noted in record \d+\n$')
         wait_for("records", lambda: self.committed() >= first + 3)
         wait_for("the label", lambda: "  person" in self.terminal.text)
         daemon.send_signal(signal.SIGINT)
