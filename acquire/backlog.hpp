@@ -13,7 +13,7 @@ namespace echofuse::acquire {
 
 class Backlog {
  public:
-  static constexpr std::int64_t most_behind = 32;  // slots that wait behind those of a pause
+  static constexpr std::int64_t most_behind = 128;  // slots that wait behind those of a pause
 
   void put(const std::vector<DueSlot>& fresh) {
     due_.insert(due_.end(), fresh.begin(), fresh.end());

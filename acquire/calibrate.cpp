@@ -24,7 +24,6 @@ namespace {
 
 constexpr double spd_reach_m = 15;  // beyond the reflector: cables delay by metres
 constexpr std::int64_t spd_bin_ps = 10;
-constexpr double most_clicks_a_pulse = 0.05;  // more, and the first photon hides later ones
 
 // From the laser's sync on: a click counts from the last sync before it.
 tdc::HistogramSettings fine_axis(const Config& config, const Search& search) {
@@ -198,9 +197,8 @@ class Measurement {
   Result spd() const {
     Result r{Sensor::spd, photons(all_counts_), spread_of(spd_ranges_),
              "Gaussian by maximum likelihood"};
-    const double a_start =
-        starts_ == 0 ? 0 : static_cast<double>(clicks_) / static_cast<double>(starts_);
-    if (r.peak.refusal.empty() && a_start * gatherer_.starts.share() > most_clicks_a_pulse)
+    const double a_pulse = gatherer_.starts.clicks_a_pulse(clicks_, starts_).value_or(0);
+    if (r.peak.refusal.empty() && a_pulse > record::most_clicks_a_pulse)
       r.peak.refusal = "saturated: more than one click in 20 laser pulses; attenuate the light";
     if (!devices_[Sensor::spd].delivers()) r.peak.refusal = devices_.describe(Sensor::spd);
     r.peak.standard_error_m = honest_error(r.peak.standard_error_m, spd_ranges_);

@@ -18,6 +18,7 @@
 #include "acquire/room.hpp"
 #include "acquire/run_log.hpp"
 #include "acquire/scheduler.hpp"
+#include "acquire/signal_check.hpp"
 #include "acquire/status.hpp"
 #include "acquire/window.hpp"
 #include "acquire/writer.hpp"
@@ -47,7 +48,7 @@ class Daemon final : private SampleSink {
         log_(clock),
         devices_(io_, config, clock, *this, keep_raw(options)) {}
 
-  void run();
+  ExitCode run();
 
  private:
   struct Recording {  // exists from the first slot on
@@ -55,10 +56,12 @@ class Daemon final : private SampleSink {
               const SensorClocks& clocks, std::unique_ptr<record::RunWriter> file)
         : scheduler(grid, options.count),
           windows(grid, config.histogram, clocks, config.configured(), config.required()),
+          signal(config.signal, config.window_s),
           writer(std::move(file)),
-          status(grid.first, options.count, options.quiet) {}
+          status(grid.first, config.window_s, options.count, options.quiet) {}
     Scheduler scheduler;
     Windows windows;
+    SignalCheck signal;
     Writer writer;
     Backlog due;
     StatusLine status;
@@ -90,7 +93,6 @@ class Daemon final : private SampleSink {
   void close_due(HostTime now);
   void close_slot(const DueSlot& due, std::chrono::nanoseconds late);
   void put_late();
-  void note_change_of(const record::FusedRecord& record);
   void end();
 
   boost::asio::io_context io_;  // first: destroyed last
@@ -110,8 +112,6 @@ class Daemon final : private SampleSink {
   UtcTime anchor_utc_{};
   RunTotals totals_;
   std::array<std::uint64_t, sensor_count> early_{};  // heard before there were slots
-  std::int64_t incomplete_ = 0;                      // records without a required sensor
-  std::uint32_t last_valid_ = 0;
   std::int64_t first_index_ = 0;  // of a resumed run: slots are counted from here
   std::optional<std::int64_t> records_before_;
   std::vector<Axis> begun_axes_;  // of a resumed run
@@ -120,7 +120,7 @@ class Daemon final : private SampleSink {
   std::string status_ = "complete";
 };
 
-void Daemon::run() {
+ExitCode Daemon::run() {
   if (options_.resume)
     refuse_resuming(record::RunReader(options_.out), config_);
   else
@@ -134,6 +134,7 @@ void Daemon::run() {
   arm();
   io_.run();
   end();
+  return options_.strict && totals_.not_ok > 0 ? ExitCode::partial : ExitCode::ok;
 }
 
 // Starts with what is there, and says what is not; with nothing, or without a sensor that the
@@ -183,7 +184,8 @@ void Daemon::tell_raw_trouble() {
 
 void Daemon::begin() {
   auto file = open_file();
-  const SlotGrid grid{clock_.now() + settle_time, from_seconds(config_.window_s)};
+  const auto length = from_seconds(config_.window_s);
+  const SlotGrid grid{first_slot(clock_.now() + settle_time, length), length};
   recording_.emplace(grid, config_, options_, clocks_, std::move(file));
   put_anchor();
   for (const Sensor s : all_sensors)
@@ -196,7 +198,6 @@ void Daemon::begin() {
   for (const Axis& axis : begun_axes_) axes_written_.push_back(axis.name);
   if (!gap_.empty()) log(Severity::warning, "run", gap_);
   log_.attach(recording_->writer);
-  last_valid_ = config_.configured();
   for (const Sensor s : all_sensors)
     if (devices_[s].state == DeviceState::streaming)
       announce(s);
@@ -288,6 +289,8 @@ void Daemon::tick() {
   tell_raw_trouble();
   const std::int64_t written = r.writer.written();
   if (std::exchange(totals_.written, written) != written) notify_advance(written);
+  totals_.label = r.writer.label().value_or(label_);
+  totals_.free_bytes = r.writer.free_bytes();
   r.status.update(now, totals_);
   if ((r.scheduler.done() && r.due.empty()) || r.writer.failed())
     io_.stop();
@@ -302,28 +305,35 @@ void Daemon::close_due(HostTime now) {
     close_slot(*due, r.scheduler.lateness(due->index, now));
 }
 
-// The run ends with the slot that is running, or with the one before if that takes too long.
+// The run ends with the slot that is running, or with the one before if that takes too long; before
+// the first slot it ends at once.
 void Daemon::interrupt(HostTime now) {
   Scheduler& scheduler = recording_->scheduler;
   const SlotGrid& grid = scheduler.grid();
-  const bool too_long = grid.end(grid.slot_of(now)) - now > close_limit;
+  const bool too_long = now < grid.first || grid.end(grid.slot_of(now)) - now > close_limit;
+  const double left_s = seconds(std::max(grid.first, grid.end(grid.slot_of(now)) + grace) - now);
+  if (too_long)
+    spdlog::info("giving up the slot, which would take {:.0f} s", left_s);
+  else
+    spdlog::info("finishing the slot, {:.1f} s; a second Ctrl-C ends at once", left_s);
   if (too_long) status_ = "stopped:interrupted";
   scheduler.finish(too_long ? now - grid.length : now);
 }
 
 void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
   record::FusedRecord record = recording_->windows.close(due);
+  recording_->signal.judge(record, recording_->windows.axes());
   record.index += first_index_;
   record.books.closed_late_s = seconds(late);
   record.slot_utc = anchor_utc_ + (record.slot_start - anchor_mono_);
   record.label = label_;
-  ++totals_.records;
-  incomplete_ += record.missing != 0;
-  totals_.valid = record.valid;
-  for (const auto& sync : record.sync) totals_.lost += sync.lost;
+  totals_.take(record, config_.configured(), [&](Sensor sensor, Severity severity) {
+    log(severity, name_of(sensor),
+        "record " + std::to_string(record.index) + ": " +
+            record.sync[static_cast<std::size_t>(sensor)].verdict);
+  });
   spdlog::debug("record {}: valid {}, {} clicks, {} radar frames, {} depth frames", record.index,
                 record.valid, record.sync[0].used, record.sync[1].used, record.sync[2].used);
-  note_change_of(record);
   if (!recording_->writer.put(std::move(record)))
     log(Severity::error, "run file",
         "record " + std::to_string(due.index + first_index_) +
@@ -337,18 +347,6 @@ void Daemon::put_late() {
   recording_->writer.put([late = std::move(late), first = first_index_](record::RunWriter& run) {
     run.put_late(first, late);
   });
-}
-
-// One line when a sensor drops out or comes back, not one for every record.
-void Daemon::note_change_of(const record::FusedRecord& record) {
-  for (const Sensor s : all_sensors) {
-    const bool before = (last_valid_ >> static_cast<unsigned>(s)) & 1u;
-    if (before == record.has(s)) continue;
-    log(before ? Severity::warning : Severity::info, name_of(s),
-        "record " + std::to_string(record.index) + ": " +
-            record.sync[static_cast<std::size_t>(s)].verdict);
-  }
-  last_valid_ = record.valid;
 }
 
 void Daemon::end() {
@@ -376,19 +374,16 @@ void Daemon::end() {
         options_.out, options_.out);
   totals_.written = r.writer.written();
   r.status.finish(clock_.now(), totals_);
-  const std::string incomplete = incomplete_ == 0 ? ""
-                                                  : "; " + std::to_string(incomplete_) +
-                                                        " incomplete, without a required device";
   spdlog::info("{}: {}, {}{}; arrived: {} tags, {} radar frames, {} depth frames", options_.out,
-               count_text(totals_.written, options_.count, records_before_), status_, incomplete,
-               devices_[Sensor::spd].samples, devices_[Sensor::radar].samples,
+               count_text(totals_.written, options_.count, records_before_), status_,
+               totals_.doubts(), devices_[Sensor::spd].samples, devices_[Sensor::radar].samples,
                devices_[Sensor::depth].samples);
 }
 
 }  // namespace
 
-void record_run(const Config& config, const RunOptions& options, const Clock& clock) {
-  Daemon(config, options, clock).run();
+ExitCode record_run(const Config& config, const RunOptions& options, const Clock& clock) {
+  return Daemon(config, options, clock).run();
 }
 
 }  // namespace echofuse::acquire

@@ -9,6 +9,7 @@
 
 #include "acquire/config.hpp"
 #include "drivers/core/clock.hpp"
+#include "drivers/core/exit_code.hpp"
 
 namespace echofuse::acquire {
 
@@ -19,12 +20,14 @@ struct RunOptions {
   bool resume = false;       // continue `out`, which exists
   bool label_given = false;  // by the command line: a resumed run does not keep its last one
   bool quiet = false;
+  bool strict = false;   // the code partial if a record has a sensor that is not ok
   std::string keep_raw;  // folder for the devices' bytes; empty: not kept
 };
 
 // Returns when the run is closed: after `count` slots, or with the slot that was running when
 // SIGINT or SIGTERM came (a slot that would take longer than close_limit is given up, and the run
-// ends as stopped:interrupted). Throws Error: the file exists, no device answers, the disk fails.
-void record_run(const Config& config, const RunOptions& options, const Clock& clock);
+// ends as stopped:interrupted); partial only if that is asked for. Throws Error: the file exists,
+// no device answers, the disk fails.
+ExitCode record_run(const Config& config, const RunOptions& options, const Clock& clock);
 
 }  // namespace echofuse::acquire

@@ -45,6 +45,9 @@ Json to_json(const record::RunReader& run) {
                                                  {"drift_ppm", c->drift_ppm},
                                                  {"residual_s", c->residual_s},
                                                  {"samples", c->samples}};
+  Json verdicts = Json::object();
+  for (std::size_t i = 0; i < sensor_count; ++i)
+    verdicts[name_of(static_cast<Sensor>(i))] = sum.verdicts[i];
   Json meta = Json::object(), marks = Json::array();
   for (const auto& [key, value] : info.meta) meta[key] = value;
   for (const record::Event& e : run.events())
@@ -73,6 +76,7 @@ Json to_json(const record::RunReader& run) {
           {"policy", sum.policies},
           {"clocks", clocks},
           {"valid", by_sensor(sum.valid)},
+          {"verdicts", verdicts},
           {"lost", by_sensor(sum.lost)},
           {"tags", sum.tags},
           {"labels", sum.labels},
@@ -130,6 +134,8 @@ std::string to_text(const Json& j) {
     line("slots", word(j["first_slot_utc"]) + " to " + word(j["last_slot_end_utc"]) + ", " +
                       word(j["window_s"]) + " s each");
   line("valid", list(j["valid"]) + "; all three " + word(j["all_valid"]));
+  for (const auto& [sensor, counts] : j["verdicts"].items())
+    line("verdicts", counts.empty() ? "" : sensor + ": " + list(counts));
   if (!j["policy"].empty())
     line("policy", list(j["policy"]) + "; incomplete " + word(j["incomplete"]));
   for (const auto& [sensor, clock] : j["clocks"].items())

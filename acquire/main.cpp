@@ -16,6 +16,7 @@
 #include "acquire/doctor.hpp"
 #include "acquire/info.hpp"
 #include "acquire/log_format.hpp"
+#include "acquire/mark.hpp"
 #include "acquire/record/export.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/replay.hpp"
@@ -30,7 +31,8 @@ constexpr const char* program = "echofuse-acquire";
 constexpr const char* footer =
     "stdout is data, stderr is talk.\n"
     "exit codes: 0 ok, 1 failed, 2 usage, 3 config, 4 device, 5 partial (some records "
-    "unreadable),\n"
+    "unreadable;\n"
+    "            run --strict: of some a sensor was not ok),\n"
     "            6 disk, 130 interrupted (second Ctrl-C, or before the first slot)";
 
 constexpr const char* out_help =
@@ -112,8 +114,7 @@ ExitCode run(Options& o) {
   o.run.quiet = o.quiet;
   if (!o.run.keep_raw.empty()) o.run.keep_raw = std::filesystem::absolute(o.run.keep_raw).string();
   catch_interrupts();
-  record_run(config, o.run, SystemClock());
-  return ExitCode::ok;
+  return record_run(config, o.run, SystemClock());
 }
 
 // Of commands that do without: none if there is no file and none was asked for.
@@ -162,7 +163,7 @@ ExitCode calibrate_sensors(Options& o) {
 ExitCode mark(const Options& o) {
   if (o.text.has_value() == o.label.has_value())
     throw Error(ExitCode::usage, "expected either a text or --label TEXT");
-  record::mark(o.file, o.label ? "label" : "mark", o.label ? *o.label : *o.text);
+  std::printf("%s\n", mark_run(o.file, o.text, o.label).c_str());
   return ExitCode::ok;
 }
 
@@ -233,6 +234,7 @@ void add_run(CLI::App& app, Options& o) {
                 "new folder for the devices' bytes as they came, for `replay`");
   c->add_option("--label", o.label, "label of every record, instead of run.label");
   c->add_option("--operator", o.operator_name, "who records, instead of run.operator");
+  c->add_flag("--strict", o.run.strict, "exit code 5 if any record has a sensor that is not ok");
   c->add_option("--meta", o.meta, "key=value, kept in the run; may be repeated")
       ->allow_extra_args(false)
       ->excludes(resume);

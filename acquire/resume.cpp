@@ -35,7 +35,7 @@ std::map<std::string, std::string> values_of(const std::string& resolved) {
     const std::string key = section + line.substr(0, equals);
     std::string value = line.substr(equals + 3);
     if (places.contains(key)) value = value == "\"\"" ? "none" : "a device";
-    if (!free_keys.contains(key)) values[key] = value;
+    if (!free_keys.contains(key) && section != "signal.") values[key] = value;
   }
   return values;
 }

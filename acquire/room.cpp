@@ -32,6 +32,13 @@ std::uint64_t record_bytes(const std::vector<Axis>& axes) {
   return bytes + (depth ? 2 * pixels : 0);
 }
 
+std::optional<std::uint64_t> free_bytes(const std::string& run) {
+  struct statvfs disk {};
+  const auto folder = std::filesystem::path(run).parent_path();
+  if (statvfs(folder.c_str(), &disk) != 0) return std::nullopt;
+  return std::uint64_t{disk.f_bavail} * disk.f_frsize;
+}
+
 std::string room_warning(std::uint64_t bytes_per_record, std::optional<std::int64_t> count,
                          double window_s, std::uint64_t free) {
   if (count) {
@@ -50,11 +57,8 @@ std::string room_warning(std::uint64_t bytes_per_record, std::optional<std::int6
 
 std::string room_warning(const std::string& run, const std::vector<Axis>& axes,
                          std::optional<std::int64_t> count, double window_s) {
-  struct statvfs disk {};
-  const auto folder = std::filesystem::path(run).parent_path();
-  if (statvfs(folder.c_str(), &disk) != 0) return {};  // it does not tell
-  return room_warning(record_bytes(axes), count, window_s,
-                      std::uint64_t{disk.f_bavail} * disk.f_frsize);
+  const auto free = free_bytes(run);
+  return free ? room_warning(record_bytes(axes), count, window_s, *free) : "";
 }
 
 }  // namespace echofuse::acquire

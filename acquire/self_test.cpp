@@ -181,7 +181,6 @@ Finding judge_radar(const Capture& capture, const Config& config, double time_s)
 }
 
 Finding judge_depth(const Capture& capture, const Config& config, double time_s) {
-  constexpr double few = 0.005;  // an empty room's walls may be too far
   const double fps = rate(capture.depth_frames, time_s);
   const double valid = share(capture.valid_pixels, capture.pixels);
   Finding out{.check = "depth",
@@ -203,7 +202,8 @@ Finding judge_depth(const Capture& capture, const Config& config, double time_s)
                       capture.depth->width, capture.depth->height, 100 * valid);
   if (capture.depth_lost > 0)
     mark(out, Grade::warning, "the USB port or this machine is too slow for it");
-  if (valid < few) mark(out, Grade::warning, "it sees next to nothing: is it covered?");
+  if (valid < config.signal.depth_share)
+    mark(out, Grade::warning, "it sees next to nothing: is it covered?");
   return out;
 }
 

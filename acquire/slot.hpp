@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // The time axis of a run: slot k covers [first + k*length, first + (k+1)*length) of host time.
-// Absolute, so that nothing drifts however late a slot is handled.
+// Absolute, so that nothing drifts however late a slot is handled. Slots begin at multiples of
+// their length, so that runs beside or after one another have the same ones, and so has who moves
+// what is seen.
 #pragma once
 #include <cstdint>
 
@@ -22,5 +24,11 @@ struct SlotGrid {
     return since % length < std::chrono::nanoseconds(0) ? k - 1 : k;
   }
 };
+
+// When the first slot begins, of a run that can begin at `ready`. One of long slots does not wait.
+inline HostTime first_slot(HostTime ready, std::chrono::nanoseconds length) {
+  constexpr std::chrono::seconds longest_wait{10};
+  return length > longest_wait ? ready : (ready + length - HostTime(1)) / length * length;
+}
 
 }  // namespace echofuse::acquire

@@ -19,8 +19,9 @@ void StartGaps::add(std::span<const Tag> tags) {
   }
 }
 
-double StartGaps::share() const {
-  if (gaps_ps_.empty()) return 1;
+std::optional<double> StartGaps::share() const {
+  constexpr std::int64_t enough = 20;
+  if (gaps_ps_.empty()) return std::nullopt;
   auto gaps = gaps_ps_;
   // The laser's period, whatever a few damaged times say.
   const auto shortest = gaps.begin() + static_cast<std::ptrdiff_t>(gaps.size() / 200);
@@ -28,7 +29,14 @@ double StartGaps::share() const {
   const std::int64_t period_ps = *shortest;
   const auto next = std::count_if(
       gaps.begin(), gaps.end(), [&](std::int64_t gap) { return gap - period_ps < period_ps / 2; });
+  if (next < enough) return std::nullopt;
   return static_cast<double>(next) / static_cast<double>(gaps.size());
+}
+
+std::optional<double> StartGaps::clicks_a_pulse(std::uint64_t clicks, std::uint64_t starts) const {
+  const auto passed = share();
+  if (!passed || starts == 0) return std::nullopt;
+  return *passed * static_cast<double>(clicks) / static_cast<double>(starts);
 }
 
 }  // namespace echofuse::acquire

@@ -4,6 +4,7 @@
 // gaps between starts do. Pure.
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -21,8 +22,10 @@ class StartGaps {
   void forget_start() { has_last_ = false; }
   // Share of the pulses whose start arrives: of the starts, those that the laser's next pulse
   // follows. 1 without a filter; with one, the chance of a click, as no pulse knows of another.
-  // Below 0.5 % it is too high, but stays near 1 %. 1 if there are no gaps.
-  double share() const;
+  // Below 0.5 % it is too high, but stays near 1 %. None if fewer than 20 starts are followed so.
+  std::optional<double> share() const;
+  // Of the laser, for that many clicks and starts that arrived; none if the share is not known.
+  std::optional<double> clicks_a_pulse(std::uint64_t clicks, std::uint64_t starts) const;
 
  private:
   std::int32_t channel_;

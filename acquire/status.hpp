@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: MIT
 // The daemon's line at the terminal.
 #pragma once
+#include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "acquire/record/record.hpp"
 #include "drivers/core/clock.hpp"
 
 namespace echofuse::acquire {
@@ -12,30 +16,66 @@ namespace echofuse::acquire {
 // Totals since the start of the run.
 struct RunTotals {
   std::int64_t records = 0, written = 0;
-  std::uint32_t valid = 0;  // of the last record
-  std::uint64_t tags = 0, radar_frames = 0, depth_frames = 0, lost = 0;
+  std::int64_t incomplete = 0;  // records without a required sensor
+  std::int64_t not_ok = 0;      // records of which a configured sensor's verdict is not "ok"
+  std::uint64_t tags = 0, radar_frames = 0, depth_frames = 0;
+  std::array<std::uint64_t, sensor_count> lost{};  // tags, radar frames, depth frames
+  // Of the last record; sensors are bits of valid.
+  std::uint32_t valid = 0, doubtful = 0;  // doubtful: configured, and the verdict is not "ok"
+  std::string trouble;                    // of the first of these: "radar weak"
+  std::string label;
+  record::Signal signal;
+  std::optional<std::uint64_t> free_bytes;                        // of the disk
+  std::array<std::string, sensor_count> kinds{"ok", "ok", "ok"};  // of the last verdicts
+
+  // One more record. `changed` hears of each configured sensor (bits of valid) that drops out, gets
+  // bad or comes back: once, not for every record.
+  void take(const record::FusedRecord& record, std::uint32_t configured,
+            const std::function<void(Sensor, Severity)>& changed);
+  // "; 3 with a sensor not ok", or nothing.
+  std::string doubts() const;
 };
 
-// "record 7/20  SRD  1.20 Mtag/s  radar 20.0 fps  depth 30.0 fps  lost 0  on disk 7"; a dash for
-// each sensor that the last record lacks. Rates are over `elapsed_s` since `before`.
-std::string status_text(const RunTotals& now, const RunTotals& before, double elapsed_s,
-                        std::optional<std::int64_t> total);
+// What the line may show: in this order, and in a narrow terminal those of low rank first.
+struct StatusField {
+  std::string text;
+  int rank = 0;      // 0: shown always
+  bool bad = false;  // in red, where there are colours
+};
+struct StatusTimes {
+  double interval_s = 0;                // since `before`: rates are over this time
+  double elapsed_s = 0;                 // since the first slot's start
+  std::optional<double> remaining_s;    // if the run's end is known
+  std::optional<std::int64_t> records;  // of the whole run, likewise
+};
+// A sensor's letter (S, R, D) is a small one if it is doubtful, and a dash if it is not valid.
+std::vector<StatusField> status_fields(const RunTotals& now, const RunTotals& before,
+                                       const StatusTimes& times);
 
-// One line that is rewritten on a terminal, a plain line every 10 s elsewhere, nothing when quiet.
+// The fields that fit together into `columns`, two blanks between them; none: all. A text has at
+// most as many columns as bytes.
+std::string status_line(const std::vector<StatusField>& fields, std::optional<std::size_t> columns,
+                        bool colours);
+
+// One line that is rewritten on a terminal and never longer than that is wide, a plain line every
+// 10 s elsewhere, nothing when quiet. Red unless NO_COLOR is set; the bell rings when a sensor gets
+// bad.
 class StatusLine {
  public:
-  StatusLine(HostTime start, std::optional<std::int64_t> total, bool quiet);
+  StatusLine(HostTime start, double window_s, std::optional<std::int64_t> total, bool quiet);
   ~StatusLine();  // ends the line
   StatusLine(const StatusLine&) = delete;
   StatusLine& operator=(const StatusLine&) = delete;
   void update(HostTime now, const RunTotals& totals);
-  // The last state, with the rates of the whole run.
+  // The last state, with the rates of the whole run; it stays.
   void finish(HostTime now, const RunTotals& totals);
 
  private:
+  void end_line();
   void show(HostTime now, const RunTotals& totals);
   std::optional<std::int64_t> total_;
-  bool quiet_, terminal_, drawn_ = false;
+  double window_s_;
+  bool quiet_, terminal_, colours_, drawn_ = false;
   HostTime start_, shown_;
   RunTotals before_;
 };

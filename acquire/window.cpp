@@ -129,6 +129,12 @@ void Windows::settle_tags() {
   merge(slot->second.spd, histogram_.take());
 }
 
+void Windows::tag_gap() {
+  histogram_.forget_start();
+  for (auto& [k, slot] : open_)
+    if (slot.starts) slot.starts->forget_start();
+}
+
 void Windows::add(const TagBlock& block) {
   // What is out of order has other tags before it and behind it than in the stream.
   const bool found = block.found_blocks > 0;
@@ -165,6 +171,8 @@ void Windows::add_part(std::span<const Tag> tags, HostTime from, HostTime to) {
     tag_slot_ = k;
   }
   histogram_.add(tags);
+  if (!slot->starts) slot->starts.emplace(histogram_.settings().start_channel);
+  slot->starts->add(tags);
   slot->spd_times.add(from, to, grid_.centre(k), static_cast<double>(tags.size()));
 }
 
@@ -262,6 +270,9 @@ void Windows::fill_spd(Slot& slot, record::FusedRecord& record) const {
   slot.spd_times.describe(sync);
   sync.used = c.in_range;
   sync.lost = record.spd_counts.lost;
+  if (slot.starts)
+    record.signal.clicks_a_pulse =
+        slot.starts->clicks_a_pulse(c.in_range + c.out_of_range, c.starts);
   if (record.has(Sensor::spd)) record.spd = std::move(slot.spd);
 }
 

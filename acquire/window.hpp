@@ -40,6 +40,7 @@
 #include "acquire/clock_fit.hpp"
 #include "acquire/record/record.hpp"
 #include "acquire/scheduler.hpp"
+#include "acquire/start_gaps.hpp"
 #include "drivers/tdc/histogram.hpp"
 
 namespace echofuse::acquire {
@@ -63,7 +64,7 @@ class Windows {
   // The axes known so far.
   std::vector<Axis> axes() const;
   // The tag stream was interrupted: no click refers to a start before this.
-  void tag_gap() { histogram_.forget_start(); }
+  void tag_gap();
 
   void add(const TagBlock& block);
   void add(const RadarFrame& frame);
@@ -90,6 +91,7 @@ class Windows {
     tdc::TagCounts tags;
     std::uint64_t spd_lost = 0;
     Times spd_times;
+    std::optional<StartGaps> starts;
 
     std::vector<double> power;
     std::vector<std::uint16_t> first_codes;

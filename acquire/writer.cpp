@@ -5,6 +5,7 @@
 
 #include <utility>
 
+#include "acquire/room.hpp"
 #include "drivers/core/exit_code.hpp"
 
 namespace echofuse::acquire {
@@ -48,13 +49,29 @@ bool Writer::put(record::FusedRecord record) {
   if (!room) give_up_data(record);
   put([this, r = std::move(record)](record::RunWriter& run) mutable {
     const UtcTime slot_end = r.slot_utc + (r.slot_end - r.slot_start);
-    if (auto label = run.new_label(slot_end)) label_ = std::move(label);
+    if (auto label = run.new_label(slot_end)) {
+      const std::lock_guard lock(mutex_);
+      label_ = std::move(label);
+    }
     if (label_) r.label = *label_;
     run.append(r);
     spdlog::debug("record {}: committed", r.index);  // what scripts/kill_test relies on
+    const auto free = acquire::free_bytes(run.path());
+    const std::lock_guard lock(mutex_);
+    free_ = free;
     ++written_;
   });
   return room;
+}
+
+std::optional<std::uint64_t> Writer::free_bytes() const {
+  const std::lock_guard lock(mutex_);
+  return free_;
+}
+
+std::optional<std::string> Writer::label() const {
+  const std::lock_guard lock(mutex_);
+  return label_;
 }
 
 void Writer::put(Job job) {

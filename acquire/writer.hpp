@@ -38,6 +38,10 @@ class Writer {
 
   bool failed() const { return failed_; }
   std::int64_t written() const { return written_; }
+  // That a mark gave to the records written last; none if none did.
+  std::optional<std::string> label() const;
+  // Of the run's disk after the last record; none if it does not tell.
+  std::optional<std::uint64_t> free_bytes() const;
   // Writes what is waiting and closes the run with this status, or, if a job failed, with
   // "stopped:disk" or (for another reason) "stopped:failed"; then throws that job's Error. False if
   // a reader keeps the run from being one file (RunWriter::close).
@@ -49,14 +53,15 @@ class Writer {
 
   std::unique_ptr<record::RunWriter> run_;
   const std::size_t capacity_;
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::condition_variable wake_;
   std::deque<Job> queue_;  // guarded by mutex_
   bool ending_ = false;    // guarded by mutex_
   std::atomic<bool> failed_ = false;
   std::atomic<std::int64_t> written_ = 0;
-  std::optional<std::string> label_;  // set by a mark; of the writer's thread
-  std::exception_ptr failure_;        // set before failed_, read after joining
+  std::optional<std::string> label_;   // set by a mark, by the writer's thread; guarded by mutex_
+  std::optional<std::uint64_t> free_;  // on its disk; guarded by mutex_
+  std::exception_ptr failure_;         // set before failed_, read after joining
   std::thread thread_;
 };
 

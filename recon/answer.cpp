@@ -105,6 +105,7 @@ Answer answer(const TrainedModel& model, const Dataset& data, const Rows& rows,
   if (model.confidence) out.claims = claims(model, data, rows, out.maps);
   if (with_pixels) {
     PixelMaps pixels = pixel_maps(model, data, rows, out.maps, out.claims);
+    require_finite(pixels.mean), require_finite(pixels.deviation);
     out.mean = std::move(pixels.mean), out.deviation = std::move(pixels.deviation);
   }
   choose_output(out, output, model.scene);

@@ -34,7 +34,7 @@ std::size_t append_copy(Dataset& data, std::size_t row) {
   data.valid.push_back(data.valid[row]);
   data.index.push_back(data.index[row]);
   data.slot_end.push_back(data.slot_end[row]);
-  data.clicks_per_start.push_back(data.clicks_per_start[row]);
+  data.clicks_a_pulse.push_back(data.clicks_a_pulse[row]);
   data.label.push_back(data.label[row]);
   return data.size() - 1;
 }

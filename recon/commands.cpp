@@ -148,6 +148,7 @@ Command add_train(CLI::App& app, const Common& common) {
     std::vector<std::string> runs;
     std::string out;
     double radar_bin_m = 0;
+    bool force = false;
   };
   const auto a = std::make_shared<Arguments>();
   app.add_option("run", a->runs, "run files whose axes agree")->required();
@@ -197,6 +198,7 @@ Command add_train(CLI::App& app, const Common& common) {
       ->delimiter(',')
       ->allow_extra_args(false)
       ->check(CLI::IsMember(augment_names));
+  app.add_flag("--force", a->force, "replace the model that OUT is, as --resume does");
   a->fallback = true;
   app.add_flag("!--no-fallback", a->fallback,
                "train no network beside a fused model for records whose radar is lost");
@@ -204,11 +206,13 @@ Command add_train(CLI::App& app, const Common& common) {
     a->split.seed = a->fit.seed;
     a->fit.checkpoint.path = a->out + ".checkpoint";
     a->fit.quiet = common.quiet;
-    check_can_save(a->out);
+    const Existing existing =
+        a->force || a->fit.checkpoint.resume ? Existing::replace : Existing::keep;
+    check_can_save(a->out, existing);
     Dataset data = load(a->runs);
     if (a->radar_bin_m > 0) rebin_radar(data, radar_bins(a->radar_bin_m));
     const TrainedModel model = train(data, *a);
-    save_model(model, a->out);
+    save_model(model, a->out, existing);
     if (!model.log.interrupted) std::remove(a->fit.checkpoint.path.c_str());
     if (!common.quiet)
       std::fprintf(
@@ -286,6 +290,7 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
   add_output_option(app, a->output);
   app.add_flag("--follow", a->follow,
                "of a run that is being recorded: new records as they come, until it is closed");
+  app.add_flag("--force", a->force, "write into a folder that holds maps of another run");
   return [a, &common] {
     a->quiet = common.quiet;
     ReconstructTalk talk(a->run, a->follow, common.quiet);
@@ -342,7 +347,9 @@ Command add_report(CLI::App& app, const Common&) {
   app.add_option("--spd", a->spd, "model file; several are seeds of one")->required();
   app.add_option("--radar", a->radar, "model file; several are seeds of one")->required();
   app.add_option("--live", a->live, "a recorded run to reconstruct with the fused model");
+  app.add_flag("--force", a->force, "write over a report of another run");
   return [a] {
+    check_report_folder(*a);
     set_threads(1);  // the latencies in the table are those of one thread
     const Report report = make_report(*a);
     std::printf("%s%s\n", printable_lines(to_text(report)).c_str(),

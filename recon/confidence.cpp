@@ -15,6 +15,9 @@ constexpr double smallest_error_m = 3e-3;  // below which errors are all alike
 constexpr double penalty = 1e-3;
 constexpr std::size_t folds = 5;
 
+// As many as signs_of (answer.hpp) makes.
+std::size_t sign_count(Inputs inputs) { return inputs == Inputs::fused ? 3 : 2; }
+
 }  // namespace
 
 std::vector<float> LateralError::terms_of(std::span<const float> signs) const {
@@ -84,17 +87,19 @@ void LateralError::save(record::H5File& file, const std::string& group) const {
   file.write(group + "/most", most_, {most_.size()});
 }
 
-void LateralError::load(const record::H5File& file, const std::string& group) {
+void LateralError::load(const record::H5File& file, const std::string& group, std::size_t signs) {
   factor_ = file.get<double>(group, "factor");
-  weights_ = file.read<double>(group + "/weights");
-  centre_ = file.read<float>(group + "/centre");
-  spread_ = file.read<float>(group + "/spread");
-  least_ = file.read<float>(group + "/least");
-  most_ = file.read<float>(group + "/most");
+  centre_ = file.read<float>(group + "/centre", {record::H5File::any});
   const std::size_t n = centre_.size();
-  require_sound(spread_.size() == n && least_.size() == n && most_.size() == n &&
-                    weights_.size() == (n > 0 ? (n + 1) * (n + 2) / 2 : 0),
-                "sizes of " + group);
+  require_sound(file, n == 0 || n == signs, group + "/centre",
+                "0 or " + std::to_string(signs) + " values");
+  weights_ = file.read<double>(group + "/weights", {n > 0 ? (n + 1) * (n + 2) / 2 : 0});
+  spread_ = file.read<float>(group + "/spread", {n});
+  least_ = file.read<float>(group + "/least", {n});
+  most_ = file.read<float>(group + "/most", {n});
+  for (std::size_t c = 0; c < n; ++c)
+    require_sound(file, spread_[c] > 0 && least_[c] <= most_[c], group,
+                  "a spread above 0, and least below most");
 }
 
 void Confidence::save(record::H5File& file) const {
@@ -105,7 +110,7 @@ void Confidence::save(record::H5File& file) const {
 
 void Confidence::load(const record::H5File& file, const Features& of_model) {
   novelty.load(file, "confidence/novelty", of_model);
-  lateral.load(file, "confidence/lateral");
+  lateral.load(file, "confidence/lateral", sign_count(of_model.inputs));
   pixels.load(file, "confidence/pixels");
 }
 

@@ -27,7 +27,7 @@ class LateralError {
   double operator()(std::span<const float> signs) const;  // metres; NaN if nothing was learnt
 
   void save(record::H5File& file, const std::string& group) const;
-  void load(const record::H5File& file, const std::string& group);
+  void load(const record::H5File& file, const std::string& group, std::size_t signs);
 
  private:
   std::vector<float> terms_of(std::span<const float> signs) const;

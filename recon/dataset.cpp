@@ -78,9 +78,7 @@ class Appender {
     data_.valid.push_back(r.valid);
     data_.index.push_back(r.index);
     data_.slot_end.push_back(r.slot_end);
-    const auto clicks = static_cast<double>(r.spd_counts.in_range + r.spd_counts.out_of_range);
-    const auto starts = static_cast<double>(r.spd_counts.starts);
-    data_.clicks_per_start.push_back(starts > 0 ? clicks / starts : 0);
+    data_.clicks_a_pulse.push_back(clicks_a_pulse(r));
     data_.label.push_back(r.label);
     ++data_.sources.back().count;
     return {};
@@ -88,6 +86,15 @@ class Appender {
 
  private:
   static bool is_finite(float v) { return std::isfinite(v); }
+  // Runs of before the table signal have only counts. As many clicks as starts: only the starts
+  // with a click were sent, of an unknown number.
+  static double clicks_a_pulse(const record::FusedRecord& r) {
+    constexpr double filtered = 0.95;
+    if (r.signal.clicks_a_pulse) return *r.signal.clicks_a_pulse;
+    const auto clicks = static_cast<double>(r.spd_counts.in_range + r.spd_counts.out_of_range);
+    const auto starts = static_cast<double>(r.spd_counts.starts);
+    return clicks < filtered * starts ? clicks / starts : 0;
+  }
   // The first run sets the axes, the others must agree.
   void adopt(Axis& common, Axis found, const char* name) {
     found.name = name;

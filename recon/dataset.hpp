@@ -34,7 +34,7 @@ struct Dataset {
   std::vector<std::uint32_t> valid;  // bit 0 SPD, 1 radar, 2 depth
   std::vector<std::int64_t> index;   // the record's number in its run
   std::vector<HostTime> slot_end;
-  std::vector<double> clicks_per_start;  // of the detector's tags; 0 where none were counted
+  std::vector<double> clicks_a_pulse;  // of the laser; 0 where that is not known
   std::vector<std::string> label;
   std::vector<Source> sources;
   std::uint32_t hash = 0;  // CRC-32C of the three tables

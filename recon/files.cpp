@@ -13,6 +13,10 @@
 namespace echofuse::recon {
 
 Bytes read_file(const std::string& path) {
+  std::error_code code;
+  const auto kind = std::filesystem::status(path, code).type();
+  if (kind != std::filesystem::file_type::regular && kind != std::filesystem::file_type::not_found)
+    throw Error(ExitCode::failed, path + ": is no file; expected one");  // a device may be endless
   std::ifstream in(path, std::ios::binary);
   Bytes out((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
   if (!in) throw Error(ExitCode::failed, path + ": " + std::strerror(errno));

@@ -19,7 +19,7 @@ constexpr int zoom = 4;
 Bytes millimetre_picture(std::span<const float> map) {
   std::vector<std::uint16_t> mm(map.size());
   for (std::size_t p = 0; p < map.size(); ++p)
-    mm[p] = static_cast<std::uint16_t>(std::lround(map[p] * 1000));
+    mm[p] = static_cast<std::uint16_t>(std::lround(std::clamp(map[p] * 1000, 0.f, 65535.f)));
   return record::encode_png16(mm, record::map_size, record::map_size);
 }
 

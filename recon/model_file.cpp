@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: MIT
 #include <unistd.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <utility>
 
+#include "acquire/record/depth_map.hpp"
 #include "drivers/core/console.hpp"
 #include "recon/files.hpp"
-#include "recon/models/checkpoint.hpp"
 #include "recon/trained_model.hpp"
 
 namespace echofuse::recon {
@@ -15,8 +18,11 @@ namespace {
 using record::H5File;
 
 constexpr const char* format = "echofuse model";
-constexpr std::int64_t format_version = 1;
+constexpr std::int64_t format_version = 2;
 constexpr const char* fallback_group = "fallback";
+constexpr std::int64_t most_bins = 1 << 20;
+constexpr float farthest_m = 100;
+constexpr std::size_t map_pixels = record::map_size * record::map_size;
 
 void save_axis(H5File& file, const Axis& axis) {
   const std::string group = "axes/" + axis.name;
@@ -31,13 +37,20 @@ void save_axis(H5File& file, const Axis& axis) {
 
 Axis load_axis(const H5File& file, const std::string& name) {
   const std::string group = "axes/" + name;
-  return {name,
-          file.get<std::string>(group, "quantity"),
-          file.get<std::string>(group, "unit"),
-          static_cast<std::uint32_t>(file.get<std::int64_t>(group, "count")),
-          file.get<double>(group, "start"),
-          file.get<double>(group, "step"),
-          file.get<double>(group, "scale")};
+  const auto count = file.get<std::int64_t>(group, "count");
+  require_sound(file, count >= 0 && count <= most_bins, group + "@count",
+                "0 to " + std::to_string(most_bins));
+  const Axis axis{name,
+                  file.get<std::string>(group, "quantity"),
+                  file.get<std::string>(group, "unit"),
+                  static_cast<std::uint32_t>(count),
+                  file.get<double>(group, "start"),
+                  file.get<double>(group, "step"),
+                  file.get<double>(group, "scale")};
+  require_sound(file, count == 0 || (axis.step >= 1e-9 && axis.step <= 1e9), group + "@step",
+                "1e-9 to 1e9");
+  require_sound(file, std::abs(axis.start) <= 1e9, group + "@start", "-1e9 to 1e9");
+  return axis;
 }
 
 void save_head(H5File& file, const TrainedModel& m) {
@@ -57,15 +70,39 @@ void save_head(H5File& file, const TrainedModel& m) {
   file.set(".", "validation_share", m.split.validation_share);
 }
 
+bool is_one_of(const std::vector<std::string>& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+std::string load_choice(const H5File& file, const char* attribute,
+                        const std::vector<std::string>& choices) {
+  const auto found = file.get<std::string>(".", attribute);
+  std::string all;
+  for (const auto& one : choices) all += (all.empty() ? "" : ", ") + one;
+  require_sound(file, is_one_of(choices, found), std::string(".@") + attribute, "one of " + all);
+  return found;
+}
+
+template <class T>
+T load_count(const H5File& file, const std::string& object, const char* attribute) {
+  const auto found = file.get<std::int64_t>(object, attribute);
+  require_sound(file, std::in_range<T>(found), object + "@" + attribute, "a number of its range");
+  return static_cast<T>(found);
+}
+
 void load_head(const H5File& file, TrainedModel& m) {
-  m.name = file.get<std::string>(".", "model");
-  m.features.inputs = inputs_of(file.get<std::string>(".", "inputs"));
-  m.features.scaling = file.get<std::string>(".", "scaling");
-  m.data_hash = static_cast<std::uint32_t>(file.get<std::int64_t>(".", "data_crc32c"));
+  m.name = load_choice(file, "model", model_names);
+  m.features.inputs = inputs_of(load_choice(file, "inputs", {"fused", "spd", "radar"}));
+  m.features.scaling =
+      load_choice(file, "scaling",
+                  wants_readings(m.name) ? std::vector<std::string>{raw_scaling} : scaling_names);
+  m.data_hash = load_count<std::uint32_t>(file, ".", "data_crc32c");
   m.train_s = file.get<double>(".", "train_s");
   m.scene.foreground_depth_m = static_cast<float>(file.get<double>(".", "foreground_depth_m"));
-  m.split.kind = file.get<std::string>(".", "split");
-  m.split.gap = static_cast<std::size_t>(file.get<std::int64_t>(".", "gap"));
+  require_sound(file, m.scene.foreground_depth_m >= 0 && m.scene.foreground_depth_m <= farthest_m,
+                ".@foreground_depth_m", "0 to 100 m");
+  m.split.kind = load_choice(file, "split", {"random", "blocked"});
+  m.split.gap = load_count<std::size_t>(file, ".", "gap");
   m.split.seed = static_cast<std::uint64_t>(file.get<std::int64_t>(".", "seed"));
 }
 
@@ -100,31 +137,49 @@ void save_body(H5File& file, const TrainedModel& m) {
   flat("split/part", m.seen.part);
 }
 
+std::vector<float> load_map(const H5File& file, const std::string& name) {
+  auto map = file.read<float>(name, {map_pixels});
+  for (const float depth : map)
+    require_sound(file, depth >= 0 && depth <= farthest_m, name, "depths of 0 to 100 m");
+  return map;
+}
+
+SeenRecords load_seen(const H5File& file) {
+  SeenRecords seen;
+  seen.runs = file.read_texts("split/runs");
+  seen.run = file.read<std::uint32_t>("split/run", {H5File::any});
+  seen.index = file.read<std::int64_t>("split/index", {seen.run.size()});
+  seen.part = file.read<std::uint8_t>("split/part", {seen.run.size()});
+  for (const std::uint32_t run : seen.run)
+    require_sound(file, run < seen.runs.size(), "split/run", "numbers of its runs");
+  for (const std::uint8_t part : seen.part)
+    require_sound(file, part <= static_cast<std::uint8_t>(Part::test), "split/part", "0, 1 or 2");
+  return seen;
+}
+
 void load_body(const H5File& file, TrainedModel& m) {
   m.features.spd_axis = load_axis(file, "spd");
   m.features.radar_axis = load_axis(file, "radar");
-  m.features.centre = file.read<float>("features/centre");
+  m.features.centre = file.read<float>("features/centre", {m.features.count()});
   m.features.spd_gain = static_cast<float>(file.get<double>("features", "spd_gain"));
   m.features.radar_gain = static_cast<float>(file.get<double>("features", "radar_gain"));
-  m.scene.background = file.read<float>("scene/background_m");
-  m.scene.mean_map = file.read<float>("scene/mean_map_m");
-  m.seen.runs = file.read_texts("split/runs");
-  m.seen.run = file.read<std::uint32_t>("split/run");
-  m.seen.index = file.read<std::int64_t>("split/index");
-  m.seen.part = file.read<std::uint8_t>("split/part");
-  m.log.loss = file.read<double>("training/loss_m");
-  m.log.validation_loss = file.read<double>("training/validation_loss_m");
-  m.log.best_epoch = static_cast<std::size_t>(file.get<std::int64_t>("training", "best_epoch"));
+  m.scene.background = load_map(file, "scene/background_m");
+  m.scene.mean_map = load_map(file, "scene/mean_map_m");
+  m.seen = load_seen(file);
+  m.log.loss = file.read<double>("training/loss_m", {H5File::any});
+  m.log.validation_loss = file.read<double>("training/validation_loss_m", {m.log.loss.size()});
+  m.log.best_epoch = load_count<std::size_t>(file, "training", "best_epoch");
 }
 
-void check_format(const H5File& file, const std::string& path) {
+void check_format(const H5File& file) {
   if (!file.has_attribute(".", "format") || file.get<std::string>(".", "format") != format)
-    throw Error(ExitCode::failed, path + ": not an echofuse model file");
+    file.refuse(".@format", std::string("expected \"") + format + "\": this is no model file");
   const auto found = file.get<std::int64_t>(".", "format_version");
-  if (found > format_version)
-    throw Error(ExitCode::failed, path + ": model format " + std::to_string(found) +
-                                      " is newer than this program's " +
-                                      std::to_string(format_version) + "; use a newer echofuse");
+  if (found != format_version)
+    file.refuse(
+        ".@format_version",
+        "is " + std::to_string(found) + "; expected " + std::to_string(format_version) +
+            (found > format_version ? ": use a newer echofuse" : ": train the model again"));
 }
 
 void save_to(H5File& file, const TrainedModel& model) {
@@ -139,43 +194,68 @@ void save_to(H5File& file, const TrainedModel& model) {
   save_to(group, *model.fallback);
 }
 
-TrainedModel load_from(const H5File& file) {
+TrainedModel load_one(const H5File& file) {
   TrainedModel out;
   load_head(file, out);
   load_body(file, out);
+  const Layout layout = out.features.layout();
   out.model = make_model(out.name);
-  out.model->load(file);
-  out.slip.load(file);
+  out.model->load(file, layout, map_pixels);
+  out.slip.load(file, layout);
   if (file.has("confidence")) out.confidence.emplace().load(file, out.features);
-  if (file.has(fallback_group))
-    out.fallback = std::make_unique<TrainedModel>(load_from(file.group(fallback_group)));
   return out;
+}
+
+// It answers for records of the model's own SPD axis, in the same words.
+void check_fallback(const H5File& file, const TrainedModel& model) {
+  const TrainedModel& other = *model.fallback;
+  const std::string name = fallback_group;
+  require_sound(file, model.features.inputs == Inputs::fused, name, "none but in a fused model");
+  require_sound(file, other.features.inputs == Inputs::spd, name + "@inputs", "spd");
+  require_sound(file, same_axis(other.features.spd_axis, model.features.spd_axis),
+                name + "/axes/spd", "the model's own");
+  require_sound(file, other.confidence.has_value() == model.confidence.has_value(),
+                name + "/confidence", "one as the model has, or none as it has none");
+  require_sound(file, !file.has(name + "/" + fallback_group), name, "no fallback of its own");
 }
 
 }  // namespace
 
-void check_can_save(const std::string& path) {
+void check_can_save(const std::string& path, Existing existing) {
   // A run that is given for OUT by mistake must not become a model.
-  if (std::filesystem::exists(path)) try {
-      check_format(H5File::open(path), path);
+  if (std::filesystem::exists(path)) {
+    try {
+      check_format(H5File::open_sealed(path));
     } catch (const Error&) {
-      throw Error(ExitCode::usage, path + ": exists and is no model file; give another --out");
+      throw Error(ExitCode::usage,
+                  path + ": exists and is no model file of this version; give another --out");
     }
+    if (existing == Existing::keep)
+      throw Error(ExitCode::usage,
+                  path + ": is a model already; give another --out, or --force to replace it");
+  }
   const std::string unfinished = path + ".part";
   write_file(unfinished, {});
   std::remove(unfinished.c_str());
 }
 
-void save_model(const TrainedModel& model, const std::string& path) {
-  write_whole(path, [&](H5File& file) { save_to(file, model); });
+void save_model(const TrainedModel& model, const std::string& path, Existing existing) {
+  write_whole(path, existing, [&](H5File& file) { save_to(file, model); });
+}
+
+TrainedModel load_model(const H5File& file) {
+  check_format(file);
+  TrainedModel out = load_one(file);
+  if (!file.has(fallback_group)) return out;
+  out.fallback = std::make_unique<TrainedModel>(load_one(file.group(fallback_group)));
+  check_fallback(file, out);
+  return out;
 }
 
 TrainedModel load_model(const std::string& path) {
   if (::access(path.c_str(), R_OK) != 0)
     throw Error(ExitCode::failed, path + ": no such file, or not readable; expected a model file");
-  const H5File file = H5File::open(path);
-  check_format(file, path);
-  return load_from(file);
+  return load_model(H5File::open_sealed(path));
 }
 
 }  // namespace echofuse::recon

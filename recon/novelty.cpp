@@ -23,7 +23,6 @@ constexpr double discriminant_penalty = 2e-2;
 // Of records like the training ones, above each limit.
 constexpr std::array<double, 3> false_alarms = {0.002, 0.002, 0.003};
 constexpr double range_reserve = 0.05;       // of the span of the training records' ranges
-constexpr double low_flux = 0.05;            // clicks a pulse; more, and the first one hides others
 constexpr double clicks_reserve = 1.25;      // against the brightest training record
 constexpr double nearly_all_records = 0.99;  // of the training records show a body
 
@@ -60,7 +59,7 @@ Novelty::Novelty(const Dataset& data, const Rows& rows, Inputs inputs, std::uint
   if (fit_with_body.size() >= least_records / 2) fit = std::move(fit_with_body);
   share_with_body_ = static_cast<double>(with_body.size()) / static_cast<double>(rows.size());
   for (const std::size_t row : rows)
-    most_clicks_per_start_ = std::max(most_clicks_per_start_, data.clicks_per_start[row]);
+    most_clicks_per_start_ = std::max(most_clicks_per_start_, data.clicks_a_pulse[row]);
   learn_scale(take_rows(all, fit));
   Matrix scaled = all;
   for (std::size_t i = 0; i < scaled.values.size(); ++i)
@@ -203,11 +202,11 @@ std::vector<Strangeness> Novelty::judge(const Dataset& data, const Rows& rows) c
                   limits_[2].share(found[2]),
                   {},
                   {}};
-    const double range_m = double{one.body.range_m}, clicks = data.clicks_per_start[rows[i]];
+    const double range_m = double{one.body.range_m}, clicks = data.clicks_a_pulse[rows[i]];
     const bool has_range = readings_.spd_count() > 0 && one.body.there;
     if (!one.body.there && share_with_body_ > nearly_all_records)
       s.why = "empty";
-    else if (readings_.spd_count() > 0 && clicks > low_flux &&
+    else if (readings_.spd_count() > 0 && clicks > record::most_clicks_a_pulse &&
              clicks > clicks_reserve * most_clicks_per_start_)
       s.why = "saturated", s.figures = formatted("%.2f clicks a laser pulse", clicks);
     else if (has_range && (range_m < nearest_m_ || range_m > farthest_m_))
@@ -239,26 +238,29 @@ void Novelty::save(record::H5File& file, const std::string& group) const {
 
 void Novelty::load(const record::H5File& file, const std::string& group, const Features& of_model) {
   readings_ = {of_model.inputs, raw_scaling, of_model.spd_axis, of_model.radar_axis, {}, 1, 1};
-  scale_ = file.read<float>(group + "/scale");
-  components_ = load_components(file, group + "/components");
-  discriminant_ = file.read<double>(group + "/discriminant");
-  const auto limits = file.read<double>(group + "/limits");
+  const bool spd = readings_.spd_count() > 0;
+  if (spd) alignment_.load(file, readings_.layout(), group);
+  const std::size_t values = (spd ? alignment_.size() : 0) + readings_.radar_count();
+  scale_ = file.read<float>(group + "/scale", {values});
+  components_ = load_components(file, group + "/components", values);
+  require_sound(file,
+                std::all_of(components_.deviation.begin(), components_.deviation.end(),
+                            [](float d) { return d > 0; }),
+                group + "/components/deviation", "all above 0");
   const std::size_t k = components_.basis.rows;
-  require_sound(limits.size() == 2 * limits_.size() + usual_residual_.size() &&
-                    discriminant_.size() == (k + 1) * (k + 2) / 2,
-                "limits of " + group);
+  discriminant_ = file.read<double>(group + "/discriminant", {(k + 1) * (k + 2) / 2});
+  const auto limits =
+      file.read<double>(group + "/limits", {2 * limits_.size() + usual_residual_.size()});
   for (std::size_t s = 0; s < limits_.size(); ++s) limits_[s] = {limits[2 * s], limits[2 * s + 1]};
   std::copy_n(limits.end() - 2, 2, usual_residual_.begin());
   nearest_m_ = file.get<double>(group, "nearest_m");
   farthest_m_ = file.get<double>(group, "farthest_m");
   most_clicks_per_start_ = file.get<double>(group, "most_clicks_per_start");
   share_with_body_ = file.get<double>(group, "share_with_body");
-  const bool spd = readings_.spd_count() > 0;
-  if (spd) alignment_.load(file, group);
-  require_sound(scale_.size() == components_.mean.size() &&
-                    scale_.size() == (spd ? alignment_.size() : 0) + readings_.radar_count() &&
-                    (!spd || alignment_.inputs() == readings_.count()),
-                "sizes of " + group);
+  for (const Limit& l : limits_)
+    require_sound(file, l.most >= l.usual, group + "/limits", "no limit below the usual value");
+  require_sound(file, usual_residual_[0] > 0 && usual_residual_[1] > 0, group + "/limits",
+                "usual residuals above 0");
 }
 
 }  // namespace echofuse::recon

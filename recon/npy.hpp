@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "drivers/core/bytes.hpp"
+
 namespace echofuse::recon {
 
 struct NpyArray {
@@ -19,5 +21,6 @@ struct NpyArray {
 
 // float32 or float64 only. Throws Error(failed) that names the file and what is wrong.
 NpyArray read_npy(const std::string& path);
+NpyArray parse_npy(ByteView contents, const std::string& name);  // the same of a file in memory
 
 }  // namespace echofuse::recon

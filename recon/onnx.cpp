@@ -137,8 +137,8 @@ void add_metadata(Message& model, const Features& f) {
 }  // namespace
 
 Bytes to_onnx(const std::string& model_path) {
-  const TrainedModel model = load_model(model_path);
-  const record::H5File file = record::H5File::open(model_path);
+  const record::H5File file = record::H5File::open_sealed(model_path);
+  const TrainedModel model = load_model(file);
   const bool network = model.name.ends_with("mlp"), linear = model.name.ends_with("ridge");
   if (!network && !linear)
     throw Error(ExitCode::failed,

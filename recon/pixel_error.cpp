@@ -116,10 +116,13 @@ void PixelError::save(record::H5File& file, const std::string& group) const {
 }
 
 void PixelError::load(const record::H5File& file, const std::string& group) {
-  const auto curve = file.read<double>(group + "/curve");
-  require_sound(curve.size() == curve_.size(), "nodes of " + group);
+  const auto curve = file.read<double>(group + "/curve", {curve_.size()});
+  for (const double share : curve)
+    require_sound(file, share >= 0 && share <= 1, group + "/curve", "shares, from 0 to 1");
   std::copy(curve.begin(), curve.end(), curve_.begin());
   depth_deviation_m_ = file.get<double>(group, "depth_deviation_m");
+  require_sound(file, depth_deviation_m_ >= 0 && depth_deviation_m_ <= record::max_depth_m,
+                group + "@depth_deviation_m", "0 to 6 m");
 }
 
 }  // namespace echofuse::recon

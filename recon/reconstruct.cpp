@@ -5,12 +5,14 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <thread>
 
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/console.hpp"
 #include "drivers/core/csv.hpp"
+#include "drivers/core/printable.hpp"
 #include "recon/answer.hpp"
 #include "recon/files.hpp"
 #include "recon/map_files.hpp"
@@ -182,13 +184,31 @@ void Reconstruction::time(RecordStatus& status, HostTime slot_end, HostTime read
   status.after_reading_s = seconds(clock_.now() - read);
 }
 
+// Maps of another run must not stay among those of this one unnoticed.
+void claim_folder(const ReconstructOptions& options, const std::string& path,
+                  const std::string& uuid) {
+  const std::string marker = options.out + "/run.txt", own = uuid + "\n" + printable(path) + "\n";
+  const bool known = std::filesystem::exists(marker);
+  const std::string before = known ? read_text(marker) : "";
+  if (!options.force && !before.starts_with(uuid + "\n") &&
+      (known || std::filesystem::exists(options.out + "/records.csv"))) {
+    const auto line = before.find('\n');
+    const std::string whose = line < 64
+                                  ? before.substr(line + 1, before.find('\n', line + 1) - line - 1)
+                                  : "an unknown one";
+    throw Error(ExitCode::usage, options.out + ": holds maps of another run, " + printable(whose) +
+                                     "; give another --out, or --force to write among them");
+  }
+  make_folder(options.out);
+  write_text(marker, own);
+}
+
 }  // namespace
 
 void reconstruct(const TrainedModel& model, const std::string& path,
                  const ReconstructOptions& options) {
   if (options.output == "mean" || wants_uncertainty(options)) require_confidence(model);
-  static_cast<void>(record::RunReader(path));  // refused before the folder changes
-  make_folder(options.out);
+  claim_folder(options, path, record::RunReader(path).info().uuid);  // refused before it changes
   Reconstruction work(model, options);
   if (!options.follow) {
     const record::RunReader run(path);

@@ -25,6 +25,7 @@ struct ReconstructOptions {
   std::vector<std::string> formats = {"colour", "mm"};  // of map_files.hpp
   std::string output = "own";                           // of output_names (answer.hpp)
   bool follow = false;                 // take records as they come, until the run is closed
+  bool force = false;                  // also into a folder that holds maps of another run
   bool quiet = false;                  // no progress bar, no word on runs too short for a slip
   SlipAction slip = SlipAction::warn;  // correct: not while following
   std::function<void(const std::string&)> on_slip;     // what slip.hpp has to say of the run
@@ -34,7 +35,8 @@ struct ReconstructOptions {
 // Maps in every format for each record, and OUT/records.csv with what became of each and how far to
 // trust it, written as they come. A record that cannot be used (bad blob, missing or dead sensor)
 // is noted and left out. Ends early at an interrupt, with what it has finished. Throws
-// Error(failed) if the run's axes are not the model's, and Error(disk).
+// Error(failed) if the run's axes are not the model's, and Error(disk). OUT/run.txt tells whose
+// maps they are (uuid, path); Error(usage) if there are maps of another run, unless forced.
 void reconstruct(const TrainedModel& model, const std::string& run,
                  const ReconstructOptions& options);
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <utility>
 
 #include "drivers/core/exit_code.hpp"
@@ -184,6 +185,22 @@ void add_live(Report& report, const TrainedModel& fused, const std::string& path
 }
 
 }  // namespace
+
+void check_report_folder(const ReportOptions& options) {
+  if (options.force) return;
+  const std::string page = options.dir + "/report.html";
+  bool others = false;
+  if (std::filesystem::exists(page))
+    others = read_text(page).find(record::RunReader(options.run).info().uuid) == std::string::npos;
+  else
+    for (const char* picture : {"person", "letter", "live"})
+      others |= std::filesystem::exists(options.dir + "/figure_" + picture + ".png");
+  if (others)
+    throw Error(ExitCode::usage, options.dir +
+                                     ": holds a report of another run, or pictures under "
+                                     "its names; give another folder, or --force to "
+                                     "write over them");
+}
 
 Report make_report(const ReportOptions& options) {
   Dataset data = load({options.run});

@@ -14,6 +14,7 @@ struct ReportOptions {
   std::vector<std::string> fused, spd, radar;  // model files; several of a mode are its seeds
   std::string run;                             // its held-out records with both sensors are scored
   std::string live;                            // optional: a recorded run, for the fused model
+  bool force = false;                          // also over a report of another run
 };
 
 struct ModeResult {
@@ -38,6 +39,9 @@ struct Report {
   Evaluation live_evaluation;
 };
 
+// Throws Error(usage) if the folder holds a report of another run, or pictures of a report's names:
+// to be asked before a long evaluation.
+void check_report_folder(const ReportOptions& options);
 Report make_report(const ReportOptions& options);
 std::string to_html(const Report& report);
 // The three modes as a text table for the terminal.

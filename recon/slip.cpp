@@ -14,6 +14,7 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::size_t least_records = 50;
+constexpr float longest_m = 100;         // no displacement is as long
 constexpr double most_background = 0.1;  // share of the radar's power
 constexpr double edge = 0.05;            // share of the records beyond it
 constexpr int resamples = 200;
@@ -157,12 +158,18 @@ void SlipReference::save(record::H5File& file) const {
   file.write("slip/displacement_m", displacements_m_, {displacements_m_.size()});
 }
 
-void SlipReference::load(const record::H5File& file) {
-  if (!file.has("slip/displacement_m")) return;
-  alignment_.load(file, "slip");
+void SlipReference::load(const record::H5File& file, const Layout& layout) {
+  if (!file.has("slip")) return;
+  require_sound(file, layout.spd.count > 0 && layout.radar.count > 0, "slip",
+                "none without both sensors");
+  alignment_.load(file, layout, "slip");
+  Layout histogram;
+  histogram.spd.count = static_cast<std::uint32_t>(alignment_.histogram_bins() + 1);
   expected_ = make_ridge();
-  expected_->load(file.group("slip"));
-  displacements_m_ = file.read<float>("slip/displacement_m");
+  expected_->load(file.group("slip"), histogram, 1);
+  displacements_m_ = file.read<float>("slip/displacement_m", {record::H5File::any});
+  for (const float metres : displacements_m_)
+    require_sound(file, std::abs(metres) < longest_m, "slip/displacement_m", "less than 100 m");
 }
 
 void shorten_radar(Dataset& data, double metres) {

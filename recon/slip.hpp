@@ -58,7 +58,7 @@ class SlipReference {
   Slip judge(std::vector<float> displacements_m) const;
 
   void save(record::H5File& file) const;
-  void load(const record::H5File& file);
+  void load(const record::H5File& file, const Layout& layout);
 
  private:
   struct Seen {

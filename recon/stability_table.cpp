@@ -53,7 +53,14 @@ StabilityTable::StabilityTable(const std::string& folder, const std::string& set
     check_settings(settings);
     read();
   } else {
-    write_text(folder + "/settings.txt", settings);
+    const std::string beside = folder + "/settings.txt";
+    if (std::filesystem::exists(beside) && read_text(beside) != settings)
+      throw Error(ExitCode::usage, beside + ": is of something else; give another --out");
+    if (std::filesystem::exists(folder + "/stability.html"))
+      throw Error(ExitCode::usage, folder +
+                                       "/stability.html: is of a study whose table is missing; "
+                                       "give another --out");
+    write_text(beside, settings);
     write_text(path_, header() + "\n");
   }
   out_.open(path_, std::ios::app);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <map>
 
 #include "acquire/record/depth_map.hpp"
@@ -23,6 +24,15 @@ std::vector<std::int64_t> known_runs(const SeenRecords& seen, const Dataset& dat
 }
 
 }  // namespace
+
+void require_finite(const Matrix& maps) {
+  if (std::all_of(maps.values.begin(), maps.values.end(), [](float v) { return std::isfinite(v); }))
+    return;
+  throw Error(
+      ExitCode::failed,
+      "the model's maps are not finite numbers: its weights are none that a training makes; "
+      "train it again");
+}
 
 SeenRecords remember(const Dataset& data, const Split& split) {
   SeenRecords seen;
@@ -76,6 +86,7 @@ Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
       const auto begin = own_rows.begin() + static_cast<std::ptrdiff_t>(first);
       const Matrix maps = by.model->predict(
           by.features.apply(data, {begin, begin + static_cast<std::ptrdiff_t>(count)}));
+      require_finite(maps);
       for (std::size_t i = 0; i < count; ++i)
         std::copy_n(maps.row(i).begin(), maps.cols, out.row(places[first + i]).begin());
     }

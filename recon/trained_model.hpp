@@ -24,6 +24,7 @@
 #include "recon/confidence.hpp"
 #include "recon/features.hpp"
 #include "recon/maps/scene.hpp"
+#include "recon/models/checkpoint.hpp"
 #include "recon/models/model.hpp"
 #include "recon/slip.hpp"
 #include "recon/split.hpp"
@@ -78,6 +79,9 @@ struct TrainedModel {
 // What a record's status says when the fallback answered.
 inline const char* const fallback_note = "radar lost: SPD alone";
 
+// Throws Error(failed) if they are not: a file may hold any weights.
+void require_finite(const Matrix& maps);
+
 SeenRecords remember(const Dataset& data, const Split& split);
 
 // Fits scaling, scene and model to the training rows; leaves `seen`, `slip` and `fallback` empty.
@@ -85,11 +89,14 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const std::strin
                        Inputs inputs, const std::string& scaling, const FitOptions& options);
 
 // Throws Error(disk) if no file can be made there, and Error(usage) if there is one that is no
-// model: to be asked before a long training.
-void check_can_save(const std::string& path);
-// Writes a new file beside and renames it: an interrupted save leaves the old one.
-void save_model(const TrainedModel& model, const std::string& path);
-// Throws Error(failed): not there, not a model, written by a newer version.
+// model, or is not to be replaced: to be asked before a long training.
+void check_can_save(const std::string& path, Existing existing);
+// As write_whole: an interrupted save leaves the old one.
+void save_model(const TrainedModel& model, const std::string& path,
+                Existing existing = Existing::replace);
+// Throws Error(failed) that names file, object, what is wrong and what would be right: not there,
+// not a model, damaged, written by another version, or of parts that do not fit together.
 TrainedModel load_model(const std::string& path);
+TrainedModel load_model(const record::H5File& file);  // of one that is open
 
 }  // namespace echofuse::recon

@@ -268,9 +268,9 @@ def ranges_of(account, run, frames, jumps):
             continue  # the frames of these slots are audited together
         if last is None or not frames.plausible(last, previous, record):
             got = sum(r[f"{sensor}_frames"] for r in records)
-            if last is not None and frames.renumbered(previous or 0, (previous or 0) + got + 20) == 0:
+            if last is not None and not frames.certain(last) and frames.renumbered(previous or 0, (previous or 0) + got + 20) == 0:
                 account.fault(f"record {record['idx']}: its last frame {last} was never sent")
-            continue  # a number that was damaged: the next record shows what became of this one
+            continue  # a damaged number, or a frame that stands too late: the next record shows what became of it
         if previous is None:
             previous = last - sum(r[f"{sensor}_frames"] + r[f"{sensor}_lost"] + r[f"{sensor}_late"] for r in records)
         found.append(Range(sensor, records, previous, last))
@@ -302,7 +302,8 @@ def audit_frames(run, sensor, entries):
                run.counters[sensor, "duplicate"] - sum(r[f"{sensor}_frames"] for r in run.records))
     if nowhere:
         account.fault(f"{nowhere} frames were heard and are nowhere")
-    may = sum(1 for e in frames.by_number.values() if e["t"] < run.records[0]["start"])
+    # A clock that is behind puts a frame into an earlier slot that would still be open.
+    may = sum(1 for e in frames.by_number.values() if e["t"] < run.records[0]["start"] + GRACE_NS)
     if early > may:
         account.fault(f"{early} frames were counted as early; before the run came at most {may}")
     for what, number in counts.items():

@@ -14,10 +14,12 @@ import math
 import os
 import pathlib
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
 import time
+import zlib
 
 try:
     import h5py
@@ -25,6 +27,13 @@ try:
     import torch
 except ImportError as error:
     sys.exit(f"compare_torch.py: {error}; install it with: apt-get install python3-torch python3-h5py python3-numpy")
+
+
+def seal(path):
+    """Puts the checksum of a changed model in front of it (acquire/record/h5.hpp)."""
+    contents = path.read_bytes()[512:]
+    head = b"ECHOFUSE" + struct.pack("<IIQ", 1, zlib.crc32(contents), 512 + len(contents))
+    path.write_bytes(head.ljust(512, b"\0") + contents)
 
 
 def training_options(path):
@@ -142,7 +151,7 @@ def main():
         folder.mkdir(parents=True, exist_ok=True)
         ours, theirs, records = folder / "ours.h5", folder / "torch.h5", folder / "records.npz"
         run = lambda *words: subprocess.run([recon, *map(str, words)], check=True, stdout=subprocess.PIPE).stdout
-        run("train", *arguments.run, "--out", ours, "--threads", arguments.threads, "-q",
+        run("train", *arguments.run, "--out", ours, "--threads", arguments.threads, "-q", "--force",
             *(word for name, value in options.items() for word in (f"--{name}", value)))
         run("export", ours, "--to", records, "--run", *arguments.run, "-q")
         data = numpy.load(records)
@@ -162,6 +171,7 @@ def main():
             for i, layer in enumerate(network.layers):
                 model[f"model/layer{i}/weights"][...] = layer.weight.detach().numpy().T
                 model[f"model/layer{i}/biases"][...] = layer.bias.detach().numpy()
+        seal(theirs)
 
         print(f"{'':10}{'IoU':18}{'SSIM_fg':18}{'RMSE (m)':18}{'lateral (m)':18}{'s/epoch':9}us/map: median, p99")
         for name, path, per_epoch in (("echofuse", ours, seconds[0]), ("PyTorch", theirs, seconds[1])):

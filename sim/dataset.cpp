@@ -49,6 +49,8 @@ void count_clicks(record::FusedRecord& r, std::int64_t pulses) {
   r.spd_counts.in_range = clicks;
   r.spd_counts.starts = static_cast<std::uint64_t>(pulses);  // 0: low flux, pulses are not counted
   r.spd_counts.tags = clicks + r.spd_counts.starts;
+  if (pulses > 0)
+    r.signal.clicks_a_pulse = static_cast<double>(clicks) / static_cast<double>(pulses);
   r.sync[static_cast<std::size_t>(Sensor::spd)].used = clicks;
 }
 

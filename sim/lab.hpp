@@ -25,7 +25,7 @@ struct LabOptions {
   std::string dir = "lab";
   Play play;
   Conditions conditions;
-  Tagging tagging;
+  Tagging tagging{.laser_rate_hz = 4e6};  // the brightest scenes click less than once in 20 pulses
   double window_s = 3;    // of the daemon; signal and background counts are per window
   std::string radar_cfg;  // empty: the paper's 50 cm profile
   std::string radar_sdk = "3.5";

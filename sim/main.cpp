@@ -176,6 +176,8 @@ ExitCode run_lab(LabArguments& a, char** argv) {
   sim::Plan plan;
   Settings settings;
   read_plan(a, plan, settings);
+  // Two frames of a real camera are never the same.
+  if (!settings.given("depth_noise_m")) plan.conditions.depth_noise_m = 0.0005;
   a.options.conditions = plan.conditions;
   if (!plan.scenes.empty()) {
     a.options.play.list = scenes_of(plan);
@@ -207,8 +209,11 @@ void add_lab(CLI::App& app, Command& command, char** argv) {
       ->check(CLI::IsMember(
           {"person", "letter", "mixed", "two_people", "empty", "reflector", "object"}))
       ->capture_default_str();
-  sub->add_option("--hold", o.play.hold_s, "seconds that each scene stands; 0: for ever")
-      ->check(CLI::Range(0.0, 86'400.0));
+  sub->add_option(
+         "--hold", o.play.hold_s,
+         "seconds that each scene stands, from a multiple of them on the host's clock on, as "
+         "slots begin; 0: for ever")
+      ->check(CLI::Range(0.0, 0.0) | CLI::Range(0.01, 86'400.0));
   sub->add_option("--seed", a->seed, "the same seed shows the same scenes")
       ->check(CLI::NonNegativeNumber);
   sub->add_option("--window", o.window_s, "seconds of one record, to which photon numbers refer")

@@ -1,72 +1,19 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/record/h5.hpp"
 
-#include <hdf5.h>
 #include <unistd.h>
 
-#include <functional>
-#include <numeric>
-#include <type_traits>
 #include <utility>
 
+#include "acquire/record/h5_handle.hpp"
 #include "drivers/core/exit_code.hpp"
+#include "drivers/core/printable.hpp"
 
 namespace echofuse::record {
 namespace {
 
-static_assert(std::is_same_v<hid_t, std::int64_t>);
 constexpr std::size_t smallest_compressed_row =
     64;  // bytes; a filter costs more than it saves below
-
-// A handle of HDF5 and the call that gives it back.
-class Handle {
- public:
-  Handle(hid_t id, herr_t (*release)(hid_t)) : id_(id), release_(release) {}
-  ~Handle() {
-    if (id_ >= 0) release_(id_);
-  }
-  Handle(const Handle&) = delete;
-  Handle& operator=(const Handle&) = delete;
-  hid_t get() const { return id_; }
-  bool ok() const { return id_ >= 0; }
-
- private:
-  hid_t id_;
-  herr_t (*release_)(hid_t);
-};
-
-template <class T>
-hid_t native() {
-  if constexpr (std::is_same_v<T, float>)
-    return H5T_NATIVE_FLOAT;
-  else if constexpr (std::is_same_v<T, double>)
-    return H5T_NATIVE_DOUBLE;
-  else if constexpr (std::is_same_v<T, std::int8_t>)
-    return H5T_NATIVE_INT8;
-  else if constexpr (std::is_same_v<T, std::uint8_t>)
-    return H5T_NATIVE_UINT8;
-  else if constexpr (std::is_same_v<T, std::uint16_t>)
-    return H5T_NATIVE_UINT16;
-  else if constexpr (std::is_same_v<T, std::uint32_t>)
-    return H5T_NATIVE_UINT32;
-  else if constexpr (std::is_same_v<T, std::int32_t>)
-    return H5T_NATIVE_INT32;
-  else if constexpr (std::is_same_v<T, std::int64_t>)
-    return H5T_NATIVE_INT64;
-  else
-    return H5T_NATIVE_UINT64;
-}
-
-// The variable-length UTF-8 text that h5py and MATLAB read as a string.
-hid_t make_text_type() {
-  const hid_t type = H5Tcopy(H5T_C_S1);
-  H5Tset_size(type, H5T_VARIABLE);
-  H5Tset_cset(type, H5T_CSET_UTF8);
-  return type;
-}
-
-// HDF5 prints every failed call otherwise; ours are reported once, as Error.
-void quiet() { H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr); }
 
 // The innermost reason of the last failed call.
 std::string reason() {
@@ -79,10 +26,6 @@ std::string reason() {
       },
       &text);
   return text;
-}
-
-std::size_t product(const H5Shape& shape) {
-  return std::accumulate(shape.begin(), shape.end(), std::size_t{1}, std::multiplies<>());
 }
 
 herr_t release(hid_t file) {
@@ -98,12 +41,19 @@ Handle make_space(const H5Shape& shape) {
 
 }  // namespace
 
-H5File H5File::create(const std::string& path) {
+H5File H5File::create(const std::string& path) { return create_with(path, false); }
+
+H5File H5File::create_sealed(const std::string& path) { return create_with(path, true); }
+
+H5File H5File::create_with(const std::string& path, bool sealed) {
   quiet();
   if (::access(path.c_str(), F_OK) == 0)
     throw Error(ExitCode::failed, path + ": exists already; choose another name");
-  H5File made(path, H5Fcreate(path.c_str(), H5F_ACC_EXCL, H5P_DEFAULT, H5P_DEFAULT));
+  const Handle how(H5Pcreate(H5P_FILE_CREATE), H5Pclose);
+  if (sealed) H5Pset_userblock(how.get(), seal_bytes);
+  H5File made(path, H5Fcreate(path.c_str(), H5F_ACC_EXCL, how.get(), H5P_DEFAULT), sealed);
   if (made.file_ < 0) made.fail("", "cannot create", true);
+  made.sealing_ = sealed;
   return made;
 }
 
@@ -111,7 +61,7 @@ H5File H5File::open(const std::string& path) {
   quiet();
   if (::access(path.c_str(), R_OK) != 0)
     throw Error(ExitCode::failed, path + ": no such file, or not readable; expected an HDF5 file");
-  H5File opened(path, H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT));
+  H5File opened(path, H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), false);
   if (opened.file_ < 0) opened.fail("", "not a readable HDF5 file", false);
   return opened;
 }
@@ -121,7 +71,7 @@ H5File H5File::group(const std::string& name) const {
                           ? H5Gopen2(file_, name.c_str(), H5P_DEFAULT)
                           : H5Gcreate2(file_, name.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
   if (found < 0) fail(name, "no such group", false);
-  return {path_, found};
+  return {path_, found, sealed_, prefix_ + name + "/"};
 }
 
 H5File::~H5File() {
@@ -129,17 +79,37 @@ H5File::~H5File() {
 }
 
 H5File::H5File(H5File&& other) noexcept
-    : path_(std::move(other.path_)), file_(std::exchange(other.file_, -1)) {}
+    : path_(std::move(other.path_)),
+      file_(std::exchange(other.file_, -1)),
+      sealed_(other.sealed_),
+      sealing_(other.sealing_),
+      prefix_(std::move(other.prefix_)) {}
 
 void H5File::close() {
   const hid_t file = std::exchange(file_, -1);
-  if (file >= 0 && release(file) < 0) fail("", "cannot finish writing", true);
+  if (file < 0) return;
+  if (release(file) < 0) fail("", "cannot finish writing", true);
+  if (sealing_) seal(path_);
+}
+
+// In a sealed file of fixed length, else the variable-length text that h5py and MATLAB read as a
+// string.
+std::int64_t H5File::text_type(std::size_t length) const {
+  const hid_t type = H5Tcopy(H5T_C_S1);
+  H5Tset_size(type, sealed_ ? std::max<std::size_t>(length, 1) : H5T_VARIABLE);
+  if (sealed_) H5Tset_strpad(type, H5T_STR_NULLPAD);
+  H5Tset_cset(type, H5T_CSET_UTF8);
+  return type;
+}
+
+void H5File::refuse(const std::string& object, const std::string& why) const {
+  throw Error(ExitCode::failed, path_ + ": " + printable(prefix_ + object) + ": " + why);
 }
 
 void H5File::fail(const std::string& name, const char* what, bool writing) const {
-  const std::string why = reason();
+  const std::string why = printable(reason());
   throw Error(writing ? ExitCode::disk : ExitCode::failed,
-              path_ + (name.empty() ? "" : ": " + name) + ": " + what +
+              path_ + (name.empty() ? "" : ": " + prefix_ + name) + ": " + what +
                   (why.empty() ? "" : " (" + why + ")"));
 }
 
@@ -150,7 +120,7 @@ std::int64_t H5File::make_dataset(const std::string& name, std::int64_t type,
   H5Pset_create_intermediate_group(links.get(), 1);
   const Handle layout(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
   const std::size_t values = product(shape);
-  if (shape.size() >= 2 && values > 0 &&
+  if (!sealed_ && shape.size() >= 2 && values > 0 &&
       values / shape[0] * H5Tget_size(type) >= smallest_compressed_row) {
     std::vector<hsize_t> chunk(shape.begin(), shape.end());
     chunk[0] = 1;
@@ -167,6 +137,7 @@ std::int64_t H5File::make_dataset(const std::string& name, std::int64_t type,
 template <class T>
 void H5File::write(const std::string& name, std::span<const T> values, const H5Shape& shape) {
   if (values.size() != product(shape)) fail(name, "shape and number of values differ", false);
+  if (sealed_) require_usable(name, values);
   const Handle set(make_dataset(name, native<T>(), shape), H5Dclose);
   if (H5Dwrite(set.get(), native<T>(), H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0)
     fail(name, "cannot write", true);
@@ -198,20 +169,28 @@ void H5File::write_rows(const std::string& name, std::size_t first, std::span<co
 }
 
 void H5File::write_text(const std::string& name, const std::string& text) {
-  const Handle type(make_text_type(), H5Tclose);
-  const Handle set(make_dataset(name, type.get(), {}), H5Dclose);
-  const char* raw = text.c_str();
-  if (H5Dwrite(set.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, &raw) < 0)
-    fail(name, "cannot write", true);
+  write_strings(name, {text}, {});
 }
 
 void H5File::write_texts(const std::string& name, const std::vector<std::string>& texts) {
-  const Handle type(make_text_type(), H5Tclose);
-  const Handle set(make_dataset(name, type.get(), {texts.size()}), H5Dclose);
-  std::vector<const char*> raw;
-  for (const auto& t : texts) raw.push_back(t.c_str());
-  if (!raw.empty() &&
-      H5Dwrite(set.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, raw.data()) < 0)
+  write_strings(name, texts, {texts.size()});
+}
+
+void H5File::write_strings(const std::string& name, const std::vector<std::string>& texts,
+                           const H5Shape& shape) {
+  std::size_t length = 1;
+  for (const auto& t : texts) length = std::max(length, t.size());
+  const Handle type(text_type(length), H5Tclose);
+  const Handle set(make_dataset(name, type.get(), shape), H5Dclose);
+  if (texts.empty()) return;
+  std::vector<const char*> pointers;
+  std::string fixed;
+  for (const auto& t : texts) {
+    pointers.push_back(t.c_str());
+    fixed += t + std::string(length - t.size(), '\0');
+  }
+  const void* raw = sealed_ ? static_cast<const void*>(fixed.data()) : pointers.data();
+  if (H5Dwrite(set.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, raw) < 0)
     fail(name, "cannot write", true);
 }
 
@@ -224,115 +203,30 @@ void H5File::make_group(const std::string& name) {
 }
 
 void H5File::set(const std::string& object, const std::string& attribute, const H5Value& value) {
-  const Handle text_type(make_text_type(), H5Tclose);
-  hid_t type = text_type.get();
-  const char* text = nullptr;
-  const void* raw = &text;
-  if (const auto* s = std::get_if<std::string>(&value)) {
-    text = s->c_str();
-  } else if (const auto* d = std::get_if<double>(&value)) {
-    type = H5T_NATIVE_DOUBLE;
-    raw = d;
-  } else {
-    type = H5T_NATIVE_INT64;
-    raw = &std::get<std::int64_t>(value);
-  }
+  const auto* text = std::get_if<std::string>(&value);
+  const char* characters = text ? text->c_str() : "";
+  const Handle type(text                                    ? text_type(text->size())
+                    : std::holds_alternative<double>(value) ? H5Tcopy(H5T_NATIVE_DOUBLE)
+                                                            : H5Tcopy(H5T_NATIVE_INT64),
+                    H5Tclose);
+  const void* raw = &characters;
+  if (text && sealed_) raw = characters;
+  if (const auto* number = std::get_if<double>(&value)) raw = number;
+  if (const auto* number = std::get_if<std::int64_t>(&value)) raw = number;
+  if (const auto* number = std::get_if<double>(&value); number && sealed_)
+    require_usable<double>(object + "@" + attribute, {number, 1});
   const Handle space = make_space({});
-  const Handle made(H5Acreate_by_name(file_, object.c_str(), attribute.c_str(), type, space.get(),
-                                      H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
+  const Handle made(H5Acreate_by_name(file_, object.c_str(), attribute.c_str(), type.get(),
+                                      space.get(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
                     H5Aclose);
-  if (!made.ok() || H5Awrite(made.get(), type, raw) < 0)
+  if (!made.ok() || H5Awrite(made.get(), type.get(), raw) < 0)
     fail(object + "@" + attribute, "cannot write the attribute", true);
 }
 
-bool H5File::has(const std::string& name) const {
-  // HDF5 wants each group on the way asked for first.
-  for (std::size_t slash = name.find('/', 1); slash != std::string::npos;
-       slash = name.find('/', slash + 1))
-    if (H5Lexists(file_, name.substr(0, slash).c_str(), H5P_DEFAULT) <= 0) return false;
-  return H5Lexists(file_, name.c_str(), H5P_DEFAULT) > 0;
-}
-
-std::int64_t H5File::dataset(const std::string& name) const {
-  const hid_t opened = H5Dopen2(file_, name.c_str(), H5P_DEFAULT);
-  if (opened < 0) fail(name, "no such dataset", false);
-  return opened;
-}
-
-H5Shape H5File::shape(const std::string& name) const {
-  const Handle set(dataset(name), H5Dclose);
-  const Handle space(H5Dget_space(set.get()), H5Sclose);
-  const int rank = H5Sget_simple_extent_ndims(space.get());
-  std::vector<hsize_t> sizes(rank > 0 ? static_cast<std::size_t>(rank) : 0);
-  if (rank > 0) H5Sget_simple_extent_dims(space.get(), sizes.data(), nullptr);
-  return {sizes.begin(), sizes.end()};
-}
-
-template <class T>
-std::vector<T> H5File::read(const std::string& name) const {
-  std::vector<T> values(product(shape(name)));
-  const Handle set(dataset(name), H5Dclose);
-  if (H5Dread(set.get(), native<T>(), H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0)
-    fail(name, "cannot read as numbers", false);
-  return values;
-}
-
-std::vector<std::string> H5File::read_texts(const std::string& name) const {
-  std::vector<char*> raw(product(shape(name)), nullptr);
-  const Handle set(dataset(name), H5Dclose);
-  const Handle type(make_text_type(), H5Tclose);
-  if (!raw.empty() && H5Dread(set.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, raw.data()) < 0)
-    fail(name, "cannot read as texts", false);
-  std::vector<std::string> texts;
-  for (char* t : raw) {
-    texts.emplace_back(t ? t : "");
-    H5free_memory(t);
-  }
-  return texts;
-}
-
-std::string H5File::read_text(const std::string& name) const {
-  const auto texts = read_texts(name);
-  if (texts.size() != 1) fail(name, "expected one text", false);
-  return texts[0];
-}
-
-bool H5File::has_attribute(const std::string& object, const std::string& attribute) const {
-  return (object == "." || object == "/" || has(object)) &&
-         H5Aexists_by_name(file_, object.c_str(), attribute.c_str(), H5P_DEFAULT) > 0;
-}
-
-template <class T>
-T H5File::get(const std::string& object, const std::string& attribute) const {
-  const Handle found(
-      H5Aopen_by_name(file_, object.c_str(), attribute.c_str(), H5P_DEFAULT, H5P_DEFAULT),
-      H5Aclose);
-  const std::string place = object + "@" + attribute;
-  if (!found.ok()) fail(place, "no such attribute", false);
-  if constexpr (std::is_same_v<T, std::string>) {
-    const Handle type(make_text_type(), H5Tclose);
-    char* raw = nullptr;
-    if (H5Aread(found.get(), type.get(), &raw) < 0) fail(place, "cannot read as a text", false);
-    std::string text = raw ? raw : "";
-    H5free_memory(raw);
-    return text;
-  } else {
-    T value{};
-    if (H5Aread(found.get(), native<T>(), &value) < 0)
-      fail(place, "cannot read as a number", false);
-    return value;
-  }
-}
-
-template std::string H5File::get(const std::string&, const std::string&) const;
-template double H5File::get(const std::string&, const std::string&) const;
-template std::int64_t H5File::get(const std::string&, const std::string&) const;
-
-#define ECHOFUSE_H5_TYPE(T)                                                                 \
-  template void H5File::write<T>(const std::string&, std::span<const T>, const H5Shape&);   \
-  template void H5File::allocate<T>(const std::string&, const H5Shape&);                    \
-  template void H5File::write_rows<T>(const std::string&, std::size_t, std::span<const T>); \
-  template std::vector<T> H5File::read<T>(const std::string&) const;
+#define ECHOFUSE_H5_TYPE(T)                                                               \
+  template void H5File::write<T>(const std::string&, std::span<const T>, const H5Shape&); \
+  template void H5File::allocate<T>(const std::string&, const H5Shape&);                  \
+  template void H5File::write_rows<T>(const std::string&, std::size_t, std::span<const T>);
 ECHOFUSE_H5_TYPE(float)
 ECHOFUSE_H5_TYPE(double)
 ECHOFUSE_H5_TYPE(std::int8_t)

@@ -50,6 +50,19 @@ struct SpdCounts {
   std::uint64_t removed = 0;    // by tdc.dead_time_ps; in `other`
 };
 
+// How strong each sensor's signal was (table signal); none where that is not known. Ranges are raw.
+struct Signal {
+  std::optional<double> clicks_a_pulse;  // of the laser, also if only some of its starts arrive
+  // Written for SQL; RunReader leaves them empty.
+  std::optional<double> spd_clicks, spd_peak_m;      // clicks above the background; highest bin
+  std::optional<double> radar_snr_db, radar_peak_m;  // highest bin over the median bin; where
+  std::optional<double> depth_share;                 // of the pixels, those with a return
+
+  bool operator==(const Signal&) const = default;
+};
+// With more clicks a pulse the first photon hides later ones.
+inline constexpr double most_clicks_a_pulse = 0.05;
+
 // What the table slot keeps of every record, for audits.
 struct SlotBooks {
   std::uint64_t radar_frames = 0, depth_frames = 0;     // all that arrived in it
@@ -68,6 +81,7 @@ struct FusedRecord {
   std::vector<std::uint16_t> depth_mm;  // z, row-major on the run's depth axes, 0 = no return
   SpdCounts spd_counts;
   std::array<SensorSync, sensor_count> sync;
+  Signal signal;
   // Written into the tables incomplete and clock_fit, for SQL; RunReader leaves them empty.
   std::uint32_t missing =
       0;  // sensors that the run requires and this record has not; bits of valid

@@ -66,6 +66,7 @@ void RecordRows::insert(const FusedRecord& r, const std::vector<Axis>& axes) {
   insert_spd_status(r);
   insert_clocks(r);
   insert_slot(r);
+  insert_signal(r);
 }
 
 void RecordRows::insert_clocks(const FusedRecord& r) {
@@ -100,6 +101,17 @@ void RecordRows::insert_slot(const FusedRecord& r) {
   put(b.radar_frames, b.radar_last);
   put(b.depth_frames, b.depth_last);
   s.bind(b.closed_late_s).run();
+}
+
+void RecordRows::insert_signal(const FusedRecord& r) {
+  const Signal& n = r.signal;
+  if (n == Signal{}) return;
+  Statement s(db_, path_, "INSERT INTO signal VALUES (?,?,?,?,?,?,?)");
+  s.bind(r.index);
+  for (const auto& v : {n.clicks_a_pulse, n.spd_clicks, n.spd_peak_m, n.radar_snr_db,
+                        n.radar_peak_m, n.depth_share})
+    v ? s.bind(*v) : s.bind(ByteView{});
+  s.run();
 }
 
 void RecordRows::insert_spd_status(const FusedRecord& r) {

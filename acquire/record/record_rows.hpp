@@ -23,6 +23,7 @@ class RecordRows {
   void insert_radar_status(const FusedRecord& r);
   void insert_clocks(const FusedRecord& r);
   void insert_slot(const FusedRecord& r);
+  void insert_signal(const FusedRecord& r);
 
   sqlite3* db_;
   const std::string& path_;

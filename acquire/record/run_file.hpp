@@ -77,6 +77,7 @@ class RunWriter {
   // recover() or a writer folds them back.
   bool close(const std::string& status);
   bool lost() const { return !harm_.empty(); }  // as append() or close() found
+  const std::string& path() const { return path_; }
   std::int64_t records() const { return records_; }
   std::int64_t next_index() const { return next_index_; }  // at opening: 0, or after the last
 
@@ -126,6 +127,8 @@ struct RunSummary {
   UtcTime first_utc{}, last_utc{};                     // start of the first slot, end of the last
   std::map<std::string, std::int64_t> labels, events;  // records by label, events by level
   std::map<std::string, std::string> policies;         // by sensor
+  // By sensor, records by verdict, without the figures behind a verdict's colon.
+  std::array<std::map<std::string, std::int64_t>, sensor_count> verdicts;
   std::array<std::optional<ClockState>, sensor_count> clocks;  // of the last record that has them
 };
 
@@ -163,6 +166,7 @@ class RunReader {
   std::string check() const;
 
  private:
+  bool has_table(const char* name) const;
   void open();
   void check_identity() const;
   void summarise_sync(RunSummary& sum) const;

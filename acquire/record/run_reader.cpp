@@ -50,9 +50,11 @@ constexpr const char* record_columns =
     "SELECT idx, slot_start_ns, slot_end_ns, slot_utc_ns, valid, label, spd, radar, depth, tags, "
     "starts, in_range, out_of_range, without_start, other, tags_lost, spd_offset_s, spd_span_s, "
     "spd_used, spd_lost, spd_verdict, radar_offset_s, radar_span_s, radar_used, radar_lost, "
-    "radar_verdict, depth_offset_s, depth_span_s, depth_used, depth_lost, depth_verdict FROM "
-    "record "
-    "WHERE idx >= ? ORDER BY idx";
+    "radar_verdict, depth_offset_s, depth_span_s, depth_used, depth_lost, depth_verdict, ";
+constexpr const char* record_rows = " FROM record WHERE idx >= ? ORDER BY idx";
+// Older files are without the table; an unknown share of the laser's pulses is -1 here.
+constexpr const char* signal_column =
+    "ifnull((SELECT clicks_a_pulse FROM signal WHERE signal.idx = record.idx), -1)";
 
 // Fills `r` from the row; returns what is wrong with it, or nothing.
 std::string decode(Statement& row, const Shapes& shapes, FusedRecord& r) {
@@ -74,6 +76,7 @@ std::string decode(Statement& row, const Shapes& shapes, FusedRecord& r) {
     y.lost = static_cast<std::uint64_t>(row.integer());
     y.verdict = row.text();
   }
+  if (const double clicks = row.real(); clicks >= 0) r.signal.clicks_a_pulse = clicks;
   const auto sizes = [](const char* what, std::size_t got, std::size_t wanted) {
     return std::string(what) + " has " + std::to_string(got) + " bytes, its axis asks for " +
            std::to_string(wanted);
@@ -191,7 +194,7 @@ RunInfo RunReader::info() const {
                             &info.version, &info.host, &info.operator_name, &info.notes})
     *text = s.text();
   info.window_s = s.real();
-  if (ask("SELECT 1 FROM sqlite_schema WHERE name = 'meta'").step()) {
+  if (has_table("meta")) {
     Statement rows = ask("SELECT key, value FROM meta");
     while (rows.step()) {
       const std::string key = rows.text();
@@ -323,7 +326,9 @@ std::int64_t RunReader::count() const {
 void RunReader::for_each(
     const std::function<bool(const FusedRecord&)>& visit, std::int64_t first,
     const std::function<void(std::int64_t, const std::string&)>& on_bad) const {
-  Statement row = ask(record_columns);
+  const std::string sql =
+      record_columns + std::string(has_table("signal") ? signal_column : "-1") + record_rows;
+  Statement row = ask(sql.c_str());
   row.bind(first);
   std::optional<Shapes> known;
   std::optional<std::int64_t> before;

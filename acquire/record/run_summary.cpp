@@ -3,14 +3,11 @@
 #include "acquire/record/sqlite.hpp"
 
 namespace echofuse::record {
-namespace {
 
-bool has_table(sqlite3* db, const std::string& path, const char* name) {
-  Statement s(db, path, "SELECT 1 FROM sqlite_schema WHERE name = ?");
+bool RunReader::has_table(const char* name) const {
+  Statement s = ask("SELECT 1 FROM sqlite_schema WHERE name = ?");
   return s.bind(name).step();
 }
-
-}  // namespace
 
 RunSummary RunReader::summary() const {
   RunSummary sum;
@@ -37,7 +34,14 @@ RunSummary RunReader::summary() const {
   };
   count_by("SELECT label FROM record", sum.labels);
   count_by("SELECT level FROM event", sum.events);
-  if (has_table(db_, path_, "clock_fit")) summarise_sync(sum);
+  for (std::size_t i = 0; i < sensor_count; ++i) {
+    const std::string verdict = name_of(static_cast<Sensor>(i)) + std::string("_verdict");
+    count_by(
+        ("SELECT substr(" + verdict + ", 1, instr(" + verdict + " || ':', ':') - 1) FROM record")
+            .c_str(),
+        sum.verdicts[i]);
+  }
+  if (has_table("clock_fit")) summarise_sync(sum);
   return sum;
 }
 

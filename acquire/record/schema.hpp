@@ -5,7 +5,8 @@
 // records that lack a required sensor), clock_fit (NULL where a sensor's samples were placed by
 // their receipt), slot (all frames that arrived in a record's slot, the number of the last one, how
 // late the slot was closed), late (of records whose slot samples came for after it was closed: tags
-// and frames, in no record), counter (at each part's end: what the drivers counted, and samples
+// and frames, in no record), signal (how strong each sensor's signal was, NULL where that is not
+// known), counter (at each part's end: what the drivers counted, and samples
 // that are in no record; its column part came later still), part (0 is the run as it was begun,
 // then one a resume, from its first record on) and meta came later: older files of version 1 are
 // without them until they are resumed. Times: *_ns are host monotonic nanoseconds, utc is ISO 8601.
@@ -42,6 +43,8 @@ CREATE TABLE IF NOT EXISTS clock_fit (idx INTEGER PRIMARY KEY,
   depth_offset_s REAL, depth_drift_ppm REAL, depth_residual_s REAL, depth_samples INTEGER);
 CREATE TABLE IF NOT EXISTS slot (idx INTEGER PRIMARY KEY, radar_frames INTEGER, radar_last INTEGER,
   depth_frames INTEGER, depth_last INTEGER, closed_late_s REAL);
+CREATE TABLE IF NOT EXISTS signal (idx INTEGER PRIMARY KEY, clicks_a_pulse REAL, spd_clicks REAL,
+  spd_peak_m REAL, radar_snr_db REAL, radar_peak_m REAL, depth_share REAL);
 CREATE TABLE IF NOT EXISTS late (idx INTEGER PRIMARY KEY, spd INTEGER, radar INTEGER, depth INTEGER);
 CREATE TABLE IF NOT EXISTS counter (source TEXT, name TEXT, value INTEGER, part INTEGER DEFAULT 0);
 CREATE TABLE IF NOT EXISTS part (part INTEGER PRIMARY KEY, first_idx INTEGER, started_utc TEXT);

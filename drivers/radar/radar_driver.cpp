@@ -147,9 +147,12 @@ void RadarDriver::on_data(ByteView bytes) {
 
 void RadarDriver::on_frame(RadarFrame frame) {
   const bool configured = dialogue_ && dialogue_->state() == CommandDialogue::State::done;
-  if (!running_ || !data_) return;
-  if (!configured) return discard(frame);
-  if (board_was_reset()) return fail("the board was reset: its frame numbers began again");
+  if (!running_) return;
+  if (!configured || !data_) return discard(frame);
+  if (board_was_reset()) {
+    discard(frame);
+    return fail("the board was reset: its frame numbers began again");
+  }
   alive_ = clock_.now();
   backoff_.alive(alive_);
   if (!std::exchange(streaming_, true)) {
@@ -162,8 +165,9 @@ void RadarDriver::on_frame(RadarFrame frame) {
   sink_->on_radar(std::move(frame));
 }
 
-// Of an earlier connection, or before the cfg was through: in sync, but maybe of another cfg. Those
-// before the first connection are not ours, the others are a loss.
+// Of an earlier connection, before the cfg was through, or behind what ended the connection: in
+// sync, but maybe of another cfg. Those before the first connection are not ours, the others are a
+// loss.
 void RadarDriver::discard(const RadarFrame& frame) {
   ++early_frames_;
   if (configured_ > 0) discarded_ += 1 + frame.lost_before;

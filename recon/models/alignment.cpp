@@ -37,17 +37,21 @@ std::vector<float> background_of(std::span<const float> low, std::span<const flo
 Alignment::Alignment(const Layout& layout, const Matrix& readings, const Rows& rows) {
   if (layout.spd.count == 0)
     throw Error(ExitCode::usage, "aligning records needs the detector's histogram");
-  spd_first_m_ = layout.spd.at(0.5) / ps_per_m;
-  spd_step_m_ = layout.spd.step / ps_per_m;
-  if (layout.radar.count > 0)
-    radar_first_m_ = layout.radar.start, radar_step_m_ = layout.radar.step;
-  profile_step_m_ = std::max(radar_step_m_ / 2, least_profile_step_m);
+  set_axes(layout);
   const auto lows = column_quantile(readings, rows, background_quantile);
   const auto medians = column_quantile(readings, rows, 0.5);
   const std::span low(lows), median(medians);
   const std::size_t clicks = layout.spd.count, powers = layout.radar.count;
   spd_background_ = background_of(low.first(clicks), median.first(clicks), true);
   radar_background_ = background_of(low.last(powers), median.last(powers), false);
+}
+
+void Alignment::set_axes(const Layout& layout) {
+  spd_first_m_ = layout.spd.at(0.5) / ps_per_m;
+  spd_step_m_ = layout.spd.step / ps_per_m;
+  if (layout.radar.count > 0)
+    radar_first_m_ = layout.radar.start, radar_step_m_ = layout.radar.step;
+  profile_step_m_ = std::max(radar_step_m_ / 2, least_profile_step_m);
 }
 
 std::size_t Alignment::histogram_bins() const {
@@ -174,26 +178,12 @@ double Alignment::radar_background_share(const Matrix& readings) const {
 void Alignment::save(record::H5File& file, const std::string& group) const {
   file.write(group + "/spd_background", spd_background_, {spd_background_.size()});
   file.write(group + "/radar_background", radar_background_, {radar_background_.size()});
-  file.set(group + "/spd_background", "first_m", spd_first_m_);
-  file.set(group + "/spd_background", "step_m", spd_step_m_);
-  file.set(group + "/radar_background", "first_m", radar_first_m_);
-  file.set(group + "/radar_background", "step_m", radar_step_m_);
-  file.set(group + "/radar_background", "profile_step_m", profile_step_m_);
 }
 
-std::size_t Alignment::inputs() const { return spd_background_.size() + radar_background_.size(); }
-
-void Alignment::load(const record::H5File& file, const std::string& group) {
-  spd_background_ = file.read<float>(group + "/spd_background");
-  radar_background_ = file.read<float>(group + "/radar_background");
-  spd_first_m_ = file.get<double>(group + "/spd_background", "first_m");
-  spd_step_m_ = file.get<double>(group + "/spd_background", "step_m");
-  radar_first_m_ = file.get<double>(group + "/radar_background", "first_m");
-  radar_step_m_ = file.get<double>(group + "/radar_background", "step_m");
-  profile_step_m_ = file.get<double>(group + "/radar_background", "profile_step_m");
-  require_sound(spd_step_m_ > 0 && radar_step_m_ > 0 && profile_step_m_ >= least_profile_step_m,
-                "steps of its axes");
-  require_sound(!spd_background_.empty(), "backgrounds");
+void Alignment::load(const record::H5File& file, const Layout& layout, const std::string& group) {
+  set_axes(layout);
+  spd_background_ = file.read<float>(group + "/spd_background", {layout.spd.count});
+  radar_background_ = file.read<float>(group + "/radar_background", {layout.radar.count});
 }
 
 }  // namespace echofuse::recon

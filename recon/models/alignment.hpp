@@ -32,7 +32,6 @@ class Alignment {
   std::size_t histogram_bins() const;
   std::size_t profile_points() const;  // 0 without a radar
   std::size_t size() const { return histogram_bins() + profile_points() + 1; }
-  std::size_t inputs() const;  // readings of one record
   // Fills size() features: histogram (shares of the clicks), profile (shares of the power), range.
   // All zero if there is no body.
   Body operator()(std::span<const float> readings, std::span<float> features) const;
@@ -43,9 +42,10 @@ class Alignment {
   double radar_background_share(const Matrix& readings) const;
 
   void save(record::H5File& file, const std::string& group = "model") const;
-  void load(const record::H5File& file, const std::string& group = "model");
+  void load(const record::H5File& file, const Layout& layout, const std::string& group = "model");
 
  private:
+  void set_axes(const Layout& layout);
   Body find_body(std::span<const float> clicks, std::span<const float> counts) const;
   void align_histogram(std::span<const float> clicks, float range_m, std::span<float> out) const;
   void align_profile(std::span<const float> power, float range_m, std::span<float> out) const;

@@ -22,7 +22,9 @@ struct Between {
   float part = 0;
 };
 
+// What is no number, or too far to count, is outside.
 Between between(double at) {
+  if (!(std::abs(at) < 1e9)) return {-2, 0};
   const double low = std::floor(at);
   return {static_cast<std::ptrdiff_t>(low), static_cast<float>(at - low)};
 }
@@ -165,14 +167,17 @@ void BodyFrame::save(record::H5File& file) const {
 }
 
 void BodyFrame::load(const record::H5File& file) {
-  columns_ = static_cast<std::size_t>(file.get<std::int64_t>("model/frame", "columns"));
-  rows_ = static_cast<std::size_t>(file.get<std::int64_t>("model/frame", "rows"));
+  const auto cells = [&](const char* attribute) {
+    const auto count = file.get<std::int64_t>("model/frame", attribute);
+    require_sound(file, count >= 2 && count <= std::int64_t{most_cells},
+                  std::string("model/frame@") + attribute, "2 to " + std::to_string(most_cells));
+    return static_cast<std::size_t>(count);
+  };
+  columns_ = cells("columns"), rows_ = cells("rows");
   left_m_ = file.get<double>("model/frame", "left_m");
   top_m_ = file.get<double>("model/frame", "top_m");
   pitch_m_ = file.get<double>("model/frame", "pitch_m");
-  require_sound(
-      columns_ >= 2 && columns_ <= most_cells && rows_ >= 2 && rows_ <= most_cells && pitch_m_ > 0,
-      "cells of model/frame");
+  require_sound(file, pitch_m_ > 0, "model/frame@pitch_m", "more than 0");
 }
 
 }  // namespace echofuse::recon

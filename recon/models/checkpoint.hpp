@@ -28,8 +28,12 @@ struct TrainingState {
   double squares = 0;              // sum of squared errors of those records
 };
 
-// Writes a new HDF5 file beside and renames it: what fails leaves the old one. Throws Error(disk).
-void write_whole(const std::string& path, const std::function<void(record::H5File&)>& fill);
+// Writes a new sealed file beside and renames it: what fails leaves the old one. Throws
+// Error(disk), and Error(failed) if there is one that is not to be replaced: then the new one is
+// kept as PATH.part.
+enum class Existing : bool { keep, replace };
+void write_whole(const std::string& path, Existing existing,
+                 const std::function<void(record::H5File&)>& fill);
 
 // Nothing happens without a path.
 class Checkpoints {

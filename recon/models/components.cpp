@@ -59,6 +59,7 @@ Components principal_components(Matrix table, std::size_t count, std::uint64_t s
   Rng rng = make_rng(seed, 0);
   std::normal_distribution<float> normal;
   for (float& v : q.values) v = normal(rng);
+  out.basis = Matrix(0, table.cols);
   if (count == 0) return out;
   orthonormalise(q);
   for (int i = 0; i < iterations; ++i) {
@@ -102,15 +103,15 @@ void save_components(record::H5File& file, const std::string& group, const Compo
   file.write(group + "/basis", c.basis.values, {c.basis.rows, c.basis.cols});
 }
 
-Components load_components(const record::H5File& file, const std::string& group) {
+Components load_components(const record::H5File& file, const std::string& group,
+                           std::size_t columns) {
   Components c;
-  c.mean = file.read<float>(group + "/mean");
-  c.deviation = file.read<float>(group + "/deviation");
-  c.basis = read_matrix(file, group + "/basis");
-  require_sound((c.basis.rows == 0 || c.basis.cols == c.mean.size()) &&
-                    c.deviation.size() == c.basis.rows &&
-                    c.basis.values.size() == c.basis.rows * c.basis.cols,
-                group);
+  c.mean = file.read<float>(group + "/mean", {columns});
+  c.basis = read_matrix(file, group + "/basis", record::H5File::any, columns);
+  c.deviation = file.read<float>(group + "/deviation", {c.basis.rows});
+  require_sound(file,
+                std::all_of(c.deviation.begin(), c.deviation.end(), [](float d) { return d >= 0; }),
+                group + "/deviation", "none below 0");
   return c;
 }
 

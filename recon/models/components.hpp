@@ -25,6 +25,8 @@ Matrix coordinates(const Components& components, const Matrix& table);
 Matrix from_coordinates(const Components& components, const Matrix& amounts);
 
 void save_components(record::H5File& file, const std::string& group, const Components& components);
-Components load_components(const record::H5File& file, const std::string& group);
+// Of a table with so many columns.
+Components load_components(const record::H5File& file, const std::string& group,
+                           std::size_t columns);
 
 }  // namespace echofuse::recon

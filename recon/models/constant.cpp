@@ -25,7 +25,9 @@ class Constant final : public Model {
   }
   Cost cost() const override { return {0, map_.size()}; }
   void save(record::H5File& file) const override { file.write("model/map_m", map_, {map_.size()}); }
-  void load(const record::H5File& file) override { map_ = file.read<float>("model/map_m"); }
+  void load(const record::H5File& file, const Layout&, std::size_t outputs) override {
+    map_ = file.read<float>("model/map_m", {outputs});
+  }
 
  private:
   bool mean_;

@@ -48,7 +48,7 @@ class Factorised final : public Model {
   std::optional<SoftMaps> predict_soft(const Matrix& readings) const override;
   Cost cost() const override;
   void save(record::H5File& file) const override;
-  void load(const record::H5File& file) override;
+  void load(const record::H5File& file, const Layout& layout, std::size_t outputs) override;
 
  private:
   // Records with a body in both the readings and the map.
@@ -251,7 +251,6 @@ void Factorised::choose_threshold(const Seen& seen, const Samples& samples) {
 
 // Standardised features of the records that show a body, whose rows go to `with_body`.
 Matrix Factorised::look(const Matrix& readings, Rows& with_body) const {
-  require_sound(readings.cols == alignment_.inputs(), "readings and backgrounds");
   Matrix features(0, alignment_.size());
   std::vector<float> one(alignment_.size());
   for (std::size_t i = 0; i < readings.rows; ++i) {
@@ -314,27 +313,25 @@ void Factorised::save(record::H5File& file) const {
   if (shapes_) shape_.save(file, "model/shape");
 }
 
-void Factorised::load(const record::H5File& file) {
-  alignment_.load(file);
+void Factorised::load(const record::H5File& file, const Layout& layout, std::size_t outputs) {
+  require_sound(file, layout.spd.count > 0 && layout.radar.count > 0, ".@inputs",
+                "fused: this kind of model needs both sensors");
+  alignment_.load(file, layout);
+  const std::size_t features = alignment_.size();
   frame_.load(file);
-  background_ = file.read<float>("model/background_m");
+  background_ = file.read<float>("model/background_m", {outputs});
   threshold_ = static_cast<float>(file.get<double>("model/background_m", "threshold"));
-  centre_ = file.read<float>("model/features_mean");
-  deviation_ = file.read<float>("model/features_deviation");
-  position_.load(file, "model/position");
-  masks_ = load_components(file, "model/masks");
-  reliefs_ = load_components(file, "model/reliefs");
-  if (shapes_) shape_.load(file, "model/shape");
-  require_sound(background_.size() == record::map_size * record::map_size,
-                "pixels of the background");
-  require_sound(centre_.size() == alignment_.size() && deviation_.size() == alignment_.size() &&
-                    position_.inputs() == alignment_.size() && position_.outputs() == 2,
-                "features");
-  require_sound(masks_.mean.size() == frame_.size() && reliefs_.mean.size() == frame_.size(),
-                "cells of the bodies");
-  require_sound(!shapes_ || (shape_.inputs() == alignment_.size() &&
-                             shape_.outputs() == masks_.basis.rows + reliefs_.basis.rows),
-                "shapes");
+  centre_ = file.read<float>("model/features_mean", {features});
+  deviation_ = file.read<float>("model/features_deviation", {features});
+  require_sound(file,
+                std::all_of(deviation_.begin(), deviation_.end(), [](float d) { return d > 0; }),
+                "model/features_deviation", "all above 0");
+  position_.load(file, "model/position", features, 2);
+  masks_ = load_components(file, "model/masks", frame_.size());
+  reliefs_ = load_components(file, "model/reliefs", frame_.size());
+  const std::size_t shapes = masks_.basis.rows + reliefs_.basis.rows;
+  if (shapes_) shape_.load(file, "model/shape", features, shapes);
+  require_sound(file, shapes_ == (shapes > 0), "model/masks", "shapes if the model has any");
 }
 
 }  // namespace

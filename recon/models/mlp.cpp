@@ -19,7 +19,9 @@ class Mlp final : public Model {
   Matrix predict(const Matrix& inputs) const override { return regression_.predict(inputs); }
   Cost cost() const override { return regression_.cost(); }
   void save(record::H5File& file) const override { regression_.save(file, "model"); }
-  void load(const record::H5File& file) override { regression_.load(file, "model"); }
+  void load(const record::H5File& file, const Layout& layout, std::size_t outputs) override {
+    regression_.load(file, "model", layout.inputs(), outputs);
+  }
 
  private:
   Regression regression_;

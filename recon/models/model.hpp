@@ -17,6 +17,7 @@ namespace echofuse::recon {
 // Which columns of the inputs are what: the SPD's bins, then the radar's. A count of 0: not there.
 struct Layout {
   Axis spd, radar;
+  std::size_t inputs() const { return std::size_t{spd.count} + radar.count; }
 };
 
 // Scaled inputs (features.hpp) and depth maps of the same records, and the rows of both to use.
@@ -79,7 +80,9 @@ class Model {
   virtual std::optional<SoftMaps> predict_soft(const Matrix& /*inputs*/) const { return {}; }
   virtual Cost cost() const = 0;
   virtual void save(record::H5File& file) const = 0;  // below "model/"
-  virtual void load(const record::H5File& file) = 0;
+  // Of a sealed file. Throws Error(failed) that names what does not fit to so many inputs and
+  // outputs.
+  virtual void load(const record::H5File& file, const Layout& layout, std::size_t outputs) = 0;
 };
 
 // From the cheapest to the dearest.
@@ -106,11 +109,13 @@ struct Rung {
 // With every option that the model has, `base` where it speaks. Throws Error(usage).
 Rung rung_of(const std::string& name, const FitOptions& base);
 
-// A table as save() left it.
-Matrix read_matrix(const record::H5File& file, const std::string& name);
+// A table as save() left it. Either of its sides may be H5File::any.
+Matrix read_matrix(const record::H5File& file, const std::string& name, std::size_t rows,
+                   std::size_t cols);
 
-// For load(): throws Error(failed) that says what of a model file is damaged.
-void require_sound(bool sound, const std::string& what);
+// For load(): throws Error(failed) that names the object and what would be right.
+void require_sound(const record::H5File& file, bool sound, const std::string& object,
+                   const std::string& expected);
 
 // Whether the model answers the same to every record: the empty room and the mean map.
 bool is_blind(const std::string& name);

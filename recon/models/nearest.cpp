@@ -37,15 +37,12 @@ class Nearest final : public Model {
     file.write("model/maps_m", maps_.values, {maps_.rows, maps_.cols});
     file.set("model/maps_m", "neighbours", static_cast<std::int64_t>(neighbours_));
   }
-  void load(const record::H5File& file) override {
-    inputs_ = read_matrix(file, "model/inputs");
-    maps_ = read_matrix(file, "model/maps_m");
-    const auto neighbours = file.has_attribute("model/maps_m", "neighbours")  // not in older files
-                                ? file.get<std::int64_t>("model/maps_m", "neighbours")
-                                : 1;
-    require_sound(neighbours >= 1 && neighbours <= static_cast<std::int64_t>(maps_.rows) &&
-                      inputs_.rows == maps_.rows,
-                  "neighbours");
+  void load(const record::H5File& file, const Layout& layout, std::size_t outputs) override {
+    inputs_ = read_matrix(file, "model/inputs", record::H5File::any, layout.inputs());
+    maps_ = read_matrix(file, "model/maps_m", inputs_.rows, outputs);
+    const auto neighbours = file.get<std::int64_t>("model/maps_m", "neighbours");
+    require_sound(file, neighbours >= 1 && neighbours <= static_cast<std::int64_t>(maps_.rows),
+                  "model/maps_m@neighbours", "1 to " + std::to_string(maps_.rows));
     neighbours_ = static_cast<std::size_t>(neighbours);
     measure();
   }

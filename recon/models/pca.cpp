@@ -36,9 +36,9 @@ class Pca final : public Model {
     inner_->save(file);
     save_components(file, "model/components", components_);
   }
-  void load(const record::H5File& file) override {
-    inner_->load(file);
-    components_ = load_components(file, "model/components");
+  void load(const record::H5File& file, const Layout& layout, std::size_t outputs) override {
+    components_ = load_components(file, "model/components", outputs);
+    inner_->load(file, layout, components_.basis.rows);
   }
 
  private:

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "drivers/core/console.hpp"
 #include "recon/maps/statistics.hpp"
@@ -21,8 +20,11 @@ double annealed(double rate, double progress) {
 
 double square(double v) { return v * v; }
 
-bool all_finite(const std::vector<float>& values) {
-  return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
+constexpr double most = 1e18;  // that a model file takes
+
+bool sound(const std::vector<float>& values) {
+  return std::all_of(values.begin(), values.end(),
+                     [](float v) { return std::abs(v) <= static_cast<float>(most); });
 }
 
 }  // namespace
@@ -67,7 +69,7 @@ TrainingLog Regression::fit(const Examples& train, const Examples& validation, S
                   .order = train.rows,
                   .order_rng = make_rng(training.seed, order_stream),
                   .log = {},
-                  .least = std::numeric_limits<double>::max()};
+                  .least = most};
   s.best = s.parameters;
   // What never does better than the mean of the targets is not kept.
   if (!validation.rows.empty()) s.least = rms_error(validation, s.parameters);
@@ -111,14 +113,14 @@ void Regression::train_epoch(const Examples& train, const Training& training, Tr
 void Regression::judge(const Examples& validation, TrainingState& s, const std::string& title) {
   const double values = static_cast<double>(std::max<std::size_t>(s.row, 1) * centre_.size());
   s.log.loss.push_back(std::sqrt(s.squares / values) * unit_);
-  // The last step's damage is not in the loss yet.
-  if (!std::isfinite(s.log.loss.back()) || !all_finite(s.parameters))
-    throw Error(ExitCode::failed, title + " diverged in epoch " + std::to_string(s.epoch + 1) +
-                                      ": its weights are not finite numbers; use a smaller "
-                                      "--learning-rate");
   // Without validation records the last epoch is the best.
   const bool blind = validation.rows.empty();
   const double judged = blind ? -static_cast<double>(s.epoch) : rms_error(validation, s.parameters);
+  // The last step's damage is not in the loss yet.
+  if (!(s.log.loss.back() <= most && judged <= most) || !sound(s.parameters))
+    throw Error(ExitCode::failed, title + " diverged in epoch " + std::to_string(s.epoch + 1) +
+                                      ": its weights are not finite numbers; use a smaller "
+                                      "--learning-rate");
   s.log.validation_loss.push_back(blind ? s.log.loss.back() : judged);
   ++s.epoch, s.row = 0, s.squares = 0;
   if (judged < s.least) s.least = judged, s.best = s.parameters, s.log.best_epoch = s.epoch;
@@ -187,27 +189,23 @@ void Regression::save(record::H5File& file, const std::string& group) const {
   }
 }
 
-void Regression::load(const record::H5File& file, const std::string& group) {
-  centre_ = file.read<float>(group + "/centre");
-  spread_ = file.read<float>(group + "/spread");
-  std::vector<std::size_t> widths;
+void Regression::load(const record::H5File& file, const std::string& group, std::size_t inputs,
+                      std::size_t outputs) {
+  centre_ = file.read<float>(group + "/centre", {outputs});
+  spread_ = file.read<float>(group + "/spread", {outputs});
+  const auto name = [&](std::size_t l) { return group + "/layer" + std::to_string(l); };
+  std::vector<std::size_t> widths{inputs};
   parameters_.clear();
-  for (std::size_t l = 0;; ++l) {
-    const std::string name = group + "/layer" + std::to_string(l);
-    if (!file.has(name + "/weights")) break;
-    const auto shape = file.shape(name + "/weights");
-    if (l == 0) widths.push_back(shape.at(0));
-    widths.push_back(shape.at(1));
-    for (const char* part : {"/weights", "/biases"}) {
-      const auto values = file.read<float>(name + part);
-      parameters_.insert(parameters_.end(), values.begin(), values.end());
-    }
+  for (std::size_t l = 0; l == 0 || file.has(name(l)); ++l) {
+    const std::size_t width = file.has(name(l + 1)) ? record::H5File::any : outputs;
+    const Matrix weights = read_matrix(file, name(l) + "/weights", widths.back(), width);
+    require_sound(file, weights.cols > 0, name(l) + "/weights", "one output at least");
+    const auto biases = file.read<float>(name(l) + "/biases", {weights.cols});
+    widths.push_back(weights.cols);
+    parameters_.insert(parameters_.end(), weights.values.begin(), weights.values.end());
+    parameters_.insert(parameters_.end(), biases.begin(), biases.end());
   }
-  require_sound(widths.size() > 1, group + "/layer0");
   network_ = make_network(widths);
-  require_sound(network_.parameters == parameters_.size() && centre_.size() == widths.back() &&
-                    spread_.size() == widths.back(),
-                "sizes of " + group);
 }
 
 }  // namespace echofuse::recon

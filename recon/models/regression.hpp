@@ -43,11 +43,10 @@ class Regression {
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   const Training& training, const std::string& title, const std::string& unit);
   Matrix predict(const Matrix& inputs) const;
-  std::size_t inputs() const { return network_.layers.front().inputs; }
-  std::size_t outputs() const { return network_.layers.back().outputs; }
   Cost cost() const { return {network_.weights, network_.parameters}; }
   void save(record::H5File& file, const std::string& group) const;
-  void load(const record::H5File& file, const std::string& group);
+  void load(const record::H5File& file, const std::string& group, std::size_t inputs,
+            std::size_t outputs);
 
  private:
   void standardise(const Examples& train, Spread spread);

@@ -65,7 +65,7 @@ class Ridge final : public Model {
     return {weights_.values.size(), weights_.values.size() + offset_.size()};
   }
   void save(record::H5File& file) const override;
-  void load(const record::H5File& file) override;
+  void load(const record::H5File& file, const Layout& layout, std::size_t outputs) override;
 
  private:
   Matrix weights_;             // inputs x pixels
@@ -127,9 +127,9 @@ void Ridge::save(record::H5File& file) const {
   file.set("model/weights", "penalty", penalty_);
 }
 
-void Ridge::load(const record::H5File& file) {
-  weights_ = read_matrix(file, "model/weights");
-  offset_ = file.read<float>("model/offset_m");
+void Ridge::load(const record::H5File& file, const Layout& layout, std::size_t outputs) {
+  weights_ = read_matrix(file, "model/weights", layout.inputs(), outputs);
+  offset_ = file.read<float>("model/offset_m", {outputs});
   penalty_ = file.get<double>("model/weights", "penalty");
 }
 

@@ -149,7 +149,8 @@ class DepthFeed final : public Device {
     h.time_us =
         static_cast<std::uint64_t>(std::max(0.0, 1e6 * (now_s + trouble_.clock_error_s(now_s))));
     h.truncated = trouble_.strikes(FaultKind::corrupt);
-    Frame frame{h, disturbed(picture(now_s)), h.truncated ? "corrupt" : "sent", trouble_.due()};
+    if (last_.empty() || !trouble_.active(FaultKind::freeze)) last_ = disturbed(picture(now_s));
+    Frame frame{h, last_, h.truncated ? "corrupt" : "sent", trouble_.due()};
     if (trouble_.strikes(FaultKind::garbage)) {
       for (auto& mm : frame.pixels) mm = static_cast<std::uint16_t>(trouble_.noise());
       frame.what = "garbage";
@@ -201,7 +202,7 @@ class DepthFeed final : public Device {
   boost::asio::steady_timer timer_;
   std::chrono::steady_clock::time_point next_;
   std::list<Viewer> viewers_;
-  std::vector<std::uint16_t> pixels_;
+  std::vector<std::uint16_t> pixels_, last_;  // as the scene is; as it was sent
   std::int64_t pictured_ = -1;
   bool stopping_ = false;
   std::uint32_t frame_index_ = 0;

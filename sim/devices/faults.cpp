@@ -15,15 +15,16 @@ struct Kind {
   const char* name;
   double usual, min, max;  // of the amount
 };
-constexpr std::array<Kind, 9> kinds = {{{"drop", 1, 0, 1},
-                                        {"corrupt", 1, 0, 1},
-                                        {"stall", 0, 0, 0},
-                                        {"late", 0.05, 0, 10},
-                                        {"unplug", 0, 0, 0},
-                                        {"garbage", 64, 1, 65536},
-                                        {"clock_drift", 200, -1e5, 1e5},
-                                        {"clock_offset", 0.5, -1e4, 1e4},
-                                        {"gain", 0.5, 0, 100}}};
+constexpr std::array<Kind, 10> kinds = {{{"drop", 1, 0, 1},
+                                         {"corrupt", 1, 0, 1},
+                                         {"stall", 0, 0, 0},
+                                         {"late", 0.05, 0, 10},
+                                         {"unplug", 0, 0, 0},
+                                         {"garbage", 64, 1, 65536},
+                                         {"clock_drift", 200, -1e5, 1e5},
+                                         {"clock_offset", 0.5, -1e4, 1e4},
+                                         {"gain", 0.5, 0, 100},
+                                         {"freeze", 0, 0, 0}}};
 constexpr Kind noisy_frames = {"garbage", 1, 0, 1};
 const char* const devices[] = {"tdc", "radar", "depth"};
 const char* const keys[] = {"device", "at_s", "for_s", "every_s", "kind", "amount"};
@@ -76,6 +77,8 @@ class Reader : TableReader {
       say(table, "every_s is shorter than for_s: the fault would overlap itself");
     const bool camera = fault.device == "depth";
     if (camera && fault.kind == FaultKind::gain) say(table, "a depth camera has no gain");
+    if (fault.device == "tdc" && fault.kind == FaultKind::freeze)
+      say(table, "a time tagger has no frame to stand still");
     const Kind& limits = camera && fault.kind == FaultKind::garbage
                              ? noisy_frames
                              : kinds[static_cast<std::size_t>(fault.kind)];

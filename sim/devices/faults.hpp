@@ -18,6 +18,7 @@ enum class FaultKind : std::uint8_t {
   clock_drift,
   clock_offset,
   gain,
+  freeze,
 };
 const char* name_of(FaultKind kind);
 

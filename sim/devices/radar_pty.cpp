@@ -117,9 +117,10 @@ class RadarBoard final : public Device {
     std::vector<RadarTlv> tlvs;
     const RadarOutputs& wanted = firmware_.outputs();
     if (wanted.objects) tlvs.push_back(objects_tlv());
-    if (wanted.range_profile)
-      tlvs.push_back(range_profile_tlv(
-          range_profile_codes(power, mean_peak_, chirp().antennas, stage_.conditions(), rng_)));
+    if (last_profile_.size() != power.size() || !trouble_.active(FaultKind::freeze))
+      last_profile_ =
+          range_profile_codes(power, mean_peak_, chirp().antennas, stage_.conditions(), rng_);
+    if (wanted.range_profile) tlvs.push_back(range_profile_tlv(last_profile_));
     if (wanted.stats) {
       tlvs.push_back(stats_tlv(stats()));
       tlvs.push_back(temperature_tlv(temperature()));
@@ -216,6 +217,7 @@ class RadarBoard final : public Device {
   Rng rng_;
   std::array<double, calibrated_antennas> antenna_phase_{};
   RadarAxis axis_;
+  std::vector<std::uint16_t> last_profile_;  // as it was sent
   SteadyTime next_frame_;
   double mean_peak_ = 0, seen_s_ = 0, transmit_us_ = 0;
   bool framing_ = false;

@@ -22,13 +22,17 @@ SceneSpec Stage::spec_of(const Play& play, std::int64_t index) {
   return rng() % 4 == 0 ? SceneKind::person : SceneKind::letter;
 }
 
+std::int64_t Stage::holds_until(HostTime time) const { return time / from_seconds(play_.hold_s); }
+
 std::int64_t Stage::index_at(double time_s) const {
-  return play_.hold_s > 0 ? static_cast<std::int64_t>(std::max(0.0, time_s) / play_.hold_s) : 0;
+  if (play_.hold_s <= 0) return 0;
+  return holds_until(start_ + from_seconds(std::max(0.0, time_s))) - holds_until(start_);
 }
 
 double Stage::until(double time_s) const {
   if (play_.hold_s <= 0) return std::numeric_limits<double>::infinity();
-  return static_cast<double>(index_at(time_s) + 1) * play_.hold_s;
+  const std::int64_t next = holds_until(start_) + index_at(time_s) + 1;
+  return seconds(next * from_seconds(play_.hold_s) - start_);
 }
 
 const Shown& Stage::at(double time_s) {

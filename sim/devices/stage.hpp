@@ -24,7 +24,9 @@ struct Shown {
 struct Play {
   std::string kind = "person";  // that of SceneKind, or mixed
   std::int64_t seed = 1;
-  double hold_s = 0;              // each scene stands so long; 0: the first one for ever
+  // Each scene stands so long, and goes at a multiple of that on the host's clock, as the daemon's
+  // slots do; 0: the first one for ever.
+  double hold_s = 0;
   std::vector<SceneSpec> list{};  // instead of the kind; after the last comes the first
 };
 
@@ -46,6 +48,7 @@ class Stage {
 
  private:
   std::int64_t index_at(double time_s) const;
+  std::int64_t holds_until(HostTime time) const;
 
   const Clock& clock_;
   Conditions conditions_;

@@ -116,7 +116,7 @@ TEST_CASE("a run is not closed as complete into a file that is not there") {
   CHECK_FALSE(fs::exists(path + "-wal"));
 }
 
-TEST_CASE("a damaged file ends a run; one that is only touched does not") {
+TEST_CASE("a damaged file ends a run, one that is only touched does not") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 20);
@@ -156,7 +156,7 @@ TEST_CASE("a damaged file ends a run; one that is only touched does not") {
   }
 }
 
-TEST_CASE("closing does not wait for a reader; who comes later folds the WAL back") {
+TEST_CASE("closing does not wait for a reader, who comes later folds the WAL back") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 5);
@@ -177,7 +177,7 @@ TEST_CASE("closing does not wait for a reader; who comes later folds the WAL bac
   check_whole(path, 6, "complete");
 }
 
-TEST_CASE("the lock is a file of ours, or there is no run; it stays") {
+TEST_CASE("the lock is a file of ours, or there is no run, it stays") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", lock = path + "-lock";
   SECTION("something else is there") {

@@ -96,6 +96,7 @@ void write_full_run(const std::string& path) {
     if (i == 2) r.missing = 1, r.valid = 6;
     if (i > 0) r.clocks[1] = ClockState{0.5, -3.25, 1e-6, 40};
     if (i == 1) r.books.radar_last = 77;
+    if (i == 1) r.signal = {0.01, 900, 3.5, 22.0, 3.25, 0.5};
     run.append(r);
   }
   run.close("complete");

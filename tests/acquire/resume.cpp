@@ -109,7 +109,7 @@ TEST_CASE("whether a run fits the disk") {
   CHECK(has(room_warning(1000, std::nullopt, 3, 12'000'000), "after about 10.0 hours"));
 }
 
-TEST_CASE("each part of a resumed run has its own counters; an older run is one part") {
+TEST_CASE("each part of a resumed run has its own counters, an older run is one part") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto sql = [&](const char* statement) { return query(path, statement); };

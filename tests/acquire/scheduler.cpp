@@ -38,6 +38,18 @@ using Indices = std::vector<std::int64_t>;
 
 }  // namespace
 
+TEST_CASE("slots begin at multiples of their length, and a run of long ones at once") {
+  CHECK(first_slot(100s, 3s) == 102s);
+  CHECK(first_slot(102s, 3s) == 102s);
+  CHECK(first_slot(102s + 1ns, 3s) == 105s);
+  CHECK(first_slot(101s, 10s) == 110s);
+  CHECK(first_slot(101s, 11s) == 101s);
+  // Of two runs, whenever they begin.
+  const SlotGrid one{first_slot(100'123ms, 200ms), 200ms},
+      other{first_slot(987'654ms, 200ms), 200ms};
+  CHECK((other.first - one.first) % one.length == 0ns);
+}
+
 TEST_CASE("a time belongs to the slot whose half-open interval holds it") {
   CHECK(grid.slot_of(100s) == 0);
   CHECK(grid.slot_of(100s + 200ms - 1ns) == 0);

@@ -21,6 +21,14 @@ void write(const std::string& path) {
   for (std::int64_t i = 0; i < 3; ++i) {
     FusedRecord r = small_record(i);
     if (i == 1) r.missing = 5;
+    if (i == 1)
+      r.signal = {.clicks_a_pulse = 0.02,
+                  .spd_clicks = 1234,
+                  .spd_peak_m = {},
+                  .radar_snr_db = 20.5,
+                  .radar_peak_m = 3.25,
+                  .depth_share = 0};
+    if (i == 2) r.sync[0].verdict = "weak: 98 clicks";
     if (i > 0) r.clocks[0] = ClockState{1.5, -3, 1e-4, static_cast<std::uint64_t>(100 + i)};
     if (i == 1) r.clocks[2] = ClockState{-7, 20, 2e-3, 64};
     run.append(r);
@@ -81,4 +89,26 @@ TEST_CASE("a file from before there were clock fits is read as ever") {
   CHECK(info.code == 0);
   CHECK_FALSE(has(info.text, "policy"));
   CHECK(RunReader(path).read(1).radar.size() == 4);
+}
+
+TEST_CASE("what was measured of the signals is kept, and verdicts are counted by their kind") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  write(path);
+  {
+    Database db(path);
+    CHECK(db.first("SELECT group_concat(idx) FROM signal") == "1");
+    CHECK(db.first("SELECT clicks_a_pulse || ' ' || spd_clicks || ' ' || radar_snr_db || ' ' || "
+                   "radar_peak_m || ' ' || depth_share FROM signal WHERE spd_peak_m IS NULL") ==
+          "0.02 1234.0 20.5 3.25 0.0");
+  }
+  CHECK_FALSE(RunReader(path).read(0).signal.clicks_a_pulse);
+  CHECK(RunReader(path).read(1).signal.clicks_a_pulse == 0.02);
+  const auto verdicts = RunReader(path).summary().verdicts;
+  CHECK(verdicts[0] == std::map<std::string, std::int64_t>{{"ok", 2}, {"weak", 1}});
+  CHECK(verdicts[1] == std::map<std::string, std::int64_t>{{"ok", 3}});
+  // A run of before.
+  Database db(path);
+  REQUIRE(sqlite3_exec(db.db, "DROP TABLE signal", nullptr, nullptr, nullptr) == SQLITE_OK);
+  CHECK_FALSE(RunReader(path).read(1).signal.clicks_a_pulse);
 }

@@ -3,7 +3,6 @@
 
 #include <future>
 
-#include "acquire/status.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -122,22 +121,6 @@ TEST_CASE("without finish a run looks crashed, with all that was put") {
   const record::RunReader run(folder / "a.sqlite");
   CHECK(run.count() == 1);
   CHECK(run.info().status == "crashed");
-}
-
-TEST_CASE("the status line") {
-  RunTotals before, now;
-  before.tags = 1000;
-  now = {.records = 7,
-         .written = 6,
-         .valid = 5,
-         .tags = 2'401'000,
-         .radar_frames = 40,
-         .depth_frames = 59,
-         .lost = 3};
-  CHECK(status_text(now, before, 2, 20) ==
-        "record 7/20  S-D  1.20 Mtag/s  radar 20.0 fps  depth 29.5 fps  lost 3  on disk 6");
-  CHECK(status_text(now, now, 0, std::nullopt) ==
-        "record 7  S-D  0.0 ktag/s  radar 0.0 fps  depth 0.0 fps  lost 3  on disk 6");
 }
 
 TEST_CASE("a depth image that cannot be encoded costs its sensor, not the run") {

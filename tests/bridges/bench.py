@@ -66,7 +66,8 @@ def live(offered):
         arrived = int(re.search(r"arrived: (\d+) tags", log).group(1))
         with sqlite3.connect(run) as db:
             rows = db.execute("SELECT tags, tags_lost FROM record WHERE tags > 0").fetchall()
-        lost = sum(row[1] for row in rows) - sum(row[0] for row in rows) // library.PATTERN_TAGS * library.MISSED
+            missed = db.execute("SELECT sum(missed) FROM spd_status").fetchone()[0]  # by the tagger, in its own marks
+        lost = sum(row[1] for row in rows) - missed
         full = sorted(row[0] for row in rows)[len(rows) // 2]
         strays = db.execute("SELECT sum(value) FROM counter WHERE source = 'spd' AND name IN"
                             " ('early', 'late', 'outside')").fetchone()[0]

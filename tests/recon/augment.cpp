@@ -23,7 +23,7 @@ Matrix copies(Rows rows, std::uint64_t seed = 1) {
   augment(data, rows, {"noise"}, seed);
   REQUIRE(rows.size() == 2 * before);
   REQUIRE(data.size() == plates().size() + before);
-  REQUIRE(data.clicks_per_start.size() == data.size());
+  REQUIRE(data.clicks_a_pulse.size() == data.size());
   for (std::size_t i = 0; i < before; ++i) {
     const auto a = data.depth.row(rows[i]), b = data.depth.row(rows[before + i]);
     REQUIRE(std::equal(a.begin(), a.end(), b.begin()));

@@ -66,7 +66,7 @@ TEST_CASE("a processor that OpenBLAS does not know gets the kernels that it can 
   CHECK(std::vector<float>(c, c + 4) == std::vector<float>{19, 22, 43, 50});
 }
 
-TEST_CASE("--version names the matrix kernels, the environment chooses others") {
+TEST_CASE("the version names the matrix kernels, the environment chooses others") {
   const std::string own = version_with("-u OPENBLAS_CORETYPE");
   CHECK_THAT(own, Catch::Contains("matrix kernels "));
   if (avx2()) CHECK_THAT(own, !Catch::Contains("Prescott"));

@@ -210,7 +210,7 @@ TEST_CASE("the report takes what evaluate takes, and says what it did about it")
     r.radar = recon::Shift(-0.3 / radar_axis().step).apply(r.radar);
   });
   const Outcome slipped = recon_program("report " + (dir / "out") + models + " --run " +
-                                        (dir / "slipped") + " --live " + (dir / "slipped"));
+                                        (dir / "slipped") + " --force --live " + (dir / "slipped"));
   CAPTURE(slipped.text);
   REQUIRE(slipped.code == 0);
   const std::size_t live = slipped.text.find("\nlive");
@@ -234,7 +234,7 @@ TEST_CASE("neither a model nor an export replaces what it is made of") {
   const std::string train =
       "train " + (dir / "run") + " -q --model ridge --out " + (dir / "m.onnx");
   REQUIRE(recon_program(train).code == 0);
-  CHECK(recon_program(train).code == 0);  // a model may be trained anew
+  CHECK(recon_program(train + " --force").code == 0);
   refused("export " + (dir / "m.onnx") + " --to " + (dir / "m.onnx"), "is what is to be exported");
   std::filesystem::rename(dir / "run", dir / "run.npz");
   refused(

@@ -114,7 +114,7 @@ TEST_CASE("records like the training ones are seldom flagged, others are, by the
   CHECK(share_flagged(claims_of(empty), "empty") > 0.98);
 
   Dataset bright = clean;
-  std::fill(bright.clicks_per_start.begin(), bright.clicks_per_start.end(), 0.4);
+  std::fill(bright.clicks_a_pulse.begin(), bright.clicks_a_pulse.end(), 0.4);
   CHECK(share_flagged(claims_of(bright), "saturated (0.40 clicks a laser pulse)") == 1);
 
   Dataset noise = clean;

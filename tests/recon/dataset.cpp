@@ -74,6 +74,24 @@ TEST_CASE("a calibrated run stands at its true ranges") {
     CHECK(moved.radar.row(1)[i] == Approx(raw.radar.row(1)[i - 1]).epsilon(1e-3).margin(1e-3));
 }
 
+TEST_CASE("clicks a laser pulse: as recorded, or from counts that tell") {
+  const Folder dir;
+  const auto clicks = [&](const char* name, std::uint64_t in_range, std::uint64_t starts,
+                          std::optional<double> recorded) {
+    write_run(dir / name, 1, 1, [&](record::FusedRecord& r) {
+      r.spd_counts = {.starts = starts, .in_range = in_range};
+      r.signal.clicks_a_pulse = recorded;
+    });
+    return load({dir / name}).clicks_a_pulse.at(0);
+  };
+  CHECK(clicks("a", 1020, 1000, 0.02) == 0.02);
+  // Runs of before: with as many clicks as starts the laser's rate is not known.
+  CHECK(clicks("b", 1020, 1000, std::nullopt) == 0);
+  CHECK(clicks("c", 999, 1000, std::nullopt) == 0);
+  CHECK(clicks("d", 400, 1000, std::nullopt) == 0.4);
+  CHECK(clicks("e", 1000, 0, std::nullopt) == 0);
+}
+
 TEST_CASE("runs whose axes differ are refused by name") {
   const Folder dir;
   write_run(dir / "a", 2);

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
-#include <hdf5.h>
-
 #include <Eigen/SVD>
 
+#include "crafted.hpp"
 #include "recon/evaluate.hpp"
 #include "recon/models/alignment.hpp"
 #include "recon/models/body_frame.hpp"
@@ -197,36 +196,24 @@ TEST_CASE("one record alone is reconstructed as it is among others, an empty roo
   CHECK(trained().predict(dark, {5}).values == trained().scene.background);
 }
 
-TEST_CASE("a damaged model file is refused, never read beyond its tables") {
+TEST_CASE("a body's frame that no training made is refused") {
   const Folder dir;
   const std::string path = dir / "m.h5";
-  struct Damage {
-    const char *object, *attribute;
-    double value;
-  };
-  for (const Damage& d :
-       {Damage{"model/frame", "columns", 1000}, Damage{"model/frame", "columns", 5},
-        Damage{"model/frame", "rows", -1}, Damage{"model/frame", "pitch_m", 0},
-        Damage{"model/radar_background", "profile_step_m", 0},
-        Damage{"model/spd_background", "step_m", 0}}) {
-    CAPTURE(d.object, d.attribute, d.value);
+  const auto refused = [&](const char* attribute, hid_t type, const void* value,
+                           const std::string& saying) {
     std::filesystem::remove(path);
     save_model(trained(), path);
-    const hid_t file = H5Fopen(path.c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
-    const hid_t object = H5Oopen(file, d.object, H5P_DEFAULT);
-    const hid_t attribute = H5Aopen(object, d.attribute, H5P_DEFAULT);
-    REQUIRE(attribute >= 0);
-    const hid_t type = H5Aget_type(attribute);  // native, of eight bytes: a double or an integer
-    const auto whole = static_cast<std::int64_t>(d.value);
-    REQUIRE(H5Awrite(attribute, type,
-                     H5Tget_class(type) == H5T_INTEGER ? static_cast<const void*>(&whole)
-                                                       : static_cast<const void*>(&d.value)) >= 0);
-    H5Tclose(type);
-    H5Aclose(attribute);
-    H5Oclose(object);
-    H5Fclose(file);
-    CHECK_THROWS_WITH(load_model(path), Catch::Contains("damaged model file"));
-  }
+    REQUIRE(crafted::edit(path, [&](hid_t file) {
+      crafted::replace_attribute(file, "model/frame", attribute, type, value);
+    }));
+    CHECK_THROWS_WITH(load_model(path), Catch::Contains(saying));
+  };
+  const std::int64_t many = 1000, negative = -1, others = 5;
+  const double nothing = 0;
+  refused("columns", H5T_STD_I64LE, &many, "model/frame@columns: expected 2 to 96");
+  refused("rows", H5T_STD_I64LE, &negative, "model/frame@rows: expected 2 to 96");
+  refused("columns", H5T_STD_I64LE, &others, "model/masks/mean: has the shape");
+  refused("pitch_m", H5T_IEEE_F64LE, &nothing, "model/frame@pitch_m: expected more than 0");
 }
 
 TEST_CASE("the factorised model needs both sensors, and bodies to learn from") {

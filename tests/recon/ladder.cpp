@@ -132,7 +132,8 @@ TEST_CASE("train says that a network never beat the mean map") {
   const Folder dir;
   write_run(dir / "run", 240);
   const auto train = [&](const std::string& how) {
-    return recon_program("train --model mlp-64 --out " + (dir / "m") + " " + (dir / "run") + how);
+    return recon_program("train --force --model mlp-64 --out " + (dir / "m") + " " + (dir / "run") +
+                         how);
   };
   // One step moves every weight by the rate.
   const Outcome wild = train(" --epochs 1 --batch 1024 --learning-rate 1");

@@ -61,6 +61,29 @@ TEST_CASE("what is not such an array is refused by name") {
   write_npy(dir / "nan", "{'descr': '<f4', 'fortran_order': False, 'shape': (2,), }",
             raw<float>({1, std::nanf("")}));
   refused("nan", "value 1");
+  const auto with_shape = [&](const std::string& name, const std::string& shape) {
+    write_npy(dir / name, "{'descr': '<f4', 'fortran_order': False, 'shape': " + shape + ", }",
+              raw<float>({1, 2}));
+    refused(name, "no shape that can be read");
+  };
+  with_shape("negative", "(-2,)");
+  with_shape("words", "(two,)");
+  with_shape("beyond", "(99999999999999999999999,)");
+  with_shape("dots", "(2.0,)");
+  with_shape("none", "2");
+  std::string ones = "(";
+  for (int i = 0; i < 33; ++i) ones += "1,";
+  with_shape("deep", ones + ")");
+  write_npy(dir / "order", "{'descr': '<f4', 'shape': (1,), }", raw<float>({1}));
+  refused("order", "Fortran");
+  write_npy(dir / "colour", "{'descr': '\x1b[2J', 'shape': (1,), }", raw<float>({1}));
+  CHECK_THROWS_WITH(read_npy(dir / "colour"), !Catch::Contains("\x1b"));
+  std::ofstream(dir / "long", std::ios::binary)
+      << std::string("\x93NUMPY\x02\x00\xff\xff\xff\xff", 12);
+  refused("long", "expected at most 65535");
+  std::ofstream(dir / "nine", std::ios::binary) << std::string("\x93NUMPY\x09\x00\x10\x00", 10);
+  refused("nine", "version 9");
+  CHECK_THROWS_WITH(read_npy("/dev/zero"), Catch::Contains("/dev/zero: is no file"));
   std::ofstream(dir / "cut", std::ios::binary) << std::string("\x93NUMPY\x01\x00\xff\xff", 10);
   refused("cut", "cut off");
 }

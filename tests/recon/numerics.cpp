@@ -37,7 +37,7 @@ TrainOptions options_for(const std::string& model, std::uint64_t seed, double ra
 
 // Every weight that a model file holds.
 std::vector<float> weights_of(const std::string& path) {
-  const record::H5File file = record::H5File::open(path);
+  const record::H5File file = record::H5File::open_sealed(path);
   std::vector<float> out;
   for (const std::string group : {"model", "model/position", "model/shape"})
     for (int l = 0; file.has(group + "/layer" + std::to_string(l) + "/weights"); ++l)
@@ -113,7 +113,7 @@ double farthest(const Matrix& a, const Eigen::MatrixXd& b) {
 // mean + amounts basis, both as the model file has them.
 Eigen::MatrixXd composed(const record::H5File& file, const std::string& group,
                          const Eigen::MatrixXd& amounts) {
-  const Components c = load_components(file, group);
+  const Components c = load_components(file, group, file.shape(group + "/mean")[0]);
   const Eigen::RowVectorXf mean =
       Eigen::Map<const Eigen::RowVectorXf>(c.mean.data(), static_cast<Eigen::Index>(c.mean.size()));
   return (amounts * in_double(c.basis)).rowwise() + mean.cast<double>();
@@ -188,7 +188,7 @@ TEST_CASE("single precision makes the maps of double precision, to a tenth of a 
     o.fit.hidden = {512, 256};
     const TrainedModel model = train(plates(), o);
     save_model(model, dir / name);
-    const record::H5File file = record::H5File::open(dir / name);
+    const record::H5File file = record::H5File::open_sealed(dir / name);
     const Eigen::MatrixXd direct =
         DoubleRegression(file, "model")(model.features.apply(plates(), rows));
     const Matrix maps = model.predict(plates(), rows);
@@ -207,9 +207,9 @@ TEST_CASE("single precision places and shapes a body as double precision does") 
   o.fit.basis = 16;
   const TrainedModel model = train(plates(), o);
   save_model(model, dir / "m");
-  const record::H5File file = record::H5File::open(dir / "m");
+  const record::H5File file = record::H5File::open_sealed(dir / "m");
   Alignment alignment;
-  alignment.load(file);
+  alignment.load(file, model.features.layout());
   const auto centre = file.read<float>("model/features_mean");
   const auto deviation = file.read<float>("model/features_deviation");
   const Matrix readings = model.features.apply(plates(), all_rows(plates().size()));
@@ -221,7 +221,8 @@ TEST_CASE("single precision places and shapes a body as double precision does") 
   }
   const auto off = [&](const std::string& group) {
     Regression in_float;
-    in_float.load(file, group);
+    const auto last = file.shape(group + "/centre")[0];
+    in_float.load(file, group, alignment.size(), last);
     return farthest(in_float.predict(features), DoubleRegression(file, group)(features));
   };
   std::printf("factorised float against double: place %.1e m, amounts %.1e\n",
@@ -263,11 +264,11 @@ TEST_CASE("ridge of nearly and wholly collinear inputs is the singular value sol
         const auto ridge = make_ridge();
         ridge->fit({inputs, maps, all_rows(inputs.rows)}, {inputs, maps, {}}, {});
         const Folder dir;
-        record::H5File file = record::H5File::create(dir / "ridge");
+        record::H5File file = record::H5File::create_sealed(dir / "ridge");
         ridge->save(file);
         file.close();
         const double penalty =
-            record::H5File::open(dir / "ridge").get<double>("model/weights", "penalty");
+            record::H5File::open_sealed(dir / "ridge").get<double>("model/weights", "penalty");
 
         const Eigen::RowVectorXd mean = x.cast<double>().colwise().mean();
         const Eigen::MatrixXd centred = x.cast<double>().rowwise() - mean;

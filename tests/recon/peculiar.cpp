@@ -130,8 +130,9 @@ TEST_CASE("the program with one record, with two, and with nobody in half of the
   write_run(dir / "2", 2);
   write_run(dir / "half", half.count, 1, half.change);
   const auto train_on = [&](const std::string& model, const std::string& run) {
-    return recon_program("train -q --model " + model + " --epochs 3 --ladder mean,ridge --out " +
-                         (dir / "m") + " " + (dir / run));
+    return recon_program("train -q --force --model " + model +
+                         " --epochs 3 --ladder mean,ridge --out " + (dir / "m") + " " +
+                         (dir / run));
   };
   const auto is_line = [](const std::string& text) {
     return !text.empty() && text.find('\n') == text.size() - 1;

@@ -71,6 +71,8 @@ amount = 3
   CHECK(has(complaint(good + "amount = 1.5\n"), "amount: expected a number from 0 to 1"));
   CHECK(has(complaint("[[fault]]\ndevice = \"depth\"\nkind = \"gain\"\nat_s = 1\nfor_s = 1\n"),
             "a depth camera has no gain"));
+  CHECK(has(complaint("[[fault]]\ndevice = \"tdc\"\nkind = \"freeze\"\nat_s = 1\nfor_s = 1\n"),
+            "a time tagger has no frame to stand still"));
 }
 
 TEST_CASE("faults act in their time, again and again, on their device") {

@@ -125,6 +125,12 @@ TEST_CASE("scenes follow one another, and mixed ones keep the paper's proportion
   clock.advance(std::chrono::seconds(2));
   CHECK(stage.now_s() == 2.0);
   CHECK(stage.at(stage.now_s()).index == 4);
+  clock.set(std::chrono::milliseconds(10'200));  // a laboratory opened amid a scene's time
+  sim::Stage later(clock, conditions, {"mixed", 3, 0.5});
+  CHECK(later.at(0.299).index == 0);
+  CHECK(later.until(0.1) == Approx(0.3).epsilon(1e-12));
+  CHECK(later.at(later.until(0.1)).index == 1);
+  CHECK(later.until(0.3) == Approx(0.8).epsilon(1e-12));
   int people = 0;
   constexpr int scenes = 4000;
   for (int i = 0; i < scenes; ++i)

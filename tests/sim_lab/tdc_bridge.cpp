@@ -187,7 +187,7 @@ TEST_CASE("what a slow client misses is counted in the next header") {
   // The dropped ones would have filled the gap at the rate of the others.
   const auto returns = sim::spd_returns(
       sim::make_scene(options.conditions, sim::SceneKind::person, 5, 0), options.conditions);
-  const double pulses_hz = 1e6,
+  const double pulses_hz = options.tagging.laser_rate_hz,
                window_photons = std::accumulate(returns.weight.begin(), returns.weight.end(), 0.0) *
                                 options.conditions.signal_photons;
   const double photons_hz = window_photons / options.window_s;

@@ -75,10 +75,10 @@ class Hostile:
 
 
 class HostileBridge(live.Live):
-    def suffer(self, sensor, attack, beside, pause_s=0.5, seconds=3):
+    def suffer(self, sensor, attack, beside, pause_s=0.5, seconds=3, sound=None):
         """The records beside the attack; returns the log."""
-        hostile = Hostile(tags if sensor == "tdc" else depth, attack, pause_s)
-        daemon = self.record("--set", f"{sensor}.address={hostile.address}")
+        hostile = Hostile(sound or (tags if sensor == "tdc" else depth), attack, pause_s)
+        daemon = self.record("--set", "run.connect_timeout_s=2", "--set", f"{sensor}.address={hostile.address}")
         try:
             wait_for("records", lambda: self.committed() >= 3)
             wait_for("attack", lambda: hostile.sent > 0)
@@ -109,9 +109,11 @@ class HostileBridge(live.Live):
         self.suffer("depth", lambda number: evil, beside=3)
 
     def test_frames(self):
-        """One pixel high and 8388000 wide."""
-        evil = depth(41, 8_388_000, 1)
-        self.suffer("depth", lambda number: evil, beside=3)
+        """One pixel high and two million wide, from the first one on."""
+        def evil(number):
+            return depth(number, 2_000_000, 1)
+
+        self.suffer("depth", evil, beside=3, sound=evil)
 
     def test_axes_that_change(self):
         """Thousands of frames a second, each with another axis: the log has a bound, and the disk is not blamed."""

@@ -29,6 +29,9 @@ def wait_for(what, condition, timeout_s=20):
 
 
 class Live(unittest.TestCase):
+    # A scene for two slots, and few clicks a pulse in the short ones.
+    lab_options = ("--hold", str(2 * WINDOW_S), "--laser-rate-hz", "2e7", "--set", "signal_photons=5e4")
+
     def setUp(self):
         self.folder = tempfile.TemporaryDirectory(prefix="echofuse-")
         self.dir = pathlib.Path(self.folder.name)
@@ -36,7 +39,7 @@ class Live(unittest.TestCase):
         self.processes = []
         with open(self.dir / "lab.log", "w") as log:
             self.lab = self.start([bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--scene", "mixed",
-                                   "--hold", str(2 * WINDOW_S), "--window", str(WINDOW_S)], stdout=log, stderr=log)
+                                   "--window", str(WINDOW_S), *self.lab_options], stdout=log, stderr=log)
         wait_for("lab.toml", lambda: (self.dir / "lab/lab.toml").exists() or self.lab.poll() is not None)
         self.assertIsNone(self.lab.poll(), (self.dir / "lab.log").read_text())
 
@@ -250,10 +253,8 @@ class Live(unittest.TestCase):
         self.assertEqual((self.info()["status"], self.info()["records"]), ("stopped:interrupted", 0))
 
     def test_second_interrupt(self):
-        daemon = self.record("--set", "run.window_s=3")
-        wait_for("run", self.run.exists)
-        wait_for("start", lambda: self.info()["status"] == "open")
-        time.sleep(0.2)
+        daemon = self.record("--set", "run.window_s=2")
+        wait_for("a record", lambda: self.committed() >= 1)  # 0.5 s of the next slot are over then
         daemon.send_signal(signal.SIGINT)
         time.sleep(0.2)  # two signals at once are one
         daemon.send_signal(signal.SIGINT)

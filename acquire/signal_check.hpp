@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: MIT
+// Whether what a sensor says is worth something. Pure. A valid sensor's verdict "ok" becomes
+//   stands still  the same histogram, profile or frame as in the record before
+//   saturated     SPD: more clicks a laser pulse than wanted, the first one hides others
+//                 radar: the lobe's top is cut off
+//   no peak       SPD: no 5 bins stand out of the mean; radar: no bin of the median
+//   weak          SPD: few clicks, or few beside the run's first minute; radar: little power beside
+//                 it; depth: few pixels with a return, or few beside it
+// each followed by ": " and the figures. The sensor stays valid: its data are what they are.
+#pragma once
+#include <array>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "acquire/record/record.hpp"
+
+namespace echofuse::acquire {
+
+// 0 switches a limit off.
+struct SignalLimits {
+  double weak_share = 0.1;   // of the median of the run's first minute
+  double spd_clicks = 1000;  // of a record, above the background
+  double clicks_a_pulse = record::most_clicks_a_pulse;
+  double radar_snr_db = 6;     // the highest bin over the median bin
+  double depth_share = 0.005;  // of the pixels
+};
+
+class SignalCheck {
+ public:
+  SignalCheck(const SignalLimits& limits, double window_s);
+  // Fills record.signal, but for the clicks a pulse, and judges the sensors that are valid. Records
+  // come in order; `axes` are the run's.
+  void judge(record::FusedRecord& record, std::span<const Axis> axes);
+
+ private:
+  // A sensor's signal in the first minute; none until there are five records.
+  class Reference {
+   public:
+    std::optional<double> add(double strength, std::size_t at_most);
+
+   private:
+    std::vector<double> values_;
+    std::optional<double> median_;
+  };
+  std::string judge_spd(record::FusedRecord& record, const Axis& axis);
+  std::string judge_radar(record::FusedRecord& record, const Axis& axis);
+  std::string judge_depth(record::FusedRecord& record);
+  std::string beside_reference(Sensor sensor, double strength, const char* what);
+
+  SignalLimits limits_;
+  std::size_t reference_records_;
+  std::array<Reference, sensor_count> references_;
+  std::vector<std::uint32_t> last_spd_;
+  std::vector<float> last_radar_;
+  std::vector<std::uint16_t> last_depth_;
+};
+
+// "ok", "weak", ... of a valid sensor's verdict, "missing" of any other: what a change is told by.
+std::string kind_of(const record::FusedRecord& record, Sensor sensor);
+
+}  // namespace echofuse::acquire

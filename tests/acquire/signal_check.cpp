@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/signal_check.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <numeric>
+#include <random>
+
+#include "drivers/core/random.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+using Catch::StartsWith;
+
+namespace {
+
+std::vector<Axis> axes() {
+  return {{.name = "spd",
+           .quantity = "counts",
+           .unit = "ps",
+           .count = 336,
+           .start = 13343,
+           .step = 100},
+          {.name = "radar",
+           .quantity = "log2_q8",
+           .unit = "m",
+           .count = 64,
+           .start = 0,
+           .step = 0.25,
+           .scale = 12},
+          {.name = "depth_x",
+           .quantity = "tangent",
+           .unit = "1",
+           .count = 40,
+           .start = -0.5,
+           .step = 0.025},
+          {.name = "depth_y",
+           .quantity = "tangent",
+           .unit = "1",
+           .count = 30,
+           .start = -0.4,
+           .step = 0.025}};
+}
+
+// A body at 3.5 m in front of all three, with the noise of counts, amplifiers and pixels.
+class Laboratory {
+ public:
+  double photons = 1e5, background = 0, radar_snr_db = 20, depth_share = 0.05;
+
+  record::FusedRecord record() {
+    record::FusedRecord r;
+    r.index = next_++;
+    r.valid = 7;
+    for (auto& sync : r.sync) sync.verdict = "ok", sync.used = 60;
+    for (std::size_t i = 0; i < 336; ++i) {
+      const double off = (static_cast<double>(i) - 100) / 10;
+      std::poisson_distribution<std::uint32_t> n(photons / 25.07 * std::exp(-off * off / 2) +
+                                                 background / 336 + 1e-12);
+      r.spd.push_back(n(rng_));
+    }
+    r.spd_counts.in_range = std::accumulate(r.spd.begin(), r.spd.end(), std::uint64_t{0});
+    std::normal_distribution<float> noise(0, 3);
+    for (int i = 0; i < 64; ++i) {  // 0.0401 dB a code, from -20 dB on
+      const double off = (i - 14) / 1.5;
+      const double db = 10 * std::log10(1 + std::pow(10, radar_snr_db / 10) * std::exp(-off * off));
+      r.radar.push_back(static_cast<float>(5000 + db / 0.0313597) + noise(rng_));
+    }
+    std::normal_distribution<double> depth(3500, 6);
+    for (int i = 0; i < 1200; ++i)
+      r.depth_mm.push_back(i < 1200 * depth_share ? static_cast<std::uint16_t>(depth(rng_)) : 0);
+    return r;
+  }
+
+ private:
+  std::int64_t next_ = 0;
+  Rng rng_ = make_rng(11, 0);
+};
+
+std::array<std::string, 3> verdicts(SignalCheck& check, record::FusedRecord r) {
+  check.judge(r, axes());
+  return {r.sync[0].verdict, r.sync[1].verdict, r.sync[2].verdict};
+}
+using Verdicts = std::array<std::string, 3>;
+const Verdicts all_ok{"ok", "ok", "ok"};
+
+}  // namespace
+
+TEST_CASE("a good record is ok, and what was measured stands in it") {
+  Laboratory lab;
+  SignalCheck check({}, 3);
+  for (int i = 0; i < 100; ++i) {
+    auto r = lab.record();
+    r.signal.clicks_a_pulse = 0.03;
+    check.judge(r, axes());
+    for (const auto& sync : r.sync) CHECK(sync.verdict == "ok");
+    CHECK(r.valid == 7);
+    CHECK(*r.signal.spd_clicks == Approx(1e5).epsilon(0.02));
+    CHECK(*r.signal.spd_peak_m == Approx((13343 + 100 * 100.5) / ps_per_m).margin(0.1));
+    CHECK(*r.signal.radar_snr_db == Approx(20).margin(1));
+    CHECK(*r.signal.radar_peak_m == Approx(3.5));
+    CHECK(*r.signal.depth_share == Approx(0.05));
+  }
+}
+
+TEST_CASE("a laser a thousand times weaker is weak from the first record on") {
+  Laboratory lab;
+  lab.photons = 100;
+  SignalCheck check({}, 3);
+  const auto v = verdicts(check, lab.record());
+  CHECK_THAT(v[0], StartsWith("weak: ") && Catch::Contains(" clicks above the background, 1000 "));
+  CHECK(v[1] == "ok");
+  SignalLimits off;
+  off.spd_clicks = 0;
+  SignalCheck indulgent(off, 3);
+  CHECK(verdicts(indulgent, lab.record()) == all_ok);
+}
+
+TEST_CASE("a signal that falls off is weak beside the run's first minute") {
+  Laboratory lab;
+  SignalCheck check({}, 3);
+  for (int i = 0; i < 20; ++i) CHECK(verdicts(check, lab.record()) == all_ok);
+  lab.photons = 5e3, lab.radar_snr_db = 9, lab.depth_share = 0.004;
+  for (int i = 0; i < 30; ++i) {  // it does not become the usual
+    const auto v = verdicts(check, lab.record());
+    CHECK_THAT(v[0], StartsWith("weak: the light is 0.0"));
+    CHECK_THAT(v[1], StartsWith("weak: the echo is 0.0"));
+    CHECK_THAT(v[2], StartsWith("weak: 0.42 % of the pixels"));
+  }
+  lab = {};
+  CHECK(verdicts(check, lab.record()) == all_ok);
+}
+
+TEST_CASE("background alone has no peak, noise alone no echo") {
+  Laboratory lab;
+  lab.photons = 0, lab.radar_snr_db = -40;
+  for (const double background : {1.0, 300.0, 1e4, 1e6}) {
+    lab.background = background;
+    for (int i = 0; i < 200; ++i) {
+      SignalCheck check({}, 3);
+      const auto v = verdicts(check, lab.record());
+      CHECK_THAT(v[0], StartsWith("no peak: "));
+      CHECK_THAT(v[1], StartsWith("no peak: "));
+    }
+  }
+  lab.photons = 3e4, lab.radar_snr_db = 20, lab.background = 1e6;
+  SignalCheck check({}, 3);
+  CHECK(verdicts(check, lab.record()) == all_ok);
+}
+
+TEST_CASE("more than one click in 20 pulses is saturated, and so is a lobe without a top") {
+  Laboratory lab;
+  SignalCheck check({}, 3);
+  auto r = lab.record();
+  r.signal.clicks_a_pulse = 0.06;
+  for (float& v : r.radar) v = std::min(v, 5500.F);
+  auto v = verdicts(check, r);
+  CHECK(v[0] == "saturated: 0.06 clicks a laser pulse, 0.05 wanted at most");
+  CHECK(v[1] == "saturated: the lobe at 3.25 m is cut off");
+  r.sync[1].used = 1;  // of a single frame, two bins may well have one code
+  SignalCheck fresh({}, 3);
+  CHECK(verdicts(fresh, r)[1] == "ok");
+  SignalLimits off;
+  off.clicks_a_pulse = 0;
+  SignalCheck indulgent(off, 3);
+  CHECK(verdicts(indulgent, r)[0] == "ok");
+}
+
+TEST_CASE("what repeats to the last bit stands still") {
+  Laboratory lab;
+  SignalCheck check({}, 3);
+  auto r = lab.record();
+  CHECK(verdicts(check, r) == all_ok);
+  for (float& v : r.radar) v += 0.001F;  // as averaging over another number of frames rounds
+  for (const auto& v : verdicts(check, r)) CHECK_THAT(v, StartsWith("stands still: "));
+  CHECK(verdicts(check, lab.record()) == all_ok);
+  // A sensor that is missing in between, or sees nothing, is not one that stands still.
+  auto gone = lab.record();
+  const auto kept = gone;
+  CHECK(verdicts(check, gone) == all_ok);
+  gone.valid = 0;
+  for (auto& sync : gone.sync) sync.verdict = "no frames";
+  CHECK(verdicts(check, gone) == Verdicts{"no frames", "no frames", "no frames"});
+  CHECK_THAT(verdicts(check, kept)[2], StartsWith("stands still: "));
+  lab.photons = 0, lab.depth_share = 0;
+  SignalCheck dark({}, 3);
+  for (int i = 0; i < 3; ++i) {
+    const auto v = verdicts(dark, lab.record());
+    CHECK_THAT(v[0], StartsWith("no peak"));
+    CHECK_THAT(v[2], StartsWith("weak: 0.00 % of the pixels"));
+  }
+}
+
+TEST_CASE("a change is told by the verdict's kind, not by its figures") {
+  record::FusedRecord r;
+  r.valid = 5;
+  r.sync[0].verdict = "weak: 98 clicks";
+  r.sync[1].verdict = "no frames";
+  r.sync[2].verdict = "ok";
+  CHECK(kind_of(r, Sensor::spd) == "weak");
+  CHECK(kind_of(r, Sensor::radar) == "missing");
+  CHECK(kind_of(r, Sensor::depth) == "ok");
+}

@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: MIT
+// What is there already stays, unless it is said that it may go.
+#include "recon/trained_model.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using namespace echofuse::testing;
+
+namespace {
+
+void refuses(const std::string& arguments, const std::string& saying) {
+  CAPTURE(arguments);
+  const Outcome o = recon_program(arguments);
+  CHECK(o.code == 2);
+  CHECK_THAT(o.text, Catch::Contains(saying));
+  CHECK(std::count(o.text.begin(), o.text.end(), '\n') == 1);
+}
+
+std::string trained(const Folder& dir, const std::string& model, const std::string& options = "") {
+  return "train -q --model ridge " + (dir / "run") + " --out " + (dir / model) + options;
+}
+
+}  // namespace
+
+TEST_CASE("train replaces a model only if told to, and never another file") {
+  const Folder dir;
+  write_run(dir / "run", 40);
+  REQUIRE(recon_program(trained(dir, "m")).code == 0);
+  const std::string before = contents(dir / "m");
+  refuses(trained(dir, "m", " --seed 2"), "m: is a model already; give another --out, or --force");
+  CHECK(contents(dir / "m") == before);
+  CHECK(recon_program(trained(dir, "m", " --seed 2 --force")).code == 0);
+  CHECK(contents(dir / "m") != before);
+  const std::string run = contents(dir / "run");
+  refuses(trained(dir, "run", " --force"), "run: exists and is no model file");
+  CHECK(contents(dir / "run") == run);
+}
+
+TEST_CASE("a model that came during the training stays, and the new one is kept beside it") {
+  const Folder dir;
+  write_run(dir / "run", 40);
+  REQUIRE(recon_program(trained(dir, "a")).code == 0);
+  REQUIRE(recon_program(trained(dir, "m")).code == 0);
+  const std::string before = contents(dir / "m");
+  const TrainedModel model = load_model(dir / "a");
+  CHECK_THROWS_WITH(
+      save_model(model, dir / "m", Existing::keep),
+      Catch::Contains("made by somebody else meanwhile") && Catch::Contains(dir / "m.part"));
+  CHECK(contents(dir / "m") == before);
+  CHECK(load_model(dir / "m.part").name == "ridge");
+}
+
+TEST_CASE("maps of two runs do not share a folder unless told to") {
+  const Folder dir;
+  write_run(dir / "run", 40);
+  write_run(dir / "other", 3, 2);
+  REQUIRE(recon_program(trained(dir, "m")).code == 0);
+  const auto maps = [&](const std::string& run, const std::string& options = "") {
+    return "reconstruct -q " + (dir / "m") + " " + (dir / run) + " --format mm --out " +
+           (dir / "maps") + options;
+  };
+  REQUIRE(recon_program(maps("run")).code == 0);
+  const std::string first = contents(dir / "maps/000000_mm.png");
+  CHECK_THAT(contents(dir / "maps/run.txt"), Catch::Contains(dir / "run"));
+  refuses(maps("other"), "maps: holds maps of another run, " + (dir / "run"));
+  CHECK(contents(dir / "maps/000000_mm.png") == first);
+  CHECK(recon_program(maps("run")).code == 0);  // its own
+  CHECK(recon_program(maps("other", " --force")).code == 0);
+  CHECK(contents(dir / "maps/000000_mm.png") != first);
+  std::filesystem::remove(dir / "maps/run.txt");
+  refuses(maps("run"), "maps: holds maps of another run, an unknown one");
+}
+
+TEST_CASE("a report is written over one of the same run only, unless told to") {
+  const Folder dir;
+  write_run(dir / "run", 60);
+  write_run(dir / "other", 60, 2);
+  for (const std::string inputs : {"fused", "spd", "radar"})
+    REQUIRE(recon_program(trained(dir, inputs, " --inputs " + inputs)).code == 0);
+  const auto report = [&](const std::string& run) {
+    return "report " + (dir / "out") + " --fused " + (dir / "fused") + " --spd " + (dir / "spd") +
+           " --radar " + (dir / "radar") + " --run " + (dir / run);
+  };
+  std::filesystem::create_directory(dir / "out");
+  std::ofstream(dir / "out/figure_person.png") << "mine";
+  refuses(report("run"), "pictures under its names");
+  CHECK(contents(dir / "out/figure_person.png") == "mine");
+  std::filesystem::remove(dir / "out/figure_person.png");
+  REQUIRE(recon_program(report("run")).code == 0);
+  CHECK(recon_program(report("run")).code == 0);
+  refuses(report("other"), "out: holds a report of another run");
+  CHECK(recon_program(report("other") + " --force").code == 0);
+}
+
+TEST_CASE("a study of stability leaves settings of something else alone") {
+  const Folder dir;
+  std::ofstream(dir / "settings.txt") << "mine";
+  refuses("study stability -q --quick --axes shifted-snr --records 20 --test-records 10 --out " +
+              dir.path.string(),
+          "settings.txt: is of something else");
+  CHECK(contents(dir / "settings.txt") == "mine");
+}

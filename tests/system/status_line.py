@@ -1,0 +1,143 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/system/status_line.py BIN_DIR [TEST]: the daemon at a terminal: a pty of 80 or fewer columns."""
+import fcntl
+import os
+import pathlib
+import pty
+import re
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import termios
+import threading
+import time
+import unittest
+
+import live
+from live import bin_dir, wait_for
+
+SEQUENCES = re.compile(r"\x1b\[[0-9;]*[A-Za-z]|\x07")
+
+
+class Terminal:
+    """The master's side: everything that the program wrote, as it came."""
+
+    def __init__(self, columns):
+        self.master, self.slave = pty.openpty()
+        self.resize(columns)
+        self.text = ""
+        self.reader = threading.Thread(target=self.read, daemon=True)
+        self.reader.start()
+
+    def resize(self, columns):
+        fcntl.ioctl(self.slave, termios.TIOCSWINSZ, struct.pack("HHHH", 25, columns, 0, 0))
+
+    def read(self):
+        while True:
+            try:
+                data = os.read(self.master, 4096)
+            except OSError:  # the last program closed its end
+                return
+            self.text += data.decode()
+
+    def close(self):
+        os.close(self.slave)
+        self.reader.join(10)
+        os.close(self.master)
+
+    def status_lines(self):
+        """What was drawn over the line before: between a return and the next one."""
+        parts = re.split(r"[\r\n]+", SEQUENCES.sub("", self.text))
+        return [part for part in parts if part.startswith("record ")]
+
+
+class StatusLine(live.Live):
+    def setUp(self):
+        pass  # each test opens a laboratory of its own
+
+    def run_at_terminal(self, columns, *options, lab=(), env=None):
+        self.lab_options = (*live.Live.lab_options, *lab)
+        live.Live.setUp(self)
+        self.terminal = Terminal(columns)
+        env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni"), "TERM": "xterm"} | (env or {})
+        env = {k: v for k, v in env.items() if v is not None}
+        return self.start([bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--out",
+                           self.run.with_suffix(""), *options], env=env, stderr=self.terminal.slave)
+
+    def end(self, daemon):
+        daemon.wait(40)
+        self.terminal.close()
+        return daemon.returncode
+
+    def test_fits(self):
+        """No line wraps, at 80 columns or fewer, and one status line is drawn over the other."""
+        daemon = self.run_at_terminal(80, "--duration", "8s", "--label", "person " * 20)
+        wait_for("status", lambda: len(self.terminal.status_lines()) >= 4, 40)
+        self.terminal.resize(40)
+        before = len(self.terminal.status_lines())
+        wait_for("status", lambda: len(self.terminal.status_lines()) >= before + 3)
+        narrow = self.terminal.status_lines()[before + 1:]
+        self.assertEqual(self.end(daemon), 0)
+        text = self.terminal.text
+        wide = self.terminal.status_lines()[:before]
+        self.assertTrue(all(len(line) < 80 for line in wide), wide)
+        self.assertTrue(all(len(line) < 40 for line in narrow), narrow)
+        for field in r"record \d+/40  SRD  0:0\d, 0:0\d left  \d+\.\d ktag/s", r"radar \d+\.\d fps \d+ dB", "lost 0":
+            self.assertRegex(wide[-1], field)
+        # A line feed ends a message of the log or the last status line, which stays; never one in between.
+        lines = SEQUENCES.sub("", text).replace("\r\n", "\n").split("\n")
+        feeds = [line.rsplit("\r", 1)[-1] for line in lines[:-1]]
+        self.assertEqual([f.split("  ")[0] for f in feeds if f.startswith("record ")], ["record 40/40"], text)
+
+    def test_colours(self):
+        """A laser that fades: red and one bell; no colours where they are not wanted."""
+        folder = tempfile.TemporaryDirectory(prefix="echofuse-")
+        self.addCleanup(folder.cleanup)
+        scenario = pathlib.Path(folder.name) / "scenario.toml"
+        scenario.write_text('[[fault]]\ndevice = "tdc"\nkind = "gain"\namount = 0.001\nat_s = 3\nfor_s = 100\n')
+        for unwanted in None, "1":
+            daemon = self.run_at_terminal(200, "--duration", "7s", lab=("--faults", scenario), env={"NO_COLOR": unwanted})
+            self.assertEqual(self.end(daemon), 0)
+            text = self.terminal.text
+            self.assertEqual(text.count("\a"), 1, text)
+            self.assertEqual("\x1b[31msRD\x1b[0m  \x1b[31mspd weak\x1b[0m" in text, unwanted is None, text)
+            self.assertIn("  sRD  spd weak  ", SEQUENCES.sub("", text))
+            self.tearDown()
+
+    def test_interrupted(self):
+        daemon = self.run_at_terminal(80, "--set", "run.window_s=3")
+        wait_for("a record", lambda: self.committed() >= 1)
+        asked = time.monotonic()
+        daemon.send_signal(signal.SIGINT)
+        wait_for("an answer", lambda: "finishing the slot, " in self.terminal.text)
+        answered = time.monotonic() - asked
+        self.assertEqual(self.end(daemon), 0)
+        self.assertLess(answered, 1)
+        left = float(re.search(r"finishing the slot, ([\d.]+) s; a second Ctrl-C ends at once", self.terminal.text)[1])
+        self.assertLess(abs(time.monotonic() - asked - left), 1.5)
+
+    def test_marked(self):
+        """mark says from which record on, and so it is."""
+        daemon = self.run_at_terminal(120, "--label", "empty")
+        wait_for("records", lambda: self.committed() >= 4)
+        told = subprocess.run([bin_dir / "echofuse-acquire", "mark", self.run, "--label", "person"],
+                              stdout=subprocess.PIPE, text=True, check=True).stdout
+        first = int(re.fullmatch(re.escape(str(self.run)) + r': label "person" from record (\d+) on\n', told)[1])
+        noted = subprocess.run([bin_dir / "echofuse-acquire", "mark", self.run, "door\x1b[2J opened"],
+                               stdout=subprocess.PIPE, text=True, check=True).stdout
+        self.assertRegex(noted, r': "door\\x1b\[2J opened" noted in record \d+\n$')
+        wait_for("records", lambda: self.committed() >= first + 3)
+        wait_for("the label", lambda: "  person" in self.terminal.text)
+        daemon.send_signal(signal.SIGINT)
+        self.assertEqual(self.end(daemon), 0)
+        labels = [row["label"] for row in self.rows()]
+        begin = labels.index("person")
+        self.assertEqual(labels, ["empty"] * begin + ["person"] * (len(labels) - begin))
+        self.assertLessEqual(abs(begin - first), 1)  # a slot may end between the mark and its answer
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], *(f"StatusLine.{name}" for name in sys.argv[2:])])
