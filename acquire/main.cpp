@@ -163,7 +163,7 @@ ExitCode calibrate_sensors(Options& o) {
 ExitCode mark(const Options& o) {
   if (o.text.has_value() == o.label.has_value())
     throw Error(ExitCode::usage, "expected either a text or --label TEXT");
-  std::printf("%s\n", mark_run(o.file, o.text, o.label).c_str());
+  std::printf("%s\n", printable_lines(mark_run(o.file, o.text, o.label)).c_str());
   return ExitCode::ok;
 }
 
