@@ -55,7 +55,7 @@ class Verdicts(live.Live):
             f'[[fault]]\ndevice = "{d}"\nkind = "{k}"\nat_s = {at}\nfor_s = 1.2\n' +
             ("amount = 0.03\n" if k == "gain" else "") for d, k, at in faults))
         self.open_lab("--faults", scenario)
-        daemon = self.record("--duration", "9s", "--set", "signal.spd_clicks=0")
+        daemon = self.record("--duration", "9s", "--set", "signal.spd_clicks=0", "--set", "signal.clicks_a_pulse=0")
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 0, log)
         for sensor, kind in ("spd", "weak"), ("depth", "stands still"), ("radar", "stands still"):
