@@ -227,15 +227,7 @@ void H5File::set(const std::string& object, const std::string& attribute, const 
   template void H5File::write<T>(const std::string&, std::span<const T>, const H5Shape&); \
   template void H5File::allocate<T>(const std::string&, const H5Shape&);                  \
   template void H5File::write_rows<T>(const std::string&, std::size_t, std::span<const T>);
-ECHOFUSE_H5_TYPE(float)
-ECHOFUSE_H5_TYPE(double)
-ECHOFUSE_H5_TYPE(std::int8_t)
-ECHOFUSE_H5_TYPE(std::uint8_t)
-ECHOFUSE_H5_TYPE(std::uint16_t)
-ECHOFUSE_H5_TYPE(std::uint32_t)
-ECHOFUSE_H5_TYPE(std::int32_t)
-ECHOFUSE_H5_TYPE(std::int64_t)
-ECHOFUSE_H5_TYPE(std::uint64_t)
+ECHOFUSE_H5_TYPES(ECHOFUSE_H5_TYPE)
 #undef ECHOFUSE_H5_TYPE
 
 }  // namespace echofuse::record

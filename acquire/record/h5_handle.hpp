@@ -9,6 +9,13 @@
 
 #include "acquire/record/h5.hpp"
 
+// The types of the arrays of a file: X(T) for each.
+#define ECHOFUSE_H5_TYPES(X) \
+  X(float)                   \
+  X(double)                  \
+  X(std::int8_t)             \
+  X(std::uint8_t) X(std::uint16_t) X(std::uint32_t) X(std::int32_t) X(std::int64_t) X(std::uint64_t)
+
 namespace echofuse::record {
 
 inline constexpr std::size_t seal_bytes = 512;  // the user block of a sealed file

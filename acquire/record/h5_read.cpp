@@ -183,15 +183,7 @@ std::int64_t H5File::open_attribute(const std::string& object, const std::string
   template std::vector<T> H5File::read<T>(const std::string&) const;                 \
   template std::vector<T> H5File::read<T>(const std::string&, const H5Shape&) const; \
   template void H5File::require_usable<T>(const std::string&, std::span<const T>) const;
-ECHOFUSE_H5_TYPE(float)
-ECHOFUSE_H5_TYPE(double)
-ECHOFUSE_H5_TYPE(std::int8_t)
-ECHOFUSE_H5_TYPE(std::uint8_t)
-ECHOFUSE_H5_TYPE(std::uint16_t)
-ECHOFUSE_H5_TYPE(std::uint32_t)
-ECHOFUSE_H5_TYPE(std::int32_t)
-ECHOFUSE_H5_TYPE(std::int64_t)
-ECHOFUSE_H5_TYPE(std::uint64_t)
+ECHOFUSE_H5_TYPES(ECHOFUSE_H5_TYPE)
 #undef ECHOFUSE_H5_TYPE
 
 }  // namespace echofuse::record
