@@ -352,9 +352,9 @@ void Daemon::put_late() {
 void Daemon::end() {
   Recording& r = *recording_;
   notify_stopping();
+  devices_.stop();
   std::array<std::vector<Counter>, sensor_count> counters;
   for (const Sensor s : all_sensors) counters[static_cast<std::size_t>(s)] = devices_.counters(s);
-  devices_.stop();
   if (raw_) {
     const port::RawKeeper::Counts bytes = raw_->finish();
     tell_raw_trouble();

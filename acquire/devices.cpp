@@ -66,7 +66,7 @@ void print_device(Sensor s, const Devices::Seen& seen, const std::string& descri
 
 Devices::Devices(boost::asio::io_context& io, const Config& config, const Clock& clock,
                  SampleSink& next, port::RawKeeper* raw)
-    : io_(io), config_(config), next_(next) {
+    : io_(io), config_(config), next_(&next) {
   for (const Sensor s : all_sensors) {
     seen(s).configured = (config.configured() >> static_cast<unsigned>(s)) & 1u;
     seen(s).info.address = address_of(config, s);
@@ -76,7 +76,11 @@ Devices::Devices(boost::asio::io_context& io, const Config& config, const Clock&
   if (seen(Sensor::depth).configured) drivers_[2] = make_depth(io, config.depth, clock, raw);
 }
 
-Devices::~Devices() { halt(); }  // whoever listened may be gone
+Devices::~Devices() {
+  static NullSink nobody;
+  next_ = &nobody;  // whoever listened may be gone
+  halt();
+}
 
 void Devices::take_free(const std::string& command) {
   locks_.emplace(config_, command);
@@ -101,7 +105,7 @@ void Devices::start() {
 
 void Devices::stop() {
   for (const Sensor s : halt())
-    next_.on_event(s, Severity::warning, "did not confirm that it stopped: is it still sending?");
+    next_->on_event(s, Severity::warning, "did not confirm that it stopped: is it still sending?");
 }
 
 // Those that did not confirm it.
@@ -118,7 +122,9 @@ std::vector<Sensor> Devices::halt() {
   std::vector<Sensor> unfinished;
   for (const Sensor s : all_sensors) {
     auto& driver = drivers_[static_cast<std::size_t>(s)];
-    if (!ends(driver)) unfinished.push_back(s);
+    if (!driver) continue;
+    if (!driver->finished()) unfinished.push_back(s);
+    last_counters_[static_cast<std::size_t>(s)] = driver->counters();
     driver.reset();
   }
   return unfinished;
@@ -136,7 +142,7 @@ void Devices::wait(double timeout_s) {
 
 std::vector<Counter> Devices::counters(Sensor s) const {
   const auto& driver = drivers_[static_cast<std::size_t>(s)];
-  return driver ? driver->counters() : std::vector<Counter>{};
+  return driver ? driver->counters() : last_counters_[static_cast<std::size_t>(s)];
 }
 
 bool Devices::all(const std::function<bool(const Seen&)>& predicate) const {
@@ -157,17 +163,17 @@ std::string Devices::describe(Sensor s) const {
 
 void Devices::on_tags(const TagBlock& block) {
   seen(Sensor::spd).samples += block.tags.size();
-  next_.on_tags(block);
+  next_->on_tags(block);
 }
 
 void Devices::on_radar(RadarFrame frame) {
   ++seen(Sensor::radar).samples;
-  next_.on_radar(std::move(frame));
+  next_->on_radar(std::move(frame));
 }
 
 void Devices::on_depth(DepthFrame frame) {
   ++seen(Sensor::depth).samples;
-  next_.on_depth(std::move(frame));
+  next_->on_depth(std::move(frame));
 }
 
 void Devices::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
@@ -175,12 +181,12 @@ void Devices::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info)
   device.state = state;
   if (locks_) locks_->follow(sensor);
   if (state == DeviceState::streaming) device.info = info;
-  next_.on_state(sensor, state, info);
+  next_->on_state(sensor, state, info);
 }
 
 void Devices::on_event(Sensor sensor, Severity severity, const std::string& text) {
   if (severity != Severity::info) seen(sensor).last_event = text;
-  next_.on_event(sensor, severity, text);
+  next_->on_event(sensor, severity, text);
 }
 
 namespace {

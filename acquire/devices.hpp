@@ -48,7 +48,7 @@ class Devices final : private SampleSink {
   // interrupts.
   void wait(double timeout_s);
   const Seen& operator[](Sensor s) const { return seen_[static_cast<std::size_t>(s)]; }
-  // Of the sensor's driver; none if it is not configured, or stopped.
+  // Of the sensor's driver, until its end; none if it is not configured.
   std::vector<Counter> counters(Sensor s) const;
   // Asks it of every configured device.
   bool all(const std::function<bool(const Seen&)>& predicate) const;
@@ -66,10 +66,11 @@ class Devices final : private SampleSink {
 
   boost::asio::io_context& io_;
   const Config& config_;
-  SampleSink& next_;
+  SampleSink* next_;
   std::optional<DeviceLocks> locks_;  // outlive the drivers
   std::array<Seen, sensor_count> seen_;
   std::array<std::unique_ptr<Driver>, sensor_count> drivers_;
+  std::array<std::vector<Counter>, sensor_count> last_counters_;  // of those that ended
 };
 
 inline constexpr Sensor all_sensors[] = {Sensor::spd, Sensor::radar, Sensor::depth};

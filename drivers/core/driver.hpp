@@ -50,10 +50,10 @@ class Driver {
  public:
   virtual ~Driver() = default;
   virtual void start(SampleSink& sink) = 0;
-  // Asks it to end, and does not wait: its destructor does. The sink is not called again.
+  // Asks it to end, and does not wait: its destructor does.
   virtual void stop() = 0;
-  // After stop(): whether the device has all that it is to hear. Until then the io context has to
-  // run, for as long as its user likes to wait.
+  // After stop(): whether the device has all that it is to hear, and the sink all that had come
+  // from it. Until then the io context has to run, for as long as its user likes to wait.
   virtual bool finished() const { return true; }
   // Graded counters since start (bytes, short, not_ours, corrupt, resynced, reconnects, ...).
   virtual std::vector<Counter> counters() const = 0;

@@ -54,6 +54,8 @@ class OpenNiCamera::Worker {
     } while (shared_->pause(backoff_.next()));
   }
 
+  void end() { shared_->end(); }
+
  private:
   using Read = OpenNiSession::Read;
 
@@ -188,6 +190,7 @@ OpenNiCamera::OpenNiCamera(boost::asio::io_context& io, std::string address, std
 
 OpenNiCamera::~OpenNiCamera() {
   stop();
+  shared_->leave();
   if (thread_.joinable()) thread_.join();
 }
 
@@ -198,10 +201,15 @@ void OpenNiCamera::start(SampleSink& sink) {
   info.address = address_;
   sink.on_state(Sensor::depth, DeviceState::connecting, info);
   auto worker = std::make_shared<Worker>(shared_, address_, uri_, clock_, options_, raw_);
-  thread_ = std::thread([worker] { worker->run(); });
+  thread_ = std::thread([worker] {
+    worker->run();
+    worker->end();
+  });
 }
 
-void OpenNiCamera::stop() { shared_->end(); }
+void OpenNiCamera::stop() { shared_->stop(); }
+
+bool OpenNiCamera::finished() const { return !thread_.joinable() || shared_->finished(); }
 
 std::vector<Counter> OpenNiCamera::counters() const {
   return {{"frames", shared_->frames},

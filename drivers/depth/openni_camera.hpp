@@ -37,6 +37,7 @@ class OpenNiCamera final : public Driver {
   ~OpenNiCamera() override;  // waits for the thread: a tenth of a second
   void start(SampleSink& sink) override;
   void stop() override;
+  bool finished() const override;
   std::vector<Counter> counters() const override;
 
  private:

@@ -21,12 +21,22 @@ void WorkerLink::begin(SampleSink& sink) {
   io_->work.emplace(io_->context.get_executor());
 }
 
-void WorkerLink::end() {
-  sink_ = nullptr;
-  io_->work.reset();
+void WorkerLink::stop() {
   const std::lock_guard lock(mutex_);
   stopping_ = true;
   wake_.notify_all();
+}
+
+void WorkerLink::leave() {
+  sink_ = nullptr;
+  io_->work.reset();
+}
+
+void WorkerLink::end() {
+  boost::asio::post(io_->context, [self = shared_from_this()] {
+    self->finished_ = true;
+    self->leave();
+  });
 }
 
 void WorkerLink::post(std::function<void(SampleSink&)> action) {

@@ -41,6 +41,7 @@ void RadarDriver::stop() {
   const bool connected = cli_ && dialogue_;
   if (!connected || setup_.keep_running) return disconnect();
   stop_timers();
+  drop_data();  // what comes from now on is nobody's, also not of those who keep raw bytes
   last_words_.emplace(dialogue_->state() == CommandDialogue::State::commanding);
   advance_last_words();
 }
@@ -74,7 +75,6 @@ std::vector<Counter> RadarDriver::counters() const {
 void RadarDriver::connect() {
   open_ports_ = 0;
   dialogue_.reset();
-  parser_.finish([this](const RadarFrame& frame) { discard(frame); });
   cli_ = setup_.cli();
   data_ = setup_.data();
   const auto opened = [this] { on_opened(); };
@@ -203,8 +203,13 @@ void RadarDriver::stop_timers() {
 void RadarDriver::disconnect() {
   stop_timers();
   cli_.reset();
-  data_.reset();
+  drop_data();
   streaming_ = false;
+}
+
+void RadarDriver::drop_data() {
+  data_.reset();
+  parser_.finish([this](const RadarFrame& frame) { discard(frame); });
 }
 
 void RadarDriver::fail(const std::string& why) {

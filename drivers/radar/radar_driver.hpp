@@ -58,6 +58,7 @@ class RadarDriver final : public Driver {
   void fail(const std::string& why);
   void stop_timers();
   void disconnect();
+  void drop_data();
 
   RadarSetup setup_;
   const Clock& clock_;

@@ -59,6 +59,8 @@ class UsbTdc::Worker {
     } while (shared_->pause(backoff_.next()));
   }
 
+  void end() { shared_->end(); }
+
  private:
   // Until the device fails: why.
   std::string run_session() {
@@ -188,6 +190,7 @@ UsbTdc::UsbTdc(boost::asio::io_context& io, std::string address, port::UsbAddres
 
 UsbTdc::~UsbTdc() {
   stop();
+  shared_->leave();
   if (thread_.joinable()) thread_.join();
 }
 
@@ -198,10 +201,15 @@ void UsbTdc::start(SampleSink& sink) {
   info.address = address_;
   sink.on_state(Sensor::spd, DeviceState::connecting, info);
   auto worker = std::make_shared<Worker>(shared_, info, usb_, clock_, raw_);
-  thread_ = std::thread([worker] { worker->run(); });
+  thread_ = std::thread([worker] {
+    worker->run();
+    worker->end();
+  });
 }
 
-void UsbTdc::stop() { shared_->end(); }
+void UsbTdc::stop() { shared_->stop(); }
+
+bool UsbTdc::finished() const { return !thread_.joinable() || shared_->finished(); }
 
 std::vector<Counter> UsbTdc::counters() const {
   const std::lock_guard lock(shared_->mutex);

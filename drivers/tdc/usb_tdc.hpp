@@ -28,6 +28,7 @@ class UsbTdc final : public Driver {
   ~UsbTdc() override;  // waits for the thread: it cancels its transfers and tells the device
   void start(SampleSink& sink) override;
   void stop() override;
+  bool finished() const override;
   std::vector<Counter> counters() const override;
 
  private:

@@ -291,7 +291,8 @@ TEST_CASE("a camera that dies after one frame is tried ever more rarely") {
     const std::size_t before = b.sink.depth.size();
     const HostTime from = b.clock.now();
     REQUIRE(b.frames(before + 1));
-    if (i > 0) CHECK(seconds(b.clock.now() - from) > 0.05 * (1 << i));
+    // Heard of a little later than it began.
+    if (i > 0) CHECK(seconds(b.clock.now() - from) > 0.04 * (1 << i));
     camera("unplug");
     REQUIRE(b.reaches(DeviceState::faulted));
     camera("plug");
@@ -311,13 +312,17 @@ TEST_CASE("a busy io thread costs frames, and every one is counted") {
           b.sink.depth[i - 1].frame_index + 1 + b.sink.depth[i].lost_before);
 }
 
-TEST_CASE("stop() ends the thread soon, and nothing is said after it") {
+TEST_CASE(
+    "stop() ends the thread soon, all that was counted is delivered, and nothing is said after "
+    "it") {
   Bench b;
   b.start();
   REQUIRE(b.frames(3));
   const auto begin = std::chrono::steady_clock::now();
   b.driver.stop();
+  REQUIRE(run_until(b.io, [&] { return b.driver.finished(); }));
   CHECK(std::chrono::steady_clock::now() - begin < 1s);
+  CHECK(test::counter(b.driver, "frames") == b.sink.depth.size());
   const std::size_t calls = b.sink.calls();
   run_for(b.io, 50ms);
   CHECK(b.sink.calls() == calls);
