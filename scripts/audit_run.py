@@ -23,6 +23,7 @@ CLOCK_ERROR_NS = 100_000_000  # a clock that went back by no more is not seen to
 SETTLED = 200  # samples of a clock
 LENGTH_FIELD = range(12, 16)  # of a bridge block
 NUMBER_FIELD = range(20, 24)  # of a radar frame
+BELIEVED_GAP = 100  # of radar frame numbers
 RECEIVED_WHOLE = {"sent", "garbage"}
 
 
@@ -284,6 +285,9 @@ def audit_frames(run, sensor, entries):
     counts = collections.Counter()
     ranges, rest = ranges_of(account, run, frames, clock_jumps(entries))
     left = 0
+    if sensor == "radar":
+        for before, after in zip(ranges, ranges[1:]):
+            move_jump(before, after)
     for i, each in enumerate(ranges):
         near = sum(r.movable(frames) for r in ranges[max(0, i - 1):i + 2])
         left += audit_range(account, frames, each, near, left, counts)
@@ -312,6 +316,15 @@ def audit_frames(run, sensor, entries):
     account.put("outside the run's slots", outside)
     account.put("heard before the run", early)
     return account
+
+
+def move_jump(before, after):
+    """A number that jumps far is believed once the next one follows it: with that one the loss is counted."""
+    missing = len(before.numbers) - before.got - before.late - before.lost
+    if missing > BELIEVED_GAP:
+        move = min(missing, after.lost)
+        before.lost += move
+        after.lost -= move
 
 
 def audit_range(account, frames, part, near, before, counts):

@@ -145,16 +145,37 @@ std::optional<double> Faults::at(FaultKind kind, double time_s) const {
 }
 
 double Faults::clock_error_s(double time_s) const {
-  double error = 0;
+  if (!(time_s >= stretch_.from_s && time_s < stretch_.to_s)) stretch_ = stretch_at(time_s);
+  return stretch_.error_s + stretch_.slope * (time_s - stretch_.from_s);
+}
+
+Faults::Stretch Faults::stretch_at(double time_s) const {
+  Stretch out{0, std::numeric_limits<double>::infinity(), 0, 0};
+  const auto between = [&](double from_s, double to_s) {
+    out.from_s = std::max(out.from_s, from_s), out.to_s = std::min(out.to_s, to_s);
+  };
+  double drift_to_now_s = 0;
   for (const Fault& f : faults_) {
+    const bool drifts = f.kind == FaultKind::clock_drift;
+    if (!drifts && f.kind != FaultKind::clock_offset) continue;
     const auto p = progress(f, time_s);
-    if (!p) continue;
+    if (!p) {
+      between(0, f.at_s);
+      continue;
+    }
     const auto [before, now] = *p;
-    if (f.kind == FaultKind::clock_offset && now < f.for_s) error += f.amount;
-    if (f.kind == FaultKind::clock_drift)
-      error += f.amount * 1e-6 * (before * f.for_s + std::min(now, f.for_s));
+    const double start_s = f.at_s + before * f.every_s, end_s = start_s + f.for_s;
+    const bool acts = now < f.for_s;
+    if (acts)
+      between(start_s, end_s);
+    else
+      between(end_s, f.every_s > 0 ? start_s + f.every_s : out.to_s);
+    if (acts && !drifts) out.error_s += f.amount;
+    if (drifts) drift_to_now_s += f.amount * 1e-6 * (before * f.for_s + std::min(now, f.for_s));
+    if (drifts && acts) out.slope += f.amount * 1e-6;
   }
-  return error;
+  out.error_s += drift_to_now_s - out.slope * (time_s - out.from_s);
+  return out;
 }
 
 std::vector<Faults::Change> Faults::changes(double from_s, double to_s) const {

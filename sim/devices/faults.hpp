@@ -35,6 +35,7 @@ struct Fault {
 std::vector<Fault> read_faults(const std::string& text, const std::string& name);
 
 // Those of one device, as functions of the laboratory's time.
+// Threading: one thread, as even the const clock_error_s() keeps something.
 class Faults {
  public:
   Faults() = default;
@@ -55,7 +56,14 @@ class Faults {
   std::vector<Change> changes(double from_s, double to_s) const;
 
  private:
+  // The clock's error between two changes of its faults. It is asked for every tag.
+  struct Stretch {
+    double from_s = 0, to_s = 0, error_s = 0, slope = 0;  // at from_s; none yet: empty
+  };
+  Stretch stretch_at(double time_s) const;
+
   std::vector<Fault> faults_;
+  mutable Stretch stretch_;
 };
 
 }  // namespace echofuse::sim

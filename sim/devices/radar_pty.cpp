@@ -140,8 +140,7 @@ class RadarBoard final : public Device {
     if (trouble_.strikes(FaultKind::drop)) return log(trouble_.now(), "dropped", frame.number, -1);
     if (trouble_.strikes(FaultKind::corrupt))
       frame.damage = static_cast<std::int64_t>(trouble_.corrupt(frame.wire));
-    const Bytes junk = trouble_.garbage();
-    frame.wire.insert(frame.wire.end(), junk.begin(), junk.end());
+    frame.junk = trouble_.garbage();
     line_.push_back(std::move(frame));
     send_due();
   }
@@ -153,6 +152,7 @@ class RadarBoard final : public Device {
                                damage = frame.damage](bool arrived) {
         log(begun, !arrived ? "lost" : damage < 0 ? "sent" : "corrupt", number, damage);
       });
+      data_->send(frame.junk);
     }
   }
 
@@ -208,6 +208,7 @@ class RadarBoard final : public Device {
     std::uint32_t number;
     std::int64_t damage;
     HostTime due;
+    Bytes junk{};  // behind it
   };
 
   Stage& stage_;

@@ -6,8 +6,9 @@
 namespace echofuse::sim {
 
 void Uart::send(ByteView bytes, Sent sent) {
+  const std::uint64_t first = sent_ + lost_ + queue_.size();
   queue_.insert(queue_.end(), bytes.begin(), bytes.end());
-  if (sent) waiting_.push_back({sent_ + lost_ + queue_.size(), lost_, std::move(sent)});
+  if (sent) waiting_.push_back({first, first + bytes.size(), std::move(sent)});
   begin();
 }
 
@@ -43,11 +44,14 @@ void Uart::pace() {
     queue_.erase(queue_.begin(), end);
     const std::size_t arrived = deliver(std::move(chunk));
     sent_ += arrived;
+    const std::uint64_t lost_from = sent_ + lost_;
     lost_ += n - arrived;
+    for (Waiting& w : waiting_)
+      w.whole = w.whole && (w.end <= lost_from || w.begin >= sent_ + lost_);
     while (!waiting_.empty() && waiting_.front().end <= sent_ + lost_) {
       const Waiting done = std::move(waiting_.front());
       waiting_.pop_front();
-      done.sent(done.lost_before == lost_);
+      done.sent(done.whole);
     }
     pace();
   });

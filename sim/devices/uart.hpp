@@ -52,8 +52,9 @@ class Uart {
   std::chrono::steady_clock::time_point due_;
   bool pacing_ = false, still_ = false;
   struct Waiting {
-    std::uint64_t end, lost_before;  // in bytes since the start
+    std::uint64_t begin, end;  // in bytes since the start
     Sent sent;
+    bool whole = true;
   };
   std::deque<Waiting> waiting_;
   std::uint64_t sent_ = 0, lost_ = 0;
