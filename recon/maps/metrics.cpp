@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "acquire/record/depth_map.hpp"
+#include "recon/files/text.hpp"
 #include "recon/maps/ssim.hpp"
 
 namespace echofuse::recon {
@@ -150,6 +151,12 @@ Summaries summarise(const std::vector<MapScores>& scores) {
               static_cast<std::size_t>(n)};
   }
   return out;
+}
+
+std::string formatted(const Summary& s, const char* plus_minus) {
+  if (std::isnan(s.mean)) return "-";
+  if (std::isnan(s.se)) return formatted("%.3f", s.mean);
+  return formatted("%.3f", s.mean) + plus_minus + formatted("%.3f", s.se);
 }
 
 }  // namespace echofuse::recon

@@ -3,6 +3,7 @@
 #pragma once
 #include <array>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "recon/maps/scene.hpp"
@@ -52,5 +53,7 @@ struct Summary {
 };
 using Summaries = std::array<Summary, metric_count>;
 Summaries summarise(const std::vector<MapScores>& scores);
+// "0.483 ± 0.005", or "-" for what no map defines; `plus_minus` between the two.
+std::string formatted(const Summary& summary, const char* plus_minus);
 
 }  // namespace echofuse::recon

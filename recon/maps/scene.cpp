@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "acquire/record/depth_map.hpp"
-#include "recon/maps/statistics.hpp"
+#include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "recon/maps/matrix.hpp"
+#include "recon/numbers/matrix.hpp"
 
 namespace echofuse::recon {
 

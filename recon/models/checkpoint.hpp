@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "drivers/core/random.hpp"
-#include "recon/models/adam.hpp"
 #include "recon/models/model.hpp"
+#include "recon/models/network/adam.hpp"
 
 namespace echofuse::recon {
 

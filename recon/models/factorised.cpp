@@ -10,11 +10,11 @@
 #include "acquire/record/depth_map.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "recon/maps/scene.hpp"
-#include "recon/maps/statistics.hpp"
-#include "recon/models/alignment.hpp"
-#include "recon/models/body_frame.hpp"
-#include "recon/models/components.hpp"
+#include "recon/models/body/alignment.hpp"
+#include "recon/models/body/body_frame.hpp"
 #include "recon/models/regression.hpp"
+#include "recon/numbers/components.hpp"
+#include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -91,20 +91,6 @@ Rung rung_of(const std::string& name, const FitOptions& base) {
   return out;
 }
 
-Matrix read_matrix(const record::H5File& file, const std::string& name, std::size_t rows,
-                   std::size_t cols) {
-  Matrix out;
-  out.values = file.read<float>(name, {rows, cols});
-  const auto shape = file.shape(name);
-  out.rows = shape[0], out.cols = shape[1];
-  return out;
-}
-
-void require_sound(const record::H5File& file, bool sound, const std::string& object,
-                   const std::string& expected) {
-  if (!sound) file.refuse(object, "expected " + expected);
-}
-
 bool is_blind(const std::string& name) { return name == "empty" || name == "mean"; }
 
 bool wants_readings(const std::string& name) {

@@ -9,16 +9,12 @@
 #include <vector>
 
 #include "acquire/record/h5.hpp"
-#include "drivers/core/axis.hpp"
-#include "recon/maps/matrix.hpp"
+#include "recon/maps/soft_maps.hpp"
+#include "recon/numbers/layout.hpp"
+#include "recon/numbers/matrix.hpp"
+#include "recon/numbers/matrix_file.hpp"
 
 namespace echofuse::recon {
-
-// Which columns of the inputs are what: the SPD's bins, then the radar's. A count of 0: not there.
-struct Layout {
-  Axis spd, radar;
-  std::size_t inputs() const { return std::size_t{spd.count} + radar.count; }
-};
 
 // Scaled inputs (features.hpp) and depth maps of the same records, and the rows of both to use.
 struct Samples {
@@ -64,12 +60,6 @@ struct Cost {
   std::size_t parameters = 0;
 };
 
-// One row a record: how probably a body is at each pixel if it is where the model puts it, and how
-// far away (metres) it is there if so.
-struct SoftMaps {
-  Matrix share, depth;
-};
-
 class Model {
  public:
   virtual ~Model() = default;
@@ -108,14 +98,6 @@ struct Rung {
 };
 // With every option that the model has, `base` where it speaks. Throws Error(usage).
 Rung rung_of(const std::string& name, const FitOptions& base);
-
-// A table as save() left it. Either of its sides may be H5File::any.
-Matrix read_matrix(const record::H5File& file, const std::string& name, std::size_t rows,
-                   std::size_t cols);
-
-// For load(): throws Error(failed) that names the object and what would be right.
-void require_sound(const record::H5File& file, bool sound, const std::string& object,
-                   const std::string& expected);
 
 // Whether the model answers the same to every record: the empty room and the mean map.
 bool is_blind(const std::string& name);

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <numeric>
 
-#include "recon/models/blas.hpp"
 #include "recon/models/model.hpp"
+#include "recon/numbers/blas.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // A model that answers with few numbers, the amounts of the strongest principal components of the
 // training maps, instead of every pixel: the last and largest layer is fixed, not fitted.
-#include "recon/models/components.hpp"
 #include "recon/models/model.hpp"
+#include "recon/numbers/components.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "drivers/core/console.hpp"
-#include "recon/maps/statistics.hpp"
-#include "recon/models/blas.hpp"
+#include "recon/numbers/blas.hpp"
+#include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "recon/models/checkpoint.hpp"
 #include "recon/models/model.hpp"
-#include "recon/models/network.hpp"
+#include "recon/models/network/network.hpp"
 
 namespace echofuse::recon {
 

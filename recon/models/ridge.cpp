@@ -9,8 +9,8 @@
 #include <cmath>
 #include <limits>
 
-#include "recon/models/blas.hpp"
 #include "recon/models/model.hpp"
+#include "recon/numbers/blas.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -8,9 +8,9 @@
 #include <cstdio>
 #include <limits>
 
-#include "recon/models/blas.hpp"
-#include "recon/models/parallel.hpp"
-#include "recon/trained_model.hpp"
+#include "recon/estimator/trained_model.hpp"
+#include "recon/numbers/blas.hpp"
+#include "recon/numbers/parallel.hpp"
 
 using namespace echofuse;
 using namespace echofuse::recon;

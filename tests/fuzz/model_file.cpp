@@ -12,10 +12,10 @@
 
 #include "../recon/crafted.hpp"
 #include "fuzz.hpp"
-#include "recon/answer.hpp"
-#include "recon/files.hpp"
-#include "recon/models/parallel.hpp"
-#include "recon/train.hpp"
+#include "recon/estimator/answer.hpp"
+#include "recon/estimator/train.hpp"
+#include "recon/files/files.hpp"
+#include "recon/numbers/parallel.hpp"
 
 using namespace echofuse;
 using namespace echofuse::recon;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Input: a .npy file.
-#include "recon/npy.hpp"
+#include "recon/files/npy.hpp"
 
 #include <cmath>
 #include <limits>

@@ -13,7 +13,7 @@
 
 #include "drivers/core/exit_code.hpp"
 #include "fuzz.hpp"
-#include "recon/dataset.hpp"
+#include "recon/data/dataset.hpp"
 
 using namespace echofuse;
 using namespace echofuse::record;

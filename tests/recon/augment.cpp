@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-#include "recon/augment.hpp"
+#include "recon/data/augment.hpp"
 
-#include "recon/evaluate.hpp"
-#include "recon/train.hpp"
+#include "recon/estimator/evaluate.hpp"
+#include "recon/estimator/train.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

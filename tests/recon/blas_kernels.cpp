@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // A program of its own: the kernels are chosen once, before the first product of the process.
-#include "recon/models/blas_kernels.hpp"
+#include "recon/numbers/blas_kernels.hpp"
 
 #include <array>
 #include <catch2/catch.hpp>
@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "../paths.hpp"
-#include "recon/models/blas.hpp"
+#include "recon/numbers/blas.hpp"
 
 using namespace echofuse;
 using namespace echofuse::recon;

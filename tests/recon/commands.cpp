@@ -9,8 +9,8 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/record/png.hpp"
-#include "recon/shift.hpp"
-#include "recon/trained_model.hpp"
+#include "recon/data/shift.hpp"
+#include "recon/estimator/trained_model.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

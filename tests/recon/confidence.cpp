@@ -4,11 +4,11 @@
 #include <numeric>
 
 #include "acquire/record/png.hpp"
-#include "recon/answer.hpp"
-#include "recon/evaluate.hpp"
-#include "recon/fit_confidence.hpp"
-#include "recon/models/linear_fit.hpp"
-#include "recon/train.hpp"
+#include "recon/estimator/answer.hpp"
+#include "recon/estimator/evaluate.hpp"
+#include "recon/estimator/fit_confidence.hpp"
+#include "recon/estimator/train.hpp"
+#include "recon/numbers/linear_fit.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-#include "recon/dataset.hpp"
+#include "recon/data/dataset.hpp"
 
 #include <limits>
 
-#include "recon/features.hpp"
-#include "recon/split.hpp"
+#include "recon/data/features.hpp"
+#include "recon/data/split.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

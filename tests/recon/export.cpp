@@ -3,8 +3,8 @@
 #include <fstream>
 #include <opencv2/dnn.hpp>
 
-#include "recon/export_model.hpp"
-#include "recon/train.hpp"
+#include "recon/estimator/train.hpp"
+#include "recon/output/export_model.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -2,11 +2,11 @@
 #include <Eigen/SVD>
 
 #include "crafted.hpp"
-#include "recon/evaluate.hpp"
-#include "recon/models/alignment.hpp"
-#include "recon/models/body_frame.hpp"
-#include "recon/models/components.hpp"
-#include "recon/train.hpp"
+#include "recon/estimator/evaluate.hpp"
+#include "recon/estimator/train.hpp"
+#include "recon/models/body/alignment.hpp"
+#include "recon/models/body/body_frame.hpp"
+#include "recon/numbers/components.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

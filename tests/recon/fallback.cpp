@@ -3,8 +3,8 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "recon/evaluate.hpp"
-#include "recon/train.hpp"
+#include "recon/estimator/evaluate.hpp"
+#include "recon/estimator/train.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

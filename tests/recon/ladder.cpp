@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Which model: sizes by name, and the one-standard-error rule.
-#include "recon/crossvalidate.hpp"
-#include "recon/train.hpp"
+#include "recon/estimator/crossvalidate.hpp"
+#include "recon/estimator/train.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

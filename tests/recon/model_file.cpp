@@ -6,8 +6,8 @@
 #include <random>
 
 #include "crafted.hpp"
-#include "recon/answer.hpp"
-#include "recon/train.hpp"
+#include "recon/estimator/answer.hpp"
+#include "recon/estimator/train.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

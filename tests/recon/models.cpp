@@ -2,9 +2,9 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 
-#include "recon/evaluate.hpp"
+#include "recon/estimator/evaluate.hpp"
+#include "recon/estimator/train.hpp"
 #include "recon/models/model.hpp"
-#include "recon/train.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

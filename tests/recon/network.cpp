@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
-#include "recon/models/network.hpp"
+#include "recon/models/network/network.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "recon/models/adam.hpp"
-#include "recon/models/blas.hpp"
+#include "recon/models/network/adam.hpp"
+#include "recon/numbers/blas.hpp"
 
 using namespace echofuse;
 using namespace echofuse::recon;

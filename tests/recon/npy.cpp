@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/npy.hpp"
+#include "recon/files/npy.hpp"
 
 #include <fstream>
 

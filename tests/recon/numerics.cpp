@@ -5,11 +5,11 @@
 #include <Eigen/SVD>
 #include <cstdlib>
 
-#include "recon/evaluate.hpp"
-#include "recon/models/alignment.hpp"
-#include "recon/models/components.hpp"
+#include "recon/estimator/evaluate.hpp"
+#include "recon/estimator/train.hpp"
+#include "recon/models/body/alignment.hpp"
 #include "recon/models/regression.hpp"
-#include "recon/train.hpp"
+#include "recon/numbers/components.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

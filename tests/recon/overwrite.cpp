@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // What is there already stays, unless it is said that it may go.
-#include "recon/trained_model.hpp"
+#include "recon/estimator/trained_model.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

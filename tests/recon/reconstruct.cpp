@@ -10,8 +10,8 @@
 #include "../paths.hpp"
 #include "acquire/record/png.hpp"
 #include "drivers/core/clock.hpp"
-#include "recon/map_files.hpp"
-#include "recon/npz.hpp"
+#include "recon/files/npz.hpp"
+#include "recon/output/map_files.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

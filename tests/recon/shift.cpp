@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/shift.hpp"
+#include "recon/data/shift.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>

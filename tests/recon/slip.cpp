@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
-#include "recon/slip.hpp"
+#include "recon/uncertainty/slip.hpp"
 
 #include <fstream>
 
-#include "recon/evaluate.hpp"
-#include "recon/shift.hpp"
-#include "recon/train.hpp"
+#include "recon/data/shift.hpp"
+#include "recon/estimator/evaluate.hpp"
+#include "recon/estimator/train.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

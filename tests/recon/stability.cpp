@@ -7,9 +7,9 @@
 #include <set>
 #include <sstream>
 
-#include "recon/files.hpp"
-#include "recon/stability_summary.hpp"
-#include "recon/study.hpp"
+#include "recon/files/files.hpp"
+#include "recon/study/stability_summary.hpp"
+#include "recon/study/study.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

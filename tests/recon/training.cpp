@@ -10,8 +10,8 @@
 #include <sstream>
 #include <thread>
 
-#include "recon/models/parallel.hpp"
-#include "recon/train.hpp"
+#include "recon/estimator/train.hpp"
+#include "recon/numbers/parallel.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -21,7 +21,7 @@
 #include "acquire/record/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/random.hpp"
-#include "recon/dataset.hpp"
+#include "recon/data/dataset.hpp"
 
 namespace echofuse::testing {
 

@@ -1,0 +1,400 @@
+// SPDX-License-Identifier: MIT
+#include "recon/cli/commands.hpp"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "drivers/core/console.hpp"
+#include "drivers/core/printable.hpp"
+#include "recon/data/augment.hpp"
+#include "recon/data/turpin.hpp"
+#include "recon/estimator/answer.hpp"
+#include "recon/estimator/crossvalidate.hpp"
+#include "recon/estimator/evaluate.hpp"
+#include "recon/estimator/train.hpp"
+#include "recon/files/text.hpp"
+#include "recon/numbers/parallel.hpp"
+#include "recon/output/export_model.hpp"
+#include "recon/output/map_files.hpp"
+#include "recon/output/reconstruct.hpp"
+#include "recon/output/report.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+void add_inputs_option(CLI::App& app, std::string& inputs) {
+  app.add_option("--inputs", inputs, "fused, spd or radar")
+      ->check(CLI::IsMember({"fused", "spd", "radar"}))
+      ->capture_default_str();
+}
+
+// For CLI11: empty if the text names a model, else what is wrong.
+std::string is_rung(const std::string& text) {
+  try {
+    rung_of(text, {});
+    return {};
+  } catch (const Error& error) {
+    return error.what();
+  }
+}
+
+void add_output_option(CLI::App& app, std::string& output) {
+  app.add_option("--output", output,
+                 "own: the model's map; hard: body or background; mean: over what may be there")
+      ->check(CLI::IsMember(output_names))
+      ->capture_default_str();
+}
+
+void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit) {
+  app.add_option("--scaling", scaling, "per-record scaling of each sensor")
+      ->check(CLI::IsMember(scaling_names))
+      ->capture_default_str();
+  app.add_option("--hidden", fit.hidden, "mlp: widths of the hidden layers (512,256)")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::Range(1, 65536));
+  app.add_option("--basis", fit.basis,
+                 "factorised: body shapes, and twice as many hidden units (16); pca: components of "
+                 "the map (128); nearest: neighbours (1)")
+      ->check(CLI::Range(1, 1024));
+  app.add_option("--epochs", fit.epochs, "default: 60 (mlp), 100 (factorised)")
+      ->check(CLI::Range(1, 100000));
+  app.add_option("--batch", fit.batch)->check(CLI::Range(1, 65536))->capture_default_str();
+  app.add_option("--learning-rate", fit.learning_rate,
+                 "at the beginning; default: 0.002 (mlp), 0.003 (factorised)")
+      ->check(CLI::Range(1e-9, 10.0));
+  app.add_option("--weight-decay", fit.weight_decay, "default: 0.7 (mlp), 0.3 (factorised)")
+      ->check(CLI::Range(0.0, 10.0));
+}
+
+void add_slip_option(CLI::App& app, std::string& action) {
+  app.add_option(
+         "--slip", action,
+         "if the radar's ranges seem to have slipped against the SPD's since training: warn, "
+         "correct (wrong if people stand further to one side), or ignore")
+      ->check(CLI::IsMember(slip_action_names))
+      ->capture_default_str();
+}
+
+// What reconstruct says of its records on stderr: while following at once, else at the end, which
+// leaves the progress bar alone.
+class ReconstructTalk {
+ public:
+  ReconstructTalk(std::string run, bool follow, bool quiet)
+      : run_(std::move(run)), follow_(follow), quiet_(quiet) {}
+  bool all_well() const { return left_out_ + fell_back_ == 0; }
+
+  void add(const RecordStatus& r) {
+    if (r.after_slot_s) after_slot_s_.push_back(*r.after_slot_s);
+    (r.fault.empty() ? good_ : left_out_) += 1;
+    fell_back_ += !r.note.empty();
+    if (!r.fault.empty() && !follow_) faults_.push_back(r);
+    if (r.claim && !r.claim->strangeness.why.empty()) ++unusual_[r.claim->strangeness.why];
+    if (follow_ && !(r.fault.empty() && r.note.empty())) complain(r);
+    if (follow_ && r.claim && !r.claim->strangeness.why.empty() && !quiet_)
+      std::fprintf(stderr, "record %lld: unusual: %s\n", static_cast<long long>(r.index),
+                   r.claim->strangeness.text().c_str());
+    if (follow_ && r.after_slot_s && !quiet_)
+      std::fprintf(stderr,
+                   "record %lld: map %.3f s after its slot's end, %.1f ms after its reading\n",
+                   static_cast<long long>(r.index), *r.after_slot_s, *r.after_reading_s * 1e3);
+  }
+
+  void finish(const std::string& out) {
+    for (const auto& r : faults_) complain(r);
+    if (quiet_) return;
+    std::fprintf(stderr, "%s: %zu records reconstructed, %zu left out", printable(out).c_str(),
+                 good_, left_out_);
+    if (fell_back_ > 0) std::fprintf(stderr, "; %zu with %s", fell_back_, fallback_note);
+    std::sort(after_slot_s_.begin(), after_slot_s_.end());
+    if (!after_slot_s_.empty())
+      std::fprintf(stderr, "; maps %.3f s after their slot's end (median; longest %.3f s)",
+                   after_slot_s_[after_slot_s_.size() / 2], after_slot_s_.back());
+    std::fputc('\n', stderr);
+    if (!unusual_.empty()) list_unusual();
+  }
+
+ private:
+  void list_unusual() const {
+    std::size_t all = 0;
+    std::string reasons;
+    for (const auto& [why, count] : unusual_) {
+      all += count;
+      reasons += formatted("%s%zu %s", reasons.empty() ? "" : "; ", count, why.c_str());
+    }
+    std::fprintf(stderr, "%zu of %zu records are flagged: %s\n", all, good_, reasons.c_str());
+  }
+  void complain(const RecordStatus& r) const {
+    std::fprintf(stderr, "%s: record %lld: %s\n", printable(run_).c_str(),
+                 static_cast<long long>(r.index),
+                 printable(r.fault.empty() ? r.note : r.fault).c_str());
+  }
+  std::string run_;
+  bool follow_, quiet_;
+  std::size_t good_ = 0, left_out_ = 0, fell_back_ = 0;
+  std::vector<RecordStatus> faults_;
+  std::vector<double> after_slot_s_;
+  std::map<std::string, std::size_t> unusual_;  // records for each reason
+};
+
+}  // namespace
+
+Command add_train(CLI::App& app, const Common& common) {
+  struct Arguments : TrainOptions {
+    std::vector<std::string> runs;
+    std::string out;
+    double radar_bin_m = 0;
+    bool force = false;
+  };
+  const auto a = std::make_shared<Arguments>();
+  app.add_option("run", a->runs, "run files whose axes agree")->required();
+  app.add_option("--out", a->out, "model file to write")->required();
+  app.add_option(
+         "--model", a->model,
+         "empty, mean, silhouette, factorised[-N], pca-ridge[-N], ridge, pca-mlp[-N-N], "
+         "mlp[-N-N...], nearest[-N], or auto: the cheapest within one standard error of the "
+         "best")
+      ->check([](const std::string& text) { return text == "auto" ? "" : is_rung(text); })
+      ->capture_default_str();
+  app.add_option("--ladder", a->ladder, "auto: the models to try")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(is_rung);
+  add_inputs_option(app, a->inputs);
+  app.add_option(
+         "--radar-bin", a->radar_bin_m,
+         "add up the radar's power in bins of so many metres from 0 to 7 m (the paper: 0.5)")
+      ->check(CLI::Range(0.01, 3.5));
+  add_fit_options(app, a->scaling, a->fit);
+  app.add_option("--patience", a->fit.patience,
+                 "epochs without progress before stopping; default: 15 (mlp), 100 (factorised)")
+      ->check(CLI::Range(1, 100000));
+  app.add_option("--seed", a->fit.seed, "of weights, order and random split")
+      ->capture_default_str();
+  app.add_option("--split", a->split.kind, "random, or blocked for sequences")
+      ->check(CLI::IsMember({"random", "blocked"}))
+      ->capture_default_str();
+  app.add_option("--test-share", a->split.test_share, "held out for evaluate")
+      ->check(CLI::Range(0.0, 0.95))
+      ->capture_default_str();
+  app.add_option("--validation-share", a->split.validation_share, "of the rest, to stop early")
+      ->check(CLI::Range(0.0, 0.95))
+      ->capture_default_str();
+  app.add_option("--gap", a->split.gap, "blocked: records dropped between two parts")
+      ->check(CLI::Range(0, 1'000'000))
+      ->capture_default_str();
+  app.add_option("--checkpoint-s", a->fit.checkpoint.every_s,
+                 "seconds between two copies of the unfinished training, OUT.checkpoint")
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
+  app.add_flag("--resume", a->fit.checkpoint.resume, "go on from OUT.checkpoint");
+  app.add_option("--augment", a->augment,
+                 "train on perturbed copies of the records, too: noise (of the radar, down to 10 "
+                 "dB); auto chooses without them")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::IsMember(augment_names));
+  app.add_flag("--force", a->force, "replace the model that OUT is, as --resume does");
+  a->fallback = true;
+  app.add_flag("!--no-fallback", a->fallback,
+               "train no network beside a fused model for records whose radar is lost");
+  return [a, &common] {
+    a->split.seed = a->fit.seed;
+    a->fit.checkpoint.path = a->out + ".checkpoint";
+    a->fit.quiet = common.quiet;
+    const Existing existing =
+        a->force || a->fit.checkpoint.resume ? Existing::replace : Existing::keep;
+    check_can_save(a->out, existing);
+    Dataset data = load(a->runs);
+    if (a->radar_bin_m > 0) rebin_radar(data, radar_bins(a->radar_bin_m));
+    const TrainedModel model = train(data, *a);
+    save_model(model, a->out, existing);
+    if (!model.log.interrupted) std::remove(a->fit.checkpoint.path.c_str());
+    if (!common.quiet)
+      std::fprintf(
+          stderr, "%s: %s on %s, trained in %.1f s%s%s\n", a->out.c_str(), model.name.c_str(),
+          a->inputs.c_str(), model.train_s,
+          model.log.best_epoch > 0 || model.log.loss.empty() ? ""
+                                                             : "; never better than the mean map",
+          !model.log.interrupted                            ? ""
+          : std::filesystem::exists(a->fit.checkpoint.path) ? "; the best so far, --resume goes on"
+                                                            : "; the best so far");
+    return model.log.interrupted ? ExitCode::interrupted : ExitCode::ok;
+  };
+}
+
+Command add_evaluate(CLI::App& app, const Common&) {
+  struct Arguments {
+    std::string model, run, slip_action = "warn";
+    std::vector<std::string> train;
+    std::string output = "own";
+    bool all = false, json = false;
+  };
+  const auto a = std::make_shared<Arguments>();
+  app.add_option("model", a->model, "model file")->required();
+  app.add_option("run", a->run, "run file")->required();
+  app.add_flag("--all", a->all, "also score records that the model was trained on");
+  app.add_option("--train", a->train,
+                 "the runs the model was trained on, for the nearest-neighbour row of a fresh run");
+  add_slip_option(app, a->slip_action);
+  add_output_option(app, a->output);
+  app.add_flag("--json", a->json, "one JSON object instead of text");
+  return [a] {
+    const TrainedModel model = load_model(a->model);
+    Dataset data = load({a->run});
+    const std::string slipped = match_model(data, model, slip_action_of(a->slip_action));
+    Dataset other;
+    if (!a->train.empty()) {
+      other = load(a->train);
+      model.match(other);
+      if (!model.knows(other))
+        throw Error(ExitCode::failed, a->train.front() + ": " + a->model +
+                                          " was not trained on it; give the training run, or "
+                                          "leave --train out");
+    }
+    const Dataset& trained_on = a->train.empty() ? data : other;
+    const Rows rows = rows_to_evaluate(model, data, a->all);
+    Evaluation e =
+        evaluate(model, data, rows, trained_on, model.rows_of(trained_on, Part::train), a->output);
+    e.slip = slipped;
+    set_threads(1);
+    e.cost = measure_cost(model, data, rows, a->model);
+    std::puts(a->json
+                  ? to_json(e).dump(2, ' ', true, nlohmann::json::error_handler_t::replace).c_str()
+                  : printable_lines(to_text(e)).c_str());
+    return ExitCode::ok;
+  };
+}
+
+Command add_reconstruct(CLI::App& app, const Common& common) {
+  struct Arguments : ReconstructOptions {
+    std::string model, run, slip_action = "warn";
+  };
+  const auto a = std::make_shared<Arguments>();
+  app.add_option("model", a->model, "model file")->required();
+  app.add_option("run", a->run, "run file")->required();
+  app.add_option("--out", a->out, "folder for the maps")->required();
+  app.add_option(
+         "--format", a->formats,
+         "any of colour (PNG), mm (PNG of 16-bit millimetres), ply (points), npz (all maps), "
+         "uncertainty (standard deviations, as mm and npz)")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::IsMember(map_formats))
+      ->capture_default_str();
+  add_slip_option(app, a->slip_action);
+  add_output_option(app, a->output);
+  app.add_flag("--follow", a->follow,
+               "of a run that is being recorded: new records as they come, until it is closed");
+  app.add_flag("--force", a->force, "write into a folder that holds maps of another run");
+  return [a, &common] {
+    a->quiet = common.quiet;
+    ReconstructTalk talk(a->run, a->follow, common.quiet);
+    a->on_record = [&](const RecordStatus& r) { talk.add(r); };
+    a->slip = slip_action_of(a->slip_action);
+    a->on_slip = [&](const std::string& text) {
+      std::fprintf(stderr, "%s: %s\n", printable(a->run).c_str(), printable(text).c_str());
+    };
+    reconstruct(load_model(a->model), a->run, *a);
+    talk.finish(a->out);
+    if (interrupted()) return ExitCode::interrupted;
+    return talk.all_well() ? ExitCode::ok : ExitCode::partial;
+  };
+}
+
+Command add_crossvalidate(CLI::App& app, const Common& common) {
+  struct Arguments : CrossvalidateOptions {
+    std::vector<std::string> runs;
+    std::string published;
+  };
+  const auto a = std::make_shared<Arguments>();
+  app.add_option("run", a->runs, "run files whose axes agree, in the order of time")->required();
+  app.add_option("--models", a->models)
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(is_rung)
+      ->capture_default_str();
+  app.add_option("--folds", a->folds)->check(CLI::Range(2, 1000))->capture_default_str();
+  app.add_option("--gap", a->gap, "records between a fold and its training records")
+      ->check(CLI::Range(0, 1'000'000))
+      ->capture_default_str();
+  app.add_option("--published", a->published,
+                 "a run whose depth maps are another's reconstructions of the same records");
+  add_inputs_option(app, a->inputs);
+  add_fit_options(app, a->scaling, a->fit);
+  app.add_option("--seed", a->fit.seed, "of weights and order")->capture_default_str();
+  return [a, &common] {
+    a->fit.quiet = common.quiet;
+    const Dataset data = load(a->runs);
+    const auto rows = crossvalidate(data, rows_to_train(data, inputs_of(a->inputs)), *a,
+                                    a->published.empty() ? Dataset{} : load({a->published}));
+    std::printf("%zu folds, gap %zu; mean over maps +- standard error over folds\n%s", a->folds,
+                a->gap, to_table({rows.begin(), rows.end()}).c_str());
+    std::fputs(to_span_table({rows.begin(), rows.end()}).c_str(), stdout);
+    return all_fitted(rows) ? ExitCode::ok : ExitCode::partial;
+  };
+}
+
+Command add_report(CLI::App& app, const Common&) {
+  const auto a = std::make_shared<ReportOptions>();
+  app.add_option("dir", a->dir, "folder for report.html and its pictures")->required();
+  app.add_option("--run", a->run, "run file; its held-out records are scored")->required();
+  app.add_option("--fused", a->fused, "model file; several are seeds of one")->required();
+  app.add_option("--spd", a->spd, "model file; several are seeds of one")->required();
+  app.add_option("--radar", a->radar, "model file; several are seeds of one")->required();
+  app.add_option("--live", a->live, "a recorded run to reconstruct with the fused model");
+  app.add_flag("--force", a->force, "write over a report of another run");
+  return [a] {
+    check_report_folder(*a);
+    set_threads(1);  // the latencies in the table are those of one thread
+    const Report report = make_report(*a);
+    std::printf("%s%s\n", printable_lines(to_text(report)).c_str(),
+                printable(write_report(report, a->dir)).c_str());
+    return ExitCode::ok;
+  };
+}
+
+Command add_export(CLI::App& app, const Common& common) {
+  struct Arguments {
+    std::string model, to;
+    std::vector<std::string> runs;
+  };
+  const auto a = std::make_shared<Arguments>();
+  app.add_option("model", a->model, "model file")->required();
+  app.add_option("--to", a->to, "x.onnx: the network; x.npz: the records of --run as it sees them")
+      ->required();
+  app.add_option("--run", a->runs, "run files, for x.npz");
+  return [a, &common] {
+    export_model(a->model, a->runs, a->to);
+    if (!common.quiet) std::fprintf(stderr, "%s: written\n", a->to.c_str());
+    return ExitCode::ok;
+  };
+}
+
+Command add_import(CLI::App& app, const Common& common) {
+  struct Arguments {
+    std::string source, dir, out, published;
+  };
+  const auto a = std::make_shared<Arguments>();
+  app.add_option("source", a->source, "turpin: histogram.npy, depth.npy, published.npy")
+      ->required()
+      ->check(CLI::IsMember({"turpin"}));
+  app.add_option("dir", a->dir, "folder with the arrays")->required();
+  app.add_option("--out", a->out, "run file to make (never overwritten)")->required();
+  app.add_option(
+      "--published", a->published,
+      "second run file to make: the same frames with the published reconstruction as depth");
+  return [a, &common] {
+    const auto frames = import_turpin(a->dir, a->out, a->published);
+    if (!common.quiet)
+      std::fprintf(stderr, "%s: %lld frames; depth 1.0 (the scene's maximum) is stored as %.0f m\n",
+                   a->out.c_str(), static_cast<long long>(frames), turpin_scale_m);
+    return ExitCode::ok;
+  };
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: MIT
+// echofuse-recon: records -> model -> depth maps -> report.
+#include <CLI/CLI.hpp>
+
+#include "drivers/core/console.hpp"
+#include "recon/cli/commands.hpp"
+#include "recon/numbers/blas_kernels.hpp"
+#include "recon/numbers/parallel.hpp"
+
+namespace {
+using namespace echofuse;
+using namespace echofuse::recon;
+
+int run(int argc, char** argv) {
+  CLI::App app("records to model to depth maps", "echofuse-recon");
+  app.set_version_flag("--version", std::string("echofuse-recon ") + version() +
+                                        ", matrix kernels " + blas_kernels());
+  app.require_subcommand(1);
+  Common common;
+  Command chosen;
+  const auto add = [&](const char* name, const char* help, auto make) {
+    CLI::App* sub = app.add_subcommand(name, help);
+    sub->add_option("--threads", common.threads, "0: one per core")
+        ->check(CLI::Range(0, 1024))
+        ->capture_default_str();
+    sub->add_flag("-q,--quiet", common.quiet, "no progress, no talk");
+    const Command command = make(*sub, common);
+    sub->callback([&chosen, command] { chosen = command; });
+  };
+  add("train", "fit a model to runs", add_train);
+  add("evaluate", "score a model on a run", add_evaluate);
+  add("reconstruct", "depth maps of a run as pictures", add_reconstruct);
+  add("crossvalidate", "score kinds of models on a sequence, in blocks", add_crossvalidate);
+  add("report", "the three modes side by side, as one HTML page", add_report);
+  add("study", "accuracy against cost, or stability: tables and charts", add_study);
+  add("export", "a network as ONNX, or records as NumPy arrays", add_export);
+  add("import", "recordings of others as run files", add_import);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return run_main("echofuse-recon",
+                    [&] { return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage; });
+  }
+  return run_main("echofuse-recon", [&] {
+    catch_interrupts();
+    set_threads(common.threads);
+    return chosen();
+  });
+}
+
+}  // namespace
+
+int main(int argc, char** argv) { return run(argc, argv); }

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: MIT
+#include <CLI/CLI.hpp>
+#include <cstdio>
+
+#include "drivers/core/printable.hpp"
+#include "recon/cli/commands.hpp"
+#include "recon/study/pareto.hpp"
+#include "recon/study/stability_summary.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+Command add_pareto(CLI::App& app, const Common& common) {
+  const auto a = std::make_shared<ParetoOptions>();
+  app.add_option("train", a->train, "run file to train on")->required();
+  app.add_option("test", a->test, "run file to judge by")->required();
+  app.add_option("--out", a->out, "folder for pareto.csv and pareto.svg; what it holds is kept")
+      ->required();
+  app.add_option("--models", a->models, "as train --model; \":spd\" or \":radar\" behind one")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->capture_default_str();
+  app.add_option("--sweep-models", a->sweep_models, "of the sweeps")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->capture_default_str();
+  app.add_option("--photons", a->photons, "shares of the photons to sweep")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::Range(1e-9, 1.0))
+      ->capture_default_str();
+  app.add_option("--records", a->records, "shares of the training records to sweep")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::Range(1e-9, 1.0))
+      ->capture_default_str();
+  app.add_option("--seeds", a->seeds)->check(CLI::Range(1, 1000))->capture_default_str();
+  const auto bound_file = std::make_shared<std::string>();
+  app.add_option("--bound", *bound_file, "bound.csv of `echofuse-sim study bound`, to draw");
+  return [a, bound_file, &common] {
+    a->quiet = common.quiet;
+    a->threads = common.threads;
+    const auto bound = bound_file->empty() ? std::nullopt : std::optional(read_bound(*bound_file));
+    const auto rows = study_pareto(*a);
+    std::fputs(printable_lines(to_text(rows)).c_str(), stdout);
+    write_pareto(rows, a->out, bound);
+    return ExitCode::ok;
+  };
+}
+
+Command add_stability(CLI::App& app, const Common& common) {
+  const auto a = std::make_shared<StabilityOptions>();
+  app.add_option("--out", a->out, "folder for stability.html, stability.csv and a chart an axis")
+      ->required();
+  app.add_flag("--quick", a->quick,
+               "fewer values of each axis, 1000 training and 300 test records, a narrower network");
+  app.add_option("--models", a->models,
+                 "as train --model; \":spd\" or \":radar\" behind one; the first sorts the page")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+  app.add_option("--axes", a->axes, "some of them, as shifted-snr; a wrong one lists all")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+  app.add_option("--records", a->records, "training records; default: 3600")
+      ->check(CLI::Range(20, 1'000'000));
+  app.add_option("--test-records", a->test_records, "default: 1000")
+      ->check(CLI::Range(10, 1'000'000));
+  app.add_option("--seeds", a->seeds)->check(CLI::Range(1, 1000))->capture_default_str();
+  const auto slip = std::make_shared<std::string>("ignore");
+  app.add_option("--slip", *slip, "before each test: correct or ignore, as of evaluate")
+      ->check(CLI::IsMember({"correct", "ignore"}))
+      ->capture_default_str();
+  app.add_option("--sim", a->sim, "the simulator; default: echofuse-sim beside this program");
+  return [a, slip, &common] {
+    StabilityOptions options = complete(*a);
+    options.slip = slip_action_of(*slip);
+    options.quiet = common.quiet;
+    options.threads = common.threads;
+    const auto results = summarise_stability(options, study_stability(options));
+    std::fputs(to_text(results).c_str(), stdout);
+    write_stability(options, results);
+    return ExitCode::ok;
+  };
+}
+
+}  // namespace
+
+Command add_study(CLI::App& app, const Common& common) {
+  app.require_subcommand(1);
+  CLI::App* pareto =
+      app.add_subcommand("pareto", "accuracy against the time of a map, photons and records");
+  CLI::App* stability = app.add_subcommand("stability", "where models fail, on simulated records");
+  for (CLI::App* sub : {pareto, stability}) sub->fallthrough();  // --threads, --quiet
+  const Command run_pareto = add_pareto(*pareto, common);
+  const Command run_stability = add_stability(*stability, common);
+  return [=] { return pareto->parsed() ? run_pareto() : run_stability(); };
+}
+
+}  // namespace echofuse::recon

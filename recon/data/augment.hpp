@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: MIT
+// Training records as they would have been under worse conditions, by the forward model of the
+// sensors: what a model has seen it stands.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "recon/data/dataset.hpp"
+
+namespace echofuse::recon {
+
+//   noise  more radar noise: 20 down to 10 dB below the mean of the records' peaks
+// Gains, impulse response and background have none, as the models do not mind them, nor has a slip,
+// which is corrected (slip.hpp).
+inline const std::vector<std::string> augment_names = {"noise"};
+
+// Appends a perturbed copy of the rows for each kind, and their numbers to `rows`. The copies
+// belong to no source. Throws Error(usage) if the kind is not known.
+void augment(Dataset& data, Rows& rows, const std::vector<std::string>& kinds, std::uint64_t seed);
+
+}  // namespace echofuse::recon

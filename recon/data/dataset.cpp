@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: MIT
+#include "recon/data/dataset.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "acquire/record/depth_map.hpp"
+#include "drivers/core/crc32c.hpp"
+#include "drivers/core/log2_codes.hpp"
+#include "drivers/core/printable.hpp"
+#include "recon/data/shift.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+std::string describe(const Axis& a) {
+  if (a.count == 0) return "none";
+  return std::to_string(a.count) + " x " + std::to_string(a.step) + " " + printable(a.unit, 20) +
+         " from " + std::to_string(a.start) + " " + printable(a.unit, 20) + " (" +
+         printable(a.quantity, 20) + ")";
+}
+
+Error axis_error(const std::string& path, const Axis& found, const Axis& wanted,
+                 const std::string& whose) {
+  return {ExitCode::failed, printable(path) + ": " + wanted.name + " axis is " + describe(found) +
+                                ", " + whose + " is " + describe(wanted)};
+}
+
+bool agree(const Axis& a, const Axis& b) {
+  return a.count == b.count && (!a.count || same_axis(a, b));
+}
+
+bool is_dead(std::span<const float> values) {
+  return std::equal(values.begin() + 1, values.end(), values.begin());
+}
+
+// One run being appended to a Dataset.
+class Appender {
+ public:
+  Appender(Dataset& data, const record::RunReader& run)
+      : data_(data), path_(run.path()), raw_radar_(run.axis("radar").value_or(Axis{})) {
+    x_ = run.axis("depth_x").value_or(Axis{});
+    y_ = run.axis("depth_y").value_or(Axis{});
+    Axis radar = raw_radar_;
+    if (radar.quantity == "log2_q8") radar.quantity = "power", radar.scale = 1;
+    adopt(data.spd_axis, run.axis("spd").value_or(Axis{}), "spd");
+    adopt(data.radar_axis, radar, "radar");
+    for (const auto& c : run.calibrations()) {
+      if (c.sensor == Sensor::spd && data.spd_axis.unit == "ps")
+        spd_shift_.emplace(c.offset_m * ps_per_m / data.spd_axis.step);
+      if (c.sensor == Sensor::radar && data.radar_axis.unit == "m")
+        radar_shift_.emplace(c.offset_m / data.radar_axis.step);
+    }
+    const std::string uuid = run.info().uuid;
+    for (const auto& source : data.sources)
+      if (source.uuid == uuid)
+        throw Error(ExitCode::failed,
+                    printable(path_) + ": the same run as " + printable(source.path) +
+                        "; give each run once, or its records leak into the test");
+    data.sources.push_back({path_, uuid, data.size(), 0});
+  }
+
+  // Returns what is wrong with the record, or nothing.
+  std::string add(const record::FusedRecord& r) {
+    const std::vector<float> spd = to_true_range(spd_shift_, {r.spd.begin(), r.spd.end()});
+    const std::vector<float> radar = to_true_range(radar_shift_, linear(r));
+    if (r.has(Sensor::radar) && !std::all_of(radar.begin(), radar.end(), is_finite))
+      return "a radar code is too large for a power";
+    const bool depth = r.has(Sensor::depth);
+    add_row(data_.spd, spd, r.has(Sensor::spd), data_.spd_axis.count);
+    add_row(data_.radar, radar, r.has(Sensor::radar), data_.radar_axis.count);
+    add_row(
+        data_.depth,
+        depth ? record::to_target(r.depth_mm, x_, y_, target_x_, target_y_) : std::vector<float>{},
+        depth, std::size_t{record::map_size} * record::map_size);
+    data_.valid.push_back(r.valid);
+    data_.index.push_back(r.index);
+    data_.slot_end.push_back(r.slot_end);
+    data_.clicks_a_pulse.push_back(clicks_a_pulse(r));
+    data_.label.push_back(r.label);
+    ++data_.sources.back().count;
+    return {};
+  }
+
+ private:
+  static bool is_finite(float v) { return std::isfinite(v); }
+  // Runs of before the table signal have only counts. As many clicks as starts: only the starts
+  // with a click were sent, of an unknown number.
+  static double clicks_a_pulse(const record::FusedRecord& r) {
+    constexpr double filtered = 0.95;
+    if (r.signal.clicks_a_pulse) return *r.signal.clicks_a_pulse;
+    const auto clicks = static_cast<double>(r.spd_counts.in_range + r.spd_counts.out_of_range);
+    const auto starts = static_cast<double>(r.spd_counts.starts);
+    return clicks < filtered * starts ? clicks / starts : 0;
+  }
+  // The first run sets the axes, the others must agree.
+  void adopt(Axis& common, Axis found, const char* name) {
+    found.name = name;
+    if (data_.sources.empty()) {
+      common = found;
+    } else if (!agree(found, common)) {
+      throw axis_error(path_, found, common, data_.sources.front().path);
+    }
+  }
+  static void add_row(Matrix& table, std::vector<float> row, bool present, std::size_t cols) {
+    if (!present) row.clear();
+    row.resize(cols);
+    table.cols = cols;
+    table.add_row(row);
+  }
+  static std::vector<float> to_true_range(const std::optional<Shift>& shift,
+                                          std::vector<float> raw) {
+    return shift ? shift->apply(raw) : raw;
+  }
+  std::vector<float> linear(const record::FusedRecord& r) const {
+    std::vector<float> out = r.radar;
+    if (raw_radar_.quantity == "log2_q8")
+      for (float& v : out) v = static_cast<float>(power_from_code(v, raw_radar_.scale));
+    return out;
+  }
+
+  Dataset& data_;
+  std::string path_;
+  Axis raw_radar_, x_, y_;
+  std::optional<Shift> spd_shift_, radar_shift_;  // of a calibrated run
+  Axis target_x_ = record::depth_x_axis(), target_y_ = record::depth_y_axis();
+};
+
+void append(Dataset& data, const record::RunReader& run, std::int64_t first, std::size_t at_most,
+            const OnBadRecord& on_bad) {
+  // Made within the reading, as a run that is being recorded may get an axis with its next record.
+  std::optional<Appender> appender;
+  const auto to = [&]() -> Appender& { return appender ? *appender : appender.emplace(data, run); };
+  std::size_t left = at_most;
+  run.for_each(
+      [&](const record::FusedRecord& r) {
+        const std::string fault = to().add(r);
+        if (!fault.empty() && !on_bad)
+          throw Error(ExitCode::failed,
+                      printable(run.path()) + ": record " + std::to_string(r.index) + ": " + fault);
+        if (!fault.empty()) on_bad(r.index, fault);
+        return --left > 0;
+      },
+      first, on_bad);
+  to();
+}
+
+}  // namespace
+
+Inputs inputs_of(const std::string& name) {
+  for (const Inputs i : {Inputs::fused, Inputs::spd, Inputs::radar})
+    if (name == name_of(i)) return i;
+  throw Error(ExitCode::usage, "inputs \"" + name + "\": expected fused, spd or radar");
+}
+
+bool Dataset::has_inputs(std::size_t row, Inputs inputs) const {
+  return (inputs == Inputs::radar || has(row, Sensor::spd)) &&
+         (inputs == Inputs::spd || has(row, Sensor::radar));
+}
+
+Rows Dataset::usable(Inputs inputs, bool with_depth) const {
+  Rows rows;
+  for (std::size_t i = 0; i < size(); ++i)
+    if (has_inputs(i, inputs) && (!with_depth || has(i, Sensor::depth))) rows.push_back(i);
+  return rows;
+}
+
+std::size_t Dataset::source_of(std::size_t row) const {
+  std::size_t run = 0;
+  while (row >= sources[run].first + sources[run].count) ++run;
+  return run;
+}
+
+std::string Dataset::fault_of(std::size_t row, Inputs inputs) const {
+  if (!has_inputs(row, inputs))
+    return std::string("lacks a sensor that the model needs: ") + name_of(inputs);
+  if (inputs != Inputs::radar && spd.cols > 1 && is_dead(spd.row(row)))
+    return "spd is the same in every bin";
+  if (inputs != Inputs::spd && radar.cols > 1 && is_dead(radar.row(row)))
+    return "radar is the same in every bin";
+  return {};
+}
+
+Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
+  Dataset data;
+  for (const auto& path : paths)
+    append(data, record::RunReader(path), 0, std::numeric_limits<std::size_t>::max(), on_bad);
+  for (const Matrix* table : {&data.spd, &data.radar, &data.depth})
+    data.hash = crc32c(as_bytes(table->values), data.hash);
+  return data;
+}
+
+Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t at_most,
+                  const OnBadRecord& on_bad) {
+  Dataset data;
+  append(data, run, first, at_most, on_bad);
+  return data;
+}
+
+Axis radar_bins(double width_m) {
+  constexpr double span_m = 7;
+  const auto count = static_cast<std::uint32_t>(span_m / width_m + 1e-9);
+  return {.name = "radar",
+          .quantity = "binned_power",
+          .unit = "m",
+          .count = count,
+          .start = width_m / 2,
+          .step = width_m};
+}
+
+void rebin_radar(Dataset& data, const Axis& bins) {
+  const Axis& from = data.radar_axis;
+  if (from.quantity != "power" || from.step > bins.step ||
+      from.at(from.count - 0.5) < bins.at(bins.count - 0.5))
+    throw Error(ExitCode::failed, (data.sources.empty() ? "run" : data.sources.front().path) +
+                                      ": radar axis is " + describe(from) +
+                                      ", which cannot be added up in " + describe(bins));
+  // In units of a bin, bin j being [j, j + 1].
+  const auto edge = [&](double i) { return (from.at(i) - bins.at(-0.5)) / bins.step; };
+  const double width = from.step / bins.step;
+  Matrix table(data.size(), bins.count);
+  std::vector<double> sums(bins.count);
+  for (std::size_t row = 0; row < data.size(); ++row) {
+    if (is_dead(data.radar.row(row))) {
+      std::fill_n(table.row(row).begin(), bins.count, data.radar.row(row)[0]);
+      continue;
+    }
+    std::fill(sums.begin(), sums.end(), 0.0);
+    for (std::uint32_t i = 0; i < from.count; ++i) {
+      const double power = data.radar.row(row)[i], end = std::max(edge(i + 0.5), 0.0);
+      const double begin = std::min(edge(i - 0.5), end), bin = std::floor(end);
+      const double share = std::clamp((end - std::max(bin, begin)) / width, 0.0, 1.0);
+      if (bin < bins.count) sums[static_cast<std::size_t>(bin)] += power * (bin > 0 ? share : 1);
+      if (bin > 0 && bin <= bins.count)
+        sums[static_cast<std::size_t>(bin) - 1] += power * (1 - share);
+    }
+    std::copy(sums.begin(), sums.end(), table.row(row).begin());
+  }
+  data.radar = std::move(table);
+  data.radar_axis = bins;
+}
+
+void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs) {
+  const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
+  if (inputs != Inputs::radar && !agree(data.spd_axis, spd))
+    throw axis_error(path, data.spd_axis, spd, "the model's");
+  if (inputs == Inputs::spd) return;
+  if (radar.quantity == "binned_power" && data.radar_axis.quantity == "power")
+    rebin_radar(data, radar);
+  Axis cropped = data.radar_axis;
+  if (cropped.count > radar.count) cropped.count = radar.count;
+  if (!agree(cropped, radar)) throw axis_error(path, data.radar_axis, radar, "the model's");
+  Matrix table(data.size(), radar.count);
+  for (std::size_t i = 0; i < data.size(); ++i)
+    std::copy_n(data.radar.row(i).begin(), radar.count, table.row(i).begin());
+  data.radar = std::move(table);
+  data.radar_axis = cropped;
+}
+
+}  // namespace echofuse::recon

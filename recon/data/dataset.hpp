@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: MIT
+// Run files as tables of numbers: one row per record, sensors side by side.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "acquire/record/run_file.hpp"
+#include "drivers/core/axis.hpp"
+#include "drivers/core/exit_code.hpp"
+#include "recon/numbers/matrix.hpp"
+
+namespace echofuse::recon {
+
+enum class Inputs : std::uint8_t { fused, spd, radar };
+inline const char* name_of(Inputs i) {
+  constexpr const char* names[] = {"fused", "spd", "radar"};
+  return names[static_cast<std::size_t>(i)];
+}
+Inputs inputs_of(const std::string& name);  // throws Error(usage)
+
+// One run within a Dataset: rows [first, first + count).
+struct Source {
+  std::string path, uuid;
+  std::size_t first = 0, count = 0;
+};
+
+// A sensor that a record lacks has zeros in its row; `has` tells. A run without the sensor at all
+// has an axis of count 0.
+struct Dataset {
+  Axis spd_axis, radar_axis;         // the radar's after linearisation: "power" or "binned_power"
+  Matrix spd, radar, depth;          // counts | linear power | 64 x 64 metres, 0 = no return
+  std::vector<std::uint32_t> valid;  // bit 0 SPD, 1 radar, 2 depth
+  std::vector<std::int64_t> index;   // the record's number in its run
+  std::vector<HostTime> slot_end;
+  std::vector<double> clicks_a_pulse;  // of the laser; 0 where that is not known
+  std::vector<std::string> label;
+  std::vector<Source> sources;
+  std::uint32_t hash = 0;  // CRC-32C of the three tables
+
+  std::size_t size() const { return valid.size(); }
+  bool has(std::size_t row, Sensor s) const {
+    return (valid[row] >> static_cast<unsigned>(s)) & 1u;
+  }
+  std::size_t source_of(std::size_t row) const;  // index into sources
+  bool has_inputs(std::size_t row, Inputs inputs) const;
+  // Why a model with these inputs cannot use the record; empty if it can. A sensor that says the
+  // same in every bin is dead: it tells nothing, and no scaling makes it tell something.
+  std::string fault_of(std::size_t row, Inputs inputs) const;
+  // Rows that have the model's sensors and, if asked, a depth map to compare with.
+  Rows usable(Inputs inputs, bool with_depth = true) const;
+};
+
+// Called with the number of a record that cannot be used and why.
+using OnBadRecord = std::function<void(std::int64_t, const std::string&)>;
+
+// Reads runs whose axes agree into one table. Throws Error(failed) that names the file and, for a
+// bad record (wrong size, not a finite number), its number, unless on_bad takes it.
+Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad = {});
+
+// A run by parts: its records from number `first` on, at most `at_most` of them beside those that
+// on_bad takes. Leaves `hash` 0.
+Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t at_most,
+                  const OnBadRecord& on_bad);
+
+// The paper's range bins, 0 to 7 m, if the width is 0.5 m: quantity "binned_power".
+Axis radar_bins(double width_m);
+
+// Adds up the radar's power in wider bins. Point i of the recorded profile spreads evenly over
+// [i - 1/2, i + 1/2] steps, so that no energy within the bins' span is lost or made; what lies
+// below the first bin (half of point 0) belongs to it. A dead sensor's row stays one. Throws
+// Error(failed) if the profile is coarser or shorter than the bins.
+void rebin_radar(Dataset& data, const Axis& bins);
+
+// Brings the tables onto the axes of a model: a radar axis with the same start and step but more
+// bins is cropped; for a model with binned power the radar is rebinned. Throws Error(failed) if the
+// axes that `inputs` needs differ otherwise.
+void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs);
+
+}  // namespace echofuse::recon

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: MIT
+#include "recon/data/features.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "recon/numbers/statistics.hpp"
+
+namespace echofuse::recon {
+
+void normalise(std::span<float> values) {
+  if (values.empty()) return;
+  std::vector<float> sorted(values.begin(), values.end());
+  const float background = quantile(sorted, 0.5);
+  for (float& v : values) v -= background;
+  const double sum = std::accumulate(values.begin(), values.end(), 0.0);
+  // Nothing above the background: an empty scene stays an empty profile.
+  const double factor = sum > 0 ? 1 / sum : 0;
+  for (float& v : values) v = static_cast<float>(v * factor);
+}
+
+namespace {
+
+void bring_to_strength(std::span<float> values, const std::string& scaling) {
+  if (scaling == "sqrt")
+    for (float& v : values) v = std::sqrt(std::max(v, 0.f));
+  else if (scaling == "record")
+    normalise(values);
+}
+
+// The factor that brings columns of these variances to a total of `wanted`.
+float gain_for(std::span<const double> variances, double wanted) {
+  const double sum = std::accumulate(variances.begin(), variances.end(), 0.0);
+  return sum > 0 ? static_cast<float>(std::sqrt(wanted / sum)) : 1;
+}
+
+}  // namespace
+
+Matrix Features::strengths(const Dataset& data, const Rows& rows) const {
+  Matrix out(rows.size(), count());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto row = out.row(i);
+    std::copy_n(data.spd.row(rows[i]).begin(), spd_count(), row.begin());
+    std::copy_n(data.radar.row(rows[i]).begin(), radar_count(),
+                row.begin() + static_cast<std::ptrdiff_t>(spd_count()));
+    bring_to_strength(row.first(spd_count()), scaling);
+    bring_to_strength(row.last(radar_count()), scaling);
+  }
+  return out;
+}
+
+Matrix Features::apply(const Dataset& data, const Rows& rows) const {
+  Matrix out = strengths(data, rows);
+  for (std::size_t i = 0; i < out.rows; ++i) {
+    const auto row = out.row(i);
+    for (std::size_t c = 0; c < row.size(); ++c)
+      row[c] = (row[c] - centre[c]) * (c < spd_count() ? spd_gain : radar_gain);
+  }
+  return out;
+}
+
+Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
+                      const std::string& scaling) {
+  Features f{inputs, scaling, data.spd_axis, data.radar_axis, {}, 1, 1};
+  if (scaling == raw_scaling) {
+    f.centre.assign(f.count(), 0);
+    return f;
+  }
+  const Matrix table = f.strengths(data, rows);
+  const ColumnStatistics columns = column_statistics(table, all_rows(table.rows));
+  f.centre.assign(columns.mean.begin(), columns.mean.end());
+  const double wanted = static_cast<double>(f.count()) / (inputs == Inputs::fused ? 2 : 1);
+  const std::span<const double> variances(columns.variance);
+  f.spd_gain = gain_for(variances.first(f.spd_count()), wanted);
+  f.radar_gain = gain_for(variances.last(f.radar_count()), wanted);
+  return f;
+}
+
+}  // namespace echofuse::recon

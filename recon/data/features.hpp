@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: MIT
+// From sensor readings to the input of a model: [SPD histogram ++ radar profile], each sensor
+// scaled by itself so that hundreds of SPD bins do not drown tens of radar bins.
+#pragma once
+#include <span>
+#include <string>
+#include <vector>
+
+#include "recon/data/dataset.hpp"
+#include "recon/numbers/layout.hpp"
+
+namespace echofuse::recon {
+
+// How one record's readings are brought to a common strength before the training set's scaling.
+//   plain   as they are
+//   sqrt    square root, which makes the noise of a Poisson count the same in every bin
+//   raw     as they are, and not scaled by the training set either (models that do it themselves)
+//   record  minus the record's own median (background), divided by its own sum: blind to laser
+//           power, exposure and radar gain
+inline const std::vector<std::string> scaling_names = {"plain", "sqrt", "record"};
+
+inline const std::string raw_scaling = "raw";
+
+// "record" of one sensor's values. Nothing above the background: all zero.
+void normalise(std::span<float> values);
+
+struct Features {
+  Layout layout() const {
+    return {spd_count() > 0 ? spd_axis : Axis{}, radar_count() > 0 ? radar_axis : Axis{}};
+  }
+  Inputs inputs = Inputs::fused;
+  std::string scaling = "record";
+  Axis spd_axis, radar_axis;           // what a record must have
+  std::vector<float> centre;           // per input, subtracted
+  float spd_gain = 1, radar_gain = 1;  // then multiplied
+
+  std::size_t spd_count() const { return inputs == Inputs::radar ? 0 : spd_axis.count; }
+  std::size_t radar_count() const { return inputs == Inputs::spd ? 0 : radar_axis.count; }
+  std::size_t count() const { return spd_count() + radar_count(); }
+  // [SPD ++ radar] of each of `rows`, brought to a common strength by `scaling` only.
+  Matrix strengths(const Dataset& data, const Rows& rows) const;
+  // The model's input: one row of count() values for each of `rows`.
+  Matrix apply(const Dataset& data, const Rows& rows) const;
+};
+
+// Learns centre and gains from `rows`: the inputs of each sensor get the same total variance.
+Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
+                      const std::string& scaling);
+
+}  // namespace echofuse::recon

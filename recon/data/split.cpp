@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: MIT
+#include "recon/data/split.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/core/exit_code.hpp"
+#include "drivers/core/random.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::uint64_t split_stream = 0x73706c6974;  // "split"
+
+std::size_t share_of(double share, std::size_t n) {
+  return static_cast<std::size_t>(std::llround(share * static_cast<double>(n)));
+}
+
+// Removes the last n entries and returns them.
+Rows take_last(Rows& rows, std::size_t n) {
+  n = std::min(n, rows.size());
+  Rows taken(rows.end() - static_cast<std::ptrdiff_t>(n), rows.end());
+  rows.resize(rows.size() - n);
+  return taken;
+}
+
+}  // namespace
+
+Split make_split(const Rows& rows, const SplitOptions& options) {
+  const bool blocked = options.kind == "blocked";
+  Split split;
+  split.train = rows;
+  if (!blocked) {
+    Rng rng = make_rng(options.seed, split_stream);
+    std::shuffle(split.train.begin(), split.train.end(), rng);
+  }
+  const auto cut = [&](double share) {
+    Rows part = take_last(split.train, share_of(share, split.train.size()));
+    if (blocked && !part.empty()) take_last(split.train, options.gap);
+    std::sort(part.begin(), part.end());
+    return part;
+  };
+  split.test = cut(options.test_share);
+  split.validation = cut(options.validation_share);
+  std::sort(split.train.begin(), split.train.end());
+  if (split.train.size() < 2)
+    throw Error(ExitCode::failed, std::to_string(rows.size()) + " usable records leave " +
+                                      std::to_string(split.train.size()) +
+                                      " to train on after the split; at least 2 are needed");
+  return split;
+}
+
+Split make_fold(const Rows& rows, std::size_t fold, std::size_t folds, std::size_t gap) {
+  const std::size_t first = rows.size() * fold / folds, last = rows.size() * (fold + 1) / folds;
+  Split split;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (i >= first && i < last) split.test.push_back(rows[i]);
+    if (i + gap < first || i >= last + gap) split.train.push_back(rows[i]);
+  }
+  if (split.train.size() < 2 || split.test.empty())
+    throw Error(ExitCode::failed, std::to_string(rows.size()) + " usable records cannot make " +
+                                      std::to_string(folds) + " folds with a gap of " +
+                                      std::to_string(gap));
+  return split;
+}
+
+}  // namespace echofuse::recon

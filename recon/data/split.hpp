@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: MIT
+// Which records train, which stop the training early, and which are never seen by either.
+#pragma once
+#include <cstdint>
+#include <string>
+
+#include "recon/numbers/matrix.hpp"
+
+namespace echofuse::recon {
+
+struct SplitOptions {
+  // random: for independent scenes (the paper's 9:1). blocked: for sequences, where neighbours in
+  // time leak: training records, a gap, validation, a gap, test, in the order of the records.
+  std::string kind = "random";
+  double test_share = 0.1;
+  double validation_share = 0.05;  // of what is left for training
+  std::size_t gap = 10;            // records dropped between two blocks
+  std::uint64_t seed = 1;
+};
+
+struct Split {
+  Rows train, validation, test;
+};
+
+// Splits `rows`. Throws Error(failed) if nothing is left to train on.
+Split make_split(const Rows& rows, const SplitOptions& options);
+
+// Block `fold` of `folds` as test rows; the training rows stay `gap` records away from it.
+Split make_fold(const Rows& rows, std::size_t fold, std::size_t folds, std::size_t gap);
+
+}  // namespace echofuse::recon

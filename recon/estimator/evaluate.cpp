@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: MIT
+#include "recon/estimator/evaluate.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+
+#include "drivers/core/exit_code.hpp"
+#include "recon/estimator/answer.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+// The given map as the answer to every record.
+Matrix constant_maps(const std::vector<float>& map, std::size_t rows) {
+  Matrix out(0, map.size());
+  for (std::size_t i = 0; i < rows; ++i) out.add_row(map);
+  return out;
+}
+
+Matrix nearest_maps(const TrainedModel& trained, const Dataset& data, const Rows& rows,
+                    const Dataset& neighbours_data, const Rows& neighbours) {
+  const Matrix inputs = trained.features.apply(neighbours_data, neighbours);
+  const Matrix maps = take_rows(neighbours_data.depth, neighbours);
+  const auto model = make_nearest();
+  model->fit({inputs, maps, all_rows(neighbours.size())}, {inputs, maps, {}}, {});
+  return model->predict(trained.features.apply(data, rows));
+}
+
+Rows with_depth(const Dataset& data) {
+  Rows rows = all_rows(data.size());
+  std::erase_if(rows, [&](std::size_t row) { return !data.has(row, Sensor::depth); });
+  return rows;
+}
+
+// A Calibration in the making.
+struct Claimed {
+  double within = 0, stated = 0, known = 0, flagged = 0, squares = 0, variance = 0, pixels = 0,
+         records = 0;
+
+  void add(const Answer& own, const Dataset& data, const Rows& rows, const Scene& scene) {
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const auto truth = data.depth.row(rows[i]);
+      flagged += !own.claims[i].strangeness.why.empty(), ++records;
+      for (std::size_t p = 0; p < truth.size(); ++p, ++pixels) {
+        squares += std::pow(double{own.mean.row(i)[p]} - double{truth[p]}, 2);
+        variance += std::pow(double{own.deviation.row(i)[p]}, 2);
+      }
+      const double error = lateral_error(own.maps.row(i), truth, scene);
+      const double claimed = own.claims[i].lateral_90_m;
+      if (std::isnan(error) || std::isnan(claimed)) continue;
+      within += error <= claimed, stated += claimed, ++known;
+    }
+  }
+  Calibration mean() const {
+    return {within / known, stated / known, flagged / records, std::sqrt(squares / pixels),
+            std::sqrt(variance / pixels)};
+  }
+};
+
+// Metrics and calibration, by parts that bound the memory.
+void score_answers(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                   Evaluation& out) {
+  constexpr std::size_t at_once = 512;
+  std::vector<MapScores> scores;
+  Claimed claimed;
+  for (std::size_t first = 0; first < rows.size(); first += at_once) {
+    const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(first);
+    const Rows part(begin, begin + std::min<std::ptrdiff_t>(at_once, rows.end() - begin));
+    const bool with_pixels = model.confidence || out.output == "mean";
+    Answer one = answer(model, data, part, "own", with_pixels);
+    if (model.confidence) claimed.add(one, data, part, model.scene);
+    choose_output(one, out.output, model.scene);
+    const auto some = score_maps(one.maps, data, part, model.scene);
+    scores.insert(scores.end(), some.begin(), some.end());
+  }
+  out.metrics = summarise(scores);
+  if (model.confidence) out.calibration = claimed.mean();
+}
+
+}  // namespace
+
+Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) {
+  const bool held_out = !all && model.knows(data);
+  Rows rows = held_out ? model.rows_of(data, Part::test) : with_depth(data);
+  if (!held_out) std::erase_if(rows, [&](auto row) { return !model.fault_of(data, row).empty(); });
+  if (!rows.empty()) return rows;
+  const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
+  throw Error(ExitCode::failed,
+              held_out ? path +
+                             ": the model was trained on this run and held none of its records "
+                             "out; use --all to score it on what it has seen"
+                       : path + ": no record has depth and the live sensors of a \"" +
+                             name_of(model.features.inputs) + "\" model");
+}
+
+std::string match_model(Dataset& data, const TrainedModel& model, SlipAction action) {
+  const Matrix recorded = data.radar;
+  const Axis recorded_axis = data.radar_axis;
+  model.match(data);
+  if (action == SlipAction::ignore || !model.slip.known()) return {};
+  std::vector<float> found;
+  model.slip.measure(data, found);
+  const Slip slip = model.slip.judge(found);
+  const bool correct = action == SlipAction::correct;
+  if (correct && slip.verdict == Slip::Verdict::found) {
+    data.radar = recorded, data.radar_axis = recorded_axis;
+    shorten_radar(data, slip.metres);
+    model.match(data);
+  }
+  return slip.text(correct);
+}
+
+std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
+                                  const Scene& scene) {
+  std::vector<MapScores> out;
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    out.push_back(score(maps.row(i), data.depth.row(rows[i]), scene));
+  return out;
+}
+
+Evaluation evaluate(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                    const Dataset& neighbours_data, const Rows& neighbours,
+                    const std::string& output) {
+  const auto scored = [&](const Matrix& maps) {
+    return summarise(score_maps(maps, data, rows, model.scene));
+  };
+  Evaluation out;
+  out.model = model.name;
+  out.inputs = model.features.inputs;
+  out.output = output;
+  out.records = rows.size();
+  for (const std::size_t row : rows) out.fallback_records += model.falls_back(data, row);
+  if (!model.knows(data))
+    for (const std::size_t row : with_depth(data))
+      out.left_out += !model.fault_of(data, row).empty();
+  score_answers(model, data, rows, out);
+  out.trivial.push_back({"empty", scored(constant_maps(model.scene.background, rows.size()))});
+  out.trivial.push_back({"mean", scored(constant_maps(model.scene.mean_map, rows.size()))});
+  if (!neighbours.empty())
+    out.trivial.push_back(
+        {"nearest", scored(nearest_maps(model, data, rows, neighbours_data, neighbours))});
+  return out;
+}
+
+RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                         const std::string& model_path) {
+  using Clock = std::chrono::steady_clock;
+  constexpr std::size_t warm_up = 20, repeats = 400;
+  std::vector<double> us;
+  for (std::size_t i = 0; i < warm_up + repeats; ++i) {
+    const Rows one{rows[i % rows.size()]};
+    const auto started = Clock::now();
+    model.model->predict(model.features.apply(data, one));
+    const std::chrono::duration<double, std::micro> taken = Clock::now() - started;
+    if (i >= warm_up) us.push_back(taken.count());
+  }
+  std::sort(us.begin(), us.end());
+  return {model.model->cost(), us[repeats / 2], us[repeats * 99 / 100], model.train_s,
+          static_cast<std::size_t>(std::filesystem::file_size(model_path))};
+}
+
+}  // namespace echofuse::recon

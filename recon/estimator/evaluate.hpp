@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: MIT
+// A model's scores on records it has not seen, with the trivial answers beside and the cost.
+#pragma once
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "recon/estimator/trained_model.hpp"
+#include "recon/maps/metrics.hpp"
+
+namespace echofuse::recon {
+
+// A table's row: some way to make maps, and how good they are.
+struct ScoredRow {
+  std::string name;
+  Summaries metrics;
+};
+
+struct RunningCost {
+  Cost cost;
+  double infer_us_median = 0, infer_us_p99 = 0;  // scaling and prediction of one map, one thread
+  double train_s = 0;
+  std::size_t model_bytes = 0;
+};
+
+// How well a model's claims hold on records with a truth.
+struct Calibration {
+  double within_90 = 0;                 // share of the records within their lateral_90_m
+  double lateral_90_m = 0;              // mean
+  double flagged = 0;                   // share of the records that are called unusual
+  double error_m = 0, deviation_m = 0;  // of pixels, root mean square: of the mean map, as stated
+};
+
+struct Evaluation {
+  std::string model;
+  Inputs inputs{};
+  std::string output;  // of output_names, which the metrics are of
+  std::size_t records = 0;
+  std::size_t fallback_records = 0;  // of them, for which the fallback answered
+  std::size_t left_out = 0;          // of a fresh run: had depth, but no map can be made of them
+  std::string slip;                  // what match_model said
+  Summaries metrics;
+  std::vector<ScoredRow> trivial;  // empty room, mean map, nearest neighbour
+  RunningCost cost;
+  std::optional<Calibration> calibration;  // none: the model claims nothing; NaN: of no record
+};
+
+// The rows to judge a model by: the held-out ones of a run it was trained on, else all with depth
+// that the model has a map of.
+// Throws Error(failed) if there are none.
+Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
+
+// Estimates the slip of the whole data set (on the axes of its run), corrects it if asked, and
+// brings the data onto the model's axes. Returns what there is to say, or nothing.
+std::string match_model(Dataset& data, const TrainedModel& model, SlipAction slip);
+
+// Scores of one map a row against the depth table's rows.
+std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
+                                  const Scene& scene);
+
+// `neighbours`: records for the nearest-neighbour row, which is left out if there are none.
+// `output`: which of the model's maps to score (output_names).
+Evaluation evaluate(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                    const Dataset& neighbours_data, const Rows& neighbours,
+                    const std::string& output = "own");
+
+RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                         const std::string& model_path);
+
+nlohmann::json to_json(const Evaluation& evaluation);
+// Rows of metrics as aligned text; lengths in metres.
+std::string to_table(const std::vector<ScoredRow>& rows);
+// Whole-map SSIM and RMSE in units of the depth span (6 m), for recordings whose depth is relative.
+std::string to_span_table(const std::vector<ScoredRow>& rows);
+std::string to_text(const Evaluation& evaluation);
+// What must be known to read the scores (slip, fallback, records left out): a line each, or
+// nothing.
+std::string notes(const Evaluation& evaluation);
+std::string to_text(const std::optional<Calibration>& calibration);  // one line, or nothing
+
+}  // namespace echofuse::recon

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: MIT
+// How an evaluation is shown: JSON for programs, aligned text for people.
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "acquire/record/depth_map.hpp"
+#include "recon/estimator/evaluate.hpp"
+#include "recon/files/text.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+using nlohmann::json;
+
+json number(double value) { return std::isnan(value) ? json(nullptr) : json(value); }
+
+json metrics_json(const Summaries& metrics) {
+  json out = json::object();
+  for (std::size_t m = 0; m < metric_count; ++m)
+    out[metric_names[m]] = {{"mean", number(metrics[m].mean)},
+                            {"se", number(metrics[m].se)},
+                            {"maps", metrics[m].maps}};
+  return out;
+}
+
+}  // namespace
+
+json to_json(const Evaluation& e) {
+  json trivial = json::object();
+  for (const auto& row : e.trivial) trivial[row.name] = metrics_json(row.metrics);
+  json out = {{"model", e.model},
+              {"inputs", name_of(e.inputs)},
+              {"output", e.output},
+              {"records", e.records},
+              {"left_out", e.left_out},
+              {"fallback_records", e.fallback_records},
+              {"slip", e.slip},
+              {"metrics", metrics_json(e.metrics)},
+              {"trivial", trivial},
+              {"cost",
+               {{"multiply_adds", e.cost.cost.multiply_adds},
+                {"parameters", e.cost.cost.parameters},
+                {"infer_us_median", e.cost.infer_us_median},
+                {"infer_us_p99", e.cost.infer_us_p99},
+                {"train_s", e.cost.train_s},
+                {"model_bytes", e.cost.model_bytes}}}};
+  if (e.calibration)
+    out["calibration"] = {{"within_lateral_90", number(e.calibration->within_90)},
+                          {"lateral_90_m", number(e.calibration->lateral_90_m)},
+                          {"flagged", e.calibration->flagged},
+                          {"pixel_error_m", e.calibration->error_m},
+                          {"pixel_deviation_m", e.calibration->deviation_m}};
+  return out;
+}
+
+std::string to_table(const std::vector<ScoredRow>& rows) {
+  std::string out = formatted("%-12s", "metric");
+  for (const auto& row : rows) out += formatted(" %15s", row.name.c_str());
+  out += '\n';
+  for (std::size_t m = 0; m < metric_count; ++m) {
+    out += formatted("%-12s", metric_names[m]);
+    for (const auto& row : rows)
+      out += formatted(" %15s", formatted(row.metrics[m], " +-").c_str());
+    out += '\n';
+  }
+  return out;
+}
+
+std::string to_span_table(const std::vector<ScoredRow>& rows) {
+  std::string out = "in units of the depth span (6 m):\n";
+  for (const auto& row : rows)
+    out +=
+        formatted("  %-10s SSIM %.3f  RMSE %.3f\n", row.name.c_str(), row.metrics[metric_ssim].mean,
+                  row.metrics[metric_rmse_m].mean / record::max_depth_m);
+  return out;
+}
+
+std::string to_text(const std::optional<Calibration>& c) {
+  if (!c) return {};
+  const std::string lateral =
+      std::isnan(c->within_90)
+          ? ""
+          : formatted(
+                "%.1f %% of the records within their stated lateral error, %.1f cm on average "
+                "(meant for 90 %%); ",
+                100 * c->within_90, 100 * c->lateral_90_m);
+  return lateral + formatted(
+                       "%.2f %% flagged as unusual; pixels of the mean map are off by %.2f m "
+                       "rms, stated %.2f m\n",
+                       100 * c->flagged, c->error_m, c->deviation_m);
+}
+
+std::string notes(const Evaluation& e) {
+  std::string out = e.slip.empty() ? "" : e.slip + '\n';
+  if (e.fallback_records > 0)
+    out += formatted("%zu records: %s\n", e.fallback_records, fallback_note);
+  if (e.left_out > 0)
+    out += formatted("%zu records with depth left out: a sensor missing or dead\n", e.left_out);
+  return out;
+}
+
+std::string to_text(const Evaluation& e) {
+  std::vector<ScoredRow> rows = {{e.model + " " + name_of(e.inputs), e.metrics}};
+  rows.insert(rows.end(), e.trivial.begin(), e.trivial.end());
+  return formatted("%zu records; mean +- standard error over maps\n", e.records) + notes(e) +
+         to_table(rows) +
+         formatted(
+             "%zu multiply-adds a map, %zu parameters, %.0f us a map (median; p99 %.0f) on one "
+             "thread\n",
+             e.cost.cost.multiply_adds, e.cost.cost.parameters, e.cost.infer_us_median,
+             e.cost.infer_us_p99) +
+         formatted("trained in %.1f s, model file %.1f MB\n", e.cost.train_s,
+                   static_cast<double>(e.cost.model_bytes) / 1e6) +
+         to_text(e.calibration);
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: MIT
+// Learns what a trained model may say of its own answers, from the validation records: as they are
+// and made worse (fewer photons, more radar noise), with the model's own maps.
+#pragma once
+#include <cstdint>
+
+#include "drivers/core/random.hpp"
+#include "recon/data/split.hpp"
+#include "recon/estimator/trained_model.hpp"
+
+namespace echofuse::recon {
+
+// Whether there are enough records to learn a Confidence from.
+bool can_judge(const Split& split);
+Confidence fit_confidence(const TrainedModel& model, const Dataset& data, const Split& split,
+                          std::uint64_t seed);
+
+// Photons are lost at random, up to all but 1/300 of them, and the radar gets more noise.
+void make_worse(Dataset& data, Rng& rng);
+
+}  // namespace echofuse::recon

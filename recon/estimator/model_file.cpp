@@ -1,0 +1,261 @@
+// SPDX-License-Identifier: MIT
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <utility>
+
+#include "acquire/record/depth_map.hpp"
+#include "drivers/core/console.hpp"
+#include "recon/estimator/trained_model.hpp"
+#include "recon/files/files.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+using record::H5File;
+
+constexpr const char* format = "echofuse model";
+constexpr std::int64_t format_version = 2;
+constexpr const char* fallback_group = "fallback";
+constexpr std::int64_t most_bins = 1 << 20;
+constexpr float farthest_m = 100;
+constexpr std::size_t map_pixels = record::map_size * record::map_size;
+
+void save_axis(H5File& file, const Axis& axis) {
+  const std::string group = "axes/" + axis.name;
+  file.make_group(group);
+  file.set(group, "quantity", axis.quantity);
+  file.set(group, "unit", axis.unit);
+  file.set(group, "count", std::int64_t{axis.count});
+  file.set(group, "start", axis.start);
+  file.set(group, "step", axis.step);
+  file.set(group, "scale", axis.scale);
+}
+
+Axis load_axis(const H5File& file, const std::string& name) {
+  const std::string group = "axes/" + name;
+  const auto count = file.get<std::int64_t>(group, "count");
+  require_sound(file, count >= 0 && count <= most_bins, group + "@count",
+                "0 to " + std::to_string(most_bins));
+  const Axis axis{name,
+                  file.get<std::string>(group, "quantity"),
+                  file.get<std::string>(group, "unit"),
+                  static_cast<std::uint32_t>(count),
+                  file.get<double>(group, "start"),
+                  file.get<double>(group, "step"),
+                  file.get<double>(group, "scale")};
+  require_sound(file, count == 0 || (axis.step >= 1e-9 && axis.step <= 1e9), group + "@step",
+                "1e-9 to 1e9");
+  require_sound(file, std::abs(axis.start) <= 1e9, group + "@start", "-1e9 to 1e9");
+  return axis;
+}
+
+void save_head(H5File& file, const TrainedModel& m) {
+  file.set(".", "format", std::string(format));
+  file.set(".", "format_version", format_version);
+  file.set(".", "model", m.name);
+  file.set(".", "inputs", std::string(name_of(m.features.inputs)));
+  file.set(".", "scaling", m.features.scaling);
+  file.set(".", "version", std::string(version()));
+  file.set(".", "data_crc32c", std::int64_t{m.data_hash});
+  file.set(".", "train_s", m.train_s);
+  file.set(".", "foreground_depth_m", double{m.scene.foreground_depth_m});
+  file.set(".", "split", m.split.kind);
+  file.set(".", "gap", static_cast<std::int64_t>(m.split.gap));
+  file.set(".", "seed", static_cast<std::int64_t>(m.split.seed));
+  file.set(".", "test_share", m.split.test_share);
+  file.set(".", "validation_share", m.split.validation_share);
+}
+
+bool is_one_of(const std::vector<std::string>& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+std::string load_choice(const H5File& file, const char* attribute,
+                        const std::vector<std::string>& choices) {
+  const auto found = file.get<std::string>(".", attribute);
+  std::string all;
+  for (const auto& one : choices) all += (all.empty() ? "" : ", ") + one;
+  require_sound(file, is_one_of(choices, found), std::string(".@") + attribute, "one of " + all);
+  return found;
+}
+
+template <class T>
+T load_count(const H5File& file, const std::string& object, const char* attribute) {
+  const auto found = file.get<std::int64_t>(object, attribute);
+  require_sound(file, std::in_range<T>(found), object + "@" + attribute, "a number of its range");
+  return static_cast<T>(found);
+}
+
+void load_head(const H5File& file, TrainedModel& m) {
+  m.name = load_choice(file, "model", model_names);
+  m.features.inputs = inputs_of(load_choice(file, "inputs", {"fused", "spd", "radar"}));
+  m.features.scaling =
+      load_choice(file, "scaling",
+                  wants_readings(m.name) ? std::vector<std::string>{raw_scaling} : scaling_names);
+  m.data_hash = load_count<std::uint32_t>(file, ".", "data_crc32c");
+  m.train_s = file.get<double>(".", "train_s");
+  m.scene.foreground_depth_m = static_cast<float>(file.get<double>(".", "foreground_depth_m"));
+  require_sound(file, m.scene.foreground_depth_m >= 0 && m.scene.foreground_depth_m <= farthest_m,
+                ".@foreground_depth_m", "0 to 100 m");
+  m.split.kind = load_choice(file, "split", {"random", "blocked"});
+  m.split.gap = load_count<std::size_t>(file, ".", "gap");
+  m.split.seed = static_cast<std::uint64_t>(file.get<std::int64_t>(".", "seed"));
+}
+
+void save_training(H5File& file, const TrainedModel& m) {
+  file.write("training/loss_m", m.log.loss, {m.log.loss.size()});
+  file.write("training/validation_loss_m", m.log.validation_loss, {m.log.validation_loss.size()});
+  const auto widths = m.fit.hidden.value_or(std::vector<std::size_t>{});
+  const std::vector<std::uint64_t> hidden(widths.begin(), widths.end());
+  file.write("training/hidden", hidden, {hidden.size()});
+  file.set("training", "best_epoch", static_cast<std::int64_t>(m.log.best_epoch));
+  file.set("training", "epochs", static_cast<std::int64_t>(m.fit.epochs.value_or(0)));
+  file.set("training", "batch", static_cast<std::int64_t>(m.fit.batch));
+  file.set("training", "patience", static_cast<std::int64_t>(m.fit.patience.value_or(0)));
+  file.set("training", "learning_rate", m.fit.learning_rate.value_or(0));
+  file.set("training", "weight_decay", m.fit.weight_decay.value_or(0));
+}
+
+void save_body(H5File& file, const TrainedModel& m) {
+  save_axis(file, m.features.spd_axis);
+  save_axis(file, m.features.radar_axis);
+  const auto flat = [&](const char* name, const auto& values) {
+    file.write(name, values, {values.size()});
+  };
+  flat("features/centre", m.features.centre);
+  file.set("features", "spd_gain", double{m.features.spd_gain});
+  file.set("features", "radar_gain", double{m.features.radar_gain});
+  flat("scene/background_m", m.scene.background);
+  flat("scene/mean_map_m", m.scene.mean_map);
+  file.write_texts("split/runs", m.seen.runs);
+  flat("split/run", m.seen.run);
+  flat("split/index", m.seen.index);
+  flat("split/part", m.seen.part);
+}
+
+std::vector<float> load_map(const H5File& file, const std::string& name) {
+  auto map = file.read<float>(name, {map_pixels});
+  for (const float depth : map)
+    require_sound(file, depth >= 0 && depth <= farthest_m, name, "depths of 0 to 100 m");
+  return map;
+}
+
+SeenRecords load_seen(const H5File& file) {
+  SeenRecords seen;
+  seen.runs = file.read_texts("split/runs");
+  seen.run = file.read<std::uint32_t>("split/run", {H5File::any});
+  seen.index = file.read<std::int64_t>("split/index", {seen.run.size()});
+  seen.part = file.read<std::uint8_t>("split/part", {seen.run.size()});
+  for (const std::uint32_t run : seen.run)
+    require_sound(file, run < seen.runs.size(), "split/run", "numbers of its runs");
+  for (const std::uint8_t part : seen.part)
+    require_sound(file, part <= static_cast<std::uint8_t>(Part::test), "split/part", "0, 1 or 2");
+  return seen;
+}
+
+void load_body(const H5File& file, TrainedModel& m) {
+  m.features.spd_axis = load_axis(file, "spd");
+  m.features.radar_axis = load_axis(file, "radar");
+  m.features.centre = file.read<float>("features/centre", {m.features.count()});
+  m.features.spd_gain = static_cast<float>(file.get<double>("features", "spd_gain"));
+  m.features.radar_gain = static_cast<float>(file.get<double>("features", "radar_gain"));
+  m.scene.background = load_map(file, "scene/background_m");
+  m.scene.mean_map = load_map(file, "scene/mean_map_m");
+  m.seen = load_seen(file);
+  m.log.loss = file.read<double>("training/loss_m", {H5File::any});
+  m.log.validation_loss = file.read<double>("training/validation_loss_m", {m.log.loss.size()});
+  m.log.best_epoch = load_count<std::size_t>(file, "training", "best_epoch");
+}
+
+void check_format(const H5File& file) {
+  if (!file.has_attribute(".", "format") || file.get<std::string>(".", "format") != format)
+    file.refuse(".@format", std::string("expected \"") + format + "\": this is no model file");
+  const auto found = file.get<std::int64_t>(".", "format_version");
+  if (found != format_version)
+    file.refuse(
+        ".@format_version",
+        "is " + std::to_string(found) + "; expected " + std::to_string(format_version) +
+            (found > format_version ? ": use a newer echofuse" : ": train the model again"));
+}
+
+void save_to(H5File& file, const TrainedModel& model) {
+  save_head(file, model);
+  save_body(file, model);
+  save_training(file, model);
+  model.model->save(file);
+  model.slip.save(file);
+  if (model.confidence) model.confidence->save(file);
+  if (!model.fallback) return;
+  H5File group = file.group(fallback_group);
+  save_to(group, *model.fallback);
+}
+
+TrainedModel load_one(const H5File& file) {
+  TrainedModel out;
+  load_head(file, out);
+  load_body(file, out);
+  const Layout layout = out.features.layout();
+  out.model = make_model(out.name);
+  out.model->load(file, layout, map_pixels);
+  out.slip.load(file, layout);
+  if (file.has("confidence")) out.confidence.emplace().load(file, out.features);
+  return out;
+}
+
+// It answers for records of the model's own SPD axis, in the same words.
+void check_fallback(const H5File& file, const TrainedModel& model) {
+  const TrainedModel& other = *model.fallback;
+  const std::string name = fallback_group;
+  require_sound(file, model.features.inputs == Inputs::fused, name, "none but in a fused model");
+  require_sound(file, other.features.inputs == Inputs::spd, name + "@inputs", "spd");
+  require_sound(file, same_axis(other.features.spd_axis, model.features.spd_axis),
+                name + "/axes/spd", "the model's own");
+  require_sound(file, other.confidence.has_value() == model.confidence.has_value(),
+                name + "/confidence", "one as the model has, or none as it has none");
+  require_sound(file, !file.has(name + "/" + fallback_group), name, "no fallback of its own");
+}
+
+}  // namespace
+
+void check_can_save(const std::string& path, Existing existing) {
+  // A run that is given for OUT by mistake must not become a model.
+  if (std::filesystem::exists(path)) {
+    try {
+      check_format(H5File::open_sealed(path));
+    } catch (const Error&) {
+      throw Error(ExitCode::usage,
+                  path + ": exists and is no model file of this version; give another --out");
+    }
+    if (existing == Existing::keep)
+      throw Error(ExitCode::usage,
+                  path + ": is a model already; give another --out, or --force to replace it");
+  }
+  const std::string unfinished = path + ".part";
+  write_file(unfinished, {});
+  std::remove(unfinished.c_str());
+}
+
+void save_model(const TrainedModel& model, const std::string& path, Existing existing) {
+  write_whole(path, existing, [&](H5File& file) { save_to(file, model); });
+}
+
+TrainedModel load_model(const H5File& file) {
+  check_format(file);
+  TrainedModel out = load_one(file);
+  if (!file.has(fallback_group)) return out;
+  out.fallback = std::make_unique<TrainedModel>(load_one(file.group(fallback_group)));
+  check_fallback(file, out);
+  return out;
+}
+
+TrainedModel load_model(const std::string& path) {
+  if (::access(path.c_str(), R_OK) != 0)
+    throw Error(ExitCode::failed, path + ": no such file, or not readable; expected a model file");
+  return load_model(H5File::open_sealed(path));
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: MIT
+#include "recon/estimator/train.hpp"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "drivers/core/console.hpp"
+#include "drivers/core/random.hpp"
+#include "recon/data/augment.hpp"
+#include "recon/estimator/crossvalidate.hpp"
+#include "recon/estimator/fit_confidence.hpp"
+#include "recon/files/text.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t auto_folds = 4;
+// In front of a room the SPD alone sees nearly everything, but only a network learns it.
+constexpr const char* fallback_rung = "pca-mlp-256-256";
+constexpr std::uint64_t fold_stream = 0x666f6c64;  // "fold"
+
+// Judged on the training records alone: the test records choose nothing.
+std::string choose(const Dataset& data, const Split& split, const TrainOptions& options) {
+  Rows rows = split.train;
+  rows.insert(rows.end(), split.validation.begin(), split.validation.end());
+  std::sort(rows.begin(), rows.end());
+  const bool blocked = options.split.kind == "blocked";
+  Rng rng = make_rng(options.split.seed, fold_stream);
+  if (!blocked) std::shuffle(rows.begin(), rows.end(), rng);
+  CrossvalidateOptions cross{
+      options.inputs, options.scaling, options.ladder, auto_folds, blocked ? options.split.gap : 0,
+      blocked,        options.fit};
+  cross.fit.checkpoint = {};
+  if (cross.models.empty()) cross.models = ladder(inputs_of(options.inputs));
+  const auto table = crossvalidate(data, rows, cross);
+  const std::size_t chosen = cheapest_within_one_se(table);
+  if (!options.fit.quiet) std::fputs(to_choice_table(table, chosen).c_str(), stderr);
+  return table[chosen].name;
+}
+
+// Everything that a resumed training must have in common with the one that was stopped.
+std::vector<std::pair<std::string, std::string>> settings_of(const Dataset& data,
+                                                             const TrainOptions& o,
+                                                             const Rung& rung) {
+  const FitOptions& fit = rung.fit;
+  std::string hidden;
+  for (const std::size_t n : fit.hidden.value_or(std::vector<std::size_t>{}))
+    hidden += formatted(hidden.empty() ? "%zu" : ",%zu", n);
+  std::string kinds;
+  for (const auto& kind : o.augment) kinds += (kinds.empty() ? "" : ",") + kind;
+  return {{"records", std::to_string(data.size()) + formatted(" (checksum %08x)", data.hash)},
+          {"radar bins", std::to_string(data.radar_axis.count)},
+          {"--model", rung.model},
+          {"--inputs", o.inputs},
+          {"--scaling", o.scaling},
+          {"--hidden", hidden},
+          {"--basis", std::to_string(fit.basis.value_or(0))},
+          {"--epochs", std::to_string(fit.epochs.value_or(0))},
+          {"--batch", std::to_string(fit.batch)},
+          {"--learning-rate", formatted("%.17g", fit.learning_rate.value_or(0))},
+          {"--weight-decay", formatted("%.17g", fit.weight_decay.value_or(0))},
+          {"--patience", std::to_string(fit.patience.value_or(0))},
+          {"--seed", std::to_string(fit.seed)},
+          {"--split", o.split.kind},
+          {"--test-share", formatted("%.17g", o.split.test_share)},
+          {"--validation-share", formatted("%.17g", o.split.validation_share)},
+          {"--gap", std::to_string(o.split.gap)},
+          {"--augment", kinds},
+          {"--no-fallback", o.fallback ? "not given" : "given"}};
+}
+
+TrainedModel fit_augmented(Dataset data, Split split, const std::string& name,
+                           const TrainOptions& options, const FitOptions& fit) {
+  augment(data, split.train, options.augment, fit.seed);
+  return fit_model(data, split, name, inputs_of(options.inputs), options.scaling, fit);
+}
+
+std::unique_ptr<TrainedModel> fit_fallback(const Dataset& data, const Split& split,
+                                           const FitOptions& options, bool claims) {
+  FitOptions fit;
+  fit.seed = options.seed, fit.quiet = options.quiet, fit.epochs = options.epochs;
+  auto out = std::make_unique<TrainedModel>(
+      fit_model(data, split, fallback_rung, Inputs::spd, "record", fit));
+  if (claims) out->confidence = fit_confidence(*out, data, split, fit.seed);
+  return out;
+}
+
+Rows in_order(Rows rows) {
+  std::sort(rows.begin(), rows.end());
+  return rows;
+}
+
+}  // namespace
+
+Rows rows_to_train(const Dataset& data, Inputs inputs) {
+  const Rows rows = data.usable(inputs);
+  for (const std::size_t row : rows) {
+    const std::string fault = data.fault_of(row, inputs);
+    if (fault.empty()) continue;
+    throw Error(ExitCode::failed, data.sources[data.source_of(row)].path + ": record " +
+                                      std::to_string(data.index[row]) + ": " + fault +
+                                      ": a dead sensor, of which nothing can be learned");
+  }
+  return rows;
+}
+
+TrainedModel train(const Dataset& data, const TrainOptions& options) {
+  const Inputs inputs = inputs_of(options.inputs);
+  if (!options.augment.empty() && inputs == Inputs::spd)
+    throw Error(ExitCode::usage, "--augment: its kinds are of the radar, --inputs spd has none");
+  const Split split = make_split(rows_to_train(data, inputs), options.split);
+  const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
+  FitOptions fit = options.fit;
+  const Rung rung = rung_of(name, fit);
+  if (fit.checkpoint.resume && rung.model != "mlp" && rung.model != "pca-mlp")
+    throw Error(ExitCode::usage,
+                "--resume: model " + name + " keeps no checkpoints; train it anew");
+  if (!fit.checkpoint.path.empty()) fit.checkpoint.settings = settings_of(data, options, rung);
+  TrainedModel model = options.augment.empty()
+                           ? fit_model(data, split, name, inputs, options.scaling, fit)
+                           : fit_augmented(data, split, name, options, fit);
+  model.split = options.split;
+  model.seen = remember(data, split);
+  // In bins as wide as the paper's an echo has no place to 1 cm.
+  if (options.slip && inputs == Inputs::fused && data.spd_axis.unit == "ps" &&
+      data.radar_axis.unit == "m" && data.radar_axis.quantity == "power")
+    model.slip = SlipReference(data, in_order(split.train));
+  if (model.log.interrupted) return model;
+  const bool claims = options.confidence && can_judge(split);
+  if (claims) model.confidence = fit_confidence(model, data, split, fit.seed);
+  if (options.fallback && inputs == Inputs::fused && !is_blind(model.name))
+    model.fallback = fit_fallback(data, split, options.fit, claims);
+  if (interrupted()) model.log.interrupted = true, model.fallback.reset();  // half trained
+  return model;
+}
+
+}  // namespace echofuse::recon

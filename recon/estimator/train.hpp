@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: MIT
+// From runs to a model file.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "recon/estimator/trained_model.hpp"
+
+namespace echofuse::recon {
+
+struct TrainOptions {
+  // A rung (models/model.hpp), or "auto": the cheapest of the ladder within one standard error of
+  // the best, by cross-validation on the training records.
+  std::string model = "mlp", inputs = "fused", scaling = "record";
+  std::vector<std::string> ladder;  // auto: what to try; empty: what makes sense
+  SplitOptions split;
+  FitOptions fit;
+  std::vector<std::string> augment;  // kinds of augment.hpp
+  // What is kept beside the model: of a fused one the reference of a slip, and of one that looks at
+  // its inputs a model for the SPD alone (TrainedModel); of any what it claims of itself.
+  bool slip = true, fallback = false, confidence = true;
+};
+
+// The records with these inputs and depth. Throws Error(failed) that names the first one of a dead
+// sensor (Dataset::fault_of).
+Rows rows_to_train(const Dataset& data, Inputs inputs);
+
+// Splits the usable records, fits, and returns the model with what it has seen. Throws
+// Error(failed) if there are too few records.
+TrainedModel train(const Dataset& data, const TrainOptions& options);
+
+}  // namespace echofuse::recon

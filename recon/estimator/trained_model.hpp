@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: MIT
+// A model with everything that belongs to it: how its inputs are made, what the scene is, which
+// records it has seen and how its training went. Kept as one HDF5 file.
+//
+//   /            attributes: format, format_version, model, inputs, scaling, version, data_crc32c,
+//                train_s, foreground_depth_m, split, gap, seed, test_share, validation_share
+//   axes/NAME    attributes of spd and radar as in drivers/core/axis.hpp
+//   features/    centre, with attributes spd_gain and radar_gain
+//   scene/       background_m, mean_map_m
+//   split/       runs (uuid), run, index, part (0 train, 1 validation, 2 test): one entry a record
+//   training/    loss_m, validation_loss_m, hidden (widths), with attributes best_epoch, epochs,
+//                batch, learning_rate, weight_decay, patience
+//   model/       what the model itself keeps
+//   slip/        of a fused model: slip.hpp
+//   fallback/    of a fused model: another one of this format, for records without a live radar
+//   confidence/  what tells how far to trust it; files of older versions have none
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "recon/data/features.hpp"
+#include "recon/data/split.hpp"
+#include "recon/maps/scene.hpp"
+#include "recon/models/checkpoint.hpp"
+#include "recon/models/model.hpp"
+#include "recon/uncertainty/confidence.hpp"
+#include "recon/uncertainty/slip.hpp"
+
+namespace echofuse::recon {
+
+enum class Part : std::uint8_t { train, validation, test };
+
+struct SeenRecords {
+  std::vector<std::string> runs;    // uuids
+  std::vector<std::uint32_t> run;   // per record: index into runs
+  std::vector<std::int64_t> index;  // per record: its number in the run
+  std::vector<std::uint8_t> part;   // per record: Part
+};
+
+struct TrainedModel {
+  std::string name;  // as make_model takes it
+  Features features;
+  Scene scene;
+  std::unique_ptr<Model> model;
+  std::optional<Confidence> confidence;  // none: nothing is claimed
+  TrainingLog log;
+  SplitOptions split;
+  FitOptions fit;
+  SeenRecords seen;
+  SlipReference slip;                      // of a fused model
+  std::unique_ptr<TrainedModel> fallback;  // of a fused model, for the SPD alone; may be null
+  std::uint32_t data_hash = 0;
+  double train_s = 0;
+
+  // Brings the data onto the model's axes (match_axes). A run without any radar becomes one of
+  // lost radars if there is a fallback.
+  void match(Dataset& data) const;
+  // Whether the record's radar is missing or dead, and the fallback answers for it.
+  bool falls_back(const Dataset& data, std::size_t row) const;
+  // Why there is no map of the record; empty if there is one.
+  std::string fault_of(const Dataset& data, std::size_t row) const;
+  // Who answers for which of the rows: this model, and its fallback if it is needed.
+  struct Share {
+    const TrainedModel& by;
+    Rows places, rows;  // indices into the given rows, and those rows
+  };
+  std::vector<Share> shares(const Dataset& data, const Rows& rows) const;
+  // Maps of the given rows, metres, as the model makes them: within_span() for show.
+  Matrix predict(const Dataset& data, const Rows& rows) const;
+  // True if the data set holds a run that the model was trained on.
+  bool knows(const Dataset& data) const;
+  // The rows of the data set that were this part of the model's training.
+  Rows rows_of(const Dataset& data, Part part) const;
+};
+
+// What a record's status says when the fallback answered.
+inline const char* const fallback_note = "radar lost: SPD alone";
+
+// Throws Error(failed) if they are not: a file may hold any weights.
+void require_finite(const Matrix& maps);
+
+SeenRecords remember(const Dataset& data, const Split& split);
+
+// Fits scaling, scene and model to the training rows; leaves `seen`, `slip` and `fallback` empty.
+TrainedModel fit_model(const Dataset& data, const Split& split, const std::string& name,
+                       Inputs inputs, const std::string& scaling, const FitOptions& options);
+
+// Throws Error(disk) if no file can be made there, and Error(usage) if there is one that is no
+// model, or is not to be replaced: to be asked before a long training.
+void check_can_save(const std::string& path, Existing existing);
+// As write_whole: an interrupted save leaves the old one.
+void save_model(const TrainedModel& model, const std::string& path,
+                Existing existing = Existing::replace);
+// Throws Error(failed) that names file, object, what is wrong and what would be right: not there,
+// not a model, damaged, written by another version, or of parts that do not fit together.
+TrainedModel load_model(const std::string& path);
+TrainedModel load_model(const record::H5File& file);  // of one that is open
+
+}  // namespace echofuse::recon

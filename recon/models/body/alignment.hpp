@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: MIT
+// A record as seen from the body in it: the SPD's histogram and the radar's profile around the
+// range at which the SPD sees the body. What tells left from right is the radar profile's shift
+// against the histogram, dR = b x / r, and that stands out once both are aligned to one of them.
+// Each sensor is divided by its own sum, so that laser power, exposure and gains do not matter.
+#pragma once
+#include <span>
+#include <string>
+#include <vector>
+
+#include "acquire/record/h5.hpp"
+#include "recon/numbers/layout.hpp"
+#include "recon/numbers/matrix.hpp"
+
+namespace echofuse::recon {
+
+struct Body {
+  bool there = false;  // more clicks above the background than five deviations of all clicks
+  float range_m = 0;   // slant range of the histogram's centroid
+};
+
+// Threading: as a const object may be shared.
+class Alignment {
+ public:
+  Alignment() = default;
+  // Learns from readings (clicks per bin, radar power per bin) what is always there. Without a
+  // radar the profile has no points. Throws Error(usage) without a histogram.
+  Alignment(const Layout& layout, const Matrix& readings, const Rows& rows);
+
+  // Multiply-adds of one record, with the sinc series: every point takes all of the radar's.
+  std::size_t cost() const {
+    return spd_background_.size() * 4 + profile_points() * radar_background_.size();
+  }
+  std::size_t histogram_bins() const;
+  std::size_t profile_points() const;  // 0 without a radar
+  std::size_t size() const { return histogram_bins() + profile_points() + 1; }
+  // Fills size() features: histogram (shares of the clicks), profile (shares of the power), range.
+  // All zero if there is no body.
+  Body operator()(std::span<const float> readings, std::span<float> features) const;
+  // How far behind the body's range the radar sees it, metres, of features with a body: the
+  // centroid of the squared profile, which noise and side lobes hardly pull.
+  double displacement_m(std::span<const float> features) const;
+  // How much of the radar's power comes from what is always there.
+  double radar_background_share(const Matrix& readings) const;
+
+  void save(record::H5File& file, const std::string& group = "model") const;
+  void load(const record::H5File& file, const Layout& layout, const std::string& group = "model");
+
+ private:
+  void set_axes(const Layout& layout);
+  Body find_body(std::span<const float> clicks, std::span<const float> counts) const;
+  void align_histogram(std::span<const float> clicks, float range_m, std::span<float> out) const;
+  void align_profile(std::span<const float> power, float range_m, std::span<float> out) const;
+
+  // Slant range of a point of each axis: first + i * step. Of the SPD: of the bins' centres.
+  double spd_first_m_ = 0, spd_step_m_ = 1, radar_first_m_ = 0, radar_step_m_ = 1;
+  double profile_step_m_ = 1;
+  std::vector<float> spd_background_, radar_background_;
+};
+
+}  // namespace echofuse::recon

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: MIT
+// Compiled with -fno-math-errno: otherwise the square root keeps the loop from being vectorised.
+#include "recon/models/network/adam.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "recon/numbers/parallel.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr float b1 = 0.9f, b2 = 0.999f, epsilon = 1e-8f;
+
+// A function of its own, as the compiler vectorises over plain arguments only.
+void step_part(std::size_t n, float* p, float* m, float* v, const float* g, float keep,
+               float rate) {
+  for (std::size_t i = 0; i < n; ++i) {
+    m[i] = b1 * m[i] + (1 - b1) * g[i];
+    v[i] = b2 * v[i] + (1 - b2) * g[i] * g[i];
+    p[i] = keep * p[i] - rate * m[i] / (std::sqrt(v[i]) + epsilon);
+  }
+}
+
+}  // namespace
+
+void Adam::step(std::vector<float>& parameters, const std::vector<float>& gradient,
+                double learning_rate) {
+  ++steps;
+  const auto n = static_cast<double>(steps);
+  const double correction = std::sqrt(1 - std::pow(double{b2}, n)) / (1 - std::pow(double{b1}, n));
+  const auto rate = static_cast<float>(learning_rate * correction);
+  const float keep = 1 - static_cast<float>(learning_rate) * decay;
+  constexpr std::size_t part = 1 << 17;
+  for_each_part((parameters.size() + part - 1) / part, [&](std::size_t k) {
+    const std::size_t at = k * part;
+    step_part(std::min(part, parameters.size() - at), parameters.data() + at, first.data() + at,
+              second.data() + at, gradient.data() + at, keep, rate);
+  });
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: MIT
+#include "recon/models/network/network.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "recon/numbers/blas.hpp"
+
+namespace echofuse::recon {
+
+Network make_network(const std::vector<std::size_t>& widths) {
+  Network out;
+  for (std::size_t i = 1; i < widths.size(); ++i) {
+    const std::size_t in = widths[i - 1], n = widths[i];
+    out.layers.push_back({in, n, out.parameters, out.parameters + in * n});
+    out.parameters += in * n + n;
+    out.weights += in * n;
+  }
+  return out;
+}
+
+std::vector<float> initial_parameters(const Network& network, Rng& rng) {
+  std::vector<float> out(network.parameters);
+  for (std::size_t l = 0; l + 1 < network.layers.size(); ++l) {
+    const Layer& layer = network.layers[l];
+    std::normal_distribution<float> normal(0, std::sqrt(2.f / static_cast<float>(layer.inputs)));
+    const auto first = out.begin() + static_cast<std::ptrdiff_t>(layer.weights);
+    std::generate_n(first, layer.inputs * layer.outputs, [&] { return normal(rng); });
+  }
+  return out;
+}
+
+template <class T>
+void forward(const Network& network, const std::vector<T>& parameters, const T* inputs,
+             std::size_t batch, Activations<T>& activations) {
+  activations.resize(network.layers.size());
+  const T* x = inputs;
+  for (std::size_t l = 0; l < network.layers.size(); ++l) {
+    const Layer& layer = network.layers[l];
+    auto& y = activations[l];
+    y.resize(batch * layer.outputs);
+    for (std::size_t i = 0; i < batch; ++i)
+      std::copy_n(parameters.data() + layer.biases, layer.outputs, y.data() + i * layer.outputs);
+    multiply({batch, layer.outputs, layer.inputs, Transpose::no, Transpose::no, T{1}, T{1}}, x,
+             parameters.data() + layer.weights, y.data());
+    if (l + 1 < network.layers.size())
+      for (T& v : y) v = std::max(v, T{0});
+    x = y.data();
+  }
+}
+
+template <class T>
+void backward(const Network& network, const std::vector<T>& parameters, const T* inputs,
+              std::size_t batch, Activations<T>& activations, std::vector<T>& gradient) {
+  gradient.resize(network.parameters);
+  std::vector<T> slope = std::move(activations.back());  // dL/d(output of layer l)
+  for (std::size_t l = network.layers.size(); l-- > 0;) {
+    const Layer& layer = network.layers[l];
+    const T* x = l > 0 ? activations[l - 1].data() : inputs;
+    multiply({layer.inputs, layer.outputs, batch, Transpose::yes, Transpose::no, T{1}, T{0}}, x,
+             slope.data(), gradient.data() + layer.weights);
+    T* bias = gradient.data() + layer.biases;
+    std::fill_n(bias, layer.outputs, T{0});
+    for (std::size_t i = 0; i < batch; ++i)
+      for (std::size_t o = 0; o < layer.outputs; ++o) bias[o] += slope[i * layer.outputs + o];
+    if (l == 0) return;
+    std::vector<T> below(batch * layer.inputs);
+    multiply({batch, layer.inputs, layer.outputs, Transpose::no, Transpose::yes, T{1}, T{0}},
+             slope.data(), parameters.data() + layer.weights, below.data());
+    for (std::size_t i = 0; i < below.size(); ++i)
+      if (x[i] <= 0) below[i] = 0;
+    slope = std::move(below);
+  }
+}
+
+template void forward(const Network&, const std::vector<float>&, const float*, std::size_t,
+                      Activations<float>&);
+template void forward(const Network&, const std::vector<double>&, const double*, std::size_t,
+                      Activations<double>&);
+template void backward(const Network&, const std::vector<float>&, const float*, std::size_t,
+                       Activations<float>&, std::vector<float>&);
+template void backward(const Network&, const std::vector<double>&, const double*, std::size_t,
+                       Activations<double>&, std::vector<double>&);
+
+}  // namespace echofuse::recon

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: MIT
+#include "recon/numbers/blas.hpp"
+
+#include <cblas.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "recon/numbers/blas_kernels.hpp"
+#include "recon/numbers/parallel.hpp"
+
+// Only OpenBLAS has it; with another BLAS the call is left out.
+extern "C" void openblas_set_num_threads(int) __attribute__((weak));
+
+namespace echofuse::recon {
+namespace {
+
+// The part of the product that one call makes: `rows` x `cols` of C from row `row`, column `col`
+// on.
+struct Part {
+  std::size_t row, col, rows, cols;
+};
+
+// At most 8 strips across the longer side of C.
+std::vector<Part> parts_of(std::size_t m, std::size_t n, std::size_t k) {
+  constexpr std::size_t small = 4'000'000, narrowest = 128, most = 8;
+  if (m * n * k < small) return {{0, 0, m, n}};
+  const std::size_t side = std::max(m, n);
+  const std::size_t width = std::max(narrowest, ((side + most - 1) / most + 63) / 64 * 64);
+  std::vector<Part> out;
+  for (std::size_t first = 0; first < side; first += width) {
+    const std::size_t count = std::min(width, side - first);
+    out.push_back(n >= m ? Part{0, first, m, count} : Part{first, 0, count, n});
+  }
+  return out;
+}
+
+void gemm(CBLAS_TRANSPOSE ta, CBLAS_TRANSPOSE tb, int m, int n, int k, float alpha, const float* a,
+          int lda, const float* b, int ldb, float beta, float* c, int ldc) {
+  cblas_sgemm(CblasRowMajor, ta, tb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc);
+}
+void gemm(CBLAS_TRANSPOSE ta, CBLAS_TRANSPOSE tb, int m, int n, int k, double alpha,
+          const double* a, int lda, const double* b, int ldb, double beta, double* c, int ldc) {
+  cblas_dgemm(CblasRowMajor, ta, tb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc);
+}
+
+// y = alpha op(B) x + beta y; B is rows x cols as it lies in memory.
+void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, float alpha, const float* b, const float* x,
+          float beta, float* y) {
+  cblas_sgemv(CblasRowMajor, tb, rows, cols, alpha, b, cols, x, 1, beta, y, 1);
+}
+void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, double alpha, const double* b, const double* x,
+          double beta, double* y) {
+  cblas_dgemv(CblasRowMajor, tb, rows, cols, alpha, b, cols, x, 1, beta, y, 1);
+}
+
+template <class T>
+void multiply_parts(const Product<T>& p, const T* a, const T* b, T* c) {
+  static const bool one_thread = [] {
+    blas_kernels();
+    if (openblas_set_num_threads) openblas_set_num_threads(1);
+    return true;
+  }();
+  static_cast<void>(one_thread);
+  const bool ta = p.a_transposed == Transpose::yes, tb = p.b_transposed == Transpose::yes;
+  // One row reads each of B once; as a product of matrices B would be repacked first, for 5 times
+  // as long as reading it takes.
+  if (p.m == 1) {
+    const std::size_t rows = tb ? p.n : p.k, cols = tb ? p.k : p.n;
+    gemv(tb ? CblasNoTrans : CblasTrans, static_cast<int>(rows), static_cast<int>(cols), p.alpha, b,
+         a, p.beta, c);
+    return;
+  }
+  const std::size_t lda = ta ? p.m : p.k, ldb = tb ? p.k : p.n;
+  const auto parts = parts_of(p.m, p.n, p.k);
+  for_each_part(parts.size(), [&](std::size_t i) {
+    const Part& part = parts[i];
+    gemm(ta ? CblasTrans : CblasNoTrans, tb ? CblasTrans : CblasNoTrans,
+         static_cast<int>(part.rows), static_cast<int>(part.cols), static_cast<int>(p.k), p.alpha,
+         a + part.row * (ta ? 1 : lda), static_cast<int>(lda), b + part.col * (tb ? ldb : 1),
+         static_cast<int>(ldb), p.beta, c + part.row * p.n + part.col, static_cast<int>(p.n));
+  });
+}
+
+}  // namespace
+
+void multiply(const Product<float>& p, const float* a, const float* b, float* c) {
+  multiply_parts(p, a, b, c);
+}
+
+void multiply(const Product<double>& p, const double* a, const double* b, double* c) {
+  multiply_parts(p, a, b, c);
+}
+
+}  // namespace echofuse::recon

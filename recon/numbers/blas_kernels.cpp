@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: MIT
+#include "recon/numbers/blas_kernels.hpp"
+
+#include <cstdlib>
+#include <initializer_list>
+
+// Exported by an OpenBLAS with run-time dispatch, without being an official interface; where they
+// are missing, the library's own choice stands.
+extern "C" {
+char* openblas_get_corename() __attribute__((weak));
+void gotoblas_dynamic_quit() __attribute__((weak));
+void gotoblas_dynamic_init() __attribute__((weak));
+}
+
+namespace echofuse::recon {
+namespace {
+
+bool is_one_of(const std::string& core, std::initializer_list<const char*> names) {
+  for (const char* name : names)
+    if (core == name) return true;
+  return false;
+}
+
+// What OpenBLAS should use, or nothing if its own choice is as good. Names as in its
+// driver/others/dynamic.c.
+const char* better_than(const std::string& core) {
+  if (is_one_of(core, {"SkylakeX", "Cooperlake", "SapphireRapids"})) return nullptr;
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+      __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
+    return "SkylakeX";
+  if (is_one_of(core, {"Haswell", "Zen"})) return nullptr;
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) return "Haswell";
+  return nullptr;
+}
+
+std::string choose() {
+  if (!openblas_get_corename || !gotoblas_dynamic_quit || !gotoblas_dynamic_init) return "BLAS";
+  if (!std::getenv("OPENBLAS_CORETYPE")) {
+    if (const char* core = better_than(openblas_get_corename())) {
+      // The only way to tell it; taken back, so that programs started from here choose themselves.
+      ::setenv("OPENBLAS_CORETYPE", core, 1);
+      gotoblas_dynamic_quit();
+      gotoblas_dynamic_init();
+      ::unsetenv("OPENBLAS_CORETYPE");
+    }
+  }
+  return openblas_get_corename();
+}
+
+}  // namespace
+
+const std::string& blas_kernels() {
+  static const std::string chosen = choose();
+  return chosen;
+}
+
+}  // namespace echofuse::recon

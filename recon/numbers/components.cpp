@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: MIT
+#include "recon/numbers/components.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "drivers/core/random.hpp"
+#include "recon/numbers/blas.hpp"
+#include "recon/numbers/matrix_file.hpp"
+#include "recon/numbers/statistics.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t spare_directions = 10;
+constexpr int iterations = 6;
+
+using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+Eigen::Map<RowMajor> as_eigen(Matrix& m) {
+  return {m.values.data(), static_cast<Eigen::Index>(m.rows), static_cast<Eigen::Index>(m.cols)};
+}
+
+// Rows of q, made orthonormal.
+void orthonormalise(Matrix& q) {
+  const auto map = as_eigen(q);
+  const Eigen::HouseholderQR<Eigen::MatrixXf> qr(map.transpose());
+  const Eigen::MatrixXf thin =
+      qr.householderQ() * Eigen::MatrixXf::Identity(map.cols(), map.rows());
+  as_eigen(q) = thin.transpose();
+}
+
+Matrix times(const Matrix& a, const Matrix& b, Transpose a_t, Transpose b_t) {
+  const std::size_t m = a_t == Transpose::yes ? a.cols : a.rows;
+  const std::size_t k = a_t == Transpose::yes ? a.rows : a.cols;
+  Matrix out(m, b_t == Transpose::yes ? b.rows : b.cols);
+  multiply({m, out.cols, k, a_t, b_t}, a.values.data(), b.values.data(), out.values.data());
+  return out;
+}
+
+void subtract(Matrix& table, const std::vector<float>& mean) {
+  for (std::size_t i = 0; i < table.rows; ++i)
+    for (std::size_t c = 0; c < table.cols; ++c) table.row(i)[c] -= mean[c];
+}
+
+}  // namespace
+
+Components principal_components(Matrix table, std::size_t count, std::uint64_t seed) {
+  Components out;
+  const auto mean = column_statistics(table, all_rows(table.rows)).mean;
+  out.mean.assign(mean.begin(), mean.end());
+  subtract(table, out.mean);
+  const std::size_t most = std::min(table.rows, table.cols);
+  count = std::min(count, most);
+  Matrix q(std::min(count + spare_directions, most), table.cols);
+  Rng rng = make_rng(seed, 0);
+  std::normal_distribution<float> normal;
+  for (float& v : q.values) v = normal(rng);
+  out.basis = Matrix(0, table.cols);
+  if (count == 0) return out;
+  orthonormalise(q);
+  for (int i = 0; i < iterations; ++i) {
+    q = times(times(table, q, Transpose::no, Transpose::yes), table, Transpose::yes, Transpose::no);
+    orthonormalise(q);
+  }
+  Matrix seen = times(table, q, Transpose::no, Transpose::yes);
+  const Eigen::MatrixXd in = as_eigen(seen).cast<double>();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(in.transpose() * in /
+                                                             static_cast<double>(table.rows));
+  Matrix turn(count, q.rows);  // eigenvalues come in rising order
+  for (std::size_t k = 0; k < count; ++k) {
+    const auto last = eigen.eigenvalues().size() - 1 - static_cast<Eigen::Index>(k);
+    out.deviation.push_back(
+        static_cast<float>(std::sqrt(std::max(eigen.eigenvalues()(last), 0.0))));
+    for (std::size_t j = 0; j < q.rows; ++j)
+      turn.row(k)[j] = static_cast<float>(eigen.eigenvectors()(static_cast<Eigen::Index>(j), last));
+  }
+  out.basis = times(turn, q, Transpose::no, Transpose::no);
+  return out;
+}
+
+Matrix coordinates(const Components& components, const Matrix& table) {
+  Matrix centred = table;
+  subtract(centred, components.mean);
+  return times(centred, components.basis, Transpose::no, Transpose::yes);
+}
+
+Matrix from_coordinates(const Components& components, const Matrix& amounts) {
+  Matrix out(0, components.mean.size());
+  for (std::size_t i = 0; i < amounts.rows; ++i) out.add_row(components.mean);
+  if (amounts.cols > 0)
+    multiply({out.rows, out.cols, amounts.cols, Transpose::no, Transpose::no, 1.f, 1.f},
+             amounts.values.data(), components.basis.values.data(), out.values.data());
+  return out;
+}
+
+void save_components(record::H5File& file, const std::string& group, const Components& c) {
+  file.write(group + "/mean", c.mean, {c.mean.size()});
+  file.write(group + "/deviation", c.deviation, {c.deviation.size()});
+  file.write(group + "/basis", c.basis.values, {c.basis.rows, c.basis.cols});
+}
+
+Components load_components(const record::H5File& file, const std::string& group,
+                           std::size_t columns) {
+  Components c;
+  c.mean = file.read<float>(group + "/mean", {columns});
+  c.basis = read_matrix(file, group + "/basis", record::H5File::any, columns);
+  c.deviation = file.read<float>(group + "/deviation", {c.basis.rows});
+  require_sound(file,
+                std::all_of(c.deviation.begin(), c.deviation.end(), [](float d) { return d >= 0; }),
+                group + "/deviation", "none below 0");
+  return c;
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: MIT
+#include "recon/numbers/statistics.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace echofuse::recon {
+
+ColumnStatistics column_statistics(const Matrix& table, const Rows& rows) {
+  const auto n = static_cast<double>(rows.size());
+  ColumnStatistics out{std::vector<double>(table.cols), std::vector<double>(table.cols)};
+  for (const std::size_t row : rows)
+    for (std::size_t c = 0; c < table.cols; ++c) out.mean[c] += double{table.row(row)[c]};
+  for (double& mean : out.mean) mean /= n;
+  for (const std::size_t row : rows)
+    for (std::size_t c = 0; c < table.cols; ++c) {
+      const double off = double{table.row(row)[c]} - out.mean[c];
+      out.variance[c] += off * off / n;
+    }
+  return out;
+}
+
+double standard_deviation(std::span<const double> values) {
+  const auto n = static_cast<double>(values.size());
+  const double mean = std::accumulate(values.begin(), values.end(), 0.0) / n;
+  double squares = 0;
+  for (const double v : values) squares += (v - mean) * (v - mean);
+  return std::sqrt(squares / n);
+}
+
+float quantile(std::span<float> values, double share) {
+  const auto at =
+      values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size()));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+std::vector<float> column_quantile(const Matrix& table, const Rows& rows, double share) {
+  std::vector<float> out(table.cols), column(rows.size());
+  for (std::size_t c = 0; c < table.cols; ++c) {
+    for (std::size_t i = 0; i < rows.size(); ++i) column[i] = table.row(rows[i])[c];
+    out[c] = quantile(column, share);
+  }
+  return out;
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: MIT
+#include "recon/output/map_files.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "acquire/record/depth_map.hpp"
+#include "acquire/record/png.hpp"
+#include "recon/files/files.hpp"
+#include "recon/files/text.hpp"
+#include "recon/output/figure.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr int zoom = 4;
+
+Bytes millimetre_picture(std::span<const float> map) {
+  std::vector<std::uint16_t> mm(map.size());
+  for (std::size_t p = 0; p < map.size(); ++p)
+    mm[p] = static_cast<std::uint16_t>(std::lround(std::clamp(map[p] * 1000, 0.f, 65535.f)));
+  return record::encode_png16(mm, record::map_size, record::map_size);
+}
+
+Bytes point_cloud(std::span<const float> map) {
+  const Axis x = record::depth_x_axis(), y = record::depth_y_axis();
+  const auto points = std::count_if(map.begin(), map.end(), [](float z) { return z > 0; });
+  const std::string head = formatted(
+      "ply\nformat binary_little_endian 1.0\nelement vertex %lld\nproperty float x\n"
+      "property float y\nproperty float z\nend_header\n",
+      static_cast<long long>(points));
+  Bytes out(head.begin(), head.end());
+  for (std::size_t p = 0; p < map.size(); ++p) {
+    if (!(map[p] > 0)) continue;
+    put(out, static_cast<float>(x.at(static_cast<double>(p % x.count)) * double{map[p]}));
+    put(out, static_cast<float>(y.at(static_cast<double>(p / x.count)) * double{map[p]}));
+    put(out, map[p]);
+  }
+  return out;
+}
+
+// The farthest depth that the training maps knew, so that one scale serves the whole run.
+double farthest_of(const Scene& scene) {
+  const float wall = *std::max_element(scene.background.begin(), scene.background.end());
+  return std::clamp(std::ceil(double{std::max(wall, scene.foreground_depth_m)} + 0.5), 1.0,
+                    record::max_depth_m);
+}
+
+std::vector<double> values_of(const Axis& axis) {
+  std::vector<double> out;
+  for (std::uint32_t i = 0; i < axis.count; ++i) out.push_back(axis.at(i));
+  return out;
+}
+
+}  // namespace
+
+MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene)
+    : folder_(std::move(folder)),
+      formats_(formats),
+      scene_(scene),
+      farthest_m_(farthest_of(scene)) {
+  if (!wants("npz")) return;
+  arrays_.emplace(folder_ + "/maps.npz");
+  arrays_->begin("depth_m", "<f4", {record::map_size, record::map_size});
+  if (!wants("uncertainty")) return;
+  deviations_.emplace(folder_ + "/uncertainty.npz");
+  deviations_->begin("deviation_m", "<f4", {record::map_size, record::map_size});
+}
+
+bool MapFiles::wants(const char* format) const {
+  return std::find(formats_.begin(), formats_.end(), format) != formats_.end();
+}
+
+void MapFiles::write(std::int64_t index, std::span<const float> prediction,
+                     std::span<const float> deviation) {
+  const auto map = within_span(prediction);
+  const std::string name = folder_ + formatted("/%06lld", static_cast<long long>(index));
+  if (wants("colour")) write_file(name + ".png", depth_picture(map, farthest_m_, zoom));
+  if (wants("mm")) write_file(name + "_mm.png", millimetre_picture(map));
+  if (wants("ply")) write_file(name + ".ply", point_cloud(hard_map(map, scene_)));
+  if (wants("uncertainty")) write_file(name + "_sd.png", millimetre_picture(deviation));
+  if (!arrays_) return;
+  arrays_->append(map);
+  indices_.push_back(index);
+  if (deviations_) deviations_->append(deviation);
+}
+
+void MapFiles::close() {
+  if (!arrays_) return;
+  arrays_->begin("index", "<i8", {});
+  arrays_->append(indices_);
+  arrays_->begin("depth_x", "<f8", {});
+  arrays_->append(values_of(record::depth_x_axis()));
+  arrays_->begin("depth_y", "<f8", {});
+  arrays_->append(values_of(record::depth_y_axis()));
+  arrays_->close();
+  if (deviations_) deviations_->close();
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: MIT
+// Depth maps as files, in the formats that are asked for.
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "recon/files/npz.hpp"
+#include "recon/maps/scene.hpp"
+
+namespace echofuse::recon {
+
+//   colour  NNNNNN.png: for the eye
+//   mm      NNNNNN_mm.png: 16-bit grey, z in millimetres, 0 = no return
+//   ply     NNNNNN.ply: points x (right), y (up), z (away) in metres, of the hard map (scene.hpp),
+//           as the ripple of a least-squares map would be a fog of points
+//   npz     maps.npz for all: index i64 [n], depth_m f32 [n, 64, 64], depth_x and depth_y f64 [64],
+//           the tangents of the pixel centres
+//   uncertainty  NNNNNN_sd.png: 16-bit grey, the standard deviation of z in millimetres; beside npz
+//           also uncertainty.npz: deviation_m f32 [n, 64, 64]
+inline const std::vector<std::string> map_formats = {"colour", "mm", "ply", "npz", "uncertainty"};
+
+// Writes into an existing folder; every member throws Error(disk).
+class MapFiles {
+ public:
+  MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene);
+  // `deviation`: of every pixel; may be empty unless uncertainty is wanted.
+  void write(std::int64_t index, std::span<const float> prediction,
+             std::span<const float> deviation);
+  void close();  // finishes maps.npz
+
+ private:
+  bool wants(const char* format) const;
+  std::string folder_;
+  std::vector<std::string> formats_;
+  const Scene& scene_;
+  double farthest_m_;
+  std::optional<NpzFile> arrays_;
+  std::vector<std::int64_t> indices_;
+  std::optional<NpzFile> deviations_;
+};
+
+}  // namespace echofuse::recon

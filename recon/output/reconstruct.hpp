@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: MIT
+// Depth maps of a whole run, also of one that is being recorded.
+#pragma once
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "recon/estimator/trained_model.hpp"
+
+namespace echofuse::recon {
+
+struct RecordStatus {
+  std::int64_t index = 0;
+  std::string fault;         // empty: reconstructed
+  std::string note;          // of a map: what the model had to do without
+  double radar_shift_m = 0;  // taken off its ranges, which had slipped by it
+  // Of a record that came while following: from its slot's end, and from its reading, to its map.
+  std::optional<double> after_slot_s, after_reading_s;
+  std::optional<Claim> claim;  // of a reconstructed record, if the model makes any
+};
+
+struct ReconstructOptions {
+  std::string out;                                      // folder, made if need be
+  std::vector<std::string> formats = {"colour", "mm"};  // of map_files.hpp
+  std::string output = "own";                           // of output_names (answer.hpp)
+  bool follow = false;                 // take records as they come, until the run is closed
+  bool force = false;                  // also into a folder that holds maps of another run
+  bool quiet = false;                  // no progress bar, no word on runs too short for a slip
+  SlipAction slip = SlipAction::warn;  // correct: not while following
+  std::function<void(const std::string&)> on_slip;     // what slip.hpp has to say of the run
+  std::function<void(const RecordStatus&)> on_record;  // in the order of the records
+};
+
+// Maps in every format for each record, and OUT/records.csv with what became of each and how far to
+// trust it, written as they come. A record that cannot be used (bad blob, missing or dead sensor)
+// is noted and left out. Ends early at an interrupt, with what it has finished. Throws
+// Error(failed) if the run's axes are not the model's, and Error(disk). OUT/run.txt tells whose
+// maps they are (uuid, path); Error(usage) if there are maps of another run, unless forced.
+void reconstruct(const TrainedModel& model, const std::string& run,
+                 const ReconstructOptions& options);
+
+}  // namespace echofuse::recon

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: MIT
+#include "recon/study/simulate.hpp"
+
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <filesystem>
+
+#include "drivers/core/console.hpp"
+#include "recon/files/files.hpp"
+#include "recon/files/text.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+std::string simulator_beside() {
+  std::error_code code;
+  const auto self = std::filesystem::read_symlink("/proc/self/exe", code);
+  const auto beside = self.parent_path() / "echofuse-sim";
+  return std::filesystem::exists(beside, code) ? beside.string() : "echofuse-sim";
+}
+
+// Half of the bodies at x, half at -x; of every eight two are people without a letter.
+std::string scene_list(double x_m, std::size_t records) {
+  std::string out;
+  for (std::size_t i = 0; i < records; ++i)
+    out += formatted("[[scene]]\nkind = \"%s\"\nx_m = %.9g\n", i % 8 < 2 ? "person" : "letter",
+                     i % 2 ? x_m : -x_m);
+  return out;
+}
+
+void run(const std::vector<std::string>& words) {
+  std::vector<char*> arguments;
+  for (const auto& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
+  arguments.push_back(nullptr);
+  pid_t child = 0;
+  const int fault =
+      ::posix_spawnp(&child, arguments[0], nullptr, nullptr, arguments.data(), environ);
+  if (fault != 0)
+    throw Error(ExitCode::failed,
+                words[0] + ": " + std::strerror(fault) + "; name the simulator with --sim");
+  int status = 0;
+  while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
+  }
+  if (interrupted()) throw Error(ExitCode::interrupted, "interrupted");
+  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
+  std::string line;
+  for (const auto& word : words) line += (line.empty() ? "" : " ") + word;
+  throw Error(ExitCode::failed,
+              line + (WIFSIGNALED(status) ? formatted(": ended by signal %d", WTERMSIG(status))
+                                          : formatted(": exit code %d", WEXITSTATUS(status))));
+}
+
+}  // namespace
+
+Simulator::Simulator(std::string program, std::string folder, int threads)
+    : program_(program.empty() ? simulator_beside() : std::move(program)),
+      folder_(std::move(folder)),
+      threads_(threads) {}
+
+Dataset Simulator::make(const World& world, std::size_t records, std::uint64_t seed) const {
+  const std::string stem = folder_ + "/.simulated-" + std::to_string(::getpid());
+  const TemporaryFile run_file{stem + ".sqlite"}, list{stem + ".toml"};
+  std::vector<std::string> words = {program_, "dataset",           "-q", "--out", run_file.path,
+                                    "--seed", std::to_string(seed)};
+  if (threads_ > 0) words.insert(words.end(), {"--threads", std::to_string(threads_)});
+  for (const auto& assignment : world.set) words.insert(words.end(), {"--set", assignment});
+  if (world.at_x_m) {
+    write_text(list.path, scene_list(*world.at_x_m, records));
+    words.insert(words.end(), {"--set", "scenes=" + list.path});
+  } else {
+    words.insert(words.end(), {"--" + world.scenes, std::to_string(records)});
+  }
+  run(words);
+  Dataset data = load({run_file.path});
+  apply(world, data);
+  return data;
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: MIT
+// Records of the simulated world: `echofuse-sim dataset` as a child process.
+#pragma once
+#include <cstdint>
+#include <string>
+
+#include "recon/study/stability_axes.hpp"
+
+namespace echofuse::recon {
+
+class Simulator {
+ public:
+  // `program`: the simulator; empty: echofuse-sim beside this program, or else from PATH. `folder`
+  // is for the run files, which are removed once they are read. threads 0: as it likes.
+  Simulator(std::string program, std::string folder, int threads);
+  // Throws Error(failed) if it does not do it, Error(interrupted).
+  Dataset make(const World& world, std::size_t records, std::uint64_t seed) const;
+
+ private:
+  std::string program_, folder_;
+  int threads_;
+};
+
+}  // namespace echofuse::recon

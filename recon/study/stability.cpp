@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: MIT
+#include "recon/study/stability.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <map>
+#include <optional>
+#include <set>
+
+#include "drivers/core/console.hpp"
+#include "drivers/core/printable.hpp"
+#include "recon/study/simulate.hpp"
+#include "recon/study/stability_table.hpp"
+#include "recon/study/study.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::uint64_t test_seeds = 1000;  // the test records' seed, after the training records'
+
+// One value of one axis; the base value of all of them is measured once.
+struct Place {
+  std::string kind, axis, value;
+  World train, test;
+};
+
+std::vector<Place> places_of(const StabilityOptions& options) {
+  std::vector<Place> places = {{"base", "base", "base", {}, {}}};
+  for (const StabilityAxis& axis : axes_of(options))
+    for (const AxisValue& v : axis.values)
+      if (!v.world.base())
+        places.push_back(
+            {axis.kind(), axis.name, v.label, axis.alike ? v.world : World{}, v.world});
+  return places;
+}
+
+// Trainings take most of the time, those of a network most of that.
+std::size_t work_of(const Place& place, const StudyModel& model) {
+  if (place.kind == "shifted" || is_blind(model.name)) return 1;
+  return model.rung.find("mlp") == std::string::npos ? 4 : 20;
+}
+
+class Study {
+ public:
+  explicit Study(const StabilityOptions& options)
+      : options_(options),
+        places_(places_of(options)),
+        table_(options.out, settings()),
+        simulator_(options.sim, options.out, options.threads),
+        progress_("study", work(), options.quiet) {}
+
+  std::vector<StabilityRow> run() {
+    for (std::size_t seed = 1; seed <= options_.seeds; ++seed) {
+      trained_.clear(), train_data_.reset(), test_data_.reset();
+      for (const Place& place : places_) measure(place, seed);
+    }
+    return table_.rows();
+  }
+
+ private:
+  static std::vector<StudyModel> models_of(const StabilityOptions& options) {
+    std::vector<StudyModel> models(trivial_models.begin(), trivial_models.end());
+    for (const auto& name : options.models) models.emplace_back(name);
+    return models;
+  }
+
+  // More models, axes and seeds may be added to a table; these may not change in it.
+  std::string settings() const {
+    return std::string("echofuse ") + version() + "\nquick " + (options_.quick ? "yes" : "no") +
+           "\nrecords " + std::to_string(options_.records) + "\ntest records " +
+           std::to_string(options_.test_records) + "\nslip " +
+           (options_.slip == SlipAction::correct ? "correct" : "ignore") + "\n";
+  }
+
+  StabilityRow row_of(const Place& place, const StudyModel& model, std::size_t seed) const {
+    return {
+        place.kind, place.axis, place.value, model.rung, is_blind(model.rung) ? "-" : model.inputs,
+        seed,       {}};
+  }
+
+  std::size_t work() const {
+    std::size_t sum = 0;
+    for (const Place& place : places_)
+      for (const StudyModel& model : models_)
+        for (std::size_t seed = 1; seed <= options_.seeds; ++seed)
+          if (!table_.has(row_of(place, model, seed))) sum += work_of(place, model);
+    return sum;
+  }
+
+  void measure(const Place& place, std::size_t seed) {
+    std::optional<Dataset> train_data, test_data;
+    for (const StudyModel& model : models_) {
+      StabilityRow row = row_of(place, model, seed);
+      if (table_.has(row)) continue;
+      if (!test_data) test_data = test_records(place.test, seed);
+      const bool own = place.kind == "alike";
+      if (own && !train_data) train_data = training_records(place.train, seed);
+      const std::optional<TrainedModel> fitted =
+          own ? fit(*train_data, model, seed, false) : std::optional<TrainedModel>{};
+      row.scores = judge(own ? fitted : base_model(model, seed), *test_data, model);
+      if (interrupted())
+        throw Error(ExitCode::interrupted,
+                    "interrupted; the same command goes on from " + options_.out);
+      table_.add(row);
+      progress_.update(done_ += work_of(place, model),
+                       place.kind + " " + place.axis + " " + place.value + ": " + model.name);
+    }
+  }
+
+  Dataset training_records(const World& world, std::size_t seed) const {
+    const double records = std::round(world.records * static_cast<double>(options_.records));
+    return simulator_.make(world, static_cast<std::size_t>(records), seed);
+  }
+
+  Dataset test_records(const World& world, std::size_t seed) {
+    if (!world.measured_at_base())
+      return simulator_.make(world, options_.test_records, test_seeds + seed);
+    if (!test_data_) test_data_ = simulator_.make({}, options_.test_records, test_seeds + seed);
+    Dataset copy = *test_data_;
+    apply(world, copy);
+    return copy;
+  }
+
+  // Nothing if the training is refused or diverges; each reason is said once.
+  std::optional<TrainedModel> fit(const Dataset& data, const StudyModel& model, std::size_t seed,
+                                  bool fallback) {
+    try {
+      return train_whole(data, model, seed, {options_.slip == SlipAction::correct, fallback});
+    } catch (const Error& error) {
+      if (error.code() != ExitCode::failed) throw;
+      const std::string reason = model.name + ": " + error.what();
+      if (reasons_.insert(reason).second) std::fprintf(stderr, "%s\n", printable(reason).c_str());
+      return {};
+    }
+  }
+
+  // Models of the base condition are trained once a seed.
+  const std::optional<TrainedModel>& base_model(const StudyModel& model, std::size_t seed) {
+    const auto found = trained_.find(model.name);
+    if (found != trained_.end()) return found->second;
+    if (!train_data_) train_data_ = training_records({}, seed);
+    return trained_.emplace(model.name, fit(*train_data_, model, seed, true)).first->second;
+  }
+
+  StabilityScores judge(const std::optional<TrainedModel>& fitted, Dataset data,
+                        const StudyModel& model) const {
+    StabilityScores out;
+    out.fill(std::numeric_limits<double>::quiet_NaN());
+    if (!fitted) return out;
+    match_model(data, *fitted, options_.slip);
+    Rows rows = all_rows(data.size());
+    if (!is_blind(model.rung))
+      std::erase_if(rows, [&](std::size_t row) { return !fitted->fault_of(data, row).empty(); });
+    if (rows.empty()) return out;
+    const MapScores scores =
+        mean_scores(with_nobody(*fitted, data, rows), data, all_rows(data.size()), fitted->scene);
+    std::transform(stability_metrics.begin(), stability_metrics.end(), out.begin(),
+                   [&](Metric m) { return scores[m]; });
+    return out;
+  }
+
+  const StabilityOptions& options_;
+  const std::vector<StudyModel> models_ = models_of(options_);
+  std::vector<Place> places_;
+  StabilityTable table_;
+  Simulator simulator_;
+  Progress progress_;
+  std::size_t done_ = 0;
+  std::map<std::string, std::optional<TrainedModel>> trained_;  // at the base, with this seed
+  std::optional<Dataset> train_data_, test_data_;
+  std::set<std::string> reasons_;  // why trainings were refused
+};
+
+}  // namespace
+
+double StabilityRow::score(Metric metric) const {
+  const auto found = std::find(stability_metrics.begin(), stability_metrics.end(), metric);
+  return scores.at(static_cast<std::size_t>(found - stability_metrics.begin()));
+}
+
+StabilityOptions complete(StabilityOptions options) {
+  if (options.records == 0) options.records = options.quick ? 1000 : 3600;
+  if (options.test_records == 0) options.test_records = options.quick ? 300 : 1000;
+  if (options.models.empty()) {
+    const std::string plain = options.quick ? "mlp-128-64" : "mlp-512-256";
+    options.models = {"factorised-16",  "silhouette", "pca-mlp",     plain,          plain + ":spd",
+                      plain + ":radar", "nearest",    "nearest:spd", "nearest:radar"};
+  }
+  std::erase_if(options.models, is_blind);  // they are always there
+  for (const auto& name : options.models) StudyModel{name};
+  axes_of(options);
+  return options;
+}
+
+std::vector<StabilityAxis> axes_of(const StabilityOptions& options) {
+  std::vector<StabilityAxis> all = stability_axes(options.quick);
+  if (options.axes.empty()) return all;
+  std::string known;
+  for (const auto& axis : all) known += (known.empty() ? "" : ", ") + axis.id();
+  std::vector<StabilityAxis> out;
+  for (const auto& id : options.axes) {
+    const auto found =
+        std::find_if(all.begin(), all.end(), [&](const auto& axis) { return axis.id() == id; });
+    if (found == all.end())
+      throw Error(ExitCode::usage, "axis \"" + id + "\": expected some of " + known);
+    out.push_back(*found);
+  }
+  return out;
+}
+
+std::vector<StabilityRow> study_stability(const StabilityOptions& options) {
+  return Study(options).run();
+}
+
+}  // namespace echofuse::recon

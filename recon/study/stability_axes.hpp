@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: MIT
+// The conditions under which a study of stability tries the models: one axis a condition, from easy
+// to broken. A room behind bodies after training without one is not among them: the truth would
+// need another background than the model's.
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "recon/data/dataset.hpp"
+
+namespace echofuse::recon {
+
+// What happens to records after they were measured.
+enum class Damage : std::uint8_t { none, spd_zero, radar_zero, spd_missing, radar_missing };
+
+// A world, as far as it differs from the simulator's base condition.
+struct World {
+  std::vector<std::string> set = {};  // KEY=VALUE of `echofuse-sim dataset --set`
+  std::string scenes = "records";     // or people, letters, two-people, empty
+  std::optional<double> at_x_m = {};  // all stand at x or -x, one half each
+  double records = 1;                 // training records, as a factor
+  double radar_gain = 1;              // of the whole profile, noise and all
+  Damage damage = Damage::none;
+
+  bool base() const {
+    return measured_at_base() && records == 1 && radar_gain == 1 && damage == Damage::none;
+  }
+  bool measured_at_base() const { return set.empty() && scenes == "records" && !at_x_m; }
+};
+
+struct AxisValue {
+  std::string label;  // in table and chart; without commas and quotes
+  World world;
+  bool quick = true;  // also a part of the quick study
+};
+
+struct StabilityAxis {
+  std::string name;   // within its kind
+  std::string title;  // with the unit
+  bool alike = true;  // trained and tested there; else trained at the base, tested there
+  std::vector<AxisValue> values;  // in order; one of them is the base
+
+  std::string kind() const { return alike ? "alike" : "shifted"; }
+  std::string id() const { return kind() + "-" + name; }
+  std::size_t base() const;  // which of the values
+};
+
+// All axes with all their values, or with those of the quick study.
+std::vector<StabilityAxis> stability_axes(bool quick);
+
+// As the world has it: gain, lost sensors.
+void apply(const World& world, Dataset& data);
+
+}  // namespace echofuse::recon

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: MIT
+#include "recon/study/stability_summary.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "recon/study/study.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+struct Moments {
+  double mean = nan, spread = 0;
+};
+
+// NaN if any is: a model that gives no map with one of the seeds is not to be relied on.
+Moments moments(const std::vector<double>& values) {
+  if (values.empty()) return {};
+  const auto n = static_cast<double>(values.size());
+  double sum = 0, squares = 0;
+  for (const double v : values) sum += v;
+  for (const double v : values) squares += (v - sum / n) * (v - sum / n);
+  return {sum / n, n > 1 ? std::sqrt(squares / (n - 1)) : 0};
+}
+
+// All rows of one model at one value, by seed.
+using Seeds = std::map<std::size_t, StabilityRow>;
+
+class Measured {
+ public:
+  explicit Measured(const std::vector<StabilityRow>& rows) {
+    for (const auto& r : rows)
+      found_[{place(r.kind, r.axis, r.value), r.model, r.inputs}][r.seed] = r;
+  }
+  const Seeds& at(const StabilityAxis& axis, const AxisValue& value, const std::string& model,
+                  const std::string& inputs) const {
+    static const Seeds none;
+    const auto key = value.world.base() ? place("base", "base", "base")
+                                        : place(axis.kind(), axis.name, value.label);
+    const auto found = found_.find({key, model, inputs});
+    return found == found_.end() ? none : found->second;
+  }
+
+ private:
+  static std::string place(const std::string& kind, const std::string& axis,
+                           const std::string& value) {
+    return kind + ',' + axis + ',' + value;
+  }
+  std::map<std::array<std::string, 3>, Seeds> found_;
+};
+
+// By how much a model is better than the best of the trivial ones with the same seed; those of
+// which the score is undefined (nobody there) do not count. One number a seed, or none.
+std::vector<double> advantage(const Seeds& model, const std::vector<const Seeds*>& trivial,
+                              Metric metric) {
+  std::vector<double> out;
+  for (const auto& [seed, row] : model) {
+    double best = nan;
+    for (const Seeds* other : trivial)
+      if (const auto found = other->find(seed); found != other->end())
+        best = std::fmax(best, found->second.score(metric));
+    if (!std::isnan(best)) out.push_back(row.score(metric) - best);
+  }
+  return out;
+}
+
+// Written so that NaN, no map, loses.
+bool loses(const Seeds& model, const Seeds& empty, const Seeds& mean) {
+  const auto iou = advantage(model, {&empty, &mean}, metric_iou);
+  const Moments by_iou = moments(iou),
+                by_ssim = moments(advantage(model, {&empty}, metric_ssim_hard));
+  if (iou.empty()) return !(by_ssim.mean + by_ssim.spread >= 0);
+  return !(by_iou.mean > by_iou.spread && by_ssim.mean > by_ssim.spread);
+}
+
+StabilityPoint point_of(const Seeds& seeds) {
+  StabilityPoint point;
+  point.mean.fill(nan), point.spread.fill(nan);
+  for (const Metric m : stability_metrics) {
+    std::vector<double> values;
+    for (const auto& [seed, row] : seeds) values.push_back(row.score(m));
+    const Moments found = moments(values);
+    point.mean[m] = found.mean, point.spread[m] = found.spread;
+  }
+  return point;
+}
+
+// The first values with this property on the ways from the base to both ends.
+std::vector<std::string> first_on_the_way(const StabilityAxis& axis,
+                                          const std::vector<StabilityPoint>& points,
+                                          bool StabilityPoint::*property) {
+  const std::size_t base = axis.base();
+  if (points[base].*property) return {axis.values[base].label};
+  std::vector<std::string> out;
+  for (std::size_t i = base; i-- > 0;)
+    if (points[i].*property) {
+      out.push_back(axis.values[i].label);
+      break;
+    }
+  for (std::size_t i = base + 1; i < points.size(); ++i)
+    if (points[i].*property) {
+      out.push_back(axis.values[i].label);
+      break;
+    }
+  return out;
+}
+
+// IoU as a share of the base's: 0 without a map, NaN where nobody is there to be found.
+double share(const StabilityPoint& point, const StabilityPoint& base, const StabilityPoint& empty) {
+  if (std::isnan(empty.mean[metric_iou])) return nan;
+  return std::isnan(point.mean[metric_ssim_hard]) ? 0
+                                                  : point.mean[metric_iou] / base.mean[metric_iou];
+}
+
+StabilityCurve curve_of(const StabilityAxis& axis, const Measured& rows, const std::string& name,
+                        const std::string& model, const std::string& inputs) {
+  StabilityCurve curve{name, {}, {}, {}, nan};
+  for (const AxisValue& value : axis.values) {
+    const Seeds& seeds = rows.at(axis, value, model, inputs);
+    curve.points.push_back(point_of(seeds));
+    curve.points.back().loses = loses(seeds, rows.at(axis, value, trivial_models[0], "-"),
+                                      rows.at(axis, value, trivial_models[1], "-"));
+  }
+  const StabilityPoint base = curve.points[axis.base()];
+  for (std::size_t i = 0; i < curve.points.size(); ++i) {
+    StabilityPoint& point = curve.points[i];
+    const double now =
+        share(point, base, point_of(rows.at(axis, axis.values[i], trivial_models[0], "-")));
+    point.halved = now < 0.5;
+    if (!base.loses) curve.worst = std::fmin(curve.worst, now);
+  }
+  curve.loses_at = first_on_the_way(axis, curve.points, &StabilityPoint::loses);
+  if (!base.loses) curve.halved_at = first_on_the_way(axis, curve.points, &StabilityPoint::halved);
+  return curve;
+}
+
+double first_worst(const StabilityResult& result) {
+  const double worst = result.curves.empty() ? nan : result.curves.front().worst;
+  return std::isnan(worst) ? 1 : worst;
+}
+
+}  // namespace
+
+std::vector<StabilityResult> summarise_stability(const StabilityOptions& options,
+                                                 const std::vector<StabilityRow>& rows) {
+  const Measured found(rows);
+  std::vector<StabilityResult> results;
+  for (const StabilityAxis& axis : axes_of(options)) {
+    StabilityResult result{axis, {}, {}};
+    for (const auto& name : trivial_models)
+      result.trivial.push_back(curve_of(axis, found, name, name, "-"));
+    for (const auto& name : options.models) {
+      const StudyModel model(name);
+      result.curves.push_back(curve_of(axis, found, name, model.rung, model.inputs));
+    }
+    results.push_back(std::move(result));
+  }
+  std::stable_sort(results.begin(), results.end(),
+                   [](const auto& a, const auto& b) { return first_worst(a) < first_worst(b); });
+  return results;
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: MIT
+// What a study of stability found: means over the seeds, and where each model loses.
+#pragma once
+#include <array>
+#include <string>
+#include <vector>
+
+#include "recon/study/stability.hpp"
+
+namespace echofuse::recon {
+
+// A model at one value. NaN: undefined, or there is no map.
+struct StabilityPoint {
+  std::array<double, metric_count> mean{}, spread{};  // spread: standard deviation over the seeds
+  bool loses = false;                                 // stability.hpp
+  bool halved = false;                                // its IoU is below half of that at the base
+};
+
+struct StabilityCurve {
+  std::string name;                    // "RUNG" or "RUNG:INPUTS"
+  std::vector<StabilityPoint> points;  // one a value of the axis
+  // The first values with that, going from the base to each end; that of the base alone if it
+  // begins there.
+  std::vector<std::string> loses_at, halved_at;
+  double worst = 0;  // least IoU, as a share of that at the base; NaN if it loses there already
+};
+
+struct StabilityResult {
+  StabilityAxis axis;
+  std::vector<StabilityCurve> curves;   // of the models, in their order
+  std::vector<StabilityCurve> trivial;  // empty room and mean map
+};
+
+// Sorted by what breaks the first model most. Rows of other axes and models are left out.
+std::vector<StabilityResult> summarise_stability(const StabilityOptions& options,
+                                                 const std::vector<StabilityRow>& rows);
+
+// Writes OUT/stability.html and a chart for each axis, OUT/KIND-AXIS.svg. Throws Error(disk), and
+// Error(failed) without gnuplot; the page is written first.
+void write_stability(const StabilityOptions& options, const std::vector<StabilityResult>& results);
+std::string to_text(const std::vector<StabilityResult>& results);
+
+}  // namespace echofuse::recon

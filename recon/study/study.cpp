@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: MIT
+#include "recon/study/study.hpp"
+
+#include <algorithm>
+
+#include "drivers/core/exit_code.hpp"
+#include "recon/estimator/train.hpp"
+
+namespace echofuse::recon {
+
+StudyModel::StudyModel(const std::string& text) : name(text), rung(text.substr(0, text.find(':'))) {
+  if (rung.size() < text.size()) inputs = text.substr(rung.size() + 1);
+  const Inputs wanted = inputs_of(inputs);
+  if (wants_readings(rung_of(rung, {}).model) && wanted != Inputs::fused)
+    throw Error(ExitCode::usage, "model \"" + text + "\": needs both sensors");
+}
+
+TrainedModel train_whole(const Dataset& data, const StudyModel& model, std::uint64_t seed,
+                         const Beside& beside) {
+  TrainOptions how;
+  how.model = model.rung;
+  how.inputs = model.inputs;
+  how.split.test_share = 0;
+  how.split.seed = how.fit.seed = seed;
+  how.fit.quiet = true;
+  how.slip = beside.slip && !is_blind(model.rung);
+  how.fallback = beside.fallback;
+  how.confidence = false;  // no study reads it, and it takes long to learn
+  return train(data, how);
+}
+
+Matrix with_nobody(const TrainedModel& model, const Dataset& data, const Rows& rows) {
+  Matrix maps(0, data.depth.cols);
+  for (std::size_t row = 0; row < data.size(); ++row) maps.add_row(model.scene.background);
+  const Matrix made = model.predict(data, rows);
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    std::copy_n(made.row(i).begin(), maps.cols, maps.row(rows[i]).begin());
+  return maps;
+}
+
+MapScores mean_scores(const Matrix& maps, const Dataset& data, const Rows& rows,
+                      const Scene& scene) {
+  const Summaries summaries = summarise(score_maps(maps, data, rows, scene));
+  MapScores out{};
+  for (std::size_t m = 0; m < metric_count; ++m) out[m] = summaries[m].mean;
+  return out;
+}
+
+}  // namespace echofuse::recon

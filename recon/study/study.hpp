@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: MIT
+// What the studies have in common: models by name, trained on one run and judged on another.
+#pragma once
+#include <cstdint>
+#include <string>
+
+#include "recon/estimator/evaluate.hpp"
+
+namespace echofuse::recon {
+
+struct StudyModel {
+  // "RUNG" or "RUNG:INPUTS", as in "mlp-512-256:spd". Throws Error(usage) for what is no model, or
+  // one that does not take these inputs.
+  explicit StudyModel(const std::string& text);
+  std::string name, rung, inputs = "fused";
+};
+
+// What a fused model that looks at its inputs has beside it, if asked: the reference of a slip, or
+// that and a fallback for a lost radar.
+struct Beside {
+  bool slip = false, fallback = false;
+};
+
+// On all usable records but the validation share: there is another run to judge by.
+TrainedModel train_whole(const Dataset& data, const StudyModel& model, std::uint64_t seed,
+                         const Beside& beside = {});
+
+// A map of every record. The model answers for the rows; the others, which it cannot read, show the
+// empty room.
+Matrix with_nobody(const TrainedModel& model, const Dataset& data, const Rows& rows);
+
+// Means over the maps, one a row.
+MapScores mean_scores(const Matrix& maps, const Dataset& data, const Rows& rows,
+                      const Scene& scene);
+
+}  // namespace echofuse::recon

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: MIT
+#include "recon/uncertainty/confidence.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "recon/numbers/linear_fit.hpp"
+#include "recon/numbers/matrix_file.hpp"
+#include "recon/numbers/statistics.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr double smallest_error_m = 3e-3;  // below which errors are all alike
+constexpr double penalty = 1e-3;
+constexpr std::size_t folds = 5;
+
+// As many as signs_of (answer.hpp) makes.
+std::size_t sign_count(Inputs inputs) { return inputs == Inputs::fused ? 3 : 2; }
+
+}  // namespace
+
+std::vector<float> LateralError::terms_of(std::span<const float> signs) const {
+  std::vector<float> out(signs.size());
+  for (std::size_t c = 0; c < out.size(); ++c)
+    out[c] = (std::clamp(signs[c], least_[c], most_[c]) - centre_[c]) / spread_[c];
+  return quadratic_terms(out);
+}
+
+void LateralError::fit(const Matrix& signs, const std::vector<double>& error_m, std::size_t plain) {
+  Rows known;
+  std::size_t known_plain = 0;
+  for (std::size_t i = 0; i < signs.rows; ++i) {
+    if (std::isnan(error_m[i])) continue;
+    known.push_back(i);
+    known_plain += i < plain;
+  }
+  if (known_plain < least_records) return;
+  const ColumnStatistics columns = column_statistics(signs, known);
+  centre_.assign(columns.mean.begin(), columns.mean.end());
+  least_ = most_ =
+      std::vector<float>(signs.row(known.front()).begin(), signs.row(known.front()).end());
+  for (std::size_t c = 0; c < signs.cols; ++c) {
+    spread_.push_back(static_cast<float>(std::sqrt(std::max(columns.variance[c], 1e-12))));
+    for (const std::size_t i : known) {
+      least_[c] = std::min(least_[c], signs.row(i)[c]);
+      most_[c] = std::max(most_[c], signs.row(i)[c]);
+    }
+  }
+  Matrix terms;
+  std::vector<float> targets;
+  for (const std::size_t i : known) {
+    const auto row = terms_of(signs.row(i));
+    terms.cols = row.size();
+    terms.add_row(row);
+    targets.push_back(static_cast<float>(std::log(std::max(error_m[i], smallest_error_m))));
+  }
+  weights_ = linear_fit(terms, targets, std::vector<float>(targets.size(), 1.f), penalty);
+  std::vector<double> ratios;
+  for (std::size_t fold = 0; fold < folds; ++fold) {
+    std::vector<float> counts;  // a record's copies are held out with it
+    for (const std::size_t i : known) counts.push_back(i % plain % folds == fold ? 0.f : 1.f);
+    const auto weights = linear_fit(terms, targets, counts, penalty);
+    for (std::size_t i = 0; i < known_plain; ++i)
+      if (counts[i] == 0)
+        ratios.push_back(error_m[known[i]] / std::exp(product(terms.row(i), weights)));
+  }
+  std::sort(ratios.begin(), ratios.end());
+  const auto rank =
+      static_cast<std::size_t>(std::ceil(share_within * static_cast<double>(ratios.size() + 1)));
+  factor_ = ratios[std::min(rank, ratios.size()) - 1];
+}
+
+double LateralError::operator()(std::span<const float> signs) const {
+  if (weights_.empty() || std::isnan(signs.front()))
+    return std::numeric_limits<double>::quiet_NaN();
+  return factor_ * std::exp(product(terms_of(signs), weights_));
+}
+
+void LateralError::save(record::H5File& file, const std::string& group) const {
+  file.make_group(group);
+  file.set(group, "factor", factor_);
+  file.write(group + "/weights", weights_, {weights_.size()});
+  file.write(group + "/centre", centre_, {centre_.size()});
+  file.write(group + "/spread", spread_, {spread_.size()});
+  file.write(group + "/least", least_, {least_.size()});
+  file.write(group + "/most", most_, {most_.size()});
+}
+
+void LateralError::load(const record::H5File& file, const std::string& group, std::size_t signs) {
+  factor_ = file.get<double>(group, "factor");
+  centre_ = file.read<float>(group + "/centre", {record::H5File::any});
+  const std::size_t n = centre_.size();
+  require_sound(file, n == 0 || n == signs, group + "/centre",
+                "0 or " + std::to_string(signs) + " values");
+  weights_ = file.read<double>(group + "/weights", {n > 0 ? (n + 1) * (n + 2) / 2 : 0});
+  spread_ = file.read<float>(group + "/spread", {n});
+  least_ = file.read<float>(group + "/least", {n});
+  most_ = file.read<float>(group + "/most", {n});
+  for (std::size_t c = 0; c < n; ++c)
+    require_sound(file, spread_[c] > 0 && least_[c] <= most_[c], group,
+                  "a spread above 0, and least below most");
+}
+
+void Confidence::save(record::H5File& file) const {
+  novelty.save(file, "confidence/novelty");
+  pixels.save(file, "confidence/pixels");
+  lateral.save(file, "confidence/lateral");
+}
+
+void Confidence::load(const record::H5File& file, const Features& of_model) {
+  novelty.load(file, "confidence/novelty", of_model);
+  lateral.load(file, "confidence/lateral", sign_count(of_model.inputs));
+  pixels.load(file, "confidence/pixels");
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: MIT
+// What a model says of its own answers: how far off a body may be, how sure each pixel is, and
+// whether the record is one that it can know anything about. Learnt after the training
+// (fit_confidence.hpp), part of the answers (answer.hpp); the model itself may be any.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "recon/uncertainty/novelty.hpp"
+#include "recon/uncertainty/pixel_error.hpp"
+
+namespace echofuse::recon {
+
+// The usual lateral error grows with noise, range of view and distance from the axis: a regression
+// of its logarithm on those, times the factor that holds 90 % of the validation records, each
+// against a regression without it (cross-conformal prediction; Vovk, Ann. Math. Artif. Intell. 74,
+// 9, 2015).
+class LateralError {
+ public:
+  static constexpr double share_within = 0.9;
+
+  // Row i of each belongs together; an error that is NaN is left out. `plain`: the first so many
+  // rows are records as they were measured, which set the factor; what follows are copies of all
+  // of them, in the same order. Learns nothing from fewer than least_records of known error.
+  static constexpr std::size_t least_records = 30;
+  void fit(const Matrix& signs, const std::vector<double>& error_m, std::size_t plain);
+  double operator()(std::span<const float> signs) const;  // metres; NaN if nothing was learnt
+
+  void save(record::H5File& file, const std::string& group) const;
+  void load(const record::H5File& file, const std::string& group, std::size_t signs);
+
+ private:
+  std::vector<float> terms_of(std::span<const float> signs) const;
+
+  std::vector<float> centre_, spread_, least_, most_;  // of the signs
+  std::vector<double> weights_;
+  double factor_ = 0;
+};
+
+// What is claimed of one reconstruction.
+struct Claim {
+  double lateral_90_m = 0;  // the body is within so much of where it is shown in 90 % of the
+                            // records like the training ones; NaN: nothing is claimed
+  Strangeness strangeness;
+};
+
+struct Confidence {
+  Novelty novelty;
+  LateralError lateral;
+  PixelError pixels;
+
+  void save(record::H5File& file) const;  // below "confidence/"
+  void load(const record::H5File& file, const Features& of_model);
+};
+
+}  // namespace echofuse::recon

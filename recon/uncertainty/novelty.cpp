@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: MIT
+#include "recon/uncertainty/novelty.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <random>
+
+#include "drivers/core/random.hpp"
+#include "recon/files/text.hpp"
+#include "recon/numbers/linear_fit.hpp"
+#include "recon/numbers/matrix_file.hpp"
+#include "recon/numbers/statistics.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::uint64_t pair_stream = 0x70616972;  // "pair"
+constexpr std::uint64_t held_stream = 0x68656c64;  // "held"
+constexpr std::size_t most_components = 36, rows_a_component = 60, most_pairs = 4000;
+constexpr double held_out_share = 0.25;
+constexpr double background_quantile = 0.05;
+constexpr double discriminant_penalty = 2e-2;
+// Of records like the training ones, above each limit.
+constexpr std::array<double, 3> false_alarms = {0.002, 0.002, 0.003};
+constexpr double range_reserve = 0.05;       // of the span of the training records' ranges
+constexpr double clicks_reserve = 1.25;      // against the brightest training record
+constexpr double nearly_all_records = 0.99;  // of the training records show a body
+
+// The value that this share of all is above: the largest twentieth is taken to fall off
+// exponentially, so that a few hundred values place it.
+double upper_limit(std::vector<float> values, double share_above) {
+  constexpr double tail = 0.05;
+  const double start = double{quantile(values, 1 - tail)};
+  double excess = 0, count = 0;
+  for (const float v : values)
+    if (double{v} > start) excess += double{v} - start, ++count;
+  return start + (count > 0 ? excess / count : 0) * std::log(tail / share_above);
+}
+
+}  // namespace
+
+Novelty::Novelty(const Dataset& data, const Rows& rows, Inputs inputs, std::uint64_t seed)
+    : readings_{fit_features(data, rows, inputs, raw_scaling)} {
+  const Matrix readings = readings_.strengths(data, rows);
+  const auto first_held =
+      static_cast<std::ptrdiff_t>((1 - held_out_share) * static_cast<double>(rows.size()));
+  Rows fit = all_rows(rows.size());  // shuffled, as runs and kinds of records lie behind each other
+  Rng rng = make_rng(seed, held_stream);
+  std::shuffle(fit.begin(), fit.end(), rng);
+  const auto first_held_row = fit.begin() + first_held;
+  const Rows held(first_held_row, fit.end());
+  fit.erase(first_held_row, fit.end());
+  std::sort(fit.begin(), fit.end());
+  if (inputs != Inputs::radar) alignment_ = Alignment(readings_.layout(), readings, fit);
+  Rows with_body, fit_with_body;
+  const Matrix all = describe(readings, &with_body);
+  std::set_intersection(fit.begin(), fit.end(), with_body.begin(), with_body.end(),
+                        std::back_inserter(fit_with_body));
+  if (fit_with_body.size() >= least_records / 2) fit = std::move(fit_with_body);
+  share_with_body_ = static_cast<double>(with_body.size()) / static_cast<double>(rows.size());
+  for (const std::size_t row : rows)
+    most_clicks_per_start_ = std::max(most_clicks_per_start_, data.clicks_a_pulse[row]);
+  learn_scale(take_rows(all, fit));
+  Matrix scaled = all;
+  for (std::size_t i = 0; i < scaled.values.size(); ++i)
+    scaled.values[i] *= scale_[i % scaled.cols];
+  const std::size_t count =
+      std::clamp<std::size_t>(fit.size() / rows_a_component, 2, most_components);
+  const Matrix one_body = take_rows(scaled, fit);
+  components_ = principal_components(one_body, count, seed);
+  for (float& d : components_.deviation) d = std::max(d, 1e-6f);
+  learn_pairs(readings, fit, one_body, seed);
+  learn_limits(take_rows(scaled, held));
+  if (inputs == Inputs::radar || with_body.empty()) return;
+  const std::size_t at = alignment_.size() - 1;
+  nearest_m_ = 1e9;
+  for (const std::size_t i : with_body) {
+    nearest_m_ = std::min(nearest_m_, double{all.row(i)[at]});
+    farthest_m_ = std::max(farthest_m_, double{all.row(i)[at]});
+  }
+  const double reserve_m = range_reserve * (farthest_m_ - nearest_m_);
+  nearest_m_ -= reserve_m, farthest_m_ += reserve_m;
+}
+
+Novelty::Description Novelty::describe(std::span<const float> readings) const {
+  Description out;
+  out.body.there = true;
+  if (readings_.spd_count() > 0) {
+    out.values.resize(alignment_.size());
+    out.body = alignment_(readings, out.values);
+  }
+  const auto radar = readings.last(readings_.radar_count());
+  const std::size_t first = out.values.size();
+  out.values.insert(out.values.end(), radar.begin(), radar.end());
+  normalise(std::span(out.values).subspan(first));
+  for (std::size_t c = 0; c < scale_.size(); ++c) out.values[c] *= scale_[c];
+  return out;
+}
+
+Matrix Novelty::describe(const Matrix& readings, Rows* with_body) const {
+  Matrix out;
+  for (std::size_t i = 0; i < readings.rows; ++i) {
+    const Description one = describe(readings.row(i));
+    out.cols = one.values.size();
+    out.add_row(one.values);
+    if (with_body && one.body.there) with_body->push_back(i);
+  }
+  return out;
+}
+
+// Histogram, aligned profile, range and profile get the same total variance.
+void Novelty::learn_scale(const Matrix& descriptions) {
+  const auto variance = column_statistics(descriptions, all_rows(descriptions.rows)).variance;
+  std::vector<std::size_t> ends;
+  if (readings_.spd_count() > 0)
+    ends = {alignment_.histogram_bins(), alignment_.size() - 1, alignment_.size()};
+  ends.push_back(descriptions.cols);
+  std::size_t first = 0;
+  for (const std::size_t end : ends) {
+    double sum = 0;
+    for (std::size_t c = first; c < end; ++c) sum += variance[c];
+    scale_.resize(end, sum > 0 ? static_cast<float>(1 / std::sqrt(sum)) : 0.f);
+    first = end;
+  }
+}
+
+void Novelty::learn_pairs(const Matrix& readings, const Rows& rows, const Matrix& one_body,
+                          std::uint64_t seed) {
+  const std::vector<float> background = column_quantile(readings, rows, background_quantile);
+  Rng rng = make_rng(seed, pair_stream);
+  std::uniform_int_distribution<std::size_t> any(0, rows.size() - 1);
+  const std::size_t pairs = std::min(most_pairs, 2 * rows.size());
+  Matrix sums(pairs, readings.cols);
+  for (std::size_t i = 0; i < pairs; ++i) {
+    const auto a = readings.row(rows[any(rng)]), b = readings.row(rows[any(rng)]);
+    for (std::size_t c = 0; c < sums.cols; ++c) sums.row(i)[c] = a[c] + b[c] - background[c];
+  }
+  Matrix terms;
+  std::vector<float> targets, counts;
+  terms.values.reserve((rows.size() + pairs) * (components_.basis.rows + 1) *
+                       (components_.basis.rows + 2) / 2);
+  const auto add = [&](const Matrix& described, float target) {
+    Matrix amounts = coordinates(components_, described);
+    for (std::size_t i = 0; i < amounts.rows; ++i) {
+      for (std::size_t k = 0; k < amounts.cols; ++k) amounts.row(i)[k] /= components_.deviation[k];
+      const auto row = quadratic_terms(amounts.row(i));
+      terms.cols = row.size();
+      terms.add_row(row);
+      targets.push_back(target);
+      counts.push_back(1.f / static_cast<float>(amounts.rows));
+    }
+  };
+  add(one_body, -1);
+  add(describe(sums), 1);
+  discriminant_ = linear_fit(terms, targets, counts, discriminant_penalty);
+}
+
+std::array<double, 5> Novelty::statistics(std::span<const float> description) const {
+  constexpr double tiny = 1e-12;
+  std::vector<float> off(description.begin(), description.end()), amounts(components_.basis.rows);
+  for (std::size_t c = 0; c < off.size(); ++c) off[c] -= components_.mean[c];
+  double along = 0;
+  for (std::size_t k = 0; k < amounts.size(); ++k) {
+    const auto direction = components_.basis.row(k);
+    float amount = 0;
+    for (std::size_t c = 0; c < off.size(); ++c) amount += off[c] * direction[c];
+    for (std::size_t c = 0; c < off.size(); ++c) off[c] -= amount * direction[c];
+    amounts[k] = amount / components_.deviation[k];
+    along += double{amounts[k]} * double{amounts[k]};
+  }
+  std::array<double, 2> residual{};
+  const std::size_t range_at = readings_.spd_count() > 0 ? alignment_.size() - 1 : off.size();
+  for (std::size_t c = 0; c < off.size(); ++c)
+    residual[readings_.spd_count() == 0 || (c >= alignment_.histogram_bins() && c != range_at)] +=
+        double{off[c]} * double{off[c]};
+  return {std::log(along + tiny), std::log(residual[0] + residual[1] + tiny),
+          product(quadratic_terms(amounts), discriminant_), residual[0] / usual_residual_[0],
+          residual[1] / usual_residual_[1]};
+}
+
+void Novelty::learn_limits(const Matrix& descriptions) {
+  std::array<std::vector<float>, 5> all;
+  for (std::size_t i = 0; i < descriptions.rows; ++i) {
+    const auto one = statistics(descriptions.row(i));
+    for (std::size_t s = 0; s < all.size(); ++s) all[s].push_back(static_cast<float>(one[s]));
+  }
+  for (std::size_t s = 0; s < limits_.size(); ++s) {
+    limits_[s].usual = double{quantile(all[s], 0.5)};
+    limits_[s].most = std::max(upper_limit(all[s], false_alarms[s]), limits_[s].usual + 1e-6);
+  }
+  for (std::size_t s = 0; s < usual_residual_.size(); ++s)
+    usual_residual_[s] = std::max(double{quantile(all[limits_.size() + s], 0.5)}, 1e-12);
+}
+
+std::vector<Strangeness> Novelty::judge(const Dataset& data, const Rows& rows) const {
+  const Matrix readings = readings_.strengths(data, rows);
+  std::vector<Strangeness> out;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const Description one = describe(readings.row(i));
+    const auto found = statistics(one.values);
+    Strangeness s{std::max(limits_[0].share(found[0]), limits_[1].share(found[1])),
+                  limits_[2].share(found[2]),
+                  {},
+                  {}};
+    const double range_m = double{one.body.range_m}, clicks = data.clicks_a_pulse[rows[i]];
+    const bool has_range = readings_.spd_count() > 0 && one.body.there;
+    if (!one.body.there && share_with_body_ > nearly_all_records)
+      s.why = "empty";
+    else if (readings_.spd_count() > 0 && clicks > record::most_clicks_a_pulse &&
+             clicks > clicks_reserve * most_clicks_per_start_)
+      s.why = "saturated", s.figures = formatted("%.2f clicks a laser pulse", clicks);
+    else if (has_range && (range_m < nearest_m_ || range_m > farthest_m_))
+      s.why = "outside the training records' distances", s.figures = formatted("%.2f m", range_m);
+    else if (s.two_bodies > 1 && s.two_bodies > s.distance)
+      s.why = "two bodies, or one unlike those of the training records";
+    else if (s.distance > 1)
+      s.why = std::string("unlike the training records: ") +
+              (found[3] > found[4] ? "histogram" : "radar profile");
+    out.push_back(std::move(s));
+  }
+  return out;
+}
+
+void Novelty::save(record::H5File& file, const std::string& group) const {
+  file.write(group + "/scale", scale_, {scale_.size()});
+  save_components(file, group + "/components", components_);
+  file.write(group + "/discriminant", discriminant_, {discriminant_.size()});
+  std::vector<double> limits;
+  for (const Limit& l : limits_) limits.insert(limits.end(), {l.usual, l.most});
+  limits.insert(limits.end(), usual_residual_.begin(), usual_residual_.end());
+  file.write(group + "/limits", limits, {limits.size()});
+  file.set(group, "nearest_m", nearest_m_);
+  file.set(group, "farthest_m", farthest_m_);
+  file.set(group, "most_clicks_per_start", most_clicks_per_start_);
+  file.set(group, "share_with_body", share_with_body_);
+  if (readings_.spd_count() > 0) alignment_.save(file, group);
+}
+
+void Novelty::load(const record::H5File& file, const std::string& group, const Features& of_model) {
+  readings_ = {of_model.inputs, raw_scaling, of_model.spd_axis, of_model.radar_axis, {}, 1, 1};
+  const bool spd = readings_.spd_count() > 0;
+  if (spd) alignment_.load(file, readings_.layout(), group);
+  const std::size_t values = (spd ? alignment_.size() : 0) + readings_.radar_count();
+  scale_ = file.read<float>(group + "/scale", {values});
+  components_ = load_components(file, group + "/components", values);
+  require_sound(file,
+                std::all_of(components_.deviation.begin(), components_.deviation.end(),
+                            [](float d) { return d > 0; }),
+                group + "/components/deviation", "all above 0");
+  const std::size_t k = components_.basis.rows;
+  discriminant_ = file.read<double>(group + "/discriminant", {(k + 1) * (k + 2) / 2});
+  const auto limits =
+      file.read<double>(group + "/limits", {2 * limits_.size() + usual_residual_.size()});
+  for (std::size_t s = 0; s < limits_.size(); ++s) limits_[s] = {limits[2 * s], limits[2 * s + 1]};
+  std::copy_n(limits.end() - 2, 2, usual_residual_.begin());
+  nearest_m_ = file.get<double>(group, "nearest_m");
+  farthest_m_ = file.get<double>(group, "farthest_m");
+  most_clicks_per_start_ = file.get<double>(group, "most_clicks_per_start");
+  share_with_body_ = file.get<double>(group, "share_with_body");
+  for (const Limit& l : limits_)
+    require_sound(file, l.most >= l.usual, group + "/limits", "no limit below the usual value");
+  require_sound(file, usual_residual_[0] > 0 && usual_residual_[1] > 0, group + "/limits",
+                "usual residuals above 0");
+}
+
+}  // namespace echofuse::recon

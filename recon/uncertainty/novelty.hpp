@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: MIT
+// How unlike the training records a record is, whatever the model. A record is described by its
+// histogram and radar profile aligned to the body's range (models/alignment.hpp), that range, and
+// the radar profile as it is, all blind to gains; then
+//   distance    from the training records in their principal components: T^2 along the components,
+//               Q off them (Jackson and Mudholkar, Technometrics 21, 341, 1979), the greater one
+//   two bodies  a quadratic discriminant between training records and sums of two of them, which
+//               is what two bodies measure when neither hides the other (training on made-up
+//               outliers: Hendrycks et al., ICLR 2019)
+// Each is given as a share of its limit, so that above 1 is unusual; the limits are such that about
+// one of 140 records like the training ones is above one of them. Beside these, checks with a name:
+// no body, a body farther or nearer than in any training record, a saturated detector.
+#pragma once
+#include <array>
+#include <string>
+#include <vector>
+
+#include "recon/data/features.hpp"
+#include "recon/models/body/alignment.hpp"
+#include "recon/numbers/components.hpp"
+
+namespace echofuse::recon {
+
+struct Strangeness {
+  double distance = 0, two_bodies = 0;  // above 1: unusual
+  std::string why;                      // empty: like the training records
+  std::string figures;                  // to it, if there are any
+  std::string text() const { return figures.empty() ? why : why + " (" + figures + ")"; }
+};
+
+class Novelty {
+ public:
+  static constexpr std::size_t least_records = 100;
+
+  Novelty() = default;
+  // Learns from the given rows, at least least_records. Part of them only sets the limits.
+  Novelty(const Dataset& data, const Rows& rows, Inputs inputs, std::uint64_t seed);
+  std::vector<Strangeness> judge(const Dataset& data, const Rows& rows) const;
+
+  void save(record::H5File& file, const std::string& group) const;
+  void load(const record::H5File& file, const std::string& group, const Features& of_model);
+
+ private:
+  // Of a statistic, from records that did not take part in the fit.
+  struct Limit {
+    double usual = 0, most = 1;  // its median; what few are above
+    double share(double value) const { return (value - usual) / (most - usual); }
+  };
+  struct Description {
+    std::vector<float> values;  // scaled
+    Body body;
+  };
+  Description describe(std::span<const float> readings) const;
+  Matrix describe(const Matrix& readings, Rows* with_body = nullptr) const;
+  void learn_scale(const Matrix& descriptions);
+  void learn_pairs(const Matrix& readings, const Rows& rows, const Matrix& one_body,
+                   std::uint64_t seed);
+  // log T^2, log Q, discriminant; residuals of histogram and radar in units of their usual size.
+  std::array<double, 5> statistics(std::span<const float> description) const;
+  void learn_limits(const Matrix& descriptions);
+
+  Features readings_;
+  Alignment alignment_;  // without a detector: unused
+  std::vector<float> scale_;
+  Components components_;
+  std::vector<double> discriminant_;
+  std::array<Limit, 3> limits_;
+  std::array<double, 2> usual_residual_{1, 1};
+  double nearest_m_ = 0, farthest_m_ = 0, most_clicks_per_start_ = 0, share_with_body_ = 0;
+};
+
+}  // namespace echofuse::recon

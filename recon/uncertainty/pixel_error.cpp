@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: MIT
+#include "recon/uncertainty/pixel_error.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "acquire/record/depth_map.hpp"
+#include "recon/numbers/matrix_file.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t side = record::map_size;
+
+struct Between {
+  std::size_t low;
+  double part;
+};
+
+// Where a share lies among the nodes of a curve.
+Between node_of(double share, std::size_t nodes) {
+  const double at = std::clamp(share, 0.0, 1.0) * static_cast<double>(nodes - 1);
+  const auto low = std::min(static_cast<std::size_t>(at), nodes - 2);
+  return {low, at - static_cast<double>(low)};
+}
+
+// Of a standard normal distribution cut at three deviations, in steps of one pixel.
+std::vector<float> kernel_of(double deviation_pixels) {
+  const auto reach = static_cast<int>(std::ceil(3 * deviation_pixels));
+  std::vector<float> out;
+  float sum = 0;
+  for (int i = -reach; i <= reach; ++i) {
+    out.push_back(static_cast<float>(std::exp(-0.5 * std::pow(i / deviation_pixels, 2))));
+    sum += out.back();
+  }
+  for (float& v : out) v /= sum;
+  return out;
+}
+
+}  // namespace
+
+SoftMaps soft_of(const Matrix& maps, const Scene& scene) {
+  SoftMaps out{Matrix(0, maps.cols), Matrix(maps.rows, maps.cols)};
+  for (std::size_t i = 0; i < maps.rows; ++i)
+    out.share.add_row(foreground_share(maps.row(i), scene));
+  for (float& v : out.share.values) v = std::clamp(v, 0.f, 1.f);
+  std::fill(out.depth.values.begin(), out.depth.values.end(), scene.foreground_depth_m);
+  return out;
+}
+
+void blur(SoftMaps& maps, const std::vector<double>& deviation_m) {
+  constexpr double least_pixels = 0.2;
+  const double step = record::depth_x_axis().step;
+  std::array<float, side> line{};
+  for (std::size_t i = 0; i < maps.share.rows; ++i) {
+    const auto share = maps.share.row(i);
+    const double depth_m = std::max(double{maps.depth.row(i)[side * side / 2]}, 0.1);
+    const double pixels = deviation_m[i] / depth_m / step;
+    if (!(pixels > least_pixels)) continue;
+    const auto kernel = kernel_of(std::min(pixels, static_cast<double>(side)));
+    const auto reach = static_cast<std::ptrdiff_t>(kernel.size() / 2);
+    for (std::size_t r = 0; r < side; ++r) {
+      const auto row = share.subspan(r * side, side);
+      if (std::all_of(row.begin(), row.end(), [](float v) { return v == 0; })) continue;
+      std::copy(row.begin(), row.end(), line.begin());
+      for (std::ptrdiff_t c = 0; c < std::ssize(row); ++c) {
+        float sum = 0;
+        const std::ptrdiff_t first = std::max<std::ptrdiff_t>(c - reach, 0);
+        const std::ptrdiff_t last = std::min(c + reach, std::ssize(row) - 1);
+        for (std::ptrdiff_t k = first; k <= last; ++k)
+          sum +=
+              line[static_cast<std::size_t>(k)] * kernel[static_cast<std::size_t>(k - c + reach)];
+        row[static_cast<std::size_t>(c)] = sum;
+      }
+    }
+  }
+}
+
+void PixelError::fit(const SoftMaps& soft, const Matrix& truth, const Scene& scene) {
+  std::array<double, 11> weight{}, body{};
+  double squares = 0, count = 0;
+  for (std::size_t i = 0; i < truth.rows; ++i) {
+    const auto share = soft.share.row(i), depth = soft.depth.row(i), map = truth.row(i);
+    for (std::size_t p = 0; p < map.size(); ++p) {
+      const Between at = node_of(double{share[p]}, curve_.size());
+      const bool is_body = true_foreground(map[p], scene.background[p]);
+      weight[at.low] += 1 - at.part, weight[at.low + 1] += at.part;
+      body[at.low] += is_body * (1 - at.part), body[at.low + 1] += is_body * at.part;
+      if (!is_body || share[p] < 0.5f) continue;
+      squares += std::pow(double{map[p]} - double{depth[p]}, 2), ++count;
+    }
+  }
+  double below = 0;  // more mask is never less probable
+  for (std::size_t k = 0; k < curve_.size(); ++k)
+    below = curve_[k] = std::max(below, weight[k] > 0 ? body[k] / weight[k] : 0);
+  depth_deviation_m_ = count > 0 ? std::sqrt(squares / count) : 0;
+}
+
+PixelMaps PixelError::operator()(const SoftMaps& soft, const Scene& scene) const {
+  const std::size_t rows = soft.share.rows, cols = soft.share.cols;
+  PixelMaps out{Matrix(rows, cols), Matrix(rows, cols)};
+  for (std::size_t i = 0; i < rows; ++i)
+    for (std::size_t p = 0; p < cols; ++p) {
+      const Between at = node_of(double{soft.share.row(i)[p]}, curve_.size());
+      const double body = curve_[at.low] + at.part * (curve_[at.low + 1] - curve_[at.low]);
+      const double b = double{scene.background[p]}, z = double{soft.depth.row(i)[p]};
+      out.mean.row(i)[p] = static_cast<float>(body * z + (1 - body) * b);
+      out.deviation.row(i)[p] = static_cast<float>(std::sqrt(
+          body * (1 - body) * (z - b) * (z - b) + body * depth_deviation_m_ * depth_deviation_m_));
+    }
+  return out;
+}
+
+void PixelError::save(record::H5File& file, const std::string& group) const {
+  file.write(group + "/curve", std::vector<double>(curve_.begin(), curve_.end()), {curve_.size()});
+  file.set(group, "depth_deviation_m", depth_deviation_m_);
+}
+
+void PixelError::load(const record::H5File& file, const std::string& group) {
+  const auto curve = file.read<double>(group + "/curve", {curve_.size()});
+  for (const double share : curve)
+    require_sound(file, share >= 0 && share <= 1, group + "/curve", "shares, from 0 to 1");
+  std::copy(curve.begin(), curve.end(), curve_.begin());
+  depth_deviation_m_ = file.get<double>(group, "depth_deviation_m");
+  require_sound(file, depth_deviation_m_ >= 0 && depth_deviation_m_ <= record::max_depth_m,
+                group + "@depth_deviation_m", "0 to 6 m");
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: MIT
+// How sure each pixel is. A pixel shows the body, at its depth z, with probability p, or else the
+// background B. p comes from the model's mask, blurred by what the body's place is uncertain by;
+// where a model has no mask, from how far its mean map m has come from B to z, p = (m - B)/(z - B).
+// Either is then set right by a curve: how often such pixels of the validation records were body.
+#pragma once
+#include <array>
+#include <string>
+#include <vector>
+
+#include "acquire/record/h5.hpp"
+#include "recon/maps/scene.hpp"
+#include "recon/maps/soft_maps.hpp"
+
+namespace echofuse::recon {
+
+struct PixelMaps {
+  Matrix mean;       // p z + (1 - p) B, metres
+  Matrix deviation;  // sqrt(p (1 - p) (z - B)^2 + p s^2), metres; s: of depths within the body
+};
+
+// The soft maps of a model that has none of its own: its mean maps as probabilities.
+SoftMaps soft_of(const Matrix& maps, const Scene& scene);
+
+// Blurs each row of shares sideways by as many metres of the same row of the list, at the row's
+// depths; not those that are NaN.
+void blur(SoftMaps& maps, const std::vector<double>& deviation_m);
+
+class PixelError {
+ public:
+  // True maps, row by row.
+  void fit(const SoftMaps& soft, const Matrix& truth, const Scene& scene);
+  PixelMaps operator()(const SoftMaps& soft, const Scene& scene) const;
+
+  void save(record::H5File& file, const std::string& group) const;
+  void load(const record::H5File& file, const std::string& group);
+
+ private:
+  std::array<double, 11> curve_{};  // at shares of 0, 0.1 .. 1
+  double depth_deviation_m_ = 0;
+};
+
+}  // namespace echofuse::recon

@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: MIT
+#include "recon/uncertainty/slip.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/core/random.hpp"
+#include "recon/data/features.hpp"
+#include "recon/data/shift.hpp"
+#include "recon/files/text.hpp"
+#include "recon/numbers/statistics.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t least_records = 50;
+constexpr float longest_m = 100;         // no displacement is as long
+constexpr double most_background = 0.1;  // share of the radar's power
+constexpr double edge = 0.05;            // share of the records beyond it
+constexpr int resamples = 200;
+constexpr std::size_t block = 10;        // records, half a minute of them: a pose held
+constexpr double significance = 4;       // standard errors
+constexpr double least_slip_m = 0.01;    // less costs next to nothing
+constexpr double blind_m = 0.03;         // if even this is not significant
+constexpr double edges_agree_m = 0.015;  // on either side of their mean
+constexpr std::uint64_t bootstrap_stream = 0x736c6970;  // "slip"
+
+struct Edges {
+  double left_m, right_m;
+};
+
+Edges edges_of(std::vector<float> values) {
+  return {double{quantile(values, edge)}, double{quantile(values, 1 - edge)}};
+}
+
+Edges operator-(const Edges& a, const Edges& b) {
+  return {a.left_m - b.left_m, a.right_m - b.right_m};
+}
+
+std::vector<float> resampled(const std::vector<float>& values, Rng& rng) {
+  std::uniform_int_distribution<std::size_t> any(0, values.size() - 1);
+  std::vector<float> out(values.size());
+  for (std::size_t i = 0; i < out.size();)
+    for (std::size_t k = 0, from = any(rng); k < block && i < out.size(); ++k)
+      out[i++] = values[(from + k) % values.size()];
+  return out;
+}
+
+}  // namespace
+
+SlipAction slip_action_of(const std::string& name) {
+  for (std::size_t i = 0; i < slip_action_names.size(); ++i)
+    if (name == slip_action_names[i]) return static_cast<SlipAction>(i);
+  throw Error(ExitCode::usage, "slip \"" + name + "\": expected warn, correct or ignore");
+}
+
+std::string Slip::text(bool corrected) const {
+  switch (verdict) {
+    case Verdict::few:
+      if (records == 0) return {};
+      return formatted("%zu records with a body are too few to tell whether a calibration slipped",
+                       records) +
+             (error > 0 ? formatted(" (standard error %.1f cm)", error * 100) : "");
+    case Verdict::none:
+      return {};
+    case Verdict::unclear:
+      return formatted(
+          "cannot tell whether a calibration slipped: against the SPD's, the radar's ranges of the "
+          "leftmost bodies moved by %+.1f cm since training, of the rightmost by %+.1f cm; people "
+          "or the radar stand elsewhere",
+          left_m * 100, right_m * 100);
+    case Verdict::found:
+      break;
+  }
+  return formatted("radar ranges %.1f +- %.1f cm %s than in training, against the SPD's%s",
+                   std::abs(metres) * 100, error * 100, metres > 0 ? "longer" : "shorter",
+                   corrected
+                       ? ": corrected"
+                       : ", or people further to one side: not corrected (--slip correct "
+                         "of evaluate and reconstruct does); if nobody moved, calibrate anew");
+}
+
+SlipReference::SlipReference(const Dataset& data, const Rows& rows) {
+  const Features raw = fit_features(data, rows, Inputs::fused, raw_scaling);
+  const Matrix readings = raw.apply(data, rows);
+  alignment_ = Alignment(raw.layout(), readings, all_rows(rows.size()));
+  if (alignment_.radar_background_share(readings) > most_background) return;
+  const Seen seen = see(data, rows);
+  if (seen.histograms.rows < least_records) return;
+  expected_ = make_ridge();
+  const Samples samples{seen.histograms, seen.displacements_m, all_rows(seen.histograms.rows)};
+  expected_->fit(samples, samples, {});
+  measure(data, rows, displacements_m_);
+}
+
+SlipReference::Seen SlipReference::see(const Dataset& data, const Rows& rows) const {
+  const std::size_t bins = alignment_.histogram_bins();
+  Seen out{Matrix(0, bins + 1), Matrix(0, 1)};
+  std::vector<float> readings, features(alignment_.size());
+  for (const std::size_t row : rows) {
+    const auto spd = data.spd.row(row), radar = data.radar.row(row);
+    readings.assign(spd.begin(), spd.end());
+    readings.insert(readings.end(), radar.begin(), radar.end());
+    if (!alignment_(readings, features).there) continue;
+    const auto displacement_m = static_cast<float>(alignment_.displacement_m(features));
+    out.displacements_m.add_row({&displacement_m, 1});
+    features[bins] = features.back();
+    out.histograms.add_row(std::span(features).first(bins + 1));
+  }
+  return out;
+}
+
+void SlipReference::measure(const Dataset& data, std::vector<float>& out) const {
+  Rows rows;
+  for (std::size_t row = 0; row < data.size(); ++row)
+    if (data.fault_of(row, Inputs::fused).empty()) rows.push_back(row);
+  measure(data, rows, out);
+}
+
+void SlipReference::measure(const Dataset& data, const Rows& rows, std::vector<float>& out) const {
+  const Seen seen = see(data, rows);
+  if (seen.histograms.rows == 0) return;
+  const Matrix expected = expected_->predict(seen.histograms);
+  for (std::size_t i = 0; i < expected.rows; ++i)
+    out.push_back(seen.displacements_m.values[i] - expected.values[i]);
+}
+
+Slip SlipReference::judge(std::vector<float> found) const {
+  Slip out;
+  out.records = found.size();
+  if (std::min(found.size(), displacements_m_.size()) < least_records) return out;
+  const Edges moved = edges_of(found) - edges_of(displacements_m_);
+  out.left_m = moved.left_m, out.right_m = moved.right_m;
+  out.metres = (moved.left_m + moved.right_m) / 2;
+  std::vector<double> middles, halves;
+  Rng rng = make_rng(found.size(), bootstrap_stream);
+  for (int i = 0; i < resamples; ++i) {
+    const Edges e = edges_of(resampled(found, rng)) - edges_of(resampled(displacements_m_, rng));
+    middles.push_back((e.left_m + e.right_m) / 2);
+    halves.push_back((e.left_m - e.right_m) / 2);
+  }
+  out.error = standard_deviation(middles);
+  const double apart = std::abs(moved.left_m - moved.right_m) / 2;
+  const double apart_error = standard_deviation(halves);
+  const double least = std::max(least_slip_m, significance * out.error);
+  out.verdict = apart > edges_agree_m + 2 * apart_error ? Slip::Verdict::unclear
+                : std::abs(out.metres) > least          ? Slip::Verdict::found
+                : significance * out.error > blind_m    ? Slip::Verdict::few
+                                                        : Slip::Verdict::none;
+  return out;
+}
+
+void SlipReference::save(record::H5File& file) const {
+  if (!known()) return;
+  alignment_.save(file, "slip");
+  record::H5File group = file.group("slip");
+  expected_->save(group);
+  file.write("slip/displacement_m", displacements_m_, {displacements_m_.size()});
+}
+
+void SlipReference::load(const record::H5File& file, const Layout& layout) {
+  if (!file.has("slip")) return;
+  require_sound(file, layout.spd.count > 0 && layout.radar.count > 0, "slip",
+                "none without both sensors");
+  alignment_.load(file, layout, "slip");
+  Layout histogram;
+  histogram.spd.count = static_cast<std::uint32_t>(alignment_.histogram_bins() + 1);
+  expected_ = make_ridge();
+  expected_->load(file.group("slip"), histogram, 1);
+  displacements_m_ = file.read<float>("slip/displacement_m", {record::H5File::any});
+  for (const float metres : displacements_m_)
+    require_sound(file, std::abs(metres) < longest_m, "slip/displacement_m", "less than 100 m");
+}
+
+void shorten_radar(Dataset& data, double metres) {
+  const Shift shift(metres / data.radar_axis.step);
+  for (std::size_t row = 0; row < data.size(); ++row) {
+    const auto profile = data.radar.row(row);
+    const std::vector<float> moved = shift.apply({profile.begin(), profile.end()});
+    std::copy(moved.begin(), moved.end(), profile.begin());
+  }
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: MIT
+// Whether the radar's ranges have slipped against the SPD's since training, from records without
+// labels. The radar sees a body farther than the SPD by b x / r, and by a little that depends on
+// its shape, which a linear regression on the histogram takes off. What is left tells the side on
+// which a body stands. The 5 % and 95 % quantiles of a run are held against those of the training:
+// when both have moved by the same length, either the ranges have slipped by it, or people stand
+// further to one side. Nothing in the records tells these apart, and a little slip looks like a
+// long way: 1 cm like r / b = 7 cm at 3.5 m with a baseline of 0.5 m. So the user decides, by
+// correcting or not. When the quantiles have moved differently, people spread differently (the
+// quantiles follow that, and noise moves them outwards) or the radar stands elsewhere, and nothing
+// can be told. Gains and the impulse response do not matter.
+//
+// Not to be seen: what moves both sensors alike. Not tried: in front of walls, whose own echoes
+// move along, and with the radar's power in wide bins, where echoes have no place to 1 cm.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "recon/data/dataset.hpp"
+#include "recon/models/body/alignment.hpp"
+#include "recon/models/model.hpp"
+
+namespace echofuse::recon {
+
+enum class SlipAction : std::uint8_t { warn, correct, ignore };
+SlipAction slip_action_of(const std::string& name);  // throws Error(usage)
+inline const std::vector<std::string> slip_action_names = {"warn", "correct", "ignore"};
+
+struct Slip {
+  enum class Verdict : std::uint8_t {
+    few,      // records: for any answer, or to see 3 cm
+    none,     // to be seen
+    unclear,  // the quantiles moved differently
+    found     // or people stand further to one side
+  };
+  Verdict verdict = Verdict::few;
+  std::size_t records = 0;                 // with a body in both sensors
+  double metres = 0, error = 0;            // radar ranges longer than in training, standard error
+  double left_m = 0, right_m = 0;          // how far either quantile moved
+  std::string text(bool corrected) const;  // for the user; empty if there is nothing to say
+};
+
+// How far behind the SPD the radar saw the bodies of the training records.
+class SlipReference {
+ public:
+  SlipReference() = default;
+  // Of both sensors' readings; the rows in the order of their records.
+  SlipReference(const Dataset& data, const Rows& rows);
+
+  // False in models of earlier versions, in front of walls and with fewer than 50 records.
+  bool known() const { return !displacements_m_.empty(); }
+  // Appends what the rows with two live sensors show, in their order. The data must be on the
+  // model's axes.
+  void measure(const Dataset& data, std::vector<float>& displacements_m) const;
+  // Standard errors by the bootstrap of circular blocks (Politis and Romano 1992), as a pose may be
+  // held for some records in a row; the same for the same records.
+  Slip judge(std::vector<float> displacements_m) const;
+
+  void save(record::H5File& file) const;
+  void load(const record::H5File& file, const Layout& layout);
+
+ private:
+  struct Seen {
+    Matrix histograms;  // aligned, and their ranges
+    Matrix displacements_m;
+  };
+  void measure(const Dataset& data, const Rows& rows, std::vector<float>& out) const;
+  Seen see(const Dataset& data, const Rows& rows) const;
+  Alignment alignment_;
+  std::shared_ptr<Model> expected_;     // from histogram and range to displacement
+  std::vector<float> displacements_m_;  // of the training records, less what is expected
+};
+
+// Moves the radar's profiles, on the axis that the data have, to ranges shorter by this.
+void shorten_radar(Dataset& data, double metres);
+
+}  // namespace echofuse::recon
