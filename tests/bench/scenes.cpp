@@ -10,6 +10,7 @@
 #include "acquire/record/depth_map.hpp"
 #include "sim/dataset/dataset.hpp"
 #include "sim/sensors/optics.hpp"
+#include "sim/sensors/radar_echo.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;
