@@ -7,6 +7,7 @@
 #include <array>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <filesystem>
 #include <utility>
 #include <vector>
 
@@ -47,6 +48,13 @@ class Daemon final : private SampleSink {
         label_(config.label),
         log_(clock),
         devices_(io_, config, clock, *this, keep_raw(options)) {}
+
+  // After an exception the devices still end on the io thread, whose timers must find nothing to
+  // do.
+  ~Daemon() override {
+    over_ = true;
+    devices_.abandon();
+  }
 
   ExitCode run();
 
@@ -117,6 +125,7 @@ class Daemon final : private SampleSink {
   std::vector<Axis> begun_axes_;  // of a resumed run
   std::string gap_;               // of a resumed run: what to note of it
   bool ending_ = false;           // interrupted
+  bool over_ = false;
   std::string status_ = "complete";
 };
 
@@ -179,7 +188,7 @@ port::RawKeeper* Daemon::keep_raw(const RunOptions& options) {
 void Daemon::tell_raw_trouble() {
   if (!raw_) return;
   if (const std::string trouble = raw_->take_trouble(); !trouble.empty())
-    log(Severity::warning, "raw", trouble);
+    log(Severity::error, "raw", trouble);
 }
 
 void Daemon::begin() {
@@ -281,6 +290,7 @@ void Daemon::arm() {
 }
 
 void Daemon::tick() {
+  if (over_) return;
   Recording& r = *recording_;
   const HostTime now = clock_.now();
   if (interrupted() && !std::exchange(ending_, true)) interrupt(now);
@@ -358,9 +368,11 @@ void Daemon::end() {
   if (raw_) {
     const port::RawKeeper::Counts bytes = raw_->finish();
     tell_raw_trouble();
-    log(bytes.dropped > 0 ? Severity::warning : Severity::info, "raw",
+    log(bytes.dropped > 0 ? Severity::error : Severity::info, "raw",
         std::to_string(bytes.kept) + " bytes were kept in " + options_.keep_raw + ", " +
             std::to_string(bytes.dropped) + " were not");
+    if (!std::filesystem::exists(options_.keep_raw))
+      log(Severity::error, "raw", options_.keep_raw + " was moved or removed during the run");
   }
   r.windows.finish();
   put_late();

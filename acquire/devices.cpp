@@ -49,7 +49,8 @@ nlohmann::ordered_json to_json(Sensor s, const Devices::Seen& seen,
 void print_device(Sensor s, const Devices::Seen& seen, const std::string& description,
                   const std::optional<LiveDevice>& live) {
   if (live) {
-    std::printf("%s %s: %s\n", name_of(s), seen.info.address.c_str(), live->text.c_str());
+    std::printf("%s %s: %s\n", name_of(s), printable(seen.info.address).c_str(),
+                live->text.c_str());
     return;
   }
   if (!seen.delivers()) {
@@ -76,11 +77,7 @@ Devices::Devices(boost::asio::io_context& io, const Config& config, const Clock&
   if (seen(Sensor::depth).configured) drivers_[2] = make_depth(io, config.depth, clock, raw);
 }
 
-Devices::~Devices() {
-  static NullSink nobody;
-  next_ = &nobody;  // whoever listened may be gone
-  halt();
-}
+Devices::~Devices() { abandon(); }  // whoever listened may be gone
 
 void Devices::take_free(const std::string& command) {
   locks_.emplace(config_, command);
@@ -179,9 +176,30 @@ void Devices::on_depth(DepthFrame frame) {
 void Devices::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
   Seen& device = seen(sensor);
   device.state = state;
-  if (locks_) locks_->follow(sensor);
+  follow_lock(sensor);
   if (state == DeviceState::streaming) device.info = info;
   next_->on_state(sensor, state, info);
+}
+
+// It goes on without the lock: its port is opened exclusively as well.
+void Devices::follow_lock(Sensor sensor) {
+  if (!locks_) return;
+  std::string trouble;
+  try {
+    const auto before = locks_->other(sensor);
+    locks_->follow(sensor);
+    if (const auto& other = locks_->other(sensor); other && !before)
+      trouble = "is in use by " + printable(other->who) + " as well";
+  } catch (const Error& error) {
+    trouble = error.what();
+  }
+  if (!trouble.empty()) on_event(sensor, Severity::warning, trouble);
+}
+
+void Devices::abandon() {
+  static NullSink nobody;
+  next_ = &nobody;
+  halt();
 }
 
 void Devices::on_event(Sensor sensor, Severity severity, const std::string& text) {

@@ -2,7 +2,9 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <random>
 #include <thread>
@@ -54,11 +56,16 @@ void create_empty(const std::string& path) {
   throw Error(ExitCode::disk, path + ": cannot create the run file: " + std::strerror(errno));
 }
 
-// Other processes may write marks; what waits for one of them longer is broken.
-constexpr int busy_timeout_ms = 30'000;
+// Other processes may write marks.
+constexpr std::int64_t longest_wait_ns = 30'000'000'000;
+constexpr auto retry_pause = std::chrono::milliseconds(10);
 constexpr int checkpoint_pages = 1000;  // SQLite's own default
 // The status rewrites the row of the run, configuration included, and readers need an index file.
 constexpr int reserve_bytes = 128 << 10;
+
+std::int64_t now_ns() {
+  return std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
 
 }  // namespace
 
@@ -162,7 +169,45 @@ void RunWriter::open() {
   if (code != SQLITE_OK) sqlite_fail(db_, path_, "cannot open");
   harden(db_);
   lock_->reserve(reserve_bytes);
-  sqlite3_busy_timeout(db_, busy_timeout_ms);
+  wait_for_others();
+}
+
+void RunWriter::wait_for_others() {
+  const auto handler = [](void* self, int tries) {
+    return static_cast<RunWriter*>(self)->wait_on(tries) ? 1 : 0;
+  };
+  sqlite3_busy_handler(db_, handler, this);
+}
+
+bool RunWriter::wait_on(int tries) {
+  const std::int64_t now = now_ns();
+  if (tries == 0) waits_since_ns_ = now;
+  given_up_ = now >= give_up_ns_ || (!patient_ && now - waits_since_ns_ > longest_wait_ns);
+  waits_ = !given_up_;
+  if (!given_up_) std::this_thread::sleep_for(retry_pause);
+  return !given_up_;
+}
+
+void RunWriter::give_up_waiting(std::chrono::nanoseconds after) {
+  give_up_ns_ = std::min(give_up_ns_.load(), now_ns() + std::int64_t{after.count()});
+}
+
+bool RunWriter::move_if_held() {
+  if (!std::exchange(given_up_, false) || !held_path_.empty()) return false;
+  const std::string copy = copy_beside(db_, path_);
+  statements_.reset();
+  lock_->release();
+  sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
+  held_path_ = std::exchange(path_, copy);
+  const int code = sqlite3_open_v2(path_.c_str(), &db_, SQLITE_OPEN_READWRITE, nullptr);
+  handle_.reset(db_);
+  if (code != SQLITE_OK) sqlite_fail(db_, path_, "cannot open");
+  wait_for_others();
+  use_wal();
+  execute(db_, path_, "UPDATE run SET status = 'open'", "cannot go on");  // makes the WAL
+  give_up_ns_ = std::numeric_limits<std::int64_t>::max();
+  ready();
+  return true;
 }
 
 void RunWriter::use_wal() {
@@ -265,6 +310,7 @@ void RunWriter::put_event(UtcTime utc, Severity severity, const std::string& sou
 void RunWriter::in_transaction(const std::function<void()>& body) {
   statements_->begin.reset();
   statements_->begin.run();
+  waits_ = false;
   try {
     body();
     statements_->commit.reset();
@@ -331,11 +377,18 @@ bool RunWriter::close(const std::string& status) {
   sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);
   watch_->note();
   lock_->release();
-  sqlite3_busy_timeout(db_, busy_timeout_ms);
-  Statement(db_, path_, "UPDATE run SET status = ?, ended_utc = ?")
-      .bind(status)
-      .bind(iso8601(clock.utc()))
-      .run();
+  wait_for_others();
+  try {
+    Statement(db_, path_, "UPDATE run SET status = ?, ended_utc = ?")
+        .bind(status)
+        .bind(iso8601(clock.utc()))
+        .run();
+  } catch (const Error&) {
+    if (!given_up_) throw;
+    throw Error(ExitCode::disk, path_ + ": another program holds it by a write transaction: its " +
+                                    std::to_string(records_) +
+                                    " records are whole, but its end is not noted");
+  }
   try {
     require_sound();
   } catch (const Error&) {
@@ -346,6 +399,9 @@ bool RunWriter::close(const std::string& status) {
   handle_.reset();
   db_ = nullptr;
   lock_.reset();
+  if (!held_path_.empty())
+    throw Error(ExitCode::disk, held_path_ + ": another program held it by a write transaction; " +
+                                    "all " + std::to_string(records_) + " records are in " + path_);
   return folded;
 }
 
