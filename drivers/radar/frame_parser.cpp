@@ -114,8 +114,10 @@ void FrameParser::finish(const OnFrame& on_frame) {
   buffer_.clear();
   forget_progress();
   in_junk_ = false;
-  if (const auto jump = std::exchange(jump_, {}); jump && *jump <= max_lost_frames)
+  if (const auto jump = std::exchange(jump_, {}); jump && *jump <= max_lost_frames) {
     counts_.lost_frames += *jump;
+    owed_ += *jump;
+  }
 }
 
 Step FrameParser::next(ByteView bytes, HostTime received, const OnFrame& on_frame) {
@@ -177,7 +179,7 @@ void FrameParser::deliver(ByteView packet, const Header& header, HostTime receiv
   frame.frame_number = header.frame_number;
   frame.time_cpu_cycles = header.cpu_cycles;
   if (!read_tlvs(packet.subspan(header_bytes), header.tlvs, frame)) return;
-  frame.lost_before = lost_before(header.frame_number);
+  frame.lost_before = lost_before(header.frame_number) + std::exchange(owed_, 0);
   ++counts_.frames;
   if (!frame.range_profile.empty()) ++counts_.range_profiles;
   on_frame(std::move(frame));

@@ -95,6 +95,7 @@ class FrameParser {
   std::optional<std::uint32_t> number_before_;  // the one before counts_.last_frame_number
   // The last number did not follow the one before: it is so many further, or less by any amount.
   std::optional<std::uint32_t> jump_;
+  std::uint32_t owed_ = 0;  // lost, of a jump at the end of a connection: for the next frame
   // Of the frame at the front: how far it was searched for its successor, and when it was complete.
   std::size_t searched_ = 0;
   std::optional<HostTime> complete_;

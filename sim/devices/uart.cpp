@@ -46,8 +46,9 @@ void Uart::pace() {
     sent_ += arrived;
     const std::uint64_t lost_from = sent_ + lost_;
     lost_ += n - arrived;
-    for (Waiting& w : waiting_)
-      w.whole = w.whole && (w.end <= lost_from || w.begin >= sent_ + lost_);
+    if (arrived < n)
+      for (Waiting& w : waiting_)
+        w.whole = w.whole && (w.end <= lost_from || w.begin >= sent_ + lost_);
     while (!waiting_.empty() && waiting_.front().end <= sent_ + lost_) {
       const Waiting done = std::move(waiting_.front());
       waiting_.pop_front();

@@ -293,6 +293,17 @@ TEST_CASE("frame numbers that jump are believed when the next one follows") {
   CHECK(lost({0xfffffffe, 0xffffffff, 0, 1}) == Result{0, 0});    // the count wraps
 }
 
+TEST_CASE("a jump at the end of a connection is a loss of the next one's first frame") {
+  FrameParser parser;
+  std::vector<std::uint32_t> lost;
+  const auto add = [&](const RadarFrame& f) { lost.push_back(f.lost_before); };
+  for (const std::uint32_t n : {7u, 8u, 500u}) parser.feed(frame_of(exact, n), HostTime{}, add);
+  parser.finish(add);
+  for (const std::uint32_t n : {503u, 504u}) parser.feed(frame_of(exact, n), HostTime{}, add);
+  CHECK(lost == std::vector<std::uint32_t>{0, 0, 0, 491 + 2, 0});
+  CHECK(parser.counts().lost_frames == 491 + 2);
+}
+
 TEST_CASE("any mixture of all this ends, and delivers exactly the frames that were sent whole") {
   for (std::uint32_t seed = 1; seed <= 150; ++seed) {
     Rng rng = make_rng(seed, 6);
