@@ -137,7 +137,7 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const Ground& gr
                            {taken, data.depth, split.validation, &ground.scene}, rung.fit);
   out.fit = rung.fit;
   out.data_hash = data.hash;
-  out.train_s = out.log.earlier_s + ground.took_s +
+  out.train_s = ground.took_s +
                 std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
   return out;
 }
