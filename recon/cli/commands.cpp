@@ -12,9 +12,9 @@
 #include "drivers/core/printable.hpp"
 #include "recon/data/augment.hpp"
 #include "recon/data/turpin.hpp"
-#include "recon/estimator/answer.hpp"
 #include "recon/estimator/crossvalidate.hpp"
 #include "recon/estimator/evaluate.hpp"
+#include "recon/estimator/predict.hpp"
 #include "recon/estimator/train.hpp"
 #include "recon/files/text.hpp"
 #include "recon/numbers/parallel.hpp"
@@ -43,8 +43,7 @@ std::string is_rung(const std::string& text) {
 }
 
 void add_output_option(CLI::App& app, std::string& output) {
-  app.add_option("--output", output,
-                 "own: the model's map; hard: body or background; mean: over what may be there")
+  app.add_option("--output", output, "own: the model's map; mean: over what may be there")
       ->check(CLI::IsMember(output_names))
       ->capture_default_str();
 }
@@ -235,24 +234,23 @@ Command add_evaluate(CLI::App& app, const Common&) {
   app.add_flag("--json", a->json, "one JSON object instead of text");
   return [a] {
     const TrainedModel model = load_model(a->model);
-    Dataset data = load({a->run});
-    const std::string slipped = match_model(data, model, slip_action_of(a->slip_action));
-    Dataset other;
+    Dataset data = load_recorded({a->run}), other;
+    const Records records = take(model, data, slip_action_of(a->slip_action));
+    shorten_radar(data, 0);
     if (!a->train.empty()) {
       other = load(a->train);
-      model.match(other);
       if (!model.knows(other))
         throw Error(ExitCode::failed, a->train.front() + ": " + a->model +
                                           " was not trained on it; give the training run, or "
                                           "leave --train out");
     }
     const Dataset& trained_on = a->train.empty() ? data : other;
-    const Rows rows = rows_to_evaluate(model, data, a->all);
-    Evaluation e =
-        evaluate(model, data, rows, trained_on, model.rows_of(trained_on, Part::train), a->output);
-    e.slip = slipped;
+    const Rows rows = rows_to_evaluate(model, records.data, a->all);
+    Evaluation e = evaluate(model, records, rows, a->output);
+    e.trivial =
+        score_trivial(data, rows, model.scene, trained_on, model.rows_of(trained_on, Part::train));
     set_threads(1);
-    e.cost = measure_cost(model, data, rows, a->model);
+    e.cost = measure_cost(model, records.data, rows, a->model);
     std::puts(a->json
                   ? to_json(e).dump(2, ' ', true, nlohmann::json::error_handler_t::replace).c_str()
                   : printable_lines(to_text(e)).c_str());

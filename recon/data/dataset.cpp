@@ -15,6 +15,8 @@
 namespace echofuse::recon {
 namespace {
 
+constexpr std::size_t map_pixels = std::size_t{record::map_size} * record::map_size;
+
 std::string describe(const Axis& a) {
   if (a.count == 0) return "none";
   return std::to_string(a.count) + " x " + std::to_string(a.step) + " " + printable(a.unit, 20) +
@@ -39,19 +41,23 @@ bool is_dead(std::span<const float> values) {
 // One run being appended to a Dataset.
 class Appender {
  public:
-  Appender(Dataset& data, const record::RunReader& run)
-      : data_(data), path_(run.path()), raw_radar_(run.axis("radar").value_or(Axis{})) {
-    x_ = run.axis("depth_x").value_or(Axis{});
-    y_ = run.axis("depth_y").value_or(Axis{});
+  Appender(Dataset& data, const record::RunReader& run, std::uint32_t sensors)
+      : data_(data), path_(run.path()), sensors_(sensors) {
+    for (const Axis& axis : run.axes()) {
+      if (axis.name == "spd" && wants(Sensor::spd)) spd_ = axis;
+      if (axis.name == "radar" && wants(Sensor::radar)) raw_radar_ = axis;
+      if (axis.name == "depth_x") x_ = axis;
+      if (axis.name == "depth_y") y_ = axis;
+    }
     Axis radar = raw_radar_;
     if (radar.quantity == "log2_q8") radar.quantity = "power", radar.scale = 1;
-    adopt(data.spd_axis, run.axis("spd").value_or(Axis{}), "spd");
+    adopt(data.spd_axis, spd_, "spd");
     adopt(data.radar_axis, radar, "radar");
+    double radar_offset_m = 0;
     for (const auto& c : run.calibrations()) {
       if (c.sensor == Sensor::spd && data.spd_axis.unit == "ps")
         spd_shift_.emplace(c.offset_m * ps_per_m / data.spd_axis.step);
-      if (c.sensor == Sensor::radar && data.radar_axis.unit == "m")
-        radar_shift_.emplace(c.offset_m / data.radar_axis.step);
+      if (c.sensor == Sensor::radar && data.radar_axis.unit == "m") radar_offset_m = c.offset_m;
     }
     const std::string uuid = run.info().uuid;
     for (const auto& source : data.sources)
@@ -59,23 +65,24 @@ class Appender {
         throw Error(ExitCode::failed,
                     printable(path_) + ": the same run as " + printable(source.path) +
                         "; give each run once, or its records leak into the test");
-    data.sources.push_back({path_, uuid, data.size(), 0});
+    data.sources.push_back({path_, uuid, data.size(), 0, radar_offset_m});
   }
 
   // Returns what is wrong with the record, or nothing.
   std::string add(const record::FusedRecord& r) {
-    const std::vector<float> spd = to_true_range(spd_shift_, {r.spd.begin(), r.spd.end()});
-    const std::vector<float> radar = to_true_range(radar_shift_, linear(r));
-    if (r.has(Sensor::radar) && !std::all_of(radar.begin(), radar.end(), is_finite))
+    const std::uint32_t valid = r.valid & sensors_;
+    const auto has = [&](Sensor s) { return (valid >> static_cast<unsigned>(s)) & 1u; };
+    std::vector<float> spd, radar, depth;
+    if (has(Sensor::spd)) spd.assign(r.spd.begin(), r.spd.end());
+    if (spd_shift_ && !spd.empty()) spd = spd_shift_->apply(spd);
+    if (has(Sensor::radar)) radar = linear(r);
+    if (!std::all_of(radar.begin(), radar.end(), is_power))
       return "a radar code is too large for a power";
-    const bool depth = r.has(Sensor::depth);
-    add_row(data_.spd, spd, r.has(Sensor::spd), data_.spd_axis.count);
-    add_row(data_.radar, radar, r.has(Sensor::radar), data_.radar_axis.count);
-    add_row(
-        data_.depth,
-        depth ? record::to_target(r.depth_mm, x_, y_, target_x_, target_y_) : std::vector<float>{},
-        depth, std::size_t{record::map_size} * record::map_size);
-    data_.valid.push_back(r.valid);
+    if (has(Sensor::depth)) depth = record::to_target(r.depth_mm, x_, y_, target_x_, target_y_);
+    add_row(data_.spd, spd, data_.spd_axis.count);
+    add_row(data_.radar, radar, data_.radar_axis.count);
+    add_row(data_.depth, depth, wants(Sensor::depth) ? map_pixels : 0);
+    data_.valid.push_back(valid);
     data_.index.push_back(r.index);
     data_.slot_end.push_back(r.slot_end);
     data_.clicks_a_pulse.push_back(clicks_a_pulse(r));
@@ -85,7 +92,9 @@ class Appender {
   }
 
  private:
-  static bool is_finite(float v) { return std::isfinite(v); }
+  // With room for what an interpolation adds.
+  static bool is_power(float v) { return std::abs(v) < 1e38f; }
+  bool wants(Sensor s) const { return (sensors_ >> static_cast<unsigned>(s)) & 1u; }
   // Runs of before the table signal have only counts. As many clicks as starts: only the starts
   // with a click were sent, of an unknown number.
   static double clicks_a_pulse(const record::FusedRecord& r) {
@@ -104,15 +113,11 @@ class Appender {
       throw axis_error(path_, found, common, data_.sources.front().path);
     }
   }
-  static void add_row(Matrix& table, std::vector<float> row, bool present, std::size_t cols) {
-    if (!present) row.clear();
+  // Zeros if the sensor is not there.
+  static void add_row(Matrix& table, std::vector<float>& row, std::size_t cols) {
     row.resize(cols);
     table.cols = cols;
     table.add_row(row);
-  }
-  static std::vector<float> to_true_range(const std::optional<Shift>& shift,
-                                          std::vector<float> raw) {
-    return shift ? shift->apply(raw) : raw;
   }
   std::vector<float> linear(const record::FusedRecord& r) const {
     std::vector<float> out = r.radar;
@@ -123,16 +128,19 @@ class Appender {
 
   Dataset& data_;
   std::string path_;
-  Axis raw_radar_, x_, y_;
-  std::optional<Shift> spd_shift_, radar_shift_;  // of a calibrated run
+  std::uint32_t sensors_;
+  Axis spd_, raw_radar_, x_, y_;
+  std::optional<Shift> spd_shift_;  // of a calibrated run
   Axis target_x_ = record::depth_x_axis(), target_y_ = record::depth_y_axis();
 };
 
 void append(Dataset& data, const record::RunReader& run, std::int64_t first, std::size_t at_most,
-            const OnBadRecord& on_bad) {
+            std::uint32_t sensors, const OnBadRecord& on_bad) {
   // Made within the reading, as a run that is being recorded may get an axis with its next record.
   std::optional<Appender> appender;
-  const auto to = [&]() -> Appender& { return appender ? *appender : appender.emplace(data, run); };
+  const auto to = [&]() -> Appender& {
+    return appender ? *appender : appender.emplace(data, run, sensors);
+  };
   std::size_t left = at_most;
   run.for_each(
       [&](const record::FusedRecord& r) {
@@ -183,20 +191,64 @@ std::string Dataset::fault_of(std::size_t row, Inputs inputs) const {
   return {};
 }
 
-Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
+std::uint32_t sensors_of(Inputs inputs) {
+  constexpr std::uint32_t spd = 1, radar = 2;
+  return inputs == Inputs::fused ? spd | radar : inputs == Inputs::spd ? spd : radar;
+}
+
+Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
   Dataset data;
   for (const auto& path : paths)
-    append(data, record::RunReader(path), 0, std::numeric_limits<std::size_t>::max(), on_bad);
+    append(data, record::RunReader(path), 0, std::numeric_limits<std::size_t>::max(), every_sensor,
+           on_bad);
+  return data;
+}
+
+Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
+  Dataset data = load_recorded(paths, on_bad);
+  shorten_radar(data, 0);
   for (const Matrix* table : {&data.spd, &data.radar, &data.depth})
     data.hash = crc32c(as_bytes(table->values), data.hash);
   return data;
 }
 
 Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t at_most,
-                  const OnBadRecord& on_bad) {
+                  std::uint32_t sensors, const OnBadRecord& on_bad) {
   Dataset data;
-  append(data, run, first, at_most, on_bad);
+  append(data, run, first, at_most, sensors, on_bad);
   return data;
+}
+
+void shorten_radar(Dataset& data, double metres) {
+  std::vector<double> by_m(data.size(), metres);
+  for (Source& source : data.sources) {
+    const std::size_t end = std::min(source.first + source.count, data.size());
+    for (std::size_t i = source.first; i < end; ++i) by_m[i] += source.radar_offset_m;
+    source.radar_offset_m = 0;
+  }
+  std::optional<Shift> shift;
+  for (std::size_t row = 0; row < data.size(); ++row) {
+    if (by_m[row] == 0) continue;
+    if (!shift || by_m[row] != by_m[row - 1]) shift.emplace(by_m[row] / data.radar_axis.step);
+    const auto profile = data.radar.row(row);
+    const std::vector<float> moved = shift->apply({profile.begin(), profile.end()});
+    std::copy(moved.begin(), moved.end(), profile.begin());
+  }
+}
+
+Dataset part_of(const Dataset& data, const Rows& rows) {
+  Dataset out;
+  out.spd_axis = data.spd_axis, out.radar_axis = data.radar_axis;
+  out.spd = take_rows(data.spd, rows), out.radar = take_rows(data.radar, rows);
+  out.depth = take_rows(data.depth, rows);
+  for (const std::size_t row : rows) {
+    out.valid.push_back(data.valid[row]);
+    out.index.push_back(data.index[row]);
+    out.slot_end.push_back(data.slot_end[row]);
+    out.clicks_a_pulse.push_back(data.clicks_a_pulse[row]);
+    out.label.push_back(data.label[row]);
+  }
+  return out;
 }
 
 Axis radar_bins(double width_m) {
@@ -242,6 +294,12 @@ void rebin_radar(Dataset& data, const Axis& bins) {
   data.radar_axis = bins;
 }
 
+bool covers(const Axis& found, const Axis& wanted) {
+  Axis cropped = found;
+  cropped.count = std::min(found.count, wanted.count);
+  return agree(cropped, wanted);
+}
+
 void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs) {
   const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
   if (inputs != Inputs::radar && !agree(data.spd_axis, spd))
@@ -249,14 +307,14 @@ void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs
   if (inputs == Inputs::spd) return;
   if (radar.quantity == "binned_power" && data.radar_axis.quantity == "power")
     rebin_radar(data, radar);
-  Axis cropped = data.radar_axis;
-  if (cropped.count > radar.count) cropped.count = radar.count;
-  if (!agree(cropped, radar)) throw axis_error(path, data.radar_axis, radar, "the model's");
+  if (!covers(data.radar_axis, radar))
+    throw axis_error(path, data.radar_axis, radar, "the model's");
+  if (data.radar_axis.count == radar.count) return;
   Matrix table(data.size(), radar.count);
   for (std::size_t i = 0; i < data.size(); ++i)
     std::copy_n(data.radar.row(i).begin(), radar.count, table.row(i).begin());
   data.radar = std::move(table);
-  data.radar_axis = cropped;
+  data.radar_axis.count = radar.count;
 }
 
 }  // namespace echofuse::recon

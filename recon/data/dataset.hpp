@@ -24,10 +24,11 @@ Inputs inputs_of(const std::string& name);  // throws Error(usage)
 struct Source {
   std::string path, uuid;
   std::size_t first = 0, count = 0;
+  double radar_offset_m = 0;  // by which its profiles are still too long (shorten_radar)
 };
 
-// A sensor that a record lacks has zeros in its row; `has` tells. A run without the sensor at all
-// has an axis of count 0.
+// A sensor that a record lacks has zeros in its row; `has` tells. A run without the sensor at all,
+// or of which it was not loaded, has an axis of count 0.
 struct Dataset {
   Axis spd_axis, radar_axis;         // the radar's after linearisation: "power" or "binned_power"
   Matrix spd, radar, depth;          // counts | linear power | 64 x 64 metres, 0 = no return
@@ -55,14 +56,29 @@ struct Dataset {
 // Called with the number of a record that cannot be used and why.
 using OnBadRecord = std::function<void(std::int64_t, const std::string&)>;
 
-// Reads runs whose axes agree into one table. Throws Error(failed) that names the file and, for a
-// bad record (wrong size, not a finite number), its number, unless on_bad takes it.
-Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad = {});
+// Sensors as bits of Dataset::valid.
+inline constexpr std::uint32_t every_sensor = 7;
+std::uint32_t sensors_of(Inputs inputs);
 
-// A run by parts: its records from number `first` on, at most `at_most` of them beside those that
-// on_bad takes. Leaves `hash` 0.
+// Reads runs whose axes agree into one table, with true ranges. Throws Error(failed) that names the
+// file and, for a bad record (wrong size, not a finite number), its number, unless on_bad takes it.
+Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad = {});
+// The same with the radar's profiles as they were recorded: shorten_radar() then takes off what the
+// calibration and a slip ask for in one interpolation.
+Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& on_bad = {});
+
+// A run by parts, as recorded: its records from number `first` on, at most `at_most` of them beside
+// those that on_bad takes. Of the sensors that are not asked for, nothing is there. Leaves `hash`
+// 0.
 Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t at_most,
-                  const OnBadRecord& on_bad);
+                  std::uint32_t sensors, const OnBadRecord& on_bad);
+
+// Moves the radar's profiles, on the axis that the data have, to ranges shorter by this and by what
+// their calibration still asks for.
+void shorten_radar(Dataset& data, double metres);
+
+// The rows of a data set as one of their own, which belong to no source.
+Dataset part_of(const Dataset& data, const Rows& rows);
 
 // The paper's range bins, 0 to 7 m, if the width is 0.5 m: quantity "binned_power".
 Axis radar_bins(double width_m);
@@ -72,6 +88,9 @@ Axis radar_bins(double width_m);
 // below the first bin (half of point 0) belongs to it. A dead sensor's row stays one. Throws
 // Error(failed) if the profile is coarser or shorter than the bins.
 void rebin_radar(Dataset& data, const Axis& bins);
+
+// Whether values on this axis are values on the wanted one, the last of them left out if need be.
+bool covers(const Axis& found, const Axis& wanted);
 
 // Brings the tables onto the axes of a model: a radar axis with the same start and step but more
 // bins is cropped; for a model with binned power the radar is rebinned. Throws Error(failed) if the

@@ -37,15 +37,22 @@ float gain_for(std::span<const double> variances, double wanted) {
 
 }  // namespace
 
-Matrix Features::strengths(const Dataset& data, const Rows& rows) const {
+Matrix Features::readings(const Dataset& data, const Rows& rows) const {
   Matrix out(rows.size(), count());
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto row = out.row(i);
     std::copy_n(data.spd.row(rows[i]).begin(), spd_count(), row.begin());
     std::copy_n(data.radar.row(rows[i]).begin(), radar_count(),
                 row.begin() + static_cast<std::ptrdiff_t>(spd_count()));
-    bring_to_strength(row.first(spd_count()), scaling);
-    bring_to_strength(row.last(radar_count()), scaling);
+  }
+  return out;
+}
+
+Matrix Features::strengths(const Dataset& data, const Rows& rows) const {
+  Matrix out = readings(data, rows);
+  for (std::size_t i = 0; i < out.rows; ++i) {
+    bring_to_strength(out.row(i).first(spd_count()), scaling);
+    bring_to_strength(out.row(i).last(radar_count()), scaling);
   }
   return out;
 }

@@ -37,7 +37,9 @@ struct Features {
   std::size_t spd_count() const { return inputs == Inputs::radar ? 0 : spd_axis.count; }
   std::size_t radar_count() const { return inputs == Inputs::spd ? 0 : radar_axis.count; }
   std::size_t count() const { return spd_count() + radar_count(); }
-  // [SPD ++ radar] of each of `rows`, brought to a common strength by `scaling` only.
+  // [SPD ++ radar] of each of `rows`, as they are.
+  Matrix readings(const Dataset& data, const Rows& rows) const;
+  // The same, brought to a common strength by `scaling` only.
   Matrix strengths(const Dataset& data, const Rows& rows) const;
   // The model's input: one row of count() values for each of `rows`.
   Matrix apply(const Dataset& data, const Rows& rows) const;

@@ -67,18 +67,21 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
   Progress progress("cross-validation", options.folds * options.models.size(), options.fit.quiet);
   FitOptions fit = options.fit;
   fit.quiet = true;
+  const bool aligned =
+      std::any_of(options.models.begin(), options.models.end(),
+                  [&](const auto& name) { return wants_alignment(rung_of(name, fit).model); });
   for (std::size_t fold = 0; fold < options.folds && !interrupted(); ++fold) {
     const Split split = make_fold(rows, fold, options.folds, options.gap);
-    const Scene scene = learn_scene(data.depth, split.train);
+    const Ground ground(data, split.train, inputs, learn_scene(data.depth, split.train), aligned);
     const auto add = [&](Folds& to, const Matrix& maps) {
-      to.push_back(score_maps(maps, data, split.test, scene));
+      to.push_back(score_maps(maps, data, split.test, ground.scene));
     };
     for (std::size_t m = 0; m < out.size() && !interrupted(); ++m) {
       if (out[m].fault.empty()) try {
           const TrainedModel model =
-              fit_model(data, split, options.models[m], inputs, options.scaling, fit);
+              fit_model(data, split, ground, options.models[m], inputs, options.scaling, fit);
           add(scores[m], model.predict(data, split.test));
-          out[m].cost = model.model->cost();
+          out[m].cost = model.cost();
           out[m].train_s += model.train_s / static_cast<double>(options.folds);
         } catch (const Error& error) {
           if (error.code() != ExitCode::failed) throw;

@@ -5,9 +5,9 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <optional>
 
 #include "drivers/core/exit_code.hpp"
-#include "recon/estimator/answer.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -19,13 +19,23 @@ Matrix constant_maps(const std::vector<float>& map, std::size_t rows) {
   return out;
 }
 
-Matrix nearest_maps(const TrainedModel& trained, const Dataset& data, const Rows& rows,
-                    const Dataset& neighbours_data, const Rows& neighbours) {
-  const Matrix inputs = trained.features.apply(neighbours_data, neighbours);
+// Those of which both hold the same; none at all may be.
+std::optional<Inputs> common_inputs(const Dataset& data, const Dataset& other) {
+  const bool spd = other.spd_axis.count > 0 && covers(data.spd_axis, other.spd_axis);
+  const bool radar = other.radar_axis.count > 0 && covers(data.radar_axis, other.radar_axis);
+  if (spd && radar) return Inputs::fused;
+  if (!spd && !radar) return std::nullopt;
+  return spd ? Inputs::spd : Inputs::radar;
+}
+
+Matrix nearest_maps(const Dataset& data, const Rows& rows, const Dataset& neighbours_data,
+                    const Rows& neighbours, Inputs inputs) {
+  const Features features = fit_features(neighbours_data, neighbours, inputs, "record");
+  const Matrix known = features.apply(neighbours_data, neighbours);
   const Matrix maps = take_rows(neighbours_data.depth, neighbours);
   const auto model = make_nearest();
-  model->fit({inputs, maps, all_rows(neighbours.size())}, {inputs, maps, {}}, {});
-  return model->predict(trained.features.apply(data, rows));
+  model->fit({known, maps, all_rows(neighbours.size())}, {known, maps, {}}, {});
+  return model->predict(features.apply(data, rows));
 }
 
 Rows with_depth(const Dataset& data) {
@@ -39,7 +49,7 @@ struct Claimed {
   double within = 0, stated = 0, known = 0, flagged = 0, squares = 0, variance = 0, pixels = 0,
          records = 0;
 
-  void add(const Answer& own, const Dataset& data, const Rows& rows, const Scene& scene) {
+  void add(const Prediction& own, const Dataset& data, const Rows& rows, const Scene& scene) {
     for (std::size_t i = 0; i < rows.size(); ++i) {
       const auto truth = data.depth.row(rows[i]);
       flagged += !own.claims[i].strangeness.why.empty(), ++records;
@@ -60,19 +70,18 @@ struct Claimed {
 };
 
 // Metrics and calibration, by parts that bound the memory.
-void score_answers(const TrainedModel& model, const Dataset& data, const Rows& rows,
-                   Evaluation& out) {
+void score_predictions(const TrainedModel& model, const Records& records, const Rows& rows,
+                       Evaluation& out) {
   constexpr std::size_t at_once = 512;
+  const Ask ask = model.confidence || out.output == "mean" ? Ask::pixels : Ask::maps;
   std::vector<MapScores> scores;
   Claimed claimed;
   for (std::size_t first = 0; first < rows.size(); first += at_once) {
     const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(first);
     const Rows part(begin, begin + std::min<std::ptrdiff_t>(at_once, rows.end() - begin));
-    const bool with_pixels = model.confidence || out.output == "mean";
-    Answer one = answer(model, data, part, "own", with_pixels);
-    if (model.confidence) claimed.add(one, data, part, model.scene);
-    choose_output(one, out.output, model.scene);
-    const auto some = score_maps(one.maps, data, part, model.scene);
+    const Prediction one = predict(model, records, part, ask);
+    if (model.confidence) claimed.add(one, records.data, part, model.scene);
+    const auto some = score_maps(one.of(out.output), records.data, part, model.scene);
     scores.insert(scores.end(), some.begin(), some.end());
   }
   out.metrics = summarise(scores);
@@ -95,23 +104,6 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) 
                              name_of(model.features.inputs) + "\" model");
 }
 
-std::string match_model(Dataset& data, const TrainedModel& model, SlipAction action) {
-  const Matrix recorded = data.radar;
-  const Axis recorded_axis = data.radar_axis;
-  model.match(data);
-  if (action == SlipAction::ignore || !model.slip.known()) return {};
-  std::vector<float> found;
-  model.slip.measure(data, found);
-  const Slip slip = model.slip.judge(found);
-  const bool correct = action == SlipAction::correct;
-  if (correct && slip.verdict == Slip::Verdict::found) {
-    data.radar = recorded, data.radar_axis = recorded_axis;
-    shorten_radar(data, slip.metres);
-    model.match(data);
-  }
-  return slip.text(correct);
-}
-
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
                                   const Scene& scene) {
   std::vector<MapScores> out;
@@ -120,27 +112,34 @@ std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const
   return out;
 }
 
-Evaluation evaluate(const TrainedModel& model, const Dataset& data, const Rows& rows,
-                    const Dataset& neighbours_data, const Rows& neighbours,
+Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
                     const std::string& output) {
-  const auto scored = [&](const Matrix& maps) {
-    return summarise(score_maps(maps, data, rows, model.scene));
-  };
+  const Dataset& data = records.data;
   Evaluation out;
   out.model = model.name;
   out.inputs = model.features.inputs;
   out.output = output;
   out.records = rows.size();
+  out.slip = records.text;
   for (const std::size_t row : rows) out.fallback_records += model.falls_back(data, row);
   if (!model.knows(data))
     for (const std::size_t row : with_depth(data))
       out.left_out += !model.fault_of(data, row).empty();
-  score_answers(model, data, rows, out);
-  out.trivial.push_back({"empty", scored(constant_maps(model.scene.background, rows.size()))});
-  out.trivial.push_back({"mean", scored(constant_maps(model.scene.mean_map, rows.size()))});
-  if (!neighbours.empty())
-    out.trivial.push_back(
-        {"nearest", scored(nearest_maps(model, data, rows, neighbours_data, neighbours))});
+  score_predictions(model, records, rows, out);
+  return out;
+}
+
+std::vector<ScoredRow> score_trivial(const Dataset& data, const Rows& rows, const Scene& scene,
+                                     const Dataset& neighbours_data, const Rows& neighbours) {
+  const auto scored = [&](const Matrix& maps) {
+    return summarise(score_maps(maps, data, rows, scene));
+  };
+  std::vector<ScoredRow> out = {{"empty", scored(constant_maps(scene.background, rows.size()))},
+                                {"mean", scored(constant_maps(scene.mean_map, rows.size()))}};
+  const auto inputs = common_inputs(data, neighbours_data);
+  if (!neighbours.empty() && inputs)
+    out.push_back(
+        {"nearest", scored(nearest_maps(data, rows, neighbours_data, neighbours, *inputs))});
   return out;
 }
 
@@ -152,12 +151,12 @@ RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const R
   for (std::size_t i = 0; i < warm_up + repeats; ++i) {
     const Rows one{rows[i % rows.size()]};
     const auto started = Clock::now();
-    model.model->predict(model.features.apply(data, one));
+    model.model->predict(model.inputs(data, one, model.align(data, one, false)));
     const std::chrono::duration<double, std::micro> taken = Clock::now() - started;
     if (i >= warm_up) us.push_back(taken.count());
   }
   std::sort(us.begin(), us.end());
-  return {model.model->cost(), us[repeats / 2], us[repeats * 99 / 100], model.train_s,
+  return {model.cost(), us[repeats / 2], us[repeats * 99 / 100], model.train_s,
           static_cast<std::size_t>(std::filesystem::file_size(model_path))};
 }
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "recon/estimator/trained_model.hpp"
+#include "recon/estimator/predict.hpp"
 #include "recon/maps/metrics.hpp"
 
 namespace echofuse::recon {
@@ -39,7 +39,7 @@ struct Evaluation {
   std::size_t records = 0;
   std::size_t fallback_records = 0;  // of them, for which the fallback answered
   std::size_t left_out = 0;          // of a fresh run: had depth, but no map can be made of them
-  std::string slip;                  // what match_model said
+  std::string slip;                  // what there is to say of one (Records)
   Summaries metrics;
   std::vector<ScoredRow> trivial;  // empty room, mean map, nearest neighbour
   RunningCost cost;
@@ -51,19 +51,19 @@ struct Evaluation {
 // Throws Error(failed) if there are none.
 Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
 
-// Estimates the slip of the whole data set (on the axes of its run), corrects it if asked, and
-// brings the data onto the model's axes. Returns what there is to say, or nothing.
-std::string match_model(Dataset& data, const TrainedModel& model, SlipAction slip);
-
 // Scores of one map a row against the depth table's rows.
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
                                   const Scene& scene);
 
-// `neighbours`: records for the nearest-neighbour row, which is left out if there are none.
-// `output`: which of the model's maps to score (output_names).
-Evaluation evaluate(const TrainedModel& model, const Dataset& data, const Rows& rows,
-                    const Dataset& neighbours_data, const Rows& neighbours,
+// `output`: which of the model's maps to score (output_names). Without trivial rows and cost.
+Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
                     const std::string& output = "own");
+
+// What needs no model: the empty room, the mean map, and of the neighbours' maps that of the
+// nearest one by the sensors that both data sets have on the same axes, in a fixed scaling
+// ("record"); left out if there are no neighbours.
+std::vector<ScoredRow> score_trivial(const Dataset& data, const Rows& rows, const Scene& scene,
+                                     const Dataset& neighbours_data, const Rows& neighbours);
 
 RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,
                          const std::string& model_path);

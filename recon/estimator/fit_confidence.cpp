@@ -5,8 +5,8 @@
 #include <cmath>
 #include <random>
 
-#include "recon/estimator/answer.hpp"
 #include "recon/maps/metrics.hpp"
+#include "recon/uncertainty/signs.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -15,16 +15,6 @@ constexpr std::uint64_t noise_stream = 0x6e6f6973;  // "nois"
 constexpr std::size_t worse_copies = 3;
 constexpr double fewest_photons_log10 = -2.5;  // share of a worse copy's photons
 constexpr double least_noise_log10 = -2, most_noise_log10 = -0.3;  // radar, against its peak
-
-// The rows of a data set as one of their own.
-Dataset part_of(const Dataset& data, const Rows& rows) {
-  Dataset out;
-  out.spd_axis = data.spd_axis, out.radar_axis = data.radar_axis;
-  out.spd = take_rows(data.spd, rows), out.radar = take_rows(data.radar, rows);
-  out.depth = take_rows(data.depth, rows);
-  for (const std::size_t row : rows) out.valid.push_back(data.valid[row]);
-  return out;
-}
 
 std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth, const Scene& scene) {
   std::vector<double> out;
@@ -57,23 +47,28 @@ bool can_judge(const Split& split) {
          split.validation.size() >= LateralError::least_records;
 }
 
-Confidence fit_confidence(const TrainedModel& model, const Dataset& data, const Split& split,
-                          std::uint64_t seed) {
+Confidence fit_confidence(const TrainedModel& model, const Dataset& data, const Matrix& aligned,
+                          const Split& split, std::uint64_t seed) {
   Confidence out;
   Rows rows = split.train;
   rows.insert(rows.end(), split.validation.begin(), split.validation.end());
-  out.novelty = Novelty(data, rows, model.features.inputs, seed);
+  out.novelty = Novelty(model.alignment, data, aligned, rows, model.features.inputs, seed);
   Rng rng = make_rng(seed, noise_stream);
   const Dataset plain = part_of(data, split.validation);
   const Rows all = all_rows(plain.size());
-  const Matrix maps = model.predict(plain, all);
-  Matrix signs = signs_of(model, plain, all, maps);
+  SoftMaps soft;
+  const Matrix maps =
+      model.model->predict(model.inputs(plain, all, take_rows(aligned, split.validation)), &soft);
+  const auto signs_of_maps = [&](const Matrix& made, const Dataset& of) {
+    return signs_of(made, model.scene, of, all, model.features.inputs);
+  };
+  Matrix signs = signs_of_maps(maps, plain);
   std::vector<double> errors = lateral_errors(maps, plain.depth, model.scene);
   for (std::size_t copy = 0; copy < worse_copies; ++copy) {
     Dataset worse = plain;
     make_worse(worse, rng);
     const Matrix worse_maps = model.predict(worse, all);
-    const Matrix more = signs_of(model, worse, all, worse_maps);
+    const Matrix more = signs_of_maps(worse_maps, worse);
     for (const std::size_t i : all) signs.add_row(more.row(i));
     const auto worse_errors = lateral_errors(worse_maps, plain.depth, model.scene);
     errors.insert(errors.end(), worse_errors.begin(), worse_errors.end());
@@ -81,7 +76,8 @@ Confidence fit_confidence(const TrainedModel& model, const Dataset& data, const 
   out.lateral.fit(signs, errors, plain.size());
   std::vector<double> lateral_90_m;
   for (const std::size_t i : all) lateral_90_m.push_back(out.lateral(signs.row(i)));
-  out.pixels.fit(soft_maps(model, plain, all, maps, lateral_90_m), plain.depth, model.scene);
+  out.pixels.fit(soft_of(std::move(soft), maps, model.scene, lateral_90_m), plain.depth,
+                 model.scene);
   return out;
 }
 

@@ -19,7 +19,7 @@ namespace {
 using record::H5File;
 
 constexpr const char* format = "echofuse model";
-constexpr std::int64_t format_version = 2;
+constexpr std::int64_t format_version = 3;
 constexpr const char* fallback_group = "fallback";
 constexpr std::int64_t most_bins = 1 << 20;
 constexpr float farthest_m = 100;
@@ -96,7 +96,7 @@ void load_head(const H5File& file, TrainedModel& m) {
   m.features.inputs = inputs_of(load_choice(file, "inputs", {"fused", "spd", "radar"}));
   m.features.scaling =
       load_choice(file, "scaling",
-                  wants_readings(m.name) ? std::vector<std::string>{raw_scaling} : scaling_names);
+                  wants_alignment(m.name) ? std::vector<std::string>{raw_scaling} : scaling_names);
   m.data_hash = load_count<std::uint32_t>(file, ".", "data_crc32c");
   m.train_s = file.get<double>(".", "train_s");
   m.scene.foreground_depth_m = static_cast<float>(file.get<double>(".", "foreground_depth_m"));
@@ -187,6 +187,7 @@ void save_to(H5File& file, const TrainedModel& model) {
   save_head(file, model);
   save_body(file, model);
   save_training(file, model);
+  if (model.alignment.known()) model.alignment.save(file);
   model.model->save(file);
   model.slip.save(file);
   if (model.confidence) model.confidence->save(file);
@@ -200,10 +201,16 @@ TrainedModel load_one(const H5File& file) {
   load_head(file, out);
   load_body(file, out);
   const Layout layout = out.features.layout();
+  const bool aligned = wants_alignment(out.name);
+  require_sound(file, !aligned || (layout.spd.count > 0 && layout.radar.count > 0), ".@inputs",
+                "fused: this kind of model needs both sensors");
+  const bool claims = file.has("confidence");
+  if (aligned || file.has("slip") || (claims && layout.spd.count > 0))
+    out.alignment.load(file, layout);
   out.model = make_model(out.name);
-  out.model->load(file, layout, map_pixels);
-  out.slip.load(file, layout);
-  if (file.has("confidence")) out.confidence.emplace().load(file, out.features);
+  out.model->load(file, aligned ? out.alignment.size() : layout.inputs(), map_pixels);
+  out.slip.load(file, out.alignment);
+  if (claims) out.confidence.emplace().load(file, out.features, out.alignment);
   return out;
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <optional>
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/random.hpp"
@@ -37,19 +38,16 @@ std::string choose(const Dataset& data, const Split& split, const TrainOptions& 
   return table[chosen].name;
 }
 
-TrainedModel fit_augmented(Dataset data, Split split, const std::string& name,
-                           const TrainOptions& options, const FitOptions& fit) {
-  augment(data, split.train, options.augment, fit.seed);
-  return fit_model(data, split, name, inputs_of(options.inputs), options.scaling, fit);
-}
-
 std::unique_ptr<TrainedModel> fit_fallback(const Dataset& data, const Split& split,
-                                           const FitOptions& options, bool claims) {
+                                           const Scene& scene, const FitOptions& options,
+                                           bool claims) {
   FitOptions fit;
   fit.seed = options.seed, fit.quiet = options.quiet, fit.epochs = options.epochs;
+  const Ground ground(data, split.train, Inputs::spd, scene, claims);
   auto out = std::make_unique<TrainedModel>(
-      fit_model(data, split, fallback_rung, Inputs::spd, "record", fit));
-  if (claims) out->confidence = fit_confidence(*out, data, split, fit.seed);
+      fit_model(data, split, ground, fallback_rung, Inputs::spd, "record", fit));
+  out->alignment = ground.alignment;
+  if (claims) out->confidence = fit_confidence(*out, data, ground.aligned, split, fit.seed);
   return out;
 }
 
@@ -79,20 +77,29 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   const Split split = make_split(rows_to_train(data, inputs), options.split);
   const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
   const FitOptions& fit = options.fit;
-  TrainedModel model = options.augment.empty()
-                           ? fit_model(data, split, name, inputs, options.scaling, fit)
-                           : fit_augmented(data, split, name, options, fit);
+  // In bins as wide as the paper's an echo has no place to 1 cm.
+  const bool slip = options.slip && inputs == Inputs::fused && data.spd_axis.unit == "ps" &&
+                    data.radar_axis.unit == "m" && data.radar_axis.quantity == "power";
+  const bool claims = options.confidence && can_judge(split);
+  // Its first rows are the records of the data; copies of them follow.
+  std::optional<Dataset> more;
+  Split fit_split = split;
+  if (!options.augment.empty())
+    augment(more.emplace(data), fit_split.train, options.augment, fit.seed);
+  const Dataset& fit_data = more ? *more : data;
+  const Ground ground(fit_data, fit_split.train, inputs,
+                      learn_scene(fit_data.depth, fit_split.train),
+                      slip || claims || wants_alignment(rung_of(name, fit).model));
+  TrainedModel model = fit_model(fit_data, fit_split, ground, name, inputs, options.scaling, fit);
+  model.alignment = ground.alignment;
   model.split = options.split;
   model.seen = remember(data, split);
-  // In bins as wide as the paper's an echo has no place to 1 cm.
-  if (options.slip && inputs == Inputs::fused && data.spd_axis.unit == "ps" &&
-      data.radar_axis.unit == "m" && data.radar_axis.quantity == "power")
-    model.slip = SlipReference(data, in_order(split.train));
+  if (slip)
+    model.slip = SlipReference(ground.alignment, data, ground.aligned, in_order(split.train));
   if (model.log.interrupted) return model;
-  const bool claims = options.confidence && can_judge(split);
-  if (claims) model.confidence = fit_confidence(model, data, split, fit.seed);
+  if (claims) model.confidence = fit_confidence(model, data, ground.aligned, split, fit.seed);
   if (options.fallback && inputs == Inputs::fused && !is_blind(model.name))
-    model.fallback = fit_fallback(data, split, options.fit, claims);
+    model.fallback = fit_fallback(data, split, ground.scene, options.fit, claims);
   if (interrupted()) model.log.interrupted = true, model.fallback.reset();  // half trained
   return model;
 }

@@ -11,8 +11,6 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t chunk_rows = 512;  // bounds the memory that a prediction needs
-
 // Run number in seen.runs of each source of the data set, or -1.
 std::vector<std::int64_t> known_runs(const SeenRecords& seen, const Dataset& data) {
   std::vector<std::int64_t> out;
@@ -24,15 +22,6 @@ std::vector<std::int64_t> known_runs(const SeenRecords& seen, const Dataset& dat
 }
 
 }  // namespace
-
-void require_finite(const Matrix& maps) {
-  if (std::all_of(maps.values.begin(), maps.values.end(), [](float v) { return std::isfinite(v); }))
-    return;
-  throw Error(
-      ExitCode::failed,
-      "the model's maps are not finite numbers: its weights are none that a training makes; "
-      "train it again");
-}
 
 SeenRecords remember(const Dataset& data, const Split& split) {
   SeenRecords seen;
@@ -78,18 +67,18 @@ std::vector<TrainedModel::Share> TrainedModel::shares(const Dataset& data, const
   return {own, others};
 }
 
-Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
-  Matrix out(rows.size(), data.depth.cols);
-  for (const auto& [by, places, own_rows] : shares(data, rows))
-    for (std::size_t first = 0; first < places.size(); first += chunk_rows) {
-      const std::size_t count = std::min(chunk_rows, places.size() - first);
-      const auto begin = own_rows.begin() + static_cast<std::ptrdiff_t>(first);
-      const Matrix maps = by.model->predict(
-          by.features.apply(data, {begin, begin + static_cast<std::ptrdiff_t>(count)}));
-      require_finite(maps);
-      for (std::size_t i = 0; i < count; ++i)
-        std::copy_n(maps.row(i).begin(), maps.cols, out.row(places[first + i]).begin());
-    }
+Matrix TrainedModel::align(const Dataset& data, const Rows& rows, bool wanted) const {
+  if (!alignment.known() || !(wanted || wants_alignment(name))) return Matrix(rows.size(), 0);
+  return alignment(features.readings(data, rows));
+}
+
+Matrix TrainedModel::inputs(const Dataset& data, const Rows& rows, const Matrix& aligned) const {
+  return wants_alignment(name) ? aligned : features.apply(data, rows);
+}
+
+Cost TrainedModel::cost() const {
+  Cost out = model->cost();
+  if (wants_alignment(name)) out.multiply_adds += alignment.cost();
   return out;
 }
 
@@ -115,23 +104,41 @@ Rows TrainedModel::rows_of(const Dataset& data, Part part) const {
   return rows;
 }
 
-TrainedModel fit_model(const Dataset& data, const Split& split, const std::string& name,
-                       Inputs inputs, const std::string& scaling, const FitOptions& options) {
+Ground::Ground(const Dataset& data, const Rows& train, Inputs inputs, Scene of_rows, bool wanted)
+    : scene(std::move(of_rows)) {
+  const auto started = std::chrono::steady_clock::now();
+  aligned.rows = data.size();
+  if (!wanted || inputs == Inputs::radar) return;
+  const Features raw = fit_features(data, train, inputs, raw_scaling);
+  const Matrix readings = raw.readings(data, all_rows(data.size()));
+  alignment = Alignment(raw.layout(), readings, train);
+  aligned = alignment(readings);
+  took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+}
+
+TrainedModel fit_model(const Dataset& data, const Split& split, const Ground& ground,
+                       const std::string& name, Inputs inputs, const std::string& scaling,
+                       const FitOptions& options) {
   const auto started = std::chrono::steady_clock::now();
   TrainedModel out;
   const Rung rung = rung_of(name, options);
+  const bool aligned = wants_alignment(rung.model);
   out.name = rung.model;
-  out.features =
-      fit_features(data, split.train, inputs, wants_readings(rung.model) ? raw_scaling : scaling);
-  out.scene = learn_scene(data.depth, split.train);
+  out.features = fit_features(data, split.train, inputs, aligned ? raw_scaling : scaling);
+  if (aligned && (out.features.spd_count() == 0 || out.features.radar_count() == 0))
+    throw Error(ExitCode::usage,
+                "the silhouette and factorised models need both sensors: --inputs fused");
+  out.scene = ground.scene;
+  if (aligned) out.alignment = ground.alignment;
   out.model = make_model(rung.model);
-  const Matrix scaled = out.features.apply(data, all_rows(data.size()));
-  const Layout layout = out.features.layout();
-  out.log = out.model->fit({scaled, data.depth, split.train, layout},
-                           {scaled, data.depth, split.validation, layout}, rung.fit);
+  const Matrix scaled = aligned ? Matrix{} : out.features.apply(data, all_rows(data.size()));
+  const Matrix& taken = aligned ? ground.aligned : scaled;
+  out.log = out.model->fit({taken, data.depth, split.train, &ground.scene},
+                           {taken, data.depth, split.validation, &ground.scene}, rung.fit);
   out.fit = rung.fit;
   out.data_hash = data.hash;
-  out.train_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+  out.train_s = ground.took_s +
+                std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
   return out;
 }
 

@@ -10,6 +10,7 @@
 //   split/       runs (uuid), run, index, part (0 train, 1 validation, 2 test): one entry a record
 //   training/    loss_m, validation_loss_m, hidden (widths), with attributes best_epoch, epochs,
 //                batch, learning_rate, weight_decay, patience
+//   alignment/   what is always there (body/alignment.hpp), if anything in the file needs it
 //   model/       what the model itself keeps
 //   slip/        of a fused model: slip.hpp
 //   fallback/    of a fused model: another one of this format, for records without a live radar
@@ -43,6 +44,7 @@ struct TrainedModel {
   std::string name;  // as make_model takes it
   Features features;
   Scene scene;
+  Alignment alignment;  // not known if nothing here needs it
   std::unique_ptr<Model> model;
   std::optional<Confidence> confidence;  // none: nothing is claimed
   TrainingLog log;
@@ -67,7 +69,14 @@ struct TrainedModel {
     Rows places, rows;  // indices into the given rows, and those rows
   };
   std::vector<Share> shares(const Dataset& data, const Rows& rows) const;
-  // Maps of the given rows, metres, as the model makes them: within_span() for show.
+  // The rows as seen from the body in each, where the model takes that or if it is wanted for what
+  // is claimed; else no columns.
+  Matrix align(const Dataset& data, const Rows& rows, bool wanted) const;
+  // What the model takes of the rows; row i of the aligned features belongs to rows[i].
+  Matrix inputs(const Dataset& data, const Rows& rows, const Matrix& aligned) const;
+  Cost cost() const;  // with the alignment
+  // Maps of the given rows, metres, as the model makes them: within_span() for show. predict.hpp
+  // tells more of them.
   Matrix predict(const Dataset& data, const Rows& rows) const;
   // True if the data set holds a run that the model was trained on.
   bool knows(const Dataset& data) const;
@@ -78,14 +87,22 @@ struct TrainedModel {
 // What a record's status says when the fallback answered.
 inline const char* const fallback_note = "radar lost: SPD alone";
 
-// Throws Error(failed) if they are not: a file may hold any weights.
-void require_finite(const Matrix& maps);
-
 SeenRecords remember(const Dataset& data, const Split& split);
 
-// Fits scaling, scene and model to the training rows; leaves `seen`, `slip` and `fallback` empty.
-TrainedModel fit_model(const Dataset& data, const Split& split, const std::string& name,
-                       Inputs inputs, const std::string& scaling, const FitOptions& options);
+// What all models of the same training rows and inputs share.
+struct Ground {
+  Scene scene;
+  Alignment alignment;  // not known unless wanted, nor without a detector
+  Matrix aligned;       // of every record of the data set
+  double took_s = 0;    // which belongs to the time of each training
+  Ground(const Dataset& data, const Rows& train, Inputs inputs, Scene scene, bool wanted);
+};
+
+// Fits scaling and model to the training rows; leaves `seen`, `slip` and `fallback` empty. Throws
+// Error(usage) if the model needs both sensors.
+TrainedModel fit_model(const Dataset& data, const Split& split, const Ground& ground,
+                       const std::string& name, Inputs inputs, const std::string& scaling,
+                       const FitOptions& options);
 
 enum class Existing : bool { keep, replace };
 

@@ -13,11 +13,10 @@ class Constant final : public Model {
   explicit Constant(bool mean) : mean_(mean) {}
 
   TrainingLog fit(const Samples& train, const Samples&, const FitOptions&) override {
-    Scene scene = learn_scene(train.maps, train.rows);
-    map_ = mean_ ? std::move(scene.mean_map) : std::move(scene.background);
+    map_ = mean_ ? train.scene->mean_map : train.scene->background;
     return {};
   }
-  Matrix predict(const Matrix& inputs) const override {
+  Matrix predict(const Matrix& inputs, SoftMaps*) const override {
     Matrix out(inputs.rows, map_.size());
     for (std::size_t i = 0; i < out.rows; ++i)
       std::copy(map_.begin(), map_.end(), out.row(i).begin());
@@ -25,7 +24,7 @@ class Constant final : public Model {
   }
   Cost cost() const override { return {0, map_.size()}; }
   void save(record::H5File& file) const override { file.write("model/map_m", map_, {map_.size()}); }
-  void load(const record::H5File& file, const Layout&, std::size_t outputs) override {
+  void load(const record::H5File& file, std::size_t, std::size_t outputs) override {
     map_ = file.read<float>("model/map_m", {outputs});
   }
 

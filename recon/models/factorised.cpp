@@ -44,14 +44,13 @@ class Factorised final : public Model {
   explicit Factorised(bool shapes) : shapes_(shapes) {}
   TrainingLog fit(const Samples& train, const Samples& validation,
                   const FitOptions& options) override;
-  Matrix predict(const Matrix& readings) const override;
-  std::optional<SoftMaps> predict_soft(const Matrix& readings) const override;
+  Matrix predict(const Matrix& aligned, SoftMaps* soft) const override;
   Cost cost() const override;
   void save(record::H5File& file) const override;
-  void load(const record::H5File& file, const Layout& layout, std::size_t outputs) override;
+  void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) override;
 
  private:
-  // Records with a body in both the readings and the map.
+  // Records with a body in both the inputs and the map.
   struct Seen {
     Matrix features;  // not yet standardised
     Rows rows;        // of the samples
@@ -61,7 +60,7 @@ class Factorised final : public Model {
     Matrix masks, reliefs;
   };
   Seen see(const Samples& samples) const;
-  Matrix look(const Matrix& readings, Rows& with_body) const;
+  Matrix look(const Matrix& aligned, Rows& with_body) const;
   void learn_scale(const Matrix& features);
   void standardise(std::span<float> features) const;
   float range_of(std::span<const float> standardised) const;  // metres
@@ -76,7 +75,6 @@ class Factorised final : public Model {
   Shapes find_shapes(const Matrix& features) const;
 
   bool shapes_;
-  Alignment alignment_;
   std::vector<float> background_;          // metres
   std::vector<float> centre_, deviation_;  // of the features
   Regression position_, shape_;
@@ -87,12 +85,11 @@ class Factorised final : public Model {
 
 Factorised::Seen Factorised::see(const Samples& samples) const {
   Seen out;
-  out.features.cols = alignment_.size();
-  std::vector<float> features(alignment_.size());
+  out.features.cols = samples.inputs.cols;
   for (const std::size_t row : samples.rows) {
     const auto place = place_of(samples.maps.row(row), background_);
-    if (!place || !alignment_(samples.inputs.row(row), features).there) continue;
-    out.features.add_row(features);
+    if (!place || !shows_body(samples.inputs.row(row))) continue;
+    out.features.add_row(samples.inputs.row(row));
     out.rows.push_back(row);
     out.places.push_back(*place);
   }
@@ -118,11 +115,7 @@ void Factorised::standardise(std::span<float> features) const {
 
 TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
                             const FitOptions& options) {
-  if (train.layout.spd.count == 0 || train.layout.radar.count == 0)
-    throw Error(ExitCode::usage,
-                "the silhouette and factorised models need both sensors: --inputs fused");
-  background_ = learn_scene(train.maps, train.rows).background;
-  alignment_ = Alignment(train.layout, train.inputs, train.rows);
+  background_ = train.scene->background;
   Seen seen = see(train), judged = see(validation);
   if (seen.rows.size() < 2)
     throw Error(ExitCode::failed,
@@ -250,58 +243,46 @@ void Factorised::choose_threshold(const Seen& seen, const Samples& samples) {
 }
 
 // Standardised features of the records that show a body, whose rows go to `with_body`.
-Matrix Factorised::look(const Matrix& readings, Rows& with_body) const {
-  Matrix features(0, alignment_.size());
-  std::vector<float> one(alignment_.size());
-  for (std::size_t i = 0; i < readings.rows; ++i) {
-    if (!alignment_(readings.row(i), one).there) continue;
-    standardise(one);
-    features.add_row(one);
-    with_body.push_back(i);
-  }
+Matrix Factorised::look(const Matrix& aligned, Rows& with_body) const {
+  for (std::size_t i = 0; i < aligned.rows; ++i)
+    if (shows_body(aligned.row(i))) with_body.push_back(i);
+  Matrix features = take_rows(aligned, with_body);
+  for (std::size_t i = 0; i < features.rows; ++i) standardise(features.row(i));
   return features;
 }
 
-Matrix Factorised::predict(const Matrix& readings) const {
+// Place, shape, then the map, and if wanted its foreground probability and depth.
+Matrix Factorised::predict(const Matrix& aligned, SoftMaps* soft) const {
+  Matrix out(aligned.rows, background_.size());
+  if (soft) *soft = {Matrix(out.rows, out.cols), Matrix(out.rows, out.cols)};
+  for (std::size_t i = 0; i < out.rows; ++i) {
+    if (shows_body(aligned.row(i))) continue;
+    std::copy(background_.begin(), background_.end(), out.row(i).begin());
+    if (soft) std::copy(background_.begin(), background_.end(), soft->depth.row(i).begin());
+  }
   Rows with_body;
-  const Matrix features = look(readings, with_body);
-  Matrix out(0, background_.size());
-  for (std::size_t i = 0; i < readings.rows; ++i) out.add_row(background_);
+  const Matrix features = look(aligned, with_body);
   if (with_body.empty()) return out;
   const std::vector<Place> places = find_places(features);
   const Shapes shapes = find_shapes(features);
-  for (std::size_t i = 0; i < with_body.size(); ++i)
-    frame_.draw(shapes.masks.row(i), shapes.reliefs.row(i), places[i], threshold_, background_,
-                out.row(with_body[i]));
+  for (std::size_t i = 0; i < with_body.size(); ++i) {
+    const auto mask = shapes.masks.row(i), relief = shapes.reliefs.row(i);
+    const std::size_t row = with_body[i];
+    frame_.draw(mask, relief, places[i], threshold_, background_, out.row(row));
+    if (soft) frame_.draw_soft(mask, relief, places[i], soft->share.row(row), soft->depth.row(row));
+  }
   return out;
 }
 
-std::optional<SoftMaps> Factorised::predict_soft(const Matrix& readings) const {
-  Rows with_body;
-  const Matrix features = look(readings, with_body);
-  SoftMaps out{Matrix(readings.rows, background_.size()), Matrix(0, background_.size())};
-  for (std::size_t i = 0; i < readings.rows; ++i) out.depth.add_row(background_);
-  if (with_body.empty()) return out;
-  const std::vector<Place> places = find_places(features);
-  const Shapes shapes = find_shapes(features);
-  for (std::size_t i = 0; i < with_body.size(); ++i)
-    frame_.draw_soft(shapes.masks.row(i), shapes.reliefs.row(i), places[i],
-                     out.share.row(with_body[i]), out.depth.row(with_body[i]));
-  return out;
-}
-
-// The alignment's sinc series included: every point of the profile takes all of the radar's.
 Cost Factorised::cost() const {
   const std::size_t basis = masks_.basis.values.size() + reliefs_.basis.values.size();
   const Cost position = position_.cost(), shape = shape_.cost();
-  return {
-      alignment_.cost() + position.multiply_adds + shape.multiply_adds + basis + frame_.draw_cost(),
-      position.parameters + shape.parameters + basis + masks_.mean.size() + reliefs_.mean.size() +
-          2 * centre_.size() + background_.size()};
+  return {position.multiply_adds + shape.multiply_adds + basis + frame_.draw_cost(),
+          position.parameters + shape.parameters + basis + masks_.mean.size() +
+              reliefs_.mean.size() + 2 * centre_.size() + background_.size()};
 }
 
 void Factorised::save(record::H5File& file) const {
-  alignment_.save(file);
   frame_.save(file);
   file.write("model/background_m", background_, {background_.size()});
   file.set("model/background_m", "threshold", double{threshold_});
@@ -313,24 +294,20 @@ void Factorised::save(record::H5File& file) const {
   if (shapes_) shape_.save(file, "model/shape");
 }
 
-void Factorised::load(const record::H5File& file, const Layout& layout, std::size_t outputs) {
-  require_sound(file, layout.spd.count > 0 && layout.radar.count > 0, ".@inputs",
-                "fused: this kind of model needs both sensors");
-  alignment_.load(file, layout);
-  const std::size_t features = alignment_.size();
+void Factorised::load(const record::H5File& file, std::size_t inputs, std::size_t outputs) {
   frame_.load(file);
   background_ = file.read<float>("model/background_m", {outputs});
   threshold_ = static_cast<float>(file.get<double>("model/background_m", "threshold"));
-  centre_ = file.read<float>("model/features_mean", {features});
-  deviation_ = file.read<float>("model/features_deviation", {features});
+  centre_ = file.read<float>("model/features_mean", {inputs});
+  deviation_ = file.read<float>("model/features_deviation", {inputs});
   require_sound(file,
                 std::all_of(deviation_.begin(), deviation_.end(), [](float d) { return d > 0; }),
                 "model/features_deviation", "all above 0");
-  position_.load(file, "model/position", features, 2);
+  position_.load(file, "model/position", inputs, 2);
   masks_ = load_components(file, "model/masks", frame_.size());
   reliefs_ = load_components(file, "model/reliefs", frame_.size());
   const std::size_t shapes = masks_.basis.rows + reliefs_.basis.rows;
-  if (shapes_) shape_.load(file, "model/shape", features, shapes);
+  if (shapes_) shape_.load(file, "model/shape", inputs, shapes);
   require_sound(file, shapes_ == (shapes > 0), "model/masks", "shapes if the model has any");
 }
 

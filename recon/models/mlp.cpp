@@ -15,11 +15,13 @@ class Mlp final : public Model {
                            {validation.inputs, validation.maps, validation.rows}, Spread::common,
                            training, "training", " m");
   }
-  Matrix predict(const Matrix& inputs) const override { return regression_.predict(inputs); }
+  Matrix predict(const Matrix& inputs, SoftMaps*) const override {
+    return regression_.predict(inputs);
+  }
   Cost cost() const override { return regression_.cost(); }
   void save(record::H5File& file) const override { regression_.save(file, "model"); }
-  void load(const record::H5File& file, const Layout& layout, std::size_t outputs) override {
-    regression_.load(file, "model", layout.inputs(), outputs);
+  void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) override {
+    regression_.load(file, "model", inputs, outputs);
   }
 
  private:

@@ -91,7 +91,7 @@ Rung rung_of(const std::string& name, const FitOptions& base) {
 
 bool is_blind(const std::string& name) { return name == "empty" || name == "mean"; }
 
-bool wants_readings(const std::string& name) {
+bool wants_alignment(const std::string& name) {
   return name == "silhouette" || name == "factorised";
 }
 

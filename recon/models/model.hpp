@@ -9,19 +9,20 @@
 #include <vector>
 
 #include "acquire/record/h5.hpp"
+#include "recon/maps/scene.hpp"
 #include "recon/maps/soft_maps.hpp"
-#include "recon/numbers/layout.hpp"
 #include "recon/numbers/matrix.hpp"
 #include "recon/numbers/matrix_file.hpp"
 
 namespace echofuse::recon {
 
-// Scaled inputs (features.hpp) and depth maps of the same records, and the rows of both to use.
+// Inputs and depth maps of the same records, and the rows of both to use. Inputs are scaled
+// (features.hpp), or aligned (body/alignment.hpp) for models that want that.
 struct Samples {
   const Matrix& inputs;
   const Matrix& maps;  // 64 x 64, metres
   Rows rows;
-  Layout layout = {};
+  const Scene* scene = nullptr;  // learnt from the training rows; of models that ask for it
 };
 
 // What is not given is as each model works best.
@@ -55,14 +56,14 @@ class Model {
   virtual ~Model() = default;
   virtual TrainingLog fit(const Samples& train, const Samples& validation,
                           const FitOptions& options) = 0;
-  virtual Matrix predict(const Matrix& inputs) const = 0;  // one map a row, metres
-  // Of models that place a body; others say both at once, as the mean map.
-  virtual std::optional<SoftMaps> predict_soft(const Matrix& /*inputs*/) const { return {}; }
+  // One map a row, metres. Models that place a body give what they are made of at once, if it is
+  // asked for; others leave it as it is, as their mean map says both.
+  virtual Matrix predict(const Matrix& inputs, SoftMaps* soft = nullptr) const = 0;
   virtual Cost cost() const = 0;
   virtual void save(record::H5File& file) const = 0;  // below "model/"
   // Of a sealed file. Throws Error(failed) that names what does not fit to so many inputs and
   // outputs.
-  virtual void load(const record::H5File& file, const Layout& layout, std::size_t outputs) = 0;
+  virtual void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) = 0;
 };
 
 // From the cheapest to the dearest.
@@ -92,7 +93,7 @@ Rung rung_of(const std::string& name, const FitOptions& base);
 // Whether the model answers the same to every record: the empty room and the mean map.
 bool is_blind(const std::string& name);
 
-// Whether the model takes the readings as they are (Features' scaling "raw").
-bool wants_readings(const std::string& name);
+// Whether the model's inputs are aligned (body/alignment.hpp), with the radar's profile.
+bool wants_alignment(const std::string& name);
 
 }  // namespace echofuse::recon

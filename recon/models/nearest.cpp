@@ -20,7 +20,7 @@ class Nearest final : public Model {
     measure();
     return {};
   }
-  Matrix predict(const Matrix& inputs) const override {
+  Matrix predict(const Matrix& inputs, SoftMaps*) const override {
     // |x - t|^2 = |x|^2 - 2 x.t + |t|^2, and |x|^2 is the same for all t.
     Matrix score(inputs.rows, inputs_.rows), out(inputs.rows, maps_.cols);
     multiply({inputs.rows, inputs_.rows, inputs_.cols, Transpose::no, Transpose::yes, -2.f},
@@ -37,8 +37,8 @@ class Nearest final : public Model {
     file.write("model/maps_m", maps_.values, {maps_.rows, maps_.cols});
     file.set("model/maps_m", "neighbours", static_cast<std::int64_t>(neighbours_));
   }
-  void load(const record::H5File& file, const Layout& layout, std::size_t outputs) override {
-    inputs_ = read_matrix(file, "model/inputs", record::H5File::any, layout.inputs());
+  void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) override {
+    inputs_ = read_matrix(file, "model/inputs", record::H5File::any, inputs);
     maps_ = read_matrix(file, "model/maps_m", inputs_.rows, outputs);
     const auto neighbours = file.get<std::int64_t>("model/maps_m", "neighbours");
     require_sound(file, neighbours >= 1 && neighbours <= static_cast<std::int64_t>(maps_.rows),

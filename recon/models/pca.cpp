@@ -21,10 +21,10 @@ class Pca final : public Model {
     components_ =
         principal_components(take_rows(train.maps, some), options.basis.value(), options.seed);
     const Matrix amounts = coordinates(components_, train.maps);
-    return inner_->fit({train.inputs, amounts, train.rows, train.layout},
-                       {validation.inputs, amounts, validation.rows, validation.layout}, options);
+    return inner_->fit({train.inputs, amounts, train.rows},
+                       {validation.inputs, amounts, validation.rows}, options);
   }
-  Matrix predict(const Matrix& inputs) const override {
+  Matrix predict(const Matrix& inputs, SoftMaps*) const override {
     return from_coordinates(components_, inner_->predict(inputs));
   }
   Cost cost() const override {
@@ -36,9 +36,9 @@ class Pca final : public Model {
     inner_->save(file);
     save_components(file, "model/components", components_);
   }
-  void load(const record::H5File& file, const Layout& layout, std::size_t outputs) override {
+  void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) override {
     components_ = load_components(file, "model/components", outputs);
-    inner_->load(file, layout, components_.basis.rows);
+    inner_->load(file, inputs, components_.basis.rows);
   }
 
  private:

@@ -60,12 +60,12 @@ double best_penalty(const Eigen::VectorXd& s, const Eigen::VectorXd& projected, 
 class Ridge final : public Model {
  public:
   TrainingLog fit(const Samples& train, const Samples&, const FitOptions&) override;
-  Matrix predict(const Matrix& inputs) const override;
+  Matrix predict(const Matrix& inputs, SoftMaps*) const override;
   Cost cost() const override {
     return {weights_.values.size(), weights_.values.size() + offset_.size()};
   }
   void save(record::H5File& file) const override;
-  void load(const record::H5File& file, const Layout& layout, std::size_t outputs) override;
+  void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) override;
 
  private:
   Matrix weights_;             // inputs x pixels
@@ -112,7 +112,7 @@ TrainingLog Ridge::fit(const Samples& train, const Samples&, const FitOptions&) 
   return {};
 }
 
-Matrix Ridge::predict(const Matrix& inputs) const {
+Matrix Ridge::predict(const Matrix& inputs, SoftMaps*) const {
   Matrix out(inputs.rows, offset_.size());
   for (std::size_t i = 0; i < out.rows; ++i)
     std::copy(offset_.begin(), offset_.end(), out.row(i).begin());
@@ -127,8 +127,8 @@ void Ridge::save(record::H5File& file) const {
   file.set("model/weights", "penalty", penalty_);
 }
 
-void Ridge::load(const record::H5File& file, const Layout& layout, std::size_t outputs) {
-  weights_ = read_matrix(file, "model/weights", layout.inputs(), outputs);
+void Ridge::load(const record::H5File& file, std::size_t inputs, std::size_t outputs) {
+  weights_ = read_matrix(file, "model/weights", inputs, outputs);
   offset_ = file.read<float>("model/offset_m", {outputs});
   penalty_ = file.get<double>("model/weights", "penalty");
 }

@@ -5,15 +5,17 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <deque>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <thread>
 
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/console.hpp"
 #include "drivers/core/csv.hpp"
 #include "drivers/core/printable.hpp"
-#include "recon/estimator/answer.hpp"
+#include "recon/estimator/predict.hpp"
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
 #include "recon/output/map_files.hpp"
@@ -21,10 +23,8 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t part_records = 256;  // read and predicted at once
+constexpr std::size_t part_records = 256;  // predicted at once; while following, read at once
 constexpr std::chrono::milliseconds pause_between_looks(20);
-constexpr std::size_t slip_window = 500;      // bodies, while following: what came last
-constexpr std::size_t slip_watch_every = 25;  // bodies
 
 bool wants_uncertainty(const ReconstructOptions& options) {
   const auto& formats = options.formats;
@@ -61,7 +61,7 @@ class StatusTable {
   std::ofstream out_;
 };
 
-// One part of a run after the other, from records to files.
+// Of a run, from records to files.
 class Reconstruction {
  public:
   Reconstruction(const TrainedModel& model, const ReconstructOptions& options)
@@ -71,117 +71,122 @@ class Reconstruction {
         table_(options.out + "/records.csv"),
         started_(clock_.now()) {}
 
-  // True if there was any record.
-  bool take_part(const record::RunReader& run);
-  // Looks whether a calibration slipped: of a whole run before its first map.
-  void look_for_slip(const record::RunReader& run);
-  std::size_t done() const { return done_; }
+  // Of a run as it is now. All its records are read before the first map, as a slip shows in all of
+  // them.
+  void take_all(const record::RunReader& run);
+  // What has come since the last call; true if there was any record.
+  bool take_new(const record::RunReader& run);
   void close() { files_.close(); }
 
  private:
-  std::vector<RecordStatus> write_maps(Dataset& data);
-  void watch_slip(const Dataset& data);
-  void time(RecordStatus& status, HostTime slot_end, HostTime read) const;
+  Dataset read(const record::RunReader& run, std::size_t at_most);
+  Records prepare_new(Dataset data);
+  void write(const Records& records, std::size_t first, std::size_t count);
+  void tell(const RecordStatus& status);
+  void tell_bad(std::int64_t before);
+  void time(RecordStatus& status, HostTime slot_end) const;
 
   const TrainedModel& model_;
   const ReconstructOptions& options_;
   MapFiles files_;
   StatusTable table_;
   SystemClock clock_;
-  HostTime started_;
+  HostTime started_, read_{};
   std::int64_t next_ = 0;
-  std::size_t done_ = 0;
-  double slip_m_ = 0;  // to be taken off the radar's ranges
-  std::vector<float> displacements_m_;
-  std::size_t watched_ = 0;
-  Slip::Verdict verdict_ = Slip::Verdict::few;
+  std::deque<RecordStatus> bad_;  // read, and not yet told
+  SlipWatch watch_;
 };
 
-bool Reconstruction::take_part(const record::RunReader& run) {
-  std::vector<RecordStatus> bad;
-  Dataset data = load_part(run, next_, part_records, [&](std::int64_t index, const auto& fault) {
-    bad.push_back({index, fault, {}, 0, {}, {}, {}});
-  });
-  std::vector<RecordStatus> all = write_maps(data);
-  all.insert(all.end(), bad.begin(), bad.end());
-  std::sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.index < b.index; });
-  for (const auto& r : all) {
-    table_.add(r);
-    if (options_.on_record) options_.on_record(r);
-    next_ = r.index + 1;
-  }
-  table_.flush();
-  done_ += all.size();
-  return !all.empty();
-}
-
-void Reconstruction::look_for_slip(const record::RunReader& run) {
-  if (options_.slip == SlipAction::ignore || !model_.slip.known()) return;
-  std::vector<float> found;
-  for (std::int64_t next = 0; !interrupted();) {
-    Dataset part = load_part(run, next, part_records, [](std::int64_t, const auto&) {});
-    if (part.size() == 0) break;
-    next = part.index.back() + 1;
-    model_.match(part);
-    model_.slip.measure(part, found);
-  }
-  const Slip slip = model_.slip.judge(found);
-  const bool correct = options_.slip == SlipAction::correct;
-  if (correct && slip.verdict == Slip::Verdict::found) slip_m_ = slip.metres;
-  if (options_.quiet && slip.verdict == Slip::Verdict::few) return;
-  if (options_.on_slip && !slip.text(correct).empty()) options_.on_slip(slip.text(correct));
-}
-
-// While following: whenever one comes up. No correction, as it would come amid the maps.
-void Reconstruction::watch_slip(const Dataset& data) {
-  if (!options_.follow || options_.slip == SlipAction::ignore || !model_.slip.known()) return;
-  const std::size_t before = displacements_m_.size(), looks = watched_ / slip_watch_every;
-  model_.slip.measure(data, displacements_m_);
-  watched_ += displacements_m_.size() - before;
-  if (displacements_m_.size() > slip_window)
-    displacements_m_.erase(displacements_m_.begin(),
-                           displacements_m_.end() - static_cast<std::ptrdiff_t>(slip_window));
-  if (watched_ / slip_watch_every == looks) return;
-  const Slip slip = model_.slip.judge(displacements_m_);
-  const bool news = slip.verdict == Slip::Verdict::found && verdict_ != slip.verdict;
-  verdict_ = slip.verdict;
-  if (news && options_.on_slip) options_.on_slip(slip.text(false));
-}
-
-std::vector<RecordStatus> Reconstruction::write_maps(Dataset& data) {
-  const HostTime read = clock_.now();
-  if (slip_m_ != 0) shorten_radar(data, slip_m_);
-  std::vector<RecordStatus> out;
-  Rows rows;
-  for (std::size_t row = 0; row < data.size(); ++row) {
-    const bool falls_back = model_.falls_back(data, row);
-    out.push_back({data.index[row],
-                   model_.fault_of(data, row),
-                   falls_back ? fallback_note : "",
-                   slip_m_,
-                   {},
-                   {},
-                   {}});
-    if (out.back().fault.empty()) rows.push_back(row);
-  }
-  // A sensor's axis may come after the first records of a run that is being recorded.
-  if (!rows.empty() || !options_.follow) model_.match(data);
-  if (!rows.empty()) watch_slip(data);
-  const bool uncertainty = wants_uncertainty(options_);
-  const Answer answers = answer(model_, data, rows, options_.output, uncertainty);
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    if (!answers.claims.empty()) out[rows[i]].claim = answers.claims[i];
-    files_.write(data.index[rows[i]], answers.maps.row(i),
-                 uncertainty ? answers.deviation.row(i) : std::span<const float>{});
-    time(out[rows[i]], data.slot_end[rows[i]], read);
-  }
+// Without the depth camera, whose pictures no map needs.
+Dataset Reconstruction::read(const record::RunReader& run, std::size_t at_most) {
+  Dataset out = load_part(run, next_, at_most, sensors_of(model_.features.inputs),
+                          [&](std::int64_t index, const std::string& fault) {
+                            bad_.push_back({index, fault, {}, 0, {}, {}, {}});
+                          });
+  read_ = clock_.now();
   return out;
 }
 
-void Reconstruction::time(RecordStatus& status, HostTime slot_end, HostTime read) const {
+void Reconstruction::take_all(const record::RunReader& run) {
+  Progress progress("reconstructing", static_cast<std::size_t>(run.count()), options_.quiet);
+  const Records records =
+      take(model_, read(run, std::numeric_limits<std::size_t>::max()), options_.slip);
+  const bool silent = options_.quiet && records.slip.verdict == Slip::Verdict::few;
+  if (!silent && !records.text.empty() && options_.on_slip) options_.on_slip(records.text);
+  const std::size_t size = records.data.size();
+  for (std::size_t first = 0; first < size && !interrupted(); first += part_records) {
+    write(records, first, std::min(part_records, size - first));
+    progress.update(std::min(first + part_records, size));
+  }
+  if (!interrupted()) tell_bad(std::numeric_limits<std::int64_t>::max());
+  table_.flush();
+}
+
+bool Reconstruction::take_new(const record::RunReader& run) {
+  const std::int64_t before = next_;
+  const Records records = prepare_new(read(run, part_records));
+  write(records, 0, records.data.size());
+  tell_bad(std::numeric_limits<std::int64_t>::max());
+  table_.flush();
+  return next_ != before;
+}
+
+// A slip is told when it comes up, and not corrected, as that would be amid the maps.
+Records Reconstruction::prepare_new(Dataset data) {
+  const Rows all = all_rows(data.size());
+  // A sensor's axis may come after the first records of a run that is being recorded.
+  if (std::none_of(all.begin(), all.end(),
+                   [&](std::size_t row) { return model_.fault_of(data, row).empty(); }))
+    return {std::move(data), {}, {}, 0, {}};
+  Records out = take(model_, std::move(data), SlipAction::ignore);
+  if (options_.slip == SlipAction::ignore || !model_.slip.known()) return out;
+  const auto slip =
+      watch_.add(model_.slip, model_.slip.measure(model_.alignment, out.data, out.aligned));
+  if (slip && options_.on_slip) options_.on_slip(slip->text(false));
+  return out;
+}
+
+void Reconstruction::write(const Records& records, std::size_t first, std::size_t count) {
+  const Dataset& data = records.data;
+  std::vector<RecordStatus> all;
+  Rows rows;
+  for (std::size_t row = first; row < first + count; ++row) {
+    all.push_back({data.index[row],
+                   model_.fault_of(data, row),
+                   model_.falls_back(data, row) ? fallback_note : "",
+                   records.slip_m,
+                   {},
+                   {},
+                   {}});
+    if (all.back().fault.empty()) rows.push_back(row);
+  }
+  const bool uncertainty = wants_uncertainty(options_);
+  const bool pixels = uncertainty || options_.output == "mean";
+  const Prediction made = predict(model_, records, rows, pixels ? Ask::pixels : Ask::claims);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    RecordStatus& status = all[rows[i] - first];
+    if (!made.claims.empty()) status.claim = made.claims[i];
+    files_.write(status.index, made.of(options_.output).row(i),
+                 uncertainty ? made.deviation.row(i) : std::span<const float>{});
+    time(status, data.slot_end[rows[i]]);
+  }
+  for (const RecordStatus& status : all) tell_bad(status.index), tell(status);
+}
+
+void Reconstruction::tell(const RecordStatus& status) {
+  table_.add(status);
+  if (options_.on_record) options_.on_record(status);
+  next_ = status.index + 1;
+}
+
+void Reconstruction::tell_bad(std::int64_t before) {
+  for (; !bad_.empty() && bad_.front().index < before; bad_.pop_front()) tell(bad_.front());
+}
+
+void Reconstruction::time(RecordStatus& status, HostTime slot_end) const {
   if (!options_.follow || slot_end < started_) return;
   status.after_slot_s = seconds(clock_.now() - slot_end);
-  status.after_reading_s = seconds(clock_.now() - read);
+  status.after_reading_s = seconds(clock_.now() - read_);
 }
 
 // Maps of another run must not stay among those of this one unnoticed.
@@ -210,19 +215,14 @@ void reconstruct(const TrainedModel& model, const std::string& path,
   if (options.output == "mean" || wants_uncertainty(options)) require_confidence(model);
   claim_folder(options, path, record::RunReader(path).info().uuid);  // refused before it changes
   Reconstruction work(model, options);
-  if (!options.follow) {
-    const record::RunReader run(path);
-    work.look_for_slip(run);
-    Progress progress("reconstructing", static_cast<std::size_t>(run.count()), options.quiet);
-    while (!interrupted() && work.take_part(run)) progress.update(work.done());
-  }
+  if (!options.follow) work.take_all(record::RunReader(path));
   while (options.follow && !interrupted()) {
     // Opened anew for each look: a run's writer leaves one single file only if nobody holds it.
     bool open = false;
     {
       const record::RunReader run(path);
       open = run.info().status == "open";  // asked first: what comes before the end is seen
-      if (work.take_part(run)) continue;
+      if (work.take_new(run)) continue;
     }
     if (!open) break;
     std::this_thread::sleep_for(pause_between_looks);

@@ -23,7 +23,7 @@ struct RecordStatus {
 struct ReconstructOptions {
   std::string out;                                      // folder, made if need be
   std::vector<std::string> formats = {"colour", "mm"};  // of map_files.hpp
-  std::string output = "own";                           // of output_names (answer.hpp)
+  std::string output = "own";                           // of output_names (predict.hpp)
   bool follow = false;                 // take records as they come, until the run is closed
   bool force = false;                  // also into a folder that holds maps of another run
   bool quiet = false;                  // no progress bar, no word on runs too short for a slip

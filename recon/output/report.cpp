@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "drivers/core/exit_code.hpp"
-#include "recon/estimator/answer.hpp"
+#include "recon/estimator/predict.hpp"
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
 #include "recon/output/figure.hpp"
@@ -43,8 +43,9 @@ Rows rows_of_both(const TrainedModel& model, const Dataset& data) {
   return rows;
 }
 
+// Each model brings a copy of the data onto its own axes.
 LoadedMode score_mode(Inputs inputs, double paper_ssim, const std::vector<std::string>& paths,
-                      Dataset& data) {
+                      const Dataset& data) {
   LoadedMode mode{{inputs, paper_ssim, {}, {}}, {}};
   for (const auto& path : paths) {
     TrainedModel model = load_model(path);
@@ -52,12 +53,11 @@ LoadedMode score_mode(Inputs inputs, double paper_ssim, const std::vector<std::s
     if (f.inputs != inputs)
       throw Error(ExitCode::failed, path + ": was trained on " + name_of(f.inputs) +
                                         " inputs, given as --" + name_of(inputs));
-    const std::string slip = match_model(data, model, SlipAction::warn);
-    const Rows rows = rows_of_both(model, data);
-    Evaluation e = evaluate(model, data, rows, data, model.rows_of(data, Part::train));
-    e.left_out += rows_to_evaluate(model, data, false).size() - rows.size();
-    e.slip = slip;
-    e.cost = measure_cost(model, data, rows, path);
+    const Records records = take(model, data, SlipAction::warn);
+    const Rows rows = rows_of_both(model, records.data);
+    Evaluation e = evaluate(model, records, rows);
+    e.left_out += rows_to_evaluate(model, records.data, false).size() - rows.size();
+    e.cost = measure_cost(model, records.data, rows, path);
     mode.result.evaluations.push_back(std::move(e));
     mode.models.push_back(std::move(model));
   }
@@ -68,7 +68,10 @@ LoadedMode score_mode(Inputs inputs, double paper_ssim, const std::vector<std::s
 // Of the candidates, the row whose fused reconstruction is of median quality: no picked cherries.
 std::size_t median_row(const TrainedModel& fused, const Dataset& data, const Rows& candidates) {
   std::vector<std::pair<double, std::size_t>> order;
-  const auto scores = score_maps(fused.predict(data, candidates), data, candidates, fused.scene);
+  const Records records = take(fused, part_of(data, candidates), SlipAction::ignore);
+  const Rows all = all_rows(candidates.size());
+  const auto scores =
+      score_maps(predict(fused, records, all, Ask::maps).maps, records.data, all, fused.scene);
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const double iou = scores[i][metric_iou];
     order.emplace_back(std::isnan(iou) ? 0 : iou, candidates[i]);
@@ -109,16 +112,18 @@ void show_claim(FigureRow& row, const Claim& claim) {
 
 Bytes draw(const std::string& title, const std::vector<const TrainedModel*>& models,
            const Dataset& data, std::size_t row) {
-  std::vector<Answer> answers;
+  std::vector<Records> seen;
+  std::vector<Prediction> made;
   std::vector<std::vector<float>> shown;
   for (const auto* model : models) {
-    answers.push_back(answer(*model, data, {row}, "own", model->confidence.has_value()));
-    shown.push_back(within_span(answers.back().maps.row(0)));
+    seen.push_back(take(*model, part_of(data, {row}), SlipAction::ignore));
+    made.push_back(predict(*model, seen.back(), {0}, model->confidence ? Ask::pixels : Ask::maps));
+    shown.push_back(within_span(made.back().maps.row(0)));
   }
   std::vector<FigureRow> rows;
   for (std::size_t i = 0; i < models.size(); ++i) {
     const Inputs inputs = models[i]->features.inputs;
-    const auto s = score(answers[i].maps.row(0), data.depth.row(row), models[i]->scene);
+    const auto s = score(made[i].maps.row(0), data.depth.row(row), models[i]->scene);
     FigureRow r{mode_title(inputs),
                 {},
                 data.depth.row(row),
@@ -128,11 +133,11 @@ Bytes draw(const std::string& title, const std::vector<const TrainedModel*>& mod
                 {},
                 {}};
     if (models[i]->confidence) {
-      r.deviation = std::as_const(answers[i].deviation).row(0);
-      show_claim(r, answers[i].claims.front());
+      r.deviation = std::as_const(made[i].deviation).row(0);
+      show_claim(r, made[i].claims.front());
     }
-    if (inputs != Inputs::radar) r.curves.push_back(spd_curve(data, row));
-    if (inputs != Inputs::spd) r.curves.push_back(radar_curve(data, row));
+    if (inputs != Inputs::radar) r.curves.push_back(spd_curve(seen[i].data, 0));
+    if (inputs != Inputs::spd) r.curves.push_back(radar_curve(seen[i].data, 0));
     rows.push_back(std::move(r));
   }
   return figure(title, rows);
@@ -172,12 +177,12 @@ void add_figures(Report& report, const std::vector<const TrainedModel*>& models,
 }
 
 void add_live(Report& report, const TrainedModel& fused, const std::string& path) {
-  Dataset data = load({path});
-  const std::string slip = match_model(data, fused, SlipAction::warn);
-  const Rows rows = rows_to_evaluate(fused, data, false);
+  const Dataset data = load({path});
+  const Records records = take(fused, data, SlipAction::warn);
+  const Rows rows = rows_to_evaluate(fused, records.data, false);
   report.live = path;
-  report.live_evaluation = evaluate(fused, data, rows, data, {});
-  report.live_evaluation.slip = slip;
+  report.live_evaluation = evaluate(fused, records, rows);
+  report.live_evaluation.trivial = score_trivial(data, rows, fused.scene, data, {});
   const std::size_t row = median_row(fused, data, rows);
   const std::string name = formatted("live record %lld", static_cast<long long>(data.index[row]));
   report.pictures.push_back({"figure_live.png", name + " of " + path + ", recorded by the daemon.",
@@ -203,7 +208,7 @@ void check_report_folder(const ReportOptions& options) {
 }
 
 Report make_report(const ReportOptions& options) {
-  Dataset data = load({options.run});
+  const Dataset data = load({options.run});
   std::vector<LoadedMode> modes;
   modes.push_back(score_mode(Inputs::fused, 0.6576, options.fused, data));
   modes.push_back(score_mode(Inputs::spd, 0.6389, options.spd, data));
@@ -216,10 +221,12 @@ Report make_report(const ReportOptions& options) {
     first.push_back(&mode.models.front());
     report.modes.push_back(std::move(mode.result));
   }
-  report.trivial = report.modes.front().evaluations.front().trivial;
+  const TrainedModel& fused = *first.front();
+  report.trivial = score_trivial(data, rows_of_both(fused, data), fused.scene, data,
+                                 fused.rows_of(data, Part::train));
   report.records = report.modes.front().evaluations.front().records;
   add_figures(report, first, data);
-  if (!options.live.empty()) add_live(report, *first.front(), options.live);
+  if (!options.live.empty()) add_live(report, fused, options.live);
   return report;
 }
 

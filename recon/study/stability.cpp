@@ -144,18 +144,19 @@ class Study {
     return trained_.emplace(model.name, fit(*train_data_, model, seed, true)).first->second;
   }
 
-  StabilityScores judge(const std::optional<TrainedModel>& fitted, Dataset data,
+  StabilityScores judge(const std::optional<TrainedModel>& fitted, const Dataset& tested,
                         const StudyModel& model) const {
     StabilityScores out;
     out.fill(std::numeric_limits<double>::quiet_NaN());
     if (!fitted) return out;
-    match_model(data, *fitted, options_.slip);
+    const Records records = take(*fitted, tested, options_.slip);
+    const Dataset& data = records.data;
     Rows rows = all_rows(data.size());
     if (!is_blind(model.rung))
       std::erase_if(rows, [&](std::size_t row) { return !fitted->fault_of(data, row).empty(); });
     if (rows.empty()) return out;
-    const MapScores scores =
-        mean_scores(with_nobody(*fitted, data, rows), data, all_rows(data.size()), fitted->scene);
+    const MapScores scores = mean_scores(with_nobody(*fitted, records, rows), data,
+                                         all_rows(data.size()), fitted->scene);
     std::transform(stability_metrics.begin(), stability_metrics.end(), out.begin(),
                    [&](Metric m) { return scores[m]; });
     return out;

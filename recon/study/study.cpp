@@ -11,7 +11,7 @@ namespace echofuse::recon {
 StudyModel::StudyModel(const std::string& text) : name(text), rung(text.substr(0, text.find(':'))) {
   if (rung.size() < text.size()) inputs = text.substr(rung.size() + 1);
   const Inputs wanted = inputs_of(inputs);
-  if (wants_readings(rung_of(rung, {}).model) && wanted != Inputs::fused)
+  if (wants_alignment(rung_of(rung, {}).model) && wanted != Inputs::fused)
     throw Error(ExitCode::usage, "model \"" + text + "\": needs both sensors");
 }
 
@@ -29,10 +29,10 @@ TrainedModel train_whole(const Dataset& data, const StudyModel& model, std::uint
   return train(data, how);
 }
 
-Matrix with_nobody(const TrainedModel& model, const Dataset& data, const Rows& rows) {
-  Matrix maps(0, data.depth.cols);
-  for (std::size_t row = 0; row < data.size(); ++row) maps.add_row(model.scene.background);
-  const Matrix made = model.predict(data, rows);
+Matrix with_nobody(const TrainedModel& model, const Records& records, const Rows& rows) {
+  Matrix maps(0, model.scene.background.size());
+  for (std::size_t row = 0; row < records.data.size(); ++row) maps.add_row(model.scene.background);
+  const Matrix made = predict(model, records, rows, Ask::maps).maps;
   for (std::size_t i = 0; i < rows.size(); ++i)
     std::copy_n(made.row(i).begin(), maps.cols, maps.row(rows[i]).begin());
   return maps;

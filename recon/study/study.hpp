@@ -27,7 +27,7 @@ TrainedModel train_whole(const Dataset& data, const StudyModel& model, std::uint
 
 // A map of every record. The model answers for the rows; the others, which it cannot read, show the
 // empty room.
-Matrix with_nobody(const TrainedModel& model, const Dataset& data, const Rows& rows);
+Matrix with_nobody(const TrainedModel& model, const Records& records, const Rows& rows);
 
 // Means over the maps, one a row.
 MapScores mean_scores(const Matrix& maps, const Dataset& data, const Rows& rows,

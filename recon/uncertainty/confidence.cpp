@@ -8,6 +8,7 @@
 #include "recon/numbers/linear_fit.hpp"
 #include "recon/numbers/matrix_file.hpp"
 #include "recon/numbers/statistics.hpp"
+#include "recon/uncertainty/signs.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -15,9 +16,6 @@ namespace {
 constexpr double smallest_error_m = 3e-3;  // below which errors are all alike
 constexpr double penalty = 1e-3;
 constexpr std::size_t folds = 5;
-
-// As many as signs_of (answer.hpp) makes.
-std::size_t sign_count(Inputs inputs) { return inputs == Inputs::fused ? 3 : 2; }
 
 }  // namespace
 
@@ -109,8 +107,9 @@ void Confidence::save(record::H5File& file) const {
   lateral.save(file, "confidence/lateral");
 }
 
-void Confidence::load(const record::H5File& file, const Features& of_model) {
-  novelty.load(file, "confidence/novelty", of_model);
+void Confidence::load(const record::H5File& file, const Features& of_model,
+                      const Alignment& alignment) {
+  novelty.load(file, "confidence/novelty", of_model, alignment);
   lateral.load(file, "confidence/lateral", sign_count(of_model.inputs));
   pixels.load(file, "confidence/pixels");
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // What a model says of its own answers: how far off a body may be, how sure each pixel is, and
 // whether the record is one that it can know anything about. Learnt after the training
-// (fit_confidence.hpp), part of the answers (answer.hpp); the model itself may be any.
+// (fit_confidence.hpp), part of a prediction (predict.hpp); the model itself may be any.
 #pragma once
 #include <string>
 #include <vector>
@@ -50,7 +50,7 @@ struct Confidence {
   PixelError pixels;
 
   void save(record::H5File& file) const;  // below "confidence/"
-  void load(const record::H5File& file, const Features& of_model);
+  void load(const record::H5File& file, const Features& of_model, const Alignment& alignment);
 };
 
 }  // namespace echofuse::recon

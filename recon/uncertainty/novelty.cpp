@@ -40,9 +40,17 @@ double upper_limit(std::vector<float> values, double share_above) {
 
 }  // namespace
 
-Novelty::Novelty(const Dataset& data, const Rows& rows, Inputs inputs, std::uint64_t seed)
-    : readings_{fit_features(data, rows, inputs, raw_scaling)} {
-  const Matrix readings = readings_.strengths(data, rows);
+void Novelty::use(const Features& of_model, const Alignment& alignment) {
+  profile_ = of_model.radar_count();
+  if (of_model.spd_count() == 0) return;
+  histogram_bins_ = alignment.histogram_bins(), aligned_ = alignment.size();
+}
+
+Novelty::Novelty(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
+                 const Rows& rows, Inputs inputs, std::uint64_t seed) {
+  const Features raw = fit_features(data, rows, inputs, raw_scaling);
+  use(raw, alignment);
+  const Matrix readings = raw.readings(data, rows);
   const auto first_held =
       static_cast<std::ptrdiff_t>((1 - held_out_share) * static_cast<double>(rows.size()));
   Rows fit = all_rows(rows.size());  // shuffled, as runs and kinds of records lie behind each other
@@ -52,9 +60,15 @@ Novelty::Novelty(const Dataset& data, const Rows& rows, Inputs inputs, std::uint
   const Rows held(first_held_row, fit.end());
   fit.erase(first_held_row, fit.end());
   std::sort(fit.begin(), fit.end());
-  if (inputs != Inputs::radar) alignment_ = Alignment(readings_.layout(), readings, fit);
   Rows with_body, fit_with_body;
-  const Matrix all = describe(readings, &with_body);
+  Matrix all;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto features = aligned.row(rows[i]).first(aligned_);
+    const auto one = describe(features, readings.row(i).last(profile_));
+    all.cols = one.size();
+    all.add_row(one);
+    if (aligned_ == 0 || shows_body(features)) with_body.push_back(i);
+  }
   std::set_intersection(fit.begin(), fit.end(), with_body.begin(), with_body.end(),
                         std::back_inserter(fit_with_body));
   if (fit_with_body.size() >= least_records / 2) fit = std::move(fit_with_body);
@@ -70,10 +84,10 @@ Novelty::Novelty(const Dataset& data, const Rows& rows, Inputs inputs, std::uint
   const Matrix one_body = take_rows(scaled, fit);
   components_ = principal_components(one_body, count, seed);
   for (float& d : components_.deviation) d = std::max(d, 1e-6f);
-  learn_pairs(readings, fit, one_body, seed);
+  learn_pairs(readings, fit, one_body, alignment, seed);
   learn_limits(take_rows(scaled, held));
   if (inputs == Inputs::radar || with_body.empty()) return;
-  const std::size_t at = alignment_.size() - 1;
+  const std::size_t at = aligned_ - 1;
   nearest_m_ = 1e9;
   for (const std::size_t i : with_body) {
     nearest_m_ = std::min(nearest_m_, double{all.row(i)[at]});
@@ -83,29 +97,12 @@ Novelty::Novelty(const Dataset& data, const Rows& rows, Inputs inputs, std::uint
   nearest_m_ -= reserve_m, farthest_m_ += reserve_m;
 }
 
-Novelty::Description Novelty::describe(std::span<const float> readings) const {
-  Description out;
-  out.body.there = true;
-  if (readings_.spd_count() > 0) {
-    out.values.resize(alignment_.size());
-    out.body = alignment_(readings, out.values);
-  }
-  const auto radar = readings.last(readings_.radar_count());
-  const std::size_t first = out.values.size();
-  out.values.insert(out.values.end(), radar.begin(), radar.end());
-  normalise(std::span(out.values).subspan(first));
-  for (std::size_t c = 0; c < scale_.size(); ++c) out.values[c] *= scale_[c];
-  return out;
-}
-
-Matrix Novelty::describe(const Matrix& readings, Rows* with_body) const {
-  Matrix out;
-  for (std::size_t i = 0; i < readings.rows; ++i) {
-    const Description one = describe(readings.row(i));
-    out.cols = one.values.size();
-    out.add_row(one.values);
-    if (with_body && one.body.there) with_body->push_back(i);
-  }
+std::vector<float> Novelty::describe(std::span<const float> aligned,
+                                     std::span<const float> radar) const {
+  std::vector<float> out(aligned.begin(), aligned.end());
+  out.insert(out.end(), radar.begin(), radar.end());
+  normalise(std::span(out).last(radar.size()));
+  for (std::size_t c = 0; c < scale_.size(); ++c) out[c] *= scale_[c];
   return out;
 }
 
@@ -113,8 +110,7 @@ Matrix Novelty::describe(const Matrix& readings, Rows* with_body) const {
 void Novelty::learn_scale(const Matrix& descriptions) {
   const auto variance = column_statistics(descriptions, all_rows(descriptions.rows)).variance;
   std::vector<std::size_t> ends;
-  if (readings_.spd_count() > 0)
-    ends = {alignment_.histogram_bins(), alignment_.size() - 1, alignment_.size()};
+  if (aligned_ > 0) ends = {histogram_bins_, aligned_ - 1, aligned_};
   ends.push_back(descriptions.cols);
   std::size_t first = 0;
   for (const std::size_t end : ends) {
@@ -126,7 +122,7 @@ void Novelty::learn_scale(const Matrix& descriptions) {
 }
 
 void Novelty::learn_pairs(const Matrix& readings, const Rows& rows, const Matrix& one_body,
-                          std::uint64_t seed) {
+                          const Alignment& alignment, std::uint64_t seed) {
   const std::vector<float> background = column_quantile(readings, rows, background_quantile);
   Rng rng = make_rng(seed, pair_stream);
   std::uniform_int_distribution<std::size_t> any(0, rows.size() - 1);
@@ -152,7 +148,11 @@ void Novelty::learn_pairs(const Matrix& readings, const Rows& rows, const Matrix
     }
   };
   add(one_body, -1);
-  add(describe(sums), 1);
+  const Matrix aligned = aligned_ > 0 ? alignment(sums) : Matrix(pairs, 0);
+  Matrix described(0, one_body.cols);
+  for (std::size_t i = 0; i < pairs; ++i)
+    described.add_row(describe(aligned.row(i), sums.row(i).last(profile_)));
+  add(described, 1);
   discriminant_ = linear_fit(terms, targets, counts, discriminant_penalty);
 }
 
@@ -170,9 +170,9 @@ std::array<double, 5> Novelty::statistics(std::span<const float> description) co
     along += double{amounts[k]} * double{amounts[k]};
   }
   std::array<double, 2> residual{};
-  const std::size_t range_at = readings_.spd_count() > 0 ? alignment_.size() - 1 : off.size();
+  const std::size_t range_at = aligned_ > 0 ? aligned_ - 1 : off.size();
   for (std::size_t c = 0; c < off.size(); ++c)
-    residual[readings_.spd_count() == 0 || (c >= alignment_.histogram_bins() && c != range_at)] +=
+    residual[aligned_ == 0 || (c >= histogram_bins_ && c != range_at)] +=
         double{off[c]} * double{off[c]};
   return {std::log(along + tiny), std::log(residual[0] + residual[1] + tiny),
           product(quadratic_terms(amounts), discriminant_), residual[0] / usual_residual_[0],
@@ -193,21 +193,23 @@ void Novelty::learn_limits(const Matrix& descriptions) {
     usual_residual_[s] = std::max(double{quantile(all[limits_.size() + s], 0.5)}, 1e-12);
 }
 
-std::vector<Strangeness> Novelty::judge(const Dataset& data, const Rows& rows) const {
-  const Matrix readings = readings_.strengths(data, rows);
+std::vector<Strangeness> Novelty::judge(const Matrix& aligned, const Dataset& data,
+                                        const Rows& rows) const {
+  const bool spd = aligned_ > 0;
   std::vector<Strangeness> out;
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    const Description one = describe(readings.row(i));
-    const auto found = statistics(one.values);
+    const auto features = aligned.row(i).first(aligned_);
+    const auto found = statistics(describe(features, data.radar.row(rows[i]).first(profile_)));
     Strangeness s{std::max(limits_[0].share(found[0]), limits_[1].share(found[1])),
                   limits_[2].share(found[2]),
                   {},
                   {}};
-    const double range_m = double{one.body.range_m}, clicks = data.clicks_a_pulse[rows[i]];
-    const bool has_range = readings_.spd_count() > 0 && one.body.there;
-    if (!one.body.there && share_with_body_ > nearly_all_records)
+    const bool has_range = spd && shows_body(features);
+    const double range_m = has_range ? double{features.back()} : 0;
+    const double clicks = data.clicks_a_pulse[rows[i]];
+    if (spd && !has_range && share_with_body_ > nearly_all_records)
       s.why = "empty";
-    else if (readings_.spd_count() > 0 && clicks > record::most_clicks_a_pulse &&
+    else if (spd && clicks > record::most_clicks_a_pulse &&
              clicks > clicks_reserve * most_clicks_per_start_)
       s.why = "saturated", s.figures = formatted("%.2f clicks a laser pulse", clicks);
     else if (has_range && (range_m < nearest_m_ || range_m > farthest_m_))
@@ -234,14 +236,12 @@ void Novelty::save(record::H5File& file, const std::string& group) const {
   file.set(group, "farthest_m", farthest_m_);
   file.set(group, "most_clicks_per_start", most_clicks_per_start_);
   file.set(group, "share_with_body", share_with_body_);
-  if (readings_.spd_count() > 0) alignment_.save(file, group);
 }
 
-void Novelty::load(const record::H5File& file, const std::string& group, const Features& of_model) {
-  readings_ = {of_model.inputs, raw_scaling, of_model.spd_axis, of_model.radar_axis, {}, 1, 1};
-  const bool spd = readings_.spd_count() > 0;
-  if (spd) alignment_.load(file, readings_.layout(), group);
-  const std::size_t values = (spd ? alignment_.size() : 0) + readings_.radar_count();
+void Novelty::load(const record::H5File& file, const std::string& group, const Features& of_model,
+                   const Alignment& alignment) {
+  use(of_model, alignment);
+  const std::size_t values = aligned_ + profile_;
   scale_ = file.read<float>(group + "/scale", {values});
   components_ = load_components(file, group + "/components", values);
   require_sound(file,

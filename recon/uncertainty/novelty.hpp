@@ -33,12 +33,17 @@ class Novelty {
   static constexpr std::size_t least_records = 100;
 
   Novelty() = default;
-  // Learns from the given rows, at least least_records. Part of them only sets the limits.
-  Novelty(const Dataset& data, const Rows& rows, Inputs inputs, std::uint64_t seed);
-  std::vector<Strangeness> judge(const Dataset& data, const Rows& rows) const;
+  // Learns from the given rows, at least least_records. Part of them only sets the limits. Row i of
+  // the aligned features is of record i of the data; without a detector there are none.
+  Novelty(const Alignment& alignment, const Dataset& data, const Matrix& aligned, const Rows& rows,
+          Inputs inputs, std::uint64_t seed);
+  // Row i of the aligned features belongs to rows[i] of the data.
+  std::vector<Strangeness> judge(const Matrix& aligned, const Dataset& data,
+                                 const Rows& rows) const;
 
   void save(record::H5File& file, const std::string& group) const;
-  void load(const record::H5File& file, const std::string& group, const Features& of_model);
+  void load(const record::H5File& file, const std::string& group, const Features& of_model,
+            const Alignment& alignment);
 
  private:
   // Of a statistic, from records that did not take part in the fit.
@@ -46,21 +51,17 @@ class Novelty {
     double usual = 0, most = 1;  // its median; what few are above
     double share(double value) const { return (value - usual) / (most - usual); }
   };
-  struct Description {
-    std::vector<float> values;  // scaled
-    Body body;
-  };
-  Description describe(std::span<const float> readings) const;
-  Matrix describe(const Matrix& readings, Rows* with_body = nullptr) const;
+  // Aligned features and normalised profile, scaled.
+  std::vector<float> describe(std::span<const float> aligned, std::span<const float> radar) const;
+  void use(const Features& of_model, const Alignment& alignment);
   void learn_scale(const Matrix& descriptions);
   void learn_pairs(const Matrix& readings, const Rows& rows, const Matrix& one_body,
-                   std::uint64_t seed);
+                   const Alignment& alignment, std::uint64_t seed);
   // log T^2, log Q, discriminant; residuals of histogram and radar in units of their usual size.
   std::array<double, 5> statistics(std::span<const float> description) const;
   void learn_limits(const Matrix& descriptions);
 
-  Features readings_;
-  Alignment alignment_;  // without a detector: unused
+  std::size_t histogram_bins_ = 0, aligned_ = 0, profile_ = 0;  // 0 without the sensor
   std::vector<float> scale_;
   Components components_;
   std::vector<double> discriminant_;

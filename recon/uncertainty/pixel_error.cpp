@@ -37,9 +37,7 @@ std::vector<float> kernel_of(double deviation_pixels) {
   return out;
 }
 
-}  // namespace
-
-SoftMaps soft_of(const Matrix& maps, const Scene& scene) {
+SoftMaps probabilities_of(const Matrix& maps, const Scene& scene) {
   SoftMaps out{Matrix(0, maps.cols), Matrix(maps.rows, maps.cols)};
   for (std::size_t i = 0; i < maps.rows; ++i)
     out.share.add_row(foreground_share(maps.row(i), scene));
@@ -48,6 +46,7 @@ SoftMaps soft_of(const Matrix& maps, const Scene& scene) {
   return out;
 }
 
+// Each row of shares by as many metres of the same row of the list, at the row's depths.
 void blur(SoftMaps& maps, const std::vector<double>& deviation_m) {
   constexpr double least_pixels = 0.2;
   const double step = record::depth_x_axis().step;
@@ -74,6 +73,18 @@ void blur(SoftMaps& maps, const std::vector<double>& deviation_m) {
       }
     }
   }
+}
+
+}  // namespace
+
+SoftMaps soft_of(SoftMaps own, const Matrix& maps, const Scene& scene,
+                 const std::vector<double>& lateral_90_m) {
+  constexpr double deviations_90 = 1.645;
+  if (own.share.rows == 0) return probabilities_of(maps, scene);
+  std::vector<double> deviation_m = lateral_90_m;
+  for (double& d : deviation_m) d /= deviations_90;
+  blur(own, deviation_m);
+  return own;
 }
 
 void PixelError::fit(const SoftMaps& soft, const Matrix& truth, const Scene& scene) {

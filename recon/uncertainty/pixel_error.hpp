@@ -19,12 +19,11 @@ struct PixelMaps {
   Matrix deviation;  // sqrt(p (1 - p) (z - B)^2 + p s^2), metres; s: of depths within the body
 };
 
-// The soft maps of a model that has none of its own: its mean maps as probabilities.
-SoftMaps soft_of(const Matrix& maps, const Scene& scene);
-
-// Blurs each row of shares sideways by as many metres of the same row of the list, at the row's
-// depths; not those that are NaN.
-void blur(SoftMaps& maps, const std::vector<double>& deviation_m);
+// A model's own soft maps, each blurred sideways by what its body's place is uncertain by, as a
+// normal distribution's; not where that is NaN. Of a model that has none (no rows) its mean maps,
+// which are blurred already, as probabilities.
+SoftMaps soft_of(SoftMaps own, const Matrix& maps, const Scene& scene,
+                 const std::vector<double>& lateral_90_m);
 
 class PixelError {
  public:

@@ -5,8 +5,6 @@
 #include <cmath>
 
 #include "drivers/core/random.hpp"
-#include "recon/data/features.hpp"
-#include "recon/data/shift.hpp"
 #include "recon/files/text.hpp"
 #include "recon/numbers/statistics.hpp"
 
@@ -23,6 +21,7 @@ constexpr double significance = 4;       // standard errors
 constexpr double least_slip_m = 0.01;    // less costs next to nothing
 constexpr double blind_m = 0.03;         // if even this is not significant
 constexpr double edges_agree_m = 0.015;  // on either side of their mean
+constexpr std::size_t window = 500, watch_every = 25;   // bodies
 constexpr std::uint64_t bootstrap_stream = 0x736c6970;  // "slip"
 
 struct Edges {
@@ -35,6 +34,26 @@ Edges edges_of(std::vector<float> values) {
 
 Edges operator-(const Edges& a, const Edges& b) {
   return {a.left_m - b.left_m, a.right_m - b.right_m};
+}
+
+struct Seen {
+  Matrix histograms;  // aligned, and their ranges
+  Matrix displacements_m;
+};
+
+Seen see(const Alignment& alignment, const Matrix& aligned, const Rows& rows) {
+  const std::size_t bins = alignment.histogram_bins();
+  Seen out{Matrix(0, bins + 1), Matrix(0, 1)};
+  for (const std::size_t row : rows) {
+    const auto features = aligned.row(row);
+    if (!shows_body(features)) continue;
+    const auto displacement_m = static_cast<float>(alignment.displacement_m(features));
+    out.displacements_m.add_row({&displacement_m, 1});
+    std::vector<float> histogram(features.begin(), features.begin() + std::ptrdiff_t(bins));
+    histogram.push_back(features.back());
+    out.histograms.add_row(histogram);
+  }
+  return out;
 }
 
 std::vector<float> resampled(const std::vector<float>& values, Rng& rng) {
@@ -80,49 +99,33 @@ std::string Slip::text(bool corrected) const {
                          "of evaluate and reconstruct does); if nobody moved, calibrate anew");
 }
 
-SlipReference::SlipReference(const Dataset& data, const Rows& rows) {
-  const Features raw = fit_features(data, rows, Inputs::fused, raw_scaling);
-  const Matrix readings = raw.apply(data, rows);
-  alignment_ = Alignment(raw.layout(), readings, all_rows(rows.size()));
-  if (alignment_.radar_background_share(readings) > most_background) return;
-  const Seen seen = see(data, rows);
+SlipReference::SlipReference(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
+                             const Rows& rows) {
+  if (alignment.radar_background_share(data.radar, rows) > most_background) return;
+  const Seen seen = see(alignment, aligned, rows);
   if (seen.histograms.rows < least_records) return;
   expected_ = make_ridge();
   const Samples samples{seen.histograms, seen.displacements_m, all_rows(seen.histograms.rows)};
   expected_->fit(samples, samples, {});
-  measure(data, rows, displacements_m_);
+  displacements_m_ = less_expected(seen.histograms, seen.displacements_m);
 }
 
-SlipReference::Seen SlipReference::see(const Dataset& data, const Rows& rows) const {
-  const std::size_t bins = alignment_.histogram_bins();
-  Seen out{Matrix(0, bins + 1), Matrix(0, 1)};
-  std::vector<float> readings, features(alignment_.size());
-  for (const std::size_t row : rows) {
-    const auto spd = data.spd.row(row), radar = data.radar.row(row);
-    readings.assign(spd.begin(), spd.end());
-    readings.insert(readings.end(), radar.begin(), radar.end());
-    if (!alignment_(readings, features).there) continue;
-    const auto displacement_m = static_cast<float>(alignment_.displacement_m(features));
-    out.displacements_m.add_row({&displacement_m, 1});
-    features[bins] = features.back();
-    out.histograms.add_row(std::span(features).first(bins + 1));
-  }
-  return out;
-}
-
-void SlipReference::measure(const Dataset& data, std::vector<float>& out) const {
+std::vector<float> SlipReference::measure(const Alignment& alignment, const Dataset& data,
+                                          const Matrix& aligned) const {
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row)
     if (data.fault_of(row, Inputs::fused).empty()) rows.push_back(row);
-  measure(data, rows, out);
+  const Seen seen = see(alignment, aligned, rows);
+  return less_expected(seen.histograms, seen.displacements_m);
 }
 
-void SlipReference::measure(const Dataset& data, const Rows& rows, std::vector<float>& out) const {
-  const Seen seen = see(data, rows);
-  if (seen.histograms.rows == 0) return;
-  const Matrix expected = expected_->predict(seen.histograms);
-  for (std::size_t i = 0; i < expected.rows; ++i)
-    out.push_back(seen.displacements_m.values[i] - expected.values[i]);
+std::vector<float> SlipReference::less_expected(const Matrix& histograms,
+                                                const Matrix& displacements_m) const {
+  std::vector<float> out = displacements_m.values;
+  if (out.empty()) return out;
+  const Matrix expected = expected_->predict(histograms);
+  for (std::size_t i = 0; i < expected.rows; ++i) out[i] -= expected.values[i];
+  return out;
 }
 
 Slip SlipReference::judge(std::vector<float> found) const {
@@ -152,33 +155,35 @@ Slip SlipReference::judge(std::vector<float> found) const {
 
 void SlipReference::save(record::H5File& file) const {
   if (!known()) return;
-  alignment_.save(file, "slip");
   record::H5File group = file.group("slip");
   expected_->save(group);
   file.write("slip/displacement_m", displacements_m_, {displacements_m_.size()});
 }
 
-void SlipReference::load(const record::H5File& file, const Layout& layout) {
+void SlipReference::load(const record::H5File& file, const Alignment& alignment) {
   if (!file.has("slip")) return;
-  require_sound(file, layout.spd.count > 0 && layout.radar.count > 0, "slip",
+  require_sound(file, alignment.known() && alignment.profile_points() > 0, "slip",
                 "none without both sensors");
-  alignment_.load(file, layout, "slip");
-  Layout histogram;
-  histogram.spd.count = static_cast<std::uint32_t>(alignment_.histogram_bins() + 1);
   expected_ = make_ridge();
-  expected_->load(file.group("slip"), histogram, 1);
+  expected_->load(file.group("slip"), alignment.histogram_bins() + 1, 1);
   displacements_m_ = file.read<float>("slip/displacement_m", {record::H5File::any});
   for (const float metres : displacements_m_)
     require_sound(file, std::abs(metres) < longest_m, "slip/displacement_m", "less than 100 m");
 }
 
-void shorten_radar(Dataset& data, double metres) {
-  const Shift shift(metres / data.radar_axis.step);
-  for (std::size_t row = 0; row < data.size(); ++row) {
-    const auto profile = data.radar.row(row);
-    const std::vector<float> moved = shift.apply({profile.begin(), profile.end()});
-    std::copy(moved.begin(), moved.end(), profile.begin());
-  }
+std::optional<Slip> SlipWatch::add(const SlipReference& reference,
+                                   const std::vector<float>& found_m) {
+  const std::size_t looks = watched_ / watch_every;
+  displacements_m_.insert(displacements_m_.end(), found_m.begin(), found_m.end());
+  watched_ += found_m.size();
+  if (displacements_m_.size() > window)
+    displacements_m_.erase(displacements_m_.begin(),
+                           displacements_m_.end() - static_cast<std::ptrdiff_t>(window));
+  if (watched_ / watch_every == looks) return {};
+  const Slip slip = reference.judge(displacements_m_);
+  const bool news = slip.verdict == Slip::Verdict::found && verdict_ != slip.verdict;
+  verdict_ = slip.verdict;
+  return news ? std::optional(slip) : std::nullopt;
 }
 
 }  // namespace echofuse::recon

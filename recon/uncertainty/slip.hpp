@@ -15,6 +15,7 @@
 #pragma once
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -46,34 +47,39 @@ struct Slip {
 class SlipReference {
  public:
   SlipReference() = default;
-  // Of both sensors' readings; the rows in the order of their records.
-  SlipReference(const Dataset& data, const Rows& rows);
+  // Of both sensors; the rows in the order of their records. Row i of the aligned features is of
+  // record i of the data.
+  SlipReference(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
+                const Rows& rows);
 
   // False in models of earlier versions, in front of walls and with fewer than 50 records.
   bool known() const { return !displacements_m_.empty(); }
-  // Appends what the rows with two live sensors show, in their order. The data must be on the
-  // model's axes.
-  void measure(const Dataset& data, std::vector<float>& displacements_m) const;
+  // What the rows with two live sensors show, in their order. The data must be on the model's axes.
+  std::vector<float> measure(const Alignment& alignment, const Dataset& data,
+                             const Matrix& aligned) const;
   // Standard errors by the bootstrap of circular blocks (Politis and Romano 1992), as a pose may be
   // held for some records in a row; the same for the same records.
   Slip judge(std::vector<float> displacements_m) const;
 
   void save(record::H5File& file) const;
-  void load(const record::H5File& file, const Layout& layout);
+  void load(const record::H5File& file, const Alignment& alignment);
 
  private:
-  struct Seen {
-    Matrix histograms;  // aligned, and their ranges
-    Matrix displacements_m;
-  };
-  void measure(const Dataset& data, const Rows& rows, std::vector<float>& out) const;
-  Seen see(const Dataset& data, const Rows& rows) const;
-  Alignment alignment_;
+  std::vector<float> less_expected(const Matrix& histograms, const Matrix& displacements_m) const;
   std::shared_ptr<Model> expected_;     // from histogram and range to displacement
   std::vector<float> displacements_m_;  // of the training records, less what is expected
 };
 
-// Moves the radar's profiles, on the axis that the data have, to ranges shorter by this.
-void shorten_radar(Dataset& data, double metres);
+// Looks for a slip among the records that came last.
+class SlipWatch {
+ public:
+  // The slip if one has come up with these displacements (SlipReference::measure).
+  std::optional<Slip> add(const SlipReference& reference, const std::vector<float>& found_m);
+
+ private:
+  std::vector<float> displacements_m_;
+  std::size_t watched_ = 0;
+  Slip::Verdict verdict_ = Slip::Verdict::few;
+};
 
 }  // namespace echofuse::recon

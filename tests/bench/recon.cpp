@@ -42,7 +42,9 @@ TrainedModel fitted(const Dataset& data, const std::string& model, std::size_t e
   FitOptions fit;
   fit.quiet = true, fit.epochs = epochs, fit.patience = epochs;
   const Split split = make_split(data.usable(Inputs::fused), {});
-  return fit_model(data, split, model, Inputs::fused, "record", fit);
+  const Ground ground(data, split.train, Inputs::fused, learn_scene(data.depth, split.train),
+                      wants_alignment(rung_of(model, fit).model));
+  return fit_model(data, split, ground, model, Inputs::fused, "record", fit);
 }
 
 // An epoch is the difference between a training of one and of three.

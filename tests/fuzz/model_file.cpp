@@ -12,7 +12,7 @@
 
 #include "../recon/crafted.hpp"
 #include "fuzz.hpp"
-#include "recon/estimator/answer.hpp"
+#include "recon/estimator/predict.hpp"
 #include "recon/estimator/train.hpp"
 #include "recon/files/files.hpp"
 #include "recon/numbers/parallel.hpp"
@@ -301,15 +301,15 @@ void check_answers(const TrainedModel& model) {
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row)
     if (model.fault_of(data, row).empty()) rows.push_back(row);
-  const Answer found = answer(model, data, rows, "own", model.confidence.has_value());
+  const Prediction found = predict(model, data, rows, model.confidence ? Ask::pixels : Ask::claims);
   require(found.maps.values.size() == rows.size() * pixels, "there is a map of each record");
   for (const float v : found.maps.values) require(std::isfinite(v), "a map is made of numbers");
   for (const float v : found.deviation.values) require(v >= 0, "a deviation is one");
   for (const Claim& claim : found.claims)
     require(fuzz::is_printable(claim.strangeness.text()), "claims can be printed");
   if (!model.slip.known()) return;
-  std::vector<float> moved;
-  model.slip.measure(data, moved);
+  std::vector<float> moved =
+      model.slip.measure(model.alignment, data, model.align(data, all_rows(data.size()), true));
   moved.resize(60, moved.empty() ? 0.f : moved.front());
   const Slip slip = model.slip.judge(moved);
   require(fuzz::is_printable(slip.text(false)), "a slip can be told");

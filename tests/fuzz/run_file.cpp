@@ -93,8 +93,9 @@ void read_parts(const RunReader& run) {
   std::int64_t next = 0;
   for (int parts = 0; parts < 4; ++parts) {
     std::int64_t bad = -1;
-    const recon::Dataset data = recon::load_part(
-        run, next, 3, [&](std::int64_t index, const std::string&) { bad = index; });
+    const recon::Dataset data =
+        recon::load_part(run, next, 3, recon::sensors_of(recon::Inputs::fused),
+                         [&](std::int64_t index, const std::string&) { bad = index; });
     if (data.size() == 0 && bad < 0) return;
     if (data.size() > 0) bad = std::max(bad, data.index.back());
     require(bad >= next, "the reading goes on");

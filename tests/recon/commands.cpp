@@ -178,6 +178,38 @@ TEST_CASE("the report holds everything in one page") {
           1, "was trained on spd inputs");
 }
 
+TEST_CASE("a report takes models on other radar axes beside each other") {
+  const Folder dir;
+  write_run(dir / "run", 120, 1, {}, radar_axis(32));
+  const auto train = [&](const std::string& name, const std::string& rest) {
+    REQUIRE(recon_program("train -q --model ridge --no-fallback " + (dir / "run") + " --out " +
+                          (dir / name) + rest)
+                .code == 0);
+    return " --" + name + " " + (dir / name);
+  };
+  const Outcome o = recon_program(
+      "report " + (dir / "out") + " --run " + (dir / "run") + train("fused", " --radar-bin 0.5") +
+      train("spd", " --inputs spd") + train("radar", " --inputs radar"));
+  CHECK(o.code == 0);
+  CHECK_THAT(o.text, Catch::Contains("report.html"));
+}
+
+TEST_CASE("the nearest neighbour depends on the records, not on the model that is judged") {
+  const Folder dir;
+  write_run(dir / "run", 200);
+  const auto nearest = [&](const std::string& how) {
+    REQUIRE(recon_program("train -q --no-fallback " + (dir / "run") + " --force --out " +
+                          (dir / "m") + " --model " + how)
+                .code == 0);
+    const Outcome o = recon_program("evaluate --json " + (dir / "m") + " " + (dir / "run"));
+    return nlohmann::json::parse(o.text)["trivial"]["nearest"];
+  };
+  const auto record = nearest("ridge");
+  CHECK(nearest("ridge --scaling plain") == record);
+  CHECK(nearest("ridge --inputs spd") == record);
+  CHECK(nearest("factorised-4 --epochs 2") == record);
+}
+
 TEST_CASE("the report takes what evaluate takes, and says what it did about it") {
   const Folder dir;
   write_run(dir / "run", 600);

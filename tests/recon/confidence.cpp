@@ -4,9 +4,9 @@
 #include <numeric>
 
 #include "acquire/record/png.hpp"
-#include "recon/estimator/answer.hpp"
 #include "recon/estimator/evaluate.hpp"
 #include "recon/estimator/fit_confidence.hpp"
+#include "recon/estimator/predict.hpp"
 #include "recon/estimator/train.hpp"
 #include "recon/numbers/linear_fit.hpp"
 #include "world.hpp"
@@ -40,11 +40,12 @@ const TrainedModel& trained() {
 }
 
 std::vector<Claim> claims_of(const Dataset& data) {
-  return answer(trained(), data, all_rows(data.size()), "own", false).claims;
+  return predict(trained(), data, all_rows(data.size())).claims;
 }
 
 Calibration calibration_of(const TrainedModel& model, const Dataset& data) {
-  return evaluate(model, data, all_rows(data.size()), data, {}).calibration.value();
+  return evaluate(model, take(model, data, SlipAction::ignore), all_rows(data.size()))
+      .calibration.value();
 }
 
 float nearest_m(const Dataset& data, std::size_t row) {
@@ -139,9 +140,15 @@ TEST_CASE("the order of the training records says nothing: near ones may come be
   Rows rows = all_rows(600);
   std::sort(rows.begin(), rows.end(),
             [&](std::size_t a, std::size_t b) { return nearest_m(data, a) < nearest_m(data, b); });
-  const Novelty novelty(data, rows, Inputs::fused, 1);
+  const Ground ground(data, rows, Inputs::fused, {}, true);
+  const Novelty novelty(ground.alignment, data, ground.aligned, rows, Inputs::fused, 1);
+  const auto judge = [&](const Dataset& of) {
+    const Features raw = fit_features(data, rows, Inputs::fused, raw_scaling);
+    const Matrix aligned = ground.alignment(raw.readings(of, all_rows(of.size())));
+    return novelty.judge(aligned, of, all_rows(of.size()));
+  };
   double flagged = 0;
-  for (const auto& s : novelty.judge(fresh, all_rows(300))) flagged += !s.why.empty();
+  for (const auto& s : judge(fresh)) flagged += !s.why.empty();
   CHECK(flagged / 300 < 0.03);
   Dataset two = fresh;
   for (std::size_t i = 0; i < two.size(); ++i)
@@ -149,7 +156,7 @@ TEST_CASE("the order of the training records says nothing: near ones may come be
       for (std::size_t c = 0; c < table->cols; ++c)
         table->row(i)[c] += (table == &two.spd ? fresh.spd : fresh.radar).row((i + 7) % 300)[c];
   flagged = 0;
-  for (const auto& s : novelty.judge(two, all_rows(300))) flagged += !s.why.empty();
+  for (const auto& s : judge(two)) flagged += !s.why.empty();
   CHECK(flagged / 300 > 0.5);
 }
 
@@ -198,12 +205,12 @@ TEST_CASE("models of one sensor flag as well") {
     const TrainedModel model = train(testing::load_plates(400), options);
     Dataset data = fresh_plates(200);
     const Rows rows = all_rows(200);
-    CHECK(share_flagged(answer(model, data, rows, "own", false).claims) < 0.04);
+    CHECK(share_flagged(predict(model, data, rows).claims) < 0.04);
     Rng rng = make_rng(6, 6);
     std::poisson_distribution<int> dark(50);
     for (Matrix* table : {&data.spd, &data.radar})
       for (float& v : table->values) v = static_cast<float>(dark(rng));
-    CHECK(share_flagged(answer(model, data, rows, "own", false).claims) > 0.95);
+    CHECK(share_flagged(predict(model, data, rows).claims) > 0.95);
   }
 }
 
@@ -216,12 +223,11 @@ TEST_CASE("pixels are as uncertain as they say, and the mean map errs little") {
     const Calibration c = calibration_of(model, data);
     CHECK(c.deviation_m == Approx(c.error_m).epsilon(0.15));
     const auto rmse = [&](const std::string& output) {
-      return summarise(score_maps(answer(model, data, rows, output, false).maps, data, rows,
-                                  model.scene))[metric_rmse_m]
-          .mean;
+      const Prediction made = predict(model, data, rows, Ask::pixels);
+      return summarise(score_maps(made.of(output), data, rows, model.scene))[metric_rmse_m].mean;
     };
     // A plate's place is known to less than a pixel: there is little to gain from a mean over it.
-    CHECK(rmse("mean") < (name == "ridge" ? 0.95 : 1.05) * rmse("hard"));
+    CHECK(rmse("mean") < (name == "ridge" ? 1.0 : 1.05) * rmse("own"));
   }
 }
 
@@ -238,8 +244,8 @@ TEST_CASE("the mean map of an empty room in front of a wall is the wall") {
   Dataset empty = fresh_plates(3);
   for (std::size_t i = 0; i < empty.spd.values.size(); ++i)
     empty.spd.values[i] = static_cast<float>(3 + i % 2);
-  const Answer a = answer(model, empty, all_rows(3), "mean", false);
-  for (const float z : a.maps.values) REQUIRE(z == Approx(5.0f).margin(1e-3));
+  const Prediction a = predict(model, empty, all_rows(3), Ask::pixels);
+  for (const float z : a.of("mean").values) REQUIRE(z == Approx(5.0f).margin(1e-3));
 }
 
 TEST_CASE("a model file keeps its confidence, without one nothing is claimed") {
@@ -247,7 +253,7 @@ TEST_CASE("a model file keeps its confidence, without one nothing is claimed") {
   const Dataset data = fresh_plates(20);
   save_model(trained(), dir / "m");
   const auto a = claims_of(data);
-  const auto b = answer(load_model(dir / "m"), data, all_rows(20), "own", false).claims;
+  const auto b = predict(load_model(dir / "m"), data, all_rows(20)).claims;
   REQUIRE(b.size() == a.size());
   for (std::size_t i = 0; i < a.size(); ++i) {
     CHECK(a[i].lateral_90_m == b[i].lateral_90_m);
@@ -258,8 +264,8 @@ TEST_CASE("a model file keeps its confidence, without one nothing is claimed") {
   save_model(few, dir / "few");
   const TrainedModel loaded = load_model(dir / "few");
   CHECK_FALSE(loaded.confidence);
-  CHECK(answer(loaded, data, all_rows(20), "hard", false).claims.empty());
-  CHECK_THROWS_WITH(answer(loaded, data, all_rows(20), "mean", false),
+  CHECK(predict(loaded, data, all_rows(20)).claims.empty());
+  CHECK_THROWS_WITH(predict(loaded, data, all_rows(20), Ask::pixels),
                     Catch::Contains("does not know how sure it is"));
 }
 

@@ -294,6 +294,21 @@ TEST_CASE("splits are disjoint, complete and as large as asked") {
   CHECK(make_split(rows, other).test != s.test);
 }
 
+TEST_CASE("of sensors that are not asked for nothing is there") {
+  const Folder dir;
+  write_run(dir / "run", 3);
+  const record::RunReader run(dir / "run");
+  const Dataset data = load_part(run, 1, 5, sensors_of(Inputs::spd), {});
+  REQUIRE(data.size() == 2);
+  CHECK(data.has(0, Sensor::spd));
+  CHECK_FALSE(data.has(0, Sensor::radar));
+  CHECK_FALSE(data.has(0, Sensor::depth));
+  CHECK(data.radar_axis.count == 0);
+  CHECK(data.radar.values.empty());
+  CHECK(data.depth.values.empty());
+  CHECK(data.spd.values.size() == 2 * testing::spd_axis().count);
+}
+
 TEST_CASE("blocked splits and folds keep their distance") {
   Rows rows(100);
   for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = i;

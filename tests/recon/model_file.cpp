@@ -6,7 +6,7 @@
 #include <random>
 
 #include "crafted.hpp"
-#include "recon/estimator/answer.hpp"
+#include "recon/estimator/predict.hpp"
 #include "recon/estimator/train.hpp"
 #include "world.hpp"
 
@@ -97,8 +97,8 @@ std::string fault_of(const std::string& path, const Dataset& data) {
     const TrainedModel model = load_model(path);
     Dataset own = data;
     model.match(own);
-    const Answer found =
-        answer(model, own, all_rows(own.size()), "own", model.confidence.has_value());
+    const Prediction found =
+        predict(model, own, all_rows(own.size()), model.confidence ? Ask::pixels : Ask::claims);
     REQUIRE(found.maps.values.size() == own.size() * 4096);
     return {};
   } catch (const Error& error) {

@@ -188,7 +188,7 @@ TEST_CASE("identical records make a model, not a NaN") {
   const Dataset data = load({dir / "same"});
   for (const auto& name : model_names) {
     CAPTURE(name);
-    if (wants_readings(name)) {  // what is in all maps alike is background
+    if (wants_alignment(name)) {  // what is in all maps alike is background
       CHECK_THROWS_WITH(train(data, quick(name)), Catch::Contains("show a body"));
       continue;
     }
@@ -202,12 +202,12 @@ TEST_CASE("evaluation: the trivial rows, and what was held out") {
   const Rows rows = rows_to_evaluate(model, plates(), false);
   CHECK(rows.size() == 60);
   CHECK(rows_to_evaluate(model, plates(), true).size() == 600);
-  const Evaluation e =
-      evaluate(model, plates(), rows, plates(), model.rows_of(plates(), Part::train));
-  REQUIRE(e.trivial.size() == 3);
-  CHECK(e.trivial[0].name == "empty");
-  CHECK(e.trivial[0].metrics[metric_iou].mean == 0);
-  CHECK(e.trivial[2].metrics[metric_iou].mean > 0.3);
+  const Rows seen = model.rows_of(plates(), Part::train);
+  const auto trivial = score_trivial(plates(), rows, model.scene, plates(), seen);
+  REQUIRE(trivial.size() == 3);
+  CHECK(trivial[0].name == "empty");
+  CHECK(trivial[0].metrics[metric_iou].mean == 0);
+  CHECK(trivial[2].metrics[metric_iou].mean > 0.3);
   const Folder dir;
   // Of a plate and its mirror image, what is the ghost of one is the truth of the other.
   write_run(dir / "pairs", 60, 5, [](record::FusedRecord& r) {
@@ -217,9 +217,9 @@ TEST_CASE("evaluation: the trivial rows, and what was held out") {
     r = testing::plate_record(r.index, r.index % 2 ? -x : x, z, rng);
   });
   const Dataset pairs = load({dir / "pairs"});
-  const Evaluation both = evaluate(model, pairs, rows_to_evaluate(model, pairs, true), plates(),
-                                   model.rows_of(plates(), Part::train));
-  CHECK(both.trivial[1].metrics[metric_ghost].mean == Approx(0.5).epsilon(1e-6));
+  const auto both =
+      score_trivial(pairs, rows_to_evaluate(model, pairs, true), model.scene, plates(), seen);
+  CHECK(both[1].metrics[metric_ghost].mean == Approx(0.5).epsilon(1e-6));
   write_run(dir / "fresh", 10, 9);
   CHECK(rows_to_evaluate(model, load({dir / "fresh"}), false).size() == 10);
 }

@@ -212,7 +212,7 @@ TEST_CASE("single precision places and shapes a body as double precision does") 
   alignment.load(file, model.features.layout());
   const auto centre = file.read<float>("model/features_mean");
   const auto deviation = file.read<float>("model/features_deviation");
-  const Matrix readings = model.features.apply(plates(), all_rows(plates().size()));
+  const Matrix readings = model.features.readings(plates(), all_rows(plates().size()));
   Matrix features(readings.rows, alignment.size());
   for (std::size_t i = 0; i < readings.rows; ++i) {
     REQUIRE(alignment(readings.row(i), features.row(i)).there);

@@ -108,8 +108,10 @@ TEST_CASE("peculiar sets of records make finite maps or are refused in one line"
         for (const Dataset* judged : {&data, &others}) {
           const Rows rows = rows_to_evaluate(model, *judged, true);
           CHECK(all_finite(model.predict(*judged, rows).values));
+          const Records records = take(model, *judged, SlipAction::warn);
+          const Evaluation e = evaluate(model, records, rows);
           const Rows seen = model.rows_of(data, Part::train);
-          const Evaluation e = evaluate(model, *judged, rows, data, seen);
+          CHECK(score_trivial(*judged, rows, model.scene, data, seen).size() == 3);
           CHECK(std::isfinite(e.metrics[metric_rmse_m].mean));
         }
       } catch (const Error& error) {

@@ -47,18 +47,17 @@ Dataset run_of(std::int64_t count, std::uint64_t seed, const testing::Change& ch
   return load({dir / "run"});
 }
 
-const SlipReference& reference() {
-  static const SlipReference known = [] {
-    const Dataset data = run_of(800, 1);
-    return SlipReference(data, all_rows(data.size()));
-  }();
-  return known;
-}
+struct Reference {
+  Dataset data = run_of(800, 1);
+  Ground ground{data, all_rows(data.size()), Inputs::fused, {}, true};
+  SlipReference slip{ground.alignment, data, ground.aligned, all_rows(data.size())};
+};
 
 Slip slip_of(const Dataset& data) {
-  std::vector<float> found;
-  reference().measure(data, found);
-  return reference().judge(found);
+  static const Reference known;
+  const Features raw = fit_features(known.data, {0}, Inputs::fused, raw_scaling);
+  const Matrix aligned = known.ground.alignment(raw.readings(data, all_rows(data.size())));
+  return known.slip.judge(known.slip.measure(known.ground.alignment, data, aligned));
 }
 
 }  // namespace
@@ -149,6 +148,28 @@ TEST_CASE("too much noise to see a slip is said, not taken for none") {
   CHECK(slip.verdict == Slip::Verdict::few);
   CHECK(4 * slip.error > 0.03);
   CHECK_THAT(slip.text(true), Catch::Contains("too few to tell") && Catch::Contains("error"));
+}
+
+TEST_CASE("a calibration's offset and a slip are taken off a profile in one interpolation") {
+  const Folder dir;
+  write_run(dir / "run", 3, 1, {}, testing::radar_axis(), testing::spd_axis(),
+            {{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0.06, 0.001}});
+  write_run(dir / "plain", 3, 1);
+  const Dataset plain = load({dir / "plain"});
+  const auto moved = [&](double metres, std::size_t row) {
+    const auto profile = plain.radar.row(row);
+    return Shift(metres / plain.radar_axis.step).apply({profile.begin(), profile.end()});
+  };
+  const Dataset calibrated = load({dir / "run"});
+  Dataset recorded = load_recorded({dir / "run"});
+  CHECK(recorded.radar.values == plain.radar.values);
+  shorten_radar(recorded, 0.05);
+  for (std::size_t row = 0; row < 3; ++row) {
+    CHECK(std::ranges::equal(calibrated.radar.row(row), moved(0.06, row)));
+    CHECK(std::ranges::equal(recorded.radar.row(row), moved(0.06 + 0.05, row)));
+  }
+  shorten_radar(recorded, 0);  // there is nothing left to take off
+  CHECK(std::ranges::equal(recorded.radar.row(1), moved(0.06 + 0.05, 1)));
 }
 
 TEST_CASE("a dead radar is seen in a calibrated run, after a correction and in wide bins") {

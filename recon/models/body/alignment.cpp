@@ -81,6 +81,12 @@ Body Alignment::operator()(std::span<const float> readings, std::span<float> fea
   return body;
 }
 
+Matrix Alignment::operator()(const Matrix& readings) const {
+  Matrix out(readings.rows, size());
+  for (std::size_t i = 0; i < readings.rows; ++i) (*this)(readings.row(i), out.row(i));
+  return out;
+}
+
 // `clicks`: above the background, which `counts` still has.
 Body Alignment::find_body(std::span<const float> clicks, std::span<const float> counts) const {
   const auto bins = static_cast<double>(clicks.size());
@@ -99,8 +105,8 @@ Body Alignment::find_body(std::span<const float> clicks, std::span<const float> 
     from = std::clamp(centre - reach_m / spd_step_m_, 0.0, bins);
     to = std::clamp(centre + reach_m / spd_step_m_ + 1, 0.0, bins);
   }
-  const bool there = clicks_in > significance * std::sqrt(counts_in);
-  return {there, static_cast<float>(spd_first_m_ + centre * spd_step_m_)};
+  const auto range_m = static_cast<float>(spd_first_m_ + centre * spd_step_m_);
+  return {clicks_in > significance * std::sqrt(counts_in) && range_m != 0, range_m};
 }
 
 // Clicks between two ranges are differences of the running sum, interpolated.
@@ -167,23 +173,23 @@ double Alignment::displacement_m(std::span<const float> features) const {
   return profile_from_m + (sum > 0 ? moment / sum : 0) * profile_step_m_;
 }
 
-double Alignment::radar_background_share(const Matrix& readings) const {
+double Alignment::radar_background_share(const Matrix& powers, const Rows& rows) const {
   double always = 0, all = 0;
   for (const float v : radar_background_) always += double{v};
-  for (std::size_t i = 0; i < readings.rows; ++i)
-    for (const float v : readings.row(i).subspan(spd_background_.size())) all += double{v};
-  return all > 0 ? always * static_cast<double>(readings.rows) / all : 0;
+  for (const std::size_t row : rows)
+    for (const float v : powers.row(row)) all += double{v};
+  return all > 0 ? always * static_cast<double>(rows.size()) / all : 0;
 }
 
-void Alignment::save(record::H5File& file, const std::string& group) const {
-  file.write(group + "/spd_background", spd_background_, {spd_background_.size()});
-  file.write(group + "/radar_background", radar_background_, {radar_background_.size()});
+void Alignment::save(record::H5File& file) const {
+  file.write("alignment/spd_background", spd_background_, {spd_background_.size()});
+  file.write("alignment/radar_background", radar_background_, {radar_background_.size()});
 }
 
-void Alignment::load(const record::H5File& file, const Layout& layout, const std::string& group) {
+void Alignment::load(const record::H5File& file, const Layout& layout) {
   set_axes(layout);
-  spd_background_ = file.read<float>(group + "/spd_background", {layout.spd.count});
-  radar_background_ = file.read<float>(group + "/radar_background", {layout.radar.count});
+  spd_background_ = file.read<float>("alignment/spd_background", {layout.spd.count});
+  radar_background_ = file.read<float>("alignment/radar_background", {layout.radar.count});
 }
 
 }  // namespace echofuse::recon

@@ -19,6 +19,9 @@ struct Body {
   float range_m = 0;   // slant range of the histogram's centroid
 };
 
+// Aligned features, one row a record. Where nobody is, all of a row is zero.
+inline bool shows_body(std::span<const float> features) { return features.back() != 0; }
+
 // Threading: as a const object may be shared.
 class Alignment {
  public:
@@ -27,6 +30,7 @@ class Alignment {
   // radar the profile has no points. Throws Error(usage) without a histogram.
   Alignment(const Layout& layout, const Matrix& readings, const Rows& rows);
 
+  bool known() const { return !spd_background_.empty(); }
   // Multiply-adds of one record, with the sinc series: every point takes all of the radar's.
   std::size_t cost() const {
     return spd_background_.size() * 4 + profile_points() * radar_background_.size();
@@ -35,16 +39,17 @@ class Alignment {
   std::size_t profile_points() const;  // 0 without a radar
   std::size_t size() const { return histogram_bins() + profile_points() + 1; }
   // Fills size() features: histogram (shares of the clicks), profile (shares of the power), range.
-  // All zero if there is no body.
+  // All zero if there is no body; the range, which comes last, never is if there is one.
   Body operator()(std::span<const float> readings, std::span<float> features) const;
+  Matrix operator()(const Matrix& readings) const;  // the features of every row
   // How far behind the body's range the radar sees it, metres, of features with a body: the
   // centroid of the squared profile, which noise and side lobes hardly pull.
   double displacement_m(std::span<const float> features) const;
   // How much of the radar's power comes from what is always there.
-  double radar_background_share(const Matrix& readings) const;
+  double radar_background_share(const Matrix& powers, const Rows& rows) const;
 
-  void save(record::H5File& file, const std::string& group = "model") const;
-  void load(const record::H5File& file, const Layout& layout, const std::string& group = "model");
+  void save(record::H5File& file) const;  // below "alignment/"
+  void load(const record::H5File& file, const Layout& layout);
 
  private:
   void set_axes(const Layout& layout);

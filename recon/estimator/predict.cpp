@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: MIT
+#include "recon/estimator/predict.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "recon/uncertainty/signs.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t at_once = 512;  // bounds the memory that a prediction needs
+
+// Throws Error(failed) if they are not: a file may hold any weights.
+void require_finite(const Matrix& maps) {
+  if (std::all_of(maps.values.begin(), maps.values.end(), [](float v) { return std::isfinite(v); }))
+    return;
+  throw Error(
+      ExitCode::failed,
+      "the model's maps are not finite numbers: its weights are none that a training makes; "
+      "train it again");
+}
+
+// Of one model without its fallback; row i of `aligned` belongs to rows[i].
+Prediction predict_aligned(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                           const Matrix& aligned, Ask ask) {
+  Prediction out;
+  SoftMaps soft;
+  out.maps =
+      model.model->predict(model.inputs(data, rows, aligned), ask == Ask::pixels ? &soft : nullptr);
+  require_finite(out.maps);
+  if (ask == Ask::maps || !model.confidence) return out;
+  const Confidence& confidence = *model.confidence;
+  const Matrix signs = signs_of(out.maps, model.scene, data, rows, model.features.inputs);
+  std::vector<double> lateral_90_m;
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    lateral_90_m.push_back(confidence.lateral(signs.row(i)));
+  auto strangeness = confidence.novelty.judge(aligned, data, rows);
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    out.claims.push_back({lateral_90_m[i], std::move(strangeness[i])});
+  if (ask == Ask::claims) return out;
+  soft = soft_of(std::move(soft), out.maps, model.scene, lateral_90_m);
+  PixelMaps pixels = confidence.pixels(soft, model.scene);
+  require_finite(pixels.mean), require_finite(pixels.deviation);
+  out.mean = std::move(pixels.mean), out.deviation = std::move(pixels.deviation);
+  return out;
+}
+
+// Moves row i of a part to row places[i] of the whole.
+void put(Prediction& whole, Prediction part, std::span<const std::size_t> places,
+         std::size_t records) {
+  if (places.size() == records) return void(whole = std::move(part));
+  const auto put_rows = [&](Matrix& to, const Matrix& from) {
+    if (to.rows == 0) to = Matrix(from.rows > 0 ? records : 0, from.cols);
+    for (std::size_t i = 0; i < from.rows; ++i)
+      std::copy(from.row(i).begin(), from.row(i).end(), to.row(places[i]).begin());
+  };
+  put_rows(whole.maps, part.maps);
+  put_rows(whole.mean, part.mean), put_rows(whole.deviation, part.deviation);
+  if (!part.claims.empty()) whole.claims.resize(records);
+  for (std::size_t i = 0; i < part.claims.size(); ++i)
+    whole.claims[places[i]] = std::move(part.claims[i]);
+}
+
+// `aligned`: of every record of the data, or none.
+Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                   const Matrix* aligned, Ask ask) {
+  if (ask == Ask::pixels) require_confidence(model);
+  Prediction out;
+  out.maps.cols = model.scene.background.size();
+  for (const auto& [by, places, own_rows] : model.shares(data, rows))
+    for (std::size_t first = 0; first < places.size(); first += at_once) {
+      const std::size_t count = std::min(at_once, places.size() - first);
+      const auto begin = own_rows.begin() + static_cast<std::ptrdiff_t>(first);
+      const Rows some(begin, begin + static_cast<std::ptrdiff_t>(count));
+      const bool shared = aligned && &by == &model;
+      put(out,
+          predict_aligned(
+              by, data, some,
+              shared ? take_rows(*aligned, some) : by.align(data, some, ask != Ask::maps), ask),
+          std::span(places).subspan(first, count), rows.size());
+    }
+  return out;
+}
+
+}  // namespace
+
+Records take(const TrainedModel& model, Dataset recorded, SlipAction action) {
+  const bool asked = action != SlipAction::ignore && model.slip.known();
+  const bool correct = action == SlipAction::correct;
+  Records out{std::move(recorded), {}, {}, 0, {}};
+  Dataset& data = out.data;
+  const Matrix profiles = asked && correct ? data.radar : Matrix{};
+  const Axis axis = data.radar_axis;
+  const std::vector<Source> sources = data.sources;
+  const auto align = [&](double slip_m) {
+    shorten_radar(data, slip_m);
+    model.match(data);
+    out.aligned = model.align(data, all_rows(data.size()), true);
+  };
+  align(0);
+  if (!asked) return out;
+  out.slip = model.slip.judge(model.slip.measure(model.alignment, data, out.aligned));
+  out.text = out.slip.text(correct);
+  if (!correct || out.slip.verdict != Slip::Verdict::found) return out;
+  data.radar = profiles, data.radar_axis = axis, data.sources = sources;
+  align(out.slip_m = out.slip.metres);
+  return out;
+}
+
+Prediction predict(const TrainedModel& model, const Records& records, const Rows& rows, Ask ask) {
+  return predict(model, records.data, rows, &records.aligned, ask);
+}
+
+Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows, Ask ask) {
+  return predict(model, data, rows, nullptr, ask);
+}
+
+Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
+  return recon::predict(*this, data, rows, Ask::maps).maps;
+}
+
+void require_confidence(const TrainedModel& model) {
+  if (!model.confidence)
+    throw Error(ExitCode::usage,
+                "the model does not know how sure it is: it was trained on too few records (100, "
+                "and 30 validation records), its training was interrupted, or an older version "
+                "trained it; train it anew");
+}
+
+}  // namespace echofuse::recon

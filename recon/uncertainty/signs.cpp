@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: MIT
+#include "recon/uncertainty/signs.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "recon/maps/metrics.hpp"
+#include "recon/numbers/statistics.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+float significance(std::span<const float> counts) {
+  std::vector<float> sorted(counts.begin(), counts.end());
+  const float level = quantile(sorted, 0.5);
+  double above = 0, all = 0;
+  for (const float v : counts) above += double{v - level}, all += double{v};
+  return static_cast<float>(std::max(above, 0.0) / std::sqrt(all + 1));
+}
+
+float peak_to_noise(std::span<const float> power) {
+  std::vector<float> sorted(power.begin(), power.end());
+  std::sort(sorted.begin(), sorted.end());
+  const std::size_t half = sorted.size() / 2;
+  double mean = 0, square = 0;
+  for (std::size_t i = 0; i <= half; ++i) mean += double{sorted[i]} / double(half + 1);
+  for (std::size_t i = 0; i <= half; ++i)
+    square += std::pow(double{sorted[i]} - mean, 2) / double(half + 1);
+  return static_cast<float>((double{sorted.back()} - mean) / std::max(std::sqrt(square), 1e-12));
+}
+
+}  // namespace
+
+std::size_t sign_count(Inputs inputs) { return inputs == Inputs::fused ? 3 : 2; }
+
+Matrix signs_of(const Matrix& maps, const Scene& scene, const Dataset& data, const Rows& rows,
+                Inputs inputs) {
+  Matrix out(0, sign_count(inputs));
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    std::vector<float> signs{static_cast<float>(std::abs(foreground_tangent(maps.row(i), scene)))};
+    if (inputs != Inputs::radar) signs.push_back(std::log(significance(data.spd.row(rows[i])) + 1));
+    if (inputs != Inputs::spd) signs.push_back(std::log(peak_to_noise(data.radar.row(rows[i]))));
+    out.add_row(signs);
+  }
+  return out;
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: MIT
+// What is known at the prediction of how good a map will be: how far its body stands from the axis,
+// and how strong each sensor's signal is against its noise.
+#pragma once
+#include "recon/data/dataset.hpp"
+#include "recon/maps/scene.hpp"
+
+namespace echofuse::recon {
+
+std::size_t sign_count(Inputs inputs);
+
+// One row a map: |x/z| of its foreground (NaN if there is none); of the SPD log(1 + clicks above
+// the background, in deviations of all clicks); of the radar log(peak over the scatter of the
+// weaker half of the profile). Row i of the maps belongs to rows[i] of the data.
+Matrix signs_of(const Matrix& maps, const Scene& scene, const Dataset& data, const Rows& rows,
+                Inputs inputs);
+
+}  // namespace echofuse::recon
