@@ -8,27 +8,25 @@
 
 namespace echofuse::acquire {
 
-void close_accounts(Writer& writer, RunLog& log,
-                    std::array<std::vector<Counter>, sensor_count> counters, const Strays& strays) {
+void close_accounts(Writer& writer, RunLog& log, PerSensor<std::vector<Counter>> counters,
+                    const Strays& strays) {
   for (const Sensor s : all_sensors) {
-    const auto i = static_cast<std::size_t>(s);
-    counters[i].push_back({"early", strays.early[i]});
-    counters[i].push_back({"late", strays.late[i]});
-    counters[i].push_back({"outside", strays.outside[i]});
-    counters[i].push_back({"duplicate", strays.duplicate[i]});
-    counters[i].push_back({"out_of_order", strays.out_of_order[i]});
+    counters[s].push_back({"early", strays.early[s]});
+    counters[s].push_back({"late", strays.late[s]});
+    counters[s].push_back({"outside", strays.outside[s]});
+    counters[s].push_back({"duplicate", strays.duplicate[s]});
+    counters[s].push_back({"out_of_order", strays.out_of_order[s]});
   }
-  counters[0].push_back({"found", strays.found});
+  counters[Sensor::spd].push_back({"found", strays.found});
   std::vector<record::Counted> rows;
   for (const Sensor s : all_sensors)
-    for (const Counter& c : counters[static_cast<std::size_t>(s)])
-      rows.push_back({name_of(s), c.name, c.value});
+    for (const Counter& c : counters[s]) rows.push_back({name_of(s), c.name, c.value});
   writer.put([rows = std::move(rows)](record::RunWriter& run) { run.put_counters(rows); });
-  const auto count = [&](const char* what, const std::array<std::uint64_t, sensor_count>& n) {
-    if (n[0] + n[1] + n[2] > 0)
+  const auto count = [&](const char* what, const PerSensor<std::uint64_t>& n) {
+    if (n != PerSensor<std::uint64_t>{})
       log.put(Severity::warning, "run",
-              std::to_string(n[0]) + " tags, " + std::to_string(n[1]) + " radar frames, " +
-                  std::to_string(n[2]) + " depth frames " + what);
+              std::to_string(n[Sensor::spd]) + " tags, " + std::to_string(n[Sensor::radar]) +
+                  " radar frames, " + std::to_string(n[Sensor::depth]) + " depth frames " + what);
   };
   count("came after their slot was closed", strays.late);
   count("came twice", strays.duplicate);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // What of all that the devices sent is in no record, and why.
 #pragma once
-#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -15,8 +14,8 @@ namespace echofuse::acquire {
 
 // At a run's end: the drivers' counters and the strays into the run, all of them or none, and a
 // warning of each kind of stray that matters.
-void close_accounts(Writer& writer, RunLog& log,
-                    std::array<std::vector<Counter>, sensor_count> counters, const Strays& strays);
+void close_accounts(Writer& writer, RunLog& log, PerSensor<std::vector<Counter>> counters,
+                    const Strays& strays);
 
 // "7 records", "3 of 3 records, 23 in all": of `planned` ones, and of a resumed run with `before`.
 std::string count_text(std::int64_t written, std::optional<std::int64_t> planned,

@@ -87,7 +87,7 @@ class Daemon final : private SampleSink {
   void arm();
   void tick();
   bool is_early(Sensor sensor, std::uint64_t amount) {
-    if (!recording_) early_[static_cast<std::size_t>(sensor)] += amount;
+    if (!recording_) early_[sensor] += amount;
     return !recording_;
   }
   void close_due(HostTime now);
@@ -107,12 +107,12 @@ class Daemon final : private SampleSink {
   SensorClocks clocks_;  // they hear what comes before the first slot as well
   std::optional<Recording> recording_;
   std::vector<std::string> axes_written_;
-  std::array<std::string, sensor_count> identities_;  // of the devices written
+  PerSensor<std::string> identities_;  // of the devices written
   HostTime anchor_mono_{};
   UtcTime anchor_utc_{};
   RunTotals totals_;
-  std::array<std::uint64_t, sensor_count> early_{};  // heard before there were slots
-  std::int64_t first_index_ = 0;  // of a resumed run: slots are counted from here
+  PerSensor<std::uint64_t> early_{};  // heard before there were slots
+  std::int64_t first_index_ = 0;      // of a resumed run: slots are counted from here
   std::optional<std::int64_t> records_before_;
   std::vector<Axis> begun_axes_;  // of a resumed run
   std::string gap_;               // of a resumed run: what to note of it
@@ -147,7 +147,7 @@ void Daemon::require_devices() const {
   for (const Sensor s : all_sensors) {
     any = any || devices_[s].delivers();
     if (!devices_[s].configured || devices_[s].delivers()) continue;
-    std::string& list = (config_.required() >> static_cast<unsigned>(s)) & 1u ? required : missing;
+    std::string& list = config_.required().contains(s) ? required : missing;
     list += (list.empty() ? "" : "\n") + devices_.describe(s);
   }
   if (!required.empty())
@@ -190,8 +190,8 @@ void Daemon::begin() {
   put_anchor();
   for (const Sensor s : all_sensors)
     if (devices_[s].configured)
-      recording_->writer.put([s, policy = config_.policy[static_cast<std::size_t>(s)]](
-                                 record::RunWriter& run) { run.put_policy(s, policy); });
+      recording_->writer.put(
+          [s, policy = config_.policy[s]](record::RunWriter& run) { run.put_policy(s, policy); });
   if (!options_.resume)  // a resumed run keeps the one that it was begun with
     for (const auto& entry : config_.calibration.entries)
       recording_->writer.put([entry](record::RunWriter& run) { run.put_calibration(entry); });
@@ -215,7 +215,7 @@ void Daemon::announce(Sensor sensor) {
   const DeviceInfo& info = devices_[sensor].info;
   const std::string identity = info.address + '\n' + info.model + '\n' + info.serial + '\n' +
                                info.firmware;  // one row a device, not one a reconnection
-  if (std::exchange(identities_[static_cast<std::size_t>(sensor)], identity) != identity)
+  if (std::exchange(identities_[sensor], identity) != identity)
     recording_->writer.put([info](record::RunWriter& run) { run.put_device(info); });
   if (!recording_->windows.announce(info))
     log(Severity::error, name_of(sensor), "came back with another axis; its samples are not used");
@@ -329,11 +329,11 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
   record.label = label_;
   totals_.take(record, config_.configured(), [&](Sensor sensor, Severity severity) {
     log(severity, name_of(sensor),
-        "record " + std::to_string(record.index) + ": " +
-            record.sync[static_cast<std::size_t>(sensor)].verdict);
+        "record " + std::to_string(record.index) + ": " + record.sync[sensor].verdict);
   });
   spdlog::debug("record {}: valid {}, {} clicks, {} radar frames, {} depth frames", record.index,
-                record.valid, record.sync[0].used, record.sync[1].used, record.sync[2].used);
+                record.valid.bits(), record.sync[Sensor::spd].used, record.sync[Sensor::radar].used,
+                record.sync[Sensor::depth].used);
   if (!recording_->writer.put(std::move(record)))
     log(Severity::error, "run file",
         "record " + std::to_string(due.index + first_index_) +
@@ -353,8 +353,8 @@ void Daemon::end() {
   Recording& r = *recording_;
   notify_stopping();
   devices_.stop();
-  std::array<std::vector<Counter>, sensor_count> counters;
-  for (const Sensor s : all_sensors) counters[static_cast<std::size_t>(s)] = devices_.counters(s);
+  PerSensor<std::vector<Counter>> counters;
+  for (const Sensor s : all_sensors) counters[s] = devices_.counters(s);
   if (raw_) {
     const port::RawKeeper::Counts bytes = raw_->finish();
     tell_raw_trouble();
@@ -365,7 +365,7 @@ void Daemon::end() {
   r.windows.finish();
   put_late();
   Strays strays = r.windows.strays();
-  for (std::size_t s = 0; s < sensor_count; ++s) strays.early[s] += early_[s];
+  for (const Sensor s : all_sensors) strays.early[s] += early_[s];
   close_accounts(r.writer, log_, std::move(counters), strays);
   if (!r.writer.finish(status_))
     spdlog::warn(

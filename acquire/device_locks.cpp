@@ -78,11 +78,10 @@ DeviceLocks::DeviceLocks(const Config& config, const std::string& command, const
     : me_{"echofuse-acquire " + command + ", pid " + std::to_string(::getpid()) +
               (run.empty() ? "" : ", run " + run),
           run} {
-  for (const Sensor s : {Sensor::spd, Sensor::radar, Sensor::depth}) {
-    const auto i = static_cast<std::size_t>(s);
-    if (!(config.configured() >> i & 1u)) continue;
-    addresses_[i] = addresses_of(config, s);
-    for (const std::string& address : addresses_[i]) take(s, address);
+  for (const Sensor s : all_sensors) {
+    if (!config.configured().contains(s)) continue;
+    addresses_[s] = addresses_of(config, s);
+    for (const std::string& address : addresses_[s]) take(s, address);
   }
 }
 
@@ -91,13 +90,13 @@ void DeviceLocks::take(Sensor sensor, const std::string& address) {
   if (name.empty()) return;
   auto file = std::make_unique<LockFile>(lock_folder(), name, me_);
   if (file->other())
-    others_[static_cast<std::size_t>(sensor)] = file->other();
+    others_[sensor] = file->other();
   else
     held_[address] = {name, std::move(file)};
 }
 
 void DeviceLocks::follow(Sensor sensor) {
-  for (const std::string& address : addresses_[static_cast<std::size_t>(sensor)]) {
+  for (const std::string& address : addresses_[sensor]) {
     if (!address.starts_with("serial:")) continue;
     const auto held = held_.find(address);
     if (lock_name(address) == (held == held_.end() ? "" : held->second.name)) continue;

@@ -68,12 +68,14 @@ Devices::Devices(boost::asio::io_context& io, const Config& config, const Clock&
                  SampleSink& next, port::RawKeeper* raw)
     : io_(io), config_(config), next_(&next) {
   for (const Sensor s : all_sensors) {
-    seen(s).configured = (config.configured() >> static_cast<unsigned>(s)) & 1u;
+    seen(s).configured = config.configured().contains(s);
     seen(s).info.address = address_of(config, s);
   }
-  if (seen(Sensor::spd).configured) drivers_[0] = make_tdc(io, config.tdc, clock, raw);
-  if (seen(Sensor::radar).configured) drivers_[1] = make_radar(io, config.radar, clock, raw);
-  if (seen(Sensor::depth).configured) drivers_[2] = make_depth(io, config.depth, clock, raw);
+  if (seen(Sensor::spd).configured) drivers_[Sensor::spd] = make_tdc(io, config.tdc, clock, raw);
+  if (seen(Sensor::radar).configured)
+    drivers_[Sensor::radar] = make_radar(io, config.radar, clock, raw);
+  if (seen(Sensor::depth).configured)
+    drivers_[Sensor::depth] = make_depth(io, config.depth, clock, raw);
 }
 
 Devices::~Devices() {
@@ -99,8 +101,7 @@ void Devices::take(const std::string& command, const std::string& run) {
 
 void Devices::start() {
   for (const Sensor s : all_sensors)
-    if (auto& driver = drivers_[static_cast<std::size_t>(s)]; driver && !seen(s).holder)
-      driver->start(*this);
+    if (auto& driver = drivers_[s]; driver && !seen(s).holder) driver->start(*this);
 }
 
 void Devices::stop() {
@@ -121,10 +122,10 @@ std::vector<Sensor> Devices::halt() {
   }
   std::vector<Sensor> unfinished;
   for (const Sensor s : all_sensors) {
-    auto& driver = drivers_[static_cast<std::size_t>(s)];
+    auto& driver = drivers_[s];
     if (!driver) continue;
     if (!driver->finished()) unfinished.push_back(s);
-    last_counters_[static_cast<std::size_t>(s)] = driver->counters();
+    last_counters_[s] = driver->counters();
     driver.reset();
   }
   return unfinished;
@@ -141,8 +142,8 @@ void Devices::wait(double timeout_s) {
 }
 
 std::vector<Counter> Devices::counters(Sensor s) const {
-  const auto& driver = drivers_[static_cast<std::size_t>(s)];
-  return driver ? driver->counters() : last_counters_[static_cast<std::size_t>(s)];
+  const auto& driver = drivers_[s];
+  return driver ? driver->counters() : last_counters_[s];
 }
 
 bool Devices::all(const std::function<bool(const Seen&)>& predicate) const {

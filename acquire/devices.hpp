@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The drivers of a configuration, and what has been seen of each device.
 #pragma once
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -47,7 +46,7 @@ class Devices final : private SampleSink {
   // Runs io until every configured device that is ours delivers, the time is up or the user
   // interrupts.
   void wait(double timeout_s);
-  const Seen& operator[](Sensor s) const { return seen_[static_cast<std::size_t>(s)]; }
+  const Seen& operator[](Sensor s) const { return seen_[s]; }
   // Of the sensor's driver, until its end; none if it is not configured.
   std::vector<Counter> counters(Sensor s) const;
   // Asks it of every configured device.
@@ -62,18 +61,16 @@ class Devices final : private SampleSink {
   void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
   std::vector<Sensor> halt();
-  Seen& seen(Sensor s) { return seen_[static_cast<std::size_t>(s)]; }
+  Seen& seen(Sensor s) { return seen_[s]; }
 
   boost::asio::io_context& io_;
   const Config& config_;
   SampleSink* next_;
   std::optional<DeviceLocks> locks_;  // outlive the drivers
-  std::array<Seen, sensor_count> seen_;
-  std::array<std::unique_ptr<Driver>, sensor_count> drivers_;
-  std::array<std::vector<Counter>, sensor_count> last_counters_;  // of those that ended
+  PerSensor<Seen> seen_;
+  PerSensor<std::unique_ptr<Driver>> drivers_;
+  PerSensor<std::vector<Counter>> last_counters_;  // of those that ended
 };
-
-inline constexpr Sensor all_sensors[] = {Sensor::spd, Sensor::radar, Sensor::depth};
 
 // The `devices` command: what is attached; then, given a configuration, waits as `run` does and
 // says what of it answers, or of a device in use what the run that has it says. Device code if one

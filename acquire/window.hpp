@@ -47,16 +47,15 @@ namespace echofuse::acquire {
 
 // Samples that are in no record: tags for the SPD, frames for the others.
 struct Strays {
-  std::array<std::uint64_t, sensor_count> early{}, late{}, outside{}, duplicate{}, out_of_order{};
+  PerSensor<std::uint64_t> early{}, late{}, outside{}, duplicate{}, out_of_order{};
   std::uint64_t found = 0;  // blocks of tags
 };
 
 class Windows {
  public:
-  // `clocks` outlives this and hears every sample before it is added here. `configured`,
-  // `required`: bit 0 SPD, 1 radar, 2 depth.
+  // `clocks` outlives this and hears every sample before it is added here.
   Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc, const SensorClocks& clocks,
-          std::uint32_t configured, std::uint32_t required = 0);
+          SensorSet configured, SensorSet required = {});
 
   // What a device's samples mean. The first announcement of an axis holds for the run; a device
   // that comes back with another one is not used (false) until it fits again.
@@ -135,11 +134,11 @@ class Windows {
 
   SlotGrid grid_;
   const SensorClocks& clocks_;
-  std::uint32_t configured_, required_;
+  SensorSet configured_, required_;
   tdc::Histogram histogram_;  // of the slot tag_slot_, in the order of arrival
   std::int64_t tag_slot_ = 0;
   std::map<std::string, Axis> axes_;  // radar, depth_x, depth_y
-  std::array<bool, sensor_count> refused_{};
+  PerSensor<bool> refused_{};
   std::map<std::int64_t, Slot> open_;
   std::int64_t next_ = 0;  // first slot that is not closed
   Numbers radar_numbers_, depth_numbers_;

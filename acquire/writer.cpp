@@ -15,9 +15,9 @@ constexpr std::size_t hard_limit = 10;  // times the capacity
 constexpr const char* too_slow = "dropped: the disk does not keep up";
 
 void give_up_data(record::FusedRecord& record) {
-  for (std::size_t s = 0; s < sensor_count; ++s)
-    if ((record.valid >> s) & 1u) record.sync[s].verdict = too_slow;
-  record.valid = 0;
+  for (const Sensor s : all_sensors)
+    if (record.has(s)) record.sync[s].verdict = too_slow;
+  record.valid = {};
   record.spd = {};
   record.radar = {};
   record.depth_mm = {};

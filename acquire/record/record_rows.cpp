@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/record/record_rows.hpp"
 
+#include <algorithm>
+
 #include "acquire/record/png.hpp"
 #include "drivers/core/exit_code.hpp"
 
@@ -39,8 +41,8 @@ void RecordRows::insert(const FusedRecord& r, const std::vector<Axis>& axes) {
   const Bytes png = r.has(Sensor::depth) ? encode_png16(r.depth_mm, width, height) : Bytes{};
   if (r.has(Sensor::depth) && png.empty()) {  // what one camera sends never ends a run
     FusedRecord without = r;
-    without.valid &= ~(1u << static_cast<unsigned>(Sensor::depth));
-    without.sync[static_cast<std::size_t>(Sensor::depth)].verdict = "cannot be encoded as PNG";
+    without.valid.erase(Sensor::depth);
+    without.sync[Sensor::depth].verdict = "cannot be encoded as PNG";
     return insert(without, axes);
   }
 
@@ -50,7 +52,7 @@ void RecordRows::insert(const FusedRecord& r, const std::vector<Axis>& axes) {
       .bind(std::int64_t{r.slot_start.count()})
       .bind(std::int64_t{r.slot_end.count()})
       .bind(std::int64_t{r.slot_utc.count()})
-      .bind(std::int64_t{r.valid})
+      .bind(std::int64_t{r.valid.bits()})
       .bind(r.label);
   const SpdCounts& c = r.spd_counts;
   for (const std::uint64_t v :
@@ -70,16 +72,16 @@ void RecordRows::insert(const FusedRecord& r, const std::vector<Axis>& axes) {
 }
 
 void RecordRows::insert_clocks(const FusedRecord& r) {
-  if (r.missing != 0) {
+  if (!r.missing.empty()) {
     std::string names;
-    for (const Sensor sensor : {Sensor::spd, Sensor::radar, Sensor::depth}) {
-      if (!((r.missing >> static_cast<unsigned>(sensor)) & 1u)) continue;
+    for (const Sensor sensor : all_sensors) {
+      if (!r.missing.contains(sensor)) continue;
       if (!names.empty()) names += ' ';
       names += name_of(sensor);
     }
     Statement(db_, path_, "INSERT INTO incomplete VALUES (?,?)").bind(r.index).bind(names).run();
   }
-  if (!r.clocks[0] && !r.clocks[1] && !r.clocks[2]) return;
+  if (std::none_of(r.clocks.begin(), r.clocks.end(), [](auto& c) { return c.has_value(); })) return;
   Statement s(db_, path_, "INSERT INTO clock_fit VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?)");
   s.bind(r.index);
   for (const auto& clock : r.clocks)

@@ -6,7 +6,6 @@
 //   run, device, calibration, axis, record, radar_status, event, anchor: see schema.hpp
 //   record.spd u32 LE counts | radar f32 LE | depth 16-bit grey PNG, millimetres
 #pragma once
-#include <array>
 #include <functional>
 #include <limits>
 #include <map>
@@ -118,18 +117,18 @@ inline constexpr std::int64_t null_integer = std::numeric_limits<std::int64_t>::
 
 // A run in numbers, without reading the sensors' data.
 struct RunSummary {
-  std::int64_t records = 0, all_valid = 0;         // all_valid: of records with all three sensors
-  std::int64_t incomplete = 0;                     // records that lack a required sensor
-  std::array<std::int64_t, sensor_count> valid{};  // records with a valid SPD, radar, depth
-  std::array<std::int64_t, sensor_count> lost{};   // tags, radar frames, depth frames
+  std::int64_t records = 0, all_valid = 0;  // all_valid: of records with all three sensors
+  std::int64_t incomplete = 0;              // records that lack a required sensor
+  PerSensor<std::int64_t> valid{};          // records with a valid SPD, radar, depth
+  PerSensor<std::int64_t> lost{};           // tags, radar frames, depth frames
   std::int64_t tags = 0;
   std::int64_t last_index = -1;                        // the largest of a record
   UtcTime first_utc{}, last_utc{};                     // start of the first slot, end of the last
   std::map<std::string, std::int64_t> labels, events;  // records by label, events by level
   std::map<std::string, std::string> policies;         // by sensor
   // By sensor, records by verdict, without the figures behind a verdict's colon.
-  std::array<std::map<std::string, std::int64_t>, sensor_count> verdicts;
-  std::array<std::optional<ClockState>, sensor_count> clocks;  // of the last record that has them
+  PerSensor<std::map<std::string, std::int64_t>> verdicts;
+  PerSensor<std::optional<ClockState>> clocks;  // of the last record that has them
 };
 
 // Reads closed, live and crashed runs alike.

@@ -62,7 +62,7 @@ std::string decode(Statement& row, const Shapes& shapes, FusedRecord& r) {
   r.slot_start = HostTime(row.integer());
   r.slot_end = HostTime(row.integer());
   r.slot_utc = UtcTime(row.integer());
-  r.valid = static_cast<std::uint32_t>(row.integer()) & 7u;
+  r.valid = SensorSet::from_bits(static_cast<std::uint32_t>(row.integer()) & 7u);
   r.label = row.text();
   const ByteView spd = row.blob(), radar = row.blob(), depth = row.blob();
   SpdCounts& c = r.spd_counts;

@@ -10,15 +10,9 @@
 
 #include "drivers/core/axis.hpp"
 #include "drivers/core/clock.hpp"
+#include "drivers/core/sensor.hpp"
 
 namespace echofuse {
-
-enum class Sensor : std::uint8_t { spd = 0, radar = 1, depth = 2 };
-inline constexpr std::size_t sensor_count = 3;
-inline const char* name_of(Sensor s) {
-  constexpr const char* names[] = {"spd", "radar", "depth"};
-  return names[static_cast<std::size_t>(s)];
-}
 
 // One 16-byte record of a time tagger, in memory as on the wire (Swabian time-tag stream).
 //   off 0 u8 type | 1 u8 0 | 2 u16 missed events (type 4) | 4 i32 channel | 8 i64 time in ps

@@ -75,7 +75,7 @@ class Appender {
         data_.depth,
         depth ? record::to_target(r.depth_mm, x_, y_, target_x_, target_y_) : std::vector<float>{},
         depth, std::size_t{record::map_size} * record::map_size);
-    data_.valid.push_back(r.valid);
+    data_.valid.push_back(r.valid.bits());
     data_.index.push_back(r.index);
     data_.slot_end.push_back(r.slot_end);
     data_.clicks_a_pulse.push_back(clicks_a_pulse(r));

@@ -146,8 +146,8 @@ TEST_CASE("a complaint is kept once, at any time, information is none") {
   capture.on_event(Sensor::radar, Severity::warning, "swapped?");
   capture.on_event(Sensor::radar, Severity::warning, "swapped?");
   capture.on_event(Sensor::radar, Severity::info, "started");
-  CHECK(capture.complaints[1] == std::vector<std::string>{"swapped?"});
-  CHECK(capture.complaints[0].empty());
+  CHECK(capture.complaints[Sensor::radar] == std::vector<std::string>{"swapped?"});
+  CHECK(capture.complaints[Sensor::spd].empty());
 }
 
 TEST_CASE("a record's size comes from the frames, or from the configuration without any") {
