@@ -3,12 +3,11 @@
 
 #include <array>
 #include <cstdio>
-#include <filesystem>
-#include <fstream>
 #include <sstream>
 
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/settings.hpp"
+#include "drivers/core/write_beside.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -98,13 +97,7 @@ void write_calibration(const std::string& path, const Calibration& calibration) 
                  "mean of the radar's own compRangeBiasAndRxChanPhase lines");
     settings.add("firmware.lines", lines, 0, 1'000'000'000, "how many came");
   }
-  const std::string fresh = path + ".new";
-  std::ofstream out(fresh);
-  out << settings.resolved(true);
-  out.close();
-  std::error_code error;
-  if (out) std::filesystem::rename(fresh, path, error);
-  if (!out || error) throw Error(ExitCode::disk, path + ": cannot be written");
+  write_beside(path, settings.resolved(true));
 }
 
 }  // namespace echofuse::acquire

@@ -7,15 +7,16 @@
 #include <array>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <filesystem>
 #include <utility>
 #include <vector>
 
 #include "acquire/accounts.hpp"
 #include "acquire/backlog.hpp"
 #include "acquire/devices.hpp"
+#include "acquire/disk_estimate.hpp"
 #include "acquire/notify.hpp"
 #include "acquire/resume.hpp"
-#include "acquire/room.hpp"
 #include "acquire/run_log.hpp"
 #include "acquire/scheduler.hpp"
 #include "acquire/signal_check.hpp"
@@ -79,6 +80,7 @@ class Daemon final : private SampleSink {
   void begin();
   std::unique_ptr<record::RunWriter> open_file();
   void interrupt(HostTime now);
+  void warn_of_full_disk();
   void announce(Sensor sensor);
   void put_anchor();
   void log(Severity severity, const std::string& source, const std::string& text) {
@@ -203,11 +205,19 @@ void Daemon::begin() {
       announce(s);
     else if (devices_[s].configured)
       log(Severity::warning, name_of(s), "not there at the start: " + devices_.describe(s));
-  const std::string room =
-      room_warning(options_.out, recording_->windows.axes(), options_.count, config_.window_s);
-  if (!room.empty()) log(Severity::warning, "disk", room);
+  warn_of_full_disk();
   spdlog::info("recording into {}, slots of {} s", options_.out, config_.window_s);
   notify_ready(config_.window_s);
+}
+
+void Daemon::warn_of_full_disk() {
+  const PlannedRun plan{.folder = std::filesystem::path(options_.out).parent_path(),
+                        .record_bytes = record_bytes(recording_->windows.axes()),
+                        .window_s = config_.window_s,
+                        .count = options_.count};
+  const auto free = free_bytes(plan.folder);
+  const std::string warning = free ? disk_warning(plan, static_cast<double>(*free)) : "";
+  if (!warning.empty()) log(Severity::warning, "disk", warning);
 }
 
 // A device answers: its identity and axes go into the run.

@@ -3,9 +3,10 @@
 
 #include <spdlog/spdlog.h>
 
+#include <filesystem>
 #include <utility>
 
-#include "acquire/room.hpp"
+#include "acquire/disk_estimate.hpp"
 #include "drivers/core/exit_code.hpp"
 
 namespace echofuse::acquire {
@@ -56,7 +57,7 @@ bool Writer::put(record::FusedRecord record) {
     if (label_) r.label = *label_;
     run.append(r);
     spdlog::debug("record {}: committed", r.index);  // what scripts/kill_test relies on
-    const auto free = acquire::free_bytes(run.path());
+    const auto free = acquire::free_bytes(std::filesystem::path(run.path()).parent_path().string());
     const std::lock_guard lock(mutex_);
     free_ = free;
     ++written_;
