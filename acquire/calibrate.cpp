@@ -52,9 +52,8 @@ class Gatherer final : public SampleSink {
   void on_state(Sensor sensor, DeviceState, const DeviceInfo&) override {
     if (sensor == Sensor::spd) forget_start();
   }
-  void on_event(Sensor, Severity, const std::string& text) override {
-    if (const auto bias = read_firmware_bias(text)) firmware.push_back(*bias);
-  }
+  void on_firmware_bias(const FirmwareBias& bias) override { firmware.push_back(bias); }
+  void on_event(Sensor, Severity, const std::string&) override {}
 
   // Counts since the last call.
   std::vector<std::uint32_t> take() {

@@ -2,12 +2,11 @@
 #include "acquire/calibration.hpp"
 
 #include <array>
-#include <cstdio>
-#include <sstream>
 
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/settings.hpp"
 #include "drivers/core/write_beside.hpp"
+#include "drivers/radar/firmware_bias.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -24,18 +23,6 @@ void bind(Settings& s, const std::string& section, record::CalibrationEntry& e) 
 }
 
 }  // namespace
-
-std::optional<FirmwareBias> read_firmware_bias(const std::string& line) {
-  std::istringstream words(line);
-  std::string command;
-  FirmwareBias out;
-  out.lines = 1;
-  if (!(words >> command >> out.range_bias_m) || command != "compRangeBiasAndRxChanPhase")
-    return std::nullopt;
-  for (double v; words >> v;) out.re_im.push_back(v);
-  const bool whole = words.eof() && !out.re_im.empty() && out.re_im.size() % 2 == 0;
-  return whole ? std::optional(out) : std::nullopt;
-}
 
 const record::CalibrationEntry* Calibration::find(Sensor sensor) const {
   for (const auto& e : entries)
@@ -70,7 +57,7 @@ Calibration read_calibration(const std::string& path) {
   if (out.entries.empty())
     throw Error(ExitCode::config, path + ": no offset; expected spd.offset_m or radar.offset_m");
   if (line.empty()) return out;
-  out.firmware = read_firmware_bias(line);
+  out.firmware = radar::parse_firmware_bias(line);
   if (!out.firmware)
     throw Error(ExitCode::config,
                 path + ": firmware.line is not a compRangeBiasAndRxChanPhase command");
@@ -85,13 +72,7 @@ void write_calibration(const std::string& path, const Calibration& calibration) 
   std::string line;
   std::int64_t lines = 0;
   if (const auto& f = calibration.firmware) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%.7f", f->range_bias_m);
-    line = std::string("compRangeBiasAndRxChanPhase ") + text;
-    for (const double v : f->re_im) {  // more decimals overflow the firmware's line
-      std::snprintf(text, sizeof text, " %.5f", v);
-      line += text;
-    }
+    line = radar::to_line(*f);
     lines = f->lines;
     settings.add("firmware.line", line,
                  "mean of the radar's own compRangeBiasAndRxChanPhase lines");

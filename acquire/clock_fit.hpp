@@ -84,7 +84,7 @@ class ClockFit {
   Receipt last_;                 // that was used
   std::int64_t last_ticks_ = 0;  // its device time since the history began
   double newest_s_ = 0;
-  std::deque<Least> history_;  // empty: nothing was heard yet
+  std::deque<Least> history_;  // empty: nothing was observed yet
   std::uint64_t samples_ = 0;  // that the history stands for
   double intercept_s_ = 0, slope_ = 0, residual_s_ = 0;
   std::optional<Receipt> suspect_;
@@ -95,9 +95,9 @@ class ClockFit {
 // The clocks of the three sensors.
 class SensorClocks {
  public:
-  void hear(const TagBlock& block);
-  void hear(const RadarFrame& frame);
-  void hear(const DepthFrame& frame);
+  void observe(const TagBlock& block);
+  void observe(const RadarFrame& frame);
+  void observe(const DepthFrame& frame);
   void reset(Sensor s) { of(s).reset(); }
   const ClockFit& operator[](Sensor s) const { return fits_[s]; }
 

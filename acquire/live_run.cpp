@@ -31,7 +31,7 @@ LiveDevice last_record(const std::string& run, Sensor sensor, const Clock& clock
 
 }  // namespace
 
-LiveDevice look_at(const Holder& holder, Sensor sensor, const Clock& clock) {
+LiveDevice inspect_holder(const Holder& holder, Sensor sensor, const Clock& clock) {
   LiveDevice found;
   std::error_code none;
   if (std::filesystem::is_regular_file(holder.run, none)) {

@@ -257,7 +257,7 @@ SelfTest test_devices(const Config& config, const Clock& clock) {
   for (const Sensor s : all_sensors) {
     if (!devices[s].configured) continue;
     if (devices[s].holder) {
-      out.findings.push_back(judge_in_use(s, look_at(*devices[s].holder, s, clock)));
+      out.findings.push_back(judge_in_use(s, inspect_holder(*devices[s].holder, s, clock)));
     } else if (devices[s].delivers()) {
       out.findings.push_back(judges[s](capture, config, time_s));
     } else {

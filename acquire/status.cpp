@@ -118,6 +118,15 @@ std::string RunTotals::doubts() const {
   return text;
 }
 
+std::string count_text(std::int64_t written, std::optional<std::int64_t> planned,
+                       std::optional<std::int64_t> before) {
+  std::string text = std::to_string(written);
+  if (planned) text += " of " + std::to_string(*planned);
+  text += " records";
+  if (before) text += ", " + std::to_string(*before + written) + " in all";
+  return text;
+}
+
 std::vector<StatusField> status_fields(const RunTotals& now, const RunTotals& before,
                                        const StatusTimes& times) {
   constexpr std::size_t longest_label = 24;
@@ -135,7 +144,7 @@ std::vector<StatusField> status_fields(const RunTotals& now, const RunTotals& be
   put(0, sensor_letters(now), bad);
   put(1, now.trouble, bad);
   std::string time = clock_text(times.elapsed_s);
-  if (times.remaining_s) time.append(", ").append(clock_text(*times.remaining_s)).append(" left");
+  if (times.remaining_s) time.append(", remaining ").append(clock_text(*times.remaining_s));
   put(2, std::move(time));
   put(4, rate_text(rate(now.tags, before.tags)));
   if (now.signal.spd_peak_m) put(6, format("peak %.2f m", *now.signal.spd_peak_m));

@@ -35,6 +35,10 @@ struct RunTotals {
   std::string doubts() const;
 };
 
+// "7 records", "3 of 3 records, 23 in all": of `planned` ones, and of a resumed run with `before`.
+std::string count_text(std::int64_t written, std::optional<std::int64_t> planned,
+                       std::optional<std::int64_t> before);
+
 // What the line may show: in this order, and in a narrow terminal those of low rank first.
 struct StatusField {
   std::string text;

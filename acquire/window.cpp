@@ -92,7 +92,7 @@ std::vector<Axis> Windows::axes() const {
 Windows::Slot* Windows::find(Sensor sensor, HostTime taken, std::uint64_t amount) {
   const std::int64_t k = grid_.slot_of(taken);
   if (k >= next_) return &open_[k];
-  (k < 0 ? strays_.early : strays_.late)[sensor] += amount;
+  (k < 0 ? unassigned_.early : unassigned_.late)[sensor] += amount;
   if (k >= 0 && (late_.size() < most_late_slots || late_.contains(k))) late_[k][sensor] += amount;
   return nullptr;
 }
@@ -109,12 +109,12 @@ void Windows::take_back(std::uint64_t Slot::*lost, std::uint64_t amount) {
     slot->second.*lost -= part;
     amount -= part;
   }
-  strays_.found += amount;
+  unassigned_.found += amount;
 }
 
 bool Windows::repeated(Sensor sensor, Numbers::Order order) {
-  strays_.duplicate[sensor] += order == Numbers::Order::repeated;
-  strays_.out_of_order[sensor] += order == Numbers::Order::back;
+  unassigned_.duplicate[sensor] += order == Numbers::Order::repeated;
+  unassigned_.out_of_order[sensor] += order == Numbers::Order::back;
   return order == Numbers::Order::repeated;
 }
 
@@ -311,10 +311,10 @@ record::FusedRecord Windows::close(const DueSlot& due) {
   record.index = due.index;
   record.slot_start = grid_.start(due.index);
   record.slot_end = grid_.end(due.index);
-  record.books = {.radar_frames = slot.radar_frames,
-                  .depth_frames = slot.depth_frames,
-                  .radar_last = slot.radar_last,
-                  .depth_last = slot.depth_last};
+  record.statistics = {.radar_frames = slot.radar_frames,
+                       .depth_frames = slot.depth_frames,
+                       .radar_last = slot.radar_last,
+                       .depth_last = slot.depth_last};
   const auto span = slot.spd_times.last - slot.spd_times.first;
   const PerSensor<std::string> faults{spd_fault(slot), radar_fault(slot), depth_fault(slot)};
   for (const Sensor s : all_sensors) {
@@ -343,9 +343,9 @@ record::FusedRecord Windows::close(const DueSlot& due) {
 void Windows::finish() {
   settle_tags();
   for (const auto& [k, slot] : open_) {
-    strays_.outside[Sensor::spd] += slot.tags.tags;
-    strays_.outside[Sensor::radar] += slot.radar_frames;
-    strays_.outside[Sensor::depth] += slot.depth_frames;
+    unassigned_.outside[Sensor::spd] += slot.tags.tags;
+    unassigned_.outside[Sensor::radar] += slot.radar_frames;
+    unassigned_.outside[Sensor::depth] += slot.depth_frames;
   }
   open_.clear();
 }

@@ -46,14 +46,14 @@
 namespace echofuse::acquire {
 
 // Samples that are in no record: tags for the SPD, frames for the others.
-struct Strays {
+struct UnassignedSamples {
   PerSensor<std::uint64_t> early{}, late{}, outside{}, duplicate{}, out_of_order{};
   std::uint64_t found = 0;  // blocks of tags
 };
 
 class Windows {
  public:
-  // `clocks` outlives this and hears every sample before it is added here.
+  // `clocks` outlives this and observes every sample before it is added here.
   Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc, const SensorClocks& clocks,
           SensorSet configured, SensorSet required = {});
 
@@ -73,8 +73,9 @@ class Windows {
   record::FusedRecord close(const DueSlot& slot);
   // The run is over: what was gathered for later slots becomes `outside`.
   void finish();
-  const Strays& strays() const { return strays_; }
-  // Since the last call, for the 256 slots at most that came first; all of them are in strays().
+  const UnassignedSamples& unassigned() const { return unassigned_; }
+  // Since the last call, for the 256 slots at most that came first; all of them are in
+  // unassigned().
   record::LateCounts take_late() { return std::exchange(late_, {}); }
 
  private:
@@ -142,7 +143,7 @@ class Windows {
   std::map<std::int64_t, Slot> open_;
   std::int64_t next_ = 0;  // first slot that is not closed
   Numbers radar_numbers_, depth_numbers_;
-  Strays strays_;
+  UnassignedSamples unassigned_;
   record::LateCounts late_;
   bool was_found_ = false;  // the last block of tags stands before the one before it
 };

@@ -63,7 +63,7 @@ struct Signal {
 inline constexpr double most_clicks_a_pulse = 0.05;
 
 // What the table slot keeps of every record, for audits.
-struct SlotBooks {
+struct SlotStatistics {
   std::uint64_t radar_frames = 0, depth_frames = 0;     // all that arrived in it
   std::optional<std::uint32_t> radar_last, depth_last;  // the number of the last of them
   double closed_late_s = 0;                             // after its end and grace
@@ -85,7 +85,7 @@ struct FusedRecord {
   SensorSet missing;  // sensors that the run requires and this record has not
   PerSensor<std::optional<ClockState>> clocks;
   // Written into the table slot; RunReader leaves it empty.
-  SlotBooks books;
+  SlotStatistics statistics;
   // Written into the table radar_status, for SQL; RunReader leaves them empty.
   std::optional<RadarStats> radar_stats;
   std::optional<RadarTemperature> radar_temperature;

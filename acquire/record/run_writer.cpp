@@ -64,12 +64,9 @@ constexpr int reserve_bytes = 128 << 10;
 
 struct RunWriter::Statements {
   Statements(sqlite3* db, const std::string& path)
-      : rows(db, path),
-        event(db, path, "INSERT INTO event (utc, level, source, text) VALUES (?,?,?,?)"),
-        begin(db, path, "BEGIN IMMEDIATE"),
-        commit(db, path, "COMMIT") {}
-  RecordRows rows;
-  Statement event, begin, commit;
+      : rows(db, path), begin(db, path, "BEGIN IMMEDIATE"), commit(db, path, "COMMIT") {}
+  Inserts rows;
+  Statement begin, commit;
 };
 
 RunWriter::RunWriter(const std::string& path, const RunInfo& info)
@@ -94,22 +91,23 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info)
   const auto given_or = [](const std::string& text, const std::string& other) {
     return text.empty() ? other : text;
   };
-  Statement run(db_, path_, "INSERT INTO run VALUES (?,?,?,?,?,?,?,?,?,?,?,?)");
-  run.bind(make_uuid())
-      .bind(given_or(info.started_utc, iso8601(clock.utc())))
-      .bind("")
-      .bind("open")
-      .bind(info.window_s)
-      .bind(info.config_text)
-      .bind(info.config_resolved)
-      .bind(info.radar_cfg)
-      .bind(info.version)
-      .bind(given_or(info.host, host_name()))
-      .bind(info.operator_name)
-      .bind(info.notes)
+  Inserts rows(db_, path_);
+  rows.into("run")
+      .set("uuid", make_uuid())
+      .set("started_utc", given_or(info.started_utc, iso8601(clock.utc())))
+      .set("ended_utc", "")
+      .set("status", "open")
+      .set("window_s", info.window_s)
+      .set("config_text", info.config_text)
+      .set("config_resolved", info.config_resolved)
+      .set("radar_cfg", info.radar_cfg)
+      .set("version", info.version)
+      .set("host", given_or(info.host, host_name()))
+      .set("operator", info.operator_name)
+      .set("notes", info.notes)
       .run();
   for (const auto& [key, value] : info.meta)
-    Statement(db_, path_, "INSERT INTO meta VALUES (?,?)").bind(key).bind(value).run();
+    rows.into("meta").set("key", key).set("value", value).run();
   execute(db_, path_, "INSERT INTO part SELECT 0, 0, started_utc FROM run; COMMIT",
           "cannot create the tables");
   ready();
@@ -143,10 +141,11 @@ void RunWriter::begin_part() {
   Statement last(db_, path_, "SELECT max(part) FROM part");
   last.step();
   part_ = last.integer() + 1;
-  Statement(db_, path_, "INSERT INTO part VALUES (?,?,?)")
-      .bind(part_)
-      .bind(next_index_)
-      .bind(iso8601(SystemClock().utc()))
+  Inserts(db_, path_)
+      .into("part")
+      .set("part", part_)
+      .set("first_idx", next_index_)
+      .set("started_utc", iso8601(SystemClock().utc()))
       .run();
 }
 
@@ -196,86 +195,100 @@ void RunWriter::checkpoint() {
 RunWriter::~RunWriter() = default;
 
 void RunWriter::put_axis(const Axis& axis) {
-  Statement(db_, path_, "INSERT INTO axis VALUES (?,?,?,?,?,?,?)")
-      .bind(axis.name)
-      .bind(axis.quantity)
-      .bind(axis.unit)
-      .bind(std::int64_t{axis.count})
-      .bind(axis.start)
-      .bind(axis.step)
-      .bind(axis.scale)
+  statements_->rows.into("axis")
+      .set("name", axis.name)
+      .set("quantity", axis.quantity)
+      .set("unit", axis.unit)
+      .set("count", axis.count)
+      .set("start", axis.start)
+      .set("step", axis.step)
+      .set("scale", axis.scale)
       .run();
   axes_.push_back(axis);
 }
 
 void RunWriter::put_device(const DeviceInfo& device) {
-  Statement(db_, path_, "INSERT INTO device VALUES (?,?,?,?,?)")
-      .bind(name_of(device.sensor))
-      .bind(device.address)
-      .bind(device.model)
-      .bind(device.serial)
-      .bind(device.firmware)
+  statements_->rows.into("device")
+      .set("sensor", name_of(device.sensor))
+      .set("address", device.address)
+      .set("model", device.model)
+      .set("serial", device.serial)
+      .set("firmware", device.firmware)
       .run();
 }
 
 void RunWriter::put_calibration(const CalibrationEntry& entry) {
-  Statement(db_, path_, "INSERT INTO calibration VALUES (?,?,?,?,?,?)")
-      .bind(name_of(entry.sensor))
-      .bind(entry.date_utc)
-      .bind(entry.method)
-      .bind(entry.distance_m)
-      .bind(entry.offset_m)
-      .bind(entry.standard_error_m)
+  statements_->rows.into("calibration")
+      .set("sensor", name_of(entry.sensor))
+      .set("date_utc", entry.date_utc)
+      .set("method", entry.method)
+      .set("distance_m", entry.distance_m)
+      .set("offset_m", entry.offset_m)
+      .set("standard_error_m", entry.standard_error_m)
       .run();
 }
 
 void RunWriter::put_policy(Sensor sensor, const std::string& policy) {
-  Statement(db_, path_, "INSERT OR REPLACE INTO policy VALUES (?,?)")
-      .bind(name_of(sensor))
-      .bind(policy)
+  statements_->rows.into("policy", "ON CONFLICT (sensor) DO UPDATE SET policy = excluded.policy")
+      .set("sensor", name_of(sensor))
+      .set("policy", policy)
       .run();
 }
 
 void RunWriter::put_counters(std::span<const Counted> counters) {
   in_transaction([&] {
-    Statement row(db_, path_, "INSERT INTO counter VALUES (?,?,?,?)");
     for (const Counted& c : counters)
-      row.bind(c.source).bind(c.name).bind(c.value).bind(part_).run();
+      statements_->rows.into("counter")
+          .set("source", c.source)
+          .set("name", c.name)
+          .set("value", c.value)
+          .set("part", part_)
+          .run();
+  });
+}
+
+void RunWriter::put_late(std::int64_t first, const LateCounts& late) {
+  in_transaction([&] {
+    Insert& row = statements_->rows.into(
+        "late",
+        "ON CONFLICT (idx) DO UPDATE SET spd = spd + excluded.spd, radar = radar + "
+        "excluded.radar, depth = depth + excluded.depth");
+    for (const auto& [slot, counts] : late) {
+      for (const Sensor s : all_sensors) row.set(name_of(s), counts[s]);
+      row.set("idx", first + slot).run();
+    }
   });
 }
 
 void RunWriter::put_anchor(HostTime mono, UtcTime utc) {
-  Statement(db_, path_, "INSERT INTO anchor VALUES (?,?)")
-      .bind(std::int64_t{mono.count()})
-      .bind(std::int64_t{utc.count()})
+  statements_->rows.into("anchor")
+      .set("mono_ns", std::int64_t{mono.count()})
+      .set("utc_ns", std::int64_t{utc.count()})
       .run();
 }
 
 void RunWriter::put_event(UtcTime utc, Severity severity, const std::string& source,
                           const std::string& text) {
   constexpr const char* levels[] = {"info", "warning", "error"};
-  statements_->event.reset();
-  statements_->event.bind(iso8601(utc))
-      .bind(levels[static_cast<std::size_t>(severity)])
-      .bind(source)
-      .bind(text)
+  statements_->rows.into("event")
+      .set("utc", iso8601(utc))
+      .set("level", levels[static_cast<std::size_t>(severity)])
+      .set("source", source)
+      .set("text", text)
       .run();
 }
 
 void RunWriter::in_transaction(const std::function<void()>& body) {
-  statements_->begin.reset();
   statements_->begin.run();
   try {
     body();
-    statements_->commit.reset();
     statements_->commit.run();
   } catch (...) {
     const int code = sqlite3_errcode(db_);
     if (code == SQLITE_CORRUPT || code == SQLITE_NOTADB)
       harm_ = std::string("was damaged during the run: ") + sqlite3_errstr(code);
-    // Releases the statement that failed; a full disk may have rolled back already.
-    statements_->rows.reset();
-    statements_->commit.reset();
+    statements_->rows.clear();
+    // A full disk may have rolled back already.
     if (!sqlite3_get_autocommit(db_)) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);
     throw;
   }
@@ -286,7 +299,7 @@ void RunWriter::append(const FusedRecord& record) { append(std::span(&record, 1)
 void RunWriter::append(std::span<const FusedRecord> batch) {
   require_sound();
   in_transaction([&] {
-    for (const auto& r : batch) statements_->rows.insert(r, axes_);
+    for (const auto& r : batch) insert_record(statements_->rows, path_, r, axes_);
   });
   records_ += static_cast<std::int64_t>(batch.size());
 }
@@ -332,8 +345,10 @@ bool RunWriter::close(const std::string& status) {
   watch_->note();
   lock_->release();
   sqlite3_busy_timeout(db_, busy_timeout_ms);
-  Statement(db_, path_, "UPDATE run SET status = ?, ended_utc = ?")
+  Statement(db_, path_, "UPDATE run SET status = :status, ended_utc = :ended_utc")
+      .at("status")
       .bind(status)
+      .at("ended_utc")
       .bind(iso8601(clock.utc()))
       .run();
   try {

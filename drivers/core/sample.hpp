@@ -66,6 +66,15 @@ struct RadarFrame {
   std::optional<RadarTemperature> temperature;
 };
 
+// What TI's own calibration (measureRangeBiasAndRxChanPhase) answers, or the mean over several of
+// its lines: kept for the .cfg, where the firmware applies it to its points; it does not touch the
+// range profile.
+struct FirmwareBias {
+  double range_bias_m = 0;
+  std::vector<double> re_im;  // of each virtual antenna, as in compRangeBiasAndRxChanPhase
+  std::int64_t lines = 0;
+};
+
 // Drivers take no frame with a longer side.
 inline constexpr std::uint32_t max_depth_side = 8192;
 

@@ -95,7 +95,7 @@ void write_full_run(const std::string& path) {
     if (i == 1) r.radar_temperature = RadarTemperature{0, 9, {-1, 2, 3, 4, 5, 6, 7, 8, 9, 10}};
     if (i == 2) r.missing = SensorSet::from_bits(1), r.valid = SensorSet::from_bits(6);
     if (i > 0) r.clocks[Sensor::radar] = ClockState{0.5, -3.25, 1e-6, 40};
-    if (i == 1) r.books.radar_last = 77;
+    if (i == 1) r.statistics.radar_last = 77;
     if (i == 1) r.signal = {0.01, 900, 3.5, 22.0, 3.25, 0.5};
     run.append(r);
   }

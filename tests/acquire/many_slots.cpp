@@ -4,6 +4,7 @@
 // is held against when it was really taken.
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <numeric>
 
 #include "acquire/window.hpp"
 #include "drivers/core/random.hpp"
@@ -139,7 +140,7 @@ struct Laboratory {
                  .time_ps = static_cast<std::int64_t>(device.ticks()) -
                             static_cast<std::int64_t>(3 - i) * 5'000'000'000};
     const TagBlock block{.received = device.received(), .tags = tags, .lost_blocks = lost_before};
-    clocks.hear(block);
+    clocks.observe(block);
     windows.add(block);
     sent[Sensor::spd] += 4;
   }
@@ -150,7 +151,7 @@ struct Laboratory {
     frame.time_cpu_cycles = static_cast<std::uint32_t>(device.ticks());
     frame.lost_before = lost_before;
     frame.range_profile = {100};
-    clocks.hear(frame);
+    clocks.observe(frame);
     windows.add(frame);
     ++sent[Sensor::radar];
   }
@@ -165,7 +166,7 @@ struct Laboratory {
     frame.depth_mm = {static_cast<std::uint16_t>(frame.frame_index),
                       static_cast<std::uint16_t>(frame.frame_index >> 16)};
     shots.push_back({device.taken(), device.settled()});
-    clocks.hear(frame);
+    clocks.observe(frame);
     windows.add(std::move(frame));
     ++sent[Sensor::depth];
   }
@@ -197,14 +198,15 @@ TEST_CASE("100 000 slots: no drift, no row missing, every sample accounted for a
     ++depth;
     misplaced += shot.taken < r.slot_start - 5ms || shot.taken > r.slot_end + 5ms;
   }
-  const Strays& strays = lab.windows.strays();
-  CHECK(tags + strays.early[Sensor::spd] + strays.late[Sensor::spd] + strays.outside[Sensor::spd] ==
+  const UnassignedSamples& unassigned = lab.windows.unassigned();
+  CHECK(tags + unassigned.early[Sensor::spd] + unassigned.late[Sensor::spd] +
+            unassigned.outside[Sensor::spd] ==
         lab.sent[Sensor::spd]);
-  CHECK(radar + strays.early[Sensor::radar] + strays.late[Sensor::radar] +
-            strays.outside[Sensor::radar] ==
+  CHECK(radar + unassigned.early[Sensor::radar] + unassigned.late[Sensor::radar] +
+            unassigned.outside[Sensor::radar] ==
         lab.sent[Sensor::radar]);
   for (const Sensor s : all_sensors) {
-    CHECK(strays.duplicate[s] + strays.out_of_order[s] == 0);
+    CHECK(unassigned.duplicate[s] + unassigned.out_of_order[s] == 0);
     CHECK(lab.reconnections[s] > 5);
     CHECK(lab.settled[s] > lab.sent[s] / 10);
     CHECK(std::abs(static_cast<double>(lost[s]) - static_cast<double>(lab.lost[s])) <= 2);
@@ -212,26 +214,27 @@ TEST_CASE("100 000 slots: no drift, no row missing, every sample accounted for a
     CHECK(valid[s] > slots * 8 / 10);
   }
   INFO("worst error " << 1e3 * seconds(lab.worst_error) << " ms, " << misplaced << " of " << depth
-                      << " depth frames misplaced, late " << strays.late[Sensor::spd] << " tags, "
-                      << strays.late[Sensor::radar] << " + " << strays.late[Sensor::depth]
-                      << " frames of " << lab.sent[Sensor::spd] << ", " << lab.sent[Sensor::radar]
-                      << " + " << lab.sent[Sensor::depth]);
+                      << " depth frames misplaced, late " << unassigned.late[Sensor::spd]
+                      << " tags, " << unassigned.late[Sensor::radar] << " + "
+                      << unassigned.late[Sensor::depth] << " frames of " << lab.sent[Sensor::spd]
+                      << ", " << lab.sent[Sensor::radar] << " + " << lab.sent[Sensor::depth]);
   CHECK(lab.worst_error < 5ms);
   CHECK(misplaced == 0);
   CHECK(depth > slots * 8 / 10);
-  CHECK(strays.late[Sensor::spd] <
+  CHECK(unassigned.late[Sensor::spd] <
         lab.sent[Sensor::spd] / 50);  // delayed by more than half a second
 }
 
-TEST_CASE("whatever the times of tags say, each is counted once") {
+TEST_CASE("whatever the times of tags say, and however the program stalls, each is counted once") {
   SensorClocks clocks;
   Windows windows(grid, {.first_bin_ps = 0, .bins = 4}, clocks, {Sensor::spd});
-  Scheduler scheduler(grid, 200);
+  Scheduler scheduler(grid, 2000);
   Rng rng = make_rng(11, 0);
-  std::uint64_t sent = 0, counted = 0;
+  std::uint64_t sent = 0, counted = 0, stalled = 0;
+  std::int64_t closed = 0;
   HostTime now = grid.first - 5s;
   while (!scheduler.done()) {
-    now += std::chrono::milliseconds(rng() % 40);
+    now += std::chrono::milliseconds(rng() % 500 == 0 ? rng() % 3000 : rng() % 40);
     const std::int64_t time = (now - grid.first).count() * 1000;
     std::vector<Tag> tags(rng() % 300);
     for (std::size_t i = 0; i < tags.size(); ++i) {
@@ -244,18 +247,27 @@ TEST_CASE("whatever the times of tags say, each is counted once") {
       if (rng() % 50 == 0) tag.type = static_cast<TagType>(rng() % 7);
     }
     const TagBlock block{.received = now, .tags = tags};
-    clocks.hear(block);
+    clocks.observe(block);
     windows.add(block);
     sent += tags.size();
-    for (const DueSlot& due : scheduler.tick(now)) counted += windows.close(due).spd_counts.tags;
+    for (const DueSlot& due : scheduler.tick(now)) {
+      const record::FusedRecord r = windows.close(due);
+      counted += r.spd_counts.tags;
+      stalled += due.stalled;
+      REQUIRE(r.index == closed++);
+      REQUIRE(std::abs(r.sync[Sensor::spd].offset_s) <= 0.05);
+      if (r.has(Sensor::spd))
+        REQUIRE(std::accumulate(r.spd.begin(), r.spd.end(), 0u) == r.spd_counts.in_range);
+    }
   }
   windows.finish();
   CHECK(clocks[Sensor::spd].state(now));
   CHECK(clocks[Sensor::spd].rejected() > 10);
   CHECK(counted > sent / 2);
-  CHECK(windows.strays().late[Sensor::spd] > 0);
-  const Strays& strays = windows.strays();
-  CHECK(counted + strays.early[Sensor::spd] + strays.late[Sensor::spd] +
-            strays.outside[Sensor::spd] ==
+  CHECK(stalled > 10);
+  CHECK(windows.unassigned().late[Sensor::spd] > 0);
+  const UnassignedSamples& unassigned = windows.unassigned();
+  CHECK(counted + unassigned.early[Sensor::spd] + unassigned.late[Sensor::spd] +
+            unassigned.outside[Sensor::spd] ==
         sent);
 }

@@ -105,9 +105,9 @@ class Bench {
          {{"depth_x", "tangent", "1", 1, 0, 1, 1}, {"depth_y", "tangent", "1", 1, 0, 1, 1}}});
     for (double t = 79; t < 99; t += 0.05) {
       const Tag tag{.channel = 1, .time_ps = static_cast<std::int64_t>(tagger.at(t))};
-      clocks.hear(TagBlock{.received = host(t), .tags = {&tag, 1}});
-      clocks.hear(radar(t, t, 0));
-      clocks.hear(depth(t, t, 0));
+      clocks.observe(TagBlock{.received = host(t), .tags = {&tag, 1}});
+      clocks.observe(radar(t, t, 0));
+      clocks.observe(depth(t, t, 0));
     }
     now = grid.first - 10ms;
   }
@@ -122,10 +122,10 @@ class Bench {
       for (const double t : e.taken)
         tags.push_back({.channel = 1, .time_ps = static_cast<std::int64_t>(tagger.at(t))});
       const TagBlock block{.received = host(e.read), .tags = tags, .lost_items = e.lost};
-      clocks.hear(block);
+      clocks.observe(block);
       windows.add(block);
     } else if (device == "depth") {
-      clocks.hear(depth(e.taken[0], e.read, e.number));
+      clocks.observe(depth(e.taken[0], e.read, e.number));
       windows.add(depth(e.taken[0], e.read, e.number));
     } else {
       if (device == "radar+") {
@@ -134,7 +134,7 @@ class Bench {
       }
       auto frame = radar(e.taken[0], e.read, e.number);
       frame.lost_before = static_cast<std::uint32_t>(e.lost);
-      clocks.hear(frame);
+      clocks.observe(frame);
       windows.add(frame);
     }
     const auto sensor = device == "spd" ? 0u : device == "depth" ? 2u : 1u;
@@ -201,14 +201,14 @@ TEST_CASE("every event of the table is in the record that the rules say") {
     CHECK(r.sync[Sensor::radar].used == bench.expected[std::to_string(v.record)][1]);
     CHECK((r.depth_mm.empty() ? 0 : r.depth_mm[0]) == v.depth_mm);
   }
-  const Strays& strays = bench.windows.strays();
-  CHECK(strays.early == bench.expected["early"]);
-  CHECK(strays.outside == bench.expected["outside"]);
-  CHECK(strays.late == bench.expected["late"]);
-  CHECK(bench.windows.take_late() == record::LateCounts{{0, strays.late}});
+  const UnassignedSamples& unassigned = bench.windows.unassigned();
+  CHECK(unassigned.early == bench.expected["early"]);
+  CHECK(unassigned.outside == bench.expected["outside"]);
+  CHECK(unassigned.late == bench.expected["late"]);
+  CHECK(bench.windows.take_late() == record::LateCounts{{0, unassigned.late}});
   CHECK(bench.windows.take_late().empty());
-  CHECK(strays.duplicate == bench.expected["twice"]);
-  CHECK(strays.out_of_order == std::array<std::uint64_t, 3>{0, 2, 0});  // 6 after 7, 1 after 10
+  CHECK(unassigned.duplicate == bench.expected["twice"]);
+  CHECK(unassigned.out_of_order == std::array<std::uint64_t, 3>{0, 2, 0});  // 6 after 7, 1 after 10
   // Losses: with the slot of the sample that tells, or the next one if that is closed.
   CHECK(bench.records[1].sync[Sensor::radar].lost == 1 + 2);
   CHECK(bench.records[2].sync[Sensor::spd].lost == 3);

@@ -3,9 +3,7 @@
 
 #include <catch2/catch.hpp>
 #include <cmath>
-#include <numeric>
 
-#include "drivers/core/random.hpp"
 
 using namespace echofuse;
 using namespace echofuse::acquire;
@@ -164,12 +162,12 @@ TEST_CASE("a block that comes out of order is no loss, and no click refers acros
   CHECK(r.spd_counts.in_range == 4);
   CHECK(r.spd_counts.without_start == 2);
   CHECK(r.spd_counts.backwards == 0);
-  CHECK(windows.strays().found == 0);
+  CHECK(windows.unassigned().found == 0);
   feed(windows, 11s, {start_at(0)}, 1);
   windows.close({1, false});
   found(12s, {start_at(1)});  // the record that tells of it is closed
   CHECK(windows.close({2, false}).spd_counts.lost == 0);
-  CHECK(windows.strays().found == 1);
+  CHECK(windows.unassigned().found == 1);
 }
 
 TEST_CASE("radar frames are averaged in linear power") {
@@ -277,89 +275,9 @@ TEST_CASE("late, early and repeated samples are counted and move nothing") {
   CHECK(r.depth_mm == std::vector<std::uint16_t>{1, 2});
   CHECK(r.spd_counts.tags == 0);
   windows.finish();
-  const Strays& strays = windows.strays();
-  CHECK(strays.early == std::array<std::uint64_t, 3>{2, 1, 0});
-  CHECK(strays.outside == std::array<std::uint64_t, 3>{0, 0, 1});
-  CHECK(strays.late == std::array<std::uint64_t, 3>{1, 0, 1});
-  CHECK(strays.duplicate == std::array<std::uint64_t, 3>{0, 1, 1});
-}
-
-namespace {
-
-// A laboratory on a bad day: blocks and frames at random times, some delivered after their slot was
-// closed, some slots without anything, the program standing still now and then.
-struct BadDay {
-  Rng rng = make_rng(3, 0);
-  ManualClock clock;
-  Windows windows = make_windows();
-  Scheduler scheduler{grid, 3000};
-  std::uint64_t tags_sent = 0, radar_sent = 0, depth_sent = 0;
-  std::uint32_t number = 0;
-  std::vector<record::FusedRecord> records;
-
-  bool chance(std::uint64_t one_in) { return rng() % one_in == 0; }
-  // A sample that was received now, or, rarely, one that lay about for up to three slots.
-  HostTime receipt() {
-    return chance(20) ? clock.now() - std::chrono::milliseconds(rng() % 3000) : clock.now();
-  }
-  void send_something() {
-    switch (rng() % 3) {
-      case 0: {
-        std::vector<Tag> tags(rng() % 50);
-        for (auto& tag : tags)
-          tag = {.channel = static_cast<std::int32_t>(rng() % 4),
-                 .time_ps = clock.now().count() + static_cast<std::int64_t>(rng() % 10'000)};
-        tags_sent += tags.size();
-        feed(windows, receipt(), tags, chance(30));
-        break;
-      }
-      case 1:
-        ++radar_sent;
-        windows.add(radar_frame(receipt(), ++number, {1, 2, 3, 4}));
-        break;
-      default:
-        ++depth_sent;
-        windows.add(depth_frame(receipt(), ++number, {1, 2}));
-    }
-  }
-  void run() {
-    clock.set(grid.first - 3s);
-    while (!scheduler.done()) {
-      clock.advance(std::chrono::milliseconds(chance(2000) ? rng() % 6000 : rng() % 40));
-      if (!chance(5)) send_something();
-      for (const auto& due : scheduler.tick(clock.now())) records.push_back(windows.close(due));
-    }
-    windows.finish();
-  }
-};
-
-}  // namespace
-
-TEST_CASE("thousands of slots: no row is lost or shifted, every sample is in one place") {
-  BadDay day;
-  day.run();
-  REQUIRE(day.records.size() == 3000);
-  std::uint64_t tags = 0, radar = 0;
-  PerSensor<std::uint64_t> valid{};
-  for (std::size_t k = 0; k < day.records.size(); ++k) {
-    const auto& r = day.records[k];
-    REQUIRE(r.index == static_cast<std::int64_t>(k));
-    REQUIRE(r.slot_start == grid.first + r.index * grid.length);
-    REQUIRE(parts(r.spd_counts) == r.spd_counts.tags);
-    if (r.has(Sensor::spd))
-      REQUIRE(std::accumulate(r.spd.begin(), r.spd.end(), 0u) == r.spd_counts.in_range);
-    for (const auto& s : r.sync) REQUIRE(std::abs(s.offset_s) <= 0.5);
-    for (const Sensor s : all_sensors) valid[s] += r.has(s);
-    tags += r.spd_counts.tags;
-    radar += sync(r, Sensor::radar).used;
-  }
-  const Strays& strays = day.windows.strays();
-  CHECK(strays.late[Sensor::spd] > 0);
-  CHECK(strays.outside[Sensor::spd] > 0);
-  CHECK(tags + strays.early[Sensor::spd] + strays.late[Sensor::spd] + strays.outside[Sensor::spd] ==
-        day.tags_sent);
-  CHECK(radar + strays.early[Sensor::radar] + strays.late[Sensor::radar] +
-            strays.outside[Sensor::radar] ==
-        day.radar_sent);
-  for (const auto n : valid) CHECK((n > 0 && n < 3000));  // there were both kinds
+  const UnassignedSamples& unassigned = windows.unassigned();
+  CHECK(unassigned.early == std::array<std::uint64_t, 3>{2, 1, 0});
+  CHECK(unassigned.outside == std::array<std::uint64_t, 3>{0, 0, 1});
+  CHECK(unassigned.late == std::array<std::uint64_t, 3>{1, 0, 1});
+  CHECK(unassigned.duplicate == std::array<std::uint64_t, 3>{0, 1, 1});
 }
