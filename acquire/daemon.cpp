@@ -48,6 +48,13 @@ class Daemon final : private SampleSink {
         log_(clock),
         devices_(io_, config, clock, *this, keep_raw(options)) {}
 
+  // After an exception the devices still end on the io thread, whose timers must find nothing to
+  // do.
+  ~Daemon() override {
+    over_ = true;
+    devices_.abandon();
+  }
+
   ExitCode run();
 
  private:
@@ -112,6 +119,7 @@ class Daemon final : private SampleSink {
   PerSensor<std::uint64_t> early_{};  // samples from before there were slots
   Resumption resumption_;
   bool ending_ = false;  // interrupted
+  bool over_ = false;
   std::string status_ = "complete";
 };
 
@@ -171,7 +179,7 @@ port::RawKeeper* Daemon::keep_raw(const RunOptions& options) {
 void Daemon::report_raw_trouble() {
   if (!raw_) return;
   if (const std::string trouble = raw_->take_trouble(); !trouble.empty())
-    log(Severity::warning, "raw", trouble);
+    log(Severity::error, "raw", trouble);
 }
 
 void Daemon::begin() {
@@ -257,6 +265,7 @@ void Daemon::arm() {
 }
 
 void Daemon::tick() {
+  if (over_) return;
   Recording& r = *recording_;
   const HostTime now = clock_.now();
   if (interrupted() && !std::exchange(ending_, true)) interrupt(now);
@@ -326,9 +335,11 @@ void Daemon::end() {
   if (raw_) {
     const port::RawKeeper::Counts bytes = raw_->finish();
     report_raw_trouble();
-    log(bytes.dropped > 0 ? Severity::warning : Severity::info, "raw",
+    log(bytes.dropped > 0 ? Severity::error : Severity::info, "raw",
         std::to_string(bytes.kept) + " bytes recorded in " + options_.keep_raw + ", " +
             std::to_string(bytes.dropped) + " not recorded");
+    if (!std::filesystem::exists(options_.keep_raw))
+      log(Severity::error, "raw", options_.keep_raw + " was moved or removed during the run");
   }
   r.windows.finish();
   r.journal.put_late(resumption_.first_index, r.windows.take_late());

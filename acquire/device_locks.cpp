@@ -71,7 +71,9 @@ std::string lock_name(const std::string& address) {
   if (const auto* hid = std::get_if<port::HidAddress>(&parsed)) return by_usb_ids(*hid);
   if (const auto* camera = std::get_if<port::OpenNiAddress>(&parsed)) return by_camera(camera->uri);
   const auto& bridge = std::get<port::BridgeAddress>(parsed);
-  return by_text("bridge", bridge.host + ":" + std::to_string(bridge.port));
+  const bool here =
+      bridge.host == "localhost" || bridge.host == "::1" || bridge.host.starts_with("127.");
+  return by_text("bridge", (here ? "localhost" : bridge.host) + ":" + std::to_string(bridge.port));
 }
 
 DeviceLocks::DeviceLocks(const Config& config, const std::string& command, const std::string& run)
@@ -81,27 +83,30 @@ DeviceLocks::DeviceLocks(const Config& config, const std::string& command, const
   for (const Sensor s : all_sensors) {
     if (!config.configured().contains(s)) continue;
     addresses_[s] = addresses_of(config, s);
-    for (const std::string& address : addresses_[s]) take(s, address);
+    for (const std::string& address : addresses_[s]) {
+      if (address.starts_with("serial:")) take(s, address, by_text("serial", address));
+      take(s, address, lock_name(address));
+    }
   }
 }
 
-void DeviceLocks::take(Sensor sensor, const std::string& address) {
-  const std::string name = lock_name(address);
+void DeviceLocks::take(Sensor sensor, const std::string& address, const std::string& name) {
   if (name.empty()) return;
   auto file = std::make_unique<LockFile>(lock_folder(), name, me_);
   if (file->other())
     others_[sensor] = file->other();
   else
-    held_[address] = {name, std::move(file)};
+    held_[{address, name.find("-node-") != name.npos}] = {name, std::move(file)};
 }
 
 void DeviceLocks::follow(Sensor sensor) {
   for (const std::string& address : addresses_[sensor]) {
     if (!address.starts_with("serial:")) continue;
-    const auto held = held_.find(address);
-    if (lock_name(address) == (held == held_.end() ? "" : held->second.name)) continue;
-    held_.erase(address);
-    take(sensor, address);
+    const auto held = held_.find({address, true});
+    const std::string name = lock_name(address);
+    if (name == (held == held_.end() ? "" : held->second.name)) continue;
+    held_.erase({address, true});
+    take(sensor, address, name);
   }
 }
 

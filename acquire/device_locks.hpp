@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "acquire/config.hpp"
@@ -19,8 +20,9 @@ namespace echofuse::acquire {
 std::string lock_name(const std::string& address);
 
 // Held as long as this lives, also while a device is away or being opened again: nobody else may
-// come in between. A device that was not there at the start has no lock (its port, though, is
-// opened exclusively as well).
+// come in between. A serial port has two locks: by its address as it is configured, held all the
+// time, and by its node as long as that is there. A USB device or a camera that was not there at
+// the start has no lock (it is opened exclusively as well).
 class DeviceLocks {
  public:
   // `command`: "run"; `run`: the run file to come. Takes what is free; throws Error(device) if a
@@ -29,11 +31,12 @@ class DeviceLocks {
 
   // Who else has a device of this sensor.
   const std::optional<Holder>& other(Sensor sensor) const { return others_[sensor]; }
-  // A serial port went or came: its old node may soon be another device's.
+  // A serial port went or came: its old node may soon be another device's. Throws as the
+  // constructor.
   void follow(Sensor sensor);
 
  private:
-  void take(Sensor sensor, const std::string& address);
+  void take(Sensor sensor, const std::string& address, const std::string& name);
 
   Holder me_;
   PerSensor<std::vector<std::string>> addresses_;
@@ -42,7 +45,7 @@ class DeviceLocks {
     std::string name;
     std::unique_ptr<LockFile> file;
   };
-  std::map<std::string, Held> held_;  // by address
+  std::map<std::pair<std::string, bool>, Held> held_;  // by address, and whether it is the node's
 };
 
 }  // namespace echofuse::acquire

@@ -49,7 +49,8 @@ nlohmann::ordered_json to_json(Sensor s, const Devices::Status& status,
 void print_device(Sensor s, const Devices::Status& status, const std::string& description,
                   const std::optional<LiveDevice>& live) {
   if (live) {
-    std::printf("%s %s: %s\n", name_of(s), status.info.address.c_str(), live->text.c_str());
+    std::printf("%s %s: %s\n", name_of(s), printable(status.info.address).c_str(),
+                live->text.c_str());
     return;
   }
   if (!status.delivers()) {
@@ -79,11 +80,7 @@ Devices::Devices(boost::asio::io_context& io, const Config& config, const Clock&
     drivers_[Sensor::depth] = make_depth(io, config.depth, clock, raw);
 }
 
-Devices::~Devices() {
-  static NullSink nobody;
-  next_ = &nobody;  // whoever listened may be gone
-  halt();
-}
+Devices::~Devices() { abandon(); }  // whoever listened may be gone
 
 void Devices::take_free(const std::string& command) {
   locks_.emplace(config_, command);
@@ -181,9 +178,30 @@ void Devices::on_depth(DepthFrame frame) {
 void Devices::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
   Status& device = status(sensor);
   device.state = state;
-  if (locks_) locks_->follow(sensor);
+  follow_lock(sensor);
   if (state == DeviceState::streaming) device.info = info;
   next_->on_state(sensor, state, info);
+}
+
+// It goes on without the lock: its port is opened exclusively as well.
+void Devices::follow_lock(Sensor sensor) {
+  if (!locks_) return;
+  std::string trouble;
+  try {
+    const auto before = locks_->other(sensor);
+    locks_->follow(sensor);
+    if (const auto& other = locks_->other(sensor); other && !before)
+      trouble = "is in use by " + printable(other->who) + " as well";
+  } catch (const Error& error) {
+    trouble = error.what();
+  }
+  if (!trouble.empty()) on_event(sensor, Severity::warning, trouble);
+}
+
+void Devices::abandon() {
+  static NullSink nobody;
+  next_ = &nobody;
+  halt();
 }
 
 void Devices::on_event(Sensor sensor, Severity severity, const std::string& text) {

@@ -43,6 +43,8 @@ class Devices final : private SampleSink {
   void start();
   // All at once, and waits for them. A device that does not confirm its end is an event.
   void stop();
+  // The same, and nobody hears of it: after an exception.
+  void abandon();
   // Runs io until every configured device that is ours delivers, the time is up or the user
   // interrupts.
   void wait(double timeout_s);
@@ -62,6 +64,7 @@ class Devices final : private SampleSink {
   void on_firmware_bias(const FirmwareBias& bias) override { next_->on_firmware_bias(bias); }
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
   std::vector<Sensor> halt();
+  void follow_lock(Sensor sensor);
   Status& status(Sensor s) { return status_[s]; }
 
   boost::asio::io_context& io_;

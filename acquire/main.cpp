@@ -167,10 +167,13 @@ ExitCode mark(const Options& o) {
 }
 
 ExitCode replay(const Options& o) {
-  const std::string counts = !o.radar.empty() ? replay_radar(o.radar, o.json)
-                             : !o.tdc.empty() ? replay_tdc(o.tdc, o.json)
-                                              : replay_depth(o.depth, o.json);
-  std::fputs(counts.c_str(), stdout);
+  const Replayed result = !o.radar.empty() ? replay_radar(o.radar, o.json)
+                          : !o.tdc.empty() ? replay_tdc(o.tdc, o.json)
+                                           : replay_depth(o.depth, o.json);
+  std::fputs(result.text.c_str(), stdout);
+  if (!result.any)
+    throw Error(ExitCode::failed, std::string("no ") + (o.tdc.empty() ? "frame" : "tag") +
+                                      " in it: is it a recording of another device?");
   return ExitCode::ok;
 }
 

@@ -76,15 +76,17 @@ std::string to_text(const Json& json) {
 
 }  // namespace
 
-std::string replay_result(const std::vector<std::string>& paths, const Json& counts, bool json) {
+Replayed replay_result(const std::vector<std::string>& paths, const Json& counts,
+                       const char* samples, bool json) {
   std::string names;
   for (const std::string& path : paths) names += (names.empty() ? "" : " ") + path;
   Json all{{"file", names}};
   all.update(counts);
-  return json ? all.dump(2, ' ', true, Json::error_handler_t::replace) + "\n" : to_text(all);
+  return {json ? all.dump(2, ' ', true, Json::error_handler_t::replace) + "\n" : to_text(all),
+          counts.at(samples) > 0};
 }
 
-std::string replay_radar(const std::vector<std::string>& paths, bool json) {
+Replayed replay_radar(const std::vector<std::string>& paths, bool json) {
   radar::FrameParser parser;
   Contents contents;
   const auto on_frame = [&](const RadarFrame& frame) {
@@ -96,7 +98,7 @@ std::string replay_radar(const std::vector<std::string>& paths, bool json) {
     for_each_chunk(path, [&](ByteView chunk) { parser.feed(chunk, HostTime{}, on_frame); });
     parser.finish(on_frame);
   }
-  return replay_result(paths, to_json(parser.counts(), contents), json);
+  return replay_result(paths, to_json(parser.counts(), contents), "frames", json);
 }
 
 }  // namespace echofuse::acquire

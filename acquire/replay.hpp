@@ -10,14 +10,18 @@ namespace echofuse::acquire {
 
 // Counts, named as the counters of a run, as JSON (one object) or text for people. Throws Error if
 // a file cannot be read.
+struct Replayed {
+  std::string text;
+  bool any = false;  // there was a tag or a whole frame: if not, it is of another device
+};
 // Of recordings of the radar's data port:
-std::string replay_radar(const std::vector<std::string>& paths, bool json);
+Replayed replay_radar(const std::vector<std::string>& paths, bool json);
 // Of blocks of the bridge protocol, or transfers of a USB tagger (NAME.usb):
-std::string replay_tdc(const std::vector<std::string>& paths, bool json);
-std::string replay_depth(const std::vector<std::string>& paths, bool json);
+Replayed replay_tdc(const std::vector<std::string>& paths, bool json);
+Replayed replay_depth(const std::vector<std::string>& paths, bool json);
 
-// "file" and the counts, in either form.
-std::string replay_result(const std::vector<std::string>& paths,
-                          const nlohmann::ordered_json& counts, bool json);
+// "file" and the counts, in either form; `samples`: the name of the count of tags or frames.
+Replayed replay_result(const std::vector<std::string>& paths, const nlohmann::ordered_json& counts,
+                       const char* samples, bool json);
 
 }  // namespace echofuse::acquire

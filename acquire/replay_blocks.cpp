@@ -184,13 +184,14 @@ bool holds_blocks(const std::string& path) {
 
 }  // namespace
 
-std::string replay_tdc(const std::vector<std::string>& paths, bool json) {
-  return replay_result(
-      paths, holds_blocks(paths[0]) ? play<tdc::BridgeTdc>(paths) : play_transfers(paths), json);
+Replayed replay_tdc(const std::vector<std::string>& paths, bool json) {
+  return replay_result(paths,
+                       holds_blocks(paths[0]) ? play<tdc::BridgeTdc>(paths) : play_transfers(paths),
+                       "tags", json);
 }
 
-std::string replay_depth(const std::vector<std::string>& paths, bool json) {
-  return replay_result(paths, play<depth::BridgeCamera>(paths), json);
+Replayed replay_depth(const std::vector<std::string>& paths, bool json) {
+  return replay_result(paths, play<depth::BridgeCamera>(paths), "frames", json);
 }
 
 }  // namespace echofuse::acquire

@@ -91,7 +91,7 @@ std::string SignalCheck::judge_spd(record::FusedRecord& r, const Axis& axis) {
   if (repeats) return still + std::string("click");
   const double a_pulse = r.signal.clicks_a_pulse.value_or(0);
   if (limits_.clicks_a_pulse > 0 && a_pulse > limits_.clicks_a_pulse)
-    return format("saturated: %.2f clicks a laser pulse, %.2g wanted at most", a_pulse,
+    return format("saturated: %.3g clicks a laser pulse, %.3g wanted at most", a_pulse,
                   limits_.clicks_a_pulse);
   if (even) return "no peak: no bins stand out of the mean";
   if (clicks < limits_.spd_clicks)

@@ -12,7 +12,8 @@
 namespace echofuse::acquire {
 namespace {
 
-constexpr std::size_t hard_limit = 10;  // times the capacity
+constexpr std::size_t hard_limit = 10;        // times the capacity
+constexpr std::chrono::seconds last_wait{2};  // at the end, for who holds the file
 constexpr const char* too_slow = "dropped: the disk does not keep up";
 
 void give_up_data(record::FusedRecord& record) {
@@ -37,7 +38,10 @@ bool is_disk(const std::exception_ptr& failure) {
 }  // namespace
 
 Writer::Writer(std::unique_ptr<record::RunWriter> run, std::size_t capacity)
-    : run_(std::move(run)), capacity_(capacity), thread_([this] { work(); }) {}
+    : run_(std::move(run)), capacity_(capacity) {
+  run_->be_patient();
+  thread_ = std::thread([this] { work(); });
+}
 
 Writer::~Writer() { stop(); }
 
@@ -46,6 +50,13 @@ bool Writer::put(record::FusedRecord record) {
   {
     const std::lock_guard lock(mutex_);
     room = queue_.size() < capacity_;
+  }
+  if (run_->waits()) {
+    if (!std::exchange(reported_, true))
+      spdlog::error("{}: another program holds it by a write transaction; records wait in memory",
+                    run_->path());
+    if (!room) run_->give_up_waiting({});
+    room = true;
   }
   if (!room) give_up_data(record);
   put([this, r = std::move(record)](record::RunWriter& run) mutable {
@@ -102,7 +113,13 @@ void Writer::work() {
     lock.unlock();
     std::exception_ptr failure;
     try {
-      job(*run_);
+      try {
+        job(*run_);
+      } catch (const Error&) {
+        if (!run_->move_if_held()) throw;
+        moved_ = true;
+        job(*run_);
+      }
     } catch (...) {
       failure = std::current_exception();
     }
@@ -117,13 +134,14 @@ void Writer::stop() {
     const std::lock_guard lock(mutex_);
     ending_ = true;
   }
+  run_->give_up_waiting(last_wait);
   wake_.notify_one();
   if (thread_.joinable()) thread_.join();
 }
 
 bool Writer::finish(const std::string& status) {
   stop();
-  if (!failed_) return run_->close(status);
+  if (!failed_) return run_->close(moved_ ? "stopped:disk" : status);
   try {
     run_->close(is_disk(failure_) ? "stopped:disk" : "stopped:failed");
   } catch (const Error&) {  // the first reason is the one to tell, unless this says what is left

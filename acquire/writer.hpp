@@ -18,7 +18,9 @@
 namespace echofuse::acquire {
 
 // Threading: all members are for one thread. Jobs run on the writer's thread, which alone touches
-// the RunWriter; it ends at the first failed job, and finish() tells why.
+// the RunWriter; it ends at the first failed job, and finish() tells why. While another program
+// holds the run file by a write transaction, jobs wait; when no more can wait, or at the end, the
+// RunWriter moves to a copy beside, and the run ends with an Error that names it.
 class Writer {
  public:
   using Job = std::function<void(record::RunWriter&)>;
@@ -36,7 +38,7 @@ class Writer {
   // Half of `capacity` jobs are waiting: who has many records at once gives the disk its time.
   bool crowded();
 
-  bool failed() const { return failed_; }
+  bool failed() const { return failed_ || moved_; }
   std::int64_t written() const { return written_; }
   // That a mark gave to the records written last; none if none did.
   std::optional<std::string> label() const;
@@ -57,7 +59,8 @@ class Writer {
   std::condition_variable wake_;
   std::deque<Job> queue_;  // guarded by mutex_
   bool ending_ = false;    // guarded by mutex_
-  std::atomic<bool> failed_ = false;
+  std::atomic<bool> failed_ = false, moved_ = false;
+  bool reported_ = false;  // that another program holds the file
   std::atomic<std::int64_t> written_ = 0;
   std::optional<std::string> label_;   // set by a mark, by the writer's thread; guarded by mutex_
   std::optional<std::uint64_t> free_;  // on its disk; guarded by mutex_

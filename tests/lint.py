@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """House rules that a script can check: one SPDX line a file, files of at most 400 lines, layout by
-clang-format 14 where it is installed, options and commands of --help in the README."""
+clang-format 14 where it is installed; every command and option that a text names exists."""
 import pathlib
 import re
 import shutil
@@ -40,29 +40,64 @@ if formatter:
                          text=True)
     faults += [line for line in run.stderr.splitlines() if "error:" in line]
 
-if len(sys.argv) > 1:  # the folder of the built programs
-    readme = (root / "README.md").read_text(encoding="utf-8")
+texts = [root / "README.md"] + [path for path in tracked() if path.suffix == ".md"]
+if len((root / "README.md").read_text(encoding="utf-8").splitlines()) > 150:
+    faults.append("README.md: over 150 lines")
 
-    def check_help(words, inherited=()):
+# What a text tells to type: fenced blocks and `code`, a program's commands with the options that are there.
+if len(sys.argv) > 1:  # the folder of the built programs
+    options = {}  # of "program", "program command", ...: what its help lists, and that of the words before
+
+    def read_help(words, inherited=frozenset()):
         help_text = subprocess.run([pathlib.Path(sys.argv[1]) / words[0], *words[1:], "--help"], capture_output=True,
                                    text=True).stdout
         head, *commands = help_text.split("Subcommands:")
-        options = re.findall(r"^  (-\w,)?(--[\w-]+)", head, re.M)
-        told_of_all = ("--help", "--version", "--quiet")
-        options = [(short.strip(","), name) for short, name in options if name not in told_of_all]
+        options[tuple(words)] = inherited | set(re.findall(r"^ +(?:-\w,)?(--[\w-]+)", head, re.M))
         for command in re.findall(r"^  ([a-z]+) ", commands[0], re.M) if commands else ():
-            check_help([*words, command], [*inherited, *options])
-        if commands:
-            return
-        row = " ".join(re.findall(rf"^\| `{' '.join(words)}\b.*", readme, re.M))
-        if not row:
-            faults.append(f"README.md: no row of `{' '.join(words)}`")
-        for short, name in [*inherited, *options] if row else ():
-            if not any(re.search(rf"(?<![\w-]){o}(?![\w-])", row) for o in (short, name) if o):
-                faults.append(f"README.md: no word of {name} in the row of `{' '.join(words)}`")
+            read_help([*words, command], options[tuple(words)])
 
     for program in ("echofuse-acquire", "echofuse-recon", "echofuse-sim"):
-        check_help([program])
+        read_help([program])
+    scripts = {path.name: path.read_text(encoding="utf-8")
+               for path in (root / "scripts").rglob("*") if path.is_file() and path.suffix != ".pyc"}
+    anywhere = set().union(*options.values(), *(re.findall(r"--[\w-]+", text) for text in scripts.values()))
+
+    def check_command(name, code):
+        words = code.split()
+        program = words[0].split("/")[-1] if words else ""
+        is_script = re.fullmatch(r"(\./)?scripts/[\w/.]*\w", words[0]) if words else None
+        named = re.findall(r"(?<![\w-])--[a-z][\w-]*", code)
+        if (program,) in options:
+            chain = (program,)
+            for word in words[1:]:
+                if (*chain, word) not in options:
+                    if re.fullmatch("[a-z]+", word) and any(len(o) > len(chain) and o[:len(chain)] == chain for o in options):
+                        faults.append(f"{name}: `{' '.join(chain)}` has no command {word}")
+                    break
+                chain = (*chain, word)
+            known = options[chain]
+        elif is_script and program in scripts:
+            known = re.findall(r"--[\w-]+", scripts[program])
+        elif is_script:
+            return faults.append(f"{name}: no such script: {program}")
+        elif not code.startswith("--") and not any(program == key[-1] for key in options):
+            return  # of another program
+        else:
+            known = anywhere
+        faults.extend(f"{name}: {o} of `{code}` does not exist" for o in named if o not in known)
+
+    for path in texts:
+        name, text = path.relative_to(root), path.read_text(encoding="utf-8")
+        fenced = re.findall(r"^```(\w*)\n(.*?)^```$", text, re.M | re.S)
+        for language, block in fenced:
+            lines = block.splitlines()
+            if language != "sh" and any(re.match(r"(\S*/)?(echofuse-\w+|scripts/\S+)( |$)", line) for line in lines):
+                faults.append(f"{name}: a block of commands that is not `sh`, so that no test runs it")
+        shell = [line for language, block in fenced if language == "sh" for line in block.splitlines()]
+        spans = re.findall(r"`([^`]+)`", re.sub(r"^```.*?^```$", "", text, flags=re.M | re.S))
+        for code in [*shell, *(" ".join(span.split()) for span in spans)]:
+            for part in re.split(r" -- | && | \| ", code):
+                check_command(name, part)
 
 # udev takes a rule that it does not understand for none, and only the journal says so.
 udev_keys = {"ACTION": "==", "SUBSYSTEM": "==", "ATTR": "==", "ATTRS": "==", "ENV": "== =", "GROUP": "=", "MODE": "=",

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include <unistd.h>
 
+#include <memory>
+
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_tables.hpp"
 #include "acquire/record/sqlite.hpp"
@@ -25,12 +27,12 @@ std::int64_t recover(const std::string& path) {
   if (!lock.held())
     throw Error(ExitCode::failed, printable(path) + ": is being written; stop the run first");
   sqlite3* db = nullptr;
-  if (sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READWRITE, nullptr) != SQLITE_OK)
-    sqlite_fail(db, path, "cannot open for writing");
+  const int code = sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READWRITE, nullptr);
+  const std::unique_ptr<sqlite3, int (*)(sqlite3*)> handle(db, sqlite3_close);
+  if (code != SQLITE_OK) sqlite_fail(db, path, "cannot open for writing");
   harden(db);
   if (crashed) execute(db, path, "UPDATE run SET status = 'crashed'", "cannot mark as crashed");
   execute(db, path, "PRAGMA journal_mode=DELETE", "cannot fold its WAL back");
-  sqlite3_close(db);
   return records;
 }
 

@@ -41,7 +41,32 @@ void copy_into(sqlite3* copy, const std::string& name, sqlite3* db) {
   if (sqlite3_backup_finish(backup) != SQLITE_OK) sqlite_fail(copy, name, "cannot copy");
 }
 
+std::unique_ptr<sqlite3, int (*)(sqlite3*)> open_copy(sqlite3* db, const std::string& name) {
+  sqlite3* raw = nullptr;
+  const int code = sqlite3_open_v2(name.c_str(), &raw, SQLITE_OPEN_READWRITE, nullptr);
+  std::unique_ptr<sqlite3, int (*)(sqlite3*)> copy(raw, sqlite3_close);
+  if (code != SQLITE_OK) sqlite_fail(raw, name, "cannot open");
+  copy_into(raw, name, db);
+  return copy;
+}
+
+void remove_copy(const std::string& name) {
+  for (const char* beside : {"", "-journal", "-wal", "-shm"})
+    if (!name.empty()) ::unlink((name + beside).c_str());
+}
+
 }  // namespace
+
+std::string copy_beside(sqlite3* db, const std::string& path) {
+  const std::string name = make_beside(path);
+  try {
+    execute(open_copy(db, name).get(), name, "PRAGMA journal_mode=DELETE", "cannot close");
+    return name;
+  } catch (...) {
+    remove_copy(name);
+    throw;
+  }
+}
 
 std::string damage(sqlite3* db, const std::string& path) {
   try {
@@ -58,11 +83,8 @@ Rescue rescue(sqlite3* db, const std::string& path, const std::string& status) {
   std::string name;
   try {
     name = make_beside(path);
-    sqlite3* raw = nullptr;
-    const int code = sqlite3_open_v2(name.c_str(), &raw, SQLITE_OPEN_READWRITE, nullptr);
-    const std::unique_ptr<sqlite3, int (*)(sqlite3*)> copy(raw, sqlite3_close);
-    if (code != SQLITE_OK) sqlite_fail(raw, name, "cannot open");
-    copy_into(raw, name, db);
+    const auto copy = open_copy(db, name);
+    sqlite3* const raw = copy.get();
     if (const std::string fault = damage(raw, name); !fault.empty())
       return {false, "what can still be read is in " + name + ", which is damaged: " + fault};
     execute(raw, name, "PRAGMA journal_mode=DELETE", "cannot close");
@@ -74,8 +96,7 @@ Rescue rescue(sqlite3* db, const std::string& path, const std::string& status) {
     count.step();
     return {true, "its " + std::to_string(count.integer()) + " records are in " + name};
   } catch (const std::exception& e) {
-    for (const char* beside : {"", "-journal", "-wal", "-shm"})
-      if (!name.empty()) ::unlink((name + beside).c_str());
+    remove_copy(name);
     return {false, std::string("nothing could be kept: ") + e.what()};
   }
 }

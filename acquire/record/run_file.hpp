@@ -6,6 +6,8 @@
 //   run, device, calibration, axis, record, radar_status, event, anchor: see schema.hpp
 //   record.spd u32 LE counts | radar f32 LE | depth 16-bit grey PNG, millimetres
 #pragma once
+#include <atomic>
+#include <chrono>
 #include <functional>
 #include <limits>
 #include <map>
@@ -76,6 +78,16 @@ class RunWriter {
   // recover() or a writer folds them back.
   bool close(const std::string& status);
   bool lost() const { return !harm_.empty(); }  // as append() or close() found
+
+  // Another program may hold the file by a write transaction. A call waits for its end, for 30 s,
+  // or for any time if the writer is patient, until give_up_waiting() plus this time: then it
+  // throws. move_if_held(), called after that, copies what is committed to NAME.rescued.sqlite and
+  // goes on there: the call can be repeated, and close() throws an Error(disk) that names the copy.
+  // Threading: give_up_waiting() and waits() from any thread.
+  void be_patient() { patient_ = true; }
+  void give_up_waiting(std::chrono::nanoseconds after);
+  bool waits() const { return waits_; }
+  bool move_if_held();  // false: that was not the reason, or it has moved before
   const std::string& path() const { return path_; }
   std::int64_t records() const { return records_; }
   std::int64_t next_index() const { return next_index_; }  // at opening: 0, or after the last
@@ -91,6 +103,8 @@ class RunWriter {
   void checkpoint();
   void require_sound();
   bool fold();
+  bool wait_on(int tries);
+  void wait_for_others();
   [[noreturn]] void leave(const std::string& status);
   std::string path_;
   std::unique_ptr<WriterLock> lock_;
@@ -98,8 +112,13 @@ class RunWriter {
   sqlite3* db_ = nullptr;
   std::unique_ptr<Statements> statements_;
   std::unique_ptr<FileWatch> watch_;
-  bool touched_ = false;  // by somebody else, before a checkpoint of ours
-  std::string harm_;      // what was done to the file
+  bool touched_ = false;   // by somebody else, before a checkpoint of ours
+  std::string harm_;       // what was done to the file
+  std::string held_path_;  // of the file that another program holds; path_ is the copy
+  bool patient_ = false, given_up_ = false;
+  std::atomic<bool> waits_ = false;
+  std::atomic<std::int64_t> give_up_ns_ = std::numeric_limits<std::int64_t>::max();
+  std::int64_t waits_since_ns_ = 0;
   std::vector<Axis> axes_;
   std::int64_t records_ = 0, next_index_ = 0, last_event_ = 0, part_ = 0;
 };

@@ -21,10 +21,11 @@ std::int64_t pragma(sqlite3* db, const std::string& path, const char* sql) {
   return s.step() ? s.integer() : 0;
 }
 
-Sensor sensor_of(const std::string& name) {
-  for (const Sensor s : {Sensor::radar, Sensor::depth})
+Sensor sensor_of(const std::string& name, const std::string& path) {
+  for (const Sensor s : {Sensor::spd, Sensor::radar, Sensor::depth})
     if (name == name_of(s)) return s;
-  return Sensor::spd;
+  throw Error(ExitCode::failed, printable(path) + ": damaged: a row of sensor \"" +
+                                    printable(name, 40) + "\"; expected spd, radar or depth");
 }
 
 constexpr std::int64_t most_points = 1 << 24;
@@ -163,11 +164,16 @@ void RunReader::open() {
 }
 
 void RunReader::check_identity() const {
-  const bool readable = look(db_) == SQLITE_OK;
-  if (readable && pragma(db_, path_, "SELECT count(*) FROM sqlite_schema") == 0)
+  const int code = look(db_);
+  if (code == SQLITE_BUSY || code == SQLITE_LOCKED)
+    throw Error(ExitCode::failed, shown_ + ": is busy: another program holds it; try again");
+  if (code == SQLITE_IOERR || code == SQLITE_CANTOPEN || code == SQLITE_NOMEM)
+    throw Error(ExitCode::failed, shown_ + ": cannot be read: " + sqlite3_errmsg(db_));
+  if (code == SQLITE_OK && pragma(db_, path_, "SELECT count(*) FROM sqlite_schema") == 0)
     throw Error(ExitCode::failed,
-                shown_ + ": is empty, as of a run that was killed before it began; remove it");
-  if (!readable || pragma(db_, path_, "PRAGMA application_id") != application_id)
+                shown_ + ": is empty: its run was killed before it began, or its records were in " +
+                    shown_ + "-wal, which is not there; look for a copy named *.rescued.sqlite");
+  if (code != SQLITE_OK || pragma(db_, path_, "PRAGMA application_id") != application_id)
     throw Error(ExitCode::failed, shown_ + ": not an echofuse run file");
   const auto found = pragma(db_, path_, "PRAGMA user_version");
   if (found > format_version)
@@ -210,7 +216,7 @@ std::vector<DeviceInfo> RunReader::devices() const {
   std::vector<DeviceInfo> out;
   while (s.step()) {
     DeviceInfo d;
-    d.sensor = sensor_of(s.text());
+    d.sensor = sensor_of(s.text(), path_);
     for (std::string* text : {&d.address, &d.model, &d.serial, &d.firmware}) *text = s.text();
     out.push_back(std::move(d));
   }
@@ -224,7 +230,11 @@ std::vector<CalibrationEntry> RunReader::calibrations() const {
   std::vector<CalibrationEntry> out;
   while (s.step()) {
     CalibrationEntry c;
-    c.sensor = sensor_of(s.text());
+    c.sensor = sensor_of(s.text(), path_);
+    for (const CalibrationEntry& other : out)
+      if (other.sensor == c.sensor)
+        throw Error(ExitCode::failed,
+                    shown_ + ": damaged: two calibrations of the " + name_of(c.sensor));
     c.date_utc = s.text();
     c.method = s.text();
     for (double* v : {&c.distance_m, &c.offset_m, &c.standard_error_m}) *v = s.real();

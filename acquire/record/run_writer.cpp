@@ -2,7 +2,9 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <random>
 #include <thread>
@@ -12,6 +14,7 @@
 #include "acquire/record/record_rows.hpp"
 #include "acquire/record/rescue.hpp"
 #include "acquire/record/run_file.hpp"
+#include "acquire/record/run_statements.hpp"
 #include "acquire/record/run_tables.hpp"
 #include "acquire/record/schema.hpp"
 #include "acquire/record/sqlite.hpp"
@@ -54,20 +57,18 @@ void create_empty(const std::string& path) {
   throw Error(ExitCode::disk, path + ": cannot create the run file: " + std::strerror(errno));
 }
 
-// Other processes may write marks; what waits for one of them longer is broken.
-constexpr int busy_timeout_ms = 30'000;
+// Other processes may write marks.
+constexpr std::int64_t longest_wait_ns = 30'000'000'000;
+constexpr auto retry_pause = std::chrono::milliseconds(10);
 constexpr int checkpoint_pages = 1000;  // SQLite's own default
 // The status rewrites the row of the run, configuration included, and readers need an index file.
 constexpr int reserve_bytes = 128 << 10;
 
-}  // namespace
+std::int64_t now_ns() {
+  return std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
 
-struct RunWriter::Statements {
-  Statements(sqlite3* db, const std::string& path)
-      : rows(db, path), begin(db, path, "BEGIN IMMEDIATE"), commit(db, path, "COMMIT") {}
-  Inserts rows;
-  Statement begin, commit;
-};
+}  // namespace
 
 RunWriter::RunWriter(const std::string& path, const RunInfo& info)
     : path_(path), handle_(nullptr, sqlite3_close) {
@@ -161,7 +162,45 @@ void RunWriter::open() {
   if (code != SQLITE_OK) sqlite_fail(db_, path_, "cannot open");
   harden(db_);
   lock_->reserve(reserve_bytes);
-  sqlite3_busy_timeout(db_, busy_timeout_ms);
+  wait_for_others();
+}
+
+void RunWriter::wait_for_others() {
+  const auto handler = [](void* self, int tries) {
+    return static_cast<RunWriter*>(self)->wait_on(tries) ? 1 : 0;
+  };
+  sqlite3_busy_handler(db_, handler, this);
+}
+
+bool RunWriter::wait_on(int tries) {
+  const std::int64_t now = now_ns();
+  if (tries == 0) waits_since_ns_ = now;
+  given_up_ = now >= give_up_ns_ || (!patient_ && now - waits_since_ns_ > longest_wait_ns);
+  waits_ = !given_up_;
+  if (!given_up_) std::this_thread::sleep_for(retry_pause);
+  return !given_up_;
+}
+
+void RunWriter::give_up_waiting(std::chrono::nanoseconds after) {
+  give_up_ns_ = std::min(give_up_ns_.load(), now_ns() + std::int64_t{after.count()});
+}
+
+bool RunWriter::move_if_held() {
+  if (!std::exchange(given_up_, false) || !held_path_.empty()) return false;
+  const std::string copy = copy_beside(db_, path_);
+  statements_.reset();
+  lock_->release();
+  sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
+  held_path_ = std::exchange(path_, copy);
+  const int code = sqlite3_open_v2(path_.c_str(), &db_, SQLITE_OPEN_READWRITE, nullptr);
+  handle_.reset(db_);
+  if (code != SQLITE_OK) sqlite_fail(db_, path_, "cannot open");
+  wait_for_others();
+  use_wal();
+  execute(db_, path_, "UPDATE run SET status = 'open'", "cannot go on");  // makes the WAL
+  give_up_ns_ = std::numeric_limits<std::int64_t>::max();
+  ready();
+  return true;
 }
 
 void RunWriter::use_wal() {
@@ -194,92 +233,9 @@ void RunWriter::checkpoint() {
 
 RunWriter::~RunWriter() = default;
 
-void RunWriter::put_axis(const Axis& axis) {
-  statements_->rows.into("axis")
-      .set("name", axis.name)
-      .set("quantity", axis.quantity)
-      .set("unit", axis.unit)
-      .set("count", axis.count)
-      .set("start", axis.start)
-      .set("step", axis.step)
-      .set("scale", axis.scale)
-      .run();
-  axes_.push_back(axis);
-}
-
-void RunWriter::put_device(const DeviceInfo& device) {
-  statements_->rows.into("device")
-      .set("sensor", name_of(device.sensor))
-      .set("address", device.address)
-      .set("model", device.model)
-      .set("serial", device.serial)
-      .set("firmware", device.firmware)
-      .run();
-}
-
-void RunWriter::put_calibration(const CalibrationEntry& entry) {
-  statements_->rows.into("calibration")
-      .set("sensor", name_of(entry.sensor))
-      .set("date_utc", entry.date_utc)
-      .set("method", entry.method)
-      .set("distance_m", entry.distance_m)
-      .set("offset_m", entry.offset_m)
-      .set("standard_error_m", entry.standard_error_m)
-      .run();
-}
-
-void RunWriter::put_policy(Sensor sensor, const std::string& policy) {
-  statements_->rows.into("policy", "ON CONFLICT (sensor) DO UPDATE SET policy = excluded.policy")
-      .set("sensor", name_of(sensor))
-      .set("policy", policy)
-      .run();
-}
-
-void RunWriter::put_counters(std::span<const Counted> counters) {
-  in_transaction([&] {
-    for (const Counted& c : counters)
-      statements_->rows.into("counter")
-          .set("source", c.source)
-          .set("name", c.name)
-          .set("value", c.value)
-          .set("part", part_)
-          .run();
-  });
-}
-
-void RunWriter::put_late(std::int64_t first, const LateCounts& late) {
-  in_transaction([&] {
-    Insert& row = statements_->rows.into(
-        "late",
-        "ON CONFLICT (idx) DO UPDATE SET spd = spd + excluded.spd, radar = radar + "
-        "excluded.radar, depth = depth + excluded.depth");
-    for (const auto& [slot, counts] : late) {
-      for (const Sensor s : all_sensors) row.set(name_of(s), counts[s]);
-      row.set("idx", first + slot).run();
-    }
-  });
-}
-
-void RunWriter::put_anchor(HostTime mono, UtcTime utc) {
-  statements_->rows.into("anchor")
-      .set("mono_ns", std::int64_t{mono.count()})
-      .set("utc_ns", std::int64_t{utc.count()})
-      .run();
-}
-
-void RunWriter::put_event(UtcTime utc, Severity severity, const std::string& source,
-                          const std::string& text) {
-  constexpr const char* levels[] = {"info", "warning", "error"};
-  statements_->rows.into("event")
-      .set("utc", iso8601(utc))
-      .set("level", levels[static_cast<std::size_t>(severity)])
-      .set("source", source)
-      .set("text", text)
-      .run();
-}
-
 void RunWriter::in_transaction(const std::function<void()>& body) {
   statements_->begin.run();
+  waits_ = false;
   try {
     body();
     statements_->commit.run();
@@ -344,13 +300,20 @@ bool RunWriter::close(const std::string& status) {
   sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);
   watch_->note();
   lock_->release();
-  sqlite3_busy_timeout(db_, busy_timeout_ms);
-  Statement(db_, path_, "UPDATE run SET status = :status, ended_utc = :ended_utc")
-      .at("status")
-      .bind(status)
-      .at("ended_utc")
-      .bind(iso8601(clock.utc()))
-      .run();
+  wait_for_others();
+  try {
+    Statement(db_, path_, "UPDATE run SET status = :status, ended_utc = :ended_utc")
+        .at("status")
+        .bind(status)
+        .at("ended_utc")
+        .bind(iso8601(clock.utc()))
+        .run();
+  } catch (const Error&) {
+    if (!given_up_) throw;
+    throw Error(ExitCode::disk, path_ + ": another program holds it by a write transaction: its " +
+                                    std::to_string(records_) +
+                                    " records are whole, but its end is not noted");
+  }
   try {
     require_sound();
   } catch (const Error&) {
@@ -361,6 +324,9 @@ bool RunWriter::close(const std::string& status) {
   handle_.reset();
   db_ = nullptr;
   lock_.reset();
+  if (!held_path_.empty())
+    throw Error(ExitCode::disk, held_path_ + ": another program held it by a write transaction; " +
+                                    "all " + std::to_string(records_) + " records are in " + path_);
   return folded;
 }
 

@@ -94,6 +94,7 @@ void FrameParser::settle(const OnFrame& on_frame) {
   if (!complete_) return;
   const HostTime received = *complete_;
   const Bytes held(buffer_.held().begin(), buffer_.held().end());
+  if (held.size() < header_bytes) return forget_progress();  // whoever took it threw meanwhile
   const Header header = *read_header(held);
   buffer_.clear();
   forget_progress();

@@ -155,7 +155,7 @@ Command add_train(CLI::App& app, const Common& common) {
   app.add_option("--out", a->out, "model file to write")->required();
   app.add_option(
          "--model", a->model,
-         "empty, mean, silhouette, factorised[-N], pca-ridge[-N], ridge, pca-mlp[-N-N], "
+         "empty, mean, silhouette, factorised[-N], ridge, pca-mlp[-N-N], "
          "mlp[-N-N...], nearest[-N], or auto: the cheapest within one standard error of the "
          "best")
       ->check([](const std::string& text) { return text == "auto" ? "" : is_rung(text); })
@@ -187,42 +187,32 @@ Command add_train(CLI::App& app, const Common& common) {
   app.add_option("--gap", a->split.gap, "blocked: records dropped between two parts")
       ->check(CLI::Range(0, 1'000'000))
       ->capture_default_str();
-  app.add_option("--checkpoint-s", a->fit.checkpoint.every_s,
-                 "seconds between two copies of the unfinished training, OUT.checkpoint")
-      ->check(CLI::Range(0.0, 1e6))
-      ->capture_default_str();
-  app.add_flag("--resume", a->fit.checkpoint.resume, "go on from OUT.checkpoint");
   app.add_option("--augment", a->augment,
                  "train on perturbed copies of the records, too: noise (of the radar, down to 10 "
                  "dB); auto chooses without them")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->check(CLI::IsMember(augment_names));
-  app.add_flag("--force", a->force, "replace the model that OUT is, as --resume does");
+  app.add_flag("--force", a->force, "replace the model that OUT is");
   a->fallback = true;
   app.add_flag("!--no-fallback", a->fallback,
                "train no network beside a fused model for records whose radar is lost");
   return [a, &common] {
     a->split.seed = a->fit.seed;
-    a->fit.checkpoint.path = a->out + ".checkpoint";
     a->fit.quiet = common.quiet;
-    const Existing existing =
-        a->force || a->fit.checkpoint.resume ? Existing::replace : Existing::keep;
+    const Existing existing = a->force ? Existing::replace : Existing::keep;
     check_can_save(a->out, existing);
     Dataset data = load(a->runs);
     if (a->radar_bin_m > 0) rebin_radar(data, radar_bins(a->radar_bin_m));
     const TrainedModel model = train(data, *a);
     save_model(model, a->out, existing);
-    if (!model.log.interrupted) std::remove(a->fit.checkpoint.path.c_str());
     if (!common.quiet)
-      std::fprintf(
-          stderr, "%s: %s on %s, trained in %.1f s%s%s\n", a->out.c_str(), model.name.c_str(),
-          a->inputs.c_str(), model.train_s,
-          model.log.best_epoch > 0 || model.log.loss.empty() ? ""
-                                                             : "; never better than the mean map",
-          !model.log.interrupted                            ? ""
-          : std::filesystem::exists(a->fit.checkpoint.path) ? "; the best so far, --resume goes on"
-                                                            : "; the best so far");
+      std::fprintf(stderr, "%s: %s on %s, trained in %.1f s%s%s\n", a->out.c_str(),
+                   model.name.c_str(), a->inputs.c_str(), model.train_s,
+                   model.log.best_epoch > 0 || model.log.loss.empty()
+                       ? ""
+                       : "; never better than the mean map",
+                   model.log.interrupted ? "; the best so far" : "");
     return model.log.interrupted ? ExitCode::interrupted : ExitCode::ok;
   };
 }

@@ -104,7 +104,7 @@ std::vector<std::string> ladder(Inputs inputs) {
     for (const char* name :
          {"silhouette", "factorised-4", "factorised-10", "factorised-16", "factorised-32"})
       out.emplace_back(name);
-  for (const char* name : {"pca-ridge", "ridge", "pca-mlp-256-256", "mlp-512-256", "nearest"})
+  for (const char* name : {"ridge", "pca-mlp-256-256", "mlp-512-256", "nearest"})
     out.emplace_back(name);
   return out;
 }

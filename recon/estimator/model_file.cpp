@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -219,6 +220,15 @@ void check_fallback(const H5File& file, const TrainedModel& model) {
   require_sound(file, !file.has(name + "/" + fallback_group), name, "no fallback of its own");
 }
 
+// False with errno. A file system that cannot do it in one step does it in two.
+bool rename_to(const std::string& from, const std::string& to, Existing existing) {
+  if (existing == Existing::replace) return std::rename(from.c_str(), to.c_str()) == 0;
+  if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return true;
+  if (errno != EINVAL && errno != ENOSYS) return false;
+  if (::access(to.c_str(), F_OK) == 0) return errno = EEXIST, false;
+  return std::rename(from.c_str(), to.c_str()) == 0;
+}
+
 }  // namespace
 
 void check_can_save(const std::string& path, Existing existing) {
@@ -240,7 +250,18 @@ void check_can_save(const std::string& path, Existing existing) {
 }
 
 void save_model(const TrainedModel& model, const std::string& path, Existing existing) {
-  write_whole(path, existing, [&](H5File& file) { save_to(file, model); });
+  const std::string unfinished = path + ".part";
+  std::remove(unfinished.c_str());
+  H5File file = H5File::create_sealed(unfinished);
+  save_to(file, model);
+  file.close();
+  if (rename_to(unfinished, path, existing)) return;
+  const bool there = errno == EEXIST;
+  throw Error(there ? ExitCode::failed : ExitCode::disk,
+              path +
+                  (there ? ": was made by somebody else meanwhile; what was to be there is in "
+                         : ": cannot rename to it ") +
+                  unfinished);
 }
 
 TrainedModel load_model(const H5File& file) {

@@ -30,43 +30,11 @@ std::string choose(const Dataset& data, const Split& split, const TrainOptions& 
   CrossvalidateOptions cross{
       options.inputs, options.scaling, options.ladder, auto_folds, blocked ? options.split.gap : 0,
       blocked,        options.fit};
-  cross.fit.checkpoint = {};
   if (cross.models.empty()) cross.models = ladder(inputs_of(options.inputs));
   const auto table = crossvalidate(data, rows, cross);
   const std::size_t chosen = cheapest_within_one_se(table);
   if (!options.fit.quiet) std::fputs(to_choice_table(table, chosen).c_str(), stderr);
   return table[chosen].name;
-}
-
-// Everything that a resumed training must have in common with the one that was stopped.
-std::vector<std::pair<std::string, std::string>> settings_of(const Dataset& data,
-                                                             const TrainOptions& o,
-                                                             const Rung& rung) {
-  const FitOptions& fit = rung.fit;
-  std::string hidden;
-  for (const std::size_t n : fit.hidden.value_or(std::vector<std::size_t>{}))
-    hidden += formatted(hidden.empty() ? "%zu" : ",%zu", n);
-  std::string kinds;
-  for (const auto& kind : o.augment) kinds += (kinds.empty() ? "" : ",") + kind;
-  return {{"records", std::to_string(data.size()) + formatted(" (checksum %08x)", data.hash)},
-          {"radar bins", std::to_string(data.radar_axis.count)},
-          {"--model", rung.model},
-          {"--inputs", o.inputs},
-          {"--scaling", o.scaling},
-          {"--hidden", hidden},
-          {"--basis", std::to_string(fit.basis.value_or(0))},
-          {"--epochs", std::to_string(fit.epochs.value_or(0))},
-          {"--batch", std::to_string(fit.batch)},
-          {"--learning-rate", formatted("%.17g", fit.learning_rate.value_or(0))},
-          {"--weight-decay", formatted("%.17g", fit.weight_decay.value_or(0))},
-          {"--patience", std::to_string(fit.patience.value_or(0))},
-          {"--seed", std::to_string(fit.seed)},
-          {"--split", o.split.kind},
-          {"--test-share", formatted("%.17g", o.split.test_share)},
-          {"--validation-share", formatted("%.17g", o.split.validation_share)},
-          {"--gap", std::to_string(o.split.gap)},
-          {"--augment", kinds},
-          {"--no-fallback", o.fallback ? "not given" : "given"}};
 }
 
 TrainedModel fit_augmented(Dataset data, Split split, const std::string& name,
@@ -110,12 +78,7 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
     throw Error(ExitCode::usage, "--augment: its kinds are of the radar, --inputs spd has none");
   const Split split = make_split(rows_to_train(data, inputs), options.split);
   const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
-  FitOptions fit = options.fit;
-  const Rung rung = rung_of(name, fit);
-  if (fit.checkpoint.resume && rung.model != "mlp" && rung.model != "pca-mlp")
-    throw Error(ExitCode::usage,
-                "--resume: model " + name + " keeps no checkpoints; train it anew");
-  if (!fit.checkpoint.path.empty()) fit.checkpoint.settings = settings_of(data, options, rung);
+  const FitOptions& fit = options.fit;
   TrainedModel model = options.augment.empty()
                            ? fit_model(data, split, name, inputs, options.scaling, fit)
                            : fit_augmented(data, split, name, options, fit);

@@ -24,7 +24,6 @@
 #include "recon/data/features.hpp"
 #include "recon/data/split.hpp"
 #include "recon/maps/scene.hpp"
-#include "recon/models/checkpoint.hpp"
 #include "recon/models/model.hpp"
 #include "recon/uncertainty/confidence.hpp"
 #include "recon/uncertainty/slip.hpp"
@@ -88,10 +87,14 @@ SeenRecords remember(const Dataset& data, const Split& split);
 TrainedModel fit_model(const Dataset& data, const Split& split, const std::string& name,
                        Inputs inputs, const std::string& scaling, const FitOptions& options);
 
+enum class Existing : bool { keep, replace };
+
 // Throws Error(disk) if no file can be made there, and Error(usage) if there is one that is no
 // model, or is not to be replaced: to be asked before a long training.
 void check_can_save(const std::string& path, Existing existing);
-// As write_whole: an interrupted save leaves the old one.
+// Writes a new file beside and renames it: an interrupted save leaves the old one. Throws
+// Error(disk), and Error(failed) if there is one that is not to be replaced: then the new one is
+// kept as PATH.part.
 void save_model(const TrainedModel& model, const std::string& path,
                 Existing existing = Existing::replace);
 // Throws Error(failed) that names file, object, what is wrong and what would be right: not there,

@@ -11,7 +11,6 @@ class Mlp final : public Model {
   TrainingLog fit(const Samples& train, const Samples& validation,
                   const FitOptions& options) override {
     Training training = training_of(options);
-    training.checkpoint = options.checkpoint;
     return regression_.fit({train.inputs, train.maps, train.rows},
                            {validation.inputs, validation.maps, validation.rows}, Spread::common,
                            training, "training", " m");

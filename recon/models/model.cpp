@@ -14,7 +14,6 @@ std::unique_ptr<Model> make_model(const std::string& name) {
   if (name == "nearest") return make_nearest();
   if (name == "ridge") return make_ridge();
   if (name == "mlp") return make_mlp();
-  if (name == "pca-ridge") return make_pca(make_ridge());
   if (name == "pca-mlp") return make_pca(make_mlp());
   if (name == "silhouette") return make_silhouette();
   if (name == "factorised") return make_factorised();
@@ -50,7 +49,7 @@ FitOptions own_options(const std::string& model) {
     own.basis = 16;
     own.epochs = 100, own.patience = 100, own.learning_rate = 3e-3, own.weight_decay = 0.3;
   }
-  if (model == "pca-mlp" || model == "pca-ridge") own.basis = 128;
+  if (model == "pca-mlp") own.basis = 128;
   if (model == "nearest") own.basis = 1;
   return own;
 }
@@ -76,8 +75,7 @@ Rung rung_of(const std::string& name, const FitOptions& base) {
   const auto numbers =
       name.back() == '-' ? std::vector<std::size_t>{} : numbers_of(name.substr(digit));
   const bool network = out.model == "mlp" || out.model == "pca-mlp";
-  const bool basis =
-      out.model == "factorised" || out.model == "pca-ridge" || out.model == "nearest";
+  const bool basis = out.model == "factorised" || out.model == "nearest";
   if (numbers.empty() || !(network || (basis && numbers.size() == 1 && numbers[0] <= 1024)))
     throw Error(ExitCode::usage,
                 "model \"" + name + "\": sizes follow as in mlp-512-256 or factorised-16");

@@ -24,14 +24,6 @@ struct Samples {
   Layout layout = {};
 };
 
-// Where and how often an unfinished training is kept.
-struct CheckpointOptions {
-  std::string path;                                           // none: not at all
-  double every_s = 10;                                        // and when it is interrupted
-  bool resume = false;                                        // go on from there
-  std::vector<std::pair<std::string, std::string>> settings;  // that must be the same then
-};
-
 // What is not given is as each model works best.
 struct FitOptions {
   std::optional<std::vector<std::size_t>> hidden;  // mlp: width of each hidden layer
@@ -42,7 +34,6 @@ struct FitOptions {
   std::size_t batch = 64;
   std::uint64_t seed = 1;
   bool quiet = false;
-  CheckpointOptions checkpoint;  // for models that learn in steps
 };
 
 // One entry an epoch; empty for models that are fitted in one step. Root mean square errors: of an
@@ -52,7 +43,6 @@ struct TrainingLog {
   std::vector<double> loss, validation_loss;
   std::size_t best_epoch = 0;  // whose weights were kept, counted from 1; 0: none beat the mean
   bool interrupted = false;
-  double earlier_s = 0;  // spent before the training was resumed
 };
 
 struct Cost {
@@ -76,8 +66,8 @@ class Model {
 };
 
 // From the cheapest to the dearest.
-inline const std::vector<std::string> model_names = {
-    "empty", "mean", "silhouette", "factorised", "pca-ridge", "ridge", "pca-mlp", "mlp", "nearest"};
+inline const std::vector<std::string> model_names = {"empty", "mean",    "silhouette", "factorised",
+                                                     "ridge", "pca-mlp", "mlp",        "nearest"};
 std::unique_ptr<Model> make_model(const std::string& name);  // throws Error(usage)
 
 // The models, one a file.
@@ -91,7 +81,7 @@ std::unique_ptr<Model> make_silhouette();                       // the mean body
 std::unique_ptr<Model> make_factorised();  // place, and shape in the body's own frame
 
 // A model of a certain size: "mlp-1024-512-256" has hidden layers of these widths, "factorised-8"
-// and "pca-ridge-64" so many components, "nearest-16" so many neighbours.
+// so many components, "nearest-16" so many neighbours.
 struct Rung {
   std::string name, model;
   FitOptions fit;

@@ -73,29 +73,23 @@ TrainingLog Regression::fit(const Examples& train, const Examples& validation, S
   s.best = s.parameters;
   // What never does better than the mean of the targets is not kept.
   if (!validation.rows.empty()) s.least = rms_error(validation, s.parameters);
-  Checkpoints checkpoints(training.checkpoint);
-  checkpoints.resume(s);
   Progress progress(title, training.epochs, training.quiet);
   while (s.epoch < training.epochs && s.epoch - s.log.best_epoch < training.patience) {
-    train_epoch(train, training, s, checkpoints);
+    train_epoch(train, training, s);
     const bool broken = interrupted();
-    if (broken)
-      checkpoints.save(s);  // before what there is of this epoch is judged like a whole one
     if (s.row == 0) break;
     judge(validation, s, title);
     progress.update(s.epoch, "validation " + std::to_string(s.log.validation_loss.back()) + unit);
     if (broken) break;
   }
   s.log.interrupted = interrupted();
-  s.log.earlier_s = checkpoints.earlier_s();
   parameters_ = std::move(s.best);
   return s.log;
 }
 
 // To the end of the epoch, or as far as it comes before an interrupt.
-void Regression::train_epoch(const Examples& train, const Training& training, TrainingState& s,
-                             Checkpoints& checkpoints) {
-  if (s.row == 0) std::shuffle(s.order.begin(), s.order.end(), s.order_rng);
+void Regression::train_epoch(const Examples& train, const Training& training, TrainingState& s) {
+  std::shuffle(s.order.begin(), s.order.end(), s.order_rng);
   const std::span<const std::size_t> rows(s.order);
   while (s.row < rows.size() && !interrupted()) {
     const std::size_t count = std::min(training.batch, rows.size() - s.row);
@@ -105,7 +99,6 @@ void Regression::train_epoch(const Examples& train, const Training& training, Tr
         annealed(training.learning_rate, done / static_cast<double>(training.epochs));
     s.squares += train_batch(train, rows.subspan(s.row, count), s, rate);
     s.row += count;
-    checkpoints.save_if_due(s);
   }
 }
 

@@ -6,8 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "recon/models/checkpoint.hpp"
+#include "drivers/core/random.hpp"
 #include "recon/models/model.hpp"
+#include "recon/models/network/adam.hpp"
 #include "recon/models/network/network.hpp"
 
 namespace echofuse::recon {
@@ -30,11 +31,21 @@ struct Training {
   std::size_t batch;
   std::uint64_t seed;
   bool quiet;
-  CheckpointOptions checkpoint = {};
 };
 
-// Of options that rung_of has filled; without a checkpoint.
+// Of options that rung_of has filled.
 Training training_of(const FitOptions& options);
+
+struct TrainingState {
+  std::vector<float> parameters, best;  // now, and of the best epoch
+  Adam adam;
+  Rows order;  // of the records in this epoch
+  Rng order_rng;
+  TrainingLog log;
+  double least;                    // validation loss of the best epoch
+  std::size_t epoch = 0, row = 0;  // done: whole epochs, and records of this one
+  double squares = 0;              // sum of squared errors of those records
+};
 
 class Regression {
  public:
@@ -50,8 +61,7 @@ class Regression {
 
  private:
   void standardise(const Examples& train, Spread spread);
-  void train_epoch(const Examples& train, const Training& training, TrainingState& s,
-                   Checkpoints& checkpoints);
+  void train_epoch(const Examples& train, const Training& training, TrainingState& s);
   double train_batch(const Examples& train, std::span<const std::size_t> rows, TrainingState& s,
                      double learning_rate);
   void judge(const Examples& validation, TrainingState& s, const std::string& title);

@@ -143,7 +143,7 @@ Bytes to_onnx(const std::string& model_path) {
   if (!network && !linear)
     throw Error(ExitCode::failed,
                 model_path + ": a model of kind \"" + model.name +
-                    "\" is not a plain network; mlp, ridge, pca-mlp and pca-ridge can be exported");
+                    "\" is not a plain network; mlp, ridge and pca-mlp can be exported");
   Chain chain("record");
   add_scaling(chain, model.features);
   if (network)

@@ -18,7 +18,7 @@
 namespace echofuse::recon {
 
 // Reads a model file. Throws Error(failed) if it is not one, or not of a kind that is a chain of
-// matrix products: mlp, ridge, pca-mlp and pca-ridge.
+// matrix products: mlp, ridge and pca-mlp.
 Bytes to_onnx(const std::string& model_path);
 
 }  // namespace echofuse::recon

@@ -14,21 +14,13 @@ namespace echofuse::recon {
 struct ParetoOptions {
   std::string train, test, out;  // run files; folder for pareto.csv, pareto.svg and pareto.gp
   // Rungs (models/model.hpp); ":spd" or ":radar" behind one leaves the other sensor out.
-  std::vector<std::string> models = {"empty",
-                                     "mean",
-                                     "nearest",
-                                     "ridge",
-                                     "pca-ridge",
-                                     "silhouette",
-                                     "factorised-4",
-                                     "factorised-10",
-                                     "factorised-16",
-                                     "factorised-32",
-                                     "pca-mlp-256-256",
-                                     "mlp-512-256",
-                                     "mlp-1024-512-256",
-                                     "mlp-512-256:spd",
-                                     "mlp-512-256:radar"};
+  std::vector<std::string> models = {"empty",           "mean",
+                                     "nearest",         "ridge",
+                                     "silhouette",      "factorised-4",
+                                     "factorised-10",   "factorised-16",
+                                     "factorised-32",   "pca-mlp-256-256",
+                                     "mlp-512-256",     "mlp-1024-512-256",
+                                     "mlp-512-256:spd", "mlp-512-256:radar"};
   std::vector<std::string> sweep_models = {"nearest", "silhouette", "factorised-16", "mlp-512-256"};
   // Shares of the photons (their counts thinned, in training and test alike) and of the training
   // records. None: no such sweep.

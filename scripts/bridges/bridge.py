@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What the bridges share: the blocks of the bridge protocol (README, "Bridge protocol"), the server
+"""What the bridges share: the blocks of the bridge protocol (drivers/README.md), the server
 with its one client, and the loop around a device that comes and goes."""
 import argparse
 import collections

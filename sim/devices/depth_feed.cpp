@@ -9,9 +9,9 @@
 #include <list>
 
 #include "acquire/record/depth_map.hpp"
-#include "sim/depth_camera.hpp"
 #include "sim/devices/depth_wire.hpp"
 #include "sim/devices/trouble.hpp"
+#include "sim/sensors/depth_camera.hpp"
 
 namespace echofuse::sim {
 namespace {

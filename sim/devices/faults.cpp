@@ -6,7 +6,7 @@
 #include <cmath>
 #include <sstream>
 
-#include "sim/toml_tables.hpp"
+#include "sim/scene/toml_tables.hpp"
 
 namespace echofuse::sim {
 namespace {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // What a laboratory really did, one JSON object a line:
 //   {"t": host monotonic ns, "device": "tdc", "what": "sent", NAME: NUMBER...}
-// README.md lists what each device writes.
+// sim/README.md lists what each device writes.
 #pragma once
 #include <fstream>
 #include <initializer_list>

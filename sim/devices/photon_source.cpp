@@ -8,7 +8,7 @@
 
 #include "drivers/core/axis.hpp"
 #include "drivers/core/exit_code.hpp"
-#include "sim/encode.hpp"
+#include "sim/wire/encode.hpp"
 
 namespace echofuse::sim {
 namespace {

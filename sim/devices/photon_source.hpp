@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: MIT
 // Laser and single-photon detector as a time tagger sees them: the same law as the simulated
-// histogram (sim/optics.hpp), drawn photon by photon.
+// histogram (sim/sensors/optics.hpp), drawn photon by photon.
 #pragma once
 #include <cstdint>
 #include <vector>
 
 #include "drivers/core/bytes.hpp"
 #include "drivers/core/random.hpp"
-#include "sim/conditions.hpp"
-#include "sim/render.hpp"
+#include "sim/scene/conditions.hpp"
+#include "sim/sensors/render.hpp"
 
 namespace echofuse::sim {
 

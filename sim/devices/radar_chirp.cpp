@@ -6,7 +6,7 @@
 #include <cmath>
 #include <complex>
 
-#include "sim/encode.hpp"
+#include "sim/wire/encode.hpp"
 
 namespace echofuse::sim {
 namespace {

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "drivers/core/random.hpp"
-#include "sim/conditions.hpp"
-#include "sim/radar_echo.hpp"
-#include "sim/render.hpp"
+#include "sim/scene/conditions.hpp"
+#include "sim/sensors/radar_echo.hpp"
+#include "sim/sensors/render.hpp"
 
 namespace echofuse::sim {
 

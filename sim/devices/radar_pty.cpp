@@ -10,7 +10,7 @@
 #include "sim/devices/radar_chirp.hpp"
 #include "sim/devices/radar_firmware.hpp"
 #include "sim/devices/trouble.hpp"
-#include "sim/encode.hpp"
+#include "sim/wire/encode.hpp"
 
 namespace echofuse::sim {
 namespace {

@@ -6,6 +6,7 @@
 
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/random.hpp"
+#include "sim/sensors/radar_echo.hpp"
 
 namespace echofuse::sim {
 

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "drivers/core/clock.hpp"
-#include "sim/conditions.hpp"
-#include "sim/render.hpp"
-#include "sim/scene.hpp"
+#include "sim/scene/conditions.hpp"
+#include "sim/scene/scene.hpp"
+#include "sim/sensors/render.hpp"
 
 namespace echofuse::sim {
 

@@ -10,7 +10,7 @@
 
 #include "sim/devices/tag_stream.hpp"
 #include "sim/devices/trouble.hpp"
-#include "sim/encode.hpp"
+#include "sim/wire/encode.hpp"
 
 namespace echofuse::sim {
 namespace {

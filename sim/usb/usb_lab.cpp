@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "sim/usb_lab.hpp"
+#include "sim/usb/usb_lab.hpp"
 
 #include "sim/usb/tdc_usb.hpp"
 

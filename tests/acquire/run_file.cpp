@@ -308,7 +308,7 @@ TEST_CASE("files that are not to be read or written") {
   }
   SECTION("empty") {
     write_file(path, "");
-    CHECK(has(refusal().second, "is empty, as of a run that was killed before it began"));
+    CHECK(has(refusal().second, "is empty: its run was killed before it began, or"));
   }
   SECTION("another program's database") {
     sql(path, "CREATE TABLE record (idx)");

@@ -8,8 +8,9 @@
 #include <string>
 
 #include "acquire/record/depth_map.hpp"
-#include "sim/dataset.hpp"
-#include "sim/optics.hpp"
+#include "sim/dataset/dataset.hpp"
+#include "sim/sensors/optics.hpp"
+#include "sim/sensors/radar_echo.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Input: the text of an OBJ or PLY file.
-#include "sim/mesh.hpp"
+#include "sim/scene/mesh.hpp"
 
 #include <cmath>
 

@@ -100,7 +100,7 @@ const std::vector<Base>& bases() {
     std::vector<Base> out;
     out.push_back(make_base(records(), "factorised-3", true));
     out.push_back(make_base(records(), "mlp-6-5", true));
-    out.push_back(make_base(records(), "pca-ridge-4", false));
+    out.push_back(make_base(records(), "pca-mlp-8", false));
     out.push_back(make_base(records(), "nearest-3", false));
     out.push_back(make_base(records(), "silhouette", false));
     return out;

@@ -6,9 +6,9 @@
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/settings.hpp"
 #include "fuzz.hpp"
-#include "sim/dataset.hpp"
+#include "sim/dataset/dataset.hpp"
 #include "sim/devices/faults.hpp"
-#include "sim/scene_list.hpp"
+#include "sim/scene/scene_list.hpp"
 
 using namespace echofuse;
 using fuzz::require;

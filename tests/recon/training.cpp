@@ -1,15 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A training that is stopped, killed, taken up again, or done by more threads ends in the same
-// bits.
-#include <signal.h>
-#include <sys/stat.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
-#include <iterator>
-#include <sstream>
-#include <thread>
-
+// A training done by several threads ends in the same bits.
 #include "recon/estimator/train.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "world.hpp"
@@ -19,29 +9,9 @@ using namespace echofuse::recon;
 using echofuse::testing::Folder;
 using echofuse::testing::Outcome;
 using echofuse::testing::recon_program;
-using echofuse::testing::start_recon;
 using echofuse::testing::write_run;
 
 namespace {
-
-ino_t inode(const std::string& path) {
-  struct stat s {};
-  return ::stat(path.c_str(), &s) == 0 ? s.st_ino : 0;
-}
-
-// Trains until the checkpoint is another file than before, then sends the signal.
-int stopped_by(int signal, std::vector<std::string> words, const std::string& checkpoint) {
-  const ino_t before = inode(checkpoint);
-  const pid_t child = start_recon(std::move(words));
-  int status = 0;
-  while (inode(checkpoint) == before) {
-    REQUIRE(waitpid(child, &status, WNOHANG) == 0);
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
-  kill(child, signal);
-  REQUIRE(waitpid(child, &status, 0) == child);
-  return status;
-}
 
 void check_same(const TrainedModel& a, const TrainedModel& b, const Dataset& data) {
   CHECK(a.log.loss == b.log.loss);
@@ -51,44 +21,6 @@ void check_same(const TrainedModel& a, const TrainedModel& b, const Dataset& dat
 }
 
 }  // namespace
-
-TEST_CASE("a training that was killed, resumed, stopped and resumed is the one never touched") {
-  const Folder dir;
-  write_run(dir / "run", 150);
-  const std::string options = " --hidden 256,128 --epochs 40 --batch 16 --checkpoint-s 0.05 -q";
-  std::vector<std::string> words = {"train", dir / "run", "--out", dir / "m"};
-  std::istringstream more(options);
-  words.insert(words.end(), std::istream_iterator<std::string>(more), {});
-  auto resuming = words;
-  resuming.push_back("--resume");
-  const std::string checkpoint = dir / "m.checkpoint";
-
-  const int killed = stopped_by(SIGKILL, words, checkpoint);
-  REQUIRE(WIFSIGNALED(killed));
-  CHECK_FALSE(std::filesystem::exists(dir / "m"));
-  const int stopped = stopped_by(SIGINT, resuming, checkpoint);
-  REQUIRE(WIFEXITED(stopped));
-  CHECK(WEXITSTATUS(stopped) == 130);
-  CHECK(load_model(dir / "m").log.loss.size() < 40);  // the best so far
-  REQUIRE(std::filesystem::exists(checkpoint));
-
-  const std::string command = "train " + (dir / "run") + " --out " + (dir / "m") + " --resume";
-  const Outcome other = recon_program(command + options + " --seed 2");
-  CHECK(other.code == 3);
-  CHECK_THAT(other.text, Catch::Contains("--seed=1, this one has --seed=2"));
-  CHECK_THAT(recon_program(command + options + " --no-fallback").text,
-             Catch::Contains("this one has --no-fallback=given"));
-  REQUIRE(recon_program(command + options).code == 0);
-  CHECK_FALSE(std::filesystem::exists(checkpoint));
-  const Outcome nothing = recon_program(command + options);
-  CHECK(nothing.code == 1);
-  CHECK_THAT(nothing.text, Catch::Contains("m.checkpoint: no such file"));
-
-  REQUIRE(recon_program("train " + (dir / "run") + " --out " + (dir / "whole") + options).code ==
-          0);
-  CHECK_FALSE(std::filesystem::exists(dir / "whole.checkpoint"));
-  check_same(load_model(dir / "m"), load_model(dir / "whole"), load({dir / "run"}));
-}
 
 TEST_CASE("one, two and three threads train the same model") {
   const Folder dir;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The Cramer-Rao bound: against the spread of a maximum-likelihood estimate, against finer
 // derivatives, and against the symmetry of the detector.
-#include "sim/bound.hpp"
+#include "sim/study/bound.hpp"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -9,8 +9,9 @@
 #include <random>
 
 #include "scenes.hpp"
-#include "sim/draw.hpp"
-#include "sim/optics.hpp"
+#include "sim/scene/draw.hpp"
+#include "sim/sensors/optics.hpp"
+#include "sim/sensors/radar_echo.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;

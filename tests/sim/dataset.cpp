@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "sim/dataset.hpp"
+#include "sim/dataset/dataset.hpp"
 
 #include <algorithm>
 #include <catch2/catch.hpp>

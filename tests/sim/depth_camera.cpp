@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "sim/depth_camera.hpp"
+#include "sim/sensors/depth_camera.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>

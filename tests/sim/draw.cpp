@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "sim/draw.hpp"
+#include "sim/scene/draw.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "sim/mesh.hpp"
+#include "sim/scene/mesh.hpp"
 
 #include <catch2/catch.hpp>
 #include <cstring>
@@ -9,7 +9,7 @@
 #include "acquire/record/depth_map.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "scenes.hpp"
-#include "sim/optics.hpp"
+#include "sim/sensors/optics.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "sim/optics.hpp"
+#include "sim/sensors/optics.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>

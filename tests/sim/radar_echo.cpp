@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "sim/radar_echo.hpp"
+#include "sim/sensors/radar_echo.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>

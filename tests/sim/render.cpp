@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "sim/render.hpp"
+#include "sim/sensors/render.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>

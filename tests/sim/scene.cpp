@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
-#include "sim/scene.hpp"
+#include "sim/scene/scene.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <set>
 
 #include "scenes.hpp"
-#include "sim/render.hpp"
-#include "sim/room.hpp"
+#include "sim/scene/room.hpp"
+#include "sim/sensors/render.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;

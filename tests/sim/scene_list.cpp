@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "sim/scene_list.hpp"
+#include "sim/scene/scene_list.hpp"
 
 #include <catch2/catch.hpp>
 #include <filesystem>
@@ -7,7 +7,7 @@
 
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/exit_code.hpp"
-#include "sim/dataset.hpp"
+#include "sim/dataset/dataset.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;

@@ -3,8 +3,8 @@
 #pragma once
 #include <numeric>
 
-#include "sim/render.hpp"
-#include "sim/scene.hpp"
+#include "sim/scene/scene.hpp"
+#include "sim/sensors/render.hpp"
 
 namespace echofuse::sim {
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Bytes written out by hand from the formats' tables, CRC from an independent bitwise program.
-#include "sim/encode.hpp"
+#include "sim/wire/encode.hpp"
 
 #include <algorithm>
 #include <catch2/catch.hpp>

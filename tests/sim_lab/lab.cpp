@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The laboratory's directory, from opening to closing.
-#include "sim/lab.hpp"
+#include "sim/lab/lab.hpp"
 
 #include <catch2/catch.hpp>
 #include <set>

@@ -11,7 +11,7 @@
 #include <thread>
 
 #include "drivers/core/clock.hpp"
-#include "sim/lab.hpp"
+#include "sim/lab/lab.hpp"
 
 namespace echofuse::test {
 

@@ -9,8 +9,8 @@
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/sample.hpp"
 #include "drivers/tdc/histogram.hpp"
-#include "sim/optics.hpp"
-#include "sim/scene.hpp"
+#include "sim/scene/scene.hpp"
+#include "sim/sensors/optics.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;

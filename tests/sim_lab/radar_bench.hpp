@@ -13,7 +13,7 @@
 #include "drivers/core/clock.hpp"
 #include "drivers/radar/radar_driver.hpp"
 #include "sim/devices/radar_firmware.hpp"
-#include "sim/encode.hpp"
+#include "sim/wire/encode.hpp"
 
 namespace echofuse::test {
 

@@ -8,6 +8,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import tempfile
 import time
 import unittest
 
@@ -70,6 +71,72 @@ class Beside(live.Live):
         self.assertEqual(recovered.stdout, f"{info['records']} records\n")
         self.assertFalse(pathlib.Path(f"{self.run}-wal").exists())
         self.assertEqual(self.info()["status"], "complete")
+
+    def test_lock_lost_at_a_reconnection(self):
+        """No lock can be made for a radar that comes back: that is told, and the run goes on."""
+        if subprocess.run(["unshare", "-m", "mount", "-t", "tmpfs", "tmpfs", "/run/lock"], stderr=subprocess.DEVNULL).returncode:
+            self.skipTest("no permission to mount a tmpfs")
+        self.tearDown()
+        with tempfile.NamedTemporaryFile("w", suffix=".toml") as faults:
+            faults.write('[[fault]]\ndevice = "radar"\nkind = "unplug"\nat_s = 2\nfor_s = 0.5\nevery_s = 3\n')
+            faults.flush()
+            self.lab_options = (*live.Live.lab_options, "--faults", faults.name)
+            self.setUp()
+        log = self.dir / "daemon.log"
+        with open(log, "w") as err:
+            daemon = self.start(["unshare", "-m", "sh", "-c", 'mount -t tmpfs -o mode=1777 tmpfs /run/lock && exec "$@"', "sh",
+                                 bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--out", self.run],
+                                env=os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}, stderr=err)
+        wait_for("records", lambda: self.committed() >= 4)
+        subprocess.run(["nsenter", "-t", str(daemon.pid), "-m", "mount", "-t", "tmpfs", "-o", "ro,mode=1777", "tmpfs",
+                        "/run/lock"], check=True)
+        wait_for("the event", lambda: "radar: the device lock /run/lock/" in log.read_text())
+        before = self.committed()
+        wait_for("records", lambda: self.committed() >= before + 5)
+        daemon.send_signal(signal.SIGINT)
+        self.assertEqual(daemon.wait(20), 0, log.read_text())
+        self.check_slots(self.rows())
+
+    def hold(self):
+        other = sqlite3.connect(self.run, isolation_level=None)
+        other.execute("BEGIN IMMEDIATE")
+        self.addCleanup(other.close)
+        return other
+
+    def test_writer_holds_for_a_while(self):
+        """A database browser with an edit that is not committed yet: records wait, none is lost."""
+        daemon = self.begin()
+        other = self.hold()
+        before = self.committed()
+        time.sleep(6 * WINDOW_S)
+        self.assertEqual(self.committed(), before)
+        other.execute("ROLLBACK")
+        wait_for("records", lambda: self.committed() >= before + 6)
+        daemon.send_signal(signal.SIGTERM)
+        log = self.finish(daemon)
+        self.assertEqual(daemon.returncode, 0, log)
+        self.assertIn("another program holds it by a write transaction; records wait in memory", log)
+        self.assertNotIn("given up", log)
+        self.assertEqual(self.info()["status"], "complete")
+        self.check_slots(self.rows())
+
+    def test_writer_holds_to_the_end(self):
+        daemon = self.begin()
+        self.hold()
+        before = self.committed()
+        time.sleep(6 * WINDOW_S)
+        sent = time.monotonic()
+        daemon.send_signal(signal.SIGTERM)
+        log = self.finish(daemon)
+        self.assertLess(time.monotonic() - sent, 5)
+        self.assertEqual(daemon.returncode, 6, log)
+        held, self.run = self.run, self.dir / "run.rescued.sqlite"
+        info = self.info()
+        self.assertIn(f"{held}: another program held it by a write transaction; all {info['records']} records are in "
+                      f"{self.run}", log)
+        self.assertGreater(info["records"], before)
+        self.assertEqual(info["status"], "stopped:disk")
+        self.check_slots(self.rows())
 
     def test_pause_of_many_slots(self):
         """More slots than the disk's queue holds become due at once: the pause is told, and no disk is blamed."""

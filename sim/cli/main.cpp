@@ -1,0 +1,374 @@
+// SPDX-License-Identifier: MIT
+// echofuse-sim: the simulated world. Each add_... function describes one subcommand and, when it
+// was chosen, sets what to run.
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <functional>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <thread>
+
+#include "drivers/core/console.hpp"
+#include "drivers/core/printable.hpp"
+#include "sim/dataset/dataset.hpp"
+#include "sim/dataset/preview.hpp"
+#include "sim/lab/lab.hpp"
+#include "sim/lab/lab_command.hpp"
+#include "sim/study/bound.hpp"
+#include "sim/study/fidelity.hpp"
+#include "sim/usb/usb_lab.hpp"
+
+namespace {
+
+using namespace echofuse;
+using Command = std::function<ExitCode()>;
+
+// What describes a plan on the command line.
+struct PlanArguments {
+  std::string config;
+  std::vector<std::string> settings;
+};
+
+void add_plan_options(CLI::App& app, PlanArguments& a) {
+  app.add_option("--config", a.config, "TOML file of settings");
+  app.add_option("--set", a.settings, "key=value, over the file's")->allow_extra_args(false);
+}
+
+// A data set's file configures a laboratory and a study as well.
+void read_plan(const PlanArguments& a, sim::Plan& plan, Settings& settings) {
+  bind(settings, plan);
+  if (!a.config.empty()) settings.read_file(a.config);
+  for (const auto& assignment : a.settings) settings.set(assignment);
+  validate(plan.conditions);
+}
+
+struct DatasetArguments : PlanArguments {
+  sim::DatasetOptions options;
+  std::string mirror_of;
+  std::optional<std::int64_t> records, people, letters, two_people, empty, objects, seed;
+  bool json = false;
+};
+
+// The numbers of records on the command line replace the configured ones as a whole.
+void apply_counts(const DatasetArguments& a, sim::Plan& plan) {
+  const bool by_kind = a.people || a.letters || a.two_people || a.empty || a.objects;
+  if (!plan.scenes.empty() && (by_kind || a.records))
+    throw Error(ExitCode::usage, "the records are listed in " + plan.scenes + "; give no numbers");
+  if (by_kind) {
+    plan.people = a.people.value_or(0);
+    plan.letters = a.letters.value_or(0);
+    plan.two_people = a.two_people.value_or(0);
+    plan.empty = a.empty.value_or(0);
+    plan.objects = a.objects.value_or(0);
+  } else if (a.records) {
+    plan.people = *a.records / 4;
+    plan.letters = *a.records - plan.people;
+    plan.two_people = plan.empty = plan.objects = 0;
+  }
+  const auto count = static_cast<std::int64_t>(scenes_of(plan).size());
+  if (a.records && *a.records != count)
+    throw Error(ExitCode::usage, "--records " + std::to_string(*a.records) + " differs from the " +
+                                     std::to_string(count) + " records asked for by kind");
+  if (count == 0) throw Error(ExitCode::usage, "no records asked for");
+}
+
+// Another seed or other numbers of records would silently make the mirror of nothing.
+void check_same_scenes(const sim::Plan& plan, const std::string& run) {
+  const sim::Plan original = sim::plan_of(run);
+  if (plan.seed != original.seed || scenes_of(plan) != scenes_of(original))
+    throw Error(ExitCode::usage,
+                "--mirror-of takes the seed and the records from " + run + "; do not give others");
+}
+
+sim::Plan make_plan(DatasetArguments& a) {
+  sim::Plan plan;
+  if (!a.mirror_of.empty()) {
+    plan = sim::plan_of(a.mirror_of);
+    plan.mirrored = !plan.mirrored;
+  }
+  Settings settings;
+  bind(settings, plan);
+  if (!a.config.empty()) {
+    a.options.config_text = read_config_text(a.config);
+    settings.read_text(a.options.config_text, a.config);
+  }
+  for (const auto& assignment : a.settings) settings.set(assignment);
+  if (a.seed) plan.seed = *a.seed;
+  apply_counts(a, plan);
+  if (!a.mirror_of.empty()) check_same_scenes(plan, a.mirror_of);
+  return plan;
+}
+
+ExitCode run_dataset(DatasetArguments& a) {
+  using Clock = std::chrono::steady_clock;
+  catch_interrupts();
+  const sim::Plan plan = make_plan(a);
+  const auto start = Clock::now();
+  const std::int64_t written = sim::write_dataset(plan, a.options);
+  const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
+  if (a.json)
+    std::cout << nlohmann::json{{"file", a.options.out},         {"records", written},
+                                {"people", plan.people},         {"letters", plan.letters},
+                                {"two_people", plan.two_people}, {"empty", plan.empty},
+                                {"objects", plan.objects},       {"seed", plan.seed},
+                                {"mirrored", plan.mirrored},     {"seconds", seconds}}
+                     .dump(-1, ' ', true, nlohmann::json::error_handler_t::replace)
+              << "\n";
+  else if (!a.options.quiet)
+    std::cout << printable(a.options.out) << ": " << written << " records in "
+              << human_duration(seconds) << "\n";
+  const auto wanted = static_cast<std::int64_t>(scenes_of(plan).size());
+  return written == wanted ? ExitCode::ok : ExitCode::interrupted;
+}
+
+void add_dataset(CLI::App& app, Command& command) {
+  auto* sub = app.add_subcommand("dataset", "make a run file of simulated records");
+  auto a = std::make_shared<DatasetArguments>();
+  a->options.threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  const auto count = CLI::Range(std::int64_t{0}, std::int64_t{10'000'000});
+  sub->add_option("--out", a->options.out, "run file to make (never overwritten)")->required();
+  sub->add_option("--records", a->records, "a quarter people, the rest letters")->check(count);
+  sub->add_option("--people", a->people, "records of one person")->check(count);
+  sub->add_option("--letters", a->letters, "records of a person holding a letter")->check(count);
+  sub->add_option("--two-people", a->two_people, "records of two people")->check(count);
+  sub->add_option("--empty", a->empty, "records of nobody")->check(count);
+  sub->add_option("--objects", a->objects, "records of the object (--set object=FILE)")
+      ->check(count);
+  sub->add_option("--mirror-of", a->mirror_of, "the mirrored scenes of this run");
+  sub->add_option("--seed", a->seed, "the same seed makes the same records")
+      ->check(CLI::NonNegativeNumber);
+  add_plan_options(*sub, *a);
+  sub->add_option("--threads", a->options.threads)->check(CLI::Range(1, 256));
+  sub->add_flag("-q,--quiet", a->options.quiet, "no progress, no summary");
+  sub->add_flag("--json", a->json, "summary as one JSON object");
+  sub->callback([&command, a] { command = [a] { return run_dataset(*a); }; });
+}
+
+struct LabArguments : PlanArguments {
+  sim::LabOptions options;
+  std::optional<std::int64_t> seed;
+  double duration_s = 0;
+  bool json = false;
+  std::vector<std::string> command;  // to run in the laboratory
+};
+
+void print_sent(const std::string& sent) {
+  const auto all = nlohmann::ordered_json::parse(sent);
+  for (const char* device : {"tdc", "radar", "depth"}) {
+    std::cout << device << " sent:";
+    for (const auto& [what, count] : all[device].items()) std::cout << " " << what << " " << count;
+    std::cout << "\n";
+  }
+}
+
+ExitCode run_lab(LabArguments& a, char** argv) {
+  if (a.options.usb && a.command.empty())
+    throw Error(ExitCode::usage,
+                "--usb: only a command started by the laboratory sees its USB devices; add e.g. -- "
+                "echofuse-acquire run --config lab/lab.toml --out monday");
+  if (a.options.usb) sim::UsbLab::enter(argv);
+  catch_interrupts();
+  sim::Plan plan;
+  Settings settings;
+  read_plan(a, plan, settings);
+  // Two frames of a real camera are never the same.
+  if (!settings.given("depth_noise_m")) plan.conditions.depth_noise_m = 0.0005;
+  a.options.conditions = plan.conditions;
+  if (!plan.scenes.empty()) {
+    a.options.play.list = scenes_of(plan);
+    a.options.play.kind = plan.scenes;
+  }
+  if (a.options.play.kind == "object") plan.objects = 1, scenes_of(plan);  // is there a mesh?
+  a.options.play.seed = a.seed.value_or(plan.seed);
+  const SystemClock clock;
+  sim::Lab lab(clock, a.options);
+  if (!a.command.empty()) return sim::serve_command(lab, a.command);
+  std::cerr << "the laboratory is open; Ctrl-C closes it. To record from it:\n";
+  std::cout << lab.daemon_command() << std::endl;
+  const HostTime end = clock.now() + from_seconds(a.duration_s);
+  lab.serve([&] { return interrupted() || (a.duration_s > 0 && clock.now() >= end); });
+  if (a.json)
+    std::cout << lab.sent() << "\n";
+  else
+    print_sent(lab.sent());
+  return ExitCode::ok;
+}
+
+void add_lab(CLI::App& app, Command& command, char** argv) {
+  auto* sub = app.add_subcommand("lab", "start a laboratory of simulated devices");
+  auto a = std::make_shared<LabArguments>();
+  auto& o = a->options;
+  sub->add_option("--dir", o.dir, "where lab.toml and the devices' links go")
+      ->capture_default_str();
+  sub->add_option("--scene", o.play.kind, "what the devices see")
+      ->check(CLI::IsMember(
+          {"person", "letter", "mixed", "two_people", "empty", "reflector", "object"}))
+      ->capture_default_str();
+  sub->add_option(
+         "--hold", o.play.hold_s,
+         "seconds that each scene stands, from a multiple of them on the host's clock on, as "
+         "slots begin; 0: for ever")
+      ->check(CLI::Range(0.0, 0.0) | CLI::Range(0.01, 86'400.0));
+  sub->add_option("--seed", a->seed, "the same seed shows the same scenes")
+      ->check(CLI::NonNegativeNumber);
+  sub->add_option("--window", o.window_s, "seconds of one record, to which photon numbers refer")
+      ->check(CLI::Range(0.05, 3600.0))
+      ->capture_default_str();
+  sub->add_option("--laser-rate-hz", o.tagging.laser_rate_hz, "pulses a second")
+      ->check(CLI::Range(1.0, 1e9))
+      ->capture_default_str();
+  sub->add_flag("!--all-syncs", o.tagging.conditional_filter,
+                "send every laser sync, not only those before a photon");
+  sub->add_option("--radar-cfg", o.radar_cfg, "TI .cfg file (the paper's 50 cm profile)");
+  sub->add_option("--radar-sdk", o.radar_sdk, "the mmWave SDK of its firmware")
+      ->check(CLI::IsMember({"3.4", "3.5", "3.6"}))
+      ->capture_default_str();
+  sub->add_option("--faults", o.faults, "TOML file of what goes wrong, and when");
+  sub->add_option("--log", o.log, "write down everything that was sent, a JSON object a line");
+  sub->add_option("--duration", a->duration_s, "close by itself after so many seconds")
+      ->check(CLI::NonNegativeNumber);
+  add_plan_options(*sub, *a);
+  sub->add_flag("--json", a->json, "what was sent as one JSON object");
+  sub->add_flag("--usb", o.usb, "the time tagger on emulated USB instead of the bridge");
+  sub->add_option("command", a->command, "run this in the laboratory, and close it afterwards")
+      ->option_text("-- COMMAND ...");
+  sub->callback([&command, a, argv] { command = [a, argv] { return run_lab(*a, argv); }; });
+}
+
+void add_preview(CLI::App& app, Command& command) {
+  auto* sub = app.add_subcommand("preview", "draw a record: depth map, histogram, profile");
+  struct Arguments {
+    std::string run, out;
+    std::int64_t record = 0;
+  };
+  auto a = std::make_shared<Arguments>();
+  sub->add_option("RUN", a->run, "run file")->required();
+  sub->add_option("--record", a->record, "its index")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  sub->add_option("--out", a->out, "PNG file to write")->required();
+  sub->callback([&command, a] {
+    command = [a] {
+      sim::draw_record(a->run, a->record, a->out);
+      return ExitCode::ok;
+    };
+  });
+}
+
+template <class Options>
+struct StudyArguments : PlanArguments {
+  Options options;
+  std::string out;
+};
+
+ExitCode run_fidelity(StudyArguments<sim::FidelityOptions>& a) {
+  const auto rows = sim::study_fidelity(a.options);
+  for (const auto& r : rows)
+    std::printf("%-10s %-10s %9.4f +- %.4f of the noise's variance%s\n", r.axis.c_str(),
+                r.value.c_str(), r.error, r.standard_error,
+                r.us > 0 ? ("  " + std::to_string(std::lround(r.us)) + " us").c_str() : "");
+  std::printf("chosen: %lld rays for %g photons\n",
+              static_cast<long long>(rays_of(a.options.conditions)),
+              a.options.conditions.signal_photons);
+  sim::write_fidelity(rows, a.out);
+  return ExitCode::ok;
+}
+
+ExitCode run_bound(StudyArguments<sim::BoundOptions>& a) {
+  catch_interrupts();
+  const auto rows = sim::study_bound(a.options);
+  std::printf("%-12s %8s %-6s %32s %21s\n", "axis", "value", "known",
+              "sigma of x: median (quartiles)", "mean error: x lateral");
+  for (const auto& r : rows)
+    std::printf("%-12s %8g %-6s %12.4f (%.4f .. %.4f) m %10.4f %7.4f m\n", r.axis.c_str(), r.value,
+                r.known.c_str(), r.x_median_m, r.x_lower_m, r.x_upper_m, r.x_error_m,
+                r.lateral_error_m);
+  sim::write_bound(rows, a.out);
+  return ExitCode::ok;
+}
+
+template <class Options>
+void add_one_study(CLI::App& study, Command& command, const std::string& name,
+                   const std::string& what, ExitCode (*run)(StudyArguments<Options>&)) {
+  auto* sub = study.add_subcommand(name, what);
+  auto a = std::make_shared<StudyArguments<Options>>();
+  sub->add_option("--out", a->out, "folder for " + name + ".csv and " + name + ".svg")->required();
+  sub->add_option("--scenes", a->options.scenes)
+      ->check(CLI::Range(std::int64_t{2}, std::int64_t{10'000}))
+      ->capture_default_str();
+  sub->add_option("--seed", a->options.seed)->capture_default_str();
+  add_plan_options(*sub, *a);
+  sub->add_flag("-q,--quiet", a->options.quiet, "no progress");
+  sub->callback([&command, a, run] {
+    command = [a, run] {
+      sim::Plan plan;
+      Settings settings;
+      read_plan(*a, plan, settings);
+      for (const char* key :
+           {"seed", "people", "letters", "two_people", "empty", "objects", "scenes", "mirrored"})
+        if (settings.given(key))
+          throw Error(ExitCode::config, std::string(key) +
+                                            ": a study draws its own scenes; --scenes says how "
+                                            "many, --seed which");
+      a->options.conditions = plan.conditions;
+      std::error_code error;
+      std::filesystem::create_directories(a->out, error);
+      if (error) throw Error(ExitCode::disk, a->out + ": " + error.message());
+      return run(*a);
+    };
+  });
+}
+
+void add_study(CLI::App& app, Command& command) {
+  auto* study = app.add_subcommand("study", "how much detail a scene needs, and what it tells");
+  study->require_subcommand(1);
+  add_one_study(*study, command, "fidelity",
+                "each approximation against a finer one, in units of noise, beside its time",
+                run_fidelity);
+  add_one_study(*study, command, "bound", "the least error of a lateral position that noise allows",
+                run_bound);
+}
+
+void add_config(CLI::App& app, Command& command) {
+  auto* sub = app.add_subcommand("config", "print every setting with its meaning, range and value");
+  auto a = std::make_shared<PlanArguments>();
+  add_plan_options(*sub, *a);
+  sub->callback([&command, a] {
+    command = [a] {
+      sim::Plan plan;
+      Settings settings;
+      read_plan(*a, plan, settings);
+      std::cout << settings.resolved(true);
+      return ExitCode::ok;
+    };
+  });
+}
+
+ExitCode run(int argc, char** argv) {
+  CLI::App app{"The simulated world: data sets and a laboratory of simulated devices."};
+  app.set_version_flag("--version", std::string("echofuse-sim ") + version());
+  app.require_subcommand(1);
+  Command command;
+  add_dataset(app, command);
+  add_lab(app, command, argv);
+  add_study(app, command);
+  add_preview(app, command);
+  add_config(app, command);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage;
+  }
+  return command();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return echofuse::run_main("echofuse-sim", [&] { return run(argc, argv); });
+}

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: MIT
+#include "sim/dataset/dataset.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <future>
+#include <thread>
+#include <utility>
+
+#include "acquire/record/depth_map.hpp"
+#include "acquire/record/run_file.hpp"
+#include "drivers/core/console.hpp"
+#include "sim/scene/scene_list.hpp"
+#include "sim/sensors/depth_camera.hpp"
+#include "sim/sensors/optics.hpp"
+#include "sim/sensors/radar_echo.hpp"
+
+namespace echofuse::sim {
+namespace {
+
+constexpr std::int64_t batch_records = 128;
+
+// Independent random streams of one seed.
+enum class Stream : std::uint64_t { scenes, order, noise, mirror_noise };
+std::uint64_t seed_of(const Plan& plan, Stream stream) {
+  return mix(static_cast<std::uint64_t>(plan.seed) + mix(static_cast<std::uint64_t>(stream)));
+}
+
+record::FusedRecord blank_record(std::int64_t index, std::string label) {
+  record::FusedRecord r;
+  r.index = index;
+  r.slot_start = from_seconds(static_cast<double>(index) * dataset_window_s);
+  r.slot_end = from_seconds(static_cast<double>(index + 1) * dataset_window_s);
+  r.slot_utc = r.slot_start;
+  r.label = std::move(label);
+  for (const auto sensor : all_sensors) {
+    r.valid.insert(sensor);
+    auto& sync = r.sync[sensor];
+    sync.used = 1;
+    sync.verdict = "ok";
+  }
+  return r;
+}
+
+void count_clicks(record::FusedRecord& r, std::int64_t pulses) {
+  std::uint64_t clicks = 0;
+  for (const auto n : r.spd) clicks += n;
+  r.spd_counts.in_range = clicks;
+  r.spd_counts.starts = static_cast<std::uint64_t>(pulses);  // 0: low flux, pulses are not counted
+  r.spd_counts.tags = clicks + r.spd_counts.starts;
+  if (pulses > 0)
+    r.signal.clicks_a_pulse = static_cast<double>(clicks) / static_cast<double>(pulses);
+  r.sync[Sensor::spd].used = clicks;
+}
+
+// Records first..last-1. Which thread makes which record does not matter to its content.
+std::vector<record::FusedRecord> make_batch(const Generator& generator, std::int64_t first,
+                                            std::int64_t last, int threads) {
+  std::vector<record::FusedRecord> batch(static_cast<std::size_t>(last - first));
+  std::atomic<std::size_t> next{0};
+  const auto work = [&] {
+    for (std::size_t i = next++; i < batch.size(); i = next++)
+      batch[i] = generator.make(first + static_cast<std::int64_t>(i));
+  };
+  std::vector<std::future<void>> workers;
+  workers.reserve(static_cast<std::size_t>(threads));
+  for (int t = 0; t < threads; ++t) workers.push_back(std::async(std::launch::async, work));
+  for (auto& worker : workers) worker.get();
+  return batch;
+}
+
+record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
+  Plan copy = plan;
+  Settings settings;
+  bind(settings, copy);
+  char host[256] = {};
+  gethostname(host, sizeof host - 1);
+  record::RunInfo info;
+  info.started_utc = iso8601(SystemClock().utc());
+  info.config_text = options.config_text;
+  info.config_resolved = settings.resolved();
+  info.version = version();
+  info.host = host;
+  info.notes = "simulated data set";
+  info.window_s = dataset_window_s;
+  return info;
+}
+
+void check_object(const std::vector<SceneSpec>& scenes, const Conditions& conditions) {
+  if (conditions.object.empty() &&
+      std::find_if(scenes.begin(), scenes.end(),
+                   [](const SceneSpec& s) { return s.kind == SceneKind::object; }) != scenes.end())
+    throw Error(ExitCode::config, "object scenes need a mesh; set object = \"FILE.ply\" or .obj");
+}
+
+}  // namespace
+
+void bind(Settings& settings, Plan& plan) {
+  settings.add("seed", plan.seed, 0, INT64_MAX, "the same seed makes the same records");
+  settings.add("people", plan.people, 0, 10'000'000, "records of one person");
+  settings.add("letters", plan.letters, 0, 10'000'000, "records of a person holding a letter");
+  settings.add("two_people", plan.two_people, 0, 10'000'000, "records of two people");
+  settings.add("empty", plan.empty, 0, 10'000'000, "records of nobody");
+  settings.add("objects", plan.objects, 0, 10'000'000, "records of the object");
+  settings.add("scenes", plan.scenes, "TOML file of [[scene]] tables, instead of these numbers");
+  settings.add("mirrored", plan.mirrored, "mirror every scene, x -> -x");
+  bind(settings, plan.conditions);
+}
+
+Plan plan_of(const std::string& run_path) {
+  const std::string config = record::RunReader(run_path).info().config_resolved;
+  Plan plan;
+  Settings settings;
+  bind(settings, plan);
+  try {
+    settings.read_text(config, run_path);
+  } catch (const Error&) {
+    throw Error(ExitCode::failed, run_path + ": was not made by `echofuse-sim dataset`");
+  }
+  if (!settings.given("seed") || !settings.given("mirrored"))
+    throw Error(ExitCode::failed, run_path + ": was not made by `echofuse-sim dataset`");
+  return plan;
+}
+
+std::vector<SceneSpec> scenes_of(const Plan& plan) {
+  std::vector<SceneSpec> scenes;
+  const auto add = [&](std::int64_t count, SceneKind kind) {
+    scenes.insert(scenes.end(), static_cast<std::size_t>(count), kind);
+  };
+  if (!plan.scenes.empty()) {
+    scenes = read_scene_list(read_config_text(plan.scenes), plan.scenes);
+    check_object(scenes, plan.conditions);
+    return scenes;
+  }
+  add(plan.people, SceneKind::person);
+  add(plan.letters, SceneKind::letter);
+  add(plan.two_people, SceneKind::two_people);
+  add(plan.empty, SceneKind::empty);
+  add(plan.objects, SceneKind::object);
+  check_object(scenes, plan.conditions);
+  Rng rng = make_rng(seed_of(plan, Stream::order), 0);
+  for (std::size_t i = scenes.size(); i > 1; --i) std::swap(scenes[i - 1], scenes[rng() % i]);
+  return scenes;
+}
+
+Generator::Generator(Plan plan)
+    : plan_(std::move(plan)),
+      scenes_(scenes_of(plan_)),
+      radar_(radar_response(plan_.conditions)),
+      x_(record::depth_x_axis(record::map_size, plan_.conditions.half_tangent)),
+      y_(record::depth_y_axis(record::map_size, plan_.conditions.half_tangent)),
+      mean_peak_(mean_peak_power(radar_, plan_.conditions)) {}
+
+Scene Generator::scene(std::int64_t index) const {
+  const auto i = static_cast<std::size_t>(index);
+  const Scene scene =
+      make_scene(plan_.conditions, scenes_.at(i), seed_of(plan_, Stream::scenes), i);
+  return plan_.mirrored ? mirrored(scene) : scene;
+}
+
+record::FusedRecord Generator::make(std::int64_t index) const {
+  const Conditions& c = plan_.conditions;
+  const Scene world = scene(index);
+  Rng rng = make_rng(seed_of(plan_, plan_.mirrored ? Stream::mirror_noise : Stream::noise),
+                     static_cast<std::uint64_t>(index));
+  record::FusedRecord r = blank_record(index, world.label);
+  thread_local Returns returns;
+  spd_returns(world, c, returns);
+  r.spd = draw_counts(spd_rate(returns, c), c, rng);
+  count_clicks(r, c.pulses_per_window);
+  radar_returns(world, c, returns);
+  roughen(returns, c, rng);
+  auto power = radar_power(returns, radar_, c);
+  add_radar_noise(power, mean_peak_, c, rng);
+  r.radar.resize(power.size());
+  std::transform(power.begin(), power.end(), r.radar.begin(),
+                 [](double p) { return static_cast<float>(p); });
+  r.depth_mm = depth_map_mm(world, x_, y_, c, rng);
+  return r;
+}
+
+std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
+  validate(plan.conditions);
+  const Generator generator(plan);
+  record::RunWriter writer(options.out, run_info(plan, options));
+  writer.put_axis(spd_axis(plan.conditions));
+  writer.put_axis(radar_axis(plan.conditions));
+  writer.put_axis(record::depth_x_axis(record::map_size, plan.conditions.half_tangent));
+  writer.put_axis(record::depth_y_axis(record::map_size, plan.conditions.half_tangent));
+  Progress progress("records", static_cast<std::size_t>(generator.records()), options.quiet);
+  const auto start_batch = [&](std::int64_t first) {
+    const std::int64_t last = std::min(first + batch_records, generator.records());
+    return std::async(std::launch::async, make_batch, std::cref(generator), first, last,
+                      options.threads);
+  };
+  // One batch is written while the next is made.
+  auto pending = start_batch(0);
+  while (writer.records() < generator.records() && !interrupted()) {
+    const auto batch = pending.get();
+    pending = start_batch(writer.records() + static_cast<std::int64_t>(batch.size()));
+    writer.append(batch);
+    progress.update(static_cast<std::size_t>(writer.records()));
+  }
+  writer.close(writer.records() == generator.records() ? "complete" : "stopped:interrupted");
+  return writer.records();
+}
+
+}  // namespace echofuse::sim

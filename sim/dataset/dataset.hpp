@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: MIT
+// A whole run file of simulated records, with the same bytes for the same plan whatever the
+// number of threads (but for uuid and times of day).
+#pragma once
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "acquire/record/record.hpp"
+#include "sim/scene/conditions.hpp"
+#include "sim/scene/scene.hpp"
+
+namespace echofuse::sim {
+
+// What a data set is made of; stored in the run as config_resolved.
+struct Plan {
+  std::int64_t seed = 1;
+  std::int64_t people = 1000, letters = 3000, two_people = 0, empty = 0;  // [S] 1000 and 3000
+  std::int64_t objects = 0;
+  std::string
+      scenes;  // file of a list (sim/scene/scene_list.hpp), which replaces the numbers above
+  bool mirrored = false;  // every scene's mirror image, with noise of its own
+  Conditions conditions;
+};
+
+void bind(Settings& settings, Plan& plan);
+// The plan stored in a run that `dataset` wrote; throws Error(failed) for any other run.
+Plan plan_of(const std::string& run_path);
+
+// The scenes of all records: those of the list in its order, or the numbers of each kind in a
+// (seeded) random order. Throws Error(config) for a list that cannot be read and for objects
+// without a mesh.
+std::vector<SceneSpec> scenes_of(const Plan& plan);
+
+// Makes any record of a plan by itself. Threading: make() may be called from many threads.
+class Generator {
+ public:
+  explicit Generator(Plan plan);
+  std::int64_t records() const { return static_cast<std::int64_t>(scenes_.size()); }
+  Scene scene(std::int64_t index) const;
+  record::FusedRecord make(std::int64_t index) const;
+
+ private:
+  Plan plan_;
+  std::vector<SceneSpec> scenes_;
+  RadarAxis radar_;
+  Axis x_, y_;
+  double mean_peak_ = 0;
+};
+
+struct DatasetOptions {
+  std::string out;
+  std::string config_text;  // kept verbatim in the run
+  int threads = 2;
+  bool quiet = false;
+};
+
+// Writes the run file; returns the number of records written (fewer if interrupted).
+std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options);
+
+}  // namespace echofuse::sim

@@ -1,0 +1,289 @@
+// SPDX-License-Identifier: MIT
+#include "sim/lab/lab.hpp"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <boost/asio/io_context.hpp>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <sstream>
+
+#include "drivers/core/settings.hpp"
+#include "sim/usb/usb_lab.hpp"
+
+namespace echofuse::sim {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr char first_line[] = "# echofuse-sim lab";
+constexpr char default_radar_cfg[] = "radar/xwr68xx_paper_50cm";
+constexpr char module_name[] = "libechofuse_sim_depth.so";
+// What a laboratory puts into its directory, and of that what a closed one leaves behind.
+const char* const transient[] = {"radar-cli",  "radar-data", "radar-cli.new", "radar-data.new",
+                                 "depth.sock", "openni",     "lab.toml.new"};
+const char* const lasting[] = {"lab.toml", "radar.cfg", "sent.json"};
+
+void write_file(const fs::path& path, const std::string& text) {
+  std::ofstream out(path, std::ios::binary);
+  out << text;
+  out.close();
+  if (!out) throw Error(ExitCode::disk, path.string() + ": cannot write");
+}
+
+bool is_ours(const fs::path& dir) {
+  std::ifstream former(dir / "lab.toml");
+  std::string line;
+  if (std::getline(former, line) && line.rfind(first_line, 0) == 0) return true;
+  const auto own = [](const std::string& name) {
+    return std::find(std::begin(transient), std::end(transient), name) != std::end(transient) ||
+           std::find(std::begin(lasting), std::end(lasting), name) != std::end(lasting);
+  };
+  return std::all_of(fs::directory_iterator(dir), {}, [&](const fs::directory_entry& entry) {
+    return own(entry.path().filename().string());
+  });
+}
+
+fs::path make_directory(const std::string& wanted) {
+  std::error_code error;
+  fs::create_directories(wanted, error);
+  if (!fs::is_directory(wanted))
+    throw Error(ExitCode::usage, wanted + ": cannot make the directory: " + error.message());
+  const fs::path dir = fs::canonical(wanted);
+  const std::string socket = (dir / "depth.sock").string();
+  if (socket.size() >= sizeof(sockaddr_un::sun_path))
+    throw Error(ExitCode::usage, dir.string() + ": the path is too long for a socket in it (" +
+                                     std::to_string(socket.size()) + " bytes, at most " +
+                                     std::to_string(sizeof(sockaddr_un::sun_path) - 1) +
+                                     "); use a shorter --dir");
+  if (!is_ours(dir))
+    throw Error(ExitCode::usage, dir.string() +
+                                     ": holds files that no laboratory wrote; expected an empty "
+                                     "or a former laboratory's directory");
+  return dir;
+}
+
+// The directory belongs to this process as long as this lives.
+class DirectoryLock {
+ public:
+  explicit DirectoryLock(const fs::path& dir)
+      : fd_(::open(dir.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
+    if (fd_ >= 0 && ::flock(fd_, LOCK_EX | LOCK_NB) == 0) return;
+    const std::string why =
+        errno == EWOULDBLOCK ? "another laboratory runs here" : std::string(std::strerror(errno));
+    if (fd_ >= 0) ::close(fd_);
+    throw Error(ExitCode::usage, dir.string() + ": " + why);
+  }
+  ~DirectoryLock() { ::close(fd_); }
+  DirectoryLock(const DirectoryLock&) = delete;
+  DirectoryLock& operator=(const DirectoryLock&) = delete;
+
+ private:
+  int fd_;
+};
+
+fs::path program_folder() { return fs::read_symlink("/proc/self/exe").parent_path(); }
+
+fs::path find_radar_cfg(const LabOptions& options) {
+  if (!options.radar_cfg.empty()) return options.radar_cfg;
+  const std::string name =
+      default_radar_cfg + std::string(options.radar_sdk == "3.4" ? "_sdk3.4.cfg" : ".cfg");
+  const fs::path beside = program_folder() / "../../../config" / name;
+  return fs::exists(beside) ? beside : fs::path(ECHOFUSE_CONFIG_DIR) / name;
+}
+
+std::string read_cfg(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::ostringstream text;
+  if (!in || !(text << in.rdbuf()))
+    throw Error(ExitCode::config, path.string() + ": cannot read the radar configuration");
+  return text.str();
+}
+
+// Where OpenNI2 is installed, as the build found it.
+const fs::path openni_folder = ECHOFUSE_OPENNI2_DIR;
+
+// OpenNI2 has no other way to add a driver without root: it looks beside its own library, as the
+// loader found it. The module is copied, so that a rebuild does not change it under a user.
+void make_openni(const fs::path& dir) {
+  const fs::path drivers = dir / "openni/OpenNI2/Drivers";
+  const fs::path library = openni_folder / "libOpenNI2.so.0";
+  if (!fs::exists(library))
+    throw Error(ExitCode::failed, library.string() + ": the depth camera needs OpenNI2");
+  fs::create_directories(drivers);
+  fs::create_symlink(library, dir / "openni/libOpenNI2.so.0");
+  fs::create_symlink(openni_folder / "OpenNI2/Drivers/libOniFile.so.0",
+                     drivers / "libOniFile.so.0");
+  const fs::path module = program_folder() / "../lib" / module_name;
+  std::error_code error;
+  fs::copy_file(module, drivers / (std::string(module_name) + ".0"), error);
+  if (error)
+    throw Error(ExitCode::failed,
+                module.string() + ": cannot copy the OpenNI2 driver module: " + error.message());
+}
+
+std::int64_t whole_ps(const char* key, double value) {
+  if (value != std::floor(value))
+    throw Error(ExitCode::config, std::string(key) + " = " + std::to_string(value) +
+                                      ": the daemon's histogram needs whole picoseconds");
+  return static_cast<std::int64_t>(value);
+}
+
+std::string toml_text(const std::string& text) { return Json(text).dump(); }
+
+std::string shell_word(const std::string& word) {
+  const bool plain = std::all_of(word.begin(), word.end(), [](unsigned char c) {
+    return std::isalnum(c) || std::strchr("/._-+", c);
+  });
+  if (plain) return word;
+  std::string quoted = "'";
+  for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
+// `label` is what stands before the sensors, if that never changes.
+std::string lab_toml(const LabOptions& o, const fs::path& dir, const std::string& tdc_address,
+                     const std::string& label) {
+  std::ostringstream out;
+  out << first_line
+      << ": simulated devices; start the daemon with LD_LIBRARY_PATH=" << (dir / "openni").string()
+      << "\n[run]\nwindow_s = " << Json(o.window_s).dump() << "\nlabel = " << toml_text(label)
+      << "\n\n[tdc]\naddress = " << toml_text(tdc_address)
+      << "\nstart_channel = " << o.tagging.sync_channel
+      << "\nclick_channel = " << o.tagging.click_channel
+      << "\nbin_width_ps = " << whole_ps("bin_width_ps", o.conditions.bin_width_ps)
+      << "\nfirst_bin_ps = " << whole_ps("first_bin_ps", o.conditions.first_bin_ps)
+      << "\nbins = " << o.conditions.bins
+      << "\n\n[radar]\ncli = " << toml_text("serial:" + (dir / "radar-cli").string())
+      << "\ndata = " << toml_text("serial:" + (dir / "radar-data").string())
+      << "\ncfg = \"radar.cfg\"\n\n[depth]\naddress = \"openni:\"\n";
+  return out.str();
+}
+
+}  // namespace
+
+struct Lab::Parts {
+  Parts(const Clock& clock, const LabOptions& o)
+      : options(o), dir(make_directory(o.dir)), lock(dir), stage(clock, o.conditions, o.play) {
+    if (!o.faults.empty()) script.faults = read_faults(read_config_text(o.faults), o.faults);
+    const auto of_tdc = [](const Fault& fault) { return fault.device == "tdc"; };
+    if (o.usb &&
+        (!o.log.empty() || std::any_of(script.faults.begin(), script.faults.end(), of_tdc)))
+      throw Error(ExitCode::usage,
+                  "--usb: the time tagger's faults and log are of its bridge; leave --usb away");
+    if (!o.log.empty()) script.journal = &journal.emplace(o.log);
+  }
+
+  ~Parts() { remove(std::begin(transient), std::end(transient)); }
+
+  void remove(const char* const* first, const char* const* last) const {
+    std::error_code ignored;
+    for (; first != last; ++first) fs::remove_all(dir / *first, ignored);
+  }
+
+  void start() {
+    const std::string cfg = read_cfg(find_radar_cfg(options));
+    remove(std::begin(transient), std::end(transient));
+    remove(std::begin(lasting), std::end(lasting));
+    const std::string label = options.play.hold_s > 0 ? "" : stage.at(0).scene.label;
+    const auto seed = static_cast<std::uint64_t>(options.play.seed);
+    const std::string tdc_address = make_tdc(
+        {.tagging = options.tagging, .window_s = options.window_s, .seed = seed, .script = script});
+    radar = make_radar_ptys(io, stage,
+                            {.cli_link = (dir / "radar-cli").string(),
+                             .data_link = (dir / "radar-data").string(),
+                             .seed = seed,
+                             .script = script,
+                             .sdk = static_cast<unsigned>(options.radar_sdk.back() - '0')});
+    depth = make_depth_feed(
+        io, stage, {.socket_path = (dir / "depth.sock").string(), .seed = seed, .script = script});
+    make_openni(dir);
+    write_file(dir / "radar.cfg", cfg);
+    write_file(dir / "lab.toml.new", lab_toml(options, dir, tdc_address, label));
+    fs::rename(dir / "lab.toml.new", dir / "lab.toml");
+  }
+
+  // Returns its address.
+  std::string make_tdc(const TdcOptions& wanted) {
+    if (options.usb) {
+      usb = UsbLab::make(io, stage, wanted);
+      tdc = &usb->tdc();
+      return usb->tdc_address();
+    }
+    bridge = make_tdc_bridge(io, stage, wanted);
+    tdc = bridge.get();
+    return bridge->address();
+  }
+
+  LabOptions options;
+  fs::path dir;
+  DirectoryLock lock;
+  boost::asio::io_context io;
+  Stage stage;
+  Script script;
+  std::optional<Journal> journal;
+  std::unique_ptr<UsbLab> usb;
+  std::unique_ptr<TdcBridge> bridge;
+  Device* tdc = nullptr;  // one of the two
+  std::unique_ptr<Device> radar, depth;
+};
+
+Lab::Lab(const Clock& clock, const LabOptions& options)
+    : parts_(std::make_unique<Parts>(clock, options)) {
+  parts_->start();
+}
+
+Lab::~Lab() = default;
+
+std::string Lab::daemon_command() const {
+  return "LD_LIBRARY_PATH=" + shell_word((parts_->dir / "openni").string()) + " " +
+         shell_word((program_folder() / "echofuse-acquire").string()) + " run --config " +
+         shell_word((parts_->dir / "lab.toml").string()) + " --out run.sqlite";
+}
+
+std::vector<std::pair<std::string, std::string>> Lab::environment() const {
+  std::vector<std::pair<std::string, std::string>> all;
+  if (parts_->usb) all = parts_->usb->environment();
+  all.emplace_back("LD_LIBRARY_PATH", (parts_->dir / "openni").string());
+  return all;
+}
+
+void Lab::serve(const std::function<bool()>& done) {
+  constexpr auto step = std::chrono::milliseconds(50);
+  constexpr auto patience = std::chrono::seconds(1);
+  while (!done()) parts_->io.run_for(step);
+  for (Device* device : {parts_->tdc, parts_->radar.get(), parts_->depth.get()}) device->stop();
+  parts_->io.run_for(patience);
+  parts_->remove(std::begin(transient), std::end(transient));
+  write_file(parts_->dir / "sent.json", sent() + "\n");
+  if (parts_->journal) parts_->journal->close();
+}
+
+std::string Lab::sent() const {
+  const auto& p = *parts_;
+  Json all;
+  all["play"] = {{"scene", p.options.play.kind},
+                 {"seed", p.options.play.seed},
+                 {"hold_s", p.options.play.hold_s},
+                 {"window_s", p.options.window_s},
+                 {"start_mono_ns", p.stage.start().count()}};
+  const auto add = [&](const char* name, const Device& device) {
+    for (const auto& [what, count] : device.sent()) all[name][what] = count;
+  };
+  add("tdc", *p.tdc);
+  add("radar", *p.radar);
+  add("depth", *p.depth);
+  return all.dump();
+}
+
+}  // namespace echofuse::sim

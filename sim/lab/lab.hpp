@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: MIT
+// A laboratory from the outside: a time tagger, a radar and a depth camera that look at the same
+// scenes, reached as the real ones are. In its directory:
+//
+//   lab.toml                 the daemon's configuration; written last: when it is there, all is
+//   radar-cli, radar-data    links to the radar's two serial ports
+//   radar.cfg                the chirp configuration that lab.toml names
+//   depth.sock               frames for the OpenNI2 driver module
+//   openni/                  a private OpenNI2 driver set, for LD_LIBRARY_PATH
+//   sent.json                at the end: what each device sent
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "sim/devices/device.hpp"
+#include "sim/scene/conditions.hpp"
+
+namespace echofuse::sim {
+
+struct LabOptions {
+  std::string dir = "lab";
+  Play play;
+  Conditions conditions;
+  Tagging tagging{.laser_rate_hz = 4e6};  // the brightest scenes click less than once in 20 pulses
+  double window_s = 3;    // of the daemon; signal and background counts are per window
+  std::string radar_cfg;  // empty: the paper's 50 cm profile
+  std::string radar_sdk = "3.5";
+  std::string faults;  // a file of what goes wrong; empty: nothing
+  std::string log;     // where everything sent is written down; empty: nowhere
+  bool usb = false;    // the time tagger on emulated USB: only commands of serve() can see it
+};
+
+class Lab {
+ public:
+  // Starts all devices. Throws Error: usage for a directory that is not empty and not a former
+  // laboratory, or is in use; failed or config for anything else that keeps it from starting.
+  Lab(const Clock& clock, const LabOptions& options);
+  ~Lab();
+  Lab(const Lab&) = delete;
+  Lab& operator=(const Lab&) = delete;
+
+  // The shell command that records from this laboratory.
+  std::string daemon_command() const;
+  // What a program needs in its environment to use the devices.
+  std::vector<std::pair<std::string, std::string>> environment() const;
+  // Serves until `done`, which is asked some 20 times a second; then stops all devices, removes
+  // links and sockets and writes sent.json.
+  void serve(const std::function<bool()>& done);
+  // What was sent, as a JSON object: device -> {name: count}, and "play" with the time zero.
+  std::string sent() const;
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace echofuse::sim

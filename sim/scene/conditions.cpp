@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: MIT
+#include "sim/scene/conditions.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "sim/scene/mesh.hpp"
+
+namespace echofuse::sim {
+namespace {
+
+void bind_scene(Settings& s, Conditions& c) {
+  s.add("baseline_m", c.baseline_m, 0, 10, "radar at (-baseline, 0, 0)");
+  s.add("half_tangent", c.half_tangent, 0.05, 1, "field of view of SPD and depth camera");
+  s.add("camera_height_m", c.camera_height_m, 0, 3, "sensors above the floor");
+  s.add("target_x_m", c.target_x_m, 0, 5, "people stand at -x..x");
+  s.add("target_z_min_m", c.target_z_min_m, 1.2, 20, "nearest place to stand");
+  s.add("target_z_max_m", c.target_z_max_m, 1.2, 20, "farthest place to stand");
+  s.add("reflector_m", c.reflector_m, 0.2, 20, "calibration target before each sensor");
+  s.add("target_scale", c.target_scale, 0.1, 3, "size of people and letters");
+  s.add("person_yaw_deg", c.person_yaw_deg, 0, 180, "people turn up to this much");
+  s.add("letter_yaw_deg", c.letter_yaw_deg, 0, 80, "letters turn up to this much");
+  s.add("object", c.object, "OBJ or PLY file of the mesh that stands in object scenes");
+  s.add("object_scale", c.object_scale, 1e-6, 1e6, "metres to one unit of the mesh");
+  s.add("object_up", c.object_up, "which of the mesh's axes points up", {"y", "z"});
+  s.add("object_albedo", c.object_albedo, 0, 1, "of the object");
+  s.add("object_yaw_deg", c.object_yaw_deg, 0, 180, "objects turn up to this much");
+  s.add("background", c.background, "what stands behind", {"none", "room"});
+}
+
+void bind_spd(Settings& s, Conditions& c) {
+  s.add("spd_rays", c.spd_rays, 0, 2048,
+        "rays across the field of view, at least 16; 0: as many as the photons ask for");
+  s.add("irf_fwhm_ps", c.irf_fwhm_ps, 0.1, 100'000, "Gaussian impulse response");
+  s.add("irf_tail_ps", c.irf_tail_ps, 0, 100'000, "exponential tail, 0: none");
+  s.add("bin_width_ps", c.bin_width_ps, 1, 100'000, "SPD histogram");
+  s.add("first_bin_ps", c.first_bin_ps, 0, 1e6, "two-way time where bin 0 starts");
+  s.add("bins", c.bins, 1, 65'536, "SPD histogram");
+  s.add("signal_photons", c.signal_photons, 0, 1e9, "detections from the mean scene a window");
+  s.add("background_counts", c.background_counts, 0, 1e9, "ambient and dark counts a window");
+  s.add("spd_delay_ps", c.spd_delay_ps, -1e6, 1e6, "of cables and electronics");
+  s.add("pulses_per_window", c.pulses_per_window, 0, 1'000'000'000'000,
+        "laser pulses, for pile-up; 0: low flux");
+  s.add("spd_dead_time_ps", c.spd_dead_time_ps, 0, 1e9,
+        "of a free-running detector with pile-up; 0: one photon a pulse");
+}
+
+void bind_radar(Settings& s, Conditions& c) {
+  s.add("radar_rays", c.radar_rays, 16, 2048, "rays across the field of view");
+  s.add("radar_half_tangent", c.radar_half_tangent, 0.05, 3, "field of view");
+  s.add("radar_resolution_m", c.radar_resolution_m, 0.001, 10, "c / 2B");
+  s.add("radar_start_m", c.radar_start_m, 0, 100, "range of point 0");
+  s.add("radar_step_m", c.radar_step_m, 0.001, 10, "between points");
+  s.add("radar_bins", c.radar_bins, 1, 65'536, "points");
+  s.add("radar_snr_db", c.radar_snr_db, -40, 200, "against the mean scene's peak power");
+  s.add("radar_bias_m", c.radar_bias_m, -10, 10, "by which its ranges are too long");
+  s.add("radar_carrier_hz", c.radar_carrier_hz, 1e8, 1e12, "for the coherent sum");
+  s.add("radar_psf", c.radar_psf, "range response", {"sinc", "blackman"});
+  s.add("radar_sum", c.radar_sum, "of scatterers", {"incoherent", "coherent"});
+  s.add("radar_roughness_m", c.radar_roughness_m, 0, 1, "rms height of surfaces, if coherent");
+  s.add("radar_leakage", c.radar_leakage, 0, 1e6,
+        "power of the transmitter's own echo at range 0, in mean scenes");
+}
+
+void bind_depth(Settings& s, Conditions& c) {
+  s.add("depth_noise_m", c.depth_noise_m, 0, 1, "sigma at 1 m, grows with the distance's square");
+  s.add("depth_dropout", c.depth_dropout, 0, 1, "share of the pixels at edges without return");
+}
+
+}  // namespace
+
+void bind(Settings& settings, Conditions& conditions) {
+  bind_scene(settings, conditions);
+  bind_spd(settings, conditions);
+  bind_radar(settings, conditions);
+  bind_depth(settings, conditions);
+}
+
+std::int64_t rays_of(const Conditions& c) {
+  if (c.spd_rays > 0) return c.spd_rays;
+  const double rays = 256 * std::pow(3.6 * c.signal_photons / 1e5, 1 / 3.65);
+  return 2 * static_cast<std::int64_t>(std::ceil(std::clamp(rays, 64.0, 2048.0) / 2));
+}
+
+void validate(const Conditions& c) {
+  if (c.spd_rays > 0 && c.spd_rays < 16)
+    throw Error(ExitCode::config, "spd_rays is " + std::to_string(c.spd_rays) +
+                                      "; expected 0 or a whole number from 16 to 2048");
+  if (c.spd_dead_time_ps > 0 && c.pulses_per_window == 0)
+    throw Error(ExitCode::config, "spd_dead_time_ps needs pulses_per_window, the laser's pulses");
+  if (c.target_z_min_m > c.target_z_max_m)
+    throw Error(ExitCode::config, "target_z_min_m is greater than target_z_max_m");
+  if (!c.object.empty()) mesh_of(c.object);
+}
+
+Axis spd_axis(const Conditions& c) {
+  return {"spd",          "counts",      "ps", static_cast<std::uint32_t>(c.bins),
+          c.first_bin_ps, c.bin_width_ps};
+}
+
+Axis radar_axis(const Conditions& c) {
+  return {"radar",         "power",       "m", static_cast<std::uint32_t>(c.radar_bins),
+          c.radar_start_m, c.radar_step_m};
+}
+
+RadarAxis radar_response(const Conditions& c) {
+  return {c.radar_start_m, c.radar_step_m, static_cast<std::uint32_t>(c.radar_bins),
+          c.radar_resolution_m, c.radar_psf == "sinc" ? Psf::sinc : Psf::blackman};
+}
+
+}  // namespace echofuse::sim

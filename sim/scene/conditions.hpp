@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: MIT
+// Every parameter of the simulated world; the initialisers are the base condition. Metres, SPD and
+// depth camera at the origin looking along +z, x right, y up; radar at (-baseline_m, 0, 0).
+// [S] Lai et al., COL 22(2) 022701 (2024).
+#pragma once
+#include <cstdint>
+#include <string>
+
+#include "drivers/core/axis.hpp"
+#include "drivers/core/settings.hpp"
+#include "sim/scene/radar_axis.hpp"
+
+namespace echofuse::sim {
+
+struct Conditions {
+  // Geometry and scenes
+  double baseline_m = 0.5;
+  double half_tangent = 0.55;    // field of view of SPD and depth camera, both ways
+  double camera_height_m = 1.1;  // above the floor that people stand on
+  double target_x_m = 1.0;       // people stand at -x..x
+  double target_z_min_m = 3.0, target_z_max_m = 4.0;
+  double reflector_m = 1.0;         // distance of the calibration target before each sensor
+  double target_scale = 1.0;        // size of people and letters
+  double person_yaw_deg = 60;       // people turn up to this much from facing -z
+  double letter_yaw_deg = 30;       // letters turn up to this much from facing the sensors
+  std::string background = "none";  // none, room
+  std::string object;           // file of a triangle mesh (sim/scene/mesh.hpp) for object scenes
+  double object_scale = 1;      // metres to one of its units
+  std::string object_up = "y";  // y, z
+  double object_albedo = 0.5;
+  double object_yaw_deg = 180;  // objects turn up to this much
+
+  // SPD
+  // Rays across the field of view, both ways; 0: as many as signal_photons ask for (rays_of).
+  std::int64_t spd_rays = 0;
+  double irf_fwhm_ps = 200;
+  double irf_tail_ps = 0;  // time constant of an exponential tail; 0: Gaussian only
+  double bin_width_ps = 100;
+  double first_bin_ps = 13343;  // two-way 2.0 m
+  std::int64_t bins = 336;
+  double signal_photons = 1e5;   // detections from the mean scene in one window
+  double background_counts = 0;  // ambient and dark counts over all bins in one window
+  double spd_delay_ps = 0;       // of cables and electronics, two-way; the daemon does not know it
+  // Laser pulses in a window: only the first photon of a pulse counts, or with a dead time whatever
+  // comes when the detector is ready again; 0: low flux.
+  std::int64_t pulses_per_window = 0;
+  double spd_dead_time_ps = 0;
+
+  // Radar
+  // Rays across the horizontal field of view; half as many up and down, over half its tangent.
+  std::int64_t radar_rays = 288;
+  double radar_half_tangent = 1.2;  // the antenna's +-50 degrees
+  double radar_resolution_m = 0.5;  // c / 2B
+  double radar_start_m = 0;
+  double radar_step_m = 0.25;
+  std::int64_t radar_bins = 29;
+  double radar_snr_db = 20;  // against the mean scene's peak power
+  double radar_bias_m = 0;   // by which its ranges are too long; the daemon does not know it
+  double radar_carrier_hz = 60.25e9;
+  std::string radar_psf = "sinc";        // sinc, blackman
+  std::string radar_sum = "incoherent";  // incoherent, coherent
+  double radar_roughness_m = 0.001;      // rms height of surfaces, for the coherent sum
+  double radar_leakage = 0;  // power of transmitter in receiver, at range 0, as of radar_power
+
+  // Depth camera
+  double depth_noise_m = 0;  // sigma at 1 m; grows as z^2
+  double depth_dropout = 0;  // share of the pixels at edges without return
+};
+
+// [S] exposure of one record; a simulated set has no other clock
+inline constexpr double dataset_window_s = 3;
+
+// Flat keys, named as the fields; call validate after reading.
+void bind(Settings& settings, Conditions& conditions);
+// Throws Error(config) for values that are each in range but contradict one another, and for an
+// object that cannot be read.
+void validate(const Conditions& conditions);
+
+// The detector's rays across the field of view. Automatic: so many that the sampling error is below
+// a tenth of the shot noise in variance. Per bin it was measured (`study fidelity --scenes 300`) as
+// 0.29 of the shot noise of 1e5 photons at 256 rays, falling as rays^-3.65 and growing with the
+// photons. With a quarter in reserve:
+//   rays = 256 (3.6 signal_photons / 1e5)^(1/3.65), from 64 to 2048, even.
+std::int64_t rays_of(const Conditions& conditions);
+
+Axis spd_axis(const Conditions& conditions);
+Axis radar_axis(const Conditions& conditions);
+RadarAxis radar_response(const Conditions& conditions);
+
+}  // namespace echofuse::sim

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: MIT
+// Triangle meshes from files: a laboratory's own object.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "sim/scene/vec3.hpp"
+
+namespace echofuse::sim {
+
+struct Mesh {
+  std::vector<Vec3> points;
+  std::vector<std::array<std::uint32_t, 3>> triangles;  // without those that have no area
+};
+
+// Reads Wavefront OBJ (v and f; polygons become fans, everything else is passed over) or PLY
+// (ASCII, or binary of either byte order; vertex x, y, z and face vertex_indices), told apart by
+// their first line. `name` stands in messages. Throws Error(config), one line: NAME:line, or NAME:
+// byte of a binary part, what was found and what was expected.
+Mesh read_mesh(const std::string& text, const std::string& name);
+
+// The mesh in a file, read once. Threading: any thread.
+const Mesh& mesh_of(const std::string& path);
+
+}  // namespace echofuse::sim

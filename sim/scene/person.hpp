@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: MIT
+// People of 16 capsules, alone or holding a letter.
+#pragma once
+#include "sim/scene/scene.hpp"
+
+namespace echofuse::sim {
+
+class Chance;
+
+// Where somebody stands and which way he faces: yaw 0 is towards -z, positive turns to +x.
+struct Stand {
+  double x_m = 0, z_m = 0, yaw_rad = 0;
+};
+
+// Height 1.55-1.90 m, albedo 0.3-0.7, a random pose.
+void add_person(Scene& scene, const Conditions& conditions, const Stand& stand, Chance& chance);
+
+// The same, with a flat letter held in both hands at arm's length, facing where the person faces.
+// Letters 40 x 30 cm with 7 cm strokes or 30 x 20 cm with 5 cm strokes, albedo 0.8. Returns the
+// letter, one of "ACEHLNOTUX".
+char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand,
+                       Chance& chance);
+
+// The strokes of a letter, centred.
+std::vector<Stroke> glyph(char letter, double width_m, double height_m, double stroke_m);
+
+}  // namespace echofuse::sim

@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: MIT
+#include "sim/scene/scene.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <numbers>
+
+#include "sim/scene/draw.hpp"
+#include "sim/scene/mesh.hpp"
+#include "sim/scene/person.hpp"
+
+namespace echofuse::sim {
+namespace {
+
+constexpr std::array kinds{"person", "letter", "two_people", "empty", "reflector", "object"};
+
+Stand random_place(const Conditions& c, Chance& chance) {
+  const double x = chance.uniform(-c.target_x_m, c.target_x_m);
+  return {x, chance.uniform(c.target_z_min_m, c.target_z_max_m), 0};
+}
+
+double random_turn(double most_deg, Chance& chance) {
+  return chance.uniform(-most_deg, most_deg) * std::numbers::pi / 180;
+}
+
+// The random numbers are drawn in any case: what else is random does not depend on the place.
+Stand chosen(const SceneSpec& spec, Stand random) {
+  const double degree = std::numbers::pi / 180;
+  return {spec.x_m.value_or(random.x_m), spec.z_m.value_or(random.z_m),
+          spec.yaw_deg ? *spec.yaw_deg * degree : random.yaw_rad};
+}
+
+Stand random_stand(const Conditions& c, double most_yaw_deg, Chance& chance) {
+  Stand stand = random_place(c, chance);
+  stand.yaw_rad = random_turn(most_yaw_deg, chance);
+  return stand;
+}
+
+void add_letter(Scene& scene, const Conditions& c, const SceneSpec& spec, Chance& chance) {
+  Stand stand = random_place(c, chance);
+  const double towards_sensors = std::atan2(-stand.x_m, stand.z_m);
+  stand.yaw_rad = towards_sensors + random_turn(c.letter_yaw_deg, chance);
+  stand = chosen(spec, stand);
+  scene.label = std::string("letter:") + add_letter_person(scene, c, stand, chance);
+}
+
+// Half of the width each: they stand side by side.
+void add_two(Scene& scene, const Conditions& c, Chance& chance) {
+  for (const double side : {-0.5, 0.5}) {
+    Stand stand = random_stand(c, c.person_yaw_deg, chance);
+    stand.x_m = stand.x_m / 2 + side * c.target_x_m;
+    add_person(scene, c, stand, chance);
+  }
+  scene.label = "two_people";
+}
+
+// The middle of its ground plan stands at the place, its lowest point on the floor.
+void add_object(Scene& scene, const Conditions& c, const Stand& stand) {
+  const Mesh& mesh = mesh_of(c.object);
+  const auto upright = [&](Vec3 p) { return c.object_up == "z" ? Vec3{p.x, p.z, -p.y} : p; };
+  Vec3 low{INFINITY, INFINITY, INFINITY}, high = -1 * low;
+  for (const auto& corners : mesh.triangles)
+    for (const auto corner : corners) {
+      const Vec3 p = upright(mesh.points[corner]);
+      low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+      high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+    }
+  const Vec3 foot{(low.x + high.x) / 2, low.y, (low.z + high.z) / 2};
+  const double cosine = std::cos(stand.yaw_rad), sine = std::sin(stand.yaw_rad);
+  const auto world = [&](std::uint32_t corner) {
+    const Vec3 p = c.object_scale * (upright(mesh.points[corner]) - foot);
+    // As a person's: it faces its own -z, and turns to +x.
+    return Vec3{stand.x_m + cosine * p.x - sine * p.z, p.y - c.camera_height_m,
+                stand.z_m + sine * p.x + cosine * p.z};
+  };
+  for (const auto& [i, j, k] : mesh.triangles)
+    scene.triangles.push_back({world(i), world(j), world(k), c.object_albedo});
+  scene.label = "object:" + std::filesystem::path(c.object).stem().string();
+}
+
+Vec3 flipped(Vec3 p) { return {-p.x, p.y, p.z}; }
+
+}  // namespace
+
+std::optional<SceneKind> kind_named(std::string_view name) {
+  const auto found = std::find(kinds.begin(), kinds.end(), name);
+  if (found == kinds.end()) return {};
+  return static_cast<SceneKind>(found - kinds.begin());
+}
+
+std::string kind_names() {
+  std::string all;
+  for (const char* name : kinds) all += (all.empty() ? "" : ", ") + std::string(name);
+  return all;
+}
+
+Scene make_scene(const Conditions& c, const SceneSpec& spec, std::uint64_t seed,
+                 std::uint64_t index) {
+  Chance chance(make_rng(seed, index));
+  return make_scene(c, spec, chance);
+}
+
+Scene make_scene(const Conditions& c, const SceneSpec& spec, Chance& chance) {
+  Scene scene;
+  scene.room = c.background == "room";
+  switch (spec.kind) {
+    case SceneKind::person:
+      add_person(scene, c, chosen(spec, random_stand(c, c.person_yaw_deg, chance)), chance);
+      scene.label = "person";
+      break;
+    case SceneKind::letter:
+      add_letter(scene, c, spec, chance);
+      break;
+    case SceneKind::two_people:
+      add_two(scene, c, chance);
+      break;
+    case SceneKind::empty:
+      scene.label = "empty";
+      break;
+    case SceneKind::reflector: {
+      // So small that its edges are no farther than its middle by 0.02 mm, at 1 m; there as bright
+      // as the mean scene.
+      const double half = 0.006 * c.reflector_m;
+      scene.plates.push_back(
+          {{0, 0, c.reflector_m}, {1, 0, 0}, {0, 1, 0}, {{-half, 0, half, 0, 2 * half}}, 11});
+      scene.room = false;
+      scene.label = "reflector";
+      break;
+    }
+    case SceneKind::object:
+      add_object(scene, c, chosen(spec, random_stand(c, c.object_yaw_deg, chance)));
+      break;
+  }
+  return scene;
+}
+
+Scene mirrored(const Scene& scene) {
+  Scene image = scene;
+  for (auto& capsule : image.capsules) {
+    capsule.a = flipped(capsule.a);
+    capsule.b = flipped(capsule.b);
+  }
+  for (auto& plate : image.plates) {
+    plate.centre = flipped(plate.centre);
+    plate.u = flipped(plate.u);
+    plate.v = flipped(plate.v);
+  }
+  for (auto& t : image.triangles) t = {flipped(t.a), flipped(t.b), flipped(t.c), t.albedo};
+  return image;
+}
+
+}  // namespace echofuse::sim

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: MIT
+// What stands in front of the sensors: capsules (people), flat plates made of strokes (letters,
+// walls, faces of boxes) and triangles (a laboratory's own object).
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "sim/scene/conditions.hpp"
+#include "sim/scene/vec3.hpp"
+
+namespace echofuse::sim {
+
+class Chance;
+
+// All points within radius_m of the segment a-b.
+struct Capsule {
+  Vec3 a, b;
+  double radius_m = 0, albedo = 0;
+};
+
+// A band of the given width about the segment (u0, v0)-(u1, v1), its ends cut square. Metres.
+struct Stroke {
+  double u0 = 0, v0 = 0, u1 = 0, v1 = 0, width_m = 0;
+};
+
+// The union of its strokes in the plane centre + u*U + v*V; U, V orthonormal. Both sides reflect.
+struct Plate {
+  Vec3 centre, u, v;
+  std::vector<Stroke> strokes;
+  double albedo = 0;
+};
+
+struct Triangle {
+  Vec3 a, b, c;
+  double albedo = 0;
+};
+
+struct Scene {
+  std::vector<Capsule> capsules;
+  std::vector<Plate> plates;
+  std::vector<Triangle> triangles;
+  bool room = false;  // the fixed room stands behind everything
+  std::string label;  // person, letter:A, two_people, empty, object:chair
+};
+
+// reflector: a small white plate at reflector_m straight ahead of the SPD. object: the mesh of
+// Conditions::object on the floor.
+enum class SceneKind : std::uint8_t { person, letter, two_people, empty, reflector, object };
+std::optional<SceneKind> kind_named(std::string_view name);
+std::string kind_names();  // with commas between
+
+// A kind, and where person, letter or object stands and turns if that is not left to chance.
+struct SceneSpec {
+  SceneKind kind = SceneKind::empty;
+  std::optional<double> x_m{}, z_m{}, yaw_deg{};
+
+  SceneSpec() = default;
+  SceneSpec(SceneKind k) : kind(k) {}  // NOLINT: a kind alone is a specification
+  bool operator==(const SceneSpec&) const = default;
+};
+
+// Scene `index` of `seed`: the same whatever was made before and on whichever thread.
+Scene make_scene(const Conditions& conditions, const SceneSpec& spec, std::uint64_t seed,
+                 std::uint64_t index);
+// From these random numbers (sim/scene/draw.hpp), in this order: for a person or a letter the first
+// are x, z and the turn.
+Scene make_scene(const Conditions& conditions, const SceneSpec& spec, Chance& chance);
+
+// x -> -x of people and plates. The room stays where it is.
+Scene mirrored(const Scene& scene);
+
+}  // namespace echofuse::sim

@@ -1,0 +1,259 @@
+// SPDX-License-Identifier: MIT
+// Compiled without errno and traps for its square roots (CMakeLists.txt), so that they vectorise.
+#include "sim/scene/shapes.hpp"
+
+#include <cmath>
+
+namespace echofuse::sim {
+namespace {
+
+// Not FMA: contracted products would make other bits. Sanitizers are not up yet when the loader
+// chooses a clone.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
+    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#define ECHOFUSE_CLONES __attribute__((target_clones("avx2", "default")))
+#else
+#define ECHOFUSE_CLONES
+#endif
+
+// Whatever reaches nearer to the sensor's plane is tested against every ray.
+constexpr double near_m = 0.05;
+constexpr Interval everything{-INFINITY, INFINITY}, none{INFINITY, -INFINITY};
+
+// The tangents under which a disc of this radius at (s, z) appears in its plane: the exact
+// silhouette of a sphere along one axis.
+Interval disc_tangents(double s, double z, double radius) {
+  if (z - radius < near_m) return everything;
+  const double middle = std::atan2(s, z);
+  const double half = std::asin(radius / std::hypot(s, z));
+  return {std::tan(middle - half), std::tan(middle + half)};
+}
+
+template <class Corners, class Coordinate>
+Interval corner_tangents(const Corners& corners, Coordinate of) {
+  Interval all = none;
+  for (const Vec3& corner : corners) {
+    if (corner.z < near_m) return everything;
+    all = hull(all, {of(corner) / corner.z, of(corner) / corner.z});
+  }
+  return all;
+}
+constexpr auto x_of = [](Vec3 p) { return p.x; };
+constexpr auto y_of = [](Vec3 p) { return p.y; };
+
+ECHOFUSE_CLONES void meet_capsule(const CapsuleShape& c, const double* x, const double* y,
+                                  double* z, std::size_t count) {
+  const CapsuleShape s = c;  // no store to z can change it
+  for (std::size_t i = 0; i < count; ++i) {
+    const double ray2 = x[i] * x[i] + y[i] * y[i] + 1;
+    const double along = s.axis.x * x[i] + s.axis.y * y[i] + s.axis.z;
+    const double to_a = s.a.x * x[i] + s.a.y * y[i] + s.a.z;
+    const double to_b = s.b.x * x[i] + s.b.y * y[i] + s.b.z;
+    const double square = s.axis2 * ray2 - along * along;  // 0: parallel, or the axis is a point
+    const double half = s.axis2 * to_a - s.axis_a * along;
+    const double root = half * half - square * s.outside;
+    const double on_side = (half - std::sqrt(root)) / square;
+    const double foot = on_side * along - s.axis_a;
+    const bool parallel = square <= 1e-12 * s.axis2 * ray2;
+    const bool at_a = parallel ? along > 0 : foot <= 0;
+    const double to_end = at_a ? to_a : to_b;
+    const double end_root = to_end * to_end - ray2 * (at_a ? s.end_a : s.end_b);
+    const double on_end = (to_end - std::sqrt(end_root)) / ray2;
+    const bool beside = !parallel & (foot > 0) & (foot < s.axis2);
+    const double met = beside ? on_side : on_end;
+    z[i] = (!parallel & (root < 0)) ? 0 : met;
+  }
+}
+
+ECHOFUSE_CLONES void shade_capsule(const CapsuleShape& c, const double* x, const double* y,
+                                   const double* z, double* cosine, std::size_t count) {
+  const CapsuleShape s = c;
+  const double per_axis2 = s.axis2 > 0 ? 1 / s.axis2 : 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double foot_raw =
+        (z[i] * (s.axis.x * x[i] + s.axis.y * y[i] + s.axis.z) - s.axis_a) * per_axis2;
+    const double foot = foot_raw < 0 ? 0 : foot_raw > 1 ? 1 : foot_raw;
+    const double nx = z[i] * x[i] - s.a.x - foot * s.axis.x;
+    const double ny = z[i] * y[i] - s.a.y - foot * s.axis.y;
+    const double nz = z[i] - s.a.z - foot * s.axis.z;
+    const double ray = std::sqrt(x[i] * x[i] + y[i] * y[i] + 1);
+    cosine[i] = std::abs(nx * x[i] + ny * y[i] + nz) / (ray * s.radius);
+  }
+}
+
+ECHOFUSE_CLONES void meet_triangle(const TriangleShape& t, const double* x, const double* y,
+                                   double* z, std::size_t count) {
+  const Vec3 n = t.normal, p = t.edge_a, q = t.edge_b, r = t.edge_c;
+  const double distance = t.distance;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double a = p.x * x[i] + p.y * y[i] + p.z;
+    const double b = q.x * x[i] + q.y * y[i] + q.z;
+    const double c = r.x * x[i] + r.y * y[i] + r.z;
+    const bool inside = ((a >= 0) & (b >= 0) & (c >= 0)) | ((a <= 0) & (b <= 0) & (c <= 0));
+    const double met = distance / (n.x * x[i] + n.y * y[i] + n.z);
+    z[i] = inside ? met : 0;
+  }
+}
+
+// Of a unit normal.
+ECHOFUSE_CLONES void shade_flat(Vec3 n, const double* x, const double* y, double* cosine,
+                                std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i)
+    cosine[i] = std::abs(n.x * x[i] + n.y * y[i] + n.z) / std::sqrt(x[i] * x[i] + y[i] * y[i] + 1);
+}
+
+ECHOFUSE_CLONES void light_rays(const double* __restrict x, const double* __restrict y,
+                                const double* __restrict z, const double* __restrict cosine,
+                                const double* __restrict albedo, double factor,
+                                double* __restrict range, double* __restrict weight,
+                                std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const double ray2 = x[i] * x[i] + y[i] * y[i] + 1, ray = std::sqrt(ray2);
+    const double r = z[i] * ray;
+    range[i] = r;
+    weight[i] = factor * albedo[i] * cosine[i] / (ray2 * ray * r * r);
+  }
+}
+
+ECHOFUSE_CLONES void choose_met(const double* __restrict met, std::int32_t number,
+                                double* __restrict z, std::int32_t* __restrict shape,
+                                std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const double old_z = z[i];
+    const std::int32_t old_shape = shape[i];
+    const bool nearer = (met[i] > 0) & (met[i] < old_z);
+    z[i] = nearer ? met[i] : old_z;
+    shape[i] = nearer ? number : old_shape;
+  }
+}
+
+ECHOFUSE_CLONES void choose_nearer(const double* __restrict far_z,
+                                   const double* __restrict far_cosine,
+                                   const double* __restrict far_albedo, double* __restrict z,
+                                   double* __restrict cosine, double* __restrict albedo,
+                                   std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const double mine_z = z[i], mine_cosine = cosine[i], mine_albedo = albedo[i];
+    const double other_z = far_z[i], other_cosine = far_cosine[i], other_albedo = far_albedo[i];
+    const bool nearer = mine_z < other_z;
+    z[i] = nearer ? mine_z : other_z;
+    cosine[i] = nearer ? mine_cosine : other_cosine;
+    albedo[i] = nearer ? mine_albedo : other_albedo;
+  }
+}
+
+}  // namespace
+
+CapsuleShape::CapsuleShape(const Capsule& capsule, Vec3 sensor)
+    : a(capsule.a - sensor),
+      b(capsule.b - sensor),
+      axis(b - a),
+      radius(capsule.radius_m),
+      albedo(capsule.albedo),
+      axis2(dot(axis, axis)),
+      axis_a(dot(axis, a)),
+      outside(axis2 * (dot(a, a) - radius * radius) - axis_a * axis_a),
+      end_a(dot(a, a) - radius * radius),
+      end_b(dot(b, b) - radius * radius) {}
+
+// The cylinder about a-b, else the sphere at the end on whose side the ray passes.
+void CapsuleShape::meet(const double* x, const double* y, double* z, std::size_t count) const {
+  meet_capsule(*this, x, y, z, count);
+}
+void CapsuleShape::cosines(const double* x, const double* y, const double* z, double* cosine,
+                           std::size_t count) const {
+  shade_capsule(*this, x, y, z, cosine, count);
+}
+Interval CapsuleShape::tangents_x() const {
+  return hull(disc_tangents(a.x, a.z, radius), disc_tangents(b.x, b.z, radius));
+}
+Interval CapsuleShape::tangents_y() const {
+  return hull(disc_tangents(a.y, a.z, radius), disc_tangents(b.y, b.z, radius));
+}
+
+PlateShape::PlateShape(const Plate& p, Vec3 sensor)
+    : centre(p.centre - sensor),
+      u(p.u),
+      v(p.v),
+      normal(cross(u, v)),
+      albedo(p.albedo),
+      distance(dot(normal, centre)),
+      u_range(none),
+      v_range(none) {
+  for (const auto& s : p.strokes) {
+    const double du = s.u1 - s.u0, dv = s.v1 - s.v0, reach = std::hypot(du, dv);
+    const double half = s.width_m / 2;
+    bands.push_back({s.u0, s.v0, du / reach, dv / reach, reach, half});
+    u_range = hull(u_range, {std::min(s.u0, s.u1) - half, std::max(s.u0, s.u1) + half});
+    v_range = hull(v_range, {std::min(s.v0, s.v1) - half, std::max(s.v0, s.v1) + half});
+  }
+}
+void PlateShape::meet(const double* x, const double* y, double* z, std::size_t count) const {
+  for (std::size_t i = 0; i < count; ++i) {
+    const Vec3 ray{x[i], y[i], 1};
+    const double towards = dot(normal, ray);
+    z[i] = 0;
+    if (towards == 0) continue;
+    const double met = distance / towards;
+    const Vec3 p = met * ray - centre;
+    const double pu = dot(p, u), pv = dot(p, v);
+    for (const auto& band : bands) {
+      const double along = (pu - band.u) * band.eu + (pv - band.v) * band.ev;
+      const double across = (pv - band.v) * band.eu - (pu - band.u) * band.ev;
+      if (along < 0 || along > band.length || std::abs(across) > band.half_width) continue;
+      z[i] = met;
+      break;
+    }
+  }
+}
+void PlateShape::cosines(const double* x, const double* y, const double*, double* cosine,
+                         std::size_t count) const {
+  shade_flat(normal, x, y, cosine, count);
+}
+Interval PlateShape::tangents_x() const { return corner_tangents(corners(), x_of); }
+Interval PlateShape::tangents_y() const { return corner_tangents(corners(), y_of); }
+std::array<Vec3, 4> PlateShape::corners() const {
+  const auto at = [&](double pu, double pv) { return centre + pu * u + pv * v; };
+  return {at(u_range.low, v_range.low), at(u_range.low, v_range.high),
+          at(u_range.high, v_range.low), at(u_range.high, v_range.high)};
+}
+
+TriangleShape::TriangleShape(const Triangle& t, Vec3 sensor)
+    : a(t.a - sensor),
+      b(t.b - sensor),
+      c(t.c - sensor),
+      normal(cross(b - a, c - a)),
+      edge_a(cross(b, c)),
+      edge_b(cross(c, a)),
+      edge_c(cross(a, b)),
+      albedo(t.albedo) {
+  normal = (1 / length(normal)) * normal;
+  distance = dot(normal, a);
+}
+void TriangleShape::meet(const double* x, const double* y, double* z, std::size_t count) const {
+  meet_triangle(*this, x, y, z, count);
+}
+void TriangleShape::cosines(const double* x, const double* y, const double*, double* cosine,
+                            std::size_t count) const {
+  shade_flat(normal, x, y, cosine, count);
+}
+Interval TriangleShape::tangents_x() const { return corner_tangents(std::array{a, b, c}, x_of); }
+Interval TriangleShape::tangents_y() const { return corner_tangents(std::array{a, b, c}, y_of); }
+
+void light_back(const double* x, const double* y, const double* z, const double* cosine,
+                const double* albedo, double factor, double* range, double* weight,
+                std::size_t count) {
+  light_rays(x, y, z, cosine, albedo, factor, range, weight, count);
+}
+
+void keep_nearer(const double* met, std::int32_t number, double* z, std::int32_t* shape,
+                 std::size_t count) {
+  choose_met(met, number, z, shape, count);
+}
+
+void put_behind(const double* far_z, const double* far_cosine, const double* far_albedo, double* z,
+                double* cosine, double* albedo, std::size_t count) {
+  choose_nearer(far_z, far_cosine, far_albedo, z, cosine, albedo, count);
+}
+
+}  // namespace echofuse::sim

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: MIT
+// The single-photon detector's histogram. Two-way time t = 2R/c.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "drivers/core/random.hpp"
+#include "sim/scene/conditions.hpp"
+#include "sim/sensors/render.hpp"
+
+namespace echofuse::sim {
+
+// Expected detections per bin in one window at low flux:
+//   r_i = signal_photons * sum_k w_k * integral over bin i of IRF(t - 2 R_k/c) dt + background/bins
+// with a Gaussian IRF, or a Gaussian convolved with an exponential (irf_tail_ps).
+std::vector<double> spd_rate(const Returns& returns, const Conditions& conditions);
+
+// What one window counts. Low flux: N_i ~ Poisson(r_i). With pulses_per_window = L > 0 only the
+// first photon of a pulse counts (Gupta et al., CVPR 2019): N ~ Multinomial(L, p),
+//   p_i = exp(-sum_{j<i} q_j) (1 - exp(-q_i)), q = r/L.
+// With spd_dead_time_ps as well the detector runs freely: of photons in their order over the L
+// equal periods of dataset_window_s, those closer than that to the last one counted are lost.
+std::vector<std::uint32_t> draw_counts(const std::vector<double>& rate,
+                                       const Conditions& conditions, Rng& rng);
+
+}  // namespace echofuse::sim

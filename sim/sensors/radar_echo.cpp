@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: MIT
+#include "sim/sensors/radar_echo.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <numbers>
+#include <random>
+
+#include "drivers/core/axis.hpp"
+#include "sim/scene/scene.hpp"
+#include "sim/sensors/render.hpp"
+
+namespace echofuse::sim {
+namespace {
+
+constexpr double pi = std::numbers::pi;
+
+// psf_amplitude, given sin(pi u) as well.
+double psf_from_sine(Psf psf, double u, double sine) {
+  // Too near to a removable singularity to divide: the limit there.
+  const double nearest = std::round(u);
+  if (std::abs(u - nearest) < 1e-7) {
+    if (nearest == 0) return 1;
+    if (psf == Psf::sinc) return 0;
+    const double order = std::abs(nearest);
+    return order == 1 ? 0.25 / 0.42 : order == 2 ? 0.04 / 0.42 : 0;
+  }
+  const double sinc = sine / (pi * u);
+  if (psf == Psf::sinc) return sinc;
+  // 0.42 W(u) = 0.42 sinc(u) + 0.25 [sinc(u-1) + sinc(u+1)] + 0.04 [sinc(u-2) + sinc(u+2)],
+  // summed over a common denominator.
+  const double u2 = u * u;
+  return sinc * (4 - u2 * 0.18 / 0.42) / ((1 - u2) * (4 - u2));
+}
+
+struct Phase {
+  double sine, cosine;
+};
+Phase phase_of(double cells) { return {std::sin(pi * cells), std::cos(pi * cells)}; }
+
+// The echoes on a grid of range much finer than the resolution, each shared linearly by its two
+// neighbours: the response to a whole room costs no more than that to a few hundred points. The
+// psf is interpolated thereby, to better than 5e-5 of its peak.
+template <class Value>
+class FineEcho {
+ public:
+  FineEcho(const Returns& returns, double resolution_m) : points_m_(resolution_m / per_cell) {
+    const double farthest = returns.range_m.empty()
+                                ? 0
+                                : *std::max_element(returns.range_m.begin(), returns.range_m.end());
+    values_.resize(static_cast<std::size_t>(std::max(0.0, farthest) / points_m_) + 2);
+  }
+  void add(double range_m, Value value) {
+    if (range_m < 0) return;
+    const double place = range_m / points_m_;
+    const auto i = static_cast<std::size_t>(place);
+    const double rest = place - static_cast<double>(i);
+    values_[i] += (1 - rest) * value;
+    values_[i + 1] += rest * value;
+  }
+  // visit(i, value, psf): each point of the axis with each point of the grid. sin(pi (u_i - u))
+  // comes from the angles' own sines and cosines: a sine for each pair would take most of the time.
+  template <class Visit>
+  void for_each_pair(const RadarAxis& axis, Visit visit) const {
+    std::vector<double> cells(axis.count);
+    std::vector<Phase> phases(axis.count);
+    for (std::uint32_t i = 0; i < axis.count; ++i) {
+      cells[i] = (axis.start_m + i * axis.step_m) / axis.resolution_m;
+      phases[i] = phase_of(cells[i]);
+    }
+    for (std::size_t k = 0; k < values_.size(); ++k) {
+      if (values_[k] == Value{}) continue;
+      const double cell = static_cast<double>(k) / per_cell;
+      const Phase phase = phase_of(cell);
+      for (std::uint32_t i = 0; i < axis.count; ++i) {
+        const double sine = phases[i].sine * phase.cosine - phases[i].cosine * phase.sine;
+        visit(i, values_[k], psf_from_sine(axis.psf, cells[i] - cell, sine));
+      }
+    }
+  }
+
+ private:
+  static constexpr double per_cell = 128;
+  double points_m_;
+  std::vector<Value> values_;
+};
+
+std::vector<double> incoherent(const Returns& returns, const RadarAxis& axis) {
+  FineEcho<double> echo(returns, axis.resolution_m);
+  for (std::size_t k = 0; k < returns.range_m.size(); ++k)
+    echo.add(returns.range_m[k], returns.weight[k]);
+  std::vector<double> power(axis.count);
+  echo.for_each_pair(
+      axis, [&](std::uint32_t i, double weight, double psf) { power[i] += weight * psf * psf; });
+  return power;
+}
+
+std::vector<double> coherent(const Returns& returns, const RadarAxis& axis, double carrier_hz) {
+  using Complex = std::complex<double>;
+  FineEcho<Complex> echo(returns, axis.resolution_m);
+  for (std::size_t k = 0; k < returns.range_m.size(); ++k)
+    echo.add(returns.range_m[k],
+             std::polar(std::sqrt(returns.weight[k]),
+                        -4 * pi * returns.range_m[k] * carrier_hz / speed_of_light_m_s));
+  std::vector<Complex> profile(axis.count);
+  echo.for_each_pair(
+      axis, [&](std::uint32_t i, Complex value, double psf) { profile[i] += psf * value; });
+  std::vector<double> power(axis.count);
+  std::transform(profile.begin(), profile.end(), power.begin(),
+                 [](Complex y) { return std::norm(y); });
+  return power;
+}
+
+}  // namespace
+
+double psf_amplitude(Psf psf, double u) { return psf_from_sine(psf, u, std::sin(pi * u)); }
+
+void roughen(Returns& returns, const Conditions& c, Rng& rng) {
+  if (c.radar_sum != "coherent" || c.radar_roughness_m <= 0) return;
+  std::normal_distribution<double> height(0, c.radar_roughness_m);
+  for (double& range : returns.range_m) range = std::max(0.0, range + height(rng));
+}
+
+std::vector<double> radar_power(const Returns& returns, const RadarAxis& axis,
+                                const Conditions& c) {
+  return c.radar_sum == "coherent" ? coherent(returns, axis, c.radar_carrier_hz)
+                                   : incoherent(returns, axis);
+}
+
+double mean_peak_power(const RadarAxis& axis, const Conditions& c) {
+  constexpr std::uint64_t scenes = 64, seed = 0;
+  Conditions base;
+  base.baseline_m = c.baseline_m;
+  double sum = 0;
+  for (std::uint64_t i = 0; i < scenes; ++i) {
+    const auto kind = i % 4 == 0 ? SceneKind::person : SceneKind::letter;
+    const auto power = incoherent(radar_returns(make_scene(base, kind, seed, i), base), axis);
+    sum += *std::max_element(power.begin(), power.end());
+  }
+  return sum / scenes;
+}
+
+double radar_noise_power(const Conditions& c, double mean_peak) {
+  return std::pow(10, -c.radar_snr_db / 10) * mean_peak;
+}
+
+void add_radar_noise(std::vector<double>& power, double mean_peak, const Conditions& c, Rng& rng) {
+  const double sigma = radar_noise_power(c, mean_peak);
+  std::normal_distribution<double> noise(0, sigma);
+  for (double& p : power) p += noise(rng);
+}
+
+}  // namespace echofuse::sim

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: MIT
+// Exact ray casting of capsules, plates and triangles.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "drivers/core/axis.hpp"
+#include "sim/scene/scene.hpp"
+
+namespace echofuse::sim {
+
+// What one ray meets first; range 0 if nothing.
+struct Hit {
+  float range_m = 0;  // slant range from the sensor
+  float z_m = 0;
+  float cos_theta = 0;  // between the surface normal and the ray, >= 0
+  float albedo = 0;
+};
+
+// Where a ray goes through its pixel. Staggered rays are off their pixel's centre by a different
+// step in every row and column, so that edges along the grid (letters held upright) are counted
+// right on average and not one whole row too many or too few.
+enum class Sampling : std::uint8_t { centres, staggered };
+
+// One ray per point of the axes, whose values are the ray's x/z and y/z; row-major, y outermost.
+// The sensor at (x, 0, 0) looks along +z.
+std::vector<Hit> cast(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y,
+                      Sampling sampling = Sampling::centres);
+
+// z in millimetres as seen from the origin, row-major, 0 = nothing within 6 m.
+std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, const Axis& y);
+
+// Surface patches one sensor sees. weight = albedo cos(theta) dOmega / R^2 (source and receiver in
+// one place, Lambertian), in units of the mean scene's: the weights of an average scene of the base
+// condition sum to 1.
+struct Returns {
+  std::vector<double> range_m;
+  std::vector<double> weight;
+};
+
+// Sum of albedo cos(theta) dOmega / R^2 over the mean scene (1000 people to 3000 letters of the
+// base condition): that of a calibration target, a white plate of 0.24 m^2 at 3.5 m, A / R^4. A
+// constant, so that nearer, larger or darker targets keep their own brightness.
+inline constexpr double mean_scene_weight = 0.24 / (3.5 * 3.5 * 3.5 * 3.5);
+
+// From the origin and from the radar's place, each with its own occlusion; ranges as the sensor
+// shows them, with spd_delay_ps and radar_bias_m; the radar's own leakage is one more.
+Returns spd_returns(const Scene& scene, const Conditions& conditions);
+Returns radar_returns(const Scene& scene, const Conditions& conditions);
+// Into the memory of an earlier scene: fresh memory takes the kernel as long as the light us.
+void spd_returns(const Scene& scene, const Conditions& conditions, Returns& out);
+void radar_returns(const Scene& scene, const Conditions& conditions, Returns& out);
+
+}  // namespace echofuse::sim
