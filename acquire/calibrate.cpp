@@ -52,9 +52,8 @@ class Gatherer final : public SampleSink {
   void on_state(Sensor sensor, DeviceState, const DeviceInfo&) override {
     if (sensor == Sensor::spd) forget_start();
   }
-  void on_event(Sensor, Severity, const std::string& text) override {
-    if (const auto bias = read_firmware_bias(text)) firmware.push_back(*bias);
-  }
+  void on_firmware_bias(const FirmwareBias& bias) override { firmware.push_back(bias); }
+  void on_event(Sensor, Severity, const std::string&) override {}
 
   // Counts since the last call.
   std::vector<std::uint32_t> take() {
@@ -129,8 +128,8 @@ class Measurement {
   }
   std::vector<Result> results() const {
     std::vector<Result> out;
-    if (config_.configured() & 1u) out.push_back(spd());
-    if (config_.configured() & 2u) out.push_back(radar());
+    if (config_.configured().contains(Sensor::spd)) out.push_back(spd());
+    if (config_.configured().contains(Sensor::radar)) out.push_back(radar());
     return out;
   }
   std::optional<FirmwareBias> firmware() const {
@@ -190,7 +189,7 @@ class Measurement {
         gatherer_.frames.begin() + static_cast<std::ptrdiff_t>(frames_before_),
         gatherer_.frames.end());
     frames_before_ = now;
-    if (!(config_.configured() & 2u)) return;
+    if (!config_.configured().contains(Sensor::radar)) return;
     const Peak radar = echo(fresh);
     if (radar.refusal.empty()) radar_ranges_.push_back(radar.range_m);
   }
@@ -318,7 +317,7 @@ void store(const Calibration& fresh, const Calibration& stored, const std::strin
 }  // namespace
 
 ExitCode calibrate(const Config& config, const CalibrateOptions& options, const Clock& clock) {
-  if (!(config.configured() & 3u))
+  if ((config.configured() - SensorSet{Sensor::depth}).empty())
     throw Error(ExitCode::config,
                 "neither tdc.address nor radar.cli is given: nothing to calibrate");
   if (options.check && config.calibration.entries.empty())

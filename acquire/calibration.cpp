@@ -2,13 +2,11 @@
 #include "acquire/calibration.hpp"
 
 #include <array>
-#include <cstdio>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
 
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/settings.hpp"
+#include "drivers/core/write_beside.hpp"
+#include "drivers/radar/firmware_bias.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -25,18 +23,6 @@ void bind(Settings& s, const std::string& section, record::CalibrationEntry& e) 
 }
 
 }  // namespace
-
-std::optional<FirmwareBias> read_firmware_bias(const std::string& line) {
-  std::istringstream words(line);
-  std::string command;
-  FirmwareBias out;
-  out.lines = 1;
-  if (!(words >> command >> out.range_bias_m) || command != "compRangeBiasAndRxChanPhase")
-    return std::nullopt;
-  for (double v; words >> v;) out.re_im.push_back(v);
-  const bool whole = words.eof() && !out.re_im.empty() && out.re_im.size() % 2 == 0;
-  return whole ? std::optional(out) : std::nullopt;
-}
 
 const record::CalibrationEntry* Calibration::find(Sensor sensor) const {
   for (const auto& e : entries)
@@ -71,7 +57,7 @@ Calibration read_calibration(const std::string& path) {
   if (out.entries.empty())
     throw Error(ExitCode::config, path + ": no offset; expected spd.offset_m or radar.offset_m");
   if (line.empty()) return out;
-  out.firmware = read_firmware_bias(line);
+  out.firmware = radar::parse_firmware_bias(line);
   if (!out.firmware)
     throw Error(ExitCode::config,
                 path + ": firmware.line is not a compRangeBiasAndRxChanPhase command");
@@ -86,25 +72,13 @@ void write_calibration(const std::string& path, const Calibration& calibration) 
   std::string line;
   std::int64_t lines = 0;
   if (const auto& f = calibration.firmware) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%.7f", f->range_bias_m);
-    line = std::string("compRangeBiasAndRxChanPhase ") + text;
-    for (const double v : f->re_im) {  // more decimals overflow the firmware's line
-      std::snprintf(text, sizeof text, " %.5f", v);
-      line += text;
-    }
+    line = radar::to_line(*f);
     lines = f->lines;
     settings.add("firmware.line", line,
                  "mean of the radar's own compRangeBiasAndRxChanPhase lines");
     settings.add("firmware.lines", lines, 0, 1'000'000'000, "how many came");
   }
-  const std::string fresh = path + ".new";
-  std::ofstream out(fresh);
-  out << settings.resolved(true);
-  out.close();
-  std::error_code error;
-  if (out) std::filesystem::rename(fresh, path, error);
-  if (!out || error) throw Error(ExitCode::disk, path + ": cannot be written");
+  write_beside(path, settings.resolved(true));
 }
 
 }  // namespace echofuse::acquire

@@ -10,16 +10,6 @@
 
 namespace echofuse::acquire {
 
-// TI's own calibration (measureRangeBiasAndRxChanPhase), mean over the lines that came: kept for
-// the .cfg, where the firmware applies it to its points; it does not touch the range profile.
-struct FirmwareBias {
-  double range_bias_m = 0;
-  std::vector<double> re_im;  // of each virtual antenna, as in compRangeBiasAndRxChanPhase
-  std::int64_t lines = 0;
-};
-// None if the line is not "compRangeBiasAndRxChanPhase <bias> <re> <im> ..." with whole pairs.
-std::optional<FirmwareBias> read_firmware_bias(const std::string& line);
-
 struct Calibration {
   std::vector<record::CalibrationEntry> entries;  // of one or both ranging sensors
   std::optional<FirmwareBias> firmware;

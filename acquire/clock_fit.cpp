@@ -175,18 +175,18 @@ std::optional<record::ClockState> ClockFit::state(HostTime at) const {
 }
 
 // The last event of a block is the one that waited least for the block to be sent.
-void SensorClocks::hear(const TagBlock& block) {
+void SensorClocks::observe(const TagBlock& block) {
   const auto last =
       std::find_if(block.tags.rbegin(), block.tags.rend(), std::mem_fn(&Tag::is_time_tag));
   if (last != block.tags.rend())
     of(Sensor::spd).add(static_cast<std::uint64_t>(last->time_ps), block.received);
 }
 
-void SensorClocks::hear(const RadarFrame& frame) {
+void SensorClocks::observe(const RadarFrame& frame) {
   of(Sensor::radar).add(frame.time_cpu_cycles, frame.received);
 }
 
-void SensorClocks::hear(const DepthFrame& frame) {
+void SensorClocks::observe(const DepthFrame& frame) {
   of(Sensor::depth).add(frame.device_time_us, frame.received);
 }
 

@@ -21,7 +21,6 @@
 //   step   all samples of 3 s, at least 10, are late by more than 0.1 s
 //   reset  the caller knows (reconnection of a radar, whose counter wraps too soon to tell)
 #pragma once
-#include <array>
 #include <cstdint>
 #include <deque>
 #include <optional>
@@ -85,7 +84,7 @@ class ClockFit {
   Receipt last_;                 // that was used
   std::int64_t last_ticks_ = 0;  // its device time since the history began
   double newest_s_ = 0;
-  std::deque<Least> history_;  // empty: nothing was heard yet
+  std::deque<Least> history_;  // empty: nothing was observed yet
   std::uint64_t samples_ = 0;  // that the history stands for
   double intercept_s_ = 0, slope_ = 0, residual_s_ = 0;
   std::optional<Receipt> suspect_;
@@ -96,17 +95,17 @@ class ClockFit {
 // The clocks of the three sensors.
 class SensorClocks {
  public:
-  void hear(const TagBlock& block);
-  void hear(const RadarFrame& frame);
-  void hear(const DepthFrame& frame);
+  void observe(const TagBlock& block);
+  void observe(const RadarFrame& frame);
+  void observe(const DepthFrame& frame);
   void reset(Sensor s) { of(s).reset(); }
-  const ClockFit& operator[](Sensor s) const { return fits_[static_cast<std::size_t>(s)]; }
+  const ClockFit& operator[](Sensor s) const { return fits_[s]; }
 
  private:
-  ClockFit& of(Sensor s) { return fits_[static_cast<std::size_t>(s)]; }
+  ClockFit& of(Sensor s) { return fits_[s]; }
 
   // Tags in ps, the radar's CPU cycles at 200 MHz, the camera's microseconds.
-  std::array<ClockFit, sensor_count> fits_{ClockFit(1e-12), ClockFit(5e-9, 32), ClockFit(1e-6)};
+  PerSensor<ClockFit> fits_{ClockFit(1e-12), ClockFit(5e-9, 32), ClockFit(1e-6)};
 };
 
 }  // namespace echofuse::acquire

@@ -34,7 +34,7 @@ Keys defaults_of(const Config& c) {
 }
 
 void bind_policy(Settings& s, Config& c, const std::string& section, Sensor sensor) {
-  s.add(section + ".policy", c.policy[static_cast<std::size_t>(sensor)],
+  s.add(section + ".policy", c.policy[sensor],
         "required: no start without it, and records without it are marked incomplete",
         {"optional", "required"});
 }
@@ -167,16 +167,19 @@ void judge_radar(Judge& judge, RadarConfig& radar, const std::string& cfg,
 
 void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& folder,
            bool with_calibration) {
-  if (c.configured() == 0)
+  if (c.configured().empty())
     judge.complain({"tdc.address", "radar.cli", "depth.address"},
                    "no device; expected at least one of tdc.address, radar.cli, depth.address");
-  constexpr const char* keys[][2] = {{"tdc.policy", "tdc.address"},
-                                     {"radar.policy", "radar.cli"},
-                                     {"depth.policy", "depth.address"}};
-  for (std::size_t i = 0; i < sensor_count; ++i)
-    if ((c.required() & ~c.configured()) >> i & 1u)
-      judge.complain({keys[i][0]}, std::string("a required sensor needs its address, ") +
-                                       keys[i][1] + " is empty");
+  struct PolicyKeys {
+    const char *policy, *address;
+  };
+  constexpr PerSensor<PolicyKeys> keys{PolicyKeys{"tdc.policy", "tdc.address"},
+                                       {"radar.policy", "radar.cli"},
+                                       {"depth.policy", "depth.address"}};
+  for (const Sensor s : all_sensors)
+    if ((c.required() - c.configured()).contains(s))
+      judge.complain({keys[s].policy}, std::string("a required sensor needs its address, ") +
+                                           keys[s].address + " is empty");
   if (!c.tdc.address.empty()) judge.attempt({"tdc.address"}, [&] { check_tdc(c.tdc.address); });
   judge.attempt({"tdc.click_channel", "tdc.start_channel", "tdc.bins", "tdc.bin_width_ps"},
                 [&] { const tdc::Histogram check(c.histogram); });
@@ -192,15 +195,19 @@ void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& f
 
 }  // namespace
 
-std::uint32_t Config::configured() const {
-  return (tdc.address.empty() ? 0u : 1u) | (radar.cli.empty() ? 0u : 2u) |
-         (depth.address.empty() ? 0u : 4u);
+SensorSet Config::configured() const {
+  SensorSet set;
+  if (!tdc.address.empty()) set.insert(Sensor::spd);
+  if (!radar.cli.empty()) set.insert(Sensor::radar);
+  if (!depth.address.empty()) set.insert(Sensor::depth);
+  return set;
 }
 
-std::uint32_t Config::required() const {
-  std::uint32_t bits = 0;
-  for (std::size_t i = 0; i < sensor_count; ++i) bits |= (policy[i] == "required" ? 1u : 0u) << i;
-  return bits;
+SensorSet Config::required() const {
+  SensorSet set;
+  for (const Sensor s : all_sensors)
+    if (policy[s] == "required") set.insert(s);
+  return set;
 }
 
 Config load_config(const std::string& path, const std::vector<std::string>& assignments,

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The daemon's configuration: a TOML file, read strictly.
 #pragma once
-#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -24,16 +23,14 @@ struct Config {
   SignalLimits signal;
   Calibration calibration;       // of the file that run.calibration names
   std::string calibration_path;  // that file, or where one would stand
-  std::array<std::string, sensor_count> policy{"optional", "optional", "optional"};
+  PerSensor<std::string> policy{"optional", "optional", "optional"};
 
   std::string text;      // of the file, verbatim
   std::string resolved;  // every key with its value and meaning, as TOML
   std::string shown;     // the same, with the origin of each value
 
-  // The sensors that have an address: bit 0 SPD, 1 radar, 2 depth.
-  std::uint32_t configured() const;
-  // Those that the run does not start without.
-  std::uint32_t required() const;
+  SensorSet configured() const;  // the sensors that have an address
+  SensorSet required() const;    // those that the run does not start without
 };
 
 // Reads the file, then applies `assignments` ("key=value"). A radar cfg named in it is read

@@ -11,12 +11,12 @@
 #include <utility>
 #include <vector>
 
-#include "acquire/accounts.hpp"
 #include "acquire/backlog.hpp"
 #include "acquire/devices.hpp"
+#include "acquire/disk_estimate.hpp"
+#include "acquire/journal.hpp"
 #include "acquire/notify.hpp"
 #include "acquire/resume.hpp"
-#include "acquire/room.hpp"
 #include "acquire/run_log.hpp"
 #include "acquire/scheduler.hpp"
 #include "acquire/signal_check.hpp"
@@ -32,7 +32,6 @@ namespace {
 constexpr auto tick_pause = std::chrono::milliseconds(50);
 // What the devices sent while the file was being made is read before the first slot starts.
 constexpr auto settle_time = std::chrono::milliseconds(100);
-constexpr auto anchor_pause = std::chrono::minutes(1);
 
 // Leaves a second for the devices and the disk: SIGTERM closes a run within 5 s.
 constexpr auto close_limit = std::chrono::seconds(4);
@@ -61,16 +60,19 @@ class Daemon final : private SampleSink {
  private:
   struct Recording {  // exists from the first slot on
     Recording(const SlotGrid& grid, const Config& config, const RunOptions& options,
-              const SensorClocks& clocks, std::unique_ptr<record::RunWriter> file)
+              const SensorClocks& clocks, const Clock& clock, const std::vector<Axis>& begun_axes,
+              std::unique_ptr<record::RunWriter> file)
         : scheduler(grid, options.count),
           windows(grid, config.histogram, clocks, config.configured(), config.required()),
           signal(config.signal, config.window_s),
           writer(std::move(file)),
+          journal(writer, clock, begun_axes),
           status(grid.first, config.window_s, options.count, options.quiet) {}
     Scheduler scheduler;
     Windows windows;
     SignalCheck signal;
     Writer writer;
+    Journal journal;
     Backlog due;
     StatusLine status;
   };
@@ -82,25 +84,24 @@ class Daemon final : private SampleSink {
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
 
   port::RawKeeper* keep_raw(const RunOptions& options);
-  void tell_raw_trouble();
+  void report_raw_trouble();
   void require_devices() const;
   void begin();
   std::unique_ptr<record::RunWriter> open_file();
   void interrupt(HostTime now);
+  void warn_of_full_disk();
   void announce(Sensor sensor);
-  void put_anchor();
   void log(Severity severity, const std::string& source, const std::string& text) {
     log_.put(severity, source, text);
   }
   void arm();
   void tick();
   bool is_early(Sensor sensor, std::uint64_t amount) {
-    if (!recording_) early_[static_cast<std::size_t>(sensor)] += amount;
+    if (!recording_) early_[sensor] += amount;
     return !recording_;
   }
   void close_due(HostTime now);
   void close_slot(const DueSlot& due, std::chrono::nanoseconds late);
-  void put_late();
   void end();
 
   boost::asio::io_context io_;  // first: destroyed last
@@ -112,19 +113,12 @@ class Daemon final : private SampleSink {
   RunLog log_;
   std::optional<port::RawKeeper> raw_;
   Devices devices_;
-  SensorClocks clocks_;  // they hear what comes before the first slot as well
+  SensorClocks clocks_;  // observe what comes before the first slot as well
   std::optional<Recording> recording_;
-  std::vector<std::string> axes_written_;
-  std::array<std::string, sensor_count> identities_;  // of the devices written
-  HostTime anchor_mono_{};
-  UtcTime anchor_utc_{};
   RunTotals totals_;
-  std::array<std::uint64_t, sensor_count> early_{};  // heard before there were slots
-  std::int64_t first_index_ = 0;  // of a resumed run: slots are counted from here
-  std::optional<std::int64_t> records_before_;
-  std::vector<Axis> begun_axes_;  // of a resumed run
-  std::string gap_;               // of a resumed run: what to note of it
-  bool ending_ = false;           // interrupted
+  PerSensor<std::uint64_t> early_{};  // samples from before there were slots
+  Resumption resumption_;
+  bool ending_ = false;  // interrupted
   bool over_ = false;
   std::string status_ = "complete";
 };
@@ -156,7 +150,7 @@ void Daemon::require_devices() const {
   for (const Sensor s : all_sensors) {
     any = any || devices_[s].delivers();
     if (!devices_[s].configured || devices_[s].delivers()) continue;
-    std::string& list = (config_.required() >> static_cast<unsigned>(s)) & 1u ? required : missing;
+    std::string& list = config_.required().contains(s) ? required : missing;
     list += (list.empty() ? "" : "\n") + devices_.describe(s);
   }
   if (!required.empty())
@@ -171,21 +165,18 @@ void Daemon::require_devices() const {
 // The index goes on; so does time, by UTC: the monotonic clock may have begun again.
 std::unique_ptr<record::RunWriter> Daemon::open_file() {
   if (!options_.resume) return make_run(config_, options_.out, options_.meta);
-  begun_axes_ = record::RunReader(options_.out).axes();
-  for (const Sensor s : all_sensors) refuse_other_axes(begun_axes_, devices_[s].info);
-  ResumedRun resumed = reopen_run(options_.out, clock_.utc());
-  first_index_ = resumed.file->next_index();
-  records_before_ = resumed.file->records();
-  gap_ = std::move(resumed.gap);
-  if (resumed.label && !options_.label_given) label_ = *resumed.label;
-  return std::move(resumed.file);
+  const std::vector<Axis> begun = record::RunReader(options_.out).axes();
+  for (const Sensor s : all_sensors) refuse_other_axes(begun, devices_[s].info);
+  resumption_ = reopen_run(options_.out, clock_.utc());
+  if (resumption_.label && !options_.label_given) label_ = *resumption_.label;
+  return std::move(resumption_.file);
 }
 
 port::RawKeeper* Daemon::keep_raw(const RunOptions& options) {
   return options.keep_raw.empty() ? nullptr : &raw_.emplace(options.keep_raw);
 }
 
-void Daemon::tell_raw_trouble() {
+void Daemon::report_raw_trouble() {
   if (!raw_) return;
   if (const std::string trouble = raw_->take_trouble(); !trouble.empty())
     log(Severity::error, "raw", trouble);
@@ -195,71 +186,55 @@ void Daemon::begin() {
   auto file = open_file();
   const auto length = from_seconds(config_.window_s);
   const SlotGrid grid{first_slot(clock_.now() + settle_time, length), length};
-  recording_.emplace(grid, config_, options_, clocks_, std::move(file));
-  put_anchor();
-  for (const Sensor s : all_sensors)
-    if (devices_[s].configured)
-      recording_->writer.put([s, policy = config_.policy[static_cast<std::size_t>(s)]](
-                                 record::RunWriter& run) { run.put_policy(s, policy); });
-  if (!options_.resume)  // a resumed run keeps the one that it was begun with
-    for (const auto& entry : config_.calibration.entries)
-      recording_->writer.put([entry](record::RunWriter& run) { run.put_calibration(entry); });
-  for (const Axis& axis : begun_axes_) axes_written_.push_back(axis.name);
-  if (!gap_.empty()) log(Severity::warning, "run", gap_);
+  recording_.emplace(grid, config_, options_, clocks_, clock_, resumption_.axes, std::move(file));
+  recording_->journal.put_config(config_, options_.resume);
+  if (!resumption_.gap.empty()) log(Severity::warning, "run", resumption_.gap);
   log_.attach(recording_->writer);
   for (const Sensor s : all_sensors)
     if (devices_[s].state == DeviceState::streaming)
       announce(s);
     else if (devices_[s].configured)
       log(Severity::warning, name_of(s), "not there at the start: " + devices_.describe(s));
-  const std::string room =
-      room_warning(options_.out, recording_->windows.axes(), options_.count, config_.window_s);
-  if (!room.empty()) log(Severity::warning, "disk", room);
+  warn_of_full_disk();
   spdlog::info("recording into {}, slots of {} s", options_.out, config_.window_s);
   notify_ready(config_.window_s);
+}
+
+void Daemon::warn_of_full_disk() {
+  const PlannedRun plan{.folder = std::filesystem::path(options_.out).parent_path(),
+                        .record_bytes = record_bytes(recording_->windows.axes()),
+                        .window_s = config_.window_s,
+                        .count = options_.count};
+  const auto free = free_bytes(plan.folder);
+  const std::string warning = free ? disk_warning(plan, static_cast<double>(*free)) : "";
+  if (!warning.empty()) log(Severity::warning, "disk", warning);
 }
 
 // A device answers: its identity and axes go into the run.
 void Daemon::announce(Sensor sensor) {
   const DeviceInfo& info = devices_[sensor].info;
-  const std::string identity = info.address + '\n' + info.model + '\n' + info.serial + '\n' +
-                               info.firmware;  // one row a device, not one a reconnection
-  if (std::exchange(identities_[static_cast<std::size_t>(sensor)], identity) != identity)
-    recording_->writer.put([info](record::RunWriter& run) { run.put_device(info); });
+  recording_->journal.put_device(info);
   if (!recording_->windows.announce(info))
     log(Severity::error, name_of(sensor), "came back with another axis; its samples are not used");
-  for (const Axis& axis : recording_->windows.axes()) {
-    if (std::find(axes_written_.begin(), axes_written_.end(), axis.name) != axes_written_.end())
-      continue;
-    axes_written_.push_back(axis.name);
-    recording_->writer.put([axis](record::RunWriter& run) { run.put_axis(axis); });
-  }
-}
-
-void Daemon::put_anchor() {
-  anchor_mono_ = clock_.now();
-  anchor_utc_ = clock_.utc();
-  recording_->writer.put([mono = anchor_mono_, utc = anchor_utc_](record::RunWriter& run) {
-    run.put_anchor(mono, utc);
-  });
+  recording_->journal.put_axes(recording_->windows.axes());
 }
 
 void Daemon::on_tags(const TagBlock& block) {
-  clocks_.hear(block);
+  clocks_.observe(block);
   if (is_early(Sensor::spd, block.tags.size())) return;
   totals_.tags += block.tags.size();
   recording_->windows.add(block);
 }
 
 void Daemon::on_radar(RadarFrame frame) {
-  clocks_.hear(frame);
+  clocks_.observe(frame);
   if (is_early(Sensor::radar, 1)) return;
   ++totals_.radar_frames;
   recording_->windows.add(frame);
 }
 
 void Daemon::on_depth(DepthFrame frame) {
-  clocks_.hear(frame);
+  clocks_.observe(frame);
   if (is_early(Sensor::depth, 1)) return;
   ++totals_.depth_frames;
   recording_->windows.add(std::move(frame));
@@ -295,8 +270,8 @@ void Daemon::tick() {
   const HostTime now = clock_.now();
   if (interrupted() && !std::exchange(ending_, true)) interrupt(now);
   close_due(now);
-  if (now - anchor_mono_ >= anchor_pause) put_anchor();
-  tell_raw_trouble();
+  r.journal.refresh_anchor(now);
+  report_raw_trouble();
   const std::int64_t written = r.writer.written();
   if (std::exchange(totals_.written, written) != written) notify_advance(written);
   totals_.label = r.writer.label().value_or(label_);
@@ -333,52 +308,45 @@ void Daemon::interrupt(HostTime now) {
 void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
   record::FusedRecord record = recording_->windows.close(due);
   recording_->signal.judge(record, recording_->windows.axes());
-  record.index += first_index_;
-  record.books.closed_late_s = seconds(late);
-  record.slot_utc = anchor_utc_ + (record.slot_start - anchor_mono_);
+  record.index += resumption_.first_index;
+  record.statistics.closed_late_s = seconds(late);
+  record.slot_utc = recording_->journal.utc_of(record.slot_start);
   record.label = label_;
   totals_.take(record, config_.configured(), [&](Sensor sensor, Severity severity) {
     log(severity, name_of(sensor),
-        "record " + std::to_string(record.index) + ": " +
-            record.sync[static_cast<std::size_t>(sensor)].verdict);
+        "record " + std::to_string(record.index) + ": " + record.sync[sensor].verdict);
   });
   spdlog::debug("record {}: valid {}, {} clicks, {} radar frames, {} depth frames", record.index,
-                record.valid, record.sync[0].used, record.sync[1].used, record.sync[2].used);
+                record.valid.bits(), record.sync[Sensor::spd].used, record.sync[Sensor::radar].used,
+                record.sync[Sensor::depth].used);
   if (!recording_->writer.put(std::move(record)))
     log(Severity::error, "run file",
-        "record " + std::to_string(due.index + first_index_) +
+        "record " + std::to_string(due.index + resumption_.first_index) +
             ": its data are given up, the disk is too slow");
-  put_late();
-}
-
-void Daemon::put_late() {
-  record::LateCounts late = recording_->windows.take_late();
-  if (late.empty()) return;
-  recording_->writer.put([late = std::move(late), first = first_index_](record::RunWriter& run) {
-    run.put_late(first, late);
-  });
+  recording_->journal.put_late(resumption_.first_index, recording_->windows.take_late());
 }
 
 void Daemon::end() {
   Recording& r = *recording_;
   notify_stopping();
   devices_.stop();
-  std::array<std::vector<Counter>, sensor_count> counters;
-  for (const Sensor s : all_sensors) counters[static_cast<std::size_t>(s)] = devices_.counters(s);
+  PerSensor<std::vector<Counter>> counters;
+  for (const Sensor s : all_sensors) counters[s] = devices_.counters(s);
   if (raw_) {
     const port::RawKeeper::Counts bytes = raw_->finish();
-    tell_raw_trouble();
+    report_raw_trouble();
     log(bytes.dropped > 0 ? Severity::error : Severity::info, "raw",
-        std::to_string(bytes.kept) + " bytes were kept in " + options_.keep_raw + ", " +
-            std::to_string(bytes.dropped) + " were not");
+        std::to_string(bytes.kept) + " bytes recorded in " + options_.keep_raw + ", " +
+            std::to_string(bytes.dropped) + " not recorded");
     if (!std::filesystem::exists(options_.keep_raw))
       log(Severity::error, "raw", options_.keep_raw + " was moved or removed during the run");
   }
   r.windows.finish();
-  put_late();
-  Strays strays = r.windows.strays();
-  for (std::size_t s = 0; s < sensor_count; ++s) strays.early[s] += early_[s];
-  close_accounts(r.writer, log_, std::move(counters), strays);
+  r.journal.put_late(resumption_.first_index, r.windows.take_late());
+  UnassignedSamples unassigned = r.windows.unassigned();
+  for (const Sensor s : all_sensors) unassigned.early[s] += early_[s];
+  r.journal.put_counters(std::move(counters), unassigned);
+  report_unassigned(log_, unassigned);
   if (!r.writer.finish(status_))
     spdlog::warn(
         "{}: another program reads it; its last records stay in {}-wal until "
@@ -387,7 +355,7 @@ void Daemon::end() {
   totals_.written = r.writer.written();
   r.status.finish(clock_.now(), totals_);
   spdlog::info("{}: {}, {}{}; arrived: {} tags, {} radar frames, {} depth frames", options_.out,
-               count_text(totals_.written, options_.count, records_before_), status_,
+               count_text(totals_.written, options_.count, resumption_.records_before), status_,
                totals_.doubts(), devices_[Sensor::spd].samples, devices_[Sensor::radar].samples,
                devices_[Sensor::depth].samples);
 }

@@ -80,11 +80,10 @@ DeviceLocks::DeviceLocks(const Config& config, const std::string& command, const
     : me_{"echofuse-acquire " + command + ", pid " + std::to_string(::getpid()) +
               (run.empty() ? "" : ", run " + run),
           run} {
-  for (const Sensor s : {Sensor::spd, Sensor::radar, Sensor::depth}) {
-    const auto i = static_cast<std::size_t>(s);
-    if (!(config.configured() >> i & 1u)) continue;
-    addresses_[i] = addresses_of(config, s);
-    for (const std::string& address : addresses_[i]) {
+  for (const Sensor s : all_sensors) {
+    if (!config.configured().contains(s)) continue;
+    addresses_[s] = addresses_of(config, s);
+    for (const std::string& address : addresses_[s]) {
       if (address.starts_with("serial:")) take(s, address, by_text("serial", address));
       take(s, address, lock_name(address));
     }
@@ -95,13 +94,13 @@ void DeviceLocks::take(Sensor sensor, const std::string& address, const std::str
   if (name.empty()) return;
   auto file = std::make_unique<LockFile>(lock_folder(), name, me_);
   if (file->other())
-    others_[static_cast<std::size_t>(sensor)] = file->other();
+    others_[sensor] = file->other();
   else
     held_[{address, name.find("-node-") != name.npos}] = {name, std::move(file)};
 }
 
 void DeviceLocks::follow(Sensor sensor) {
-  for (const std::string& address : addresses_[static_cast<std::size_t>(sensor)]) {
+  for (const std::string& address : addresses_[sensor]) {
     if (!address.starts_with("serial:")) continue;
     const auto held = held_.find({address, true});
     const std::string name = lock_name(address);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Whose the configured devices are: one program at a time, by locks that all users see.
 #pragma once
-#include <array>
 #include <map>
 #include <memory>
 #include <optional>
@@ -31,9 +30,7 @@ class DeviceLocks {
   DeviceLocks(const Config& config, const std::string& command, const std::string& run = {});
 
   // Who else has a device of this sensor.
-  const std::optional<Holder>& other(Sensor sensor) const {
-    return others_[static_cast<std::size_t>(sensor)];
-  }
+  const std::optional<Holder>& other(Sensor sensor) const { return others_[sensor]; }
   // A serial port went or came: its old node may soon be another device's. Throws as the
   // constructor.
   void follow(Sensor sensor);
@@ -42,8 +39,8 @@ class DeviceLocks {
   void take(Sensor sensor, const std::string& address, const std::string& name);
 
   Holder me_;
-  std::array<std::vector<std::string>, sensor_count> addresses_;
-  std::array<std::optional<Holder>, sensor_count> others_;
+  PerSensor<std::vector<std::string>> addresses_;
+  PerSensor<std::optional<Holder>> others_;
   struct Held {
     std::string name;
     std::unique_ptr<LockFile> file;

@@ -16,7 +16,7 @@
 namespace echofuse::acquire {
 namespace {
 
-constexpr auto last_words = std::chrono::milliseconds(300);  // of all drivers to their devices
+constexpr auto stop_timeout = std::chrono::milliseconds(300);  // of all drivers to their devices
 
 // For whoever only wants to know what answers.
 class NullSink final : public SampleSink {
@@ -32,35 +32,36 @@ std::string address_of(const Config& config, Sensor s) {
   return s == Sensor::radar ? config.radar.cli : config.depth.address;
 }
 
-nlohmann::ordered_json to_json(Sensor s, const Devices::Seen& seen,
+nlohmann::ordered_json to_json(Sensor s, const Devices::Status& status,
                                const std::optional<LiveDevice>& live) {
   return {{"sensor", name_of(s)},
-          {"address", seen.info.address},
-          {"state", live ? "in use" : name_of(seen.state)},
-          {"answers", live ? live->delivers : seen.delivers()},
-          {"model", seen.info.model},
-          {"serial", seen.info.serial},
-          {"firmware", seen.info.firmware},
-          {"samples", seen.samples},
-          {"last_event", live ? live->text : seen.last_event},
-          {"run", seen.holder ? seen.holder->run : ""}};
+          {"address", status.info.address},
+          {"state", live ? "in use" : name_of(status.state)},
+          {"answers", live ? live->delivers : status.delivers()},
+          {"model", status.info.model},
+          {"serial", status.info.serial},
+          {"firmware", status.info.firmware},
+          {"samples", status.samples},
+          {"last_event", live ? live->text : status.last_event},
+          {"run", status.holder ? status.holder->run : ""}};
 }
 
-void print_device(Sensor s, const Devices::Seen& seen, const std::string& description,
+void print_device(Sensor s, const Devices::Status& status, const std::string& description,
                   const std::optional<LiveDevice>& live) {
   if (live) {
-    std::printf("%s %s: %s\n", name_of(s), printable(seen.info.address).c_str(),
+    std::printf("%s %s: %s\n", name_of(s), printable(status.info.address).c_str(),
                 live->text.c_str());
     return;
   }
-  if (!seen.delivers()) {
+  if (!status.delivers()) {
     std::printf("%s\n", description.c_str());
     return;
   }
   std::printf("%s %s: answers; model %s, serial %s, firmware %s, %" PRIu64 " %s so far\n",
-              name_of(s), printable(seen.info.address).c_str(), printable(seen.info.model).c_str(),
-              printable(seen.info.serial).c_str(), printable(seen.info.firmware).c_str(),
-              seen.samples, s == Sensor::spd ? "tags" : "frames");
+              name_of(s), printable(status.info.address).c_str(),
+              printable(status.info.model).c_str(), printable(status.info.serial).c_str(),
+              printable(status.info.firmware).c_str(), status.samples,
+              s == Sensor::spd ? "tags" : "frames");
 }
 
 }  // namespace
@@ -69,35 +70,36 @@ Devices::Devices(boost::asio::io_context& io, const Config& config, const Clock&
                  SampleSink& next, port::RawKeeper* raw)
     : io_(io), config_(config), next_(&next) {
   for (const Sensor s : all_sensors) {
-    seen(s).configured = (config.configured() >> static_cast<unsigned>(s)) & 1u;
-    seen(s).info.address = address_of(config, s);
+    status(s).configured = config.configured().contains(s);
+    status(s).info.address = address_of(config, s);
   }
-  if (seen(Sensor::spd).configured) drivers_[0] = make_tdc(io, config.tdc, clock, raw);
-  if (seen(Sensor::radar).configured) drivers_[1] = make_radar(io, config.radar, clock, raw);
-  if (seen(Sensor::depth).configured) drivers_[2] = make_depth(io, config.depth, clock, raw);
+  if (status(Sensor::spd).configured) drivers_[Sensor::spd] = make_tdc(io, config.tdc, clock, raw);
+  if (status(Sensor::radar).configured)
+    drivers_[Sensor::radar] = make_radar(io, config.radar, clock, raw);
+  if (status(Sensor::depth).configured)
+    drivers_[Sensor::depth] = make_depth(io, config.depth, clock, raw);
 }
 
 Devices::~Devices() { abandon(); }  // whoever listened may be gone
 
 void Devices::take_free(const std::string& command) {
   locks_.emplace(config_, command);
-  for (const Sensor s : all_sensors) seen(s).holder = locks_->other(s);
+  for (const Sensor s : all_sensors) status(s).holder = locks_->other(s);
 }
 
 void Devices::take(const std::string& command, const std::string& run) {
   locks_.emplace(config_, command, run);
   std::string taken;
   for (const Sensor s : all_sensors) {
-    seen(s).holder = locks_->other(s);
-    if (seen(s).holder) taken += (taken.empty() ? "" : "\n") + describe(s);
+    status(s).holder = locks_->other(s);
+    if (status(s).holder) taken += (taken.empty() ? "" : "\n") + describe(s);
   }
   if (!taken.empty()) throw Error(ExitCode::device, taken);
 }
 
 void Devices::start() {
   for (const Sensor s : all_sensors)
-    if (auto& driver = drivers_[static_cast<std::size_t>(s)]; driver && !seen(s).holder)
-      driver->start(*this);
+    if (auto& driver = drivers_[s]; driver && !status(s).holder) driver->start(*this);
 }
 
 void Devices::stop() {
@@ -110,7 +112,7 @@ std::vector<Sensor> Devices::halt() {
   for (auto& driver : drivers_)
     if (driver) driver->stop();
   const auto ends = [](const auto& driver) { return !driver || driver->finished(); };
-  const auto give_up = std::chrono::steady_clock::now() + last_words;
+  const auto give_up = std::chrono::steady_clock::now() + stop_timeout;
   while (!std::all_of(drivers_.begin(), drivers_.end(), ends) &&
          std::chrono::steady_clock::now() < give_up) {
     if (io_.stopped()) io_.restart();
@@ -118,10 +120,10 @@ std::vector<Sensor> Devices::halt() {
   }
   std::vector<Sensor> unfinished;
   for (const Sensor s : all_sensors) {
-    auto& driver = drivers_[static_cast<std::size_t>(s)];
+    auto& driver = drivers_[s];
     if (!driver) continue;
     if (!driver->finished()) unfinished.push_back(s);
-    last_counters_[static_cast<std::size_t>(s)] = driver->counters();
+    last_counters_[s] = driver->counters();
     driver.reset();
   }
   return unfinished;
@@ -130,7 +132,7 @@ std::vector<Sensor> Devices::halt() {
 void Devices::wait(double timeout_s) {
   using Clock = std::chrono::steady_clock;
   const auto give_up = Clock::now() + from_seconds(timeout_s);
-  const auto settled = [](const Seen& device) { return device.holder || device.delivers(); };
+  const auto settled = [](const Status& device) { return device.holder || device.delivers(); };
   while (!all(settled) && Clock::now() < give_up && !interrupted()) {
     if (io_.stopped()) io_.restart();
     io_.run_one_for(std::chrono::milliseconds(20));
@@ -138,18 +140,18 @@ void Devices::wait(double timeout_s) {
 }
 
 std::vector<Counter> Devices::counters(Sensor s) const {
-  const auto& driver = drivers_[static_cast<std::size_t>(s)];
-  return driver ? driver->counters() : last_counters_[static_cast<std::size_t>(s)];
+  const auto& driver = drivers_[s];
+  return driver ? driver->counters() : last_counters_[s];
 }
 
-bool Devices::all(const std::function<bool(const Seen&)>& predicate) const {
-  for (const auto& device : seen_)
+bool Devices::all(const std::function<bool(const Status&)>& predicate) const {
+  for (const auto& device : status_)
     if (device.configured && !predicate(device)) return false;
   return true;
 }
 
 std::string Devices::describe(Sensor s) const {
-  const Seen& device = (*this)[s];
+  const Status& device = (*this)[s];
   std::string text = std::string(name_of(s)) + " " + printable(device.info.address) + ": ";
   if (device.holder) return text + "in use by " + printable(device.holder->who);
   if (device.state == DeviceState::streaming && device.samples == 0)
@@ -159,22 +161,22 @@ std::string Devices::describe(Sensor s) const {
 }
 
 void Devices::on_tags(const TagBlock& block) {
-  seen(Sensor::spd).samples += block.tags.size();
+  status(Sensor::spd).samples += block.tags.size();
   next_->on_tags(block);
 }
 
 void Devices::on_radar(RadarFrame frame) {
-  ++seen(Sensor::radar).samples;
+  ++status(Sensor::radar).samples;
   next_->on_radar(std::move(frame));
 }
 
 void Devices::on_depth(DepthFrame frame) {
-  ++seen(Sensor::depth).samples;
+  ++status(Sensor::depth).samples;
   next_->on_depth(std::move(frame));
 }
 
 void Devices::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
-  Seen& device = seen(sensor);
+  Status& device = status(sensor);
   device.state = state;
   follow_lock(sensor);
   if (state == DeviceState::streaming) device.info = info;
@@ -203,7 +205,7 @@ void Devices::abandon() {
 }
 
 void Devices::on_event(Sensor sensor, Severity severity, const std::string& text) {
-  if (severity != Severity::info) seen(sensor).last_event = text;
+  if (severity != Severity::info) status(sensor).last_event = text;
   next_->on_event(sensor, severity, text);
 }
 
@@ -219,15 +221,15 @@ bool all_answer(const Config& config, const Clock& clock, nlohmann::ordered_json
   devices.wait(config.connect_timeout_s);
   bool all = true;
   for (const Sensor s : all_sensors) {
-    const Devices::Seen& seen = devices[s];
-    if (!seen.configured) continue;
+    const Devices::Status& status = devices[s];
+    if (!status.configured) continue;
     std::optional<LiveDevice> live;
-    if (seen.holder) live = look_at(*seen.holder, s, clock);
-    all = all && (live ? live->delivers : seen.delivers());
+    if (status.holder) live = inspect_holder(*status.holder, s, clock);
+    all = all && (live ? live->delivers : status.delivers());
     if (list)
-      list->push_back(to_json(s, seen, live));
+      list->push_back(to_json(s, status, live));
     else
-      print_device(s, seen, devices.describe(s), live);
+      print_device(s, status, devices.describe(s), live);
   }
   return all;
 }

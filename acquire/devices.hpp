@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The drivers of a configuration, and what has been seen of each device.
+// The drivers of a configuration, and the status of each device.
 #pragma once
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -19,7 +18,7 @@ namespace echofuse::acquire {
 // Threading: the io thread only. Passes everything on to `next`, after taking note of it.
 class Devices final : private SampleSink {
  public:
-  struct Seen {
+  struct Status {
     bool configured = false;
     DeviceState state = DeviceState::connecting;
     DeviceInfo info;
@@ -49,11 +48,11 @@ class Devices final : private SampleSink {
   // Runs io until every configured device that is ours delivers, the time is up or the user
   // interrupts.
   void wait(double timeout_s);
-  const Seen& operator[](Sensor s) const { return seen_[static_cast<std::size_t>(s)]; }
+  const Status& operator[](Sensor s) const { return status_[s]; }
   // Of the sensor's driver, until its end; none if it is not configured.
   std::vector<Counter> counters(Sensor s) const;
   // Asks it of every configured device.
-  bool all(const std::function<bool(const Seen&)>& predicate) const;
+  bool all(const std::function<bool(const Status&)>& predicate) const;
   // "radar serial:/dev/ttyUSB0: faulted: no such file or directory", or by whom it is in use
   std::string describe(Sensor s) const;
 
@@ -62,21 +61,20 @@ class Devices final : private SampleSink {
   void on_radar(RadarFrame frame) override;
   void on_depth(DepthFrame frame) override;
   void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;
+  void on_firmware_bias(const FirmwareBias& bias) override { next_->on_firmware_bias(bias); }
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
   std::vector<Sensor> halt();
   void follow_lock(Sensor sensor);
-  Seen& seen(Sensor s) { return seen_[static_cast<std::size_t>(s)]; }
+  Status& status(Sensor s) { return status_[s]; }
 
   boost::asio::io_context& io_;
   const Config& config_;
   SampleSink* next_;
   std::optional<DeviceLocks> locks_;  // outlive the drivers
-  std::array<Seen, sensor_count> seen_;
-  std::array<std::unique_ptr<Driver>, sensor_count> drivers_;
-  std::array<std::vector<Counter>, sensor_count> last_counters_;  // of those that ended
+  PerSensor<Status> status_;
+  PerSensor<std::unique_ptr<Driver>> drivers_;
+  PerSensor<std::vector<Counter>> last_counters_;  // of those that ended
 };
-
-inline constexpr Sensor all_sensors[] = {Sensor::spd, Sensor::radar, Sensor::depth};
 
 // The `devices` command: what is attached; then, given a configuration, waits as `run` does and
 // says what of it answers, or of a device in use what the run that has it says. Device code if one

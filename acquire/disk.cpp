@@ -2,7 +2,6 @@
 #include "acquire/disk.hpp"
 
 #include <fcntl.h>
-#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -18,9 +17,7 @@
 namespace echofuse::acquire {
 namespace {
 
-constexpr double journal_factor = 2;      // every byte goes into the WAL and then into the database
-constexpr double row_bytes = 2048;        // of a record beside its sensors' data, with events
-constexpr double fixed_bytes = 16 << 20;  // the WAL, and the tables of a run without records
+constexpr double journal_factor = 2;  // every byte goes into the WAL and then into the database
 
 [[noreturn]] void fail(const std::string& folder, const char* doing) {
   throw Error(ExitCode::disk, folder + ": " + doing + ": " + std::strerror(errno));
@@ -61,17 +58,6 @@ std::vector<char> incompressible(std::size_t size) {
   return block;
 }
 
-std::string size_text(double bytes) {
-  constexpr const char* units[] = {"B", "kB", "MB", "GB", "TB"};
-  std::size_t unit = 0;
-  for (; bytes >= 1000 && unit + 1 < std::size(units); ++unit) bytes /= 1000;
-  char text[32];
-  std::snprintf(text, sizeof text, bytes < 10 ? "%.1f %s" : "%.0f %s", bytes, units[unit]);
-  return text;
-}
-
-double bytes_on_disk(const PlannedRun& plan) { return plan.record_bytes + row_bytes; }
-
 }  // namespace
 
 DiskSpeed measure_disk(const std::string& folder, std::size_t commit_bytes) {
@@ -99,7 +85,8 @@ DiskSpeed measure_disk(const std::string& folder, std::size_t commit_bytes) {
 
 Finding judge_speed(const DiskSpeed& speed, const PlannedRun& plan) {
   const bool known = plan.record_bytes > 0;
-  const double needed = known ? journal_factor * bytes_on_disk(plan) / plan.window_s : 0;
+  const double needed =
+      known ? journal_factor * estimate_disk(plan, 0).record_bytes / plan.window_s : 0;
   constexpr double reserve = 4;
   Grade grade = Grade::ok;
   if (known && (speed.bytes_per_s < reserve * needed || speed.commit_longest_s > plan.window_s))
@@ -123,43 +110,39 @@ Finding judge_speed(const DiskSpeed& speed, const PlannedRun& plan) {
           ExitCode::disk};
 }
 
-Finding judge_room(double free_bytes, const PlannedRun& plan) {
-  Finding out{.check = "disk room",
+Finding judge_space(double free_bytes, const PlannedRun& plan) {
+  Finding out{.check = "disk space",
               .found = plan.folder + ": " + size_text(free_bytes) + " free",
               .facts = {{"free_bytes", free_bytes}},
               .failure = ExitCode::disk};
   if (plan.record_bytes <= 0) return out;
   constexpr double short_s = 3600;
-  const double records = std::max(0.0, (free_bytes - fixed_bytes) / bytes_on_disk(plan));
-  const double lasts_s = records * plan.window_s;
-  out.facts.emplace_back("record_bytes", bytes_on_disk(plan));
-  out.facts.emplace_back("lasts_s", lasts_s);
-  const std::string of_size = " of " + size_text(bytes_on_disk(plan)) + " each";
+  const DiskEstimate estimate = estimate_disk(plan, free_bytes);
+  out.facts.emplace_back("record_bytes", estimate.record_bytes);
+  out.facts.emplace_back("lasts_s", estimate.lasts_s);
+  const std::string of_size = " of " + size_text(estimate.record_bytes) + " each";
   if (plan.count) {
-    const double planned = static_cast<double>(*plan.count);
-    const double needed = planned * bytes_on_disk(plan) + fixed_bytes;
-    out.facts.emplace_back("needed_bytes", needed);
-    out.found +=
-        "; " + std::to_string(*plan.count) + " records" + of_size + " take " + size_text(needed);
-    if (records < planned) out.grade = Grade::problem;
+    out.facts.emplace_back("needed_bytes", estimate.needed_bytes);
+    out.found += "; " + std::to_string(*plan.count) + " records" + of_size + " take " +
+                 size_text(estimate.needed_bytes);
+    if (estimate.needed_bytes > free_bytes) out.grade = Grade::problem;
   } else {
-    out.found += ": enough for " + human_duration(lasts_s) + " of records" + of_size;
-    if (lasts_s < short_s) out.grade = Grade::warning;
+    out.found += ": enough for " + human_duration(estimate.lasts_s) + " of records" + of_size;
+    if (estimate.lasts_s < short_s) out.grade = Grade::warning;
   }
-  if (out.grade != Grade::ok) out.advice = "make room, or record to another disk";
+  if (out.grade != Grade::ok) out.advice = "free some space, or record to another disk";
   return out;
 }
 
 std::vector<Finding> check_disk(const PlannedRun& plan) {
   constexpr double unknown_bytes = 256 << 10;
-  const double size = plan.record_bytes > 0 ? bytes_on_disk(plan) : unknown_bytes;
+  const double size = plan.record_bytes > 0 ? estimate_disk(plan, 0).record_bytes : unknown_bytes;
   std::vector<Finding> out;
   try {
-    struct statvfs room {};
-    if (::statvfs(plan.folder.c_str(), &room) != 0) fail(plan.folder, "cannot be a run's folder");
+    const auto free = free_bytes(plan.folder);
+    if (!free) fail(plan.folder, "cannot be a run's folder");
     out.push_back(judge_speed(measure_disk(plan.folder, static_cast<std::size_t>(size)), plan));
-    out.push_back(
-        judge_room(static_cast<double>(room.f_bavail) * static_cast<double>(room.f_frsize), plan));
+    out.push_back(judge_space(static_cast<double>(*free), plan));
   } catch (const Error& e) {
     out.push_back({"disk",
                    Grade::problem,

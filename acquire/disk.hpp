@@ -1,22 +1,13 @@
 // SPDX-License-Identifier: MIT
 // The doctor's checks of the disk under a run file: fast enough, and large enough?
 #pragma once
-#include <cstdint>
-#include <optional>
 #include <string>
 #include <vector>
 
+#include "acquire/disk_estimate.hpp"
 #include "acquire/finding.hpp"
 
 namespace echofuse::acquire {
-
-// The run to come. Without a size of its records only the disk itself is told of.
-struct PlannedRun {
-  std::string folder;
-  double record_bytes = 0;  // of the sensors' data; 0: unknown
-  double window_s = 0;
-  std::optional<std::int64_t> count{};
-};
 
 struct DiskSpeed {
   double bytes_per_s = 0;
@@ -29,9 +20,9 @@ struct DiskSpeed {
 DiskSpeed measure_disk(const std::string& folder, std::size_t commit_bytes);
 
 Finding judge_speed(const DiskSpeed& speed, const PlannedRun& plan);
-Finding judge_room(double free_bytes, const PlannedRun& plan);
+Finding judge_space(double free_bytes, const PlannedRun& plan);
 
-// Measures and judges both.
+// Measures and judges both; without a size of its records only the disk itself is reported.
 std::vector<Finding> check_disk(const PlannedRun& plan);
 
 }  // namespace echofuse::acquire

@@ -12,8 +12,10 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json by_sensor(const std::array<std::int64_t, sensor_count>& values) {
-  return {{"spd", values[0]}, {"radar", values[1]}, {"depth", values[2]}};
+Json by_sensor(const PerSensor<std::int64_t>& values) {
+  return {{"spd", values[Sensor::spd]},
+          {"radar", values[Sensor::radar]},
+          {"depth", values[Sensor::depth]}};
 }
 
 // {"part": 0, "spd": {"tags": 123, ...}, ...}
@@ -39,15 +41,14 @@ Json to_json(const record::RunReader& run) {
                     {"step", a.step},
                     {"scale", a.scale}});
   Json clocks = Json::object();
-  for (std::size_t i = 0; i < sensor_count; ++i)
-    if (const auto& c = sum.clocks[i])
-      clocks[name_of(static_cast<Sensor>(i))] = {{"offset_s", c->offset_s},
-                                                 {"drift_ppm", c->drift_ppm},
-                                                 {"residual_s", c->residual_s},
-                                                 {"samples", c->samples}};
+  for (const Sensor s : all_sensors)
+    if (const auto& c = sum.clocks[s])
+      clocks[name_of(s)] = {{"offset_s", c->offset_s},
+                            {"drift_ppm", c->drift_ppm},
+                            {"residual_s", c->residual_s},
+                            {"samples", c->samples}};
   Json verdicts = Json::object();
-  for (std::size_t i = 0; i < sensor_count; ++i)
-    verdicts[name_of(static_cast<Sensor>(i))] = sum.verdicts[i];
+  for (const Sensor s : all_sensors) verdicts[name_of(s)] = sum.verdicts[s];
   Json meta = Json::object(), marks = Json::array();
   for (const auto& [key, value] : info.meta) meta[key] = value;
   for (const record::Event& e : run.events())
@@ -142,7 +143,7 @@ std::string to_text(const Json& j) {
     line("clock", sensor + ": " + list(clock));
   line("lost", list(j["lost"]) + "; tags " + word(j["tags"]));
   for (const auto& part : j["counters"])
-    for (const Sensor s : {Sensor::spd, Sensor::radar, Sensor::depth})
+    for (const Sensor s : all_sensors)
       if (part.contains(name_of(s)))
         line("counted", "part " + word(part["part"]) + " " + name_of(s) + ": " +
                             list(without_zeros(part[name_of(s)])));

@@ -19,7 +19,7 @@ LiveDevice last_record(const std::string& run, Sensor sensor, const Clock& clock
   const std::int64_t count = reader.count();
   if (count == 0) return {"its run has no record yet"};
   const record::FusedRecord r = reader.read(count - 1);
-  const auto& sync = r.sync[static_cast<std::size_t>(sensor)];
+  const auto& sync = r.sync[sensor];
   const double age_s = std::chrono::duration<double>(clock.utc() - r.slot_utc).count() -
                        seconds(r.slot_end - r.slot_start);
   return {"record " + std::to_string(r.index) + ", " + human_duration(std::max(age_s, 0.0)) +
@@ -31,7 +31,7 @@ LiveDevice last_record(const std::string& run, Sensor sensor, const Clock& clock
 
 }  // namespace
 
-LiveDevice look_at(const Holder& holder, Sensor sensor, const Clock& clock) {
+LiveDevice inspect_holder(const Holder& holder, Sensor sensor, const Clock& clock) {
   LiveDevice found;
   std::error_code none;
   if (std::filesystem::is_regular_file(holder.run, none)) {

@@ -15,6 +15,6 @@ struct LiveDevice {
 };
 
 // Reads the run file that the holder of the sensor's device writes, and nothing else.
-LiveDevice look_at(const Holder& holder, Sensor sensor, const Clock& clock);
+LiveDevice inspect_holder(const Holder& holder, Sensor sensor, const Clock& clock);
 
 }  // namespace echofuse::acquire

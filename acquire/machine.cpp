@@ -23,9 +23,9 @@ constexpr const char* rules = "70-echofuse.rules";
 constexpr const char* install_rules =
     "install config/70-echofuse.rules as its first lines say, and join the groups dialout, plugdev "
     "and video";
-constexpr const char* look_at_groups =
+constexpr const char* check_groups =
     "plug it in again; is this user in the groups dialout, plugdev and video?";
-constexpr const char* look_at_plug =
+constexpr const char* check_plug =
     "is it plugged in, and is this its name? `devices` lists what is attached";
 
 std::string text_of(const fs::path& file) {
@@ -124,8 +124,8 @@ std::vector<Finding> check_permissions(const std::optional<Config>& config,
     if (!port.missing.empty())
       out.push_back({check, port.configured ? Grade::problem : Grade::warning, port.missing,
                      port.path.empty()        ? ""
-                     : !port.denied           ? look_at_plug
-                     : rules_installed(roots) ? look_at_groups
+                     : !port.denied           ? check_plug
+                     : rules_installed(roots) ? check_groups
                                               : install_rules});
   const double count = static_cast<double>(all.size());
   if (out.empty())

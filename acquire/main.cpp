@@ -29,7 +29,6 @@ namespace {
 constexpr const char* program = "echofuse-acquire";
 
 constexpr const char* footer =
-    "stdout is data, stderr is talk.\n"
     "exit codes: 0 ok, 1 failed, 2 usage, 3 config, 4 device, 5 partial (some records "
     "unreadable;\n"
     "            run --strict: of some a sensor was not ok),\n"
@@ -208,8 +207,8 @@ void add_config_options(CLI::App& command, Options& o) {
       ->allow_extra_args(false);
 }
 
-void add_talk_options(CLI::App& command, Options& o) {
-  command.add_flag("-q,--quiet", o.quiet, "no talk on stderr, errors only");
+void add_output_options(CLI::App& command, Options& o) {
+  command.add_flag("-q,--quiet", o.quiet, "print errors only");
   command.add_flag("-v,--verbose", o.verbose, "one line for every record on stderr");
 }
 
@@ -226,7 +225,7 @@ void add_length_options(CLI::App& command, Options& o) {
 void add_run(CLI::App& app, Options& o) {
   auto* c = app.add_subcommand("run", "record fused records, one a slot, until Ctrl-C");
   add_config_options(*c, o);
-  add_talk_options(*c, o);
+  add_output_options(*c, o);
   auto* target = c->add_option_group("target");
   target->add_option("--out", o.run.out, out_help);
   auto* resume = target->add_option("--resume", o.resume,

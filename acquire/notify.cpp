@@ -9,10 +9,10 @@ namespace echofuse::acquire {
 
 void notify_ready(double window_s) {
   constexpr double slots = 4, us_per_s = 1e6;
-  const double patience_us = slots * window_s * us_per_s;
+  const double timeout_us = slots * window_s * us_per_s;
   std::uint64_t limit_us = 0;
-  if (sd_watchdog_enabled(0, &limit_us) > 0 && static_cast<double>(limit_us) < patience_us)
-    sd_notifyf(0, "WATCHDOG_USEC=%" PRIu64, static_cast<std::uint64_t>(patience_us));
+  if (sd_watchdog_enabled(0, &limit_us) > 0 && static_cast<double>(limit_us) < timeout_us)
+    sd_notifyf(0, "WATCHDOG_USEC=%" PRIu64, static_cast<std::uint64_t>(timeout_us));
   sd_notify(0, "READY=1\nSTATUS=0 records on disk");
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/resume.hpp"
 
+#include <toml++/toml.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -23,19 +24,28 @@ const std::set<std::string> free_keys{
     "radar.data_baud", "radar.cfg",    "run.calibration",       "radar.keep_running"};
 const std::set<std::string> places{"tdc.address", "radar.cli", "radar.data", "depth.address"};
 
-// The resolved text: [section], key = value, comments on lines of their own.
+std::string text_of(const std::string& key, const toml::node& value) {
+  if (places.contains(key)) return value.value_or(std::string()).empty() ? "none" : "a device";
+  std::ostringstream text;
+  value.visit([&](const auto& v) { text << v; });
+  return text.str();
+}
+
+// By key, of a configuration as it was resolved; without the keys that may differ.
 std::map<std::string, std::string> values_of(const std::string& resolved) {
   std::map<std::string, std::string> values;
-  std::istringstream lines(resolved);
-  std::string section;
-  for (std::string line; std::getline(lines, line);) {
-    const auto equals = line.find(" = ");
-    if (line.starts_with('[')) section = line.substr(1, line.find(']') - 1) + '.';
-    if (line.empty() || line[0] == '[' || line[0] == '#' || equals == std::string::npos) continue;
-    const std::string key = section + line.substr(0, equals);
-    std::string value = line.substr(equals + 3);
-    if (places.contains(key)) value = value == "\"\"" ? "none" : "a device";
-    if (!free_keys.contains(key) && section != "signal.") values[key] = value;
+  try {
+    const toml::table config = toml::parse(resolved);
+    for (const auto& [section, content] : config) {
+      if (!content.is_table() || section == "signal") continue;
+      for (const auto& [name, value] : *content.as_table()) {
+        const std::string key = std::string(section.str()) + '.' + std::string(name.str());
+        if (!free_keys.contains(key)) values[key] = text_of(key, value);
+      }
+    }
+  } catch (const toml::parse_error& e) {
+    throw Error(ExitCode::config,
+                "its configuration cannot be read: " + printable(e.description(), 200));
   }
   return values;
 }
@@ -145,15 +155,17 @@ std::unique_ptr<record::RunWriter> make_run(
   return std::make_unique<record::RunWriter>(out, info);
 }
 
-ResumedRun reopen_run(const std::string& out, UtcTime now) {
+Resumption reopen_run(const std::string& out, UtcTime now) {
   const record::RunReader begun(out);
-  ResumedRun resumed;
+  Resumption resumed;
+  resumed.axes = begun.axes();
   const std::string status = begun.info().status;
   const record::RunSummary sum = begun.summary();
   resumed.label = begun.last_label();
   resumed.file = std::make_unique<record::RunWriter>(out);
-  resumed.gap =
-      "resumed at record " + std::to_string(resumed.file->next_index()) + ", was " + status;
+  resumed.first_index = resumed.file->next_index();
+  resumed.records_before = resumed.file->records();
+  resumed.gap = "resumed at record " + std::to_string(resumed.first_index) + ", was " + status;
   if (sum.records > 0)
     resumed.gap +=
         ", " + human_duration(seconds(now) - seconds(sum.last_utc)) + " after the last slot";

@@ -36,11 +36,15 @@ std::unique_ptr<record::RunWriter> make_run(
     const Config& config, const std::string& out,
     const std::vector<std::pair<std::string, std::string>>& meta);
 
-struct ResumedRun {
+// What a resumed run continues; of a new run, nothing.
+struct Resumption {
   std::unique_ptr<record::RunWriter> file;
-  std::string gap;                   // what to note of it
+  std::vector<Axis> axes;        // that the run was begun with
+  std::int64_t first_index = 0;  // of the next record: slots are counted from here
+  std::optional<std::int64_t> records_before;
+  std::string gap;                   // the event that notes the resumption
   std::optional<std::string> label;  // its last one
 };
-ResumedRun reopen_run(const std::string& out, UtcTime now);
+Resumption reopen_run(const std::string& out, UtcTime now);
 
 }  // namespace echofuse::acquire

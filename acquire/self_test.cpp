@@ -100,7 +100,7 @@ void Capture::on_depth(DepthFrame frame) {
 }
 
 void Capture::on_event(Sensor sensor, Severity severity, const std::string& text) {
-  auto& list = complaints[static_cast<std::size_t>(sensor)];
+  auto& list = complaints[sensor];
   if (severity != Severity::info && std::find(list.begin(), list.end(), text) == list.end())
     list.push_back(text);
 }
@@ -209,14 +209,14 @@ Finding judge_depth(const Capture& capture, const Config& config, double time_s)
 
 double estimate_record_bytes(const Capture& capture, const Config& config) {
   constexpr std::uint32_t usual_width = 640, usual_height = 480;
-  const std::uint32_t sensors = config.configured();
+  const SensorSet sensors = config.configured();
   double bytes = 0;
-  if (sensors & 1u) bytes += 4.0 * config.histogram.bins;
-  if (sensors & 2u)
+  if (sensors.contains(Sensor::spd)) bytes += 4.0 * config.histogram.bins;
+  if (sensors.contains(Sensor::radar))
     bytes += 4.0 * radar::parse_profile(config.radar.cfg_text, config.radar.cfg_name,
                                         config.radar.data_baud)
                        .bins;
-  if (!(sensors & 4u)) return bytes;
+  if (!sensors.contains(Sensor::depth)) return bytes;
   if (const auto& d = capture.depth)
     return bytes +
            static_cast<double>(record::encode_png16(d->depth_mm, d->width, d->height).size());
@@ -252,21 +252,20 @@ SelfTest test_devices(const Config& config, const Clock& clock) {
   const double time_s = seconds(clock.now() - begin);
   capture.end();
   if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing was judged");
-  constexpr decltype(&judge_spd) judges[] = {judge_spd, judge_radar, judge_depth};
+  constexpr PerSensor<decltype(&judge_spd)> judges{judge_spd, judge_radar, judge_depth};
   SelfTest out{{}, estimate_record_bytes(capture, config)};
   for (const Sensor s : all_sensors) {
-    const auto index = static_cast<std::size_t>(s);
     if (!devices[s].configured) continue;
     if (devices[s].holder) {
-      out.findings.push_back(judge_in_use(s, look_at(*devices[s].holder, s, clock)));
+      out.findings.push_back(judge_in_use(s, inspect_holder(*devices[s].holder, s, clock)));
     } else if (devices[s].delivers()) {
-      out.findings.push_back(judges[index](capture, config, time_s));
+      out.findings.push_back(judges[s](capture, config, time_s));
     } else {
       out.findings.push_back({name_of(s), Grade::problem, devices.describe(s),
                               "is it on, plugged in, and its address right? See `devices`"});
       continue;  // the description holds the last complaint
     }
-    for (const auto& complaint : capture.complaints[index])
+    for (const auto& complaint : capture.complaints[s])
       out.findings.push_back({name_of(s), Grade::warning, complaint, ""});
   }
   return out;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The doctor's check of the configured devices: two seconds of what they send.
 #pragma once
-#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -34,8 +33,8 @@ class Capture final : public SampleSink {
   std::uint64_t radar_frames = 0, radar_lost = 0, profiles = 0;
   std::vector<std::uint16_t> profile;  // the last one
   std::uint64_t depth_frames = 0, depth_lost = 0, pixels = 0, valid_pixels = 0;
-  std::optional<DepthFrame> depth;                                // the last one
-  std::array<std::vector<std::string>, sensor_count> complaints;  // each once
+  std::optional<DepthFrame> depth;                 // the last one
+  PerSensor<std::vector<std::string>> complaints;  // each once
 
  private:
   tdc::Histogram histogram_;

@@ -70,8 +70,7 @@ std::optional<double> SignalCheck::Reference::add(double strength, std::size_t a
 }
 
 std::string SignalCheck::beside_reference(Sensor sensor, double strength, const char* what) {
-  const auto usual =
-      references_[static_cast<std::size_t>(sensor)].add(strength, reference_records_);
+  const auto usual = references_[sensor].add(strength, reference_records_);
   if (!usual || strength >= limits_.weak_share * *usual) return {};
   return format("weak: %s is %.2g of the run's first minute's", what, strength / *usual);
 }
@@ -123,7 +122,7 @@ std::string SignalCheck::judge_radar(record::FusedRecord& r, const Axis& axis) {
     return format("no peak: %.1f dB over the median bin, %.1f wanted", snr_db,
                   limits_.radar_snr_db);
   // Of a mean over frames, two bins are alike only where every frame is cut off.
-  const bool averaged = r.sync[static_cast<std::size_t>(Sensor::radar)].used > 1;
+  const bool averaged = r.sync[Sensor::radar].used > 1;
   if (averaged && (r.radar[top] == r.radar[top - 1] ||
                    (top + 1 < r.radar.size() && r.radar[top] == r.radar[top + 1])))
     return format("saturated: the lobe at %.2f m is cut off", *r.signal.radar_peak_m);
@@ -149,19 +148,19 @@ void SignalCheck::judge(record::FusedRecord& record, std::span<const Axis> axes)
   const auto axis = [&](const char* name) {
     return std::find_if(axes.begin(), axes.end(), [&](const Axis& a) { return a.name == name; });
   };
-  std::array<std::string, sensor_count> found;
+  PerSensor<std::string> found;
   if (const auto a = axis("spd"); record.has(Sensor::spd) && a != axes.end())
-    found[0] = judge_spd(record, *a);
+    found[Sensor::spd] = judge_spd(record, *a);
   if (const auto a = axis("radar"); record.has(Sensor::radar) && a != axes.end())
-    found[1] = judge_radar(record, *a);
-  if (record.has(Sensor::depth)) found[2] = judge_depth(record);
-  for (std::size_t s = 0; s < sensor_count; ++s)
+    found[Sensor::radar] = judge_radar(record, *a);
+  if (record.has(Sensor::depth)) found[Sensor::depth] = judge_depth(record);
+  for (const Sensor s : all_sensors)
     if (!found[s].empty()) record.sync[s].verdict = found[s];
 }
 
 std::string kind_of(const record::FusedRecord& record, Sensor sensor) {
   if (!record.has(sensor)) return "missing";
-  const std::string& verdict = record.sync[static_cast<std::size_t>(sensor)].verdict;
+  const std::string& verdict = record.sync[sensor].verdict;
   return verdict.substr(0, verdict.find(':'));
 }
 

@@ -8,7 +8,6 @@
 //                 it; depth: few pixels with a return, or few beside it
 // each followed by ": " and the figures. The sensor stays valid: its data are what they are.
 #pragma once
-#include <array>
 #include <optional>
 #include <span>
 #include <string>
@@ -51,7 +50,7 @@ class SignalCheck {
 
   SignalLimits limits_;
   std::size_t reference_records_;
-  std::array<Reference, sensor_count> references_;
+  PerSensor<Reference> references_;
   std::vector<std::uint32_t> last_spd_;
   std::vector<float> last_radar_;
   std::vector<std::uint16_t> last_depth_;

@@ -22,6 +22,7 @@ constexpr std::chrono::nanoseconds terminal_pause = std::chrono::seconds(1);
 constexpr std::chrono::nanoseconds log_pause = std::chrono::seconds(10);
 constexpr std::size_t usual_columns = 80;
 constexpr const char* gap = "  ";
+constexpr PerSensor<char> letter_of{'S', 'R', 'D'};
 
 template <class... Values>
 std::string format(const char* pattern, Values... values) {
@@ -42,21 +43,23 @@ std::string clock_text(double time_s) {
                   : format("%" PRId64 ":%02" PRId64 ":%02" PRId64, s / 3600, s / 60 % 60, s % 60);
 }
 
-std::string lost_text(const std::array<std::uint64_t, sensor_count>& lost) {
-  constexpr char letters[] = "SRD";
+std::string lost_text(const PerSensor<std::uint64_t>& lost) {
   std::string text;
-  for (std::size_t s = 0; s < sensor_count; ++s)
-    if (lost[s] > 0) text += format(" %c %" PRIu64, letters[s], lost[s]);
+  for (const Sensor s : all_sensors)
+    if (lost[s] > 0) text += format(" %c %" PRIu64, letter_of[s], lost[s]);
   return "lost" + (text.empty() ? " 0" : text);
 }
 
 std::string sensor_letters(const RunTotals& now) {
-  std::string letters = "SRD";
-  for (std::size_t s = 0; s < sensor_count; ++s)
-    if (!((now.valid >> s) & 1u))
-      letters[s] = '-';
-    else if ((now.doubtful >> s) & 1u)
-      letters[s] = "srd"[s];
+  constexpr PerSensor<char> small{'s', 'r', 'd'};
+  std::string letters;
+  for (const Sensor s : all_sensors)
+    if (!now.valid.contains(s))
+      letters += '-';
+    else if (now.doubtful.contains(s))
+      letters += small[s];
+    else
+      letters += letter_of[s];
   return letters;
 }
 
@@ -85,27 +88,26 @@ std::size_t columns_of_terminal() {
 
 }  // namespace
 
-void RunTotals::take(const record::FusedRecord& record, std::uint32_t configured,
+void RunTotals::take(const record::FusedRecord& record, SensorSet configured,
                      const std::function<void(Sensor, Severity)>& changed) {
   ++records;
   valid = record.valid;
   signal = record.signal;
-  doubtful = 0;
+  doubtful = {};
   trouble.clear();
-  for (const Sensor s : {Sensor::spd, Sensor::radar, Sensor::depth}) {
-    const auto i = static_cast<std::size_t>(s);
-    lost[i] += record.sync[i].lost;
-    if (!((configured >> i) & 1u)) continue;
+  for (const Sensor s : all_sensors) {
+    lost[s] += record.sync[s].lost;
+    if (!configured.contains(s)) continue;
     const std::string kind = kind_of(record, s);
     if (kind != "ok") {
-      doubtful |= 1u << i;
+      doubtful.insert(s);
       if (trouble.empty()) trouble = name_of(s) + (" " + kind);
     }
-    if (std::exchange(kinds[i], kind) != kind)
+    if (std::exchange(kinds[s], kind) != kind)
       changed(s, kind == "ok" ? Severity::info : Severity::warning);
   }
-  not_ok += doubtful != 0;
-  incomplete += record.missing != 0;
+  not_ok += !doubtful.empty();
+  incomplete += !record.missing.empty();
 }
 
 std::string RunTotals::doubts() const {
@@ -113,6 +115,15 @@ std::string RunTotals::doubts() const {
   if (incomplete > 0)
     text += format("; %" PRId64 " incomplete, without a required device", incomplete);
   if (not_ok > 0) text += format("; %" PRId64 " with a sensor not ok", not_ok);
+  return text;
+}
+
+std::string count_text(std::int64_t written, std::optional<std::int64_t> planned,
+                       std::optional<std::int64_t> before) {
+  std::string text = std::to_string(written);
+  if (planned) text += " of " + std::to_string(*planned);
+  text += " records";
+  if (before) text += ", " + std::to_string(*before + written) + " in all";
   return text;
 }
 
@@ -126,14 +137,14 @@ std::vector<StatusField> status_fields(const RunTotals& now, const RunTotals& be
   const auto put = [&](int rank, std::string text, bool bad = false) {
     if (!text.empty()) out.push_back({std::move(text), rank, bad});
   };
-  const bool bad = now.doubtful != 0;
+  const bool bad = !now.doubtful.empty();
   std::string count = "record " + std::to_string(now.records);
   if (times.records) count.append("/").append(std::to_string(*times.records));
   put(0, std::move(count));
   put(0, sensor_letters(now), bad);
   put(1, now.trouble, bad);
   std::string time = clock_text(times.elapsed_s);
-  if (times.remaining_s) time.append(", ").append(clock_text(*times.remaining_s)).append(" left");
+  if (times.remaining_s) time.append(", remaining ").append(clock_text(*times.remaining_s));
   put(2, std::move(time));
   put(4, rate_text(rate(now.tags, before.tags)));
   if (now.signal.spd_peak_m) put(6, format("peak %.2f m", *now.signal.spd_peak_m));
@@ -190,7 +201,7 @@ void StatusLine::end_line() {
 }
 
 void StatusLine::update(HostTime now, const RunTotals& totals) {
-  const bool worse = (totals.doubtful & ~before_.doubtful) != 0;
+  const bool worse = !(totals.doubtful - before_.doubtful).empty();
   if (worse && terminal_ && !quiet_) std::fputc('\a', stderr);
   if (now - shown_ >= (terminal_ ? terminal_pause : log_pause) || (worse && terminal_))
     show(now, totals);

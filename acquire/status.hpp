@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The daemon's line at the terminal.
 #pragma once
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -19,22 +18,26 @@ struct RunTotals {
   std::int64_t incomplete = 0;  // records without a required sensor
   std::int64_t not_ok = 0;      // records of which a configured sensor's verdict is not "ok"
   std::uint64_t tags = 0, radar_frames = 0, depth_frames = 0;
-  std::array<std::uint64_t, sensor_count> lost{};  // tags, radar frames, depth frames
-  // Of the last record; sensors are bits of valid.
-  std::uint32_t valid = 0, doubtful = 0;  // doubtful: configured, and the verdict is not "ok"
-  std::string trouble;                    // of the first of these: "radar weak"
+  PerSensor<std::uint64_t> lost{};  // tags, radar frames, depth frames
+  // Of the last record.
+  SensorSet valid, doubtful;  // doubtful: configured, and the verdict is not "ok"
+  std::string trouble;        // of the first of these: "radar weak"
   std::string label;
   record::Signal signal;
-  std::optional<std::uint64_t> free_bytes;                        // of the disk
-  std::array<std::string, sensor_count> kinds{"ok", "ok", "ok"};  // of the last verdicts
+  std::optional<std::uint64_t> free_bytes;         // of the disk
+  PerSensor<std::string> kinds{"ok", "ok", "ok"};  // of the last verdicts
 
-  // One more record. `changed` hears of each configured sensor (bits of valid) that drops out, gets
+  // One more record. `changed` hears of each configured sensor that drops out, gets
   // bad or comes back: once, not for every record.
-  void take(const record::FusedRecord& record, std::uint32_t configured,
+  void take(const record::FusedRecord& record, SensorSet configured,
             const std::function<void(Sensor, Severity)>& changed);
   // "; 3 with a sensor not ok", or nothing.
   std::string doubts() const;
 };
+
+// "7 records", "3 of 3 records, 23 in all": of `planned` ones, and of a resumed run with `before`.
+std::string count_text(std::int64_t written, std::optional<std::int64_t> planned,
+                       std::optional<std::int64_t> before);
 
 // What the line may show: in this order, and in a narrow terminal those of low rank first.
 struct StatusField {

@@ -14,8 +14,6 @@ constexpr std::size_t most_late_slots = 256;
 constexpr const char* stood_still = "the program stood still";
 constexpr const char* axis_changed = "axis differs from the one at the start of the run";
 
-std::size_t at(Sensor s) { return static_cast<std::size_t>(s); }
-
 // Adds counts of the same slot, taken at different times.
 void merge(std::vector<std::uint32_t>& sum, std::vector<std::uint32_t> more) {
   if (sum.empty()) {
@@ -70,7 +68,7 @@ Windows::Numbers::Order Windows::Numbers::put(std::uint32_t number, std::uint64_
 }
 
 Windows::Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc,
-                 const SensorClocks& clocks, std::uint32_t configured, std::uint32_t required)
+                 const SensorClocks& clocks, SensorSet configured, SensorSet required)
     : grid_(grid), clocks_(clocks), configured_(configured), required_(required), histogram_(tdc) {}
 
 bool Windows::announce(const DeviceInfo& info) {
@@ -79,13 +77,13 @@ bool Windows::announce(const DeviceInfo& info) {
     const auto [known, is_new] = axes_.try_emplace(axis.name, axis);
     fits = fits && (is_new || same_axis(known->second, axis));
   }
-  refused_[at(info.sensor)] = !fits;
+  refused_[info.sensor] = !fits;
   return fits;
 }
 
 std::vector<Axis> Windows::axes() const {
   std::vector<Axis> all;
-  if (configured_ & 1u) all.push_back(histogram_.axis());
+  if (configured_.contains(Sensor::spd)) all.push_back(histogram_.axis());
   for (const auto& [name, axis] : axes_) all.push_back(axis);
   return all;
 }
@@ -94,9 +92,8 @@ std::vector<Axis> Windows::axes() const {
 Windows::Slot* Windows::find(Sensor sensor, HostTime taken, std::uint64_t amount) {
   const std::int64_t k = grid_.slot_of(taken);
   if (k >= next_) return &open_[k];
-  (k < 0 ? strays_.early : strays_.late)[at(sensor)] += amount;
-  if (k >= 0 && (late_.size() < most_late_slots || late_.contains(k)))
-    late_[k][at(sensor)] += amount;
+  (k < 0 ? unassigned_.early : unassigned_.late)[sensor] += amount;
+  if (k >= 0 && (late_.size() < most_late_slots || late_.contains(k))) late_[k][sensor] += amount;
   return nullptr;
 }
 
@@ -112,12 +109,12 @@ void Windows::take_back(std::uint64_t Slot::*lost, std::uint64_t amount) {
     slot->second.*lost -= part;
     amount -= part;
   }
-  strays_.found += amount;
+  unassigned_.found += amount;
 }
 
 bool Windows::repeated(Sensor sensor, Numbers::Order order) {
-  strays_.duplicate[at(sensor)] += order == Numbers::Order::repeated;
-  strays_.out_of_order[at(sensor)] += order == Numbers::Order::back;
+  unassigned_.duplicate[sensor] += order == Numbers::Order::repeated;
+  unassigned_.out_of_order[sensor] += order == Numbers::Order::back;
   return order == Numbers::Order::repeated;
 }
 
@@ -195,7 +192,7 @@ void Windows::take_profile(Slot& slot, const RadarFrame& frame, HostTime taken) 
   const std::size_t bins = frame.range_profile.size();
   if (bins == 0) {
     slot.radar_fault = "frames without a range profile";
-  } else if (refused_[at(Sensor::radar)]) {
+  } else if (refused_[Sensor::radar]) {
     slot.radar_fault = axis_changed;
   } else if (axis == axes_.end() || axis->second.count != bins) {
     slot.radar_fault = "frames of " + std::to_string(bins) + " bins do not fit the axis";
@@ -217,7 +214,7 @@ void Windows::add(DepthFrame frame) {
   ++slot->depth_frames;
   slot->depth_last = frame.frame_index;
   const auto x = axes_.find("depth_x"), y = axes_.find("depth_y");
-  if (refused_[at(Sensor::depth)]) {
+  if (refused_[Sensor::depth]) {
     slot->depth_fault = axis_changed;
   } else if (x == axes_.end() || y == axes_.end() || x->second.count != frame.width ||
              y->second.count != frame.height ||
@@ -266,7 +263,7 @@ void Windows::fill_spd(Slot& slot, record::FusedRecord& record) const {
                        .bad_tags = c.bad_tags,
                        .backwards = c.backwards,
                        .removed = c.removed};
-  record::SensorSync& sync = record.sync[at(Sensor::spd)];
+  record::SensorSync& sync = record.sync[Sensor::spd];
   slot.spd_times.describe(sync);
   sync.used = c.in_range;
   sync.lost = record.spd_counts.lost;
@@ -278,7 +275,7 @@ void Windows::fill_spd(Slot& slot, record::FusedRecord& record) const {
 
 void Windows::fill_radar(const Slot& slot, record::FusedRecord& record) const {
   const auto frames = slot.radar_times.count;
-  record::SensorSync& sync = record.sync[at(Sensor::radar)];
+  record::SensorSync& sync = record.sync[Sensor::radar];
   slot.radar_times.describe(sync);
   sync.used = static_cast<std::uint64_t>(frames);
   sync.lost = slot.radar_lost;
@@ -296,7 +293,7 @@ void Windows::fill_radar(const Slot& slot, record::FusedRecord& record) const {
 }
 
 void Windows::fill_depth(Slot& slot, record::FusedRecord& record) const {
-  record::SensorSync& sync = record.sync[at(Sensor::depth)];
+  record::SensorSync& sync = record.sync[Sensor::depth];
   sync.lost = slot.depth_lost;
   if (!slot.depth) return;
   sync.used = 1;
@@ -314,30 +311,29 @@ record::FusedRecord Windows::close(const DueSlot& due) {
   record.index = due.index;
   record.slot_start = grid_.start(due.index);
   record.slot_end = grid_.end(due.index);
-  record.books = {.radar_frames = slot.radar_frames,
-                  .depth_frames = slot.depth_frames,
-                  .radar_last = slot.radar_last,
-                  .depth_last = slot.depth_last};
+  record.statistics = {.radar_frames = slot.radar_frames,
+                       .depth_frames = slot.depth_frames,
+                       .radar_last = slot.radar_last,
+                       .depth_last = slot.depth_last};
   const auto span = slot.spd_times.last - slot.spd_times.first;
-  const std::string faults[] = {spd_fault(slot), radar_fault(slot), depth_fault(slot)};
-  for (const Sensor s : {Sensor::spd, Sensor::radar, Sensor::depth}) {
-    std::string& verdict = record.sync[at(s)].verdict;
+  const PerSensor<std::string> faults{spd_fault(slot), radar_fault(slot), depth_fault(slot)};
+  for (const Sensor s : all_sensors) {
+    std::string& verdict = record.sync[s].verdict;
     // What was lost meanwhile is told of by a later sample.
     const bool cut = s == Sensor::spd && span < grid_.length * 9 / 10;
-    if (!((configured_ >> at(s)) & 1u)) {
+    if (!configured_.contains(s)) {
       verdict = "not configured";
-    } else if (due.stalled && (!faults[at(s)].empty() || !clocks_[s].sound() || cut)) {
+    } else if (due.stalled && (!faults[s].empty() || !clocks_[s].sound() || cut)) {
       verdict = stood_still;
-    } else if (!faults[at(s)].empty()) {
-      verdict = faults[at(s)];
+    } else if (!faults[s].empty()) {
+      verdict = faults[s];
     } else {
       verdict = "ok";
-      record.set_valid(s);
+      record.valid.insert(s);
     }
   }
-  record.missing = required_ & ~record.valid;
-  for (const Sensor s : {Sensor::spd, Sensor::radar, Sensor::depth})
-    record.clocks[at(s)] = clocks_[s].state(grid_.centre(due.index));
+  record.missing = required_ - record.valid;
+  for (const Sensor s : all_sensors) record.clocks[s] = clocks_[s].state(grid_.centre(due.index));
   fill_spd(slot, record);
   fill_radar(slot, record);
   fill_depth(slot, record);
@@ -347,9 +343,9 @@ record::FusedRecord Windows::close(const DueSlot& due) {
 void Windows::finish() {
   settle_tags();
   for (const auto& [k, slot] : open_) {
-    strays_.outside[at(Sensor::spd)] += slot.tags.tags;
-    strays_.outside[at(Sensor::radar)] += slot.radar_frames;
-    strays_.outside[at(Sensor::depth)] += slot.depth_frames;
+    unassigned_.outside[Sensor::spd] += slot.tags.tags;
+    unassigned_.outside[Sensor::radar] += slot.radar_frames;
+    unassigned_.outside[Sensor::depth] += slot.depth_frames;
   }
   open_.clear();
 }

@@ -46,17 +46,16 @@
 namespace echofuse::acquire {
 
 // Samples that are in no record: tags for the SPD, frames for the others.
-struct Strays {
-  std::array<std::uint64_t, sensor_count> early{}, late{}, outside{}, duplicate{}, out_of_order{};
+struct UnassignedSamples {
+  PerSensor<std::uint64_t> early{}, late{}, outside{}, duplicate{}, out_of_order{};
   std::uint64_t found = 0;  // blocks of tags
 };
 
 class Windows {
  public:
-  // `clocks` outlives this and hears every sample before it is added here. `configured`,
-  // `required`: bit 0 SPD, 1 radar, 2 depth.
+  // `clocks` outlives this and observes every sample before it is added here.
   Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc, const SensorClocks& clocks,
-          std::uint32_t configured, std::uint32_t required = 0);
+          SensorSet configured, SensorSet required = {});
 
   // What a device's samples mean. The first announcement of an axis holds for the run; a device
   // that comes back with another one is not used (false) until it fits again.
@@ -74,8 +73,9 @@ class Windows {
   record::FusedRecord close(const DueSlot& slot);
   // The run is over: what was gathered for later slots becomes `outside`.
   void finish();
-  const Strays& strays() const { return strays_; }
-  // Since the last call, for the 256 slots at most that came first; all of them are in strays().
+  const UnassignedSamples& unassigned() const { return unassigned_; }
+  // Since the last call, for the 256 slots at most that came first; all of them are in
+  // unassigned().
   record::LateCounts take_late() { return std::exchange(late_, {}); }
 
  private:
@@ -135,15 +135,15 @@ class Windows {
 
   SlotGrid grid_;
   const SensorClocks& clocks_;
-  std::uint32_t configured_, required_;
+  SensorSet configured_, required_;
   tdc::Histogram histogram_;  // of the slot tag_slot_, in the order of arrival
   std::int64_t tag_slot_ = 0;
   std::map<std::string, Axis> axes_;  // radar, depth_x, depth_y
-  std::array<bool, sensor_count> refused_{};
+  PerSensor<bool> refused_{};
   std::map<std::int64_t, Slot> open_;
   std::int64_t next_ = 0;  // first slot that is not closed
   Numbers radar_numbers_, depth_numbers_;
-  Strays strays_;
+  UnassignedSamples unassigned_;
   record::LateCounts late_;
   bool was_found_ = false;  // the last block of tags stands before the one before it
 };

@@ -3,9 +3,10 @@
 
 #include <spdlog/spdlog.h>
 
+#include <filesystem>
 #include <utility>
 
-#include "acquire/room.hpp"
+#include "acquire/disk_estimate.hpp"
 #include "drivers/core/exit_code.hpp"
 
 namespace echofuse::acquire {
@@ -16,9 +17,9 @@ constexpr std::chrono::seconds last_wait{2};  // at the end, for who holds the f
 constexpr const char* too_slow = "dropped: the disk does not keep up";
 
 void give_up_data(record::FusedRecord& record) {
-  for (std::size_t s = 0; s < sensor_count; ++s)
-    if ((record.valid >> s) & 1u) record.sync[s].verdict = too_slow;
-  record.valid = 0;
+  for (const Sensor s : all_sensors)
+    if (record.has(s)) record.sync[s].verdict = too_slow;
+  record.valid = {};
   record.spd = {};
   record.radar = {};
   record.depth_mm = {};
@@ -51,7 +52,7 @@ bool Writer::put(record::FusedRecord record) {
     room = queue_.size() < capacity_;
   }
   if (run_->waits()) {
-    if (!std::exchange(told_, true))
+    if (!std::exchange(reported_, true))
       spdlog::error("{}: another program holds it by a write transaction; records wait in memory",
                     run_->path());
     if (!room) run_->give_up_waiting({});
@@ -67,7 +68,7 @@ bool Writer::put(record::FusedRecord record) {
     if (label_) r.label = *label_;
     run.append(r);
     spdlog::debug("record {}: committed", r.index);  // what scripts/kill_test relies on
-    const auto free = acquire::free_bytes(run.path());
+    const auto free = acquire::free_bytes(std::filesystem::path(run.path()).parent_path().string());
     const std::lock_guard lock(mutex_);
     free_ = free;
     ++written_;

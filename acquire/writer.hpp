@@ -60,7 +60,7 @@ class Writer {
   std::deque<Job> queue_;  // guarded by mutex_
   bool ending_ = false;    // guarded by mutex_
   std::atomic<bool> failed_ = false, moved_ = false;
-  bool told_ = false;  // that another program holds the file
+  bool reported_ = false;  // that another program holds the file
   std::atomic<std::int64_t> written_ = 0;
   std::optional<std::string> label_;   // set by a mark, by the writer's thread; guarded by mutex_
   std::optional<std::uint64_t> free_;  // on its disk; guarded by mutex_

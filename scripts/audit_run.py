@@ -13,7 +13,7 @@ import sqlite3
 import sys
 
 # How long a sample may be on its way: the shortest of these that explains a run is part of its account. What waits
-# behind a damaged length does so for as long as the client's patience.
+# behind a damaged length does so for as long as the client's timeout.
 LATENCIES_NS = [20_000_000 * 2**i for i in range(8)]
 LATENCY_NS = 250_000_000
 GRACE_NS = 500_000_000  # a frame belongs to the slot in which it was taken, as long as that is open

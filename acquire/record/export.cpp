@@ -15,7 +15,6 @@ namespace echofuse::record {
 namespace {
 
 const std::string data = "/entry/data/";
-constexpr Sensor sensors[] = {Sensor::spd, Sensor::radar, Sensor::depth};
 
 std::vector<double> points(const Axis& axis) {
   std::vector<double> all;
@@ -157,13 +156,13 @@ class Arrays {
 class Columns {
  public:
   void add(const FusedRecord& r) {
-    valid_.push_back(static_cast<std::uint8_t>(r.valid));
+    valid_.push_back(static_cast<std::uint8_t>(r.valid.bits()));
     index_.push_back(r.index);
     start_.push_back(r.slot_start.count());
     end_.push_back(r.slot_end.count());
     utc_.push_back(r.slot_utc.count());
     label_.push_back(r.label);
-    for (std::size_t s = 0; s < sensor_count; ++s) {
+    for (const Sensor s : all_sensors) {
       sync_[s].offset.push_back(r.sync[s].offset_s);
       sync_[s].span.push_back(r.sync[s].span_s);
       sync_[s].used.push_back(r.sync[s].used);
@@ -178,8 +177,8 @@ class Columns {
     put(out, data + "slot_end", end_, "ns");
     put(out, data + "slot_utc", utc_, "ns");
     out.write_texts(data + "label", label_);
-    for (const Sensor s : sensors) {
-      const Sync& sync = sync_[static_cast<std::size_t>(s)];
+    for (const Sensor s : all_sensors) {
+      const Sync& sync = sync_[s];
       const std::string group = std::string("/entry/sync/") + name_of(s) + "/";
       put(out, group + "offset", sync.offset, "s");
       put(out, group + "span", sync.span, "s");
@@ -205,7 +204,7 @@ class Columns {
   std::vector<std::uint8_t> valid_;
   std::vector<std::int64_t> index_, start_, end_, utc_;
   std::vector<std::string> label_;
-  Sync sync_[sensor_count];
+  PerSensor<Sync> sync_;
 };
 
 std::int64_t write_h5(H5File& out, const RunReader& run,

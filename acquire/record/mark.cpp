@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
+#include "acquire/record/insert.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_tables.hpp"
-#include "acquire/record/sqlite.hpp"
 
 namespace echofuse::record {
 
 namespace {
 
-constexpr int patience_ms = 30'000;  // the recording process commits in milliseconds
+constexpr int timeout_ms = 30'000;  // the recording process commits in milliseconds
 
 }  // namespace
 
@@ -20,12 +20,14 @@ void mark(const std::string& path, const std::string& level, const std::string& 
     sqlite_fail(db, path, "cannot open for writing");
   const std::unique_ptr<sqlite3, int (*)(sqlite3*)> closing(db, sqlite3_close);
   harden(db);
-  sqlite3_busy_timeout(db, patience_ms);
+  sqlite3_busy_timeout(db, timeout_ms);
   sqlite3_wal_autocheckpoint(db, 0);  // that is for the recording process
-  Statement(db, path, "INSERT INTO event (utc, level, source, text) VALUES (?,?,'mark',?)")
-      .bind(iso8601(SystemClock().utc()))
-      .bind(level)
-      .bind(text)
+  Inserts(db, path)
+      .into("event")
+      .set("utc", iso8601(SystemClock().utc()))
+      .set("level", level)
+      .set("source", "mark")
+      .set("text", text)
       .run();
 }
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // One row of a run: what the three sensors saw in one slot.
 #pragma once
-#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -64,7 +63,7 @@ struct Signal {
 inline constexpr double most_clicks_a_pulse = 0.05;
 
 // What the table slot keeps of every record, for audits.
-struct SlotBooks {
+struct SlotStatistics {
   std::uint64_t radar_frames = 0, depth_frames = 0;     // all that arrived in it
   std::optional<std::uint32_t> radar_last, depth_last;  // the number of the last of them
   double closed_late_s = 0;                             // after its end and grace
@@ -73,31 +72,29 @@ struct SlotBooks {
 struct FusedRecord {
   std::int64_t index = 0;
   HostTime slot_start{}, slot_end{};
-  UtcTime slot_utc{};       // of the slot's start
-  std::uint32_t valid = 0;  // bit 0 SPD, 1 radar, 2 depth
+  UtcTime slot_utc{};  // of the slot's start
+  SensorSet valid;
   std::string label;
   std::vector<std::uint32_t> spd;       // counts per bin; empty if the sensor is missing
   std::vector<float> radar;             // in the units of the run's radar axis
   std::vector<std::uint16_t> depth_mm;  // z, row-major on the run's depth axes, 0 = no return
   SpdCounts spd_counts;
-  std::array<SensorSync, sensor_count> sync;
+  PerSensor<SensorSync> sync;
   Signal signal;
   // Written into the tables incomplete and clock_fit, for SQL; RunReader leaves them empty.
-  std::uint32_t missing =
-      0;  // sensors that the run requires and this record has not; bits of valid
-  std::array<std::optional<ClockState>, sensor_count> clocks;
+  SensorSet missing;  // sensors that the run requires and this record has not
+  PerSensor<std::optional<ClockState>> clocks;
   // Written into the table slot; RunReader leaves it empty.
-  SlotBooks books;
+  SlotStatistics statistics;
   // Written into the table radar_status, for SQL; RunReader leaves them empty.
   std::optional<RadarStats> radar_stats;
   std::optional<RadarTemperature> radar_temperature;
 
-  bool has(Sensor s) const { return (valid >> static_cast<unsigned>(s)) & 1u; }
-  void set_valid(Sensor s) { valid |= 1u << static_cast<unsigned>(s); }
+  bool has(Sensor s) const { return valid.contains(s); }
 };
 
 // Tags, radar frames and depth frames that came after the slots with these numbers were closed.
-using LateCounts = std::map<std::int64_t, std::array<std::uint64_t, sensor_count>>;
+using LateCounts = std::map<std::int64_t, PerSensor<std::uint64_t>>;
 
 struct CalibrationEntry {
   Sensor sensor{};

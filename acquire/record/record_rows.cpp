@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/record/record_rows.hpp"
 
+#include <iterator>
+
 #include "acquire/record/png.hpp"
 #include "drivers/core/exit_code.hpp"
 
@@ -11,21 +13,97 @@ std::string blob_place(const FusedRecord& r, Sensor s) {
   return "record " + std::to_string(r.index) + ": " + name_of(s);
 }
 
+void insert_incomplete(Inserts& rows, const FusedRecord& r) {
+  if (r.missing.empty()) return;
+  std::string names;
+  for (const Sensor s : all_sensors)
+    if (r.missing.contains(s)) names.append(names.empty() ? "" : " ").append(name_of(s));
+  rows.into("incomplete").set("idx", r.index).set("missing", names).run();
+}
+
+void insert_clocks(Inserts& rows, const FusedRecord& r) {
+  Insert& row = rows.into("clock_fit");
+  bool any = false;
+  for (const Sensor s : all_sensors) {
+    const auto& clock = r.clocks[s];
+    if (!clock) continue;
+    any = true;
+    const std::string name = name_of(s);
+    row.set(name + "_offset_s", clock->offset_s)
+        .set(name + "_drift_ppm", clock->drift_ppm)
+        .set(name + "_residual_s", clock->residual_s)
+        .set(name + "_samples", clock->samples);
+  }
+  if (any) row.set("idx", r.index).run();
+}
+
+void insert_slot(Inserts& rows, const FusedRecord& r) {
+  const SlotStatistics& s = r.statistics;
+  rows.into("slot")
+      .set("idx", r.index)
+      .set("radar_frames", s.radar_frames)
+      .set("radar_last", s.radar_last)
+      .set("depth_frames", s.depth_frames)
+      .set("depth_last", s.depth_last)
+      .set("closed_late_s", s.closed_late_s)
+      .run();
+}
+
+void insert_signal(Inserts& rows, const FusedRecord& r) {
+  const Signal& n = r.signal;
+  if (n == Signal{}) return;
+  rows.into("signal")
+      .set("idx", r.index)
+      .set("clicks_a_pulse", n.clicks_a_pulse)
+      .set("spd_clicks", n.spd_clicks)
+      .set("spd_peak_m", n.spd_peak_m)
+      .set("radar_snr_db", n.radar_snr_db)
+      .set("radar_peak_m", n.radar_peak_m)
+      .set("depth_share", n.depth_share)
+      .run();
+}
+
+void insert_spd_status(Inserts& rows, const FusedRecord& r) {
+  const SpdCounts& c = r.spd_counts;
+  if (c.missed + c.overflows + c.errors + c.bad_tags + c.backwards + c.removed == 0) return;
+  rows.into("spd_status")
+      .set("idx", r.index)
+      .set("missed", c.missed)
+      .set("overflows", c.overflows)
+      .set("errors", c.errors)
+      .set("bad_tags", c.bad_tags)
+      .set("backwards", c.backwards)
+      .set("removed", c.removed)
+      .run();
+}
+
+void insert_radar_status(Inserts& rows, const FusedRecord& r) {
+  if (!r.radar_stats && !r.radar_temperature) return;
+  Insert& row = rows.into("radar_status").set("idx", r.index);
+  if (const auto& n = r.radar_stats)
+    row.set("inter_frame_processing_us", n->inter_frame_processing_us)
+        .set("transmit_us", n->transmit_us)
+        .set("inter_frame_margin_us", n->inter_frame_margin_us)
+        .set("inter_chirp_margin_us", n->inter_chirp_margin_us)
+        .set("active_frame_load_percent", n->active_frame_load_percent)
+        .set("inter_frame_load_percent", n->inter_frame_load_percent);
+  if (const auto& t = r.radar_temperature; t && t->invalid == 0) {
+    constexpr const char* columns[] = {"rx0_c", "rx1_c", "rx2_c", "rx3_c",  "tx0_c",
+                                       "tx1_c", "tx2_c", "pm_c",  "dig0_c", "dig1_c"};
+    row.set("temperature_ms", t->time_ms);
+    for (std::size_t i = 0; i < std::size(columns); ++i) row.set(columns[i], t->celsius[i]);
+  }
+  row.run();
+}
+
 }  // namespace
 
-RecordRows::RecordRows(sqlite3* db, const std::string& path)
-    : db_(db),
-      path_(path),
-      record_(db, path,
-              "INSERT INTO record VALUES (?,?,?,?,?,?,?,?,?, ?,?,?,?,?,?,?, ?,?,?,?,?, ?,?,?,?,?, "
-              "?,?,?,?,?)") {}
-
-void RecordRows::insert(const FusedRecord& r, const std::vector<Axis>& axes) {
+void insert_record(Inserts& rows, const std::string& path, const FusedRecord& r,
+                   const std::vector<Axis>& axes) {
   const auto expect = [&](Sensor s, std::size_t got, std::size_t wanted) {
     if (r.has(s) && got != wanted)
-      throw Error(ExitCode::failed, path_ + ": " + blob_place(r, s) + " has " +
-                                        std::to_string(got) + " values, its axis " +
-                                        std::to_string(wanted));
+      throw Error(ExitCode::failed, path + ": " + blob_place(r, s) + " has " + std::to_string(got) +
+                                        " values, its axis " + std::to_string(wanted));
   };
   const auto count_of = [&](const char* name) -> std::uint32_t {
     for (const auto& a : axes)
@@ -39,108 +117,45 @@ void RecordRows::insert(const FusedRecord& r, const std::vector<Axis>& axes) {
   const Bytes png = r.has(Sensor::depth) ? encode_png16(r.depth_mm, width, height) : Bytes{};
   if (r.has(Sensor::depth) && png.empty()) {  // what one camera sends never ends a run
     FusedRecord without = r;
-    without.valid &= ~(1u << static_cast<unsigned>(Sensor::depth));
-    without.sync[static_cast<std::size_t>(Sensor::depth)].verdict = "cannot be encoded as PNG";
-    return insert(without, axes);
+    without.valid.erase(Sensor::depth);
+    without.sync[Sensor::depth].verdict = "cannot be encoded as PNG";
+    return insert_record(rows, path, without, axes);
   }
 
-  Statement& s = record_;
-  s.reset();
-  s.bind(r.index)
-      .bind(std::int64_t{r.slot_start.count()})
-      .bind(std::int64_t{r.slot_end.count()})
-      .bind(std::int64_t{r.slot_utc.count()})
-      .bind(std::int64_t{r.valid})
-      .bind(r.label);
+  Insert& row = rows.into("record");
+  row.set("idx", r.index)
+      .set("slot_start_ns", std::int64_t{r.slot_start.count()})
+      .set("slot_end_ns", std::int64_t{r.slot_end.count()})
+      .set("slot_utc_ns", std::int64_t{r.slot_utc.count()})
+      .set("valid", std::int64_t{r.valid.bits()})
+      .set("label", r.label);
   const SpdCounts& c = r.spd_counts;
-  for (const std::uint64_t v :
-       {c.tags, c.starts, c.in_range, c.out_of_range, c.without_start, c.other, c.lost})
-    s.bind(v);
-  for (const SensorSync& y : r.sync)
-    s.bind(y.offset_s).bind(y.span_s).bind(y.used).bind(y.lost).bind(y.verdict);
-  s.bind(r.has(Sensor::spd) ? as_bytes(r.spd) : ByteView{})
-      .bind(r.has(Sensor::radar) ? as_bytes(r.radar) : ByteView{})
-      .bind(ByteView{png})
-      .run();
-  if (r.radar_stats || r.radar_temperature) insert_radar_status(r);
-  insert_spd_status(r);
-  insert_clocks(r);
-  insert_slot(r);
-  insert_signal(r);
-}
-
-void RecordRows::insert_clocks(const FusedRecord& r) {
-  if (r.missing != 0) {
-    std::string names;
-    for (const Sensor sensor : {Sensor::spd, Sensor::radar, Sensor::depth}) {
-      if (!((r.missing >> static_cast<unsigned>(sensor)) & 1u)) continue;
-      if (!names.empty()) names += ' ';
-      names += name_of(sensor);
-    }
-    Statement(db_, path_, "INSERT INTO incomplete VALUES (?,?)").bind(r.index).bind(names).run();
+  row.set("tags", c.tags)
+      .set("starts", c.starts)
+      .set("in_range", c.in_range)
+      .set("out_of_range", c.out_of_range)
+      .set("without_start", c.without_start)
+      .set("other", c.other)
+      .set("tags_lost", c.lost);
+  for (const Sensor s : all_sensors) {
+    const SensorSync& sync = r.sync[s];
+    const std::string name = name_of(s);
+    row.set(name + "_offset_s", sync.offset_s)
+        .set(name + "_span_s", sync.span_s)
+        .set(name + "_used", sync.used)
+        .set(name + "_lost", sync.lost)
+        .set(name + "_verdict", sync.verdict);
   }
-  if (!r.clocks[0] && !r.clocks[1] && !r.clocks[2]) return;
-  Statement s(db_, path_, "INSERT INTO clock_fit VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?)");
-  s.bind(r.index);
-  for (const auto& clock : r.clocks)
-    if (clock)
-      s.bind(clock->offset_s).bind(clock->drift_ppm).bind(clock->residual_s).bind(clock->samples);
-    else
-      for (int i = 0; i < 4; ++i) s.bind(ByteView{});
-  s.run();
-}
-
-void RecordRows::insert_slot(const FusedRecord& r) {
-  const SlotBooks& b = r.books;
-  Statement s(db_, path_, "INSERT INTO slot VALUES (?,?,?,?,?,?)");
-  const auto put = [&](std::uint64_t frames, std::optional<std::uint32_t> last) {
-    s.bind(frames);
-    last ? s.bind(std::int64_t{*last}) : s.bind(ByteView{});
-  };
-  s.bind(r.index);
-  put(b.radar_frames, b.radar_last);
-  put(b.depth_frames, b.depth_last);
-  s.bind(b.closed_late_s).run();
-}
-
-void RecordRows::insert_signal(const FusedRecord& r) {
-  const Signal& n = r.signal;
-  if (n == Signal{}) return;
-  Statement s(db_, path_, "INSERT INTO signal VALUES (?,?,?,?,?,?,?)");
-  s.bind(r.index);
-  for (const auto& v : {n.clicks_a_pulse, n.spd_clicks, n.spd_peak_m, n.radar_snr_db,
-                        n.radar_peak_m, n.depth_share})
-    v ? s.bind(*v) : s.bind(ByteView{});
-  s.run();
-}
-
-void RecordRows::insert_spd_status(const FusedRecord& r) {
-  const SpdCounts& c = r.spd_counts;
-  if (c.missed + c.overflows + c.errors + c.bad_tags + c.backwards + c.removed == 0) return;
-  Statement s(db_, path_, "INSERT INTO spd_status VALUES (?,?,?,?,?,?,?)");
-  s.bind(r.index);
-  for (const std::uint64_t v :
-       {c.missed, c.overflows, c.errors, c.bad_tags, c.backwards, c.removed})
-    s.bind(v);
-  s.run();
-}
-
-void RecordRows::insert_radar_status(const FusedRecord& r) {
-  Statement s(db_, path_, "INSERT INTO radar_status VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
-  s.bind(r.index);
-  const auto put = [&](bool there, std::int64_t value) {
-    there ? s.bind(value) : s.bind(ByteView{});
-  };
-  const bool stats = r.radar_stats.has_value();
-  const RadarStats n = r.radar_stats.value_or(RadarStats{});
-  for (const std::uint32_t v :
-       {n.inter_frame_processing_us, n.transmit_us, n.inter_frame_margin_us,
-        n.inter_chirp_margin_us, n.active_frame_load_percent, n.inter_frame_load_percent})
-    put(stats, v);
-  const RadarTemperature t = r.radar_temperature.value_or(RadarTemperature{1, 0, {}});
-  put(t.invalid == 0, t.time_ms);
-  for (const std::int16_t v : t.celsius) put(t.invalid == 0, v);
-  s.run();
+  if (r.has(Sensor::spd)) row.set("spd", as_bytes(r.spd));
+  if (r.has(Sensor::radar)) row.set("radar", as_bytes(r.radar));
+  if (r.has(Sensor::depth)) row.set("depth", ByteView{png});
+  row.run();
+  insert_radar_status(rows, r);
+  insert_spd_status(rows, r);
+  insert_incomplete(rows, r);
+  insert_clocks(rows, r);
+  insert_slot(rows, r);
+  insert_signal(rows, r);
 }
 
 }  // namespace echofuse::record

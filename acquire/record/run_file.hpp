@@ -6,7 +6,6 @@
 //   run, device, calibration, axis, record, radar_status, event, anchor: see schema.hpp
 //   record.spd u32 LE counts | radar f32 LE | depth 16-bit grey PNG, millimetres
 #pragma once
-#include <array>
 #include <atomic>
 #include <chrono>
 #include <functional>
@@ -137,18 +136,18 @@ inline constexpr std::int64_t null_integer = std::numeric_limits<std::int64_t>::
 
 // A run in numbers, without reading the sensors' data.
 struct RunSummary {
-  std::int64_t records = 0, all_valid = 0;         // all_valid: of records with all three sensors
-  std::int64_t incomplete = 0;                     // records that lack a required sensor
-  std::array<std::int64_t, sensor_count> valid{};  // records with a valid SPD, radar, depth
-  std::array<std::int64_t, sensor_count> lost{};   // tags, radar frames, depth frames
+  std::int64_t records = 0, all_valid = 0;  // all_valid: of records with all three sensors
+  std::int64_t incomplete = 0;              // records that lack a required sensor
+  PerSensor<std::int64_t> valid{};          // records with a valid SPD, radar, depth
+  PerSensor<std::int64_t> lost{};           // tags, radar frames, depth frames
   std::int64_t tags = 0;
   std::int64_t last_index = -1;                        // the largest of a record
   UtcTime first_utc{}, last_utc{};                     // start of the first slot, end of the last
   std::map<std::string, std::int64_t> labels, events;  // records by label, events by level
   std::map<std::string, std::string> policies;         // by sensor
   // By sensor, records by verdict, without the figures behind a verdict's colon.
-  std::array<std::map<std::string, std::int64_t>, sensor_count> verdicts;
-  std::array<std::optional<ClockState>, sensor_count> clocks;  // of the last record that has them
+  PerSensor<std::map<std::string, std::int64_t>> verdicts;
+  PerSensor<std::optional<ClockState>> clocks;  // of the last record that has them
 };
 
 // Reads closed, live and crashed runs alike.
@@ -177,9 +176,10 @@ class RunReader {
   std::optional<std::string> last_label() const;
   // Records in index order from `first` on; the callback returns false to stop. A record whose
   // blobs do not fit the axes or hold non-finite values throws Error naming the record, or, with
-  // `on_bad`, is handed there and skipped.
+  // `on_bad`, is handed there and skipped. Of other `sensors` nothing is decoded: not valid.
   void for_each(const std::function<bool(const FusedRecord&)>& visit, std::int64_t first = 0,
-                const std::function<void(std::int64_t, const std::string&)>& on_bad = {}) const;
+                const std::function<void(std::int64_t, const std::string&)>& on_bad = {},
+                SensorSet sensors = {Sensor::spd, Sensor::radar, Sensor::depth}) const;
   FusedRecord read(std::int64_t index) const;
   // SQLite's own integrity check; empty if sound.
   std::string check() const;

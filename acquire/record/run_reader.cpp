@@ -58,12 +58,12 @@ constexpr const char* signal_column =
     "ifnull((SELECT clicks_a_pulse FROM signal WHERE signal.idx = record.idx), -1)";
 
 // Fills `r` from the row; returns what is wrong with it, or nothing.
-std::string decode(Statement& row, const Shapes& shapes, FusedRecord& r) {
+std::string decode(Statement& row, const Shapes& shapes, std::uint32_t sensors, FusedRecord& r) {
   r.index = row.integer();
   r.slot_start = HostTime(row.integer());
   r.slot_end = HostTime(row.integer());
   r.slot_utc = UtcTime(row.integer());
-  r.valid = static_cast<std::uint32_t>(row.integer()) & 7u;
+  r.valid = SensorSet::from_bits(static_cast<std::uint32_t>(row.integer()) & sensors);
   r.label = row.text();
   const ByteView spd = row.blob(), radar = row.blob(), depth = row.blob();
   SpdCounts& c = r.spd_counts;
@@ -333,9 +333,9 @@ std::int64_t RunReader::count() const {
   return s.step() ? s.integer() : 0;
 }
 
-void RunReader::for_each(
-    const std::function<bool(const FusedRecord&)>& visit, std::int64_t first,
-    const std::function<void(std::int64_t, const std::string&)>& on_bad) const {
+void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, std::int64_t first,
+                         const std::function<void(std::int64_t, const std::string&)>& on_bad,
+                         SensorSet sensors) const {
   const std::string sql =
       record_columns + std::string(has_table("signal") ? signal_column : "-1") + record_rows;
   Statement row = ask(sql.c_str());
@@ -347,7 +347,7 @@ void RunReader::for_each(
     if (!known) known = shapes_of(axes());
     const Shapes& shapes = *known;
     FusedRecord r;
-    const std::string fault = decode(row, shapes, r);
+    const std::string fault = decode(row, shapes, sensors.bits(), r);
     if (r.index < first || r.index > max_index || (before && r.index <= *before))
       throw Error(ExitCode::failed, shown_ + ": damaged: a record has the index " +
                                         std::to_string(r.index) + ", after " +

@@ -34,12 +34,12 @@ RunSummary RunReader::summary() const {
   };
   count_by("SELECT label FROM record", sum.labels);
   count_by("SELECT level FROM event", sum.events);
-  for (std::size_t i = 0; i < sensor_count; ++i) {
-    const std::string verdict = name_of(static_cast<Sensor>(i)) + std::string("_verdict");
+  for (const Sensor s : all_sensors) {
+    const std::string verdict = name_of(s) + std::string("_verdict");
     count_by(
         ("SELECT substr(" + verdict + ", 1, instr(" + verdict + " || ':', ':') - 1) FROM record")
             .c_str(),
-        sum.verdicts[i]);
+        sum.verdicts[s]);
   }
   if (has_table("clock_fit")) summarise_sync(sum);
   return sum;
@@ -71,14 +71,14 @@ void RunReader::summarise_sync(RunSummary& sum) const {
     const std::string sensor = policies.text();
     sum.policies[sensor] = policies.text();
   }
-  for (std::size_t i = 0; i < sensor_count; ++i) {
-    const std::string name = name_of(static_cast<Sensor>(i));
+  for (const Sensor s : all_sensors) {
+    const std::string name = name_of(s);
     const std::string sql = "SELECT " + name + "_offset_s, " + name + "_drift_ppm, " + name +
                             "_residual_s, " + name + "_samples FROM clock_fit WHERE " + name +
                             "_samples > 0 ORDER BY idx DESC LIMIT 1";
     Statement row = ask(sql.c_str());
     if (!row.step()) continue;
-    ClockState& clock = sum.clocks[i].emplace();
+    ClockState& clock = sum.clocks[s].emplace();
     clock.offset_s = row.real();
     clock.drift_ppm = row.real();
     clock.residual_s = row.real();

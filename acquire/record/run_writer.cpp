@@ -14,6 +14,7 @@
 #include "acquire/record/record_rows.hpp"
 #include "acquire/record/rescue.hpp"
 #include "acquire/record/run_file.hpp"
+#include "acquire/record/run_statements.hpp"
 #include "acquire/record/run_tables.hpp"
 #include "acquire/record/schema.hpp"
 #include "acquire/record/sqlite.hpp"
@@ -69,16 +70,6 @@ std::int64_t now_ns() {
 
 }  // namespace
 
-struct RunWriter::Statements {
-  Statements(sqlite3* db, const std::string& path)
-      : rows(db, path),
-        event(db, path, "INSERT INTO event (utc, level, source, text) VALUES (?,?,?,?)"),
-        begin(db, path, "BEGIN IMMEDIATE"),
-        commit(db, path, "COMMIT") {}
-  RecordRows rows;
-  Statement event, begin, commit;
-};
-
 RunWriter::RunWriter(const std::string& path, const RunInfo& info)
     : path_(path), handle_(nullptr, sqlite3_close) {
   if (::access(path.c_str(), F_OK) == 0) refuse_existing(path);
@@ -101,22 +92,23 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info)
   const auto given_or = [](const std::string& text, const std::string& other) {
     return text.empty() ? other : text;
   };
-  Statement run(db_, path_, "INSERT INTO run VALUES (?,?,?,?,?,?,?,?,?,?,?,?)");
-  run.bind(make_uuid())
-      .bind(given_or(info.started_utc, iso8601(clock.utc())))
-      .bind("")
-      .bind("open")
-      .bind(info.window_s)
-      .bind(info.config_text)
-      .bind(info.config_resolved)
-      .bind(info.radar_cfg)
-      .bind(info.version)
-      .bind(given_or(info.host, host_name()))
-      .bind(info.operator_name)
-      .bind(info.notes)
+  Inserts rows(db_, path_);
+  rows.into("run")
+      .set("uuid", make_uuid())
+      .set("started_utc", given_or(info.started_utc, iso8601(clock.utc())))
+      .set("ended_utc", "")
+      .set("status", "open")
+      .set("window_s", info.window_s)
+      .set("config_text", info.config_text)
+      .set("config_resolved", info.config_resolved)
+      .set("radar_cfg", info.radar_cfg)
+      .set("version", info.version)
+      .set("host", given_or(info.host, host_name()))
+      .set("operator", info.operator_name)
+      .set("notes", info.notes)
       .run();
   for (const auto& [key, value] : info.meta)
-    Statement(db_, path_, "INSERT INTO meta VALUES (?,?)").bind(key).bind(value).run();
+    rows.into("meta").set("key", key).set("value", value).run();
   execute(db_, path_, "INSERT INTO part SELECT 0, 0, started_utc FROM run; COMMIT",
           "cannot create the tables");
   ready();
@@ -150,10 +142,11 @@ void RunWriter::begin_part() {
   Statement last(db_, path_, "SELECT max(part) FROM part");
   last.step();
   part_ = last.integer() + 1;
-  Statement(db_, path_, "INSERT INTO part VALUES (?,?,?)")
-      .bind(part_)
-      .bind(next_index_)
-      .bind(iso8601(SystemClock().utc()))
+  Inserts(db_, path_)
+      .into("part")
+      .set("part", part_)
+      .set("first_idx", next_index_)
+      .set("started_utc", iso8601(SystemClock().utc()))
       .run();
 }
 
@@ -240,88 +233,18 @@ void RunWriter::checkpoint() {
 
 RunWriter::~RunWriter() = default;
 
-void RunWriter::put_axis(const Axis& axis) {
-  Statement(db_, path_, "INSERT INTO axis VALUES (?,?,?,?,?,?,?)")
-      .bind(axis.name)
-      .bind(axis.quantity)
-      .bind(axis.unit)
-      .bind(std::int64_t{axis.count})
-      .bind(axis.start)
-      .bind(axis.step)
-      .bind(axis.scale)
-      .run();
-  axes_.push_back(axis);
-}
-
-void RunWriter::put_device(const DeviceInfo& device) {
-  Statement(db_, path_, "INSERT INTO device VALUES (?,?,?,?,?)")
-      .bind(name_of(device.sensor))
-      .bind(device.address)
-      .bind(device.model)
-      .bind(device.serial)
-      .bind(device.firmware)
-      .run();
-}
-
-void RunWriter::put_calibration(const CalibrationEntry& entry) {
-  Statement(db_, path_, "INSERT INTO calibration VALUES (?,?,?,?,?,?)")
-      .bind(name_of(entry.sensor))
-      .bind(entry.date_utc)
-      .bind(entry.method)
-      .bind(entry.distance_m)
-      .bind(entry.offset_m)
-      .bind(entry.standard_error_m)
-      .run();
-}
-
-void RunWriter::put_policy(Sensor sensor, const std::string& policy) {
-  Statement(db_, path_, "INSERT OR REPLACE INTO policy VALUES (?,?)")
-      .bind(name_of(sensor))
-      .bind(policy)
-      .run();
-}
-
-void RunWriter::put_counters(std::span<const Counted> counters) {
-  in_transaction([&] {
-    Statement row(db_, path_, "INSERT INTO counter VALUES (?,?,?,?)");
-    for (const Counted& c : counters)
-      row.bind(c.source).bind(c.name).bind(c.value).bind(part_).run();
-  });
-}
-
-void RunWriter::put_anchor(HostTime mono, UtcTime utc) {
-  Statement(db_, path_, "INSERT INTO anchor VALUES (?,?)")
-      .bind(std::int64_t{mono.count()})
-      .bind(std::int64_t{utc.count()})
-      .run();
-}
-
-void RunWriter::put_event(UtcTime utc, Severity severity, const std::string& source,
-                          const std::string& text) {
-  constexpr const char* levels[] = {"info", "warning", "error"};
-  statements_->event.reset();
-  statements_->event.bind(iso8601(utc))
-      .bind(levels[static_cast<std::size_t>(severity)])
-      .bind(source)
-      .bind(text)
-      .run();
-}
-
 void RunWriter::in_transaction(const std::function<void()>& body) {
-  statements_->begin.reset();
   statements_->begin.run();
   waits_ = false;
   try {
     body();
-    statements_->commit.reset();
     statements_->commit.run();
   } catch (...) {
     const int code = sqlite3_errcode(db_);
     if (code == SQLITE_CORRUPT || code == SQLITE_NOTADB)
       harm_ = std::string("was damaged during the run: ") + sqlite3_errstr(code);
-    // Releases the statement that failed; a full disk may have rolled back already.
-    statements_->rows.reset();
-    statements_->commit.reset();
+    statements_->rows.clear();
+    // A full disk may have rolled back already.
     if (!sqlite3_get_autocommit(db_)) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);
     throw;
   }
@@ -332,7 +255,7 @@ void RunWriter::append(const FusedRecord& record) { append(std::span(&record, 1)
 void RunWriter::append(std::span<const FusedRecord> batch) {
   require_sound();
   in_transaction([&] {
-    for (const auto& r : batch) statements_->rows.insert(r, axes_);
+    for (const auto& r : batch) insert_record(statements_->rows, path_, r, axes_);
   });
   records_ += static_cast<std::int64_t>(batch.size());
 }
@@ -379,8 +302,10 @@ bool RunWriter::close(const std::string& status) {
   lock_->release();
   wait_for_others();
   try {
-    Statement(db_, path_, "UPDATE run SET status = ?, ended_utc = ?")
+    Statement(db_, path_, "UPDATE run SET status = :status, ended_utc = :ended_utc")
+        .at("status")
         .bind(status)
+        .at("ended_utc")
         .bind(iso8601(clock.utc()))
         .run();
   } catch (const Error&) {

@@ -3,6 +3,7 @@
 #pragma once
 #include <sqlite3.h>
 
+#include <concepts>
 #include <limits>
 #include <string>
 #include <string_view>
@@ -42,8 +43,16 @@ class Statement {
   Statement(const Statement&) = delete;
   Statement& operator=(const Statement&) = delete;
 
+  // The next value is that of the parameter :name.
+  Statement& at(const std::string& name) {
+    bound_ = sqlite3_bind_parameter_index(handle_, (':' + name).c_str()) - 1;
+    return *this;
+  }
   Statement& bind(std::int64_t v) { return check(sqlite3_bind_int64(handle_, ++bound_, v)); }
-  Statement& bind(std::uint64_t v) { return bind(static_cast<std::int64_t>(v)); }
+  template <std::integral T>
+  Statement& bind(T v) {
+    return bind(static_cast<std::int64_t>(v));
+  }
   Statement& bind(double v) { return check(sqlite3_bind_double(handle_, ++bound_, v)); }
   Statement& bind(std::string_view v) {
     return check(sqlite3_bind_text(handle_, ++bound_, v.data(), static_cast<int>(v.size()),
@@ -63,10 +72,17 @@ class Statement {
     if (code == SQLITE_DONE) return false;
     sqlite_fail(db_, path_, "cannot read or write");
   }
+  // To its end; then all its values are NULL again, also after a failure.
   void run() {
+    struct Reset {
+      Statement& statement;
+      ~Reset() {
+        statement.reset();
+        sqlite3_clear_bindings(statement.handle_);
+      }
+    } const at_the_end{*this};
     while (step()) {
     }
-    reset();
   }
   void reset() {
     sqlite3_reset(handle_);

@@ -10,10 +10,10 @@ namespace {
 // A sender is silent for at most a second; a busy machine may stretch that. After two seconds
 // without a block, what waits for its end is given up (8 MB/s bring 16 MiB in time), after four the
 // connection.
-constexpr std::chrono::seconds look_pause{1};
+constexpr std::chrono::seconds check_pause{1};
 // The longest block, and as much again while the parser catches up.
 constexpr std::size_t most_waiting_bytes = 2 * (std::size_t{max_payload_bytes} + header_bytes);
-constexpr int patience_block = 2, patience_connection = 4;
+constexpr int block_timeout_checks = 2, connection_timeout_checks = 4;
 
 }  // namespace
 
@@ -54,7 +54,7 @@ void BridgeClient::connect() {
   turn_waits_ = false;
   parser_.reset();
   greeted_ = connected_ = told_kind_ = false;
-  quiet_looks_ = 0;
+  quiet_checks_ = 0;
   blocks_seen_ = parser_.counts().blocks;
   port_ = opener_();
   port_->open({.opened =
@@ -86,19 +86,19 @@ void BridgeClient::go_on() {
 }
 
 void BridgeClient::watch() {
-  timer_.after(look_pause, [this] { look(); });
+  timer_.after(check_pause, [this] { check_liveness(); });
 }
 
-// Without a hello it is no sign of life that blocks come.
-void BridgeClient::look() {
+// Blocks before a hello are no heartbeat.
+void BridgeClient::check_liveness() {
   const bool alive =
       std::exchange(blocks_seen_, parser_.counts().blocks) != parser_.counts().blocks && greeted_;
-  quiet_looks_ = alive ? 0 : quiet_looks_ + 1;
-  if (quiet_looks_ == patience_connection)
+  quiet_checks_ = alive ? 0 : quiet_checks_ + 1;
+  if (quiet_checks_ == connection_timeout_checks)
     return fail(greeted_      ? "no block came for 4 s"
                 : !connected_ ? "no connection within 4 s"
                               : "no hello within 4 s: is this an echofuse bridge?");
-  if (quiet_looks_ == patience_block)
+  if (quiet_checks_ == block_timeout_checks)
     parser_.give_up([this, now = clock_.now()](const Block& block) { on_block(block, now); });
   go_on();
   if (port_) watch();

@@ -42,7 +42,7 @@ class BridgeClient {
   void on_block(Block block, HostTime received);
   void on_hello(const Block& block);
   void watch();
-  void look();
+  void check_liveness();
   void fail(const std::string& why);
 
   port::ByteOpener opener_;
@@ -53,8 +53,8 @@ class BridgeClient {
   BlockParser parser_;
   Hello hello_;
   std::string last_failure_;       // told once, not at every attempt
-  std::uint64_t blocks_seen_ = 0;  // at the last look
-  int quiet_looks_ = 0;
+  std::uint64_t blocks_seen_ = 0;  // at the last check
+  int quiet_checks_ = 0;
   bool running_ = false, faulted_ = false, greeted_ = false, rejoined_ = false;
   bool connected_ = false, told_kind_ = false;  // on this connection
   bool turn_waits_ = false;

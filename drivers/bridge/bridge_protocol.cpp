@@ -11,7 +11,7 @@
 namespace echofuse::bridge {
 namespace {
 
-constexpr int most_looks = 1000;  // in one turn: a few milliseconds
+constexpr int most_checks = 1000;  // in one turn: a few milliseconds
 
 constexpr std::array<std::uint8_t, 4> magic = {'E', 'F', 'B', 'R'};
 
@@ -68,13 +68,13 @@ bool usable(const Axis& axis) {
 
 void BlockParser::feed(ByteView bytes, const OnBlock& on_block) {
   counts_.bytes += bytes.size();
-  looks_ = 0;
+  checks_ = 0;
   behind_ = false;
   buffer_.feed(bytes, [&](ByteView view) { return next(view, on_block); });
 }
 
 void BlockParser::go_on(const OnBlock& on_block) {
-  looks_ = 0;
+  checks_ = 0;
   behind_ = false;
   buffer_.again([&](ByteView view) { return next(view, on_block); });
 }
@@ -95,7 +95,7 @@ void BlockParser::give_up(const OnBlock& on_block) {
   const Bytes held(buffer_.held().begin(), buffer_.held().end());
   buffer_.clear();
   ++counts_.bad_headers;
-  looks_ = 0;
+  checks_ = 0;
   behind_ = false;
   const std::size_t skipped = skip_junk(held).used;
   place_ += skipped;
@@ -112,9 +112,9 @@ Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
 Step BlockParser::judge(ByteView bytes, const OnBlock& on_block) {
   if (!bytes.empty() && !starts_with_magic(bytes)) return skip_junk(bytes);
   if (bytes.size() < header_bytes) return {0, header_bytes};
-  behind_ = looks_ == most_looks;
+  behind_ = checks_ == most_checks;
   if (behind_) return {0, 0};
-  ++looks_;
+  ++checks_;
   const Header header = read_header(bytes);
   if (!header.plausible()) {
     ++counts_.bad_headers;

@@ -15,7 +15,7 @@
 //    32        payload
 //
 //   hello  UTF-8 JSON {"model": "...", "serial": "...", "firmware": "..."}; other keys are ignored.
-//          The first block, and again about every second: as a sign of life (a sender is silent for
+//          The first block, and again about every second: as a heartbeat (a sender is silent for
 //          at most 1 s), and in place of a damaged first one: blocks without a hello are not used.
 //   tags   n * 16 bytes as in drivers/core/sample.hpp; n may be 0
 //   depth  u32 width, u32 height, u64 device time in us, u32 frame index,
@@ -72,7 +72,7 @@ struct BlockCounts {
 // Bytes -> sound blocks. It searches for the magic only where a header is implausible or a CRC
 // fails: payloads may contain the magic. What a byte costs does not depend on what headers claim:
 // a stretch that was in a damaged block is read once more for all headers in it (StretchCrc), and a
-// call looks at 1000 headers at most.
+// call checks 1000 headers at most.
 class BlockParser {
  public:
   using OnBlock = std::function<void(const Block&)>;
@@ -101,7 +101,7 @@ class BlockParser {
   std::uint64_t place_ = 0;           // in the stream: of the first byte that is not done with
   std::uint64_t doubtful_until_ = 0;  // as far as a block reached that was not sound
   StretchCrc doubtful_;
-  int looks_ = 0;  // at headers in this call
+  int checks_ = 0;  // of headers in this call
   bool behind_ = false;
   BlockCounts counts_;
   std::uint32_t expected_ = 0;

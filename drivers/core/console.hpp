@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // What the three programs share at the terminal: one-line errors, signals, progress.
-// stdout is data, stderr is talk.
 #pragma once
 #include <chrono>
 #include <cstddef>

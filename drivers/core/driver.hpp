@@ -40,6 +40,7 @@ class SampleSink {
   virtual void on_radar(RadarFrame frame) = 0;
   virtual void on_depth(DepthFrame frame) = 0;
   virtual void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) = 0;
+  virtual void on_firmware_bias(const FirmwareBias&) {}  // one line of the radar's calibration
   virtual void on_event(Sensor sensor, Severity severity, const std::string& text) = 0;
 };
 
@@ -52,8 +53,8 @@ class Driver {
   virtual void start(SampleSink& sink) = 0;
   // Asks it to end, and does not wait: its destructor does.
   virtual void stop() = 0;
-  // After stop(): whether the device has all that it is to hear, and the sink all that had come
-  // from it. Until then the io context has to run, for as long as its user likes to wait.
+  // After stop(): whether all commands are with the device, and all that had come from it is
+  // with the sink. Until then the io context has to run, for as long as its user likes to wait.
   virtual bool finished() const { return true; }
   // Graded counters since start (bytes, short, not_ours, corrupt, resynced, reconnects, ...).
   virtual std::vector<Counter> counters() const = 0;

@@ -10,15 +10,9 @@
 
 #include "drivers/core/axis.hpp"
 #include "drivers/core/clock.hpp"
+#include "drivers/core/sensor.hpp"
 
 namespace echofuse {
-
-enum class Sensor : std::uint8_t { spd = 0, radar = 1, depth = 2 };
-inline constexpr std::size_t sensor_count = 3;
-inline const char* name_of(Sensor s) {
-  constexpr const char* names[] = {"spd", "radar", "depth"};
-  return names[static_cast<std::size_t>(s)];
-}
 
 // One 16-byte record of a time tagger, in memory as on the wire (Swabian time-tag stream).
 //   off 0 u8 type | 1 u8 0 | 2 u16 missed events (type 4) | 4 i32 channel | 8 i64 time in ps
@@ -70,6 +64,15 @@ struct RadarFrame {
   std::vector<std::uint16_t> range_profile;  // log2_q8 codes; empty if the frame had no TLV 2
   std::optional<RadarStats> stats;
   std::optional<RadarTemperature> temperature;
+};
+
+// What TI's own calibration (measureRangeBiasAndRxChanPhase) answers, or the mean over several of
+// its lines: kept for the .cfg, where the firmware applies it to its points; it does not touch the
+// range profile.
+struct FirmwareBias {
+  double range_bias_m = 0;
+  std::vector<double> re_im;  // of each virtual antenna, as in compRangeBiasAndRxChanPhase
+  std::int64_t lines = 0;
 };
 
 // Drivers take no frame with a longer side.

@@ -48,9 +48,9 @@ class OpenNiCamera::Worker {
     do {
       const std::string why = run_session();
       if (shared_->stopping()) return;
-      if (why.empty()) return tell(DeviceState::ended);
-      if (std::exchange(last_failure_, why) != why) tell(Severity::warning, why);
-      tell(DeviceState::faulted);
+      if (why.empty()) return report(DeviceState::ended);
+      if (std::exchange(last_failure_, why) != why) report(Severity::warning, why);
+      report(DeviceState::faulted);
     } while (shared_->pause(backoff_.next()));
   }
 
@@ -70,7 +70,7 @@ class OpenNiCamera::Worker {
     info_ = session.info();
     info_.address = address;
     raw_name_.clear();
-    tell(DeviceState::streaming);
+    report(DeviceState::streaming);
     auto last_frame = std::chrono::steady_clock::now();
     while (!shared_->stopping()) {
       DepthFrame frame;
@@ -150,12 +150,12 @@ class OpenNiCamera::Worker {
     return true;
   }
 
-  void tell(DeviceState state) {
+  void report(DeviceState state) {
     if (std::exchange(state_, state) == state) return;
     shared_->post(
         [state, info = info_](SampleSink& sink) { sink.on_state(Sensor::depth, state, info); });
   }
-  void tell(Severity severity, const std::string& text) {
+  void report(Severity severity, const std::string& text) {
     shared_->post(
         [severity, text](SampleSink& sink) { sink.on_event(Sensor::depth, severity, text); });
   }

@@ -28,7 +28,7 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr auto status_period = std::chrono::seconds(1);
-constexpr auto patience =
+constexpr auto close_timeout =
     std::chrono::milliseconds(200);             // of the io thread, when a port is closed
 constexpr int read_wait_ms = 2;                 // bytes to send wait for so long at most
 constexpr std::size_t max_waiting = 256 << 10;  // 4 s of a full pipe
@@ -276,7 +276,7 @@ class HidPort final : public BytePort {
     link_->stopping = true;
     if (!thread_.joinable()) return;
     // A request to a device in trouble may take seconds, and other devices live on this thread.
-    if (ended_.wait_for(patience) == std::future_status::ready) {
+    if (ended_.wait_for(close_timeout) == std::future_status::ready) {
       thread_.join();
       return;
     }

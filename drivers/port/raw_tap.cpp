@@ -24,7 +24,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::chrono::seconds patience{2};
+constexpr std::chrono::seconds finish_timeout{2};
 constexpr std::size_t most_open = 16;  // files; a device has one at a time, the older ones are done
 constexpr std::uint64_t look_at_room_every = 16u << 20;  // bytes
 
@@ -174,7 +174,7 @@ RawKeeper::Counts RawKeeper::finish() {
   shared_->closing = true;
   shared_->wake.notify_one();
   // A disk that hangs holds its thread, not the run's end.
-  shared_->done.wait_for(lock, patience, [this] { return shared_->ended; });
+  shared_->done.wait_for(lock, finish_timeout, [this] { return shared_->ended; });
   shared_->ended = true;
   for (const auto& piece : shared_->queue) shared_->counts.dropped += piece.bytes.size();
   shared_->queue.clear();

@@ -106,12 +106,14 @@ void CommandDialogue::on_line() {
   } else if (commanding && line == trimmed(commands_[next_].text)) {
     return;  // the echo
   } else if (calibration != line.npos) {
-    tell(Severity::info, line.substr(calibration));
+    const std::string told = line.substr(calibration);
+    report(Severity::info, told);
+    if (auto bias = parse_firmware_bias(told)) biases_.push_back(std::move(*bias));
   } else if (state_ == State::draining) {
     if (is_banner(line)) send_whole_cfg();
     read_version(line);
   } else if (state_ == State::done) {
-    tell(Severity::info, line);
+    report(Severity::info, line);
   } else {
     if (answer_.size() == max_answer_lines) answer_.erase(answer_.begin());
     answer_.push_back(line);
@@ -136,14 +138,14 @@ void CommandDialogue::judge_answer(HostTime now) {
     const bool stop = command.find("sensorStop") != command.npos;  // ignored at every cold start
     for (const std::string& line : answer_)
       if (line.starts_with("Ignored") || line.starts_with("Error"))
-        tell(stop ? Severity::info : Severity::warning, command + ": " + line);
+        report(stop ? Severity::info : Severity::warning, command + ": " + line);
     next_command(now);
   } else if (refused && is_probe() && tries_ < 2) {
     send_command(now);
   } else if (refused && is_probe()) {
     next_command(now);  // a firmware without `version`
   } else if (const std::string why = explanation(answer_); !why.empty() && send_ == Send::restart) {
-    tell(Severity::info, "restart refused, the cfg is sent again: " + why);
+    report(Severity::info, "restart refused, the cfg is sent again: " + why);
     send_whole_cfg();
     next_ = 0;
     next_command(now);
@@ -194,7 +196,7 @@ void CommandDialogue::read_version(const std::string& line) {
   }
 }
 
-void CommandDialogue::tell(Severity severity, const std::string& text) {
+void CommandDialogue::report(Severity severity, const std::string& text) {
   events_.push_back({severity, shown(text)});
 }
 

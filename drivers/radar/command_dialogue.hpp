@@ -30,6 +30,7 @@
 #include "drivers/core/bytes.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/core/driver.hpp"
+#include "drivers/radar/firmware_bias.hpp"
 #include "drivers/radar/profile.hpp"
 
 namespace echofuse::radar {
@@ -67,6 +68,8 @@ class CommandDialogue {
   // What is to be written, and told, since the last call.
   std::string take_output() { return std::exchange(output_, {}); }
   std::vector<Event> take_events() { return std::exchange(events_, {}); }
+  // What the board's own calibration answered since the last call.
+  std::vector<FirmwareBias> take_biases() { return std::exchange(biases_, {}); }
   // From the answer to `version`: "xWR68xx" and "mmWave SDK 03.04.00.03"; empty if it gave none.
   const std::string& platform() const { return platform_; }
   const std::string& firmware() const { return firmware_; }
@@ -82,7 +85,7 @@ class CommandDialogue {
   void send_whole_cfg();
   bool is_probe() const { return next_ == 0; }
   void read_version(const std::string& line);
-  void tell(Severity severity, const std::string& text);
+  void report(Severity severity, const std::string& text);
   void fail(const std::string& what);
 
   std::string cfg_name_;
@@ -97,6 +100,7 @@ class CommandDialogue {
   std::vector<std::string> answer_;               // the lines since it was sent
   std::string failure_, output_, platform_, firmware_;
   std::vector<Event> events_;
+  std::vector<FirmwareBias> biases_;
 };
 
 }  // namespace echofuse::radar

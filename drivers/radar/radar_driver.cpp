@@ -81,7 +81,7 @@ void RadarDriver::connect() {
   const auto gone = [this](const Failure& failure) { on_gone(failure); };
   const auto warning = [this](const std::string& text, std::uint64_t losses) {
     port_losses_ += losses;
-    if (told_.insert(text).second) sink_->on_event(Sensor::radar, Severity::warning, text);
+    if (reported_.insert(text).second) sink_->on_event(Sensor::radar, Severity::warning, text);
   };
   cli_->open({opened, [this](ByteView bytes) { on_cli(bytes); }, gone, warning});
   data_->open({opened, [this](ByteView bytes) { on_data(bytes); }, gone, warning});
@@ -105,6 +105,7 @@ void RadarDriver::advance() {
     sink_->on_event(Sensor::radar, event.severity, event.text);
     if (!running_) return;
   }
+  for (const auto& bias : dialogue_->take_biases()) sink_->on_firmware_bias(bias);
   const std::string out = dialogue_->take_output();
   cli_->write({reinterpret_cast<const std::uint8_t*>(out.data()), out.size()});
   if (dialogue_->state() == CommandDialogue::State::failed) return fail(dialogue_->failure());

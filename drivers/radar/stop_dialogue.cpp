@@ -14,10 +14,10 @@ constexpr std::size_t longest_answer = 4096;
 
 void StopDialogue::receive(ByteView bytes) {
   for (const std::uint8_t byte : bytes) {
-    if (heard_.size() == longest_answer) heard_.clear();
-    heard_ += static_cast<char>(byte);
-    if (!heard_.ends_with(prompt_end)) continue;
-    const std::string answer = std::exchange(heard_, {});
+    if (answer_.size() == longest_answer) answer_.clear();
+    answer_ += static_cast<char>(byte);
+    if (!answer_.ends_with(prompt_end)) continue;
+    const std::string answer = std::exchange(answer_, {});
     if (!std::exchange(sent_, true))
       output_ = line;
     else  // a prompt without a verdict is a leftover

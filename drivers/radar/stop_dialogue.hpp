@@ -21,7 +21,7 @@ class StopDialogue {
 
  private:
   static constexpr const char* line = "sensorStop\n";
-  std::string heard_, output_;
+  std::string answer_, output_;
   bool sent_, done_ = false;
 };
 

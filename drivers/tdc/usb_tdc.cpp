@@ -54,8 +54,8 @@ class UsbTdc::Worker {
       const std::string why = run_session();
       publish();
       if (shared_->stopping()) return;
-      if (std::exchange(last_failure_, why) != why) tell(Severity::warning, why);
-      tell(DeviceState::faulted);
+      if (std::exchange(last_failure_, why) != why) report(Severity::warning, why);
+      report(DeviceState::faulted);
     } while (shared_->pause(backoff_.next()));
   }
 
@@ -73,14 +73,14 @@ class UsbTdc::Worker {
     ++connections_;
     had_session_ = true;
     describe(link);
-    tell(DeviceState::streaming);
+    report(DeviceState::streaming);
     lost_before_ = device_lost_;  // a device counts from its start
-    heard_ = clock_.now();
-    HostTime next_status = heard_ + status_pause;
+    last_heartbeat_ = clock_.now();
+    HostTime next_status = last_heartbeat_ + status_pause;
     while (wrong.empty() && !shared_->stopping()) {
       wrong = link.serve(serve_limit);
       const HostTime now = clock_.now();
-      if (wrong.empty() && now - heard_ > silence_limit)
+      if (wrong.empty() && now - last_heartbeat_ > silence_limit)
         wrong = "the device sent neither tags nor empty runs for 3 s";
       if (now < next_status) continue;
       next_status = now + status_pause;
@@ -116,11 +116,11 @@ class UsbTdc::Worker {
     keep(bytes, ends ? usb::kept_end : 0);
     std::vector<Tag> tags;
     const bool gap = records_.feed(bytes, ends, tags);
-    // Junk is no sign of life.
-    if (bytes.empty() || !tags.empty()) heard_ = now;
+    // Junk is no heartbeat.
+    if (bytes.empty() || !tags.empty()) last_heartbeat_ = now;
     if (tags.empty()) return;
     last_failure_.clear();
-    backoff_.alive(heard_);
+    backoff_.alive(last_heartbeat_);
     if (shared_->queued_tags + tags.size() > max_queued_tags) {
       dropped_tags_ += tags.size();
       dropped_since_ += tags.size();
@@ -132,7 +132,7 @@ class UsbTdc::Worker {
 
   void hand_over(std::vector<Tag> tags, bool gap) {
     shared_->queued_tags += tags.size();
-    shared_->post([shared = shared_, received = heard_, tags = std::move(tags), gap,
+    shared_->post([shared = shared_, received = last_heartbeat_, tags = std::move(tags), gap,
                    dropped = std::exchange(dropped_since_, 0)](SampleSink& sink) {
       shared->queued_tags -= tags.size();
       sink.on_tags({.received = received,
@@ -151,12 +151,12 @@ class UsbTdc::Worker {
     shared_->connections = connections_;
   }
 
-  void tell(DeviceState state) {
+  void report(DeviceState state) {
     if (std::exchange(state_, state) == state) return;
     shared_->post(
         [state, info = info_](SampleSink& sink) { sink.on_state(Sensor::spd, state, info); });
   }
-  void tell(Severity severity, const std::string& text) {
+  void report(Severity severity, const std::string& text) {
     shared_->post(
         [severity, text](SampleSink& sink) { sink.on_event(Sensor::spd, severity, text); });
   }
@@ -172,7 +172,7 @@ class UsbTdc::Worker {
   std::string last_failure_;  // told once, not at every attempt
   usb::RecordReader records_;
   usb::LinkCounts transfers_;
-  HostTime heard_{};
+  HostTime last_heartbeat_{};
   bool had_session_ = false;
   bool gap_since_ = false;           // not yet handed on
   std::uint64_t dropped_since_ = 0;  // the same

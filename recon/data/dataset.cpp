@@ -70,7 +70,7 @@ class Appender {
 
   // Returns what is wrong with the record, or nothing.
   std::string add(const record::FusedRecord& r) {
-    const std::uint32_t valid = r.valid & sensors_;
+    const std::uint32_t valid = r.valid.bits() & sensors_;
     const auto has = [&](Sensor s) { return (valid >> static_cast<unsigned>(s)) & 1u; };
     std::vector<float> spd, radar, depth;
     if (has(Sensor::spd)) spd.assign(r.spd.begin(), r.spd.end());
@@ -151,7 +151,7 @@ void append(Dataset& data, const record::RunReader& run, std::int64_t first, std
         if (!fault.empty()) on_bad(r.index, fault);
         return --left > 0;
       },
-      first, on_bad);
+      first, on_bad, SensorSet::from_bits(sensors & 7u));
   to();
 }
 

@@ -54,8 +54,8 @@ void write_run(const std::string& path, const NpyArray& histograms, const NpyArr
     const auto profile = std::span(histograms.values).subspan(i * bins, bins);
     r.radar.assign(profile.begin(), profile.end());
     r.depth_mm = to_mm(std::span(maps.values).subspan(i * pixels, pixels));
-    r.set_valid(Sensor::radar);
-    r.set_valid(Sensor::depth);
+    r.valid.insert(Sensor::radar);
+    r.valid.insert(Sensor::depth);
   }
   run.append(records);
   run.close("complete");

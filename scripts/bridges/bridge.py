@@ -18,7 +18,7 @@ HEADER_BYTES, MAX_PAYLOAD_BYTES = 32, 16 << 20
 USAGE, NO_DEVICE = 2, 4  # exit codes, as of the echofuse programs
 
 QUEUE_BYTES = 64 << 20   # what waits for a slow client; more is dropped and counted
-HELLO_PAUSE_S = 0.5      # the protocol asks for a sign of life at least every second
+HELLO_PAUSE_S = 0.5      # the protocol asks for a heartbeat at least every second
 FAREWELL_S = 2.0         # for the rest of the queue when the bridge ends
 DEAD_CLIENT_MS = 10_000  # a peer that acknowledges nothing for so long is gone
 LONGEST_RETRY_S = 2.0

@@ -35,9 +35,9 @@ record::FusedRecord blank_record(std::int64_t index, std::string label) {
   r.slot_end = from_seconds(static_cast<double>(index + 1) * dataset_window_s);
   r.slot_utc = r.slot_start;
   r.label = std::move(label);
-  for (const auto sensor : {Sensor::spd, Sensor::radar, Sensor::depth}) {
-    r.set_valid(sensor);
-    auto& sync = r.sync[static_cast<std::size_t>(sensor)];
+  for (const auto sensor : all_sensors) {
+    r.valid.insert(sensor);
+    auto& sync = r.sync[sensor];
     sync.used = 1;
     sync.verdict = "ok";
   }
@@ -52,7 +52,7 @@ void count_clicks(record::FusedRecord& r, std::int64_t pulses) {
   r.spd_counts.tags = clicks + r.spd_counts.starts;
   if (pulses > 0)
     r.signal.clicks_a_pulse = static_cast<double>(clicks) / static_cast<double>(pulses);
-  r.sync[static_cast<std::size_t>(Sensor::spd)].used = clicks;
+  r.sync[Sensor::spd].used = clicks;
 }
 
 // Records first..last-1. Which thread makes which record does not matter to its content.

@@ -50,7 +50,7 @@ double TagStream::time_of(std::int64_t pulse) const {
 void TagStream::look(double time_s) {
   const Shown& shown = stage_.at(time_s);
   if (shown.index == seen_) return;
-  source_.look_at(shown.spd);
+  source_.inspect_holder(shown.spd);
   seen_ = shown.index;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/calibration.hpp"
 
+#include "drivers/radar/firmware_bias.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -60,12 +61,13 @@ TEST_CASE("calibration files that cannot be are refused with their place") {
 }
 
 TEST_CASE("the radar's own calibration line") {
-  const auto bias = read_firmware_bias("compRangeBiasAndRxChanPhase 0.0512345 1.0 0.0 -0.5 0.25");
+  const auto bias =
+      radar::parse_firmware_bias("compRangeBiasAndRxChanPhase 0.0512345 1.0 0.0 -0.5 0.25");
   REQUIRE(bias);
   CHECK(bias->range_bias_m == 0.0512345);
   CHECK(bias->re_im == std::vector<double>{1, 0, -0.5, 0.25});
-  CHECK_FALSE(read_firmware_bias("compRangeBiasAndRxChanPhase 0.05 1.0"));
-  CHECK_FALSE(read_firmware_bias("compRangeBiasAndRxChanPhase"));
-  CHECK_FALSE(read_firmware_bias("compRangeBiasAndRxChanPhase 0.05 1.0 x"));
-  CHECK_FALSE(read_firmware_bias("sensorStart 0"));
+  CHECK_FALSE(radar::parse_firmware_bias("compRangeBiasAndRxChanPhase 0.05 1.0"));
+  CHECK_FALSE(radar::parse_firmware_bias("compRangeBiasAndRxChanPhase"));
+  CHECK_FALSE(radar::parse_firmware_bias("compRangeBiasAndRxChanPhase 0.05 1.0 x"));
+  CHECK_FALSE(radar::parse_firmware_bias("sensorStart 0"));
 }

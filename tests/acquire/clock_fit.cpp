@@ -213,7 +213,7 @@ TEST_CASE("the last event of a block is the one whose delay counts") {
     const std::int64_t ps = 5'000'000'000 * i;  // blocks of 5 ms
     const std::vector<Tag> tags = {
         {.channel = 1, .time_ps = ps}, {.channel = 2, .time_ps = ps + 4'000'000'000}, no_event};
-    clocks.hear(TagBlock{.received = host(0.005 * i + 0.0045), .tags = tags});
+    clocks.observe(TagBlock{.received = host(0.005 * i + 0.0045), .tags = tags});
   }
   REQUIRE(clocks[Sensor::spd].sound());
   const auto taken = clocks[Sensor::spd].taken(495'000'000'000, host(1));

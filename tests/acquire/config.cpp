@@ -20,7 +20,7 @@ std::pair<ExitCode, std::string> refusal(const std::string& path,
 TEST_CASE("the shipped configuration loads, with the radar cfg beside it") {
   const Config config =
       load_config(echofuse::test::source_dir + "/config/lab.toml", {"run.window_s=0.5"});
-  CHECK(config.configured() == 7);
+  CHECK(config.configured() == SensorSet::from_bits(7));
   CHECK(config.window_s == 0.5);
   CHECK(config.histogram.bins == 336);
   CHECK(has(config.radar.cfg_text, "sensorStart"));
@@ -34,7 +34,7 @@ TEST_CASE("what was resolved loads again") {
              "[depth]\naddress = \"openni:\"\n[tdc]\nclick_channel = 7\nstart_delay_ps = 5\n"
              "click_delay_ps = -6\ndead_time_ps = 22000\n");
   const Config once = load_config(folder / "a.toml");
-  CHECK(once.configured() == 4);
+  CHECK(once.configured() == SensorSet::from_bits(4));
   write_file(folder / "b.toml", once.resolved);
   const Config twice = load_config(folder / "b.toml");
   CHECK(twice.resolved == once.resolved);
@@ -110,7 +110,7 @@ TEST_CASE("what one key alone cannot show") {
   }
   SECTION("a sensor that is required, but has no address") {
     write_file(path, "[depth]\naddress = \"openni:\"\npolicy = \"required\"\n");
-    CHECK(load_config(path).required() == 4);
+    CHECK(load_config(path).required() == SensorSet::from_bits(4));
     CHECK(has(
         refusal(path, {"radar.policy=required"}).second,
         "--set radar.policy=required: a required sensor needs its address, radar.cli is empty"));

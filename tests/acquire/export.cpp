@@ -23,7 +23,7 @@ TEST_CASE("what is exported to HDF5 is the run") {
     run.put_device({Sensor::spd, "bridge:tcp://h:1", "TT", "42", "1.0", {}});
     for (std::int64_t i = 0; i < 20; ++i) {
       auto r = small_record(i);
-      if (i == 7) r.valid = 0;
+      if (i == 7) r.valid = SensorSet::from_bits(0);
       if (i == 9) r.radar[1] = std::nanf("");
       run.append(r);
     }
@@ -93,9 +93,9 @@ void write_full_run(const std::string& path) {
     r.spd_counts.overflows = 2;
     if (i > 0) r.radar_stats = RadarStats{1, 2, 3, 4, 5, 6};
     if (i == 1) r.radar_temperature = RadarTemperature{0, 9, {-1, 2, 3, 4, 5, 6, 7, 8, 9, 10}};
-    if (i == 2) r.missing = 1, r.valid = 6;
-    if (i > 0) r.clocks[1] = ClockState{0.5, -3.25, 1e-6, 40};
-    if (i == 1) r.books.radar_last = 77;
+    if (i == 2) r.missing = SensorSet::from_bits(1), r.valid = SensorSet::from_bits(6);
+    if (i > 0) r.clocks[Sensor::radar] = ClockState{0.5, -3.25, 1e-6, 40};
+    if (i == 1) r.statistics.radar_last = 77;
     if (i == 1) r.signal = {0.01, 900, 3.5, 22.0, 3.25, 0.5};
     run.append(r);
   }

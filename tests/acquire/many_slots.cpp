@@ -4,6 +4,7 @@
 // is held against when it was really taken.
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <numeric>
 
 #include "acquire/window.hpp"
 #include "drivers/core/random.hpp"
@@ -70,7 +71,7 @@ class Device {
 struct Laboratory {
   Device devices[3] = {{0.02, 1e-12, 1}, {0.05, 5e-9, 2}, {0.06, 1e-6, 3}};
   SensorClocks clocks;
-  Windows windows{grid, {.first_bin_ps = 0, .bins = 1}, clocks, 7};
+  Windows windows{grid, {.first_bin_ps = 0, .bins = 1}, clocks, SensorSet::from_bits(7)};
   Scheduler scheduler{grid, slots};
   std::vector<record::FusedRecord> records;
   struct Shot {
@@ -78,7 +79,7 @@ struct Laboratory {
     bool settled;
   };
   std::vector<Shot> shots;  // of the camera, by frame number
-  std::array<std::uint64_t, 3> sent{}, lost{}, reconnections{}, settled{};
+  PerSensor<std::uint64_t> sent{}, lost{}, reconnections{}, settled{};
   HostTime worst_error{};
   std::uint32_t number = 0;
 
@@ -114,7 +115,7 @@ struct Laboratory {
     const Device& device = devices[i];
     const auto sensor = static_cast<Sensor>(i);
     if (device.reconnected()) {
-      ++reconnections[i];
+      ++reconnections[sensor];
       clocks.reset(sensor);
       if (i == 0) windows.tag_gap();
     }
@@ -124,11 +125,11 @@ struct Laboratory {
     const HostTime error =
         abs(clocks[sensor].taken(device.ticks(), device.received()) - device.taken());
     if (device.settled() && clocks[sensor].sound()) {
-      ++settled[i];
+      ++settled[sensor];
       worst_error = std::max(worst_error, error);
     }
     // What is lost before the run is not its loss.
-    if (device.taken() >= grid.first + 1s) lost[i] += lost_before;
+    if (device.taken() >= grid.first + 1s) lost[sensor] += lost_before;
   }
 
   // Four tags of the 20 ms before.
@@ -139,9 +140,9 @@ struct Laboratory {
                  .time_ps = static_cast<std::int64_t>(device.ticks()) -
                             static_cast<std::int64_t>(3 - i) * 5'000'000'000};
     const TagBlock block{.received = device.received(), .tags = tags, .lost_blocks = lost_before};
-    clocks.hear(block);
+    clocks.observe(block);
     windows.add(block);
-    sent[0] += 4;
+    sent[Sensor::spd] += 4;
   }
   void put_radar(const Device& device, std::uint32_t lost_before) {
     RadarFrame frame;
@@ -150,9 +151,9 @@ struct Laboratory {
     frame.time_cpu_cycles = static_cast<std::uint32_t>(device.ticks());
     frame.lost_before = lost_before;
     frame.range_profile = {100};
-    clocks.hear(frame);
+    clocks.observe(frame);
     windows.add(frame);
-    ++sent[1];
+    ++sent[Sensor::radar];
   }
   void put_depth(const Device& device, std::uint32_t lost_before) {
     DepthFrame frame;
@@ -165,9 +166,9 @@ struct Laboratory {
     frame.depth_mm = {static_cast<std::uint16_t>(frame.frame_index),
                       static_cast<std::uint16_t>(frame.frame_index >> 16)};
     shots.push_back({device.taken(), device.settled()});
-    clocks.hear(frame);
+    clocks.observe(frame);
     windows.add(std::move(frame));
-    ++sent[2];
+    ++sent[Sensor::depth];
   }
 };
 
@@ -177,7 +178,8 @@ TEST_CASE("100 000 slots: no drift, no row missing, every sample accounted for a
   Laboratory lab;
   lab.run();
   REQUIRE(lab.records.size() == slots);
-  std::uint64_t tags = 0, radar = 0, lost[3] = {}, valid[3] = {}, misplaced = 0, depth = 0;
+  std::uint64_t tags = 0, radar = 0, misplaced = 0, depth = 0;
+  PerSensor<std::uint64_t> lost{}, valid{};
   for (std::int64_t k = 0; k < slots; ++k) {
     const auto& r = lab.records[static_cast<std::size_t>(k)];
     REQUIRE((r.index == k && r.slot_start == grid.first + k * grid.length &&
@@ -185,10 +187,10 @@ TEST_CASE("100 000 slots: no drift, no row missing, every sample accounted for a
     const auto& c = r.spd_counts;
     REQUIRE(c.starts + c.in_range + c.out_of_range + c.without_start + c.other == c.tags);
     tags += c.tags;
-    radar += r.sync[1].used;
-    for (std::size_t s = 0; s < 3; ++s) {
+    radar += r.sync[Sensor::radar].used;
+    for (const Sensor s : all_sensors) {
       lost[s] += r.sync[s].lost;
-      valid[s] += r.has(static_cast<Sensor>(s));
+      valid[s] += r.has(s);
     }
     if (!r.has(Sensor::depth)) continue;
     const auto shot = lab.shots.at(r.depth_mm[0] + 65536u * r.depth_mm[1]);
@@ -196,11 +198,15 @@ TEST_CASE("100 000 slots: no drift, no row missing, every sample accounted for a
     ++depth;
     misplaced += shot.taken < r.slot_start - 5ms || shot.taken > r.slot_end + 5ms;
   }
-  const Strays& strays = lab.windows.strays();
-  CHECK(tags + strays.early[0] + strays.late[0] + strays.outside[0] == lab.sent[0]);
-  CHECK(radar + strays.early[1] + strays.late[1] + strays.outside[1] == lab.sent[1]);
-  for (std::size_t s = 0; s < 3; ++s) {
-    CHECK(strays.duplicate[s] + strays.out_of_order[s] == 0);
+  const UnassignedSamples& unassigned = lab.windows.unassigned();
+  CHECK(tags + unassigned.early[Sensor::spd] + unassigned.late[Sensor::spd] +
+            unassigned.outside[Sensor::spd] ==
+        lab.sent[Sensor::spd]);
+  CHECK(radar + unassigned.early[Sensor::radar] + unassigned.late[Sensor::radar] +
+            unassigned.outside[Sensor::radar] ==
+        lab.sent[Sensor::radar]);
+  for (const Sensor s : all_sensors) {
+    CHECK(unassigned.duplicate[s] + unassigned.out_of_order[s] == 0);
     CHECK(lab.reconnections[s] > 5);
     CHECK(lab.settled[s] > lab.sent[s] / 10);
     CHECK(std::abs(static_cast<double>(lost[s]) - static_cast<double>(lab.lost[s])) <= 2);
@@ -208,24 +214,27 @@ TEST_CASE("100 000 slots: no drift, no row missing, every sample accounted for a
     CHECK(valid[s] > slots * 8 / 10);
   }
   INFO("worst error " << 1e3 * seconds(lab.worst_error) << " ms, " << misplaced << " of " << depth
-                      << " depth frames misplaced, late " << strays.late[0] << " tags, "
-                      << strays.late[1] << " + " << strays.late[2] << " frames of " << lab.sent[0]
-                      << ", " << lab.sent[1] << " + " << lab.sent[2]);
+                      << " depth frames misplaced, late " << unassigned.late[Sensor::spd]
+                      << " tags, " << unassigned.late[Sensor::radar] << " + "
+                      << unassigned.late[Sensor::depth] << " frames of " << lab.sent[Sensor::spd]
+                      << ", " << lab.sent[Sensor::radar] << " + " << lab.sent[Sensor::depth]);
   CHECK(lab.worst_error < 5ms);
   CHECK(misplaced == 0);
   CHECK(depth > slots * 8 / 10);
-  CHECK(strays.late[0] < lab.sent[0] / 50);  // delayed by more than half a second
+  CHECK(unassigned.late[Sensor::spd] <
+        lab.sent[Sensor::spd] / 50);  // delayed by more than half a second
 }
 
-TEST_CASE("whatever the times of tags say, each is counted once") {
+TEST_CASE("whatever the times of tags say, and however the program stalls, each is counted once") {
   SensorClocks clocks;
-  Windows windows(grid, {.first_bin_ps = 0, .bins = 4}, clocks, 1);
-  Scheduler scheduler(grid, 200);
+  Windows windows(grid, {.first_bin_ps = 0, .bins = 4}, clocks, {Sensor::spd});
+  Scheduler scheduler(grid, 2000);
   Rng rng = make_rng(11, 0);
-  std::uint64_t sent = 0, counted = 0;
+  std::uint64_t sent = 0, counted = 0, stalled = 0;
+  std::int64_t closed = 0;
   HostTime now = grid.first - 5s;
   while (!scheduler.done()) {
-    now += std::chrono::milliseconds(rng() % 40);
+    now += std::chrono::milliseconds(rng() % 500 == 0 ? rng() % 3000 : rng() % 40);
     const std::int64_t time = (now - grid.first).count() * 1000;
     std::vector<Tag> tags(rng() % 300);
     for (std::size_t i = 0; i < tags.size(); ++i) {
@@ -238,16 +247,27 @@ TEST_CASE("whatever the times of tags say, each is counted once") {
       if (rng() % 50 == 0) tag.type = static_cast<TagType>(rng() % 7);
     }
     const TagBlock block{.received = now, .tags = tags};
-    clocks.hear(block);
+    clocks.observe(block);
     windows.add(block);
     sent += tags.size();
-    for (const DueSlot& due : scheduler.tick(now)) counted += windows.close(due).spd_counts.tags;
+    for (const DueSlot& due : scheduler.tick(now)) {
+      const record::FusedRecord r = windows.close(due);
+      counted += r.spd_counts.tags;
+      stalled += due.stalled;
+      REQUIRE(r.index == closed++);
+      REQUIRE(std::abs(r.sync[Sensor::spd].offset_s) <= 0.05);
+      if (r.has(Sensor::spd))
+        REQUIRE(std::accumulate(r.spd.begin(), r.spd.end(), 0u) == r.spd_counts.in_range);
+    }
   }
   windows.finish();
   CHECK(clocks[Sensor::spd].state(now));
   CHECK(clocks[Sensor::spd].rejected() > 10);
   CHECK(counted > sent / 2);
-  CHECK(windows.strays().late[0] > 0);
-  const Strays& strays = windows.strays();
-  CHECK(counted + strays.early[0] + strays.late[0] + strays.outside[0] == sent);
+  CHECK(stalled > 10);
+  CHECK(windows.unassigned().late[Sensor::spd] > 0);
+  const UnassignedSamples& unassigned = windows.unassigned();
+  CHECK(counted + unassigned.early[Sensor::spd] + unassigned.late[Sensor::spd] +
+            unassigned.outside[Sensor::spd] ==
+        sent);
 }

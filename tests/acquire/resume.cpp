@@ -3,8 +3,8 @@
 
 #include <sqlite3.h>
 
+#include "acquire/disk_estimate.hpp"
 #include "acquire/info.hpp"
-#include "acquire/room.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -101,12 +101,14 @@ TEST_CASE("a device with another axis does not continue a run") {
 
 TEST_CASE("whether a run fits the disk") {
   const auto bytes = record_bytes(small_axes());
-  CHECK(bytes == 1000 + 4 * 8 + 4 * 4 + 2 * 3 * 2);
-  CHECK(room_warning(1000, 1000, 3, 6'000'000).empty());
-  CHECK(has(room_warning(1000, 1000, 3, 5'000'000),
-            "1000 records need up to 5.2 MB, free are 5.0 MB"));
-  CHECK(room_warning(1000, std::nullopt, 3, 30'000'000).empty());
-  CHECK(has(room_warning(1000, std::nullopt, 3, 12'000'000), "after about 10.0 hours"));
+  CHECK(bytes == 4 * 8 + 4 * 4 + 2 * 3 * 2);
+  // 100 kB each, and 17 MB for any run.
+  PlannedRun plan{.record_bytes = 97'952, .window_s = 3, .count = 1000};
+  CHECK(disk_warning(plan, 117e6).empty());
+  CHECK(has(disk_warning(plan, 116e6), "1000 records need up to 117 MB, 116 MB are free"));
+  plan.count.reset();
+  CHECK(disk_warning(plan, 3e9).empty());
+  CHECK(has(disk_warning(plan, 1.217e9), "after about 10 h"));
 }
 
 TEST_CASE("each part of a resumed run has its own counters, an older run is one part") {

@@ -53,7 +53,7 @@ void check_same(const FusedRecord& a, const FusedRecord& b) {
   CHECK(a.spd_counts.tags == b.spd_counts.tags);
   CHECK(a.spd_counts.in_range == b.spd_counts.in_range);
   CHECK(a.spd_counts.lost == b.spd_counts.lost);
-  for (std::size_t s = 0; s < sensor_count; ++s) {
+  for (const Sensor s : all_sensors) {
     CHECK(a.sync[s].offset_s == b.sync[s].offset_s);
     CHECK(a.sync[s].span_s == b.sync[s].span_s);
     CHECK(a.sync[s].used == b.sync[s].used);
@@ -99,7 +99,7 @@ TEST_CASE("what is written is read, while writing and after closing") {
                   .axes = {}});
   run.put_event(UtcTime(0), Severity::warning, "radar", "no frames");
   auto second = small_record(1);
-  second.valid = 5;
+  second.valid = SensorSet::from_bits(5);
   run.append(small_record(0));
   run.append(second);
   {

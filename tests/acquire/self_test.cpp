@@ -146,8 +146,8 @@ TEST_CASE("a complaint is kept once, at any time, information is none") {
   capture.on_event(Sensor::radar, Severity::warning, "swapped?");
   capture.on_event(Sensor::radar, Severity::warning, "swapped?");
   capture.on_event(Sensor::radar, Severity::info, "started");
-  CHECK(capture.complaints[1] == std::vector<std::string>{"swapped?"});
-  CHECK(capture.complaints[0].empty());
+  CHECK(capture.complaints[Sensor::radar] == std::vector<std::string>{"swapped?"});
+  CHECK(capture.complaints[Sensor::spd].empty());
 }
 
 TEST_CASE("a record's size comes from the frames, or from the configuration without any") {
@@ -175,17 +175,17 @@ TEST_CASE("a disk is fast enough, barely, or not") {
   CHECK(judge_speed({1, 10, 10, 1000}, {.folder = "/d"}).grade == Grade::ok);  // for no run
 }
 
-TEST_CASE("a disk has room for the planned run, or for hours, or not") {
+TEST_CASE("a disk has space for the planned run, or for hours, or not") {
   PlannedRun plan{.folder = "/d", .record_bytes = 1e6, .window_s = 3, .count = 4000};
-  CHECK(judge_room(5e9, plan).grade == Grade::ok);
-  const Finding full = judge_room(3.9e9, plan);
+  CHECK(judge_space(5e9, plan).grade == Grade::ok);
+  const Finding full = judge_space(3.9e9, plan);
   CHECK(full.grade == Grade::problem);
   CHECK(full.failure == ExitCode::disk);
   CHECK(has(full.found, "4000 records of 1.0 MB each take 4.0 GB"));
   plan.count.reset();
-  CHECK(judge_room(3.9e9, plan).grade == Grade::ok);
-  CHECK(has(judge_room(3.9e9, plan).found, "enough for 3 h"));
-  CHECK(judge_room(0.5e9, plan).grade == Grade::warning);
+  CHECK(judge_space(3.9e9, plan).grade == Grade::ok);
+  CHECK(has(judge_space(3.9e9, plan).found, "enough for 3 h"));
+  CHECK(judge_space(0.5e9, plan).grade == Grade::warning);
 }
 
 TEST_CASE("a real folder is measured and left as it was, one that is not there is a problem") {

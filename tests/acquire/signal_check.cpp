@@ -50,7 +50,7 @@ class Laboratory {
   record::FusedRecord record() {
     record::FusedRecord r;
     r.index = next_++;
-    r.valid = 7;
+    r.valid = SensorSet::from_bits(7);
     for (auto& sync : r.sync) sync.verdict = "ok", sync.used = 60;
     for (std::size_t i = 0; i < 336; ++i) {
       const double off = (static_cast<double>(i) - 100) / 10;
@@ -78,7 +78,8 @@ class Laboratory {
 
 std::array<std::string, 3> verdicts(SignalCheck& check, record::FusedRecord r) {
   check.judge(r, axes());
-  return {r.sync[0].verdict, r.sync[1].verdict, r.sync[2].verdict};
+  return {r.sync[Sensor::spd].verdict, r.sync[Sensor::radar].verdict,
+          r.sync[Sensor::depth].verdict};
 }
 using Verdicts = std::array<std::string, 3>;
 const Verdicts all_ok{"ok", "ok", "ok"};
@@ -93,7 +94,7 @@ TEST_CASE("a good record is ok, and what was measured stands in it") {
     r.signal.clicks_a_pulse = 0.03;
     check.judge(r, axes());
     for (const auto& sync : r.sync) CHECK(sync.verdict == "ok");
-    CHECK(r.valid == 7);
+    CHECK(r.valid == SensorSet::from_bits(7));
     CHECK(*r.signal.spd_clicks == Approx(1e5).epsilon(0.02));
     CHECK(*r.signal.spd_peak_m == Approx((13343 + 100 * 100.5) / ps_per_m).margin(0.1));
     CHECK(*r.signal.radar_snr_db == Approx(20).margin(1));
@@ -156,7 +157,7 @@ TEST_CASE("more than one click in 20 pulses is saturated, and so is a lobe witho
   auto v = verdicts(check, r);
   CHECK(v[0] == "saturated: 0.06 clicks a laser pulse, 0.05 wanted at most");
   CHECK(v[1] == "saturated: the lobe at 3.25 m is cut off");
-  r.sync[1].used = 1;  // of a single frame, two bins may well have one code
+  r.sync[Sensor::radar].used = 1;  // of a single frame, two bins may well have one code
   SignalCheck fresh({}, 3);
   CHECK(verdicts(fresh, r)[1] == "ok");
   SignalLimits off;
@@ -177,7 +178,7 @@ TEST_CASE("what repeats to the last bit stands still") {
   auto gone = lab.record();
   const auto kept = gone;
   CHECK(verdicts(check, gone) == all_ok);
-  gone.valid = 0;
+  gone.valid = SensorSet::from_bits(0);
   for (auto& sync : gone.sync) sync.verdict = "no frames";
   CHECK(verdicts(check, gone) == Verdicts{"no frames", "no frames", "no frames"});
   CHECK_THAT(verdicts(check, kept)[2], StartsWith("stands still: "));
@@ -192,10 +193,10 @@ TEST_CASE("what repeats to the last bit stands still") {
 
 TEST_CASE("a change is told by the verdict's kind, not by its figures") {
   record::FusedRecord r;
-  r.valid = 5;
-  r.sync[0].verdict = "weak: 98 clicks";
-  r.sync[1].verdict = "no frames";
-  r.sync[2].verdict = "ok";
+  r.valid = SensorSet::from_bits(5);
+  r.sync[Sensor::spd].verdict = "weak: 98 clicks";
+  r.sync[Sensor::radar].verdict = "no frames";
+  r.sync[Sensor::depth].verdict = "ok";
   CHECK(kind_of(r, Sensor::spd) == "weak");
   CHECK(kind_of(r, Sensor::radar) == "missing");
   CHECK(kind_of(r, Sensor::depth) == "ok");

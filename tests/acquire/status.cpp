@@ -13,8 +13,8 @@ struct Moment {
     before.tags = 1000;
     now.records = 7;
     now.written = 6;
-    now.valid = 5;
-    now.doubtful = 3;
+    now.valid = SensorSet::from_bits(5);
+    now.doubtful = SensorSet::from_bits(3);
     now.trouble = "spd weak";
     now.tags = 2'401'000;
     now.radar_frames = 40;
@@ -38,10 +38,11 @@ struct Moment {
 TEST_CASE("the status line tells all that is known, in one order") {
   Moment m;
   CHECK(m.line(std::nullopt) ==
-        "record 7/20  s-D  spd weak  0:21, 1:02:41 left  1.20 Mtag/s  peak 3.46 m  radar 20.0 fps "
+        "record 7/20  s-D  spd weak  0:21, remaining 1:02:41  1.20 Mtag/s  peak 3.46 m  radar 20.0 "
+        "fps "
         "21 dB  depth 29.5 fps  lost S 12 D 3  person  12 GB free  on disk 6");
   m.now = {};
-  m.now.valid = 7;
+  m.now.valid = SensorSet::from_bits(7);
   m.times = {};
   CHECK(m.line(std::nullopt) ==
         "record 0  SRD  0:00  0.0 ktag/s  radar 0.0 fps  depth 0.0 fps  lost 0  on disk 0");
@@ -51,7 +52,8 @@ TEST_CASE("the status line tells all that is known, in one order") {
 
 TEST_CASE("a narrow status line leaves out what matters least, and is never too long") {
   Moment m;
-  CHECK(m.line(79) == "record 7/20  s-D  spd weak  0:21, 1:02:41 left  1.20 Mtag/s  lost S 12 D 3");
+  CHECK(m.line(79) ==
+        "record 7/20  s-D  spd weak  0:21, remaining 1:02:41  1.20 Mtag/s  lost S 12 D 3");
   for (std::size_t columns = 16; columns < 200; ++columns) {
     const std::string line = m.line(columns);
     CHECK(line.size() <= columns);
@@ -64,36 +66,37 @@ TEST_CASE("a narrow status line leaves out what matters least, and is never too 
 TEST_CASE("a sensor that gets bad is told once, and counted in every record") {
   RunTotals totals;
   std::string heard;
-  const auto take = [&](std::uint32_t valid, const char* spd, std::uint32_t configured = 5) {
+  const auto take = [&](SensorSet valid, const char* spd,
+                        SensorSet configured = SensorSet::from_bits(5)) {
     record::FusedRecord r;
     r.valid = valid;
-    r.sync[0].verdict = spd;
-    r.sync[2].verdict = "ok";
-    r.sync[2].lost = 2;
+    r.sync[Sensor::spd].verdict = spd;
+    r.sync[Sensor::depth].verdict = "ok";
+    r.sync[Sensor::depth].lost = 2;
     totals.take(r, configured, [&](Sensor s, Severity severity) {
       heard += name_of(s) + std::string(severity == Severity::info ? " ok;" : " bad;");
     });
   };
-  take(5, "ok");
-  CHECK((heard.empty() && totals.doubtful == 0 && totals.trouble.empty()));
-  take(5, "weak: 98 clicks");
-  take(5, "weak: 95 clicks");
+  take(SensorSet::from_bits(5), "ok");
+  CHECK((heard.empty() && totals.doubtful.empty() && totals.trouble.empty()));
+  take(SensorSet::from_bits(5), "weak: 98 clicks");
+  take(SensorSet::from_bits(5), "weak: 95 clicks");
   CHECK(heard == "spd bad;");
-  CHECK((totals.doubtful == 1 && totals.trouble == "spd weak"));
-  take(4, "no tags");
+  CHECK((totals.doubtful == SensorSet{Sensor::spd} && totals.trouble == "spd weak"));
+  take(SensorSet::from_bits(4), "no tags");
   CHECK(heard == "spd bad;spd bad;");
   CHECK(totals.trouble == "spd missing");
-  take(5, "ok");
+  take(SensorSet::from_bits(5), "ok");
   CHECK(heard == "spd bad;spd bad;spd ok;");
-  CHECK((totals.records == 5 && totals.not_ok == 3 && totals.lost[2] == 10));
-  take(4, "not configured", 4);
+  CHECK((totals.records == 5 && totals.not_ok == 3 && totals.lost[Sensor::depth] == 10));
+  take(SensorSet::from_bits(4), "not configured", SensorSet::from_bits(4));
   CHECK(totals.not_ok == 3);
 }
 
 TEST_CASE("a bad sensor is red where there are colours, which take no columns") {
   Moment m;
   CHECK(m.line(26, true) == "record 7/20  \033[31ms-D\033[0m  \033[31mspd weak\033[0m");
-  m.now.doubtful = 0, m.now.valid = 7, m.now.trouble.clear();
+  m.now.doubtful = {}, m.now.valid = SensorSet::from_bits(7), m.now.trouble.clear();
   CHECK(m.line(79, true) == m.line(79));
 }
 

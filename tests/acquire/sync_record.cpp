@@ -20,7 +20,7 @@ void write(const std::string& path) {
   run.put_policy(Sensor::depth, "optional");
   for (std::int64_t i = 0; i < 3; ++i) {
     FusedRecord r = small_record(i);
-    if (i == 1) r.missing = 5;
+    if (i == 1) r.missing = SensorSet::from_bits(5);
     if (i == 1)
       r.signal = {.clicks_a_pulse = 0.02,
                   .spd_clicks = 1234,
@@ -28,9 +28,10 @@ void write(const std::string& path) {
                   .radar_snr_db = 20.5,
                   .radar_peak_m = 3.25,
                   .depth_share = 0};
-    if (i == 2) r.sync[0].verdict = "weak: 98 clicks";
-    if (i > 0) r.clocks[0] = ClockState{1.5, -3, 1e-4, static_cast<std::uint64_t>(100 + i)};
-    if (i == 1) r.clocks[2] = ClockState{-7, 20, 2e-3, 64};
+    if (i == 2) r.sync[Sensor::spd].verdict = "weak: 98 clicks";
+    if (i > 0)
+      r.clocks[Sensor::spd] = ClockState{1.5, -3, 1e-4, static_cast<std::uint64_t>(100 + i)};
+    if (i == 1) r.clocks[Sensor::depth] = ClockState{-7, 20, 2e-3, 64};
     run.append(r);
   }
   run.close("complete");
@@ -105,8 +106,8 @@ TEST_CASE("what was measured of the signals is kept, and verdicts are counted by
   CHECK_FALSE(RunReader(path).read(0).signal.clicks_a_pulse);
   CHECK(RunReader(path).read(1).signal.clicks_a_pulse == 0.02);
   const auto verdicts = RunReader(path).summary().verdicts;
-  CHECK(verdicts[0] == std::map<std::string, std::int64_t>{{"ok", 2}, {"weak", 1}});
-  CHECK(verdicts[1] == std::map<std::string, std::int64_t>{{"ok", 3}});
+  CHECK(verdicts[Sensor::spd] == std::map<std::string, std::int64_t>{{"ok", 2}, {"weak", 1}});
+  CHECK(verdicts[Sensor::radar] == std::map<std::string, std::int64_t>{{"ok", 3}});
   // A run of before.
   Database db(path);
   REQUIRE(sqlite3_exec(db.db, "DROP TABLE signal", nullptr, nullptr, nullptr) == SQLITE_OK);

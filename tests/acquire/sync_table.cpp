@@ -105,9 +105,9 @@ class Bench {
          {{"depth_x", "tangent", "1", 1, 0, 1, 1}, {"depth_y", "tangent", "1", 1, 0, 1, 1}}});
     for (double t = 79; t < 99; t += 0.05) {
       const Tag tag{.channel = 1, .time_ps = static_cast<std::int64_t>(tagger.at(t))};
-      clocks.hear(TagBlock{.received = host(t), .tags = {&tag, 1}});
-      clocks.hear(radar(t, t, 0));
-      clocks.hear(depth(t, t, 0));
+      clocks.observe(TagBlock{.received = host(t), .tags = {&tag, 1}});
+      clocks.observe(radar(t, t, 0));
+      clocks.observe(depth(t, t, 0));
     }
     now = grid.first - 10ms;
   }
@@ -122,10 +122,10 @@ class Bench {
       for (const double t : e.taken)
         tags.push_back({.channel = 1, .time_ps = static_cast<std::int64_t>(tagger.at(t))});
       const TagBlock block{.received = host(e.read), .tags = tags, .lost_items = e.lost};
-      clocks.hear(block);
+      clocks.observe(block);
       windows.add(block);
     } else if (device == "depth") {
-      clocks.hear(depth(e.taken[0], e.read, e.number));
+      clocks.observe(depth(e.taken[0], e.read, e.number));
       windows.add(depth(e.taken[0], e.read, e.number));
     } else {
       if (device == "radar+") {
@@ -134,7 +134,7 @@ class Bench {
       }
       auto frame = radar(e.taken[0], e.read, e.number);
       frame.lost_before = static_cast<std::uint32_t>(e.lost);
-      clocks.hear(frame);
+      clocks.observe(frame);
       windows.add(frame);
     }
     const auto sensor = device == "spd" ? 0u : device == "depth" ? 2u : 1u;
@@ -150,7 +150,8 @@ class Bench {
 
   Device tagger{3, 100e-6, 1e-12}, chirps{-50, -150e-6, 5e-9}, camera{1000, 0, 1e-6};
   SensorClocks clocks;
-  Windows windows{grid, {.first_bin_ps = 0, .bins = 1}, clocks, 7, 2};
+  Windows windows{
+      grid, {.first_bin_ps = 0, .bins = 1}, clocks, SensorSet::from_bits(7), {Sensor::radar}};
   Scheduler scheduler{grid};
   std::vector<record::FusedRecord> records;
   std::map<std::string, std::array<std::uint64_t, 3>> expected;  // by place
@@ -192,25 +193,25 @@ TEST_CASE("every event of the table is in the record that the rules say") {
     const auto& r = bench.records[static_cast<std::size_t>(v.record)];
     CAPTURE(v.record);
     CHECK(r.index == v.record);
-    CHECK(r.sync[0].verdict == v.spd);
-    CHECK(r.sync[1].verdict == v.radar);
-    CHECK(r.sync[2].verdict == v.depth);
-    CHECK(r.missing == v.missing);
+    CHECK(r.sync[Sensor::spd].verdict == v.spd);
+    CHECK(r.sync[Sensor::radar].verdict == v.radar);
+    CHECK(r.sync[Sensor::depth].verdict == v.depth);
+    CHECK(r.missing.bits() == v.missing);
     CHECK(r.spd_counts.tags == bench.expected[std::to_string(v.record)][0]);
-    CHECK(r.sync[1].used == bench.expected[std::to_string(v.record)][1]);
+    CHECK(r.sync[Sensor::radar].used == bench.expected[std::to_string(v.record)][1]);
     CHECK((r.depth_mm.empty() ? 0 : r.depth_mm[0]) == v.depth_mm);
   }
-  const Strays& strays = bench.windows.strays();
-  CHECK(strays.early == bench.expected["early"]);
-  CHECK(strays.outside == bench.expected["outside"]);
-  CHECK(strays.late == bench.expected["late"]);
-  CHECK(bench.windows.take_late() == record::LateCounts{{0, strays.late}});
+  const UnassignedSamples& unassigned = bench.windows.unassigned();
+  CHECK(unassigned.early == bench.expected["early"]);
+  CHECK(unassigned.outside == bench.expected["outside"]);
+  CHECK(unassigned.late == bench.expected["late"]);
+  CHECK(bench.windows.take_late() == record::LateCounts{{0, unassigned.late}});
   CHECK(bench.windows.take_late().empty());
-  CHECK(strays.duplicate == bench.expected["twice"]);
-  CHECK(strays.out_of_order == std::array<std::uint64_t, 3>{0, 2, 0});  // 6 after 7, 1 after 10
+  CHECK(unassigned.duplicate == bench.expected["twice"]);
+  CHECK(unassigned.out_of_order == std::array<std::uint64_t, 3>{0, 2, 0});  // 6 after 7, 1 after 10
   // Losses: with the slot of the sample that tells, or the next one if that is closed.
-  CHECK(bench.records[1].sync[1].lost == 1 + 2);
-  CHECK(bench.records[2].sync[0].lost == 3);
+  CHECK(bench.records[1].sync[Sensor::radar].lost == 1 + 2);
+  CHECK(bench.records[2].sync[Sensor::spd].lost == 3);
 }
 
 TEST_CASE("a record tells how its devices' clocks ran") {
@@ -218,13 +219,13 @@ TEST_CASE("a record tells how its devices' clocks ran") {
   for (const Event& e : events) bench.run(e);
   bench.end();
   const auto& clocks = bench.records[2].clocks;
-  REQUIRE((clocks[0] && clocks[1] && clocks[2]));
-  CHECK(std::abs(clocks[0]->drift_ppm - 100) < 1);
-  CHECK(std::abs(clocks[1]->drift_ppm + 150) < 1);
-  CHECK(std::abs(clocks[2]->drift_ppm) < 1);
-  CHECK(std::abs(clocks[0]->offset_s - (-3 - 102.5 * 100e-6)) < 1e-4);
-  CHECK(std::abs(clocks[2]->offset_s + 1000) < 1e-4);
-  CHECK(bench.records[0].sync[0].span_s == Approx(0.998).margin(1e-5));
-  CHECK(bench.records[0].sync[2].offset_s == Approx(-0.01).margin(1e-5));
-  CHECK_FALSE(bench.records[6].clocks[1]);  // the radar's clock began anew
+  REQUIRE((clocks[Sensor::spd] && clocks[Sensor::radar] && clocks[Sensor::depth]));
+  CHECK(std::abs(clocks[Sensor::spd]->drift_ppm - 100) < 1);
+  CHECK(std::abs(clocks[Sensor::radar]->drift_ppm + 150) < 1);
+  CHECK(std::abs(clocks[Sensor::depth]->drift_ppm) < 1);
+  CHECK(std::abs(clocks[Sensor::spd]->offset_s - (-3 - 102.5 * 100e-6)) < 1e-4);
+  CHECK(std::abs(clocks[Sensor::depth]->offset_s + 1000) < 1e-4);
+  CHECK(bench.records[0].sync[Sensor::spd].span_s == Approx(0.998).margin(1e-5));
+  CHECK(bench.records[0].sync[Sensor::depth].offset_s == Approx(-0.01).margin(1e-5));
+  CHECK_FALSE(bench.records[6].clocks[Sensor::radar]);  // the radar's clock began anew
 }

@@ -92,7 +92,7 @@ inline echofuse::record::FusedRecord small_record(std::int64_t index) {
   r.slot_start = HostTime(1000 * index);
   r.slot_end = HostTime(1000 * (index + 1));
   r.slot_utc = HostTime(1'700'000'000'000'000'000 + 1000 * index);
-  r.valid = 7;
+  r.valid = echofuse::SensorSet::from_bits(7);
   r.label = index % 2 ? "letter:A" : "person";
   for (std::uint32_t b = 0; b < 8; ++b) r.spd.push_back(i * 100 + b);
   for (std::uint32_t b = 0; b < 4; ++b) r.radar.push_back(static_cast<float>(i + b) + 0.25f);
@@ -104,8 +104,10 @@ inline echofuse::record::FusedRecord small_record(std::int64_t index) {
                   .without_start = 15,
                   .other = 5,
                   .lost = 3};
-  for (std::size_t s = 0; s < 3; ++s)
-    r.sync[s] = {0.125 * static_cast<double>(s), 0.5, 60 + i + s, s, "ok"};
+  for (const echofuse::Sensor sensor : echofuse::all_sensors) {
+    const auto s = static_cast<std::size_t>(sensor);
+    r.sync[sensor] = {0.125 * static_cast<double>(s), 0.5, 60 + i + s, s, "ok"};
+  }
   return r;
 }
 

@@ -3,9 +3,7 @@
 
 #include <catch2/catch.hpp>
 #include <cmath>
-#include <numeric>
 
-#include "drivers/core/random.hpp"
 
 using namespace echofuse;
 using namespace echofuse::acquire;
@@ -15,7 +13,7 @@ namespace {
 
 constexpr SlotGrid grid{.first = 10s, .length = 1s};
 constexpr tdc::HistogramSettings tdc_settings{.bin_width_ps = 100, .first_bin_ps = 0, .bins = 50};
-constexpr std::uint32_t everything = 7;
+constexpr SensorSet everything = SensorSet::from_bits(7);
 const SensorClocks no_clocks;  // samples are placed by their receipt
 
 DeviceInfo radar_info(std::uint32_t bins = 4, double antennas = 12) {
@@ -33,7 +31,7 @@ DeviceInfo depth_info(std::uint32_t width = 2, std::uint32_t height = 1) {
   return info;
 }
 
-Windows make_windows(std::uint32_t configured = everything) {
+Windows make_windows(SensorSet configured = everything) {
   Windows windows(grid, tdc_settings, no_clocks, configured);
   windows.announce(radar_info());
   windows.announce(depth_info());
@@ -67,9 +65,7 @@ DepthFrame depth_frame(HostTime received, std::uint32_t index, std::vector<std::
   return frame;
 }
 
-const record::SensorSync& sync(const record::FusedRecord& r, Sensor s) {
-  return r.sync[static_cast<std::size_t>(s)];
-}
+const record::SensorSync& sync(const record::FusedRecord& r, Sensor s) { return r.sync[s]; }
 
 std::uint64_t parts(const record::SpdCounts& c) {
   return c.starts + c.in_range + c.out_of_range + c.without_start + c.other;
@@ -90,7 +86,7 @@ TEST_CASE("one slot with all three sensors") {
   CHECK(r.index == 0);
   CHECK(r.slot_start == 10s);
   CHECK(r.slot_end == 11s);
-  CHECK(r.valid == 7);
+  CHECK(r.valid == SensorSet::from_bits(7));
   std::vector<std::uint32_t> expected(50, 0);
   expected[1] = 2;  // 150 and 199 ps
   expected[2] = 1;
@@ -111,7 +107,7 @@ TEST_CASE("delays, dead time and bad tags reach the record") {
   auto settings = tdc_settings;
   settings.click_delay_ps = 500;
   settings.dead_time_ps = 100;
-  Windows windows(grid, settings, no_clocks, 1);
+  Windows windows(grid, settings, no_clocks, {Sensor::spd});
   Tag unknown = start_at(2);
   unknown.type = static_cast<TagType>(9);
   // Undelayed, the first click would come before its start.
@@ -128,7 +124,7 @@ TEST_CASE("delays, dead time and bad tags reach the record") {
 }
 
 TEST_CASE("the border of slots is exact, and a start survives it") {
-  Windows windows = make_windows(1);
+  Windows windows = make_windows({Sensor::spd});
   feed(windows, 10s, {start_at(0)});
   feed(windows, 11s - 1ns, {start_at(1'000)});
   feed(windows, 11s, {click_at(1'050)});
@@ -140,7 +136,7 @@ TEST_CASE("the border of slots is exact, and a start survives it") {
 }
 
 TEST_CASE("no click refers to a start before a gap") {
-  Windows windows = make_windows(1);
+  Windows windows = make_windows({Sensor::spd});
   feed(windows, 10s, {start_at(0)});
   SECTION("blocks were lost") { feed(windows, 10s + 600ms, {click_at(50)}, 1); }
   SECTION("the connection was lost") {
@@ -153,7 +149,7 @@ TEST_CASE("no click refers to a start before a gap") {
 }
 
 TEST_CASE("a block that comes out of order is no loss, and no click refers across it") {
-  Windows windows = make_windows(1);
+  Windows windows = make_windows({Sensor::spd});
   const auto found = [&](HostTime received, const std::vector<Tag>& tags) {
     windows.add(TagBlock{.received = received, .tags = tags, .found_blocks = 1});
   };
@@ -166,21 +162,21 @@ TEST_CASE("a block that comes out of order is no loss, and no click refers acros
   CHECK(r.spd_counts.in_range == 4);
   CHECK(r.spd_counts.without_start == 2);
   CHECK(r.spd_counts.backwards == 0);
-  CHECK(windows.strays().found == 0);
+  CHECK(windows.unassigned().found == 0);
   feed(windows, 11s, {start_at(0)}, 1);
   windows.close({1, false});
   found(12s, {start_at(1)});  // the record that tells of it is closed
   CHECK(windows.close({2, false}).spd_counts.lost == 0);
-  CHECK(windows.strays().found == 1);
+  CHECK(windows.unassigned().found == 1);
 }
 
 TEST_CASE("radar frames are averaged in linear power") {
-  Windows windows = make_windows(2);
+  Windows windows = make_windows({Sensor::radar});
   const std::vector<std::vector<std::uint16_t>> frames = {
       {0, 100, 700, 2000}, {60, 100, 300, 1000}, {30, 100, 500, 0}};
   for (std::uint32_t i = 0; i < 3; ++i) windows.add(radar_frame(10s + i * 100ms, 7 + i, frames[i]));
   const auto r = windows.close({0, false});
-  REQUIRE(r.valid == 2);
+  REQUIRE(r.valid == SensorSet::from_bits(2));
   // power = 2^(2 * code/256 * 16/12): TI's code holds the sum over 12 antennas over 16
   constexpr double doubling = 256.0 * 12 / 16 / 2;
   for (std::size_t bin = 0; bin < 4; ++bin) {
@@ -242,7 +238,7 @@ TEST_CASE("a sensor without usable data is not valid, and the row says why") {
     CHECK(windows.announce(radar_info()));
   }
   const auto r = windows.close({0, false});
-  CHECK(r.valid == 0);
+  CHECK(r.valid == SensorSet::from_bits(0));
   CHECK(r.spd.empty());
   CHECK(r.radar.empty());
   CHECK(r.depth_mm.empty());
@@ -252,11 +248,11 @@ TEST_CASE("a sensor without usable data is not valid, and the row says why") {
 }
 
 TEST_CASE("sensors that take no part and slots in which the program stood still") {
-  Windows windows = make_windows(1);
+  Windows windows = make_windows({Sensor::spd});
   feed(windows, 10s, {start_at(0)});
   feed(windows, 10s + 900ms, {start_at(1), click_at(2)});
   const auto r = windows.close({0, true});
-  CHECK(r.valid == 0);
+  CHECK(r.valid == SensorSet::from_bits(0));
   CHECK(r.spd_counts.tags == 3);  // counted, though not used
   CHECK(sync(r, Sensor::spd).verdict == "the program stood still");
   CHECK(sync(r, Sensor::radar).verdict == "not configured");
@@ -279,86 +275,9 @@ TEST_CASE("late, early and repeated samples are counted and move nothing") {
   CHECK(r.depth_mm == std::vector<std::uint16_t>{1, 2});
   CHECK(r.spd_counts.tags == 0);
   windows.finish();
-  const Strays& strays = windows.strays();
-  CHECK(strays.early == std::array<std::uint64_t, 3>{2, 1, 0});
-  CHECK(strays.outside == std::array<std::uint64_t, 3>{0, 0, 1});
-  CHECK(strays.late == std::array<std::uint64_t, 3>{1, 0, 1});
-  CHECK(strays.duplicate == std::array<std::uint64_t, 3>{0, 1, 1});
-}
-
-namespace {
-
-// A laboratory on a bad day: blocks and frames at random times, some delivered after their slot was
-// closed, some slots without anything, the program standing still now and then.
-struct BadDay {
-  Rng rng = make_rng(3, 0);
-  ManualClock clock;
-  Windows windows = make_windows();
-  Scheduler scheduler{grid, 3000};
-  std::uint64_t tags_sent = 0, radar_sent = 0, depth_sent = 0;
-  std::uint32_t number = 0;
-  std::vector<record::FusedRecord> records;
-
-  bool chance(std::uint64_t one_in) { return rng() % one_in == 0; }
-  // A sample that was received now, or, rarely, one that lay about for up to three slots.
-  HostTime receipt() {
-    return chance(20) ? clock.now() - std::chrono::milliseconds(rng() % 3000) : clock.now();
-  }
-  void send_something() {
-    switch (rng() % 3) {
-      case 0: {
-        std::vector<Tag> tags(rng() % 50);
-        for (auto& tag : tags)
-          tag = {.channel = static_cast<std::int32_t>(rng() % 4),
-                 .time_ps = clock.now().count() + static_cast<std::int64_t>(rng() % 10'000)};
-        tags_sent += tags.size();
-        feed(windows, receipt(), tags, chance(30));
-        break;
-      }
-      case 1:
-        ++radar_sent;
-        windows.add(radar_frame(receipt(), ++number, {1, 2, 3, 4}));
-        break;
-      default:
-        ++depth_sent;
-        windows.add(depth_frame(receipt(), ++number, {1, 2}));
-    }
-  }
-  void run() {
-    clock.set(grid.first - 3s);
-    while (!scheduler.done()) {
-      clock.advance(std::chrono::milliseconds(chance(2000) ? rng() % 6000 : rng() % 40));
-      if (!chance(5)) send_something();
-      for (const auto& due : scheduler.tick(clock.now())) records.push_back(windows.close(due));
-    }
-    windows.finish();
-  }
-};
-
-}  // namespace
-
-TEST_CASE("thousands of slots: no row is lost or shifted, every sample is in one place") {
-  BadDay day;
-  day.run();
-  REQUIRE(day.records.size() == 3000);
-  std::uint64_t tags = 0, radar = 0, valid[3] = {};
-  for (std::size_t k = 0; k < day.records.size(); ++k) {
-    const auto& r = day.records[k];
-    REQUIRE(r.index == static_cast<std::int64_t>(k));
-    REQUIRE(r.slot_start == grid.first + r.index * grid.length);
-    REQUIRE(parts(r.spd_counts) == r.spd_counts.tags);
-    if (r.has(Sensor::spd))
-      REQUIRE(std::accumulate(r.spd.begin(), r.spd.end(), 0u) == r.spd_counts.in_range);
-    for (const auto& s : r.sync) REQUIRE(std::abs(s.offset_s) <= 0.5);
-    for (const Sensor s : {Sensor::spd, Sensor::radar, Sensor::depth})
-      valid[static_cast<std::size_t>(s)] += r.has(s);
-    tags += r.spd_counts.tags;
-    radar += sync(r, Sensor::radar).used;
-  }
-  const Strays& strays = day.windows.strays();
-  CHECK(strays.late[0] > 0);
-  CHECK(strays.outside[0] > 0);
-  CHECK(tags + strays.early[0] + strays.late[0] + strays.outside[0] == day.tags_sent);
-  CHECK(radar + strays.early[1] + strays.late[1] + strays.outside[1] == day.radar_sent);
-  for (const auto n : valid) CHECK((n > 0 && n < 3000));  // there were both kinds
+  const UnassignedSamples& unassigned = windows.unassigned();
+  CHECK(unassigned.early == std::array<std::uint64_t, 3>{2, 1, 0});
+  CHECK(unassigned.outside == std::array<std::uint64_t, 3>{0, 0, 1});
+  CHECK(unassigned.late == std::array<std::uint64_t, 3>{1, 0, 1});
+  CHECK(unassigned.duplicate == std::array<std::uint64_t, 3>{0, 1, 1});
 }

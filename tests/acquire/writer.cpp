@@ -52,9 +52,9 @@ TEST_CASE("a slow disk costs data, never a row, a disk that stands still ends th
     writer.finish("complete");
     const record::RunReader run(folder / "a.sqlite");
     REQUIRE(run.count() == 4);
-    CHECK(run.read(0).valid == 7);
-    CHECK(run.read(3).valid == 0);
-    CHECK(run.read(3).sync[2].verdict == "dropped: the disk does not keep up");
+    CHECK(run.read(0).valid == SensorSet::from_bits(7));
+    CHECK(run.read(3).valid == SensorSet::from_bits(0));
+    CHECK(run.read(3).sync[Sensor::depth].verdict == "dropped: the disk does not keep up");
     CHECK(run.read(3).spd_counts.tags == small_record(3).spd_counts.tags);
   }
   SECTION("stands still") {
@@ -142,7 +142,7 @@ TEST_CASE("a depth image that cannot be encoded costs its sensor, not the run") 
   writer.finish("complete");
   const record::RunReader run(path);
   REQUIRE(run.count() == 2);
-  CHECK(run.read(1).valid == 3);
-  CHECK(run.read(1).sync[2].verdict == "cannot be encoded as PNG");
+  CHECK(run.read(1).valid == SensorSet::from_bits(3));
+  CHECK(run.read(1).sync[Sensor::depth].verdict == "cannot be encoded as PNG");
   CHECK(run.read(1).radar == small_record(1).radar);
 }

@@ -219,8 +219,12 @@ TEST_CASE("skipped is fine, a prompt without a verdict is not one, unasked lines
   CHECK(s.d.state() == State::done);
   CHECK(s.told() ==
         std::vector<std::string>{"compRangeBiasAndRxChanPhase 0.0123456 1.00000 0.00000"});
+  const auto biases = s.d.take_biases();
+  REQUIRE(biases.size() == 1);
+  CHECK(biases[0].range_bias_m == 0.0123456);
   s.say("compRangeBiasAndRxChanPhase 0.01\n\rsome\x80thing\n\r");
   CHECK(s.told() == std::vector<std::string>{"compRangeBiasAndRxChanPhase 0.01", "some\\x80thing"});
+  CHECK(s.d.take_biases().empty());
   s.say("Exception: x.c, line 3.\n\r");
   CHECK(s.d.state() == State::failed);
 }

@@ -22,6 +22,7 @@ struct KeepingSink : SampleSink {
     states.push_back(state);
     info = device;
   }
+  void on_firmware_bias(const FirmwareBias& bias) override { biases.push_back(bias); }
   void on_event(Sensor, Severity, const std::string& text) override { events.push_back(text); }
 
   DeviceState state() const { return states.empty() ? DeviceState::ended : states.back(); }
@@ -34,6 +35,7 @@ struct KeepingSink : SampleSink {
   std::vector<RadarFrame> radar;
   std::vector<DepthFrame> depth;
   std::vector<DeviceState> states;
+  std::vector<FirmwareBias> biases;
   std::vector<std::string> events;
   DeviceInfo info;
 };

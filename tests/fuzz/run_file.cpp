@@ -67,7 +67,7 @@ void check_record(const FusedRecord& r, const std::vector<Axis>& axes) {
     for (std::size_t i = 0; i < 4; ++i)
       if (a.name == names[i]) points[i] = a.count;
   }
-  require(r.index <= max_index && r.valid < 8, "index and mask are those of a record");
+  require(r.index <= max_index && r.valid.bits() < 8, "index and mask are those of a record");
   require(r.spd.size() == (r.has(Sensor::spd) ? points[0] : 0), "spd has its axis's values");
   require(r.radar.size() == (r.has(Sensor::radar) ? points[1] : 0), "radar has its axis's values");
   require(r.depth_mm.size() == (r.has(Sensor::depth) ? points[2] * points[3] : 0),

@@ -126,8 +126,8 @@ TEST_CASE("a bad record does not stop a reconstruction") {
           0);
   write_run(dir / "mixed", 6, 2, [](record::FusedRecord& r) {
     if (r.index == 1) r.radar[5] = std::numeric_limits<float>::quiet_NaN();
-    if (r.index == 3) r.valid &= ~1u, r.spd.clear();
-    if (r.index == 4) r.valid &= ~4u, r.depth_mm.clear();  // live: no truth is needed
+    if (r.index == 3) r.valid.erase(Sensor::spd), r.spd.clear();
+    if (r.index == 4) r.valid.erase(Sensor::depth), r.depth_mm.clear();  // live: no truth is needed
   });
   const Outcome o = recon_program("reconstruct " + (dir / "m") + " " + (dir / "mixed") + " --out " +
                                   (dir / "maps"));
@@ -222,10 +222,12 @@ TEST_CASE("the report takes what evaluate takes, and says what it did about it")
   }
   // A fresh run: all modes are scored on the records that have both sensors.
   write_run(dir / "fresh", 60, 8, [](record::FusedRecord& r) {
-    if (r.index % 4 == 0) r.radar.clear(), r.valid &= ~2u;
+    if (r.index % 4 == 0) r.radar.clear(), r.valid.erase(Sensor::radar);
   });
   // Live: no radar at all.
-  const auto lose_radar = [](record::FusedRecord& r) { r.radar.clear(), r.valid &= ~2u; };
+  const auto lose_radar = [](record::FusedRecord& r) {
+    r.radar.clear(), r.valid.erase(Sensor::radar);
+  };
   write_run(dir / "dark", 5, 9, lose_radar, Axis{"radar", "power", "m", 0, 0, 1, 1});
   const Outcome dark = recon_program("report " + (dir / "out") + models + " --run " +
                                      (dir / "fresh") + " --live " + (dir / "dark"));

@@ -25,7 +25,7 @@ std::string error_of(const std::function<void()>& body) {
 }
 
 void without(record::FusedRecord& r, Sensor s) {
-  r.valid &= ~(1u << static_cast<unsigned>(s));
+  r.valid.erase(s);
   if (s == Sensor::spd) r.spd.clear();
   if (s == Sensor::radar) r.radar.clear();
   if (s == Sensor::depth) r.depth_mm.clear();

@@ -32,7 +32,7 @@ TrainedModel trained_with(const std::string& model) {
 
 void lose_radar(record::FusedRecord& r) {
   r.radar.clear();
-  r.valid &= ~2u;
+  r.valid.erase(Sensor::radar);
 }
 
 }  // namespace

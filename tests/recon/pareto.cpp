@@ -117,7 +117,7 @@ TEST_CASE("study pareto refuses what it cannot judge or must not mix, before it 
   write_run(dir / "train", 60);
   write_run(dir / "test", 40, 5);
   write_run(dir / "blind", 40, 6, [](record::FusedRecord& r) {
-    r.valid &= ~(1u << static_cast<unsigned>(Sensor::depth));
+    r.valid.erase(Sensor::depth);
     r.depth_mm.clear();
   });
   const auto study = [&](const std::string& run) {

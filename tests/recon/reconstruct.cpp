@@ -148,7 +148,7 @@ TEST_CASE("a run is followed while it is recorded, until it is closed") {
   };
   // The radar is still missing, and so is its axis.
   auto first = record(0);
-  first.valid &= ~2u, first.radar.clear();
+  first.valid.erase(Sensor::radar), first.radar.clear();
   run.append(first);
 
   const pid_t child = fork();

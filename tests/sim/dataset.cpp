@@ -101,7 +101,7 @@ TEST_CASE("a data set describes itself") {
     letters += r.label.rfind("letter:", 0) == 0;
     two += r.label == "two_people";
     empty += r.label == "empty";
-    CHECK(r.valid == 7);
+    CHECK(r.valid == SensorSet::from_bits(7));
     std::uint64_t clicks = 0;
     for (const auto n : r.spd) clicks += n;
     CHECK(r.spd_counts.in_range == clicks);

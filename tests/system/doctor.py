@@ -29,8 +29,8 @@ class Doctor(live.Live):
     def test_well(self):
         code, checks = self.examine("--count", "4000", "--set", "depth.fps=30")
         self.assertEqual(code, 0, checks)
-        self.assertEqual({name: checks[name]["grade"] for name in ("spd", "radar", "disk room")},
-                         {"spd": "ok", "radar": "ok", "disk room": "ok"}, checks)
+        self.assertEqual({name: checks[name]["grade"] for name in ("spd", "radar", "disk space")},
+                         {"spd": "ok", "radar": "ok", "disk space": "ok"}, checks)
         spd, radar, depth = (checks[name]["facts"] for name in ("spd", "radar", "depth"))
         self.assertGreater(spd["starts_per_s"], 1000)
         self.assertGreater(spd["share_in_range"], 0.5)
@@ -70,7 +70,7 @@ class Doctor(live.Live):
         self.assertIn("the channels with tags are 1 (", line("problem  spd"))
         self.assertIn("none: No such file", line("problem  permissions"))
         self.assertIn(f"radar serial:{self.dir}/none: ", line("problem  radar"))
-        self.assertIn("make room", line("problem  disk room"))
+        self.assertIn("free some space", line("problem  disk space"))
         self.assertIn("valid", line("ok       depth") + line("warning  depth"))
 
 

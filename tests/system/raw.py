@@ -102,7 +102,7 @@ class Raw(unittest.TestCase):
         self.assertEqual(self.check_radar()[0], 1)
         self.check_depth()
         kept = sum(f.stat().st_size for f in self.raw.iterdir())
-        self.assertIn(f"raw: {kept} bytes were kept in {self.raw}, 0 were not", self.log)
+        self.assertIn(f"raw: {kept} bytes recorded in {self.raw}, 0 not recorded", self.log)
 
     def test_faults_and_reconnections(self):
         (self.dir / "faults.toml").write_text(FAULTS)

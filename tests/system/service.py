@@ -84,7 +84,7 @@ class Service(live.Live):
     def test_life(self):
         daemon = self.serve()
         self.assertRegex(self.run.name, r"^run-20\d{6}-\d{6}\.sqlite$")
-        wait_for("signs of life", lambda: self.notify.count("WATCHDOG=1") >= 4)
+        wait_for("heartbeats", lambda: self.notify.count("WATCHDOG=1") >= 4)
         self.assertEqual(self.notify.count("STOPPING=1"), 0)
         daemon.send_signal(signal.SIGTERM)
         log = self.finish(daemon)
@@ -94,7 +94,7 @@ class Service(live.Live):
         self.assertEqual(lines.count("READY=1"), 1)
         self.assertEqual(lines.count("STOPPING=1"), 1)
         self.assertNotIn("WATCHDOG=1", lines[lines.index("STOPPING=1"):])
-        # Never more signs of life than records, and the status counts up to them.
+        # Never more heartbeats than records, and the status counts up to them.
         rows = len(self.rows())
         told = [int(m[1]) for m in (re.match(r"STATUS=(\d+) records on disk", line) for line in lines) if m]
         self.assertEqual(told, sorted(told))
@@ -103,10 +103,10 @@ class Service(live.Live):
         self.assertLessEqual(lines.count("WATCHDOG=1"), rows)
         self.assertFalse([line for line in lines if line.startswith("WATCHDOG_USEC")], lines)
 
-    def test_no_record_no_sign_of_life(self):
+    def test_no_record_no_heartbeat(self):
         """A writer that cannot commit: slots go on, the watchdog is not fed until records advance again."""
         daemon = self.serve()
-        wait_for("signs of life", lambda: self.notify.count("WATCHDOG=1") >= 2)
+        wait_for("heartbeats", lambda: self.notify.count("WATCHDOG=1") >= 2)
         blocker = sqlite3.connect(self.run, isolation_level=None)
         blocker.execute("BEGIN IMMEDIATE")
         try:
@@ -120,7 +120,7 @@ class Service(live.Live):
         finally:
             blocker.execute("ROLLBACK")
             blocker.close()
-        wait_for("signs of life again", lambda: self.notify.count("WATCHDOG=1") > before)
+        wait_for("heartbeats again", lambda: self.notify.count("WATCHDOG=1") > before)
         wait_for("all records", lambda: len(self.rows()) >= rows + int(blocked_s / live.WINDOW_S))
         daemon.send_signal(signal.SIGTERM)
         log = self.finish(daemon)
@@ -143,7 +143,7 @@ class Service(live.Live):
         self.assertFalse(self.run.exists())
 
     def test_disk_full(self):
-        """The last sign of life is that of the last record; the exit code is one that systemd leaves alone."""
+        """The last heartbeat is that of the last record; the exit code is one that systemd leaves alone."""
         def limit_file_size():
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
             resource.setrlimit(resource.RLIMIT_FSIZE, (256 << 10, 256 << 10))

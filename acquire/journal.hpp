@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: MIT
+// What a run file holds beside its records: devices, axes, clock anchors, policies, calibration,
+// late samples and counters.
+#pragma once
+#include <cstdint>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "acquire/config.hpp"
+#include "acquire/run_log.hpp"
+#include "acquire/window.hpp"
+#include "acquire/writer.hpp"
+
+namespace echofuse::acquire {
+
+// Threading: the io thread only; the writer's thread does the work.
+class Journal {
+ public:
+  // Both must outlive this. `begun_axes`: those that the file of a resumed run has. Puts an anchor.
+  Journal(Writer& writer, const Clock& clock, const std::vector<Axis>& begun_axes);
+
+  // Once, of a run that begins; a resumed run keeps the calibration that it was begun with.
+  void put_config(const Config& config, bool resumed);
+  void put_device(const DeviceInfo& device);     // one row a device, not one a reconnection
+  void put_axes(const std::vector<Axis>& axes);  // those that the file does not have
+  void refresh_anchor(HostTime now);             // once a minute
+  UtcTime utc_of(HostTime time) const { return anchor_utc_ + (time - anchor_mono_); }
+  // `first`: the record of slot 0.
+  void put_late(std::int64_t first, record::LateCounts late);
+  // At the run's end: the drivers' counters and the samples that are in no record, all of them or
+  // none.
+  void put_counters(PerSensor<std::vector<Counter>> counters, const UnassignedSamples& unassigned);
+
+ private:
+  void put_anchor();
+
+  Writer& writer_;
+  const Clock& clock_;
+  std::set<std::string> axes_;         // by name
+  PerSensor<std::string> identities_;  // of the devices written
+  HostTime anchor_mono_{};
+  UtcTime anchor_utc_{};
+};
+
+// A warning for each kind of unassigned samples that matters.
+void report_unassigned(RunLog& log, const UnassignedSamples& unassigned);
+
+}  // namespace echofuse::acquire

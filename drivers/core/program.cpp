@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/core/program.hpp"
+
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+
+namespace echofuse {
+
+Result<pid_t> start_program(const std::vector<std::string>& words, const ProgramPlace& place) {
+  std::vector<char*> arguments;
+  for (const auto& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
+  arguments.push_back(nullptr);
+  posix_spawn_file_actions_t actions;
+  ::posix_spawn_file_actions_init(&actions);
+  if (place.input != STDIN_FILENO)
+    ::posix_spawn_file_actions_adddup2(&actions, place.input, STDIN_FILENO);
+  ::posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
+  if (!place.folder.empty()) ::posix_spawn_file_actions_addchdir_np(&actions, place.folder.c_str());
+  pid_t program = 0;
+  const int error =
+      ::posix_spawnp(&program, arguments[0], &actions, nullptr, arguments.data(), environ);
+  ::posix_spawn_file_actions_destroy(&actions);
+  if (error != 0) return Failure{{error, std::generic_category()}, words[0] + ": cannot start"};
+  return program;
+}
+
+int wait_for_program(pid_t program) {
+  int status = 0;
+  while (::waitpid(program, &status, 0) < 0)
+    if (errno != EINTR) return -1;
+  return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
+
+}  // namespace echofuse

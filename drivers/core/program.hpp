@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: MIT
+// Other programs, started by this one.
+#pragma once
+#include <sys/types.h>
+
+#include <string>
+#include <vector>
+
+#include "drivers/core/result.hpp"
+
+namespace echofuse {
+
+struct ProgramPlace {
+  std::string folder{};  // its working directory; empty: this program's
+  int input = 0;         // the file descriptor that is its standard input
+};
+
+// Starts words[0], found by PATH, with the other words as its arguments. It has the three standard
+// files and no other: an open port in its hands would outlive its unplugging.
+Result<pid_t> start_program(const std::vector<std::string>& words, const ProgramPlace& place = {});
+
+// Waits for its end: its exit code, or 128 and the number of the signal that ended it.
+int wait_for_program(pid_t program);
+
+}  // namespace echofuse

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/core/write_beside.hpp"
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+
+#include "drivers/core/exit_code.hpp"
+
+namespace echofuse {
+namespace {
+
+[[noreturn]] void fail(const std::string& path) {
+  throw Error(ExitCode::disk, path + ": cannot be written: " + std::strerror(errno));
+}
+
+}  // namespace
+
+void write_beside(const std::string& path,
+                  const std::function<void(const std::string& part)>& write) {
+  const std::string part = path + ".part";
+  write(part);
+  if (std::rename(part.c_str(), path.c_str()) != 0) fail(path);
+}
+
+void write_beside(const std::string& path, std::string_view text) {
+  write_beside(path, [&](const std::string& part) {
+    std::ofstream out(part, std::ios::binary);
+    out << text;
+    out.close();
+    if (!out) fail(path);
+  });
+}
+
+}  // namespace echofuse
