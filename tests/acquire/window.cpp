@@ -4,7 +4,6 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-
 using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace std::chrono_literals;
