@@ -144,7 +144,7 @@ std::vector<StatusField> status_fields(const RunTotals& now, const RunTotals& be
   put(0, sensor_letters(now), bad);
   put(1, now.trouble, bad);
   std::string time = clock_text(times.elapsed_s);
-  if (times.remaining_s) time.append(", remaining ").append(clock_text(*times.remaining_s));
+  if (times.remaining_s) time.append(", ").append(clock_text(*times.remaining_s)).append(" left");
   put(2, std::move(time));
   put(4, rate_text(rate(now.tags, before.tags)));
   if (now.signal.spd_peak_m) put(6, format("peak %.2f m", *now.signal.spd_peak_m));

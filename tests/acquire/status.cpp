@@ -38,7 +38,7 @@ struct Moment {
 TEST_CASE("the status line tells all that is known, in one order") {
   Moment m;
   CHECK(m.line(std::nullopt) ==
-        "record 7/20  s-D  spd weak  0:21, remaining 1:02:41  1.20 Mtag/s  peak 3.46 m  radar 20.0 "
+        "record 7/20  s-D  spd weak  0:21, 1:02:41 left  1.20 Mtag/s  peak 3.46 m  radar 20.0 "
         "fps "
         "21 dB  depth 29.5 fps  lost S 12 D 3  person  12 GB free  on disk 6");
   m.now = {};
@@ -52,8 +52,7 @@ TEST_CASE("the status line tells all that is known, in one order") {
 
 TEST_CASE("a narrow status line leaves out what matters least, and is never too long") {
   Moment m;
-  CHECK(m.line(79) ==
-        "record 7/20  s-D  spd weak  0:21, remaining 1:02:41  1.20 Mtag/s  lost S 12 D 3");
+  CHECK(m.line(79) == "record 7/20  s-D  spd weak  0:21, 1:02:41 left  1.20 Mtag/s  lost S 12 D 3");
   for (std::size_t columns = 16; columns < 200; ++columns) {
     const std::string line = m.line(columns);
     CHECK(line.size() <= columns);

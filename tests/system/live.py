@@ -218,7 +218,7 @@ class Live(unittest.TestCase):
             daemon = self.record("--count", "100000", "--set", "depth.address=", "-v")
             log = self.finish(daemon)
             self.assertEqual(daemon.returncode, 6, log)
-            self.assertRegex(log, r"warning disk: 100000 records need up to [\d.]+ MB, [\d.]+ MB are free")
+            self.assertRegex(log, r"warning disk: 100000 records need up to [\d.]+ MB, [\d.]+ [kM]B are free")
             rows = self.rows()
             self.assertGreater(len(rows), 3)
             self.assertGreaterEqual(len(rows), log.count(": committed"))

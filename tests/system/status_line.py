@@ -85,7 +85,7 @@ class StatusLine(live.Live):
         wide = self.terminal.status_lines()[:before]
         self.assertTrue(all(len(line) < 80 for line in wide), wide)
         self.assertTrue(all(len(line) < 40 for line in narrow), narrow)
-        for field in r"record \d+/40  SRD  0:0\d, remaining 0:0\d  \d+\.\d ktag/s", r"radar \d+\.\d fps \d+ dB", "lost 0":
+        for field in r"record \d+/40  SRD  0:0\d, 0:0\d left  \d+\.\d ktag/s", r"radar \d+\.\d fps \d+ dB", "lost 0":
             self.assertTrue(any(re.search(field, line) for line in wide), (field, wide))
         # A line feed ends a message of the log or the last status line, which stays; never one in between.
         lines = SEQUENCES.sub("", text).replace("\r\n", "\n").split("\n")
