@@ -57,6 +57,15 @@ void remove_copy(const std::string& name) {
 
 }  // namespace
 
+void put_end(sqlite3* db, const std::string& path, const std::string& status) {
+  Statement(db, path, "UPDATE run SET status = :status, ended_utc = :ended_utc")
+      .at("status")
+      .bind(status)
+      .at("ended_utc")
+      .bind(iso8601(SystemClock().utc()))
+      .run();
+}
+
 std::string copy_beside(sqlite3* db, const std::string& path) {
   const std::string name = make_beside(path);
   try {
@@ -88,10 +97,7 @@ Rescue rescue(sqlite3* db, const std::string& path, const std::string& status) {
     if (const std::string fault = damage(raw, name); !fault.empty())
       return {false, "what can still be read is in " + name + ", which is damaged: " + fault};
     execute(raw, name, "PRAGMA journal_mode=DELETE", "cannot close");
-    Statement(raw, name, "UPDATE run SET status = ?, ended_utc = ?")
-        .bind(status)
-        .bind(iso8601(SystemClock().utc()))
-        .run();
+    put_end(raw, name, status);
     Statement count(raw, name, "SELECT count(*) FROM record");
     count.step();
     return {true, "its " + std::to_string(count.integer()) + " records are in " + name};

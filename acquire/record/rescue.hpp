@@ -17,6 +17,9 @@ struct Rescue {
 // that folder is gone, with this status. Never throws.
 Rescue rescue(sqlite3* db, const std::string& path, const std::string& status);
 
+// The run's status and its end, which is now. Throws Error.
+void put_end(sqlite3* db, const std::string& path, const std::string& status);
+
 // An empty name beside `path` made into a copy of what is committed: its name. Throws Error.
 std::string copy_beside(sqlite3* db, const std::string& path);
 

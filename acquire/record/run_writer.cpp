@@ -77,6 +77,7 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info)
   create_empty(path);
   try {
     open();
+    lock_->reserve(reserve_bytes);
     use_wal();
   } catch (...) {
     ::unlink(path.c_str());  // empty, and of our making
@@ -118,6 +119,7 @@ RunWriter::RunWriter(const std::string& path) : path_(path), handle_(nullptr, sq
   axes_ = RunReader(path).axes();  // and: it is a run file
   lock();
   open();
+  lock_->reserve(reserve_bytes);
   use_wal();
   execute(db_, path_, "BEGIN IMMEDIATE", "cannot reopen");
   execute(db_, path_, schema, "cannot add the tables of this version");
@@ -161,7 +163,6 @@ void RunWriter::open() {
   handle_.reset(db_);
   if (code != SQLITE_OK) sqlite_fail(db_, path_, "cannot open");
   harden(db_);
-  lock_->reserve(reserve_bytes);
   wait_for_others();
 }
 
@@ -192,10 +193,7 @@ bool RunWriter::move_if_held() {
   lock_->release();
   sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   held_path_ = std::exchange(path_, copy);
-  const int code = sqlite3_open_v2(path_.c_str(), &db_, SQLITE_OPEN_READWRITE, nullptr);
-  handle_.reset(db_);
-  if (code != SQLITE_OK) sqlite_fail(db_, path_, "cannot open");
-  wait_for_others();
+  open();
   use_wal();
   execute(db_, path_, "UPDATE run SET status = 'open'", "cannot go on");  // makes the WAL
   give_up_ns_ = std::numeric_limits<std::int64_t>::max();
@@ -293,7 +291,6 @@ bool RunWriter::close(const std::string& status) {
   } catch (const Error&) {
     leave(status);
   }
-  const SystemClock clock;
   // Two chances on a full disk: the WAL is emptied, or, where the file cannot grow for that, the
   // reserve is given back.
   sqlite3_busy_timeout(db_, 0);
@@ -302,12 +299,7 @@ bool RunWriter::close(const std::string& status) {
   lock_->release();
   wait_for_others();
   try {
-    Statement(db_, path_, "UPDATE run SET status = :status, ended_utc = :ended_utc")
-        .at("status")
-        .bind(status)
-        .at("ended_utc")
-        .bind(iso8601(clock.utc()))
-        .run();
+    put_end(db_, path_, status);
   } catch (const Error&) {
     if (!given_up_) throw;
     throw Error(ExitCode::disk, path_ + ": another program holds it by a write transaction: its " +

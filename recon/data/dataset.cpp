@@ -41,11 +41,11 @@ bool is_dead(std::span<const float> values) {
 // One run being appended to a Dataset.
 class Appender {
  public:
-  Appender(Dataset& data, const record::RunReader& run, std::uint32_t sensors)
+  Appender(Dataset& data, const record::RunReader& run, SensorSet sensors)
       : data_(data), path_(run.path()), sensors_(sensors) {
     for (const Axis& axis : run.axes()) {
-      if (axis.name == "spd" && wants(Sensor::spd)) spd_ = axis;
-      if (axis.name == "radar" && wants(Sensor::radar)) raw_radar_ = axis;
+      if (axis.name == "spd" && sensors_.contains(Sensor::spd)) spd_ = axis;
+      if (axis.name == "radar" && sensors_.contains(Sensor::radar)) raw_radar_ = axis;
       if (axis.name == "depth_x") x_ = axis;
       if (axis.name == "depth_y") y_ = axis;
     }
@@ -70,19 +70,17 @@ class Appender {
 
   // Returns what is wrong with the record, or nothing.
   std::string add(const record::FusedRecord& r) {
-    const std::uint32_t valid = r.valid.bits() & sensors_;
-    const auto has = [&](Sensor s) { return (valid >> static_cast<unsigned>(s)) & 1u; };
     std::vector<float> spd, radar, depth;
-    if (has(Sensor::spd)) spd.assign(r.spd.begin(), r.spd.end());
+    if (r.has(Sensor::spd)) spd.assign(r.spd.begin(), r.spd.end());
     if (spd_shift_ && !spd.empty()) spd = spd_shift_->apply(spd);
-    if (has(Sensor::radar)) radar = linear(r);
+    if (r.has(Sensor::radar)) radar = linear(r);
     if (!std::all_of(radar.begin(), radar.end(), is_power))
       return "a radar code is too large for a power";
-    if (has(Sensor::depth)) depth = record::to_target(r.depth_mm, x_, y_, target_x_, target_y_);
+    if (r.has(Sensor::depth)) depth = record::to_target(r.depth_mm, x_, y_, target_x_, target_y_);
     add_row(data_.spd, spd, data_.spd_axis.count);
     add_row(data_.radar, radar, data_.radar_axis.count);
-    add_row(data_.depth, depth, wants(Sensor::depth) ? map_pixels : 0);
-    data_.valid.push_back(valid);
+    add_row(data_.depth, depth, sensors_.contains(Sensor::depth) ? map_pixels : 0);
+    data_.valid.push_back(r.valid.bits());
     data_.index.push_back(r.index);
     data_.slot_end.push_back(r.slot_end);
     data_.clicks_a_pulse.push_back(clicks_a_pulse(r));
@@ -94,7 +92,6 @@ class Appender {
  private:
   // With room for what an interpolation adds.
   static bool is_power(float v) { return std::abs(v) < 1e38f; }
-  bool wants(Sensor s) const { return (sensors_ >> static_cast<unsigned>(s)) & 1u; }
   // Runs of before the table signal have only counts. As many clicks as starts: only the starts
   // with a click were sent, of an unknown number.
   static double clicks_a_pulse(const record::FusedRecord& r) {
@@ -128,14 +125,14 @@ class Appender {
 
   Dataset& data_;
   std::string path_;
-  std::uint32_t sensors_;
+  SensorSet sensors_;
   Axis spd_, raw_radar_, x_, y_;
   std::optional<Shift> spd_shift_;  // of a calibrated run
   Axis target_x_ = record::depth_x_axis(), target_y_ = record::depth_y_axis();
 };
 
 void append(Dataset& data, const record::RunReader& run, std::int64_t first, std::size_t at_most,
-            std::uint32_t sensors, const OnBadRecord& on_bad) {
+            SensorSet sensors, const OnBadRecord& on_bad) {
   // Made within the reading, as a run that is being recorded may get an axis with its next record.
   std::optional<Appender> appender;
   const auto to = [&]() -> Appender& {
@@ -151,7 +148,7 @@ void append(Dataset& data, const record::RunReader& run, std::int64_t first, std
         if (!fault.empty()) on_bad(r.index, fault);
         return --left > 0;
       },
-      first, on_bad, SensorSet::from_bits(sensors & 7u));
+      first, on_bad, sensors);
   to();
 }
 
@@ -191,16 +188,16 @@ std::string Dataset::fault_of(std::size_t row, Inputs inputs) const {
   return {};
 }
 
-std::uint32_t sensors_of(Inputs inputs) {
-  constexpr std::uint32_t spd = 1, radar = 2;
-  return inputs == Inputs::fused ? spd | radar : inputs == Inputs::spd ? spd : radar;
+SensorSet sensors_of(Inputs inputs) {
+  if (inputs == Inputs::fused) return {Sensor::spd, Sensor::radar};
+  return {inputs == Inputs::spd ? Sensor::spd : Sensor::radar};
 }
 
 Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
   Dataset data;
   for (const auto& path : paths)
-    append(data, record::RunReader(path), 0, std::numeric_limits<std::size_t>::max(), every_sensor,
-           on_bad);
+    append(data, record::RunReader(path), 0, std::numeric_limits<std::size_t>::max(),
+           {Sensor::spd, Sensor::radar, Sensor::depth}, on_bad);
   return data;
 }
 
@@ -213,7 +210,7 @@ Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
 }
 
 Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t at_most,
-                  std::uint32_t sensors, const OnBadRecord& on_bad) {
+                  SensorSet sensors, const OnBadRecord& on_bad) {
   Dataset data;
   append(data, run, first, at_most, sensors, on_bad);
   return data;

@@ -41,9 +41,7 @@ struct Dataset {
   std::uint32_t hash = 0;  // CRC-32C of the three tables
 
   std::size_t size() const { return valid.size(); }
-  bool has(std::size_t row, Sensor s) const {
-    return (valid[row] >> static_cast<unsigned>(s)) & 1u;
-  }
+  bool has(std::size_t row, Sensor s) const { return SensorSet::from_bits(valid[row]).contains(s); }
   std::size_t source_of(std::size_t row) const;  // index into sources
   bool has_inputs(std::size_t row, Inputs inputs) const;
   // Why a model with these inputs cannot use the record; empty if it can. A sensor that says the
@@ -56,9 +54,7 @@ struct Dataset {
 // Called with the number of a record that cannot be used and why.
 using OnBadRecord = std::function<void(std::int64_t, const std::string&)>;
 
-// Sensors as bits of Dataset::valid.
-inline constexpr std::uint32_t every_sensor = 7;
-std::uint32_t sensors_of(Inputs inputs);
+SensorSet sensors_of(Inputs inputs);
 
 // Reads runs whose axes agree into one table, with true ranges. Throws Error(failed) that names the
 // file and, for a bad record (wrong size, not a finite number), its number, unless on_bad takes it.
@@ -71,7 +67,7 @@ Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& 
 // those that on_bad takes. Of the sensors that are not asked for, nothing is there. Leaves `hash`
 // 0.
 Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t at_most,
-                  std::uint32_t sensors, const OnBadRecord& on_bad);
+                  SensorSet sensors, const OnBadRecord& on_bad);
 
 // Moves the radar's profiles, on the axis that the data have, to ranges shorter by this and by what
 // their calibration still asks for.

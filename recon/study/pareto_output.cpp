@@ -7,6 +7,7 @@
 
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/gnuplot.hpp"
+#include "drivers/core/write_beside.hpp"
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
 #include "recon/study/pareto.hpp"
@@ -124,11 +125,7 @@ std::vector<ParetoRow> read_pareto(const std::string& folder) {
 }
 
 void write_pareto_table(const std::vector<ParetoRow>& rows, const std::string& folder) {
-  const std::string path = folder + "/pareto.csv", text = to_csv(rows);
-  write_text(path + ".part", text);
-  std::error_code error;
-  std::filesystem::rename(path + ".part", path, error);
-  if (error) throw Error(ExitCode::disk, path + ": " + error.message());
+  write_beside(folder + "/pareto.csv", to_csv(rows));
 }
 
 LateralBound read_bound(const std::string& path) {

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "recon/study/simulate.hpp"
 
-#include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cstring>
 #include <filesystem>
 
 #include "drivers/core/console.hpp"
+#include "drivers/core/program.hpp"
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
 
@@ -32,17 +31,12 @@ std::string scene_list(double x_m, std::size_t records) {
 }
 
 void run(const std::vector<std::string>& words) {
-  std::vector<char*> arguments;
-  for (const auto& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
-  arguments.push_back(nullptr);
-  pid_t child = 0;
-  const int fault =
-      ::posix_spawnp(&child, arguments[0], nullptr, nullptr, arguments.data(), environ);
-  if (fault != 0)
-    throw Error(ExitCode::failed,
-                words[0] + ": " + std::strerror(fault) + "; name the simulator with --sim");
+  const auto child = start_program(words);
+  if (!child)
+    throw Error(ExitCode::failed, words[0] + ": " + child.failure().code.message() +
+                                      "; name the simulator with --sim");
   int status = 0;
-  while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
+  while (::waitpid(*child, &status, 0) < 0 && errno == EINTR) {
   }
   if (interrupted()) throw Error(ExitCode::interrupted, "interrupted");
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;

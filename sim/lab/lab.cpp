@@ -18,6 +18,7 @@
 #include <sstream>
 
 #include "drivers/core/settings.hpp"
+#include "drivers/core/write_beside.hpp"
 #include "sim/usb/usb_lab.hpp"
 
 namespace echofuse::sim {
@@ -31,7 +32,7 @@ constexpr char default_radar_cfg[] = "radar/xwr68xx_paper_50cm";
 constexpr char module_name[] = "libechofuse_sim_depth.so";
 // What a laboratory puts into its directory, and of that what a closed one leaves behind.
 const char* const transient[] = {"radar-cli",  "radar-data", "radar-cli.new", "radar-data.new",
-                                 "depth.sock", "openni",     "lab.toml.new"};
+                                 "depth.sock", "openni",     "lab.toml.part"};
 const char* const lasting[] = {"lab.toml", "radar.cfg", "sent.json"};
 
 void write_file(const fs::path& path, const std::string& text) {
@@ -209,8 +210,7 @@ struct Lab::Parts {
         io, stage, {.socket_path = (dir / "depth.sock").string(), .seed = seed, .script = script});
     make_openni(dir);
     write_file(dir / "radar.cfg", cfg);
-    write_file(dir / "lab.toml.new", lab_toml(options, dir, tdc_address, label));
-    fs::rename(dir / "lab.toml.new", dir / "lab.toml");
+    write_beside((dir / "lab.toml").string(), lab_toml(options, dir, tdc_address, label));
   }
 
   // Returns its address.

@@ -1,16 +1,14 @@
 // SPDX-License-Identifier: MIT
 #include "sim/lab/lab_command.hpp"
 
-#include <spawn.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include <csignal>
 #include <cstdlib>
-#include <cstring>
 #include <filesystem>
 
 #include "drivers/core/console.hpp"
+#include "drivers/core/program.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -22,27 +20,13 @@ void put_environment(const Lab& lab) {
   ::setenv("PATH", (folder.string() + (path ? std::string(":") + path : "")).c_str(), 1);
 }
 
-pid_t spawn(const std::vector<std::string>& command) {
-  std::vector<char*> words;
-  for (const auto& word : command) words.push_back(const_cast<char*>(word.c_str()));
-  words.push_back(nullptr);
-  // An open port of the laboratory's in the child's hands would outlive its unplugging.
-  posix_spawn_file_actions_t actions;
-  ::posix_spawn_file_actions_init(&actions);
-  ::posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
-  pid_t child = 0;
-  const int error = ::posix_spawnp(&child, words[0], &actions, nullptr, words.data(), environ);
-  ::posix_spawn_file_actions_destroy(&actions);
-  if (error != 0)
-    throw Error(ExitCode::failed, command[0] + ": cannot start: " + std::strerror(error));
-  return child;
-}
-
 }  // namespace
 
 ExitCode serve_command(Lab& lab, const std::vector<std::string>& command) {
   put_environment(lab);
-  const pid_t child = spawn(command);
+  const auto started = start_program(command);
+  if (!started) throw Error(ExitCode::failed, started.failure().text());
+  const pid_t child = *started;
   int status = 0;
   bool told = false;
   lab.serve([&] {
