@@ -72,7 +72,7 @@ std::string lock_name(const std::string& address) {
   if (const auto* camera = std::get_if<port::OpenNiAddress>(&parsed)) return by_camera(camera->uri);
   const auto& bridge = std::get<port::BridgeAddress>(parsed);
   const bool here =
-      bridge.host == "localhost" || bridge.host == "::1" || bridge.host.starts_with("127.");
+      bridge.host == "localhost" || bridge.host == "::1" || bridge.host == "127.0.0.1";
   return by_text("bridge", (here ? "localhost" : bridge.host) + ":" + std::to_string(bridge.port));
 }
 
