@@ -86,7 +86,7 @@ class RunWriter {
   // Threading: give_up_waiting() and waits() from any thread.
   void be_patient() { patient_ = true; }
   void give_up_waiting(std::chrono::nanoseconds after);
-  bool waits() const { return waits_; }
+  bool waits() const;
   bool move_if_held();  // false: that was not the reason, or it has moved before
   const std::string& path() const { return path_; }
   std::int64_t records() const { return records_; }
@@ -116,7 +116,7 @@ class RunWriter {
   std::string harm_;       // what was done to the file
   std::string held_path_;  // of the file that another program holds; path_ is the copy
   bool patient_ = false, given_up_ = false;
-  std::atomic<bool> waits_ = false;
+  std::atomic<std::int64_t> last_wait_ns_ = 0;
   std::atomic<std::int64_t> give_up_ns_ = std::numeric_limits<std::int64_t>::max();
   std::int64_t waits_since_ns_ = 0;
   std::vector<Axis> axes_;

@@ -60,7 +60,8 @@ void create_empty(const std::string& path) {
 // Other processes may write marks.
 constexpr std::int64_t longest_wait_ns = 30'000'000'000;
 constexpr auto retry_pause = std::chrono::milliseconds(10);
-constexpr int checkpoint_pages = 1000;  // SQLite's own default
+constexpr std::int64_t between_waits_ns = 1'000'000'000;  // at most, on a busy machine
+constexpr int checkpoint_pages = 1000;                    // SQLite's own default
 // The status rewrites the row of the run, configuration included, and readers need an index file.
 constexpr int reserve_bytes = 128 << 10;
 
@@ -177,10 +178,12 @@ bool RunWriter::wait_on(int tries) {
   const std::int64_t now = now_ns();
   if (tries == 0) waits_since_ns_ = now;
   given_up_ = now >= give_up_ns_ || (!patient_ && now - waits_since_ns_ > longest_wait_ns);
-  waits_ = !given_up_;
+  last_wait_ns_ = given_up_ ? 0 : now;
   if (!given_up_) std::this_thread::sleep_for(retry_pause);
   return !given_up_;
 }
+
+bool RunWriter::waits() const { return now_ns() - last_wait_ns_ < between_waits_ns; }
 
 void RunWriter::give_up_waiting(std::chrono::nanoseconds after) {
   give_up_ns_ = std::min(give_up_ns_.load(), now_ns() + std::int64_t{after.count()});
@@ -233,7 +236,6 @@ RunWriter::~RunWriter() = default;
 
 void RunWriter::in_transaction(const std::function<void()>& body) {
   statements_->begin.run();
-  waits_ = false;
   try {
     body();
     statements_->commit.run();

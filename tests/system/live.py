@@ -44,7 +44,8 @@ class Live(unittest.TestCase):
         self.assertIsNone(self.lab.poll(), (self.dir / "lab.log").read_text())
 
     def tearDown(self):
-        for process in self.processes:
+        # The daemon before its laboratory, whose ptys another test may get at once: their locks must be free then.
+        for process in reversed(self.processes):
             if process.poll() is None:
                 process.kill()
             process.communicate()

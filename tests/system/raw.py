@@ -131,7 +131,7 @@ class Raw(unittest.TestCase):
                                    r"are no longer kept")
         [(event,)] = self.query("SELECT text FROM event WHERE source = 'raw' AND text LIKE '%no longer kept%'")
         self.assertIn("/disk/raw", event)
-        self.assertEqual(self.query("SELECT count(*), max(valid) FROM record"), [(5, 7)], self.log)
+        self.assertEqual(self.query("SELECT count(*), min(valid) FROM record"), [(5, 7)], self.log)
         self.assertEqual(self.query("SELECT status FROM run"), [("complete",)])
 
     def test_refused(self):

@@ -73,20 +73,24 @@ class StatusLine(live.Live):
         return daemon.returncode
 
     def test_fits(self):
-        """No line wraps, at 80 columns or fewer, and one status line is drawn over the other."""
-        daemon = self.run_at_terminal(80, "--duration", "8s", "--label", "person " * 20)
-        wait_for("status", lambda: len(self.terminal.status_lines()) >= 4, 40)
-        self.terminal.resize(40)
-        before = len(self.terminal.status_lines())
-        wait_for("status", lambda: len(self.terminal.status_lines()) >= before + 3)
-        narrow = self.terminal.status_lines()[before + 1:]
+        """No line wraps, however narrow the terminal, and one status line is drawn over the other."""
+        daemon = self.run_at_terminal(300, "--duration", "8s", "--label", "person " * 20)
+        drawn = {}
+        for columns in 300, 80, 40:
+            self.terminal.resize(columns)
+            before = len(self.terminal.status_lines())
+            wait_for("status", lambda: len(self.terminal.status_lines()) >= before + 3, 40)
+            drawn[columns] = self.terminal.status_lines()[before + 1:]  # the first may have been drawn before
         self.assertEqual(self.end(daemon), 0)
         text = self.terminal.text
-        wide = self.terminal.status_lines()[:before]
-        self.assertTrue(all(len(line) < 80 for line in wide), wide)
-        self.assertTrue(all(len(line) < 40 for line in narrow), narrow)
-        for field in r"record \d+/40  SRD  0:0\d, 0:0\d left  \d+\.\d ktag/s", r"radar \d+\.\d fps \d+ dB", "lost 0":
-            self.assertTrue(any(re.search(field, line) for line in wide), (field, wide))
+        for columns, lines in drawn.items():
+            self.assertTrue(all(len(line) < columns for line in lines), lines)
+        whole = drawn[300][-1]
+        fields = (r"record \d+/40  [sS-][rR-][dD-]  ", r"  0:0\d, 0:0\d left  ", r"  \d+\.\d ktag/s  ", r"  radar \d+\.\d fps \d+ dB  ",
+                  r"  depth \d+\.\d fps  ", r"  lost (0|[SRD] \d)", r"  [\d.]+ GB free  ", r"  person person ")
+        for field in fields:
+            self.assertRegex(whole, field)
+        self.assertTrue(all(re.match(fields[0], line) for line in drawn[40]), drawn)
         # A line feed ends a message of the log or the last status line, which stays; never one in between.
         lines = SEQUENCES.sub("", text).replace("\r\n", "\n").split("\n")
         feeds = [line.rsplit("\r", 1)[-1] for line in lines[:-1]]
