@@ -33,9 +33,9 @@ void add_inputs_option(CLI::App& app, std::string& inputs) {
 }
 
 // For CLI11: empty if the text names a model, else what is wrong.
-std::string is_rung(const std::string& text) {
+std::string is_candidate(const std::string& text) {
   try {
-    rung_of(text, {});
+    candidate_of(text, {});
     return {};
   } catch (const Error& error) {
     return error.what();
@@ -70,20 +70,20 @@ void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit) {
       ->check(CLI::Range(0.0, 10.0));
 }
 
-void add_slip_option(CLI::App& app, std::string& action) {
+void add_range_bias_option(CLI::App& app, std::string& action) {
   app.add_option(
-         "--slip", action,
-         "if the radar's ranges seem to have slipped against the SPD's since training: warn, "
+         "--range-bias", action,
+         "what to do about a range bias of the radar against the SPD since the training: warn, "
          "correct (wrong if people stand further to one side), or ignore")
-      ->check(CLI::IsMember(slip_action_names))
+      ->check(CLI::IsMember(range_bias_action_names))
       ->capture_default_str();
 }
 
 // What reconstruct says of its records on stderr: while following at once, else at the end, which
 // leaves the progress bar alone.
-class ReconstructTalk {
+class ReconstructReport {
  public:
-  ReconstructTalk(std::string run, bool follow, bool quiet)
+  ReconstructReport(std::string run, bool follow, bool quiet)
       : run_(std::move(run)), follow_(follow), quiet_(quiet) {}
   bool all_well() const { return left_out_ + fell_back_ == 0; }
 
@@ -92,11 +92,13 @@ class ReconstructTalk {
     (r.fault.empty() ? good_ : left_out_) += 1;
     fell_back_ += !r.note.empty();
     if (!r.fault.empty() && !follow_) faults_.push_back(r);
-    if (r.claim && !r.claim->strangeness.why.empty()) ++unusual_[r.claim->strangeness.why];
-    if (follow_ && !(r.fault.empty() && r.note.empty())) complain(r);
-    if (follow_ && r.claim && !r.claim->strangeness.why.empty() && !quiet_)
-      std::fprintf(stderr, "record %lld: unusual: %s\n", static_cast<long long>(r.index),
-                   r.claim->strangeness.text().c_str());
+    if (r.uncertainty && !r.uncertainty->out_of_distribution.reason.empty())
+      ++reasons_[r.uncertainty->out_of_distribution.reason];
+    if (follow_ && !(r.fault.empty() && r.note.empty())) report(r);
+    if (follow_ && r.uncertainty && !r.uncertainty->out_of_distribution.reason.empty() && !quiet_)
+      std::fprintf(stderr, "record %lld: out of distribution: %s\n",
+                   static_cast<long long>(r.index),
+                   r.uncertainty->out_of_distribution.text().c_str());
     if (follow_ && r.after_slot_s && !quiet_)
       std::fprintf(stderr,
                    "record %lld: map %.3f s after its slot's end, %.1f ms after its reading\n",
@@ -104,7 +106,7 @@ class ReconstructTalk {
   }
 
   void finish(const std::string& out) {
-    for (const auto& r : faults_) complain(r);
+    for (const auto& r : faults_) report(r);
     if (quiet_) return;
     std::fprintf(stderr, "%s: %zu records reconstructed, %zu left out", printable(out).c_str(),
                  good_, left_out_);
@@ -114,20 +116,21 @@ class ReconstructTalk {
       std::fprintf(stderr, "; maps %.3f s after their slot's end (median; longest %.3f s)",
                    after_slot_s_[after_slot_s_.size() / 2], after_slot_s_.back());
     std::fputc('\n', stderr);
-    if (!unusual_.empty()) list_unusual();
+    if (!reasons_.empty()) list_reasons();
   }
 
  private:
-  void list_unusual() const {
+  void list_reasons() const {
     std::size_t all = 0;
     std::string reasons;
-    for (const auto& [why, count] : unusual_) {
+    for (const auto& [reason, count] : reasons_) {
       all += count;
-      reasons += formatted("%s%zu %s", reasons.empty() ? "" : "; ", count, why.c_str());
+      reasons += formatted("%s%zu %s", reasons.empty() ? "" : "; ", count, reason.c_str());
     }
-    std::fprintf(stderr, "%zu of %zu records are flagged: %s\n", all, good_, reasons.c_str());
+    std::fprintf(stderr, "%zu of %zu records are out of distribution: %s\n", all, good_,
+                 reasons.c_str());
   }
-  void complain(const RecordStatus& r) const {
+  void report(const RecordStatus& r) const {
     std::fprintf(stderr, "%s: record %lld: %s\n", printable(run_).c_str(),
                  static_cast<long long>(r.index),
                  printable(r.fault.empty() ? r.note : r.fault).c_str());
@@ -137,7 +140,7 @@ class ReconstructTalk {
   std::size_t good_ = 0, left_out_ = 0, fell_back_ = 0;
   std::vector<RecordStatus> faults_;
   std::vector<double> after_slot_s_;
-  std::map<std::string, std::size_t> unusual_;  // records for each reason
+  std::map<std::string, std::size_t> reasons_;  // records for each reason
 };
 
 }  // namespace
@@ -157,12 +160,12 @@ Command add_train(CLI::App& app, const Common& common) {
          "empty, mean, silhouette, factorised[-N], ridge, pca-mlp[-N-N], "
          "mlp[-N-N...], nearest[-N], or auto: the cheapest within one standard error of the "
          "best")
-      ->check([](const std::string& text) { return text == "auto" ? "" : is_rung(text); })
+      ->check([](const std::string& text) { return text == "auto" ? "" : is_candidate(text); })
       ->capture_default_str();
-  app.add_option("--ladder", a->ladder, "auto: the models to try")
+  app.add_option("--candidates", a->candidates, "auto: the models to try")
       ->delimiter(',')
       ->allow_extra_args(false)
-      ->check(is_rung);
+      ->check(is_candidate);
   add_inputs_option(app, a->inputs);
   app.add_option(
          "--radar-bin", a->radar_bin_m,
@@ -218,7 +221,7 @@ Command add_train(CLI::App& app, const Common& common) {
 
 Command add_evaluate(CLI::App& app, const Common&) {
   struct Arguments {
-    std::string model, run, slip_action = "warn";
+    std::string model, run, range_bias_action = "warn";
     std::vector<std::string> train;
     std::string output = "own";
     bool all = false, json = false;
@@ -229,13 +232,13 @@ Command add_evaluate(CLI::App& app, const Common&) {
   app.add_flag("--all", a->all, "also score records that the model was trained on");
   app.add_option("--train", a->train,
                  "the runs the model was trained on, for the nearest-neighbour row of a fresh run");
-  add_slip_option(app, a->slip_action);
+  add_range_bias_option(app, a->range_bias_action);
   add_output_option(app, a->output);
   app.add_flag("--json", a->json, "one JSON object instead of text");
   return [a] {
     const TrainedModel model = load_model(a->model);
     Dataset data = load_recorded({a->run}), other;
-    const Records records = take(model, data, slip_action_of(a->slip_action));
+    const Records records = take(model, data, range_bias_action_of(a->range_bias_action));
     shorten_radar(data, 0);
     if (!a->train.empty()) {
       other = load(a->train);
@@ -247,8 +250,8 @@ Command add_evaluate(CLI::App& app, const Common&) {
     const Dataset& trained_on = a->train.empty() ? data : other;
     const Rows rows = rows_to_evaluate(model, records.data, a->all);
     Evaluation e = evaluate(model, records, rows, a->output);
-    e.trivial =
-        score_trivial(data, rows, model.scene, trained_on, model.rows_of(trained_on, Part::train));
+    e.baselines = score_baselines(data, rows, model.scene, trained_on,
+                                  model.rows_of(trained_on, Part::train));
     set_threads(1);
     e.cost = measure_cost(model, records.data, rows, a->model);
     std::puts(a->json
@@ -260,7 +263,7 @@ Command add_evaluate(CLI::App& app, const Common&) {
 
 Command add_reconstruct(CLI::App& app, const Common& common) {
   struct Arguments : ReconstructOptions {
-    std::string model, run, slip_action = "warn";
+    std::string model, run, range_bias_action = "warn";
   };
   const auto a = std::make_shared<Arguments>();
   app.add_option("model", a->model, "model file")->required();
@@ -274,17 +277,17 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
       ->allow_extra_args(false)
       ->check(CLI::IsMember(map_formats))
       ->capture_default_str();
-  add_slip_option(app, a->slip_action);
+  add_range_bias_option(app, a->range_bias_action);
   add_output_option(app, a->output);
   app.add_flag("--follow", a->follow,
                "of a run that is being recorded: new records as they come, until it is closed");
   app.add_flag("--force", a->force, "write into a folder that holds maps of another run");
   return [a, &common] {
     a->quiet = common.quiet;
-    ReconstructTalk talk(a->run, a->follow, common.quiet);
+    ReconstructReport talk(a->run, a->follow, common.quiet);
     a->on_record = [&](const RecordStatus& r) { talk.add(r); };
-    a->slip = slip_action_of(a->slip_action);
-    a->on_slip = [&](const std::string& text) {
+    a->range_bias = range_bias_action_of(a->range_bias_action);
+    a->on_range_bias = [&](const std::string& text) {
       std::fprintf(stderr, "%s: %s\n", printable(a->run).c_str(), printable(text).c_str());
     };
     reconstruct(load_model(a->model), a->run, *a);
@@ -304,7 +307,7 @@ Command add_crossvalidate(CLI::App& app, const Common& common) {
   app.add_option("--models", a->models)
       ->delimiter(',')
       ->allow_extra_args(false)
-      ->check(is_rung)
+      ->check(is_candidate)
       ->capture_default_str();
   app.add_option("--folds", a->folds)->check(CLI::Range(2, 1000))->capture_default_str();
   app.add_option("--gap", a->gap, "records between a fold and its training records")

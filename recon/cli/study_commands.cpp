@@ -66,14 +66,14 @@ Command add_stability(CLI::App& app, const Common& common) {
   app.add_option("--test-records", a->test_records, "default: 1000")
       ->check(CLI::Range(10, 1'000'000));
   app.add_option("--seeds", a->seeds)->check(CLI::Range(1, 1000))->capture_default_str();
-  const auto slip = std::make_shared<std::string>("ignore");
-  app.add_option("--slip", *slip, "before each test: correct or ignore, as of evaluate")
+  const auto range_bias = std::make_shared<std::string>("ignore");
+  app.add_option("--range-bias", *range_bias, "before each test: correct or ignore, as of evaluate")
       ->check(CLI::IsMember({"correct", "ignore"}))
       ->capture_default_str();
   app.add_option("--sim", a->sim, "the simulator; default: echofuse-sim beside this program");
-  return [a, slip, &common] {
+  return [a, range_bias, &common] {
     StabilityOptions options = complete(*a);
-    options.slip = slip_action_of(*slip);
+    options.range_bias = range_bias_action_of(*range_bias);
     options.quiet = common.quiet;
     options.threads = common.threads;
     const auto results = summarise_stability(options, study_stability(options));

@@ -11,8 +11,8 @@
 namespace echofuse::recon {
 
 //   noise  more radar noise: 20 down to 10 dB below the mean of the records' peaks
-// Gains, impulse response and background have none, as the models do not mind them, nor has a slip,
-// which is corrected (slip.hpp).
+// Gains, impulse response and background have none, as the models do not mind them, nor has a range
+// bias, which is corrected (range_bias.hpp).
 inline const std::vector<std::string> augment_names = {"noise"};
 
 // Appends a perturbed copy of the rows for each kind, and their numbers to `rows`. The copies

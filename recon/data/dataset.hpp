@@ -60,7 +60,7 @@ SensorSet sensors_of(Inputs inputs);
 // file and, for a bad record (wrong size, not a finite number), its number, unless on_bad takes it.
 Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad = {});
 // The same with the radar's profiles as they were recorded: shorten_radar() then takes off what the
-// calibration and a slip ask for in one interpolation.
+// calibration and a range bias ask for in one interpolation.
 Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& on_bad = {});
 
 // A run by parts, as recorded: its records from number `first` on, at most `at_most` of them beside

@@ -37,7 +37,7 @@ float gain_for(std::span<const double> variances, double wanted) {
 
 }  // namespace
 
-Matrix Features::readings(const Dataset& data, const Rows& rows) const {
+Matrix Features::raw_inputs(const Dataset& data, const Rows& rows) const {
   Matrix out(rows.size(), count());
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto row = out.row(i);
@@ -48,8 +48,8 @@ Matrix Features::readings(const Dataset& data, const Rows& rows) const {
   return out;
 }
 
-Matrix Features::strengths(const Dataset& data, const Rows& rows) const {
-  Matrix out = readings(data, rows);
+Matrix Features::normalised_inputs(const Dataset& data, const Rows& rows) const {
+  Matrix out = raw_inputs(data, rows);
   for (std::size_t i = 0; i < out.rows; ++i) {
     bring_to_strength(out.row(i).first(spd_count()), scaling);
     bring_to_strength(out.row(i).last(radar_count()), scaling);
@@ -58,7 +58,7 @@ Matrix Features::strengths(const Dataset& data, const Rows& rows) const {
 }
 
 Matrix Features::apply(const Dataset& data, const Rows& rows) const {
-  Matrix out = strengths(data, rows);
+  Matrix out = normalised_inputs(data, rows);
   for (std::size_t i = 0; i < out.rows; ++i) {
     const auto row = out.row(i);
     for (std::size_t c = 0; c < row.size(); ++c)
@@ -74,7 +74,7 @@ Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
     f.centre.assign(f.count(), 0);
     return f;
   }
-  const Matrix table = f.strengths(data, rows);
+  const Matrix table = f.normalised_inputs(data, rows);
   const ColumnStatistics columns = column_statistics(table, all_rows(table.rows));
   f.centre.assign(columns.mean.begin(), columns.mean.end());
   const double wanted = static_cast<double>(f.count()) / (inputs == Inputs::fused ? 2 : 1);

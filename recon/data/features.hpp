@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// From sensor readings to the input of a model: [SPD histogram ++ radar profile], each sensor
-// scaled by itself so that hundreds of SPD bins do not drown tens of radar bins.
+// From the raw inputs of the sensors to the input of a model: [SPD histogram ++ radar profile],
+// each sensor scaled by itself so that hundreds of SPD bins do not drown tens of radar bins.
 #pragma once
 #include <span>
 #include <string>
@@ -11,11 +11,12 @@
 
 namespace echofuse::recon {
 
-// How one record's readings are brought to a common strength before the training set's scaling.
+// How one record's raw inputs are normalised before the training set's scaling.
 //   plain   as they are
 //   sqrt    square root, which makes the noise of a Poisson count the same in every bin
 //   raw     as they are, and not scaled by the training set either (models that do it themselves)
-//   record  minus the record's own median (background), divided by its own sum: blind to laser
+//   record  minus the record's own median (background), divided by its own sum: does not depend on
+//   laser
 //           power, exposure and radar gain
 inline const std::vector<std::string> scaling_names = {"plain", "sqrt", "record"};
 
@@ -38,9 +39,9 @@ struct Features {
   std::size_t radar_count() const { return inputs == Inputs::spd ? 0 : radar_axis.count; }
   std::size_t count() const { return spd_count() + radar_count(); }
   // [SPD ++ radar] of each of `rows`, as they are.
-  Matrix readings(const Dataset& data, const Rows& rows) const;
+  Matrix raw_inputs(const Dataset& data, const Rows& rows) const;
   // The same, brought to a common strength by `scaling` only.
-  Matrix strengths(const Dataset& data, const Rows& rows) const;
+  Matrix normalised_inputs(const Dataset& data, const Rows& rows) const;
   // The model's input: one row of count() values for each of `rows`.
   Matrix apply(const Dataset& data, const Rows& rows) const;
 };

@@ -69,7 +69,7 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
   fit.quiet = true;
   const bool aligned =
       std::any_of(options.models.begin(), options.models.end(),
-                  [&](const auto& name) { return wants_alignment(rung_of(name, fit).model); });
+                  [&](const auto& name) { return wants_alignment(candidate_of(name, fit).model); });
   for (std::size_t fold = 0; fold < options.folds && !interrupted(); ++fold) {
     const Split split = make_fold(rows, fold, options.folds, options.gap);
     const Ground ground(data, split.train, inputs, learn_scene(data.depth, split.train), aligned);
@@ -101,7 +101,7 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
   return out;
 }
 
-std::vector<std::string> ladder(Inputs inputs) {
+std::vector<std::string> candidates(Inputs inputs) {
   std::vector<std::string> out = {"empty", "mean"};
   if (inputs == Inputs::fused)
     for (const char* name :

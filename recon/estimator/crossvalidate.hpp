@@ -12,10 +12,10 @@ namespace echofuse::recon {
 struct CrossvalidateOptions {
   std::string inputs = "fused", scaling = "record";
   std::vector<std::string> models = {"mean", "nearest", "ridge",
-                                     "mlp"};  // rungs (models/model.hpp)
+                                     "mlp"};  // candidates (models/model.hpp)
   std::size_t folds = 6;
   std::size_t gap = 10;  // records between a fold and its training records
-  // Whether rows that follow one another are alike. Then the standard errors are those of the
+  // Whether neighbouring rows resemble each other. Then the standard errors are those of the
   // folds; of rows in random order they are those of the maps.
   bool sequence = true;
   FitOptions fit;
@@ -28,8 +28,9 @@ struct CrossvalidatedRow : ScoredRow {
 };
 
 // Means over all maps, with the standard error of their folds: of neighbours in a sequence, which
-// are alike, each would count as a new one. Folds of unequal size (or with maps that do not define
-// a metric) count by their maps: se^2 = K / (K - 1) sum_k (sum over k - n_k mean)^2 / n^2.
+// resemble each other, each would count as a new one. Folds of unequal size (or with maps that do
+// not define a metric) count by their maps: se^2 = K / (K - 1) sum_k (sum over k - n_k mean)^2 /
+// n^2.
 Summaries summarise_folds(const std::vector<std::vector<MapScores>>& folds);
 
 // One row a model; `rows` in the order that the folds are cut from. `published`, if it has records,
@@ -39,8 +40,9 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
                                              const CrossvalidateOptions& options,
                                              const Dataset& published = {});
 
-// The rungs that make sense with these inputs, sizes included: what `train --model auto` tries.
-std::vector<std::string> ladder(Inputs inputs);
+// The candidates that make sense with these inputs, sizes included: what `train --model auto`
+// tries.
+std::vector<std::string> candidates(Inputs inputs);
 
 // The cheapest model (multiply-adds) whose IoU is within one standard error of the best one's
 // (Breiman et al., Classification and Regression Trees, 1984, 3.4.3). Throws Error(failed) if none

@@ -45,22 +45,22 @@ Rows with_depth(const Dataset& data) {
 }
 
 // A Calibration in the making.
-struct Claimed {
+struct StatedUncertainty {
   double within = 0, stated = 0, known = 0, flagged = 0, squares = 0, variance = 0, pixels = 0,
          records = 0;
 
   void add(const Prediction& own, const Dataset& data, const Rows& rows, const Scene& scene) {
     for (std::size_t i = 0; i < rows.size(); ++i) {
       const auto truth = data.depth.row(rows[i]);
-      flagged += !own.claims[i].strangeness.why.empty(), ++records;
+      flagged += !own.uncertainties[i].out_of_distribution.reason.empty(), ++records;
       for (std::size_t p = 0; p < truth.size(); ++p, ++pixels) {
         squares += std::pow(double{own.mean.row(i)[p]} - double{truth[p]}, 2);
         variance += std::pow(double{own.deviation.row(i)[p]}, 2);
       }
       const double error = lateral_error(own.maps.row(i), truth, scene);
-      const double claimed = own.claims[i].lateral_90_m;
-      if (std::isnan(error) || std::isnan(claimed)) continue;
-      within += error <= claimed, stated += claimed, ++known;
+      const double interval_m = own.uncertainties[i].lateral_interval_90_m;
+      if (std::isnan(error) || std::isnan(interval_m)) continue;
+      within += error <= interval_m, stated += interval_m, ++known;
     }
   }
   Calibration mean() const {
@@ -73,19 +73,19 @@ struct Claimed {
 void score_predictions(const TrainedModel& model, const Records& records, const Rows& rows,
                        Evaluation& out) {
   constexpr std::size_t at_once = 512;
-  const Ask ask = model.confidence || out.output == "mean" ? Ask::pixels : Ask::maps;
+  const Ask ask = model.uncertainty || out.output == "mean" ? Ask::pixels : Ask::maps;
   std::vector<MapScores> scores;
-  Claimed claimed;
+  StatedUncertainty uncertainty;
   for (std::size_t first = 0; first < rows.size(); first += at_once) {
     const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(first);
     const Rows part(begin, begin + std::min<std::ptrdiff_t>(at_once, rows.end() - begin));
     const Prediction one = predict(model, records, part, ask);
-    if (model.confidence) claimed.add(one, records.data, part, model.scene);
+    if (model.uncertainty) uncertainty.add(one, records.data, part, model.scene);
     const auto some = score_maps(one.of(out.output), records.data, part, model.scene);
     scores.insert(scores.end(), some.begin(), some.end());
   }
   out.metrics = summarise(scores);
-  if (model.confidence) out.calibration = claimed.mean();
+  if (model.uncertainty) out.calibration = uncertainty.mean();
 }
 
 }  // namespace
@@ -120,7 +120,7 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   out.inputs = model.features.inputs;
   out.output = output;
   out.records = rows.size();
-  out.slip = records.text;
+  out.range_bias = records.text;
   for (const std::size_t row : rows) out.fallback_records += model.falls_back(data, row);
   if (!model.knows(data))
     for (const std::size_t row : with_depth(data))
@@ -129,8 +129,8 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   return out;
 }
 
-std::vector<ScoredRow> score_trivial(const Dataset& data, const Rows& rows, const Scene& scene,
-                                     const Dataset& neighbours_data, const Rows& neighbours) {
+std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows, const Scene& scene,
+                                       const Dataset& neighbours_data, const Rows& neighbours) {
   const auto scored = [&](const Matrix& maps) {
     return summarise(score_maps(maps, data, rows, scene));
   };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A model's scores on records it has not seen, with the trivial answers beside and the cost.
+// A model's scores on records it has not seen, with the baselines' beside, and the cost.
 #pragma once
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
@@ -24,11 +24,11 @@ struct RunningCost {
   std::size_t model_bytes = 0;
 };
 
-// How well a model's claims hold on records with a truth.
+// How well the stated uncertainty holds on records with a truth.
 struct Calibration {
-  double within_90 = 0;                 // share of the records within their lateral_90_m
-  double lateral_90_m = 0;              // mean
-  double flagged = 0;                   // share of the records that are called unusual
+  double within_90 = 0;                 // share of the records within their lateral_interval_90_m
+  double lateral_interval_90_m = 0;     // mean
+  double flagged = 0;                   // share of the records that are out of distribution
   double error_m = 0, deviation_m = 0;  // of pixels, root mean square: of the mean map, as stated
 };
 
@@ -39,11 +39,12 @@ struct Evaluation {
   std::size_t records = 0;
   std::size_t fallback_records = 0;  // of them, for which the fallback answered
   std::size_t left_out = 0;          // of a fresh run: had depth, but no map can be made of them
-  std::string slip;                  // what there is to say of one (Records)
+  std::string range_bias;            // what there is to say of one (Records)
   Summaries metrics;
-  std::vector<ScoredRow> trivial;  // empty room, mean map, nearest neighbour
+  std::vector<ScoredRow> baselines;  // empty room, mean map, nearest neighbour
   RunningCost cost;
-  std::optional<Calibration> calibration;  // none: the model claims nothing; NaN: of no record
+  std::optional<Calibration>
+      calibration;  // none: the model uncertainties nothing; NaN: of no record
 };
 
 // The rows to judge a model by: the held-out ones of a run it was trained on, else all with depth
@@ -55,15 +56,15 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
                                   const Scene& scene);
 
-// `output`: which of the model's maps to score (output_names). Without trivial rows and cost.
+// `output`: which of the model's maps to score (output_names). Without baselines and cost.
 Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
                     const std::string& output = "own");
 
 // What needs no model: the empty room, the mean map, and of the neighbours' maps that of the
 // nearest one by the sensors that both data sets have on the same axes, in a fixed scaling
 // ("record"); left out if there are no neighbours.
-std::vector<ScoredRow> score_trivial(const Dataset& data, const Rows& rows, const Scene& scene,
-                                     const Dataset& neighbours_data, const Rows& neighbours);
+std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows, const Scene& scene,
+                                       const Dataset& neighbours_data, const Rows& neighbours);
 
 RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,
                          const std::string& model_path);
@@ -74,7 +75,7 @@ std::string to_table(const std::vector<ScoredRow>& rows);
 // Whole-map SSIM and RMSE in units of the depth span (6 m), for recordings whose depth is relative.
 std::string to_span_table(const std::vector<ScoredRow>& rows);
 std::string to_text(const Evaluation& evaluation);
-// What must be known to read the scores (slip, fallback, records left out): a line each, or
+// What must be known to read the scores (range bias, fallback, records left out): a line each, or
 // nothing.
 std::string notes(const Evaluation& evaluation);
 std::string to_text(const std::optional<Calibration>& calibration);  // one line, or nothing

@@ -26,17 +26,17 @@ json metrics_json(const Summaries& metrics) {
 }  // namespace
 
 json to_json(const Evaluation& e) {
-  json trivial = json::object();
-  for (const auto& row : e.trivial) trivial[row.name] = metrics_json(row.metrics);
+  json baselines = json::object();
+  for (const auto& row : e.baselines) baselines[row.name] = metrics_json(row.metrics);
   json out = {{"model", e.model},
               {"inputs", name_of(e.inputs)},
               {"output", e.output},
               {"records", e.records},
               {"left_out", e.left_out},
               {"fallback_records", e.fallback_records},
-              {"slip", e.slip},
+              {"range_bias", e.range_bias},
               {"metrics", metrics_json(e.metrics)},
-              {"trivial", trivial},
+              {"trivial", baselines},
               {"cost",
                {{"multiply_adds", e.cost.cost.multiply_adds},
                 {"parameters", e.cost.cost.parameters},
@@ -45,8 +45,8 @@ json to_json(const Evaluation& e) {
                 {"train_s", e.cost.train_s},
                 {"model_bytes", e.cost.model_bytes}}}};
   if (e.calibration)
-    out["calibration"] = {{"within_lateral_90", number(e.calibration->within_90)},
-                          {"lateral_90_m", number(e.calibration->lateral_90_m)},
+    out["calibration"] = {{"within_lateral_interval_90", number(e.calibration->within_90)},
+                          {"lateral_interval_90_m", number(e.calibration->lateral_interval_90_m)},
                           {"flagged", e.calibration->flagged},
                           {"pixel_error_m", e.calibration->error_m},
                           {"pixel_deviation_m", e.calibration->deviation_m}};
@@ -83,15 +83,15 @@ std::string to_text(const std::optional<Calibration>& c) {
           : formatted(
                 "%.1f %% of the records within their stated lateral error, %.1f cm on average "
                 "(meant for 90 %%); ",
-                100 * c->within_90, 100 * c->lateral_90_m);
+                100 * c->within_90, 100 * c->lateral_interval_90_m);
   return lateral + formatted(
-                       "%.2f %% flagged as unusual; pixels of the mean map are off by %.2f m "
+                       "%.2f %% out of distribution; pixels of the mean map are off by %.2f m "
                        "rms, stated %.2f m\n",
                        100 * c->flagged, c->error_m, c->deviation_m);
 }
 
 std::string notes(const Evaluation& e) {
-  std::string out = e.slip.empty() ? "" : e.slip + '\n';
+  std::string out = e.range_bias.empty() ? "" : e.range_bias + '\n';
   if (e.fallback_records > 0)
     out += formatted("%zu records: %s\n", e.fallback_records, fallback_note);
   if (e.left_out > 0)
@@ -101,7 +101,7 @@ std::string notes(const Evaluation& e) {
 
 std::string to_text(const Evaluation& e) {
   std::vector<ScoredRow> rows = {{e.model + " " + name_of(e.inputs), e.metrics}};
-  rows.insert(rows.end(), e.trivial.begin(), e.trivial.end());
+  rows.insert(rows.end(), e.baselines.begin(), e.baselines.end());
   return formatted("%zu records; mean +- standard error over maps\n", e.records) + notes(e) +
          to_table(rows) +
          formatted(

@@ -19,7 +19,7 @@ namespace {
 using record::H5File;
 
 constexpr const char* format = "echofuse model";
-constexpr std::int64_t format_version = 3;
+constexpr std::int64_t format_version = 4;
 constexpr const char* fallback_group = "fallback";
 constexpr std::int64_t most_bins = 1 << 20;
 constexpr float farthest_m = 100;
@@ -189,8 +189,8 @@ void save_to(H5File& file, const TrainedModel& model) {
   save_training(file, model);
   if (model.alignment.known()) model.alignment.save(file);
   model.model->save(file);
-  model.slip.save(file);
-  if (model.confidence) model.confidence->save(file);
+  model.range_bias.save(file);
+  if (model.uncertainty) model.uncertainty->save(file);
   if (!model.fallback) return;
   H5File group = file.group(fallback_group);
   save_to(group, *model.fallback);
@@ -204,13 +204,13 @@ TrainedModel load_one(const H5File& file) {
   const bool aligned = wants_alignment(out.name);
   require_sound(file, !aligned || (layout.spd.count > 0 && layout.radar.count > 0), ".@inputs",
                 "fused: this kind of model needs both sensors");
-  const bool claims = file.has("confidence");
-  if (aligned || file.has("slip") || (claims && layout.spd.count > 0))
+  const bool uncertainties = file.has("uncertainty");
+  if (aligned || file.has("range_bias") || (uncertainties && layout.spd.count > 0))
     out.alignment.load(file, layout);
   out.model = make_model(out.name);
   out.model->load(file, aligned ? out.alignment.size() : layout.inputs(), map_pixels);
-  out.slip.load(file, out.alignment);
-  if (claims) out.confidence.emplace().load(file, out.features, out.alignment);
+  out.range_bias.load(file, out.alignment);
+  if (uncertainties) out.uncertainty.emplace().load(file, out.features, out.alignment);
   return out;
 }
 
@@ -222,8 +222,8 @@ void check_fallback(const H5File& file, const TrainedModel& model) {
   require_sound(file, other.features.inputs == Inputs::spd, name + "@inputs", "spd");
   require_sound(file, same_axis(other.features.spd_axis, model.features.spd_axis),
                 name + "/axes/spd", "the model's own");
-  require_sound(file, other.confidence.has_value() == model.confidence.has_value(),
-                name + "/confidence", "one as the model has, or none as it has none");
+  require_sound(file, other.uncertainty.has_value() == model.uncertainty.has_value(),
+                name + "/uncertainty", "one as the model has, or none as it has none");
   require_sound(file, !file.has(name + "/" + fallback_group), name, "no fallback of its own");
 }
 

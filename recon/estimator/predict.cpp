@@ -29,18 +29,18 @@ Prediction predict_aligned(const TrainedModel& model, const Dataset& data, const
   out.maps =
       model.model->predict(model.inputs(data, rows, aligned), ask == Ask::pixels ? &soft : nullptr);
   require_finite(out.maps);
-  if (ask == Ask::maps || !model.confidence) return out;
-  const Confidence& confidence = *model.confidence;
+  if (ask == Ask::maps || !model.uncertainty) return out;
+  const UncertaintyModel& uncertainty = *model.uncertainty;
   const Matrix signs = signs_of(out.maps, model.scene, data, rows, model.features.inputs);
-  std::vector<double> lateral_90_m;
+  std::vector<double> lateral_interval_90_m;
   for (std::size_t i = 0; i < rows.size(); ++i)
-    lateral_90_m.push_back(confidence.lateral(signs.row(i)));
-  auto strangeness = confidence.novelty.judge(aligned, data, rows);
+    lateral_interval_90_m.push_back(uncertainty.lateral(signs.row(i)));
+  auto out_of_distribution = uncertainty.detector.judge(aligned, data, rows);
   for (std::size_t i = 0; i < rows.size(); ++i)
-    out.claims.push_back({lateral_90_m[i], std::move(strangeness[i])});
-  if (ask == Ask::claims) return out;
-  soft = soft_of(std::move(soft), out.maps, model.scene, lateral_90_m);
-  PixelMaps pixels = confidence.pixels(soft, model.scene);
+    out.uncertainties.push_back({lateral_interval_90_m[i], std::move(out_of_distribution[i])});
+  if (ask == Ask::uncertainty) return out;
+  soft = soft_of(std::move(soft), out.maps, model.scene, lateral_interval_90_m);
+  PixelMaps pixels = uncertainty.pixels(soft, model.scene);
   require_finite(pixels.mean), require_finite(pixels.deviation);
   out.mean = std::move(pixels.mean), out.deviation = std::move(pixels.deviation);
   return out;
@@ -57,15 +57,15 @@ void put(Prediction& whole, Prediction part, std::span<const std::size_t> places
   };
   put_rows(whole.maps, part.maps);
   put_rows(whole.mean, part.mean), put_rows(whole.deviation, part.deviation);
-  if (!part.claims.empty()) whole.claims.resize(records);
-  for (std::size_t i = 0; i < part.claims.size(); ++i)
-    whole.claims[places[i]] = std::move(part.claims[i]);
+  if (!part.uncertainties.empty()) whole.uncertainties.resize(records);
+  for (std::size_t i = 0; i < part.uncertainties.size(); ++i)
+    whole.uncertainties[places[i]] = std::move(part.uncertainties[i]);
 }
 
 // `aligned`: of every record of the data, or none.
 Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
                    const Matrix* aligned, Ask ask) {
-  if (ask == Ask::pixels) require_confidence(model);
+  if (ask == Ask::pixels) require_uncertainty(model);
   Prediction out;
   out.maps.cols = model.scene.background.size();
   for (const auto& [by, places, own_rows] : model.shares(data, rows))
@@ -85,26 +85,27 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
 
 }  // namespace
 
-Records take(const TrainedModel& model, Dataset recorded, SlipAction action) {
-  const bool asked = action != SlipAction::ignore && model.slip.known();
-  const bool correct = action == SlipAction::correct;
+Records take(const TrainedModel& model, Dataset recorded, RangeBiasAction action) {
+  const bool asked = action != RangeBiasAction::ignore && model.range_bias.known();
+  const bool correct = action == RangeBiasAction::correct;
   Records out{std::move(recorded), {}, {}, 0, {}};
   Dataset& data = out.data;
   const Matrix profiles = asked && correct ? data.radar : Matrix{};
   const Axis axis = data.radar_axis;
   const std::vector<Source> sources = data.sources;
-  const auto align = [&](double slip_m) {
-    shorten_radar(data, slip_m);
+  const auto align = [&](double range_bias_m) {
+    shorten_radar(data, range_bias_m);
     model.match(data);
     out.aligned = model.align(data, all_rows(data.size()), true);
   };
   align(0);
   if (!asked) return out;
-  out.slip = model.slip.judge(model.slip.measure(model.alignment, data, out.aligned));
-  out.text = out.slip.text(correct);
-  if (!correct || out.slip.verdict != Slip::Verdict::found) return out;
+  out.range_bias =
+      model.range_bias.judge(model.range_bias.measure(model.alignment, data, out.aligned));
+  out.text = out.range_bias.text(correct);
+  if (!correct || out.range_bias.verdict != RangeBias::Verdict::found) return out;
   data.radar = profiles, data.radar_axis = axis, data.sources = sources;
-  align(out.slip_m = out.slip.metres);
+  align(out.range_bias_m = out.range_bias.metres);
   return out;
 }
 
@@ -120,8 +121,8 @@ Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
   return recon::predict(*this, data, rows, Ask::maps).maps;
 }
 
-void require_confidence(const TrainedModel& model) {
-  if (!model.confidence)
+void require_uncertainty(const TrainedModel& model) {
+  if (!model.uncertainty)
     throw Error(ExitCode::usage,
                 "the model does not know how sure it is: it was trained on too few records (100, "
                 "and 30 validation records), its training was interrupted, or an older version "

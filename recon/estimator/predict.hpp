@@ -12,39 +12,39 @@ namespace echofuse::recon {
 
 // Records as the model takes them.
 struct Records {
-  Dataset data;       // on the model's axes
-  Matrix aligned;     // of every record (TrainedModel::align)
-  Slip slip;          // what the records show of one; no records if nobody asked
-  double slip_m = 0;  // taken off the radar's ranges
-  std::string text;   // what there is to say of it, or nothing
+  Dataset data;             // on the model's axes
+  Matrix aligned;           // of every record (TrainedModel::align)
+  RangeBias range_bias;     // what the records show of one; no records if nobody asked
+  double range_bias_m = 0;  // taken off the radar's ranges
+  std::string text;         // what there is to say of it, or nothing
 };
 
 // Of runs as they were recorded (load_recorded, load_part), or of changed records. What the
-// radar's calibration and a slip ask for is one interpolation. Throws Error(failed) if the axes are
-// not the model's.
-Records take(const TrainedModel& model, Dataset recorded, SlipAction action);
+// radar's calibration and a range bias ask for is one interpolation. Throws Error(failed) if the
+// axes are not the model's.
+Records take(const TrainedModel& model, Dataset recorded, RangeBiasAction action);
 
 // own: the map as the model makes it; mean: the mean over what may be there, which has the least
 // squared error.
 inline const std::vector<std::string> output_names = {"own", "mean"};
 
 // Each includes those before it.
-enum class Ask : std::uint8_t { maps, claims, pixels };
+enum class Ask : std::uint8_t { maps, uncertainty, pixels };
 
 struct Prediction {
-  Matrix maps;                // metres
-  std::vector<Claim> claims;  // none without a confidence
-  Matrix mean, deviation;     // metres; no rows unless pixels are asked for
+  Matrix maps;                                       // metres
+  std::vector<PredictionUncertainty> uncertainties;  // none without a uncertainty
+  Matrix mean, deviation;                            // metres; no rows unless pixels are asked for
   const Matrix& of(const std::string& output) const { return output == "mean" ? mean : maps; }
 };
 
 // Where the model falls back, its fallback predicts. Throws Error(usage) if the model has no
-// confidence and pixels are asked for.
+// uncertainty and pixels are asked for.
 Prediction predict(const TrainedModel& model, const Records& records, const Rows& rows, Ask ask);
 Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
-                   Ask ask = Ask::claims);  // of data on the model's axes
+                   Ask ask = Ask::uncertainty);  // of data on the model's axes
 
-// Throws Error(usage) if the model claims nothing: mean maps and deviations need that.
-void require_confidence(const TrainedModel& model);
+// Throws Error(usage) if the model states no uncertainty: mean maps and deviations need that.
+void require_uncertainty(const TrainedModel& model);
 
 }  // namespace echofuse::recon

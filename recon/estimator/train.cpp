@@ -9,7 +9,7 @@
 #include "drivers/core/random.hpp"
 #include "recon/data/augment.hpp"
 #include "recon/estimator/crossvalidate.hpp"
-#include "recon/estimator/fit_confidence.hpp"
+#include "recon/estimator/fit_uncertainty.hpp"
 #include "recon/files/text.hpp"
 
 namespace echofuse::recon {
@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::size_t auto_folds = 4;
 // In front of a room the SPD alone sees nearly everything, but only a network learns it.
-constexpr const char* fallback_rung = "pca-mlp-256-256";
+constexpr const char* fallback_candidate = "pca-mlp-256-256";
 constexpr std::uint64_t fold_stream = 0x666f6c64;  // "fold"
 
 // Judged on the training records alone: the test records choose nothing.
@@ -28,10 +28,14 @@ std::string choose(const Dataset& data, const Split& split, const TrainOptions& 
   const bool blocked = options.split.kind == "blocked";
   Rng rng = make_rng(options.split.seed, fold_stream);
   if (!blocked) std::shuffle(rows.begin(), rows.end(), rng);
-  CrossvalidateOptions cross{
-      options.inputs, options.scaling, options.ladder, auto_folds, blocked ? options.split.gap : 0,
-      blocked,        options.fit};
-  if (cross.models.empty()) cross.models = ladder(inputs_of(options.inputs));
+  CrossvalidateOptions cross{options.inputs,
+                             options.scaling,
+                             options.candidates,
+                             auto_folds,
+                             blocked ? options.split.gap : 0,
+                             blocked,
+                             options.fit};
+  if (cross.models.empty()) cross.models = candidates(inputs_of(options.inputs));
   const auto table = crossvalidate(data, rows, cross);
   const std::size_t chosen = cheapest_within_one_se(table);
   if (!options.fit.quiet) std::fputs(to_choice_table(table, chosen).c_str(), stderr);
@@ -40,14 +44,15 @@ std::string choose(const Dataset& data, const Split& split, const TrainOptions& 
 
 std::unique_ptr<TrainedModel> fit_fallback(const Dataset& data, const Split& split,
                                            const Scene& scene, const FitOptions& options,
-                                           bool claims) {
+                                           bool uncertainties) {
   FitOptions fit;
   fit.seed = options.seed, fit.quiet = options.quiet, fit.epochs = options.epochs;
-  const Ground ground(data, split.train, Inputs::spd, scene, claims);
+  const Ground ground(data, split.train, Inputs::spd, scene, uncertainties);
   auto out = std::make_unique<TrainedModel>(
-      fit_model(data, split, ground, fallback_rung, Inputs::spd, "record", fit));
+      fit_model(data, split, ground, fallback_candidate, Inputs::spd, "record", fit));
   out->alignment = ground.alignment;
-  if (claims) out->confidence = fit_confidence(*out, data, ground.aligned, split, fit.seed);
+  if (uncertainties)
+    out->uncertainty = fit_uncertainty(*out, data, ground.aligned, split, fit.seed);
   return out;
 }
 
@@ -78,28 +83,31 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
   const FitOptions& fit = options.fit;
   // In bins as wide as the paper's an echo has no place to 1 cm.
-  const bool slip = options.slip && inputs == Inputs::fused && data.spd_axis.unit == "ps" &&
-                    data.radar_axis.unit == "m" && data.radar_axis.quantity == "power";
-  const bool claims = options.confidence && can_judge(split);
+  const bool range_bias = options.range_bias && inputs == Inputs::fused &&
+                          data.spd_axis.unit == "ps" && data.radar_axis.unit == "m" &&
+                          data.radar_axis.quantity == "power";
+  const bool uncertainties = options.uncertainty && can_judge(split);
   // Its first rows are the records of the data; copies of them follow.
   std::optional<Dataset> more;
   Split fit_split = split;
   if (!options.augment.empty())
     augment(more.emplace(data), fit_split.train, options.augment, fit.seed);
   const Dataset& fit_data = more ? *more : data;
-  const Ground ground(fit_data, fit_split.train, inputs,
-                      learn_scene(fit_data.depth, fit_split.train),
-                      slip || claims || wants_alignment(rung_of(name, fit).model));
+  const Ground ground(
+      fit_data, fit_split.train, inputs, learn_scene(fit_data.depth, fit_split.train),
+      range_bias || uncertainties || wants_alignment(candidate_of(name, fit).model));
   TrainedModel model = fit_model(fit_data, fit_split, ground, name, inputs, options.scaling, fit);
   model.alignment = ground.alignment;
   model.split = options.split;
   model.seen = remember(data, split);
-  if (slip)
-    model.slip = SlipReference(ground.alignment, data, ground.aligned, in_order(split.train));
+  if (range_bias)
+    model.range_bias =
+        RangeBiasReference(ground.alignment, data, ground.aligned, in_order(split.train));
   if (model.log.interrupted) return model;
-  if (claims) model.confidence = fit_confidence(model, data, ground.aligned, split, fit.seed);
-  if (options.fallback && inputs == Inputs::fused && !is_blind(model.name))
-    model.fallback = fit_fallback(data, split, ground.scene, options.fit, claims);
+  if (uncertainties)
+    model.uncertainty = fit_uncertainty(model, data, ground.aligned, split, fit.seed);
+  if (options.fallback && inputs == Inputs::fused && !ignores_inputs(model.name))
+    model.fallback = fit_fallback(data, split, ground.scene, options.fit, uncertainties);
   if (interrupted()) model.log.interrupted = true, model.fallback.reset();  // half trained
   return model;
 }

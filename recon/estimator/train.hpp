@@ -9,16 +9,16 @@
 namespace echofuse::recon {
 
 struct TrainOptions {
-  // A rung (models/model.hpp), or "auto": the cheapest of the ladder within one standard error of
+  // A candidate (models/model.hpp), or "auto": the cheapest candidate within one standard error of
   // the best, by cross-validation on the training records.
   std::string model = "mlp", inputs = "fused", scaling = "record";
-  std::vector<std::string> ladder;  // auto: what to try; empty: what makes sense
+  std::vector<std::string> candidates;  // auto: what to try; empty: what makes sense
   SplitOptions split;
   FitOptions fit;
   std::vector<std::string> augment;  // kinds of augment.hpp
-  // What is kept beside the model: of a fused one the reference of a slip, and of one that looks at
-  // its inputs a model for the SPD alone (TrainedModel); of any what it claims of itself.
-  bool slip = true, fallback = false, confidence = true;
+  // What is kept beside the model: of a fused one the range bias's reference, and of one that looks
+  // at its inputs a model for the SPD alone (TrainedModel); of any its uncertainty.
+  bool range_bias = true, fallback = false, uncertainty = true;
 };
 
 // The records with these inputs and depth. Throws Error(failed) that names the first one of a dead

@@ -69,7 +69,7 @@ std::vector<TrainedModel::Share> TrainedModel::shares(const Dataset& data, const
 
 Matrix TrainedModel::align(const Dataset& data, const Rows& rows, bool wanted) const {
   if (!alignment.known() || !(wanted || wants_alignment(name))) return Matrix(rows.size(), 0);
-  return alignment(features.readings(data, rows));
+  return alignment(features.raw_inputs(data, rows));
 }
 
 Matrix TrainedModel::inputs(const Dataset& data, const Rows& rows, const Matrix& aligned) const {
@@ -110,9 +110,9 @@ Ground::Ground(const Dataset& data, const Rows& train, Inputs inputs, Scene of_r
   aligned.rows = data.size();
   if (!wanted || inputs == Inputs::radar) return;
   const Features raw = fit_features(data, train, inputs, raw_scaling);
-  const Matrix readings = raw.readings(data, all_rows(data.size()));
-  alignment = Alignment(raw.layout(), readings, train);
-  aligned = alignment(readings);
+  const Matrix raw_inputs = raw.raw_inputs(data, all_rows(data.size()));
+  alignment = Alignment(raw.layout(), raw_inputs, train);
+  aligned = alignment(raw_inputs);
   took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
 }
 
@@ -121,21 +121,21 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const Ground& gr
                        const FitOptions& options) {
   const auto started = std::chrono::steady_clock::now();
   TrainedModel out;
-  const Rung rung = rung_of(name, options);
-  const bool aligned = wants_alignment(rung.model);
-  out.name = rung.model;
+  const Candidate candidate = candidate_of(name, options);
+  const bool aligned = wants_alignment(candidate.model);
+  out.name = candidate.model;
   out.features = fit_features(data, split.train, inputs, aligned ? raw_scaling : scaling);
   if (aligned && (out.features.spd_count() == 0 || out.features.radar_count() == 0))
     throw Error(ExitCode::usage,
                 "the silhouette and factorised models need both sensors: --inputs fused");
   out.scene = ground.scene;
   if (aligned) out.alignment = ground.alignment;
-  out.model = make_model(rung.model);
+  out.model = make_model(candidate.model);
   const Matrix scaled = aligned ? Matrix{} : out.features.apply(data, all_rows(data.size()));
   const Matrix& taken = aligned ? ground.aligned : scaled;
   out.log = out.model->fit({taken, data.depth, split.train, &ground.scene},
-                           {taken, data.depth, split.validation, &ground.scene}, rung.fit);
-  out.fit = rung.fit;
+                           {taken, data.depth, split.validation, &ground.scene}, candidate.fit);
+  out.fit = candidate.fit;
   out.data_hash = data.hash;
   out.train_s = ground.took_s +
                 std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();

@@ -12,9 +12,9 @@
 //                batch, learning_rate, weight_decay, patience
 //   alignment/   what is always there (body/alignment.hpp), if anything in the file needs it
 //   model/       what the model itself keeps
-//   slip/        of a fused model: slip.hpp
+//   range_bias/  of a fused model: range_bias.hpp
 //   fallback/    of a fused model: another one of this format, for records without a live radar
-//   confidence/  what tells how far to trust it; files of older versions have none
+//   uncertainty/ what tells how far to trust it; files of older versions have none
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -26,8 +26,8 @@
 #include "recon/data/split.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/models/model.hpp"
-#include "recon/uncertainty/confidence.hpp"
-#include "recon/uncertainty/slip.hpp"
+#include "recon/uncertainty/range_bias.hpp"
+#include "recon/uncertainty/uncertainty.hpp"
 
 namespace echofuse::recon {
 
@@ -46,12 +46,12 @@ struct TrainedModel {
   Scene scene;
   Alignment alignment;  // not known if nothing here needs it
   std::unique_ptr<Model> model;
-  std::optional<Confidence> confidence;  // none: nothing is claimed
+  std::optional<UncertaintyModel> uncertainty;  // none: no uncertainty is stated
   TrainingLog log;
   SplitOptions split;
   FitOptions fit;
   SeenRecords seen;
-  SlipReference slip;                      // of a fused model
+  RangeBiasReference range_bias;           // of a fused model
   std::unique_ptr<TrainedModel> fallback;  // of a fused model, for the SPD alone; may be null
   std::uint32_t data_hash = 0;
   double train_s = 0;
@@ -70,7 +70,7 @@ struct TrainedModel {
   };
   std::vector<Share> shares(const Dataset& data, const Rows& rows) const;
   // The rows as seen from the body in each, where the model takes that or if it is wanted for what
-  // is claimed; else no columns.
+  // is stated; else no columns.
   Matrix align(const Dataset& data, const Rows& rows, bool wanted) const;
   // What the model takes of the rows; row i of the aligned features belongs to rows[i].
   Matrix inputs(const Dataset& data, const Rows& rows, const Matrix& aligned) const;
@@ -98,8 +98,8 @@ struct Ground {
   Ground(const Dataset& data, const Rows& train, Inputs inputs, Scene scene, bool wanted);
 };
 
-// Fits scaling and model to the training rows; leaves `seen`, `slip` and `fallback` empty. Throws
-// Error(usage) if the model needs both sensors.
+// Fits scaling and model to the training rows; leaves `seen`, `range_bias` and `fallback` empty.
+// Throws Error(usage) if the model needs both sensors.
 TrainedModel fit_model(const Dataset& data, const Split& split, const Ground& ground,
                        const std::string& name, Inputs inputs, const std::string& scaling,
                        const FitOptions& options);

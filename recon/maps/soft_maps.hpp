@@ -7,7 +7,7 @@ namespace echofuse::recon {
 // One row a record: how probably a body is at each pixel if it is where the model puts it, and how
 // far away (metres) it is there if so.
 struct SoftMaps {
-  Matrix share, depth;
+  Matrix foreground_probability, depth;
 };
 
 }  // namespace echofuse::recon

@@ -269,7 +269,9 @@ Matrix Factorised::predict(const Matrix& aligned, SoftMaps* soft) const {
     const auto mask = shapes.masks.row(i), relief = shapes.reliefs.row(i);
     const std::size_t row = with_body[i];
     frame_.draw(mask, relief, places[i], threshold_, background_, out.row(row));
-    if (soft) frame_.draw_soft(mask, relief, places[i], soft->share.row(row), soft->depth.row(row));
+    if (soft)
+      frame_.draw_soft(mask, relief, places[i], soft->foreground_probability.row(row),
+                       soft->depth.row(row));
   }
   return out;
 }

@@ -61,8 +61,8 @@ void fill(std::optional<T>& option, const std::optional<T>& own) {
 
 }  // namespace
 
-Rung rung_of(const std::string& name, const FitOptions& base) {
-  Rung out{name, name, base};
+Candidate candidate_of(const std::string& name, const FitOptions& base) {
+  Candidate out{name, name, base};
   const auto digit = name.find_first_of("0123456789");
   const bool sized = digit != std::string::npos && digit > 1 && name[digit - 1] == '-';
   if (sized) out.model = name.substr(0, digit - 1);
@@ -89,7 +89,7 @@ Rung rung_of(const std::string& name, const FitOptions& base) {
   return out;
 }
 
-bool is_blind(const std::string& name) { return name == "empty" || name == "mean"; }
+bool ignores_inputs(const std::string& name) { return name == "empty" || name == "mean"; }
 
 bool wants_alignment(const std::string& name) {
   return name == "silhouette" || name == "factorised";

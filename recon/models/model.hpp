@@ -83,15 +83,15 @@ std::unique_ptr<Model> make_factorised();  // place, and shape in the body's own
 
 // A model of a certain size: "mlp-1024-512-256" has hidden layers of these widths, "factorised-8"
 // so many components, "nearest-16" so many neighbours.
-struct Rung {
+struct Candidate {
   std::string name, model;
   FitOptions fit;
 };
 // With every option that the model has, `base` where it speaks. Throws Error(usage).
-Rung rung_of(const std::string& name, const FitOptions& base);
+Candidate candidate_of(const std::string& name, const FitOptions& base);
 
 // Whether the model answers the same to every record: the empty room and the mean map.
-bool is_blind(const std::string& name);
+bool ignores_inputs(const std::string& name);
 
 // Whether the model's inputs are aligned (body/alignment.hpp), with the radar's profile.
 bool wants_alignment(const std::string& name);

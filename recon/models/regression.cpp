@@ -107,14 +107,15 @@ void Regression::judge(const Examples& validation, TrainingState& s, const std::
   const double values = static_cast<double>(std::max<std::size_t>(s.row, 1) * centre_.size());
   s.log.loss.push_back(std::sqrt(s.squares / values) * unit_);
   // Without validation records the last epoch is the best.
-  const bool blind = validation.rows.empty();
-  const double judged = blind ? -static_cast<double>(s.epoch) : rms_error(validation, s.parameters);
+  const bool unvalidated = validation.rows.empty();
+  const double judged =
+      unvalidated ? -static_cast<double>(s.epoch) : rms_error(validation, s.parameters);
   // The last step's damage is not in the loss yet.
   if (!(s.log.loss.back() <= most && judged <= most) || !sound(s.parameters))
     throw Error(ExitCode::failed, title + " diverged in epoch " + std::to_string(s.epoch + 1) +
                                       ": its weights are not finite numbers; use a smaller "
                                       "--learning-rate");
-  s.log.validation_loss.push_back(blind ? s.log.loss.back() : judged);
+  s.log.validation_loss.push_back(unvalidated ? s.log.loss.back() : judged);
   ++s.epoch, s.row = 0, s.squares = 0;
   if (judged < s.least) s.least = judged, s.best = s.parameters, s.log.best_epoch = s.epoch;
 }

@@ -33,7 +33,7 @@ struct Training {
   bool quiet;
 };
 
-// Of options that rung_of has filled.
+// Of options that candidate_of has filled.
 Training training_of(const FitOptions& options);
 
 struct TrainingState {

@@ -29,7 +29,7 @@ void export_records(const TrainedModel& model, const std::vector<std::string>& r
   }
   NpzFile out(to);
   out.begin("record", "<f4", {f.count()});
-  out.append(f.strengths(data, rows).values);
+  out.append(f.normalised_inputs(data, rows).values);
   out.begin("depth_m", "<f4", {64, 64});
   for (const std::size_t row : rows) out.append<float>(data.depth.row(row));
   out.begin("index", "<i8", {});

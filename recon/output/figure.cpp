@@ -165,7 +165,8 @@ Bytes figure(const std::string& title, const std::vector<FigureRow>& rows) {
     draw_bar(canvas, {map_x + panel + 28, y}, farthest_m, "depth (m)");
     if (rows[i].deviation.empty()) continue;
     draw_map(canvas, {deviation_x, y}, rows[i].deviation, most_deviation_m);
-    write(canvas, rows[i].claim, {deviation_x + panel / 2, y + panel + 58}, Align::centre, 0.45);
+    write(canvas, rows[i].uncertainty, {deviation_x + panel / 2, y + panel + 58}, Align::centre,
+          0.45);
     write(canvas, rows[i].warning, {deviation_x + panel, y + panel + 76}, Align::right, 0.45, red);
     draw_bar(canvas, {deviation_x + panel + 28, y}, most_deviation_m, "+- (m)");
   }

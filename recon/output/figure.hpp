@@ -27,7 +27,7 @@ struct FigureRow {
   std::vector<Curve> curves;  // at most two: each is scaled to its own peak
   std::span<const float> truth, reconstruction, deviation;  // the last may be empty
   std::string caption;                                      // below the reconstruction
-  std::string claim, warning;  // below the deviation, one below the other
+  std::string uncertainty, warning;  // below the deviation, one below the other
 };
 
 Bytes figure(const std::string& title, const std::vector<FigureRow>& rows);

@@ -3,8 +3,8 @@
 // people's runtimes.
 //
 //   input   "record"   f32 [n, inputs]: SPD histogram ++ radar profile of a record, each brought to
-//                      strength by the model's scaling (features.hpp), as Features::strengths has
-//                      it
+//                      strength by the model's scaling (features.hpp), as
+//                      Features::normalised_inputs has it
 //   output  "depth_m"  f32 [n, 64, 64]: metres, as the model makes it, not clipped to 0..6 m
 //   metadata           inputs, scaling, and of each axis in use "NAME_axis": quantity, unit, count,
 //                      start and step

@@ -35,16 +35,18 @@ class StatusTable {
  public:
   explicit StatusTable(const std::string& path)
       : path_(path), out_(path, std::ios::binary | std::ios::trunc) {
-    out_ << "record,status,after_slot_s,lateral_90_m,distance,two_bodies,unusual,radar_shift_m\n";
+    out_ << "record,status,after_slot_s,lateral_interval_90_m,distance,two_bodies,out_of_"
+            "distribution,radar_"
+            "shift_m\n";
     flush();
   }
   void add(const RecordStatus& r) {
     const std::string status = !r.fault.empty() ? r.fault : !r.note.empty() ? r.note : "ok";
     out_ << r.index << "," << csv_text(status) << ","
          << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "") << ",";
-    if (r.claim) add(*r.claim);
-    out_ << (r.claim ? "," : ",,,,") << (r.fault.empty() ? formatted("%.4f", r.radar_shift_m) : "")
-         << "\n";
+    if (r.uncertainty) add(*r.uncertainty);
+    out_ << (r.uncertainty ? "," : ",,,,")
+         << (r.fault.empty() ? formatted("%.4f", r.radar_shift_m) : "") << "\n";
   }
   void flush() {
     out_.flush();
@@ -52,10 +54,11 @@ class StatusTable {
   }
 
  private:
-  void add(const Claim& c) {
-    out_ << (std::isnan(c.lateral_90_m) ? "" : formatted("%.3f", c.lateral_90_m))
-         << formatted(",%.3f,%.3f,\"", c.strangeness.distance, c.strangeness.two_bodies)
-         << c.strangeness.text() << "\"";
+  void add(const PredictionUncertainty& c) {
+    out_ << (std::isnan(c.lateral_interval_90_m) ? "" : formatted("%.3f", c.lateral_interval_90_m))
+         << formatted(",%.3f,%.3f,\"", c.out_of_distribution.distance,
+                      c.out_of_distribution.two_bodies)
+         << c.out_of_distribution.text() << "\"";
   }
   std::string path_;
   std::ofstream out_;
@@ -71,8 +74,8 @@ class Reconstruction {
         table_(options.out + "/records.csv"),
         started_(clock_.now()) {}
 
-  // Of a run as it is now. All its records are read before the first map, as a slip shows in all of
-  // them.
+  // Of a run as it is now. All its records are read before the first map, as a range bias shows in
+  // all of them.
   void take_all(const record::RunReader& run);
   // What has come since the last call; true if there was any record.
   bool take_new(const record::RunReader& run);
@@ -94,7 +97,7 @@ class Reconstruction {
   HostTime started_, read_{};
   std::int64_t next_ = 0;
   std::deque<RecordStatus> bad_;  // read, and not yet told
-  SlipWatch watch_;
+  RangeBiasWatch watch_;
 };
 
 // Without the depth camera, whose pictures no map needs.
@@ -110,9 +113,10 @@ Dataset Reconstruction::read(const record::RunReader& run, std::size_t at_most) 
 void Reconstruction::take_all(const record::RunReader& run) {
   Progress progress("reconstructing", static_cast<std::size_t>(run.count()), options_.quiet);
   const Records records =
-      take(model_, read(run, std::numeric_limits<std::size_t>::max()), options_.slip);
-  const bool silent = options_.quiet && records.slip.verdict == Slip::Verdict::few;
-  if (!silent && !records.text.empty() && options_.on_slip) options_.on_slip(records.text);
+      take(model_, read(run, std::numeric_limits<std::size_t>::max()), options_.range_bias);
+  const bool silent = options_.quiet && records.range_bias.verdict == RangeBias::Verdict::few;
+  if (!silent && !records.text.empty() && options_.on_range_bias)
+    options_.on_range_bias(records.text);
   const std::size_t size = records.data.size();
   for (std::size_t first = 0; first < size && !interrupted(); first += part_records) {
     write(records, first, std::min(part_records, size - first));
@@ -131,18 +135,18 @@ bool Reconstruction::take_new(const record::RunReader& run) {
   return next_ != before;
 }
 
-// A slip is told when it comes up, and not corrected, as that would be amid the maps.
+// A range bias is reported when it comes up. It is not corrected: that would be amid the maps.
 Records Reconstruction::prepare_new(Dataset data) {
   const Rows all = all_rows(data.size());
   // A sensor's axis may come after the first records of a run that is being recorded.
   if (std::none_of(all.begin(), all.end(),
                    [&](std::size_t row) { return model_.fault_of(data, row).empty(); }))
     return {std::move(data), {}, {}, 0, {}};
-  Records out = take(model_, std::move(data), SlipAction::ignore);
-  if (options_.slip == SlipAction::ignore || !model_.slip.known()) return out;
-  const auto slip =
-      watch_.add(model_.slip, model_.slip.measure(model_.alignment, out.data, out.aligned));
-  if (slip && options_.on_slip) options_.on_slip(slip->text(false));
+  Records out = take(model_, std::move(data), RangeBiasAction::ignore);
+  if (options_.range_bias == RangeBiasAction::ignore || !model_.range_bias.known()) return out;
+  const auto range_bias = watch_.add(
+      model_.range_bias, model_.range_bias.measure(model_.alignment, out.data, out.aligned));
+  if (range_bias && options_.on_range_bias) options_.on_range_bias(range_bias->text(false));
   return out;
 }
 
@@ -154,7 +158,7 @@ void Reconstruction::write(const Records& records, std::size_t first, std::size_
     all.push_back({data.index[row],
                    model_.fault_of(data, row),
                    model_.falls_back(data, row) ? fallback_note : "",
-                   records.slip_m,
+                   records.range_bias_m,
                    {},
                    {},
                    {}});
@@ -162,10 +166,10 @@ void Reconstruction::write(const Records& records, std::size_t first, std::size_
   }
   const bool uncertainty = wants_uncertainty(options_);
   const bool pixels = uncertainty || options_.output == "mean";
-  const Prediction made = predict(model_, records, rows, pixels ? Ask::pixels : Ask::claims);
+  const Prediction made = predict(model_, records, rows, pixels ? Ask::pixels : Ask::uncertainty);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     RecordStatus& status = all[rows[i] - first];
-    if (!made.claims.empty()) status.claim = made.claims[i];
+    if (!made.uncertainties.empty()) status.uncertainty = made.uncertainties[i];
     files_.write(status.index, made.of(options_.output).row(i),
                  uncertainty ? made.deviation.row(i) : std::span<const float>{});
     time(status, data.slot_end[rows[i]]);
@@ -190,8 +194,8 @@ void Reconstruction::time(RecordStatus& status, HostTime slot_end) const {
 }
 
 // Maps of another run must not stay among those of this one unnoticed.
-void claim_folder(const ReconstructOptions& options, const std::string& path,
-                  const std::string& uuid) {
+void take_folder(const ReconstructOptions& options, const std::string& path,
+                 const std::string& uuid) {
   const std::string marker = options.out + "/run.txt", own = uuid + "\n" + printable(path) + "\n";
   const bool known = std::filesystem::exists(marker);
   const std::string before = known ? read_text(marker) : "";
@@ -212,8 +216,8 @@ void claim_folder(const ReconstructOptions& options, const std::string& path,
 
 void reconstruct(const TrainedModel& model, const std::string& path,
                  const ReconstructOptions& options) {
-  if (options.output == "mean" || wants_uncertainty(options)) require_confidence(model);
-  claim_folder(options, path, record::RunReader(path).info().uuid);  // refused before it changes
+  if (options.output == "mean" || wants_uncertainty(options)) require_uncertainty(model);
+  take_folder(options, path, record::RunReader(path).info().uuid);  // refused before it changes
   Reconstruction work(model, options);
   if (!options.follow) work.take_all(record::RunReader(path));
   while (options.follow && !interrupted()) {

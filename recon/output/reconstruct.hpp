@@ -14,21 +14,23 @@ struct RecordStatus {
   std::int64_t index = 0;
   std::string fault;         // empty: reconstructed
   std::string note;          // of a map: what the model had to do without
-  double radar_shift_m = 0;  // taken off its ranges, which had slipped by it
+  double radar_shift_m = 0;  // range bias, taken off its ranges
   // Of a record that came while following: from its slot's end, and from its reading, to its map.
   std::optional<double> after_slot_s, after_reading_s;
-  std::optional<Claim> claim;  // of a reconstructed record, if the model makes any
+  std::optional<PredictionUncertainty>
+      uncertainty;  // of a reconstructed record, if the model makes any
 };
 
 struct ReconstructOptions {
   std::string out;                                      // folder, made if need be
   std::vector<std::string> formats = {"colour", "mm"};  // of map_files.hpp
   std::string output = "own";                           // of output_names (predict.hpp)
-  bool follow = false;                 // take records as they come, until the run is closed
-  bool force = false;                  // also into a folder that holds maps of another run
-  bool quiet = false;                  // no progress bar, no word on runs too short for a slip
-  SlipAction slip = SlipAction::warn;  // correct: not while following
-  std::function<void(const std::string&)> on_slip;     // what slip.hpp has to say of the run
+  bool follow = false;  // take records as they come, until the run is closed
+  bool force = false;   // also into a folder that holds maps of another run
+  bool quiet = false;   // no progress bar, no word on runs too short for a range_bias
+  RangeBiasAction range_bias = RangeBiasAction::warn;  // correct: not while following
+  std::function<void(const std::string&)>
+      on_range_bias;                                   // what range_bias.hpp has to say of the run
   std::function<void(const RecordStatus&)> on_record;  // in the order of the records
 };
 

@@ -53,7 +53,7 @@ LoadedMode score_mode(Inputs inputs, double paper_ssim, const std::vector<std::s
     if (f.inputs != inputs)
       throw Error(ExitCode::failed, path + ": was trained on " + name_of(f.inputs) +
                                         " inputs, given as --" + name_of(inputs));
-    const Records records = take(model, data, SlipAction::warn);
+    const Records records = take(model, data, RangeBiasAction::warn);
     const Rows rows = rows_of_both(model, records.data);
     Evaluation e = evaluate(model, records, rows);
     e.left_out += rows_to_evaluate(model, records.data, false).size() - rows.size();
@@ -68,7 +68,7 @@ LoadedMode score_mode(Inputs inputs, double paper_ssim, const std::vector<std::s
 // Of the candidates, the row whose fused reconstruction is of median quality: no picked cherries.
 std::size_t median_row(const TrainedModel& fused, const Dataset& data, const Rows& candidates) {
   std::vector<std::pair<double, std::size_t>> order;
-  const Records records = take(fused, part_of(data, candidates), SlipAction::ignore);
+  const Records records = take(fused, part_of(data, candidates), RangeBiasAction::ignore);
   const Rows all = all_rows(candidates.size());
   const auto scores =
       score_maps(predict(fused, records, all, Ask::maps).maps, records.data, all, fused.scene);
@@ -103,11 +103,13 @@ const char* mode_title(Inputs inputs) {
   return inputs == Inputs::spd ? "SPD only" : "radar only";
 }
 
-void show_claim(FigureRow& row, const Claim& claim) {
-  row.claim = std::isnan(claim.lateral_90_m)
-                  ? "place unknown"
-                  : formatted("within %.0f cm sideways (90 %%)", 100 * claim.lateral_90_m);
-  if (!claim.strangeness.why.empty()) row.warning = "unusual: " + claim.strangeness.text();
+void show_uncertainty(FigureRow& row, const PredictionUncertainty& uncertainty) {
+  row.uncertainty =
+      std::isnan(uncertainty.lateral_interval_90_m)
+          ? "place unknown"
+          : formatted("within %.0f cm sideways (90 %%)", 100 * uncertainty.lateral_interval_90_m);
+  if (!uncertainty.out_of_distribution.reason.empty())
+    row.warning = "out of distribution: " + uncertainty.out_of_distribution.text();
 }
 
 Bytes draw(const std::string& title, const std::vector<const TrainedModel*>& models,
@@ -116,8 +118,8 @@ Bytes draw(const std::string& title, const std::vector<const TrainedModel*>& mod
   std::vector<Prediction> made;
   std::vector<std::vector<float>> shown;
   for (const auto* model : models) {
-    seen.push_back(take(*model, part_of(data, {row}), SlipAction::ignore));
-    made.push_back(predict(*model, seen.back(), {0}, model->confidence ? Ask::pixels : Ask::maps));
+    seen.push_back(take(*model, part_of(data, {row}), RangeBiasAction::ignore));
+    made.push_back(predict(*model, seen.back(), {0}, model->uncertainty ? Ask::pixels : Ask::maps));
     shown.push_back(within_span(made.back().maps.row(0)));
   }
   std::vector<FigureRow> rows;
@@ -132,9 +134,9 @@ Bytes draw(const std::string& title, const std::vector<const TrainedModel*>& mod
                 formatted("SSIM %.3f   IoU %.2f", s[metric_ssim], s[metric_iou]),
                 {},
                 {}};
-    if (models[i]->confidence) {
+    if (models[i]->uncertainty) {
       r.deviation = std::as_const(made[i].deviation).row(0);
-      show_claim(r, made[i].claims.front());
+      show_uncertainty(r, made[i].uncertainties.front());
     }
     if (inputs != Inputs::radar) r.curves.push_back(spd_curve(seen[i].data, 0));
     if (inputs != Inputs::spd) r.curves.push_back(radar_curve(seen[i].data, 0));
@@ -178,11 +180,11 @@ void add_figures(Report& report, const std::vector<const TrainedModel*>& models,
 
 void add_live(Report& report, const TrainedModel& fused, const std::string& path) {
   const Dataset data = load({path});
-  const Records records = take(fused, data, SlipAction::warn);
+  const Records records = take(fused, data, RangeBiasAction::warn);
   const Rows rows = rows_to_evaluate(fused, records.data, false);
   report.live = path;
   report.live_evaluation = evaluate(fused, records, rows);
-  report.live_evaluation.trivial = score_trivial(data, rows, fused.scene, data, {});
+  report.live_evaluation.baselines = score_baselines(data, rows, fused.scene, data, {});
   const std::size_t row = median_row(fused, data, rows);
   const std::string name = formatted("live record %lld", static_cast<long long>(data.index[row]));
   report.pictures.push_back({"figure_live.png", name + " of " + path + ", recorded by the daemon.",
@@ -222,8 +224,8 @@ Report make_report(const ReportOptions& options) {
     report.modes.push_back(std::move(mode.result));
   }
   const TrainedModel& fused = *first.front();
-  report.trivial = score_trivial(data, rows_of_both(fused, data), fused.scene, data,
-                                 fused.rows_of(data, Part::train));
+  report.baselines = score_baselines(data, rows_of_both(fused, data), fused.scene, data,
+                                     fused.rows_of(data, Part::train));
   report.records = report.modes.front().evaluations.front().records;
   add_figures(report, first, data);
   if (!options.live.empty()) add_live(report, fused, options.live);

@@ -32,7 +32,7 @@ struct Picture {
 struct Report {
   std::string run, run_uuid;
   std::vector<ModeResult> modes;  // fused, SPD, radar
-  std::vector<ScoredRow> trivial;
+  std::vector<ScoredRow> baselines;
   std::size_t records = 0;
   std::vector<Picture> pictures;
   std::string live;  // empty: none

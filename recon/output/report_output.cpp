@@ -37,7 +37,7 @@ th, td { padding: .35em .7em; border-bottom: 1px solid #ddd; text-align: right; 
 th { border-bottom: 2px solid #888; white-space: normal; vertical-align: bottom; }
 th:first-child, td:first-child { text-align: left; }
 figure { margin: 2em 0; } figcaption { color: #555; }
-tr.trivial td { color: #777; } small { color: #888; }
+tr.baselines td { color: #777; } small { color: #888; }
 img { max-width: 100%; border: 1px solid #ddd; }
 td.flag { background: #b3261e; color: white; font-weight: bold; }
 p.note { background: #f6f3e6; padding: .7em 1em; border-left: 4px solid #c9b458; }
@@ -105,7 +105,7 @@ std::string modes_table(const Report& report) {
                                              "<th>&micro;s a map</th><th>million multiply-adds</th>"
                                              "<th>training (s)</th>");
   for (const auto& mode : report.modes) out += mode_row(mode);
-  for (const auto& row : report.trivial)
+  for (const auto& row : report.baselines)
     out += "<tr class=\"trivial\"><td>" + escaped(row.name) + "</td><td></td>" +
            metric_cells(row.metrics) + "<td></td><td></td><td></td></tr>\n";
   return out + "</table>\n";
@@ -118,7 +118,7 @@ std::string ssim_note(const Report& report) {
       "room, and SSIM over the whole map mostly rewards leaving it empty: ";
   out +=
       formatted("answering every record with the empty room, without having looked, scores %.3f; ",
-                report.trivial.front().metrics[metric_ssim].mean);
+                report.baselines.front().metrics[metric_ssim].mean);
   const Summaries& fused = report.modes.front().metrics;
   out += formatted("the fused network scores %.3f raw and %.3f as a hard map. ",
                    fused[metric_ssim].mean, fused[metric_ssim_hard].mean);
@@ -138,7 +138,8 @@ std::string explanations(const Report& report) {
   return out +
          " Ghost: of the predicted foreground beside the truth or beside its mirror image, the "
          "share "
-         "at the mirror image (0: none, 0.5: both sides alike). Left/right: share of bodies more "
+         "at the mirror image (0: none, 0.5: as much on either side). Left/right: share of bodies "
+         "more "
          "than 0.3 m off the axis that are put on their true side. Hard map: predictions nearer to "
          "the background than to the mean body depth are set to the background. An SPD on the axis "
          "sees the same histogram for a scene and its mirror image; the radar beside it does not, "
@@ -146,7 +147,7 @@ std::string explanations(const Report& report) {
 }
 
 // What the models say of themselves, and how it holds: one line a mode.
-std::string confidence_section(const Report& report) {
+std::string uncertainty_section(const Report& report) {
   std::string lines;
   const auto add = [&](const std::string& name, const Evaluation& e) {
     if (!e.calibration) return;
@@ -154,7 +155,7 @@ std::string confidence_section(const Report& report) {
     const auto cell = [](const char* form, double value) {
       return "<td>" + (std::isnan(value) ? std::string("-") : formatted(form, value)) + "</td>";
     };
-    lines += "<tr><td>" + escaped(name) + "</td>" + cell("%.3f", c.lateral_90_m) +
+    lines += "<tr><td>" + escaped(name) + "</td>" + cell("%.3f", c.lateral_interval_90_m) +
              cell("%.1f %%", 100 * c.within_90) + cell("%.2f", c.deviation_m) +
              cell("%.2f", c.error_m) +
              formatted("<td class=\"%s\">%.1f %%</td></tr>\n",
@@ -165,7 +166,7 @@ std::string confidence_section(const Report& report) {
   if (lines.empty()) return {};
   return "<h2>How sure the models are</h2>\n<table>\n<tr><th></th><th>stated lateral error, 90 % "
          "(m)</th><th>records within it</th><th>stated uncertainty of a pixel (m, rms)</th>"
-         "<th>error of the mean map (m, rms)</th><th>flagged as unusual</th></tr>\n" +
+         "<th>error of the mean map (m, rms)</th><th>out of distribution</th></tr>\n" +
          lines + "</table>\n";
 }
 
@@ -185,7 +186,7 @@ std::string live_section(const Report& report) {
                     " records through the daemon, scored with the fused model.</p>\n" +
                     notes_section(report.live_evaluation) + "<table>\n" + header_row("", "");
   out += "<tr><td>fused</td>" + metric_cells(report.live_evaluation.metrics) + "</tr>\n";
-  for (const auto& row : report.live_evaluation.trivial)
+  for (const auto& row : report.live_evaluation.baselines)
     out += "<tr class=\"trivial\"><td>" + escaped(row.name) + "</td>" + metric_cells(row.metrics) +
            "</tr>\n";
   return out + "</table>\n";
@@ -204,7 +205,7 @@ std::string to_html(const Report& report) {
       std::to_string(report.records) + " held-out records of " + escaped(report.run) + " (run " +
       escaped(report.run_uuid) + "), echofuse " + version() + ".</p>\n";
   out += notes_section(report.modes.front().evaluations.front()) + modes_table(report) +
-         explanations(report) + ssim_note(report) + confidence_section(report) +
+         explanations(report) + ssim_note(report) + uncertainty_section(report) +
          live_section(report);
   for (const auto& picture : report.pictures)
     out += "<figure><img alt=\"" + escaped(picture.file) + "\" src=\"data:image/png;base64," +
@@ -225,7 +226,7 @@ std::string to_text(const Report& report) {
   };
   for (const auto& mode : report.modes)
     line(name_of(mode.inputs), formatted("%.4f", mode.paper_ssim), mode.metrics);
-  for (const auto& row : report.trivial) line(row.name.c_str(), "", row.metrics);
+  for (const auto& row : report.baselines) line(row.name.c_str(), "", row.metrics);
   out += notes(report.modes.front().evaluations.front());
   if (!report.live.empty()) {
     line("live", "", report.live_evaluation.metrics);

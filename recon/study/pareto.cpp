@@ -73,7 +73,7 @@ class Study {
       judged.features.inputs = inputs_of(job.model.inputs);
       rows_to_evaluate(judged, test_, true);  // are there any?
     }
-    claim_folder();
+    take_folder();
   }
 
   std::vector<ParetoRow> run() {
@@ -95,7 +95,7 @@ class Study {
 
  private:
   // Rows of other runs, or of another version, must not mix with these.
-  void claim_folder() const {
+  void take_folder() const {
     std::string runs = std::string("echofuse ") + version() + "\n";
     for (const Dataset* data : {&train_, &test_})
       runs += data->sources.front().uuid + formatted(" (checksum %08x)\n", data->hash);

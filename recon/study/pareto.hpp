@@ -13,7 +13,7 @@ namespace echofuse::recon {
 
 struct ParetoOptions {
   std::string train, test, out;  // run files; folder for pareto.csv, pareto.svg and pareto.gp
-  // Rungs (models/model.hpp); ":spd" or ":radar" behind one leaves the other sensor out.
+  // Candidates (models/model.hpp); ":spd" or ":radar" behind one leaves the other sensor out.
   std::vector<std::string> models = {"empty",           "mean",
                                      "nearest",         "ridge",
                                      "silhouette",      "factorised-4",

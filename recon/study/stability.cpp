@@ -32,14 +32,14 @@ std::vector<Place> places_of(const StabilityOptions& options) {
     for (const AxisValue& v : axis.values)
       if (!v.world.base())
         places.push_back(
-            {axis.kind(), axis.name, v.label, axis.alike ? v.world : World{}, v.world});
+            {axis.kind(), axis.name, v.label, axis.matched ? v.world : World{}, v.world});
   return places;
 }
 
 // Trainings take most of the time, those of a network most of that.
 std::size_t work_of(const Place& place, const StudyModel& model) {
-  if (place.kind == "shifted" || is_blind(model.name)) return 1;
-  return model.rung.find("mlp") == std::string::npos ? 4 : 20;
+  if (place.kind == "shifted" || ignores_inputs(model.name)) return 1;
+  return model.candidate.find("mlp") == std::string::npos ? 4 : 20;
 }
 
 class Study {
@@ -61,7 +61,7 @@ class Study {
 
  private:
   static std::vector<StudyModel> models_of(const StabilityOptions& options) {
-    std::vector<StudyModel> models(trivial_models.begin(), trivial_models.end());
+    std::vector<StudyModel> models(constant_models.begin(), constant_models.end());
     for (const auto& name : options.models) models.emplace_back(name);
     return models;
   }
@@ -70,14 +70,18 @@ class Study {
   std::string settings() const {
     return std::string("echofuse ") + version() + "\nquick " + (options_.quick ? "yes" : "no") +
            "\nrecords " + std::to_string(options_.records) + "\ntest records " +
-           std::to_string(options_.test_records) + "\nslip " +
-           (options_.slip == SlipAction::correct ? "correct" : "ignore") + "\n";
+           std::to_string(options_.test_records) + "\nrange_bias " +
+           (options_.range_bias == RangeBiasAction::correct ? "correct" : "ignore") + "\n";
   }
 
   StabilityRow row_of(const Place& place, const StudyModel& model, std::size_t seed) const {
-    return {
-        place.kind, place.axis, place.value, model.rung, is_blind(model.rung) ? "-" : model.inputs,
-        seed,       {}};
+    return {place.kind,
+            place.axis,
+            place.value,
+            model.candidate,
+            ignores_inputs(model.candidate) ? "-" : model.inputs,
+            seed,
+            {}};
   }
 
   std::size_t work() const {
@@ -95,7 +99,7 @@ class Study {
       StabilityRow row = row_of(place, model, seed);
       if (table_.has(row)) continue;
       if (!test_data) test_data = test_records(place.test, seed);
-      const bool own = place.kind == "alike";
+      const bool own = place.kind == "matched";
       if (own && !train_data) train_data = training_records(place.train, seed);
       const std::optional<TrainedModel> fitted =
           own ? fit(*train_data, model, seed, false) : std::optional<TrainedModel>{};
@@ -127,7 +131,8 @@ class Study {
   std::optional<TrainedModel> fit(const Dataset& data, const StudyModel& model, std::size_t seed,
                                   bool fallback) {
     try {
-      return train_whole(data, model, seed, {options_.slip == SlipAction::correct, fallback});
+      return train_whole(data, model, seed,
+                         {options_.range_bias == RangeBiasAction::correct, fallback});
     } catch (const Error& error) {
       if (error.code() != ExitCode::failed) throw;
       const std::string reason = model.name + ": " + error.what();
@@ -149,10 +154,10 @@ class Study {
     StabilityScores out;
     out.fill(std::numeric_limits<double>::quiet_NaN());
     if (!fitted) return out;
-    const Records records = take(*fitted, tested, options_.slip);
+    const Records records = take(*fitted, tested, options_.range_bias);
     const Dataset& data = records.data;
     Rows rows = all_rows(data.size());
-    if (!is_blind(model.rung))
+    if (!ignores_inputs(model.candidate))
       std::erase_if(rows, [&](std::size_t row) { return !fitted->fault_of(data, row).empty(); });
     if (rows.empty()) return out;
     const MapScores scores = mean_scores(with_nobody(*fitted, records, rows), data,
@@ -189,7 +194,7 @@ StabilityOptions complete(StabilityOptions options) {
     options.models = {"factorised-16",  "silhouette", "pca-mlp",     plain,          plain + ":spd",
                       plain + ":radar", "nearest",    "nearest:spd", "nearest:radar"};
   }
-  std::erase_if(options.models, is_blind);  // they are always there
+  std::erase_if(options.models, ignores_inputs);  // they are always there
   for (const auto& name : options.models) StudyModel{name};
   axes_of(options);
   return options;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
 // Where models fail: each of a list under conditions from easy to broken, trained under the
-// condition itself (alike) or at the base condition only (shifted).
+// condition itself (matched) or at the base condition only (shifted).
 //
-// A model *loses* at a value if its map is no better than no map: its hard SSIM is not above that
+// A model *fails* at a value if its map is no better than no map: its hard SSIM is not above that
 // of the empty room, or its IoU not above that of empty room and mean map, with the same records
 // and by more than the spread over seeds; or if it gives no map at all (a sensor is missing, the
 // training is refused or diverges). IoU alone would be too kind: the empty room scores 0, and a
-// body in the wrong place a little more. Where nobody is there, IoU is undefined, and a model loses
+// body in the wrong place a little more. Where nobody is there, IoU is undefined, and a model fails
 // that shows somebody.
 #pragma once
 #include <array>
@@ -16,7 +16,7 @@
 
 #include "recon/maps/metrics.hpp"
 #include "recon/study/stability_axes.hpp"
-#include "recon/uncertainty/slip.hpp"
+#include "recon/uncertainty/range_bias.hpp"
 
 namespace echofuse::recon {
 
@@ -28,7 +28,7 @@ struct StabilityOptions {
   std::vector<std::string> axes;              // ids; none: all
   std::size_t records = 0, test_records = 0;  // 0: those of the study
   std::size_t seeds = 3;                      // each makes its own records, and its own models
-  SlipAction slip = SlipAction::ignore;       // or corrected before each test
+  RangeBiasAction range_bias = RangeBiasAction::ignore;  // or corrected before each test
   int threads = 0;
   bool quiet = false;
 };
@@ -37,14 +37,14 @@ inline constexpr std::array stability_metrics = {
     metric_iou,   metric_ssim_fg,     metric_ssim_hard, metric_lateral_m,
     metric_ghost, metric_depth_mae_m, metric_rmse_m};
 // The models that every other must beat; they look at no sensor.
-inline const std::vector<std::string> trivial_models = {"empty", "mean"};
+inline const std::vector<std::string> constant_models = {"empty", "mean"};
 
 using StabilityScores = std::array<double, stability_metrics.size()>;
 
 // What was measured at one value with one seed.
 struct StabilityRow {
   std::string kind, axis, value;  // kind "base": the base value of every axis
-  std::string model, inputs;      // inputs of a trivial model: "-"
+  std::string model, inputs;      // inputs of a constant model: "-"
   std::size_t seed = 0;
   StabilityScores scores{};  // NaN: undefined, or there is no map
 

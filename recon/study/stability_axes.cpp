@@ -18,9 +18,9 @@ std::string assignment(const std::string& key, double value) {
 }
 
 // An axis of numbers; `quick` are those of the quick study, beside the base.
-StabilityAxis numbers(bool alike, const std::string& name, const std::string& title, double base,
+StabilityAxis numbers(bool matched, const std::string& name, const std::string& title, double base,
                       const Numbers& values, const Numbers& quick, const ToWorld& world) {
-  StabilityAxis axis{name, title, alike, {}};
+  StabilityAxis axis{name, title, matched, {}};
   for (const double v : values)
     axis.values.push_back({formatted("%g", v), v == base ? World{} : world(v),
                            v == base || std::find(quick.begin(), quick.end(), v) != quick.end()});
@@ -100,7 +100,7 @@ void add_scenes(std::vector<StabilityAxis>& all) {
 }
 
 // Trained at the base, tested there.
-void add_slips(std::vector<StabilityAxis>& all) {
+void add_range_biases(std::vector<StabilityAxis>& all) {
   const Numbers gains = {0.25, 0.5, 1, 2, 4};
   all.push_back(numbers(false, "spd_delay", "SPD's delay after calibration (ps)", 0,
                         {0, 10, 50, 100, 200, 500}, {50, 200, 500}, setting("spd_delay_ps")));
@@ -172,7 +172,7 @@ std::size_t StabilityAxis::base() const {
 
 std::vector<StabilityAxis> stability_axes(bool quick) {
   std::vector<StabilityAxis> all;
-  add_sensors(all), add_scenes(all), add_slips(all), add_surprises(all);
+  add_sensors(all), add_scenes(all), add_range_biases(all), add_surprises(all);
   for (auto& axis : all)
     if (quick) std::erase_if(axis.values, [](const AxisValue& v) { return !v.quick; });
   return all;

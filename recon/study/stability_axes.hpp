@@ -37,12 +37,12 @@ struct AxisValue {
 };
 
 struct StabilityAxis {
-  std::string name;   // within its kind
-  std::string title;  // with the unit
-  bool alike = true;  // trained and tested there; else trained at the base, tested there
+  std::string name;     // within its kind
+  std::string title;    // with the unit
+  bool matched = true;  // trained and tested there; else trained at the base, tested there
   std::vector<AxisValue> values;  // in order; one of them is the base
 
-  std::string kind() const { return alike ? "alike" : "shifted"; }
+  std::string kind() const { return matched ? "matched" : "shifted"; }
   std::string id() const { return kind() + "-" + name; }
   std::size_t base() const;  // which of the values
 };

@@ -27,19 +27,19 @@ std::string joined(const std::vector<std::string>& parts) {
   return out;
 }
 
-bool loses_at_base(const StabilityCurve& curve, const StabilityAxis& axis) {
-  return curve.points[axis.base()].loses;
+bool fails_at_base(const StabilityCurve& curve, const StabilityAxis& axis) {
+  return curve.points[axis.base()].fails;
 }
 
 std::string shared(double worst) { return std::isnan(worst) ? "-" : formatted("%.2f", worst); }
 
 std::string cell(const StabilityCurve& curve, const StabilityAxis& axis) {
-  if (loses_at_base(curve, axis)) return "<td class=\"lost\">at the base</td>";
-  const char* colour = !curve.loses_at.empty()    ? " class=\"lost\""
+  if (fails_at_base(curve, axis)) return "<td class=\"lost\">at the base</td>";
+  const char* colour = !curve.fails_at.empty()    ? " class=\"lost\""
                        : !curve.halved_at.empty() ? " class=\"half\""
                                                   : "";
   std::string out = formatted("<td%s><b>%s</b>", colour, shared(curve.worst).c_str());
-  if (!curve.loses_at.empty()) out += "<br>loses at " + joined(curve.loses_at);
+  if (!curve.fails_at.empty()) out += "<br>fails at " + joined(curve.fails_at);
   if (!curve.halved_at.empty()) out += "<br><small>half at " + joined(curve.halved_at) + "</small>";
   return out + "</td>";
 }
@@ -54,7 +54,7 @@ std::string table(const std::vector<StabilityResult>& results) {
                      base.spread[metric_iou]);
   }
   out += "</tr>\n";
-  for (const auto& [axis, curves, trivial] : results) {
+  for (const auto& [axis, curves, baselines] : results) {
     std::string values = axis.values[axis.base()].label + ";";
     for (std::size_t i = 0; i < axis.values.size(); ++i)
       if (i != axis.base()) values += " " + axis.values[i].label + ",";
@@ -73,12 +73,12 @@ std::string to_html(const StabilityOptions& o, const std::vector<StabilityResult
       "first</title><style>" +
       std::string(style) + "</style></head><body>\n<h1>What fails first</h1>\n<p>";
   out += std::to_string(o.records) + " training records, " + std::to_string(o.test_records) +
-         " fresh ones to judge by, " + std::to_string(o.seeds) + " seeds, slips " +
-         (o.slip == SlipAction::correct ? "corrected" : "not corrected") + ", echofuse " +
-         version() +
-         ". <i>alike</i>: trained and tested under the condition; <i>shifted</i>: trained at the "
+         " fresh ones to judge by, " + std::to_string(o.seeds) + " seeds, range bias " +
+         (o.range_bias == RangeBiasAction::correct ? "corrected" : "not corrected") +
+         ", echofuse " + version() +
+         ". <i>matched</i>: trained and tested under the condition; <i>shifted</i>: trained at the "
          "base condition, tested under this one. Each cell: least IoU on the axis as a share of "
-         "that at the base. A model <b>loses</b> where its map is no better than no map: hard SSIM "
+         "that at the base. A model <b>fails</b> where its map is no better than no map: hard SSIM "
          "not above the empty room's, IoU not above that of empty room and mean map (by more than "
          "the spread over seeds), or no map at all; of single records that it cannot read it shows "
          "the empty room. <small>half</small>: where its IoU falls below "
@@ -93,11 +93,11 @@ std::string to_html(const StabilityOptions& o, const std::vector<StabilityResult
 std::string number(double v) { return std::isnan(v) ? " nan" : formatted(" %.6g", v); }
 
 bool fails_at(const StabilityCurve& curve, const std::string& label) {
-  return std::find(curve.loses_at.begin(), curve.loses_at.end(), label) != curve.loses_at.end();
+  return std::find(curve.fails_at.begin(), curve.fails_at.end(), label) != curve.fails_at.end();
 }
 
 // A line a value: label, then for each curve IoU, spread, IoU if it is the first value at which the
-// model loses, and the same of SSIM.
+// model fails, and the same of SSIM.
 std::string data_block(const StabilityResult& result, std::vector<const StabilityCurve*> curves) {
   std::string out = "$data << EOD\n";
   for (std::size_t i = 0; i < result.axis.values.size(); ++i) {
@@ -125,22 +125,22 @@ bool has_points(const StabilityResult& result, const StabilityCurve& curve, Metr
 
 constexpr std::size_t colours = 8;  // of gnuplot; then dashes
 
-// Curves with something to draw, those of the trivial models first; where a model begins to lose, a
+// Curves with something to draw, those of the baselines first; where a model begins to fail, a
 // cross.
 std::string plot(const StabilityResult& result, const std::vector<const StabilityCurve*>& curves,
                  Metric metric) {
-  const std::size_t trivial = result.trivial.size();
+  const std::size_t baselines = result.baselines.size();
   std::vector<std::string> parts;
   for (std::size_t i = 0; i < curves.size(); ++i) {
     if (!has_points(result, *curves[i], metric, false)) continue;
     const std::size_t column = 2 + 6 * i + (metric == metric_iou ? 0 : 3);
-    const std::size_t model = i < trivial ? 0 : i - trivial, colour = 1 + model % colours;
-    const std::string look = i < trivial ? formatted("lines dt %zu lw 2 lc 'gray40'", 2 + i)
-                                         : formatted("yerrorlines pt 7 ps 0.5 lc %zu dt %zu",
-                                                     colour, 1 + model / colours);
+    const std::size_t model = i < baselines ? 0 : i - baselines, colour = 1 + model % colours;
+    const std::string look = i < baselines ? formatted("lines dt %zu lw 2 lc 'gray40'", 2 + i)
+                                           : formatted("yerrorlines pt 7 ps 0.5 lc %zu dt %zu",
+                                                       colour, 1 + model / colours);
     parts.push_back(formatted("$data using 0:%zu:%zu:xtic(1) with ", column, column + 1) + look +
                     (metric == metric_iou ? " title '" + curves[i]->name + "'" : " notitle"));
-    if (i >= trivial && has_points(result, *curves[i], metric, true))
+    if (i >= baselines && has_points(result, *curves[i], metric, true))
       parts.push_back(formatted("$data using 0:%zu with points pt 2 ps 1.6 lw 3 lc %zu notitle",
                                 column + 2, colour));
   }
@@ -149,7 +149,7 @@ std::string plot(const StabilityResult& result, const std::vector<const Stabilit
 
 std::string chart(const StabilityResult& result) {
   std::vector<const StabilityCurve*> curves;
-  for (const auto& curve : result.trivial) curves.push_back(&curve);
+  for (const auto& curve : result.baselines) curves.push_back(&curve);
   for (const auto& curve : result.curves) curves.push_back(&curve);
   std::string out = data_block(result, curves) + "set output '" + result.axis.id() + ".svg'\n";
   out += formatted("set xrange [-0.4:%g]\n", static_cast<double>(result.axis.values.size()) - 0.6);
@@ -182,15 +182,15 @@ void write_stability(const StabilityOptions& options, const std::vector<Stabilit
 
 std::string to_text(const std::vector<StabilityResult>& results) {
   std::string out =
-      formatted("%-26s %-18s %10s  %s\n", "condition", "model", "worst IoU", "loses at; half at");
-  for (const auto& [axis, curves, trivial] : results)
+      formatted("%-26s %-18s %10s  %s\n", "condition", "model", "worst IoU", "fails at; half at");
+  for (const auto& [axis, curves, baselines] : results)
     for (const auto& curve : curves) {
-      const bool base = loses_at_base(curve, axis);
+      const bool base = fails_at_base(curve, axis);
       out += formatted("%-26s %-18s %10s  ", axis.id().c_str(), curve.name.c_str(),
                        shared(curve.worst).c_str());
       out += (base                     ? "the base"
-              : curve.loses_at.empty() ? "-"
-                                       : joined(curve.loses_at)) +
+              : curve.fails_at.empty() ? "-"
+                                       : joined(curve.fails_at)) +
              "; " + (curve.halved_at.empty() ? "-" : joined(curve.halved_at)) + "\n";
     }
   return out;

@@ -53,14 +53,14 @@ class Measured {
   std::map<std::array<std::string, 3>, Seeds> found_;
 };
 
-// By how much a model is better than the best of the trivial ones with the same seed; those of
+// By how much a model is better than the best baseline with the same seed; those of
 // which the score is undefined (nobody there) do not count. One number a seed, or none.
-std::vector<double> advantage(const Seeds& model, const std::vector<const Seeds*>& trivial,
+std::vector<double> advantage(const Seeds& model, const std::vector<const Seeds*>& baselines,
                               Metric metric) {
   std::vector<double> out;
   for (const auto& [seed, row] : model) {
     double best = nan;
-    for (const Seeds* other : trivial)
+    for (const Seeds* other : baselines)
       if (const auto found = other->find(seed); found != other->end())
         best = std::fmax(best, found->second.score(metric));
     if (!std::isnan(best)) out.push_back(row.score(metric) - best);
@@ -68,8 +68,8 @@ std::vector<double> advantage(const Seeds& model, const std::vector<const Seeds*
   return out;
 }
 
-// Written so that NaN, no map, loses.
-bool loses(const Seeds& model, const Seeds& empty, const Seeds& mean) {
+// Written so that NaN, no map, fails.
+bool fails(const Seeds& model, const Seeds& empty, const Seeds& mean) {
   const auto iou = advantage(model, {&empty, &mean}, metric_iou);
   const Moments by_iou = moments(iou),
                 by_ssim = moments(advantage(model, {&empty}, metric_ssim_hard));
@@ -122,19 +122,19 @@ StabilityCurve curve_of(const StabilityAxis& axis, const Measured& rows, const s
   for (const AxisValue& value : axis.values) {
     const Seeds& seeds = rows.at(axis, value, model, inputs);
     curve.points.push_back(point_of(seeds));
-    curve.points.back().loses = loses(seeds, rows.at(axis, value, trivial_models[0], "-"),
-                                      rows.at(axis, value, trivial_models[1], "-"));
+    curve.points.back().fails = fails(seeds, rows.at(axis, value, constant_models[0], "-"),
+                                      rows.at(axis, value, constant_models[1], "-"));
   }
   const StabilityPoint base = curve.points[axis.base()];
   for (std::size_t i = 0; i < curve.points.size(); ++i) {
     StabilityPoint& point = curve.points[i];
     const double now =
-        share(point, base, point_of(rows.at(axis, axis.values[i], trivial_models[0], "-")));
+        share(point, base, point_of(rows.at(axis, axis.values[i], constant_models[0], "-")));
     point.halved = now < 0.5;
-    if (!base.loses) curve.worst = std::fmin(curve.worst, now);
+    if (!base.fails) curve.worst = std::fmin(curve.worst, now);
   }
-  curve.loses_at = first_on_the_way(axis, curve.points, &StabilityPoint::loses);
-  if (!base.loses) curve.halved_at = first_on_the_way(axis, curve.points, &StabilityPoint::halved);
+  curve.fails_at = first_on_the_way(axis, curve.points, &StabilityPoint::fails);
+  if (!base.fails) curve.halved_at = first_on_the_way(axis, curve.points, &StabilityPoint::halved);
   return curve;
 }
 
@@ -151,11 +151,11 @@ std::vector<StabilityResult> summarise_stability(const StabilityOptions& options
   std::vector<StabilityResult> results;
   for (const StabilityAxis& axis : axes_of(options)) {
     StabilityResult result{axis, {}, {}};
-    for (const auto& name : trivial_models)
-      result.trivial.push_back(curve_of(axis, found, name, name, "-"));
+    for (const auto& name : constant_models)
+      result.baselines.push_back(curve_of(axis, found, name, name, "-"));
     for (const auto& name : options.models) {
       const StudyModel model(name);
-      result.curves.push_back(curve_of(axis, found, name, model.rung, model.inputs));
+      result.curves.push_back(curve_of(axis, found, name, model.candidate, model.inputs));
     }
     results.push_back(std::move(result));
   }

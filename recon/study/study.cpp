@@ -8,24 +8,25 @@
 
 namespace echofuse::recon {
 
-StudyModel::StudyModel(const std::string& text) : name(text), rung(text.substr(0, text.find(':'))) {
-  if (rung.size() < text.size()) inputs = text.substr(rung.size() + 1);
+StudyModel::StudyModel(const std::string& text)
+    : name(text), candidate(text.substr(0, text.find(':'))) {
+  if (candidate.size() < text.size()) inputs = text.substr(candidate.size() + 1);
   const Inputs wanted = inputs_of(inputs);
-  if (wants_alignment(rung_of(rung, {}).model) && wanted != Inputs::fused)
+  if (wants_alignment(candidate_of(candidate, {}).model) && wanted != Inputs::fused)
     throw Error(ExitCode::usage, "model \"" + text + "\": needs both sensors");
 }
 
 TrainedModel train_whole(const Dataset& data, const StudyModel& model, std::uint64_t seed,
                          const Beside& beside) {
   TrainOptions how;
-  how.model = model.rung;
+  how.model = model.candidate;
   how.inputs = model.inputs;
   how.split.test_share = 0;
   how.split.seed = how.fit.seed = seed;
   how.fit.quiet = true;
-  how.slip = beside.slip && !is_blind(model.rung);
+  how.range_bias = beside.range_bias && !ignores_inputs(model.candidate);
   how.fallback = beside.fallback;
-  how.confidence = false;  // no study reads it, and it takes long to learn
+  how.uncertainty = false;  // no study reads it, and it takes long to learn
   return train(data, how);
 }
 

@@ -9,16 +9,16 @@
 namespace echofuse::recon {
 
 struct StudyModel {
-  // "RUNG" or "RUNG:INPUTS", as in "mlp-512-256:spd". Throws Error(usage) for what is no model, or
-  // one that does not take these inputs.
+  // "CANDIDATE" or "CANDIDATE:INPUTS", as in "mlp-512-256:spd". Throws Error(usage) for what is no
+  // model, or one that does not take these inputs.
   explicit StudyModel(const std::string& text);
-  std::string name, rung, inputs = "fused";
+  std::string name, candidate, inputs = "fused";
 };
 
-// What a fused model that looks at its inputs has beside it, if asked: the reference of a slip, or
-// that and a fallback for a lost radar.
+// What a fused model that looks at its inputs has beside it, if asked: the range bias's reference,
+// or that and a fallback for a lost radar.
 struct Beside {
-  bool slip = false, fallback = false;
+  bool range_bias = false, fallback = false;
 };
 
 // On all usable records but the validation share: there is another run to judge by.

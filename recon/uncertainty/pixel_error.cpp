@@ -40,8 +40,8 @@ std::vector<float> kernel_of(double deviation_pixels) {
 SoftMaps probabilities_of(const Matrix& maps, const Scene& scene) {
   SoftMaps out{Matrix(0, maps.cols), Matrix(maps.rows, maps.cols)};
   for (std::size_t i = 0; i < maps.rows; ++i)
-    out.share.add_row(foreground_share(maps.row(i), scene));
-  for (float& v : out.share.values) v = std::clamp(v, 0.f, 1.f);
+    out.foreground_probability.add_row(foreground_share(maps.row(i), scene));
+  for (float& v : out.foreground_probability.values) v = std::clamp(v, 0.f, 1.f);
   std::fill(out.depth.values.begin(), out.depth.values.end(), scene.foreground_depth_m);
   return out;
 }
@@ -51,8 +51,8 @@ void blur(SoftMaps& maps, const std::vector<double>& deviation_m) {
   constexpr double least_pixels = 0.2;
   const double step = record::depth_x_axis().step;
   std::array<float, side> line{};
-  for (std::size_t i = 0; i < maps.share.rows; ++i) {
-    const auto share = maps.share.row(i);
+  for (std::size_t i = 0; i < maps.foreground_probability.rows; ++i) {
+    const auto share = maps.foreground_probability.row(i);
     const double depth_m = std::max(double{maps.depth.row(i)[side * side / 2]}, 0.1);
     const double pixels = deviation_m[i] / depth_m / step;
     if (!(pixels > least_pixels)) continue;
@@ -78,10 +78,10 @@ void blur(SoftMaps& maps, const std::vector<double>& deviation_m) {
 }  // namespace
 
 SoftMaps soft_of(SoftMaps own, const Matrix& maps, const Scene& scene,
-                 const std::vector<double>& lateral_90_m) {
+                 const std::vector<double>& lateral_interval_90_m) {
   constexpr double deviations_90 = 1.645;
-  if (own.share.rows == 0) return probabilities_of(maps, scene);
-  std::vector<double> deviation_m = lateral_90_m;
+  if (own.foreground_probability.rows == 0) return probabilities_of(maps, scene);
+  std::vector<double> deviation_m = lateral_interval_90_m;
   for (double& d : deviation_m) d /= deviations_90;
   blur(own, deviation_m);
   return own;
@@ -91,7 +91,8 @@ void PixelError::fit(const SoftMaps& soft, const Matrix& truth, const Scene& sce
   std::array<double, 11> weight{}, body{};
   double squares = 0, count = 0;
   for (std::size_t i = 0; i < truth.rows; ++i) {
-    const auto share = soft.share.row(i), depth = soft.depth.row(i), map = truth.row(i);
+    const auto share = soft.foreground_probability.row(i), depth = soft.depth.row(i),
+               map = truth.row(i);
     for (std::size_t p = 0; p < map.size(); ++p) {
       const Between at = node_of(double{share[p]}, curve_.size());
       const bool is_body = true_foreground(map[p], scene.background[p]);
@@ -108,11 +109,12 @@ void PixelError::fit(const SoftMaps& soft, const Matrix& truth, const Scene& sce
 }
 
 PixelMaps PixelError::operator()(const SoftMaps& soft, const Scene& scene) const {
-  const std::size_t rows = soft.share.rows, cols = soft.share.cols;
+  const std::size_t rows = soft.foreground_probability.rows,
+                    cols = soft.foreground_probability.cols;
   PixelMaps out{Matrix(rows, cols), Matrix(rows, cols)};
   for (std::size_t i = 0; i < rows; ++i)
     for (std::size_t p = 0; p < cols; ++p) {
-      const Between at = node_of(double{soft.share.row(i)[p]}, curve_.size());
+      const Between at = node_of(double{soft.foreground_probability.row(i)[p]}, curve_.size());
       const double body = curve_[at.low] + at.part * (curve_[at.low + 1] - curve_[at.low]);
       const double b = double{scene.background[p]}, z = double{soft.depth.row(i)[p]};
       out.mean.row(i)[p] = static_cast<float>(body * z + (1 - body) * b);

@@ -23,7 +23,7 @@ struct PixelMaps {
 // normal distribution's; not where that is NaN. Of a model that has none (no rows) its mean maps,
 // which are blurred already, as probabilities.
 SoftMaps soft_of(SoftMaps own, const Matrix& maps, const Scene& scene,
-                 const std::vector<double>& lateral_90_m);
+                 const std::vector<double>& lateral_interval_90_m);
 
 class PixelError {
  public:

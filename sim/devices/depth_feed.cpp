@@ -10,7 +10,7 @@
 
 #include "acquire/record/depth_map.hpp"
 #include "sim/devices/depth_wire.hpp"
-#include "sim/devices/trouble.hpp"
+#include "sim/devices/fault_injector.hpp"
 #include "sim/sensors/depth_camera.hpp"
 
 namespace echofuse::sim {
@@ -29,7 +29,7 @@ class DepthFeed final : public Device {
         acceptor_(io, Local::endpoint(options.socket_path)),
         timer_(io),
         next_(std::chrono::steady_clock::now()),
-        trouble_(io, stage, "depth", options.script, options.seed, [this] { look(); }) {
+        injector_(io, stage, "depth", options.plan, options.seed, [this] { look(); }) {
     accept();
     wait();
   }
@@ -37,7 +37,7 @@ class DepthFeed final : public Device {
   void stop() override {
     stopping_ = true;
     timer_.cancel();
-    trouble_.stop();
+    injector_.stop();
     acceptor_.close();
     for (auto& viewer : viewers_) viewer.socket.close();
   }
@@ -88,7 +88,7 @@ class DepthFeed final : public Device {
   }
 
   void write(Place viewer, const DepthHeader& frame, const char* what) {
-    const auto written = [this, viewer, begun = trouble_.now(), index = frame.frame_index, what](
+    const auto written = [this, viewer, begun = injector_.now(), index = frame.frame_index, what](
                              const ErrorCode& error, std::size_t) {
       viewer->out.clear();
       if (!error && index > 0) ++frames_;
@@ -99,14 +99,14 @@ class DepthFeed final : public Device {
   }
 
   void log(HostTime begun, const char* what, std::uint32_t index) {
-    trouble_.log(begun, what, {{"frame", index}});
+    injector_.log(begun, what, {{"frame", index}});
   }
 
   // Unplugged, there is no socket to find, and whoever looks sees it end.
   void look() {
     if (stopping_) return;
     send_due();
-    const bool plugged = !trouble_.active(FaultKind::unplug);
+    const bool plugged = !injector_.active(FaultKind::unplug);
     if (plugged == acceptor_.is_open()) return;
     ::unlink(options_.socket_path.c_str());
     if (plugged) {
@@ -140,19 +140,19 @@ class DepthFeed final : public Device {
 
   void frame() {
     ++frame_index_;
-    if (viewers_.empty()) return log(trouble_.now(), "unseen", frame_index_);
-    if (trouble_.strikes(FaultKind::drop)) return log(trouble_.now(), "dropped", frame_index_);
-    if (trouble_.active(FaultKind::stall)) return log(trouble_.now(), "stalled", frame_index_);
+    if (viewers_.empty()) return log(injector_.now(), "unseen", frame_index_);
+    if (injector_.strikes(FaultKind::drop)) return log(injector_.now(), "dropped", frame_index_);
+    if (injector_.active(FaultKind::stall)) return log(injector_.now(), "stalled", frame_index_);
     const double now_s = stage_.now_s();
     DepthHeader h = header();
     h.frame_index = frame_index_;
     h.time_us =
-        static_cast<std::uint64_t>(std::max(0.0, 1e6 * (now_s + trouble_.clock_error_s(now_s))));
-    h.truncated = trouble_.strikes(FaultKind::corrupt);
-    if (last_.empty() || !trouble_.active(FaultKind::freeze)) last_ = disturbed(picture(now_s));
-    Frame frame{h, last_, h.truncated ? "corrupt" : "sent", trouble_.due()};
-    if (trouble_.strikes(FaultKind::garbage)) {
-      for (auto& mm : frame.pixels) mm = static_cast<std::uint16_t>(trouble_.noise());
+        static_cast<std::uint64_t>(std::max(0.0, 1e6 * (now_s + injector_.clock_error_s(now_s))));
+    h.truncated = injector_.strikes(FaultKind::corrupt);
+    if (last_.empty() || !injector_.active(FaultKind::freeze)) last_ = disturbed(picture(now_s));
+    Frame frame{h, last_, h.truncated ? "corrupt" : "sent", injector_.due()};
+    if (injector_.strikes(FaultKind::garbage)) {
+      for (auto& mm : frame.pixels) mm = static_cast<std::uint16_t>(injector_.noise());
       frame.what = "garbage";
     }
     frame.header.pixel_bytes =
@@ -162,7 +162,7 @@ class DepthFeed final : public Device {
   }
 
   void send_due() {
-    for (; !held_.empty() && held_.front().due <= trouble_.now(); held_.pop_front())
+    for (; !held_.empty() && held_.front().due <= injector_.now(); held_.pop_front())
       send(held_.front());
   }
 
@@ -171,7 +171,7 @@ class DepthFeed final : public Device {
       if (viewer->gone) continue;
       if (!viewer->out.empty()) {  // still busy with an older one
         ++skipped_;
-        log(trouble_.now(), "skipped", frame.header.frame_index);
+        log(injector_.now(), "skipped", frame.header.frame_index);
         continue;
       }
       put(viewer->out, frame.header);
@@ -187,10 +187,10 @@ class DepthFeed final : public Device {
   }
 
   const std::vector<std::uint16_t>& picture(double time_s) {
-    const Shown& shown = stage_.at(time_s);
-    if (shown.index != pictured_) {
-      pixels_ = render_depth_mm(shown.scene, columns_, rows_);
-      pictured_ = shown.index;
+    const RenderedScene& rendered = stage_.at(time_s);
+    if (rendered.index != pictured_) {
+      pixels_ = render_depth_mm(rendered.scene, columns_, rows_);
+      pictured_ = rendered.index;
     }
     return pixels_;
   }
@@ -210,7 +210,7 @@ class DepthFeed final : public Device {
   std::deque<Frame> held_;                // delayed
   Rng rng_ = make_rng(options_.seed, 1);  // of range noise and dropouts
   ErrorCode ignored_;
-  Trouble trouble_;
+  FaultInjector injector_;
 };
 
 }  // namespace

@@ -19,7 +19,7 @@ class io_context;
 namespace echofuse::sim {
 
 // What goes wrong with the devices, and where what they do is written down, if anywhere.
-struct Script {
+struct FaultPlan {
   std::vector<Fault> faults;
   Journal* journal = nullptr;
 };
@@ -45,7 +45,7 @@ struct TdcOptions {
   std::uint64_t seed = 1;
   std::uint16_t port = 0;  // 0: any free one
   std::size_t send_queue_bytes = 8 << 20;
-  Script script{};
+  FaultPlan plan{};
 };
 std::unique_ptr<TdcBridge> make_tdc_bridge(boost::asio::io_context& io, Stage& stage,
                                            const TdcOptions& options);
@@ -54,7 +54,7 @@ std::unique_ptr<TdcBridge> make_tdc_bridge(boost::asio::io_context& io, Stage& s
 struct RadarOptions {
   std::string cli_link, data_link;
   std::uint64_t seed = 1;
-  Script script{};
+  FaultPlan plan{};
   unsigned sdk = 5;  // the 5 of SDK 3.5
 };
 std::unique_ptr<Device> make_radar_ptys(boost::asio::io_context& io, Stage& stage,
@@ -67,7 +67,7 @@ struct DepthOptions {
   double fps = 30;
   double half_tangent_x = 0.8, half_tangent_y = 0.6;  // 8/5 of the maps' field of view, and more
   std::uint64_t seed = 1;                             // of its faults
-  Script script{};
+  FaultPlan plan{};
 };
 std::unique_ptr<Device> make_depth_feed(boost::asio::io_context& io, Stage& stage,
                                         const DepthOptions& options);

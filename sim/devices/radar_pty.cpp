@@ -6,10 +6,10 @@
 
 #include "drivers/core/random.hpp"
 #include "sim/devices/device.hpp"
+#include "sim/devices/fault_injector.hpp"
 #include "sim/devices/pty_uart.hpp"
 #include "sim/devices/radar_chirp.hpp"
 #include "sim/devices/radar_firmware.hpp"
-#include "sim/devices/trouble.hpp"
 #include "sim/wire/encode.hpp"
 
 namespace echofuse::sim {
@@ -41,7 +41,7 @@ class RadarBoard final : public Device {
         output_timer_(io),
         rng_(make_rng(options.seed, 2)),
         plug_(options.plug),
-        trouble_(io, stage, "radar", options.script, options.seed, [this] { look(); }) {
+        injector_(io, stage, "radar", options.plan, options.seed, [this] { look(); }) {
     std::uniform_real_distribution<double> phase(-3.1, 3.1);
     for (auto& p : antenna_phase_) p = phase(rng_);
     firmware_.boot();
@@ -50,7 +50,7 @@ class RadarBoard final : public Device {
   void stop() override {
     frame_timer_.cancel();
     output_timer_.cancel();
-    trouble_.stop();
+    injector_.stop();
     cli_->close();
     data_->close();
   }
@@ -109,15 +109,15 @@ class RadarBoard final : public Device {
   void output() {
     if (!data_->idle()) {  // slower than the frames: the demo has no time for this one
       ++skipped_;
-      log(trouble_.now(), "skipped", frame_number_, -1);
+      log(injector_.now(), "skipped", frame_number_, -1);
       return;
     }
     auto power = radar_power(stage_.at(seen_s_).radar, axis_, stage_.conditions());
-    for (double& p : power) p *= trouble_.gain();
+    for (double& p : power) p *= injector_.gain();
     std::vector<RadarTlv> tlvs;
     const RadarOutputs& wanted = firmware_.outputs();
     if (wanted.objects) tlvs.push_back(objects_tlv());
-    if (last_profile_.size() != power.size() || !trouble_.active(FaultKind::freeze))
+    if (last_profile_.size() != power.size() || !injector_.active(FaultKind::freeze))
       last_profile_ =
           range_profile_codes(power, mean_peak_, chirp().antennas, stage_.conditions(), rng_);
     if (wanted.range_profile) tlvs.push_back(range_profile_tlv(last_profile_));
@@ -126,7 +126,8 @@ class RadarBoard final : public Device {
       tlvs.push_back(temperature_tlv(temperature()));
     }
     const double now_s = stage_.now_s();
-    const auto cycles = static_cast<std::int64_t>((now_s + trouble_.clock_error_s(now_s)) * cpu_hz);
+    const auto cycles =
+        static_cast<std::int64_t>((now_s + injector_.clock_error_s(now_s)) * cpu_hz);
     const Bytes wire =
         radar_frame({frame_number_, static_cast<std::uint32_t>(cycles), 0}, tlvs, rng_);
     put_on_line(wire);
@@ -136,19 +137,20 @@ class RadarBoard final : public Device {
   }
 
   void put_on_line(Bytes wire) {
-    Frame frame{std::move(wire), frame_number_, -1, trouble_.due()};
-    if (trouble_.strikes(FaultKind::drop)) return log(trouble_.now(), "dropped", frame.number, -1);
-    if (trouble_.strikes(FaultKind::corrupt))
-      frame.damage = static_cast<std::int64_t>(trouble_.corrupt(frame.wire));
-    frame.junk = trouble_.garbage();
+    Frame frame{std::move(wire), frame_number_, -1, injector_.due()};
+    if (injector_.strikes(FaultKind::drop))
+      return log(injector_.now(), "dropped", frame.number, -1);
+    if (injector_.strikes(FaultKind::corrupt))
+      frame.damage = static_cast<std::int64_t>(injector_.corrupt(frame.wire));
+    frame.junk = injector_.garbage();
     line_.push_back(std::move(frame));
     send_due();
   }
 
   void send_due() {
-    for (; !line_.empty() && line_.front().due <= trouble_.now(); line_.pop_front()) {
+    for (; !line_.empty() && line_.front().due <= injector_.now(); line_.pop_front()) {
       const Frame& frame = line_.front();
-      data_->send(frame.wire, [this, begun = trouble_.now(), number = frame.number,
+      data_->send(frame.wire, [this, begun = injector_.now(), number = frame.number,
                                damage = frame.damage](bool arrived) {
         log(begun, !arrived ? "lost" : damage < 0 ? "sent" : "corrupt", number, damage);
       });
@@ -157,15 +159,15 @@ class RadarBoard final : public Device {
   }
 
   void look() {
-    plug_(!trouble_.active(FaultKind::unplug));
+    plug_(!injector_.active(FaultKind::unplug));
     for (const auto& uart : {cli_.get(), data_.get()})
-      uart->hold(trouble_.active(FaultKind::stall));
+      uart->hold(injector_.active(FaultKind::stall));
     send_due();
   }
 
   // `damage`: which byte of the frame is not as it was; -1: none.
   void log(HostTime begun, const char* what, std::uint32_t number, std::int64_t damage) {
-    trouble_.log(begun, what, {{"frame", number}, {"damage", damage}});
+    injector_.log(begun, what, {{"frame", number}, {"damage", damage}});
   }
 
   // Sending time and margin are the former frame's: this one is not sent yet.
@@ -226,7 +228,7 @@ class RadarBoard final : public Device {
   std::uint64_t frames_of_start_ = 0, frames_ = 0, skipped_ = 0;
   std::deque<Frame> line_;  // delayed
   std::function<void(bool in)> plug_;
-  Trouble trouble_;
+  FaultInjector injector_;
 };
 
 }  // namespace
@@ -250,7 +252,7 @@ std::unique_ptr<Device> make_radar_ptys(boost::asio::io_context& io, Stage& stag
   const auto plug = [ports](bool in) {
     for (PtyUart* port : *ports) port->plug(in);
   };
-  return make_radar_board(io, stage, {options.seed, options.script, options.sdk, plug},
+  return make_radar_board(io, stage, {options.seed, options.plan, options.sdk, plug},
                           pty(options.cli_link), pty(options.data_link));
 }
 

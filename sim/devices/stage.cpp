@@ -36,21 +36,21 @@ double Stage::until(double time_s) const {
   return seconds(next * from_seconds(play_.hold_s) - start_);
 }
 
-const Shown& Stage::at(double time_s) {
+const RenderedScene& Stage::at(double time_s) {
   const std::int64_t index = index_at(time_s);
-  if (index == shown_.index) return shown_;
-  shown_.scene =
+  if (index == rendered_.index) return rendered_;
+  rendered_.scene =
       make_scene(conditions_, spec_of(play_, index), static_cast<std::uint64_t>(play_.seed),
                  static_cast<std::uint64_t>(index));
-  shown_.spd = spd_returns(shown_.scene, conditions_);
+  rendered_.spd = spd_returns(rendered_.scene, conditions_);
   // The reflector is put before each sensor in turn; here, before both at once.
-  Scene for_radar = shown_.scene;
+  Scene for_radar = rendered_.scene;
   if (for_radar.label == "reflector") for_radar.plates[0].centre.x = -conditions_.baseline_m;
-  shown_.radar = radar_returns(for_radar, conditions_);
+  rendered_.radar = radar_returns(for_radar, conditions_);
   Rng rng = make_rng(static_cast<std::uint64_t>(play_.seed) + 1, static_cast<std::uint64_t>(index));
-  roughen(shown_.radar, conditions_, rng);
-  shown_.index = index;
-  return shown_;
+  roughen(rendered_.radar, conditions_, rng);
+  rendered_.index = index;
+  return rendered_;
 }
 
 }  // namespace echofuse::sim

@@ -15,7 +15,7 @@
 namespace echofuse::sim {
 
 // One scene and what each sensor's physics makes of it.
-struct Shown {
+struct RenderedScene {
   std::int64_t index = -1;
   Scene scene;
   Returns spd, radar;
@@ -40,7 +40,7 @@ class Stage {
   HostTime now() const { return clock_.now(); }
   double now_s() const { return seconds(clock_.now() - start_); }
   // The scene that stands at this time, rendered when it is first asked for, and when it goes.
-  const Shown& at(double time_s);
+  const RenderedScene& at(double time_s);
   double until(double time_s) const;
 
   // Scene number `index` of a play; "mixed" is one person to three letters, as in Lai et al.
@@ -54,7 +54,7 @@ class Stage {
   Conditions conditions_;
   Play play_;
   HostTime start_;
-  Shown shown_;
+  RenderedScene rendered_;
 };
 
 }  // namespace echofuse::sim

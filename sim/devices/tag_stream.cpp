@@ -48,10 +48,10 @@ double TagStream::time_of(std::int64_t pulse) const {
 }
 
 void TagStream::look(double time_s) {
-  const Shown& shown = stage_.at(time_s);
-  if (shown.index == seen_) return;
-  source_.inspect_holder(shown.spd);
-  seen_ = shown.index;
+  const RenderedScene& rendered = stage_.at(time_s);
+  if (rendered.index == seen_) return;
+  source_.inspect_holder(rendered.spd);
+  seen_ = rendered.index;
 }
 
 }  // namespace echofuse::sim

@@ -8,8 +8,8 @@
 #include <cstring>
 #include <deque>
 
+#include "sim/devices/fault_injector.hpp"
 #include "sim/devices/tag_stream.hpp"
-#include "sim/devices/trouble.hpp"
 #include "sim/wire/encode.hpp"
 
 namespace echofuse::sim {
@@ -33,7 +33,7 @@ class Bridge final : public TdcBridge {
         endpoint_(acceptor_.local_endpoint()),
         socket_(io),
         timer_(io),
-        trouble_(io, stage, "tdc", options.script, options.seed, [this] { look(); }),
+        injector_(io, stage, "tdc", options.plan, options.seed, [this] { look(); }),
         zero_(stage.start()) {
     accept();
     wait();
@@ -46,7 +46,7 @@ class Bridge final : public TdcBridge {
   void stop() override {
     stopping_ = true;
     timer_.cancel();
-    trouble_.stop();
+    injector_.stop();
     acceptor_.close();
     if (connected_) enqueue(BlockKind::bye, {}, 0);
   }
@@ -78,7 +78,7 @@ class Bridge final : public TdcBridge {
       socket_.set_option(tcp::no_delay(true), ignored);
       connected_ = true;
       ++clients_;
-      trouble_.log(trouble_.now(), "connected", {});
+      injector_.log(injector_.now(), "connected", {});
       sequence_ = 0;
       dropped_ = 0;
       stream_.start();
@@ -106,7 +106,7 @@ class Bridge final : public TdcBridge {
   void disconnect(const char* why) {
     if (!connected_) return;
     connected_ = false;
-    trouble_.log(trouble_.now(), why, {});
+    injector_.log(injector_.now(), why, {});
     ErrorCode ignored;
     socket_.close(ignored);
     if (!writing_) next_client();
@@ -123,7 +123,7 @@ class Bridge final : public TdcBridge {
   // Unplugged, nobody listens at the port.
   void look() {
     if (stopping_) return;
-    if (const bool plugged = !trouble_.active(FaultKind::unplug); plugged != acceptor_.is_open()) {
+    if (const bool plugged = !injector_.active(FaultKind::unplug); plugged != acceptor_.is_open()) {
       if (plugged)
         plug();
       else
@@ -148,7 +148,7 @@ class Bridge final : public TdcBridge {
     timer_.async_wait([this](const ErrorCode& error) {
       if (error) return;
       if (connected_ && std::chrono::steady_clock::now() > next_hello_) greet();
-      stream_.set_gain(trouble_.gain());
+      stream_.set_gain(injector_.gain());
       if (connected_)
         stream_.advance(
             [this](ByteView tags, std::size_t count) {
@@ -166,20 +166,20 @@ class Bridge final : public TdcBridge {
                 .kind = kind,
                 .sequence = sequence_++,
                 .tags = tags,
-                .first = trouble_.now(),
-                .last = trouble_.now(),
-                .due = trouble_.due()};
+                .first = injector_.now(),
+                .last = injector_.now(),
+                .due = injector_.due()};
     if (tags > 0) {
       block.first = set_clock(payload, 0);
       for (std::size_t i = 1; i < tags; ++i) block.last = set_clock(payload, i);
     }
     block.bytes = bridge_block(kind, block.sequence, std::exchange(dropped_, 0), payload);
-    if (trouble_.strikes(FaultKind::drop)) return log(block, "dropped");
-    if (trouble_.strikes(FaultKind::corrupt)) {
-      block.damage = static_cast<std::int64_t>(trouble_.corrupt(block.bytes));
+    if (injector_.strikes(FaultKind::drop)) return log(block, "dropped");
+    if (injector_.strikes(FaultKind::corrupt)) {
+      block.damage = static_cast<std::int64_t>(injector_.corrupt(block.bytes));
       block.what = "corrupt";
     }
-    if (const Bytes junk = trouble_.garbage(); !junk.empty())
+    if (const Bytes junk = injector_.garbage(); !junk.empty())
       block.bytes.insert(block.bytes.begin(), junk.begin(), junk.end());
     queued_bytes_ += block.bytes.size();
     queue_.push_back(std::move(block));
@@ -192,7 +192,7 @@ class Bridge final : public TdcBridge {
     std::int64_t ps = 0;
     std::memcpy(&ps, place, sizeof ps);
     const HostTime time = zero_ + std::chrono::nanoseconds(ps / 1000);
-    ps += std::llround(1e12 * trouble_.clock_error_s(static_cast<double>(ps) * 1e-12));
+    ps += std::llround(1e12 * injector_.clock_error_s(static_cast<double>(ps) * 1e-12));
     std::memcpy(place, &ps, sizeof ps);
     return time;
   }
@@ -200,25 +200,25 @@ class Bridge final : public TdcBridge {
   void drop(std::uint64_t tags) {
     dropped_ += tags;
     all_dropped_ += tags;
-    trouble_.log(trouble_.now(), "overrun", {{"tags", static_cast<std::int64_t>(tags)}});
+    injector_.log(injector_.now(), "overrun", {{"tags", static_cast<std::int64_t>(tags)}});
   }
 
   void log(const Block& block, const char* what) {
-    const HostTime begun = block.begun == HostTime{} ? trouble_.now() : block.begun;
-    trouble_.log(begun, what,
-                 {{"seq", block.sequence},
-                  {"kind", static_cast<int>(block.kind)},
-                  {"damage", block.damage},
-                  {"tags", static_cast<std::int64_t>(block.tags)},
-                  {"first", block.first.count()},
-                  {"last", block.last.count()}});
+    const HostTime begun = block.begun == HostTime{} ? injector_.now() : block.begun;
+    injector_.log(begun, what,
+                  {{"seq", block.sequence},
+                   {"kind", static_cast<int>(block.kind)},
+                   {"damage", block.damage},
+                   {"tags", static_cast<std::int64_t>(block.tags)},
+                   {"first", block.first.count()},
+                   {"last", block.last.count()}});
   }
 
   // Not while the line stands still, nor before its time: look() comes back to it.
   void write() {
     Block& next = queue_.front();
-    if (trouble_.active(FaultKind::stall) || trouble_.now() < next.due) return;
-    next.begun = trouble_.now();
+    if (injector_.active(FaultKind::stall) || injector_.now() < next.due) return;
+    next.begun = injector_.now();
     writing_ = true;
     boost::asio::async_write(socket_, boost::asio::buffer(queue_.front().bytes),
                              [this](const ErrorCode& error, std::size_t) {
@@ -251,7 +251,7 @@ class Bridge final : public TdcBridge {
   tcp::endpoint endpoint_;
   tcp::socket socket_;
   boost::asio::steady_timer timer_;
-  Trouble trouble_;
+  FaultInjector injector_;
   HostTime zero_;  // of the tags' clock
   std::array<std::uint8_t, 256> unread_{};
   std::deque<Block> queue_;

@@ -64,7 +64,7 @@ class Uart {
 using MakeUart = std::function<std::unique_ptr<Uart>(unsigned baud, Uart::Receive receive)>;
 struct RadarBoardOptions {
   std::uint64_t seed = 1;
-  Script script{};
+  FaultPlan plan{};
   unsigned sdk = 5;                     // the 5 of SDK 3.5
   std::function<void(bool in)> plug{};  // pulls both ports out, or puts them in; asked often
 };

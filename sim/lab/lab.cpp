@@ -176,13 +176,12 @@ std::string lab_toml(const LabOptions& o, const fs::path& dir, const std::string
 struct Lab::Parts {
   Parts(const Clock& clock, const LabOptions& o)
       : options(o), dir(make_directory(o.dir)), lock(dir), stage(clock, o.conditions, o.play) {
-    if (!o.faults.empty()) script.faults = read_faults(read_config_text(o.faults), o.faults);
+    if (!o.faults.empty()) plan.faults = read_faults(read_config_text(o.faults), o.faults);
     const auto of_tdc = [](const Fault& fault) { return fault.device == "tdc"; };
-    if (o.usb &&
-        (!o.log.empty() || std::any_of(script.faults.begin(), script.faults.end(), of_tdc)))
+    if (o.usb && (!o.log.empty() || std::any_of(plan.faults.begin(), plan.faults.end(), of_tdc)))
       throw Error(ExitCode::usage,
                   "--usb: the time tagger's faults and log are of its bridge; leave --usb away");
-    if (!o.log.empty()) script.journal = &journal.emplace(o.log);
+    if (!o.log.empty()) plan.journal = &journal.emplace(o.log);
   }
 
   ~Parts() { remove(std::begin(transient), std::end(transient)); }
@@ -199,15 +198,15 @@ struct Lab::Parts {
     const std::string label = options.play.hold_s > 0 ? "" : stage.at(0).scene.label;
     const auto seed = static_cast<std::uint64_t>(options.play.seed);
     const std::string tdc_address = make_tdc(
-        {.tagging = options.tagging, .window_s = options.window_s, .seed = seed, .script = script});
+        {.tagging = options.tagging, .window_s = options.window_s, .seed = seed, .plan = plan});
     radar = make_radar_ptys(io, stage,
                             {.cli_link = (dir / "radar-cli").string(),
                              .data_link = (dir / "radar-data").string(),
                              .seed = seed,
-                             .script = script,
+                             .plan = plan,
                              .sdk = static_cast<unsigned>(options.radar_sdk.back() - '0')});
     depth = make_depth_feed(
-        io, stage, {.socket_path = (dir / "depth.sock").string(), .seed = seed, .script = script});
+        io, stage, {.socket_path = (dir / "depth.sock").string(), .seed = seed, .plan = plan});
     make_openni(dir);
     write_file(dir / "radar.cfg", cfg);
     write_beside((dir / "lab.toml").string(), lab_toml(options, dir, tdc_address, label));
@@ -230,7 +229,7 @@ struct Lab::Parts {
   DirectoryLock lock;
   boost::asio::io_context io;
   Stage stage;
-  Script script;
+  FaultPlan plan;
   std::optional<Journal> journal;
   std::unique_ptr<UsbLab> usb;
   std::unique_ptr<TdcBridge> bridge;

@@ -52,7 +52,7 @@ double uniform(Rng& rng, double low, double high) {
   return low + (high - low) * unit * static_cast<double>(rng() >> 11);
 }
 
-double Chance::uniform(double low, double high) {
+double SceneSampler::uniform(double low, double high) {
   const double move = draws_.size() < moves_.size() ? moves_[draws_.size()] : 0;
   draws_.push_back({low, high, sim::uniform(rng_, low, high) + move});
   return draws_.back().value;

@@ -17,16 +17,16 @@ double uniform(Rng& rng, double low, double high);
 
 // The random numbers that make a scene. It keeps what it drew, and can make the same scene again
 // with the continuous ones moved: what a study of sensitivity needs.
-class Chance {
+class SceneSampler {
  public:
   struct Draw {
     double low = 0, high = 0, value = 0;
   };
 
-  explicit Chance(Rng rng) : rng_(rng) {}
+  explicit SceneSampler(Rng rng) : rng_(rng) {}
   // Draw k then is its value plus moves[k], which may leave the range; draws beyond the end are
   // not moved.
-  Chance(Rng rng, std::vector<double> moves) : rng_(rng), moves_(std::move(moves)) {}
+  SceneSampler(Rng rng, std::vector<double> moves) : rng_(rng), moves_(std::move(moves)) {}
 
   double uniform(double low, double high);
   // One of 0..n-1; discrete, and not kept.

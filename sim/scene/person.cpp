@@ -29,9 +29,9 @@ Vec3 limb(double side, double swing_deg, double spread_deg) {
 struct Leg {
   Vec3 hip, knee, ankle;
 };
-Leg random_leg(double side, Chance& chance) {
-  const double swing = chance.uniform(-15, 25), spread = chance.uniform(0, 14);
-  const double bend = chance.uniform(0, 30);
+Leg random_leg(double side, SceneSampler& sampler) {
+  const double swing = sampler.uniform(-15, 25), spread = sampler.uniform(0, 14);
+  const double bend = sampler.uniform(0, 30);
   const Vec3 hip{side * hip_half_width, hip_height, 0};
   const Vec3 knee = hip + thigh * limb(side, swing, spread);
   return {hip, knee, knee + shin * limb(side, swing - bend, spread)};
@@ -41,15 +41,15 @@ Leg random_leg(double side, Chance& chance) {
 // from the floor, z to its front.
 class Body {
  public:
-  Body(Scene& scene, const Conditions& conditions, const Stand& stand, Chance& chance)
+  Body(Scene& scene, const Conditions& conditions, const Stand& stand, SceneSampler& sampler)
       : scene_(scene),
-        height_m_(conditions.target_scale * chance.uniform(1.55, 1.90)),
-        albedo_(chance.uniform(0.3, 0.7)),
+        height_m_(conditions.target_scale * sampler.uniform(1.55, 1.90)),
+        albedo_(sampler.uniform(0.3, 0.7)),
         ground_{stand.x_m, -conditions.camera_height_m, stand.z_m},
         right_{std::cos(stand.yaw_rad), 0, std::sin(stand.yaw_rad)},
         front_{std::sin(stand.yaw_rad), 0, -std::cos(stand.yaw_rad)} {
-    add_legs(chance);
-    add_trunk(chance);
+    add_legs(sampler);
+    add_trunk(sampler);
   }
 
   Vec3 shoulder(double side) const {
@@ -70,8 +70,8 @@ class Body {
     scene_.capsules.push_back({world(a), world(b), height_m_ * radius, albedo_});
   }
   // The lower foot stands on the floor.
-  void add_legs(Chance& chance) {
-    const std::array<Leg, 2> legs{random_leg(-1, chance), random_leg(1, chance)};
+  void add_legs(SceneSampler& sampler) {
+    const std::array<Leg, 2> legs{random_leg(-1, sampler), random_leg(1, sampler)};
     const double lift = ankle_height - std::min(legs[0].ankle.y, legs[1].ankle.y);
     const Vec3 up{0, lift, 0};
     for (const Leg& leg : legs) {
@@ -82,8 +82,8 @@ class Body {
     }
     hip_ = Vec3{0, hip_height + lift, 0};
   }
-  void add_trunk(Chance& chance) {
-    const double bow = radians(chance.uniform(-5, 12)), tilt = radians(chance.uniform(-6, 6));
+  void add_trunk(SceneSampler& sampler) {
+    const double bow = radians(sampler.uniform(-5, 12)), tilt = radians(sampler.uniform(-6, 6));
     trunk_ = {std::sin(tilt), std::cos(tilt) * std::cos(bow), std::cos(tilt) * std::sin(bow)};
     add_across(0.01, 0.05, 0.065);   // pelvis
     add_across(0.10, 0.03, 0.068);   // belly
@@ -106,26 +106,27 @@ class Body {
 
 }  // namespace
 
-void add_person(Scene& scene, const Conditions& conditions, const Stand& stand, Chance& chance) {
-  Body body(scene, conditions, stand, chance);
+void add_person(Scene& scene, const Conditions& conditions, const Stand& stand,
+                SceneSampler& sampler) {
+  Body body(scene, conditions, stand, sampler);
   for (const double side : {-1.0, 1.0}) {
-    const double swing = chance.uniform(-25, 80), spread = chance.uniform(5, 70);
-    const double bend = chance.uniform(0, 90), inward = chance.uniform(-15, 40);
+    const double swing = sampler.uniform(-25, 80), spread = sampler.uniform(5, 70);
+    const double bend = sampler.uniform(0, 90), inward = sampler.uniform(-15, 40);
     const Vec3 elbow = body.shoulder(side) + upper_arm * limb(side, swing, spread);
     body.add_arm(side, elbow, elbow + forearm_and_grip * limb(side, swing + bend, spread - inward));
   }
 }
 
 char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand,
-                       Chance& chance) {
+                       SceneSampler& sampler) {
   static constexpr std::array letters{'A', 'C', 'E', 'H', 'L', 'N', 'O', 'T', 'U', 'X'};
-  const char letter = letters[chance.pick(letters.size())];
-  const bool large = chance.pick(2) == 0;
+  const char letter = letters[sampler.pick(letters.size())];
+  const bool large = sampler.pick(2) == 0;
   const double scale = conditions.target_scale;
   const double width = scale * (large ? 0.30 : 0.20), height = scale * (large ? 0.40 : 0.30);
-  Body body(scene, conditions, stand, chance);
+  Body body(scene, conditions, stand, sampler);
   const Vec3 chest = 0.5 * (body.shoulder(-1) + body.shoulder(1));
-  const Vec3 held = chest + Vec3{0, chance.uniform(-0.12, 0.02), chance.uniform(0.33, 0.37)};
+  const Vec3 held = chest + Vec3{0, sampler.uniform(-0.12, 0.02), sampler.uniform(0.33, 0.37)};
   for (const double side : {-1.0, 1.0}) {
     const Vec3 hand = held + Vec3{side * width / 2 / body.height_m(), 0, -0.02};
     const Vec3 middle = 0.5 * (body.shoulder(side) + hand);

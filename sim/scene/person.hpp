@@ -5,7 +5,7 @@
 
 namespace echofuse::sim {
 
-class Chance;
+class SceneSampler;
 
 // Where somebody stands and which way he faces: yaw 0 is towards -z, positive turns to +x.
 struct Stand {
@@ -13,13 +13,14 @@ struct Stand {
 };
 
 // Height 1.55-1.90 m, albedo 0.3-0.7, a random pose.
-void add_person(Scene& scene, const Conditions& conditions, const Stand& stand, Chance& chance);
+void add_person(Scene& scene, const Conditions& conditions, const Stand& stand,
+                SceneSampler& sampler);
 
 // The same, with a flat letter held in both hands at arm's length, facing where the person faces.
 // Letters 40 x 30 cm with 7 cm strokes or 30 x 20 cm with 5 cm strokes, albedo 0.8. Returns the
 // letter, one of "ACEHLNOTUX".
 char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand,
-                       Chance& chance);
+                       SceneSampler& sampler);
 
 // The strokes of a letter, centred.
 std::vector<Stroke> glyph(char letter, double width_m, double height_m, double stroke_m);

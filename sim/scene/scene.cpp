@@ -16,13 +16,13 @@ namespace {
 
 constexpr std::array kinds{"person", "letter", "two_people", "empty", "reflector", "object"};
 
-Stand random_place(const Conditions& c, Chance& chance) {
-  const double x = chance.uniform(-c.target_x_m, c.target_x_m);
-  return {x, chance.uniform(c.target_z_min_m, c.target_z_max_m), 0};
+Stand random_place(const Conditions& c, SceneSampler& sampler) {
+  const double x = sampler.uniform(-c.target_x_m, c.target_x_m);
+  return {x, sampler.uniform(c.target_z_min_m, c.target_z_max_m), 0};
 }
 
-double random_turn(double most_deg, Chance& chance) {
-  return chance.uniform(-most_deg, most_deg) * std::numbers::pi / 180;
+double random_turn(double most_deg, SceneSampler& sampler) {
+  return sampler.uniform(-most_deg, most_deg) * std::numbers::pi / 180;
 }
 
 // The random numbers are drawn in any case: what else is random does not depend on the place.
@@ -32,26 +32,26 @@ Stand chosen(const SceneSpec& spec, Stand random) {
           spec.yaw_deg ? *spec.yaw_deg * degree : random.yaw_rad};
 }
 
-Stand random_stand(const Conditions& c, double most_yaw_deg, Chance& chance) {
-  Stand stand = random_place(c, chance);
-  stand.yaw_rad = random_turn(most_yaw_deg, chance);
+Stand random_stand(const Conditions& c, double most_yaw_deg, SceneSampler& sampler) {
+  Stand stand = random_place(c, sampler);
+  stand.yaw_rad = random_turn(most_yaw_deg, sampler);
   return stand;
 }
 
-void add_letter(Scene& scene, const Conditions& c, const SceneSpec& spec, Chance& chance) {
-  Stand stand = random_place(c, chance);
+void add_letter(Scene& scene, const Conditions& c, const SceneSpec& spec, SceneSampler& sampler) {
+  Stand stand = random_place(c, sampler);
   const double towards_sensors = std::atan2(-stand.x_m, stand.z_m);
-  stand.yaw_rad = towards_sensors + random_turn(c.letter_yaw_deg, chance);
+  stand.yaw_rad = towards_sensors + random_turn(c.letter_yaw_deg, sampler);
   stand = chosen(spec, stand);
-  scene.label = std::string("letter:") + add_letter_person(scene, c, stand, chance);
+  scene.label = std::string("letter:") + add_letter_person(scene, c, stand, sampler);
 }
 
 // Half of the width each: they stand side by side.
-void add_two(Scene& scene, const Conditions& c, Chance& chance) {
+void add_two(Scene& scene, const Conditions& c, SceneSampler& sampler) {
   for (const double side : {-0.5, 0.5}) {
-    Stand stand = random_stand(c, c.person_yaw_deg, chance);
+    Stand stand = random_stand(c, c.person_yaw_deg, sampler);
     stand.x_m = stand.x_m / 2 + side * c.target_x_m;
-    add_person(scene, c, stand, chance);
+    add_person(scene, c, stand, sampler);
   }
   scene.label = "two_people";
 }
@@ -98,23 +98,23 @@ std::string kind_names() {
 
 Scene make_scene(const Conditions& c, const SceneSpec& spec, std::uint64_t seed,
                  std::uint64_t index) {
-  Chance chance(make_rng(seed, index));
-  return make_scene(c, spec, chance);
+  SceneSampler sampler(make_rng(seed, index));
+  return make_scene(c, spec, sampler);
 }
 
-Scene make_scene(const Conditions& c, const SceneSpec& spec, Chance& chance) {
+Scene make_scene(const Conditions& c, const SceneSpec& spec, SceneSampler& sampler) {
   Scene scene;
   scene.room = c.background == "room";
   switch (spec.kind) {
     case SceneKind::person:
-      add_person(scene, c, chosen(spec, random_stand(c, c.person_yaw_deg, chance)), chance);
+      add_person(scene, c, chosen(spec, random_stand(c, c.person_yaw_deg, sampler)), sampler);
       scene.label = "person";
       break;
     case SceneKind::letter:
-      add_letter(scene, c, spec, chance);
+      add_letter(scene, c, spec, sampler);
       break;
     case SceneKind::two_people:
-      add_two(scene, c, chance);
+      add_two(scene, c, sampler);
       break;
     case SceneKind::empty:
       scene.label = "empty";
@@ -130,7 +130,7 @@ Scene make_scene(const Conditions& c, const SceneSpec& spec, Chance& chance) {
       break;
     }
     case SceneKind::object:
-      add_object(scene, c, chosen(spec, random_stand(c, c.object_yaw_deg, chance)));
+      add_object(scene, c, chosen(spec, random_stand(c, c.object_yaw_deg, sampler)));
       break;
   }
   return scene;

@@ -13,7 +13,7 @@
 
 namespace echofuse::sim {
 
-class Chance;
+class SceneSampler;
 
 // All points within radius_m of the segment a-b.
 struct Capsule {
@@ -67,7 +67,7 @@ Scene make_scene(const Conditions& conditions, const SceneSpec& spec, std::uint6
                  std::uint64_t index);
 // From these random numbers (sim/scene/draw.hpp), in this order: for a person or a letter the first
 // are x, z and the turn.
-Scene make_scene(const Conditions& conditions, const SceneSpec& spec, Chance& chance);
+Scene make_scene(const Conditions& conditions, const SceneSpec& spec, SceneSampler& sampler);
 
 // x -> -x of people and plates. The room stays where it is.
 Scene mirrored(const Scene& scene);

@@ -173,9 +173,9 @@ class SceneBounds {
               std::uint64_t index)
       : laboratory_(laboratory) {
     const Rng rng = make_rng(options.seed, index);
-    Chance chance(rng);
-    const Scene truth = make_scene(options.conditions, spec, chance);
-    for (const auto& [low, high, value] : chance.draws()) {
+    SceneSampler sampler(rng);
+    const Scene truth = make_scene(options.conditions, spec, sampler);
+    for (const auto& [low, high, value] : sampler.draws()) {
       if (high > low) drawn_.push_back(ranges_.size());
       ranges_.push_back(high - low);
     }
@@ -183,13 +183,13 @@ class SceneBounds {
     const auto model = [&](const Values& at) {
       Values moves(ranges_.size());
       for (std::size_t i = 0; i < drawn_.size(); ++i) moves[drawn_[i]] = at[i] * ranges_[drawn_[i]];
-      Chance moved(rng, moves);
+      SceneSampler moved(rng, moves);
       return laboratory.measure(make_scene(options.conditions, spec, moved), 1 + at[drawn_.size()],
                                 1 + at[drawn_.size() + 1], z);
     };
     slopes_ = slopes(model, Values(drawn_.size() + 2), options.step);
     if (!truth.room && drawn_[2] == 2)
-      keep_symmetry(chance.draws(), spec.kind == SceneKind::letter);
+      keep_symmetry(sampler.draws(), spec.kind == SceneKind::letter);
   }
 
   std::vector<Deviations> all() const {
@@ -205,7 +205,7 @@ class SceneBounds {
   // many. The range is known so much better than the azimuth that a per cent of numerical error in
   // the slope along x would pass for knowledge of it, so that slope is what the other two say.
   // (Bodies that stick out of the field of view could tell a little.)
-  void keep_symmetry(const std::vector<Chance::Draw>& draws, bool letter) {
+  void keep_symmetry(const std::vector<SceneSampler::Draw>& draws, bool letter) {
     const double x = draws[0].value, z = draws[1].value,
                  radian = letter ? 0 : 180 / std::numbers::pi;
     for (std::size_t i = 0; i < laboratory_.radar_begin(); ++i)

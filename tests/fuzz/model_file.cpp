@@ -74,7 +74,7 @@ Base make_base(const Dataset& data, const std::string& kind, bool whole) {
   how.model = kind;
   how.fit.epochs = 2, how.fit.quiet = true;
   how.split.validation_share = 0.25;
-  how.slip = how.confidence = whole;
+  how.range_bias = how.uncertainty = whole;
   TrainedModel model = train(data, how);
   if (kind.starts_with("mlp")) {
     how.model = "pca-mlp-6-5", how.inputs = "spd";
@@ -275,9 +275,9 @@ class Editor {
   }
 
   void link() {
-    const std::string to = one_of<std::string>(
-        {"fallback", "confidence", "slip", "model/layer7", "training/more", "\x1b[2J", "a/b"},
-        byte());
+    const std::string to = one_of<std::string>({"fallback", "uncertainty", "range_bias",
+                                                "model/layer7", "training/more", "\x1b[2J", "a/b"},
+                                               byte());
     const std::uint8_t kind = byte();
     const std::string from = kind / 3 % 4 == 0 ? "/" : object();
     if (kind % 3 == 0)
@@ -301,19 +301,20 @@ void check_answers(const TrainedModel& model) {
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row)
     if (model.fault_of(data, row).empty()) rows.push_back(row);
-  const Prediction found = predict(model, data, rows, model.confidence ? Ask::pixels : Ask::claims);
+  const Prediction found =
+      predict(model, data, rows, model.uncertainty ? Ask::pixels : Ask::uncertainty);
   require(found.maps.values.size() == rows.size() * pixels, "there is a map of each record");
   for (const float v : found.maps.values) require(std::isfinite(v), "a map is made of numbers");
   for (const float v : found.deviation.values) require(v >= 0, "a deviation is one");
-  for (const Claim& claim : found.claims)
-    require(fuzz::is_printable(claim.strangeness.text()), "claims can be printed");
-  if (!model.slip.known()) return;
-  std::vector<float> moved =
-      model.slip.measure(model.alignment, data, model.align(data, all_rows(data.size()), true));
+  for (const PredictionUncertainty& uncertainty : found.uncertainties)
+    require(fuzz::is_printable(uncertainty.out_of_distribution.text()), "reasons can be printed");
+  if (!model.range_bias.known()) return;
+  std::vector<float> moved = model.range_bias.measure(
+      model.alignment, data, model.align(data, all_rows(data.size()), true));
   moved.resize(60, moved.empty() ? 0.f : moved.front());
-  const Slip slip = model.slip.judge(moved);
-  require(fuzz::is_printable(slip.text(false)), "a slip can be told");
-  shorten_radar(data, slip.metres);
+  const RangeBias range_bias = model.range_bias.judge(moved);
+  require(fuzz::is_printable(range_bias.text(false)), "a range bias can be reported");
+  shorten_radar(data, range_bias.metres);
 }
 
 }  // namespace

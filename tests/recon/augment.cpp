@@ -77,7 +77,7 @@ TEST_CASE("a model trained on noisy copies stands noise better") {
 TEST_CASE("kinds of the radar are refused for the SPD alone before anything is tried") {
   TrainOptions options;
   options.model = "auto", options.inputs = "spd", options.augment = {"noise"};
-  options.ladder = {"not a model"}, options.fit.quiet = true;
+  options.candidates = {"not a model"}, options.fit.quiet = true;
   CHECK_THROWS_WITH(train(plates(), options), Catch::Contains("--inputs spd has none"));
 }
 

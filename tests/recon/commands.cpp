@@ -239,17 +239,17 @@ TEST_CASE("the report takes what evaluate takes, and says what it did about it")
              Catch::Contains(">45 held-out records of") &&
                  Catch::Contains("5 records: radar lost: SPD alone"));
 
-  // Live: the radar's ranges have slipped by 30 cm.
-  write_run(dir / "slipped", 300, 9, [&](record::FusedRecord& r) {
+  // Live: the radar's ranges have a bias of 30 cm.
+  write_run(dir / "biased", 300, 9, [&](record::FusedRecord& r) {
     r.radar = recon::Shift(-0.3 / radar_axis().step).apply(r.radar);
   });
-  const Outcome slipped = recon_program("report " + (dir / "out") + models + " --run " +
-                                        (dir / "slipped") + " --force --live " + (dir / "slipped"));
-  CAPTURE(slipped.text);
-  REQUIRE(slipped.code == 0);
-  const std::size_t live = slipped.text.find("\nlive");
+  const Outcome biased = recon_program("report " + (dir / "out") + models + " --run " +
+                                       (dir / "biased") + " --force --live " + (dir / "biased"));
+  CAPTURE(biased.text);
+  REQUIRE(biased.code == 0);
+  const std::size_t live = biased.text.find("\nlive");
   REQUIRE(live != std::string::npos);
-  for (const std::string& part : {slipped.text.substr(0, live), slipped.text.substr(live)})
+  for (const std::string& part : {biased.text.substr(0, live), biased.text.substr(live)})
     CHECK_THAT(part, Catch::Contains("longer than in training, against the SPD's") &&
                          Catch::Contains("not corrected"));
 }

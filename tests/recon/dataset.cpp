@@ -237,7 +237,7 @@ TEST_CASE("a model of binned power takes runs as they were recorded") {
   CHECK(echofuse::testing::recon_program("evaluate " + model + " " + (dir / "near")).code == 1);
 }
 
-TEST_CASE("per-record scaling is blind to the gain of either sensor and to a flat background") {
+TEST_CASE("per-record scaling does not depend on either sensor's gain or a flat background") {
   const Folder dir;
   write_run(dir / "a", 40);
   const Dataset data = load({dir / "a"});

@@ -52,7 +52,8 @@ TEST_CASE("OpenCV's dnn makes the same maps of an exported network") {
         const TrainedModel model = load_model(dir / "m");
         for (const Rows& rows : {many, one}) {
           const Matrix ours = model.predict(data, rows);
-          const Matrix theirs = by_opencv(dir / "x.onnx", model.features.strengths(data, rows));
+          const Matrix theirs =
+              by_opencv(dir / "x.onnx", model.features.normalised_inputs(data, rows));
           REQUIRE(theirs.cols == ours.cols);
           double worst = 0;
           for (std::size_t i = 0; i < ours.values.size(); ++i)
@@ -88,7 +89,7 @@ TEST_CASE("exported records are the network's input, with their part in the trai
   export_model(dir / "m", {dir / "run"}, dir / "x.npz");
   const Rows test = model.rows_of(data, Part::test);
   REQUIRE(test.size() == 5);
-  const Matrix first = model.features.strengths(data, {test[0]});
+  const Matrix first = model.features.normalised_inputs(data, {test[0]});
   std::string command = "/usr/bin/python3 -c \"import numpy as n; a = n.load('" + (dir / "x.npz") +
                         "'); t = a['part'] == 2; print(len(a['index']), 9 in a['index'], "
                         "n.bincount(a['part']).tolist(), a['index'][t].tolist(), "

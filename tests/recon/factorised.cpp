@@ -33,8 +33,8 @@ const TrainedModel& trained() {
 
 Layout plate_layout() { return {testing::spd_axis(), testing::radar_axis()}; }
 
-// Readings of a body at a range with nothing else: both sensors' bumps about it.
-std::vector<float> readings(double range_m, double shift_m, double gain = 1, double offset = 0) {
+// Inputs of a body at a range with nothing else: both sensors' bumps about it.
+std::vector<float> raw_inputs(double range_m, double shift_m, double gain = 1, double offset = 0) {
   std::vector<float> out;
   for (std::uint32_t i = 0; i < testing::spd_axis().count; ++i) {
     const double at = testing::spd_axis().at(i + 0.5) / ps_per_m;
@@ -72,17 +72,17 @@ double centroid(std::span<const float> values) {
 
 }  // namespace
 
-TEST_CASE("aligned readings do not know gain, exposure or an even background") {
-  const auto plain = aligned(readings(3.5, 0.05));
-  for (const auto& other : {aligned(readings(3.5, 0.05, 4)), aligned(readings(3.5, 0.05, 0.25)),
-                            aligned(readings(3.5, 0.05, 1, 40))})
+TEST_CASE("aligned raw_inputs do not know gain, exposure or an even background") {
+  const auto plain = aligned(raw_inputs(3.5, 0.05));
+  for (const auto& other : {aligned(raw_inputs(3.5, 0.05, 4)), aligned(raw_inputs(3.5, 0.05, 0.25)),
+                            aligned(raw_inputs(3.5, 0.05, 1, 40))})
     for (std::size_t i = 0; i < plain.size(); ++i)
       REQUIRE(other[i] == Approx(plain[i]).epsilon(1e-3).margin(1e-5));
 }
 
 TEST_CASE("the radar's shift against the histogram is what moves in the aligned profile") {
   Body near, far;
-  const auto a = aligned(readings(3.3, 0.05), &near), b = aligned(readings(3.7, 0.25), &far);
+  const auto a = aligned(raw_inputs(3.3, 0.05), &near), b = aligned(raw_inputs(3.7, 0.25), &far);
   // Bins of 6 cm, half of them near the body: the background's median is a little too high.
   CHECK(double{near.range_m} == Approx(3.3).margin(0.01));
   CHECK(double{far.range_m} == Approx(3.7).margin(0.01));
@@ -101,7 +101,7 @@ TEST_CASE("where nobody is, there is no body") {
   std::poisson_distribution<int> counts(50);
   int seen = 0;
   for (int trial = 0; trial < 1000; ++trial) {
-    std::vector<float> record = readings(3.5, 0, 0);
+    std::vector<float> record = raw_inputs(3.5, 0, 0);
     for (std::uint32_t i = 0; i < testing::spd_axis().count; ++i)
       record[i] = static_cast<float>(counts(rng));
     Body body;
@@ -112,7 +112,7 @@ TEST_CASE("where nobody is, there is no body") {
   }
   CHECK(seen == 0);
   Body body;
-  aligned(std::vector<float>(readings(3.5, 0, 0)), &body);
+  aligned(std::vector<float>(raw_inputs(3.5, 0, 0)), &body);
   CHECK_FALSE(body.there);
 }
 

@@ -70,7 +70,7 @@ TEST_CASE("the fallback lives in the model's file, and a model may do without") 
   const Rows rows = {5, 6};
   CHECK(again.predict(lost, rows).values == model.predict(lost, rows).values);
   CHECK(again.fallback->name == "pca-mlp");
-  CHECK(again.slip.known());
+  CHECK(again.range_bias.known());
   model.fallback.reset();
   save_model(model, dir / "without");
   const TrainedModel plain = load_model(dir / "without");

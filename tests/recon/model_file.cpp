@@ -17,8 +17,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// Three models that together have everything that a file can hold: a factorised one with a slip's
-// reference and what it claims, a ridge regression, and a small network with a fallback.
+// Three models that together have everything that a file can hold: a factorised one with a range
+// bias's reference and its uncertainty, a ridge regression, and a small network with a fallback.
 const Folder& models() {
   static const Folder dir;
   static const bool made = [] {
@@ -33,8 +33,8 @@ const Folder& models() {
       TrainOptions o;
       o.model = kind;
       o.fit.epochs = 2, o.fit.quiet = true;
-      o.confidence = file == std::string("factorised");
-      o.slip = o.confidence;
+      o.uncertainty = file == std::string("factorised");
+      o.range_bias = o.uncertainty;
       TrainedModel model = train(data, o);
       if (file == std::string("mlp")) {
         o.model = "pca-mlp-6-5", o.inputs = "spd";
@@ -97,8 +97,8 @@ std::string fault_of(const std::string& path, const Dataset& data) {
     const TrainedModel model = load_model(path);
     Dataset own = data;
     model.match(own);
-    const Prediction found =
-        predict(model, own, all_rows(own.size()), model.confidence ? Ask::pixels : Ask::claims);
+    const Prediction found = predict(model, own, all_rows(own.size()),
+                                     model.uncertainty ? Ask::pixels : Ask::uncertainty);
     REQUIRE(found.maps.values.size() == own.size() * 4096);
     return {};
   } catch (const Error& error) {

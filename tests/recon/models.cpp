@@ -153,7 +153,7 @@ TEST_CASE("fused beats either sensor alone, and the SPD alone cannot tell left f
   CHECK(fused[metric_left_right].mean > 0.95);
   CHECK(fused[metric_ghost].mean < spd[metric_ghost].mean / 4);
   CHECK(fused[metric_iou].mean > spd[metric_iou].mean + 0.3);
-  // Blind to the side: within 4 standard deviations of a coin, and a ghost as strong as the truth.
+  // Without a side: within 4 standard deviations of a coin, and a ghost as strong as the truth.
   const double n = static_cast<double>(spd[metric_left_right].maps);
   CHECK(std::abs(spd[metric_left_right].mean - 0.5) < 4 * 0.5 / std::sqrt(n));
   CHECK(spd[metric_ghost].mean > 0.4);
@@ -188,7 +188,7 @@ TEST_CASE("identical records make a model, not a NaN") {
   const Dataset data = load({dir / "same"});
   for (const auto& name : model_names) {
     CAPTURE(name);
-    if (wants_alignment(name)) {  // what is in all maps alike is background
+    if (wants_alignment(name)) {  // what is the same in all maps is background
       CHECK_THROWS_WITH(train(data, quick(name)), Catch::Contains("show a body"));
       continue;
     }
@@ -197,17 +197,17 @@ TEST_CASE("identical records make a model, not a NaN") {
   }
 }
 
-TEST_CASE("evaluation: the trivial rows, and what was held out") {
+TEST_CASE("evaluation: the baselines, and what was held out") {
   const TrainedModel model = train(plates(), quick("ridge"));
   const Rows rows = rows_to_evaluate(model, plates(), false);
   CHECK(rows.size() == 60);
   CHECK(rows_to_evaluate(model, plates(), true).size() == 600);
   const Rows seen = model.rows_of(plates(), Part::train);
-  const auto trivial = score_trivial(plates(), rows, model.scene, plates(), seen);
-  REQUIRE(trivial.size() == 3);
-  CHECK(trivial[0].name == "empty");
-  CHECK(trivial[0].metrics[metric_iou].mean == 0);
-  CHECK(trivial[2].metrics[metric_iou].mean > 0.3);
+  const auto baselines = score_baselines(plates(), rows, model.scene, plates(), seen);
+  REQUIRE(baselines.size() == 3);
+  CHECK(baselines[0].name == "empty");
+  CHECK(baselines[0].metrics[metric_iou].mean == 0);
+  CHECK(baselines[2].metrics[metric_iou].mean > 0.3);
   const Folder dir;
   // Of a plate and its mirror image, what is the ghost of one is the truth of the other.
   write_run(dir / "pairs", 60, 5, [](record::FusedRecord& r) {
@@ -218,7 +218,7 @@ TEST_CASE("evaluation: the trivial rows, and what was held out") {
   });
   const Dataset pairs = load({dir / "pairs"});
   const auto both =
-      score_trivial(pairs, rows_to_evaluate(model, pairs, true), model.scene, plates(), seen);
+      score_baselines(pairs, rows_to_evaluate(model, pairs, true), model.scene, plates(), seen);
   CHECK(both[1].metrics[metric_ghost].mean == Approx(0.5).epsilon(1e-6));
   write_run(dir / "fresh", 10, 9);
   CHECK(rows_to_evaluate(model, load({dir / "fresh"}), false).size() == 10);

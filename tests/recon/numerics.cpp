@@ -30,7 +30,7 @@ TrainOptions options_for(const std::string& model, std::uint64_t seed, double ra
   if (model != "factorised") o.fit.hidden = {32, 16};
   o.fit.basis = model == "factorised" ? 4 : 16;
   o.fit.epochs = model == "factorised" ? 8 : 20, o.fit.batch = 8, o.fit.quiet = true;
-  o.fit.learning_rate = rung_of(model, {}).fit.learning_rate.value() * rate_factor;
+  o.fit.learning_rate = candidate_of(model, {}).fit.learning_rate.value() * rate_factor;
   o.fit.seed = seed;
   return o;
 }
@@ -171,7 +171,7 @@ TEST_CASE("a training that never does better than the mean keeps the mean") {
       y.row(i)[c] = 7 + x.row(i)[c], opposite.row(i)[c] = 7 - x.row(i)[c];
   const Rows rows = all_rows(80);
   Regression regression;
-  Training training = training_of(rung_of("mlp", {}).fit);
+  Training training = training_of(candidate_of("mlp", {}).fit);
   training.hidden = {16}, training.quiet = true;
   const TrainingLog log =
       regression.fit({x, y, rows}, {x, opposite, rows}, Spread::each, training, "", "");
@@ -212,10 +212,10 @@ TEST_CASE("single precision places and shapes a body as double precision does") 
   alignment.load(file, model.features.layout());
   const auto centre = file.read<float>("model/features_mean");
   const auto deviation = file.read<float>("model/features_deviation");
-  const Matrix readings = model.features.readings(plates(), all_rows(plates().size()));
-  Matrix features(readings.rows, alignment.size());
-  for (std::size_t i = 0; i < readings.rows; ++i) {
-    REQUIRE(alignment(readings.row(i), features.row(i)).there);
+  const Matrix raw_inputs = model.features.raw_inputs(plates(), all_rows(plates().size()));
+  Matrix features(raw_inputs.rows, alignment.size());
+  for (std::size_t i = 0; i < raw_inputs.rows; ++i) {
+    REQUIRE(alignment(raw_inputs.row(i), features.row(i)).there);
     for (std::size_t c = 0; c < features.cols; ++c)
       features.row(i)[c] = (features.row(i)[c] - centre[c]) / deviation[c];
   }

@@ -40,7 +40,7 @@ const std::vector<Peculiar> peculiar_sets = {
        const auto same = plate(1, 0.5, 3.5);
        r.spd = same.spd, r.radar = same.radar;
      }},
-    {"one map, other readings", 12,
+    {"one map, other raw_inputs", 12,
      [](record::FusedRecord& r) { r.depth_mm = plate(1, 0.5, 3.5).depth_mm; }},
     {"empty maps", 12,
      [](record::FusedRecord& r) { std::fill(r.depth_mm.begin(), r.depth_mm.end(), 0); }},
@@ -102,16 +102,16 @@ TEST_CASE("peculiar sets of records make finite maps or are refused in one line"
       o.model = name, o.scaling = set.scaling;
       o.fit.quiet = true, o.fit.epochs = 3;
       if (name.ends_with("mlp")) o.fit.hidden = {24};
-      if (name == "auto") o.ladder = {"empty", "mean", "factorised-4", "ridge", "nearest"};
+      if (name == "auto") o.candidates = {"empty", "mean", "factorised-4", "ridge", "nearest"};
       try {
         const TrainedModel model = train(data, o);
         for (const Dataset* judged : {&data, &others}) {
           const Rows rows = rows_to_evaluate(model, *judged, true);
           CHECK(all_finite(model.predict(*judged, rows).values));
-          const Records records = take(model, *judged, SlipAction::warn);
+          const Records records = take(model, *judged, RangeBiasAction::warn);
           const Evaluation e = evaluate(model, records, rows);
           const Rows seen = model.rows_of(data, Part::train);
-          CHECK(score_trivial(*judged, rows, model.scene, data, seen).size() == 3);
+          CHECK(score_baselines(*judged, rows, model.scene, data, seen).size() == 3);
           CHECK(std::isfinite(e.metrics[metric_rmse_m].mean));
         }
       } catch (const Error& error) {
@@ -133,7 +133,7 @@ TEST_CASE("the program with one record, with two, and with nobody in half of the
   write_run(dir / "half", half.count, 1, half.change);
   const auto train_on = [&](const std::string& model, const std::string& run) {
     return recon_program("train -q --force --model " + model +
-                         " --epochs 3 --ladder mean,ridge --out " + (dir / "m") + " " +
+                         " --epochs 3 --candidates mean,ridge --out " + (dir / "m") + " " +
                          (dir / run));
   };
   const auto is_line = [](const std::string& text) {

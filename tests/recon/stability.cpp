@@ -53,7 +53,7 @@ StabilityCurve curve_of(const std::vector<StabilityRow>& rows) {
   options.models = {"silhouette"}, options.axes = {"shifted-snr"};
   const auto results = summarise_stability(options, rows);
   REQUIRE(results.size() == 1);
-  REQUIRE(results[0].trivial.size() == 2);
+  REQUIRE(results[0].baselines.size() == 2);
   return results[0].curves.at(0);
 }
 
@@ -99,7 +99,7 @@ TEST_CASE("every axis of stability has one base, and its names fit into table an
         bases += v.world.base();
         // Trained elsewhere, a model could not read records of other axes.
         for (const auto& set : v.world.set)
-          if (!axis.alike) CHECK_THAT(set, !Contains("bin") && !Contains("radar_step"));
+          if (!axis.matched) CHECK_THAT(set, !Contains("bin") && !Contains("radar_step"));
       }
       CHECK(bases == 1);
     }
@@ -121,32 +121,32 @@ TEST_CASE("a lost sensor is zeros, and missing if it is said to be") {
   CHECK(zeros.radar.values[5] == 4 * before);
 }
 
-TEST_CASE("a model loses where its map is no better than no map") {
+TEST_CASE("a model fails where its map is no better than no map") {
   using Scores = std::vector<Score>;
   SECTION("it never does") {
     const auto c = curve_of(rows_of(Scores{
         {"30", .6, .87}, {"20", .6, .87}, {"10", .5, .85}, {"5", .45, .84}, {"0", .36, .82}}));
-    CHECK(c.loses_at.empty());
+    CHECK(c.fails_at.empty());
     CHECK(c.halved_at.empty());
     CHECK(c.worst == Approx(0.6));
   }
   SECTION("by its hard SSIM, and the first value counts, though a later one is better") {
     const auto c = curve_of(rows_of(Scores{
         {"30", .6, .87}, {"20", .6, .87}, {"10", .29, .85}, {"5", .3, .80}, {"0", .4, .82}}));
-    CHECK(c.loses_at == Labels{"5"});
+    CHECK(c.fails_at == Labels{"5"});
     CHECK(c.halved_at == Labels{"10"});
   }
   SECTION("by its IoU, which must beat the mean map by more than the spread; on both sides") {
     const auto c = curve_of(rows_of(Scores{
         {"30", .051, .87}, {"20", .6, .87}, {"10", .053, .85}, {"5", .051, .85}, {"0", .4, .82}}));
-    CHECK(c.loses_at == Labels{"30", "5"});
+    CHECK(c.fails_at == Labels{"30", "5"});
     CHECK(c.halved_at == Labels{"30", "10"});
     CHECK(c.worst == Approx(0.085));
   }
   SECTION("a map must be better than none by more than the spread") {
     const auto c = curve_of(rows_of(Scores{
         {"30", .6, .87}, {"20", .6, .87}, {"10", .6, .8105}, {"5", .6, .87}, {"0", .6, .80}}));
-    CHECK(c.loses_at == Labels{"10"});
+    CHECK(c.fails_at == Labels{"10"});
   }
   SECTION("without a map") {
     const auto c = curve_of(rows_of(Scores{{"30", .6, .87},
@@ -154,19 +154,19 @@ TEST_CASE("a model loses where its map is no better than no map") {
                                            {"10", .5, .85},
                                            {"5", .5, .85},
                                            {"0", undefined, undefined}}));
-    CHECK(c.loses_at == Labels{"0"});
+    CHECK(c.fails_at == Labels{"0"});
     CHECK(c.worst == 0);
   }
   SECTION("at the base already") {
     const auto c = curve_of(rows_of(Scores{
         {"30", .6, .87}, {"20", .01, .87}, {"10", .5, .85}, {"5", .5, .85}, {"0", .5, .85}}));
-    CHECK(c.loses_at == Labels{"20"});
+    CHECK(c.fails_at == Labels{"20"});
     CHECK(c.halved_at.empty());
     CHECK(std::isnan(c.worst));
   }
 }
 
-TEST_CASE("where nobody is, inventing nobody loses nothing, and a ghost does") {
+TEST_CASE("where nobody is, inventing nobody is no failure, and a ghost does") {
   for (const bool ghost : {false, true}) {
     auto rows = rows_of({{"30", .6, .87}, {"20", .6, .87}, {"10", .6, .86}, {"5", .6, .86}});
     for (const std::size_t seed : {1u, 2u}) {
@@ -175,7 +175,7 @@ TEST_CASE("where nobody is, inventing nobody loses nothing, and a ghost does") {
       rows.push_back(row("0", "silhouette", seed, ghost ? 0 : undefined, ghost ? 0.97 : 1));
     }
     const auto c = curve_of(rows);
-    CHECK(c.loses_at == (ghost ? Labels{"0"} : Labels{}));
+    CHECK(c.fails_at == (ghost ? Labels{"0"} : Labels{}));
     CHECK(c.worst == Approx(1));
   }
 }
@@ -183,9 +183,9 @@ TEST_CASE("where nobody is, inventing nobody loses nothing, and a ghost does") {
 TEST_CASE("study stability: a small one, cut and continued, and refused with other settings") {
   const Folder dir;
   const std::string out = dir / "out", table = out + "/stability.csv";
-  const std::string study = "study stability -q --quick --seeds 2 --test-records 40 --out " + out +
-                            " --axes alike-side,shifted-radar_offset --models silhouette,nearest" +
-                            " --records ";
+  const std::string study =
+      "study stability -q --quick --seeds 2 --test-records 40 --out " + out +
+      " --axes matched-side,shifted-radar_offset --models silhouette,nearest" + " --records ";
   const Outcome first = recon_program(study + "500");
   CAPTURE(first.text);
   REQUIRE(first.code == 0);
@@ -198,8 +198,8 @@ TEST_CASE("study stability: a small one, cut and continued, and refused with oth
   const std::string page = text_of(out + "/stability.html");
   CHECK_THAT(page, Contains("What fails first") && Contains("shifted-radar_offset.svg") &&
                        Contains("half at 0.05"));
-  CHECK(page.find("shifted-radar_offset.svg") < page.find("alike-side.svg"));
-  CHECK(std::filesystem::file_size(out + "/alike-side.svg") > 1000);
+  CHECK(page.find("shifted-radar_offset.svg") < page.find("matched-side.svg"));
+  CHECK(std::filesystem::file_size(out + "/matched-side.svg") > 1000);
   CHECK(std::distance(std::filesystem::directory_iterator(out), {}) == 5);
 
   const std::string whole = text_of(table);
@@ -215,11 +215,11 @@ TEST_CASE("study stability: a small one, cut and continued, and refused with oth
   CHECK(text_of(table) == whole);
 }
 
-TEST_CASE("study stability: a slip corrected if asked, a lost radar replaced") {
+TEST_CASE("study stability: a range bias corrected if asked, a lost radar replaced") {
   const Folder dir;
   const std::string out = dir / "out";
   const Outcome study = recon_program(
-      "study stability -q --quick --slip correct --seeds 2 --records 500 --test-records 80 "
+      "study stability -q --quick --range-bias correct --seeds 2 --records 500 --test-records 80 "
       "--models "
       "factorised-4 "
       "--axes shifted-radar_offset,shifted-scenes,shifted-lost_radar --out " +
@@ -248,7 +248,7 @@ TEST_CASE("a record that a model cannot read shows the empty room") {
   Rows rows = all_rows(data.size());
   std::erase_if(rows, [&](std::size_t row) { return !model.fault_of(data, row).empty(); });
   REQUIRE(rows.size() == 59);
-  const Matrix maps = with_nobody(model, take(model, data, SlipAction::ignore), rows),
+  const Matrix maps = with_nobody(model, take(model, data, RangeBiasAction::ignore), rows),
                made = model.predict(data, rows);
   REQUIRE(maps.rows == 60);
   CHECK(std::ranges::equal(maps.row(7), model.scene.background));
@@ -257,29 +257,30 @@ TEST_CASE("a record that a model cannot read shows the empty room") {
   CHECK_FALSE(std::ranges::equal(maps.row(8), model.scene.background));
 }
 
-TEST_CASE("a study's models have beside them what it asks for, and claim nothing") {
+TEST_CASE("a study's models have beside them what it asks for, and state no uncertainty") {
   const Dataset data = load_plates(120);
   const StudyModel silhouette("silhouette"), mean("mean");
   const TrainedModel alone = train_whole(data, silhouette, 1);
-  CHECK_FALSE(alone.confidence);
-  CHECK_FALSE(alone.slip.known());
+  CHECK_FALSE(alone.uncertainty);
+  CHECK_FALSE(alone.range_bias.known());
   CHECK_FALSE(alone.fallback);
-  const TrainedModel with_slip = train_whole(data, silhouette, 1, {.slip = true});
-  CHECK_FALSE(with_slip.confidence);
-  CHECK(with_slip.slip.known());
-  const TrainedModel with_both = train_whole(data, silhouette, 1, {.slip = true, .fallback = true});
-  CHECK(with_both.slip.known());
+  const TrainedModel with_range_bias = train_whole(data, silhouette, 1, {.range_bias = true});
+  CHECK_FALSE(with_range_bias.uncertainty);
+  CHECK(with_range_bias.range_bias.known());
+  const TrainedModel with_both =
+      train_whole(data, silhouette, 1, {.range_bias = true, .fallback = true});
+  CHECK(with_both.range_bias.known());
   CHECK(with_both.fallback);
-  const TrainedModel blind = train_whole(data, mean, 1, {.slip = true, .fallback = true});
-  CHECK_FALSE(blind.slip.known());
-  CHECK_FALSE(blind.fallback);
+  const TrainedModel constant = train_whole(data, mean, 1, {.range_bias = true, .fallback = true});
+  CHECK_FALSE(constant.range_bias.known());
+  CHECK_FALSE(constant.fallback);
 }
 
 TEST_CASE("study stability says once why a training is refused") {
   const Folder dir;
   const Outcome study = recon_program(
       "study stability -q --seeds 2 --records 20 --test-records 10 --models silhouette --axes "
-      "alike-records --out " +
+      "matched-records --out " +
       (dir / "out"));
   CAPTURE(study.text);
   REQUIRE(study.code == 0);

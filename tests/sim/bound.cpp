@@ -170,15 +170,15 @@ TEST_CASE("derivatives converge with step and rays, and keep the detector's symm
   const bool letter = kind == SceneKind::letter;
   CAPTURE(letter);
   const Rng rng = make_rng(3, 0);
-  Chance chance(rng);
-  make_scene(c, kind, chance);
-  const auto draws = chance.draws();
+  SceneSampler sampler(rng);
+  make_scene(c, kind, sampler);
+  const auto draws = sampler.draws();
   const auto range = [&](std::size_t draw) { return draws[draw].high - draws[draw].low; };
   const auto slope = [&](std::size_t draw, double step, std::int64_t rays) {
     const Model model = [&](const Values& at) {
       Values moves(draw + 1);
       moves[draw] = at[0] * range(draw);
-      Chance moved(rng, moves);
+      SceneSampler moved(rng, moves);
       Values out = spd_rate(seen_by_spd(make_scene(c, kind, moved), c, rays), c);
       for (double& r : out) r = 2 * std::sqrt(r);
       return out;

@@ -34,12 +34,12 @@ std::vector<float> background_of(std::span<const float> low, std::span<const flo
 
 }  // namespace
 
-Alignment::Alignment(const Layout& layout, const Matrix& readings, const Rows& rows) {
+Alignment::Alignment(const Layout& layout, const Matrix& raw_inputs, const Rows& rows) {
   if (layout.spd.count == 0)
     throw Error(ExitCode::usage, "aligning records needs the detector's histogram");
   set_axes(layout);
-  const auto lows = column_quantile(readings, rows, background_quantile);
-  const auto medians = column_quantile(readings, rows, 0.5);
+  const auto lows = column_quantile(raw_inputs, rows, background_quantile);
+  const auto medians = column_quantile(raw_inputs, rows, 0.5);
   const std::span low(lows), median(medians);
   const std::size_t clicks = layout.spd.count, powers = layout.radar.count;
   spd_background_ = background_of(low.first(clicks), median.first(clicks), true);
@@ -63,17 +63,17 @@ std::size_t Alignment::profile_points() const {
   return 1 + static_cast<std::size_t>((profile_to_m - profile_from_m) / profile_step_m_);
 }
 
-Body Alignment::operator()(std::span<const float> readings, std::span<float> features) const {
+Body Alignment::operator()(std::span<const float> raw_inputs, std::span<float> features) const {
   const std::size_t bins = spd_background_.size();
   std::vector<float> clicks(bins), power(radar_background_.size());
-  for (std::size_t i = 0; i < bins; ++i) clicks[i] = readings[i] - spd_background_[i];
+  for (std::size_t i = 0; i < bins; ++i) clicks[i] = raw_inputs[i] - spd_background_[i];
   std::vector<float> sorted = clicks;
   const float level = quantile(sorted, 0.5);
   for (float& v : clicks) v -= level;
   for (std::size_t i = 0; i < power.size(); ++i)
-    power[i] = readings[bins + i] - radar_background_[i];
+    power[i] = raw_inputs[bins + i] - radar_background_[i];
   std::fill(features.begin(), features.end(), 0.f);
-  const Body body = find_body(clicks, readings.first(bins));
+  const Body body = find_body(clicks, raw_inputs.first(bins));
   if (!body.there) return body;
   align_histogram(clicks, body.range_m, features.first(histogram_bins()));
   align_profile(power, body.range_m, features.subspan(histogram_bins(), profile_points()));
@@ -81,9 +81,9 @@ Body Alignment::operator()(std::span<const float> readings, std::span<float> fea
   return body;
 }
 
-Matrix Alignment::operator()(const Matrix& readings) const {
-  Matrix out(readings.rows, size());
-  for (std::size_t i = 0; i < readings.rows; ++i) (*this)(readings.row(i), out.row(i));
+Matrix Alignment::operator()(const Matrix& raw_inputs) const {
+  Matrix out(raw_inputs.rows, size());
+  for (std::size_t i = 0; i < raw_inputs.rows; ++i) (*this)(raw_inputs.row(i), out.row(i));
   return out;
 }
 

@@ -26,9 +26,9 @@ inline bool shows_body(std::span<const float> features) { return features.back()
 class Alignment {
  public:
   Alignment() = default;
-  // Learns from readings (clicks per bin, radar power per bin) what is always there. Without a
+  // Learns from raw inputs (clicks per bin, radar power per bin) what is always there. Without a
   // radar the profile has no points. Throws Error(usage) without a histogram.
-  Alignment(const Layout& layout, const Matrix& readings, const Rows& rows);
+  Alignment(const Layout& layout, const Matrix& raw_inputs, const Rows& rows);
 
   bool known() const { return !spd_background_.empty(); }
   // Multiply-adds of one record, with the sinc series: every point takes all of the radar's.
@@ -40,8 +40,8 @@ class Alignment {
   std::size_t size() const { return histogram_bins() + profile_points() + 1; }
   // Fills size() features: histogram (shares of the clicks), profile (shares of the power), range.
   // All zero if there is no body; the range, which comes last, never is if there is one.
-  Body operator()(std::span<const float> readings, std::span<float> features) const;
-  Matrix operator()(const Matrix& readings) const;  // the features of every row
+  Body operator()(std::span<const float> raw_inputs, std::span<float> features) const;
+  Matrix operator()(const Matrix& raw_inputs) const;  // the features of every row
   // How far behind the body's range the radar sees it, metres, of features with a body: the
   // centroid of the squared profile, which noise and side lobes hardly pull.
   double displacement_m(std::span<const float> features) const;

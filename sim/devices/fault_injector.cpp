@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "sim/devices/trouble.hpp"
+#include "sim/devices/fault_injector.hpp"
 
 #include <cmath>
 
@@ -10,19 +10,19 @@ constexpr auto look_pause = std::chrono::milliseconds(5);
 
 }  // namespace
 
-Trouble::Trouble(boost::asio::io_context& io, Stage& stage, const char* device,
-                 const Script& script, std::uint64_t seed, std::function<void()> look)
+FaultInjector::FaultInjector(boost::asio::io_context& io, Stage& stage, const char* device,
+                             const FaultPlan& plan, std::uint64_t seed, std::function<void()> look)
     : stage_(stage),
       device_(device),
-      faults_(script.faults, device),
-      journal_(script.journal),
+      faults_(plan.faults, device),
+      journal_(plan.journal),
       rng_(make_rng(seed, 100 + static_cast<std::uint64_t>(device[0]))),
       timer_(io),
       look_(std::move(look)) {
   if (!faults_.empty()) wait();
 }
 
-void Trouble::wait() {
+void FaultInjector::wait() {
   timer_.expires_after(look_pause);
   timer_.async_wait([this](const boost::system::error_code& error) {
     if (error) return;
@@ -32,7 +32,7 @@ void Trouble::wait() {
   });
 }
 
-void Trouble::log_changes() {
+void FaultInjector::log_changes() {
   const double now_s = stage_.now_s();
   for (const auto& change : faults_.changes(logged_s_, now_s)) {
     const std::string what =
@@ -43,18 +43,18 @@ void Trouble::log_changes() {
   logged_s_ = now_s;
 }
 
-bool Trouble::strikes(FaultKind kind) {
+bool FaultInjector::strikes(FaultKind kind) {
   const auto share = amount(kind);
   return share && std::uniform_real_distribution<double>(0, 1)(rng_) < *share;
 }
 
-std::size_t Trouble::corrupt(Bytes& bytes) {
+std::size_t FaultInjector::corrupt(Bytes& bytes) {
   const std::size_t at = rng_() % bytes.size();
   bytes[at] ^= static_cast<std::uint8_t>(1 + rng_() % 255);
   return at;
 }
 
-Bytes Trouble::garbage() {
+Bytes FaultInjector::garbage() {
   Bytes bytes(static_cast<std::size_t>(amount(FaultKind::garbage).value_or(0)));
   for (auto& byte : bytes) byte = static_cast<std::uint8_t>(rng_());
   return bytes;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// How unlike the training records a record is, whatever the model. A record is described by its
-// histogram and radar profile aligned to the body's range (models/alignment.hpp), that range, and
-// the radar profile as it is, all blind to gains; then
+// Whether a record is out of the training records' distribution, whatever the model. A record is
+// described by its histogram and radar profile aligned to the body's range (models/alignment.hpp),
+// that range, and the radar profile as it is; none depends on gains; then
 //   distance    from the training records in their principal components: T^2 along the components,
 //               Q off them (Jackson and Mudholkar, Technometrics 21, 341, 1979), the greater one
 //   two bodies  a quadratic discriminant between training records and sums of two of them, which
@@ -21,25 +21,25 @@
 
 namespace echofuse::recon {
 
-struct Strangeness {
+struct OutOfDistributionScore {
   double distance = 0, two_bodies = 0;  // above 1: unusual
-  std::string why;                      // empty: like the training records
+  std::string reason;                   // empty: like the training records
   std::string figures;                  // to it, if there are any
-  std::string text() const { return figures.empty() ? why : why + " (" + figures + ")"; }
+  std::string text() const { return figures.empty() ? reason : reason + " (" + figures + ")"; }
 };
 
-class Novelty {
+class OutOfDistributionDetector {
  public:
   static constexpr std::size_t least_records = 100;
 
-  Novelty() = default;
+  OutOfDistributionDetector() = default;
   // Learns from the given rows, at least least_records. Part of them only sets the limits. Row i of
   // the aligned features is of record i of the data; without a detector there are none.
-  Novelty(const Alignment& alignment, const Dataset& data, const Matrix& aligned, const Rows& rows,
-          Inputs inputs, std::uint64_t seed);
+  OutOfDistributionDetector(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
+                            const Rows& rows, Inputs inputs, std::uint64_t seed);
   // Row i of the aligned features belongs to rows[i] of the data.
-  std::vector<Strangeness> judge(const Matrix& aligned, const Dataset& data,
-                                 const Rows& rows) const;
+  std::vector<OutOfDistributionScore> judge(const Matrix& aligned, const Dataset& data,
+                                            const Rows& rows) const;
 
   void save(record::H5File& file, const std::string& group) const;
   void load(const record::H5File& file, const std::string& group, const Features& of_model,
@@ -55,7 +55,7 @@ class Novelty {
   std::vector<float> describe(std::span<const float> aligned, std::span<const float> radar) const;
   void use(const Features& of_model, const Alignment& alignment);
   void learn_scale(const Matrix& descriptions);
-  void learn_pairs(const Matrix& readings, const Rows& rows, const Matrix& one_body,
+  void learn_pairs(const Matrix& raw_inputs, const Rows& rows, const Matrix& one_body,
                    const Alignment& alignment, std::uint64_t seed);
   // log T^2, log Q, discriminant; residuals of histogram and radar in units of their usual size.
   std::array<double, 5> statistics(std::span<const float> description) const;

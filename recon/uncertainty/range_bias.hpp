@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: MIT
-// Whether the radar's ranges have slipped against the SPD's since training, from records without
+// Whether the radar's ranges have a bias against the SPD's since training, from records without
 // labels. The radar sees a body farther than the SPD by b x / r, and by a little that depends on
 // its shape, which a linear regression on the histogram takes off. What is left tells the side on
 // which a body stands. The 5 % and 95 % quantiles of a run are held against those of the training:
-// when both have moved by the same length, either the ranges have slipped by it, or people stand
-// further to one side. Nothing in the records tells these apart, and a little slip looks like a
+// when both have moved by the same length, either that is a range bias, or people stand
+// further to one side. Nothing in the records tells these apart, and a little bias looks like a
 // long way: 1 cm like r / b = 7 cm at 3.5 m with a baseline of 0.5 m. So the user decides, by
 // correcting or not. When the quantiles have moved differently, people spread differently (the
 // quantiles follow that, and noise moves them outwards) or the radar stands elsewhere, and nothing
 // can be told. Gains and the impulse response do not matter.
 //
-// Not to be seen: what moves both sensors alike. Not tried: in front of walls, whose own echoes
-// move along, and with the radar's power in wide bins, where echoes have no place to 1 cm.
+// Limit: a shift common to both sensors is invisible. Not tried: in front of walls, whose own
+// echoes move along, and with the radar's power in wide bins, where echoes have no place to 1 cm.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -25,11 +25,11 @@
 
 namespace echofuse::recon {
 
-enum class SlipAction : std::uint8_t { warn, correct, ignore };
-SlipAction slip_action_of(const std::string& name);  // throws Error(usage)
-inline const std::vector<std::string> slip_action_names = {"warn", "correct", "ignore"};
+enum class RangeBiasAction : std::uint8_t { warn, correct, ignore };
+RangeBiasAction range_bias_action_of(const std::string& name);  // throws Error(usage)
+inline const std::vector<std::string> range_bias_action_names = {"warn", "correct", "ignore"};
 
-struct Slip {
+struct RangeBias {
   enum class Verdict : std::uint8_t {
     few,      // records: for any answer, or to see 3 cm
     none,     // to be seen
@@ -44,13 +44,13 @@ struct Slip {
 };
 
 // How far behind the SPD the radar saw the bodies of the training records.
-class SlipReference {
+class RangeBiasReference {
  public:
-  SlipReference() = default;
+  RangeBiasReference() = default;
   // Of both sensors; the rows in the order of their records. Row i of the aligned features is of
   // record i of the data.
-  SlipReference(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
-                const Rows& rows);
+  RangeBiasReference(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
+                     const Rows& rows);
 
   // False in models of earlier versions, in front of walls and with fewer than 50 records.
   bool known() const { return !displacements_m_.empty(); }
@@ -59,7 +59,7 @@ class SlipReference {
                              const Matrix& aligned) const;
   // Standard errors by the bootstrap of circular blocks (Politis and Romano 1992), as a pose may be
   // held for some records in a row; the same for the same records.
-  Slip judge(std::vector<float> displacements_m) const;
+  RangeBias judge(std::vector<float> displacements_m) const;
 
   void save(record::H5File& file) const;
   void load(const record::H5File& file, const Alignment& alignment);
@@ -70,16 +70,17 @@ class SlipReference {
   std::vector<float> displacements_m_;  // of the training records, less what is expected
 };
 
-// Looks for a slip among the records that came last.
-class SlipWatch {
+// Looks for a range bias among the records that came last.
+class RangeBiasWatch {
  public:
-  // The slip if one has come up with these displacements (SlipReference::measure).
-  std::optional<Slip> add(const SlipReference& reference, const std::vector<float>& found_m);
+  // The range bias if one has come up with these displacements (RangeBiasReference::measure).
+  std::optional<RangeBias> add(const RangeBiasReference& reference,
+                               const std::vector<float>& found_m);
 
  private:
   std::vector<float> displacements_m_;
   std::size_t watched_ = 0;
-  Slip::Verdict verdict_ = Slip::Verdict::few;
+  RangeBias::Verdict verdict_ = RangeBias::Verdict::few;
 };
 
 }  // namespace echofuse::recon

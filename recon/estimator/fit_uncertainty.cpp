@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/estimator/fit_confidence.hpp"
+#include "recon/estimator/fit_uncertainty.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -43,16 +43,17 @@ void make_worse(Dataset& data, Rng& rng) {
 }
 
 bool can_judge(const Split& split) {
-  return split.train.size() >= Novelty::least_records &&
+  return split.train.size() >= OutOfDistributionDetector::least_records &&
          split.validation.size() >= LateralError::least_records;
 }
 
-Confidence fit_confidence(const TrainedModel& model, const Dataset& data, const Matrix& aligned,
-                          const Split& split, std::uint64_t seed) {
-  Confidence out;
+UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
+                                 const Matrix& aligned, const Split& split, std::uint64_t seed) {
+  UncertaintyModel out;
   Rows rows = split.train;
   rows.insert(rows.end(), split.validation.begin(), split.validation.end());
-  out.novelty = Novelty(model.alignment, data, aligned, rows, model.features.inputs, seed);
+  out.detector =
+      OutOfDistributionDetector(model.alignment, data, aligned, rows, model.features.inputs, seed);
   Rng rng = make_rng(seed, noise_stream);
   const Dataset plain = part_of(data, split.validation);
   const Rows all = all_rows(plain.size());
@@ -74,9 +75,9 @@ Confidence fit_confidence(const TrainedModel& model, const Dataset& data, const 
     errors.insert(errors.end(), worse_errors.begin(), worse_errors.end());
   }
   out.lateral.fit(signs, errors, plain.size());
-  std::vector<double> lateral_90_m;
-  for (const std::size_t i : all) lateral_90_m.push_back(out.lateral(signs.row(i)));
-  out.pixels.fit(soft_of(std::move(soft), maps, model.scene, lateral_90_m), plain.depth,
+  std::vector<double> lateral_interval_90_m;
+  for (const std::size_t i : all) lateral_interval_90_m.push_back(out.lateral(signs.row(i)));
+  out.pixels.fit(soft_of(std::move(soft), maps, model.scene, lateral_interval_90_m), plain.depth,
                  model.scene);
   return out;
 }

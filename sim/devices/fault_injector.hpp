@@ -14,12 +14,12 @@
 
 namespace echofuse::sim {
 
-class Trouble {
+class FaultInjector {
  public:
   // `device` is a literal. `look` is called every 5 ms if there are any faults: so that one which
   // begins or ends is acted on.
-  Trouble(boost::asio::io_context& io, Stage& stage, const char* device, const Script& script,
-          std::uint64_t seed, std::function<void()> look);
+  FaultInjector(boost::asio::io_context& io, Stage& stage, const char* device,
+                const FaultPlan& plan, std::uint64_t seed, std::function<void()> look);
 
   void stop() { timer_.cancel(); }
   bool active(FaultKind kind) const { return amount(kind).has_value(); }

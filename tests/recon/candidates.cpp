@@ -25,21 +25,21 @@ std::string chosen(const std::vector<CrossvalidatedRow>& rows) {
 TEST_CASE("a model's name may carry its size, and options fill the rest") {
   FitOptions given;
   given.epochs = 7;
-  const Rung wide = rung_of("mlp-1024-512-256", given);
+  const Candidate wide = candidate_of("mlp-1024-512-256", given);
   CHECK(wide.model == "mlp");
   CHECK(wide.fit.hidden.value() == std::vector<std::size_t>{1024, 512, 256});
   CHECK(wide.fit.epochs.value() == 7);
   CHECK(wide.fit.patience.value() == 15);
-  CHECK(rung_of("mlp", {}).fit.hidden.value() == std::vector<std::size_t>{512, 256});
-  CHECK(rung_of("factorised-8", {}).fit.basis.value() == 8);
-  CHECK(rung_of("factorised", {}).fit.basis.value() == 16);
-  CHECK(rung_of("factorised-64", {}).fit.basis.value() == 64);
-  CHECK(rung_of("pca-mlp-32-16", {}).fit.basis.value() == 128);
+  CHECK(candidate_of("mlp", {}).fit.hidden.value() == std::vector<std::size_t>{512, 256});
+  CHECK(candidate_of("factorised-8", {}).fit.basis.value() == 8);
+  CHECK(candidate_of("factorised", {}).fit.basis.value() == 16);
+  CHECK(candidate_of("factorised-64", {}).fit.basis.value() == 64);
+  CHECK(candidate_of("pca-mlp-32-16", {}).fit.basis.value() == 128);
   for (const char* name :
        {"oracle", "mlp-", "mlp-0", "mlp-12x", "mlp512", "factorised-8-8", "ridge-5", "mlp_8",
         "mlp-8-", "factorised-9999", "oracle-5", "512", ""}) {
     CAPTURE(name);
-    CHECK_THROWS_AS(rung_of(name, {}), Error);
+    CHECK_THROWS_AS(candidate_of(name, {}), Error);
   }
 }
 
@@ -59,13 +59,13 @@ TEST_CASE("train --model auto keeps what does best for its cost, and says why") 
   const Folder dir;
   write_run(dir / "run", 400);
   const Outcome o =
-      recon_program("train --model auto --ladder empty,mean,silhouette,nearest --out " +
+      recon_program("train --model auto --candidates empty,mean,silhouette,nearest --out " +
                     (dir / "m.h5") + " " + (dir / "run"));
   CAPTURE(o.text);
   REQUIRE(o.code == 0);
   CHECK_THAT(o.text, Catch::Contains("<- chosen"));
   CHECK_THAT(o.text, Catch::Contains("silhouette on fused"));
-  const Outcome bad = recon_program("train --model auto --ladder empty,oracle --out " +
+  const Outcome bad = recon_program("train --model auto --candidates empty,oracle --out " +
                                     (dir / "m.h5") + " " + (dir / "run"));
   CHECK(bad.code == 2);
   CHECK_THAT(bad.text, Catch::Contains("oracle"));

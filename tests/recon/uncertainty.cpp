@@ -5,7 +5,7 @@
 
 #include "acquire/record/png.hpp"
 #include "recon/estimator/evaluate.hpp"
-#include "recon/estimator/fit_confidence.hpp"
+#include "recon/estimator/fit_uncertainty.hpp"
 #include "recon/estimator/predict.hpp"
 #include "recon/estimator/train.hpp"
 #include "recon/numbers/linear_fit.hpp"
@@ -39,12 +39,12 @@ const TrainedModel& trained() {
   return model;
 }
 
-std::vector<Claim> claims_of(const Dataset& data) {
-  return predict(trained(), data, all_rows(data.size())).claims;
+std::vector<PredictionUncertainty> uncertainties_of(const Dataset& data) {
+  return predict(trained(), data, all_rows(data.size())).uncertainties;
 }
 
 Calibration calibration_of(const TrainedModel& model, const Dataset& data) {
-  return evaluate(model, take(model, data, SlipAction::ignore), all_rows(data.size()))
+  return evaluate(model, take(model, data, RangeBiasAction::ignore), all_rows(data.size()))
       .calibration.value();
 }
 
@@ -55,11 +55,12 @@ float nearest_m(const Dataset& data, std::size_t row) {
   return out;
 }
 
-double share_flagged(const std::vector<Claim>& claims, const std::string& why = "") {
+double share_flagged(const std::vector<PredictionUncertainty>& uncertainties,
+                     const std::string& why = "") {
   double flagged = 0;
-  for (const Claim& c : claims)
-    flagged += !c.strangeness.why.empty() && c.strangeness.text().find(why) == 0;
-  return flagged / static_cast<double>(claims.size());
+  for (const PredictionUncertainty& c : uncertainties)
+    flagged += !c.out_of_distribution.reason.empty() && c.out_of_distribution.text().find(why) == 0;
+  return flagged / static_cast<double>(uncertainties.size());
 }
 
 }  // namespace
@@ -93,46 +94,46 @@ TEST_CASE("nine of ten bodies are within the stated lateral error, which grows w
   std::normal_distribution<float> noise(0, 0.1f);
   for (float& v : noisy.radar.values) v += noise(rng);
   const Calibration n = calibration_of(trained(), noisy);
-  CHECK(n.lateral_90_m > 1.5 * c.lateral_90_m);
+  CHECK(n.lateral_interval_90_m > 1.5 * c.lateral_interval_90_m);
   CHECK(n.within_90 > 0.75);
 }
 
 TEST_CASE("records like the training ones are seldom flagged, others are, by their names") {
   const Dataset clean = fresh_plates(400);
-  CHECK(share_flagged(claims_of(clean)) < 0.03);
+  CHECK(share_flagged(uncertainties_of(clean)) < 0.03);
 
   Dataset two = clean;
   for (std::size_t i = 0; i < two.size(); ++i)
     for (Matrix* table : {&two.spd, &two.radar})
       for (std::size_t c = 0; c < table->cols; ++c)
         table->row(i)[c] += (table == &two.spd ? clean.spd : clean.radar).row((i + 7) % 400)[c];
-  CHECK(share_flagged(claims_of(two)) > 0.5);
+  CHECK(share_flagged(uncertainties_of(two)) > 0.5);
 
   Rng rng = make_rng(5, 5);
   std::poisson_distribution<int> dark(50);
   Dataset empty = clean;
   for (float& v : empty.spd.values) v = static_cast<float>(dark(rng));
-  CHECK(share_flagged(claims_of(empty), "empty") > 0.98);
+  CHECK(share_flagged(uncertainties_of(empty), "empty") > 0.98);
 
   Dataset bright = clean;
   std::fill(bright.clicks_a_pulse.begin(), bright.clicks_a_pulse.end(), 0.4);
-  CHECK(share_flagged(claims_of(bright), "saturated (0.40 clicks a laser pulse)") == 1);
+  CHECK(share_flagged(uncertainties_of(bright), "saturated (0.40 clicks a laser pulse)") == 1);
 
   Dataset noise = clean;
   std::normal_distribution<float> normal;
   for (float& v : noise.radar.values) v = normal(rng);
-  CHECK(share_flagged(claims_of(noise)) > 0.98);
+  CHECK(share_flagged(uncertainties_of(noise)) > 0.98);
 
   const Dataset far = fresh_plates(50, [](record::FusedRecord& r) {
     std::rotate(r.spd.begin(), r.spd.end() - 9, r.spd.end());  // 54 cm
     std::rotate(r.radar.begin(), r.radar.end() - 2, r.radar.end());
   });
-  CHECK(share_flagged(claims_of(far), "outside the training records' distances") > 0.3);
+  CHECK(share_flagged(uncertainties_of(far), "outside the training records' distances") > 0.3);
 
   Dataset louder = clean;
   for (float& v : louder.radar.values) v *= 4;
   for (float& v : louder.spd.values) v *= 0.5f;
-  CHECK(share_flagged(claims_of(louder)) < 0.03);
+  CHECK(share_flagged(uncertainties_of(louder)) < 0.03);
 }
 
 TEST_CASE("the order of the training records says nothing: near ones may come before far ones") {
@@ -141,14 +142,15 @@ TEST_CASE("the order of the training records says nothing: near ones may come be
   std::sort(rows.begin(), rows.end(),
             [&](std::size_t a, std::size_t b) { return nearest_m(data, a) < nearest_m(data, b); });
   const Ground ground(data, rows, Inputs::fused, {}, true);
-  const Novelty novelty(ground.alignment, data, ground.aligned, rows, Inputs::fused, 1);
+  const OutOfDistributionDetector detector(ground.alignment, data, ground.aligned, rows,
+                                           Inputs::fused, 1);
   const auto judge = [&](const Dataset& of) {
     const Features raw = fit_features(data, rows, Inputs::fused, raw_scaling);
-    const Matrix aligned = ground.alignment(raw.readings(of, all_rows(of.size())));
-    return novelty.judge(aligned, of, all_rows(of.size()));
+    const Matrix aligned = ground.alignment(raw.raw_inputs(of, all_rows(of.size())));
+    return detector.judge(aligned, of, all_rows(of.size()));
   };
   double flagged = 0;
-  for (const auto& s : judge(fresh)) flagged += !s.why.empty();
+  for (const auto& s : judge(fresh)) flagged += !s.reason.empty();
   CHECK(flagged / 300 < 0.03);
   Dataset two = fresh;
   for (std::size_t i = 0; i < two.size(); ++i)
@@ -156,7 +158,7 @@ TEST_CASE("the order of the training records says nothing: near ones may come be
       for (std::size_t c = 0; c < table->cols; ++c)
         table->row(i)[c] += (table == &two.spd ? fresh.spd : fresh.radar).row((i + 7) % 300)[c];
   flagged = 0;
-  for (const auto& s : judge(two)) flagged += !s.why.empty();
+  for (const auto& s : judge(two)) flagged += !s.reason.empty();
   CHECK(flagged / 300 > 0.5);
 }
 
@@ -205,12 +207,12 @@ TEST_CASE("models of one sensor flag as well") {
     const TrainedModel model = train(testing::load_plates(400), options);
     Dataset data = fresh_plates(200);
     const Rows rows = all_rows(200);
-    CHECK(share_flagged(predict(model, data, rows).claims) < 0.04);
+    CHECK(share_flagged(predict(model, data, rows).uncertainties) < 0.04);
     Rng rng = make_rng(6, 6);
     std::poisson_distribution<int> dark(50);
     for (Matrix* table : {&data.spd, &data.radar})
       for (float& v : table->values) v = static_cast<float>(dark(rng));
-    CHECK(share_flagged(predict(model, data, rows).claims) > 0.95);
+    CHECK(share_flagged(predict(model, data, rows).uncertainties) > 0.95);
   }
 }
 
@@ -248,23 +250,23 @@ TEST_CASE("the mean map of an empty room in front of a wall is the wall") {
   for (const float z : a.of("mean").values) REQUIRE(z == Approx(5.0f).margin(1e-3));
 }
 
-TEST_CASE("a model file keeps its confidence, without one nothing is claimed") {
+TEST_CASE("a model file keeps its uncertainty, without one none is stated") {
   const Folder dir;
   const Dataset data = fresh_plates(20);
   save_model(trained(), dir / "m");
-  const auto a = claims_of(data);
-  const auto b = predict(load_model(dir / "m"), data, all_rows(20)).claims;
+  const auto a = uncertainties_of(data);
+  const auto b = predict(load_model(dir / "m"), data, all_rows(20)).uncertainties;
   REQUIRE(b.size() == a.size());
   for (std::size_t i = 0; i < a.size(); ++i) {
-    CHECK(a[i].lateral_90_m == b[i].lateral_90_m);
-    CHECK(a[i].strangeness.distance == b[i].strangeness.distance);
-    CHECK(a[i].strangeness.two_bodies == b[i].strangeness.two_bodies);
+    CHECK(a[i].lateral_interval_90_m == b[i].lateral_interval_90_m);
+    CHECK(a[i].out_of_distribution.distance == b[i].out_of_distribution.distance);
+    CHECK(a[i].out_of_distribution.two_bodies == b[i].out_of_distribution.two_bodies);
   }
   const TrainedModel few = train_on_plates("ridge", 0.01);
   save_model(few, dir / "few");
   const TrainedModel loaded = load_model(dir / "few");
-  CHECK_FALSE(loaded.confidence);
-  CHECK(predict(loaded, data, all_rows(20)).claims.empty());
+  CHECK_FALSE(loaded.uncertainty);
+  CHECK(predict(loaded, data, all_rows(20)).uncertainties.empty());
   CHECK_THROWS_WITH(predict(loaded, data, all_rows(20), Ask::pixels),
                     Catch::Contains("does not know how sure it is"));
 }
@@ -278,12 +280,11 @@ TEST_CASE("reconstruct and evaluate say how sure the model is") {
   const auto o = recon_program("reconstruct " + (dir / "m") + " " + (dir / "run") + " --out " +
                                (dir / "o") + " --format uncertainty,npz --output mean");
   CHECK(o.code == 0);
-  CHECK_THAT(o.text, Catch::Contains("of 40 records are flagged: ") && Catch::Contains("1 empty"));
+  CHECK_THAT(o.text, Catch::Contains("of 40 records are out of distribution: ") &&
+                         Catch::Contains("1 empty"));
   const std::string table = contents(dir / "o/records.csv");
-  CHECK_THAT(
-      table,
-      Catch::StartsWith(
-          "record,status,after_slot_s,lateral_90_m,distance,two_bodies,unusual,radar_shift_m\n"));
+  CHECK_THAT(table, Catch::StartsWith("record,status,after_slot_s,lateral_interval_90_m,distance,"
+                                      "two_bodies,out_of_distribution,radar_shift_m\n"));
   CHECK_THAT(table, Catch::Contains("\n5,\"ok\",,,") && Catch::Contains(",\"empty\",0.0000\n"));
   const std::string png = contents(dir / "o/000007_sd.png");
   const auto mm = record::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
@@ -296,7 +297,7 @@ TEST_CASE("reconstruct and evaluate say how sure the model is") {
       recon_program("evaluate --json --output mean " + (dir / "m") + " " + (dir / "run"));
   REQUIRE(e.code == 0);
   const auto json = nlohmann::json::parse(e.text);
-  CHECK(json["calibration"]["within_lateral_90"].get<double>() > 0.7);
+  CHECK(json["calibration"]["within_lateral_interval_90"].get<double>() > 0.7);
   CHECK(json["output"] == "mean");
   CHECK(json["calibration"]["flagged"].get<double>() >= 1 / 40.0);
 }

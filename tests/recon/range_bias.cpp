@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/uncertainty/slip.hpp"
+#include "recon/uncertainty/range_bias.hpp"
 
 #include <fstream>
 
@@ -50,39 +50,39 @@ Dataset run_of(std::int64_t count, std::uint64_t seed, const testing::Change& ch
 struct Reference {
   Dataset data = run_of(800, 1);
   Ground ground{data, all_rows(data.size()), Inputs::fused, {}, true};
-  SlipReference slip{ground.alignment, data, ground.aligned, all_rows(data.size())};
+  RangeBiasReference reference{ground.alignment, data, ground.aligned, all_rows(data.size())};
 };
 
-Slip slip_of(const Dataset& data) {
+RangeBias range_bias_of(const Dataset& data) {
   static const Reference known;
   const Features raw = fit_features(known.data, {0}, Inputs::fused, raw_scaling);
-  const Matrix aligned = known.ground.alignment(raw.readings(data, all_rows(data.size())));
-  return known.slip.judge(known.slip.measure(known.ground.alignment, data, aligned));
+  const Matrix aligned = known.ground.alignment(raw.raw_inputs(data, all_rows(data.size())));
+  return known.reference.judge(known.reference.measure(known.ground.alignment, data, aligned));
 }
 
 }  // namespace
 
-TEST_CASE("a slip of the radar against the SPD is found from records without labels") {
-  for (const double slip_m : {0.05, -0.03}) {
-    Dataset data = run_of(800, 2, longer_by(slip_m));
+TEST_CASE("a range bias of the radar against the SPD is found from records without labels") {
+  for (const double range_bias_m : {0.05, -0.03}) {
+    Dataset data = run_of(800, 2, longer_by(range_bias_m));
     std::fill(data.depth.values.begin(), data.depth.values.end(), 0.f);
-    const Slip slip = slip_of(data);
-    CHECK(slip.verdict == Slip::Verdict::found);
-    CHECK(slip.records == 800);
-    CHECK(slip.metres == Approx(slip_m).margin(0.01));
-    CHECK(std::abs(slip.metres - slip_m) < 4 * slip.error);
-    CHECK_THAT(slip.text(true),
-               Catch::Contains(slip_m > 0 ? "longer" : "shorter") && Catch::EndsWith("corrected"));
-    shorten_radar(data, slip.metres);
-    CHECK(slip_of(data).verdict == Slip::Verdict::none);
+    const RangeBias range_bias = range_bias_of(data);
+    CHECK(range_bias.verdict == RangeBias::Verdict::found);
+    CHECK(range_bias.records == 800);
+    CHECK(range_bias.metres == Approx(range_bias_m).margin(0.01));
+    CHECK(std::abs(range_bias.metres - range_bias_m) < 4 * range_bias.error);
+    CHECK_THAT(range_bias.text(true), Catch::Contains(range_bias_m > 0 ? "longer" : "shorter") &&
+                                          Catch::EndsWith("corrected"));
+    shorten_radar(data, range_bias.metres);
+    CHECK(range_bias_of(data).verdict == RangeBias::Verdict::none);
   }
 }
 
-TEST_CASE("no slip is found where there is none, whatever gains, noise and the crowd") {
+TEST_CASE("no range bias is found where there is none, whatever gains, noise and the crowd") {
   for (std::uint64_t seed = 3; seed < 8; ++seed) {
     const auto check = [&](const Dataset& data) {
-      CHECK(slip_of(data).verdict == Slip::Verdict::none);
-      CHECK(slip_of(data).text(true).empty());
+      CHECK(range_bias_of(data).verdict == RangeBias::Verdict::none);
+      CHECK(range_bias_of(data).text(true).empty());
     };
     const Dataset data = run_of(800, seed);
     Dataset louder = data, noisy = data, crowded = data;
@@ -98,7 +98,7 @@ TEST_CASE("no slip is found where there is none, whatever gains, noise and the c
   }
 }
 
-TEST_CASE("poses that are held for some records are no slip") {
+TEST_CASE("poses that are held for some records are no range bias") {
   int found = 0;
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     Rng rng = make_rng(seed, 3);
@@ -108,49 +108,49 @@ TEST_CASE("poses that are held for some records are no slip") {
       if (r.index % 10 == 0) x = any_x(rng), z = any_z(rng);
       r = testing::plate_record(r.index, x, z, rng);
     });
-    found += slip_of(data).verdict == Slip::Verdict::found;
+    found += range_bias_of(data).verdict == RangeBias::Verdict::found;
   }
   CHECK(found <= 1);  // 3, were the records taken for independent
 }
 
-TEST_CASE("people who spread otherwise than in training are no slip") {
+TEST_CASE("people who spread otherwise than in training are no range bias") {
   // Only the records of one side, or of one place.
   Dataset data = run_of(1600, 9);
   const auto keep = [&](double from, double to) {
     Dataset part = data;
     for (std::size_t row = 0; row < data.size(); ++row)
       if (place_of(data, row) < from || place_of(data, row) > to) part.valid[row] = 0;
-    return slip_of(part);
+    return range_bias_of(part);
   };
-  CHECK(keep(3, 32).verdict == Slip::Verdict::unclear);
-  CHECK(keep(5, 10).verdict == Slip::Verdict::unclear);
+  CHECK(keep(3, 32).verdict == RangeBias::Verdict::unclear);
+  CHECK(keep(5, 10).verdict == RangeBias::Verdict::unclear);
   CHECK_THAT(keep(3, 32).text(true), Catch::Contains("cannot tell"));
 }
 
-TEST_CASE("people who all stand further to one side look like a slip, a seventh as long") {
+TEST_CASE("people who all stand further to one side look like a range bias, a seventh as long") {
   Rng rng = make_rng(1, 3);
   std::uniform_real_distribution<double> x(-0.7, 1.3), z(3, 4);
-  const Slip slip = slip_of(run_of(800, 2, [&](record::FusedRecord& r) {
+  const RangeBias range_bias = range_bias_of(run_of(800, 2, [&](record::FusedRecord& r) {
     const double at = x(rng);
     r = testing::plate_record(r.index, at, z(rng), rng);
   }));
-  CHECK(slip.verdict == Slip::Verdict::found);
-  CHECK(slip.metres == Approx(0.3 / 7).margin(0.01));
-  CHECK_THAT(slip.text(false), Catch::Contains("or people further to one side"));
+  CHECK(range_bias.verdict == RangeBias::Verdict::found);
+  CHECK(range_bias.metres == Approx(0.3 / 7).margin(0.01));
+  CHECK_THAT(range_bias.text(false), Catch::Contains("or people further to one side"));
 }
 
-TEST_CASE("too much noise to see a slip is said, not taken for none") {
+TEST_CASE("too much noise to see a range bias is said, not taken for none") {
   Dataset data = run_of(60, 2);
   Rng rng = make_rng(1, 1);
   std::normal_distribution<float> noise(0, 0.1f);
   for (float& v : data.radar.values) v += noise(rng);
-  const Slip slip = slip_of(data);
-  CHECK(slip.verdict == Slip::Verdict::few);
-  CHECK(4 * slip.error > 0.03);
-  CHECK_THAT(slip.text(true), Catch::Contains("too few to tell") && Catch::Contains("error"));
+  const RangeBias range_bias = range_bias_of(data);
+  CHECK(range_bias.verdict == RangeBias::Verdict::few);
+  CHECK(4 * range_bias.error > 0.03);
+  CHECK_THAT(range_bias.text(true), Catch::Contains("too few to tell") && Catch::Contains("error"));
 }
 
-TEST_CASE("a calibration's offset and a slip are taken off a profile in one interpolation") {
+TEST_CASE("a calibration's offset and a range bias are taken off a profile in one interpolation") {
   const Folder dir;
   write_run(dir / "run", 3, 1, {}, testing::radar_axis(), testing::spd_axis(),
             {{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0.06, 0.001}});
@@ -192,41 +192,42 @@ TEST_CASE("a dead radar is seen in a calibrated run, after a correction and in w
 }
 
 TEST_CASE(
-    "of radar power in wide bins nothing is learnt, and older models without a slip correct none") {
+    "of radar power in wide bins nothing is learnt, and older models without a range bias correct "
+    "none") {
   const Folder dir;
   write_run(dir / "train", 150);
-  write_run(dir / "slipped", 100, 2, longer_by(0.06));
+  write_run(dir / "biased", 100, 2, longer_by(0.06));
   TrainOptions options;
   options.model = "ridge", options.fit.quiet = true;
   Dataset data = load({dir / "train"});
   TrainedModel older = train(data, options);
-  CHECK(older.slip.known());
-  older.slip = {};
+  CHECK(older.range_bias.known());
+  older.range_bias = {};
   save_model(older, dir / "older");
-  CHECK_FALSE(load_model(dir / "older").slip.known());
-  const auto o = recon_program("reconstruct -q " + dir / "older" + " " + dir / "slipped" +
-                               " --slip correct --out " + dir / "o");
+  CHECK_FALSE(load_model(dir / "older").range_bias.known());
+  const auto o = recon_program("reconstruct -q " + dir / "older" + " " + dir / "biased" +
+                               " --range-bias correct --out " + dir / "o");
   CHECK(o.code == 0);
   CHECK(o.text.empty());
   rebin_radar(data, wide_bins);
-  CHECK_FALSE(train(data, options).slip.known());
+  CHECK_FALSE(train(data, options).range_bias.known());
 }
 
 TEST_CASE("a few records tell nothing, a dead radar neither") {
-  const Slip slip = slip_of(run_of(30, 2, longer_by(0.05)));
-  CHECK(slip.verdict == Slip::Verdict::few);
-  CHECK_THAT(slip.text(true), Catch::Contains("30 records with a body are too few"));
+  const RangeBias range_bias = range_bias_of(run_of(30, 2, longer_by(0.05)));
+  CHECK(range_bias.verdict == RangeBias::Verdict::few);
+  CHECK_THAT(range_bias.text(true), Catch::Contains("30 records with a body are too few"));
   Dataset dead = run_of(100, 2);
   std::fill(dead.radar.values.begin(), dead.radar.values.end(), 0.f);
-  CHECK(slip_of(dead).records == 0);
-  CHECK(slip_of(dead).text(true).empty());
+  CHECK(range_bias_of(dead).records == 0);
+  CHECK(range_bias_of(dead).text(true).empty());
 }
 
-TEST_CASE("reconstruct and evaluate warn of a slip, or correct it") {
+TEST_CASE("reconstruct and evaluate warn of a range bias, or correct it") {
   const Folder dir;
   write_run(dir / "train", 600);
   write_run(dir / "fresh", 300, 2);
-  write_run(dir / "slipped", 300, 2, longer_by(0.06));
+  write_run(dir / "biased", 300, 2, longer_by(0.06));
   REQUIRE(recon_program("train " + dir / "train" + " --out " + dir / "m.h5" +
                         " --model factorised-4 -q")
               .code == 0);
@@ -237,15 +238,15 @@ TEST_CASE("reconstruct and evaluate warn of a slip, or correct it") {
     return std::stod(text.substr(text.find("\niou") + 4));
   };
   const double clean = iou_of(evaluated("fresh"));
-  const std::string corrected = evaluated("slipped --slip correct");
+  const std::string corrected = evaluated("biased --range-bias correct");
   CHECK_THAT(corrected,
              Catch::Contains("longer than in training") && Catch::Contains(": corrected"));
   CHECK(iou_of(corrected) > 0.95 * clean);
-  CHECK(iou_of(evaluated("slipped --slip ignore")) < 0.9 * clean);
-  CHECK_THAT(evaluated("slipped"), Catch::Contains("if nobody moved, calibrate anew"));
+  CHECK(iou_of(evaluated("biased --range-bias ignore")) < 0.9 * clean);
+  CHECK_THAT(evaluated("biased"), Catch::Contains("if nobody moved, calibrate anew"));
   const auto maps = [&](const std::string& how) {
-    return recon_program("reconstruct " + dir / "m.h5" + " " + dir / "slipped" + " --format npz" +
-                         " --out " + dir / "maps-" + how + " --slip " + how);
+    return recon_program("reconstruct " + dir / "m.h5" + " " + dir / "biased" + " --format npz" +
+                         " --out " + dir / "maps-" + how + " --range-bias " + how);
   };
   CHECK_THAT(maps("correct").text, Catch::Contains(": corrected"));
   CHECK_THAT(contents(dir / "maps-correct/records.csv"), Catch::Contains(",0.06"));
@@ -260,7 +261,7 @@ TEST_CASE("reconstruct and evaluate warn of a slip, or correct it") {
   CHECK(recon_program(brief + " -q").text.empty());
 }
 
-TEST_CASE("while following, a slip that comes late is told once, and not corrected") {
+TEST_CASE("while following, a range bias that comes late is told once, and not corrected") {
   const Folder dir;
   write_run(dir / "train", 600);
   REQUIRE(recon_program("train " + dir / "train" + " --out " + dir / "m.h5" +
@@ -271,8 +272,8 @@ TEST_CASE("while following, a slip that comes late is told once, and not correct
     if (r.index >= 1000) shift(r);
   });
   const auto follow = [&](const std::string& how) {
-    return recon_program("reconstruct " + dir / "m.h5" + " " + dir / "live" + " --follow --slip " +
-                         how + " --format npz --out " + dir / how)
+    return recon_program("reconstruct " + dir / "m.h5" + " " + dir / "live" +
+                         " --follow --range-bias " + how + " --format npz --out " + dir / how)
         .text;
   };
   CHECK(count_of("longer than in training", follow("correct")) == 1);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/uncertainty/slip.hpp"
+#include "recon/uncertainty/range_bias.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -16,13 +16,13 @@ constexpr float longest_m = 100;         // no displacement is as long
 constexpr double most_background = 0.1;  // share of the radar's power
 constexpr double edge = 0.05;            // share of the records beyond it
 constexpr int resamples = 200;
-constexpr std::size_t block = 10;        // records, half a minute of them: a pose held
-constexpr double significance = 4;       // standard errors
-constexpr double least_slip_m = 0.01;    // less costs next to nothing
-constexpr double blind_m = 0.03;         // if even this is not significant
-constexpr double edges_agree_m = 0.015;  // on either side of their mean
+constexpr std::size_t block = 10;            // records, half a minute of them: a pose held
+constexpr double significance = 4;           // standard errors
+constexpr double least_range_bias_m = 0.01;  // less costs next to nothing
+constexpr double least_seen_m = 0.03;        // if even this is not significant
+constexpr double edges_agree_m = 0.015;      // on either side of their mean
 constexpr std::size_t window = 500, watch_every = 25;   // bodies
-constexpr std::uint64_t bootstrap_stream = 0x736c6970;  // "slip"
+constexpr std::uint64_t bootstrap_stream = 0x736c6970;  // "range_bias"
 
 struct Edges {
   double left_m, right_m;
@@ -67,24 +67,24 @@ std::vector<float> resampled(const std::vector<float>& values, Rng& rng) {
 
 }  // namespace
 
-SlipAction slip_action_of(const std::string& name) {
-  for (std::size_t i = 0; i < slip_action_names.size(); ++i)
-    if (name == slip_action_names[i]) return static_cast<SlipAction>(i);
-  throw Error(ExitCode::usage, "slip \"" + name + "\": expected warn, correct or ignore");
+RangeBiasAction range_bias_action_of(const std::string& name) {
+  for (std::size_t i = 0; i < range_bias_action_names.size(); ++i)
+    if (name == range_bias_action_names[i]) return static_cast<RangeBiasAction>(i);
+  throw Error(ExitCode::usage, "range bias \"" + name + "\": expected warn, correct or ignore");
 }
 
-std::string Slip::text(bool corrected) const {
+std::string RangeBias::text(bool corrected) const {
   switch (verdict) {
     case Verdict::few:
       if (records == 0) return {};
-      return formatted("%zu records with a body are too few to tell whether a calibration slipped",
+      return formatted("%zu records with a body are too few to tell whether the ranges have a bias",
                        records) +
              (error > 0 ? formatted(" (standard error %.1f cm)", error * 100) : "");
     case Verdict::none:
       return {};
     case Verdict::unclear:
       return formatted(
-          "cannot tell whether a calibration slipped: against the SPD's, the radar's ranges of the "
+          "cannot tell whether there is a range bias: against the SPD's, the radar's ranges of the "
           "leftmost bodies moved by %+.1f cm since training, of the rightmost by %+.1f cm; people "
           "or the radar stand elsewhere",
           left_m * 100, right_m * 100);
@@ -95,12 +95,12 @@ std::string Slip::text(bool corrected) const {
                    std::abs(metres) * 100, error * 100, metres > 0 ? "longer" : "shorter",
                    corrected
                        ? ": corrected"
-                       : ", or people further to one side: not corrected (--slip correct "
+                       : ", or people further to one side: not corrected (--range-bias correct "
                          "of evaluate and reconstruct does); if nobody moved, calibrate anew");
 }
 
-SlipReference::SlipReference(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
-                             const Rows& rows) {
+RangeBiasReference::RangeBiasReference(const Alignment& alignment, const Dataset& data,
+                                       const Matrix& aligned, const Rows& rows) {
   if (alignment.radar_background_share(data.radar, rows) > most_background) return;
   const Seen seen = see(alignment, aligned, rows);
   if (seen.histograms.rows < least_records) return;
@@ -110,8 +110,8 @@ SlipReference::SlipReference(const Alignment& alignment, const Dataset& data, co
   displacements_m_ = less_expected(seen.histograms, seen.displacements_m);
 }
 
-std::vector<float> SlipReference::measure(const Alignment& alignment, const Dataset& data,
-                                          const Matrix& aligned) const {
+std::vector<float> RangeBiasReference::measure(const Alignment& alignment, const Dataset& data,
+                                               const Matrix& aligned) const {
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row)
     if (data.fault_of(row, Inputs::fused).empty()) rows.push_back(row);
@@ -119,8 +119,8 @@ std::vector<float> SlipReference::measure(const Alignment& alignment, const Data
   return less_expected(seen.histograms, seen.displacements_m);
 }
 
-std::vector<float> SlipReference::less_expected(const Matrix& histograms,
-                                                const Matrix& displacements_m) const {
+std::vector<float> RangeBiasReference::less_expected(const Matrix& histograms,
+                                                     const Matrix& displacements_m) const {
   std::vector<float> out = displacements_m.values;
   if (out.empty()) return out;
   const Matrix expected = expected_->predict(histograms);
@@ -128,8 +128,8 @@ std::vector<float> SlipReference::less_expected(const Matrix& histograms,
   return out;
 }
 
-Slip SlipReference::judge(std::vector<float> found) const {
-  Slip out;
+RangeBias RangeBiasReference::judge(std::vector<float> found) const {
+  RangeBias out;
   out.records = found.size();
   if (std::min(found.size(), displacements_m_.size()) < least_records) return out;
   const Edges moved = edges_of(found) - edges_of(displacements_m_);
@@ -145,34 +145,35 @@ Slip SlipReference::judge(std::vector<float> found) const {
   out.error = standard_deviation(middles);
   const double apart = std::abs(moved.left_m - moved.right_m) / 2;
   const double apart_error = standard_deviation(halves);
-  const double least = std::max(least_slip_m, significance * out.error);
-  out.verdict = apart > edges_agree_m + 2 * apart_error ? Slip::Verdict::unclear
-                : std::abs(out.metres) > least          ? Slip::Verdict::found
-                : significance * out.error > blind_m    ? Slip::Verdict::few
-                                                        : Slip::Verdict::none;
+  const double least = std::max(least_range_bias_m, significance * out.error);
+  out.verdict = apart > edges_agree_m + 2 * apart_error   ? RangeBias::Verdict::unclear
+                : std::abs(out.metres) > least            ? RangeBias::Verdict::found
+                : significance * out.error > least_seen_m ? RangeBias::Verdict::few
+                                                          : RangeBias::Verdict::none;
   return out;
 }
 
-void SlipReference::save(record::H5File& file) const {
+void RangeBiasReference::save(record::H5File& file) const {
   if (!known()) return;
-  record::H5File group = file.group("slip");
+  record::H5File group = file.group("range_bias");
   expected_->save(group);
-  file.write("slip/displacement_m", displacements_m_, {displacements_m_.size()});
+  file.write("range_bias/displacement_m", displacements_m_, {displacements_m_.size()});
 }
 
-void SlipReference::load(const record::H5File& file, const Alignment& alignment) {
-  if (!file.has("slip")) return;
-  require_sound(file, alignment.known() && alignment.profile_points() > 0, "slip",
+void RangeBiasReference::load(const record::H5File& file, const Alignment& alignment) {
+  if (!file.has("range_bias")) return;
+  require_sound(file, alignment.known() && alignment.profile_points() > 0, "range_bias",
                 "none without both sensors");
   expected_ = make_ridge();
-  expected_->load(file.group("slip"), alignment.histogram_bins() + 1, 1);
-  displacements_m_ = file.read<float>("slip/displacement_m", {record::H5File::any});
+  expected_->load(file.group("range_bias"), alignment.histogram_bins() + 1, 1);
+  displacements_m_ = file.read<float>("range_bias/displacement_m", {record::H5File::any});
   for (const float metres : displacements_m_)
-    require_sound(file, std::abs(metres) < longest_m, "slip/displacement_m", "less than 100 m");
+    require_sound(file, std::abs(metres) < longest_m, "range_bias/displacement_m",
+                  "less than 100 m");
 }
 
-std::optional<Slip> SlipWatch::add(const SlipReference& reference,
-                                   const std::vector<float>& found_m) {
+std::optional<RangeBias> RangeBiasWatch::add(const RangeBiasReference& reference,
+                                             const std::vector<float>& found_m) {
   const std::size_t looks = watched_ / watch_every;
   displacements_m_.insert(displacements_m_.end(), found_m.begin(), found_m.end());
   watched_ += found_m.size();
@@ -180,10 +181,11 @@ std::optional<Slip> SlipWatch::add(const SlipReference& reference,
     displacements_m_.erase(displacements_m_.begin(),
                            displacements_m_.end() - static_cast<std::ptrdiff_t>(window));
   if (watched_ / watch_every == looks) return {};
-  const Slip slip = reference.judge(displacements_m_);
-  const bool news = slip.verdict == Slip::Verdict::found && verdict_ != slip.verdict;
-  verdict_ = slip.verdict;
-  return news ? std::optional(slip) : std::nullopt;
+  const RangeBias range_bias = reference.judge(displacements_m_);
+  const bool news =
+      range_bias.verdict == RangeBias::Verdict::found && verdict_ != range_bias.verdict;
+  verdict_ = range_bias.verdict;
+  return news ? std::optional(range_bias) : std::nullopt;
 }
 
 }  // namespace echofuse::recon

@@ -10,11 +10,11 @@
 
 namespace echofuse::recon {
 
-// Whether there are enough records to learn a Confidence from.
+// Whether there are enough records to learn a UncertaintyModel from.
 bool can_judge(const Split& split);
 // Row i of the aligned features is of record i of the data.
-Confidence fit_confidence(const TrainedModel& model, const Dataset& data, const Matrix& aligned,
-                          const Split& split, std::uint64_t seed);
+UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
+                                 const Matrix& aligned, const Split& split, std::uint64_t seed);
 
 // Photons are lost at random, up to all but 1/300 of them, and the radar gets more noise.
 void make_worse(Dataset& data, Rng& rng);

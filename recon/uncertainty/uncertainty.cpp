@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/uncertainty/confidence.hpp"
+#include "recon/uncertainty/uncertainty.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -13,7 +13,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double smallest_error_m = 3e-3;  // below which errors are all alike
+constexpr double smallest_error_m = 3e-3;  // below which errors count the same
 constexpr double penalty = 1e-3;
 constexpr std::size_t folds = 5;
 
@@ -101,17 +101,17 @@ void LateralError::load(const record::H5File& file, const std::string& group, st
                   "a spread above 0, and least below most");
 }
 
-void Confidence::save(record::H5File& file) const {
-  novelty.save(file, "confidence/novelty");
-  pixels.save(file, "confidence/pixels");
-  lateral.save(file, "confidence/lateral");
+void UncertaintyModel::save(record::H5File& file) const {
+  detector.save(file, "uncertainty/out_of_distribution");
+  pixels.save(file, "uncertainty/pixels");
+  lateral.save(file, "uncertainty/lateral");
 }
 
-void Confidence::load(const record::H5File& file, const Features& of_model,
-                      const Alignment& alignment) {
-  novelty.load(file, "confidence/novelty", of_model, alignment);
-  lateral.load(file, "confidence/lateral", sign_count(of_model.inputs));
-  pixels.load(file, "confidence/pixels");
+void UncertaintyModel::load(const record::H5File& file, const Features& of_model,
+                            const Alignment& alignment) {
+  detector.load(file, "uncertainty/out_of_distribution", of_model, alignment);
+  lateral.load(file, "uncertainty/lateral", sign_count(of_model.inputs));
+  pixels.load(file, "uncertainty/pixels");
 }
 
 }  // namespace echofuse::recon

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/uncertainty/novelty.hpp"
+#include "recon/uncertainty/out_of_distribution.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -40,17 +40,19 @@ double upper_limit(std::vector<float> values, double share_above) {
 
 }  // namespace
 
-void Novelty::use(const Features& of_model, const Alignment& alignment) {
+void OutOfDistributionDetector::use(const Features& of_model, const Alignment& alignment) {
   profile_ = of_model.radar_count();
   if (of_model.spd_count() == 0) return;
   histogram_bins_ = alignment.histogram_bins(), aligned_ = alignment.size();
 }
 
-Novelty::Novelty(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
-                 const Rows& rows, Inputs inputs, std::uint64_t seed) {
+OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
+                                                     const Dataset& data, const Matrix& aligned,
+                                                     const Rows& rows, Inputs inputs,
+                                                     std::uint64_t seed) {
   const Features raw = fit_features(data, rows, inputs, raw_scaling);
   use(raw, alignment);
-  const Matrix readings = raw.readings(data, rows);
+  const Matrix raw_inputs = raw.raw_inputs(data, rows);
   const auto first_held =
       static_cast<std::ptrdiff_t>((1 - held_out_share) * static_cast<double>(rows.size()));
   Rows fit = all_rows(rows.size());  // shuffled, as runs and kinds of records lie behind each other
@@ -64,7 +66,7 @@ Novelty::Novelty(const Alignment& alignment, const Dataset& data, const Matrix& 
   Matrix all;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto features = aligned.row(rows[i]).first(aligned_);
-    const auto one = describe(features, readings.row(i).last(profile_));
+    const auto one = describe(features, raw_inputs.row(i).last(profile_));
     all.cols = one.size();
     all.add_row(one);
     if (aligned_ == 0 || shows_body(features)) with_body.push_back(i);
@@ -84,7 +86,7 @@ Novelty::Novelty(const Alignment& alignment, const Dataset& data, const Matrix& 
   const Matrix one_body = take_rows(scaled, fit);
   components_ = principal_components(one_body, count, seed);
   for (float& d : components_.deviation) d = std::max(d, 1e-6f);
-  learn_pairs(readings, fit, one_body, alignment, seed);
+  learn_pairs(raw_inputs, fit, one_body, alignment, seed);
   learn_limits(take_rows(scaled, held));
   if (inputs == Inputs::radar || with_body.empty()) return;
   const std::size_t at = aligned_ - 1;
@@ -97,8 +99,8 @@ Novelty::Novelty(const Alignment& alignment, const Dataset& data, const Matrix& 
   nearest_m_ -= reserve_m, farthest_m_ += reserve_m;
 }
 
-std::vector<float> Novelty::describe(std::span<const float> aligned,
-                                     std::span<const float> radar) const {
+std::vector<float> OutOfDistributionDetector::describe(std::span<const float> aligned,
+                                                       std::span<const float> radar) const {
   std::vector<float> out(aligned.begin(), aligned.end());
   out.insert(out.end(), radar.begin(), radar.end());
   normalise(std::span(out).last(radar.size()));
@@ -107,7 +109,7 @@ std::vector<float> Novelty::describe(std::span<const float> aligned,
 }
 
 // Histogram, aligned profile, range and profile get the same total variance.
-void Novelty::learn_scale(const Matrix& descriptions) {
+void OutOfDistributionDetector::learn_scale(const Matrix& descriptions) {
   const auto variance = column_statistics(descriptions, all_rows(descriptions.rows)).variance;
   std::vector<std::size_t> ends;
   if (aligned_ > 0) ends = {histogram_bins_, aligned_ - 1, aligned_};
@@ -121,15 +123,16 @@ void Novelty::learn_scale(const Matrix& descriptions) {
   }
 }
 
-void Novelty::learn_pairs(const Matrix& readings, const Rows& rows, const Matrix& one_body,
-                          const Alignment& alignment, std::uint64_t seed) {
-  const std::vector<float> background = column_quantile(readings, rows, background_quantile);
+void OutOfDistributionDetector::learn_pairs(const Matrix& raw_inputs, const Rows& rows,
+                                            const Matrix& one_body, const Alignment& alignment,
+                                            std::uint64_t seed) {
+  const std::vector<float> background = column_quantile(raw_inputs, rows, background_quantile);
   Rng rng = make_rng(seed, pair_stream);
   std::uniform_int_distribution<std::size_t> any(0, rows.size() - 1);
   const std::size_t pairs = std::min(most_pairs, 2 * rows.size());
-  Matrix sums(pairs, readings.cols);
+  Matrix sums(pairs, raw_inputs.cols);
   for (std::size_t i = 0; i < pairs; ++i) {
-    const auto a = readings.row(rows[any(rng)]), b = readings.row(rows[any(rng)]);
+    const auto a = raw_inputs.row(rows[any(rng)]), b = raw_inputs.row(rows[any(rng)]);
     for (std::size_t c = 0; c < sums.cols; ++c) sums.row(i)[c] = a[c] + b[c] - background[c];
   }
   Matrix terms;
@@ -156,7 +159,8 @@ void Novelty::learn_pairs(const Matrix& readings, const Rows& rows, const Matrix
   discriminant_ = linear_fit(terms, targets, counts, discriminant_penalty);
 }
 
-std::array<double, 5> Novelty::statistics(std::span<const float> description) const {
+std::array<double, 5> OutOfDistributionDetector::statistics(
+    std::span<const float> description) const {
   constexpr double tiny = 1e-12;
   std::vector<float> off(description.begin(), description.end()), amounts(components_.basis.rows);
   for (std::size_t c = 0; c < off.size(); ++c) off[c] -= components_.mean[c];
@@ -179,7 +183,7 @@ std::array<double, 5> Novelty::statistics(std::span<const float> description) co
           residual[1] / usual_residual_[1]};
 }
 
-void Novelty::learn_limits(const Matrix& descriptions) {
+void OutOfDistributionDetector::learn_limits(const Matrix& descriptions) {
   std::array<std::vector<float>, 5> all;
   for (std::size_t i = 0; i < descriptions.rows; ++i) {
     const auto one = statistics(descriptions.row(i));
@@ -193,38 +197,39 @@ void Novelty::learn_limits(const Matrix& descriptions) {
     usual_residual_[s] = std::max(double{quantile(all[limits_.size() + s], 0.5)}, 1e-12);
 }
 
-std::vector<Strangeness> Novelty::judge(const Matrix& aligned, const Dataset& data,
-                                        const Rows& rows) const {
+std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matrix& aligned,
+                                                                     const Dataset& data,
+                                                                     const Rows& rows) const {
   const bool spd = aligned_ > 0;
-  std::vector<Strangeness> out;
+  std::vector<OutOfDistributionScore> out;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto features = aligned.row(i).first(aligned_);
     const auto found = statistics(describe(features, data.radar.row(rows[i]).first(profile_)));
-    Strangeness s{std::max(limits_[0].share(found[0]), limits_[1].share(found[1])),
-                  limits_[2].share(found[2]),
-                  {},
-                  {}};
+    OutOfDistributionScore s{std::max(limits_[0].share(found[0]), limits_[1].share(found[1])),
+                             limits_[2].share(found[2]),
+                             {},
+                             {}};
     const bool has_range = spd && shows_body(features);
     const double range_m = has_range ? double{features.back()} : 0;
     const double clicks = data.clicks_a_pulse[rows[i]];
     if (spd && !has_range && share_with_body_ > nearly_all_records)
-      s.why = "empty";
+      s.reason = "empty";
     else if (spd && clicks > record::most_clicks_a_pulse &&
              clicks > clicks_reserve * most_clicks_per_start_)
-      s.why = "saturated", s.figures = formatted("%.2f clicks a laser pulse", clicks);
+      s.reason = "saturated", s.figures = formatted("%.2f clicks a laser pulse", clicks);
     else if (has_range && (range_m < nearest_m_ || range_m > farthest_m_))
-      s.why = "outside the training records' distances", s.figures = formatted("%.2f m", range_m);
+      s.reason = "outside the training records' distances",
+      s.figures = formatted("%.2f m", range_m);
     else if (s.two_bodies > 1 && s.two_bodies > s.distance)
-      s.why = "two bodies, or one unlike those of the training records";
+      s.reason = "two bodies, or one unlike the training records'";
     else if (s.distance > 1)
-      s.why = std::string("unlike the training records: ") +
-              (found[3] > found[4] ? "histogram" : "radar profile");
+      s.reason = found[3] > found[4] ? "unusual histogram" : "unusual radar profile";
     out.push_back(std::move(s));
   }
   return out;
 }
 
-void Novelty::save(record::H5File& file, const std::string& group) const {
+void OutOfDistributionDetector::save(record::H5File& file, const std::string& group) const {
   file.write(group + "/scale", scale_, {scale_.size()});
   save_components(file, group + "/components", components_);
   file.write(group + "/discriminant", discriminant_, {discriminant_.size()});
@@ -238,8 +243,8 @@ void Novelty::save(record::H5File& file, const std::string& group) const {
   file.set(group, "share_with_body", share_with_body_);
 }
 
-void Novelty::load(const record::H5File& file, const std::string& group, const Features& of_model,
-                   const Alignment& alignment) {
+void OutOfDistributionDetector::load(const record::H5File& file, const std::string& group,
+                                     const Features& of_model, const Alignment& alignment) {
   use(of_model, alignment);
   const std::size_t values = aligned_ + profile_;
   scale_ = file.read<float>(group + "/scale", {values});

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
 // What a model says of its own answers: how far off a body may be, how sure each pixel is, and
 // whether the record is one that it can know anything about. Learnt after the training
-// (fit_confidence.hpp), part of a prediction (predict.hpp); the model itself may be any.
+// (fit_uncertainty.hpp), part of a prediction (predict.hpp); the model itself may be any.
 #pragma once
 #include <string>
 #include <vector>
 
-#include "recon/uncertainty/novelty.hpp"
+#include "recon/uncertainty/out_of_distribution.hpp"
 #include "recon/uncertainty/pixel_error.hpp"
 
 namespace echofuse::recon {
@@ -37,19 +37,19 @@ class LateralError {
   double factor_ = 0;
 };
 
-// What is claimed of one reconstruction.
-struct Claim {
-  double lateral_90_m = 0;  // the body is within so much of where it is shown in 90 % of the
-                            // records like the training ones; NaN: nothing is claimed
-  Strangeness strangeness;
+// What is stated of one reconstruction.
+struct PredictionUncertainty {
+  double lateral_interval_90_m = 0;  // the body is within so much of where it is shown in 90 % of
+                                     // the records like the training ones; NaN: not known
+  OutOfDistributionScore out_of_distribution;
 };
 
-struct Confidence {
-  Novelty novelty;
+struct UncertaintyModel {
+  OutOfDistributionDetector detector;
   LateralError lateral;
   PixelError pixels;
 
-  void save(record::H5File& file) const;  // below "confidence/"
+  void save(record::H5File& file) const;  // below "uncertainty/"
   void load(const record::H5File& file, const Features& of_model, const Alignment& alignment);
 };
 
