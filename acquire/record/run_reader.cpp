@@ -127,7 +127,7 @@ RunReader::RunReader(const std::string& path)
   try {
     open();
     check_identity();
-    check_tables(db_, path_);
+    check_tables(db_, path_, schema, "a run");
   } catch (...) {
     sqlite3_close(db_);
     throw;

@@ -6,7 +6,6 @@
 #include <optional>
 #include <set>
 
-#include "acquire/record/schema.hpp"
 #include "acquire/record/sqlite.hpp"
 #include "drivers/core/printable.hpp"
 
@@ -47,9 +46,11 @@ std::optional<Columns> columns_of(const std::string& sql, const std::string& nam
   return out;
 }
 
-std::map<std::string, Columns> tables_of_schema() {
-  const std::string all = schema, begin = "CREATE TABLE IF NOT EXISTS ";
-  std::map<std::string, Columns> out;
+using Tables = std::map<std::string, Columns>;
+
+Tables tables_of(const std::string& all) {
+  const std::string begin = "CREATE TABLE IF NOT EXISTS ";
+  Tables out;
   for (std::size_t at = all.find(begin); at != all.npos; at = all.find(begin, at)) {
     at += begin.size();
     const std::string name = all.substr(at, all.find_first_of(" (", at) - at);
@@ -60,19 +61,19 @@ std::map<std::string, Columns> tables_of_schema() {
 }
 
 // What is wrong with an entry of sqlite_schema, or nothing.
-std::string fault_of(const std::string& type, const std::string& name, const std::string& sql) {
-  static const std::map<std::string, Columns> known = tables_of_schema();
+std::string fault_of(const Tables& known, const std::string& of, const std::string& type,
+                     const std::string& name, const std::string& sql) {
   if (type == "index" && sql.empty() && name.starts_with("sqlite_autoindex_")) return {};
   const auto table = known.find(name);
   if (type != "table" || table == known.end())
     return "holds the " + printable(type, 20) + " \"" + printable(name, 40) +
-           "\"; expected the tables of a run only";
+           "\"; expected the tables of " + of + " only";
   const auto columns = columns_of(sql, name);
-  if (!columns) return "its table " + name + " is not that of a run";
+  if (!columns) return "its table " + name + " is not that of " + of;
   for (const auto& column : *columns)
     if (!table->second.contains(column))
       return "its table " + name + " has the column \"" + printable(column, 40) +
-             "\", which that of a run has not";
+             "\", which that of " + of + " has not";
   return {};
 }
 
@@ -108,11 +109,13 @@ void limit(sqlite3* db, Budget& budget) {
   sqlite3_progress_handler(db, Budget::instructions_a_step, spend, &budget);
 }
 
-void check_tables(sqlite3* db, const std::string& path) {
+void check_tables(sqlite3* db, const std::string& path, const std::string& schema,
+                  const std::string& of) {
+  const Tables known = tables_of(schema);
   Statement entries(db, path, "SELECT type, name, ifnull(sql, '') FROM sqlite_schema");
   while (entries.step()) {
     const std::string type = entries.text(), name = entries.text();
-    if (const std::string fault = fault_of(type, name, entries.text()); !fault.empty())
+    if (const std::string fault = fault_of(known, of, type, name, entries.text()); !fault.empty())
       throw Error(ExitCode::failed, printable(path) + ": " + fault);
   }
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What is asked of a run file before anything in it is believed: run files are sent by mail.
+// What is asked of a file before anything in it is believed: run files are sent by mail.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -25,8 +25,10 @@ void harden(sqlite3* db);
 // A statement that spends the steps ends with SQLITE_INTERRUPT. The budget outlives the database.
 void limit(sqlite3* db, Budget& budget);
 
-// Throws Error(failed) unless the file holds only tables of schema.hpp, with columns of theirs: no
-// views, triggers, indices of its own, virtual tables, generated columns, constraints.
-void check_tables(sqlite3* db, const std::string& path);
+// Throws Error(failed) unless the file holds only tables of `schema` (as that of schema.hpp is
+// written), with columns and constraints of theirs: no views, triggers, indices of its own, virtual
+// tables, generated columns. `of`: whose tables they are, as "a run".
+void check_tables(sqlite3* db, const std::string& path, const std::string& schema,
+                  const std::string& of);
 
 }  // namespace echofuse::record

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The few calls of SQLite that the run file needs, with errors as exceptions.
+// The few calls of SQLite that we need, with errors as exceptions.
 #pragma once
 #include <sqlite3.h>
 
@@ -37,7 +37,7 @@ class Statement {
             std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max())
       : db_(db), path_(path), bytes_left_(most_bytes) {
     if (sqlite3_prepare_v2(db, sql, -1, &handle_, nullptr) != SQLITE_OK)
-      sqlite_fail(db, path, "not the tables of a run file");
+      sqlite_fail(db, path, "not the expected tables");
   }
   ~Statement() { sqlite3_finalize(handle_); }
   Statement(const Statement&) = delete;

@@ -10,11 +10,23 @@
 namespace echofuse::recon {
 namespace {
 
+void add_common(CLI::App& app, StudyOptions& options) {
+  app.add_option("--seeds", options.seeds)->check(CLI::Range(1, 1000))->capture_default_str();
+  app.add_option("--first-seed", options.first_seed, "the others follow it")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  app.add_option("--merge", options.merge,
+                 "study.sqlite of other folders, same settings: takes what they measured")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+}
+
 Command add_pareto(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<ParetoOptions>();
   app.add_option("train", a->train, "run file to train on")->required();
   app.add_option("test", a->test, "run file to judge by")->required();
-  app.add_option("--out", a->out, "folder for pareto.csv and pareto.svg; what it holds is kept")
+  app.add_option("--out", a->out,
+                 "folder for study.sqlite, pareto.csv and pareto.svg; goes on there")
       ->required();
   app.add_option("--models", a->models, "as train --model; \":spd\" or \":radar\" behind one")
       ->delimiter(',')
@@ -34,23 +46,29 @@ Command add_pareto(CLI::App& app, const Common& common) {
       ->allow_extra_args(false)
       ->check(CLI::Range(1e-9, 1.0))
       ->capture_default_str();
-  app.add_option("--seeds", a->seeds)->check(CLI::Range(1, 1000))->capture_default_str();
-  const auto bound_file = std::make_shared<std::string>();
-  app.add_option("--bound", *bound_file, "bound.csv of `echofuse-sim study bound`, to draw");
-  return [a, bound_file, &common] {
+  add_common(app, *a);
+  const auto bound = std::make_shared<std::vector<double>>();
+  app.add_option("--bound", *bound,
+                 "to draw: lateral_error_m of `echofuse-sim study bound`, base; of pose,shape")
+      ->delimiter(',')
+      ->expected(2)
+      ->check(CLI::PositiveNumber);
+  return [a, bound, &common] {
     a->quiet = common.quiet;
     a->threads = common.threads;
-    const auto bound = bound_file->empty() ? std::nullopt : std::optional(read_bound(*bound_file));
     const auto rows = study_pareto(*a);
     std::fputs(printable_lines(to_text(rows)).c_str(), stdout);
-    write_pareto(rows, a->out, bound);
+    write_pareto(
+        rows, a->out,
+        bound->empty() ? std::nullopt : std::optional(LateralBound{bound->at(0), bound->at(1)}));
     return ExitCode::ok;
   };
 }
 
 Command add_stability(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<StabilityOptions>();
-  app.add_option("--out", a->out, "folder for stability.html, stability.csv and a chart an axis")
+  app.add_option("--out", a->out,
+                 "folder for study.sqlite, stability.html, stability.csv and a chart an axis")
       ->required();
   app.add_flag("--quick", a->quick,
                "fewer values of each axis, 1000 training and 300 test records, a narrower network");
@@ -65,7 +83,7 @@ Command add_stability(CLI::App& app, const Common& common) {
       ->check(CLI::Range(20, 1'000'000));
   app.add_option("--test-records", a->test_records, "default: 1000")
       ->check(CLI::Range(10, 1'000'000));
-  app.add_option("--seeds", a->seeds)->check(CLI::Range(1, 1000))->capture_default_str();
+  add_common(app, *a);
   const auto range_bias = std::make_shared<std::string>("ignore");
   app.add_option("--range-bias", *range_bias, "before each test: correct or ignore, as of evaluate")
       ->check(CLI::IsMember({"correct", "ignore"}))
@@ -76,9 +94,10 @@ Command add_stability(CLI::App& app, const Common& common) {
     options.range_bias = range_bias_action_of(*range_bias);
     options.quiet = common.quiet;
     options.threads = common.threads;
-    const auto results = summarise_stability(options, study_stability(options));
+    const auto rows = study_stability(options);
+    const auto results = summarise_stability(options, rows);
     std::fputs(to_text(results).c_str(), stdout);
-    write_stability(options, results);
+    write_stability(options, rows, results);
     return ExitCode::ok;
   };
 }

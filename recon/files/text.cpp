@@ -3,7 +3,6 @@
 
 #include <cstdarg>
 #include <cstdio>
-#include <sstream>
 
 namespace echofuse::recon {
 
@@ -14,13 +13,6 @@ std::string formatted(const char* format, ...) {
   std::vsnprintf(text, sizeof text, format, values);
   va_end(values);
   return text;
-}
-
-std::vector<std::string> cells_of(const std::string& line) {
-  std::vector<std::string> out;
-  std::istringstream in(line);
-  for (std::string cell; std::getline(in, cell, ',');) out.push_back(cell);
-  return out;
 }
 
 }  // namespace echofuse::recon

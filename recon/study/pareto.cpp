@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <random>
 
 #include "drivers/core/console.hpp"
@@ -14,7 +13,7 @@
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
 #include "recon/numbers/parallel.hpp"
-#include "recon/study/study.hpp"
+#include "recon/study/study_file.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -56,6 +55,49 @@ void keep_records(Dataset& data, double share, std::uint64_t seed) {
   for (std::size_t i = keep; i < rows.size(); ++i) data.valid[rows[i]] = 0;
 }
 
+void mark_front(std::vector<ParetoRow>& rows) {
+  for (auto& row : rows)
+    row.front =
+        row.sweep == "model" && std::none_of(rows.begin(), rows.end(), [&](const ParetoRow& other) {
+          return other.sweep == "model" && other.infer_us_median < row.infer_us_median &&
+                 other.mean[metric_iou] >= row.mean[metric_iou];
+        });
+}
+
+// In the order of their first measurements.
+std::vector<ParetoRow> rows_of(const std::vector<Measurement>& all) {
+  std::vector<ParetoRow> rows;
+  std::vector<std::vector<MapScores>> found;
+  for (const Measurement& m : all) {
+    const std::string model = m.inputs == "fused" ? m.model : m.model + ":" + m.inputs;
+    const auto known = std::find_if(rows.begin(), rows.end(), [&](const ParetoRow& r) {
+      return r.sweep == m.axis && r.share == m.value && r.model == model;
+    });
+    const auto at = static_cast<std::size_t>(known - rows.begin());
+    if (known == rows.end()) {
+      rows.push_back({m.axis, m.value, model});
+      found.emplace_back();
+    }
+    MapScores scores;
+    for (std::size_t i = 0; i < metric_count; ++i) scores[i] = m.metric(metric_names[i]);
+    found[at].push_back(scores);
+    rows[at].multiply_adds = m.metric("multiply_adds");
+    rows[at].infer_us_median = m.metric("infer_us_median");
+    rows[at].infer_us_p99 = m.metric("infer_us_p99");
+    rows[at].train_s = m.metric("train_s");
+  }
+  for (std::size_t at = 0; at < rows.size(); ++at) {
+    const Summaries over_seeds = summarise(found[at]);
+    rows[at].seeds = found[at].size();
+    for (std::size_t i = 0; i < metric_count; ++i) {
+      rows[at].mean[i] = over_seeds[i].mean;
+      rows[at].spread[i] = over_seeds[i].se * std::sqrt(static_cast<double>(over_seeds[i].maps));
+    }
+  }
+  mark_front(rows);
+  return rows;
+}
+
 class Study {
  public:
   explicit Study(const ParetoOptions& options)
@@ -73,93 +115,51 @@ class Study {
       judged.features.inputs = inputs_of(job.model.inputs);
       rows_to_evaluate(judged, test_, true);  // are there any?
     }
-    take_folder();
   }
 
   std::vector<ParetoRow> run() {
-    std::vector<ParetoRow> rows = read_pareto(options_.out);
-    for (const Job& job : jobs_of(options_)) {
-      const auto known =
-          std::find_if(rows.begin(), rows.end(), [&](const ParetoRow& r) { return is_of(r, job); });
-      if (known != rows.end() && known->seeds == options_.seeds) {
-        progress_.update(done_ += options_.seeds, job.model.name);
-        continue;
+    StudyFile file(options_, settings(), ExitCode::usage);
+    for (const Job& job : jobs_of(options_))
+      for (std::size_t i = 0; i < options_.seeds; ++i) {
+        Measurement m{job.sweep, formatted("%g", job.share), job.model.candidate, job.model.inputs,
+                      options_.first_seed + i};
+        if (!file.has(m)) {
+          measure(job, m);
+          file.add({&m, 1});
+        }
+        progress_.update(++done_, job.model.name);
       }
-      if (known != rows.end()) rows.erase(known);
-      rows.push_back(measure(job));
-      mark_front(rows);
-      write_pareto_table(rows, options_.out);
-    }
-    return rows;
+    return rows_of(file.all());
   }
 
  private:
-  // Rows of other runs, or of another version, must not mix with these.
-  void take_folder() const {
-    std::string runs = std::string("echofuse ") + version() + "\n";
-    for (const Dataset* data : {&train_, &test_})
-      runs += data->sources.front().uuid + formatted(" (checksum %08x)\n", data->hash);
-    const std::string path = options_.out + "/pareto.runs";
-    if (std::filesystem::exists(path)) {
-      if (read_text(path) == runs) return;
-      throw Error(ExitCode::usage, options_.out +
-                                       ": holds a study of other runs, or of another version of "
-                                       "echofuse; give another --out");
-    }
-    if (std::filesystem::exists(options_.out + "/pareto.csv"))
-      throw Error(ExitCode::usage, options_.out +
-                                       ": holds a pareto.csv of unknown runs (no pareto.runs); "
-                                       "give another --out");
-    write_text(path, runs);
+  StudySettings settings() const {
+    const auto run = [](const Dataset& data) {
+      return data.sources.front().uuid + formatted(" (checksum %08x)", data.hash);
+    };
+    return {
+        {"study", "pareto"}, {"echofuse", version()}, {"train", run(train_)}, {"test", run(test_)}};
   }
 
-  // The table keeps six digits of a share.
-  static bool is_of(const ParetoRow& row, const Job& job) {
-    return row.sweep == job.sweep && row.model == job.model.name &&
-           std::abs(row.share - job.share) < 1e-5 * job.share;
-  }
-
-  ParetoRow measure(const Job& job) {
-    ParetoRow row{job.sweep, job.share, job.model.name, options_.seeds, {}, {}, {}, false};
-    std::vector<MapScores> found;
-    for (std::size_t seed = 1; seed <= options_.seeds; ++seed) {
-      found.push_back(once(job, seed, row.cost));
-      if (interrupted())  // what was cut short is not kept
-        throw Error(ExitCode::interrupted, "interrupted; the same command goes on");
-      progress_.update(++done_, job.model.name);
-    }
-    const Summaries over_seeds = summarise(found);
-    for (std::size_t m = 0; m < metric_count; ++m) {
-      row.mean[m] = over_seeds[m].mean;
-      row.spread[m] = over_seeds[m].se * std::sqrt(static_cast<double>(over_seeds[m].maps));
-    }
-    return row;
-  }
-
-  MapScores once(const Job& job, std::size_t seed, RunningCost& cost) {
+  void measure(const Job& job, Measurement& m) const {
     Dataset train_data = train_, test_data = test_;
-    if (job.sweep == "photons") thin(train_data, job.share, seed);
-    if (job.sweep == "photons") thin(test_data, job.share, 1000 + seed);
-    if (job.sweep == "records") keep_records(train_data, job.share, seed);
-    const TrainedModel model = train_whole(train_data, job.model, seed);
+    if (job.sweep == "photons") thin(train_data, job.share, m.seed);
+    if (job.sweep == "photons") thin(test_data, job.share, 1000 + m.seed);
+    if (job.sweep == "records") keep_records(train_data, job.share, m.seed);
+    const TrainedModel model = train_whole(train_data, job.model, m.seed);
     const Rows rows = test_data.usable(model.features.inputs);
-    const MapScores out = mean_scores(model.predict(test_data, rows), test_data, rows, model.scene);
+    const MapScores scores =
+        mean_scores(model.predict(test_data, rows), test_data, rows, model.scene);
     const TemporaryFile file{options_.out + "/.study-" + std::to_string(::getpid()) + ".h5"};
     save_model(model, file.path);
     set_threads(1);
-    cost = measure_cost(model, test_data, rows, file.path);
+    const RunningCost cost = measure_cost(model, test_data, rows, file.path);
     set_threads(options_.threads);
-    return out;
-  }
-
-  static void mark_front(std::vector<ParetoRow>& rows) {
-    for (auto& row : rows)
-      row.front = row.sweep == "model" &&
-                  std::none_of(rows.begin(), rows.end(), [&](const ParetoRow& other) {
-                    return other.sweep == "model" &&
-                           other.cost.infer_us_median < row.cost.infer_us_median &&
-                           other.mean[metric_iou] >= row.mean[metric_iou];
-                  });
+    for (std::size_t i = 0; i < metric_count; ++i) m.metrics[metric_names[i]] = scores[i];
+    m.metrics["multiply_adds"] = static_cast<double>(cost.cost.multiply_adds);
+    m.metrics["infer_us_median"] = cost.infer_us_median;
+    m.metrics["infer_us_p99"] = cost.infer_us_p99;
+    m.metrics["train_s"] = cost.train_s;
   }
 
   const ParetoOptions& options_;
@@ -172,7 +172,6 @@ class Study {
 
 std::vector<ParetoRow> study_pareto(const ParetoOptions& options) {
   jobs_of(options);  // are they all known?
-  make_folder(options.out);
   return Study(options).run();
 }
 

@@ -8,11 +8,12 @@
 #include <vector>
 
 #include "recon/estimator/evaluate.hpp"
+#include "recon/study/study.hpp"
 
 namespace echofuse::recon {
 
-struct ParetoOptions {
-  std::string train, test, out;  // run files; folder for pareto.csv, pareto.svg and pareto.gp
+struct ParetoOptions : StudyOptions {
+  std::string train, test;  // run files
   // Candidates (models/model.hpp); ":spd" or ":radar" behind one leaves the other sensor out.
   std::vector<std::string> models = {"empty",           "mean",
                                      "nearest",         "ridge",
@@ -25,42 +26,32 @@ struct ParetoOptions {
   // Shares of the photons (their counts thinned, in training and test alike) and of the training
   // records. None: no such sweep.
   std::vector<double> photons = {0.1, 0.01, 0.001}, records = {0.05, 0.2, 0.5};
-  std::size_t seeds = 3;
-  int threads = 0;  // while training; maps are timed on one
-  bool quiet = false;
 };
 
-// Means over the seeds; `spread`: their standard deviation, NaN for one seed.
+// Means over all seeds that were measured; `spread`: their standard deviation, NaN for one seed.
 struct ParetoRow {
   std::string sweep;  // model, photons, records
-  double share = 1;
+  std::string share = "1";
   std::string model;
   std::size_t seeds = 0;
   std::array<double, metric_count> mean{}, spread{};
-  RunningCost cost;    // of the last seed
+  // Of the last measurement; maps are timed on one thread.
+  double multiply_adds = 0, infer_us_median = 0, infer_us_p99 = 0, train_s = 0;
   bool front = false;  // of the models: none is both faster and more accurate (IoU)
 };
 
-// Every row is written to out/pareto.csv as soon as it is measured. Rows that are there already, of
-// the same runs (out/pareto.runs) and as many seeds, are not measured again. Throws Error(usage)
-// for a model that is not known and for a folder with a study of other runs, Error(failed) if the
-// runs do not fit.
+// Measures what out/study.sqlite does not have yet; the rows are of all that it has then. Throws
+// Error(usage) for a model that is not known and for a study of other runs, Error(failed) if the
+// runs do not fit, and as StudyFile.
 std::vector<ParetoRow> study_pareto(const ParetoOptions& options);
 
-// pareto.csv as it is while the study goes on: empty if there is none. Throws Error(failed) for a
-// damaged one.
-std::vector<ParetoRow> read_pareto(const std::string& folder);
-void write_pareto_table(const std::vector<ParetoRow>& rows, const std::string& folder);
-
-// The least mean lateral error that noise allows, at the base condition (m).
+// The least mean lateral error that noise allows (`echofuse-sim study bound`), m.
 struct LateralBound {
-  double shape_known_m = 0, pose_unknown_m = 0;
+  double pose_unknown_m = 0, shape_known_m = 0;
 };
-// Of the table that `echofuse-sim study bound` writes. Throws Error(failed).
-LateralBound read_bound(const std::string& path);
 
-// Table and chart. Throws Error(disk), and Error(failed) without gnuplot; the table is written
-// first.
+// pareto.csv, pareto.gp and pareto.svg. Throws Error(disk), and Error(failed) without gnuplot; the
+// table is written first.
 void write_pareto(const std::vector<ParetoRow>& rows, const std::string& folder,
                   const std::optional<LateralBound>& bound = {});
 std::string to_text(const std::vector<ParetoRow>& rows);

@@ -1,14 +1,8 @@
 // SPDX-License-Identifier: MIT
 // The table and the chart of a Pareto study.
-#include <cstdlib>
-#include <filesystem>
-#include <map>
 #include <sstream>
 
-#include "drivers/core/exit_code.hpp"
 #include "drivers/core/gnuplot.hpp"
-#include "drivers/core/write_beside.hpp"
-#include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
 #include "recon/study/pareto.hpp"
 
@@ -49,100 +43,21 @@ if (words(models) > 0) {
 }
 )";
 
-// A line of the table: its values by the header's names.
-using Fields = std::map<std::string, std::string>;
-
-std::vector<Fields> read_table(const std::string& path) {
-  std::istringstream file(read_text(path));
-  std::string line;
-  std::getline(file, line);
-  const auto names = cells_of(line);
-  std::vector<Fields> rows;
-  while (std::getline(file, line)) {
-    const auto values = cells_of(line);
-    if (values.size() != names.size())
-      throw Error(ExitCode::failed,
-                  path + formatted(":%zu: expected %zu values", rows.size() + 2, names.size()));
-    rows.emplace_back();
-    for (std::size_t i = 0; i < names.size(); ++i) rows.back()[names[i]] = values[i];
-  }
-  return rows;
-}
-
-double number(const Fields& row, const std::string& name, const std::string& path) {
-  const auto found = row.find(name);
-  char* end = nullptr;
-  const double value = found == row.end() ? 0 : std::strtod(found->second.c_str(), &end);
-  if (!end || *end != 0 || found->second.empty())
-    throw Error(ExitCode::failed, path + ": expected a number as " + name);
-  return value;
-}
-
-std::string spread_name(Metric m) { return metric_names[m] + std::string("_spread"); }
-
 std::string to_csv(const std::vector<ParetoRow>& rows) {
   std::ostringstream csv;
   csv << "sweep,share,model,seeds";
-  for (const Metric m : shown) csv << ',' << metric_names[m] << ',' << spread_name(m);
+  for (const Metric m : shown) csv << ',' << metric_names[m] << ',' << metric_names[m] << "_spread";
   csv << ",multiply_adds,infer_us_median,infer_us_p99,train_s,front\n";
   for (const ParetoRow& r : rows) {
     csv << r.sweep << ',' << r.share << ',' << r.model << ',' << r.seeds;
     for (const Metric m : shown) csv << ',' << r.mean[m] << ',' << r.spread[m];
-    csv << ',' << r.cost.cost.multiply_adds << ',' << r.cost.infer_us_median << ','
-        << r.cost.infer_us_p99 << ',' << r.cost.train_s << ',' << r.front << '\n';
+    csv << formatted(",%.0f,", r.multiply_adds) << r.infer_us_median << ',' << r.infer_us_p99 << ','
+        << r.train_s << ',' << r.front << '\n';
   }
   return csv.str();
 }
 
 }  // namespace
-
-std::vector<ParetoRow> read_pareto(const std::string& folder) {
-  const std::string path = folder + "/pareto.csv";
-  std::vector<ParetoRow> rows;
-  if (!std::filesystem::exists(path)) return rows;
-  for (const Fields& line : read_table(path)) {
-    const auto value = [&](const std::string& name) { return number(line, name, path); };
-    const auto count = [&](const std::string& name) {
-      return static_cast<std::size_t>(value(name));
-    };
-    ParetoRow r;
-    r.share = value("share");
-    r.seeds = count("seeds");
-    r.sweep = line.at("sweep");
-    r.model = line.at("model");
-    for (const Metric m : shown) {
-      r.mean[m] = value(metric_names[m]);
-      r.spread[m] = value(spread_name(m));
-    }
-    r.cost.cost.multiply_adds = count("multiply_adds");
-    r.cost.infer_us_median = value("infer_us_median");
-    r.cost.infer_us_p99 = value("infer_us_p99");
-    r.cost.train_s = value("train_s");
-    r.front = value("front") > 0;
-    rows.push_back(std::move(r));
-  }
-  return rows;
-}
-
-void write_pareto_table(const std::vector<ParetoRow>& rows, const std::string& folder) {
-  write_beside(folder + "/pareto.csv", to_csv(rows));
-}
-
-LateralBound read_bound(const std::string& path) {
-  LateralBound bound;
-  for (const Fields& row : read_table(path)) {
-    const auto is = [&](const char* name, const char* value) {
-      const auto found = row.find(name);
-      return found != row.end() && found->second == value;
-    };
-    if (!is("axis", "base")) continue;
-    if (is("known", "shape")) bound.shape_known_m = number(row, "lateral_error_m", path);
-    if (is("known", "pose")) bound.pose_unknown_m = number(row, "lateral_error_m", path);
-  }
-  if (!(bound.shape_known_m > 0 && bound.pose_unknown_m > 0))
-    throw Error(ExitCode::failed, path + ": is not a bound.csv of `echofuse-sim study bound`");
-  return bound;
-}
 
 // `@bound` of the chart is replaced by gnuplot.
 void write_pareto(const std::vector<ParetoRow>& rows, const std::string& folder,
@@ -161,11 +76,11 @@ std::string to_text(const std::vector<ParetoRow>& rows) {
                               "mult-adds", "us", "us p99", "train s");
   for (const ParetoRow& r : rows)
     out += formatted(
-        "%-8s %6g %-18s %7.3f +-%6.3f %8.3f %9.3f %8.3f %8.4f %12zu %8.1f %8.1f %8.1f%s\n",
-        r.sweep.c_str(), r.share, r.model.c_str(), r.mean[metric_iou], r.spread[metric_iou],
+        "%-8s %6s %-18s %7.3f +-%6.3f %8.3f %9.3f %8.3f %8.4f %12.0f %8.1f %8.1f %8.1f%s\n",
+        r.sweep.c_str(), r.share.c_str(), r.model.c_str(), r.mean[metric_iou], r.spread[metric_iou],
         r.mean[metric_ssim_fg], r.mean[metric_ssim_hard], r.mean[metric_lateral_m],
-        r.mean[metric_ghost], r.cost.cost.multiply_adds, r.cost.infer_us_median,
-        r.cost.infer_us_p99, r.cost.train_s, r.front ? "  front" : "");
+        r.mean[metric_ghost], r.multiply_adds, r.infer_us_median, r.infer_us_p99, r.train_s,
+        r.front ? "  front" : "");
   return out;
 }
 

@@ -12,8 +12,6 @@
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
 #include "recon/study/simulate.hpp"
-#include "recon/study/stability_table.hpp"
-#include "recon/study/study.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -22,23 +20,22 @@ constexpr std::uint64_t test_seeds = 1000;  // the test records' seed, after the
 
 // One value of one axis; the base value of all of them is measured once.
 struct Place {
-  std::string kind, axis, value;
+  std::string axis, value;
   World train, test;
 };
 
 std::vector<Place> places_of(const StabilityOptions& options) {
-  std::vector<Place> places = {{"base", "base", "base", {}, {}}};
+  std::vector<Place> places = {{"base", "base", {}, {}}};
   for (const StabilityAxis& axis : axes_of(options))
     for (const AxisValue& v : axis.values)
       if (!v.world.base())
-        places.push_back(
-            {axis.kind(), axis.name, v.label, axis.matched ? v.world : World{}, v.world});
+        places.push_back({axis.id(), v.label, axis.matched ? v.world : World{}, v.world});
   return places;
 }
 
 // Trainings take most of the time, those of a network most of that.
 std::size_t work_of(const Place& place, const StudyModel& model) {
-  if (place.kind == "shifted" || ignores_inputs(model.name)) return 1;
+  if (place.axis.starts_with("shifted") || ignores_inputs(model.name)) return 1;
   return model.candidate.find("mlp") == std::string::npos ? 4 : 20;
 }
 
@@ -47,16 +44,16 @@ class Study {
   explicit Study(const StabilityOptions& options)
       : options_(options),
         places_(places_of(options)),
-        table_(options.out, settings()),
+        file_(options, settings(), ExitCode::config),
         simulator_(options.sim, options.out, options.threads),
         progress_("study", work(), options.quiet) {}
 
-  std::vector<StabilityRow> run() {
-    for (std::size_t seed = 1; seed <= options_.seeds; ++seed) {
+  std::vector<Measurement> run() {
+    for (std::size_t i = 0; i < options_.seeds; ++i) {
       trained_.clear(), train_data_.reset(), test_data_.reset();
-      for (const Place& place : places_) measure(place, seed);
+      for (const Place& place : places_) measure(place, options_.first_seed + i);
     }
-    return table_.rows();
+    return file_.all();
   }
 
  private:
@@ -66,50 +63,44 @@ class Study {
     return models;
   }
 
-  // More models, axes and seeds may be added to a table; these may not change in it.
-  std::string settings() const {
-    return std::string("echofuse ") + version() + "\nquick " + (options_.quick ? "yes" : "no") +
-           "\nrecords " + std::to_string(options_.records) + "\ntest records " +
-           std::to_string(options_.test_records) + "\nrange_bias " +
-           (options_.range_bias == RangeBiasAction::correct ? "correct" : "ignore") + "\n";
+  StudySettings settings() const {
+    return {{"study", "stability"},
+            {"echofuse", version()},
+            {"quick", options_.quick ? "yes" : "no"},
+            {"records", std::to_string(options_.records)},
+            {"test-records", std::to_string(options_.test_records)},
+            {"range-bias", options_.range_bias == RangeBiasAction::correct ? "correct" : "ignore"}};
   }
 
-  StabilityRow row_of(const Place& place, const StudyModel& model, std::size_t seed) const {
-    return {place.kind,
-            place.axis,
-            place.value,
-            model.candidate,
-            ignores_inputs(model.candidate) ? "-" : model.inputs,
-            seed,
-            {}};
+  static Measurement row_of(const Place& place, const StudyModel& model, std::size_t seed) {
+    return {place.axis, place.value, model.candidate,
+            ignores_inputs(model.candidate) ? "-" : model.inputs, seed};
   }
 
-  std::size_t work() const {
+  std::size_t work() {
     std::size_t sum = 0;
     for (const Place& place : places_)
       for (const StudyModel& model : models_)
-        for (std::size_t seed = 1; seed <= options_.seeds; ++seed)
-          if (!table_.has(row_of(place, model, seed))) sum += work_of(place, model);
+        for (std::size_t i = 0; i < options_.seeds; ++i)
+          if (!file_.has(row_of(place, model, options_.first_seed + i)))
+            sum += work_of(place, model);
     return sum;
   }
 
   void measure(const Place& place, std::size_t seed) {
     std::optional<Dataset> train_data, test_data;
     for (const StudyModel& model : models_) {
-      StabilityRow row = row_of(place, model, seed);
-      if (table_.has(row)) continue;
+      Measurement row = row_of(place, model, seed);
+      if (file_.has(row)) continue;
       if (!test_data) test_data = test_records(place.test, seed);
-      const bool own = place.kind == "matched";
+      const bool own = place.axis.starts_with("matched");
       if (own && !train_data) train_data = training_records(place.train, seed);
       const std::optional<TrainedModel> fitted =
           own ? fit(*train_data, model, seed, false) : std::optional<TrainedModel>{};
-      row.scores = judge(own ? fitted : base_model(model, seed), *test_data, model);
-      if (interrupted())
-        throw Error(ExitCode::interrupted,
-                    "interrupted; the same command goes on from " + options_.out);
-      table_.add(row);
+      row.metrics = judge(own ? fitted : base_model(model, seed), *test_data, model);
+      file_.add({&row, 1});
       progress_.update(done_ += work_of(place, model),
-                       place.kind + " " + place.axis + " " + place.value + ": " + model.name);
+                       place.axis + " " + place.value + ": " + model.name);
     }
   }
 
@@ -149,10 +140,11 @@ class Study {
     return trained_.emplace(model.name, fit(*train_data_, model, seed, true)).first->second;
   }
 
-  StabilityScores judge(const std::optional<TrainedModel>& fitted, const Dataset& tested,
-                        const StudyModel& model) const {
-    StabilityScores out;
-    out.fill(std::numeric_limits<double>::quiet_NaN());
+  std::map<std::string, double> judge(const std::optional<TrainedModel>& fitted,
+                                      const Dataset& tested, const StudyModel& model) const {
+    std::map<std::string, double> out;
+    for (const Metric m : stability_metrics)
+      out[metric_names[m]] = std::numeric_limits<double>::quiet_NaN();
     if (!fitted) return out;
     const Records records = take(*fitted, tested, options_.range_bias);
     const Dataset& data = records.data;
@@ -162,15 +154,14 @@ class Study {
     if (rows.empty()) return out;
     const MapScores scores = mean_scores(with_nobody(*fitted, records, rows), data,
                                          all_rows(data.size()), fitted->scene);
-    std::transform(stability_metrics.begin(), stability_metrics.end(), out.begin(),
-                   [&](Metric m) { return scores[m]; });
+    for (const Metric m : stability_metrics) out[metric_names[m]] = scores[m];
     return out;
   }
 
   const StabilityOptions& options_;
   const std::vector<StudyModel> models_ = models_of(options_);
   std::vector<Place> places_;
-  StabilityTable table_;
+  StudyFile file_;
   Simulator simulator_;
   Progress progress_;
   std::size_t done_ = 0;
@@ -180,11 +171,6 @@ class Study {
 };
 
 }  // namespace
-
-double StabilityRow::score(Metric metric) const {
-  const auto found = std::find(stability_metrics.begin(), stability_metrics.end(), metric);
-  return scores.at(static_cast<std::size_t>(found - stability_metrics.begin()));
-}
 
 StabilityOptions complete(StabilityOptions options) {
   if (options.records == 0) options.records = options.quick ? 1000 : 3600;
@@ -216,7 +202,7 @@ std::vector<StabilityAxis> axes_of(const StabilityOptions& options) {
   return out;
 }
 
-std::vector<StabilityRow> study_stability(const StabilityOptions& options) {
+std::vector<Measurement> study_stability(const StabilityOptions& options) {
   return Study(options).run();
 }
 

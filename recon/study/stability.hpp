@@ -16,21 +16,18 @@
 
 #include "recon/maps/metrics.hpp"
 #include "recon/study/stability_axes.hpp"
+#include "recon/study/study_file.hpp"
 #include "recon/uncertainty/range_bias.hpp"
 
 namespace echofuse::recon {
 
-struct StabilityOptions {
-  std::string out;  // folder
-  std::string sim;  // the simulator (simulate.hpp)
+struct StabilityOptions : StudyOptions {  // each seed makes its own records, and its own models
+  std::string sim;                        // the simulator (simulate.hpp)
   bool quick = false;
   std::vector<std::string> models;            // as StudyModel has them; none: those of the study
   std::vector<std::string> axes;              // ids; none: all
   std::size_t records = 0, test_records = 0;  // 0: those of the study
-  std::size_t seeds = 3;                      // each makes its own records, and its own models
   RangeBiasAction range_bias = RangeBiasAction::ignore;  // or corrected before each test
-  int threads = 0;
-  bool quiet = false;
 };
 
 inline constexpr std::array stability_metrics = {
@@ -39,25 +36,13 @@ inline constexpr std::array stability_metrics = {
 // The models that every other must beat; they look at no sensor.
 inline const std::vector<std::string> constant_models = {"empty", "mean"};
 
-using StabilityScores = std::array<double, stability_metrics.size()>;
-
-// What was measured at one value with one seed.
-struct StabilityRow {
-  std::string kind, axis, value;  // kind "base": the base value of every axis
-  std::string model, inputs;      // inputs of a constant model: "-"
-  std::size_t seed = 0;
-  StabilityScores scores{};  // NaN: undefined, or there is no map
-
-  double score(Metric metric) const;
-};
-
 // With defaults filled in. Throws Error(usage) for models and axes that are not known.
 StabilityOptions complete(StabilityOptions options);
 std::vector<StabilityAxis> axes_of(const StabilityOptions& options);
 
-// Measures what OUT/stability.csv does not have yet, and adds it there line by line. Throws
-// Error(config) if what is there was measured otherwise, Error(interrupted) when the same command
-// would go on, Error(disk), Error(failed).
-std::vector<StabilityRow> study_stability(const StabilityOptions& options);
+// Measures what OUT/study.sqlite does not have yet: all that it has then, by the id of its axis
+// ("base": the base value of every axis); inputs of a constant model: "-"; NaN also where there is
+// no map. Throws Error(config) if what is there was measured otherwise, and as StudyFile.
+std::vector<Measurement> study_stability(const StabilityOptions& options);
 
 }  // namespace echofuse::recon

@@ -2,6 +2,7 @@
 // The page, the charts and the text of a study of stability.
 #include <algorithm>
 #include <cmath>
+#include <sstream>
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/gnuplot.hpp"
@@ -90,7 +91,24 @@ std::string to_html(const StabilityOptions& o, const std::vector<StabilityResult
   return out + "</body></html>\n";
 }
 
-std::string number(double v) { return std::isnan(v) ? " nan" : formatted(" %.6g", v); }
+std::string number(char before, double v) {
+  return std::isnan(v) ? formatted("%cnan", before) : formatted("%c%.6g", before, v);
+}
+
+std::string to_csv(const std::vector<Measurement>& rows) {
+  std::ostringstream csv;
+  csv << "kind,axis,value,model,inputs,seed";
+  for (const Metric m : stability_metrics) csv << ',' << metric_names[m];
+  for (const Measurement& r : rows) {
+    const std::size_t dash = r.axis.find('-');  // none in "base"
+    csv << '\n'
+        << r.axis.substr(0, dash) << ',' << r.axis.substr(dash + 1) << ',' << r.value << ','
+        << r.model << ',' << r.inputs << ',' << r.seed;
+    for (const Metric m : stability_metrics) csv << number(',', r.metric(metric_names[m]));
+  }
+  csv << '\n';
+  return csv.str();
+}
 
 bool fails_at(const StabilityCurve& curve, const std::string& label) {
   return std::find(curve.fails_at.begin(), curve.fails_at.end(), label) != curve.fails_at.end();
@@ -106,7 +124,8 @@ std::string data_block(const StabilityResult& result, std::vector<const Stabilit
       for (const Metric m : {metric_iou, metric_ssim_hard}) {
         const StabilityPoint& p = curve->points[i];
         const bool fails = fails_at(*curve, result.axis.values[i].label);
-        out += number(p.mean[m]) + number(p.spread[m]) + number(fails ? p.mean[m] : NAN);
+        for (const double v : {p.mean[m], p.spread[m], fails ? p.mean[m] : NAN})
+          out += number(' ', v);
       }
     out += '\n';
   }
@@ -172,7 +191,9 @@ set key at screen 0.5,0.01 center bottom vertical maxrows 3
 
 }  // namespace
 
-void write_stability(const StabilityOptions& options, const std::vector<StabilityResult>& results) {
+void write_stability(const StabilityOptions& options, const std::vector<Measurement>& rows,
+                     const std::vector<StabilityResult>& results) {
+  write_text(options.out + "/stability.csv", to_csv(rows));
   const std::string page = options.out + "/stability.html";
   write_text(page, to_html(options, results));
   std::string script = chart_head;

@@ -28,29 +28,24 @@ Moments moments(const std::vector<double>& values) {
 }
 
 // All rows of one model at one value, by seed.
-using Seeds = std::map<std::size_t, StabilityRow>;
+using Seeds = std::map<std::size_t, Measurement>;
 
 class Measured {
  public:
-  explicit Measured(const std::vector<StabilityRow>& rows) {
-    for (const auto& r : rows)
-      found_[{place(r.kind, r.axis, r.value), r.model, r.inputs}][r.seed] = r;
+  explicit Measured(const std::vector<Measurement>& rows) {
+    for (const auto& r : rows) found_[{r.axis, r.value, r.model, r.inputs}][r.seed] = r;
   }
   const Seeds& at(const StabilityAxis& axis, const AxisValue& value, const std::string& model,
                   const std::string& inputs) const {
     static const Seeds none;
-    const auto key = value.world.base() ? place("base", "base", "base")
-                                        : place(axis.kind(), axis.name, value.label);
-    const auto found = found_.find({key, model, inputs});
+    const bool base = value.world.base();
+    const auto found =
+        found_.find({base ? "base" : axis.id(), base ? "base" : value.label, model, inputs});
     return found == found_.end() ? none : found->second;
   }
 
  private:
-  static std::string place(const std::string& kind, const std::string& axis,
-                           const std::string& value) {
-    return kind + ',' + axis + ',' + value;
-  }
-  std::map<std::array<std::string, 3>, Seeds> found_;
+  std::map<std::array<std::string, 4>, Seeds> found_;
 };
 
 // By how much a model is better than the best baseline with the same seed; those of
@@ -62,8 +57,8 @@ std::vector<double> advantage(const Seeds& model, const std::vector<const Seeds*
     double best = nan;
     for (const Seeds* other : baselines)
       if (const auto found = other->find(seed); found != other->end())
-        best = std::fmax(best, found->second.score(metric));
-    if (!std::isnan(best)) out.push_back(row.score(metric) - best);
+        best = std::fmax(best, found->second.metric(metric_names[metric]));
+    if (!std::isnan(best)) out.push_back(row.metric(metric_names[metric]) - best);
   }
   return out;
 }
@@ -82,7 +77,7 @@ StabilityPoint point_of(const Seeds& seeds) {
   point.mean.fill(nan), point.spread.fill(nan);
   for (const Metric m : stability_metrics) {
     std::vector<double> values;
-    for (const auto& [seed, row] : seeds) values.push_back(row.score(m));
+    for (const auto& [seed, row] : seeds) values.push_back(row.metric(metric_names[m]));
     const Moments found = moments(values);
     point.mean[m] = found.mean, point.spread[m] = found.spread;
   }
@@ -146,7 +141,7 @@ double first_worst(const StabilityResult& result) {
 }  // namespace
 
 std::vector<StabilityResult> summarise_stability(const StabilityOptions& options,
-                                                 const std::vector<StabilityRow>& rows) {
+                                                 const std::vector<Measurement>& rows) {
   const Measured found(rows);
   std::vector<StabilityResult> results;
   for (const StabilityAxis& axis : axes_of(options)) {

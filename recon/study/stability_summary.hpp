@@ -33,11 +33,12 @@ struct StabilityResult {
 
 // Sorted by what breaks the first model most. Rows of other axes and models are left out.
 std::vector<StabilityResult> summarise_stability(const StabilityOptions& options,
-                                                 const std::vector<StabilityRow>& rows);
+                                                 const std::vector<Measurement>& rows);
 
-// Writes OUT/stability.html and a chart for each axis, OUT/KIND-AXIS.svg. Throws Error(disk), and
-// Error(failed) without gnuplot; the page is written first.
-void write_stability(const StabilityOptions& options, const std::vector<StabilityResult>& results);
+// Writes OUT/stability.csv with all rows, OUT/stability.html and a chart for each axis,
+// OUT/KIND-AXIS.svg. Throws Error(disk), and Error(failed) without gnuplot; the charts come last.
+void write_stability(const StabilityOptions& options, const std::vector<Measurement>& rows,
+                     const std::vector<StabilityResult>& results);
 std::string to_text(const std::vector<StabilityResult>& results);
 
 }  // namespace echofuse::recon

@@ -3,10 +3,19 @@
 #pragma once
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "recon/estimator/evaluate.hpp"
 
 namespace echofuse::recon {
+
+struct StudyOptions {
+  std::string out;                        // folder
+  std::vector<std::string> merge;         // study files, of parts measured elsewhere
+  std::size_t first_seed = 1, seeds = 3;  // first_seed, first_seed + 1 ...
+  int threads = 0;
+  bool quiet = false;
+};
 
 struct StudyModel {
   // "CANDIDATE" or "CANDIDATE:INPUTS", as in "mlp-512-256:spd". Throws Error(usage) for what is no

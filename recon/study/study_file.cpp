@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: MIT
+#include "recon/study/study_file.hpp"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "acquire/record/insert.hpp"
+#include "acquire/record/rescue.hpp"
+#include "drivers/core/console.hpp"
+#include "drivers/core/printable.hpp"
+#include "recon/files/files.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::int64_t application_id = 0x45434653;  // "ECFS"
+constexpr int longest_wait_ms = 30'000;  // for a reader, or a second study in the folder
+
+constexpr const char* schema = R"(
+CREATE TABLE IF NOT EXISTS setting (key TEXT PRIMARY KEY, value TEXT);
+CREATE TABLE IF NOT EXISTS measurement (axis TEXT, value TEXT, model TEXT, inputs TEXT,
+  seed INTEGER, metric TEXT, score REAL,
+  PRIMARY KEY (axis, value, model, inputs, seed, metric));
+)";
+
+// Names go into tables, and into a script that a shell reads.
+bool is_name(const std::string& text) {
+  return !text.empty() && text.size() < 100 && std::ranges::all_of(text, [](char c) {
+    return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') ||
+           std::string_view(" ._+-").find(c) != std::string_view::npos;
+  });
+}
+
+// Exports of a study are its own, those of another one are not.
+std::string path_in(const std::string& folder, const std::string& study) {
+  make_folder(folder);
+  std::string path = folder + "/study.sqlite";
+  if (std::filesystem::exists(path)) return path;
+  for (const auto& entry : std::filesystem::directory_iterator(folder))
+    if (entry.path().stem() == study)
+      throw Error(ExitCode::usage, printable(entry.path().string()) +
+                                       ": is of a study whose study.sqlite is missing; give "
+                                       "another --out");
+  return path;
+}
+
+}  // namespace
+
+StudyFile::StudyFile(const StudyOptions& options, StudySettings settings, ExitCode refusal)
+    : StudyFile(path_in(options.out, settings[0].second), std::move(settings), refusal,
+                SQLITE_OPEN_CREATE) {
+  for (const std::string& part : options.merge) {
+    if (!std::filesystem::is_regular_file(part))
+      throw Error(ExitCode::failed,
+                  printable(part) + ": no such file; expected the study.sqlite of another folder");
+    add(StudyFile(part, settings_, refusal_, 0).all());
+  }
+}
+
+StudyFile::StudyFile(const std::string& path, StudySettings settings, ExitCode refusal, int flags)
+    : path_(path), settings_(std::move(settings)), refusal_(refusal), db_(nullptr, sqlite3_close) {
+  try {
+    open(flags);
+  } catch (const Error& error) {
+    throw Error(error.code() == ExitCode::failed ? ExitCode::config : error.code(), error.what());
+  }
+  if (const std::string fault = record::damage(db_.get(), path_); !fault.empty())
+    throw Error(ExitCode::failed, printable(path_) + ": damaged: " + printable(fault, 200));
+  check_settings();
+}
+
+void StudyFile::open(int flags) {
+  sqlite3* db = nullptr;
+  const int code = sqlite3_open_v2(path_.c_str(), &db, SQLITE_OPEN_READWRITE | flags, nullptr);
+  db_.reset(db);
+  if (code != SQLITE_OK) record::sqlite_fail(db, path_, "cannot open");
+  record::harden(db);
+  sqlite3_busy_timeout(db, longest_wait_ms);
+  if (flags && !ask("SELECT 1 FROM sqlite_schema").step()) begin();
+  record::Statement id = ask("PRAGMA application_id");
+  if (!id.step() || id.integer() != application_id)
+    throw Error(ExitCode::config, printable(path_) + ": is not the file of a study");
+  record::check_tables(db, path_, schema, "a study");
+}
+
+// In one transaction: a kill leaves an empty file or a study.
+void StudyFile::begin() {
+  const auto run = [&](const std::string& sql) {
+    record::execute(db_.get(), path_, sql.c_str(), "cannot begin a study");
+  };
+  run("BEGIN IMMEDIATE; PRAGMA application_id=" + std::to_string(application_id) + ";" + schema);
+  record::Insert row(db_.get(), path_, "setting", "ON CONFLICT DO NOTHING");
+  for (const auto& [key, value] : settings_) row.set("key", key).set("value", value).run();
+  run("COMMIT");
+}
+
+void StudyFile::check_settings() {
+  std::map<std::string, std::string> there;
+  record::Statement rows = ask("SELECT key, value FROM setting");
+  while (rows.step()) {
+    const std::string key = rows.text();
+    there[key] = rows.text();
+  }
+  std::string differ;
+  for (const auto& [key, now] : settings_) {
+    if (there[key] == now) continue;
+    differ += (differ.empty() ? "" : ", ") + key + " " + printable(there[key], 100) +
+              " (now: " + printable(now, 100) + ")";
+    if (key == settings_[0].first) break;  // another study has other keys
+  }
+  if (!differ.empty())
+    throw Error(refusal_, printable(path_) + ": was measured with " + differ +
+                              "; give the same settings, or another folder or file");
+}
+
+// The file grows.
+void StudyFile::limit() {
+  std::error_code code;
+  const auto bytes = std::filesystem::file_size(path_, code);
+  budget_ = record::Budget::of_file(code ? 0 : bytes);
+  record::limit(db_.get(), budget_);
+}
+
+record::Statement StudyFile::ask(const char* sql) {
+  limit();
+  return {db_.get(), path_, sql, budget_.bytes};
+}
+
+bool StudyFile::has(const Measurement& m) {
+  record::Statement found =
+      ask("SELECT 1 FROM measurement WHERE axis = ? AND value = ? AND model = ? AND inputs = ? AND "
+          "seed = ?");
+  found.bind(m.axis).bind(m.value).bind(m.model).bind(m.inputs).bind(m.seed);
+  return found.step();
+}
+
+void StudyFile::add(std::span<const Measurement> measurements) {
+  if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; the same command goes on");
+  limit();
+  record::execute(db_.get(), path_, "BEGIN IMMEDIATE", "cannot keep a measurement");
+  record::Insert row(db_.get(), path_, "measurement", "ON CONFLICT DO NOTHING");
+  for (const Measurement& m : measurements) {
+    limit();
+    for (const auto& [metric, score] : m.metrics)
+      row.set("axis", m.axis)
+          .set("value", m.value)
+          .set("model", m.model)
+          .set("inputs", m.inputs)
+          .set("seed", m.seed)
+          .set("metric", metric)
+          .set("score", score)
+          .run();
+  }
+  record::execute(db_.get(), path_, "COMMIT", "cannot keep a measurement");
+}
+
+std::vector<Measurement> StudyFile::all() {
+  record::Statement rows =
+      ask("SELECT axis, value, model, inputs, metric, seed, score FROM measurement ORDER BY rowid");
+  std::vector<Measurement> out;
+  while (rows.step()) {
+    Measurement m;
+    std::string metric;
+    for (std::string* text : {&m.axis, &m.value, &m.model, &m.inputs, &metric}) {
+      *text = rows.text();
+      if (!is_name(*text))
+        throw Error(ExitCode::failed, printable(path_) + ": damaged: \"" + printable(*text, 100) +
+                                          "\" is no name of a study");
+    }
+    m.seed = static_cast<std::size_t>(rows.integer());
+    if (out.empty() || out.back().key() != m.key()) out.push_back(m);
+    const bool undefined = rows.next_is_null();
+    const double score = rows.real();
+    out.back().metrics[metric] = undefined ? std::numeric_limits<double>::quiet_NaN() : score;
+  }
+  return out;
+}
+
+}  // namespace echofuse::recon
