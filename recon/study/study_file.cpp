@@ -23,6 +23,10 @@ CREATE TABLE IF NOT EXISTS measurement (axis TEXT, value TEXT, model TEXT, input
   PRIMARY KEY (axis, value, model, inputs, seed, metric));
 )";
 
+constexpr const char* all_settings = "SELECT key, value FROM setting";
+constexpr const char* all_measurements =
+    "SELECT axis, value, model, inputs, metric, seed, score FROM measurement ORDER BY rowid";
+
 // Names go into tables, and into a script that a shell reads.
 bool is_name(const std::string& text) {
   return !text.empty() && text.size() < 100 && std::ranges::all_of(text, [](char c) {
@@ -46,27 +50,31 @@ std::string path_in(const std::string& folder, const std::string& study) {
 
 }  // namespace
 
-StudyFile::StudyFile(const StudyOptions& options, StudySettings settings, ExitCode refusal)
-    : StudyFile(path_in(options.out, settings[0].second), std::move(settings), refusal,
-                SQLITE_OPEN_CREATE) {
+StudyFile::StudyFile(const StudyOptions& options, const StudySettings& settings, ExitCode refusal)
+    : StudyFile(path_in(options.out, settings[0].second), settings, refusal, SQLITE_OPEN_CREATE) {
   for (const std::string& part : options.merge) {
     if (!std::filesystem::is_regular_file(part))
       throw Error(ExitCode::failed,
                   printable(part) + ": no such file; expected the study.sqlite of another folder");
-    add(StudyFile(part, settings_, refusal_, 0).all());
+    add(StudyFile(part, settings, refusal, 0).all());
   }
 }
 
-StudyFile::StudyFile(const std::string& path, StudySettings settings, ExitCode refusal, int flags)
-    : path_(path), settings_(std::move(settings)), refusal_(refusal), db_(nullptr, sqlite3_close) {
+StudyFile::StudyFile(const std::string& path, const StudySettings& settings, ExitCode refusal,
+                     int flags)
+    : path_(path), db_(nullptr, sqlite3_close) {
   try {
     open(flags);
+    if (flags && !ask("SELECT 1 FROM sqlite_schema").step()) begin(settings);
+    require_study();
   } catch (const Error& error) {
-    throw Error(error.code() == ExitCode::failed ? ExitCode::config : error.code(), error.what());
+    const bool damaged = sqlite3_errcode(db_.get()) == SQLITE_CORRUPT;
+    if (error.code() != ExitCode::failed || damaged) throw;
+    throw Error(ExitCode::config, error.what());
   }
   if (const std::string fault = record::damage(db_.get(), path_); !fault.empty())
     throw Error(ExitCode::failed, printable(path_) + ": damaged: " + printable(fault, 200));
-  check_settings();
+  check(settings, refusal);
 }
 
 void StudyFile::open(int flags) {
@@ -76,41 +84,44 @@ void StudyFile::open(int flags) {
   if (code != SQLITE_OK) record::sqlite_fail(db, path_, "cannot open");
   record::harden(db);
   sqlite3_busy_timeout(db, longest_wait_ms);
-  if (flags && !ask("SELECT 1 FROM sqlite_schema").step()) begin();
+}
+
+void StudyFile::require_study() {
   record::Statement id = ask("PRAGMA application_id");
   if (!id.step() || id.integer() != application_id)
     throw Error(ExitCode::config, printable(path_) + ": is not the file of a study");
-  record::check_tables(db, path_, schema, "a study");
+  record::check_tables(db_.get(), path_, schema, "a study");
+  for (const char* sql : {all_settings, all_measurements}) ask(sql);  // has it all columns?
 }
 
 // In one transaction: a kill leaves an empty file or a study.
-void StudyFile::begin() {
+void StudyFile::begin(const StudySettings& settings) {
   const auto run = [&](const std::string& sql) {
     record::execute(db_.get(), path_, sql.c_str(), "cannot begin a study");
   };
   run("BEGIN IMMEDIATE; PRAGMA application_id=" + std::to_string(application_id) + ";" + schema);
   record::Insert row(db_.get(), path_, "setting", "ON CONFLICT DO NOTHING");
-  for (const auto& [key, value] : settings_) row.set("key", key).set("value", value).run();
+  for (const auto& [key, value] : settings) row.set("key", key).set("value", value).run();
   run("COMMIT");
 }
 
-void StudyFile::check_settings() {
+void StudyFile::check(const StudySettings& settings, ExitCode refusal) {
   std::map<std::string, std::string> there;
-  record::Statement rows = ask("SELECT key, value FROM setting");
+  record::Statement rows = ask(all_settings);
   while (rows.step()) {
     const std::string key = rows.text();
     there[key] = rows.text();
   }
   std::string differ;
-  for (const auto& [key, now] : settings_) {
+  for (const auto& [key, now] : settings) {
     if (there[key] == now) continue;
     differ += (differ.empty() ? "" : ", ") + key + " " + printable(there[key], 100) +
               " (now: " + printable(now, 100) + ")";
-    if (key == settings_[0].first) break;  // another study has other keys
+    if (key == settings[0].first) break;  // another study has other keys
   }
   if (!differ.empty())
-    throw Error(refusal_, printable(path_) + ": was measured with " + differ +
-                              "; give the same settings, or another folder or file");
+    throw Error(refusal, printable(path_) + ": was measured with " + differ +
+                             "; give the same settings, or another folder or file");
 }
 
 // The file grows.
@@ -155,8 +166,7 @@ void StudyFile::add(std::span<const Measurement> measurements) {
 }
 
 std::vector<Measurement> StudyFile::all() {
-  record::Statement rows =
-      ask("SELECT axis, value, model, inputs, metric, seed, score FROM measurement ORDER BY rowid");
+  record::Statement rows = ask(all_measurements);
   std::vector<Measurement> out;
   while (rows.step()) {
     Measurement m;

@@ -44,7 +44,7 @@ class StudyFile {
   // Begins the study or goes on with it, and takes what its parts have. Throws Error: config for a
   // file that is no study, `refusal` for one of other settings, usage for a folder that holds files
   // of the study's name without it, failed for a damaged one or a part that is not there, disk.
-  StudyFile(const StudyOptions& options, StudySettings settings, ExitCode refusal);
+  StudyFile(const StudyOptions& options, const StudySettings& settings, ExitCode refusal);
 
   bool has(const Measurement& measurement);  // with any metrics
   // In one transaction; what is there already stays. Throws Error(interrupted) instead if the user
@@ -54,15 +54,14 @@ class StudyFile {
   std::vector<Measurement> all();
 
  private:
-  StudyFile(const std::string& path, StudySettings settings, ExitCode refusal, int flags);
+  StudyFile(const std::string& path, const StudySettings& settings, ExitCode refusal, int flags);
   void open(int flags);
-  void begin();
-  void check_settings();
+  void begin(const StudySettings& settings);
+  void require_study();
+  void check(const StudySettings& settings, ExitCode refusal);
   record::Statement ask(const char* sql);
   void limit();
   std::string path_;
-  StudySettings settings_;
-  ExitCode refusal_;
   record::Budget budget_;
   std::unique_ptr<sqlite3, int (*)(sqlite3*)> db_;
 };

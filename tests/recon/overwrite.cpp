@@ -93,11 +93,13 @@ TEST_CASE("a report is written over one of the same run only, unless told to") {
   CHECK(recon_program(report("other") + " --force").code == 0);
 }
 
-TEST_CASE("a study of stability leaves settings of something else alone") {
+TEST_CASE("a study leaves files that bear its name, and are not its own, alone") {
   const Folder dir;
-  std::ofstream(dir / "settings.txt") << "mine";
-  refuses("study stability -q --quick --axes shifted-snr --records 20 --test-records 10 --out " +
-              dir.path.string(),
-          "settings.txt: is of something else");
-  CHECK(contents(dir / "settings.txt") == "mine");
+  const std::string study =
+      "study stability -q --quick --axes shifted-snr --records 20 --test-records 10 --out " +
+      dir.path.string();
+  std::ofstream(dir / "stability.html") << "mine";
+  refuses(study, "stability.html: is of a study whose study.sqlite is missing");
+  CHECK(contents(dir / "stability.html") == "mine");
+  CHECK_FALSE(std::filesystem::exists(dir / "study.sqlite"));
 }

@@ -13,8 +13,6 @@ using namespace echofuse;
 using namespace echofuse::recon;
 using namespace echofuse::testing;
 
-namespace {}  // namespace
-
 TEST_CASE("study pareto: a row a model and share, the front marked, a chart") {
   const Folder dir;
   write_run(dir / "train", 200);
@@ -41,7 +39,7 @@ TEST_CASE("study pareto: a row a model and share, the front marked, a chart") {
                                            "records,0.5,silhouette"});
   CHECK(std::count(fronts.begin(), fronts.end(), "model,1,silhouette") == 1);
   CHECK(std::filesystem::file_size(dir / "out/pareto.svg") > 1000);
-  CHECK(std::distance(std::filesystem::directory_iterator(dir / "out"), {}) == 4);  // .runs, .gp
+  CHECK(std::distance(std::filesystem::directory_iterator(dir / "out"), {}) == 4);  // .sqlite, .gp
   const Outcome same = recon_program("study pareto " + (dir / "train") + " " + (dir / "train") +
                                      " --out " + (dir / "same"));
   CHECK(same.code == 2);
@@ -52,6 +50,7 @@ TEST_CASE("study pareto goes on where it stopped, and draws the bound") {
   const Folder dir;
   write_run(dir / "train", 200);
   write_run(dir / "test", 40, 5);
+  const std::string file = dir / "out/study.sqlite";
   const auto study = [&](const std::string& models, const std::string& more = {},
                          const std::string& records = "0.5") {
     return recon_program("study pareto " + (dir / "train") + " " + (dir / "test") +
@@ -62,16 +61,12 @@ TEST_CASE("study pareto goes on where it stopped, and draws the bound") {
   const Outcome stopped = study("empty,mean", {}, "1e-9");  // of one record nothing can be learnt
   CAPTURE(stopped.text);
   REQUIRE(stopped.code != 0);
-  CHECK_THAT(table(), Catch::Contains("\nmodel,1,mean,1,"));
-  std::string marked = table();
-  const std::string there = "\nmodel,1,empty,1,0,";
-  REQUIRE(marked.find(there) != std::string::npos);
-  marked.replace(marked.find(there), there.size(), "\nmodel,1,empty,1,0.0625,");
-  std::ofstream(dir / "out/pareto.csv") << marked;
+  CHECK(table().empty());
+  CHECK(sql(file, "SELECT DISTINCT axis || ' ' || model FROM measurement") ==
+        "model empty\nmodel mean\nphotons silhouette\n");
+  sql(file, "UPDATE measurement SET score = 0.0625 WHERE model = 'empty' AND metric = 'iou'");
 
-  std::ofstream(dir / "bound.csv") << "axis,value,known,lateral_error_m\nbase,0,shape,0.0125\n"
-                                      "base,0,pose,0.0375\nphotons,100,pose,0.5\n";
-  const Outcome more = study("empty,mean,silhouette", " --bound " + (dir / "bound.csv"));
+  const Outcome more = study("empty,mean,silhouette", " --bound 0.0375,0.0125");
   CAPTURE(more.text);
   REQUIRE(more.code == 0);
   const std::string all = table();
@@ -81,41 +76,42 @@ TEST_CASE("study pareto goes on where it stopped, and draws the bound") {
   CHECK_THAT(contents(dir / "out/pareto.gp"),
              Catch::Contains("0.0375 with lines") && Catch::Contains("0.0125 with lines"));
   CHECK_THAT(contents(dir / "out/pareto.svg"), Catch::Contains("bound: pose unknown"));
+  CHECK(study("empty", " --bound 0.0375").code == 2);
+  CHECK(study("empty", " --bound 0.0375,0").code == 2);
 
-  const Outcome nowhere = study("empty", " --bound " + (dir / "nowhere.csv"));
-  CHECK(nowhere.code == 1);
-  CHECK_THAT(nowhere.text, Catch::Contains("nowhere.csv: No such file"));
-  const Outcome no_bound = study("empty", " --bound " + (dir / "out/pareto.csv"));
-  CHECK(no_bound.code == 1);
-  CHECK_THAT(no_bound.text, Catch::Contains("is not a bound.csv"));
-  write_run(dir / "third", 40, 6);
-  const Outcome other = recon_program("study pareto " + (dir / "train") + " " + (dir / "third") +
-                                      " -q --out " + (dir / "out"));
-  CHECK(other.code == 2);
-  CHECK_THAT(other.text, Catch::Contains("a study of other runs"));
-  std::ofstream(dir / "out/pareto.csv") << "sweep,share\nmodel,1\n";
-  CHECK_THAT(study("empty").text, Catch::Contains("pareto.csv: expected a number as seeds"));
+  std::ofstream(dir / "out/pareto.csv") << "nobody reads this\n";
+  CHECK(study("empty").code == 0);
+  CHECK(table() == all);
 }
 
-TEST_CASE("study pareto keeps no row of a training that was broken off") {
+TEST_CASE("study pareto keeps what is measured, and no row of a training that was broken off") {
   const Folder dir;
   write_run(dir / "train", 1000);
   write_run(dir / "test", 40, 5);
-  const std::string out = dir / "out";
-  const pid_t child = start_recon({"study", "pareto", dir / "train", dir / "test", "-q", "--seeds",
-                                   "1", "--models", "empty,mlp-1024-1024", "--out", out});
-  while (contents(out + "/pareto.csv").find("model,1,empty,") == std::string::npos &&
-         kill(child, 0) == 0)
-    ::usleep(10'000);
-  ::usleep(500'000);
-  CHECK(interrupted_code(child) == 130);
-  CHECK_THAT(contents(out + "/pareto.csv"), !Catch::Contains("mlp-1024-1024"));
+  for (const bool killed : {false, true}) {
+    const std::string out = dir / (killed ? "killed" : "interrupted"), file = out + "/study.sqlite";
+    const pid_t child =
+        start_recon({"study", "pareto", dir / "train", dir / "test", "-q", "--seeds", "1",
+                     "--models", "empty,mlp-1024-1024", "--out", out});
+    const auto models = [&] { return sql(file, "SELECT DISTINCT model FROM measurement"); };
+    while (kill(child, 0) == 0 && (contents(file).empty() || models() != "empty\n"))
+      ::usleep(10'000);
+    ::usleep(500'000);
+    if (killed) {
+      kill(child, SIGKILL);
+      waitpid(child, nullptr, 0);
+    } else {
+      CHECK(interrupted_code(child) == 130);
+    }
+    CHECK(models() == "empty\n");
+  }
 }
 
 TEST_CASE("study pareto refuses what it cannot judge or must not mix, before it trains") {
   const Folder dir;
   write_run(dir / "train", 60);
   write_run(dir / "test", 40, 5);
+  write_run(dir / "third", 40, 6);
   write_run(dir / "blind", 40, 6, [](record::FusedRecord& r) {
     r.valid.erase(Sensor::depth);
     r.depth_mm.clear();
@@ -128,19 +124,123 @@ TEST_CASE("study pareto refuses what it cannot judge or must not mix, before it 
   const Outcome blind = study("blind");
   CHECK(blind.code == 1);
   CHECK_THAT(blind.text, Catch::Contains("no record has depth and the live sensors"));
-  CHECK(std::filesystem::is_empty(dir / "out"));
+  CHECK_FALSE(std::filesystem::exists(dir / "out"));
   REQUIRE(study("test").code == 0);
-  const std::string runs = contents(dir / "out/pareto.runs"),
-                    table = contents(dir / "out/pareto.csv");
-  std::filesystem::remove(dir / "out/pareto.runs");
+  const std::string file = dir / "out/study.sqlite", table = contents(dir / "out/pareto.csv");
+  const Outcome other = study("third");
+  CHECK(other.code == 2);
+  CHECK_THAT(other.text, Catch::Contains("study.sqlite: was measured with test ") &&
+                             Catch::Contains(" (now: ") &&
+                             Catch::Contains("give the same settings, or another folder"));
+  CHECK_THAT(other.text, !Catch::Contains("train "));
+  sql(file, "UPDATE setting SET value = char(27) || '0' WHERE key = 'echofuse'");
+  const Outcome older = study("test");
+  CHECK(older.code == 2);
+  CHECK_THAT(older.text, Catch::Contains("measured with echofuse \\x1b0 (now: "));
+  std::filesystem::remove(file);
   const Outcome unknown = study("test");
   CHECK(unknown.code == 2);
-  CHECK_THAT(unknown.text, Catch::Contains("no pareto.runs"));
+  CHECK_THAT(unknown.text, Catch::Contains("study.sqlite is missing"));
   CHECK(contents(dir / "out/pareto.csv") == table);
-  std::ofstream(dir / "out/pareto.runs") << "echofuse 0.0.1" << runs.substr(runs.find('\n'));
-  CHECK_THAT(study("test").text, Catch::Contains("another version of echofuse"));
-  std::ofstream(dir / "out/pareto.runs") << runs;
-  CHECK(study("test").code == 0);
+  CHECK_FALSE(std::filesystem::exists(file));
+}
+
+TEST_CASE("a study takes the measurements of others with the same settings") {
+  const Folder dir;
+  write_run(dir / "train", 100);
+  write_run(dir / "test", 40, 5);
+  write_run(dir / "third", 40, 6);
+  const auto study = [&](const std::string& out, const std::string& seeds,
+                         const std::string& more = {}, const std::string& run = "test") {
+    return recon_program("study pareto " + (dir / "train") + " " + (dir / run) +
+                         " -q --models empty,silhouette --photons 1 --records 1 --sweep-models "
+                         "mean --out " +
+                         (dir / out) + " --seeds " + seeds + more);
+  };
+  const auto scores = [&](const std::string& out) {
+    return sql(dir / (out + "/study.sqlite"),
+               "SELECT axis || value || model || seed || metric || ifnull(score, '-') FROM "
+               "measurement WHERE metric NOT LIKE '%\\_s' ESCAPE '\\' AND metric NOT LIKE "
+               "'infer_us%' ORDER BY axis, value, model, seed, metric");
+  };
+  REQUIRE(study("whole", "2").code == 0);
+  REQUIRE(study("second", "1", " --first-seed 2").code == 0);
+  CHECK(sql(dir / "second/study.sqlite", "SELECT DISTINCT seed FROM measurement") == "2\n");
+  const std::string part = dir / "second/study.sqlite",
+                    median =
+                        "SELECT score FROM measurement WHERE seed = 2 AND model = 'silhouette'"
+                        " AND metric = 'infer_us_median'";
+  const Outcome merged = study("first", "2", " --merge " + part);
+  CAPTURE(merged.text);
+  REQUIRE(merged.code == 0);
+  CHECK(scores("first") == scores("whole"));
+  CHECK(sql(dir / "first/study.sqlite", median) == sql(part, median));  // not measured again
+  CHECK_THAT(contents(dir / "first/pareto.csv"), Catch::Contains("\nmodel,1,silhouette,2,"));
+  const std::string before = contents(dir / "first/study.sqlite");
+  CHECK(study("first", "2", " --merge " + part + "," + (dir / "whole/study.sqlite")).code == 0);
+  CHECK(contents(dir / "first/study.sqlite") == before);
+
+  REQUIRE(study("other", "1", {}, "third").code == 0);
+  const Outcome other = study("first", "2", " --merge " + (dir / "other/study.sqlite"));
+  CHECK(other.code == 2);
+  CHECK_THAT(other.text, Catch::Contains("other/study.sqlite: was measured with test "));
+  const Outcome nowhere = study("first", "2", " --merge " + (dir / "nowhere"));
+  CHECK(nowhere.code == 1);
+  CHECK_THAT(nowhere.text, Catch::Contains("nowhere: no such file"));
+  const Outcome run = study("first", "2", " --merge " + (dir / "test"));
+  CHECK(run.code == 3);
+  CHECK_THAT(run.text, Catch::Contains("test: is not the file of a study"));
+  CHECK(scores("first") == scores("whole"));
+}
+
+TEST_CASE("nothing of a study file is believed") {
+  const Folder dir;
+  write_run(dir / "train", 60);
+  write_run(dir / "test", 40, 5);
+  const std::string file = dir / "out/study.sqlite";
+  const auto study = [&] {
+    return recon_program("study pareto " + (dir / "train") + " " + (dir / "test") +
+                         " -q --seeds 1 --models mean --photons 1 --records 1 --sweep-models mean" +
+                         " --out " + (dir / "out"));
+  };
+  REQUIRE(study().code == 0);
+  const std::string sound = contents(file);
+  const auto refused = [&](const std::string& change, int code, const std::string& text) {
+    std::ofstream(file, std::ios::binary) << sound;
+    sql(file, change);
+    const Outcome o = study();
+    CAPTURE(change, o.text);
+    CHECK(o.code == code);
+    CHECK_THAT(o.text, Catch::Contains("study.sqlite: ") && Catch::Contains(text));
+    CHECK(std::count(o.text.begin(), o.text.end(), '\n') == 1);
+  };
+  refused("CREATE TRIGGER t AFTER INSERT ON measurement BEGIN DELETE FROM setting; END", 3,
+          "holds the trigger \"t\"; expected the tables of a study only");
+  refused("CREATE VIEW v AS SELECT 1", 3, "holds the view \"v\"");
+  refused("CREATE TABLE more (a)", 3, "holds the table \"more\"");
+  refused("ALTER TABLE measurement ADD COLUMN \"\x1b[2J\"", 3, "has the column \"\"\\x1b[2J\"\"");
+  refused("ALTER TABLE measurement DROP COLUMN score", 3, "no such column: score");
+  refused("DROP TABLE measurement", 3, "not the expected tables");
+  refused("PRAGMA application_id = 7", 3, "is not the file of a study");
+  refused("UPDATE measurement SET model = 'mean'';reboot'", 1, "\"mean';reboot\" is no name");
+  refused("UPDATE measurement SET axis = 'a' || char(10) WHERE rowid = 1", 1,
+          "\"a\\n\" is no name");
+  refused("UPDATE measurement SET metric = '' WHERE rowid = 1", 1, "is no name");
+  std::ofstream(file, std::ios::binary) << sound.substr(0, sound.size() / 2);
+  const Outcome cut = study();
+  CHECK(cut.code == 1);
+  CHECK_THAT(cut.text, Catch::Contains("study.sqlite: ") && Catch::Contains("malformed"));
+  std::ofstream(file, std::ios::binary)
+      << sound.substr(0, sound.size() - 4096) << std::string(4096, 'x');
+  const Outcome page = study();
+  CHECK(page.code == 1);
+  CHECK_THAT(page.text, Catch::Contains("study.sqlite: damaged: "));
+  std::ofstream(file, std::ios::binary) << "sweep,share\nmodel,1\n";
+  const Outcome text = study();
+  CHECK(text.code == 3);
+  CHECK_THAT(text.text, Catch::Contains("file is not a database"));
+  std::ofstream(file, std::ios::binary) << "";  // killed as it began
+  CHECK(study().code == 0);
 }
 
 TEST_CASE("a chart that cannot be written leaves the table that was there") {

@@ -2,6 +2,7 @@
 // A small world for tests: a plate at (x, z), an SPD that sees its range, a radar to the left of
 // it. Few bins and coarse plates, so that models fit in a fraction of a second.
 #pragma once
+#include <sqlite3.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -113,6 +114,22 @@ struct Outcome {
   int code = -1;
   std::string text;  // stdout and stderr
 };
+
+// What a statement does with an SQLite file: the first column of its rows, one a line.
+inline std::string sql(const std::string& path, const std::string& statement) {
+  sqlite3* db = nullptr;
+  REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
+  sqlite3_busy_timeout(db, 5000);
+  std::string out;
+  const auto add = [](void* text, int, char** values, char**) {
+    static_cast<std::string*>(text)->append(values[0] ? values[0] : "").append("\n");
+    return 0;
+  };
+  CAPTURE(statement);
+  REQUIRE(sqlite3_exec(db, statement.c_str(), add, &out, nullptr) == SQLITE_OK);
+  sqlite3_close(db);
+  return out;
+}
 
 // Runs echofuse-recon as a user does.
 inline Outcome recon_program(const std::string& arguments) {
