@@ -190,6 +190,9 @@ TEST_CASE("a study takes the measurements of others with the same settings") {
   const Outcome run = study("first", "2", " --merge " + (dir / "test"));
   CHECK(run.code == 3);
   CHECK_THAT(run.text, Catch::Contains("test: is not the file of a study"));
+  const Outcome kind = recon_program("study stability -q --quick --out " + (dir / "first"));
+  CHECK(kind.code == 3);
+  CHECK_THAT(kind.text, Catch::Contains("measured with study pareto (now: stability); give"));
   CHECK(scores("first") == scores("whole"));
 }
 
