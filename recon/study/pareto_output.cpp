@@ -5,8 +5,8 @@
 #include <map>
 #include <sstream>
 
+#include "drivers/chart/gnuplot.hpp"
 #include "drivers/core/exit_code.hpp"
-#include "drivers/core/gnuplot.hpp"
 #include "drivers/core/write_beside.hpp"
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "drivers/chart/gnuplot.hpp"
 #include "drivers/core/console.hpp"
-#include "drivers/core/gnuplot.hpp"
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
 #include "recon/study/stability_summary.hpp"
