@@ -73,6 +73,16 @@ std::vector<std::string> model_names() {
   return out;
 }
 
+std::string model_help() {
+  std::string out;
+  for (const ModelKind& kind : model_kinds()) {
+    out += (out.empty() ? "" : ", ") + kind.name;
+    if (kind.size != ModelKind::Size::fixed) out += "[-N]";
+    if (kind.size == ModelKind::Size::hidden) out += "[-N...]";
+  }
+  return out;
+}
+
 const ModelKind& kind_of(const std::string& name) {
   std::string known;
   for (const ModelKind& kind : model_kinds()) {

@@ -87,9 +87,12 @@ struct ModelKind {
   Size size;
   FitOptions own;  // what did best on validation records at the base condition
 };
+// To add one: a row there, its own file, and candidates() in estimator/crossvalidate.hpp if
+// `--model auto` shall try it.
 const std::vector<ModelKind>& model_kinds();        // from the cheapest to the dearest
 const ModelKind& kind_of(const std::string& name);  // throws Error(usage)
 std::vector<std::string> model_names();
+std::string model_help();  // "empty, mean, ..., factorised[-N]"
 
 // The models, one a file.
 std::unique_ptr<Model> make_background();  // "empty": the room without anybody
