@@ -92,7 +92,7 @@ T load_count(const H5File& file, const std::string& object, const char* attribut
 }
 
 void load_head(const H5File& file, TrainedModel& m) {
-  m.name = load_choice(file, "model", model_names);
+  m.name = load_choice(file, "model", model_names());
   m.features.inputs = inputs_of(load_choice(file, "inputs", {"fused", "spd", "radar"}));
   m.features.scaling =
       load_choice(file, "scaling",
@@ -207,7 +207,7 @@ TrainedModel load_one(const H5File& file) {
   const bool uncertainties = file.has("uncertainty");
   if (aligned || file.has("range_bias") || (uncertainties && layout.spd.count > 0))
     out.alignment.load(file, layout);
-  out.model = make_model(out.name);
+  out.model = kind_of(out.name).make();
   out.model->load(file, aligned ? out.alignment.size() : layout.inputs(), map_pixels);
   out.range_bias.load(file, out.alignment);
   if (uncertainties) out.uncertainty.emplace().load(file, out.features, out.alignment);

@@ -130,7 +130,7 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const Ground& gr
                 "the silhouette and factorised models need both sensors: --inputs fused");
   out.scene = ground.scene;
   if (aligned) out.alignment = ground.alignment;
-  out.model = make_model(candidate.model);
+  out.model = kind_of(candidate.model).make();
   const Matrix scaled = aligned ? Matrix{} : out.features.apply(data, all_rows(data.size()));
   const Matrix& taken = aligned ? ground.aligned : scaled;
   out.log = out.model->fit({taken, data.depth, split.train, &ground.scene},

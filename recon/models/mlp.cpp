@@ -19,6 +19,7 @@ class Mlp final : public Model {
     return regression_.predict(inputs);
   }
   Cost cost() const override { return regression_.cost(); }
+  std::vector<AffineLayer> layers() const override { return regression_.layers(); }
   void save(record::H5File& file) const override { regression_.save(file, "model"); }
   void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) override {
     regression_.load(file, "model", inputs, outputs);

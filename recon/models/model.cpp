@@ -1,26 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "recon/models/model.hpp"
 
+#include <algorithm>
 #include <charconv>
 #include <sstream>
 
 #include "drivers/core/exit_code.hpp"
 
 namespace echofuse::recon {
-
-std::unique_ptr<Model> make_model(const std::string& name) {
-  if (name == "empty") return make_background();
-  if (name == "mean") return make_mean();
-  if (name == "nearest") return make_nearest();
-  if (name == "ridge") return make_ridge();
-  if (name == "mlp") return make_mlp();
-  if (name == "pca-mlp") return make_pca(make_mlp());
-  if (name == "silhouette") return make_silhouette();
-  if (name == "factorised") return make_factorised();
-  std::string known;
-  for (const auto& one : model_names) known += (known.empty() ? "" : ", ") + one;
-  throw Error(ExitCode::usage, "model \"" + name + "\": expected one of " + known);
-}
 
 namespace {
 
@@ -38,20 +25,24 @@ std::vector<std::size_t> numbers_of(const std::string& text) {
   return out;
 }
 
-// What did best on validation records at the base condition. 512-256 is the paper's network.
-FitOptions own_options(const std::string& model) {
-  FitOptions own;
-  if (model == "mlp" || model == "pca-mlp") {
-    own.hidden = {512, 256};
-    own.epochs = 60, own.patience = 15, own.learning_rate = 2e-3, own.weight_decay = 0.7;
-  }
-  if (model == "silhouette" || model == "factorised") {
-    own.basis = 16;
-    own.epochs = 100, own.patience = 100, own.learning_rate = 3e-3, own.weight_decay = 0.3;
-  }
-  if (model == "pca-mlp") own.basis = 128;
-  if (model == "nearest") own.basis = 1;
-  return own;
+// 512-256 is the paper's network.
+const FitOptions network{.hidden = {{512, 256}},
+                         .epochs = 60,
+                         .learning_rate = 2e-3,
+                         .weight_decay = 0.7,
+                         .patience = 15};
+const FitOptions placed{
+    .basis = 16, .epochs = 100, .learning_rate = 3e-3, .weight_decay = 0.3, .patience = 100};
+
+FitOptions with_basis(std::size_t basis, FitOptions options = {}) {
+  options.basis = basis;
+  return options;
+}
+
+bool takes(const std::string& name, ModelKind::Takes what) {
+  const auto& kinds = model_kinds();
+  return std::any_of(kinds.begin(), kinds.end(),
+                     [&](const ModelKind& k) { return k.name == name && k.takes == what; });
 }
 
 template <class T>
@@ -61,38 +52,76 @@ void fill(std::optional<T>& option, const std::optional<T>& own) {
 
 }  // namespace
 
+const std::vector<ModelKind>& model_kinds() {
+  using enum ModelKind::Takes;
+  using enum ModelKind::Size;
+  static const std::vector<ModelKind> kinds{
+      {"empty", make_background, nothing, fixed, {}},
+      {"mean", make_mean, nothing, fixed, {}},
+      {"silhouette", make_silhouette, aligned, fixed, placed},
+      {"factorised", make_factorised, aligned, basis, placed},
+      {"ridge", make_ridge, inputs, fixed, {}},
+      {"pca-mlp", [] { return make_pca(make_mlp()); }, inputs, hidden, with_basis(128, network)},
+      {"mlp", make_mlp, inputs, hidden, network},
+      {"nearest", make_nearest, inputs, basis, with_basis(1)}};
+  return kinds;
+}
+
+std::vector<std::string> model_names() {
+  std::vector<std::string> out;
+  for (const ModelKind& kind : model_kinds()) out.push_back(kind.name);
+  return out;
+}
+
+std::string model_help() {
+  std::string out;
+  for (const ModelKind& kind : model_kinds()) {
+    out += (out.empty() ? "" : ", ") + kind.name;
+    if (kind.size != ModelKind::Size::fixed) out += "[-N]";
+    if (kind.size == ModelKind::Size::hidden) out += "[-N...]";
+  }
+  return out;
+}
+
+const ModelKind& kind_of(const std::string& name) {
+  std::string known;
+  for (const ModelKind& kind : model_kinds()) {
+    if (kind.name == name) return kind;
+    known += (known.empty() ? "" : ", ") + kind.name;
+  }
+  throw Error(ExitCode::usage, "model \"" + name + "\": expected one of " + known);
+}
+
 Candidate candidate_of(const std::string& name, const FitOptions& base) {
   Candidate out{name, name, base};
   const auto digit = name.find_first_of("0123456789");
   const bool sized = digit != std::string::npos && digit > 1 && name[digit - 1] == '-';
   if (sized) out.model = name.substr(0, digit - 1);
-  make_model(out.model);  // says what is known
-  const FitOptions own = own_options(out.model);
+  const ModelKind& kind = kind_of(out.model);
+  const FitOptions& own = kind.own;
   fill(out.fit.hidden, own.hidden), fill(out.fit.basis, own.basis);
   fill(out.fit.epochs, own.epochs), fill(out.fit.patience, own.patience);
   fill(out.fit.learning_rate, own.learning_rate), fill(out.fit.weight_decay, own.weight_decay);
   if (!sized) return out;
   const auto numbers =
       name.back() == '-' ? std::vector<std::size_t>{} : numbers_of(name.substr(digit));
-  const bool network = out.model == "mlp" || out.model == "pca-mlp";
-  const bool basis = out.model == "factorised" || out.model == "nearest";
-  if (numbers.empty() || !(network || (basis && numbers.size() == 1 && numbers[0] <= 1024)))
+  const bool hidden = kind.size == ModelKind::Size::hidden;
+  const bool basis = kind.size == ModelKind::Size::basis;
+  if (numbers.empty() || !(hidden || (basis && numbers.size() == 1 && numbers[0] <= 1024)))
     throw Error(ExitCode::usage,
                 "model \"" + name + "\": sizes follow as in mlp-512-256 or factorised-16");
-  if (network ? base.hidden.has_value() : base.basis.has_value())
+  if (hidden ? base.hidden.has_value() : base.basis.has_value())
     throw Error(ExitCode::usage, "model \"" + name + "\": its size is given once more by " +
-                                     (network ? "--hidden" : "--basis"));
-  if (network)
+                                     (hidden ? "--hidden" : "--basis"));
+  if (hidden)
     out.fit.hidden = numbers;
   else
     out.fit.basis = numbers.front();
   return out;
 }
 
-bool ignores_inputs(const std::string& name) { return name == "empty" || name == "mean"; }
+bool ignores_inputs(const std::string& name) { return takes(name, ModelKind::Takes::nothing); }
 
-bool wants_alignment(const std::string& name) {
-  return name == "silhouette" || name == "factorised";
-}
+bool wants_alignment(const std::string& name) { return takes(name, ModelKind::Takes::aligned); }
 
 }  // namespace echofuse::recon

@@ -27,11 +27,12 @@ struct Samples {
 
 // What is not given is as each model works best.
 struct FitOptions {
-  std::optional<std::vector<std::size_t>> hidden;  // mlp: width of each hidden layer
-  std::optional<std::size_t> basis;                // pca, factorised: components; nearest: records
-  std::optional<std::size_t> epochs;
-  std::optional<double> learning_rate, weight_decay;
-  std::optional<std::size_t> patience;  // epochs without a better validation loss before stopping
+  std::optional<std::vector<std::size_t>> hidden = {};  // mlp: width of each hidden layer
+  std::optional<std::size_t> basis = {};  // pca, factorised: components; nearest: records
+  std::optional<std::size_t> epochs = {};
+  std::optional<double> learning_rate = {}, weight_decay = {};
+  std::optional<std::size_t> patience =
+      {};  // epochs without a better validation loss before stopping
   std::size_t batch = 64;
   std::uint64_t seed = 1;
   bool quiet = false;
@@ -44,6 +45,13 @@ struct TrainingLog {
   std::vector<double> loss, validation_loss;
   std::size_t best_epoch = 0;  // whose weights were kept, counted from 1; 0: none beat the mean
   bool interrupted = false;
+};
+
+// y = x W + b, and max(0, y) after it if it is rectified.
+struct AffineLayer {
+  Matrix weights;             // inputs x outputs
+  std::vector<float> biases;  // outputs
+  bool rectified = false;
 };
 
 struct Cost {
@@ -60,16 +68,31 @@ class Model {
   // asked for; others leave it as it is, as their mean map says both.
   virtual Matrix predict(const Matrix& inputs, SoftMaps* soft = nullptr) const = 0;
   virtual Cost cost() const = 0;
+  // The model as a chain from its inputs to metres, for other people's runtimes; none if it is no
+  // such chain.
+  virtual std::vector<AffineLayer> layers() const { return {}; }
   virtual void save(record::H5File& file) const = 0;  // below "model/"
   // Of a sealed file. Throws Error(failed) that names what does not fit to so many inputs and
   // outputs.
   virtual void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) = 0;
 };
 
-// From the cheapest to the dearest.
-inline const std::vector<std::string> model_names = {"empty", "mean",    "silhouette", "factorised",
-                                                     "ridge", "pca-mlp", "mlp",        "nearest"};
-std::unique_ptr<Model> make_model(const std::string& name);  // throws Error(usage)
+// All that the rest of the program asks of a kind of model.
+struct ModelKind {
+  enum class Takes : std::uint8_t { nothing, inputs, aligned };  // aligned: body/alignment.hpp
+  enum class Size : std::uint8_t { fixed, hidden, basis };       // what a name's numbers mean
+  std::string name;
+  std::unique_ptr<Model> (*make)();
+  Takes takes;
+  Size size;
+  FitOptions own;  // what did best on validation records at the base condition
+};
+// To add one: a row there, its own file, and candidates() in estimator/crossvalidate.hpp if
+// `--model auto` shall try it.
+const std::vector<ModelKind>& model_kinds();        // from the cheapest to the dearest
+const ModelKind& kind_of(const std::string& name);  // throws Error(usage)
+std::vector<std::string> model_names();
+std::string model_help();  // "empty, mean, ..., factorised[-N]"
 
 // The models, one a file.
 std::unique_ptr<Model> make_background();  // "empty": the room without anybody
@@ -90,10 +113,9 @@ struct Candidate {
 // With every option that the model has, `base` where it speaks. Throws Error(usage).
 Candidate candidate_of(const std::string& name, const FitOptions& base);
 
-// Whether the model answers the same to every record: the empty room and the mean map.
+// Of a kind's name. The empty room and the mean map answer the same to every record; models that
+// place a body take aligned inputs, with the radar's profile.
 bool ignores_inputs(const std::string& name);
-
-// Whether the model's inputs are aligned (body/alignment.hpp), with the radar's profile.
 bool wants_alignment(const std::string& name);
 
 }  // namespace echofuse::recon

@@ -32,6 +32,11 @@ class Pca final : public Model {
     const std::size_t basis = components_.basis.values.size();
     return {inner.multiply_adds + basis, inner.parameters + basis + components_.mean.size()};
   }
+  std::vector<AffineLayer> layers() const override {
+    auto out = inner_->layers();
+    out.push_back({components_.basis, components_.mean});
+    return out;
+  }
   void save(record::H5File& file) const override {
     inner_->save(file);
     save_components(file, "model/components", components_);

@@ -170,6 +170,25 @@ double Regression::rms_error(const Examples& examples, const std::vector<float>&
   return std::sqrt(sum / static_cast<double>(found.values.size())) * unit_;
 }
 
+std::vector<AffineLayer> Regression::layers() const {
+  std::vector<AffineLayer> out;
+  for (const Layer& layer : network_.layers) {
+    AffineLayer& to = out.emplace_back(AffineLayer{{layer.inputs, layer.outputs}, {}, true});
+    const std::span<const float> all(parameters_);
+    const auto weights = all.subspan(layer.weights, layer.inputs * layer.outputs);
+    const auto biases = all.subspan(layer.biases, layer.outputs);
+    to.weights.values.assign(weights.begin(), weights.end());
+    to.biases.assign(biases.begin(), biases.end());
+  }
+  AffineLayer& last = out.back();
+  last.rectified = false;
+  for (std::size_t c = 0; c < centre_.size(); ++c) {
+    for (std::size_t i = 0; i < last.weights.rows; ++i) last.weights.row(i)[c] *= spread_[c];
+    last.biases[c] = centre_[c] + spread_[c] * last.biases[c];
+  }
+  return out;
+}
+
 void Regression::save(record::H5File& file, const std::string& group) const {
   file.write(group + "/centre", centre_, {centre_.size()});
   file.write(group + "/spread", spread_, {spread_.size()});

@@ -55,6 +55,7 @@ class Regression {
                   const Training& training, const std::string& title, const std::string& unit);
   Matrix predict(const Matrix& inputs) const;
   Cost cost() const { return {network_.weights, network_.parameters}; }
+  std::vector<AffineLayer> layers() const;  // to the units of the targets
   void save(record::H5File& file, const std::string& group) const;
   void load(const record::H5File& file, const std::string& group, std::size_t inputs,
             std::size_t outputs);

@@ -64,6 +64,7 @@ class Ridge final : public Model {
   Cost cost() const override {
     return {weights_.values.size(), weights_.values.size() + offset_.size()};
   }
+  std::vector<AffineLayer> layers() const override { return {{weights_, offset_}}; }
   void save(record::H5File& file) const override;
   void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) override;
 

@@ -54,7 +54,7 @@ void export_model(const std::string& model, const std::vector<std::string>& runs
           std::filesystem::equivalent(to, input))
         throw Error(ExitCode::usage, to + ": is what is to be exported; give another --to");
   if (onnx)
-    write_file(to, to_onnx(model));
+    write_file(to, to_onnx(load_model(model), model));
   else
     export_records(load_model(model), runs, to);
 }

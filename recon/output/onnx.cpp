@@ -2,7 +2,6 @@
 #include "recon/output/onnx.hpp"
 
 #include "drivers/core/console.hpp"
-#include "recon/estimator/trained_model.hpp"
 #include "recon/files/text.hpp"
 
 namespace echofuse::recon {
@@ -90,33 +89,20 @@ void add_scaling(Chain& chain, const Features& f) {
   chain.add("Mul", {chain.constant("gain", gain, row)});
 }
 
-void add_layer(Chain& chain, const record::H5File& file, const std::string& weights,
-               const std::string& biases) {
-  const auto shape = file.shape(weights);
-  const std::size_t inputs = shape.at(0), outputs = shape.at(1);
-  const auto w = file.read<float>(weights);
+void add_layer(Chain& chain, const AffineLayer& layer, const std::string& name) {
+  const Matrix& w = layer.weights;
   // Outputs x inputs, as PyTorch writes them: OpenCV 4.6 misreads the other order. It also needs
-  // the constants of Sub and Add without a dimension for the batch.
-  std::vector<float> transposed(w.size());
-  for (std::size_t i = 0; i < w.size(); ++i) transposed[i % outputs * inputs + i / outputs] = w[i];
+  // the constants of Sub without a dimension for the batch.
+  std::vector<float> transposed(w.values.size());
+  for (std::size_t i = 0; i < w.values.size(); ++i)
+    transposed[i % w.cols * w.rows + i / w.cols] = w.values[i];
   constexpr std::uint64_t type_int = 2;
   const Message attribute = Message().text(1, "transB").number(3, 1).number(20, type_int);
   chain.add("Gemm",
-            {chain.constant(weights, transposed, {outputs, inputs}),
-             chain.constant(biases, file.read<float>(biases), {outputs})},
+            {chain.constant(name + "/weights", transposed, {w.cols, w.rows}),
+             chain.constant(name + "/biases", layer.biases, {w.cols})},
             Message().message(5, attribute));
-}
-
-void add_network(Chain& chain, const record::H5File& file) {
-  const auto layer = [](std::size_t l) { return "model/layer" + std::to_string(l); };
-  for (std::size_t l = 0; file.has(layer(l) + "/weights"); ++l) {
-    if (l > 0) chain.add("Relu", {});
-    add_layer(chain, file, layer(l) + "/weights", layer(l) + "/biases");
-  }
-  const auto centre = file.read<float>("model/centre"), spread = file.read<float>("model/spread");
-  const Shape row{centre.size()};
-  chain.add("Mul", {chain.constant("spread", spread, row)});
-  chain.add("Add", {chain.constant("mean", centre, row)});
+  if (layer.rectified) chain.add("Relu", {});
 }
 
 void add_metadata(Message& model, const Features& f) {
@@ -136,22 +122,16 @@ void add_metadata(Message& model, const Features& f) {
 
 }  // namespace
 
-Bytes to_onnx(const std::string& model_path) {
-  const record::H5File file = record::H5File::open_sealed(model_path);
-  const TrainedModel model = load_model(file);
-  const bool network = model.name.ends_with("mlp"), linear = model.name.ends_with("ridge");
-  if (!network && !linear)
+Bytes to_onnx(const TrainedModel& model, const std::string& path) {
+  const std::vector<AffineLayer> layers = model.model->layers();
+  if (layers.empty())
     throw Error(ExitCode::failed,
-                model_path + ": a model of kind \"" + model.name +
+                path + ": a model of kind \"" + model.name +
                     "\" is not a plain network; mlp, ridge and pca-mlp can be exported");
   Chain chain("record");
   add_scaling(chain, model.features);
-  if (network)
-    add_network(chain, file);
-  else
-    add_layer(chain, file, "model/weights", "model/offset_m");
-  if (model.name.starts_with("pca-"))
-    add_layer(chain, file, "model/components/basis", "model/components/mean");
+  for (std::size_t l = 0; l < layers.size(); ++l)
+    add_layer(chain, layers[l], "layer" + std::to_string(l));
   chain.add("Reshape", {chain.constant("map_shape", std::vector<std::int64_t>{-1, 64, 64}, {3})},
             {}, "depth_m");
   chain.graph().text(2, "echofuse");

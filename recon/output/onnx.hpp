@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A trained network as an ONNX file (opset 11: Sub, Mul, Gemm, Relu, Add, Reshape), for other
+// A trained network as an ONNX file (opset 11: Sub, Mul, Gemm, Relu, Reshape), for other
 // people's runtimes.
 //
 //   input   "record"   f32 [n, inputs]: SPD histogram ++ radar profile of a record, each brought to
@@ -14,11 +14,12 @@
 #include <string>
 
 #include "drivers/core/bytes.hpp"
+#include "recon/estimator/trained_model.hpp"
 
 namespace echofuse::recon {
 
-// Reads a model file. Throws Error(failed) if it is not one, or not of a kind that is a chain of
-// matrix products: mlp, ridge and pca-mlp.
-Bytes to_onnx(const std::string& model_path);
+// Throws Error(failed) if the model is no chain of layers (Model::layers); `path` is
+// its file.
+Bytes to_onnx(const TrainedModel& model, const std::string& path);
 
 }  // namespace echofuse::recon

@@ -2,7 +2,7 @@
 // The table and the chart of a Pareto study.
 #include <sstream>
 
-#include "drivers/core/gnuplot.hpp"
+#include "drivers/chart/gnuplot.hpp"
 #include "recon/files/text.hpp"
 #include "recon/study/pareto.hpp"
 

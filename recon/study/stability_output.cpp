@@ -4,8 +4,8 @@
 #include <cmath>
 #include <sstream>
 
+#include "drivers/chart/gnuplot.hpp"
 #include "drivers/core/console.hpp"
-#include "drivers/core/gnuplot.hpp"
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
 #include "recon/study/stability_summary.hpp"

@@ -6,8 +6,8 @@
 #include <sstream>
 
 #include "acquire/record/run_file.hpp"
+#include "drivers/chart/gnuplot.hpp"
 #include "drivers/core/exit_code.hpp"
-#include "drivers/core/gnuplot.hpp"
 #include "drivers/core/printable.hpp"
 
 namespace echofuse::sim {

@@ -2,7 +2,7 @@
 // The table and the chart of the bound.
 #include <sstream>
 
-#include "drivers/core/gnuplot.hpp"
+#include "drivers/chart/gnuplot.hpp"
 #include "sim/study/bound.hpp"
 
 namespace echofuse::sim {

@@ -7,8 +7,8 @@
 #include <functional>
 #include <sstream>
 
+#include "drivers/chart/gnuplot.hpp"
 #include "drivers/core/console.hpp"
-#include "drivers/core/gnuplot.hpp"
 #include "sim/scene/scene.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"

@@ -121,7 +121,7 @@ TEST_CASE("the same seed makes the same model, another seed another one") {
 
 TEST_CASE("every model predicts the same after it was saved and loaded") {
   const Folder dir;
-  for (const auto& name : model_names) {
+  for (const auto& name : model_names()) {
     CAPTURE(name);
     TrainOptions options = quick(name);
     options.fit.epochs = 2;
@@ -186,7 +186,7 @@ TEST_CASE("identical records make a model, not a NaN") {
     r.index = index;
   });
   const Dataset data = load({dir / "same"});
-  for (const auto& name : model_names) {
+  for (const auto& name : model_names()) {
     CAPTURE(name);
     if (wants_alignment(name)) {  // what is the same in all maps is background
       CHECK_THROWS_WITH(train(data, quick(name)), Catch::Contains("show a body"));

@@ -6,7 +6,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "drivers/core/gnuplot.hpp"
+#include "drivers/chart/gnuplot.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

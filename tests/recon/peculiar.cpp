@@ -89,7 +89,7 @@ const std::vector<Peculiar> peculiar_sets = {
 }  // namespace
 
 TEST_CASE("peculiar sets of records make finite maps or are refused in one line") {
-  std::vector<std::string> names = model_names;
+  std::vector<std::string> names = model_names();
   names.insert(names.end(), {"nearest-16", "auto"});
   for (const auto& set : peculiar_sets) {
     const Folder dir;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/core/gnuplot.hpp"
+#include "drivers/chart/gnuplot.hpp"
 
 #include <unistd.h>
 
