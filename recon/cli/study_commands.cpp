@@ -58,9 +58,7 @@ Command add_pareto(CLI::App& app, const Common& common) {
     a->threads = common.threads;
     const auto rows = study_pareto(*a);
     std::fputs(printable_lines(to_text(rows)).c_str(), stdout);
-    write_pareto(
-        rows, a->out,
-        bound->empty() ? std::nullopt : std::optional(LateralBound{bound->at(0), bound->at(1)}));
+    write_pareto(rows, a->out, *bound);
     return ExitCode::ok;
   };
 }

@@ -3,7 +3,6 @@
 // another; then how few photons and how few training records are enough.
 #pragma once
 #include <array>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,9 +29,7 @@ struct ParetoOptions : StudyOptions {
 
 // Means over all seeds that were measured; `spread`: their standard deviation, NaN for one seed.
 struct ParetoRow {
-  std::string sweep;  // model, photons, records
-  std::string share = "1";
-  std::string model;
+  std::string sweep, share, model;  // sweep: model, photons, records
   std::size_t seeds = 0;
   std::array<double, metric_count> mean{}, spread{};
   // Of the last measurement; maps are timed on one thread.
@@ -45,15 +42,11 @@ struct ParetoRow {
 // runs do not fit, and as StudyFile.
 std::vector<ParetoRow> study_pareto(const ParetoOptions& options);
 
-// The least mean lateral error that noise allows (`echofuse-sim study bound`), m.
-struct LateralBound {
-  double pose_unknown_m = 0, shape_known_m = 0;
-};
-
-// pareto.csv, pareto.gp and pareto.svg. Throws Error(disk), and Error(failed) without gnuplot; the
-// table is written first.
+// pareto.csv, pareto.gp and pareto.svg. `bound`: nothing, or the least mean lateral errors that
+// noise allows (m), pose unknown and shape known. Throws Error(disk), and Error(failed) without
+// gnuplot; the table is written first.
 void write_pareto(const std::vector<ParetoRow>& rows, const std::string& folder,
-                  const std::optional<LateralBound>& bound = {});
+                  const std::vector<double>& bound);
 std::string to_text(const std::vector<ParetoRow>& rows);
 
 }  // namespace echofuse::recon

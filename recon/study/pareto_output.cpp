@@ -61,12 +61,13 @@ std::string to_csv(const std::vector<ParetoRow>& rows) {
 
 // `@bound` of the chart is replaced by gnuplot.
 void write_pareto(const std::vector<ParetoRow>& rows, const std::string& folder,
-                  const std::optional<LateralBound>& bound) {
-  const std::string lines = bound ? formatted(
-                                        ", %g with lines dt 2 lc 2 title 'bound: pose unknown', "
-                                        "%g with lines dt 3 lc 7 title 'bound: shape known'",
-                                        bound->pose_unknown_m, bound->shape_known_m)
-                                  : "";
+                  const std::vector<double>& bound) {
+  std::string lines;
+  if (!bound.empty())
+    lines = formatted(
+        ", %g with lines dt 2 lc 2 title 'bound: pose unknown', "
+        "%g with lines dt 3 lc 7 title 'bound: shape known'",
+        bound[0], bound[1]);
   write_chart(folder, "pareto", to_csv(rows), "bound = \"" + lines + "\"\n" + chart);
 }
 

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "acquire/record/insert.hpp"
 #include "acquire/record/rescue.hpp"
+#include "acquire/record/sqlite.hpp"
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
 #include "recon/files/files.hpp"
@@ -64,9 +64,18 @@ StudyFile::StudyFile(const std::string& path, const StudySettings& settings, Exi
                      int flags)
     : path_(path), db_(nullptr, sqlite3_close) {
   try {
-    open(flags);
+    sqlite3* db = nullptr;
+    const int code = sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READWRITE | flags, nullptr);
+    db_.reset(db);
+    if (code != SQLITE_OK) record::sqlite_fail(db, path_, "cannot open");
+    record::harden(db);
+    sqlite3_busy_timeout(db, longest_wait_ms);
     if (flags && !ask("SELECT 1 FROM sqlite_schema").step()) begin(settings);
-    require_study();
+    record::Statement id = ask("PRAGMA application_id");
+    if (!id.step() || id.integer() != application_id)
+      throw Error(ExitCode::config, printable(path_) + ": is not the file of a study");
+    record::check_tables(db, path_, schema, "a study");
+    for (const char* sql : {all_settings, all_measurements}) ask(sql);  // has it all columns?
   } catch (const Error& error) {
     const bool damaged = sqlite3_errcode(db_.get()) == SQLITE_CORRUPT;
     if (error.code() != ExitCode::failed || damaged) throw;
@@ -77,32 +86,14 @@ StudyFile::StudyFile(const std::string& path, const StudySettings& settings, Exi
   check(settings, refusal);
 }
 
-void StudyFile::open(int flags) {
-  sqlite3* db = nullptr;
-  const int code = sqlite3_open_v2(path_.c_str(), &db, SQLITE_OPEN_READWRITE | flags, nullptr);
-  db_.reset(db);
-  if (code != SQLITE_OK) record::sqlite_fail(db, path_, "cannot open");
-  record::harden(db);
-  sqlite3_busy_timeout(db, longest_wait_ms);
-}
-
-void StudyFile::require_study() {
-  record::Statement id = ask("PRAGMA application_id");
-  if (!id.step() || id.integer() != application_id)
-    throw Error(ExitCode::config, printable(path_) + ": is not the file of a study");
-  record::check_tables(db_.get(), path_, schema, "a study");
-  for (const char* sql : {all_settings, all_measurements}) ask(sql);  // has it all columns?
-}
-
 // In one transaction: a kill leaves an empty file or a study.
 void StudyFile::begin(const StudySettings& settings) {
-  const auto run = [&](const std::string& sql) {
-    record::execute(db_.get(), path_, sql.c_str(), "cannot begin a study");
-  };
-  run("BEGIN IMMEDIATE; PRAGMA application_id=" + std::to_string(application_id) + ";" + schema);
-  record::Insert row(db_.get(), path_, "setting", "ON CONFLICT DO NOTHING");
-  for (const auto& [key, value] : settings) row.set("key", key).set("value", value).run();
-  run("COMMIT");
+  const std::string tables =
+      "BEGIN IMMEDIATE; PRAGMA application_id=" + std::to_string(application_id) + ";" + schema;
+  record::execute(db_.get(), path_, tables.c_str(), "cannot begin a study");
+  record::Statement row = ask("INSERT OR IGNORE INTO setting (key, value) VALUES (?, ?)");
+  for (const auto& [key, value] : settings) row.bind(key).bind(value).run();
+  record::execute(db_.get(), path_, "COMMIT", "cannot begin a study");
 }
 
 void StudyFile::check(const StudySettings& settings, ExitCode refusal) {
@@ -149,18 +140,15 @@ void StudyFile::add(std::span<const Measurement> measurements) {
   if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; the same command goes on");
   limit();
   record::execute(db_.get(), path_, "BEGIN IMMEDIATE", "cannot keep a measurement");
-  record::Insert row(db_.get(), path_, "measurement", "ON CONFLICT DO NOTHING");
+  record::Statement row =
+      ask("INSERT OR IGNORE INTO measurement (axis, value, model, inputs, seed, metric, score) "
+          "VALUES (?, ?, ?, ?, ?, ?, ?)");
   for (const Measurement& m : measurements) {
     limit();
-    for (const auto& [metric, score] : m.metrics)
-      row.set("axis", m.axis)
-          .set("value", m.value)
-          .set("model", m.model)
-          .set("inputs", m.inputs)
-          .set("seed", m.seed)
-          .set("metric", metric)
-          .set("score", score)
-          .run();
+    for (const auto& [name, score] : m.metrics) {
+      row.bind(m.axis).bind(m.value).bind(m.model).bind(m.inputs).bind(m.seed);
+      row.bind(name).bind(score).run();
+    }
   }
   record::execute(db_.get(), path_, "COMMIT", "cannot keep a measurement");
 }

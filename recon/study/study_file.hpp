@@ -55,9 +55,7 @@ class StudyFile {
 
  private:
   StudyFile(const std::string& path, const StudySettings& settings, ExitCode refusal, int flags);
-  void open(int flags);
   void begin(const StudySettings& settings);
-  void require_study();
   void check(const StudySettings& settings, ExitCode refusal);
   record::Statement ask(const char* sql);
   void limit();
