@@ -73,7 +73,8 @@ struct StatedUncertainty {
 void score_predictions(const TrainedModel& model, const Records& records, const Rows& rows,
                        Evaluation& out) {
   constexpr std::size_t at_once = 512;
-  const Ask ask = model.uncertainty || out.output == "mean" ? Ask::pixels : Ask::maps;
+  const PredictionDetail detail =
+      model.uncertainty || out.output == "mean" ? PredictionDetail::pixels : PredictionDetail::maps;
   std::vector<MapScores> scores;
   StatedUncertainty uncertainty;
   for (std::size_t first = 0; first < rows.size(); first += at_once) {

@@ -95,7 +95,7 @@ std::vector<std::string> model_names();
 std::string model_help();  // "empty, mean, ..., factorised[-N]"
 
 // The models, one a file.
-std::unique_ptr<Model> make_background();  // "empty": the room without anybody
+std::unique_ptr<Model> make_empty_room();  // "empty": the room without anybody
 std::unique_ptr<Model> make_mean();        // the mean training map
 std::unique_ptr<Model> make_nearest();     // from the maps of the training records nearest to it
 std::unique_ptr<Model> make_ridge();       // linear, penalty chosen by generalised cross-validation

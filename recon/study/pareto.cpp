@@ -144,7 +144,7 @@ class Study {
     if (job.sweep == "photons") thin(train_data, job.share, m.seed);
     if (job.sweep == "photons") thin(test_data, job.share, 1000 + m.seed);
     if (job.sweep == "records") keep_records(train_data, job.share, m.seed);
-    const TrainedModel model = train_whole(train_data, job.model, m.seed);
+    const TrainedModel model = train_on_all(train_data, job.model, m.seed);
     const Rows rows = test_data.usable(model.features.inputs);
     const MapScores scores =
         mean_scores(model.predict(test_data, rows), test_data, rows, model.scene);

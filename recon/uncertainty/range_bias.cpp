@@ -146,10 +146,10 @@ RangeBias RangeBiasReference::judge(std::vector<float> found) const {
   const double apart = std::abs(moved.left_m - moved.right_m) / 2;
   const double apart_error = standard_deviation(halves);
   const double least = std::max(least_range_bias_m, significance * out.error);
-  out.verdict = apart > edges_agree_m + 2 * apart_error   ? RangeBias::Verdict::unclear
-                : std::abs(out.metres) > least            ? RangeBias::Verdict::found
-                : significance * out.error > least_seen_m ? RangeBias::Verdict::few
-                                                          : RangeBias::Verdict::none;
+  out.verdict = apart > edges_agree_m + 2 * apart_error   ? RangeBias::Status::inconsistent
+                : std::abs(out.metres) > least            ? RangeBias::Status::detected
+                : significance * out.error > least_seen_m ? RangeBias::Status::too_few_records
+                                                          : RangeBias::Status::not_detected;
   return out;
 }
 
@@ -183,7 +183,7 @@ std::optional<RangeBias> RangeBiasWatch::add(const RangeBiasReference& reference
   if (watched_ / watch_every == looks) return {};
   const RangeBias range_bias = reference.judge(displacements_m_);
   const bool news =
-      range_bias.verdict == RangeBias::Verdict::found && verdict_ != range_bias.verdict;
+      range_bias.verdict == RangeBias::Status::detected && verdict_ != range_bias.verdict;
   verdict_ = range_bias.verdict;
   return news ? std::optional(range_bias) : std::nullopt;
 }

@@ -80,7 +80,7 @@ class RangeBiasWatch {
  private:
   std::vector<float> displacements_m_;
   std::size_t watched_ = 0;
-  RangeBias::Verdict verdict_ = RangeBias::Verdict::few;
+  RangeBias::Status verdict_ = RangeBias::Status::too_few_records;
 };
 
 }  // namespace echofuse::recon

@@ -17,8 +17,8 @@
 #include <optional>
 #include <sstream>
 
+#include "drivers/core/atomic_write.hpp"
 #include "drivers/core/settings.hpp"
-#include "drivers/core/write_beside.hpp"
 #include "sim/usb/usb_lab.hpp"
 
 namespace echofuse::sim {
@@ -209,7 +209,7 @@ struct Lab::Parts {
         io, stage, {.socket_path = (dir / "depth.sock").string(), .seed = seed, .plan = plan});
     make_openni(dir);
     write_file(dir / "radar.cfg", cfg);
-    write_beside((dir / "lab.toml").string(), lab_toml(options, dir, tdc_address, label));
+    write_atomically((dir / "lab.toml").string(), lab_toml(options, dir, tdc_address, label));
   }
 
   // Returns its address.

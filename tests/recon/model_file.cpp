@@ -97,8 +97,9 @@ std::string fault_of(const std::string& path, const Dataset& data) {
     const TrainedModel model = load_model(path);
     Dataset own = data;
     model.match(own);
-    const Prediction found = predict(model, own, all_rows(own.size()),
-                                     model.uncertainty ? Ask::pixels : Ask::uncertainty);
+    const Prediction found =
+        predict(model, own, all_rows(own.size()),
+                model.uncertainty ? PredictionDetail::pixels : PredictionDetail::uncertainty);
     REQUIRE(found.maps.values.size() == own.size() * 4096);
     return {};
   } catch (const Error& error) {
