@@ -235,8 +235,9 @@ Command add_evaluate(CLI::App& app, const Common&) {
   return [a] {
     const TrainedModel model = load_model(a->model);
     Dataset data = load_recorded({a->run}), other;
-    const Records records = take(model, data, range_bias_action_of(a->range_bias_action));
-    shorten_radar(data, 0);
+    const Records records =
+        prepare_records(model, data, range_bias_action_of(a->range_bias_action));
+    subtract_range_offset(data, 0);
     if (!a->train.empty()) {
       other = load(a->train);
       if (!model.knows(other))

@@ -56,7 +56,7 @@ const std::vector<ModelKind>& model_kinds() {
   using enum ModelKind::Takes;
   using enum ModelKind::Size;
   static const std::vector<ModelKind> kinds{
-      {"empty", make_background, nothing, fixed, {}},
+      {"empty", make_empty_room, nothing, fixed, {}},
       {"mean", make_mean, nothing, fixed, {}},
       {"silhouette", make_silhouette, aligned, fixed, placed},
       {"factorised", make_factorised, aligned, basis, placed},
