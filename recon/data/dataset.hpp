@@ -71,7 +71,7 @@ Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t 
 
 // Moves the radar's profiles, on the axis that the data have, to ranges shorter by this and by what
 // their calibration still asks for.
-void subtract_range_offset(Dataset& data, double metres);
+void subtract_range_offset(Dataset& data, double offset_m);
 
 // The rows of a data set as one of their own, which belong to no source.
 Dataset part_of(const Dataset& data, const Rows& rows);

@@ -10,7 +10,7 @@
 
 namespace echofuse::recon {
 
-// Whether there are enough records to learn a UncertaintyModel from.
+// Whether there are enough records to learn an UncertaintyModel from.
 bool has_enough_records(const Split& split);
 // Row i of the aligned features is of record i of the data.
 UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,

@@ -78,7 +78,7 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
           predict_aligned(by, data, some,
                           shared ? take_rows(*aligned, some)
                                  : by.align(data, some, detail != PredictionDetail::maps),
-                          ask),
+                          detail),
           std::span(places).subspan(first, count), rows.size());
     }
   return out;
@@ -104,20 +104,20 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, RangeBiasAc
   out.range_bias =
       model.range_bias.judge(model.range_bias.measure(model.alignment, data, out.aligned));
   out.text = out.range_bias.text(correct);
-  if (!correct || out.range_bias.verdict != RangeBias::Status::detected) return out;
+  if (!correct || out.range_bias.status != RangeBias::Status::detected) return out;
   data.radar = profiles, data.radar_axis = axis, data.sources = sources;
-  align(out.range_bias_m = out.range_bias.metres);
+  align(out.range_bias_m = out.range_bias.bias_m);
   return out;
 }
 
 Prediction predict(const TrainedModel& model, const Records& records, const Rows& rows,
                    PredictionDetail detail) {
-  return predict(model, records.data, rows, &records.aligned, ask);
+  return predict(model, records.data, rows, &records.aligned, detail);
 }
 
 Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
                    PredictionDetail detail) {
-  return predict(model, data, rows, nullptr, ask);
+  return predict(model, data, rows, nullptr, detail);
 }
 
 Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {

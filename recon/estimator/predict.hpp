@@ -33,7 +33,7 @@ enum class PredictionDetail : std::uint8_t { maps, uncertainty, pixels };
 
 struct Prediction {
   Matrix maps;                                       // metres
-  std::vector<PredictionUncertainty> uncertainties;  // none without a uncertainty
+  std::vector<PredictionUncertainty> uncertainties;  // empty if the model states none
   Matrix mean, deviation;                            // metres; no rows unless pixels are asked for
   const Matrix& of(const std::string& output) const { return output == "mean" ? mean : maps; }
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What every model does: learn maps from inputs, predict them, say what that costs, keep itself.
+// What every model does: learn maps from inputs, predict them, state its cost, save itself.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -25,7 +25,7 @@ struct Samples {
   const Scene* scene = nullptr;  // learnt from the training rows; of models that ask for it
 };
 
-// What is not given is as each model works best.
+// Options that are not given take the kind's own values (ModelKind::own).
 struct FitOptions {
   std::optional<std::vector<std::size_t>> hidden = {};  // mlp: width of each hidden layer
   std::optional<std::size_t> basis = {};  // pca, factorised: components; nearest: records
@@ -89,7 +89,7 @@ struct ModelKind {
 };
 // To add one: a row there, its own file, and candidates() in estimator/crossvalidate.hpp if
 // `--model auto` shall try it.
-const std::vector<ModelKind>& model_kinds();        // from the cheapest to the dearest
+const std::vector<ModelKind>& model_kinds();        // by increasing cost
 const ModelKind& kind_of(const std::string& name);  // throws Error(usage)
 std::vector<std::string> model_names();
 std::string model_help();  // "empty, mean, ..., factorised[-N]"
@@ -110,7 +110,7 @@ struct Candidate {
   std::string name, model;
   FitOptions fit;
 };
-// With every option that the model has, `base` where it speaks. Throws Error(usage).
+// With every option of its kind; those of `base` override. Throws Error(usage).
 Candidate candidate_of(const std::string& name, const FitOptions& base);
 
 // Of a kind's name. The empty room and the mean map answer the same to every record; models that

@@ -115,7 +115,7 @@ void Reconstruction::take_all(const record::RunReader& run) {
   const Records records = prepare_records(
       model_, read(run, std::numeric_limits<std::size_t>::max()), options_.range_bias);
   const bool silent =
-      options_.quiet && records.range_bias.verdict == RangeBias::Status::too_few_records;
+      options_.quiet && records.range_bias.status == RangeBias::Status::too_few_records;
   if (!silent && !records.text.empty() && options_.on_range_bias)
     options_.on_range_bias(records.text);
   const std::size_t size = records.data.size();

@@ -119,7 +119,7 @@ Bytes draw(const std::string& title, const std::vector<const TrainedModel*>& mod
   std::vector<Prediction> made;
   std::vector<std::vector<float>> shown;
   for (const auto* model : models) {
-    seen.push_back(take(*model, part_of(data, {row}), RangeBiasAction::ignore));
+    seen.push_back(prepare_records(*model, part_of(data, {row}), RangeBiasAction::ignore));
     made.push_back(predict(*model, seen.back(), {0},
                            model->uncertainty ? PredictionDetail::pixels : PredictionDetail::maps));
     shown.push_back(within_span(made.back().maps.row(0)));

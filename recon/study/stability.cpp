@@ -146,7 +146,7 @@ class Study {
     for (const Metric m : stability_metrics)
       out[metric_names[m]] = std::numeric_limits<double>::quiet_NaN();
     if (!fitted) return out;
-    const Records records = take(*fitted, tested, options_.range_bias);
+    const Records records = prepare_records(*fitted, tested, options_.range_bias);
     const Dataset& data = records.data;
     Rows rows = all_rows(data.size());
     if (!ignores_inputs(model.candidate))

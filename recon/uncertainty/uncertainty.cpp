@@ -92,8 +92,8 @@ void LateralError::load(const record::H5File& file, const std::string& group,
   factor_ = file.get<double>(group, "factor");
   centre_ = file.read<float>(group + "/centre", {record::H5File::any});
   const std::size_t n = centre_.size();
-  require_sound(file, n == 0 || n == signs, group + "/centre",
-                "0 or " + std::to_string(signs) + " values");
+  require_sound(file, n == 0 || n == predictors, group + "/centre",
+                "0 or " + std::to_string(predictors) + " values");
   weights_ = file.read<double>(group + "/weights", {n > 0 ? (n + 1) * (n + 2) / 2 : 0});
   spread_ = file.read<float>(group + "/spread", {n});
   least_ = file.read<float>(group + "/least", {n});

@@ -11,7 +11,7 @@
 
 namespace echofuse::recon {
 
-// The usual lateral error grows with noise, range of view and distance from the axis: a regression
+// The usual lateral error grows with |x/z| and with noise (predictors.hpp): a regression
 // of its logarithm on those, times the factor that holds 90 % of the validation records, each
 // against a regression without it (cross-conformal prediction; Vovk, Ann. Math. Artif. Intell. 74,
 // 9, 2015).

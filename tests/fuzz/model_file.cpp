@@ -315,7 +315,7 @@ void check_answers(const TrainedModel& model) {
   moved.resize(60, moved.empty() ? 0.f : moved.front());
   const RangeBias range_bias = model.range_bias.judge(moved);
   require(fuzz::is_printable(range_bias.text(false)), "a range bias can be reported");
-  subtract_range_offset(data, range_bias.metres);
+  subtract_range_offset(data, range_bias.bias_m);
 }
 
 }  // namespace

@@ -215,7 +215,7 @@ TEST_CASE("single precision places and shapes a body as double precision does") 
   const Matrix raw_inputs = model.features.raw_inputs(plates(), all_rows(plates().size()));
   Matrix features(raw_inputs.rows, alignment.size());
   for (std::size_t i = 0; i < raw_inputs.rows; ++i) {
-    REQUIRE(alignment(raw_inputs.row(i), features.row(i)).there);
+    REQUIRE(alignment(raw_inputs.row(i), features.row(i)).detected);
     for (std::size_t c = 0; c < features.cols; ++c)
       features.row(i)[c] = (features.row(i)[c] - centre[c]) / deviation[c];
   }

@@ -69,21 +69,21 @@ TEST_CASE("a range bias of the radar against the SPD is found from records witho
     Dataset data = run_of(800, 2, longer_by(range_bias_m));
     std::fill(data.depth.values.begin(), data.depth.values.end(), 0.f);
     const RangeBias range_bias = range_bias_of(data);
-    CHECK(range_bias.verdict == RangeBias::Status::detected);
+    CHECK(range_bias.status == RangeBias::Status::detected);
     CHECK(range_bias.records == 800);
-    CHECK(range_bias.metres == Approx(range_bias_m).margin(0.01));
-    CHECK(std::abs(range_bias.metres - range_bias_m) < 4 * range_bias.error);
+    CHECK(range_bias.bias_m == Approx(range_bias_m).margin(0.01));
+    CHECK(std::abs(range_bias.bias_m - range_bias_m) < 4 * range_bias.standard_error_m);
     CHECK_THAT(range_bias.text(true), Catch::Contains(range_bias_m > 0 ? "longer" : "shorter") &&
                                           Catch::EndsWith("corrected"));
-    subtract_range_offset(data, range_bias.metres);
-    CHECK(range_bias_of(data).verdict == RangeBias::Status::not_detected);
+    subtract_range_offset(data, range_bias.bias_m);
+    CHECK(range_bias_of(data).status == RangeBias::Status::not_detected);
   }
 }
 
 TEST_CASE("no range bias is found where there is none, whatever gains, noise and the crowd") {
   for (std::uint64_t seed = 3; seed < 8; ++seed) {
     const auto check = [&](const Dataset& data) {
-      CHECK(range_bias_of(data).verdict == RangeBias::Status::not_detected);
+      CHECK(range_bias_of(data).status == RangeBias::Status::not_detected);
       CHECK(range_bias_of(data).text(true).empty());
     };
     const Dataset data = run_of(800, seed);
@@ -110,7 +110,7 @@ TEST_CASE("poses that are held for some records are no range bias") {
       if (r.index % 10 == 0) x = any_x(rng), z = any_z(rng);
       r = testing::plate_record(r.index, x, z, rng);
     });
-    found += range_bias_of(data).verdict == RangeBias::Status::detected;
+    found += range_bias_of(data).status == RangeBias::Status::detected;
   }
   CHECK(found <= 1);  // 3, were the records taken for independent
 }
@@ -124,8 +124,8 @@ TEST_CASE("people who spread otherwise than in training are no range bias") {
       if (place_of(data, row) < from || place_of(data, row) > to) part.valid[row] = 0;
     return range_bias_of(part);
   };
-  CHECK(keep(3, 32).verdict == RangeBias::Status::inconsistent);
-  CHECK(keep(5, 10).verdict == RangeBias::Status::inconsistent);
+  CHECK(keep(3, 32).status == RangeBias::Status::inconsistent);
+  CHECK(keep(5, 10).status == RangeBias::Status::inconsistent);
   CHECK_THAT(keep(3, 32).text(true), Catch::Contains("cannot tell"));
 }
 
@@ -136,8 +136,8 @@ TEST_CASE("people who all stand further to one side look like a range bias, a se
     const double at = x(rng);
     r = testing::plate_record(r.index, at, z(rng), rng);
   }));
-  CHECK(range_bias.verdict == RangeBias::Status::detected);
-  CHECK(range_bias.metres == Approx(0.3 / 7).margin(0.01));
+  CHECK(range_bias.status == RangeBias::Status::detected);
+  CHECK(range_bias.bias_m == Approx(0.3 / 7).margin(0.01));
   CHECK_THAT(range_bias.text(false), Catch::Contains("or people further to one side"));
 }
 
@@ -147,8 +147,8 @@ TEST_CASE("too much noise to see a range bias is said, not taken for none") {
   std::normal_distribution<float> noise(0, 0.1f);
   for (float& v : data.radar.values) v += noise(rng);
   const RangeBias range_bias = range_bias_of(data);
-  CHECK(range_bias.verdict == RangeBias::Status::too_few_records);
-  CHECK(4 * range_bias.error > 0.03);
+  CHECK(range_bias.status == RangeBias::Status::too_few_records);
+  CHECK(4 * range_bias.standard_error_m > 0.03);
   CHECK_THAT(range_bias.text(true), Catch::Contains("too few to tell") && Catch::Contains("error"));
 }
 
@@ -217,7 +217,7 @@ TEST_CASE(
 
 TEST_CASE("a few records tell nothing, a dead radar neither") {
   const RangeBias range_bias = range_bias_of(run_of(30, 2, longer_by(0.05)));
-  CHECK(range_bias.verdict == RangeBias::Status::too_few_records);
+  CHECK(range_bias.status == RangeBias::Status::too_few_records);
   CHECK_THAT(range_bias.text(true), Catch::Contains("30 records with a body are too few"));
   Dataset dead = run_of(100, 2);
   std::fill(dead.radar.values.begin(), dead.radar.values.end(), 0.f);

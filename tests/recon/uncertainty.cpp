@@ -43,7 +43,7 @@ std::vector<PredictionUncertainty> uncertainties_of(const Dataset& data) {
   return predict(trained(), data, all_rows(data.size())).uncertainties;
 }
 
-Calibration calibration_of(const TrainedModel& model, const Dataset& data) {
+UncertaintyCalibration calibration_of(const TrainedModel& model, const Dataset& data) {
   return evaluate(model, prepare_records(model, data, RangeBiasAction::ignore),
                   all_rows(data.size()))
       .calibration.value();
@@ -88,13 +88,13 @@ TEST_CASE("weights come back from what they made, rows counting as they should")
 
 TEST_CASE("nine of ten bodies are within the stated lateral error, which grows with the noise") {
   const Dataset clean = fresh_plates(400);
-  const Calibration c = calibration_of(trained(), clean);
+  const UncertaintyCalibration c = calibration_of(trained(), clean);
   CHECK(c.within_90 == Approx(0.9).margin(0.07));
   Dataset noisy = clean;
   Rng rng = make_rng(4, 4);
   std::normal_distribution<float> noise(0, 0.1f);
   for (float& v : noisy.radar.values) v += noise(rng);
-  const Calibration n = calibration_of(trained(), noisy);
+  const UncertaintyCalibration n = calibration_of(trained(), noisy);
   CHECK(n.lateral_interval_90_m > 1.5 * c.lateral_interval_90_m);
   CHECK(n.within_90 > 0.75);
 }
@@ -223,7 +223,7 @@ TEST_CASE("pixels are as uncertain as they say, and the mean map errs little") {
   for (const std::string name : {"factorised-4", "ridge"}) {
     CAPTURE(name);
     const TrainedModel model = train_on_plates(name, 0.3);
-    const Calibration c = calibration_of(model, data);
+    const UncertaintyCalibration c = calibration_of(model, data);
     CHECK(c.deviation_m == Approx(c.error_m).epsilon(0.15));
     const auto rmse = [&](const std::string& output) {
       const Prediction made = predict(model, data, rows, PredictionDetail::pixels);
