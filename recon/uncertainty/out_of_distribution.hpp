@@ -9,8 +9,8 @@
 //               is what two bodies measure when neither hides the other (training on made-up
 //               outliers: Hendrycks et al., ICLR 2019)
 // Each is given as a share of its limit, so that above 1 is unusual; the limits are such that about
-// one of 140 records like the training ones is above one of them. OptionalParts these, checks with
-// a name: no body, a body farther or nearer than in any training record, a saturated detector.
+// one of 140 records like the training ones is above one of them. Beside these, checks with a name:
+// no body, a body farther or nearer than in any training record, a saturated detector.
 #pragma once
 #include <array>
 #include <string>
