@@ -351,8 +351,8 @@ void Factorised::load(const record::H5File& file, std::size_t inputs, std::size_
                 std::all_of(deviation_.begin(), deviation_.end(), [](float d) { return d > 0; }),
                 "model/features_deviation", "all above 0");
   positions_.clear();
-  do positions_.emplace_back().load(file, position_group(positions_.size()), inputs, 2);
-  while (file.has(position_group(positions_.size())));
+  for (std::size_t n = 0; n == 0 || file.has(position_group(n)); ++n)
+    positions_.emplace_back().load(file, position_group(n), inputs, 2);
   masks_ = load_components(file, "model/masks", frame_.size());
   reliefs_ = load_components(file, "model/reliefs", frame_.size());
   const std::size_t shapes = masks_.basis.rows + reliefs_.basis.rows;
