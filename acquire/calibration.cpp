@@ -3,9 +3,9 @@
 
 #include <array>
 
+#include "drivers/core/atomic_write.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/settings.hpp"
-#include "drivers/core/write_beside.hpp"
 #include "drivers/radar/firmware_bias.hpp"
 
 namespace echofuse::acquire {
@@ -78,7 +78,7 @@ void write_calibration(const std::string& path, const Calibration& calibration) 
                  "mean of the radar's own compRangeBiasAndRxChanPhase lines");
     settings.add("firmware.lines", lines, 0, 1'000'000'000, "how many came");
   }
-  write_beside(path, settings.resolved(true));
+  write_atomically(path, settings.resolved(true));
 }
 
 }  // namespace echofuse::acquire

@@ -6,9 +6,9 @@
 #include <array>
 #include <csignal>
 
+#include "drivers/core/atomic_write.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/program.hpp"
-#include "drivers/core/write_beside.hpp"
 
 namespace echofuse {
 namespace {
@@ -40,8 +40,8 @@ void run_gnuplot(const std::string& script, const std::string& folder, const std
 
 void write_chart(const std::string& folder, const std::string& name, const std::string& csv,
                  const std::string& script) {
-  write_beside(folder + "/" + name + ".csv", csv);
-  write_beside(folder + "/" + name + ".gp", script);
+  write_atomically(folder + "/" + name + ".csv", csv);
+  write_atomically(folder + "/" + name + ".gp", script);
   run_gnuplot("load '" + name + ".gp'\n", folder, folder + "/" + name + ".csv is written, but ");
 }
 

@@ -16,9 +16,8 @@ inline constexpr double ps_per_m = 2e12 / speed_of_light_m_s;  // there and back
 //   spd       counts                  ps    detections per bin of two-way time of flight
 //   radar     power                   m     linear power (arbitrary scale)
 //   radar     binned_power            m     linear power added up over a step around each point
-//   radar     log2_q8                 m     256*log2(magnitude) summed over `scale` virtual
-//   antennas
-//                                           and divided by the next power of two (TI SDK 3.x TLV 2)
+//   radar     log2_q8                 m     256*log2(magnitude), summed over `scale` virtual
+//                                   antennas, divided by the next power of two (TI SDK 3.x TLV 2)
 //   depth_x   tangent                 1     x/z of a pixel column, x to the right
 //   depth_y   tangent                 1     y/z of a pixel row, y up (step is negative)
 struct Axis {

@@ -46,7 +46,8 @@ class SampleSink {
 
 // Threading: built, started, stopped and destroyed on the io thread, and calls its sink there only.
 // A driver with threads of its own copies and posts. It reconnects by itself, with back-off, until
-// stopped. Whoever ends several stops all before he destroys one.
+// stopped. Stop all drivers before you destroy one: a destructor
+// waits.
 class Driver {
  public:
   virtual ~Driver() = default;
@@ -56,7 +57,7 @@ class Driver {
   // After stop(): whether all commands are with the device, and all that had come from it is
   // with the sink. Until then the io context has to run, for as long as its user likes to wait.
   virtual bool finished() const { return true; }
-  // Graded counters since start (bytes, short, not_ours, corrupt, resynced, reconnects, ...).
+  // Counters by cause since start (bytes, short, not_ours, corrupt, resynced, reconnects, ...).
   virtual std::vector<Counter> counters() const = 0;
 };
 

@@ -43,6 +43,7 @@ class FrameBuffer {
     // not move all that waits behind it.
     if (used_ == held_.size()) {
       held_.clear();
+      if (held_.capacity() > most_kept) held_.shrink_to_fit();
     } else if (used_ >= held_.size() / 4) {
       held_.erase(held_.begin(), held_.begin() + static_cast<std::ptrdiff_t>(used_));
     } else {
@@ -57,6 +58,9 @@ class FrameBuffer {
   }
 
  private:
+  // Bytes. A damaged length may have asked for more than any frame needs.
+  static constexpr std::size_t most_kept = 1 << 20;
+
   template <class Consume>
   std::size_t run(ByteView bytes, const Consume& consume) {
     std::size_t used = 0;

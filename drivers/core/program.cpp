@@ -9,16 +9,17 @@
 
 namespace echofuse {
 
-Result<pid_t> start_program(const std::vector<std::string>& words, const ProgramPlace& place) {
+Result<pid_t> start_program(const std::vector<std::string>& words, const ProgramOptions& options) {
   std::vector<char*> arguments;
   for (const auto& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
   arguments.push_back(nullptr);
   posix_spawn_file_actions_t actions;
   ::posix_spawn_file_actions_init(&actions);
-  if (place.input != STDIN_FILENO)
-    ::posix_spawn_file_actions_adddup2(&actions, place.input, STDIN_FILENO);
+  if (options.input != STDIN_FILENO)
+    ::posix_spawn_file_actions_adddup2(&actions, options.input, STDIN_FILENO);
   ::posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
-  if (!place.folder.empty()) ::posix_spawn_file_actions_addchdir_np(&actions, place.folder.c_str());
+  if (!options.folder.empty())
+    ::posix_spawn_file_actions_addchdir_np(&actions, options.folder.c_str());
   pid_t program = 0;
   const int error =
       ::posix_spawnp(&program, arguments[0], &actions, nullptr, arguments.data(), environ);

@@ -10,14 +10,15 @@
 
 namespace echofuse {
 
-struct ProgramPlace {
+struct ProgramOptions {
   std::string folder{};  // its working directory; empty: this program's
   int input = 0;         // the file descriptor that is its standard input
 };
 
-// Starts words[0], found by PATH, with the other words as its arguments. It has the three standard
-// files and no other: an open port in its hands would outlive its unplugging.
-Result<pid_t> start_program(const std::vector<std::string>& words, const ProgramPlace& place = {});
+// Starts words[0], found by PATH, with the other words as its arguments. It inherits the three
+// standard files and no other: an inherited descriptor would keep an unplugged port open.
+Result<pid_t> start_program(const std::vector<std::string>& words,
+                            const ProgramOptions& options = {});
 
 // Waits for its end: its exit code, or 128 and the number of the signal that ended it.
 int wait_for_program(pid_t program);

@@ -155,11 +155,8 @@ Command add_train(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<Arguments>();
   app.add_option("run", a->runs, "run files whose axes agree")->required();
   app.add_option("--out", a->out, "model file to write")->required();
-  app.add_option(
-         "--model", a->model,
-         "empty, mean, silhouette, factorised[-N], ridge, pca-mlp[-N-N], "
-         "mlp[-N-N...], nearest[-N], or auto: the cheapest within one standard error of the "
-         "best")
+  app.add_option("--model", a->model,
+                 model_help() + ", or auto: the cheapest within one standard error of the best")
       ->check([](const std::string& text) { return text == "auto" ? "" : is_candidate(text); })
       ->capture_default_str();
   app.add_option("--candidates", a->candidates, "auto: the models to try")
@@ -238,8 +235,9 @@ Command add_evaluate(CLI::App& app, const Common&) {
   return [a] {
     const TrainedModel model = load_model(a->model);
     Dataset data = load_recorded({a->run}), other;
-    const Records records = take(model, data, range_bias_action_of(a->range_bias_action));
-    shorten_radar(data, 0);
+    const Records records =
+        prepare_records(model, data, range_bias_action_of(a->range_bias_action));
+    subtract_range_offset(data, 0);
     if (!a->train.empty()) {
       other = load(a->train);
       if (!model.knows(other))
@@ -269,13 +267,10 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
   app.add_option("model", a->model, "model file")->required();
   app.add_option("run", a->run, "run file")->required();
   app.add_option("--out", a->out, "folder for the maps")->required();
-  app.add_option(
-         "--format", a->formats,
-         "any of colour (PNG), mm (PNG of 16-bit millimetres), ply (points), npz (all maps), "
-         "uncertainty (standard deviations, as mm and npz)")
+  app.add_option("--format", a->formats, "any of " + map_format_help())
       ->delimiter(',')
       ->allow_extra_args(false)
-      ->check(CLI::IsMember(map_formats))
+      ->check(CLI::IsMember(map_format_names()))
       ->capture_default_str();
   add_range_bias_option(app, a->range_bias_action);
   add_output_option(app, a->output);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Training records as they would have been under worse conditions, by the forward model of the
-// sensors: what a model has seen it stands.
+// sensors. A model that is trained on degraded copies is robust to them.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -11,8 +11,8 @@
 namespace echofuse::recon {
 
 //   noise  more radar noise: 20 down to 10 dB below the mean of the records' peaks
-// Gains, impulse response and background have none, as the models do not mind them, nor has a range
-// bias, which is corrected (range_bias.hpp).
+// Gains, impulse response and background have no copies: they hardly change the models' maps. A
+// range bias has none: it is corrected (range_bias.hpp).
 inline const std::vector<std::string> augment_names = {"noise"};
 
 // Appends a perturbed copy of the rows for each kind, and their numbers to `rows`. The copies

@@ -203,7 +203,7 @@ Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& 
 
 Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
   Dataset data = load_recorded(paths, on_bad);
-  shorten_radar(data, 0);
+  subtract_range_offset(data, 0);
   for (const Matrix* table : {&data.spd, &data.radar, &data.depth})
     data.hash = crc32c(as_bytes(table->values), data.hash);
   return data;
@@ -216,8 +216,8 @@ Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t 
   return data;
 }
 
-void shorten_radar(Dataset& data, double metres) {
-  std::vector<double> by_m(data.size(), metres);
+void subtract_range_offset(Dataset& data, double offset_m) {
+  std::vector<double> by_m(data.size(), offset_m);
   for (Source& source : data.sources) {
     const std::size_t end = std::min(source.first + source.count, data.size());
     for (std::size_t i = source.first; i < end; ++i) by_m[i] += source.radar_offset_m;

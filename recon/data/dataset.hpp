@@ -24,7 +24,7 @@ Inputs inputs_of(const std::string& name);  // throws Error(usage)
 struct Source {
   std::string path, uuid;
   std::size_t first = 0, count = 0;
-  double radar_offset_m = 0;  // by which its profiles are still too long (shorten_radar)
+  double radar_offset_m = 0;  // by which its profiles are still too long (subtract_range_offset)
 };
 
 // A sensor that a record lacks has zeros in its row; `has` tells. A run without the sensor at all,
@@ -59,8 +59,8 @@ SensorSet sensors_of(Inputs inputs);
 // Reads runs whose axes agree into one table, with true ranges. Throws Error(failed) that names the
 // file and, for a bad record (wrong size, not a finite number), its number, unless on_bad takes it.
 Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad = {});
-// The same with the radar's profiles as they were recorded: shorten_radar() then takes off what the
-// calibration and a range bias ask for in one interpolation.
+// The same with the radar's profiles as they were recorded: subtract_range_offset() then takes off
+// what the calibration and a range bias ask for in one interpolation.
 Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& on_bad = {});
 
 // A run by parts, as recorded: its records from number `first` on, at most `at_most` of them beside
@@ -71,7 +71,7 @@ Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t 
 
 // Moves the radar's profiles, on the axis that the data have, to ranges shorter by this and by what
 // their calibration still asks for.
-void shorten_radar(Dataset& data, double metres);
+void subtract_range_offset(Dataset& data, double offset_m);
 
 // The rows of a data set as one of their own, which belong to no source.
 Dataset part_of(const Dataset& data, const Rows& rows);

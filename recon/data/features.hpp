@@ -15,9 +15,8 @@ namespace echofuse::recon {
 //   plain   as they are
 //   sqrt    square root, which makes the noise of a Poisson count the same in every bin
 //   raw     as they are, and not scaled by the training set either (models that do it themselves)
-//   record  minus the record's own median (background), divided by its own sum: does not depend on
-//   laser
-//           power, exposure and radar gain
+//   record  minus the record's own median (background), divided by its own sum: laser power,
+//           exposure and radar gain do not matter
 inline const std::vector<std::string> scaling_names = {"plain", "sqrt", "record"};
 
 inline const std::string raw_scaling = "raw";

@@ -72,14 +72,15 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
                   [&](const auto& name) { return wants_alignment(candidate_of(name, fit).model); });
   for (std::size_t fold = 0; fold < options.folds && !interrupted(); ++fold) {
     const Split split = make_fold(rows, fold, options.folds, options.gap);
-    const Ground ground(data, split.train, inputs, learn_scene(data.depth, split.train), aligned);
+    const Preprocessing preprocessing(data, split.train, inputs,
+                                      learn_scene(data.depth, split.train), aligned);
     const auto add = [&](Folds& to, const Matrix& maps) {
-      to.push_back(score_maps(maps, data, split.test, ground.scene));
+      to.push_back(score_maps(maps, data, split.test, preprocessing.scene));
     };
     for (std::size_t m = 0; m < out.size() && !interrupted(); ++m) {
       if (out[m].fault.empty()) try {
-          const TrainedModel model =
-              fit_model(data, split, ground, options.models[m], inputs, options.scaling, fit);
+          const TrainedModel model = fit_model(data, split, preprocessing, options.models[m],
+                                               inputs, options.scaling, fit);
           add(scores[m], model.predict(data, split.test));
           out[m].cost = model.cost();
           out[m].train_s += model.train_s / static_cast<double>(options.folds);

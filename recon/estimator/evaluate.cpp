@@ -44,7 +44,7 @@ Rows with_depth(const Dataset& data) {
   return rows;
 }
 
-// A Calibration in the making.
+// An UncertaintyCalibration in the making.
 struct StatedUncertainty {
   double within = 0, stated = 0, known = 0, flagged = 0, squares = 0, variance = 0, pixels = 0,
          records = 0;
@@ -63,7 +63,7 @@ struct StatedUncertainty {
       within += error <= interval_m, stated += interval_m, ++known;
     }
   }
-  Calibration mean() const {
+  UncertaintyCalibration mean() const {
     return {within / known, stated / known, flagged / records, std::sqrt(squares / pixels),
             std::sqrt(variance / pixels)};
   }
@@ -73,13 +73,14 @@ struct StatedUncertainty {
 void score_predictions(const TrainedModel& model, const Records& records, const Rows& rows,
                        Evaluation& out) {
   constexpr std::size_t at_once = 512;
-  const Ask ask = model.uncertainty || out.output == "mean" ? Ask::pixels : Ask::maps;
+  const PredictionDetail detail =
+      model.uncertainty || out.output == "mean" ? PredictionDetail::pixels : PredictionDetail::maps;
   std::vector<MapScores> scores;
   StatedUncertainty uncertainty;
   for (std::size_t first = 0; first < rows.size(); first += at_once) {
     const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(first);
     const Rows part(begin, begin + std::min<std::ptrdiff_t>(at_once, rows.end() - begin));
-    const Prediction one = predict(model, records, part, ask);
+    const Prediction one = predict(model, records, part, detail);
     if (model.uncertainty) uncertainty.add(one, records.data, part, model.scene);
     const auto some = score_maps(one.of(out.output), records.data, part, model.scene);
     scores.insert(scores.end(), some.begin(), some.end());

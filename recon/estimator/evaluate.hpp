@@ -25,7 +25,7 @@ struct RunningCost {
 };
 
 // How well the stated uncertainty holds on records with a truth.
-struct Calibration {
+struct UncertaintyCalibration {
   double within_90 = 0;                 // share of the records within their lateral_interval_90_m
   double lateral_interval_90_m = 0;     // mean
   double flagged = 0;                   // share of the records that are out of distribution
@@ -43,8 +43,8 @@ struct Evaluation {
   Summaries metrics;
   std::vector<ScoredRow> baselines;  // empty room, mean map, nearest neighbour
   RunningCost cost;
-  std::optional<Calibration>
-      calibration;  // none: the model uncertainties nothing; NaN: of no record
+  std::optional<UncertaintyCalibration>
+      calibration;  // none: the model states no uncertainty; NaN: of no record
 };
 
 // The rows to judge a model by: the held-out ones of a run it was trained on, else all with depth
@@ -78,6 +78,7 @@ std::string to_text(const Evaluation& evaluation);
 // What must be known to read the scores (range bias, fallback, records left out): a line each, or
 // nothing.
 std::string notes(const Evaluation& evaluation);
-std::string to_text(const std::optional<Calibration>& calibration);  // one line, or nothing
+std::string to_text(
+    const std::optional<UncertaintyCalibration>& calibration);  // one line, or nothing
 
 }  // namespace echofuse::recon

@@ -75,7 +75,7 @@ std::string to_span_table(const std::vector<ScoredRow>& rows) {
   return out;
 }
 
-std::string to_text(const std::optional<Calibration>& c) {
+std::string to_text(const std::optional<UncertaintyCalibration>& c) {
   if (!c) return {};
   const std::string lateral =
       std::isnan(c->within_90)

@@ -6,7 +6,7 @@
 #include <random>
 
 #include "recon/maps/metrics.hpp"
-#include "recon/uncertainty/signs.hpp"
+#include "recon/uncertainty/predictors.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -25,7 +25,7 @@ std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth, cons
 
 }  // namespace
 
-void make_worse(Dataset& data, Rng& rng) {
+void degrade(Dataset& data, Rng& rng) {
   std::uniform_real_distribution<double> photons(fewest_photons_log10, 0);
   std::uniform_real_distribution<double> noise(least_noise_log10, most_noise_log10);
   std::normal_distribution<float> normal;
@@ -42,7 +42,7 @@ void make_worse(Dataset& data, Rng& rng) {
   }
 }
 
-bool can_judge(const Split& split) {
+bool has_enough_records(const Split& split) {
   return split.train.size() >= OutOfDistributionDetector::least_records &&
          split.validation.size() >= LateralError::least_records;
 }
@@ -60,23 +60,23 @@ UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
   SoftMaps soft;
   const Matrix maps =
       model.model->predict(model.inputs(plain, all, take_rows(aligned, split.validation)), &soft);
-  const auto signs_of_maps = [&](const Matrix& made, const Dataset& of) {
-    return signs_of(made, model.scene, of, all, model.features.inputs);
+  const auto predictors_of_maps = [&](const Matrix& made, const Dataset& of) {
+    return predictors_of(made, model.scene, of, all, model.features.inputs);
   };
-  Matrix signs = signs_of_maps(maps, plain);
+  Matrix predictors = predictors_of_maps(maps, plain);
   std::vector<double> errors = lateral_errors(maps, plain.depth, model.scene);
   for (std::size_t copy = 0; copy < worse_copies; ++copy) {
     Dataset worse = plain;
-    make_worse(worse, rng);
+    degrade(worse, rng);
     const Matrix worse_maps = model.predict(worse, all);
-    const Matrix more = signs_of_maps(worse_maps, worse);
-    for (const std::size_t i : all) signs.add_row(more.row(i));
+    const Matrix more = predictors_of_maps(worse_maps, worse);
+    for (const std::size_t i : all) predictors.add_row(more.row(i));
     const auto worse_errors = lateral_errors(worse_maps, plain.depth, model.scene);
     errors.insert(errors.end(), worse_errors.begin(), worse_errors.end());
   }
-  out.lateral.fit(signs, errors, plain.size());
+  out.lateral.fit(predictors, errors, plain.size());
   std::vector<double> lateral_interval_90_m;
-  for (const std::size_t i : all) lateral_interval_90_m.push_back(out.lateral(signs.row(i)));
+  for (const std::size_t i : all) lateral_interval_90_m.push_back(out.lateral(predictors.row(i)));
   out.pixels.fit(soft_of(std::move(soft), maps, model.scene, lateral_interval_90_m), plain.depth,
                  model.scene);
   return out;

@@ -10,13 +10,13 @@
 
 namespace echofuse::recon {
 
-// Whether there are enough records to learn a UncertaintyModel from.
-bool can_judge(const Split& split);
+// Whether there are enough records to learn an UncertaintyModel from.
+bool has_enough_records(const Split& split);
 // Row i of the aligned features is of record i of the data.
 UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
                                  const Matrix& aligned, const Split& split, std::uint64_t seed);
 
 // Photons are lost at random, up to all but 1/300 of them, and the radar gets more noise.
-void make_worse(Dataset& data, Rng& rng);
+void degrade(Dataset& data, Rng& rng);
 
 }  // namespace echofuse::recon

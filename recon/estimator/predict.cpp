@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "recon/uncertainty/signs.hpp"
+#include "recon/uncertainty/predictors.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -23,22 +23,22 @@ void require_finite(const Matrix& maps) {
 
 // Of one model without its fallback; row i of `aligned` belongs to rows[i].
 Prediction predict_aligned(const TrainedModel& model, const Dataset& data, const Rows& rows,
-                           const Matrix& aligned, Ask ask) {
+                           const Matrix& aligned, PredictionDetail detail) {
   Prediction out;
   SoftMaps soft;
-  out.maps =
-      model.model->predict(model.inputs(data, rows, aligned), ask == Ask::pixels ? &soft : nullptr);
+  out.maps = model.model->predict(model.inputs(data, rows, aligned),
+                                  detail == PredictionDetail::pixels ? &soft : nullptr);
   require_finite(out.maps);
-  if (ask == Ask::maps || !model.uncertainty) return out;
+  if (detail == PredictionDetail::maps || !model.uncertainty) return out;
   const UncertaintyModel& uncertainty = *model.uncertainty;
-  const Matrix signs = signs_of(out.maps, model.scene, data, rows, model.features.inputs);
+  const Matrix predictors = predictors_of(out.maps, model.scene, data, rows, model.features.inputs);
   std::vector<double> lateral_interval_90_m;
   for (std::size_t i = 0; i < rows.size(); ++i)
-    lateral_interval_90_m.push_back(uncertainty.lateral(signs.row(i)));
+    lateral_interval_90_m.push_back(uncertainty.lateral(predictors.row(i)));
   auto out_of_distribution = uncertainty.detector.judge(aligned, data, rows);
   for (std::size_t i = 0; i < rows.size(); ++i)
     out.uncertainties.push_back({lateral_interval_90_m[i], std::move(out_of_distribution[i])});
-  if (ask == Ask::uncertainty) return out;
+  if (detail == PredictionDetail::uncertainty) return out;
   soft = soft_of(std::move(soft), out.maps, model.scene, lateral_interval_90_m);
   PixelMaps pixels = uncertainty.pixels(soft, model.scene);
   require_finite(pixels.mean), require_finite(pixels.deviation);
@@ -64,20 +64,21 @@ void put(Prediction& whole, Prediction part, std::span<const std::size_t> places
 
 // `aligned`: of every record of the data, or none.
 Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
-                   const Matrix* aligned, Ask ask) {
-  if (ask == Ask::pixels) require_uncertainty(model);
+                   const Matrix* aligned, PredictionDetail detail) {
+  if (detail == PredictionDetail::pixels) require_uncertainty(model);
   Prediction out;
   out.maps.cols = model.scene.background.size();
-  for (const auto& [by, places, own_rows] : model.shares(data, rows))
+  for (const auto& [by, places, own_rows] : model.assign_rows(data, rows))
     for (std::size_t first = 0; first < places.size(); first += at_once) {
       const std::size_t count = std::min(at_once, places.size() - first);
       const auto begin = own_rows.begin() + static_cast<std::ptrdiff_t>(first);
       const Rows some(begin, begin + static_cast<std::ptrdiff_t>(count));
       const bool shared = aligned && &by == &model;
       put(out,
-          predict_aligned(
-              by, data, some,
-              shared ? take_rows(*aligned, some) : by.align(data, some, ask != Ask::maps), ask),
+          predict_aligned(by, data, some,
+                          shared ? take_rows(*aligned, some)
+                                 : by.align(data, some, detail != PredictionDetail::maps),
+                          detail),
           std::span(places).subspan(first, count), rows.size());
     }
   return out;
@@ -85,7 +86,7 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
 
 }  // namespace
 
-Records take(const TrainedModel& model, Dataset recorded, RangeBiasAction action) {
+Records prepare_records(const TrainedModel& model, Dataset recorded, RangeBiasAction action) {
   const bool asked = action != RangeBiasAction::ignore && model.range_bias.known();
   const bool correct = action == RangeBiasAction::correct;
   Records out{std::move(recorded), {}, {}, 0, {}};
@@ -94,7 +95,7 @@ Records take(const TrainedModel& model, Dataset recorded, RangeBiasAction action
   const Axis axis = data.radar_axis;
   const std::vector<Source> sources = data.sources;
   const auto align = [&](double range_bias_m) {
-    shorten_radar(data, range_bias_m);
+    subtract_range_offset(data, range_bias_m);
     model.match(data);
     out.aligned = model.align(data, all_rows(data.size()), true);
   };
@@ -103,22 +104,24 @@ Records take(const TrainedModel& model, Dataset recorded, RangeBiasAction action
   out.range_bias =
       model.range_bias.judge(model.range_bias.measure(model.alignment, data, out.aligned));
   out.text = out.range_bias.text(correct);
-  if (!correct || out.range_bias.verdict != RangeBias::Verdict::found) return out;
+  if (!correct || out.range_bias.status != RangeBias::Status::detected) return out;
   data.radar = profiles, data.radar_axis = axis, data.sources = sources;
-  align(out.range_bias_m = out.range_bias.metres);
+  align(out.range_bias_m = out.range_bias.bias_m);
   return out;
 }
 
-Prediction predict(const TrainedModel& model, const Records& records, const Rows& rows, Ask ask) {
-  return predict(model, records.data, rows, &records.aligned, ask);
+Prediction predict(const TrainedModel& model, const Records& records, const Rows& rows,
+                   PredictionDetail detail) {
+  return predict(model, records.data, rows, &records.aligned, detail);
 }
 
-Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows, Ask ask) {
-  return predict(model, data, rows, nullptr, ask);
+Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                   PredictionDetail detail) {
+  return predict(model, data, rows, nullptr, detail);
 }
 
 Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
-  return recon::predict(*this, data, rows, Ask::maps).maps;
+  return recon::predict(*this, data, rows, PredictionDetail::maps).maps;
 }
 
 void require_uncertainty(const TrainedModel& model) {

@@ -22,27 +22,29 @@ struct Records {
 // Of runs as they were recorded (load_recorded, load_part), or of changed records. What the
 // radar's calibration and a range bias ask for is one interpolation. Throws Error(failed) if the
 // axes are not the model's.
-Records take(const TrainedModel& model, Dataset recorded, RangeBiasAction action);
+Records prepare_records(const TrainedModel& model, Dataset recorded, RangeBiasAction action);
 
 // own: the map as the model makes it; mean: the mean over what may be there, which has the least
 // squared error.
 inline const std::vector<std::string> output_names = {"own", "mean"};
 
 // Each includes those before it.
-enum class Ask : std::uint8_t { maps, uncertainty, pixels };
+enum class PredictionDetail : std::uint8_t { maps, uncertainty, pixels };
 
 struct Prediction {
   Matrix maps;                                       // metres
-  std::vector<PredictionUncertainty> uncertainties;  // none without a uncertainty
+  std::vector<PredictionUncertainty> uncertainties;  // empty if the model states none
   Matrix mean, deviation;                            // metres; no rows unless pixels are asked for
   const Matrix& of(const std::string& output) const { return output == "mean" ? mean : maps; }
 };
 
 // Where the model falls back, its fallback predicts. Throws Error(usage) if the model has no
 // uncertainty and pixels are asked for.
-Prediction predict(const TrainedModel& model, const Records& records, const Rows& rows, Ask ask);
-Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
-                   Ask ask = Ask::uncertainty);  // of data on the model's axes
+Prediction predict(const TrainedModel& model, const Records& records, const Rows& rows,
+                   PredictionDetail detail);
+Prediction predict(
+    const TrainedModel& model, const Dataset& data, const Rows& rows,
+    PredictionDetail detail = PredictionDetail::uncertainty);  // of data on the model's axes
 
 // Throws Error(usage) if the model states no uncertainty: mean maps and deviations need that.
 void require_uncertainty(const TrainedModel& model);

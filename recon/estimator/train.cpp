@@ -47,12 +47,12 @@ std::unique_ptr<TrainedModel> fit_fallback(const Dataset& data, const Split& spl
                                            bool uncertainties) {
   FitOptions fit;
   fit.seed = options.seed, fit.quiet = options.quiet, fit.epochs = options.epochs;
-  const Ground ground(data, split.train, Inputs::spd, scene, uncertainties);
+  const Preprocessing preprocessing(data, split.train, Inputs::spd, scene, uncertainties);
   auto out = std::make_unique<TrainedModel>(
-      fit_model(data, split, ground, fallback_candidate, Inputs::spd, "record", fit));
-  out->alignment = ground.alignment;
+      fit_model(data, split, preprocessing, fallback_candidate, Inputs::spd, "record", fit));
+  out->alignment = preprocessing.alignment;
   if (uncertainties)
-    out->uncertainty = fit_uncertainty(*out, data, ground.aligned, split, fit.seed);
+    out->uncertainty = fit_uncertainty(*out, data, preprocessing.aligned, split, fit.seed);
   return out;
 }
 
@@ -86,28 +86,29 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   const bool range_bias = options.range_bias && inputs == Inputs::fused &&
                           data.spd_axis.unit == "ps" && data.radar_axis.unit == "m" &&
                           data.radar_axis.quantity == "power";
-  const bool uncertainties = options.uncertainty && can_judge(split);
+  const bool uncertainties = options.uncertainty && has_enough_records(split);
   // Its first rows are the records of the data; copies of them follow.
   std::optional<Dataset> more;
   Split fit_split = split;
   if (!options.augment.empty())
     augment(more.emplace(data), fit_split.train, options.augment, fit.seed);
   const Dataset& fit_data = more ? *more : data;
-  const Ground ground(
+  const Preprocessing preprocessing(
       fit_data, fit_split.train, inputs, learn_scene(fit_data.depth, fit_split.train),
       range_bias || uncertainties || wants_alignment(candidate_of(name, fit).model));
-  TrainedModel model = fit_model(fit_data, fit_split, ground, name, inputs, options.scaling, fit);
-  model.alignment = ground.alignment;
+  TrainedModel model =
+      fit_model(fit_data, fit_split, preprocessing, name, inputs, options.scaling, fit);
+  model.alignment = preprocessing.alignment;
   model.split = options.split;
-  model.seen = remember(data, split);
+  model.seen = seen_records(data, split);
   if (range_bias)
-    model.range_bias =
-        RangeBiasReference(ground.alignment, data, ground.aligned, in_order(split.train));
+    model.range_bias = RangeBiasReference(preprocessing.alignment, data, preprocessing.aligned,
+                                          in_order(split.train));
   if (model.log.interrupted) return model;
   if (uncertainties)
-    model.uncertainty = fit_uncertainty(model, data, ground.aligned, split, fit.seed);
+    model.uncertainty = fit_uncertainty(model, data, preprocessing.aligned, split, fit.seed);
   if (options.fallback && inputs == Inputs::fused && !ignores_inputs(model.name))
-    model.fallback = fit_fallback(data, split, ground.scene, options.fit, uncertainties);
+    model.fallback = fit_fallback(data, split, preprocessing.scene, options.fit, uncertainties);
   if (interrupted()) model.log.interrupted = true, model.fallback.reset();  // half trained
   return model;
 }

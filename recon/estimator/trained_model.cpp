@@ -23,7 +23,7 @@ std::vector<std::int64_t> known_runs(const SeenRecords& seen, const Dataset& dat
 
 }  // namespace
 
-SeenRecords remember(const Dataset& data, const Split& split) {
+SeenRecords seen_records(const Dataset& data, const Split& split) {
   SeenRecords seen;
   for (const auto& source : data.sources) seen.runs.push_back(source.uuid);
   const auto add = [&](const Rows& rows, Part part) {
@@ -56,12 +56,13 @@ std::string TrainedModel::fault_of(const Dataset& data, std::size_t row) const {
   return falls_back(data, row) ? "" : data.fault_of(row, features.inputs);
 }
 
-std::vector<TrainedModel::Share> TrainedModel::shares(const Dataset& data, const Rows& rows) const {
-  Share own{*this, {}, {}}, others{fallback ? *fallback : *this, {}, {}};
+std::vector<TrainedModel::Assignment> TrainedModel::assign_rows(const Dataset& data,
+                                                                const Rows& rows) const {
+  Assignment own{*this, {}, {}}, others{fallback ? *fallback : *this, {}, {}};
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    Share& share = falls_back(data, rows[i]) ? others : own;
-    share.places.push_back(i);
-    share.rows.push_back(rows[i]);
+    Assignment& part = falls_back(data, rows[i]) ? others : own;
+    part.places.push_back(i);
+    part.rows.push_back(rows[i]);
   }
   if (others.rows.empty()) return {own};
   return {own, others};
@@ -104,7 +105,8 @@ Rows TrainedModel::rows_of(const Dataset& data, Part part) const {
   return rows;
 }
 
-Ground::Ground(const Dataset& data, const Rows& train, Inputs inputs, Scene of_rows, bool wanted)
+Preprocessing::Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene of_rows,
+                             bool wanted)
     : scene(std::move(of_rows)) {
   const auto started = std::chrono::steady_clock::now();
   aligned.rows = data.size();
@@ -113,10 +115,10 @@ Ground::Ground(const Dataset& data, const Rows& train, Inputs inputs, Scene of_r
   const Matrix raw_inputs = raw.raw_inputs(data, all_rows(data.size()));
   alignment = Alignment(raw.layout(), raw_inputs, train);
   aligned = alignment(raw_inputs);
-  took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+  elapsed_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
 }
 
-TrainedModel fit_model(const Dataset& data, const Split& split, const Ground& ground,
+TrainedModel fit_model(const Dataset& data, const Split& split, const Preprocessing& preprocessing,
                        const std::string& name, Inputs inputs, const std::string& scaling,
                        const FitOptions& options) {
   const auto started = std::chrono::steady_clock::now();
@@ -128,17 +130,18 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const Ground& gr
   if (aligned && (out.features.spd_count() == 0 || out.features.radar_count() == 0))
     throw Error(ExitCode::usage,
                 "the silhouette and factorised models need both sensors: --inputs fused");
-  out.scene = ground.scene;
-  if (aligned) out.alignment = ground.alignment;
+  out.scene = preprocessing.scene;
+  if (aligned) out.alignment = preprocessing.alignment;
   out.model = kind_of(candidate.model).make();
-  const Matrix taken = out.inputs(data, all_rows(data.size()), ground.aligned);
+  const Matrix taken = out.inputs(data, all_rows(data.size()), preprocessing.aligned);
   const auto samples = [&](const Rows& rows) {
-    return Samples{taken, data.depth, rows, &ground.scene, &ground.alignment, &data.radar};
+    return Samples{taken,      data.depth, rows, &preprocessing.scene, &preprocessing.alignment,
+                   &data.radar};
   };
   out.log = out.model->fit(samples(split.train), samples(split.validation), candidate.fit);
   out.fit = candidate.fit;
   out.data_hash = data.hash;
-  out.train_s = ground.took_s +
+  out.train_s = preprocessing.elapsed_s +
                 std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
   return out;
 }

@@ -64,11 +64,11 @@ struct TrainedModel {
   // Why there is no map of the record; empty if there is one.
   std::string fault_of(const Dataset& data, std::size_t row) const;
   // Who answers for which of the rows: this model, and its fallback if it is needed.
-  struct Share {
+  struct Assignment {
     const TrainedModel& by;
     Rows places, rows;  // indices into the given rows, and those rows
   };
-  std::vector<Share> shares(const Dataset& data, const Rows& rows) const;
+  std::vector<Assignment> assign_rows(const Dataset& data, const Rows& rows) const;
   // The rows as seen from the body in each, where the model takes that or if it is wanted for what
   // is stated; else no columns.
   Matrix align(const Dataset& data, const Rows& rows, bool wanted) const;
@@ -87,20 +87,20 @@ struct TrainedModel {
 // What a record's status says when the fallback answered.
 inline const char* const fallback_note = "radar lost: SPD alone";
 
-SeenRecords remember(const Dataset& data, const Split& split);
+SeenRecords seen_records(const Dataset& data, const Split& split);
 
 // What all models of the same training rows and inputs share.
-struct Ground {
+struct Preprocessing {
   Scene scene;
-  Alignment alignment;  // not known unless wanted, nor without a detector
-  Matrix aligned;       // of every record of the data set
-  double took_s = 0;    // which belongs to the time of each training
-  Ground(const Dataset& data, const Rows& train, Inputs inputs, Scene scene, bool wanted);
+  Alignment alignment;   // not known unless wanted, nor without a detector
+  Matrix aligned;        // of every record of the data set
+  double elapsed_s = 0;  // which belongs to the time of each training
+  Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene scene, bool wanted);
 };
 
 // Fits scaling and model to the training rows; leaves `seen`, `range_bias` and `fallback` empty.
 // Throws Error(usage) if the model needs both sensors.
-TrainedModel fit_model(const Dataset& data, const Split& split, const Ground& ground,
+TrainedModel fit_model(const Dataset& data, const Split& split, const Preprocessing& preprocessing,
                        const std::string& name, Inputs inputs, const std::string& scaling,
                        const FitOptions& options);
 

@@ -3,8 +3,9 @@
 //
 //   off 0   u8[6] "\x93NUMPY" | 6 u8 major | 7 u8 minor
 //   off 8   u16 length of the header (version 1) or u32 (versions 2 and 3)
-//   then    header, a Python dictionary: {'descr': '<f4', 'fortran_order': False, 'shape': (60,
-//   91), } then    the values, little-endian
+//   then    header, a Python dictionary: {'descr': '<f4', 'fortran_order': False,
+//           'shape': (60, 91), }
+//   then    the values, little-endian
 // Source: numpy.lib.format.
 #pragma once
 #include <string>

@@ -117,6 +117,7 @@ void score_position(MapScores& out, std::span<const float> truth, const Mask& ma
 MapScores score(std::span<const float> prediction, std::span<const float> truth,
                 const Scene& scene) {
   MapScores out;
+  out.fill(undefined);
   const Mask mask = true_mask(truth, scene);
   const auto share = foreground_share(prediction, scene);
   const auto raw = within_span(prediction);

@@ -23,16 +23,16 @@ enum Metric : std::size_t {
   metric_depth_mae_m,  // raw, over the intersection of both foregrounds
   metric_abs_rel,      // raw, mean |error|/truth over pixels with a true return
   metric_delta_125,    // raw, share of those with max(v/d, d/v) < 1.25
-  metric_lateral_m,    // angle between the centroids of both foregrounds, at the true range
+  metric_lateral_m,    // |x/z| between the centroids of both foregrounds, times the true mean z (m)
   // The next two only for maps with |x| > 0.3 m; nearer to the axis a body is its own mirror image.
-  metric_ghost,  // 0 = at the truth only, 0.5 = as much on either side, 1 = at the mirror image
-                 // only
+  metric_ghost,       // 0: at the truth only; 0.5: as much on either side; 1: mirror image only
   metric_left_right,  // 1 if the centroid is on the true side
   metric_count
 };
 inline constexpr std::array<const char*, metric_count> metric_names = {
     "iou",         "ssim",    "ssim_hard", "ssim_fg",   "rmse_m", "rmse_fg_m",
     "depth_mae_m", "abs_rel", "delta_125", "lateral_m", "ghost",  "left_right"};
+static_assert(metric_names.back() != nullptr);  // a name for each, in the order of Metric
 
 using MapScores = std::array<double, metric_count>;
 

@@ -56,7 +56,7 @@ const std::vector<ModelKind>& model_kinds() {
   using enum ModelKind::Takes;
   using enum ModelKind::Size;
   static const std::vector<ModelKind> kinds{
-      {"empty", make_background, nothing, fixed, {}},
+      {"empty", make_empty_room, nothing, fixed, {}},
       {"mean", make_mean, nothing, fixed, {}},
       {"silhouette", make_silhouette, aligned, fixed, placed},
       {"factorised", make_factorised, aligned, basis, placed},
@@ -70,6 +70,16 @@ const std::vector<ModelKind>& model_kinds() {
 std::vector<std::string> model_names() {
   std::vector<std::string> out;
   for (const ModelKind& kind : model_kinds()) out.push_back(kind.name);
+  return out;
+}
+
+std::string model_help() {
+  std::string out;
+  for (const ModelKind& kind : model_kinds()) {
+    out += (out.empty() ? "" : ", ") + kind.name;
+    if (kind.size != ModelKind::Size::fixed) out += "[-N]";
+    if (kind.size == ModelKind::Size::hidden) out += "[-N...]";
+  }
   return out;
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What every model does: learn maps from inputs, predict them, say what that costs, keep itself.
+// What every model does: learn maps from inputs, predict them, state its cost, save itself.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -30,7 +30,7 @@ struct Samples {
   const Matrix* radar = nullptr;
 };
 
-// What is not given is as each model works best.
+// Options that are not given take the kind's own values (ModelKind::own).
 struct FitOptions {
   std::optional<std::vector<std::size_t>> hidden = {};  // mlp: width of each hidden layer
   std::optional<std::size_t> basis = {};  // pca, factorised: components; nearest: records
@@ -92,12 +92,15 @@ struct ModelKind {
   Size size;
   FitOptions own;  // what did best on validation records at the base condition
 };
-const std::vector<ModelKind>& model_kinds();        // from the cheapest to the dearest
+// To add one: a row there, its own file, and candidates() in estimator/crossvalidate.hpp if
+// `--model auto` shall try it.
+const std::vector<ModelKind>& model_kinds();        // by increasing cost
 const ModelKind& kind_of(const std::string& name);  // throws Error(usage)
 std::vector<std::string> model_names();
+std::string model_help();  // "empty, mean, ..., factorised[-N]"
 
 // The models, one a file.
-std::unique_ptr<Model> make_background();  // "empty": the room without anybody
+std::unique_ptr<Model> make_empty_room();  // "empty": the room without anybody
 std::unique_ptr<Model> make_mean();        // the mean training map
 std::unique_ptr<Model> make_nearest();     // from the maps of the training records nearest to it
 std::unique_ptr<Model> make_ridge();       // linear, penalty chosen by generalised cross-validation
@@ -112,7 +115,7 @@ struct Candidate {
   std::string name, model;
   FitOptions fit;
 };
-// With every option that the model has, `base` where it speaks. Throws Error(usage).
+// With every option of its kind; those of `base` override. Throws Error(usage).
 Candidate candidate_of(const std::string& name, const FitOptions& base);
 
 // Of a kind's name. The empty room and the mean map answer the same to every record; models that

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The directions in which the rows of a table vary most.
+// Principal components of the rows of a table.
 #pragma once
 #include <cstdint>
 #include <string>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Parts of a calculation on several threads. Who cuts the parts by the shape of the calculation
-// alone gets the same bits with any number of threads.
+// Parts of a calculation on several threads. The result is the same bit by bit with any number of
+// threads if the parts depend on the shape of the calculation alone.
 //
 // Threading: called from one thread at a time, and not from within a part.
 #pragma once

@@ -2,6 +2,7 @@
 #include "recon/output/map_files.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -53,7 +54,30 @@ std::vector<double> values_of(const Axis& axis) {
   return out;
 }
 
+struct MapFormat {
+  const char *name, *what;
+};
+constexpr std::array<MapFormat, 5> map_formats = {
+    {{"colour", "PNG"},
+     {"mm", "PNG of 16-bit millimetres"},
+     {"ply", "points"},
+     {"npz", "all maps in one file"},
+     {"uncertainty", "standard deviations, as mm and npz"}}};
+
 }  // namespace
+
+std::vector<std::string> map_format_names() {
+  std::vector<std::string> out;
+  for (const MapFormat& f : map_formats) out.emplace_back(f.name);
+  return out;
+}
+
+std::string map_format_help() {
+  std::string out;
+  for (const MapFormat& f : map_formats)
+    out += formatted("%s%s (%s)", out.empty() ? "" : ", ", f.name, f.what);
+  return out;
+}
 
 MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene)
     : folder_(std::move(folder)),

@@ -12,6 +12,7 @@
 
 namespace echofuse::recon {
 
+// To add one: a row in map_files.cpp, and its branch in MapFiles::write.
 //   colour  NNNNNN.png: for the eye
 //   mm      NNNNNN_mm.png: 16-bit grey, z in millimetres, 0 = no return
 //   ply     NNNNNN.ply: points x (right), y (up), z (away) in metres, of the hard map (scene.hpp),
@@ -20,7 +21,8 @@ namespace echofuse::recon {
 //           the tangents of the pixel centres
 //   uncertainty  NNNNNN_sd.png: 16-bit grey, the standard deviation of z in millimetres; beside npz
 //           also uncertainty.npz: deviation_m f32 [n, 64, 64]
-inline const std::vector<std::string> map_formats = {"colour", "mm", "ply", "npz", "uncertainty"};
+std::vector<std::string> map_format_names();
+std::string map_format_help();  // each with what it is
 
 // Writes into an existing folder; every member throws Error(disk).
 class MapFiles {

@@ -112,9 +112,10 @@ Dataset Reconstruction::read(const record::RunReader& run, std::size_t at_most) 
 
 void Reconstruction::take_all(const record::RunReader& run) {
   Progress progress("reconstructing", static_cast<std::size_t>(run.count()), options_.quiet);
-  const Records records =
-      take(model_, read(run, std::numeric_limits<std::size_t>::max()), options_.range_bias);
-  const bool silent = options_.quiet && records.range_bias.verdict == RangeBias::Verdict::few;
+  const Records records = prepare_records(
+      model_, read(run, std::numeric_limits<std::size_t>::max()), options_.range_bias);
+  const bool silent =
+      options_.quiet && records.range_bias.status == RangeBias::Status::too_few_records;
   if (!silent && !records.text.empty() && options_.on_range_bias)
     options_.on_range_bias(records.text);
   const std::size_t size = records.data.size();
@@ -142,7 +143,7 @@ Records Reconstruction::prepare_new(Dataset data) {
   if (std::none_of(all.begin(), all.end(),
                    [&](std::size_t row) { return model_.fault_of(data, row).empty(); }))
     return {std::move(data), {}, {}, 0, {}};
-  Records out = take(model_, std::move(data), RangeBiasAction::ignore);
+  Records out = prepare_records(model_, std::move(data), RangeBiasAction::ignore);
   if (options_.range_bias == RangeBiasAction::ignore || !model_.range_bias.known()) return out;
   const auto range_bias = watch_.add(
       model_.range_bias, model_.range_bias.measure(model_.alignment, out.data, out.aligned));
@@ -166,7 +167,8 @@ void Reconstruction::write(const Records& records, std::size_t first, std::size_
   }
   const bool uncertainty = wants_uncertainty(options_);
   const bool pixels = uncertainty || options_.output == "mean";
-  const Prediction made = predict(model_, records, rows, pixels ? Ask::pixels : Ask::uncertainty);
+  const Prediction made = predict(
+      model_, records, rows, pixels ? PredictionDetail::pixels : PredictionDetail::uncertainty);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     RecordStatus& status = all[rows[i] - first];
     if (!made.uncertainties.empty()) status.uncertainty = made.uncertainties[i];

@@ -53,7 +53,7 @@ LoadedMode score_mode(Inputs inputs, double paper_ssim, const std::vector<std::s
     if (f.inputs != inputs)
       throw Error(ExitCode::failed, path + ": was trained on " + name_of(f.inputs) +
                                         " inputs, given as --" + name_of(inputs));
-    const Records records = take(model, data, RangeBiasAction::warn);
+    const Records records = prepare_records(model, data, RangeBiasAction::warn);
     const Rows rows = rows_of_both(model, records.data);
     Evaluation e = evaluate(model, records, rows);
     e.left_out += rows_to_evaluate(model, records.data, false).size() - rows.size();
@@ -68,10 +68,11 @@ LoadedMode score_mode(Inputs inputs, double paper_ssim, const std::vector<std::s
 // Of the candidates, the row whose fused reconstruction is of median quality: no picked cherries.
 std::size_t median_row(const TrainedModel& fused, const Dataset& data, const Rows& candidates) {
   std::vector<std::pair<double, std::size_t>> order;
-  const Records records = take(fused, part_of(data, candidates), RangeBiasAction::ignore);
+  const Records records =
+      prepare_records(fused, part_of(data, candidates), RangeBiasAction::ignore);
   const Rows all = all_rows(candidates.size());
-  const auto scores =
-      score_maps(predict(fused, records, all, Ask::maps).maps, records.data, all, fused.scene);
+  const auto scores = score_maps(predict(fused, records, all, PredictionDetail::maps).maps,
+                                 records.data, all, fused.scene);
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const double iou = scores[i][metric_iou];
     order.emplace_back(std::isnan(iou) ? 0 : iou, candidates[i]);
@@ -118,8 +119,9 @@ Bytes draw(const std::string& title, const std::vector<const TrainedModel*>& mod
   std::vector<Prediction> made;
   std::vector<std::vector<float>> shown;
   for (const auto* model : models) {
-    seen.push_back(take(*model, part_of(data, {row}), RangeBiasAction::ignore));
-    made.push_back(predict(*model, seen.back(), {0}, model->uncertainty ? Ask::pixels : Ask::maps));
+    seen.push_back(prepare_records(*model, part_of(data, {row}), RangeBiasAction::ignore));
+    made.push_back(predict(*model, seen.back(), {0},
+                           model->uncertainty ? PredictionDetail::pixels : PredictionDetail::maps));
     shown.push_back(within_span(made.back().maps.row(0)));
   }
   std::vector<FigureRow> rows;
@@ -180,7 +182,7 @@ void add_figures(Report& report, const std::vector<const TrainedModel*>& models,
 
 void add_live(Report& report, const TrainedModel& fused, const std::string& path) {
   const Dataset data = load({path});
-  const Records records = take(fused, data, RangeBiasAction::warn);
+  const Records records = prepare_records(fused, data, RangeBiasAction::warn);
   const Rows rows = rows_to_evaluate(fused, records.data, false);
   report.live = path;
   report.live_evaluation = evaluate(fused, records, rows);

@@ -151,7 +151,7 @@ std::string uncertainty_section(const Report& report) {
   std::string lines;
   const auto add = [&](const std::string& name, const Evaluation& e) {
     if (!e.calibration) return;
-    const Calibration& c = *e.calibration;
+    const UncertaintyCalibration& c = *e.calibration;
     const auto cell = [](const char* form, double value) {
       return "<td>" + (std::isnan(value) ? std::string("-") : formatted(form, value)) + "</td>";
     };

@@ -141,7 +141,7 @@ class Study {
     if (job.sweep == "photons") thin(train_data, job.share, seed);
     if (job.sweep == "photons") thin(test_data, job.share, 1000 + seed);
     if (job.sweep == "records") keep_records(train_data, job.share, seed);
-    const TrainedModel model = train_whole(train_data, job.model, seed);
+    const TrainedModel model = train_on_all(train_data, job.model, seed);
     const Rows rows = test_data.usable(model.features.inputs);
     const MapScores out = mean_scores(model.predict(test_data, rows), test_data, rows, model.scene);
     const TemporaryFile file{options_.out + "/.study-" + std::to_string(::getpid()) + ".h5"};

@@ -6,8 +6,8 @@
 #include <sstream>
 
 #include "drivers/chart/gnuplot.hpp"
+#include "drivers/core/atomic_write.hpp"
 #include "drivers/core/exit_code.hpp"
-#include "drivers/core/write_beside.hpp"
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
 #include "recon/study/pareto.hpp"
@@ -125,7 +125,7 @@ std::vector<ParetoRow> read_pareto(const std::string& folder) {
 }
 
 void write_pareto_table(const std::vector<ParetoRow>& rows, const std::string& folder) {
-  write_beside(folder + "/pareto.csv", to_csv(rows));
+  write_atomically(folder + "/pareto.csv", to_csv(rows));
 }
 
 LateralBound read_bound(const std::string& path) {

@@ -131,8 +131,8 @@ class Study {
   std::optional<TrainedModel> fit(const Dataset& data, const StudyModel& model, std::size_t seed,
                                   bool fallback) {
     try {
-      return train_whole(data, model, seed,
-                         {options_.range_bias == RangeBiasAction::correct, fallback});
+      return train_on_all(data, model, seed,
+                          {options_.range_bias == RangeBiasAction::correct, fallback});
     } catch (const Error& error) {
       if (error.code() != ExitCode::failed) throw;
       const std::string reason = model.name + ": " + error.what();
@@ -154,13 +154,13 @@ class Study {
     StabilityScores out;
     out.fill(std::numeric_limits<double>::quiet_NaN());
     if (!fitted) return out;
-    const Records records = take(*fitted, tested, options_.range_bias);
+    const Records records = prepare_records(*fitted, tested, options_.range_bias);
     const Dataset& data = records.data;
     Rows rows = all_rows(data.size());
     if (!ignores_inputs(model.candidate))
       std::erase_if(rows, [&](std::size_t row) { return !fitted->fault_of(data, row).empty(); });
     if (rows.empty()) return out;
-    const MapScores scores = mean_scores(with_nobody(*fitted, records, rows), data,
+    const MapScores scores = mean_scores(predict_or_empty_room(*fitted, records, rows), data,
                                          all_rows(data.size()), fitted->scene);
     std::transform(stability_metrics.begin(), stability_metrics.end(), out.begin(),
                    [&](Metric m) { return scores[m]; });

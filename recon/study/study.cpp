@@ -16,24 +16,24 @@ StudyModel::StudyModel(const std::string& text)
     throw Error(ExitCode::usage, "model \"" + text + "\": needs both sensors");
 }
 
-TrainedModel train_whole(const Dataset& data, const StudyModel& model, std::uint64_t seed,
-                         const Beside& beside) {
+TrainedModel train_on_all(const Dataset& data, const StudyModel& model, std::uint64_t seed,
+                          const OptionalParts& parts) {
   TrainOptions how;
   how.model = model.candidate;
   how.inputs = model.inputs;
   how.split.test_share = 0;
   how.split.seed = how.fit.seed = seed;
   how.fit.quiet = true;
-  how.range_bias = beside.range_bias && !ignores_inputs(model.candidate);
-  how.fallback = beside.fallback;
+  how.range_bias = parts.range_bias && !ignores_inputs(model.candidate);
+  how.fallback = parts.fallback;
   how.uncertainty = false;  // no study reads it, and it takes long to learn
   return train(data, how);
 }
 
-Matrix with_nobody(const TrainedModel& model, const Records& records, const Rows& rows) {
+Matrix predict_or_empty_room(const TrainedModel& model, const Records& records, const Rows& rows) {
   Matrix maps(0, model.scene.background.size());
   for (std::size_t row = 0; row < records.data.size(); ++row) maps.add_row(model.scene.background);
-  const Matrix made = predict(model, records, rows, Ask::maps).maps;
+  const Matrix made = predict(model, records, rows, PredictionDetail::maps).maps;
   for (std::size_t i = 0; i < rows.size(); ++i)
     std::copy_n(made.row(i).begin(), maps.cols, maps.row(rows[i]).begin());
   return maps;

@@ -17,17 +17,17 @@ struct StudyModel {
 
 // What a fused model that looks at its inputs has beside it, if asked: the range bias's reference,
 // or that and a fallback for a lost radar.
-struct Beside {
+struct OptionalParts {
   bool range_bias = false, fallback = false;
 };
 
 // On all usable records but the validation share: there is another run to judge by.
-TrainedModel train_whole(const Dataset& data, const StudyModel& model, std::uint64_t seed,
-                         const Beside& beside = {});
+TrainedModel train_on_all(const Dataset& data, const StudyModel& model, std::uint64_t seed,
+                          const OptionalParts& parts = {});
 
 // A map of every record. The model answers for the rows; the others, which it cannot read, show the
 // empty room.
-Matrix with_nobody(const TrainedModel& model, const Records& records, const Rows& rows);
+Matrix predict_or_empty_room(const TrainedModel& model, const Records& records, const Rows& rows);
 
 // Means over the maps, one a row.
 MapScores mean_scores(const Matrix& maps, const Dataset& data, const Rows& rows,

@@ -216,10 +216,10 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
       s.reason = "empty";
     else if (spd && clicks > record::most_clicks_a_pulse &&
              clicks > clicks_reserve * most_clicks_per_start_)
-      s.reason = "saturated", s.figures = formatted("%.2f clicks a laser pulse", clicks);
+      s.reason = "saturated", s.details = formatted("%.2f clicks a laser pulse", clicks);
     else if (has_range && (range_m < nearest_m_ || range_m > farthest_m_))
       s.reason = "outside the training records' distances",
-      s.figures = formatted("%.2f m", range_m);
+      s.details = formatted("%.2f m", range_m);
     else if (s.two_bodies > 1 && s.two_bodies > s.distance)
       s.reason = "two bodies, or one unlike the training records'";
     else if (s.distance > 1)

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Whether a record is out of the training records' distribution, whatever the model. A record is
-// described by its histogram and radar profile aligned to the body's range (models/alignment.hpp),
-// that range, and the radar profile as it is; none depends on gains; then
+// described by its histogram and radar profile aligned to the body's range
+// (models/body/alignment.hpp), that range, and the radar profile as it is; none depends on gains;
+// then
 //   distance    from the training records in their principal components: T^2 along the components,
 //               Q off them (Jackson and Mudholkar, Technometrics 21, 341, 1979), the greater one
 //   two bodies  a quadratic discriminant between training records and sums of two of them, which
@@ -24,8 +25,8 @@ namespace echofuse::recon {
 struct OutOfDistributionScore {
   double distance = 0, two_bodies = 0;  // above 1: unusual
   std::string reason;                   // empty: like the training records
-  std::string figures;                  // to it, if there are any
-  std::string text() const { return figures.empty() ? reason : reason + " (" + figures + ")"; }
+  std::string details;                  // to it, if there are any
+  std::string text() const { return details.empty() ? reason : reason + " (" + details + ")"; }
 };
 
 class OutOfDistributionDetector {

@@ -74,29 +74,30 @@ RangeBiasAction range_bias_action_of(const std::string& name) {
 }
 
 std::string RangeBias::text(bool corrected) const {
-  switch (verdict) {
-    case Verdict::few:
+  switch (status) {
+    case Status::too_few_records:
       if (records == 0) return {};
       return formatted("%zu records with a body are too few to tell whether the ranges have a bias",
                        records) +
-             (error > 0 ? formatted(" (standard error %.1f cm)", error * 100) : "");
-    case Verdict::none:
+             (standard_error_m > 0 ? formatted(" (standard error %.1f cm)", standard_error_m * 100)
+                                   : "");
+    case Status::not_detected:
       return {};
-    case Verdict::unclear:
+    case Status::inconsistent:
       return formatted(
           "cannot tell whether there is a range bias: against the SPD's, the radar's ranges of the "
           "leftmost bodies moved by %+.1f cm since training, of the rightmost by %+.1f cm; people "
           "or the radar stand elsewhere",
           left_m * 100, right_m * 100);
-    case Verdict::found:
+    case Status::detected:
       break;
   }
-  return formatted("radar ranges %.1f +- %.1f cm %s than in training, against the SPD's%s",
-                   std::abs(metres) * 100, error * 100, metres > 0 ? "longer" : "shorter",
-                   corrected
-                       ? ": corrected"
-                       : ", or people further to one side: not corrected (--range-bias correct "
-                         "of evaluate and reconstruct does); if nobody moved, calibrate anew");
+  return formatted(
+      "radar ranges %.1f +- %.1f cm %s than in training, against the SPD's%s",
+      std::abs(bias_m) * 100, standard_error_m * 100, bias_m > 0 ? "longer" : "shorter",
+      corrected ? ": corrected"
+                : ", or people further to one side: not corrected (--range-bias correct "
+                  "of evaluate and reconstruct does); if nobody moved, calibrate anew");
 }
 
 RangeBiasReference::RangeBiasReference(const Alignment& alignment, const Dataset& data,
@@ -134,7 +135,7 @@ RangeBias RangeBiasReference::judge(std::vector<float> found) const {
   if (std::min(found.size(), displacements_m_.size()) < least_records) return out;
   const Edges moved = edges_of(found) - edges_of(displacements_m_);
   out.left_m = moved.left_m, out.right_m = moved.right_m;
-  out.metres = (moved.left_m + moved.right_m) / 2;
+  out.bias_m = (moved.left_m + moved.right_m) / 2;
   std::vector<double> middles, halves;
   Rng rng = make_rng(found.size(), bootstrap_stream);
   for (int i = 0; i < resamples; ++i) {
@@ -142,14 +143,15 @@ RangeBias RangeBiasReference::judge(std::vector<float> found) const {
     middles.push_back((e.left_m + e.right_m) / 2);
     halves.push_back((e.left_m - e.right_m) / 2);
   }
-  out.error = standard_deviation(middles);
+  out.standard_error_m = standard_deviation(middles);
   const double apart = std::abs(moved.left_m - moved.right_m) / 2;
   const double apart_error = standard_deviation(halves);
-  const double least = std::max(least_range_bias_m, significance * out.error);
-  out.verdict = apart > edges_agree_m + 2 * apart_error   ? RangeBias::Verdict::unclear
-                : std::abs(out.metres) > least            ? RangeBias::Verdict::found
-                : significance * out.error > least_seen_m ? RangeBias::Verdict::few
-                                                          : RangeBias::Verdict::none;
+  const double least = std::max(least_range_bias_m, significance * out.standard_error_m);
+  out.status = apart > edges_agree_m + 2 * apart_error ? RangeBias::Status::inconsistent
+               : std::abs(out.bias_m) > least          ? RangeBias::Status::detected
+               : significance * out.standard_error_m > least_seen_m
+                   ? RangeBias::Status::too_few_records
+                   : RangeBias::Status::not_detected;
   return out;
 }
 
@@ -183,8 +185,8 @@ std::optional<RangeBias> RangeBiasWatch::add(const RangeBiasReference& reference
   if (watched_ / watch_every == looks) return {};
   const RangeBias range_bias = reference.judge(displacements_m_);
   const bool news =
-      range_bias.verdict == RangeBias::Verdict::found && verdict_ != range_bias.verdict;
-  verdict_ = range_bias.verdict;
+      range_bias.status == RangeBias::Status::detected && status_ != range_bias.status;
+  status_ = range_bias.status;
   return news ? std::optional(range_bias) : std::nullopt;
 }
 

@@ -30,17 +30,17 @@ RangeBiasAction range_bias_action_of(const std::string& name);  // throws Error(
 inline const std::vector<std::string> range_bias_action_names = {"warn", "correct", "ignore"};
 
 struct RangeBias {
-  enum class Verdict : std::uint8_t {
-    few,      // records: for any answer, or to see 3 cm
-    none,     // to be seen
-    unclear,  // the quantiles moved differently
-    found     // or people stand further to one side
+  enum class Status : std::uint8_t {
+    too_few_records,  // for any answer, or to see 3 cm
+    not_detected,
+    inconsistent,  // the quantiles moved differently
+    detected       // or people stand further to one side
   };
-  Verdict verdict = Verdict::few;
-  std::size_t records = 0;                 // with a body in both sensors
-  double metres = 0, error = 0;            // radar ranges longer than in training, standard error
-  double left_m = 0, right_m = 0;          // how far either quantile moved
-  std::string text(bool corrected) const;  // for the user; empty if there is nothing to say
+  Status status = Status::too_few_records;
+  std::size_t records = 0;                  // with a body in both sensors
+  double bias_m = 0, standard_error_m = 0;  // radar ranges longer than in training
+  double left_m = 0, right_m = 0;           // how far either quantile moved
+  std::string text(bool corrected) const;   // for the user; empty if there is nothing to say
 };
 
 // How far behind the SPD the radar saw the bodies of the training records.
@@ -80,7 +80,7 @@ class RangeBiasWatch {
  private:
   std::vector<float> displacements_m_;
   std::size_t watched_ = 0;
-  RangeBias::Verdict verdict_ = RangeBias::Verdict::few;
+  RangeBias::Status status_ = RangeBias::Status::too_few_records;
 };
 
 }  // namespace echofuse::recon

@@ -8,7 +8,7 @@
 #include "recon/numbers/linear_fit.hpp"
 #include "recon/numbers/matrix_file.hpp"
 #include "recon/numbers/statistics.hpp"
-#include "recon/uncertainty/signs.hpp"
+#include "recon/uncertainty/predictors.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -19,37 +19,38 @@ constexpr std::size_t folds = 5;
 
 }  // namespace
 
-std::vector<float> LateralError::terms_of(std::span<const float> signs) const {
-  std::vector<float> out(signs.size());
+std::vector<float> LateralError::terms_of(std::span<const float> predictors) const {
+  std::vector<float> out(predictors.size());
   for (std::size_t c = 0; c < out.size(); ++c)
-    out[c] = (std::clamp(signs[c], least_[c], most_[c]) - centre_[c]) / spread_[c];
+    out[c] = (std::clamp(predictors[c], least_[c], most_[c]) - centre_[c]) / spread_[c];
   return quadratic_terms(out);
 }
 
-void LateralError::fit(const Matrix& signs, const std::vector<double>& error_m, std::size_t plain) {
+void LateralError::fit(const Matrix& predictors, const std::vector<double>& error_m,
+                       std::size_t plain) {
   Rows known;
   std::size_t known_plain = 0;
-  for (std::size_t i = 0; i < signs.rows; ++i) {
+  for (std::size_t i = 0; i < predictors.rows; ++i) {
     if (std::isnan(error_m[i])) continue;
     known.push_back(i);
     known_plain += i < plain;
   }
   if (known_plain < least_records) return;
-  const ColumnStatistics columns = column_statistics(signs, known);
+  const ColumnStatistics columns = column_statistics(predictors, known);
   centre_.assign(columns.mean.begin(), columns.mean.end());
-  least_ = most_ =
-      std::vector<float>(signs.row(known.front()).begin(), signs.row(known.front()).end());
-  for (std::size_t c = 0; c < signs.cols; ++c) {
+  least_ = most_ = std::vector<float>(predictors.row(known.front()).begin(),
+                                      predictors.row(known.front()).end());
+  for (std::size_t c = 0; c < predictors.cols; ++c) {
     spread_.push_back(static_cast<float>(std::sqrt(std::max(columns.variance[c], 1e-12))));
     for (const std::size_t i : known) {
-      least_[c] = std::min(least_[c], signs.row(i)[c]);
-      most_[c] = std::max(most_[c], signs.row(i)[c]);
+      least_[c] = std::min(least_[c], predictors.row(i)[c]);
+      most_[c] = std::max(most_[c], predictors.row(i)[c]);
     }
   }
   Matrix terms;
   std::vector<float> targets;
   for (const std::size_t i : known) {
-    const auto row = terms_of(signs.row(i));
+    const auto row = terms_of(predictors.row(i));
     terms.cols = row.size();
     terms.add_row(row);
     targets.push_back(static_cast<float>(std::log(std::max(error_m[i], smallest_error_m))));
@@ -70,10 +71,10 @@ void LateralError::fit(const Matrix& signs, const std::vector<double>& error_m, 
   factor_ = ratios[std::min(rank, ratios.size()) - 1];
 }
 
-double LateralError::operator()(std::span<const float> signs) const {
-  if (weights_.empty() || std::isnan(signs.front()))
+double LateralError::operator()(std::span<const float> predictors) const {
+  if (weights_.empty() || std::isnan(predictors.front()))
     return std::numeric_limits<double>::quiet_NaN();
-  return factor_ * std::exp(product(terms_of(signs), weights_));
+  return factor_ * std::exp(product(terms_of(predictors), weights_));
 }
 
 void LateralError::save(record::H5File& file, const std::string& group) const {
@@ -86,12 +87,13 @@ void LateralError::save(record::H5File& file, const std::string& group) const {
   file.write(group + "/most", most_, {most_.size()});
 }
 
-void LateralError::load(const record::H5File& file, const std::string& group, std::size_t signs) {
+void LateralError::load(const record::H5File& file, const std::string& group,
+                        std::size_t predictors) {
   factor_ = file.get<double>(group, "factor");
   centre_ = file.read<float>(group + "/centre", {record::H5File::any});
   const std::size_t n = centre_.size();
-  require_sound(file, n == 0 || n == signs, group + "/centre",
-                "0 or " + std::to_string(signs) + " values");
+  require_sound(file, n == 0 || n == predictors, group + "/centre",
+                "0 or " + std::to_string(predictors) + " values");
   weights_ = file.read<double>(group + "/weights", {n > 0 ? (n + 1) * (n + 2) / 2 : 0});
   spread_ = file.read<float>(group + "/spread", {n});
   least_ = file.read<float>(group + "/least", {n});
@@ -110,7 +112,7 @@ void UncertaintyModel::save(record::H5File& file) const {
 void UncertaintyModel::load(const record::H5File& file, const Features& of_model,
                             const Alignment& alignment) {
   detector.load(file, "uncertainty/out_of_distribution", of_model, alignment);
-  lateral.load(file, "uncertainty/lateral", sign_count(of_model.inputs));
+  lateral.load(file, "uncertainty/lateral", predictor_count(of_model.inputs));
   pixels.load(file, "uncertainty/pixels");
 }
 

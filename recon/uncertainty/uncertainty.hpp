@@ -11,7 +11,7 @@
 
 namespace echofuse::recon {
 
-// The usual lateral error grows with noise, range of view and distance from the axis: a regression
+// The usual lateral error grows with |x/z| and with noise (predictors.hpp): a regression
 // of its logarithm on those, times the factor that holds 90 % of the validation records, each
 // against a regression without it (cross-conformal prediction; Vovk, Ann. Math. Artif. Intell. 74,
 // 9, 2015).
@@ -23,16 +23,16 @@ class LateralError {
   // rows are records as they were measured, which set the factor; what follows are copies of all
   // of them, in the same order. Learns nothing from fewer than least_records of known error.
   static constexpr std::size_t least_records = 30;
-  void fit(const Matrix& signs, const std::vector<double>& error_m, std::size_t plain);
-  double operator()(std::span<const float> signs) const;  // metres; NaN if nothing was learnt
+  void fit(const Matrix& predictors, const std::vector<double>& error_m, std::size_t plain);
+  double operator()(std::span<const float> predictors) const;  // metres; NaN if nothing was learnt
 
   void save(record::H5File& file, const std::string& group) const;
-  void load(const record::H5File& file, const std::string& group, std::size_t signs);
+  void load(const record::H5File& file, const std::string& group, std::size_t predictors);
 
  private:
-  std::vector<float> terms_of(std::span<const float> signs) const;
+  std::vector<float> terms_of(std::span<const float> predictors) const;
 
-  std::vector<float> centre_, spread_, least_, most_;  // of the signs
+  std::vector<float> centre_, spread_, least_, most_;  // of the predictors
   std::vector<double> weights_;
   double factor_ = 0;
 };

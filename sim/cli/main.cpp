@@ -180,11 +180,11 @@ ExitCode run_lab(LabArguments& a, char** argv) {
   if (!settings.given("depth_noise_m")) plan.conditions.depth_noise_m = 0.0005;
   a.options.conditions = plan.conditions;
   if (!plan.scenes.empty()) {
-    a.options.play.list = scenes_of(plan);
-    a.options.play.kind = plan.scenes;
+    a.options.schedule.list = scenes_of(plan);
+    a.options.schedule.kind = plan.scenes;
   }
-  if (a.options.play.kind == "object") plan.objects = 1, scenes_of(plan);  // is there a mesh?
-  a.options.play.seed = a.seed.value_or(plan.seed);
+  if (a.options.schedule.kind == "object") plan.objects = 1, scenes_of(plan);  // is there a mesh?
+  a.options.schedule.seed = a.seed.value_or(plan.seed);
   const SystemClock clock;
   sim::Lab lab(clock, a.options);
   if (!a.command.empty()) return sim::serve_command(lab, a.command);
@@ -205,12 +205,12 @@ void add_lab(CLI::App& app, Command& command, char** argv) {
   auto& o = a->options;
   sub->add_option("--dir", o.dir, "where lab.toml and the devices' links go")
       ->capture_default_str();
-  sub->add_option("--scene", o.play.kind, "what the devices see")
+  sub->add_option("--scene", o.schedule.kind, "what the devices see")
       ->check(CLI::IsMember(
           {"person", "letter", "mixed", "two_people", "empty", "reflector", "object"}))
       ->capture_default_str();
   sub->add_option(
-         "--hold", o.play.hold_s,
+         "--hold", o.schedule.hold_s,
          "seconds that each scene stands, from a multiple of them on the host's clock on, as "
          "slots begin; 0: for ever")
       ->check(CLI::Range(0.0, 0.0) | CLI::Range(0.01, 86'400.0));

@@ -21,15 +21,15 @@ using ErrorCode = boost::system::error_code;
 
 class DepthFeed final : public Device {
  public:
-  DepthFeed(boost::asio::io_context& io, Stage& stage, const DepthOptions& options)
-      : stage_(stage),
+  DepthFeed(boost::asio::io_context& io, ScenePlayer& player, const DepthOptions& options)
+      : player_(player),
         options_(options),
         columns_(record::depth_x_axis(options.width, options.half_tangent_x)),
         rows_(record::depth_y_axis(options.height, options.half_tangent_y)),
         acceptor_(io, Local::endpoint(options.socket_path)),
         timer_(io),
         next_(std::chrono::steady_clock::now()),
-        injector_(io, stage, "depth", options.plan, options.seed, [this] { look(); }) {
+        injector_(io, player, "depth", options.plan, options.seed, [this] { poll(); }) {
     accept();
     wait();
   }
@@ -103,7 +103,7 @@ class DepthFeed final : public Device {
   }
 
   // Unplugged, there is no socket to find, and whoever looks sees it end.
-  void look() {
+  void poll() {
     if (stopping_) return;
     send_due();
     const bool plugged = !injector_.active(FaultKind::unplug);
@@ -141,17 +141,17 @@ class DepthFeed final : public Device {
   void frame() {
     ++frame_index_;
     if (viewers_.empty()) return log(injector_.now(), "unseen", frame_index_);
-    if (injector_.strikes(FaultKind::drop)) return log(injector_.now(), "dropped", frame_index_);
+    if (injector_.triggers(FaultKind::drop)) return log(injector_.now(), "dropped", frame_index_);
     if (injector_.active(FaultKind::stall)) return log(injector_.now(), "stalled", frame_index_);
-    const double now_s = stage_.now_s();
+    const double now_s = player_.now_s();
     DepthHeader h = header();
     h.frame_index = frame_index_;
     h.time_us =
         static_cast<std::uint64_t>(std::max(0.0, 1e6 * (now_s + injector_.clock_error_s(now_s))));
-    h.truncated = injector_.strikes(FaultKind::corrupt);
+    h.truncated = injector_.triggers(FaultKind::corrupt);
     if (last_.empty() || !injector_.active(FaultKind::freeze)) last_ = disturbed(picture(now_s));
     Frame frame{h, last_, h.truncated ? "corrupt" : "sent", injector_.due()};
-    if (injector_.strikes(FaultKind::garbage)) {
+    if (injector_.triggers(FaultKind::garbage)) {
       for (auto& mm : frame.pixels) mm = static_cast<std::uint16_t>(injector_.noise());
       frame.what = "garbage";
     }
@@ -182,12 +182,12 @@ class DepthFeed final : public Device {
   }
 
   std::vector<std::uint16_t> disturbed(std::vector<std::uint16_t> pixels) {
-    disturb_depth(pixels, columns_.count, stage_.conditions(), rng_);
+    disturb_depth(pixels, columns_.count, player_.conditions(), rng_);
     return pixels;
   }
 
   const std::vector<std::uint16_t>& picture(double time_s) {
-    const RenderedScene& rendered = stage_.at(time_s);
+    const RenderedScene& rendered = player_.at(time_s);
     if (rendered.index != pictured_) {
       pixels_ = render_depth_mm(rendered.scene, columns_, rows_);
       pictured_ = rendered.index;
@@ -195,7 +195,7 @@ class DepthFeed final : public Device {
     return pixels_;
   }
 
-  Stage& stage_;
+  ScenePlayer& player_;
   DepthOptions options_;
   Axis columns_, rows_;
   Local::acceptor acceptor_;
@@ -215,9 +215,9 @@ class DepthFeed final : public Device {
 
 }  // namespace
 
-std::unique_ptr<Device> make_depth_feed(boost::asio::io_context& io, Stage& stage,
+std::unique_ptr<Device> make_depth_feed(boost::asio::io_context& io, ScenePlayer& player,
                                         const DepthOptions& options) {
-  return std::make_unique<DepthFeed>(io, stage, options);
+  return std::make_unique<DepthFeed>(io, player, options);
 }
 
 }  // namespace echofuse::sim

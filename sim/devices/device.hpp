@@ -10,7 +10,7 @@
 #include "sim/devices/faults.hpp"
 #include "sim/devices/journal.hpp"
 #include "sim/devices/photon_source.hpp"
-#include "sim/devices/stage.hpp"
+#include "sim/devices/scene_player.hpp"
 
 namespace boost::asio {
 class io_context;
@@ -47,7 +47,7 @@ struct TdcOptions {
   std::size_t send_queue_bytes = 8 << 20;
   FaultPlan plan{};
 };
-std::unique_ptr<TdcBridge> make_tdc_bridge(boost::asio::io_context& io, Stage& stage,
+std::unique_ptr<TdcBridge> make_tdc_bridge(boost::asio::io_context& io, ScenePlayer& player,
                                            const TdcOptions& options);
 
 // The two UARTs of a radar board as pseudo-terminals, published as symbolic links.
@@ -57,7 +57,7 @@ struct RadarOptions {
   FaultPlan plan{};
   unsigned sdk = 5;  // the 5 of SDK 3.5
 };
-std::unique_ptr<Device> make_radar_ptys(boost::asio::io_context& io, Stage& stage,
+std::unique_ptr<Device> make_radar_ptys(boost::asio::io_context& io, ScenePlayer& player,
                                         const RadarOptions& options);
 
 // Frames for the OpenNI2 driver module (depth_module.cpp) on a unix socket.
@@ -69,7 +69,7 @@ struct DepthOptions {
   std::uint64_t seed = 1;                             // of its faults
   FaultPlan plan{};
 };
-std::unique_ptr<Device> make_depth_feed(boost::asio::io_context& io, Stage& stage,
+std::unique_ptr<Device> make_depth_feed(boost::asio::io_context& io, ScenePlayer& player,
                                         const DepthOptions& options);
 
 }  // namespace echofuse::sim

@@ -6,44 +6,45 @@
 namespace echofuse::sim {
 namespace {
 
-constexpr auto look_pause = std::chrono::milliseconds(5);
+constexpr auto on_poll_pause = std::chrono::milliseconds(5);
 
 }  // namespace
 
-FaultInjector::FaultInjector(boost::asio::io_context& io, Stage& stage, const char* device,
-                             const FaultPlan& plan, std::uint64_t seed, std::function<void()> look)
-    : stage_(stage),
+FaultInjector::FaultInjector(boost::asio::io_context& io, ScenePlayer& player, const char* device,
+                             const FaultPlan& plan, std::uint64_t seed,
+                             std::function<void()> on_poll)
+    : player_(player),
       device_(device),
       faults_(plan.faults, device),
       journal_(plan.journal),
       rng_(make_rng(seed, 100 + static_cast<std::uint64_t>(device[0]))),
       timer_(io),
-      look_(std::move(look)) {
+      on_poll_(std::move(on_poll)) {
   if (!faults_.empty()) wait();
 }
 
 void FaultInjector::wait() {
-  timer_.expires_after(look_pause);
+  timer_.expires_after(on_poll_pause);
   timer_.async_wait([this](const boost::system::error_code& error) {
     if (error) return;
     log_changes();
-    look_();
+    on_poll_();
     wait();
   });
 }
 
 void FaultInjector::log_changes() {
-  const double now_s = stage_.now_s();
+  const double now_s = player_.now_s();
   for (const auto& change : faults_.changes(logged_s_, now_s)) {
     const std::string what =
         std::string(change.begins ? "begin " : "end ") + name_of(change.fault->kind);
-    log(stage_.start() + from_seconds(change.time_s), what.c_str(),
+    log(player_.start() + from_seconds(change.time_s), what.c_str(),
         {{"amount_1e6", std::llround(1e6 * change.fault->amount)}});
   }
   logged_s_ = now_s;
 }
 
-bool FaultInjector::strikes(FaultKind kind) {
+bool FaultInjector::triggers(FaultKind kind) {
   const auto share = amount(kind);
   return share && std::uniform_real_distribution<double>(0, 1)(rng_) < *share;
 }

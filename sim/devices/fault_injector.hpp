@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What befalls one device, and the log of it and of what the device sends.
+// Injects faults into one device, and logs them and what the device sends.
 // Threading: one io thread.
 #pragma once
 #include <boost/asio/io_context.hpp>
@@ -16,24 +16,24 @@ namespace echofuse::sim {
 
 class FaultInjector {
  public:
-  // `device` is a literal. `look` is called every 5 ms if there are any faults: so that one which
-  // begins or ends is acted on.
-  FaultInjector(boost::asio::io_context& io, Stage& stage, const char* device,
-                const FaultPlan& plan, std::uint64_t seed, std::function<void()> look);
+  // `device` is a literal. `on_poll` is called every 5 ms if there are any faults, so that one
+  // which begins or ends is acted on.
+  FaultInjector(boost::asio::io_context& io, ScenePlayer& player, const char* device,
+                const FaultPlan& plan, std::uint64_t seed, std::function<void()> on_poll);
 
   void stop() { timer_.cancel(); }
   bool active(FaultKind kind) const { return amount(kind).has_value(); }
-  std::optional<double> amount(FaultKind kind) const { return faults_.at(kind, stage_.now_s()); }
+  std::optional<double> amount(FaultKind kind) const { return faults_.at(kind, player_.now_s()); }
   double gain() const { return amount(FaultKind::gain).value_or(1); }
   double clock_error_s(double time_s) const { return faults_.clock_error_s(time_s); }
-  // Whether the fault, of which amount() is the share, strikes this time.
-  bool strikes(FaultKind kind);
+  // Whether the fault, of which amount() is the share, is triggered this time.
+  bool triggers(FaultKind kind);
   // Changes one byte; returns which.
   std::size_t corrupt(Bytes& bytes);
   // What a line picks up now; mostly nothing.
   Bytes garbage();
   std::uint64_t noise() { return rng_(); }
-  HostTime now() const { return stage_.now(); }
+  HostTime now() const { return player_.now(); }
   // When what is ready now goes out.
   HostTime due() const { return now() + from_seconds(amount(FaultKind::late).value_or(0)); }
 
@@ -45,13 +45,13 @@ class FaultInjector {
   void wait();
   void log_changes();
 
-  Stage& stage_;
+  ScenePlayer& player_;
   const char* device_;
   Faults faults_;
   Journal* journal_;
   Rng rng_;
   boost::asio::steady_timer timer_;
-  std::function<void()> look_;
+  std::function<void()> on_poll_;
   double logged_s_ = -1;
 };
 

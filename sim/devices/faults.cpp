@@ -145,12 +145,12 @@ std::optional<double> Faults::at(FaultKind kind, double time_s) const {
 }
 
 double Faults::clock_error_s(double time_s) const {
-  if (!(time_s >= stretch_.from_s && time_s < stretch_.to_s)) stretch_ = stretch_at(time_s);
-  return stretch_.error_s + stretch_.slope * (time_s - stretch_.from_s);
+  if (!(time_s >= segment_.from_s && time_s < segment_.to_s)) segment_ = segment_at(time_s);
+  return segment_.error_s + segment_.slope * (time_s - segment_.from_s);
 }
 
-Faults::Stretch Faults::stretch_at(double time_s) const {
-  Stretch out{0, std::numeric_limits<double>::infinity(), 0, 0};
+Faults::Segment Faults::segment_at(double time_s) const {
+  Segment out{0, std::numeric_limits<double>::infinity(), 0, 0};
   const auto between = [&](double from_s, double to_s) {
     out.from_s = std::max(out.from_s, from_s), out.to_s = std::min(out.to_s, to_s);
   };

@@ -57,13 +57,13 @@ class Faults {
 
  private:
   // The clock's error between two changes of its faults. It is asked for every tag.
-  struct Stretch {
+  struct Segment {
     double from_s = 0, to_s = 0, error_s = 0, slope = 0;  // at from_s; none yet: empty
   };
-  Stretch stretch_at(double time_s) const;
+  Segment segment_at(double time_s) const;
 
   std::vector<Fault> faults_;
-  mutable Stretch stretch_;
+  mutable Segment segment_;
 };
 
 }  // namespace echofuse::sim

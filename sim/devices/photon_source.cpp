@@ -52,7 +52,7 @@ PhotonSource::PhotonSource(const Conditions& conditions, const Tagging& tagging,
   period_ps_ = 1e12 / tagging_.laser_rate_hz;
 }
 
-void PhotonSource::inspect_holder(const Returns& returns) {
+void PhotonSource::set_returns(const Returns& returns) {
   delay_ps_.clear();
   cumulative_.clear();
   double sum = 0;

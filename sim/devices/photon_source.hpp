@@ -33,7 +33,7 @@ class PhotonSource {
 
   double laser_rate_hz() const { return tagging_.laser_rate_hz; }
   // The scene from the next draw on.
-  void inspect_holder(const Returns& returns);
+  void set_returns(const Returns& returns);
   // Of laser light and background, from the next draw on.
   void set_gain(double gain) { gain_ = gain; }
   // Appends all tags of the pulses [first, last) to `out`, sorted by time; returns their number.

@@ -30,9 +30,9 @@ std::chrono::nanoseconds microseconds(double us) { return from_seconds(us * 1e-6
 
 class RadarBoard final : public Device {
  public:
-  RadarBoard(boost::asio::io_context& io, Stage& stage, const RadarBoardOptions& options,
+  RadarBoard(boost::asio::io_context& io, ScenePlayer& player, const RadarBoardOptions& options,
              const MakeUart& make_cli, const MakeUart& make_data)
-      : stage_(stage),
+      : player_(player),
         cli_(make_cli(cli_baud, [this](ByteView bytes) { on_command_bytes(bytes); })),
         data_(make_data(data_baud, [](ByteView) {})),
         firmware_([this](const std::string& text) { cli_->send(bytes_of(text)); },
@@ -41,7 +41,7 @@ class RadarBoard final : public Device {
         output_timer_(io),
         rng_(make_rng(options.seed, 2)),
         plug_(options.plug),
-        injector_(io, stage, "radar", options.plan, options.seed, [this] { look(); }) {
+        injector_(io, player, "radar", options.plan, options.seed, [this] { poll(); }) {
     std::uniform_real_distribution<double> phase(-3.1, 3.1);
     for (auto& p : antenna_phase_) p = phase(rng_);
     firmware_.boot();
@@ -78,7 +78,7 @@ class RadarBoard final : public Device {
     framing_ = true;
     frames_of_start_ = 0;
     axis_ = chirp().axis();
-    mean_peak_ = mean_peak_power(axis_, stage_.conditions());
+    mean_peak_ = mean_peak_power(axis_, player_.conditions());
     next_frame_ = std::chrono::steady_clock::now();
     frame();
   }
@@ -90,7 +90,7 @@ class RadarBoard final : public Device {
     if (chirp().frames == 0 || frames_of_start_ < chirp().frames) {
       ++frame_number_;
       ++frames_of_start_;
-      seen_s_ = stage_.now_s();
+      seen_s_ = player_.now_s();
       const double ready_us = std::min(chirp().active_us() + processing_us, 0.8 * period_us());
       output_timer_.expires_at(next_frame_ + microseconds(ready_us));
       output_timer_.async_wait([this](const boost::system::error_code& error) {
@@ -112,20 +112,20 @@ class RadarBoard final : public Device {
       log(injector_.now(), "skipped", frame_number_, -1);
       return;
     }
-    auto power = radar_power(stage_.at(seen_s_).radar, axis_, stage_.conditions());
+    auto power = radar_power(player_.at(seen_s_).radar, axis_, player_.conditions());
     for (double& p : power) p *= injector_.gain();
     std::vector<RadarTlv> tlvs;
     const RadarOutputs& wanted = firmware_.outputs();
     if (wanted.objects) tlvs.push_back(objects_tlv());
     if (last_profile_.size() != power.size() || !injector_.active(FaultKind::freeze))
       last_profile_ =
-          range_profile_codes(power, mean_peak_, chirp().antennas, stage_.conditions(), rng_);
+          range_profile_codes(power, mean_peak_, chirp().antennas, player_.conditions(), rng_);
     if (wanted.range_profile) tlvs.push_back(range_profile_tlv(last_profile_));
     if (wanted.stats) {
       tlvs.push_back(stats_tlv(stats()));
       tlvs.push_back(temperature_tlv(temperature()));
     }
-    const double now_s = stage_.now_s();
+    const double now_s = player_.now_s();
     const auto cycles =
         static_cast<std::int64_t>((now_s + injector_.clock_error_s(now_s)) * cpu_hz);
     const Bytes wire =
@@ -138,9 +138,9 @@ class RadarBoard final : public Device {
 
   void put_on_line(Bytes wire) {
     Frame frame{std::move(wire), frame_number_, -1, injector_.due()};
-    if (injector_.strikes(FaultKind::drop))
+    if (injector_.triggers(FaultKind::drop))
       return log(injector_.now(), "dropped", frame.number, -1);
-    if (injector_.strikes(FaultKind::corrupt))
+    if (injector_.triggers(FaultKind::corrupt))
       frame.damage = static_cast<std::int64_t>(injector_.corrupt(frame.wire));
     frame.junk = injector_.garbage();
     line_.push_back(std::move(frame));
@@ -158,7 +158,7 @@ class RadarBoard final : public Device {
     }
   }
 
-  void look() {
+  void poll() {
     plug_(!injector_.active(FaultKind::unplug));
     for (const auto& uart : {cli_.get(), data_.get()})
       uart->hold(injector_.active(FaultKind::stall));
@@ -185,7 +185,7 @@ class RadarBoard final : public Device {
 
   RadarTemperature temperature() {
     RadarTemperature t{};
-    t.time_ms = static_cast<std::uint32_t>(stage_.now_s() * 1e3);
+    t.time_ms = static_cast<std::uint32_t>(player_.now_s() * 1e3);
     for (auto& c : t.celsius) c = static_cast<std::int16_t>(44 + rng_() % 4);
     return t;
   }
@@ -213,7 +213,7 @@ class RadarBoard final : public Device {
     Bytes junk{};  // behind it
   };
 
-  Stage& stage_;
+  ScenePlayer& player_;
   std::unique_ptr<Uart> cli_, data_;
   RadarFirmware firmware_;
   boost::asio::steady_timer frame_timer_, output_timer_;
@@ -233,13 +233,13 @@ class RadarBoard final : public Device {
 
 }  // namespace
 
-std::unique_ptr<Device> make_radar_board(boost::asio::io_context& io, Stage& stage,
+std::unique_ptr<Device> make_radar_board(boost::asio::io_context& io, ScenePlayer& player,
                                          const RadarBoardOptions& options, const MakeUart& make_cli,
                                          const MakeUart& make_data) {
-  return std::make_unique<RadarBoard>(io, stage, options, make_cli, make_data);
+  return std::make_unique<RadarBoard>(io, player, options, make_cli, make_data);
 }
 
-std::unique_ptr<Device> make_radar_ptys(boost::asio::io_context& io, Stage& stage,
+std::unique_ptr<Device> make_radar_ptys(boost::asio::io_context& io, ScenePlayer& player,
                                         const RadarOptions& options) {
   auto ports = std::make_shared<std::vector<PtyUart*>>();  // the board owns them
   const auto pty = [&](const std::string& link) {
@@ -252,7 +252,7 @@ std::unique_ptr<Device> make_radar_ptys(boost::asio::io_context& io, Stage& stag
   const auto plug = [ports](bool in) {
     for (PtyUart* port : *ports) port->plug(in);
   };
-  return make_radar_board(io, stage, {options.seed, options.plan, options.sdk, plug},
+  return make_radar_board(io, player, {options.seed, options.plan, options.sdk, plug},
                           pty(options.cli_link), pty(options.data_link));
 }
 

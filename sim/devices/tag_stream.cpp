@@ -13,13 +13,14 @@ constexpr double longest_tick_s = 0.1, device_memory_s = 1;
 
 }  // namespace
 
-TagStream::TagStream(Stage& stage, const TdcOptions& options)
-    : stage_(stage), source_(stage.conditions(), options.tagging, options.window_s, options.seed) {}
+TagStream::TagStream(ScenePlayer& player, const TdcOptions& options)
+    : player_(player),
+      source_(player.conditions(), options.tagging, options.window_s, options.seed) {}
 
-void TagStream::start() { next_pulse_ = pulse_at(stage_.now_s()); }
+void TagStream::start() { next_pulse_ = pulse_at(player_.now_s()); }
 
 void TagStream::advance(const Emit& emit, const Lose& lose) {
-  std::int64_t now = pulse_at(stage_.now_s());
+  std::int64_t now = pulse_at(player_.now_s());
   const auto lag_s = static_cast<double>(now - next_pulse_) / source_.laser_rate_hz();
   if (lag_s > device_memory_s) {
     lose(static_cast<std::uint64_t>(source_.mean_tags(now - next_pulse_)));
@@ -29,7 +30,7 @@ void TagStream::advance(const Emit& emit, const Lose& lose) {
   do {
     const double from_s = time_of(next_pulse_) + 0.5 / source_.laser_rate_hz();
     look(from_s);
-    const double until_s = std::min(from_s + longest_block_s, stage_.until(from_s));
+    const double until_s = std::min(from_s + longest_block_s, player_.scene_end_s(from_s));
     const std::int64_t last = std::min(now, std::max(next_pulse_ + 1, pulse_at(until_s)));
     if (last <= next_pulse_) break;
     Bytes payload;
@@ -48,9 +49,9 @@ double TagStream::time_of(std::int64_t pulse) const {
 }
 
 void TagStream::look(double time_s) {
-  const RenderedScene& rendered = stage_.at(time_s);
+  const RenderedScene& rendered = player_.at(time_s);
   if (rendered.index == seen_) return;
-  source_.inspect_holder(rendered.spd);
+  source_.set_returns(rendered.spd);
   seen_ = rendered.index;
 }
 

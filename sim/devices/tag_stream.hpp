@@ -12,7 +12,7 @@ class TagStream {
   using Emit = std::function<void(ByteView tags, std::size_t count)>;
   using Lose = std::function<void(std::uint64_t tags)>;
 
-  TagStream(Stage& stage, const TdcOptions& options);
+  TagStream(ScenePlayer& player, const TdcOptions& options);
   // Photons from now on times this.
   void set_gain(double gain) { source_.set_gain(gain); }
   // The tags from now on.
@@ -26,7 +26,7 @@ class TagStream {
   double time_of(std::int64_t pulse) const;
   void look(double time_s);
 
-  Stage& stage_;
+  ScenePlayer& player_;
   PhotonSource source_;
   std::int64_t next_pulse_ = 0, seen_ = -1;
 };

@@ -26,15 +26,15 @@ constexpr char hello[] =
 
 class Bridge final : public TdcBridge {
  public:
-  Bridge(boost::asio::io_context& io, Stage& stage, const TdcOptions& options)
+  Bridge(boost::asio::io_context& io, ScenePlayer& player, const TdcOptions& options)
       : options_(options),
-        stream_(stage, options),
+        stream_(player, options),
         acceptor_(io, {boost::asio::ip::address_v4::loopback(), options.port}),
         endpoint_(acceptor_.local_endpoint()),
         socket_(io),
         timer_(io),
-        injector_(io, stage, "tdc", options.plan, options.seed, [this] { look(); }),
-        zero_(stage.start()) {
+        injector_(io, player, "tdc", options.plan, options.seed, [this] { poll(); }),
+        zero_(player.start()) {
     accept();
     wait();
   }
@@ -121,7 +121,7 @@ class Bridge final : public TdcBridge {
   }
 
   // Unplugged, nobody listens at the port.
-  void look() {
+  void poll() {
     if (stopping_) return;
     if (const bool plugged = !injector_.active(FaultKind::unplug); plugged != acceptor_.is_open()) {
       if (plugged)
@@ -174,8 +174,8 @@ class Bridge final : public TdcBridge {
       for (std::size_t i = 1; i < tags; ++i) block.last = set_clock(payload, i);
     }
     block.bytes = bridge_block(kind, block.sequence, std::exchange(dropped_, 0), payload);
-    if (injector_.strikes(FaultKind::drop)) return log(block, "dropped");
-    if (injector_.strikes(FaultKind::corrupt)) {
+    if (injector_.triggers(FaultKind::drop)) return log(block, "dropped");
+    if (injector_.triggers(FaultKind::corrupt)) {
       block.damage = static_cast<std::int64_t>(injector_.corrupt(block.bytes));
       block.what = "corrupt";
     }
@@ -214,7 +214,7 @@ class Bridge final : public TdcBridge {
                    {"last", block.last.count()}});
   }
 
-  // Not while the line stands still, nor before its time: look() comes back to it.
+  // Not while the line stands still, nor before its time: poll() comes back to it.
   void write() {
     Block& next = queue_.front();
     if (injector_.active(FaultKind::stall) || injector_.now() < next.due) return;
@@ -264,9 +264,9 @@ class Bridge final : public TdcBridge {
 
 }  // namespace
 
-std::unique_ptr<TdcBridge> make_tdc_bridge(boost::asio::io_context& io, Stage& stage,
+std::unique_ptr<TdcBridge> make_tdc_bridge(boost::asio::io_context& io, ScenePlayer& player,
                                            const TdcOptions& options) {
-  return std::make_unique<Bridge>(io, stage, options);
+  return std::make_unique<Bridge>(io, player, options);
 }
 
 }  // namespace echofuse::sim

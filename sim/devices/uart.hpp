@@ -68,7 +68,7 @@ struct RadarBoardOptions {
   unsigned sdk = 5;                     // the 5 of SDK 3.5
   std::function<void(bool in)> plug{};  // pulls both ports out, or puts them in; asked often
 };
-std::unique_ptr<Device> make_radar_board(boost::asio::io_context& io, Stage& stage,
+std::unique_ptr<Device> make_radar_board(boost::asio::io_context& io, ScenePlayer& player,
                                          const RadarBoardOptions& options, const MakeUart& make_cli,
                                          const MakeUart& make_data);
 

@@ -17,8 +17,8 @@
 #include <optional>
 #include <sstream>
 
+#include "drivers/core/atomic_write.hpp"
 #include "drivers/core/settings.hpp"
-#include "drivers/core/write_beside.hpp"
 #include "sim/usb/usb_lab.hpp"
 
 namespace echofuse::sim {
@@ -175,7 +175,7 @@ std::string lab_toml(const LabOptions& o, const fs::path& dir, const std::string
 
 struct Lab::Parts {
   Parts(const Clock& clock, const LabOptions& o)
-      : options(o), dir(make_directory(o.dir)), lock(dir), stage(clock, o.conditions, o.play) {
+      : options(o), dir(make_directory(o.dir)), lock(dir), player(clock, o.conditions, o.schedule) {
     if (!o.faults.empty()) plan.faults = read_faults(read_config_text(o.faults), o.faults);
     const auto of_tdc = [](const Fault& fault) { return fault.device == "tdc"; };
     if (o.usb && (!o.log.empty() || std::any_of(plan.faults.begin(), plan.faults.end(), of_tdc)))
@@ -195,31 +195,31 @@ struct Lab::Parts {
     const std::string cfg = read_cfg(find_radar_cfg(options));
     remove(std::begin(transient), std::end(transient));
     remove(std::begin(lasting), std::end(lasting));
-    const std::string label = options.play.hold_s > 0 ? "" : stage.at(0).scene.label;
-    const auto seed = static_cast<std::uint64_t>(options.play.seed);
+    const std::string label = options.schedule.hold_s > 0 ? "" : player.at(0).scene.label;
+    const auto seed = static_cast<std::uint64_t>(options.schedule.seed);
     const std::string tdc_address = make_tdc(
         {.tagging = options.tagging, .window_s = options.window_s, .seed = seed, .plan = plan});
-    radar = make_radar_ptys(io, stage,
+    radar = make_radar_ptys(io, player,
                             {.cli_link = (dir / "radar-cli").string(),
                              .data_link = (dir / "radar-data").string(),
                              .seed = seed,
                              .plan = plan,
                              .sdk = static_cast<unsigned>(options.radar_sdk.back() - '0')});
     depth = make_depth_feed(
-        io, stage, {.socket_path = (dir / "depth.sock").string(), .seed = seed, .plan = plan});
+        io, player, {.socket_path = (dir / "depth.sock").string(), .seed = seed, .plan = plan});
     make_openni(dir);
     write_file(dir / "radar.cfg", cfg);
-    write_beside((dir / "lab.toml").string(), lab_toml(options, dir, tdc_address, label));
+    write_atomically((dir / "lab.toml").string(), lab_toml(options, dir, tdc_address, label));
   }
 
   // Returns its address.
   std::string make_tdc(const TdcOptions& wanted) {
     if (options.usb) {
-      usb = UsbLab::make(io, stage, wanted);
+      usb = UsbLab::make(io, player, wanted);
       tdc = &usb->tdc();
       return usb->tdc_address();
     }
-    bridge = make_tdc_bridge(io, stage, wanted);
+    bridge = make_tdc_bridge(io, player, wanted);
     tdc = bridge.get();
     return bridge->address();
   }
@@ -228,7 +228,7 @@ struct Lab::Parts {
   fs::path dir;
   DirectoryLock lock;
   boost::asio::io_context io;
-  Stage stage;
+  ScenePlayer player;
   FaultPlan plan;
   std::optional<Journal> journal;
   std::unique_ptr<UsbLab> usb;
@@ -271,11 +271,11 @@ void Lab::serve(const std::function<bool()>& done) {
 std::string Lab::sent() const {
   const auto& p = *parts_;
   Json all;
-  all["play"] = {{"scene", p.options.play.kind},
-                 {"seed", p.options.play.seed},
-                 {"hold_s", p.options.play.hold_s},
+  all["play"] = {{"scene", p.options.schedule.kind},
+                 {"seed", p.options.schedule.seed},
+                 {"hold_s", p.options.schedule.hold_s},
                  {"window_s", p.options.window_s},
-                 {"start_mono_ns", p.stage.start().count()}};
+                 {"start_mono_ns", p.player.start().count()}};
   const auto add = [&](const char* name, const Device& device) {
     for (const auto& [what, count] : device.sent()) all[name][what] = count;
   };

@@ -23,7 +23,7 @@ namespace echofuse::sim {
 
 struct LabOptions {
   std::string dir = "lab";
-  Play play;
+  SceneSchedule schedule;
   Conditions conditions;
   Tagging tagging{.laser_rate_hz = 4e6};  // the brightest scenes click less than once in 20 pulses
   double window_s = 3;    // of the daemon; signal and background counts are per window

@@ -20,9 +20,9 @@ constexpr std::size_t tag_bytes = 16;
 
 class Tagger final : public TdcUsb {
  public:
-  Tagger(boost::asio::io_context& io, Stage& stage, UsbBed& bed, const TdcOptions& options)
+  Tagger(boost::asio::io_context& io, ScenePlayer& player, UsbBed& bed, const TdcOptions& options)
       : fifo_bytes_(options.send_queue_bytes),
-        stream_(stage, options),
+        stream_(player, options),
         timer_(io),
         usb_(bed,
              {.vendor = vendor,
@@ -168,9 +168,9 @@ class Tagger final : public TdcUsb {
 
 }  // namespace
 
-std::unique_ptr<TdcUsb> make_tdc_usb(boost::asio::io_context& io, Stage& stage, UsbBed& bed,
+std::unique_ptr<TdcUsb> make_tdc_usb(boost::asio::io_context& io, ScenePlayer& player, UsbBed& bed,
                                      const TdcOptions& options) {
-  return std::make_unique<Tagger>(io, stage, bed, options);
+  return std::make_unique<Tagger>(io, player, bed, options);
 }
 
 }  // namespace echofuse::sim

@@ -18,7 +18,7 @@ class TdcUsb : public Device {
   virtual std::string address() const = 0;  // "usb:1209:0001:SERIAL"
   virtual UsbDevice& usb() = 0;             // to plug, unplug, halt
 };
-std::unique_ptr<TdcUsb> make_tdc_usb(boost::asio::io_context& io, Stage& stage, UsbBed& bed,
+std::unique_ptr<TdcUsb> make_tdc_usb(boost::asio::io_context& io, ScenePlayer& player, UsbBed& bed,
                                      const TdcOptions& options);
 
 }  // namespace echofuse::sim

@@ -13,7 +13,7 @@ namespace {
 }  // namespace
 
 void UsbLab::enter(char**) { refuse(); }
-std::unique_ptr<UsbLab> UsbLab::make(boost::asio::io_context&, Stage&, const TdcOptions&) {
+std::unique_ptr<UsbLab> UsbLab::make(boost::asio::io_context&, ScenePlayer&, const TdcOptions&) {
   refuse();
 }
 

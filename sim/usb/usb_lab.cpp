@@ -8,8 +8,8 @@ namespace {
 
 class EmulatedUsb final : public UsbLab {
  public:
-  EmulatedUsb(boost::asio::io_context& io, Stage& stage, const TdcOptions& tdc)
-      : tdc_(make_tdc_usb(io, stage, bed_, tdc)) {}
+  EmulatedUsb(boost::asio::io_context& io, ScenePlayer& player, const TdcOptions& tdc)
+      : tdc_(make_tdc_usb(io, player, bed_, tdc)) {}
 
   std::vector<std::pair<std::string, std::string>> environment() const override {
     return bed_.environment();
@@ -26,9 +26,9 @@ class EmulatedUsb final : public UsbLab {
 
 void UsbLab::enter(char** argv) { UsbBed::enter(argv); }
 
-std::unique_ptr<UsbLab> UsbLab::make(boost::asio::io_context& io, Stage& stage,
+std::unique_ptr<UsbLab> UsbLab::make(boost::asio::io_context& io, ScenePlayer& player,
                                      const TdcOptions& tdc) {
-  return std::make_unique<EmulatedUsb>(io, stage, tdc);
+  return std::make_unique<EmulatedUsb>(io, player, tdc);
 }
 
 }  // namespace echofuse::sim

@@ -15,7 +15,7 @@ class UsbLab {
   // Starts this program anew where the emulation works, if need be; call it before anything else.
   // Throws Error(failed) where there is no emulation.
   static void enter(char** argv);
-  static std::unique_ptr<UsbLab> make(boost::asio::io_context& io, Stage& stage,
+  static std::unique_ptr<UsbLab> make(boost::asio::io_context& io, ScenePlayer& player,
                                       const TdcOptions& tdc);
 
   virtual ~UsbLab() = default;

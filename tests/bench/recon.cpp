@@ -42,9 +42,10 @@ TrainedModel fitted(const Dataset& data, const std::string& model, std::size_t e
   FitOptions fit;
   fit.quiet = true, fit.epochs = epochs, fit.patience = epochs;
   const Split split = make_split(data.usable(Inputs::fused), {});
-  const Ground ground(data, split.train, Inputs::fused, learn_scene(data.depth, split.train),
-                      wants_alignment(candidate_of(model, fit).model));
-  return fit_model(data, split, ground, model, Inputs::fused, "record", fit);
+  const Preprocessing preprocessing(data, split.train, Inputs::fused,
+                                    learn_scene(data.depth, split.train),
+                                    wants_alignment(candidate_of(model, fit).model));
+  return fit_model(data, split, preprocessing, model, Inputs::fused, "record", fit);
 }
 
 // An epoch is the difference between a training of one and of three.

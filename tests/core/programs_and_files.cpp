@@ -8,9 +8,9 @@
 #include <iterator>
 #include <stdexcept>
 
+#include "drivers/core/atomic_write.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/program.hpp"
-#include "drivers/core/write_beside.hpp"
 
 using namespace echofuse;
 namespace fs = std::filesystem;
@@ -36,22 +36,22 @@ std::string text_of(const fs::path& file) {
 TEST_CASE("a file is replaced as a whole, or stays as it was") {
   const Folder folder;
   const std::string path = folder.path / "a.txt";
-  write_beside(path, "old");
+  write_atomically(path, "old");
   CHECK(text_of(path) == "old");
   const auto cut = [](const std::string& part) {
     std::ofstream(part) << "ha";
     throw std::runtime_error("no more");
   };
-  CHECK_THROWS_AS(write_beside(path, cut), std::runtime_error);
+  CHECK_THROWS_AS(write_atomically(path, cut), std::runtime_error);
   CHECK(text_of(path) == "old");
-  write_beside(path, "new");
+  write_atomically(path, "new");
   CHECK(text_of(path) == "new");
-  CHECK_THROWS_AS(write_beside(folder.path / "none" / "a.txt", "new"), Error);
+  CHECK_THROWS_AS(write_atomically(folder.path / "none" / "a.txt", "new"), Error);
 }
 
 TEST_CASE("a program is started in its folder with its input and no other file of ours") {
   const Folder folder;
-  write_beside(folder.path / "in", "hello\n");
+  write_atomically(folder.path / "in", "hello\n");
   const int in = ::open((folder.path / "in").c_str(), O_RDONLY);
   const auto program =
       start_program({"sh", "-c", "read x; echo $x > out; ls /proc/self/fd > fds; exit 7"},

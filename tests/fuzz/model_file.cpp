@@ -302,7 +302,8 @@ void check_answers(const TrainedModel& model) {
   for (std::size_t row = 0; row < data.size(); ++row)
     if (model.fault_of(data, row).empty()) rows.push_back(row);
   const Prediction found =
-      predict(model, data, rows, model.uncertainty ? Ask::pixels : Ask::uncertainty);
+      predict(model, data, rows,
+              model.uncertainty ? PredictionDetail::pixels : PredictionDetail::uncertainty);
   require(found.maps.values.size() == rows.size() * pixels, "there is a map of each record");
   for (const float v : found.maps.values) require(std::isfinite(v), "a map is made of numbers");
   for (const float v : found.deviation.values) require(v >= 0, "a deviation is one");
@@ -314,7 +315,7 @@ void check_answers(const TrainedModel& model) {
   moved.resize(60, moved.empty() ? 0.f : moved.front());
   const RangeBias range_bias = model.range_bias.judge(moved);
   require(fuzz::is_printable(range_bias.text(false)), "a range bias can be reported");
-  shorten_radar(data, range_bias.metres);
+  subtract_range_offset(data, range_bias.bias_m);
 }
 
 }  // namespace

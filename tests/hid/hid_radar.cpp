@@ -29,7 +29,7 @@ struct Bench {
         return out;
       };
     };
-    board = sim::make_radar_board(io, stage, {}, uart(0, "CLI", cli), uart(1, "DATA", data));
+    board = sim::make_radar_board(io, player, {}, uart(0, "CLI", cli), uart(1, "DATA", data));
     std::ifstream cfg(echofuse::test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
     std::ostringstream text;
     text << cfg.rdbuf();
@@ -43,7 +43,7 @@ struct Bench {
 
   boost::asio::io_context io;
   SystemClock clock;
-  sim::Stage stage{clock, {}, {}};
+  sim::ScenePlayer player{clock, {}, {}};
   sim::HidUart *cli = nullptr, *data = nullptr;
   std::unique_ptr<sim::Device> board;
   std::unique_ptr<Driver> driver;

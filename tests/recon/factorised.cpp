@@ -106,14 +106,14 @@ TEST_CASE("where nobody is, there is no body") {
       record[i] = static_cast<float>(counts(rng));
     Body body;
     const auto features = aligned(record, &body);
-    seen += body.there;
-    if (!body.there)
+    seen += body.detected;
+    if (!body.detected)
       REQUIRE(std::all_of(features.begin(), features.end(), [](float v) { return v == 0; }));
   }
   CHECK(seen == 0);
   Body body;
   aligned(std::vector<float>(raw_inputs(3.5, 0, 0)), &body);
-  CHECK_FALSE(body.there);
+  CHECK_FALSE(body.detected);
 }
 
 TEST_CASE("what is cut out of a map is drawn back to where it was") {

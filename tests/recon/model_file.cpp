@@ -58,14 +58,17 @@ struct Crafted {
   }
 };
 
-// While it lives: of programs that are started, so little that 2^28 values end them.
+// While it lives: of programs that are started, so little that 2^28 values end them. A sanitizer's
+// shadow alone takes more.
 struct LittleMemory {
   rlimit before{};
   LittleMemory() {
     getrlimit(RLIMIT_AS, &before);
     rlimit little = before;
     little.rlim_cur = std::min(before.rlim_cur, rlim_t{1'000'000'000});
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
     setrlimit(RLIMIT_AS, &little);
+#endif
   }
   ~LittleMemory() { setrlimit(RLIMIT_AS, &before); }
   LittleMemory(const LittleMemory&) = delete;
@@ -97,8 +100,9 @@ std::string fault_of(const std::string& path, const Dataset& data) {
     const TrainedModel model = load_model(path);
     Dataset own = data;
     model.match(own);
-    const Prediction found = predict(model, own, all_rows(own.size()),
-                                     model.uncertainty ? Ask::pixels : Ask::uncertainty);
+    const Prediction found =
+        predict(model, own, all_rows(own.size()),
+                model.uncertainty ? PredictionDetail::pixels : PredictionDetail::uncertainty);
     REQUIRE(found.maps.values.size() == own.size() * 4096);
     return {};
   } catch (const Error& error) {

@@ -108,7 +108,7 @@ TEST_CASE("peculiar sets of records make finite maps or are refused in one line"
         for (const Dataset* judged : {&data, &others}) {
           const Rows rows = rows_to_evaluate(model, *judged, true);
           CHECK(all_finite(model.predict(*judged, rows).values));
-          const Records records = take(model, *judged, RangeBiasAction::warn);
+          const Records records = prepare_records(model, *judged, RangeBiasAction::warn);
           const Evaluation e = evaluate(model, records, rows);
           const Rows seen = model.rows_of(data, Part::train);
           CHECK(score_baselines(*judged, rows, model.scene, data, seen).size() == 3);

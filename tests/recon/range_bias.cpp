@@ -49,15 +49,17 @@ Dataset run_of(std::int64_t count, std::uint64_t seed, const testing::Change& ch
 
 struct Reference {
   Dataset data = run_of(800, 1);
-  Ground ground{data, all_rows(data.size()), Inputs::fused, {}, true};
-  RangeBiasReference reference{ground.alignment, data, ground.aligned, all_rows(data.size())};
+  Preprocessing preprocessing{data, all_rows(data.size()), Inputs::fused, {}, true};
+  RangeBiasReference reference{preprocessing.alignment, data, preprocessing.aligned,
+                               all_rows(data.size())};
 };
 
 RangeBias range_bias_of(const Dataset& data) {
   static const Reference known;
   const Features raw = fit_features(known.data, {0}, Inputs::fused, raw_scaling);
-  const Matrix aligned = known.ground.alignment(raw.raw_inputs(data, all_rows(data.size())));
-  return known.reference.judge(known.reference.measure(known.ground.alignment, data, aligned));
+  const Matrix aligned = known.preprocessing.alignment(raw.raw_inputs(data, all_rows(data.size())));
+  return known.reference.judge(
+      known.reference.measure(known.preprocessing.alignment, data, aligned));
 }
 
 }  // namespace
@@ -67,21 +69,21 @@ TEST_CASE("a range bias of the radar against the SPD is found from records witho
     Dataset data = run_of(800, 2, longer_by(range_bias_m));
     std::fill(data.depth.values.begin(), data.depth.values.end(), 0.f);
     const RangeBias range_bias = range_bias_of(data);
-    CHECK(range_bias.verdict == RangeBias::Verdict::found);
+    CHECK(range_bias.status == RangeBias::Status::detected);
     CHECK(range_bias.records == 800);
-    CHECK(range_bias.metres == Approx(range_bias_m).margin(0.01));
-    CHECK(std::abs(range_bias.metres - range_bias_m) < 4 * range_bias.error);
+    CHECK(range_bias.bias_m == Approx(range_bias_m).margin(0.01));
+    CHECK(std::abs(range_bias.bias_m - range_bias_m) < 4 * range_bias.standard_error_m);
     CHECK_THAT(range_bias.text(true), Catch::Contains(range_bias_m > 0 ? "longer" : "shorter") &&
                                           Catch::EndsWith("corrected"));
-    shorten_radar(data, range_bias.metres);
-    CHECK(range_bias_of(data).verdict == RangeBias::Verdict::none);
+    subtract_range_offset(data, range_bias.bias_m);
+    CHECK(range_bias_of(data).status == RangeBias::Status::not_detected);
   }
 }
 
 TEST_CASE("no range bias is found where there is none, whatever gains, noise and the crowd") {
   for (std::uint64_t seed = 3; seed < 8; ++seed) {
     const auto check = [&](const Dataset& data) {
-      CHECK(range_bias_of(data).verdict == RangeBias::Verdict::none);
+      CHECK(range_bias_of(data).status == RangeBias::Status::not_detected);
       CHECK(range_bias_of(data).text(true).empty());
     };
     const Dataset data = run_of(800, seed);
@@ -108,7 +110,7 @@ TEST_CASE("poses that are held for some records are no range bias") {
       if (r.index % 10 == 0) x = any_x(rng), z = any_z(rng);
       r = testing::plate_record(r.index, x, z, rng);
     });
-    found += range_bias_of(data).verdict == RangeBias::Verdict::found;
+    found += range_bias_of(data).status == RangeBias::Status::detected;
   }
   CHECK(found <= 1);  // 3, were the records taken for independent
 }
@@ -122,8 +124,8 @@ TEST_CASE("people who spread otherwise than in training are no range bias") {
       if (place_of(data, row) < from || place_of(data, row) > to) part.valid[row] = 0;
     return range_bias_of(part);
   };
-  CHECK(keep(3, 32).verdict == RangeBias::Verdict::unclear);
-  CHECK(keep(5, 10).verdict == RangeBias::Verdict::unclear);
+  CHECK(keep(3, 32).status == RangeBias::Status::inconsistent);
+  CHECK(keep(5, 10).status == RangeBias::Status::inconsistent);
   CHECK_THAT(keep(3, 32).text(true), Catch::Contains("cannot tell"));
 }
 
@@ -134,8 +136,8 @@ TEST_CASE("people who all stand further to one side look like a range bias, a se
     const double at = x(rng);
     r = testing::plate_record(r.index, at, z(rng), rng);
   }));
-  CHECK(range_bias.verdict == RangeBias::Verdict::found);
-  CHECK(range_bias.metres == Approx(0.3 / 7).margin(0.01));
+  CHECK(range_bias.status == RangeBias::Status::detected);
+  CHECK(range_bias.bias_m == Approx(0.3 / 7).margin(0.01));
   CHECK_THAT(range_bias.text(false), Catch::Contains("or people further to one side"));
 }
 
@@ -145,8 +147,8 @@ TEST_CASE("too much noise to see a range bias is said, not taken for none") {
   std::normal_distribution<float> noise(0, 0.1f);
   for (float& v : data.radar.values) v += noise(rng);
   const RangeBias range_bias = range_bias_of(data);
-  CHECK(range_bias.verdict == RangeBias::Verdict::few);
-  CHECK(4 * range_bias.error > 0.03);
+  CHECK(range_bias.status == RangeBias::Status::too_few_records);
+  CHECK(4 * range_bias.standard_error_m > 0.03);
   CHECK_THAT(range_bias.text(true), Catch::Contains("too few to tell") && Catch::Contains("error"));
 }
 
@@ -163,12 +165,12 @@ TEST_CASE("a calibration's offset and a range bias are taken off a profile in on
   const Dataset calibrated = load({dir / "run"});
   Dataset recorded = load_recorded({dir / "run"});
   CHECK(recorded.radar.values == plain.radar.values);
-  shorten_radar(recorded, 0.05);
+  subtract_range_offset(recorded, 0.05);
   for (std::size_t row = 0; row < 3; ++row) {
     CHECK(std::ranges::equal(calibrated.radar.row(row), moved(0.06, row)));
     CHECK(std::ranges::equal(recorded.radar.row(row), moved(0.06 + 0.05, row)));
   }
-  shorten_radar(recorded, 0);  // there is nothing left to take off
+  subtract_range_offset(recorded, 0);  // there is nothing left to take off
   CHECK(std::ranges::equal(recorded.radar.row(1), moved(0.06 + 0.05, 1)));
 }
 
@@ -184,7 +186,7 @@ TEST_CASE("a dead radar is seen in a calibrated run, after a correction and in w
   for (int corrected = 0; corrected < 2; ++corrected) {
     CHECK(data.fault_of(0, Inputs::fused).empty());
     CHECK(data.fault_of(1, Inputs::fused) == "radar is the same in every bin");
-    shorten_radar(data, 0.05);
+    subtract_range_offset(data, 0.05);
   }
   rebin_radar(data, wide_bins);
   CHECK(data.fault_of(0, Inputs::fused).empty());
@@ -215,7 +217,7 @@ TEST_CASE(
 
 TEST_CASE("a few records tell nothing, a dead radar neither") {
   const RangeBias range_bias = range_bias_of(run_of(30, 2, longer_by(0.05)));
-  CHECK(range_bias.verdict == RangeBias::Verdict::few);
+  CHECK(range_bias.status == RangeBias::Status::too_few_records);
   CHECK_THAT(range_bias.text(true), Catch::Contains("30 records with a body are too few"));
   Dataset dead = run_of(100, 2);
   std::fill(dead.radar.values.begin(), dead.radar.values.end(), 0.f);

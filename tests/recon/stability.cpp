@@ -243,12 +243,13 @@ TEST_CASE("study stability: a range bias corrected if asked, a lost radar replac
 
 TEST_CASE("a record that a model cannot read shows the empty room") {
   Dataset data = load_plates(60);
-  const TrainedModel model = train_whole(data, StudyModel("nearest"), 1);
+  const TrainedModel model = train_on_all(data, StudyModel("nearest"), 1);
   std::fill(data.spd.row(7).begin(), data.spd.row(7).end(), 0.f);
   Rows rows = all_rows(data.size());
   std::erase_if(rows, [&](std::size_t row) { return !model.fault_of(data, row).empty(); });
   REQUIRE(rows.size() == 59);
-  const Matrix maps = with_nobody(model, take(model, data, RangeBiasAction::ignore), rows),
+  const Matrix maps = predict_or_empty_room(
+                   model, prepare_records(model, data, RangeBiasAction::ignore), rows),
                made = model.predict(data, rows);
   REQUIRE(maps.rows == 60);
   CHECK(std::ranges::equal(maps.row(7), model.scene.background));
@@ -260,18 +261,18 @@ TEST_CASE("a record that a model cannot read shows the empty room") {
 TEST_CASE("a study's models have beside them what it asks for, and state no uncertainty") {
   const Dataset data = load_plates(120);
   const StudyModel silhouette("silhouette"), mean("mean");
-  const TrainedModel alone = train_whole(data, silhouette, 1);
+  const TrainedModel alone = train_on_all(data, silhouette, 1);
   CHECK_FALSE(alone.uncertainty);
   CHECK_FALSE(alone.range_bias.known());
   CHECK_FALSE(alone.fallback);
-  const TrainedModel with_range_bias = train_whole(data, silhouette, 1, {.range_bias = true});
+  const TrainedModel with_range_bias = train_on_all(data, silhouette, 1, {.range_bias = true});
   CHECK_FALSE(with_range_bias.uncertainty);
   CHECK(with_range_bias.range_bias.known());
   const TrainedModel with_both =
-      train_whole(data, silhouette, 1, {.range_bias = true, .fallback = true});
+      train_on_all(data, silhouette, 1, {.range_bias = true, .fallback = true});
   CHECK(with_both.range_bias.known());
   CHECK(with_both.fallback);
-  const TrainedModel constant = train_whole(data, mean, 1, {.range_bias = true, .fallback = true});
+  const TrainedModel constant = train_on_all(data, mean, 1, {.range_bias = true, .fallback = true});
   CHECK_FALSE(constant.range_bias.known());
   CHECK_FALSE(constant.fallback);
 }

@@ -69,7 +69,7 @@ TEST_CASE(
     CHECK(alignment.profile_points() == 1 + static_cast<std::size_t>(2.3 / step_m));
     std::vector<float> features(alignment.size());
     const Body body = alignment(raw_inputs(3.5, 3.61, radar, width_m), features);
-    REQUIRE(body.there);
+    REQUIRE(body.detected);
     const auto profile =
         std::span(features).subspan(alignment.histogram_bins(), alignment.profile_points());
     double sum = 0;

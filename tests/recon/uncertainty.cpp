@@ -43,8 +43,9 @@ std::vector<PredictionUncertainty> uncertainties_of(const Dataset& data) {
   return predict(trained(), data, all_rows(data.size())).uncertainties;
 }
 
-Calibration calibration_of(const TrainedModel& model, const Dataset& data) {
-  return evaluate(model, take(model, data, RangeBiasAction::ignore), all_rows(data.size()))
+UncertaintyCalibration calibration_of(const TrainedModel& model, const Dataset& data) {
+  return evaluate(model, prepare_records(model, data, RangeBiasAction::ignore),
+                  all_rows(data.size()))
       .calibration.value();
 }
 
@@ -87,13 +88,13 @@ TEST_CASE("weights come back from what they made, rows counting as they should")
 
 TEST_CASE("nine of ten bodies are within the stated lateral error, which grows with the noise") {
   const Dataset clean = fresh_plates(400);
-  const Calibration c = calibration_of(trained(), clean);
+  const UncertaintyCalibration c = calibration_of(trained(), clean);
   CHECK(c.within_90 == Approx(0.9).margin(0.07));
   Dataset noisy = clean;
   Rng rng = make_rng(4, 4);
   std::normal_distribution<float> noise(0, 0.1f);
   for (float& v : noisy.radar.values) v += noise(rng);
-  const Calibration n = calibration_of(trained(), noisy);
+  const UncertaintyCalibration n = calibration_of(trained(), noisy);
   CHECK(n.lateral_interval_90_m > 1.5 * c.lateral_interval_90_m);
   CHECK(n.within_90 > 0.75);
 }
@@ -141,12 +142,12 @@ TEST_CASE("the order of the training records says nothing: near ones may come be
   Rows rows = all_rows(600);
   std::sort(rows.begin(), rows.end(),
             [&](std::size_t a, std::size_t b) { return nearest_m(data, a) < nearest_m(data, b); });
-  const Ground ground(data, rows, Inputs::fused, {}, true);
-  const OutOfDistributionDetector detector(ground.alignment, data, ground.aligned, rows,
-                                           Inputs::fused, 1);
+  const Preprocessing preprocessing(data, rows, Inputs::fused, {}, true);
+  const OutOfDistributionDetector detector(preprocessing.alignment, data, preprocessing.aligned,
+                                           rows, Inputs::fused, 1);
   const auto judge = [&](const Dataset& of) {
     const Features raw = fit_features(data, rows, Inputs::fused, raw_scaling);
-    const Matrix aligned = ground.alignment(raw.raw_inputs(of, all_rows(of.size())));
+    const Matrix aligned = preprocessing.alignment(raw.raw_inputs(of, all_rows(of.size())));
     return detector.judge(aligned, of, all_rows(of.size()));
   };
   double flagged = 0;
@@ -166,7 +167,7 @@ TEST_CASE("counts that are not whole lose photons like any others") {
   Dataset data = fresh_plates(100);
   std::fill(data.spd.values.begin(), data.spd.values.end(), 0.75f);  // a calibrated run's
   Rng rng = make_rng(3, 3);
-  make_worse(data, rng);
+  degrade(data, rng);
   double left = 0;
   for (const float v : data.spd.values) left += double{v};
   // The mean of 10^u, u even in -2.5..0, of one photon a bin.
@@ -179,10 +180,10 @@ TEST_CASE("the factor comes from records that the regression has not seen") {
   for (std::uint64_t trial = 0; trial < 200; ++trial) {
     Rng rng = make_rng(trial, 8);
     std::normal_distribution<float> normal;
-    const auto draw = [&](std::size_t count, Matrix& signs, std::vector<double>& errors) {
-      signs.cols = 3;
+    const auto draw = [&](std::size_t count, Matrix& predictors, std::vector<double>& errors) {
+      predictors.cols = 3;
       for (std::size_t i = 0; i < count; ++i) {
-        signs.add_row(std::vector<float>{normal(rng), normal(rng), normal(rng)});
+        predictors.add_row(std::vector<float>{normal(rng), normal(rng), normal(rng)});
         errors.push_back(std::exp(double{normal(rng)}));
       }
     };
@@ -222,10 +223,10 @@ TEST_CASE("pixels are as uncertain as they say, and the mean map errs little") {
   for (const std::string name : {"factorised-4", "ridge"}) {
     CAPTURE(name);
     const TrainedModel model = train_on_plates(name, 0.3);
-    const Calibration c = calibration_of(model, data);
+    const UncertaintyCalibration c = calibration_of(model, data);
     CHECK(c.deviation_m == Approx(c.error_m).epsilon(0.15));
     const auto rmse = [&](const std::string& output) {
-      const Prediction made = predict(model, data, rows, Ask::pixels);
+      const Prediction made = predict(model, data, rows, PredictionDetail::pixels);
       return summarise(score_maps(made.of(output), data, rows, model.scene))[metric_rmse_m].mean;
     };
     // A plate's place is known to less than a pixel: there is little to gain from a mean over it.
@@ -246,7 +247,7 @@ TEST_CASE("the mean map of an empty room in front of a wall is the wall") {
   Dataset empty = fresh_plates(3);
   for (std::size_t i = 0; i < empty.spd.values.size(); ++i)
     empty.spd.values[i] = static_cast<float>(3 + i % 2);
-  const Prediction a = predict(model, empty, all_rows(3), Ask::pixels);
+  const Prediction a = predict(model, empty, all_rows(3), PredictionDetail::pixels);
   for (const float z : a.of("mean").values) REQUIRE(z == Approx(5.0f).margin(1e-3));
 }
 
@@ -267,7 +268,7 @@ TEST_CASE("a model file keeps its uncertainty, without one none is stated") {
   const TrainedModel loaded = load_model(dir / "few");
   CHECK_FALSE(loaded.uncertainty);
   CHECK(predict(loaded, data, all_rows(20)).uncertainties.empty());
-  CHECK_THROWS_WITH(predict(loaded, data, all_rows(20), Ask::pixels),
+  CHECK_THROWS_WITH(predict(loaded, data, all_rows(20), PredictionDetail::pixels),
                     Catch::Contains("does not know how sure it is"));
 }
 

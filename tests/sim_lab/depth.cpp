@@ -65,7 +65,7 @@ std::vector<std::uint16_t> expected_picture(const sim::LabOptions& options) {
   const Axis x{"depth_x", "tangent", "1", 320, -159.5 * 0.005, 0.005};
   const Axis y{"depth_y", "tangent", "1", 240, 119.5 * 0.005, -0.005};
   const auto scene = sim::make_scene(options.conditions, sim::SceneKind::person,
-                                     static_cast<std::uint64_t>(options.play.seed), 0);
+                                     static_cast<std::uint64_t>(options.schedule.seed), 0);
   return sim::render_depth_mm(scene, x, y);
 }
 
@@ -77,7 +77,7 @@ std::vector<std::uint16_t> read_picture(const std::string& path) {
 sim::LabOptions options_in(const TemporaryDirectory& dir) {
   sim::LabOptions options;
   options.dir = dir / "lab";
-  options.play = {"person", 21, 0};
+  options.schedule = {"person", 21, 0};
   return options;
 }
 
@@ -116,7 +116,7 @@ TEST_CASE("the camera goes and comes back with the laboratory") {
   REQUIRE(reader.line_with("frame") == "frame");
   lab.reset();
   REQUIRE(reader.line_with("gone") == "gone");
-  options.play.seed = 22;
+  options.schedule.seed = 22;
   lab = std::make_unique<LabThread>(options);
   REQUIRE(reader.line_with("back") == "back");
   REQUIRE(reader.line_with("frame") == "frame");

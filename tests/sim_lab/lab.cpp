@@ -61,7 +61,7 @@ TEST_CASE("what an open laboratory has, and what a closed one leaves") {
                  Catch::Contains(" run --config " + options.dir + "/lab.toml --out "));
   lab.stop();
   CHECK(names_in(options.dir) == std::set<std::string>{"lab.toml", "radar.cfg", "sent.json"});
-  CHECK_THAT(read_text(options.dir + "/sent.json"), Catch::StartsWith("{\"play\":{\"scene\":"));
+  CHECK_THAT(read_text(options.dir + "/sent.json"), Catch::StartsWith("{\"schedule\":{\"scene\":"));
 }
 
 TEST_CASE("a directory in use, foreign, or with too long a path is refused") {
@@ -118,27 +118,27 @@ TEST_CASE("start-up faults name their cause, and leave nothing open") {
 TEST_CASE("scenes follow one another, and mixed ones keep the paper's proportion") {
   ManualClock clock;
   const sim::Conditions conditions;
-  sim::Stage stage(clock, conditions, {"mixed", 3, 0.5});
-  CHECK(stage.at(0.49).index == 0);
-  CHECK(stage.until(0.49) == 0.5);
-  CHECK(stage.at(0.51).index == 1);
+  sim::ScenePlayer player(clock, conditions, {"mixed", 3, 0.5});
+  CHECK(player.at(0.49).index == 0);
+  CHECK(player.scene_end_s(0.49) == 0.5);
+  CHECK(player.at(0.51).index == 1);
   clock.advance(std::chrono::seconds(2));
-  CHECK(stage.now_s() == 2.0);
-  CHECK(stage.at(stage.now_s()).index == 4);
+  CHECK(player.now_s() == 2.0);
+  CHECK(player.at(player.now_s()).index == 4);
   clock.set(std::chrono::milliseconds(10'200));  // a laboratory opened amid a scene's time
-  sim::Stage later(clock, conditions, {"mixed", 3, 0.5});
+  sim::ScenePlayer later(clock, conditions, {"mixed", 3, 0.5});
   CHECK(later.at(0.299).index == 0);
-  CHECK(later.until(0.1) == Approx(0.3).epsilon(1e-12));
-  CHECK(later.at(later.until(0.1)).index == 1);
-  CHECK(later.until(0.3) == Approx(0.8).epsilon(1e-12));
+  CHECK(later.scene_end_s(0.1) == Approx(0.3).epsilon(1e-12));
+  CHECK(later.at(later.scene_end_s(0.1)).index == 1);
+  CHECK(later.scene_end_s(0.3) == Approx(0.8).epsilon(1e-12));
   int people = 0;
   constexpr int scenes = 4000;
   for (int i = 0; i < scenes; ++i)
-    people += sim::Stage::spec_of({"mixed", 3, 0.5}, i).kind == sim::SceneKind::person;
+    people += sim::ScenePlayer::spec_of({"mixed", 3, 0.5}, i).kind == sim::SceneKind::person;
   CHECK(std::abs(people - scenes / 4.0) < 5 * std::sqrt(scenes * 0.25 * 0.75));
-  sim::Play listed{"", 3, 0.5};
+  sim::SceneSchedule listed{"", 3, 0.5};
   listed.list = {sim::SceneKind::empty, sim::SceneKind::letter};
   for (int i = 0; i < 6; ++i)
-    CHECK(sim::Stage::spec_of(listed, i).kind ==
+    CHECK(sim::ScenePlayer::spec_of(listed, i).kind ==
           (i % 2 ? sim::SceneKind::letter : sim::SceneKind::empty));
 }

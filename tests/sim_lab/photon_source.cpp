@@ -27,7 +27,7 @@ struct Stream {
 Stream draw(const Conditions& c, const Tagging& tagging, const Returns& returns,
             std::int64_t slices = 50) {
   PhotonSource source(c, tagging, window_s, 7);
-  source.inspect_holder(returns);
+  source.set_returns(returns);
   Bytes bytes;
   const auto pulses = static_cast<std::int64_t>(std::llround(source.laser_rate_hz() * window_s));
   for (std::int64_t i = 0; i < slices; ++i)

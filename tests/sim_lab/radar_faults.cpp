@@ -332,7 +332,7 @@ TEST_CASE("one of the two ports stays away") {
   CHECK(b.seconds_to_frame() < 10);
 }
 
-TEST_CASE("unplugged a hundred times, at every stage of the dialogue") {
+TEST_CASE("unplugged a hundred times, at every player of the dialogue") {
   Bench b(hasty());
   b.start();
   Rng rng = make_rng(3, 3);
@@ -344,8 +344,8 @@ TEST_CASE("unplugged a hundred times, at every stage of the dialogue") {
     b.board.heard();
     if (rng() % 2) b.board.power_up();
     b.plug(true);
-    const std::size_t stage = 1 + rng() % 40, before = b.frames();
-    REQUIRE(b.until([&] { return b.board.lines_heard() >= stage || b.frames() > before; }));
+    const std::size_t player = 1 + rng() % 40, before = b.frames();
+    REQUIRE(b.until([&] { return b.board.lines_heard() >= player || b.frames() > before; }));
   }
   CHECK(b.seconds_to_frame() < 10);
   CHECK(b.count("connections") == 101);

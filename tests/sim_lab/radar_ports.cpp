@@ -111,7 +111,7 @@ void configure(Port& cli, const std::string& cfg_path, const std::string& instea
 sim::LabOptions options_in(const TemporaryDirectory& dir) {
   sim::LabOptions options;
   options.dir = dir / "lab";
-  options.play = {"person", 11, 0};
+  options.schedule = {"person", 11, 0};
   return options;
 }
 

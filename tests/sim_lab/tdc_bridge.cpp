@@ -85,7 +85,7 @@ class Client {
 sim::LabOptions options_in(const TemporaryDirectory& dir) {
   sim::LabOptions options;
   options.dir = dir / "lab";
-  options.play = {"person", 5, 0};
+  options.schedule = {"person", 5, 0};
   return options;
 }
 

@@ -142,10 +142,10 @@ TEST_CASE("all tags of the simulated device arrive") {
   const SystemClock clock;
   boost::asio::io_context io;
   sim::Conditions conditions;
-  sim::Stage stage(clock, conditions, {});
+  sim::ScenePlayer player(clock, conditions, {});
   sim::TdcOptions options;
   options.window_s = 0.5;
-  const auto tagger = sim::make_tdc_usb(io, stage, bed, options);
+  const auto tagger = sim::make_tdc_usb(io, player, bed, options);
   const auto tags_sent = [&] { return tagger->sent().at(0).second; };
   KeepingSink sink;
   const auto driver = make_tdc(io, {tagger->address()}, clock);
@@ -163,11 +163,11 @@ TEST_CASE("a device whose memory is full says what it lost, in the stream") {
   const SystemClock clock;
   boost::asio::io_context io;
   sim::Conditions conditions;
-  sim::Stage stage(clock, conditions, {});
+  sim::ScenePlayer player(clock, conditions, {});
   sim::TdcOptions options;
   options.window_s = 0.5;
   options.send_queue_bytes = 22'000;  // about what it makes between two runs
-  const auto tagger = sim::make_tdc_usb(io, stage, bed, options);
+  const auto tagger = sim::make_tdc_usb(io, player, bed, options);
   KeepingSink sink;
   const auto driver = make_tdc(io, {tagger->address()}, clock);
   driver->start(sink);

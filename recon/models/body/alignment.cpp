@@ -109,7 +109,7 @@ Body Alignment::operator()(std::span<const float> raw_inputs, std::span<float> f
     power[i] = raw_inputs[bins + i] - radar_background_[i];
   std::fill(features.begin(), features.end(), 0.f);
   const Body body = find_body(clicks, raw_inputs.first(bins));
-  if (!body.there) return body;
+  if (!body.detected) return body;
   align_histogram(clicks, body.range_m, features.first(histogram_bins()));
   align_profile(power, double{body.range_m}, features.subspan(histogram_bins(), profile_points()));
   features.back() = body.range_m;

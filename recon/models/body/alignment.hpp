@@ -16,8 +16,9 @@
 namespace echofuse::recon {
 
 struct Body {
-  bool there = false;  // more clicks above the background than five deviations of all clicks
-  float range_m = 0;   // slant range of the histogram's centroid
+  bool detected =
+      false;          // clicks above the background: more than 5 standard deviations of the total
+  float range_m = 0;  // slant range of the histogram's centroid
 };
 
 // Aligned features, one row a record. Where nobody is, all of a row is zero.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/core/write_beside.hpp"
+#include "drivers/core/atomic_write.hpp"
 
 #include <cerrno>
 #include <cstdio>
@@ -17,15 +17,15 @@ namespace {
 
 }  // namespace
 
-void write_beside(const std::string& path,
-                  const std::function<void(const std::string& part)>& write) {
+void write_atomically(const std::string& path,
+                      const std::function<void(const std::string& part)>& write) {
   const std::string part = path + ".part";
   write(part);
   if (std::rename(part.c_str(), path.c_str()) != 0) fail(path);
 }
 
-void write_beside(const std::string& path, std::string_view text) {
-  write_beside(path, [&](const std::string& part) {
+void write_atomically(const std::string& path, std::string_view text) {
+  write_atomically(path, [&](const std::string& part) {
     std::ofstream out(part, std::ios::binary);
     out << text;
     out.close();

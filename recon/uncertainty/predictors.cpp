@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/uncertainty/signs.hpp"
+#include "recon/uncertainty/predictors.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -31,16 +31,19 @@ float peak_to_noise(std::span<const float> power) {
 
 }  // namespace
 
-std::size_t sign_count(Inputs inputs) { return inputs == Inputs::fused ? 3 : 2; }
+std::size_t predictor_count(Inputs inputs) { return inputs == Inputs::fused ? 3 : 2; }
 
-Matrix signs_of(const Matrix& maps, const Scene& scene, const Dataset& data, const Rows& rows,
-                Inputs inputs) {
-  Matrix out(0, sign_count(inputs));
+Matrix predictors_of(const Matrix& maps, const Scene& scene, const Dataset& data, const Rows& rows,
+                     Inputs inputs) {
+  Matrix out(0, predictor_count(inputs));
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    std::vector<float> signs{static_cast<float>(std::abs(foreground_tangent(maps.row(i), scene)))};
-    if (inputs != Inputs::radar) signs.push_back(std::log(significance(data.spd.row(rows[i])) + 1));
-    if (inputs != Inputs::spd) signs.push_back(std::log(peak_to_noise(data.radar.row(rows[i]))));
-    out.add_row(signs);
+    std::vector<float> predictors{
+        static_cast<float>(std::abs(foreground_tangent(maps.row(i), scene)))};
+    if (inputs != Inputs::radar)
+      predictors.push_back(std::log(significance(data.spd.row(rows[i])) + 1));
+    if (inputs != Inputs::spd)
+      predictors.push_back(std::log(peak_to_noise(data.radar.row(rows[i]))));
+    out.add_row(predictors);
   }
   return out;
 }

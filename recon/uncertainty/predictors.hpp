@@ -7,12 +7,12 @@
 
 namespace echofuse::recon {
 
-std::size_t sign_count(Inputs inputs);
+std::size_t predictor_count(Inputs inputs);
 
 // One row a map: |x/z| of its foreground (NaN if there is none); of the SPD log(1 + clicks above
 // the background, in deviations of all clicks); of the radar log(peak over the scatter of the
 // weaker half of the profile). Row i of the maps belongs to rows[i] of the data.
-Matrix signs_of(const Matrix& maps, const Scene& scene, const Dataset& data, const Rows& rows,
-                Inputs inputs);
+Matrix predictors_of(const Matrix& maps, const Scene& scene, const Dataset& data, const Rows& rows,
+                     Inputs inputs);
 
 }  // namespace echofuse::recon

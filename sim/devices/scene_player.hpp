@@ -21,7 +21,7 @@ struct RenderedScene {
   Returns spd, radar;
 };
 
-struct Play {
+struct SceneSchedule {
   std::string kind = "person";  // that of SceneKind, or mixed
   std::int64_t seed = 1;
   // Each scene stands so long, and goes at a multiple of that on the host's clock, as the daemon's
@@ -30,10 +30,10 @@ struct Play {
   std::vector<SceneSpec> list{};  // instead of the kind; after the last comes the first
 };
 
-class Stage {
+class ScenePlayer {
  public:
-  // Time zero of the stage, and of every device clock, is clock.now() here.
-  Stage(const Clock& clock, const Conditions& conditions, const Play& play);
+  // Time zero of the player, and of every device clock, is clock.now() here.
+  ScenePlayer(const Clock& clock, const Conditions& conditions, const SceneSchedule& schedule);
 
   const Conditions& conditions() const { return conditions_; }
   HostTime start() const { return start_; }
@@ -41,18 +41,18 @@ class Stage {
   double now_s() const { return seconds(clock_.now() - start_); }
   // The scene that stands at this time, rendered when it is first asked for, and when it goes.
   const RenderedScene& at(double time_s);
-  double until(double time_s) const;
+  double scene_end_s(double time_s) const;
 
-  // Scene number `index` of a play; "mixed" is one person to three letters, as in Lai et al.
-  static SceneSpec spec_of(const Play& play, std::int64_t index);
+  // Scene number `index` of a schedule; "mixed" is one person to three letters, as in Lai et al.
+  static SceneSpec spec_of(const SceneSchedule& schedule, std::int64_t index);
 
  private:
   std::int64_t index_at(double time_s) const;
-  std::int64_t holds_until(HostTime time) const;
+  std::int64_t scenes_until(HostTime time) const;
 
   const Clock& clock_;
   Conditions conditions_;
-  Play play_;
+  SceneSchedule schedule_;
   HostTime start_;
   RenderedScene rendered_;
 };

@@ -9,9 +9,9 @@ namespace echofuse {
 
 // Has `write` make the file PATH.part and renames it to PATH. If `write` throws, PATH is as before.
 // Throws Error(disk) if it cannot be renamed.
-void write_beside(const std::string& path,
-                  const std::function<void(const std::string& part)>& write);
+void write_atomically(const std::string& path,
+                      const std::function<void(const std::string& part)>& write);
 // The same with this text; throws Error(disk) if it cannot be written.
-void write_beside(const std::string& path, std::string_view text);
+void write_atomically(const std::string& path, std::string_view text);
 
 }  // namespace echofuse

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: MIT
+#include "sim/devices/scene_player.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/core/exit_code.hpp"
+#include "drivers/core/random.hpp"
+#include "sim/sensors/radar_echo.hpp"
+
+namespace echofuse::sim {
+
+ScenePlayer::ScenePlayer(const Clock& clock, const Conditions& conditions,
+                         const SceneSchedule& schedule)
+    : clock_(clock), conditions_(conditions), schedule_(schedule), start_(clock.now()) {}
+
+SceneSpec ScenePlayer::spec_of(const SceneSchedule& schedule, std::int64_t index) {
+  if (!schedule.list.empty())
+    return schedule.list[static_cast<std::size_t>(index) % schedule.list.size()];
+  if (const auto kind = kind_named(schedule.kind)) return *kind;
+  if (schedule.kind != "mixed")
+    throw Error(ExitCode::usage,
+                "scene \"" + schedule.kind + "\" is unknown; expected mixed, " + kind_names());
+  Rng rng = make_rng(static_cast<std::uint64_t>(schedule.seed), static_cast<std::uint64_t>(index));
+  return rng() % 4 == 0 ? SceneKind::person : SceneKind::letter;
+}
+
+std::int64_t ScenePlayer::scenes_until(HostTime time) const {
+  return time / from_seconds(schedule_.hold_s);
+}
+
+std::int64_t ScenePlayer::index_at(double time_s) const {
+  if (schedule_.hold_s <= 0) return 0;
+  return scenes_until(start_ + from_seconds(std::max(0.0, time_s))) - scenes_until(start_);
+}
+
+double ScenePlayer::scene_end_s(double time_s) const {
+  if (schedule_.hold_s <= 0) return std::numeric_limits<double>::infinity();
+  const std::int64_t next = scenes_until(start_) + index_at(time_s) + 1;
+  return seconds(next * from_seconds(schedule_.hold_s) - start_);
+}
+
+const RenderedScene& ScenePlayer::at(double time_s) {
+  const std::int64_t index = index_at(time_s);
+  if (index == rendered_.index) return rendered_;
+  rendered_.scene =
+      make_scene(conditions_, spec_of(schedule_, index), static_cast<std::uint64_t>(schedule_.seed),
+                 static_cast<std::uint64_t>(index));
+  rendered_.spd = spd_returns(rendered_.scene, conditions_);
+  // The reflector is put before each sensor in turn; here, before both at once.
+  Scene for_radar = rendered_.scene;
+  if (for_radar.label == "reflector") for_radar.plates[0].centre.x = -conditions_.baseline_m;
+  rendered_.radar = radar_returns(for_radar, conditions_);
+  Rng rng =
+      make_rng(static_cast<std::uint64_t>(schedule_.seed) + 1, static_cast<std::uint64_t>(index));
+  roughen(rendered_.radar, conditions_, rng);
+  rendered_.index = index;
+  return rendered_;
+}
+
+}  // namespace echofuse::sim
