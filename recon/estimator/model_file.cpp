@@ -19,7 +19,7 @@ namespace {
 using record::H5File;
 
 constexpr const char* format = "echofuse model";
-constexpr std::int64_t format_version = 4;
+constexpr std::int64_t format_version = 5;
 constexpr const char* fallback_group = "fallback";
 constexpr std::int64_t most_bins = 1 << 20;
 constexpr float farthest_m = 100;
@@ -208,7 +208,7 @@ TrainedModel load_one(const H5File& file) {
   if (aligned || file.has("range_bias") || (uncertainties && layout.spd.count > 0))
     out.alignment.load(file, layout);
   out.model = kind_of(out.name).make();
-  out.model->load(file, aligned ? out.alignment.size() : layout.inputs(), map_pixels);
+  out.model->load(file, aligned ? out.alignment.inputs() : layout.inputs(), map_pixels);
   out.range_bias.load(file, out.alignment);
   if (uncertainties) out.uncertainty.emplace().load(file, out.features, out.alignment);
   return out;

@@ -74,7 +74,7 @@ Matrix TrainedModel::align(const Dataset& data, const Rows& rows, bool wanted) c
 }
 
 Matrix TrainedModel::inputs(const Dataset& data, const Rows& rows, const Matrix& aligned) const {
-  return wants_alignment(name) ? aligned : features.apply(data, rows);
+  return wants_alignment(name) ? alignment.with_correlations(aligned) : features.apply(data, rows);
 }
 
 Cost TrainedModel::cost() const {
@@ -133,11 +133,12 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const Preprocess
   out.scene = preprocessing.scene;
   if (aligned) out.alignment = preprocessing.alignment;
   out.model = kind_of(candidate.model).make();
-  const Matrix scaled = aligned ? Matrix{} : out.features.apply(data, all_rows(data.size()));
-  const Matrix& taken = aligned ? preprocessing.aligned : scaled;
-  out.log =
-      out.model->fit({taken, data.depth, split.train, &preprocessing.scene},
-                     {taken, data.depth, split.validation, &preprocessing.scene}, candidate.fit);
+  const Matrix taken = out.inputs(data, all_rows(data.size()), preprocessing.aligned);
+  const auto samples = [&](const Rows& rows) {
+    return Samples{taken,      data.depth, rows, &preprocessing.scene, &preprocessing.alignment,
+                   &data.radar};
+  };
+  out.log = out.model->fit(samples(split.train), samples(split.validation), candidate.fit);
   out.fit = candidate.fit;
   out.data_hash = data.hash;
   out.train_s = preprocessing.elapsed_s +

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT
 // The scene taken apart: where the body is (from the radar profile's shift against the histogram,
-// a small network) and what it looks like there (a few masks and depths in a frame that moves with
-// the body, their amounts from another small network), drawn into the map. It needs both sensors
-// and one thing that stands out from the background. The silhouette is the same without the second
-// network: the mean body, placed.
+// the mean of a few small networks) and what it looks like there (a few masks and depths in a frame
+// that moves with the body, their amounts from another network), drawn into the map. It needs both
+// sensors and one thing that stands out from the background. The silhouette is the same without the
+// last network: the mean body, placed.
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "acquire/record/depth_map.hpp"
@@ -12,6 +13,7 @@
 #include "recon/maps/scene.hpp"
 #include "recon/models/body/alignment.hpp"
 #include "recon/models/body/body_frame.hpp"
+#include "recon/models/body/turned.hpp"
 #include "recon/models/regression.hpp"
 #include "recon/numbers/components.hpp"
 #include "recon/numbers/statistics.hpp"
@@ -20,7 +22,11 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::size_t least_shape_hidden = 16;
-const std::vector<std::size_t> position_hidden = {32, 32};
+const std::vector<std::size_t> position_hidden = {48, 48};
+// The depth is nearly known from the range: a network that cares for both learns less of the side.
+const std::vector<float> position_weights = {1, 0.1f};
+constexpr std::size_t position_networks = 3;       // trained apart: their mean errs less than each
+constexpr std::uint64_t turn_stream = 0x7475726e;  // "turn"
 // For the components of the bodies; more records hardly turn them.
 constexpr std::size_t most_bodies = 3000;
 
@@ -32,6 +38,15 @@ float intersection_over_union(std::span<const float> map, std::span<const float>
     both += a && b, any += a || b;
   }
   return any > 0 ? static_cast<float>(both) / static_cast<float>(any) : 0;
+}
+
+// Metres to the right of the axis at the body's range, and how far its mean depth lies behind it.
+std::array<float, 2> position_target(const Place& place, float range_m) {
+  return {place.tangent * range_m, place.depth_m - range_m};
+}
+
+std::string position_group(std::size_t network) {
+  return "model/position" + std::to_string(network);
 }
 
 // Of the amounts of each kind, so that neither drowns the other.
@@ -64,7 +79,8 @@ class Factorised final : public Model {
   void learn_scale(const Matrix& features);
   void standardise(std::span<float> features) const;
   float range_of(std::span<const float> standardised) const;  // metres
-  TrainingLog fit_position(const Seen& train, const Seen& validation, const FitOptions& options);
+  TrainingLog fit_position(const Seen& train, const Samples& samples, const Seen& validation,
+                           const FitOptions& options);
   void fit_bodies(const Seen& train, const Samples& samples, const FitOptions& options);
   bool fit_shape(const Seen& train, const Samples& train_samples, const Seen& validation,
                  const Samples& validation_samples, const FitOptions& options);
@@ -77,7 +93,8 @@ class Factorised final : public Model {
   bool shapes_;
   std::vector<float> background_;          // metres
   std::vector<float> centre_, deviation_;  // of the features
-  Regression position_, shape_;
+  std::vector<Regression> positions_;      // whose mean counts
+  Regression shape_;
   BodyFrame frame_;
   Components masks_, reliefs_;
   float threshold_ = 0.5f;
@@ -123,7 +140,7 @@ TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
   learn_scale(seen.features);
   for (Seen* s : {&seen, &judged})
     for (std::size_t i = 0; i < s->features.rows; ++i) standardise(s->features.row(i));
-  TrainingLog log = fit_position(seen, judged, options);
+  TrainingLog log = fit_position(seen, train, judged, options);
   fit_bodies(seen, train, options);
   if (shapes_) log.interrupted |= fit_shape(seen, train, judged, validation, options);
   if (judged.rows.empty())
@@ -133,23 +150,42 @@ TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
   return log;
 }
 
-// Metres to the right of the axis at the body's range, and how far its mean depth lies behind it.
-TrainingLog Factorised::fit_position(const Seen& train, const Seen& validation,
-                                     const FitOptions& options) {
+// Each network has weights, order and turns of its own; the log is of the last one. Judged by
+// records as they are.
+TrainingLog Factorised::fit_position(const Seen& train, const Samples& samples,
+                                     const Seen& validation, const FitOptions& options) {
   const auto targets = [&](const Seen& seen) {
-    Matrix out(seen.rows.size(), 2);
-    for (std::size_t i = 0; i < out.rows; ++i) {
-      const float range_m = range_of(seen.features.row(i));
-      out.row(i)[0] = seen.places[i].tangent * range_m;
-      out.row(i)[1] = seen.places[i].depth_m - range_m;
-    }
+    Matrix out(0, 2);
+    for (std::size_t i = 0; i < seen.rows.size(); ++i)
+      out.add_row(position_target(seen.places[i], range_of(seen.features.row(i))));
     return out;
   };
+  const Matrix wanted = targets(train), judged = targets(validation);
+  const Rows rows = all_rows(train.rows.size()), judged_rows = all_rows(validation.rows.size());
   Training training = training_of(options);
-  training.hidden = position_hidden;
-  return position_.fit({train.features, targets(train), all_rows(train.rows.size())},
-                       {validation.features, targets(validation), all_rows(validation.rows.size())},
-                       Spread::each, training, "position", " of the spread");
+  training.hidden = position_hidden, training.weights = position_weights;
+  Rng rng;
+  const TurnedBodies turned(*samples.alignment, samples.inputs, *samples.radar, train.rows,
+                            train.places);
+  if (turned.baseline_m() != 0)
+    training.redraw = [&](std::span<const std::size_t> batch, Matrix& inputs, Matrix& places) {
+      for (std::size_t i = 0; i < batch.size(); ++i) {
+        const Place place = turned.turn(batch[i], rng, inputs.row(i));
+        const auto target = position_target(place, inputs.row(i).back());
+        std::copy(target.begin(), target.end(), places.row(i).begin());
+        standardise(inputs.row(i));
+      }
+    };
+  TrainingLog log;
+  positions_.clear();
+  while (positions_.size() < position_networks && !log.interrupted) {
+    rng = make_rng(training.seed, turn_stream);
+    log = positions_.emplace_back().fit({train.features, wanted, rows},
+                                        {validation.features, judged, judged_rows}, Spread::each,
+                                        training, "position", " of the spread");
+    training.seed = mix(training.seed);
+  }
+  return log;
 }
 
 void Factorised::fit_bodies(const Seen& train, const Samples& samples, const FitOptions& options) {
@@ -203,7 +239,12 @@ Matrix Factorised::amounts(const Seen& seen, const Samples& samples) const {
 }
 
 std::vector<Place> Factorised::find_places(const Matrix& features) const {
-  const Matrix found = position_.predict(features);
+  Matrix found(features.rows, 2);
+  for (const Regression& position : positions_) {
+    const Matrix one = position.predict(features);
+    for (std::size_t i = 0; i < one.values.size(); ++i)
+      found.values[i] += one.values[i] / static_cast<float>(positions_.size());
+  }
   std::vector<Place> out;
   for (std::size_t i = 0; i < found.rows; ++i) {
     const float range_m = range_of(features.row(i));
@@ -278,10 +319,14 @@ Matrix Factorised::predict(const Matrix& aligned, SoftMaps* soft) const {
 
 Cost Factorised::cost() const {
   const std::size_t basis = masks_.basis.values.size() + reliefs_.basis.values.size();
-  const Cost position = position_.cost(), shape = shape_.cost();
-  return {position.multiply_adds + shape.multiply_adds + basis + frame_.draw_cost(),
-          position.parameters + shape.parameters + basis + masks_.mean.size() +
-              reliefs_.mean.size() + 2 * centre_.size() + background_.size()};
+  Cost out{basis + frame_.draw_cost(), basis + masks_.mean.size() + reliefs_.mean.size() +
+                                           2 * centre_.size() + background_.size()};
+  const auto add = [&](const Cost& cost) {
+    out.multiply_adds += cost.multiply_adds, out.parameters += cost.parameters;
+  };
+  for (const Regression& position : positions_) add(position.cost());
+  add(shape_.cost());
+  return out;
 }
 
 void Factorised::save(record::H5File& file) const {
@@ -290,7 +335,7 @@ void Factorised::save(record::H5File& file) const {
   file.set("model/background_m", "threshold", double{threshold_});
   file.write("model/features_mean", centre_, {centre_.size()});
   file.write("model/features_deviation", deviation_, {deviation_.size()});
-  position_.save(file, "model/position");
+  for (std::size_t n = 0; n < positions_.size(); ++n) positions_[n].save(file, position_group(n));
   save_components(file, "model/masks", masks_);
   save_components(file, "model/reliefs", reliefs_);
   if (shapes_) shape_.save(file, "model/shape");
@@ -305,7 +350,9 @@ void Factorised::load(const record::H5File& file, std::size_t inputs, std::size_
   require_sound(file,
                 std::all_of(deviation_.begin(), deviation_.end(), [](float d) { return d > 0; }),
                 "model/features_deviation", "all above 0");
-  position_.load(file, "model/position", inputs, 2);
+  positions_.clear();
+  for (std::size_t n = 0; n == 0 || file.has(position_group(n)); ++n)
+    positions_.emplace_back().load(file, position_group(n), inputs, 2);
   masks_ = load_components(file, "model/masks", frame_.size());
   reliefs_ = load_components(file, "model/reliefs", frame_.size());
   const std::size_t shapes = masks_.basis.rows + reliefs_.basis.rows;

@@ -16,6 +16,8 @@
 
 namespace echofuse::recon {
 
+class Alignment;
+
 // Inputs and depth maps of the same records, and the rows of both to use. Inputs are scaled
 // (features.hpp), or aligned (body/alignment.hpp) for models that want that.
 struct Samples {
@@ -23,6 +25,9 @@ struct Samples {
   const Matrix& maps;  // 64 x 64, metres
   Rows rows;
   const Scene* scene = nullptr;  // learnt from the training rows; of models that ask for it
+  // Of models that take aligned inputs: what made them, and the radar's power as it was recorded.
+  const Alignment* alignment = nullptr;
+  const Matrix* radar = nullptr;
 };
 
 // Options that are not given take the kind's own values (ModelKind::own).

@@ -37,10 +37,13 @@ Training training_of(const FitOptions& o) {
           o.weight_decay.value(),
           o.batch,
           o.seed,
-          o.quiet};
+          o.quiet,
+          {},
+          {}};
 }
 
-void Regression::standardise(const Examples& train, Spread spread) {
+void Regression::standardise(const Examples& train, Spread spread,
+                             const std::vector<float>& weights) {
   auto [mean, squares] = column_statistics(train.targets, train.rows);
   if (spread == Spread::common) {
     double all = 0;
@@ -51,13 +54,14 @@ void Regression::standardise(const Examples& train, Spread spread) {
   spread_.assign(squares.size(), 1);
   for (std::size_t c = 0; c < squares.size(); ++c)
     if (squares[c] > 0) spread_[c] = static_cast<float>(std::sqrt(squares[c]));
+  for (std::size_t c = 0; c < weights.size(); ++c) spread_[c] /= std::sqrt(weights[c]);
   unit_ = spread == Spread::common ? double{spread_.front()} : 1;
 }
 
 TrainingLog Regression::fit(const Examples& train, const Examples& validation, Spread spread,
                             const Training& training, const std::string& title,
                             const std::string& unit) {
-  standardise(train, spread);
+  standardise(train, spread, training.weights);
   std::vector<std::size_t> widths{train.inputs.cols};
   widths.insert(widths.end(), training.hidden.begin(), training.hidden.end());
   widths.push_back(train.targets.cols);
@@ -97,7 +101,7 @@ void Regression::train_epoch(const Examples& train, const Training& training, Tr
                         static_cast<double>(s.row) / static_cast<double>(rows.size());
     const double rate =
         annealed(training.learning_rate, done / static_cast<double>(training.epochs));
-    s.squares += train_batch(train, rows.subspan(s.row, count), s, rate);
+    s.squares += train_batch(train, rows.subspan(s.row, count), training, s, rate);
     s.row += count;
   }
 }
@@ -122,8 +126,12 @@ void Regression::judge(const Examples& validation, TrainingState& s, const std::
 
 // One step; returns the sum of squared errors, in units of the spread.
 double Regression::train_batch(const Examples& train, std::span<const std::size_t> rows,
-                               TrainingState& s, double learning_rate) {
+                               const Training& training, TrainingState& s, double learning_rate) {
   batch_inputs_ = take_rows(train.inputs, {rows.begin(), rows.end()});
+  if (training.redraw) {
+    batch_targets_ = take_rows(train.targets, {rows.begin(), rows.end()});
+    training.redraw(rows, batch_inputs_, batch_targets_);
+  }
   const float* x = batch_inputs_.values.data();
   forward(network_, s.parameters, x, rows.size(), activations_);
   auto& output = activations_.back();
@@ -131,7 +139,7 @@ double Regression::train_batch(const Examples& train, std::span<const std::size_
   const float per_value = 1.f / static_cast<float>(rows.size() * columns);
   double sum = 0;
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    const auto truth = train.targets.row(rows[i]);
+    const auto truth = training.redraw ? batch_targets_.row(i) : train.targets.row(rows[i]);
     float* slope = output.data() + i * columns;
     float squares = 0;
     for (std::size_t c = 0; c < columns; ++c) {

@@ -2,6 +2,7 @@
 // A network fitted by least squares to a table of targets. It learns the difference to their mean
 // in units of their spread, so that training starts from the mean.
 #pragma once
+#include <functional>
 #include <span>
 #include <string>
 #include <vector>
@@ -24,6 +25,11 @@ struct Examples {
 // each column as many of its own standard deviations (numbers of different kinds).
 enum class Spread : bool { common, each };
 
+// Puts other examples of the same kind in place of these: as they are drawn anew in each epoch, the
+// copies take no memory. Row i of both tables is example rows[i].
+using Redraw =
+    std::function<void(std::span<const std::size_t> rows, Matrix& inputs, Matrix& targets)>;
+
 struct Training {
   std::vector<std::size_t> hidden;  // width of each hidden layer
   std::size_t epochs, patience;
@@ -31,6 +37,8 @@ struct Training {
   std::size_t batch;
   std::uint64_t seed;
   bool quiet;
+  Redraw redraw = {};               // none: the examples as they are
+  std::vector<float> weights = {};  // of each column's squared errors; none: 1
 };
 
 // Of options that candidate_of has filled.
@@ -61,19 +69,19 @@ class Regression {
             std::size_t outputs);
 
  private:
-  void standardise(const Examples& train, Spread spread);
+  void standardise(const Examples& train, Spread spread, const std::vector<float>& weights);
   void train_epoch(const Examples& train, const Training& training, TrainingState& s);
-  double train_batch(const Examples& train, std::span<const std::size_t> rows, TrainingState& s,
-                     double learning_rate);
+  double train_batch(const Examples& train, std::span<const std::size_t> rows,
+                     const Training& training, TrainingState& s, double learning_rate);
   void judge(const Examples& validation, TrainingState& s, const std::string& title);
   Matrix outputs_of(const Matrix& inputs, const std::vector<float>& parameters) const;
   double rms_error(const Examples& examples, const std::vector<float>& parameters) const;
 
   Network network_;
   std::vector<float> parameters_;
-  std::vector<float> centre_, spread_;  // per column, in units of the targets
-  double unit_ = 1;                     // of the log
-  Matrix batch_inputs_;                 // scratch of train_batch
+  std::vector<float> centre_, spread_;   // per column, in units of the targets
+  double unit_ = 1;                      // of the log
+  Matrix batch_inputs_, batch_targets_;  // scratch of train_batch
   Activations<float> activations_;
   std::vector<float> gradient_;
 };

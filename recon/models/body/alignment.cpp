@@ -2,6 +2,7 @@
 #include "recon/models/body/alignment.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "drivers/core/exit_code.hpp"
@@ -17,7 +18,13 @@ constexpr int centroid_passes = 3;
 constexpr double significance = 5;
 constexpr double histogram_reach_m = 0.7, histogram_step_m = 0.04;
 // Of the radar profile against the body: a target at x shifts it by b x / r.
-constexpr double profile_from_m = -1.0, profile_to_m = 1.3, least_profile_step_m = 0.04;
+constexpr double profile_from_m = -1.0, profile_to_m = 1.3, least_profile_step_m = 0.02;
+constexpr double coarse_step_m = 0.08;  // of a radar whose profile is read halfway between as well
+constexpr std::ptrdiff_t taps = 8;      // of the sinc series, on either side
+constexpr double farthest_steps = 1e9;  // from a radar's first point
+// As the base condition has. A chirp that is sampled once a resolution and then has a Blackman
+// window is as wide.
+constexpr double steps_a_resolution = 2;
 
 // What is there in every record: per column the level that few records are below, less its distance
 // to the median: where bodies come and go, nothing. A count that scatters like one of photons alone
@@ -28,6 +35,19 @@ std::vector<float> background_of(std::span<const float> low, std::span<const flo
   for (std::size_t c = 0; c < out.size(); ++c) {
     const bool steady = median[c] - low[c] < steadiness * std::sqrt(poisson ? median[c] : 0);
     out[c] = steady ? median[c] : std::max(2 * low[c] - median[c], 0.f);
+  }
+  return out;
+}
+
+// Weights of the points from taps - 1 before to taps behind a place that lies `part` of a step
+// behind a point.
+std::array<float, 2 * taps> lanczos(double part) {
+  std::array<float, 2 * taps> out{};
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    const double x = part + static_cast<double>(taps - 1) - static_cast<double>(k);
+    const double turn = M_PI * x, window = turn / static_cast<double>(taps);
+    out[k] = static_cast<float>(
+        std::abs(x) < 1e-6 ? 1 : std::sin(turn) / turn * std::sin(window) / window);
   }
   return out;
 }
@@ -51,7 +71,19 @@ void Alignment::set_axes(const Layout& layout) {
   spd_step_m_ = layout.spd.step / ps_per_m;
   if (layout.radar.count > 0)
     radar_first_m_ = layout.radar.start, radar_step_m_ = layout.radar.step;
-  profile_step_m_ = std::max(radar_step_m_ / 2, least_profile_step_m);
+  points_a_step_ = radar_step_m_ >= coarse_step_m ? 2 : 1;
+  steps_a_point_ = static_cast<std::ptrdiff_t>(std::ceil(least_profile_step_m / radar_step_m_));
+  profile_step_m_ =
+      radar_step_m_ * static_cast<double>(steps_a_point_) / static_cast<double>(points_a_step_);
+  correlation_ = {};
+  if (layout.radar.count == 0) return;
+  correlation_ = ShiftCorrelation(
+      {-histogram_reach_m + histogram_step_m / 2, histogram_step_m, histogram_bins()},
+      {profile_from_m, profile_step_m_, points_with_radar()}, steps_a_resolution * radar_step_m_);
+}
+
+std::size_t Alignment::cost() const {
+  return spd_background_.size() * 4 + profile_points() * 2 * taps + correlation_.cost();
 }
 
 std::size_t Alignment::histogram_bins() const {
@@ -59,7 +91,10 @@ std::size_t Alignment::histogram_bins() const {
 }
 
 std::size_t Alignment::profile_points() const {
-  if (radar_background_.empty()) return 0;
+  return radar_background_.empty() ? 0 : points_with_radar();
+}
+
+std::size_t Alignment::points_with_radar() const {
   return 1 + static_cast<std::size_t>((profile_to_m - profile_from_m) / profile_step_m_);
 }
 
@@ -76,7 +111,7 @@ Body Alignment::operator()(std::span<const float> raw_inputs, std::span<float> f
   const Body body = find_body(clicks, raw_inputs.first(bins));
   if (!body.detected) return body;
   align_histogram(clicks, body.range_m, features.first(histogram_bins()));
-  align_profile(power, body.range_m, features.subspan(histogram_bins(), profile_points()));
+  align_profile(power, double{body.range_m}, features.subspan(histogram_bins(), profile_points()));
   features.back() = body.range_m;
   return body;
 }
@@ -135,32 +170,56 @@ void Alignment::align_histogram(std::span<const float> clicks, float range_m,
 
 // Of profiles as they are recorded, not of bins added up: a power profile has twice the bandwidth
 // of its amplitude, which is c/2B wide: sampled at half of that (as the base condition is) it is
-// whole, and the sinc series gives it between its points. sin(pi (a - i)) = (-1)^i sin(pi a) leaves
-// one sine a point.
-void Alignment::align_profile(std::span<const float> power, float range_m,
+// whole, and the sinc series gives it between its points. Lanczos's window ends the series. All
+// points that lie the same part of a step behind a recorded one have the same weights.
+void Alignment::align_profile(std::span<const float> power, double range_m,
                               std::span<float> out) const {
-  constexpr float nearly_on = 1e-4f;
-  for (std::size_t j = 0; j < out.size(); ++j) {
-    const auto a = static_cast<float>((double{range_m} + profile_from_m +
-                                       static_cast<double>(j) * profile_step_m_ - radar_first_m_) /
-                                      radar_step_m_);
-    const float nearest = std::round(a);
-    if (std::abs(a - nearest) < nearly_on) {
-      const auto i = static_cast<std::ptrdiff_t>(nearest);
-      out[j] = i >= 0 && i < std::ssize(power) ? power[static_cast<std::size_t>(i)] : 0;
-      continue;
+  std::fill(out.begin(), out.end(), 0.f);
+  for (std::ptrdiff_t kind = 0; kind < points_a_step_; ++kind) {
+    const double metres = range_m + profile_from_m + static_cast<double>(kind) * profile_step_m_;
+    const double a =
+        std::clamp((metres - radar_first_m_) / radar_step_m_, -farthest_steps, farthest_steps);
+    const auto weights = lanczos(a - std::floor(a));
+    const auto first = static_cast<std::ptrdiff_t>(std::floor(a)) - taps + 1;
+    for (std::ptrdiff_t k = 0; k < 2 * taps; ++k) {
+      const float weight = weights[static_cast<std::size_t>(k)];
+      std::ptrdiff_t i = first + k;
+      for (auto j = kind; j < std::ssize(out); j += points_a_step_, i += steps_a_point_)
+        if (i >= 0 && i < std::ssize(power))
+          out[static_cast<std::size_t>(j)] += weight * power[static_cast<std::size_t>(i)];
     }
-    float sum = 0;
-    for (std::size_t i = 0; i < power.size(); ++i) {
-      const float term = power[i] / (a - static_cast<float>(i));
-      sum += i % 2 == 0 ? term : -term;
-    }
-    out[j] = sum * std::sin(static_cast<float>(M_PI) * a) / static_cast<float>(M_PI);
   }
   float all = 0;
   for (const float v : out) all += std::max(v, 0.f);
   if (all > 0)
     for (float& v : out) v /= all;
+}
+
+void Alignment::move_profile(std::span<const float> raw_power, double farther_m,
+                             std::span<float> inputs) const {
+  std::vector<float> power(raw_power.begin(), raw_power.end());
+  for (std::size_t i = 0; i < power.size(); ++i) power[i] -= radar_background_[i];
+  const auto features = inputs.last(size());
+  align_profile(power, double{features.back()} - farther_m,
+                features.subspan(histogram_bins(), profile_points()));
+  correlate(inputs);
+}
+
+void Alignment::correlate(std::span<float> inputs) const {
+  const auto features = inputs.last(size());
+  correlation_(features.first(histogram_bins()),
+               features.subspan(histogram_bins(), profile_points()),
+               inputs.first(correlation_.shifts()));
+}
+
+Matrix Alignment::with_correlations(const Matrix& aligned) const {
+  Matrix out(aligned.rows, inputs());
+  for (std::size_t i = 0; i < out.rows; ++i) {
+    const auto features = aligned.row(i);
+    std::copy(features.begin(), features.end(), out.row(i).last(features.size()).begin());
+    if (shows_body(features)) correlate(out.row(i));
+  }
+  return out;
 }
 
 double Alignment::displacement_m(std::span<const float> features) const {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "acquire/record/h5.hpp"
+#include "recon/models/body/shift_correlation.hpp"
 #include "recon/numbers/layout.hpp"
 #include "recon/numbers/matrix.hpp"
 
@@ -32,10 +33,7 @@ class Alignment {
   Alignment(const Layout& layout, const Matrix& raw_inputs, const Rows& rows);
 
   bool known() const { return !spd_background_.empty(); }
-  // Multiply-adds of one record, with the sinc series: every point takes all of the radar's.
-  std::size_t cost() const {
-    return spd_background_.size() * 4 + profile_points() * radar_background_.size();
-  }
+  std::size_t cost() const;  // multiply-adds of one record
   std::size_t histogram_bins() const;
   std::size_t profile_points() const;  // 0 without a radar
   std::size_t size() const { return histogram_bins() + profile_points() + 1; }
@@ -43,6 +41,13 @@ class Alignment {
   // All zero if there is no body; the range, which comes last, never is if there is one.
   Body operator()(std::span<const float> raw_inputs, std::span<float> features) const;
   Matrix operator()(const Matrix& raw_inputs) const;  // the features of every row
+  // What models take: [correlations ++ features] of every row of features. The correlations are all
+  // zero if there is no body.
+  std::size_t inputs() const { return correlation_.shifts() + size(); }
+  Matrix with_correlations(const Matrix& aligned) const;
+  // Puts into such a row of a body the same record's profile, moved to longer ranges.
+  void move_profile(std::span<const float> raw_power, double farther_m,
+                    std::span<float> inputs) const;
   // How far behind the body's range the radar sees it, metres, of features with a body: the
   // centroid of the squared profile, which noise and side lobes hardly pull.
   double displacement_m(std::span<const float> features) const;
@@ -56,11 +61,16 @@ class Alignment {
   void set_axes(const Layout& layout);
   Body find_body(std::span<const float> clicks, std::span<const float> counts) const;
   void align_histogram(std::span<const float> clicks, float range_m, std::span<float> out) const;
-  void align_profile(std::span<const float> power, float range_m, std::span<float> out) const;
+  void align_profile(std::span<const float> power, double range_m, std::span<float> out) const;
+  void correlate(std::span<float> inputs) const;
+  std::size_t points_with_radar() const;
 
   // Slant range of a point of each axis: first + i * step. Of the SPD: of the bins' centres.
   double spd_first_m_ = 0, spd_step_m_ = 1, radar_first_m_ = 0, radar_step_m_ = 1;
   double profile_step_m_ = 1;
+  // Of the radar's steps and the profile's points: one of them is 1.
+  std::ptrdiff_t points_a_step_ = 1, steps_a_point_ = 1;
+  ShiftCorrelation correlation_;
   std::vector<float> spd_background_, radar_background_;
 };
 

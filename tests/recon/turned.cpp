@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: MIT
+// What the place is learnt from: profiles on their own grid, correlations, bodies turned.
+#include "recon/models/body/turned.hpp"
+
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+
+namespace {
+
+constexpr double baseline_m = 0.5;
+
+double bump(double off_m, double width_m) { return std::exp(-std::pow(off_m / width_m, 2)); }
+
+Alignment blank_alignment(const Axis& radar) {
+  const Layout layout{testing::spd_axis(), radar};
+  return {layout, Matrix(1, layout.inputs()), {0}};
+}
+
+// Of a body alone at these ranges from the SPD and from the radar.
+std::vector<float> raw_inputs(double range_m, double radar_range_m, const Axis& radar,
+                              double radar_width_m) {
+  std::vector<float> out;
+  for (std::uint32_t i = 0; i < testing::spd_axis().count; ++i)
+    out.push_back(
+        static_cast<float>(1e4 * bump(testing::spd_axis().at(i + 0.5) / ps_per_m - range_m, 0.2)));
+  for (std::uint32_t i = 0; i < radar.count; ++i)
+    out.push_back(static_cast<float>(bump(radar.at(i) - radar_range_m, radar_width_m)));
+  return out;
+}
+
+double radar_range_m(const Place& place, double range_m) {
+  const double sine = std::sin(std::atan(double{place.tangent}));
+  return std::sqrt(range_m * range_m + baseline_m * baseline_m + 2 * baseline_m * range_m * sine);
+}
+
+// Bodies at 3.5 m across the field of view.
+struct Bodies {
+  Alignment alignment = blank_alignment(testing::radar_axis());
+  Matrix inputs, radar;
+  std::vector<Place> places;
+  Rows rows;
+  static constexpr double range_m = 3.5;
+  Bodies() {
+    Matrix raw(0, testing::spd_axis().count + testing::radar_axis().count);
+    radar = Matrix(0, testing::radar_axis().count);
+    for (int i = -20; i <= 20; ++i) {
+      const auto tangent = static_cast<float>(i) * 0.015f;
+      const auto depth_m = static_cast<float>(range_m / std::hypot(1.0, double{tangent}));
+      places.push_back({tangent, depth_m});
+      raw.add_row(of(places.back()));
+      radar.add_row(std::span<const float>(raw.row(raw.rows - 1)).last(radar.cols));
+    }
+    inputs = alignment.with_correlations(alignment(raw));
+    rows = all_rows(raw.rows);
+  }
+  static std::vector<float> of(const Place& place) {
+    return raw_inputs(range_m, radar_range_m(place, range_m), testing::radar_axis(), 0.4);
+  }
+};
+
+}  // namespace
+
+TEST_CASE(
+    "the profile of a fine radar is read at its own distance of points, a coarse one at half") {
+  const auto check = [](const Axis& radar, double width_m, double step_m) {
+    const Alignment alignment = blank_alignment(radar);
+    CHECK(alignment.profile_points() == 1 + static_cast<std::size_t>(2.3 / step_m));
+    std::vector<float> features(alignment.size());
+    const Body body = alignment(raw_inputs(3.5, 3.61, radar, width_m), features);
+    REQUIRE(body.detected);
+    const auto profile =
+        std::span(features).subspan(alignment.histogram_bins(), alignment.profile_points());
+    double sum = 0;
+    const auto at = [&](std::size_t j) {
+      return bump(double{body.range_m} - 1 + static_cast<double>(j) * step_m - 3.61, width_m);
+    };
+    for (std::size_t j = 0; j < profile.size(); ++j) sum += at(j);
+    for (std::size_t j = 0; j < profile.size(); ++j)
+      REQUIRE(double{profile[j]} == Approx(at(j) / sum).margin(0.005 / sum));
+  };
+  check(testing::radar_axis(), 0.4, 0.125);
+  check({"radar", "power", "m", 319, 0, 0.022, 1}, 0.04, 0.022);
+  check({"radar", "power", "m", 1400, 0, 0.005, 1}, 0.04, 0.02);
+}
+
+TEST_CASE("the correlation is highest where the profile is the histogram, blurred and shifted") {
+  const ShiftCorrelation correlation({-0.68, 0.04, 35}, {-1, 0.02, 116}, 0.05);
+  std::vector<float> histogram, profile, found(correlation.shifts());
+  for (int i = 0; i < 35; ++i)
+    histogram.push_back(static_cast<float>(bump(i * 0.04 - 0.68 - 0.1, 0.2)));
+  for (int j = 0; j < 116; ++j)
+    profile.push_back(static_cast<float>(bump(j * 0.02 - 1 - 0.1 - 0.16, 0.2)));
+  correlation(histogram, profile, found);
+  const auto best = std::max_element(found.begin(), found.end());
+  CHECK(double{*best} > 0.99);
+  CHECK(0.6 - 0.02 * static_cast<double>(best - found.begin()) == Approx(0.16).margin(0.011));
+  std::fill(profile.begin(), profile.end(), 0.f);
+  correlation(histogram, profile, found);
+  CHECK(std::all_of(found.begin(), found.end(), [](float v) { return v == 0; }));
+}
+
+TEST_CASE("the radar's place beside the SPD shows in the records, if their places mean anything") {
+  const Bodies bodies;
+  const auto found = [&](const std::vector<Place>& places) {
+    return TurnedBodies(bodies.alignment, bodies.inputs, bodies.radar, bodies.rows, places)
+        .baseline_m();
+  };
+  CHECK(found(bodies.places) == Approx(baseline_m).margin(0.01));
+  std::vector<Place> others = bodies.places;
+  for (Place& place : others) place.tangent = -place.tangent;
+  CHECK(found(others) == Approx(-baseline_m).margin(0.01));
+  Rng rng = make_rng(1, 0);
+  std::shuffle(others.begin(), others.end(), rng);
+  CHECK(found(others) == 0);
+  std::fill(others.begin(), others.end(), Place{0.1f, 3.5f});
+  CHECK(found(others) == 0);
+}
+
+TEST_CASE("a turned body is what both sensors see of one that stands there") {
+  const Bodies bodies;
+  const TurnedBodies turned(bodies.alignment, bodies.inputs, bodies.radar, bodies.rows,
+                            bodies.places);
+  Rng rng = make_rng(2, 0);
+  std::vector<float> inputs(bodies.alignment.inputs());
+  for (int i = 0; i < 100; ++i) {
+    const Place place = turned.turn(static_cast<std::size_t>(i) % bodies.rows.size(), rng, inputs);
+    CHECK(double{place.depth_m} * std::hypot(1.0, double{place.tangent}) ==
+          Approx(Bodies::range_m).margin(1e-3));
+    Matrix raw(0, testing::spd_axis().count + testing::radar_axis().count);
+    raw.add_row(Bodies::of(place));
+    const Matrix expected = bodies.alignment.with_correlations(bodies.alignment(raw));
+    for (std::size_t c = 0; c < inputs.size(); ++c)
+      REQUIRE(inputs[c] == Approx(expected.values[c]).margin(5e-3));
+  }
+}
