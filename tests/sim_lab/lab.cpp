@@ -61,7 +61,7 @@ TEST_CASE("what an open laboratory has, and what a closed one leaves") {
                  Catch::Contains(" run --config " + options.dir + "/lab.toml --out "));
   lab.stop();
   CHECK(names_in(options.dir) == std::set<std::string>{"lab.toml", "radar.cfg", "sent.json"});
-  CHECK_THAT(read_text(options.dir + "/sent.json"), Catch::StartsWith("{\"schedule\":{\"scene\":"));
+  CHECK_THAT(read_text(options.dir + "/sent.json"), Catch::StartsWith("{\"play\":{\"scene\":"));
 }
 
 TEST_CASE("a directory in use, foreign, or with too long a path is refused") {
