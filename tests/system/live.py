@@ -283,7 +283,7 @@ class Live(unittest.TestCase):
             utc = [row["slot_utc_ns"] for row in rows]
             self.assertEqual(utc, sorted(set(utc)))
             self.assertEqual(rows[-1]["label"], f"after {total}")
-            self.assertEqual(rows[-1]["valid"], 7, log)
+            self.assertIn(7, [row["valid"] for row in rows[len(before):]], log)
         log, code = self.resume("--count", "2")
         self.assertIn(f"2 of 2 records, {len(before) + 10} in all, complete", log)
         self.assertEqual([row["label"] for row in self.rows()[-2:]], ["after 8", "after 8"])
