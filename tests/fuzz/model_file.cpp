@@ -348,3 +348,10 @@ void fuzz::run(ByteView input) {
     require(is_printable(error.what()) && std::strlen(error.what()) < 500, "and told in a line");
   }
 }
+
+// The models are trained before the first input: with the sanitizers that takes longer than an
+// input may.
+extern "C" int LLVMFuzzerInitialize(int*, char***) {
+  bases();
+  return 0;
+}
