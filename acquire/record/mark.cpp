@@ -15,10 +15,8 @@ void mark(const std::string& path, const std::string& level, const std::string& 
   if (RunReader(path).info().status != "open")
     throw Error(ExitCode::failed,
                 path + ": nobody is recording this run; only a live one is marked");
-  sqlite3* db = nullptr;
-  if (sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READWRITE, nullptr) != SQLITE_OK)
-    sqlite_fail(db, path, "cannot open for writing");
-  const std::unique_ptr<sqlite3, int (*)(sqlite3*)> closing(db, sqlite3_close);
+  const DatabaseHandle file = open_database(path, "cannot open for writing");
+  sqlite3* const db = file.get();
   harden(db);
   sqlite3_busy_timeout(db, timeout_ms);
   sqlite3_wal_autocheckpoint(db, 0);  // that is for the recording process

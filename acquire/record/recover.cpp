@@ -26,10 +26,8 @@ std::int64_t recover(const std::string& path) {
   const WriterLock lock(path);
   if (!lock.held())
     throw Error(ExitCode::failed, printable(path) + ": is being written; stop the run first");
-  sqlite3* db = nullptr;
-  const int code = sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READWRITE, nullptr);
-  const std::unique_ptr<sqlite3, int (*)(sqlite3*)> handle(db, sqlite3_close);
-  if (code != SQLITE_OK) sqlite_fail(db, path, "cannot open for writing");
+  const DatabaseHandle file = open_database(path, "cannot open for writing");
+  sqlite3* const db = file.get();
   harden(db);
   if (crashed) execute(db, path, "UPDATE run SET status = 'crashed'", "cannot mark as crashed");
   execute(db, path, "PRAGMA journal_mode=DELETE", "cannot fold its WAL back");

@@ -41,12 +41,9 @@ void copy_into(sqlite3* copy, const std::string& name, sqlite3* db) {
   if (sqlite3_backup_finish(backup) != SQLITE_OK) sqlite_fail(copy, name, "cannot copy");
 }
 
-std::unique_ptr<sqlite3, int (*)(sqlite3*)> open_copy(sqlite3* db, const std::string& name) {
-  sqlite3* raw = nullptr;
-  const int code = sqlite3_open_v2(name.c_str(), &raw, SQLITE_OPEN_READWRITE, nullptr);
-  std::unique_ptr<sqlite3, int (*)(sqlite3*)> copy(raw, sqlite3_close);
-  if (code != SQLITE_OK) sqlite_fail(raw, name, "cannot open");
-  copy_into(raw, name, db);
+DatabaseHandle open_copy(sqlite3* db, const std::string& name) {
+  DatabaseHandle copy = open_database(name, "cannot open");
+  copy_into(copy.get(), name, db);
   return copy;
 }
 
@@ -92,7 +89,7 @@ Rescue rescue(sqlite3* db, const std::string& path, const std::string& status) {
   std::string name;
   try {
     name = make_beside(path);
-    const auto copy = open_copy(db, name);
+    const DatabaseHandle copy = open_copy(db, name);
     sqlite3* const raw = copy.get();
     if (const std::string fault = damage(raw, name); !fault.empty())
       return {false, "what can still be read is in " + name + ", which is damaged: " + fault};

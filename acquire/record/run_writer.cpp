@@ -160,9 +160,8 @@ void RunWriter::lock() {
 }
 
 void RunWriter::open() {
-  const int code = sqlite3_open_v2(path_.c_str(), &db_, SQLITE_OPEN_READWRITE, nullptr);
-  handle_.reset(db_);
-  if (code != SQLITE_OK) sqlite_fail(db_, path_, "cannot open");
+  handle_ = open_database(path_, "cannot open");
+  db_ = handle_.get();
   harden(db_);
   wait_for_others();
 }

@@ -5,6 +5,7 @@
 
 #include <concepts>
 #include <limits>
+#include <memory>
 #include <string>
 #include <string_view>
 
@@ -27,6 +28,17 @@ inline Error damaged(const std::string& path) {
                     code == SQLITE_CANTOPEN;
   throw Error(disk ? ExitCode::disk : ExitCode::failed,
               printable(path) + ": " + doing + ": " + printable(sqlite3_errmsg(db)));
+}
+
+using DatabaseHandle = std::unique_ptr<sqlite3, int (*)(sqlite3*)>;
+
+// To read and write a file that exists; `flags`: more of SQLITE_OPEN_*. Throws as sqlite_fail().
+inline DatabaseHandle open_database(const std::string& path, const char* doing, int flags = 0) {
+  sqlite3* db = nullptr;
+  const int code = sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READWRITE | flags, nullptr);
+  DatabaseHandle out(db, sqlite3_close);
+  if (code != SQLITE_OK) sqlite_fail(db, path, doing);
+  return out;
 }
 
 // A prepared statement; bind and column in order, from the first.

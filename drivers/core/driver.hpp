@@ -46,8 +46,7 @@ class SampleSink {
 
 // Threading: built, started, stopped and destroyed on the io thread, and calls its sink there only.
 // A driver with threads of its own copies and posts. It reconnects by itself, with back-off, until
-// stopped. Stop all drivers before you destroy one: a destructor
-// waits.
+// stopped. Stop all drivers before you destroy one: a destructor waits.
 class Driver {
  public:
   virtual ~Driver() = default;

@@ -43,8 +43,8 @@ struct Evaluation {
   Summaries metrics;
   std::vector<ScoredRow> baselines;  // empty room, mean map, nearest neighbour
   RunningCost cost;
-  std::optional<UncertaintyCalibration>
-      calibration;  // none: the model states no uncertainty; NaN: of no record
+  // None: the model states no uncertainty; NaN: of no record.
+  std::optional<UncertaintyCalibration> calibration;
 };
 
 // The rows to judge a model by: the held-out ones of a run it was trained on, else all with depth
@@ -78,7 +78,7 @@ std::string to_text(const Evaluation& evaluation);
 // What must be known to read the scores (range bias, fallback, records left out): a line each, or
 // nothing.
 std::string notes(const Evaluation& evaluation);
-std::string to_text(
-    const std::optional<UncertaintyCalibration>& calibration);  // one line, or nothing
+// One line, or nothing.
+std::string to_text(const std::optional<UncertaintyCalibration>& calibration);
 
 }  // namespace echofuse::recon

@@ -36,8 +36,8 @@ struct FitOptions {
   std::optional<std::size_t> basis = {};  // pca, factorised: components; nearest: records
   std::optional<std::size_t> epochs = {};
   std::optional<double> learning_rate = {}, weight_decay = {};
-  std::optional<std::size_t> patience =
-      {};  // epochs without a better validation loss before stopping
+  // Epochs without a better validation loss before stopping.
+  std::optional<std::size_t> patience = {};
   std::size_t batch = 64;
   std::uint64_t seed = 1;
   bool quiet = false;

@@ -35,9 +35,8 @@ class StatusTable {
  public:
   explicit StatusTable(const std::string& path)
       : path_(path), out_(path, std::ios::binary | std::ios::trunc) {
-    out_ << "record,status,after_slot_s,lateral_interval_90_m,distance,two_bodies,out_of_"
-            "distribution,radar_"
-            "shift_m\n";
+    out_ << "record,status,after_slot_s,lateral_interval_90_m,distance,two_bodies,"
+            "out_of_distribution,radar_shift_m\n";
     flush();
   }
   void add(const RecordStatus& r) {

@@ -17,8 +17,8 @@ struct RecordStatus {
   double radar_shift_m = 0;  // range bias, taken off its ranges
   // Of a record that came while following: from its slot's end, and from its reading, to its map.
   std::optional<double> after_slot_s, after_reading_s;
-  std::optional<PredictionUncertainty>
-      uncertainty;  // of a reconstructed record, if the model makes any
+  // Of a reconstructed record, if the model states any.
+  std::optional<PredictionUncertainty> uncertainty;
 };
 
 struct ReconstructOptions {
@@ -27,10 +27,10 @@ struct ReconstructOptions {
   std::string output = "own";                           // of output_names (predict.hpp)
   bool follow = false;  // take records as they come, until the run is closed
   bool force = false;   // also into a folder that holds maps of another run
-  bool quiet = false;   // no progress bar, no word on runs too short for a range_bias
+  bool quiet = false;   // no progress bar, no word on runs too short to tell a range bias
   RangeBiasAction range_bias = RangeBiasAction::warn;  // correct: not while following
-  std::function<void(const std::string&)>
-      on_range_bias;                                   // what range_bias.hpp has to say of the run
+  // What there is to say of the run's range bias (RangeBias::text).
+  std::function<void(const std::string&)> on_range_bias;
   std::function<void(const RecordStatus&)> on_record;  // in the order of the records
 };
 

@@ -37,7 +37,7 @@ th, td { padding: .35em .7em; border-bottom: 1px solid #ddd; text-align: right; 
 th { border-bottom: 2px solid #888; white-space: normal; vertical-align: bottom; }
 th:first-child, td:first-child { text-align: left; }
 figure { margin: 2em 0; } figcaption { color: #555; }
-tr.baselines td { color: #777; } small { color: #888; }
+tr.baseline td { color: #777; } small { color: #888; }
 img { max-width: 100%; border: 1px solid #ddd; }
 td.flag { background: #b3261e; color: white; font-weight: bold; }
 p.note { background: #f6f3e6; padding: .7em 1em; border-left: 4px solid #c9b458; }
@@ -106,7 +106,7 @@ std::string modes_table(const Report& report) {
                                              "<th>training (s)</th>");
   for (const auto& mode : report.modes) out += mode_row(mode);
   for (const auto& row : report.baselines)
-    out += "<tr class=\"trivial\"><td>" + escaped(row.name) + "</td><td></td>" +
+    out += "<tr class=\"baseline\"><td>" + escaped(row.name) + "</td><td></td>" +
            metric_cells(row.metrics) + "<td></td><td></td><td></td></tr>\n";
   return out + "</table>\n";
 }
@@ -137,10 +137,9 @@ std::string explanations(const Report& report) {
                    : std::string("standard error over maps.");
   return out +
          " Ghost: of the predicted foreground beside the truth or beside its mirror image, the "
-         "share "
-         "at the mirror image (0: none, 0.5: as much on either side). Left/right: share of bodies "
-         "more "
-         "than 0.3 m off the axis that are put on their true side. Hard map: predictions nearer to "
+         "share at the mirror image (0: none, 0.5: as much on either side). Left/right: share of "
+         "bodies more than 0.3 m off the axis that are put on their true side. Hard map: "
+         "predictions nearer to "
          "the background than to the mean body depth are set to the background. An SPD on the axis "
          "sees the same histogram for a scene and its mirror image; the radar beside it does not, "
          "but cannot resolve the body.</p>\n";
@@ -187,7 +186,7 @@ std::string live_section(const Report& report) {
                     notes_section(report.live_evaluation) + "<table>\n" + header_row("", "");
   out += "<tr><td>fused</td>" + metric_cells(report.live_evaluation.metrics) + "</tr>\n";
   for (const auto& row : report.live_evaluation.baselines)
-    out += "<tr class=\"trivial\"><td>" + escaped(row.name) + "</td>" + metric_cells(row.metrics) +
+    out += "<tr class=\"baseline\"><td>" + escaped(row.name) + "</td>" + metric_cells(row.metrics) +
            "</tr>\n";
   return out + "</table>\n";
 }

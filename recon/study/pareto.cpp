@@ -85,6 +85,8 @@ std::vector<ParetoRow> rows_of(const std::vector<Measurement>& all) {
     rows[at].infer_us_median = m.metric("infer_us_median");
     rows[at].infer_us_p99 = m.metric("infer_us_p99");
     rows[at].train_s = m.metric("train_s");
+  }
+  for (std::size_t at = 0; at < rows.size(); ++at) {
     const Summaries over_seeds = summarise(found[at]);
     rows[at].seeds = found[at].size();
     for (std::size_t i = 0; i < metric_count; ++i) {

@@ -36,7 +36,8 @@ std::vector<Place> places_of(const StabilityOptions& options) {
 // Trainings take most of the time, those of a network most of that.
 std::size_t work_of(const Place& place, const StudyModel& model) {
   if (place.axis.starts_with("shifted") || ignores_inputs(model.name)) return 1;
-  return model.candidate.find("mlp") == std::string::npos ? 4 : 20;
+  const bool network = candidate_of(model.candidate, {}).fit.hidden.has_value();
+  return network ? 20 : 4;
 }
 
 class Study {

@@ -48,8 +48,8 @@ class Measured {
   std::map<std::array<std::string, 4>, Seeds> found_;
 };
 
-// By how much a model is better than the best baseline with the same seed; those of
-// which the score is undefined (nobody there) do not count. One number a seed, or none.
+// By how much a model is better than the best baseline with the same seed; those of which the
+// score is undefined (nobody there) do not count. One number a seed, or none.
 std::vector<double> advantage(const Seeds& model, const std::vector<const Seeds*>& baselines,
                               Metric metric) {
   std::vector<double> out;

@@ -64,10 +64,8 @@ StudyFile::StudyFile(const std::string& path, const StudySettings& settings, Exi
                      int flags)
     : path_(path), db_(nullptr, sqlite3_close) {
   try {
-    sqlite3* db = nullptr;
-    const int code = sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READWRITE | flags, nullptr);
-    db_.reset(db);
-    if (code != SQLITE_OK) record::sqlite_fail(db, path_, "cannot open");
+    db_ = record::open_database(path_, "cannot open", flags);
+    sqlite3* const db = db_.get();
     record::harden(db);
     sqlite3_busy_timeout(db, longest_wait_ms);
     if (flags && !ask("SELECT 1 FROM sqlite_schema").step()) begin(settings);

@@ -6,7 +6,7 @@
 namespace echofuse::sim {
 namespace {
 
-constexpr auto on_poll_pause = std::chrono::milliseconds(5);
+constexpr auto poll_pause = std::chrono::milliseconds(5);
 
 }  // namespace
 
@@ -24,7 +24,7 @@ FaultInjector::FaultInjector(boost::asio::io_context& io, ScenePlayer& player, c
 }
 
 void FaultInjector::wait() {
-  timer_.expires_after(on_poll_pause);
+  timer_.expires_after(poll_pause);
   timer_.async_wait([this](const boost::system::error_code& error) {
     if (error) return;
     log_changes();

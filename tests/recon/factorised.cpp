@@ -72,7 +72,7 @@ double centroid(std::span<const float> values) {
 
 }  // namespace
 
-TEST_CASE("aligned raw_inputs do not know gain, exposure or an even background") {
+TEST_CASE("aligned inputs do not know gain, exposure or an even background") {
   const auto plain = aligned(raw_inputs(3.5, 0.05));
   for (const auto& other : {aligned(raw_inputs(3.5, 0.05, 4)), aligned(raw_inputs(3.5, 0.05, 0.25)),
                             aligned(raw_inputs(3.5, 0.05, 1, 40))})

@@ -40,7 +40,7 @@ const std::vector<Peculiar> peculiar_sets = {
        const auto same = plate(1, 0.5, 3.5);
        r.spd = same.spd, r.radar = same.radar;
      }},
-    {"one map, other raw_inputs", 12,
+    {"one map, other inputs", 12,
      [](record::FusedRecord& r) { r.depth_mm = plate(1, 0.5, 3.5).depth_mm; }},
     {"empty maps", 12,
      [](record::FusedRecord& r) { std::fill(r.depth_mm.begin(), r.depth_mm.end(), 0); }},

@@ -16,8 +16,8 @@
 namespace echofuse::recon {
 
 struct Body {
-  bool detected =
-      false;          // clicks above the background: more than 5 standard deviations of the total
+  // More clicks above the background than five standard deviations of all clicks.
+  bool detected = false;
   float range_m = 0;  // slant range of the histogram's centroid
 };
 
