@@ -1,27 +1,36 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/record/png.hpp"
 
+#include <spng.h>
+
 #include <algorithm>
+#include <cstdlib>
 #include <iterator>
-#include <opencv2/imgcodecs.hpp>
+#include <memory>
 
 namespace echofuse::record {
-
-Bytes encode_png16(std::span<const std::uint16_t> pixels, std::uint32_t width,
-                   std::uint32_t height) {
-  // OpenCV's Mat wants a non-const pointer but only reads here.
-  const cv::Mat image(static_cast<int>(height), static_cast<int>(width), CV_16UC1,
-                      const_cast<std::uint16_t*>(pixels.data()));
-  Bytes png;
-  try {
-    // Level 1: on depth images the higher levels cost time and save nothing.
-    if (cv::imencode(".png", image, png, {cv::IMWRITE_PNG_COMPRESSION, 1})) return png;
-  } catch (const cv::Exception&) {  // it has limits of its own for the sides
-  }
-  return {};
-}
-
 namespace {
+
+using Context = std::unique_ptr<spng_ctx, decltype([](spng_ctx* c) { spng_ctx_free(c); })>;
+
+Bytes encode(const void* pixels, std::size_t bytes, const spng_ihdr& header) {
+  const Context context(spng_ctx_new(SPNG_CTX_ENCODER));
+  spng_ihdr described = header;
+  spng_set_option(context.get(), SPNG_ENCODE_TO_BUFFER, 1);
+  // Level 1 without filters: on depth maps more costs time and saves nothing.
+  spng_set_option(context.get(), SPNG_IMG_COMPRESSION_LEVEL, 1);
+  spng_set_option(context.get(), SPNG_FILTER_CHOICE, SPNG_FILTER_CHOICE_NONE);
+  if (spng_set_ihdr(context.get(), &described) != 0 ||
+      spng_encode_image(context.get(), pixels, bytes, SPNG_FMT_PNG, SPNG_ENCODE_FINALIZE) != 0)
+    return {};
+  std::size_t size = 0;
+  int error = 0;
+  const std::unique_ptr<void, decltype(&std::free)> png(
+      spng_get_png_buffer(context.get(), &size, &error), &std::free);
+  if (!png) return {};
+  const auto* const first = static_cast<const std::uint8_t*>(png.get());
+  return {first, first + size};
+}
 
 std::uint32_t big_endian(ByteView bytes, std::size_t at) {
   return std::uint32_t{bytes[at]} << 24 | std::uint32_t{bytes[at + 1]} << 16 |
@@ -58,15 +67,28 @@ bool is_laid_out(ByteView png, std::uint32_t width, std::uint32_t height) {
 
 }  // namespace
 
+Bytes encode_png16(std::span<const std::uint16_t> pixels, std::uint32_t width,
+                   std::uint32_t height) {
+  if (std::uint64_t{width} * height > max_png_pixels) return {};
+  return encode(pixels.data(), pixels.size_bytes(),
+                {width, height, 16, SPNG_COLOR_TYPE_GRAYSCALE, 0, 0, 0});
+}
+
+Bytes encode_png_rgb(std::span<const std::uint8_t> pixels, std::uint32_t width,
+                     std::uint32_t height) {
+  return encode(pixels.data(), pixels.size_bytes(),
+                {width, height, 8, SPNG_COLOR_TYPE_TRUECOLOR, 0, 0, 0});
+}
+
 std::vector<std::uint16_t> decode_png16(ByteView png, std::uint32_t width, std::uint32_t height) {
   if (std::uint64_t{width} * height > max_png_pixels || !is_laid_out(png, width, height)) return {};
-  const cv::Mat raw(1, static_cast<int>(png.size()), CV_8UC1,
-                    const_cast<std::uint8_t*>(png.data()));
-  const cv::Mat image = cv::imdecode(raw, cv::IMREAD_UNCHANGED);
-  if (image.type() != CV_16UC1 || image.cols != static_cast<int>(width) ||
-      image.rows != static_cast<int>(height))
+  const Context context(spng_ctx_new(0));
+  std::vector<std::uint16_t> pixels(std::size_t{width} * height);
+  if (spng_set_png_buffer(context.get(), png.data(), png.size()) != 0 ||
+      spng_decode_image(context.get(), pixels.data(), pixels.size() * sizeof pixels[0],
+                        SPNG_FMT_PNG, 0) != 0)
     return {};
-  return {image.begin<std::uint16_t>(), image.end<std::uint16_t>()};
+  return pixels;
 }
 
 }  // namespace echofuse::record

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// 16-bit grey PNG blobs, as the depth column of the run file holds them.
+// PNG blobs: 16-bit grey, as the depth column of the run file holds them, and pictures in colour.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -12,9 +12,12 @@ namespace echofuse::record {
 // 2^23: what fits into one frame of a bridge.
 inline constexpr std::uint64_t max_png_pixels = std::uint64_t{1} << 23;
 
-// Empty if it cannot be done.
+// Empty if it has more pixels than that.
 Bytes encode_png16(std::span<const std::uint16_t> pixels, std::uint32_t width,
                    std::uint32_t height);
+// Three bytes a pixel: red, green, blue. Empty if it cannot be done.
+Bytes encode_png_rgb(std::span<const std::uint8_t> pixels, std::uint32_t width,
+                     std::uint32_t height);
 // Empty if the bytes are not a 16-bit grey PNG of this size as encode_png16 makes it, or larger
 // than any.
 std::vector<std::uint16_t> decode_png16(ByteView png, std::uint32_t width, std::uint32_t height);

@@ -3,10 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "acquire/record/depth_map.hpp"
+#include "acquire/record/png.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "recon/files/text.hpp"
 
@@ -21,9 +21,12 @@ constexpr int margin_x = 110, margin_y = 84, gap = 78, panel = 300, plot_width =
 constexpr double most_deviation_m = 2;  // half of what a body stands out by: as unsure as it gets
 
 Bytes png_of(const cv::Mat& image) {
-  Bytes out;
-  if (!cv::imencode(".png", image, out))
-    throw Error(ExitCode::failed, "cannot encode a PNG picture");
+  cv::Mat rgb;
+  cv::cvtColor(image, rgb, cv::COLOR_BGR2RGB);
+  Bytes out = record::encode_png_rgb({rgb.data, rgb.total() * rgb.elemSize()},
+                                     static_cast<std::uint32_t>(rgb.cols),
+                                     static_cast<std::uint32_t>(rgb.rows));
+  if (out.empty()) throw Error(ExitCode::failed, "cannot encode a PNG picture");
   return out;
 }
 

@@ -3,6 +3,7 @@
 
 #include <future>
 
+#include "acquire/record/png.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -127,7 +128,7 @@ TEST_CASE("a depth image that cannot be encoded costs its sensor, not the run") 
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   auto file = std::make_unique<record::RunWriter>(path, record::RunInfo{});
-  constexpr std::uint32_t width = 2'000'000;  // above what OpenCV encodes
+  constexpr std::uint32_t width = record::max_png_pixels + 1;
   for (auto axis : small_axes()) {
     if (axis.name == "depth_x") axis.count = width;
     if (axis.name == "depth_y") axis.count = 1;
