@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <numeric>
+#include <utility>
 
 #include "drivers/core/log2_codes.hpp"
 
@@ -121,10 +122,12 @@ std::string SignalCheck::judge_radar(record::FusedRecord& r, const Axis& axis) {
   if (snr_db < limits_.radar_snr_db)
     return format("no peak: %.1f dB over the median bin, %.1f wanted", snr_db,
                   limits_.radar_snr_db);
-  // Of a mean over frames, two bins are alike only where every frame is cut off.
+  // Of a mean over frames, two bins are alike only where every frame is cut off, or where a radar
+  // begins to repeat one frame whose bins are alike by chance: the next record tells which.
   const bool averaged = r.sync[Sensor::radar].used > 1;
-  if (averaged && (r.radar[top] == r.radar[top - 1] ||
-                   (top + 1 < r.radar.size() && r.radar[top] == r.radar[top + 1])))
+  const bool flat = averaged && (r.radar[top] == r.radar[top - 1] ||
+                                 (top + 1 < r.radar.size() && r.radar[top] == r.radar[top + 1]));
+  if (std::exchange(radar_was_flat_, flat) && flat)
     return format("saturated: the lobe at %.2f m is cut off", *r.signal.radar_peak_m);
   return beside;
 }

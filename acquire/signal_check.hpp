@@ -53,6 +53,7 @@ class SignalCheck {
   PerSensor<Reference> references_;
   std::vector<std::uint32_t> last_spd_;
   std::vector<float> last_radar_;
+  bool radar_was_flat_ = false;  // the last record's lobe had no top
   std::vector<std::uint16_t> last_depth_;
 };
 

@@ -155,11 +155,15 @@ TEST_CASE("more than one click in 20 pulses is saturated, and so is a lobe witho
   r.signal.clicks_a_pulse = 0.06;
   for (float& v : r.radar) v = std::min(v, 5500.F);
   auto v = verdicts(check, r);
+  CHECK(v[1] == "ok");  // once may be a radar that begins to stand still
+  for (float& p : r.radar) p = p == 5500.F ? p : p + 1;
+  ++r.spd[0];
+  v = verdicts(check, r);
   CHECK(v[0] == "saturated: 0.06 clicks a laser pulse, 0.05 wanted at most");
   CHECK(v[1] == "saturated: the lobe at 3.25 m is cut off");
   r.sync[Sensor::radar].used = 1;  // of a single frame, two bins may well have one code
-  SignalCheck fresh({}, 3);
-  CHECK(verdicts(fresh, r)[1] == "ok");
+  for (float& p : r.radar) p = p == 5500.F ? p : p - 1;
+  CHECK(verdicts(check, r)[1] == "ok");
   SignalLimits off;
   off.clicks_a_pulse = 0;
   SignalCheck indulgent(off, 3);

@@ -173,18 +173,20 @@ class Live(unittest.TestCase):
     def test_stop_and_continue(self):
         """The daemon stands still for many slots: all their rows are there. Those whose tags waited to be read, whole,
         are valid; the others say why they are not."""
-        daemon = self.record("--count", "36")
+        daemon = self.record()
         wait_for("records", lambda: self.committed() >= 8)  # by then the clocks are known
         daemon.send_signal(signal.SIGSTOP)
         stopped = time.monotonic_ns()
         time.sleep(20 * WINDOW_S)
         daemon.send_signal(signal.SIGCONT)
         went_on = time.monotonic_ns()
+        wait_for("a whole record after it", lambda: any(
+            row["slot_start_ns"] > went_on and row["valid"] == 7 for row in self.rows()))
+        daemon.send_signal(signal.SIGTERM)
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 0, log)
         rows = self.rows()
         self.check_slots(rows)
-        self.assertEqual(len(rows), 36)
         within = [row for row in rows if stopped < row["slot_start_ns"] < went_on]
         whole = [row for row in within if row["valid"] & 1]
         self.assertGreaterEqual(len(whole), 1, log)
@@ -193,7 +195,6 @@ class Live(unittest.TestCase):
         still = [row["idx"] for row in within if row["spd_verdict"] == "the program stood still"]
         self.assertGreaterEqual(len(still), 4, log)  # the lines between hold no more
         self.assertEqual(len(whole) + len(still), len(within), log)
-        self.assertEqual(rows[-1]["valid"], 7, log)
 
     def test_disk_full(self):
         def limit_file_size():
