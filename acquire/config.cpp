@@ -16,7 +16,7 @@ namespace {
 // As the file spells it; whole numbers are 64 bits wide there.
 struct Keys {
   std::int64_t start_channel, click_channel, bins;
-  std::int64_t cli_baud, data_baud, width, height, fps;
+  std::int64_t cli_baud, data_baud, width, height, fps, map_size;
   std::string cfg, calibration;
 };
 
@@ -29,6 +29,7 @@ Keys defaults_of(const Config& c) {
           c.depth.width,
           c.depth.height,
           c.depth.fps,
+          c.map.size,
           "",
           ""};
 }
@@ -95,6 +96,10 @@ void bind(Settings& s, Config& c, Keys& k) {
   s.add("depth.width", k.width, 0, 1 << 14, "pixels of an OpenNI2 camera; 0: its own choice");
   s.add("depth.height", k.height, 0, 1 << 14, "pixels of an OpenNI2 camera; 0: its own choice");
   s.add("depth.fps", k.fps, 0, 1000, "frames a second of an OpenNI2 camera; 0: its own choice");
+  s.add("depth.map_size", k.map_size, record::least_map_size, record::most_map_size,
+        "pixels of the depth map, both ways, that the camera's images are brought to on reading");
+  s.add("depth.map_half_tangent", c.map.half_tangent, record::least_map_half_tangent,
+        record::most_map_half_tangent, "the map's field of view: x/z and y/z at its edges");
   bind_limits(s, c.signal);
 }
 
@@ -107,6 +112,7 @@ void take_numbers(Config& c, const Keys& k) {
   c.depth.width = static_cast<std::uint32_t>(k.width);
   c.depth.height = static_cast<std::uint32_t>(k.height);
   c.depth.fps = static_cast<std::uint32_t>(k.fps);
+  c.map.size = static_cast<std::uint32_t>(k.map_size);
 }
 
 // What the type and range of a single key do not show.

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "acquire/calibration.hpp"
+#include "acquire/record/depth_map.hpp"
 #include "acquire/signal_check.hpp"
 #include "drivers/make_driver.hpp"
 #include "drivers/tdc/histogram.hpp"
@@ -20,6 +21,7 @@ struct Config {
   tdc::HistogramSettings histogram;
   RadarConfig radar;
   DepthConfig depth;
+  record::MapGrid map;
   SignalLimits signal;
   Calibration calibration;       // of the file that run.calibration names
   std::string calibration_path;  // that file, or where one would stand

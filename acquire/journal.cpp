@@ -21,6 +21,10 @@ void Journal::put_config(const Config& config, bool resumed) {
     if (config.configured().contains(s))
       writer_.put(
           [s, policy = config.policy[s]](record::RunWriter& run) { run.put_policy(s, policy); });
+  if (config.configured().contains(Sensor::depth)) {
+    const auto map = config.map.axes();
+    put_axes({map.begin(), map.end()});
+  }
   if (resumed) return;
   for (const auto& entry : config.calibration.entries)
     writer_.put([entry](record::RunWriter& run) { run.put_calibration(entry); });

@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+
+#include "drivers/core/exit_code.hpp"
 
 namespace echofuse::record {
 namespace {
@@ -35,7 +38,46 @@ std::vector<Cell> cells_of(const Axis& source, const Axis& target) {
   return cells;
 }
 
+const Axis* find_axis(std::span<const Axis> axes, const char* name) {
+  const auto found =
+      std::find_if(axes.begin(), axes.end(), [&](const Axis& a) { return a.name == name; });
+  return found == axes.end() ? nullptr : &*found;
+}
+
 }  // namespace
+
+Axis MapGrid::x() const { return depth_x_axis(size, half_tangent); }
+Axis MapGrid::y() const { return depth_y_axis(size, half_tangent); }
+
+std::array<Axis, 2> MapGrid::axes() const {
+  return {tangent_axis("map_x", size, half_tangent, 1),
+          tangent_axis("map_y", size, half_tangent, -1)};
+}
+
+std::string MapGrid::text() const {
+  char out[80];
+  std::snprintf(out, sizeof out, "%u x %u over tangents of +-%.4g", size, size, half_tangent);
+  return out;
+}
+
+bool MapGrid::operator==(const MapGrid& other) const {
+  return size == other.size && std::abs(half_tangent - other.half_tangent) < 1e-3 * step();
+}
+
+MapGrid map_grid_of(std::span<const Axis> axes) {
+  const Axis *x = find_axis(axes, "map_x"), *y = find_axis(axes, "map_y");
+  if (!x && !y) return {};
+  if (x && y && x->count >= least_map_size && x->count <= most_map_size) {
+    const MapGrid grid{x->count, x->step * x->count / 2};
+    const auto wanted = grid.axes();
+    if (grid.half_tangent >= least_map_half_tangent && grid.half_tangent <= most_map_half_tangent &&
+        same_axis(*x, wanted[0]) && same_axis(*y, wanted[1]))
+      return grid;
+  }
+  throw Error(ExitCode::failed,
+              "axes map_x and map_y: expected 16 to 256 pixels both ways over tangents of +-0.02 "
+              "to +-3");
+}
 
 Axis depth_x_axis(std::uint32_t size, double half_tangent) {
   return tangent_axis("depth_x", size, half_tangent, 1);

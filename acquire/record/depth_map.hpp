@@ -1,21 +1,43 @@
 // SPDX-License-Identifier: MIT
-// From a camera's depth image to the 64 x 64 target, for real and simulated cameras alike.
+// From a camera's depth image to a run's depth map, for real and simulated cameras alike.
 #pragma once
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "drivers/core/axis.hpp"
 
 namespace echofuse::record {
 
-inline constexpr std::uint32_t map_size = 64;
-inline constexpr double map_half_tangent = 0.55;  // [S] field of view, both ways
-inline constexpr double max_depth_m = 6.0;        // [S] depth span; beyond it: no return
+inline constexpr double max_depth_m = 6.0;  // [S] depth span; beyond it: no return
+
+// What a run's depth images are brought to: size x size pixels over tangents of +-half_tangent,
+// both ways. A run states its own as the axes map_x and map_y; without them it has this default.
+struct MapGrid {
+  std::uint32_t size = 64;
+  double half_tangent = 0.55;  // [S] field of view
+
+  std::size_t pixels() const { return std::size_t{size} * size; }
+  double step() const { return 2 * half_tangent / size; }  // tangent
+  Axis x() const;                                          // as depth_x_axis
+  Axis y() const;
+  std::array<Axis, 2> axes() const;  // map_x, map_y
+  std::string text() const;          // "64 x 64 over tangents of +-0.55"
+  // To a thousandth of a pixel.
+  bool operator==(const MapGrid& other) const;
+};
+inline constexpr std::uint32_t least_map_size = 16, most_map_size = 256;
+inline constexpr double least_map_half_tangent = 0.02, most_map_half_tangent = 3;
+
+// Of a run's axes. Throws Error(failed) if map_x and map_y are no such grid.
+MapGrid map_grid_of(std::span<const Axis> axes);
 
 // The axes of a depth map of `size` pixels over +-half_tangent, pixel centres inside the edges.
-Axis depth_x_axis(std::uint32_t size = map_size, double half_tangent = map_half_tangent);
-Axis depth_y_axis(std::uint32_t size = map_size, double half_tangent = map_half_tangent);
+Axis depth_x_axis(std::uint32_t size, double half_tangent);
+Axis depth_y_axis(std::uint32_t size, double half_tangent);
 
 // z in metres on the target grid, row-major, 0 = no return. Each target pixel takes the median of
 // the valid source pixels whose centres fall into it, and is "no return" unless at least half of

@@ -278,7 +278,7 @@ std::vector<Axis> RunReader::axes() const {
   std::vector<Axis> out;
   while (s.step()) {
     if (out.size() == most_axes)
-      throw Error(ExitCode::failed, shown_ + ": more than 16 axes; expected four");
+      throw Error(ExitCode::failed, shown_ + ": more than 16 axes; expected six");
     Axis a;
     a.name = s.text();
     a.quantity = s.text();
@@ -309,9 +309,9 @@ void RunReader::check_axis(const Axis& axis, std::int64_t points) const {
            short_text(axis.step) + " and " + short_text(axis.scale) +
            "; expected numbers of a measurement");
   const double most = std::max(1e9, 256 * static_cast<double>(bytes_));
-  const auto too_many = [&](double records) {
-    return 4 * static_cast<double>(points) * records > most;
-  };
+  // A map is as high as it is wide.
+  const double values = std::pow(static_cast<double>(points), axis.name == "map_x" ? 2 : 1);
+  const auto too_many = [&](double records) { return 4 * values * records > most; };
   // Counting takes a while: only where the indices, which are quick to look up, make it doubtful.
   Statement s = ask("SELECT (SELECT min(idx) FROM record), (SELECT max(idx) FROM record)");
   s.step();

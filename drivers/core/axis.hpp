@@ -20,6 +20,8 @@ inline constexpr double ps_per_m = 2e12 / speed_of_light_m_s;  // there and back
 //                                   antennas, divided by the next power of two (TI SDK 3.x TLV 2)
 //   depth_x   tangent                 1     x/z of a pixel column, x to the right
 //   depth_y   tangent                 1     y/z of a pixel row, y up (step is negative)
+//   map_x     tangent                 1     of the depth map that the depth images are brought to
+//   map_y     tangent                 1     (acquire/record/depth_map.hpp)
 struct Axis {
   std::string name;
   std::string quantity;

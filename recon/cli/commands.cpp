@@ -240,6 +240,7 @@ Command add_evaluate(CLI::App& app, const Common&) {
     subtract_range_offset(data, 0);
     if (!a->train.empty()) {
       other = load(a->train);
+      require_map(other, model.scene.grid, "the model");
       if (!model.knows(other))
         throw Error(ExitCode::failed, a->train.front() + ": " + a->model +
                                           " was not trained on it; give the training run, or "
@@ -274,6 +275,9 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
       ->capture_default_str();
   add_range_bias_option(app, a->range_bias_action);
   add_output_option(app, a->output);
+  app.add_option("--zoom", a->zoom_m,
+                 "not the whole map but a window of so many metres, both ways, about its body")
+      ->check(CLI::Range(0.1, 20.0));
   app.add_flag("--follow", a->follow,
                "of a run that is being recorded: new records as they come, until it is closed");
   app.add_flag("--force", a->force, "write into a folder that holds maps of another run");

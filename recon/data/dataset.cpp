@@ -6,7 +6,6 @@
 #include <limits>
 #include <optional>
 
-#include "acquire/record/depth_map.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "drivers/core/printable.hpp"
@@ -14,8 +13,6 @@
 
 namespace echofuse::recon {
 namespace {
-
-constexpr std::size_t map_pixels = std::size_t{record::map_size} * record::map_size;
 
 std::string describe(const Axis& a) {
   if (a.count == 0) return "none";
@@ -28,6 +25,12 @@ Error axis_error(const std::string& path, const Axis& found, const Axis& wanted,
                  const std::string& whose) {
   return {ExitCode::failed, printable(path) + ": " + wanted.name + " axis is " + describe(found) +
                                 ", " + whose + " is " + describe(wanted)};
+}
+
+Error map_error(const std::string& path, const record::MapGrid& found,
+                const record::MapGrid& wanted, const std::string& whose) {
+  return {ExitCode::failed, printable(path) + ": its depth map is " + found.text() + ", " +
+                                printable(whose) + " has " + wanted.text()};
 }
 
 bool agree(const Axis& a, const Axis& b) {
@@ -53,6 +56,7 @@ class Appender {
     if (radar.quantity == "log2_q8") radar.quantity = "power", radar.scale = 1;
     adopt(data.spd_axis, spd_, "spd");
     adopt(data.radar_axis, radar, "radar");
+    adopt_map(run.axes());
     double radar_offset_m = 0;
     for (const auto& c : run.calibrations()) {
       if (c.sensor == Sensor::spd && data.spd_axis.unit == "ps")
@@ -76,10 +80,10 @@ class Appender {
     if (r.has(Sensor::radar)) radar = linear(r);
     if (!std::all_of(radar.begin(), radar.end(), is_power))
       return "a radar code is too large for a power";
-    if (r.has(Sensor::depth)) depth = record::to_target(r.depth_mm, x_, y_, target_x_, target_y_);
+    if (r.has(Sensor::depth)) depth = record::to_target(r.depth_mm, x_, y_, map_x_, map_y_);
     add_row(data_.spd, spd, data_.spd_axis.count);
     add_row(data_.radar, radar, data_.radar_axis.count);
-    add_row(data_.depth, depth, sensors_.contains(Sensor::depth) ? map_pixels : 0);
+    add_row(data_.depth, depth, sensors_.contains(Sensor::depth) ? data_.map.pixels() : 0);
     data_.valid.push_back(r.valid.bits());
     data_.index.push_back(r.index);
     data_.slot_end.push_back(r.slot_end);
@@ -110,6 +114,18 @@ class Appender {
       throw axis_error(path_, found, common, data_.sources.front().path);
     }
   }
+  void adopt_map(const std::vector<Axis>& axes) {
+    if (!sensors_.contains(Sensor::depth)) return;
+    record::MapGrid found;
+    try {
+      found = record::map_grid_of(axes);
+    } catch (const Error& error) {
+      throw Error(error.code(), printable(path_) + ": " + error.what());
+    }
+    if (data_.sources.empty()) data_.map = found;
+    if (!(found == data_.map)) throw map_error(path_, found, data_.map, data_.sources.front().path);
+    map_x_ = data_.map.x(), map_y_ = data_.map.y();
+  }
   // Zeros if the sensor is not there.
   static void add_row(Matrix& table, std::vector<float>& row, std::size_t cols) {
     row.resize(cols);
@@ -128,7 +144,7 @@ class Appender {
   SensorSet sensors_;
   Axis spd_, raw_radar_, x_, y_;
   std::optional<Shift> spd_shift_;  // of a calibrated run
-  Axis target_x_ = record::depth_x_axis(), target_y_ = record::depth_y_axis();
+  Axis map_x_, map_y_;              // of the depth table
 };
 
 void append(Dataset& data, const record::RunReader& run, std::int64_t first, std::size_t at_most,
@@ -235,7 +251,7 @@ void subtract_range_offset(Dataset& data, double offset_m) {
 
 Dataset part_of(const Dataset& data, const Rows& rows) {
   Dataset out;
-  out.spd_axis = data.spd_axis, out.radar_axis = data.radar_axis;
+  out.spd_axis = data.spd_axis, out.radar_axis = data.radar_axis, out.map = data.map;
   out.spd = take_rows(data.spd, rows), out.radar = take_rows(data.radar, rows);
   out.depth = take_rows(data.depth, rows);
   for (const std::size_t row : rows) {
@@ -289,6 +305,14 @@ void rebin_radar(Dataset& data, const Axis& bins) {
   }
   data.radar = std::move(table);
   data.radar_axis = bins;
+}
+
+void require_map(const Dataset& data, const record::MapGrid& grid, const std::string& whose) {
+  if (data.map == grid || data.depth.cols == 0) return;
+  for (std::size_t row = 0; row < data.size(); ++row)
+    if (data.has(row, Sensor::depth))
+      throw map_error(data.sources.empty() ? "run" : data.sources.front().path, data.map, grid,
+                      whose);
 }
 
 bool covers(const Axis& found, const Axis& wanted) {

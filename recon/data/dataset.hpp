@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "acquire/record/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/axis.hpp"
 #include "drivers/core/exit_code.hpp"
@@ -31,7 +32,8 @@ struct Source {
 // or of which it was not loaded, has an axis of count 0.
 struct Dataset {
   Axis spd_axis, radar_axis;         // the radar's after linearisation: "power" or "binned_power"
-  Matrix spd, radar, depth;          // counts | linear power | 64 x 64 metres, 0 = no return
+  record::MapGrid map;               // of the depth maps
+  Matrix spd, radar, depth;          // counts | linear power | maps in metres, 0 = no return
   std::vector<std::uint32_t> valid;  // bit 0 SPD, 1 radar, 2 depth
   std::vector<std::int64_t> index;   // the record's number in its run
   std::vector<HostTime> slot_end;
@@ -56,8 +58,9 @@ using OnBadRecord = std::function<void(std::int64_t, const std::string&)>;
 
 SensorSet sensors_of(Inputs inputs);
 
-// Reads runs whose axes agree into one table, with true ranges. Throws Error(failed) that names the
-// file and, for a bad record (wrong size, not a finite number), its number, unless on_bad takes it.
+// Reads runs whose axes and map grids agree into one table, with true ranges. Throws Error(failed)
+// that names the file and, for a bad record (wrong size, not a finite number), its number, unless
+// on_bad takes it.
 Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad = {});
 // The same with the radar's profiles as they were recorded: subtract_range_offset() then takes off
 // what the calibration and a range bias ask for in one interpolation.
@@ -87,6 +90,10 @@ void rebin_radar(Dataset& data, const Axis& bins);
 
 // Whether values on this axis are values on the wanted one, the last of them left out if need be.
 bool covers(const Axis& found, const Axis& wanted);
+
+// Throws Error(failed) if any record has a depth map and the maps are not on this grid, whose it is
+// says `whose`.
+void require_map(const Dataset& data, const record::MapGrid& grid, const std::string& whose);
 
 // Brings the tables onto the axes of a model: a radar axis with the same start and step but more
 // bins is cropped; for a model with binned power the radar is rebinned. Throws Error(failed) if the

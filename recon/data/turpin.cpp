@@ -22,9 +22,11 @@ NpyArray read_checked(const std::string& path, std::size_t dimensions) {
 
 NpyArray read_maps(const std::string& path, std::size_t frames) {
   NpyArray maps = read_checked(path, 3);
-  if (maps.shape != std::vector<std::size_t>{frames, record::map_size, record::map_size})
+  const std::size_t size = maps.shape[1];
+  if (maps.shape[0] != frames || maps.shape[2] != size || size < record::least_map_size ||
+      size > record::most_map_size)
     throw Error(ExitCode::failed, path + ": expected " + std::to_string(frames) +
-                                      " maps of 64 x 64, one a histogram");
+                                      " square maps of 16 to 256 pixels a side, one a histogram");
   return maps;
 }
 
@@ -45,8 +47,9 @@ void write_run(const std::string& path, const NpyArray& histograms, const NpyArr
   const std::size_t frames = histograms.shape[0], bins = histograms.shape[1];
   const std::size_t pixels = maps.values.size() / frames;
   run.put_axis({"radar", "power", "bin", static_cast<std::uint32_t>(bins), 0, 1, 1});
-  run.put_axis(record::depth_x_axis());
-  run.put_axis(record::depth_y_axis());
+  record::MapGrid map;
+  map.size = static_cast<std::uint32_t>(maps.shape[1]);
+  for (const Axis& axis : {map.x(), map.y(), map.axes()[0], map.axes()[1]}) run.put_axis(axis);
   std::vector<record::FusedRecord> records(frames);
   for (std::size_t i = 0; i < frames; ++i) {
     record::FusedRecord& r = records[i];

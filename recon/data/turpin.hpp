@@ -13,7 +13,7 @@ namespace echofuse::recon {
 // the recording's units again.
 inline constexpr double turpin_scale_m = 6.0;
 
-// DIR/histogram.npy [frames, bins] and DIR/depth.npy [frames, 64, 64] become a run with radar and
+// DIR/histogram.npy [frames, bins] and DIR/depth.npy [frames, N, N] become a run with radar and
 // depth. Unless `published_out` is empty, the authors' own reconstruction, DIR/published.npy,
 // becomes a second run with their maps in place of the depth camera's. Returns the number of
 // frames.

@@ -64,6 +64,7 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
   std::vector<Folds> scores(options.models.size());
   for (const auto& name : options.models) out.push_back({{name, {}}, {}, 0, {}});
   Folds published_scores;
+  require_map(published, data.map, "what it is compared with");
   Progress progress("cross-validation", options.folds * options.models.size(), options.fit.quiet);
   FitOptions fit = options.fit;
   fit.quiet = true;
@@ -73,7 +74,7 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
   for (std::size_t fold = 0; fold < options.folds && !interrupted(); ++fold) {
     const Split split = make_fold(rows, fold, options.folds, options.gap);
     const Preprocessing preprocessing(data, split.train, inputs,
-                                      learn_scene(data.depth, split.train), aligned);
+                                      learn_scene(data.depth, split.train, data.map), aligned);
     const auto add = [&](Folds& to, const Matrix& maps) {
       to.push_back(score_maps(maps, data, split.test, preprocessing.scene));
     };

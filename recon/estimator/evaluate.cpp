@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <optional>
 
 #include "drivers/core/exit_code.hpp"
@@ -69,23 +70,46 @@ struct StatedUncertainty {
   }
 };
 
+// How well the true maps themselves can be read.
+std::vector<MapScores> score_letters(const Dataset& data, const Rows& rows, const Scene& scene) {
+  std::vector<MapScores> out;
+  std::optional<LetterReader> reader;
+  for (const std::size_t row : rows) {
+    const auto letter = letter_of(data.label[row]);
+    if (!letter) continue;
+    if (!reader) reader.emplace(scene.grid);
+    const auto truth = data.depth.row(row);
+    const auto reading = reader->read(truth, truth, scene, *letter);
+    if (!reading) continue;
+    MapScores& scores = out.emplace_back();
+    scores.fill(std::numeric_limits<double>::quiet_NaN());
+    scores[metric_letter_top1] = reading->top1, scores[metric_letter_top3] = reading->top3;
+  }
+  return out;
+}
+
 // Metrics and calibration, by parts that bound the memory.
 void score_predictions(const TrainedModel& model, const Records& records, const Rows& rows,
                        Evaluation& out) {
   constexpr std::size_t at_once = 512;
   const PredictionDetail detail =
       model.uncertainty || out.output == "mean" ? PredictionDetail::pixels : PredictionDetail::maps;
-  std::vector<MapScores> scores;
+  std::vector<MapScores> scores, of_truth;
   StatedUncertainty uncertainty;
+  LettersRead read;
   for (std::size_t first = 0; first < rows.size(); first += at_once) {
     const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(first);
     const Rows part(begin, begin + std::min<std::ptrdiff_t>(at_once, rows.end() - begin));
     const Prediction one = predict(model, records, part, detail);
     if (model.uncertainty) uncertainty.add(one, records.data, part, model.scene);
-    const auto some = score_maps(one.of(out.output), records.data, part, model.scene);
+    const auto some = score_maps(one.of(out.output), records.data, part, model.scene, &read);
     scores.insert(scores.end(), some.begin(), some.end());
+    const auto true_ones = score_letters(records.data, part, model.scene);
+    of_truth.insert(of_truth.end(), true_ones.begin(), true_ones.end());
   }
   out.metrics = summarise(scores);
+  read.truth = summarise(of_truth);
+  if (read.truth[metric_letter_top1].maps > 0) out.letters_read = read;
   if (model.uncertainty) out.calibration = uncertainty.mean();
 }
 
@@ -106,10 +130,20 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) 
 }
 
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
-                                  const Scene& scene) {
+                                  const Scene& scene, LettersRead* letters_read) {
   std::vector<MapScores> out;
-  for (std::size_t i = 0; i < rows.size(); ++i)
-    out.push_back(score(maps.row(i), data.depth.row(rows[i]), scene));
+  std::optional<LetterReader> reader;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto truth = data.depth.row(rows[i]);
+    MapScores& scores = out.emplace_back(score(maps.row(i), truth, scene));
+    const auto letter = letter_of(data.label[rows[i]]);
+    if (!letter) continue;
+    if (!reader) reader.emplace(scene.grid);
+    const auto reading = reader->read(maps.row(i), truth, scene, *letter);
+    if (!reading) continue;
+    scores[metric_letter_top1] = reading->top1, scores[metric_letter_top3] = reading->top3;
+    if (letters_read) ++letters_read->confusion[*letter][reading->read.value_or(letters.size())];
+  }
   return out;
 }
 

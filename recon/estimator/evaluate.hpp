@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "recon/estimator/predict.hpp"
+#include "recon/maps/letters.hpp"
 #include "recon/maps/metrics.hpp"
 
 namespace echofuse::recon {
@@ -32,6 +33,13 @@ struct UncertaintyCalibration {
   double error_m = 0, deviation_m = 0;  // of pixels, root mean square: of the mean map, as stated
 };
 
+// How the letters of the records that have one were read.
+struct LettersRead {
+  // Records by their letter, and by what was read; the last column: nothing.
+  std::array<std::array<std::size_t, letters.size() + 1>, letters.size()> confusion{};
+  Summaries truth;  // of the true maps themselves: what the maps' resolution allows
+};
+
 struct Evaluation {
   std::string model;
   Inputs inputs{};
@@ -43,6 +51,7 @@ struct Evaluation {
   Summaries metrics;
   std::vector<ScoredRow> baselines;  // empty room, mean map, nearest neighbour
   RunningCost cost;
+  std::optional<LettersRead> letters_read;  // none: no record has a letter
   // None: the model states no uncertainty; NaN: of no record.
   std::optional<UncertaintyCalibration> calibration;
 };
@@ -52,9 +61,10 @@ struct Evaluation {
 // Throws Error(failed) if there are none.
 Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
 
-// Scores of one map a row against the depth table's rows.
+// Scores of one map a row against the depth table's rows; what was read is added to
+// `letters_read`.
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
-                                  const Scene& scene);
+                                  const Scene& scene, LettersRead* letters_read = nullptr);
 
 // `output`: which of the model's maps to score (output_names). Without baselines and cost.
 Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,

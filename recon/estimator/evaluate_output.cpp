@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 // How an evaluation is shown: JSON for programs, aligned text for people.
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -14,12 +15,44 @@ using nlohmann::json;
 
 json number(double value) { return std::isnan(value) ? json(nullptr) : json(value); }
 
+bool is_of_letters(std::size_t metric) {
+  return metric == metric_letter_top1 || metric == metric_letter_top3;
+}
+
 json metrics_json(const Summaries& metrics) {
   json out = json::object();
-  for (std::size_t m = 0; m < metric_count; ++m)
+  for (std::size_t m = 0; m < metric_count; ++m) {
+    if (is_of_letters(m) && metrics[m].maps == 0) continue;
     out[metric_names[m]] = {{"mean", number(metrics[m].mean)},
                             {"se", number(metrics[m].se)},
                             {"maps", metrics[m].maps}};
+  }
+  return out;
+}
+
+json letters_json(const LettersRead& read) {
+  json confusion = json::object();
+  for (std::size_t i = 0; i < letters.size(); ++i) {
+    json& row = confusion[std::string(1, letters[i])] = json::object();
+    for (std::size_t k = 0; k <= letters.size(); ++k)
+      row[k < letters.size() ? std::string(1, letters[k]) : "none"] = read.confusion[i][k];
+  }
+  return {{"confusion", confusion}, {"truth", metrics_json(read.truth)}};
+}
+
+std::string to_text(const LettersRead& read) {
+  std::string out = formatted(
+      "letters: of the true maps %.3f are read rightly, %.3f within three; by chance 0.1, "
+      "0.3\nread "
+      "as ",
+      read.truth[metric_letter_top1].mean, read.truth[metric_letter_top3].mean);
+  for (const char letter : letters) out += formatted("%5c", letter);
+  out += "    none\n";
+  for (std::size_t i = 0; i < letters.size(); ++i) {
+    out += formatted("%7c ", letters[i]);
+    for (const std::size_t count : read.confusion[i]) out += formatted("%5zu", count);
+    out += '\n';
+  }
   return out;
 }
 
@@ -44,6 +77,7 @@ json to_json(const Evaluation& e) {
                 {"infer_us_p99", e.cost.infer_us_p99},
                 {"train_s", e.cost.train_s},
                 {"model_bytes", e.cost.model_bytes}}}};
+  if (e.letters_read) out["letters"] = letters_json(*e.letters_read);
   if (e.calibration)
     out["calibration"] = {{"within_lateral_interval_90", number(e.calibration->within_90)},
                           {"lateral_interval_90_m", number(e.calibration->lateral_interval_90_m)},
@@ -58,6 +92,10 @@ std::string to_table(const std::vector<ScoredRow>& rows) {
   for (const auto& row : rows) out += formatted(" %15s", row.name.c_str());
   out += '\n';
   for (std::size_t m = 0; m < metric_count; ++m) {
+    if (is_of_letters(m) && std::all_of(rows.begin(), rows.end(), [&](const ScoredRow& row) {
+          return row.metrics[m].maps == 0;
+        }))
+      continue;
     out += formatted("%-12s", metric_names[m]);
     for (const auto& row : rows)
       out += formatted(" %15s", formatted(row.metrics[m], " +-").c_str());
@@ -111,7 +149,7 @@ std::string to_text(const Evaluation& e) {
              e.cost.infer_us_p99) +
          formatted("trained in %.1f s, model file %.1f MB\n", e.cost.train_s,
                    static_cast<double>(e.cost.model_bytes) / 1e6) +
-         to_text(e.calibration);
+         to_text(e.calibration) + (e.letters_read ? to_text(*e.letters_read) : "");
 }
 
 }  // namespace echofuse::recon

@@ -8,7 +8,6 @@
 #include <filesystem>
 #include <utility>
 
-#include "acquire/record/depth_map.hpp"
 #include "drivers/core/console.hpp"
 #include "recon/estimator/trained_model.hpp"
 #include "recon/files/files.hpp"
@@ -23,7 +22,6 @@ constexpr std::int64_t format_version = 5;
 constexpr const char* fallback_group = "fallback";
 constexpr std::int64_t most_bins = 1 << 20;
 constexpr float farthest_m = 100;
-constexpr std::size_t map_pixels = record::map_size * record::map_size;
 
 void save_axis(H5File& file, const Axis& axis) {
   const std::string group = "axes/" + axis.name;
@@ -64,6 +62,7 @@ void save_head(H5File& file, const TrainedModel& m) {
   file.set(".", "data_crc32c", std::int64_t{m.data_hash});
   file.set(".", "train_s", m.train_s);
   file.set(".", "foreground_depth_m", double{m.scene.foreground_depth_m});
+  save_grid(file, m.scene.grid);
   file.set(".", "split", m.split.kind);
   file.set(".", "gap", static_cast<std::int64_t>(m.split.gap));
   file.set(".", "seed", static_cast<std::int64_t>(m.split.seed));
@@ -102,6 +101,7 @@ void load_head(const H5File& file, TrainedModel& m) {
   m.scene.foreground_depth_m = static_cast<float>(file.get<double>(".", "foreground_depth_m"));
   require_sound(file, m.scene.foreground_depth_m >= 0 && m.scene.foreground_depth_m <= farthest_m,
                 ".@foreground_depth_m", "0 to 100 m");
+  m.scene.grid = load_grid(file);
   m.split.kind = load_choice(file, "split", {"random", "blocked"});
   m.split.gap = load_count<std::size_t>(file, ".", "gap");
   m.split.seed = static_cast<std::uint64_t>(file.get<std::int64_t>(".", "seed"));
@@ -138,8 +138,9 @@ void save_body(H5File& file, const TrainedModel& m) {
   flat("split/part", m.seen.part);
 }
 
-std::vector<float> load_map(const H5File& file, const std::string& name) {
-  auto map = file.read<float>(name, {map_pixels});
+std::vector<float> load_map(const H5File& file, const std::string& name,
+                            const record::MapGrid& grid) {
+  auto map = file.read<float>(name, {grid.pixels()});
   for (const float depth : map)
     require_sound(file, depth >= 0 && depth <= farthest_m, name, "depths of 0 to 100 m");
   return map;
@@ -164,8 +165,8 @@ void load_body(const H5File& file, TrainedModel& m) {
   m.features.centre = file.read<float>("features/centre", {m.features.count()});
   m.features.spd_gain = static_cast<float>(file.get<double>("features", "spd_gain"));
   m.features.radar_gain = static_cast<float>(file.get<double>("features", "radar_gain"));
-  m.scene.background = load_map(file, "scene/background_m");
-  m.scene.mean_map = load_map(file, "scene/mean_map_m");
+  m.scene.background = load_map(file, "scene/background_m", m.scene.grid);
+  m.scene.mean_map = load_map(file, "scene/mean_map_m", m.scene.grid);
   m.seen = load_seen(file);
   m.log.loss = file.read<double>("training/loss_m", {H5File::any});
   m.log.validation_loss = file.read<double>("training/validation_loss_m", {m.log.loss.size()});
@@ -208,7 +209,8 @@ TrainedModel load_one(const H5File& file) {
   if (aligned || file.has("range_bias") || (uncertainties && layout.spd.count > 0))
     out.alignment.load(file, layout);
   out.model = kind_of(out.name).make();
-  out.model->load(file, aligned ? out.alignment.inputs() : layout.inputs(), map_pixels);
+  out.model->load(file, aligned ? out.alignment.inputs() : layout.inputs(),
+                  out.scene.grid.pixels());
   out.range_bias.load(file, out.alignment);
   if (uncertainties) out.uncertainty.emplace().load(file, out.features, out.alignment);
   return out;
@@ -222,6 +224,7 @@ void check_fallback(const H5File& file, const TrainedModel& model) {
   require_sound(file, other.features.inputs == Inputs::spd, name + "@inputs", "spd");
   require_sound(file, same_axis(other.features.spd_axis, model.features.spd_axis),
                 name + "/axes/spd", "the model's own");
+  require_sound(file, other.scene.grid == model.scene.grid, name + "@map_size", "the model's own");
   require_sound(file, other.uncertainty.has_value() == model.uncertainty.has_value(),
                 name + "/uncertainty", "one as the model has, or none as it has none");
   require_sound(file, !file.has(name + "/" + fallback_group), name, "no fallback of its own");

@@ -94,7 +94,7 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
     augment(more.emplace(data), fit_split.train, options.augment, fit.seed);
   const Dataset& fit_data = more ? *more : data;
   const Preprocessing preprocessing(
-      fit_data, fit_split.train, inputs, learn_scene(fit_data.depth, fit_split.train),
+      fit_data, fit_split.train, inputs, learn_scene(fit_data.depth, fit_split.train, fit_data.map),
       range_bias || uncertainties || wants_alignment(candidate_of(name, fit).model));
   TrainedModel model =
       fit_model(fit_data, fit_split, preprocessing, name, inputs, options.scaling, fit);

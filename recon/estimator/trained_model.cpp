@@ -6,8 +6,6 @@
 #include <cmath>
 #include <map>
 
-#include "acquire/record/depth_map.hpp"
-
 namespace echofuse::recon {
 namespace {
 
@@ -40,6 +38,7 @@ SeenRecords seen_records(const Dataset& data, const Split& split) {
 }
 
 void TrainedModel::match(Dataset& data) const {
+  require_map(data, scene.grid, "the model");
   const bool lost = fallback && data.radar_axis.count == 0;
   match_axes(data, features.spd_axis, features.radar_axis, lost ? Inputs::spd : features.inputs);
   if (!lost) return;

@@ -3,7 +3,8 @@
 // records it has seen and how its training went. Kept as one HDF5 file.
 //
 //   /            attributes: format, format_version, model, inputs, scaling, version, data_crc32c,
-//                train_s, foreground_depth_m, split, gap, seed, test_share, validation_share
+//                train_s, foreground_depth_m, map_size, map_half_tangent, split, gap, seed,
+//                test_share, validation_share
 //   axes/NAME    attributes of spd and radar as in drivers/core/axis.hpp
 //   features/    centre, with attributes spd_gain and radar_gain
 //   scene/       background_m, mean_map_m
@@ -56,8 +57,8 @@ struct TrainedModel {
   std::uint32_t data_hash = 0;
   double train_s = 0;
 
-  // Brings the data onto the model's axes (match_axes). A run without any radar becomes one of
-  // lost radars if there is a fallback.
+  // Brings the data onto the model's axes (match_axes); depth maps must be on its grid. A run
+  // without any radar becomes one of lost radars if there is a fallback.
   void match(Dataset& data) const;
   // Whether the record's radar is missing or dead, and the fallback answers for it.
   bool falls_back(const Dataset& data, std::size_t row) const;

@@ -5,14 +5,12 @@
 #include <cmath>
 #include <limits>
 
-#include "acquire/record/depth_map.hpp"
 #include "recon/files/text.hpp"
 #include "recon/maps/ssim.hpp"
 
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t size = record::map_size;
 constexpr double undefined = std::numeric_limits<double>::quiet_NaN();
 constexpr double side_threshold_m = 0.3;
 constexpr double least_mass = 1;  // pixels' worth of foreground; less has no position
@@ -34,20 +32,22 @@ Mask true_mask(std::span<const float> truth, const Scene& scene) {
   return mask;
 }
 
-std::size_t mirrored(std::size_t pixel) { return pixel - pixel % size + (size - 1 - pixel % size); }
+std::size_t mirrored(std::size_t pixel, std::size_t size) {
+  return pixel - pixel % size + (size - 1 - pixel % size);
+}
 
 // x/z of the foreground's centroid.
-double centroid_tangent(const std::vector<double>& mass) {
-  static const Axis x = record::depth_x_axis();
+double centroid_tangent(const std::vector<double>& mass, const record::MapGrid& grid) {
+  const Axis x = grid.x();
   Mean tangent;
   for (std::size_t p = 0; p < mass.size(); ++p)
-    tangent.add(x.at(static_cast<double>(p % size)), mass[p]);
+    tangent.add(x.at(static_cast<double>(p % x.count)), mass[p]);
   return tangent.value(least_mass);
 }
 
 // The SSIM map's mean over the mask dilated by the window.
-double ssim_near(const std::vector<double>& map, const Mask& mask) {
-  constexpr std::size_t inner = size - 2 * ssim_border;
+double ssim_near(const std::vector<double>& map, const Mask& mask, std::size_t size) {
+  const std::size_t inner = size - 2 * ssim_border;
   Mean mean;
   for (std::size_t i = 0; i < map.size(); ++i) {
     const std::size_t top = i / inner, left = i % inner;  // of the 11 x 11 window in the mask
@@ -63,9 +63,10 @@ double ssim_near(const std::vector<double>& map, const Mask& mask) {
 
 void score_similarity(MapScores& out, std::span<const float> raw, std::span<const float> truth,
                       const Scene& scene, const Mask& mask) {
+  const std::size_t size = scene.grid.size;
   const auto map = ssim_map(raw, truth, size, record::max_depth_m);
   out[metric_ssim] = mean_of(map);
-  out[metric_ssim_fg] = ssim_near(map, mask);
+  out[metric_ssim_fg] = ssim_near(map, mask, size);
   out[metric_ssim_hard] = mean_of(ssim_map(hard_map(raw, scene), truth, size, record::max_depth_m));
 }
 
@@ -94,17 +95,17 @@ void score_pixels(MapScores& out, std::span<const float> raw, std::span<const fl
 // The mass of a pixel is its signed share: over many pixels the ripple of a least-squares map,
 // which goes both ways about the background, cancels.
 void score_position(MapScores& out, std::span<const float> truth, const Mask& mask,
-                    const std::vector<float>& share) {
+                    const std::vector<float>& share, const record::MapGrid& grid) {
   std::vector<double> mass(share.size());
   Mean range, ghost;
   for (std::size_t p = 0; p < truth.size(); ++p) {
     mass[p] = double{share[p]};
-    const bool here = mask[p], there = mask[mirrored(p)];
+    const bool here = mask[p], there = mask[mirrored(p, grid.size)];
     if (here) range.add(truth[p]);
     if (here != there) ghost.add(there, mass[p]);
   }
-  const double true_tangent = centroid_tangent({mask.begin(), mask.end()});
-  const double tangent = centroid_tangent(mass);
+  const double true_tangent = centroid_tangent({mask.begin(), mask.end()}, grid);
+  const double tangent = centroid_tangent(mass, grid);
   const bool to_a_side = std::abs(true_tangent) * range.value() > side_threshold_m;
   const bool right_side = (tangent > 0) == (true_tangent > 0);
   out[metric_lateral_m] = std::abs(tangent - true_tangent) * range.value();
@@ -123,19 +124,20 @@ MapScores score(std::span<const float> prediction, std::span<const float> truth,
   const auto raw = within_span(prediction);
   score_similarity(out, raw, truth, scene, mask);
   score_pixels(out, raw, truth, mask, share);
-  score_position(out, truth, mask, share);
+  score_position(out, truth, mask, share, scene.grid);
   return out;
 }
 
 double foreground_tangent(std::span<const float> prediction, const Scene& scene) {
   const auto share = foreground_share(prediction, scene);
-  return centroid_tangent({share.begin(), share.end()});
+  return centroid_tangent({share.begin(), share.end()}, scene.grid);
 }
 
 double lateral_error(std::span<const float> prediction, std::span<const float> truth,
                      const Scene& scene) {
   MapScores out;
-  score_position(out, truth, true_mask(truth, scene), foreground_share(prediction, scene));
+  score_position(out, truth, true_mask(truth, scene), foreground_share(prediction, scene),
+                 scene.grid);
   return out[metric_lateral_m];
 }
 

@@ -27,16 +27,19 @@ enum Metric : std::size_t {
   // The next two only for maps with |x| > 0.3 m; nearer to the axis a body is its own mirror image.
   metric_ghost,       // 0: at the truth only; 0.5: as much on either side; 1: mirror image only
   metric_left_right,  // 1 if the centroid is on the true side
+  // Of records whose label names a letter (letters.hpp); score() leaves them undefined.
+  metric_letter_top1,  // 1 if the letter is read
+  metric_letter_top3,  // 1 if it is among the three that are most alike
   metric_count
 };
 inline constexpr std::array<const char*, metric_count> metric_names = {
-    "iou",         "ssim",    "ssim_hard", "ssim_fg",   "rmse_m", "rmse_fg_m",
-    "depth_mae_m", "abs_rel", "delta_125", "lateral_m", "ghost",  "left_right"};
+    "iou",     "ssim",      "ssim_hard", "ssim_fg", "rmse_m",     "rmse_fg_m",   "depth_mae_m",
+    "abs_rel", "delta_125", "lateral_m", "ghost",   "left_right", "letter_top1", "letter_top3"};
 static_assert(metric_names.back() != nullptr);  // a name for each, in the order of Metric
 
 using MapScores = std::array<double, metric_count>;
 
-// Both maps row-major 64 x 64 on the target axes of acquire/record/depth_map.hpp, metres.
+// Both maps row-major on the scene's grid, metres.
 MapScores score(std::span<const float> prediction, std::span<const float> truth,
                 const Scene& scene);
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "acquire/record/depth_map.hpp"
+#include "recon/numbers/matrix_file.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
@@ -26,8 +26,8 @@ bool true_foreground(float depth_m, float background_m) {
   return depth_m > 0 && std::abs(depth_m - background_m) > foreground_step_m;
 }
 
-Scene learn_scene(const Matrix& depth, const Rows& rows) {
-  Scene scene{median_map(depth, rows), std::vector<float>(depth.cols), 0};
+Scene learn_scene(const Matrix& depth, const Rows& rows, const record::MapGrid& grid) {
+  Scene scene{median_map(depth, rows), std::vector<float>(depth.cols), 0, grid};
   std::vector<double> sum(depth.cols);
   double foreground_sum = 0;
   std::size_t foreground_count = 0;
@@ -46,6 +46,23 @@ Scene learn_scene(const Matrix& depth, const Rows& rows) {
     scene.foreground_depth_m =
         static_cast<float>(foreground_sum / static_cast<double>(foreground_count));
   return scene;
+}
+
+void save_grid(record::H5File& file, const record::MapGrid& grid) {
+  file.set(".", "map_size", std::int64_t{grid.size});
+  file.set(".", "map_half_tangent", grid.half_tangent);
+}
+
+record::MapGrid load_grid(const record::H5File& file) {
+  if (!file.has_attribute(".", "map_size")) return {};
+  const auto size = file.get<std::int64_t>(".", "map_size");
+  require_sound(file, size >= record::least_map_size && size <= record::most_map_size, ".@map_size",
+                "16 to 256");
+  const auto half = file.get<double>(".", "map_half_tangent");
+  require_sound(file,
+                half >= record::least_map_half_tangent && half <= record::most_map_half_tangent,
+                ".@map_half_tangent", "0.02 to 3");
+  return {static_cast<std::uint32_t>(size), half};
 }
 
 std::vector<float> foreground_share(std::span<const float> prediction, const Scene& scene) {

@@ -9,6 +9,8 @@
 #include <span>
 #include <vector>
 
+#include "acquire/record/depth_map.hpp"
+#include "acquire/record/h5.hpp"
 #include "recon/numbers/matrix.hpp"
 
 namespace echofuse::recon {
@@ -17,13 +19,19 @@ struct Scene {
   std::vector<float> background;  // b: per-pixel median of the training maps, metres
   std::vector<float> mean_map;    // metres
   float foreground_depth_m = 0;   // m
+  record::MapGrid grid;           // of these and of all maps beside them
 };
+
+// The grid as the attributes map_size and map_half_tangent of a model file; without them the
+// default. Throws Error(failed) if they make no grid.
+void save_grid(record::H5File& file, const record::MapGrid& grid);
+record::MapGrid load_grid(const record::H5File& file);
 
 // Mask of a map, one byte a pixel.
 using Mask = std::vector<std::uint8_t>;
 
-// Learns from the given rows (at least one) of the depth table.
-Scene learn_scene(const Matrix& depth, const Rows& rows);
+// Learns from the given rows (at least one) of the depth table, maps on this grid.
+Scene learn_scene(const Matrix& depth, const Rows& rows, const record::MapGrid& grid);
 
 bool true_foreground(float depth_m, float background_m);
 

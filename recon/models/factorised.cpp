@@ -8,7 +8,6 @@
 #include <array>
 #include <cmath>
 
-#include "acquire/record/depth_map.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/models/body/alignment.hpp"
@@ -104,7 +103,7 @@ Factorised::Seen Factorised::see(const Samples& samples) const {
   Seen out;
   out.features.cols = samples.inputs.cols;
   for (const std::size_t row : samples.rows) {
-    const auto place = place_of(samples.maps.row(row), background_);
+    const auto place = place_of(samples.maps.row(row), background_, samples.scene->grid);
     if (!place || !shows_body(samples.inputs.row(row))) continue;
     out.features.add_row(samples.inputs.row(row));
     out.rows.push_back(row);
@@ -189,7 +188,7 @@ TrainingLog Factorised::fit_position(const Seen& train, const Samples& samples,
 }
 
 void Factorised::fit_bodies(const Seen& train, const Samples& samples, const FitOptions& options) {
-  frame_ = BodyFrame(samples.maps, background_, train.rows, train.places);
+  frame_ = BodyFrame(samples.maps, background_, train.rows, train.places, samples.scene->grid);
   const std::size_t basis = shapes_ ? options.basis.value() : 0;
   Shapes bodies = cut(train, samples, most_bodies);
   masks_ = principal_components(std::move(bodies.masks), basis, options.seed);

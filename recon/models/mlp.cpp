@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The paper's plain network: concatenated inputs, two hidden layers, a 64 x 64 linear output,
+// The paper's plain network: concatenated inputs, two hidden layers, a linear output,
 // squared loss. It predicts the difference to the mean map, in units of the maps' spread.
 #include "recon/models/regression.hpp"
 

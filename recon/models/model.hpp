@@ -22,7 +22,7 @@ class Alignment;
 // (features.hpp), or aligned (body/alignment.hpp) for models that want that.
 struct Samples {
   const Matrix& inputs;
-  const Matrix& maps;  // 64 x 64, metres
+  const Matrix& maps;  // metres
   Rows rows;
   const Scene* scene = nullptr;  // learnt from the training rows; of models that ask for it
   // Of models that take aligned inputs: what made them, and the radar's power as it was recorded.

@@ -30,7 +30,7 @@ void export_records(const TrainedModel& model, const std::vector<std::string>& r
   NpzFile out(to);
   out.begin("record", "<f4", {f.count()});
   out.append(f.normalised_inputs(data, rows).values);
-  out.begin("depth_m", "<f4", {64, 64});
+  out.begin("depth_m", "<f4", {data.map.size, data.map.size});
   for (const std::size_t row : rows) out.append<float>(data.depth.row(row));
   out.begin("index", "<i8", {});
   out.append(index);

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "acquire/record/depth_map.hpp"
 #include "acquire/record/png.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "recon/files/text.hpp"
@@ -98,14 +97,16 @@ void draw_curves(cv::Mat& canvas, const cv::Rect& box, const std::vector<Curve>&
   }
 }
 
-void draw_map(cv::Mat& canvas, cv::Point at, std::span<const float> map, double farthest_m) {
+void draw_map(cv::Mat& canvas, cv::Point at, std::span<const float> map, double farthest_m,
+              double half_tangent) {
   cv::Mat picture;
   cv::resize(coloured(map, farthest_m, 1), picture, {panel, panel}, 0, 0, cv::INTER_NEAREST);
   picture.copyTo(canvas({at.x, at.y, panel, panel}));
   const cv::Rect box(at.x, at.y, panel, panel);
   cv::rectangle(canvas, box, ink, 1);
-  for (const double tangent : {-0.5, 0.0, 0.5}) {
-    const double share = 0.5 + tangent / (2 * record::map_half_tangent);
+  const double label_at = half_tangent > 0.5 ? 0.5 : tick_step(half_tangent / 2, 1);
+  for (const double tangent : {-label_at, 0.0, label_at}) {
+    const double share = 0.5 + tangent / (2 * half_tangent);
     const int offset = static_cast<int>(std::lround(share * panel));
     const std::string label = formatted("%g", tangent);
     write(canvas, label, {at.x + offset, box.br().y + 18}, Align::centre, 0.42);
@@ -142,7 +143,7 @@ Bytes depth_picture(std::span<const float> map, double farthest_m, int zoom) {
   return png_of(coloured(map, farthest_m, zoom));
 }
 
-Bytes figure(const std::string& title, const std::vector<FigureRow>& rows) {
+Bytes figure(const std::string& title, const std::vector<FigureRow>& rows, double half_tangent) {
   const int truth_x = margin_x + plot_width + gap, map_x = truth_x + panel + gap;
   const int deviation_x = map_x + panel + 130;
   const int height = margin_y + row_height * static_cast<int>(rows.size());
@@ -162,12 +163,12 @@ Bytes figure(const std::string& title, const std::vector<FigureRow>& rows) {
     const int y = margin_y + row_height * static_cast<int>(i);
     write(canvas, rows[i].name, {margin_x / 2, y + panel / 2}, Align::centre, 0.6);
     draw_curves(canvas, {margin_x, y, plot_width, panel}, rows[i].curves);
-    draw_map(canvas, {truth_x, y}, rows[i].truth, farthest_m);
-    draw_map(canvas, {map_x, y}, rows[i].reconstruction, farthest_m);
+    draw_map(canvas, {truth_x, y}, rows[i].truth, farthest_m, half_tangent);
+    draw_map(canvas, {map_x, y}, rows[i].reconstruction, farthest_m, half_tangent);
     write(canvas, rows[i].caption, {map_x + panel / 2, y + panel + 58}, Align::centre, 0.45);
     draw_bar(canvas, {map_x + panel + 28, y}, farthest_m, "depth (m)");
     if (rows[i].deviation.empty()) continue;
-    draw_map(canvas, {deviation_x, y}, rows[i].deviation, most_deviation_m);
+    draw_map(canvas, {deviation_x, y}, rows[i].deviation, most_deviation_m, half_tangent);
     write(canvas, rows[i].uncertainty, {deviation_x + panel / 2, y + panel + 58}, Align::centre,
           0.45);
     write(canvas, rows[i].warning, {deviation_x + panel, y + panel + 76}, Align::right, 0.45, red);

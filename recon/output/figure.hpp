@@ -30,6 +30,7 @@ struct FigureRow {
   std::string uncertainty, warning;  // below the deviation, one below the other
 };
 
-Bytes figure(const std::string& title, const std::vector<FigureRow>& rows);
+// Of maps over tangents of +-half_tangent.
+Bytes figure(const std::string& title, const std::vector<FigureRow>& rows, double half_tangent);
 
 }  // namespace echofuse::recon

@@ -6,26 +6,26 @@
 #include <cmath>
 #include <utility>
 
-#include "acquire/record/depth_map.hpp"
 #include "acquire/record/png.hpp"
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
 #include "recon/output/figure.hpp"
+#include "recon/output/window.hpp"
 
 namespace echofuse::recon {
 namespace {
 
-constexpr int zoom = 4;
+constexpr int enlarged = 4;
 
-Bytes millimetre_picture(std::span<const float> map) {
+Bytes millimetre_picture(std::span<const float> map, std::uint32_t size) {
   std::vector<std::uint16_t> mm(map.size());
   for (std::size_t p = 0; p < map.size(); ++p)
     mm[p] = static_cast<std::uint16_t>(std::lround(std::clamp(map[p] * 1000, 0.f, 65535.f)));
-  return record::encode_png16(mm, record::map_size, record::map_size);
+  return record::encode_png16(mm, size, size);
 }
 
-Bytes point_cloud(std::span<const float> map) {
-  const Axis x = record::depth_x_axis(), y = record::depth_y_axis();
+Bytes point_cloud(std::span<const float> map, const record::MapGrid& grid) {
+  const Axis x = grid.x(), y = grid.y();
   const auto points = std::count_if(map.begin(), map.end(), [](float z) { return z > 0; });
   const std::string head = formatted(
       "ply\nformat binary_little_endian 1.0\nelement vertex %lld\nproperty float x\n"
@@ -79,17 +79,20 @@ std::string map_format_help() {
   return out;
 }
 
-MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene)
+MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene,
+                   double zoom_m)
     : folder_(std::move(folder)),
       formats_(formats),
       scene_(scene),
-      farthest_m_(farthest_of(scene)) {
+      farthest_m_(farthest_of(scene)),
+      zoom_m_(zoom_m) {
   if (!wants("npz")) return;
+  const std::size_t size = scene.grid.size;
   arrays_.emplace(folder_ + "/maps.npz");
-  arrays_->begin("depth_m", "<f4", {record::map_size, record::map_size});
+  arrays_->begin("depth_m", "<f4", {size, size});
   if (!wants("uncertainty")) return;
   deviations_.emplace(folder_ + "/uncertainty.npz");
-  deviations_->begin("deviation_m", "<f4", {record::map_size, record::map_size});
+  deviations_->begin("deviation_m", "<f4", {size, size});
 }
 
 bool MapFiles::wants(const char* format) const {
@@ -98,26 +101,41 @@ bool MapFiles::wants(const char* format) const {
 
 void MapFiles::write(std::int64_t index, std::span<const float> prediction,
                      std::span<const float> deviation) {
-  const auto map = within_span(prediction);
+  const record::MapGrid& grid = scene_.grid;
+  Window window{grid.x(), grid.y()};
+  std::vector<float> map = within_span(prediction), deviations(deviation.begin(), deviation.end());
   const std::string name = folder_ + formatted("/%06lld", static_cast<long long>(index));
-  if (wants("colour")) write_file(name + ".png", depth_picture(map, farthest_m_, zoom));
-  if (wants("mm")) write_file(name + "_mm.png", millimetre_picture(map));
-  if (wants("ply")) write_file(name + ".ply", point_cloud(hard_map(map, scene_)));
-  if (wants("uncertainty")) write_file(name + "_sd.png", millimetre_picture(deviation));
+  if (wants("ply")) write_file(name + ".ply", point_cloud(hard_map(map, scene_), grid));
+  if (zoom_m_ > 0) {
+    window = window_about_body(prediction, scene_, zoom_m_);
+    map = cut(map, grid, window);
+    if (!deviations.empty()) deviations = cut(deviations, grid, window);
+  }
+  if (wants("colour")) write_file(name + ".png", depth_picture(map, farthest_m_, enlarged));
+  if (wants("mm")) write_file(name + "_mm.png", millimetre_picture(map, grid.size));
+  if (wants("uncertainty")) write_file(name + "_sd.png", millimetre_picture(deviations, grid.size));
   if (!arrays_) return;
   arrays_->append(map);
   indices_.push_back(index);
-  if (deviations_) deviations_->append(deviation);
+  if (zoom_m_ > 0) {
+    const auto x = values_of(window.x), y = values_of(window.y);
+    depth_x_.insert(depth_x_.end(), x.begin(), x.end());
+    depth_y_.insert(depth_y_.end(), y.begin(), y.end());
+  }
+  if (deviations_) deviations_->append(deviations);
 }
 
 void MapFiles::close() {
   if (!arrays_) return;
   arrays_->begin("index", "<i8", {});
   arrays_->append(indices_);
-  arrays_->begin("depth_x", "<f8", {});
-  arrays_->append(values_of(record::depth_x_axis()));
-  arrays_->begin("depth_y", "<f8", {});
-  arrays_->append(values_of(record::depth_y_axis()));
+  if (zoom_m_ <= 0) depth_x_ = values_of(scene_.grid.x()), depth_y_ = values_of(scene_.grid.y());
+  const auto shape =
+      zoom_m_ > 0 ? std::vector<std::size_t>{scene_.grid.size} : std::vector<std::size_t>{};
+  arrays_->begin("depth_x", "<f8", shape);
+  arrays_->append(depth_x_);
+  arrays_->begin("depth_y", "<f8", shape);
+  arrays_->append(depth_y_);
   arrays_->close();
   if (deviations_) deviations_->close();
 }

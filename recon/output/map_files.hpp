@@ -12,22 +12,26 @@
 
 namespace echofuse::recon {
 
-// To add one: a row in map_files.cpp, and its branch in MapFiles::write.
+// Maps of N x N pixels, as the model's. To add one: a row in map_files.cpp, and its branch in
+// MapFiles::write.
 //   colour  NNNNNN.png: for the eye
 //   mm      NNNNNN_mm.png: 16-bit grey, z in millimetres, 0 = no return
 //   ply     NNNNNN.ply: points x (right), y (up), z (away) in metres, of the hard map (scene.hpp),
 //           as the ripple of a least-squares map would be a fog of points
-//   npz     maps.npz for all: index i64 [n], depth_m f32 [n, 64, 64], depth_x and depth_y f64 [64],
-//           the tangents of the pixel centres
+//   npz     maps.npz for all: index i64 [n], depth_m f32 [n, N, N], depth_x and depth_y f64 [N],
+//           the tangents of the pixel centres; of windows [n, N]
 //   uncertainty  NNNNNN_sd.png: 16-bit grey, the standard deviation of z in millimetres; beside npz
-//           also uncertainty.npz: deviation_m f32 [n, 64, 64]
+//           also uncertainty.npz: deviation_m f32 [n, N, N]
 std::vector<std::string> map_format_names();
 std::string map_format_help();  // each with what it is
 
 // Writes into an existing folder; every member throws Error(disk).
 class MapFiles {
  public:
-  MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene);
+  // zoom_m: not the whole map but a window of so many metres (window.hpp), but for the points; 0:
+  // the whole one.
+  MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene,
+           double zoom_m);
   // `deviation`: of every pixel; may be empty unless uncertainty is wanted.
   void write(std::int64_t index, std::span<const float> prediction,
              std::span<const float> deviation);
@@ -38,9 +42,10 @@ class MapFiles {
   std::string folder_;
   std::vector<std::string> formats_;
   const Scene& scene_;
-  double farthest_m_;
+  double farthest_m_, zoom_m_;
   std::optional<NpzFile> arrays_;
   std::vector<std::int64_t> indices_;
+  std::vector<double> depth_x_, depth_y_;
   std::optional<NpzFile> deviations_;
 };
 

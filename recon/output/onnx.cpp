@@ -132,11 +132,13 @@ Bytes to_onnx(const TrainedModel& model, const std::string& path) {
   add_scaling(chain, model.features);
   for (std::size_t l = 0; l < layers.size(); ++l)
     add_layer(chain, layers[l], "layer" + std::to_string(l));
-  chain.add("Reshape", {chain.constant("map_shape", std::vector<std::int64_t>{-1, 64, 64}, {3})},
-            {}, "depth_m");
+  const std::uint32_t size = model.scene.grid.size;
+  chain.add("Reshape",
+            {chain.constant("map_shape", std::vector<std::int64_t>{-1, size, size}, {3})}, {},
+            "depth_m");
   chain.graph().text(2, "echofuse");
   chain.graph().message(11, value_info("record", {model.features.count()}));
-  chain.graph().message(12, value_info("depth_m", {64, 64}));
+  chain.graph().message(12, value_info("depth_m", {size, size}));
   Message out;
   out.number(1, 6).text(2, "echofuse").text(3, version()).message(7, chain.graph());
   out.message(8, Message().number(2, 11));

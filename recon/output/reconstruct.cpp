@@ -69,7 +69,7 @@ class Reconstruction {
   Reconstruction(const TrainedModel& model, const ReconstructOptions& options)
       : model_(model),
         options_(options),
-        files_(options.out, options.formats, model.scene),
+        files_(options.out, options.formats, model.scene, options.zoom_m),
         table_(options.out + "/records.csv"),
         started_(clock_.now()) {}
 

@@ -25,6 +25,7 @@ struct ReconstructOptions {
   std::string out;                                      // folder, made if need be
   std::vector<std::string> formats = {"colour", "mm"};  // of map_files.hpp
   std::string output = "own";                           // of output_names (predict.hpp)
+  double zoom_m = 0;    // a window of so many metres about the body (window.hpp); 0: the whole map
   bool follow = false;  // take records as they come, until the run is closed
   bool force = false;   // also into a folder that holds maps of another run
   bool quiet = false;   // no progress bar, no word on runs too short to tell a range bias

@@ -144,7 +144,7 @@ Bytes draw(const std::string& title, const std::vector<const TrainedModel*>& mod
     if (inputs != Inputs::spd) r.curves.push_back(radar_curve(seen[i].data, 0));
     rows.push_back(std::move(r));
   }
-  return figure(title, rows);
+  return figure(title, rows, data.map.half_tangent);
 }
 
 // Held-out rows of all models whose label is, or is not, that of a person alone.

@@ -10,8 +10,6 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t side = record::map_size;
-
 struct Between {
   std::size_t low;
   double part;
@@ -47,14 +45,14 @@ SoftMaps probabilities_of(const Matrix& maps, const Scene& scene) {
 }
 
 // Each row of shares by as many metres of the same row of the list, at the row's depths.
-void blur(SoftMaps& maps, const std::vector<double>& deviation_m) {
+void blur(SoftMaps& maps, const record::MapGrid& grid, const std::vector<double>& deviation_m) {
   constexpr double least_pixels = 0.2;
-  const double step = record::depth_x_axis().step;
-  std::array<float, side> line{};
+  const std::size_t side = grid.size;
+  std::vector<float> line(side);
   for (std::size_t i = 0; i < maps.foreground_probability.rows; ++i) {
     const auto share = maps.foreground_probability.row(i);
-    const double depth_m = std::max(double{maps.depth.row(i)[side * side / 2]}, 0.1);
-    const double pixels = deviation_m[i] / depth_m / step;
+    const double depth_m = std::max(double{maps.depth.row(i)[maps.depth.cols / 2]}, 0.1);
+    const double pixels = deviation_m[i] / depth_m / grid.step();
     if (!(pixels > least_pixels)) continue;
     const auto kernel = kernel_of(std::min(pixels, static_cast<double>(side)));
     const auto reach = static_cast<std::ptrdiff_t>(kernel.size() / 2);
@@ -83,7 +81,7 @@ SoftMaps soft_of(SoftMaps own, const Matrix& maps, const Scene& scene,
   if (own.foreground_probability.rows == 0) return probabilities_of(maps, scene);
   std::vector<double> deviation_m = lateral_interval_90_m;
   for (double& d : deviation_m) d /= deviations_90;
-  blur(own, deviation_m);
+  blur(own, scene.grid, deviation_m);
   return own;
 }
 

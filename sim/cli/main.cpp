@@ -21,6 +21,7 @@
 #include "sim/lab/lab_command.hpp"
 #include "sim/study/bound.hpp"
 #include "sim/study/fidelity.hpp"
+#include "sim/study/letters.hpp"
 #include "sim/usb/usb_lab.hpp"
 
 namespace {
@@ -292,6 +293,20 @@ ExitCode run_bound(StudyArguments<sim::BoundOptions>& a) {
   return ExitCode::ok;
 }
 
+ExitCode run_letters(StudyArguments<sim::LettersOptions>& a) {
+  catch_interrupts();
+  const auto rows = sim::study_letters(a.options);
+  std::printf("%-8s %8s %-10s %14s %6s\n", "axis", "value", "known", "top 1", "top 3");
+  for (const auto& r : rows)
+    std::printf("%-8s %8g %-10s %6.3f +- %.3f %6.3f\n", r.axis.c_str(), r.value, r.known.c_str(),
+                r.top1, r.se, r.top3);
+  for (const auto& r : rows)
+    if (r.axis == "photons" && r.value == 1000)
+      std::printf("1000 photons, known: %s\n%s", r.known.c_str(), confusion_text(r).c_str());
+  sim::write_letters(rows, a.out);
+  return ExitCode::ok;
+}
+
 template <class Options>
 void add_one_study(CLI::App& study, Command& command, const std::string& name,
                    const std::string& what, ExitCode (*run)(StudyArguments<Options>&)) {
@@ -332,6 +347,8 @@ void add_study(CLI::App& app, Command& command) {
                 run_fidelity);
   add_one_study(*study, command, "bound", "the least error of a lateral position that noise allows",
                 run_bound);
+  add_one_study(*study, command, "letters",
+                "which letter the likelihood of a histogram tells, all else known", run_letters);
 }
 
 void add_config(CLI::App& app, Command& command) {

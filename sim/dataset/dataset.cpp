@@ -149,8 +149,8 @@ Generator::Generator(Plan plan)
     : plan_(std::move(plan)),
       scenes_(scenes_of(plan_)),
       radar_(radar_response(plan_.conditions)),
-      x_(record::depth_x_axis(record::map_size, plan_.conditions.half_tangent)),
-      y_(record::depth_y_axis(record::map_size, plan_.conditions.half_tangent)),
+      x_(map_grid(plan_.conditions).x()),
+      y_(map_grid(plan_.conditions).y()),
       mean_peak_(mean_peak_power(radar_, plan_.conditions)) {}
 
 Scene Generator::scene(std::int64_t index) const {
@@ -187,8 +187,8 @@ std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
   record::RunWriter writer(options.out, run_info(plan, options));
   writer.put_axis(spd_axis(plan.conditions));
   writer.put_axis(radar_axis(plan.conditions));
-  writer.put_axis(record::depth_x_axis(record::map_size, plan.conditions.half_tangent));
-  writer.put_axis(record::depth_y_axis(record::map_size, plan.conditions.half_tangent));
+  const record::MapGrid map = map_grid(plan.conditions);
+  for (const Axis& axis : {map.x(), map.y(), map.axes()[0], map.axes()[1]}) writer.put_axis(axis);
   Progress progress("records", static_cast<std::size_t>(generator.records()), options.quiet);
   const auto start_batch = [&](std::int64_t first) {
     const std::int64_t last = std::min(first + batch_records, generator.records());

@@ -155,6 +155,7 @@ std::string shell_word(const std::string& word) {
 // `label` is what stands before the sensors, if that never changes.
 std::string lab_toml(const LabOptions& o, const fs::path& dir, const std::string& tdc_address,
                      const std::string& label) {
+  const record::MapGrid map = map_grid(o.conditions);
   std::ostringstream out;
   out << first_line
       << ": simulated devices; start the daemon with LD_LIBRARY_PATH=" << (dir / "openni").string()
@@ -167,7 +168,8 @@ std::string lab_toml(const LabOptions& o, const fs::path& dir, const std::string
       << "\nbins = " << o.conditions.bins
       << "\n\n[radar]\ncli = " << toml_text("serial:" + (dir / "radar-cli").string())
       << "\ndata = " << toml_text("serial:" + (dir / "radar-data").string())
-      << "\ncfg = \"radar.cfg\"\n\n[depth]\naddress = \"openni:\"\n";
+      << "\ncfg = \"radar.cfg\"\n\n[depth]\naddress = \"openni:\"\nmap_size = " << map.size
+      << "\nmap_half_tangent = " << Json(map.half_tangent).dump() << "\n";
   return out.str();
 }
 

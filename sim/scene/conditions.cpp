@@ -63,6 +63,10 @@ void bind_radar(Settings& s, Conditions& c) {
 }
 
 void bind_depth(Settings& s, Conditions& c) {
+  s.add("map_size", c.map_size, record::least_map_size, record::most_map_size,
+        "pixels of the depth maps, both ways");
+  s.add("map_half_tangent", c.map_half_tangent, 0, record::most_map_half_tangent,
+        "x/z and y/z at the depth maps' edges; 0: half_tangent");
   s.add("depth_noise_m", c.depth_noise_m, 0, 1, "sigma at 1 m, grows with the distance's square");
   s.add("depth_dropout", c.depth_dropout, 0, 1, "share of the pixels at edges without return");
 }
@@ -88,6 +92,8 @@ void validate(const Conditions& c) {
                                       "; expected 0 or a whole number from 16 to 2048");
   if (c.spd_dead_time_ps > 0 && c.pulses_per_window == 0)
     throw Error(ExitCode::config, "spd_dead_time_ps needs pulses_per_window, the laser's pulses");
+  if (c.map_half_tangent > 0 && c.map_half_tangent < record::least_map_half_tangent)
+    throw Error(ExitCode::config, "map_half_tangent: expected 0, or 0.02 to 3");
   if (c.target_z_min_m > c.target_z_max_m)
     throw Error(ExitCode::config, "target_z_min_m is greater than target_z_max_m");
   if (!c.object.empty()) mesh_of(c.object);
@@ -96,6 +102,11 @@ void validate(const Conditions& c) {
 Axis spd_axis(const Conditions& c) {
   return {"spd",          "counts",      "ps", static_cast<std::uint32_t>(c.bins),
           c.first_bin_ps, c.bin_width_ps};
+}
+
+record::MapGrid map_grid(const Conditions& c) {
+  return {static_cast<std::uint32_t>(c.map_size),
+          c.map_half_tangent > 0 ? c.map_half_tangent : c.half_tangent};
 }
 
 Axis radar_axis(const Conditions& c) {

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <string>
 
+#include "acquire/record/depth_map.hpp"
 #include "drivers/core/axis.hpp"
 #include "drivers/core/settings.hpp"
 #include "sim/scene/radar_axis.hpp"
@@ -63,8 +64,10 @@ struct Conditions {
   double radar_leakage = 0;  // power of transmitter in receiver, at range 0, as of radar_power
 
   // Depth camera
-  double depth_noise_m = 0;  // sigma at 1 m; grows as z^2
-  double depth_dropout = 0;  // share of the pixels at edges without return
+  std::int64_t map_size = 64;   // pixels of a data set's depth maps, both ways
+  double map_half_tangent = 0;  // at their edges; 0: half_tangent
+  double depth_noise_m = 0;     // sigma at 1 m; grows as z^2
+  double depth_dropout = 0;     // share of the pixels at edges without return
 };
 
 // [S] exposure of one record; a simulated set has no other clock
@@ -84,6 +87,7 @@ void validate(const Conditions& conditions);
 std::int64_t rays_of(const Conditions& conditions);
 
 Axis spd_axis(const Conditions& conditions);
+record::MapGrid map_grid(const Conditions& conditions);
 Axis radar_axis(const Conditions& conditions);
 RadarAxis radar_response(const Conditions& conditions);
 

@@ -119,8 +119,7 @@ void add_person(Scene& scene, const Conditions& conditions, const Stand& stand,
 
 char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand,
                        SceneSampler& sampler) {
-  static constexpr std::array letters{'A', 'C', 'E', 'H', 'L', 'N', 'O', 'T', 'U', 'X'};
-  const char letter = letters[sampler.pick(letters.size())];
+  const char letter = letters_drawn[sampler.pick(letters_drawn.size())];
   const bool large = sampler.pick(2) == 0;
   const double scale = conditions.target_scale;
   const double width = scale * (large ? 0.30 : 0.20), height = scale * (large ? 0.40 : 0.30);

@@ -31,7 +31,8 @@ TEST_CASE("the shipped configuration loads, with the radar cfg beside it") {
 TEST_CASE("what was resolved loads again") {
   const Folder folder;
   write_file(folder / "a.toml",
-             "[depth]\naddress = \"openni:\"\n[tdc]\nclick_channel = 7\nstart_delay_ps = 5\n"
+             "[depth]\naddress = \"openni:\"\nmap_size = 256\nmap_half_tangent = "
+             "0.3\n[tdc]\nclick_channel = 7\nstart_delay_ps = 5\n"
              "click_delay_ps = -6\ndead_time_ps = 22000\n");
   const Config once = load_config(folder / "a.toml");
   CHECK(once.configured() == SensorSet::from_bits(4));
@@ -42,6 +43,8 @@ TEST_CASE("what was resolved loads again") {
   CHECK(twice.histogram.start_delay_ps == 5);
   CHECK(twice.histogram.click_delay_ps == -6);
   CHECK(twice.histogram.dead_time_ps == 22'000);
+  CHECK(twice.map == record::MapGrid{256, 0.3});
+  CHECK(has(refusal(folder / "a.toml", {"depth.map_size=257"}).second, "depth.map_size"));
 }
 
 TEST_CASE("all faults at once, each with its place") {

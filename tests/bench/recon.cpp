@@ -43,7 +43,7 @@ TrainedModel fitted(const Dataset& data, const std::string& model, std::size_t e
   fit.quiet = true, fit.epochs = epochs, fit.patience = epochs;
   const Split split = make_split(data.usable(Inputs::fused), {});
   const Preprocessing preprocessing(data, split.train, Inputs::fused,
-                                    learn_scene(data.depth, split.train),
+                                    learn_scene(data.depth, split.train, data.map),
                                     wants_alignment(candidate_of(model, fit).model));
   return fit_model(data, split, preprocessing, model, Inputs::fused, "record", fit);
 }

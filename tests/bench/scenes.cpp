@@ -37,8 +37,7 @@ void measure(const char* background) {
   plan.conditions.background = background;
   const Conditions& c = plan.conditions;
   const Generator generator(plan);
-  const auto x = record::depth_x_axis(record::map_size, c.half_tangent);
-  const auto y = record::depth_y_axis(record::map_size, c.half_tangent);
+  const auto x = map_grid(c).x(), y = map_grid(c).y();
   const RadarAxis radar = radar_response(c);
   double sum = 0;
   Returns returns;
@@ -74,7 +73,7 @@ void print_people() {
       std::printf("capsule %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g\n", k.a.x, k.a.y, k.a.z,
                   k.b.x, k.b.y, k.b.z, k.radius_m, k.albedo);
     std::printf("map");
-    for (const int mm : render_depth_mm(scene, record::depth_x_axis(), record::depth_y_axis()))
+    for (const int mm : render_depth_mm(scene, record::MapGrid{}.x(), record::MapGrid{}.y()))
       std::printf(" %d", mm);
     std::printf("\n");
   }

@@ -3,6 +3,8 @@
 
 #include <catch2/catch.hpp>
 
+#include "drivers/core/exit_code.hpp"
+
 using namespace echofuse;
 using namespace echofuse::record;
 
@@ -11,7 +13,7 @@ using Image = std::vector<std::uint16_t>;
 }
 
 TEST_CASE("a map on the target's own axes comes back as it was") {
-  const Axis x = depth_x_axis(), y = depth_y_axis();
+  const Axis x = MapGrid{}.x(), y = MapGrid{}.y();
   CHECK(x.at(0) == Approx(-0.55 * 63 / 64));
   CHECK(y.at(0) == Approx(0.55 * 63 / 64));
   CHECK(x.at(63) == Approx(-x.at(0)));
@@ -21,9 +23,23 @@ TEST_CASE("a map on the target's own axes comes back as it was") {
   for (std::size_t i = 0; i < image.size(); ++i) REQUIRE(map[i] == static_cast<float>(i) / 1000.0f);
 }
 
+TEST_CASE("a run states its map as two axes, or has the default") {
+  const MapGrid grid{100, 0.3};
+  const auto axes = grid.axes();
+  CHECK(map_grid_of(axes) == grid);
+  CHECK(axes[0].at(0) == Approx(grid.x().at(0)));
+  CHECK(axes[1].at(99) == Approx(grid.y().at(99)));
+  CHECK(map_grid_of({}) == MapGrid{64, 0.55});
+  CHECK_FALSE(grid == MapGrid{100, 0.301});
+  CHECK_FALSE(grid == MapGrid{99, 0.3});
+  CHECK_THROWS_AS(map_grid_of(std::span(axes).first(1)), Error);
+  CHECK_THROWS_AS(map_grid_of(MapGrid{300, 0.3}.axes()), Error);
+  CHECK_THROWS_AS(map_grid_of(MapGrid{64, 4}.axes()), Error);
+}
+
 TEST_CASE("every source pixel falls into exactly one target pixel, and invalid ones never mix in") {
-  const Axis x = depth_x_axis(256), y = depth_y_axis(256);
-  const Axis target_x = depth_x_axis(64), target_y = depth_y_axis(64);
+  const Axis x = depth_x_axis(256, 0.55), y = depth_y_axis(256, 0.55);
+  const Axis target_x = MapGrid{}.x(), target_y = MapGrid{}.y();
   Image image(256 * 256, 3000);
   for (std::size_t j = 0; j < 256; ++j)
     for (std::size_t i = 0; i < 256; ++i) {
@@ -41,7 +57,7 @@ TEST_CASE("a camera that sees less than the target leaves the rest empty, up is 
   const Axis x = depth_x_axis(64, 0.275), y = depth_y_axis(64, 0.275);
   Image image(64 * 64, 2000);
   for (std::size_t i = 0; i < 64 * 32; ++i) image[i] = 4000;  // upper half
-  const auto map = to_target(image, x, y, depth_x_axis(), depth_y_axis());
+  const auto map = to_target(image, x, y, MapGrid{}.x(), MapGrid{}.y());
   CHECK(map[32 * 64 + 15] == 0.0f);
   CHECK(map[31 * 64 + 16] == 4.0f);
   CHECK(map[32 * 64 + 16] == 2.0f);

@@ -121,8 +121,8 @@ TEST_CASE("what is cut out of a map is drawn back to where it was") {
   const std::vector<float> background(maps.cols, 0);
   const Rows rows = all_rows(50);
   std::vector<Place> places;
-  for (const std::size_t row : rows) places.push_back(*place_of(maps.row(row), background));
-  const BodyFrame frame(maps, background, rows, places);
+  for (const std::size_t row : rows) places.push_back(*place_of(maps.row(row), background, {}));
+  const BodyFrame frame(maps, background, rows, places, {});
   std::vector<float> mask(frame.size()), relief(frame.size()), drawn(maps.cols);
   for (const std::size_t row : rows) {
     frame.cut(maps.row(row), background, places[row], mask, relief);

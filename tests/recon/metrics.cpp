@@ -33,7 +33,7 @@ Map average(const Map& a, const Map& b) {
   return out;
 }
 Scene room(float background_m = 0, float foreground_m = 3.5f) {
-  return {Map(size * size, background_m), Map(size * size, background_m), foreground_m};
+  return {Map(size * size, background_m), Map(size * size, background_m), foreground_m, {}};
 }
 
 }  // namespace
@@ -58,7 +58,7 @@ TEST_CASE("the mirror image instead of the truth, and both at once") {
   CHECK(wrong[metric_iou] == 0);
   CHECK(std::isnan(wrong[metric_depth_mae_m]));
   // From one side to the other: twice the centroid's tangent, at 3.5 m.
-  const double tangent = record::depth_x_axis().at(6 + 4.5);
+  const double tangent = record::MapGrid{}.x().at(6 + 4.5);
   CHECK(wrong[metric_lateral_m] == Approx(2 * std::abs(tangent) * 3.5).epsilon(1e-9));
   const MapScores both = score(average(truth, ghost), truth, room());
   CHECK(both[metric_ghost] == Approx(0.5).epsilon(1e-12));
@@ -113,7 +113,7 @@ TEST_CASE("an empty prediction has no position") {
 TEST_CASE("learning the scene from its maps") {
   Matrix maps(0, size * size);
   for (const std::size_t left : {2u, 20u, 50u}) maps.add_row(plate(left, 3.2f, 5.0f));
-  const Scene scene = learn_scene(maps, {0, 1, 2});
+  const Scene scene = learn_scene(maps, {0, 1, 2}, {});
   CHECK(scene.background == Map(size * size, 5.0f));
   CHECK(scene.foreground_depth_m == Approx(3.2f));
   CHECK(scene.mean_map[30 * size + 2] == Approx((3.2 + 5 + 5) / 3));

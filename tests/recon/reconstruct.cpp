@@ -94,7 +94,7 @@ TEST_CASE("points, arrays and pictures show the same map") {
   const auto points = points_of(contents(dir / "o/000002.ply"));
   REQUIRE(points.size() > 3 * 50);  // the plate: about 24 rows of 10 pixels
   REQUIRE(points.size() < 3 * 800);
-  const Axis x = record::depth_x_axis(), y = record::depth_y_axis();
+  const Axis x = record::MapGrid{}.x(), y = record::MapGrid{}.y();
   std::size_t strangers = 0;
   for (std::size_t i = 0; i < points.size(); i += 3) {
     const double z = double{points[i + 2]};
@@ -138,7 +138,7 @@ TEST_CASE("a run is followed while it is recorded, until it is closed") {
   REQUIRE(recon_program("train -q --no-fallback --model ridge " + (dir / "run") + " --out " + model)
               .code == 0);
   record::RunWriter run(live, {});
-  for (const Axis& axis : {spd_axis(), record::depth_x_axis(), record::depth_y_axis()})
+  for (const Axis& axis : {spd_axis(), record::MapGrid{}.x(), record::MapGrid{}.y()})
     run.put_axis(axis);
   Rng rng = make_rng(4, 4);
   const auto record = [&](std::int64_t index) {

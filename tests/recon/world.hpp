@@ -59,7 +59,7 @@ inline record::FusedRecord plate_record(std::int64_t index, double x, double z, 
   for (std::uint32_t i = 0; i < radar_axis().count; ++i)
     r.radar.push_back(static_cast<float>(bump(radar_axis().at(i), radar_range, 0.4)) + noise(rng));
   r.depth_mm.assign(64 * 64, 0);
-  const Axis tangent = record::depth_x_axis();
+  const Axis tangent = record::MapGrid{}.x();
   for (std::size_t row = 20; row < 44; ++row)
     for (std::size_t c = 0; c < 64; ++c)
       if (std::abs(tangent.at(static_cast<double>(c)) - x / z) < 0.09)
@@ -77,7 +77,7 @@ inline void write_run(const std::string& path, std::int64_t count, std::uint64_t
                       const std::vector<record::CalibrationEntry>& calibration = {}) {
   record::RunWriter run(path, {});
   for (const auto& entry : calibration) run.put_calibration(entry);
-  for (const Axis& axis : {spd, radar, record::depth_x_axis(), record::depth_y_axis()})
+  for (const Axis& axis : {spd, radar, record::MapGrid{}.x(), record::MapGrid{}.y()})
     run.put_axis(axis);
   Rng rng = make_rng(seed, 7);
   std::uniform_real_distribution<double> x(-1, 1), z(3, 4);

@@ -8,6 +8,8 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <map>
+#include <sstream>
 #include <string>
 
 #include "../paths.hpp"
@@ -130,6 +132,29 @@ TEST_CASE("study bound: a table, a chart, and no answer for another noise") {
   CHECK_FALSE(fs::exists(folder / "never"));
   std::ofstream(folder / "file") << "no folder";
   CHECK(sim("study bound -q --out " + folder / "file").code == 6);
+}
+
+TEST_CASE("study letters: more light and a shorter response tell more, and a known brightness") {
+  const Folder folder;
+  const Outcome o = sim("study letters --scenes 12 -q --set spd_rays=64 --out " + folder / "study");
+  CAPTURE(o.text);
+  CHECK(o.code == 0);
+  CHECK(fs::file_size(folder / "study/letters.svg") > 5'000);
+  std::ifstream csv(folder / "study/letters.csv");
+  std::map<std::string, double> top1;
+  std::string line;
+  for (std::getline(csv, line); std::getline(csv, line);) {
+    std::istringstream row(line);
+    std::string axis, value, known, share;
+    std::getline(row, axis, ','), std::getline(row, value, ',');
+    std::getline(row, known, ','), std::getline(row, share, ',');
+    top1[axis + value + known] = std::stod(share);
+  }
+  CHECK(top1.size() == 2 * (1 + 5 + 5 + 4));
+  CHECK(top1["photons100000brightness"] > 0.9);
+  CHECK(top1["photons100brightness"] < top1["photons100000brightness"]);
+  CHECK(top1["photons100000none"] <= top1["photons100000brightness"]);
+  CHECK(sim("study letters -q --set pulses_per_window=1000000 --out " + folder / "no").code == 3);
 }
 
 TEST_CASE("devices that were unplugged come back while a command runs in the laboratory") {

@@ -90,6 +90,7 @@ TEST_CASE("a data set describes itself") {
   CHECK(same_axis(*run.axis("radar"), radar_axis(plan.conditions)));
   CHECK(run.axis("depth_x")->at(63.5) == Approx(0.4));
   CHECK(run.axis("depth_y")->at(63.5) == Approx(-0.4));
+  CHECK(record::map_grid_of(run.axes()) == record::MapGrid{64, 0.4});
   const Plan stored = plan_of(path);
   CHECK(stored.seed == plan.seed);
   CHECK(stored.letters == plan.letters);
@@ -110,6 +111,19 @@ TEST_CASE("a data set describes itself") {
   CHECK(letters == plan.letters);
   CHECK(two == plan.two_people);
   CHECK(empty == plan.empty);
+}
+
+TEST_CASE("a data set's maps have the size and field that are asked for") {
+  Plan plan;
+  plan.people = 1, plan.letters = 0;
+  const auto plain = Generator(plan).make(0);
+  plan.conditions.map_size = 128, plan.conditions.map_half_tangent = 0.275;
+  const auto other = Generator(plan).make(0);
+  CHECK(plain.spd == other.spd);
+  REQUIRE(other.depth_mm.size() == 128 * 128);
+  CHECK(map_grid(plan.conditions) == record::MapGrid{128, 0.275});
+  plan.conditions.map_half_tangent = 0.01;
+  CHECK_THROWS_AS(validate(plan.conditions), Error);
 }
 
 TEST_CASE("kinds are shuffled by the seed") {

@@ -59,7 +59,7 @@ TEST_CASE("dropouts are at edges only, and as many as said") {
 TEST_CASE("a record's map is exact, or made of a frame as the product makes it") {
   Conditions c;
   const Scene scene = some_scene(c, 4);
-  const Axis x = record::depth_x_axis(), y = record::depth_y_axis();
+  const Axis x = record::MapGrid{}.x(), y = record::MapGrid{}.y();
   Rng rng = make_rng(3, 3), same = make_rng(3, 3);
   CHECK(depth_map_mm(scene, x, y, c, rng) == render_depth_mm(scene, x, y));
   CHECK(rng == same);

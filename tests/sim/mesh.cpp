@@ -115,7 +115,7 @@ TEST_CASE("a mesh of a box is seen as plates in the places of its faces") {
     face(1.0 * side * y, x, z, 1, 0.5);
   }
   const Conditions c;
-  const Axis columns = record::depth_x_axis(200), rows = record::depth_y_axis(200);
+  const Axis columns = record::depth_x_axis(200, 0.55), rows = record::depth_y_axis(200, 0.55);
   CHECK(render_depth_mm(triangles, columns, rows) == render_depth_mm(plates, columns, rows));
   const auto a = spd_rate(spd_returns(triangles, c), c), b = spd_rate(spd_returns(plates, c), c);
   CHECK(total(a) > 1000);

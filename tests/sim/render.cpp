@@ -13,8 +13,8 @@ using namespace echofuse::sim;
 
 namespace {
 
-Axis x_axis(std::uint32_t n) { return record::depth_x_axis(n); }
-Axis y_axis(std::uint32_t n) { return record::depth_y_axis(n); }
+Axis x_axis(std::uint32_t n) { return record::depth_x_axis(n, 0.55); }
+Axis y_axis(std::uint32_t n) { return record::depth_y_axis(n, 0.55); }
 
 Scene scaled(Scene scene, double s) {
   for (auto& capsule : scene.capsules)

@@ -101,7 +101,7 @@ class Live(unittest.TestCase):
                 self.assertEqual(sum(counts), row["in_range"])
 
     def test_count(self):
-        daemon = self.record("--count", "10", "--label", "person")
+        daemon = self.record("--count", "10", "--label", "person", "--set", "depth.map_size=96")
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 0, log)
         sent = self.close_lab()
@@ -114,6 +114,8 @@ class Live(unittest.TestCase):
         self.assertEqual(info["valid"], {"spd": 10, "radar": 10, "depth": 10}, log)
         self.assertEqual(info["lost"], {"spd": 0, "radar": 0, "depth": 0}, log)
         self.assertEqual(info["events"], {}, log)
+        counts = {axis["name"]: axis["count"] for axis in info["axes"]}
+        self.assertEqual((counts["depth_x"], counts["map_x"], counts["map_y"]), (320, 96, 96))
         self.assertEqual(sent["tdc"]["dropped"], 0)
         # The tagger also sends while the radar is configured and in the last grace period.
         self.assertGreater(info["tags"], 0)

@@ -5,17 +5,15 @@
 #include <array>
 #include <cmath>
 
-#include "acquire/record/depth_map.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/numbers/matrix_file.hpp"
 
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t side = record::map_size;
 // Cells are a little finer than the map's pixels: interpolating twice blurs less.
 constexpr double cells_per_pixel = 1.2;
-constexpr std::size_t most_cells = 96;
+constexpr std::size_t most_side = record::most_map_size, most_cells = most_side * 3 / 2;
 
 // Where a coordinate lies among n points: between `low` and the next one, by `part`.
 struct Between {
@@ -40,20 +38,22 @@ float sample(std::span<const float> row, const Between& b) {
 
 }  // namespace
 
-std::optional<Place> place_of(std::span<const float> map, std::span<const float> background) {
-  const Axis x = record::depth_x_axis();
+std::optional<Place> place_of(std::span<const float> map, std::span<const float> background,
+                              const record::MapGrid& grid) {
+  const Axis x = grid.x();
   double tangent = 0, depth = 0, pixels = 0;
   for (std::size_t p = 0; p < map.size(); ++p) {
     if (!true_foreground(map[p], background[p])) continue;
-    tangent += x.at(static_cast<double>(p % side)), depth += double{map[p]}, ++pixels;
+    tangent += x.at(static_cast<double>(p % grid.size)), depth += double{map[p]}, ++pixels;
   }
   if (pixels == 0) return std::nullopt;
   return Place{static_cast<float>(tangent / pixels), static_cast<float>(depth / pixels)};
 }
 
 BodyFrame::BodyFrame(const Matrix& maps, std::span<const float> background, const Rows& rows,
-                     const std::vector<Place>& places) {
-  const Axis x = record::depth_x_axis(), y = record::depth_y_axis();
+                     const std::vector<Place>& places, const record::MapGrid& grid)
+    : grid_(grid) {
+  const Axis x = grid.x(), y = grid.y();
   double right = 0, bottom = -1e9, depth = 0;
   left_m_ = 0, top_m_ = 1e9;
   for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -62,28 +62,31 @@ BodyFrame::BodyFrame(const Matrix& maps, std::span<const float> background, cons
     depth += z / static_cast<double>(rows.size());
     for (std::size_t p = 0; p < map.size(); ++p) {
       if (!true_foreground(map[p], background[p])) continue;
-      const double across = (x.at(static_cast<double>(p % side)) - double{places[i].tangent}) * z;
-      const double down = y.at(static_cast<double>(p / side)) * z;
+      const double across =
+          (x.at(static_cast<double>(p % grid.size)) - double{places[i].tangent}) * z;
+      const double down = y.at(static_cast<double>(p / grid.size)) * z;
       left_m_ = std::min(left_m_, across), right = std::max(right, across);
       top_m_ = std::min(top_m_, down), bottom = std::max(bottom, down);
     }
   }
+  const std::size_t most = std::size_t{grid.size} * 3 / 2;
   pitch_m_ = x.step * depth / cells_per_pixel;
   const auto cells = [&](double extent) {
-    return std::clamp<std::size_t>(static_cast<std::size_t>(extent / pitch_m_) + 2, 2, most_cells);
+    return std::clamp<std::size_t>(static_cast<std::size_t>(extent / pitch_m_) + 2, 2, most);
   };
   columns_ = cells(right - left_m_), rows_ = cells(bottom - top_m_);
 }
 
 void BodyFrame::cut(std::span<const float> map, std::span<const float> background,
                     const Place& place, std::span<float> mask, std::span<float> relief) const {
-  const Axis x = record::depth_x_axis(), y = record::depth_y_axis();
+  const Axis x = grid_.x(), y = grid_.y();
+  const std::size_t side = grid_.size;
   const double z = double{place.depth_m};
-  std::array<float, side * side> body{}, depth{};
+  std::vector<float> body(map.size()), depth(map.size());
   for (std::size_t p = 0; p < map.size(); ++p)
     if (true_foreground(map[p], background[p])) body[p] = 1, depth[p] = map[p] - place.depth_m;
   const auto row_of = [&](const auto& image, std::ptrdiff_t r) {
-    return r >= 0 && r < std::ptrdiff_t{side}
+    return r >= 0 && r < static_cast<std::ptrdiff_t>(side)
                ? std::span<const float>(image).subspan(static_cast<std::size_t>(r) * side, side)
                : std::span<const float>{};
   };
@@ -106,9 +109,10 @@ void BodyFrame::cut(std::span<const float> map, std::span<const float> backgroun
 template <class Paint>
 void BodyFrame::visit(std::span<const float> mask, std::span<const float> relief,
                       const Place& place, const Paint& paint) const {
-  const Axis x = record::depth_x_axis(), y = record::depth_y_axis();
+  const Axis x = grid_.x(), y = grid_.y();
+  const std::size_t side = grid_.size;
   const double z = double{place.depth_m};
-  std::array<Between, side> across;
+  std::array<Between, most_side> across;
   std::size_t first = side, last = 0;  // map columns that the patch covers: [first, last)
   for (std::size_t c = 0; c < side; ++c) {
     const double at = (x.at(static_cast<double>(c)) - double{place.tangent}) * z;
@@ -155,6 +159,7 @@ void BodyFrame::draw_soft(std::span<const float> mask, std::span<const float> re
 }
 
 std::size_t BodyFrame::draw_cost() const {
+  const std::size_t side = grid_.size;
   return side * (2 * columns_ + 2 * std::min(side, columns_));
 }
 
@@ -168,6 +173,7 @@ void BodyFrame::save(record::H5File& file) const {
 }
 
 void BodyFrame::load(const record::H5File& file) {
+  grid_ = load_grid(file);
   const auto cells = [&](const char* attribute) {
     const auto count = file.get<std::int64_t>("model/frame", attribute);
     require_sound(file, count >= 2 && count <= std::int64_t{most_cells},

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "acquire/record/depth_map.hpp"
 #include "acquire/record/h5.hpp"
 #include "recon/numbers/matrix.hpp"
 
@@ -18,14 +19,16 @@ struct Place {
 };
 
 // Of a true map's foreground (maps/scene.hpp); none if it has none.
-std::optional<Place> place_of(std::span<const float> map, std::span<const float> background);
+std::optional<Place> place_of(std::span<const float> map, std::span<const float> background,
+                              const record::MapGrid& grid);
 
 class BodyFrame {
  public:
   BodyFrame() = default;
-  // As large as the bodies in these maps; rows and places belong together.
+  // As large as the bodies in these maps, with cells a little finer than their pixels; rows and
+  // places belong together.
   BodyFrame(const Matrix& maps, std::span<const float> background, const Rows& rows,
-            const std::vector<Place>& places);
+            const std::vector<Place>& places, const record::MapGrid& grid);
 
   std::size_t size() const { return columns_ * rows_; }
   // mask: share of a cell that is foreground; relief: that share times (z - place.depth_m).
@@ -40,7 +43,7 @@ class BodyFrame {
   // Multiply-adds of one draw().
   std::size_t draw_cost() const;
 
-  void save(record::H5File& file) const;
+  void save(record::H5File& file) const;  // without the maps' grid, which the model file has
   void load(const record::H5File& file);
 
  private:
@@ -49,6 +52,7 @@ class BodyFrame {
   void visit(std::span<const float> mask, std::span<const float> relief, const Place& place,
              const Paint& paint) const;
 
+  record::MapGrid grid_;  // of the maps
   std::size_t columns_ = 0, rows_ = 0;
   double left_m_ = 0, top_m_ = 0, pitch_m_ = 1;  // centre of cell (0, 0), distance of the cells
 };

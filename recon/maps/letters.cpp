@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: MIT
+#include "recon/maps/letters.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace echofuse::recon {
+namespace {
+
+constexpr double cell_m = 0.02, template_depth_m = 3, most_shift_m = 0.08;
+// Before a plate is found: its middle is that far behind what is nearest, a shoe at times.
+constexpr double middle_behind_nearest_m = 0.1;
+constexpr float near_m = 0.15f, far_m = 0.35f;
+
+// Middle line and width of a stroke; x right, y up, metres.
+struct Stroke {
+  double ax, ay, bx, by, width;
+};
+struct PlateSize {
+  double width, height, stroke;
+};
+constexpr PlateSize sizes[] = {{0.30, 0.40, 0.07}, {0.20, 0.30, 0.05}};  // [S]
+
+std::vector<Stroke> strokes_of(char letter, const PlateSize& size) {
+  const double w = size.stroke, right = size.width / 2, top = size.height / 2;
+  const double a = right - w / 2, b = top - w / 2;
+  const Stroke left_post{-a, -top, -a, top, w}, right_post{a, -top, a, top, w};
+  const Stroke roof{-right, b, right, b, w}, base{-right, -b, right, -b, w};
+  const Stroke bar{-right, 0, right, 0, w};
+  switch (letter) {
+    case 'A': {
+      const double v = -top / 3, u = a * (top - v) / (2 * top);
+      return {{-a, -top, 0, top, w}, {0, top, a, -top, w}, {-u, v, u, v, w}};
+    }
+    case 'C':
+      return {left_post, roof, base};
+    case 'E':
+      return {left_post, roof, bar, base};
+    case 'H':
+      return {left_post, right_post, bar};
+    case 'L':
+      return {left_post, base};
+    case 'N':
+      return {left_post, right_post, {-a, top, a, -top, w}};
+    case 'O':
+      return {left_post, right_post, roof, base};
+    case 'T':
+      return {roof, {0, -top, 0, top, w}};
+    case 'U':
+      return {left_post, right_post, base};
+    default:
+      return {{-a, -top, a, top, w}, {-a, top, a, -top, w}};  // X
+  }
+}
+
+bool covers(const Stroke& s, double x, double y) {
+  const double dx = s.bx - s.ax, dy = s.by - s.ay, length = std::hypot(dx, dy);
+  const double along = ((x - s.ax) * dx + (y - s.ay) * dy) / length;
+  const double across = ((x - s.ax) * dy - (y - s.ay) * dx) / length;
+  return along >= 0 && along <= length && std::abs(across) <= s.width / 2;
+}
+
+// Of cell i of n about their middle.
+double offset_m(std::size_t i, std::size_t n) {
+  return (static_cast<double>(i) - (static_cast<double>(n) - 1) / 2) * cell_m;
+}
+
+// Share of a square around each cell that the letter covers.
+std::vector<float> coverage_of(const std::vector<Stroke>& strokes, std::size_t columns,
+                               std::size_t rows, double blur_m) {
+  constexpr int samples = 8;
+  std::vector<float> out(columns * rows);
+  for (std::size_t c = 0; c < out.size(); ++c) {
+    int inside = 0;
+    for (int i = 0; i < samples * samples; ++i) {
+      const double dx = ((i % samples + 0.5) / samples - 0.5) * (cell_m + blur_m);
+      const double dy = ((i / samples + 0.5) / samples - 0.5) * (cell_m + blur_m);
+      const double x = offset_m(c % columns, columns) + dx, y = dy - offset_m(c / columns, rows);
+      inside += std::any_of(strokes.begin(), strokes.end(),
+                            [&](const Stroke& s) { return covers(s, x, y); });
+    }
+    out[c] = static_cast<float>(inside) / (samples * samples);
+  }
+  return out;
+}
+
+void normalise(std::vector<float>& values) {
+  double mean = 0, squares = 0;
+  for (const float v : values) mean += double{v} / static_cast<double>(values.size());
+  for (float& v : values) v -= static_cast<float>(mean), squares += double{v} * double{v};
+  for (float& v : values) v /= static_cast<float>(std::sqrt(squares));
+}
+
+// 1 at the plate's depth or before it, 0 far behind it and where there is nothing.
+std::vector<float> near_layer(std::span<const float> map, double depth_m, const Scene& scene) {
+  std::vector<float> out = foreground_share(map, scene);
+  const auto middle_m = static_cast<float>(depth_m);
+  for (std::size_t p = 0; p < out.size(); ++p)
+    out[p] =
+        out[p] > 0.5f ? std::clamp((middle_m + far_m - map[p]) / (far_m - near_m), 0.f, 1.f) : 0.f;
+  return out;
+}
+
+// A layer in cells about a place, whose tangents these are: linear between the pixels, 0 outside.
+struct Patch {
+  std::size_t columns, rows;
+  std::vector<float> cells;
+  Patch(const std::vector<float>& layer, const record::MapGrid& grid, double depth_m, double x,
+        double y, std::size_t wide, std::size_t high)
+      : columns(wide), rows(high), cells(wide * high) {
+    const auto side = static_cast<std::ptrdiff_t>(grid.size);
+    const auto pixel = [&](std::ptrdiff_t column, std::ptrdiff_t row) {
+      const bool inside = column >= 0 && column < side && row >= 0 && row < side;
+      return inside ? double{layer[static_cast<std::size_t>(row * side + column)]} : 0.0;
+    };
+    const Axis across = grid.x(), down = grid.y();
+    for (std::size_t c = 0; c < cells.size(); ++c) {
+      const double column = (x + offset_m(c % wide, wide) / depth_m - across.start) / across.step;
+      const double row = (y - offset_m(c / wide, high) / depth_m - down.start) / down.step;
+      const auto i = static_cast<std::ptrdiff_t>(std::floor(column));
+      const auto j = static_cast<std::ptrdiff_t>(std::floor(row));
+      const double u = column - static_cast<double>(i), v = row - static_cast<double>(j);
+      cells[c] = static_cast<float>((1 - v) * ((1 - u) * pixel(i, j) + u * pixel(i + 1, j)) +
+                                    v * ((1 - u) * pixel(i, j + 1) + u * pixel(i + 1, j + 1)));
+    }
+  }
+};
+
+struct Match {
+  double similarity = 0;         // 0 if nowhere is anything to be seen
+  double right_m = 0, up_m = 0;  // of the patch's middle
+};
+
+// Where in the patch the template, normalised, is most alike.
+Match best_match(const Patch& patch, std::size_t columns, std::size_t rows,
+                 const std::vector<float>& cells) {
+  constexpr float least_variation = 1e-3f;
+  Match best;
+  const auto count = static_cast<float>(cells.size());
+  for (std::size_t top = 0; top + rows <= patch.rows; ++top)
+    for (std::size_t left = 0; left + columns <= patch.columns; ++left) {
+      float product = 0, sum = 0, squares = 0;
+      const float* own = cells.data();
+      for (std::size_t r = 0; r < rows; ++r) {
+        const float* seen = &patch.cells[(top + r) * patch.columns + left];
+        for (std::size_t c = 0; c < columns; ++c, ++own, ++seen)
+          product += *own * *seen, sum += *seen, squares += *seen * *seen;
+      }
+      const float variation = squares - sum * sum / count;
+      if (variation < least_variation * count) continue;
+      const double similarity = double{product} / std::sqrt(double{variation});
+      if (similarity <= best.similarity) continue;
+      best = {similarity, offset_m(left, patch.columns - columns + 1),
+              -offset_m(top, patch.rows - rows + 1)};
+    }
+  return best;
+}
+
+}  // namespace
+
+std::optional<std::size_t> letter_of(const std::string& label) {
+  constexpr std::string_view prefix = "letter:";
+  if (label.size() != prefix.size() + 1 || !label.starts_with(prefix)) return std::nullopt;
+  const std::size_t found = letters.find(label.back());
+  if (found == std::string_view::npos) return std::nullopt;
+  return found;
+}
+
+LetterReader::LetterReader(const record::MapGrid& grid) {
+  for (std::size_t size = 0; size < templates_.size(); ++size)
+    for (std::size_t letter = 0; letter < letters.size(); ++letter) {
+      const auto cells = [](double length_m) {
+        return static_cast<std::size_t>(std::lround(length_m / cell_m)) + 2;
+      };
+      Template& one = templates_[size][letter];
+      one.columns = cells(sizes[size].width), one.rows = cells(sizes[size].height);
+      one.cells = coverage_of(strokes_of(letters[letter], sizes[size]), one.columns, one.rows,
+                              grid.step() * template_depth_m);
+      normalise(one.cells);
+    }
+}
+
+std::optional<LetterReader::Plate> LetterReader::find_plate(std::span<const float> truth,
+                                                            const Scene& scene,
+                                                            std::size_t letter) const {
+  double nearest = 1e9;
+  for (std::size_t p = 0; p < truth.size(); ++p)
+    if (true_foreground(truth[p], scene.background[p]))
+      nearest = std::min(nearest, double{truth[p]});
+  if (nearest == 1e9) return std::nullopt;
+  const double depth_m = nearest + middle_behind_nearest_m;
+  const auto layer = near_layer(truth, depth_m, scene);
+  const std::size_t side = scene.grid.size;
+  std::size_t left = side, right = 0, top = side, bottom = 0;
+  for (std::size_t p = 0; p < layer.size(); ++p) {
+    if (layer[p] == 0) continue;
+    left = std::min(left, p % side), right = std::max(right, p % side);
+    top = std::min(top, p / side), bottom = std::max(bottom, p / side);
+  }
+  if (left > right) return std::nullopt;
+  const auto cells = [&](std::size_t first, std::size_t last) {
+    constexpr std::size_t margin = 24, most = 150;  // more than a template
+    const double length_m = static_cast<double>(last - first) * scene.grid.step() * depth_m;
+    return std::min(margin + static_cast<std::size_t>(length_m / cell_m), most);
+  };
+  const Axis across = scene.grid.x(), down = scene.grid.y();
+  const double x = across.at(static_cast<double>(left + right) / 2);
+  const double y = down.at(static_cast<double>(top + bottom) / 2);
+  const Patch patch(layer, scene.grid, depth_m, x, y, cells(left, right), cells(top, bottom));
+  Match best;
+  Plate plate{0, x, y, depth_m};
+  for (std::size_t size = 0; size < templates_.size(); ++size) {
+    const Template& own = templates_[size][letter];
+    const Match match = best_match(patch, own.columns, own.rows, own.cells);
+    if (match.similarity <= best.similarity) continue;
+    best = match;
+    plate = {size, x + match.right_m / depth_m, y + match.up_m / depth_m, depth_m};
+  }
+  // The middle of what is near within the plate.
+  std::vector<double> depths;
+  for (std::size_t p = 0; p < layer.size(); ++p)
+    if (layer[p] == 1 &&
+        std::abs(across.at(static_cast<double>(p % side)) - plate.x) * depth_m <
+            sizes[plate.size].width / 2 &&
+        std::abs(down.at(static_cast<double>(p / side)) - plate.y) * depth_m <
+            sizes[plate.size].height / 2)
+      depths.push_back(double{truth[p]});
+  if (depths.empty()) return plate;
+  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+  std::nth_element(depths.begin(), middle, depths.end());
+  plate.depth_m = *middle;
+  return plate;
+}
+
+std::optional<LetterReading> LetterReader::read(std::span<const float> prediction,
+                                                std::span<const float> truth, const Scene& scene,
+                                                std::size_t letter) const {
+  const auto plate = find_plate(truth, scene, letter);
+  if (!plate) return std::nullopt;
+  const auto& candidates = templates_[plate->size];
+  const auto reach = 2 * static_cast<std::size_t>(std::lround(most_shift_m / cell_m));
+  const Patch patch(near_layer(prediction, plate->depth_m, scene), scene.grid, plate->depth_m,
+                    plate->x, plate->y, candidates[0].columns + reach, candidates[0].rows + reach);
+  std::array<double, letters.size()> similarity{};
+  for (std::size_t k = 0; k < letters.size(); ++k)
+    similarity[k] =
+        best_match(patch, candidates[k].columns, candidates[k].rows, candidates[k].cells)
+            .similarity;
+  const auto better = std::count_if(similarity.begin(), similarity.end(),
+                                    [&](double s) { return s > similarity[letter]; });
+  const auto alike = std::count(similarity.begin(), similarity.end(), similarity[letter]);
+  const auto credit = [&](double among) {
+    return std::clamp((among - static_cast<double>(better)) / static_cast<double>(alike), 0.0, 1.0);
+  };
+  LetterReading out{{}, credit(1), credit(3)};
+  const auto best = std::max_element(similarity.begin(), similarity.end());
+  if (*best > *std::min_element(similarity.begin(), similarity.end()))
+    out.read = static_cast<std::size_t>(best - similarity.begin());
+  return out;
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: MIT
+#include "sim/study/letters.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstdio>
+#include <future>
+#include <sstream>
+#include <thread>
+
+#include "drivers/chart/gnuplot.hpp"
+#include "drivers/core/console.hpp"
+#include "sim/scene/draw.hpp"
+#include "sim/scene/person.hpp"
+#include "sim/sensors/optics.hpp"
+
+namespace echofuse::sim {
+namespace {
+
+using Rate = std::vector<double>;
+constexpr std::array known_names{"brightness", "none"};
+constexpr std::uint64_t noise_stream = 0x6c657474;  // "lett"
+
+struct Point {
+  std::string axis;
+  double value;
+  Conditions conditions;
+};
+
+std::vector<Point> points_of(const Conditions& base) {
+  std::vector<Point> out{{"base", 0, base}};
+  const auto vary = [&](const char* axis, double value, double Conditions::*key) {
+    out.push_back({axis, value, base});
+    out.back().conditions.*key = value;
+  };
+  for (const double fwhm : {2., 50., 200., 500., 1000.})
+    vary("irf_ps", fwhm, &Conditions::irf_fwhm_ps);
+  for (const double n : {1e2, 3e2, 1e3, 1e4, 1e5}) vary("photons", n, &Conditions::signal_photons);
+  for (const double yaw : {0., 10., 20., 30.}) vary("yaw_deg", yaw, &Conditions::letter_yaw_deg);
+  return out;
+}
+
+// The same scene with another letter of the same size on its plate.
+Scene with_letter(Scene scene, char letter, const Conditions& c) {
+  auto& strokes = scene.plates.back().strokes;
+  const double scale = c.target_scale;
+  const bool large = strokes.front().width_m > 0.06 * scale;
+  strokes = large ? glyph(letter, 0.30 * scale, 0.40 * scale, 0.07 * scale)
+                  : glyph(letter, 0.20 * scale, 0.30 * scale, 0.05 * scale);
+  return scene;
+}
+
+// What the detector expects of a letter: of the plate, and of all that is seen beside it.
+struct Expected {
+  Rate plate, body;
+};
+
+using ByLetter = std::array<Expected, 10>;
+
+// Without background, by the same rays, so that they differ by the letter alone.
+ByLetter expected_of(const Scene& scene, Conditions c) {
+  c.background_counts = 0;
+  ByLetter out;
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    Scene one = with_letter(scene, letters_drawn[k], c);
+    const Rate all = spd_rate(spd_returns(one, c), c);
+    one.plates.back().albedo = 0;
+    Rate& body = out[k].body = spd_rate(spd_returns(one, c), c);
+    for (std::size_t i = 0; i < all.size(); ++i)
+      out[k].plate.push_back(std::max(0.0, all[i] - body[i]));
+  }
+  return out;
+}
+
+void scale(ByLetter& expected, double by) {
+  for (Expected& e : expected)
+    for (Rate* rate : {&e.plate, &e.body})
+      for (double& r : *rate) r *= by;
+}
+
+double log_likelihood(const std::vector<std::uint32_t>& counts, const Expected& e,
+                      double background, bool brightness_known) {
+  constexpr double least_rate = 1e-9;
+  constexpr int most_steps = 60;
+  double plate = 1, body = 1;
+  const auto rate = [&](std::size_t i) {
+    return std::max(least_rate, plate * e.plate[i] + body * e.body[i] + background);
+  };
+  // Expectation maximisation: each step is as likely as the one before it, or likelier.
+  for (int step = 0; !brightness_known && step < most_steps; ++step) {
+    double of_plate = 0, of_body = 0, plate_sum = 0, body_sum = 0;
+    for (std::size_t i = 0; i < counts.size(); ++i) {
+      const double share = counts[i] / rate(i);
+      of_plate += share * e.plate[i], of_body += share * e.body[i];
+      plate_sum += e.plate[i], body_sum += e.body[i];
+    }
+    plate *= of_plate / std::max(plate_sum, least_rate);
+    body *= of_body / std::max(body_sum, least_rate);
+  }
+  double sum = 0;
+  for (std::size_t i = 0; i < counts.size(); ++i) sum += counts[i] * std::log(rate(i)) - rate(i);
+  return sum;
+}
+
+struct Reading {
+  std::size_t truth = 0, likeliest = 0,
+              likelier = 0;  // letters that are likelier than the true one
+};
+
+// A row a point and knowledge, as study_letters'.
+std::vector<Reading> read_scene(const std::vector<Point>& points, std::uint64_t seed,
+                                std::uint64_t index) {
+  std::vector<Reading> out;
+  ByLetter of_base;
+  for (const Point& p : points) {
+    const Conditions& c = p.conditions;
+    const Scene scene = make_scene(c, SceneKind::letter, seed, index);
+    const auto truth = static_cast<std::size_t>(
+        std::find(letters_drawn.begin(), letters_drawn.end(), scene.label.back()) -
+        letters_drawn.begin());
+    // Another number of photons is the same scene, brighter; the rays are those of the base.
+    ByLetter expected = p.axis == "photons" ? of_base : expected_of(scene, c);
+    if (p.axis == "base") of_base = expected;
+    if (p.axis == "photons")
+      scale(expected, c.signal_photons / points.front().conditions.signal_photons);
+    const double background = c.background_counts / static_cast<double>(c.bins);
+    Rate rate(expected[truth].plate.size(), background);
+    for (std::size_t i = 0; i < rate.size(); ++i)
+      rate[i] += expected[truth].plate[i] + expected[truth].body[i];
+    Rng rng = make_rng(mix(seed + noise_stream), index);
+    const auto counts = draw_counts(rate, c, rng);
+    for (const bool known : {true, false}) {
+      std::array<double, 10> likelihood{};
+      for (std::size_t k = 0; k < expected.size(); ++k)
+        likelihood[k] = log_likelihood(counts, expected[k], background, known);
+      const auto best = std::max_element(likelihood.begin(), likelihood.end());
+      const auto better = std::count_if(likelihood.begin(), likelihood.end(),
+                                        [&](double l) { return l > likelihood[truth]; });
+      out.push_back({truth, static_cast<std::size_t>(best - likelihood.begin()),
+                     static_cast<std::size_t>(better)});
+    }
+  }
+  return out;
+}
+
+// Columns: 1 axis, 2 value, 3 known, 4 top 1, 5 top 3, 6 standard error.
+constexpr const char* chart = R"(set datafile separator ','
+set terminal svg size 1000,360 font 'sans,12' background 'white'
+set output 'letters.svg'
+set multiplot layout 1,3 title 'letters that the likelihood of a histogram tells, all else known'
+set logscale x; set grid; set key bottom left; set offsets graph 0.05, graph 0.05
+set ylabel 'share read rightly'; set yrange [0:1.05]
+axis(what, known) = sprintf("< awk -F, '$1==\"%s\" && $3==\"%s\"' letters.csv", what, known)
+what(known) = known eq 'brightness' ? 'brightness known' : 'brightness unknown'
+do for [a in 'photons irf_ps yaw_deg'] {
+  if (a eq 'yaw_deg') { unset logscale x }
+  set xlabel a eq 'photons' ? 'photons a record' : a eq 'irf_ps' ? 'response, ps FWHM' : \
+             'plates turn up to, degrees'
+  plot for [k in 'brightness none'] axis(a, k) using 2:4:6 with yerrorlines pt 7 ps 0.6 \
+       title what(k), 0.1 with lines dt 2 lc 'grey' title 'chance'
+}
+)";
+
+}  // namespace
+
+std::vector<LettersRow> study_letters(const LettersOptions& options) {
+  if (options.conditions.pulses_per_window > 0)
+    throw Error(ExitCode::config,
+                "study letters: counts must be Poisson; leave out pulses_per_window");
+  if (options.conditions.signal_photons <= 0)
+    throw Error(ExitCode::config, "study letters: signal_photons is 0; expected some");
+  const auto points = points_of(options.conditions);
+  std::vector<std::vector<Reading>> found(static_cast<std::size_t>(options.scenes));
+  std::atomic<std::size_t> next{0}, done{0};
+  const auto work = [&] {
+    for (std::size_t i = next++; i < found.size() && !interrupted(); i = next++, ++done)
+      found[i] = read_scene(points, options.seed, i);
+  };
+  std::vector<std::future<void>> workers;
+  for (unsigned t = 0; t < std::max(1u, std::thread::hardware_concurrency()); ++t)
+    workers.push_back(std::async(std::launch::async, work));
+  Progress progress("letters", found.size(), options.quiet);
+  for (auto& worker : workers)
+    while (worker.wait_for(std::chrono::milliseconds(200)) != std::future_status::ready)
+      progress.update(done);
+  for (auto& worker : workers) worker.get();
+  if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing was written");
+  std::vector<LettersRow> rows;
+  const auto scenes = static_cast<double>(found.size());
+  for (const Point& p : points)
+    for (const char* known : known_names) {
+      LettersRow row{p.axis, p.value, known, 0, 0, 0, {}};
+      for (const auto& scene : found) {
+        const Reading& r = scene[rows.size()];
+        row.top1 += (r.likelier == 0) / scenes, row.top3 += (r.likelier < 3) / scenes;
+        ++row.confusion[r.truth][r.likeliest];
+      }
+      row.se = std::sqrt(std::max(0.0, row.top1 * (1 - row.top1)) / scenes);
+      rows.push_back(row);
+    }
+  return rows;
+}
+
+void write_letters(const std::vector<LettersRow>& rows, const std::string& folder) {
+  std::ostringstream csv;
+  csv << "axis,value,known,top1,top3,se\n";
+  for (const LettersRow& r : rows)
+    csv << r.axis << ',' << r.value << ',' << r.known << ',' << r.top1 << ',' << r.top3 << ','
+        << r.se << '\n';
+  write_chart(folder, "letters", csv.str(), chart);
+}
+
+std::string confusion_text(const LettersRow& row) {
+  std::string out = "read as";
+  char text[16];
+  const auto add = [&](const char* format, auto value) {
+    std::snprintf(text, sizeof text, format, value);
+    out += text;
+  };
+  for (const char letter : letters_drawn) add("%4c", letter);
+  for (std::size_t i = 0; i < row.confusion.size(); ++i) {
+    add("\n%7c", letters_drawn[i]);
+    for (const int count : row.confusion[i]) add("%4d", count);
+  }
+  return out + "\n";
+}
+
+}  // namespace echofuse::sim

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: MIT
+// A run's own depth map: from its axes through training and model file to the maps.
+#include <nlohmann/json.hpp>
+
+#include "acquire/record/png.hpp"
+#include "recon/estimator/trained_model.hpp"
+#include "recon/output/window.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using namespace echofuse::testing;
+
+namespace {
+
+// What a run says of its map.
+void put_map(const std::string& path, const record::MapGrid& grid) {
+  for (const Axis& a : grid.axes()) {
+    char row[200];
+    std::snprintf(row, sizeof row,
+                  "INSERT INTO axis VALUES ('%s', 'tangent', '1', %u, %.17g, %.17g, 1)",
+                  a.name.c_str(), a.count, a.start, a.step);
+    sql(path, row);
+  }
+}
+
+void write_mapped(const std::string& path, std::int64_t count, const record::MapGrid& grid,
+                  std::uint64_t seed = 1) {
+  write_run(path, count, seed);
+  put_map(path, grid);
+}
+
+std::string error_of(const std::function<void()>& body) {
+  try {
+    body();
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "no error";
+}
+
+}  // namespace
+
+TEST_CASE("a run's depth images are brought to its own map") {
+  const Folder dir;
+  write_mapped(dir / "run", 3, {32, 0.275});
+  const Dataset data = load({dir / "run"});
+  CHECK(data.map == record::MapGrid{32, 0.275});
+  REQUIRE(data.depth.cols == 32 * 32);
+  // The middle half of 64 x 64 pixels over twice the field.
+  const auto r = record::RunReader(dir / "run").read(1);
+  for (std::size_t row = 0; row < 32; ++row)
+    for (std::size_t c = 0; c < 32; ++c)
+      REQUIRE(data.depth.row(1)[row * 32 + c] ==
+              Approx(r.depth_mm[(row + 16) * 64 + c + 16] * 1e-3));
+}
+
+TEST_CASE("runs with other maps are told apart, and what is no map is refused") {
+  const Folder dir;
+  write_run(dir / "a", 2, 1);
+  write_mapped(dir / "b", 2, {32, 0.55}, 2);
+  CHECK(error_of([&] {
+          load({dir / "a", dir / "b"});
+        }) == dir / "b" + ": its depth map is 32 x 32 over tangents of +-0.55, " + dir / "a" +
+                  " has 64 x 64 over tangents of +-0.55");
+  write_mapped(dir / "same", 2, {}, 3);
+  CHECK(load({dir / "a", dir / "same"}).size() == 4);
+  const auto refused = [&](const std::string& statement) {
+    std::filesystem::copy_file(dir / "same", dir / "bad",
+                               std::filesystem::copy_options::overwrite_existing);
+    sql(dir / "bad", statement);
+    CHECK_THAT(error_of([&] { load({dir / "bad"}); }),
+               Catch::Contains("bad: axes map_x and map_y: expected 16 to 256 pixels"));
+  };
+  refused("UPDATE axis SET count = 8 WHERE name LIKE 'map__'");
+  refused("UPDATE axis SET count = 300 WHERE name LIKE 'map__'");
+  refused("DELETE FROM axis WHERE name = 'map_y'");
+  refused("UPDATE axis SET step = -step WHERE name = 'map_y'");
+  refused("UPDATE axis SET start = 0 WHERE name = 'map_x'");
+}
+
+TEST_CASE("a model has the map of its training, and judges no other") {
+  const Folder dir;
+  const record::MapGrid grid{24, 0.55};
+  write_mapped(dir / "run", 120, grid);
+  write_run(dir / "other", 8, 2);
+  const std::string out = " --out " + (dir / "maps") + " --format mm,npz,ply,uncertainty --force ";
+  for (const std::string kind : {"ridge", "factorised-4"}) {
+    CAPTURE(kind);
+    const std::string m = dir / kind;
+    REQUIRE(
+        recon_program("train -q --epochs 3 --model " + kind + " " + (dir / "run") + " --out " + m)
+            .code == 0);
+    const TrainedModel model = load_model(m);
+    CHECK(model.scene.grid == grid);
+    const Dataset data = load({dir / "run"});
+    CHECK(model.predict(data, {0, 1}).cols == 24 * 24);
+    const auto json =
+        nlohmann::json::parse(recon_program("evaluate --json " + m + " " + (dir / "run")).text);
+    CHECK(json["metrics"]["iou"]["mean"].get<double>() > 0.2);
+    const Outcome judged = recon_program("evaluate " + m + " " + (dir / "other"));
+    CHECK(judged.code == 1);
+    CHECK_THAT(judged.text, Catch::Contains("its depth map is 64 x 64 over tangents of +-0.55, the "
+                                            "model has 24 x 24 over tangents of +-0.55"));
+    const Outcome drawn = recon_program("reconstruct -q " + m + " " + (dir / "other") + out);
+    CAPTURE(drawn.text);
+    CHECK(drawn.code == 0);
+    CHECK(recon_program("reconstruct -q --zoom 1.5 " + m + " " + (dir / "run") + " --out " +
+                        (dir / "zoomed") + " --format npz,colour --force")
+              .code == 0);
+    const std::string png = contents(dir / "maps/000003_mm.png");
+    CHECK(record::decode_png16(Bytes(png.begin(), png.end()), 24, 24).size() == 24 * 24);
+  }
+}
+
+TEST_CASE("a window shows a body in metres, wherever it stands") {
+  const record::MapGrid grid{128, 0.55};
+  const Scene scene{std::vector<float>(grid.pixels()), std::vector<float>(grid.pixels()), 3.5f,
+                    grid};
+  for (const double x : {-0.9, 0.0, 0.4}) {
+    const double depth_m = 3.2;
+    std::vector<float> map(grid.pixels());
+    for (std::size_t p = 0; p < map.size(); ++p)
+      if (std::abs(grid.x().at(static_cast<double>(p % 128)) * depth_m - x) < 0.25 &&
+          std::abs(grid.y().at(static_cast<double>(p / 128)) * depth_m - 0.3) < 0.25)
+        map[p] = static_cast<float>(depth_m);
+    const Window window = window_about_body(map, scene, 1.0);
+    CHECK((window.x.at(127.5) - window.x.at(-0.5)) * depth_m == Approx(1.0));
+    CHECK(window.x.at(63.5) * depth_m == Approx(x).margin(0.02));
+    CHECK(window.y.at(63.5) * depth_m == Approx(0.3).margin(0.02));
+    const auto shown = cut(map, grid, window);
+    const auto seen = std::count(shown.begin(), shown.end(), static_cast<float>(depth_m));
+    CHECK(static_cast<double>(seen) / static_cast<double>(shown.size()) ==
+          Approx(0.25).margin(0.03));
+  }
+  const Window nobody = window_about_body(std::vector<float>(grid.pixels()), scene, 1.0);
+  CHECK(nobody.x.at(63.5) == Approx(0).margin(1e-9));
+}
