@@ -82,7 +82,7 @@ TEST_CASE("runs with other maps are told apart, and what is no map is refused") 
 TEST_CASE("a model has the map of its training, and judges no other") {
   const Folder dir;
   const record::MapGrid grid{24, 0.55};
-  write_mapped(dir / "run", 120, grid);
+  write_mapped(dir / "run", 360, grid);
   write_run(dir / "other", 8, 2);
   const std::string out = " --out " + (dir / "maps") + " --format mm,npz,ply,uncertainty --force ";
   for (const std::string kind : {"ridge", "factorised-4"}) {
