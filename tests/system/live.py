@@ -85,6 +85,9 @@ class Live(unittest.TestCase):
         try:
             return len(self.rows())
         except sqlite3.Error:
+            daemon = self.processes[-1]
+            if daemon.poll():
+                raise AssertionError(f"exit {daemon.returncode}: {daemon.stderr.read() if daemon.stderr else ''}")
             return 0
 
     def check_slots(self, rows):
