@@ -122,4 +122,11 @@ void DeviceLocks::follow(Sensor sensor) {
   }
 }
 
+void DeviceLocks::release_absent() {
+  std::erase_if(held_, [](const auto& entry) {
+    const auto& [address, of_node] = entry.first;
+    return of_node && address.starts_with("serial:") && lock_name(address) != entry.second.name;
+  });
+}
+
 }  // namespace echofuse::acquire
