@@ -21,17 +21,14 @@
 namespace echofuse::recon {
 namespace {
 
-// Of training records with a body, and the hidden units that do best with so many.
-struct Width {
-  std::size_t records, units;
-};
-constexpr Width position_widths[] = {{0, 48}, {10'000, 96}, {40'000, 128}};
-constexpr Width shape_widths[] = {{0, 48}, {10'000, 96}};
+// Hidden units that do best with few training records, and with many.
+constexpr std::size_t many_records = 10'000, few_units = 48, many_units = 96;
 // The depth is nearly known from the range: a network that cares for both learns less of the side.
 const std::vector<float> position_weights = {1, 0.1f};
-constexpr std::size_t position_networks = 3, shape_networks = 2;
+constexpr std::size_t position_networks = 3;
+// From many records one network learns the shapes as well as two.
+constexpr std::size_t shape_networks(std::size_t records) { return records < many_records ? 2 : 1; }
 constexpr std::uint64_t turn_stream = 0x7475726e;  // "turn"
-constexpr std::size_t many_records = 10'000;
 // For the components of the bodies; more records hardly turn them.
 constexpr std::size_t most_bodies = 3000;
 
@@ -50,21 +47,16 @@ std::array<float, 2> position_target(const Place& place, float range_m) {
   return {place.tangent * range_m, place.depth_m - range_m};
 }
 
-template <std::size_t n>
-std::vector<std::size_t> hidden_for(std::size_t records, const Width (&widths)[n]) {
-  std::size_t units = 0;
-  for (const Width& w : widths)
-    if (records >= w.records) units = w.units;
-  return {units, units};
-}
-
-// Many records need fewer passes over them, in larger steps.
+// Many records need fewer passes over them, in larger steps, and hold the weights back themselves.
 void adapt_to(std::size_t records, Training& training) {
-  if (records < many_records) return;
+  const bool many = records >= many_records;
+  training.hidden.assign(2, many ? many_units : few_units);
+  if (!many) return;
   const double times = static_cast<double>(records) / static_cast<double>(many_records);
-  const auto epochs = static_cast<double>(training.epochs) / std::sqrt(times);
-  training.epochs = std::max<std::size_t>(1, std::lround(epochs));
+  const double epochs = static_cast<double>(training.epochs) / std::pow(times, 0.25);
+  training.epochs = static_cast<std::size_t>(std::max(1L, std::lround(epochs)));
   training.batch *= 4;
+  training.weight_decay /= std::sqrt(times);
 }
 
 // Of the amounts of each kind, so that neither drowns the other.
@@ -182,7 +174,7 @@ TrainingLog Factorised::fit_position(const Seen& train, const TurnedBodies& turn
   const Rows rows = all_rows(train.rows.size()), judged_rows = all_rows(validation.rows.size());
   Training training = training_of(options);
   adapt_to(rows.size(), training);
-  training.hidden = hidden_for(rows.size(), position_widths), training.weights = position_weights;
+  training.weights = position_weights;
   Rng rng;
   if (turned.baseline_m() != 0)
     training.redraw = [&](std::span<const std::size_t> batch, Matrix& inputs, Matrix& places) {
@@ -216,7 +208,6 @@ bool Factorised::fit_shape(const Seen& train, const Samples& train_samples,
   const Rows rows = all_rows(train.rows.size()), judged_rows = all_rows(validation.rows.size());
   Training training = training_of(options);
   adapt_to(rows.size(), training);
-  training.hidden = hidden_for(rows.size(), shape_widths);
   Rng rng;
   if (turned.baseline_m() != 0)
     training.redraw = [&](std::span<const std::size_t> batch, Matrix& inputs, Matrix&) {
@@ -227,7 +218,7 @@ bool Factorised::fit_shape(const Seen& train, const Samples& train_samples,
     };
   return shape_networks_
       .fit({train.features, wanted, rows}, {validation.features, judged, judged_rows},
-           Spread::common, training, shape_networks, "shape",
+           Spread::common, training, shape_networks(rows.size()), "shape",
            [&](std::uint64_t seed) { rng = make_rng(seed, turn_stream); })
       .interrupted;
 }
