@@ -11,8 +11,6 @@
 namespace echofuse::recon {
 namespace {
 
-// Cells are a little finer than the map's pixels: interpolating twice blurs less.
-constexpr double cells_per_pixel = 1.2;
 constexpr std::size_t most_side = record::most_map_size, most_cells = most_side * 3 / 2;
 
 // Where a coordinate lies among n points: between `low` and the next one, by `part`.
@@ -70,7 +68,7 @@ BodyFrame::BodyFrame(const Matrix& maps, std::span<const float> background, cons
     }
   }
   const std::size_t most = std::size_t{grid.size} * 3 / 2;
-  pitch_m_ = x.step * depth / cells_per_pixel;
+  pitch_m_ = x.step * depth;  // the map's, where bodies stand: a finer one gains nothing
   const auto cells = [&](double extent) {
     return std::clamp<std::size_t>(static_cast<std::size_t>(extent / pitch_m_) + 2, 2, most);
   };

@@ -25,8 +25,8 @@ std::optional<Place> place_of(std::span<const float> map, std::span<const float>
 class BodyFrame {
  public:
   BodyFrame() = default;
-  // As large as the bodies in these maps, with cells a little finer than their pixels; rows and
-  // places belong together.
+  // As large as the bodies in these maps, with cells as large as their pixels; rows and places
+  // belong together.
   BodyFrame(const Matrix& maps, std::span<const float> background, const Rows& rows,
             const std::vector<Place>& places, const record::MapGrid& grid);
 
