@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "recon/maps/scene.hpp"
 #include "recon/numbers/matrix_file.hpp"
@@ -172,10 +173,11 @@ void BodyFrame::save(record::H5File& file) const {
 
 void BodyFrame::load(const record::H5File& file) {
   grid_ = load_grid(file);
+  const std::size_t most = std::size_t{grid_.size} * 3 / 2;
   const auto cells = [&](const char* attribute) {
     const auto count = file.get<std::int64_t>("model/frame", attribute);
-    require_sound(file, count >= 2 && count <= std::int64_t{most_cells},
-                  std::string("model/frame@") + attribute, "2 to " + std::to_string(most_cells));
+    require_sound(file, count >= 2 && std::cmp_less_equal(count, most),
+                  std::string("model/frame@") + attribute, "2 to " + std::to_string(most));
     return static_cast<std::size_t>(count);
   };
   columns_ = cells("columns"), rows_ = cells("rows");
