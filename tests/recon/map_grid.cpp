@@ -82,15 +82,15 @@ TEST_CASE("runs with other maps are told apart, and what is no map is refused") 
 TEST_CASE("a model has the map of its training, and judges no other") {
   const Folder dir;
   const record::MapGrid grid{24, 0.55};
-  write_mapped(dir / "run", 360, grid);
+  write_mapped(dir / "run", 200, grid);
   write_run(dir / "other", 8, 2);
   const std::string out = " --out " + (dir / "maps") + " --format mm,npz,ply,uncertainty --force ";
   for (const std::string kind : {"ridge", "factorised-4"}) {
     CAPTURE(kind);
     const std::string m = dir / kind;
-    REQUIRE(
-        recon_program("train -q --epochs 3 --model " + kind + " " + (dir / "run") + " --out " + m)
-            .code == 0);
+    REQUIRE(recon_program("train -q --epochs 3 --validation-share 0.2 --model " + kind + " " +
+                          (dir / "run") + " --out " + m)
+                .code == 0);
     const TrainedModel model = load_model(m);
     CHECK(model.scene.grid == grid);
     const Dataset data = load({dir / "run"});
