@@ -49,7 +49,7 @@ class OpenNiCamera::Worker {
       const std::string why = run_session();
       if (shared_->stopping()) return;
       if (why.empty()) return report(DeviceState::ended);
-      if (std::exchange(last_failure_, why) != why) report(Severity::warning, why);
+      if (backoff_.is_news(why)) report(Severity::warning, why);
       report(DeviceState::faulted);
     } while (shared_->pause(backoff_.next()));
   }
@@ -80,7 +80,6 @@ class OpenNiCamera::Worker {
       if (read == Read::gone) return "the camera is gone";
       if (read == Read::bad_frame) ++shared_->bad_frames;
       if (read == Read::frame) {
-        last_failure_.clear();
         backoff_.alive(clock_.now());
         deliver(std::move(frame), session.recording());
         last_frame = now;
@@ -170,7 +169,6 @@ class OpenNiCamera::Worker {
   DeviceInfo info_;
   DeviceState state_ = DeviceState::connecting;
   port::Backoff backoff_;
-  std::string last_failure_;  // told once, not at every attempt
   std::optional<std::uint32_t> last_index_;
   bool rejoined_ = false;  // no frame since it was opened again
   std::uint32_t dropped_since_ = 0;

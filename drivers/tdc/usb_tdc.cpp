@@ -54,7 +54,7 @@ class UsbTdc::Worker {
       const std::string why = run_session();
       publish();
       if (shared_->stopping()) return;
-      if (std::exchange(last_failure_, why) != why) report(Severity::warning, why);
+      if (backoff_.is_news(why)) report(Severity::warning, why);
       report(DeviceState::faulted);
     } while (shared_->pause(backoff_.next()));
   }
@@ -119,7 +119,6 @@ class UsbTdc::Worker {
     // Junk is no heartbeat.
     if (bytes.empty() || !tags.empty()) last_heartbeat_ = now;
     if (tags.empty()) return;
-    last_failure_.clear();
     backoff_.alive(last_heartbeat_);
     if (shared_->queued_tags + tags.size() > max_queued_tags) {
       dropped_tags_ += tags.size();
@@ -169,7 +168,6 @@ class UsbTdc::Worker {
   std::string raw_name_;  // one file: its gaps are marked
   DeviceState state_ = DeviceState::connecting;
   port::Backoff backoff_;
-  std::string last_failure_;  // told once, not at every attempt
   usb::RecordReader records_;
   usb::LinkCounts transfers_;
   HostTime last_heartbeat_{};
