@@ -25,6 +25,7 @@ constexpr std::size_t least_shape_hidden = 16;
 const std::vector<std::size_t> position_hidden = {48, 48};
 // The depth is nearly known from the range: a network that cares for both learns less of the side.
 const std::vector<float> position_weights = {1, 0.1f};
+constexpr float nearest_m = 0.1f;                  // that a body is taken to be
 constexpr std::size_t position_networks = 3;       // trained apart: their mean errs less than each
 constexpr std::uint64_t turn_stream = 0x7475726e;  // "turn"
 // For the components of the bodies; more records hardly turn them.
@@ -61,6 +62,7 @@ class Factorised final : public Model {
                   const FitOptions& options) override;
   Matrix predict(const Matrix& aligned, SoftMaps* soft) const override;
   Cost cost() const override;
+  std::optional<BodyLayers> body_layers() const override;
   void save(record::H5File& file) const override;
   void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) override;
 
@@ -89,6 +91,7 @@ class Factorised final : public Model {
   void choose_threshold(const Seen& seen, const Samples& samples);
   std::vector<Place> find_places(const Matrix& features) const;
   Shapes find_shapes(const Matrix& features) const;
+  std::vector<AffineLayer> layers_of(const Components& components, std::size_t first) const;
 
   bool shapes_;
   std::vector<float> background_;          // metres
@@ -248,8 +251,8 @@ std::vector<Place> Factorised::find_places(const Matrix& features) const {
   std::vector<Place> out;
   for (std::size_t i = 0; i < found.rows; ++i) {
     const float range_m = range_of(features.row(i));
-    out.push_back(
-        {found.row(i)[0] / std::max(range_m, 0.1f), std::max(range_m + found.row(i)[1], 0.1f)});
+    out.push_back({found.row(i)[0] / std::max(range_m, nearest_m),
+                   std::max(range_m + found.row(i)[1], nearest_m)});
   }
   return out;
 }
@@ -326,6 +329,27 @@ Cost Factorised::cost() const {
   };
   for (const Regression& position : positions_) add(position.cost());
   add(shape_.cost());
+  return out;
+}
+
+// To the cells of one kind, whose amounts begin with this output of the shape network.
+std::vector<AffineLayer> Factorised::layers_of(const Components& components,
+                                               std::size_t first) const {
+  auto out =
+      shapes_ ? shape_.layers() : std::vector<AffineLayer>{{Matrix(centre_.size(), 1), {0}, false}};
+  AffineLayer cells{Matrix(out.back().biases.size(), components.mean.size()), components.mean};
+  for (std::size_t k = 0; k < components.basis.rows; ++k)
+    for (std::size_t c = 0; c < components.mean.size(); ++c)
+      cells.weights.row(first + k)[c] = components.basis.row(k)[c] * unit_of(components);
+  out.push_back(std::move(cells));
+  return out;
+}
+
+std::optional<BodyLayers> Factorised::body_layers() const {
+  BodyLayers out{background_,   centre_, deviation_, {},        nearest_m,
+                 frame_.grid(), {},      {},         threshold_};
+  for (const Regression& position : positions_) out.positions.push_back(position.layers());
+  out.masks = layers_of(masks_, 0), out.reliefs = layers_of(reliefs_, masks_.basis.rows);
   return out;
 }
 
