@@ -4,8 +4,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cstdio>
 #include <filesystem>
+#include <thread>
 #include <variant>
 
 #include "drivers/core/crc32c.hpp"
@@ -15,6 +17,9 @@
 
 namespace echofuse::acquire {
 namespace {
+
+constexpr int most_tries = 6;
+constexpr auto notice_time = std::chrono::milliseconds(50);
 
 template <class... Values>
 std::string format(const char* pattern, Values... values) {
@@ -85,7 +90,14 @@ DeviceLocks::DeviceLocks(const Config& config, const std::string& command, const
     addresses_[s] = addresses_of(config, s);
     for (const std::string& address : addresses_[s]) {
       if (address.starts_with("serial:")) take(s, address, by_text("serial", address));
+      const bool ours = !others_[s];
       take(s, address, lock_name(address));
+      // The node of a port that another program just lost: it lets go of it as it notices.
+      for (int tries = 0; tries < most_tries && ours && others_[s]; ++tries) {
+        std::this_thread::sleep_for(notice_time);
+        others_[s].reset();
+        take(s, address, lock_name(address));
+      }
     }
   }
 }
@@ -108,6 +120,13 @@ void DeviceLocks::follow(Sensor sensor) {
     held_.erase({address, true});
     take(sensor, address, name);
   }
+}
+
+void DeviceLocks::release_absent() {
+  std::erase_if(held_, [](const auto& entry) {
+    const auto& [address, of_node] = entry.first;
+    return of_node && address.starts_with("serial:") && lock_name(address) != entry.second.name;
+  });
 }
 
 }  // namespace echofuse::acquire

@@ -34,6 +34,8 @@ class DeviceLocks {
   // A serial port went or came: its old node may soon be another device's. Throws as the
   // constructor.
   void follow(Sensor sensor);
+  // Of ports that are away by now: a radar has two, and hears of the first one's end only.
+  void release_absent();
 
  private:
   void take(Sensor sensor, const std::string& address, const std::string& name);

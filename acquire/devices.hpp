@@ -48,6 +48,10 @@ class Devices final : private SampleSink {
   // Runs io until every configured device that is ours delivers, the time is up or the user
   // interrupts.
   void wait(double timeout_s);
+  // To be called now and then: others get the ports that went.
+  void release_absent_ports() {
+    if (locks_) locks_->release_absent();
+  }
   const Status& operator[](Sensor s) const { return status_[s]; }
   // Of the sensor's driver, until its end; none if it is not configured.
   std::vector<Counter> counters(Sensor s) const;

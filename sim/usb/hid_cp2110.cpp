@@ -96,7 +96,7 @@ struct HidCp2110::Parts final : BedNode {
   Cp2110Chip chip;
   int fifo = -1;
   bool plugged = false, ending = false;
-  std::uint64_t host_dropped = 0, output_reports = 0;
+  std::uint64_t host_dropped = 0, output_reports = 0, opened = 0;
   std::thread pump_thread;
 };
 
@@ -148,6 +148,7 @@ std::optional<BedNode::Answer> HidCp2110::Parts::on_write(ByteView bytes) {
 // The kernel keeps reports for whom has the node open, from then on.
 void HidCp2110::Parts::on_client() {
   const std::lock_guard lock(mutex);
+  ++opened;
   Cp2110Chip::Report report;
   while (::read(fifo, report.data(), report.size()) > 0) {
   }
@@ -266,6 +267,11 @@ std::uint64_t HidCp2110::host_dropped() const {
 std::uint64_t HidCp2110::output_reports() const {
   const std::lock_guard lock(parts_->mutex);
   return parts_->output_reports;
+}
+
+std::uint64_t HidCp2110::opened() const {
+  const std::lock_guard lock(parts_->mutex);
+  return parts_->opened;
 }
 
 }  // namespace echofuse::sim

@@ -43,6 +43,7 @@ class HidCp2110 {
   std::size_t host_waiting() const;    // bytes of reports that the host did not yet read
   std::uint64_t host_dropped() const;  // reports that found the host's buffer of 64 full
   std::uint64_t output_reports() const;
+  std::uint64_t opened() const;  // how often programs opened the node
 
  private:
   struct Parts;

@@ -246,6 +246,9 @@ TEST_CASE("a bridge that another program has is left alone, and is free once tha
   second.goes();
   CHECK(second.why ==
         "hid:10c4:ea80: open /dev/hidraw0 (in use by another program): Device or resource busy");
+  // The emulation hears of an open after it, and empties the buffer then: of the lock's, of
+  // hidapi's, and of the second program's.
+  REQUIRE(second.until([&] { return bridge.device.opened() == 3; }));
   bridge.device.receive(pattern(100));
   CHECK(first.until([&] { return first.received == pattern(100); }));
   first.port.reset();

@@ -66,7 +66,7 @@ class Lock(live.Live):
         self.assertEqual(daemon.returncode, 0, log)
         self.check_slots(self.rows())
         self.assertEqual(len(self.rows()), 40)
-        self.assertNotRegex(log, r"warning (spd|radar|depth): (?!record)")
+        self.assertNotRegex(log, r"warning (spd|radar|depth): (?!record|did not confirm)")
         info = self.info()
         self.assertEqual(info["lost"]["spd"], 0, log)
         # And now they are free.
@@ -144,6 +144,8 @@ class Lock(live.Live):
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 4, log)
         self.assertIn("radar: streaming", log)
+        if "did not confirm" in log:
+            time.sleep(2)  # on a busy machine the laboratory reads the command later
         self.assertEqual(self.close_lab()["radar"]["radiates"], 0)
 
 

@@ -106,7 +106,8 @@ class StatusLine(live.Live):
             daemon = self.run_at_terminal(200, "--duration", "7s", lab=("--faults", scenario), env={"NO_COLOR": unwanted})
             self.assertEqual(self.end(daemon), 0)
             text = self.terminal.text
-            self.assertEqual(text.count("\a"), 1, text)
+            stalls = len(re.findall(r"(?:radar|depth): record \d+: no frames", SEQUENCES.sub("", text)))  # a busy machine's
+            self.assertEqual(text.count("\a"), 1 + stalls, text)
             self.assertEqual("\x1b[31msRD\x1b[0m  \x1b[31mspd weak\x1b[0m" in text, unwanted is None, text)
             self.assertIn("  sRD  spd weak  ", SEQUENCES.sub("", text))
             self.tearDown()
