@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "recon/study/simulate.hpp"
 
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cstdio>
@@ -38,16 +37,13 @@ void run(const std::vector<std::string>& words, int output = STDOUT_FILENO) {
   if (!child)
     throw Error(ExitCode::failed, words[0] + ": " + child.failure().code.message() +
                                       "; name the simulator with --sim");
-  int status = 0;
-  while (::waitpid(*child, &status, 0) < 0 && errno == EINTR) {
-  }
+  const int code = wait_for_program(*child);
   if (interrupted()) throw Error(ExitCode::interrupted, "interrupted");
-  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
+  if (code == 0) return;
   std::string line;
   for (const auto& word : words) line += (line.empty() ? "" : " ") + word;
-  throw Error(ExitCode::failed,
-              line + (WIFSIGNALED(status) ? formatted(": ended by signal %d", WTERMSIG(status))
-                                          : formatted(": exit code %d", WEXITSTATUS(status))));
+  throw Error(ExitCode::failed, line + (code > 128 ? formatted(": ended by signal %d", code - 128)
+                                                   : formatted(": exit code %d", code)));
 }
 
 }  // namespace
