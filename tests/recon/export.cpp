@@ -85,7 +85,7 @@ TEST_CASE("OpenCV's dnn places and draws the same body") {
     for (std::size_t i = 0; i < ours.rows; ++i)
       for (std::size_t p = 0; p < ours.cols; ++p) {
         const double difference = double{ours.row(i)[p]} - double{theirs.row(i)[p]};
-        other += !(std::abs(difference) < 1e-3);
+        other += !(std::abs(difference) < 1e-4);
         bodies += ours.row(i)[p] != model.scene.background[p];
       }
     CHECK(bodies > 1000);
