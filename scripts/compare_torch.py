@@ -48,6 +48,7 @@ def training_options(path):
                    for name in ("inputs", "scaling", "split", "gap", "seed", "test_share", "validation_share")}
         for name in ("epochs", "batch", "patience", "learning_rate", "weight_decay"):
             options[name.replace("_", "-")] = text(f["training"].attrs[name])
+        options["model"] = "mlp"
         options["hidden"] = ",".join(str(n) for n in f["training/hidden"][:])
         radar = f["axes/radar"].attrs
         if text(radar["quantity"]) == "binned_power":

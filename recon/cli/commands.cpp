@@ -57,7 +57,7 @@ void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit) {
       ->allow_extra_args(false)
       ->check(CLI::Range(1, 65536));
   app.add_option("--basis", fit.basis,
-                 "factorised: body shapes, and twice as many hidden units (16); pca: components of "
+                 "factorised: body shapes (32); pca: components of "
                  "the map (128); nearest: neighbours (1)")
       ->check(CLI::Range(1, 1024));
   app.add_option("--epochs", fit.epochs, "default: 60 (mlp), 100 (factorised)")
@@ -153,12 +153,15 @@ Command add_train(CLI::App& app, const Common& common) {
     bool force = false;
   };
   const auto a = std::make_shared<Arguments>();
+  a->model.clear();
   app.add_option("run", a->runs, "run files whose axes agree")->required();
   app.add_option("--out", a->out, "model file to write")->required();
   app.add_option("--model", a->model,
-                 model_help() + ", or auto: the cheapest within one standard error of the best")
-      ->check([](const std::string& text) { return text == "auto" ? "" : is_candidate(text); })
-      ->capture_default_str();
+                 model_help() +
+                     ", or auto: the cheapest within one standard error of the best; default: " +
+                     usual_model(Inputs::fused) + " of both sensors, " + usual_model(Inputs::spd) +
+                     " of one")
+      ->check([](const std::string& text) { return text == "auto" ? "" : is_candidate(text); });
   app.add_option("--candidates", a->candidates, "auto: the models to try")
       ->delimiter(',')
       ->allow_extra_args(false)
@@ -199,6 +202,11 @@ Command add_train(CLI::App& app, const Common& common) {
   return [a, &common] {
     a->split.seed = a->fit.seed;
     a->fit.quiet = common.quiet;
+    if (a->model.empty()) a->model = usual_model(inputs_of(a->inputs));
+    if (a->fit.hidden && a->model != "auto" &&
+        kind_of(candidate_of(a->model, {}).model).size != ModelKind::Size::hidden)
+      throw Error(ExitCode::usage,
+                  "--hidden: " + a->model + " has no such layers; mlp and pca-mlp have");
     const Existing existing = a->force ? Existing::replace : Existing::keep;
     check_can_save(a->out, existing);
     Dataset data = load(a->runs);
@@ -332,6 +340,8 @@ Command add_report(CLI::App& app, const Common&) {
   app.add_option("--fused", a->fused, "model file; several are seeds of one")->required();
   app.add_option("--spd", a->spd, "model file; several are seeds of one")->required();
   app.add_option("--radar", a->radar, "model file; several are seeds of one")->required();
+  app.add_option("--paper", a->paper,
+                 "model file: the paper's network on both sensors, for a row below the fused one");
   app.add_option("--live", a->live, "a recorded run to reconstruct with the fused model");
   app.add_flag("--force", a->force, "write over a report of another run");
   return [a] {

@@ -113,6 +113,10 @@ std::vector<std::string> candidates(Inputs inputs) {
   return out;
 }
 
+std::string usual_model(Inputs inputs) {
+  return inputs == Inputs::fused ? "factorised" : "pca-mlp-256-256";
+}
+
 std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows) {
   std::size_t best = rows.size();
   const auto iou = [&](std::size_t i) { return rows[i].metrics[metric_iou]; };

@@ -44,6 +44,9 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
 // tries.
 std::vector<std::string> candidates(Inputs inputs);
 
+// What is trained where nobody names a model: what "auto" chooses from some thousand records.
+std::string usual_model(Inputs inputs);
+
 // The cheapest model (multiply-adds) whose IoU is within one standard error of the best one's
 // (Breiman et al., Classification and Regression Trees, 1984, 3.4.3). Throws Error(failed) if none
 // has an IoU.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// The scene taken apart: where the body is (from the radar profile's shift against the histogram,
-// the mean of a few small networks) and what it looks like there (a few masks and depths in a frame
-// that moves with the body, their amounts from another network), drawn into the map. It needs both
+// The scene taken apart: where the body is (from the radar profile's shift against the histogram)
+// and what it looks like there (a few masks and depths in a frame that moves with the body), drawn
+// into the map. The place and the amounts of the shapes come from small networks. It needs both
 // sensors and one thing that stands out from the background. The silhouette is the same without the
 // last network: the mean body, placed.
 #include <algorithm>
@@ -14,19 +14,21 @@
 #include "recon/models/body/alignment.hpp"
 #include "recon/models/body/body_frame.hpp"
 #include "recon/models/body/turned.hpp"
-#include "recon/models/regression.hpp"
+#include "recon/models/ensemble.hpp"
 #include "recon/numbers/components.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t least_shape_hidden = 16;
-const std::vector<std::size_t> position_hidden = {48, 48};
+// Hidden units that do best with few training records, and with many.
+constexpr std::size_t many_records = 10'000, few_units = 48, many_units = 96;
 // The depth is nearly known from the range: a network that cares for both learns less of the side.
 const std::vector<float> position_weights = {1, 0.1f};
-constexpr float nearest_m = 0.1f;                  // that a body is taken to be
-constexpr std::size_t position_networks = 3;       // trained apart: their mean errs less than each
+constexpr float nearest_m = 0.1f;  // that a body is taken to be
+constexpr std::size_t position_networks = 3;
+// From many records one network learns the shapes as well as two.
+constexpr std::size_t shape_networks(std::size_t records) { return records < many_records ? 2 : 1; }
 constexpr std::uint64_t turn_stream = 0x7475726e;  // "turn"
 // For the components of the bodies; more records hardly turn them.
 constexpr std::size_t most_bodies = 3000;
@@ -46,8 +48,16 @@ std::array<float, 2> position_target(const Place& place, float range_m) {
   return {place.tangent * range_m, place.depth_m - range_m};
 }
 
-std::string position_group(std::size_t network) {
-  return "model/position" + std::to_string(network);
+// Many records need fewer passes over them, in larger steps, and hold the weights back themselves.
+void adapt_to(std::size_t records, Training& training) {
+  const bool many = records >= many_records;
+  training.hidden.assign(2, many ? many_units : few_units);
+  if (!many) return;
+  const double times = static_cast<double>(records) / static_cast<double>(many_records);
+  const double epochs = static_cast<double>(training.epochs) / std::pow(times, 0.25);
+  training.epochs = static_cast<std::size_t>(std::max(1L, std::lround(epochs)));
+  training.batch *= 4;
+  training.weight_decay /= std::sqrt(times);
 }
 
 // Of the amounts of each kind, so that neither drowns the other.
@@ -81,23 +91,23 @@ class Factorised final : public Model {
   void learn_scale(const Matrix& features);
   void standardise(std::span<float> features) const;
   float range_of(std::span<const float> standardised) const;  // metres
-  TrainingLog fit_position(const Seen& train, const Samples& samples, const Seen& validation,
+  TrainingLog fit_position(const Seen& train, const TurnedBodies& turned, const Seen& validation,
                            const FitOptions& options);
   void fit_bodies(const Seen& train, const Samples& samples, const FitOptions& options);
-  bool fit_shape(const Seen& train, const Samples& train_samples, const Seen& validation,
-                 const Samples& validation_samples, const FitOptions& options);
+  bool fit_shape(const Seen& train, const Samples& train_samples, const TurnedBodies& turned,
+                 const Seen& validation, const Samples& validation_samples,
+                 const FitOptions& options);
   Shapes cut(const Seen& seen, const Samples& samples, std::size_t most) const;
   Matrix amounts(const Seen& seen, const Samples& samples) const;
   void choose_threshold(const Seen& seen, const Samples& samples);
   std::vector<Place> find_places(const Matrix& features) const;
   Shapes find_shapes(const Matrix& features) const;
-  std::vector<AffineLayer> layers_of(const Components& components, std::size_t first) const;
+  AffineLayer cells_of(const Components& components, std::size_t first) const;
 
   bool shapes_;
   std::vector<float> background_;          // metres
   std::vector<float> centre_, deviation_;  // of the features
-  std::vector<Regression> positions_;      // whose mean counts
-  Regression shape_;
+  Ensemble positions_, shape_networks_;
   BodyFrame frame_;
   Components masks_, reliefs_;
   float threshold_ = 0.5f;
@@ -143,9 +153,10 @@ TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
   learn_scale(seen.features);
   for (Seen* s : {&seen, &judged})
     for (std::size_t i = 0; i < s->features.rows; ++i) standardise(s->features.row(i));
-  TrainingLog log = fit_position(seen, train, judged, options);
+  const TurnedBodies turned(*train.alignment, train.inputs, *train.radar, seen.rows, seen.places);
+  TrainingLog log = fit_position(seen, turned, judged, options);
   fit_bodies(seen, train, options);
-  if (shapes_) log.interrupted |= fit_shape(seen, train, judged, validation, options);
+  if (shapes_) log.interrupted |= fit_shape(seen, train, turned, judged, validation, options);
   if (judged.rows.empty())
     choose_threshold(seen, train);
   else
@@ -153,9 +164,8 @@ TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
   return log;
 }
 
-// Each network has weights, order and turns of its own; the log is of the last one. Judged by
-// records as they are.
-TrainingLog Factorised::fit_position(const Seen& train, const Samples& samples,
+// Each network has turns of its own. Judged by records as they are.
+TrainingLog Factorised::fit_position(const Seen& train, const TurnedBodies& turned,
                                      const Seen& validation, const FitOptions& options) {
   const auto targets = [&](const Seen& seen) {
     Matrix out(0, 2);
@@ -166,10 +176,9 @@ TrainingLog Factorised::fit_position(const Seen& train, const Samples& samples,
   const Matrix wanted = targets(train), judged = targets(validation);
   const Rows rows = all_rows(train.rows.size()), judged_rows = all_rows(validation.rows.size());
   Training training = training_of(options);
-  training.hidden = position_hidden, training.weights = position_weights;
+  adapt_to(rows.size(), training);
+  training.weights = position_weights;
   Rng rng;
-  const TurnedBodies turned(*samples.alignment, samples.inputs, *samples.radar, train.rows,
-                            train.places);
   if (turned.baseline_m() != 0)
     training.redraw = [&](std::span<const std::size_t> batch, Matrix& inputs, Matrix& places) {
       for (std::size_t i = 0; i < batch.size(); ++i) {
@@ -179,16 +188,9 @@ TrainingLog Factorised::fit_position(const Seen& train, const Samples& samples,
         standardise(inputs.row(i));
       }
     };
-  TrainingLog log;
-  positions_.clear();
-  while (positions_.size() < position_networks && !log.interrupted) {
-    rng = make_rng(training.seed, turn_stream);
-    log = positions_.emplace_back().fit({train.features, wanted, rows},
-                                        {validation.features, judged, judged_rows}, Spread::each,
-                                        training, "position", " of the spread");
-    training.seed = mix(training.seed);
-  }
-  return log;
+  return positions_.fit({train.features, wanted, rows}, {validation.features, judged, judged_rows},
+                        Spread::each, training, position_networks, "position",
+                        [&](std::uint64_t seed) { rng = make_rng(seed, turn_stream); });
 }
 
 void Factorised::fit_bodies(const Seen& train, const Samples& samples, const FitOptions& options) {
@@ -199,17 +201,28 @@ void Factorised::fit_bodies(const Seen& train, const Samples& samples, const Fit
   reliefs_ = principal_components(std::move(bodies.reliefs), (basis + 1) / 2, options.seed + 1);
 }
 
-// True if it was interrupted.
-bool Factorised::fit_shape(const Seen& train, const Samples& train_samples, const Seen& validation,
+// True if it was interrupted. A body that is turned about the camera, which stands at the SPD,
+// looks as before.
+bool Factorised::fit_shape(const Seen& train, const Samples& train_samples,
+                           const TurnedBodies& turned, const Seen& validation,
                            const Samples& validation_samples, const FitOptions& options) {
+  const Matrix wanted = amounts(train, train_samples);
+  const Matrix judged = amounts(validation, validation_samples);
+  const Rows rows = all_rows(train.rows.size()), judged_rows = all_rows(validation.rows.size());
   Training training = training_of(options);
-  const std::size_t width = std::max(2 * masks_.basis.rows, least_shape_hidden);
-  training.hidden = {width, width};
-  return shape_
-      .fit({train.features, amounts(train, train_samples), all_rows(train.rows.size())},
-           {validation.features, amounts(validation, validation_samples),
-            all_rows(validation.rows.size())},
-           Spread::common, training, "shape", " of the spread")
+  adapt_to(rows.size(), training);
+  Rng rng;
+  if (turned.baseline_m() != 0)
+    training.redraw = [&](std::span<const std::size_t> batch, Matrix& inputs, Matrix&) {
+      for (std::size_t i = 0; i < batch.size(); ++i) {
+        turned.turn(batch[i], rng, inputs.row(i));
+        standardise(inputs.row(i));
+      }
+    };
+  return shape_networks_
+      .fit({train.features, wanted, rows}, {validation.features, judged, judged_rows},
+           Spread::common, training, shape_networks(rows.size()), "shape",
+           [&](std::uint64_t seed) { rng = make_rng(seed, turn_stream); })
       .interrupted;
 }
 
@@ -242,12 +255,7 @@ Matrix Factorised::amounts(const Seen& seen, const Samples& samples) const {
 }
 
 std::vector<Place> Factorised::find_places(const Matrix& features) const {
-  Matrix found(features.rows, 2);
-  for (const Regression& position : positions_) {
-    const Matrix one = position.predict(features);
-    for (std::size_t i = 0; i < one.values.size(); ++i)
-      found.values[i] += one.values[i] / static_cast<float>(positions_.size());
-  }
+  const Matrix found = positions_.predict(features);
   std::vector<Place> out;
   for (std::size_t i = 0; i < found.rows; ++i) {
     const float range_m = range_of(features.row(i));
@@ -258,7 +266,7 @@ std::vector<Place> Factorised::find_places(const Matrix& features) const {
 }
 
 Factorised::Shapes Factorised::find_shapes(const Matrix& features) const {
-  const Matrix found = shapes_ ? shape_.predict(features) : Matrix(features.rows, 0);
+  const Matrix found = shapes_ ? shape_networks_.predict(features) : Matrix(features.rows, 0);
   const auto put_together = [&](const Components& components, std::size_t first) {
     Matrix amounts(features.rows, components.basis.rows);
     for (std::size_t i = 0; i < amounts.rows; ++i)
@@ -327,30 +335,31 @@ Cost Factorised::cost() const {
   const auto add = [&](const Cost& cost) {
     out.multiply_adds += cost.multiply_adds, out.parameters += cost.parameters;
   };
-  for (const Regression& position : positions_) add(position.cost());
-  add(shape_.cost());
+  add(positions_.cost()), add(shape_networks_.cost());
   return out;
 }
 
-// To the cells of one kind, whose amounts begin with this output of the shape network.
-std::vector<AffineLayer> Factorised::layers_of(const Components& components,
-                                               std::size_t first) const {
-  auto out =
-      shapes_ ? shape_.layers() : std::vector<AffineLayer>{{Matrix(centre_.size(), 1), {0}, false}};
-  AffineLayer cells{Matrix(out.back().biases.size(), components.mean.size()), components.mean};
+// From the amounts, of which those of this kind begin with `first`.
+AffineLayer Factorised::cells_of(const Components& components, std::size_t first) const {
+  AffineLayer out{Matrix(masks_.basis.rows + reliefs_.basis.rows, components.mean.size()),
+                  components.mean};
   for (std::size_t k = 0; k < components.basis.rows; ++k)
     for (std::size_t c = 0; c < components.mean.size(); ++c)
-      cells.weights.row(first + k)[c] = components.basis.row(k)[c] * unit_of(components);
-  out.push_back(std::move(cells));
+      out.weights.row(first + k)[c] = components.basis.row(k)[c] * unit_of(components);
   return out;
 }
 
 std::optional<BodyLayers> Factorised::body_layers() const {
-  BodyLayers out{background_,   centre_, deviation_, {},        nearest_m,
-                 frame_.grid(), {},      {},         threshold_};
-  for (const Regression& position : positions_) out.positions.push_back(position.layers());
-  out.masks = layers_of(masks_, 0), out.reliefs = layers_of(reliefs_, masks_.basis.rows);
-  return out;
+  return BodyLayers{background_,
+                    centre_,
+                    deviation_,
+                    positions_.layers(),
+                    shape_networks_.layers(),
+                    cells_of(masks_, 0),
+                    cells_of(reliefs_, masks_.basis.rows),
+                    frame_.grid(),
+                    nearest_m,
+                    threshold_};
 }
 
 void Factorised::save(record::H5File& file) const {
@@ -359,10 +368,10 @@ void Factorised::save(record::H5File& file) const {
   file.set("model/background_m", "threshold", double{threshold_});
   file.write("model/features_mean", centre_, {centre_.size()});
   file.write("model/features_deviation", deviation_, {deviation_.size()});
-  for (std::size_t n = 0; n < positions_.size(); ++n) positions_[n].save(file, position_group(n));
+  positions_.save(file, "model/position");
   save_components(file, "model/masks", masks_);
   save_components(file, "model/reliefs", reliefs_);
-  if (shapes_) shape_.save(file, "model/shape");
+  if (shapes_) shape_networks_.save(file, "model/shape");
 }
 
 void Factorised::load(const record::H5File& file, std::size_t inputs, std::size_t outputs) {
@@ -374,13 +383,11 @@ void Factorised::load(const record::H5File& file, std::size_t inputs, std::size_
   require_sound(file,
                 std::all_of(deviation_.begin(), deviation_.end(), [](float d) { return d > 0; }),
                 "model/features_deviation", "all above 0");
-  positions_.clear();
-  for (std::size_t n = 0; n == 0 || file.has(position_group(n)); ++n)
-    positions_.emplace_back().load(file, position_group(n), inputs, 2);
+  positions_.load(file, "model/position", inputs, 2);
   masks_ = load_components(file, "model/masks", frame_.size());
   reliefs_ = load_components(file, "model/reliefs", frame_.size());
   const std::size_t shapes = masks_.basis.rows + reliefs_.basis.rows;
-  if (shapes_) shape_.load(file, "model/shape", inputs, shapes);
+  if (shapes_) shape_networks_.load(file, "model/shape", inputs, shapes);
   require_sound(file, shapes_ == (shapes > 0), "model/masks", "shapes if the model has any");
 }
 

@@ -25,14 +25,14 @@ std::vector<std::size_t> numbers_of(const std::string& text) {
   return out;
 }
 
-// 512-256 is the paper's network.
+constexpr const char* paper_model = "mlp-512-256";
 const FitOptions network{.hidden = {{512, 256}},
                          .epochs = 60,
                          .learning_rate = 2e-3,
                          .weight_decay = 0.7,
                          .patience = 15};
 const FitOptions placed{
-    .basis = 16, .epochs = 100, .learning_rate = 3e-3, .weight_decay = 0.3, .patience = 100};
+    .basis = 32, .epochs = 100, .learning_rate = 3e-3, .weight_decay = 0.3, .patience = 100};
 
 FitOptions with_basis(std::size_t basis, FitOptions options = {}) {
   options.basis = basis;
@@ -80,7 +80,7 @@ std::string model_help() {
     if (kind.size != ModelKind::Size::fixed) out += "[-N]";
     if (kind.size == ModelKind::Size::hidden) out += "[-N...]";
   }
-  return out;
+  return out + ", paper (" + paper_model + ")";
 }
 
 const ModelKind& kind_of(const std::string& name) {
@@ -93,6 +93,7 @@ const ModelKind& kind_of(const std::string& name) {
 }
 
 Candidate candidate_of(const std::string& name, const FitOptions& base) {
+  if (name == "paper") return candidate_of(paper_model, base);
   Candidate out{name, name, base};
   const auto digit = name.find_first_of("0123456789");
   const bool sized = digit != std::string::npos && digit > 1 && name[digit - 1] == '-';

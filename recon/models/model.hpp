@@ -93,7 +93,7 @@ struct ModelKind {
 const std::vector<ModelKind>& model_kinds();        // by increasing cost
 const ModelKind& kind_of(const std::string& name);  // throws Error(usage)
 std::vector<std::string> model_names();
-std::string model_help();  // "empty, mean, ..., factorised[-N]"
+std::string model_help();  // "empty, mean, ..., nearest[-N], paper (mlp-512-256)"
 
 // The models, one a file.
 std::unique_ptr<Model> make_empty_room();  // "empty": the room without anybody
@@ -106,7 +106,7 @@ std::unique_ptr<Model> make_silhouette();                       // the mean body
 std::unique_ptr<Model> make_factorised();  // place, and shape in the body's own frame
 
 // A model of a certain size: "mlp-1024-512-256" has hidden layers of these widths, "factorised-8"
-// so many components, "nearest-16" so many neighbours.
+// so many components, "nearest-16" so many neighbours, "paper" the paper's network.
 struct Candidate {
   std::string name, model;
   FitOptions fit;

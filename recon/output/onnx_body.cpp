@@ -31,6 +31,7 @@ class BodyGraph {
 
   std::string map() {
     find_place();
+    if (!body_.shapes.empty()) amounts_ = outputs(body_.shapes, "shape");
     const BodyFrame::Grid& frame = body_.frame;
     const Grid across{record::depth_x_axis(), 1, frame.left_m, frame.columns};
     const Grid down{record::depth_y_axis(), 0, frame.top_m, frame.rows};
@@ -84,30 +85,41 @@ class BodyGraph {
     std::fill(ones.weights.values.begin(), ones.weights.values.end(), 1.f);
     return layer(value, ones);
   }
-  // A sum of columns.
-  std::string sum(const std::string& value, std::size_t columns,
-                  const std::vector<std::pair<std::size_t, float>>& weights) {
+  // The outputs of networks, one behind the other.
+  std::string outputs(const std::vector<Layers>& networks, const std::string& what) {
+    std::vector<std::string> out;
+    for (const Layers& network : networks)
+      out.push_back(add_layers(graph_, standardised_, network, name(what) + "/"));
+    return out.size() == 1 ? out.front() : joined(out);
+  }
+  // Of the mean of so many networks.
+  std::string layer_of_mean(const std::string& outputs, const AffineLayer& layer,
+                            std::size_t networks) {
+    AffineLayer all{Matrix(0, layer.weights.cols), layer.biases};
+    std::vector<float> row;
+    for (std::size_t i = 0; i < networks * layer.weights.rows; ++i) {
+      const auto weights = layer.weights.row(i % layer.weights.rows);
+      row.assign(weights.begin(), weights.end());
+      for (float& weight : row) weight /= static_cast<float>(networks);
+      all.weights.add_row(row);
+    }
+    return this->layer(outputs, all);
+  }
+  static AffineLayer column(std::size_t at, std::size_t columns) {
     AffineLayer out{Matrix(columns, 1), {0}};
-    for (const auto& [column, weight] : weights) out.weights.values[column] = weight;
-    return layer(value, out);
+    out.weights.values[at] = 1;
+    return out;
   }
 
   void find_place() {
-    const std::size_t inputs = body_.centre.size();
-    range_ = sum(inputs_, inputs, {{inputs - 1, 1.f}});
-    std::vector<std::string> found{range_};
-    std::vector<std::pair<std::size_t, float>> to_side, to_depth{{0, 1.f}};
-    std::size_t columns = 1;
-    const float part = 1 / static_cast<float>(body_.positions.size());
-    for (const Layers& position : body_.positions) {
-      found.push_back(add_layers(graph_, standardised_, position, name("position") + "/"));
-      to_side.emplace_back(columns, part), to_depth.emplace_back(columns + 1, part);
-      columns += position.back().biases.size();
-    }
-    const std::string all = joined(found);
-    depth_ = at_least(sum(all, columns, to_depth), body_.nearest_m);
-    const std::string range = at_least(range_, body_.nearest_m);
-    const std::string tangent = graph_.node("Div", {sum(all, columns, to_side), range});
+    const std::size_t inputs = body_.centre.size(), networks = body_.positions.size();
+    const std::size_t columns = body_.positions.front().back().biases.size();
+    const std::string found = outputs(body_.positions, "position");
+    const std::string side_m = layer_of_mean(found, column(0, columns), networks);
+    const std::string behind_m = layer_of_mean(found, column(1, columns), networks);
+    range_ = layer(inputs_, column(inputs - 1, inputs));
+    depth_ = at_least(graph_.node("Add", {range_, behind_m}), body_.nearest_m);
+    const std::string tangent = graph_.node("Div", {side_m, at_least(range_, body_.nearest_m)});
     place_ = joined({depth_, multiplied(tangent, depth_)});
   }
 
@@ -159,11 +171,13 @@ class BodyGraph {
     return flat(product);
   }
 
-  // Cells as the layers have them, drawn into the map.
-  std::string drawn(const std::string& rows, const Layers& layers, const std::string& columns) {
+  // Cells of these amounts, drawn into the map.
+  std::string drawn(const std::string& rows, const AffineLayer& kind, const std::string& columns) {
     const auto height = static_cast<std::int64_t>(body_.frame.rows);
     const auto width = static_cast<std::int64_t>(body_.frame.columns);
-    const std::string cells = add_layers(graph_, standardised_, layers, name("shape") + "/");
+    const std::string cells = body_.shapes.empty()
+                                  ? layer(range_, {Matrix(1, kind.biases.size()), kind.biases})
+                                  : layer_of_mean(amounts_, kind, body_.shapes.size());
     const std::string patch = add_reshape(graph_, cells, name("shape"), {-1, height, width});
     return flat(graph_.node("MatMul", {graph_.node("MatMul", {rows, patch}), columns}));
   }
@@ -173,7 +187,7 @@ class BodyGraph {
 
   Graph& graph_;
   const BodyLayers& body_;
-  std::string inputs_, standardised_;
+  std::string inputs_, standardised_, amounts_;
   std::string range_, depth_;  // metres, [n, 1]
   std::string place_;          // [n, 2]: depth, depth * tangent
   std::size_t constants_ = 0;

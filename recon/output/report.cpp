@@ -44,15 +44,15 @@ Rows rows_of_both(const TrainedModel& model, const Dataset& data) {
 }
 
 // Each model brings a copy of the data onto its own axes.
-LoadedMode score_mode(Inputs inputs, double paper_ssim, const std::vector<std::string>& paths,
-                      const Dataset& data) {
-  LoadedMode mode{{inputs, paper_ssim, {}, {}}, {}};
+LoadedMode score_mode(const std::string& name, Inputs inputs, double paper_ssim,
+                      const std::vector<std::string>& paths, const Dataset& data) {
+  LoadedMode mode{{name, inputs, paper_ssim, {}, {}}, {}};
   for (const auto& path : paths) {
     TrainedModel model = load_model(path);
     const Features& f = model.features;
     if (f.inputs != inputs)
-      throw Error(ExitCode::failed, path + ": was trained on " + name_of(f.inputs) +
-                                        " inputs, given as --" + name_of(inputs));
+      throw Error(ExitCode::failed,
+                  path + ": was trained on " + name_of(f.inputs) + " inputs, given as --" + name);
     const Records records = prepare_records(model, data, RangeBiasAction::warn);
     const Rows rows = rows_of_both(model, records.data);
     Evaluation e = evaluate(model, records, rows);
@@ -214,9 +214,11 @@ void check_report_folder(const ReportOptions& options) {
 Report make_report(const ReportOptions& options) {
   const Dataset data = load({options.run});
   std::vector<LoadedMode> modes;
-  modes.push_back(score_mode(Inputs::fused, 0.6576, options.fused, data));
-  modes.push_back(score_mode(Inputs::spd, 0.6389, options.spd, data));
-  modes.push_back(score_mode(Inputs::radar, 0.5266, options.radar, data));
+  modes.push_back(score_mode("fused", Inputs::fused, 0.6576, options.fused, data));
+  if (!options.paper.empty())
+    modes.push_back(score_mode("paper", Inputs::fused, 0.6576, options.paper, data));
+  modes.push_back(score_mode("spd", Inputs::spd, 0.6389, options.spd, data));
+  modes.push_back(score_mode("radar", Inputs::radar, 0.5266, options.radar, data));
   Report report;
   report.run = options.run;
   report.run_uuid = data.sources.front().uuid;

@@ -13,11 +13,13 @@ struct ReportOptions {
   std::string dir;
   std::vector<std::string> fused, spd, radar;  // model files; several of a mode are its seeds
   std::string run;                             // its held-out records with both sensors are scored
+  std::vector<std::string> paper;              // optional: fused as well, beside the first
   std::string live;                            // optional: a recorded run, for the fused model
   bool force = false;                          // also over a report of another run
 };
 
 struct ModeResult {
+  std::string name;
   Inputs inputs{};
   double paper_ssim = 0;                // Lai et al., Chin. Opt. Lett. 22, 022701 (2024)
   std::vector<Evaluation> evaluations;  // one a model

@@ -92,8 +92,7 @@ std::string header_row(const std::string& first, const std::string& last) {
 
 std::string mode_row(const ModeResult& mode) {
   const Evaluation& e = mode.evaluations.front();
-  std::string out =
-      std::string("<tr><td>") + name_of(mode.inputs) + " (" + escaped(e.model) + ")</td>";
+  std::string out = "<tr><td>" + mode.name + " (" + escaped(e.model) + ")</td>";
   out += formatted("<td>%.4f</td>", mode.paper_ssim) + metric_cells(mode.metrics);
   out += formatted("<td>%.0f</td><td>%.2f</td><td>%.0f</td></tr>\n", e.cost.infer_us_median,
                    static_cast<double>(e.cost.cost.multiply_adds) / 1e6, e.cost.train_s);
@@ -120,7 +119,7 @@ std::string ssim_note(const Report& report) {
       formatted("answering every record with the empty room, without having looked, scores %.3f; ",
                 report.baselines.front().metrics[metric_ssim].mean);
   const Summaries& fused = report.modes.front().metrics;
-  out += formatted("the fused network scores %.3f raw and %.3f as a hard map. ",
+  out += formatted("the fused model scores %.3f raw and %.3f as a hard map. ",
                    fused[metric_ssim].mean, fused[metric_ssim_hard].mean);
   return out +
          "The paper states neither window nor data range of its SSIM, so its values cannot be met "
@@ -160,7 +159,7 @@ std::string uncertainty_section(const Report& report) {
              formatted("<td class=\"%s\">%.1f %%</td></tr>\n",
                        c.flagged > flagged_often ? "flag" : "", 100 * c.flagged);
   };
-  for (const auto& mode : report.modes) add(name_of(mode.inputs), mode.evaluations.front());
+  for (const auto& mode : report.modes) add(mode.name, mode.evaluations.front());
   if (!report.live.empty()) add(report.live, report.live_evaluation);
   if (lines.empty()) return {};
   return "<h2>How sure the models are</h2>\n<table>\n<tr><th></th><th>stated lateral error, 90 % "
@@ -224,7 +223,7 @@ std::string to_text(const Report& report) {
     out += '\n';
   };
   for (const auto& mode : report.modes)
-    line(name_of(mode.inputs), formatted("%.4f", mode.paper_ssim), mode.metrics);
+    line(mode.name.c_str(), formatted("%.4f", mode.paper_ssim), mode.metrics);
   for (const auto& row : report.baselines) line(row.name.c_str(), "", row.metrics);
   out += notes(report.modes.front().evaluations.front());
   if (!report.live.empty()) {

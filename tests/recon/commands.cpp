@@ -36,7 +36,7 @@ bool catches_interrupts(pid_t process) {
   return std::stoull(status.substr(at + 7), nullptr, 16) & 2u;
 }
 
-constexpr const char* quick = " -q --hidden 32,16 --epochs 8 --batch 16";
+constexpr const char* quick = " -q --model mlp --hidden 32,16 --epochs 8 --batch 16";
 
 }  // namespace
 

@@ -33,7 +33,7 @@ with tempfile.TemporaryDirectory(prefix="echofuse-") as name:
     run, model = folder / "run.sqlite", folder / "m.h5"
     subprocess.run([bin_dir / "echofuse-sim", "dataset", "--out", run, "--records", "300"], check=True,
                    capture_output=True)
-    subprocess.run([bin_dir / "echofuse-recon", "train", run, "--out", model, "-q", "--hidden", "64,32", "--epochs", "6",
+    subprocess.run([bin_dir / "echofuse-recon", "train", run, "--out", model, "-q", "--model", "mlp", "--hidden", "64,32", "--epochs", "6",
                     "--batch", "16", "--radar-bin", "0.5", "--patience", "6", "--test-share", "0.2"], check=True)
     both = compare(model, run, "--threads", 1, "--keep", folder / "kept")
     assert both.returncode == 0, both.stderr

@@ -79,8 +79,8 @@ TEST_CASE("NumPy reads the arrays that were written row by row") {
 TEST_CASE("points, arrays and pictures show the same map") {
   const Folder dir;
   write_run(dir / "run", 400);
-  REQUIRE(recon_program("train -q --hidden 48,24 --epochs 25 --batch 16 " + (dir / "run") +
-                        " --out " + (dir / "m"))
+  REQUIRE(recon_program("train -q --model mlp --hidden 48,24 --epochs 25 --batch 16 " +
+                        (dir / "run") + " --out " + (dir / "m"))
               .code == 0);
   write_run(dir / "live", 3, 2);
   REQUIRE(recon_program("reconstruct -q --format mm,ply,npz " + (dir / "m") + " " + (dir / "live") +

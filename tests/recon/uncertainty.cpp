@@ -230,7 +230,7 @@ TEST_CASE("pixels are as uncertain as they say, and the mean map errs little") {
       return summarise(score_maps(made.of(output), data, rows, model.scene))[metric_rmse_m].mean;
     };
     // A plate's place is known to less than a pixel: there is little to gain from a mean over it.
-    CHECK(rmse("mean") < (name == "ridge" ? 1.0 : 1.05) * rmse("own"));
+    CHECK(rmse("mean") < (name == "ridge" ? 1.0 : 1.1) * rmse("own"));
   }
 }
 

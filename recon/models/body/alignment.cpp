@@ -18,7 +18,7 @@ constexpr int centroid_passes = 3;
 constexpr double significance = 5;
 constexpr double histogram_reach_m = 0.7, histogram_step_m = 0.04;
 // Of the radar profile against the body: a target at x shifts it by b x / r.
-constexpr double profile_from_m = -1.0, profile_to_m = 1.3, least_profile_step_m = 0.02;
+constexpr double profile_from_m = -0.8, profile_to_m = 1.1, least_profile_step_m = 0.02;
 constexpr double coarse_step_m = 0.08;  // of a radar whose profile is read halfway between as well
 constexpr std::ptrdiff_t taps = 8;      // of the sinc series, on either side
 constexpr double farthest_steps = 1e9;  // from a radar's first point

@@ -13,8 +13,6 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::size_t side = record::map_size;
-// Cells are a little finer than the map's pixels: interpolating twice blurs less.
-constexpr double cells_per_pixel = 1.2;
 constexpr std::size_t most_cells = 96;
 
 // Where a coordinate lies among n points: between `low` and the next one, by `part`.
@@ -68,7 +66,7 @@ BodyFrame::BodyFrame(const Matrix& maps, std::span<const float> background, cons
       top_m_ = std::min(top_m_, down), bottom = std::max(bottom, down);
     }
   }
-  pitch_m_ = x.step * depth / cells_per_pixel;
+  pitch_m_ = x.step * depth;  // the map's, where bodies stand: a finer one gains nothing
   const auto cells = [&](double extent) {
     return std::clamp<std::size_t>(static_cast<std::size_t>(extent / pitch_m_) + 2, 2, most_cells);
   };

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: MIT
+#include "recon/models/ensemble.hpp"
+
+namespace echofuse::recon {
+
+TrainingLog Ensemble::fit(const Examples& train, const Examples& validation, Spread spread,
+                          Training training, std::size_t networks, const std::string& title,
+                          const std::function<void(std::uint64_t)>& seeded) {
+  TrainingLog log;
+  networks_.clear();
+  while (networks_.size() < networks && !log.interrupted) {
+    seeded(training.seed);
+    log =
+        networks_.emplace_back().fit(train, validation, spread, training, title, " of the spread");
+    training.seed = mix(training.seed);
+  }
+  return log;
+}
+
+Matrix Ensemble::predict(const Matrix& inputs) const {
+  Matrix sum = networks_.front().predict(inputs);
+  for (std::size_t n = 1; n < networks_.size(); ++n) {
+    const Matrix one = networks_[n].predict(inputs);
+    for (std::size_t i = 0; i < sum.values.size(); ++i) sum.values[i] += one.values[i];
+  }
+  for (float& v : sum.values) v /= static_cast<float>(networks_.size());
+  return sum;
+}
+
+Cost Ensemble::cost() const {
+  Cost out;
+  for (const Regression& network : networks_) {
+    const Cost one = network.cost();
+    out.multiply_adds += one.multiply_adds, out.parameters += one.parameters;
+  }
+  return out;
+}
+
+std::vector<std::vector<AffineLayer>> Ensemble::layers() const {
+  std::vector<std::vector<AffineLayer>> out;
+  for (const Regression& network : networks_) out.push_back(network.layers());
+  return out;
+}
+
+void Ensemble::save(record::H5File& file, const std::string& group) const {
+  for (std::size_t n = 0; n < networks_.size(); ++n)
+    networks_[n].save(file, group + std::to_string(n));
+}
+
+void Ensemble::load(const record::H5File& file, const std::string& group, std::size_t inputs,
+                    std::size_t outputs) {
+  networks_.clear();
+  for (std::size_t n = 0; n == 0 || file.has(group + std::to_string(n)); ++n)
+    networks_.emplace_back().load(file, group + std::to_string(n), inputs, outputs);
+}
+
+}  // namespace echofuse::recon

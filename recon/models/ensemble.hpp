@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: MIT
+// The mean of a few small networks, trained apart: their errors differ where the records say
+// little, so that the mean errs less than each (Breiman, Machine Learning 24, 123, 1996).
+#pragma once
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "recon/models/regression.hpp"
+
+namespace echofuse::recon {
+
+class Ensemble {
+ public:
+  // As Regression::fit, of so many networks, each with weights and order of its own. The log is of
+  // the last one. `seeded`: called with each one's seed before its training.
+  TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
+                  Training training, std::size_t networks, const std::string& title,
+                  const std::function<void(std::uint64_t)>& seeded);
+  // Row i of `inputs` to row i of the answer, which has so many columns as the targets had.
+  Matrix predict(const Matrix& inputs) const;
+  Cost cost() const;
+  std::vector<std::vector<AffineLayer>> layers() const;             // of each network
+  void save(record::H5File& file, const std::string& group) const;  // group + "0", "1", ...
+  void load(const record::H5File& file, const std::string& group, std::size_t inputs,
+            std::size_t outputs);
+
+ private:
+  std::vector<Regression> networks_;
+};
+
+}  // namespace echofuse::recon
