@@ -123,7 +123,6 @@ void BridgeClient::on_block(Block block, HostTime received) {
   }
   // Only now is it well: a bridge that greets and closes at once is retried ever more rarely.
   backoff_.alive(received);
-  last_failure_.clear();
   block.lost_blocks = std::exchange(lost_blocks_, 0) + std::exchange(rejoined_, false);
   block.found_blocks = std::exchange(found_blocks_, 0);
   block.dropped_items = std::exchange(dropped_items_, 0);
@@ -157,8 +156,7 @@ void BridgeClient::on_hello(const Block& block) {
 void BridgeClient::fail(const std::string& why) {
   if (!running_) return;
   port_.reset();
-  const bool again = std::exchange(last_failure_, why) == why;
-  if (!again) handlers_.event(Severity::warning, why);
+  if (backoff_.is_news(why)) handlers_.event(Severity::warning, why);
   if (!running_) return;
   if (!std::exchange(faulted_, true)) handlers_.state(DeviceState::faulted, hello_);
   if (!running_) return;

@@ -52,7 +52,6 @@ class BridgeClient {
   Handlers handlers_;
   BlockParser parser_;
   Hello hello_;
-  std::string last_failure_;       // told once, not at every attempt
   std::uint64_t blocks_seen_ = 0;  // at the last check
   int quiet_checks_ = 0;
   bool running_ = false, faulted_ = false, greeted_ = false, rejoined_ = false;

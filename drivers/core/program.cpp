@@ -17,6 +17,8 @@ Result<pid_t> start_program(const std::vector<std::string>& words, const Program
   ::posix_spawn_file_actions_init(&actions);
   if (options.input != STDIN_FILENO)
     ::posix_spawn_file_actions_adddup2(&actions, options.input, STDIN_FILENO);
+  if (options.output != STDOUT_FILENO)
+    ::posix_spawn_file_actions_adddup2(&actions, options.output, STDOUT_FILENO);
   ::posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
   if (!options.folder.empty())
     ::posix_spawn_file_actions_addchdir_np(&actions, options.folder.c_str());

@@ -11,8 +11,8 @@
 namespace echofuse {
 
 struct ProgramOptions {
-  std::string folder{};  // its working directory; empty: this program's
-  int input = 0;         // the file descriptor that is its standard input
+  std::string folder{};       // its working directory; empty: this program's
+  int input = 0, output = 1;  // the file descriptors that are its standard input and output
 };
 
 // Starts words[0], found by PATH, with the other words as its arguments. It inherits the three

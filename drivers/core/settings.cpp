@@ -358,4 +358,25 @@ std::string Settings::resolved(bool with_docs) const { return print(with_docs, f
 
 std::string Settings::with_origins() const { return print(true, true); }
 
+// Numbers, texts and booleans of ours are the same in TOML and JSON.
+std::string Settings::json() const {
+  std::string out;
+  for (const Entry& e : entries_) {
+    out += (out.empty() ? "{\n  " : ",\n  ") + quoted(e.key) + ": {\"value\": " + value_of(e);
+    const auto bounds = [&](const auto& target, const auto& text) {
+      out += ", \"min\": " + text(target.min) + ", \"max\": " + text(target.max);
+    };
+    if (const auto* r = std::get_if<Real>(&e.target)) bounds(*r, text_of);
+    if (const auto* i = std::get_if<Integer>(&e.target))
+      bounds(*i, [](std::int64_t v) { return std::to_string(v); });
+    if (const auto* t = std::get_if<Text>(&e.target); t && !t->allowed.empty()) {
+      out += ", \"allowed\": ";
+      for (const auto& a : t->allowed) out += (&a == t->allowed.data() ? "[" : ", ") + quoted(a);
+      out += "]";
+    }
+    out += ", \"help\": " + quoted(e.doc) + "}";
+  }
+  return out + "\n}\n";
+}
+
 }  // namespace echofuse

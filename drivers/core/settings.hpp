@@ -48,6 +48,9 @@ class Settings {
   std::string resolved(bool with_docs = false) const;
   // The same with both, and the origin of each value behind it.
   std::string with_origins() const;
+  // One JSON object: {KEY: {"value", "help", and "min", "max" of a number, "allowed" of a text that
+  // has but some values}, ...}.
+  std::string json() const;
 
  private:
   struct Real {

@@ -32,29 +32,19 @@ struct OpenNiCamera::Shared : port::WorkerLink {
 // The camera's thread.
 class OpenNiCamera::Worker {
  public:
-  Worker(std::shared_ptr<Shared> shared, std::string address, std::string uri, const Clock& clock,
+  Worker(std::shared_ptr<Shared> shared, DeviceInfo info, std::string uri, const Clock& clock,
          OpenNiOptions options, port::RawKeeper* raw)
       : shared_(std::move(shared)),
         uri_(std::move(uri)),
         clock_(clock),
         options_(options),
         raw_(raw),
-        backoff_(options.backoff) {
-    info_.sensor = Sensor::depth;
-    info_.address = std::move(address);
-  }
+        info_(std::move(info)),
+        backoff_(options.backoff) {}
 
   void run() {
-    do {
-      const std::string why = run_session();
-      if (shared_->stopping()) return;
-      if (why.empty()) return report(DeviceState::ended);
-      if (std::exchange(last_failure_, why) != why) report(Severity::warning, why);
-      report(DeviceState::faulted);
-    } while (shared_->pause(backoff_.next()));
+    shared_->run(info_, backoff_, [this] { return run_session(); });
   }
-
-  void end() { shared_->end(); }
 
  private:
   using Read = OpenNiSession::Read;
@@ -70,7 +60,7 @@ class OpenNiCamera::Worker {
     info_ = session.info();
     info_.address = address;
     raw_name_.clear();
-    report(DeviceState::streaming);
+    shared_->report(info_, DeviceState::streaming);
     auto last_frame = std::chrono::steady_clock::now();
     while (!shared_->stopping()) {
       DepthFrame frame;
@@ -80,7 +70,6 @@ class OpenNiCamera::Worker {
       if (read == Read::gone) return "the camera is gone";
       if (read == Read::bad_frame) ++shared_->bad_frames;
       if (read == Read::frame) {
-        last_failure_.clear();
         backoff_.alive(clock_.now());
         deliver(std::move(frame), session.recording());
         last_frame = now;
@@ -150,16 +139,6 @@ class OpenNiCamera::Worker {
     return true;
   }
 
-  void report(DeviceState state) {
-    if (std::exchange(state_, state) == state) return;
-    shared_->post(
-        [state, info = info_](SampleSink& sink) { sink.on_state(Sensor::depth, state, info); });
-  }
-  void report(Severity severity, const std::string& text) {
-    shared_->post(
-        [severity, text](SampleSink& sink) { sink.on_event(Sensor::depth, severity, text); });
-  }
-
   std::shared_ptr<Shared> shared_;
   std::string uri_;
   const Clock& clock_;
@@ -168,9 +147,7 @@ class OpenNiCamera::Worker {
   std::string raw_name_;
   std::uint32_t raw_sequence_ = 0;
   DeviceInfo info_;
-  DeviceState state_ = DeviceState::connecting;
   port::Backoff backoff_;
-  std::string last_failure_;  // told once, not at every attempt
   std::optional<std::uint32_t> last_index_;
   bool rejoined_ = false;  // no frame since it was opened again
   std::uint32_t dropped_since_ = 0;
@@ -188,28 +165,19 @@ OpenNiCamera::OpenNiCamera(boost::asio::io_context& io, std::string address, std
   initialize_openni();
 }
 
-OpenNiCamera::~OpenNiCamera() {
-  stop();
-  shared_->leave();
-  if (thread_.joinable()) thread_.join();
-}
+OpenNiCamera::~OpenNiCamera() { shared_->join(); }
 
 void OpenNiCamera::start(SampleSink& sink) {
-  shared_->begin(sink);
   DeviceInfo info;
   info.sensor = Sensor::depth;
   info.address = address_;
-  sink.on_state(Sensor::depth, DeviceState::connecting, info);
-  auto worker = std::make_shared<Worker>(shared_, address_, uri_, clock_, options_, raw_);
-  thread_ = std::thread([worker] {
-    worker->run();
-    worker->end();
-  });
+  const auto worker = std::make_shared<Worker>(shared_, info, uri_, clock_, options_, raw_);
+  shared_->start(sink, info, [worker] { worker->run(); });
 }
 
 void OpenNiCamera::stop() { shared_->stop(); }
 
-bool OpenNiCamera::finished() const { return !thread_.joinable() || shared_->finished(); }
+bool OpenNiCamera::finished() const { return shared_->finished(); }
 
 std::vector<Counter> OpenNiCamera::counters() const {
   return {{"frames", shared_->frames},

@@ -3,7 +3,6 @@
 #pragma once
 #include <memory>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "drivers/core/driver.hpp"
@@ -48,7 +47,6 @@ class OpenNiCamera final : public Driver {
   const Clock& clock_;
   OpenNiOptions options_;
   port::RawKeeper* raw_;
-  std::thread thread_;
 };
 
 }  // namespace echofuse::depth

@@ -5,6 +5,7 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <optional>
+#include <utility>
 
 namespace echofuse::port {
 
@@ -16,9 +17,17 @@ struct WorkerLink::Io {
 WorkerLink::WorkerLink(boost::asio::io_context& io) : io_(new Io{io, std::nullopt}) {}
 WorkerLink::~WorkerLink() = default;
 
-void WorkerLink::begin(SampleSink& sink) {
+void WorkerLink::start(SampleSink& sink, const DeviceInfo& info, std::function<void()> work) {
   sink_ = &sink;
   io_->work.emplace(io_->context.get_executor());
+  sink.on_state(info.sensor, DeviceState::connecting, info);
+  thread_ = std::thread([self = shared_from_this(), work = std::move(work)] {
+    work();
+    boost::asio::post(self->io_->context, [self] {
+      self->finished_ = true;
+      self->leave();
+    });
+  });
 }
 
 void WorkerLink::stop() {
@@ -32,11 +41,29 @@ void WorkerLink::leave() {
   io_->work.reset();
 }
 
-void WorkerLink::end() {
-  boost::asio::post(io_->context, [self = shared_from_this()] {
-    self->finished_ = true;
-    self->leave();
-  });
+void WorkerLink::join() {
+  stop();
+  leave();
+  if (thread_.joinable()) thread_.join();
+}
+
+void WorkerLink::run(const DeviceInfo& info, Backoff& backoff,
+                     const std::function<std::string()>& session) {
+  do {
+    const std::string why = session();
+    if (stopping_) return;
+    if (why.empty()) return report(info, DeviceState::ended);
+    if (backoff.is_news(why))
+      post([sensor = info.sensor, why](SampleSink& sink) {
+        sink.on_event(sensor, Severity::warning, why);
+      });
+    report(info, DeviceState::faulted);
+  } while (pause(backoff.next()));
+}
+
+void WorkerLink::report(const DeviceInfo& info, DeviceState state) {
+  if (std::exchange(state_, state) == state) return;
+  post([state, info](SampleSink& sink) { sink.on_state(info.sensor, state, info); });
 }
 
 void WorkerLink::post(std::function<void(SampleSink&)> action) {

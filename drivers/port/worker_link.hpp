@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What the io thread and a driver's own thread share, without Asio in the header.
+// A driver's own thread, which has sessions with its device, and what it shares with the io thread;
+// without Asio in the header.
 #pragma once
 #include <atomic>
 #include <chrono>
@@ -7,28 +8,34 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <string>
+#include <thread>
 
 #include "drivers/core/driver.hpp"
+#include "drivers/port/backoff.hpp"
 
 namespace echofuse::port {
 
-// Threading: begin(), stop(), finished() and leave() on the io thread; the others on the worker's.
-// The io context does not run out of work between begin() and the worker's end.
+// Threading: start(), stop(), finished() and join() on the io thread; the others on the worker's.
+// The io context does not run out of work between start() and the worker's end.
 class WorkerLink : public std::enable_shared_from_this<WorkerLink> {
  public:
   explicit WorkerLink(boost::asio::io_context& io);
   ~WorkerLink();
 
-  void begin(SampleSink& sink);
+  // Reports that the device is looked for, and starts the worker with this.
+  void start(SampleSink& sink, const DeviceInfo& info, std::function<void()> work);
   // Asks the worker to end: pauses end, what it posts is still carried out.
   void stop();
-  // All that the worker posted was carried out.
-  bool finished() const { return finished_; }
-  // What is posted is no longer carried out.
-  void leave();
+  // All that the worker posted was carried out, or it was never started.
+  bool finished() const { return finished_ || !thread_.joinable(); }
+  // Stops, and waits for the worker's end; what it posted is no longer carried out.
+  void join();
 
-  // The last that the worker does.
-  void end();
+  // Sessions, each until the device fails (why) or has nothing more (empty), with pauses between
+  // them. `info`: of the device, as the session has it.
+  void run(const DeviceInfo& info, Backoff& backoff, const std::function<std::string()>& session);
+  void report(const DeviceInfo& info, DeviceState state);  // once until it changes
   // On the io thread, with the driver's sink.
   void post(std::function<void(SampleSink&)> action);
   bool stopping() const { return stopping_; }
@@ -37,9 +44,12 @@ class WorkerLink : public std::enable_shared_from_this<WorkerLink> {
 
  private:
   struct Io;
+  void leave();
   std::unique_ptr<Io> io_;
   SampleSink* sink_ = nullptr;  // io thread only
   bool finished_ = false;       // io thread only
+  std::thread thread_;
+  DeviceState state_ = DeviceState::connecting;  // worker's thread only
   std::mutex mutex_;
   std::condition_variable wake_;
   std::atomic<bool> stopping_{false};

@@ -157,7 +157,6 @@ void RadarDriver::on_frame(RadarFrame frame) {
   alive_ = clock_.now();
   backoff_.alive(alive_);
   if (!std::exchange(streaming_, true)) {
-    last_failure_.clear();
     faulted_ = false;
     sink_->on_state(Sensor::radar, DeviceState::streaming, info_);
     if (!running_) return;
@@ -216,8 +215,7 @@ void RadarDriver::drop_data() {
 void RadarDriver::fail(const std::string& why) {
   if (!running_) return;
   disconnect();
-  const bool again = std::exchange(last_failure_, why) == why;
-  if (!again) sink_->on_event(Sensor::radar, Severity::warning, why);
+  if (backoff_.is_news(why)) sink_->on_event(Sensor::radar, Severity::warning, why);
   if (!running_) return;
   if (!std::exchange(faulted_, true)) sink_->on_state(Sensor::radar, DeviceState::faulted, info_);
   if (!running_) return;

@@ -70,7 +70,6 @@ class RadarDriver final : public Driver {
   std::optional<CommandDialogue> dialogue_;
   std::optional<StopDialogue> last_words_;
   SampleSink* sink_ = nullptr;
-  std::string last_failure_;           // told once, not at every attempt
   std::set<std::string> reported_;     // warnings of the ports: each once
   std::optional<HostTime> unplugged_;  // since then, with our cfg in the firmware
   std::uint64_t restarts_seen_ = 0, frames_before_ = 0;

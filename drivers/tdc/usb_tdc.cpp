@@ -4,7 +4,6 @@
 #include <optional>
 #include <utility>
 
-#include "drivers/port/backoff.hpp"
 #include "drivers/port/raw_tap.hpp"
 #include "drivers/port/worker_link.hpp"
 #include "drivers/tdc/usb_link.hpp"
@@ -50,16 +49,12 @@ class UsbTdc::Worker {
         raw_(raw) {}
 
   void run() {
-    do {
+    shared_->run(info_, backoff_, [this] {
       const std::string why = run_session();
       publish();
-      if (shared_->stopping()) return;
-      if (std::exchange(last_failure_, why) != why) report(Severity::warning, why);
-      report(DeviceState::faulted);
-    } while (shared_->pause(backoff_.next()));
+      return why;
+    });
   }
-
-  void end() { shared_->end(); }
 
  private:
   // Until the device fails: why.
@@ -73,7 +68,7 @@ class UsbTdc::Worker {
     ++connections_;
     had_session_ = true;
     describe(link);
-    report(DeviceState::streaming);
+    shared_->report(info_, DeviceState::streaming);
     lost_before_ = device_lost_;  // a device counts from its start
     last_heartbeat_ = clock_.now();
     HostTime next_status = last_heartbeat_ + status_pause;
@@ -119,7 +114,6 @@ class UsbTdc::Worker {
     // Junk is no heartbeat.
     if (bytes.empty() || !tags.empty()) last_heartbeat_ = now;
     if (tags.empty()) return;
-    last_failure_.clear();
     backoff_.alive(last_heartbeat_);
     if (shared_->queued_tags + tags.size() > max_queued_tags) {
       dropped_tags_ += tags.size();
@@ -151,25 +145,13 @@ class UsbTdc::Worker {
     shared_->connections = connections_;
   }
 
-  void report(DeviceState state) {
-    if (std::exchange(state_, state) == state) return;
-    shared_->post(
-        [state, info = info_](SampleSink& sink) { sink.on_state(Sensor::spd, state, info); });
-  }
-  void report(Severity severity, const std::string& text) {
-    shared_->post(
-        [severity, text](SampleSink& sink) { sink.on_event(Sensor::spd, severity, text); });
-  }
-
   std::shared_ptr<Shared> shared_;
   DeviceInfo info_;
   port::UsbAddress usb_;
   const Clock& clock_;
   port::RawKeeper* raw_;
   std::string raw_name_;  // one file: its gaps are marked
-  DeviceState state_ = DeviceState::connecting;
   port::Backoff backoff_;
-  std::string last_failure_;  // told once, not at every attempt
   usb::RecordReader records_;
   usb::LinkCounts transfers_;
   HostTime last_heartbeat_{};
@@ -188,28 +170,19 @@ UsbTdc::UsbTdc(boost::asio::io_context& io, std::string address, port::UsbAddres
       clock_(clock),
       raw_(raw) {}
 
-UsbTdc::~UsbTdc() {
-  stop();
-  shared_->leave();
-  if (thread_.joinable()) thread_.join();
-}
+UsbTdc::~UsbTdc() { shared_->join(); }
 
 void UsbTdc::start(SampleSink& sink) {
-  shared_->begin(sink);
   DeviceInfo info;
   info.sensor = Sensor::spd;
   info.address = address_;
-  sink.on_state(Sensor::spd, DeviceState::connecting, info);
-  auto worker = std::make_shared<Worker>(shared_, info, usb_, clock_, raw_);
-  thread_ = std::thread([worker] {
-    worker->run();
-    worker->end();
-  });
+  const auto worker = std::make_shared<Worker>(shared_, info, usb_, clock_, raw_);
+  shared_->start(sink, info, [worker] { worker->run(); });
 }
 
 void UsbTdc::stop() { shared_->stop(); }
 
-bool UsbTdc::finished() const { return !thread_.joinable() || shared_->finished(); }
+bool UsbTdc::finished() const { return shared_->finished(); }
 
 std::vector<Counter> UsbTdc::counters() const {
   const std::lock_guard lock(shared_->mutex);

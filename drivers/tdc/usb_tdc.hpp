@@ -3,7 +3,6 @@
 #pragma once
 #include <memory>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "drivers/core/driver.hpp"
@@ -39,7 +38,6 @@ class UsbTdc final : public Driver {
   port::UsbAddress usb_;
   const Clock& clock_;
   port::RawKeeper* raw_;
-  std::thread thread_;
 };
 
 }  // namespace echofuse::tdc

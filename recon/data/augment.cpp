@@ -26,33 +26,27 @@ double mean_peak_of(const Matrix& profiles, const Rows& rows) {
   return sum / static_cast<double>(rows.size());
 }
 
-std::size_t append_copy(Dataset& data, std::size_t row) {
-  for (Matrix* table : {&data.spd, &data.radar, &data.depth}) {
-    const std::vector<float> copy(table->row(row).begin(), table->row(row).end());
-    table->add_row(copy);
-  }
-  data.valid.push_back(data.valid[row]);
-  data.index.push_back(data.index[row]);
-  data.slot_end.push_back(data.slot_end[row]);
-  data.clicks_a_pulse.push_back(data.clicks_a_pulse[row]);
-  data.label.push_back(data.label[row]);
-  return data.size() - 1;
-}
-
 }  // namespace
 
 void augment(Dataset& data, Rows& rows, const std::vector<std::string>& kinds, std::uint64_t seed) {
   const Rows originals = rows;
   const double mean_peak = data.radar.cols > 0 ? mean_peak_of(data.radar, originals) : 0;
   Rng rng = make_rng(seed, augment_stream);
+  Rows all = all_rows(data.size());
   for (const auto& kind : kinds) {
     if (std::find(augment_names.begin(), augment_names.end(), kind) == augment_names.end())
       throw Error(ExitCode::usage, "augment \"" + kind + "\": expected noise");
     for (const std::size_t original : originals) {
-      rows.push_back(append_copy(data, original));
-      add_noise(data.radar.row(rows.back()), mean_peak, rng);
+      rows.push_back(all.size());
+      all.push_back(original);
     }
   }
+  const std::size_t recorded = data.size();
+  const std::uint32_t hash = data.hash;
+  data = part_of(data, all);
+  data.hash = hash;
+  for (std::size_t row = recorded; row < data.size(); ++row)
+    add_noise(data.radar.row(row), mean_peak, rng);
 }
 
 }  // namespace echofuse::recon

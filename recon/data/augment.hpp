@@ -15,7 +15,7 @@ namespace echofuse::recon {
 // range bias has none: it is corrected (range_bias.hpp).
 inline const std::vector<std::string> augment_names = {"noise"};
 
-// Appends a perturbed copy of the rows for each kind, and their numbers to `rows`. The copies
+// Appends a perturbed copy of the rows for each kind, and their numbers to `rows`. The data then
 // belong to no source. Throws Error(usage) if the kind is not known.
 void augment(Dataset& data, Rows& rows, const std::vector<std::string>& kinds, std::uint64_t seed);
 

@@ -36,6 +36,12 @@ Cost Ensemble::cost() const {
   return out;
 }
 
+std::vector<std::vector<AffineLayer>> Ensemble::layers() const {
+  std::vector<std::vector<AffineLayer>> out;
+  for (const Regression& network : networks_) out.push_back(network.layers());
+  return out;
+}
+
 void Ensemble::save(record::H5File& file, const std::string& group) const {
   for (std::size_t n = 0; n < networks_.size(); ++n)
     networks_[n].save(file, group + std::to_string(n));

@@ -20,6 +20,7 @@ class Ensemble {
   // Row i of `inputs` to row i of the answer, which has so many columns as the targets had.
   Matrix predict(const Matrix& inputs) const;
   Cost cost() const;
+  std::vector<std::vector<AffineLayer>> layers() const;             // of each network
   void save(record::H5File& file, const std::string& group) const;  // group + "0", "1", ...
   void load(const record::H5File& file, const std::string& group, std::size_t inputs,
             std::size_t outputs);

@@ -24,6 +24,7 @@ namespace {
 constexpr std::size_t many_records = 10'000, few_units = 48, many_units = 96;
 // The depth is nearly known from the range: a network that cares for both learns less of the side.
 const std::vector<float> position_weights = {1, 0.1f};
+constexpr float nearest_m = 0.1f;  // that a body is taken to be
 constexpr std::size_t position_networks = 3;
 // From many records one network learns the shapes as well as two.
 constexpr std::size_t shape_networks(std::size_t records) { return records < many_records ? 2 : 1; }
@@ -70,6 +71,7 @@ class Factorised final : public Model {
                   const FitOptions& options) override;
   Matrix predict(const Matrix& aligned, SoftMaps* soft) const override;
   Cost cost() const override;
+  std::optional<BodyLayers> body_layers() const override;
   void save(record::H5File& file) const override;
   void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) override;
 
@@ -99,6 +101,7 @@ class Factorised final : public Model {
   void choose_threshold(const Seen& seen, const Samples& samples);
   std::vector<Place> find_places(const Matrix& features) const;
   Shapes find_shapes(const Matrix& features) const;
+  AffineLayer cells_of(const Components& components, std::size_t first) const;
 
   bool shapes_;
   std::vector<float> background_;          // metres
@@ -255,8 +258,8 @@ std::vector<Place> Factorised::find_places(const Matrix& features) const {
   std::vector<Place> out;
   for (std::size_t i = 0; i < found.rows; ++i) {
     const float range_m = range_of(features.row(i));
-    out.push_back(
-        {found.row(i)[0] / std::max(range_m, 0.1f), std::max(range_m + found.row(i)[1], 0.1f)});
+    out.push_back({found.row(i)[0] / std::max(range_m, nearest_m),
+                   std::max(range_m + found.row(i)[1], nearest_m)});
   }
   return out;
 }
@@ -333,6 +336,29 @@ Cost Factorised::cost() const {
   };
   add(positions_.cost()), add(shape_networks_.cost());
   return out;
+}
+
+// From the amounts, of which those of this kind begin with `first`.
+AffineLayer Factorised::cells_of(const Components& components, std::size_t first) const {
+  AffineLayer out{Matrix(masks_.basis.rows + reliefs_.basis.rows, components.mean.size()),
+                  components.mean};
+  for (std::size_t k = 0; k < components.basis.rows; ++k)
+    for (std::size_t c = 0; c < components.mean.size(); ++c)
+      out.weights.row(first + k)[c] = components.basis.row(k)[c] * unit_of(components);
+  return out;
+}
+
+std::optional<BodyLayers> Factorised::body_layers() const {
+  return BodyLayers{background_,
+                    centre_,
+                    deviation_,
+                    positions_.layers(),
+                    shape_networks_.layers(),
+                    cells_of(masks_, 0),
+                    cells_of(reliefs_, masks_.basis.rows),
+                    frame_.grid(),
+                    nearest_m,
+                    threshold_};
 }
 
 void Factorised::save(record::H5File& file) const {

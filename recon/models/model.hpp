@@ -11,6 +11,7 @@
 #include "acquire/record/h5.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/maps/soft_maps.hpp"
+#include "recon/models/layers.hpp"
 #include "recon/numbers/matrix.hpp"
 #include "recon/numbers/matrix_file.hpp"
 
@@ -52,13 +53,6 @@ struct TrainingLog {
   bool interrupted = false;
 };
 
-// y = x W + b, and max(0, y) after it if it is rectified.
-struct AffineLayer {
-  Matrix weights;             // inputs x outputs
-  std::vector<float> biases;  // outputs
-  bool rectified = false;
-};
-
 struct Cost {
   std::size_t multiply_adds = 0;  // for one map
   std::size_t parameters = 0;
@@ -76,6 +70,8 @@ class Model {
   // The model as a chain from its inputs to metres, for other people's runtimes; none if it is no
   // such chain.
   virtual std::vector<AffineLayer> layers() const { return {}; }
+  // Of one that places a body, for the same.
+  virtual std::optional<BodyLayers> body_layers() const { return {}; }
   virtual void save(record::H5File& file) const = 0;  // below "model/"
   // Of a sealed file. Throws Error(failed) that names what does not fit to so many inputs and
   // outputs.

@@ -27,9 +27,12 @@ void export_records(const TrainedModel& model, const std::vector<std::string>& r
     part.push_back(part_of[row]);
     index.push_back(data.index[row]);
   }
+  const Matrix inputs = wants_alignment(model.name)
+                            ? model.inputs(data, rows, model.align(data, rows, true))
+                            : f.normalised_inputs(data, rows);
   NpzFile out(to);
-  out.begin("record", "<f4", {f.count()});
-  out.append(f.normalised_inputs(data, rows).values);
+  out.begin("record", "<f4", {inputs.cols});
+  out.append(inputs.values);
   out.begin("depth_m", "<f4", {data.map.size, data.map.size});
   for (const std::size_t row : rows) out.append<float>(data.depth.row(row));
   out.begin("index", "<i8", {});

@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: MIT
-// A trained network as an ONNX file (opset 11: Sub, Mul, Gemm, Relu, Reshape), for other
-// people's runtimes.
+// A trained model as an ONNX file (opset 11), for other people's runtimes.
 //
-//   input   "record"   f32 [n, inputs]: SPD histogram ++ radar profile of a record, each brought to
-//                      strength by the model's scaling (features.hpp), as
-//                      Features::normalised_inputs has it
-//   output  "depth_m"  f32 [n, N, N], N the map's pixels: metres, as the model makes it, not
-//   clipped to 0..6 m metadata           inputs, scaling, and of each axis in use "NAME_axis":
-//   quantity, unit, count,
-//                      start and step
-// Centre and gain of the training set are the graph's first nodes.
-// Source: onnx.proto of ONNX 1.12 (field numbers), protobuf.dev/programming-guides/encoding.
+//   input   "record"   f32 [n, inputs]: of a plain network SPD histogram ++ radar profile of a
+//                      record, each brought to strength by the model's scaling (features.hpp), as
+//                      Features::normalised_inputs has it; of one that places a body the aligned
+//                      inputs (Alignment::with_correlations)
+//   output  "depth_m"  f32 [n, N, N]: metres, as the model makes it, not clipped to 0..6 m
+//   metadata           inputs, scaling (or "aligned"), and of each axis in use "NAME_axis":
+//                      quantity, unit, count, start and step
+// Centre and gain of the training set are the graph's first nodes. Aligning a record is no part of
+// it: that needs a median, and OpenCV 4.6 has no operator that sorts.
 #pragma once
 #include <string>
 
@@ -19,8 +18,7 @@
 
 namespace echofuse::recon {
 
-// Throws Error(failed) if the model is no chain of layers (Model::layers); `path` is
-// its file.
+// Throws Error(failed) if the model is no network (Model::layers, body_layers); `path` is its file.
 Bytes to_onnx(const TrainedModel& model, const std::string& path);
 
 }  // namespace echofuse::recon

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "recon/study/simulate.hpp"
 
-#include <sys/wait.h>
 #include <unistd.h>
 
+#include <cstdio>
 #include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/program.hpp"
@@ -30,21 +32,18 @@ std::string scene_list(double x_m, std::size_t records) {
   return out;
 }
 
-void run(const std::vector<std::string>& words) {
-  const auto child = start_program(words);
+void run(const std::vector<std::string>& words, int output = STDOUT_FILENO) {
+  const auto child = start_program(words, {.output = output});
   if (!child)
     throw Error(ExitCode::failed, words[0] + ": " + child.failure().code.message() +
                                       "; name the simulator with --sim");
-  int status = 0;
-  while (::waitpid(*child, &status, 0) < 0 && errno == EINTR) {
-  }
+  const int code = wait_for_program(*child);
   if (interrupted()) throw Error(ExitCode::interrupted, "interrupted");
-  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
+  if (code == 0) return;
   std::string line;
   for (const auto& word : words) line += (line.empty() ? "" : " ") + word;
-  throw Error(ExitCode::failed,
-              line + (WIFSIGNALED(status) ? formatted(": ended by signal %d", WTERMSIG(status))
-                                          : formatted(": exit code %d", WEXITSTATUS(status))));
+  throw Error(ExitCode::failed, line + (code > 128 ? formatted(": ended by signal %d", code - 128)
+                                                   : formatted(": exit code %d", code)));
 }
 
 }  // namespace
@@ -53,6 +52,21 @@ Simulator::Simulator(std::string program, std::string folder, int threads)
     : program_(program.empty() ? simulator_beside() : std::move(program)),
       folder_(std::move(folder)),
       threads_(threads) {}
+
+BaseCondition Simulator::base_condition() const {
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> text(std::tmpfile(), std::fclose);
+  if (!text) throw Error(ExitCode::disk, "no temporary file for the simulator's settings");
+  run({program_, "config", "--json"}, ::fileno(text.get()));
+  std::rewind(text.get());
+  const auto settings = nlohmann::json::parse(text.get(), nullptr, false);
+  if (!settings.is_object())
+    throw Error(ExitCode::failed, program_ + " config --json: printed no JSON object");
+  BaseCondition out;
+  for (const auto& [key, setting] : settings.items())
+    if (const auto value = setting.find("value"); value != setting.end() && value->is_number())
+      out[key] = value->get<double>();
+  return out;
+}
 
 Dataset Simulator::make(const World& world, std::size_t records, std::uint64_t seed) const {
   const std::string stem = folder_ + "/.simulated-" + std::to_string(::getpid());

@@ -14,6 +14,7 @@ class Simulator {
   // is for the run files, which are removed once they are read. threads 0: as it likes.
   Simulator(std::string program, std::string folder, int threads);
   // Throws Error(failed) if it does not do it, Error(interrupted).
+  BaseCondition base_condition() const;
   Dataset make(const World& world, std::size_t records, std::uint64_t seed) const;
 
  private:

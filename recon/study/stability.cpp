@@ -183,12 +183,13 @@ StabilityOptions complete(StabilityOptions options) {
   }
   std::erase_if(options.models, ignores_inputs);  // they are always there
   for (const auto& name : options.models) StudyModel{name};
+  options.base = Simulator(options.sim, options.out, options.threads).base_condition();
   axes_of(options);
   return options;
 }
 
 std::vector<StabilityAxis> axes_of(const StabilityOptions& options) {
-  std::vector<StabilityAxis> all = stability_axes(options.quick);
+  std::vector<StabilityAxis> all = stability_axes(options.base, options.quick);
   if (options.axes.empty()) return all;
   std::string known;
   for (const auto& axis : all) known += (known.empty() ? "" : ", ") + axis.id();

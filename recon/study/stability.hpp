@@ -23,6 +23,7 @@ namespace echofuse::recon {
 
 struct StabilityOptions : StudyOptions {  // each seed makes its own records, and its own models
   std::string sim;                        // the simulator (simulate.hpp)
+  BaseCondition base = {};                // of that simulator
   bool quick = false;
   std::vector<std::string> models;            // as StudyModel has them; none: those of the study
   std::vector<std::string> axes;              // ids; none: all
@@ -36,7 +37,8 @@ inline constexpr std::array stability_metrics = {
 // The models that every other must beat; they look at no sensor.
 inline const std::vector<std::string> constant_models = {"empty", "mean"};
 
-// With defaults filled in. Throws Error(usage) for models and axes that are not known.
+// With defaults filled in, and the base condition as the simulator tells it. Throws Error(usage)
+// for models and axes that are not known, and as Simulator.
 StabilityOptions complete(StabilityOptions options);
 std::vector<StabilityAxis> axes_of(const StabilityOptions& options);
 

@@ -4,6 +4,7 @@
 // need another background than the model's.
 #pragma once
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,6 +12,9 @@
 #include "recon/data/dataset.hpp"
 
 namespace echofuse::recon {
+
+// The simulator's settings that are numbers, by key.
+using BaseCondition = std::map<std::string, double>;
 
 // What happens to records after they were measured.
 enum class Damage : std::uint8_t { none, spd_zero, radar_zero, spd_missing, radar_missing };
@@ -47,8 +51,9 @@ struct StabilityAxis {
   std::size_t base() const;  // which of the values
 };
 
-// All axes with all their values, or with those of the quick study.
-std::vector<StabilityAxis> stability_axes(bool quick);
+// All axes with all their values, or with those of the quick study. Throws Error(failed) if the
+// base lacks a setting, or is none of an axis' values.
+std::vector<StabilityAxis> stability_axes(const BaseCondition& base, bool quick);
 
 // As the world has it: gain, lost sensors.
 void apply(const World& world, Dataset& data);

@@ -353,14 +353,18 @@ void add_study(CLI::App& app, Command& command) {
 
 void add_config(CLI::App& app, Command& command) {
   auto* sub = app.add_subcommand("config", "print every setting with its meaning, range and value");
-  auto a = std::make_shared<PlanArguments>();
+  struct Arguments : PlanArguments {
+    bool json = false;
+  };
+  auto a = std::make_shared<Arguments>();
   add_plan_options(*sub, *a);
+  sub->add_flag("--json", a->json, "as one JSON object: value, range and meaning of every key");
   sub->callback([&command, a] {
     command = [a] {
       sim::Plan plan;
       Settings settings;
       read_plan(*a, plan, settings);
-      std::cout << settings.resolved(true);
+      std::cout << (a->json ? settings.json() : settings.resolved(true));
       return ExitCode::ok;
     };
   });

@@ -68,3 +68,13 @@ TEST_CASE("the pause before a new attempt doubles up to 2 s") {
   backoff.alive(seconds(305));
   CHECK(backoff.next().count() == 100);
 }
+
+TEST_CASE("the reason of a failure is news until it comes again") {
+  Backoff backoff;
+  CHECK(backoff.is_news("gone"));
+  CHECK_FALSE(backoff.is_news("gone"));
+  CHECK(backoff.is_news("refused"));
+  CHECK(backoff.is_news("gone"));
+  backoff.alive(std::chrono::seconds(1));
+  CHECK(backoff.is_news("gone"));
+}

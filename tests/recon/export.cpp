@@ -63,14 +63,46 @@ TEST_CASE("OpenCV's dnn makes the same maps of an exported network") {
       }
 }
 
+TEST_CASE("OpenCV's dnn places and draws the same body") {
+  const Folder dir;
+  write_run(dir / "run", 80, 1, [](record::FusedRecord& r) {
+    if (r.index != 41) return;  // nobody
+    for (std::size_t i = 0; i < r.spd.size(); ++i) r.spd[i] = 1 + i % 2;
+  });
+  const Dataset data = load({dir / "run"});
+  const Rows rows = all_rows(data.size());
+  for (const std::string kind : {"factorised", "silhouette"}) {
+    CAPTURE(kind);
+    train_into(dir / "m", data, kind, "fused", "record");
+    export_model(dir / "m", {}, dir / "x.onnx");
+    const TrainedModel model = load_model(dir / "m");
+    const Matrix ours = model.predict(data, rows);
+    const Matrix inputs = model.inputs(data, rows, model.align(data, rows, true));
+    const Matrix theirs = by_opencv(dir / "x.onnx", inputs);
+    REQUIRE(theirs.cols == ours.cols);
+    // A pixel whose mask is as high as the threshold may fall on either side of it.
+    std::size_t other = 0, bodies = 0;
+    for (std::size_t i = 0; i < ours.rows; ++i)
+      for (std::size_t p = 0; p < ours.cols; ++p) {
+        const double difference = double{ours.row(i)[p]} - double{theirs.row(i)[p]};
+        other += !(std::abs(difference) < 1e-4);
+        bodies += ours.row(i)[p] != model.scene.background[p];
+      }
+    CHECK(bodies > 1000);
+    CHECK(other <= 2);
+    CHECK(std::equal(theirs.row(41).begin(), theirs.row(41).end(), model.scene.background.begin()));
+    CHECK(by_opencv(dir / "x.onnx", take_rows(inputs, {7})).rows == 1);
+  }
+}
+
 TEST_CASE("what cannot be exported is said") {
   const Folder dir;
   write_run(dir / "run", 30);
-  for (const std::string kind : {"nearest", "factorised"}) {
+  for (const std::string kind : {"nearest", "mean"}) {
     train_into(dir / "m", load({dir / "run"}), kind, "fused", "record");
     CHECK_THROWS_WITH(export_model(dir / "m", {}, dir / "x.onnx"),
                       Catch::Contains("m: a model of kind \"" + kind +
-                                      "\" is not a plain network; mlp, ridge and pca-mlp"));
+                                      "\" is no network; mlp, ridge, pca-mlp, silhouette and"));
   }
   CHECK_THROWS_WITH(export_model(dir / "m", {}, dir / "x.pt"), Catch::Contains(".onnx or .npz"));
   CHECK_THROWS_WITH(export_model(dir / "m", {}, dir / "x.npz"), Catch::Contains("--run"));
@@ -110,4 +142,27 @@ TEST_CASE("exported records are the network's input, with their part in the trai
                       &depth) == 2);
   CHECK(value == Approx(double{first.values[20]}).epsilon(1e-5));
   CHECK(depth == Approx(mean).epsilon(1e-5));
+}
+
+TEST_CASE("exported records of a model that places a body are what it takes") {
+  const Folder dir;
+  write_run(dir / "run", 40);
+  const Dataset data = load({dir / "run"});
+  train_into(dir / "m", data, "silhouette", "fused", "record");
+  const TrainedModel model = load_model(dir / "m");
+  const Matrix inputs = model.inputs(data, {7}, model.align(data, {7}, true));
+  export_model(dir / "m", {dir / "run"}, dir / "x.npz");
+  const std::string command = "/usr/bin/python3 -c \"import numpy as n; a = n.load('" +
+                              (dir / "x.npz") + "')['record']; print(a.shape, *a[7])\" > " +
+                              (dir / "out");
+  REQUIRE(std::system(command.c_str()) == 0);
+  std::ifstream in(dir / "out");
+  std::string shape;
+  std::getline(in, shape, ')');
+  CHECK(shape == "(40, " + std::to_string(inputs.cols));
+  for (const float expected : inputs.values) {
+    float value = 0;
+    in >> value;
+    CHECK(value == Approx(expected));
+  }
 }

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "recon/files/files.hpp"
+#include "recon/study/simulate.hpp"
 #include "recon/study/stability_summary.hpp"
 #include "recon/study/study.hpp"
 #include "world.hpp"
@@ -50,8 +51,15 @@ std::vector<Measurement> rows_of(const std::vector<Score>& scores) {
   return rows;
 }
 
+const BaseCondition& base_condition() {
+  static const BaseCondition base =
+      Simulator(echofuse::test::bin_dir + "/echofuse-sim", "", 0).base_condition();
+  return base;
+}
+
 StabilityCurve curve_of(const std::vector<Measurement>& rows) {
   StabilityOptions options;
+  options.base = base_condition();
   options.models = {"silhouette"}, options.axes = {"shifted-snr"};
   const auto results = summarise_stability(options, rows);
   REQUIRE(results.size() == 1);
@@ -89,7 +97,7 @@ double iou_of(const std::vector<std::string>& lines, const std::string& begin) {
 TEST_CASE("every axis of stability has one base, and its names fit into table and files") {
   for (const bool quick : {false, true}) {
     std::set<std::string> ids;
-    for (const StabilityAxis& axis : stability_axes(quick)) {
+    for (const StabilityAxis& axis : stability_axes(base_condition(), quick)) {
       CAPTURE(axis.id());
       CHECK(ids.insert(axis.id()).second);
       CHECK(axis.values.size() >= 2);
@@ -105,8 +113,29 @@ TEST_CASE("every axis of stability has one base, and its names fit into table an
       }
       CHECK(bases == 1);
     }
-    CHECK(ids.size() == stability_axes(!quick).size());
+    CHECK(ids.size() == stability_axes(base_condition(), !quick).size());
   }
+}
+
+TEST_CASE("the axes follow the simulator's base condition") {
+  BaseCondition base = base_condition();
+  const auto values = [&](const std::string& id) -> std::vector<AxisValue> {
+    for (const StabilityAxis& axis : stability_axes(base, false))
+      if (axis.id() == id) return axis.values;
+    return {};
+  };
+  base.at("bins") *= 2, base.at("signal_photons") = 1e4;
+  CHECK(values("matched-bin_width").at(0).world.set ==
+        std::vector<std::string>{"bin_width_ps=10", "bins=6720"});
+  CHECK(values("matched-photons").at(2).world.base());
+  CHECK(values("shifted-spd_gain").at(0).world.set ==
+        std::vector<std::string>{"signal_photons=2500"});
+  base.at("irf_fwhm_ps") = 123;
+  CHECK_THROWS_WITH(stability_axes(base, true),
+                    "axis matched-irf has no value for the simulator's "
+                    "base: 123");
+  base.erase("irf_fwhm_ps");
+  CHECK_THROWS_WITH(stability_axes(base, true), "the simulator has no number \"irf_fwhm_ps\"");
 }
 
 TEST_CASE("a lost sensor is zeros, and missing if it is said to be") {

@@ -204,6 +204,20 @@ TEST_CASE("configuration file, --set and options, in this order of strength") {
   CHECK(has(o.text, "\"seed\":7"));
 }
 
+TEST_CASE("every setting as JSON, for programs") {
+  const Outcome o = sim("config --json --set bins=100 --set 'scenes=a\"b\\c'");
+  CAPTURE(o.text);
+  CHECK(o.code == 0);
+  CHECK(o.text.starts_with("{\n  \""));
+  CHECK(has(o.text, "\"bins\": {\"value\": 100, \"min\": 1, \"max\": 65536, \"help\": \"SPD hist"));
+  CHECK(has(o.text, "\"radar_step_m\": {\"value\": 0.25, \"min\": 0.001, \"max\": 10, "));
+  CHECK(has(o.text, "\"mirrored\": {\"value\": false, \"help\": "));
+  CHECK(has(o.text, "\"scenes\": {\"value\": \"a\\\"b\\\\c\", \"help\": "));
+  CHECK(has(o.text, "{\"value\": \"sinc\", \"allowed\": [\"sinc\", \"blackman\"], \"help\": "));
+  CHECK(sim("config --json | grep -c '\"value\":'").text ==
+        sim("config | grep -c '^[a-z_]* = '").text);
+}
+
 TEST_CASE("dataset refuses what it cannot do, in one line") {
   const Folder folder;
   const std::string out = "--out " + folder / "x.sqlite" + " ";

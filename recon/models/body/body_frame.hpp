@@ -31,6 +31,12 @@ class BodyFrame {
             const std::vector<Place>& places, const record::MapGrid& grid);
 
   std::size_t size() const { return columns_ * rows_; }
+  struct Grid {
+    std::size_t columns, rows;
+    double left_m, top_m, pitch_m;  // centre of cell (0, 0), distance of the cells
+    record::MapGrid map;
+  };
+  Grid grid() const { return {columns_, rows_, left_m_, top_m_, pitch_m_, grid_}; }
   // mask: share of a cell that is foreground; relief: that share times (z - place.depth_m).
   void cut(std::span<const float> map, std::span<const float> background, const Place& place,
            std::span<float> mask, std::span<float> relief) const;
