@@ -126,33 +126,52 @@ struct Patch {
   }
 };
 
+// Of the plate's search: templates are blurred by about so many cells.
+constexpr std::size_t search_stride = 2;
+
 struct Match {
   double similarity = 0;         // 0 if nowhere is anything to be seen
   double right_m = 0, up_m = 0;  // of the patch's middle
 };
 
-// Where in the patch the template, normalised, is most alike.
-Match best_match(const Patch& patch, std::size_t columns, std::size_t rows,
-                 const std::vector<float>& cells) {
+// How alike the template, normalised, is to the patch at this corner of it; 0 where nothing is.
+double similarity_at(const Patch& patch, std::size_t left, std::size_t top, std::size_t columns,
+                     std::size_t rows, const std::vector<float>& cells) {
   constexpr float least_variation = 1e-3f;
-  Match best;
   const auto count = static_cast<float>(cells.size());
-  for (std::size_t top = 0; top + rows <= patch.rows; ++top)
-    for (std::size_t left = 0; left + columns <= patch.columns; ++left) {
-      float product = 0, sum = 0, squares = 0;
-      const float* own = cells.data();
-      for (std::size_t r = 0; r < rows; ++r) {
-        const float* seen = &patch.cells[(top + r) * patch.columns + left];
-        for (std::size_t c = 0; c < columns; ++c, ++own, ++seen)
-          product += *own * *seen, sum += *seen, squares += *seen * *seen;
-      }
-      const float variation = squares - sum * sum / count;
-      if (variation < least_variation * count) continue;
-      const double similarity = double{product} / std::sqrt(double{variation});
-      if (similarity <= best.similarity) continue;
-      best = {similarity, offset_m(left, patch.columns - columns + 1),
-              -offset_m(top, patch.rows - rows + 1)};
-    }
+  float product = 0, sum = 0, squares = 0;
+  const float* own = cells.data();
+  for (std::size_t r = 0; r < rows; ++r) {
+    const float* seen = &patch.cells[(top + r) * patch.columns + left];
+    for (std::size_t c = 0; c < columns; ++c, ++own, ++seen)
+      product += *own * *seen, sum += *seen, squares += *seen * *seen;
+  }
+  const float variation = squares - sum * sum / count;
+  return variation < least_variation * count ? 0 : double{product} / std::sqrt(double{variation});
+}
+
+// Where in the patch the template is most alike: at every `stride`-th corner, then at all around
+// the best of these.
+Match best_match(const Patch& patch, std::size_t columns, std::size_t rows,
+                 const std::vector<float>& cells, std::size_t stride = 1) {
+  Match best;
+  std::size_t best_left = 0, best_top = 0;
+  const auto look = [&](std::size_t left, std::size_t top) {
+    const double similarity = similarity_at(patch, left, top, columns, rows, cells);
+    if (similarity <= best.similarity) return;
+    best = {similarity, offset_m(left, patch.columns - columns + 1),
+            -offset_m(top, patch.rows - rows + 1)};
+    best_left = left, best_top = top;
+  };
+  for (std::size_t top = 0; top + rows <= patch.rows; top += stride)
+    for (std::size_t left = 0; left + columns <= patch.columns; left += stride) look(left, top);
+  if (stride == 1 || best.similarity == 0) return best;
+  const std::size_t near = stride - 1, first_left = best_left - std::min(near, best_left);
+  const std::size_t first_top = best_top - std::min(near, best_top);
+  const std::size_t last_left = std::min(best_left + near, patch.columns - columns);
+  const std::size_t last_top = std::min(best_top + near, patch.rows - rows);
+  for (std::size_t top = first_top; top <= last_top; ++top)
+    for (std::size_t left = first_left; left <= last_left; ++left) look(left, top);
   return best;
 }
 
@@ -211,7 +230,7 @@ std::optional<LetterReader::Plate> LetterReader::find_plate(std::span<const floa
   Plate plate{0, x, y, depth_m};
   for (std::size_t size = 0; size < templates_.size(); ++size) {
     const Template& own = templates_[size][letter];
-    const Match match = best_match(patch, own.columns, own.rows, own.cells);
+    const Match match = best_match(patch, own.columns, own.rows, own.cells, search_stride);
     if (match.similarity <= best.similarity) continue;
     best = match;
     plate = {size, x + match.right_m / depth_m, y + match.up_m / depth_m, depth_m};
