@@ -73,13 +73,11 @@ struct StatedUncertainty {
 // How well the true maps themselves can be read.
 std::vector<MapScores> score_letters(const Dataset& data, const Rows& rows, const Scene& scene) {
   std::vector<MapScores> out;
-  std::optional<LetterReader> reader;
   for (const std::size_t row : rows) {
     const auto letter = letter_of(data.label[row]);
     if (!letter) continue;
-    if (!reader) reader.emplace(scene.grid);
     const auto truth = data.depth.row(row);
-    const auto reading = reader->read(truth, truth, scene, *letter);
+    const auto reading = LetterReader::of(scene.grid).read(truth, truth, scene, *letter);
     if (!reading) continue;
     MapScores& scores = out.emplace_back();
     scores.fill(std::numeric_limits<double>::quiet_NaN());
@@ -132,14 +130,12 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) 
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
                                   const Scene& scene, LettersRead* letters_read) {
   std::vector<MapScores> out;
-  std::optional<LetterReader> reader;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto truth = data.depth.row(rows[i]);
     MapScores& scores = out.emplace_back(score(maps.row(i), truth, scene));
     const auto letter = letter_of(data.label[rows[i]]);
     if (!letter) continue;
-    if (!reader) reader.emplace(scene.grid);
-    const auto reading = reader->read(maps.row(i), truth, scene, *letter);
+    const auto reading = LetterReader::of(scene.grid).read(maps.row(i), truth, scene, *letter);
     if (!reading) continue;
     scores[metric_letter_top1] = reading->top1, scores[metric_letter_top3] = reading->top3;
     if (letters_read) ++letters_read->confusion[*letter][reading->read.value_or(letters.size())];

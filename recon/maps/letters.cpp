@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <mutex>
+#include <utility>
 
 namespace echofuse::recon {
 namespace {
@@ -197,6 +200,15 @@ LetterReader::LetterReader(const record::MapGrid& grid) {
                               grid.step() * template_depth_m);
       normalise(one.cells);
     }
+}
+
+const LetterReader& LetterReader::of(const record::MapGrid& grid) {
+  static std::mutex mutex;
+  static std::vector<std::pair<record::MapGrid, std::unique_ptr<const LetterReader>>> made;
+  const std::lock_guard lock(mutex);
+  for (const auto& [known, reader] : made)
+    if (known == grid) return *reader;
+  return *made.emplace_back(grid, std::make_unique<const LetterReader>(grid)).second;
 }
 
 std::optional<LetterReader::Plate> LetterReader::find_plate(std::span<const float> truth,

@@ -36,6 +36,8 @@ struct LetterReading {
 class LetterReader {
  public:
   explicit LetterReader(const record::MapGrid& grid);
+  // Made once for each grid, as that takes milliseconds; safe from any thread.
+  static const LetterReader& of(const record::MapGrid& grid);
   // None if the true map shows nothing.
   std::optional<LetterReading> read(std::span<const float> prediction, std::span<const float> truth,
                                     const Scene& scene, std::size_t letter) const;
