@@ -61,6 +61,8 @@ std::string by_camera(const std::string& uri) {
   return by_text("openni", uri.empty() ? cameras[0].uri : uri);
 }
 
+bool is_serial(const std::string& address) { return address.starts_with("serial:"); }
+
 std::vector<std::string> addresses_of(const Config& config, Sensor s) {
   if (s == Sensor::spd) return {config.tdc.address};
   if (s == Sensor::depth) return {config.depth.address};
@@ -89,11 +91,11 @@ DeviceLocks::DeviceLocks(const Config& config, const std::string& command, const
     if (!config.configured().contains(s)) continue;
     addresses_[s] = addresses_of(config, s);
     for (const std::string& address : addresses_[s]) {
-      if (address.starts_with("serial:")) take(s, address, by_text("serial", address));
-      const bool ours = !others_[s];
+      if (is_serial(address)) take(s, address, by_text("serial", address));
+      const bool may_come_free = is_serial(address) && !others_[s];
       take(s, address, lock_name(address));
       // The node of a port that another program just lost: it lets go of it as it notices.
-      for (int tries = 0; tries < most_tries && ours && others_[s]; ++tries) {
+      for (int tries = 0; tries < most_tries && may_come_free && others_[s]; ++tries) {
         std::this_thread::sleep_for(notice_time);
         others_[s].reset();
         take(s, address, lock_name(address));
@@ -112,20 +114,16 @@ void DeviceLocks::take(Sensor sensor, const std::string& address, const std::str
 }
 
 void DeviceLocks::follow(Sensor sensor) {
-  for (const std::string& address : addresses_[sensor]) {
-    if (!address.starts_with("serial:")) continue;
-    const auto held = held_.find({address, true});
-    const std::string name = lock_name(address);
-    if (name == (held == held_.end() ? "" : held->second.name)) continue;
-    held_.erase({address, true});
-    take(sensor, address, name);
-  }
+  release_absent();
+  for (const std::string& address : addresses_[sensor])
+    if (is_serial(address) && !held_.contains({address, true}))
+      take(sensor, address, lock_name(address));
 }
 
 void DeviceLocks::release_absent() {
   std::erase_if(held_, [](const auto& entry) {
     const auto& [address, of_node] = entry.first;
-    return of_node && address.starts_with("serial:") && lock_name(address) != entry.second.name;
+    return of_node && is_serial(address) && lock_name(address) != entry.second.name;
   });
 }
 

@@ -54,6 +54,11 @@ std::array<Axis, 2> MapGrid::axes() const {
           tangent_axis("map_y", size, half_tangent, -1)};
 }
 
+std::array<Axis, 4> MapGrid::run_axes() const {
+  const auto map = axes();
+  return {x(), y(), map[0], map[1]};
+}
+
 std::string MapGrid::text() const {
   char out[80];
   std::snprintf(out, sizeof out, "%u x %u over tangents of +-%.4g", size, size, half_tangent);

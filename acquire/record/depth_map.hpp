@@ -24,8 +24,9 @@ struct MapGrid {
   double step() const { return 2 * half_tangent / size; }  // tangent
   Axis x() const;                                          // as depth_x_axis
   Axis y() const;
-  std::array<Axis, 2> axes() const;  // map_x, map_y
-  std::string text() const;          // "64 x 64 over tangents of +-0.55"
+  std::array<Axis, 2> axes() const;      // map_x, map_y
+  std::array<Axis, 4> run_axes() const;  // of a run whose depth images are such maps already
+  std::string text() const;              // "64 x 64 over tangents of +-0.55"
   // To a thousandth of a pixel.
   bool operator==(const MapGrid& other) const;
 };

@@ -326,13 +326,13 @@ Command add_crossvalidate(CLI::App& app, const Common& common) {
   add_fit_options(app, a->scaling, a->fit);
   app.add_option("--seed", a->fit.seed, "of weights and order")->capture_default_str();
   return [a, &common] {
-    a->fit.quiet = common.quiet;
+    a->fit.quiet = common.quiet, a->letters = true;
     const Dataset data = load(a->runs);
     const auto rows = crossvalidate(data, rows_to_train(data, inputs_of(a->inputs)), *a,
                                     a->published.empty() ? Dataset{} : load({a->published}));
-    std::printf("%zu folds, gap %zu; mean over maps +- standard error over folds\n%s", a->folds,
-                a->gap, to_table({rows.begin(), rows.end()}).c_str());
-    std::fputs(to_span_table({rows.begin(), rows.end()}).c_str(), stdout);
+    std::printf("%zu folds, gap %zu; mean over maps +- standard error over folds\n%s%s", a->folds,
+                a->gap, to_table({rows.begin(), rows.end()}).c_str(),
+                to_span_table({rows.begin(), rows.end()}).c_str());
     return all_fitted(rows) ? ExitCode::ok : ExitCode::partial;
   };
 }

@@ -49,7 +49,7 @@ void write_run(const std::string& path, const NpyArray& histograms, const NpyArr
   run.put_axis({"radar", "power", "bin", static_cast<std::uint32_t>(bins), 0, 1, 1});
   record::MapGrid map;
   map.size = static_cast<std::uint32_t>(maps.shape[1]);
-  for (const Axis& axis : {map.x(), map.y(), map.axes()[0], map.axes()[1]}) run.put_axis(axis);
+  for (const Axis& axis : map.run_axes()) run.put_axis(axis);
   std::vector<record::FusedRecord> records(frames);
   for (std::size_t i = 0; i < frames; ++i) {
     record::FusedRecord& r = records[i];

@@ -75,8 +75,10 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
     const Split split = make_fold(rows, fold, options.folds, options.gap);
     const Preprocessing preprocessing(data, split.train, inputs,
                                       learn_scene(data.depth, split.train, data.map), aligned);
+    const Plates plates =
+        options.letters ? find_plates(data, split.test, preprocessing.scene) : Plates{};
     const auto add = [&](Folds& to, const Matrix& maps) {
-      to.push_back(score_maps(maps, data, split.test, preprocessing.scene));
+      to.push_back(score_maps(maps, data, split.test, preprocessing.scene, plates));
     };
     for (std::size_t m = 0; m < out.size() && !interrupted(); ++m) {
       if (out[m].fault.empty()) try {

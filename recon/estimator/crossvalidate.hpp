@@ -19,6 +19,7 @@ struct CrossvalidateOptions {
   // folds; of rows in random order they are those of the maps.
   bool sequence = true;
   FitOptions fit;
+  bool letters = false;  // read them off the maps as well, for their metrics
 };
 
 struct CrossvalidatedRow : ScoredRow {

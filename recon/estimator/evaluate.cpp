@@ -70,20 +70,11 @@ struct StatedUncertainty {
   }
 };
 
-// How well the true maps themselves can be read.
-std::vector<MapScores> score_letters(const Dataset& data, const Rows& rows, const Scene& scene) {
-  std::vector<MapScores> out;
-  for (const std::size_t row : rows) {
-    const auto letter = letter_of(data.label[row]);
-    if (!letter) continue;
-    const auto truth = data.depth.row(row);
-    const auto reading = LetterReader::of(scene.grid).read(truth, truth, scene, *letter);
-    if (!reading) continue;
-    MapScores& scores = out.emplace_back();
-    scores.fill(std::numeric_limits<double>::quiet_NaN());
-    scores[metric_letter_top1] = reading->top1, scores[metric_letter_top3] = reading->top3;
-  }
-  return out;
+void read_letter(std::span<const float> map, const Scene& scene, const LetterReader::Plate& plate,
+                 MapScores& scores, LettersRead* tally = nullptr) {
+  const LetterReading reading = LetterReader::of(scene.grid).read(map, scene, plate);
+  scores[metric_letter_top1] = reading.top1, scores[metric_letter_top3] = reading.top3;
+  if (tally) ++tally->confusion[plate.letter][reading.read.value_or(letters.size())];
 }
 
 // Metrics and calibration, by parts that bound the memory.
@@ -92,7 +83,9 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
   constexpr std::size_t at_once = 512;
   const PredictionDetail detail =
       model.uncertainty || out.output == "mean" ? PredictionDetail::pixels : PredictionDetail::maps;
-  std::vector<MapScores> scores, of_truth;
+  MapScores no_scores;
+  no_scores.fill(std::numeric_limits<double>::quiet_NaN());
+  std::vector<MapScores> scores, of_truth;  // the true maps: how well letters can be read at all
   StatedUncertainty uncertainty;
   LettersRead read;
   for (std::size_t first = 0; first < rows.size(); first += at_once) {
@@ -100,10 +93,14 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
     const Rows part(begin, begin + std::min<std::ptrdiff_t>(at_once, rows.end() - begin));
     const Prediction one = predict(model, records, part, detail);
     if (model.uncertainty) uncertainty.add(one, records.data, part, model.scene);
-    const auto some = score_maps(one.of(out.output), records.data, part, model.scene, &read);
+    const Plates plates = find_plates(records.data, part, model.scene);
+    const auto some =
+        score_maps(one.of(out.output), records.data, part, model.scene, plates, &read);
     scores.insert(scores.end(), some.begin(), some.end());
-    const auto true_ones = score_letters(records.data, part, model.scene);
-    of_truth.insert(of_truth.end(), true_ones.begin(), true_ones.end());
+    for (std::size_t i = 0; i < part.size(); ++i)
+      if (plates[i])
+        read_letter(records.data.depth.row(part[i]), model.scene, *plates[i],
+                    of_truth.emplace_back(no_scores));
   }
   out.metrics = summarise(scores);
   read.truth = summarise(of_truth);
@@ -127,18 +124,21 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) 
                              name_of(model.features.inputs) + "\" model");
 }
 
+Plates find_plates(const Dataset& data, const Rows& rows, const Scene& scene) {
+  Plates out(rows.size());
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    if (const auto letter = letter_of(data.label[rows[i]]))
+      out[i] = LetterReader::of(scene.grid).find_plate(data.depth.row(rows[i]), scene, *letter);
+  return out;
+}
+
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
-                                  const Scene& scene, LettersRead* letters_read) {
+                                  const Scene& scene, const Plates& plates, LettersRead* tally) {
   std::vector<MapScores> out;
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    const auto truth = data.depth.row(rows[i]);
-    MapScores& scores = out.emplace_back(score(maps.row(i), truth, scene));
-    const auto letter = letter_of(data.label[rows[i]]);
-    if (!letter) continue;
-    const auto reading = LetterReader::of(scene.grid).read(maps.row(i), truth, scene, *letter);
-    if (!reading) continue;
-    scores[metric_letter_top1] = reading->top1, scores[metric_letter_top3] = reading->top3;
-    if (letters_read) ++letters_read->confusion[*letter][reading->read.value_or(letters.size())];
+    out.push_back(score(maps.row(i), data.depth.row(rows[i]), scene));
+    if (!plates.empty() && plates[i])
+      read_letter(maps.row(i), scene, *plates[i], out.back(), tally);
   }
   return out;
 }
@@ -162,8 +162,9 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
 
 std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows, const Scene& scene,
                                        const Dataset& neighbours_data, const Rows& neighbours) {
+  const Plates plates = find_plates(data, rows, scene);
   const auto scored = [&](const Matrix& maps) {
-    return summarise(score_maps(maps, data, rows, scene));
+    return summarise(score_maps(maps, data, rows, scene, plates));
   };
   std::vector<ScoredRow> out = {{"empty", scored(constant_maps(scene.background, rows.size()))},
                                 {"mean", scored(constant_maps(scene.mean_map, rows.size()))}};

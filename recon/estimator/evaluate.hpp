@@ -61,10 +61,15 @@ struct Evaluation {
 // Throws Error(failed) if there are none.
 Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
 
-// Scores of one map a row against the depth table's rows; what was read is added to
-// `letters_read`.
+// Of each row whose label names a letter, where its true map shows it.
+using Plates = std::vector<std::optional<LetterReader::Plate>>;
+Plates find_plates(const Dataset& data, const Rows& rows, const Scene& scene);
+
+// Scores of one map a row against the depth table's rows. Letters are read where there are plates,
+// which takes as long as the other scores; what was read is added to `tally`.
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
-                                  const Scene& scene, LettersRead* letters_read = nullptr);
+                                  const Scene& scene, const Plates& plates = {},
+                                  LettersRead* tally = nullptr);
 
 // `output`: which of the model's maps to score (output_names). Without baselines and cost.
 Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,

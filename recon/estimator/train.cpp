@@ -34,7 +34,8 @@ std::string choose(const Dataset& data, const Split& split, const TrainOptions& 
                              auto_folds,
                              blocked ? options.split.gap : 0,
                              blocked,
-                             options.fit};
+                             options.fit,
+                             false};
   if (cross.models.empty()) cross.models = candidates(inputs_of(options.inputs));
   const auto table = crossvalidate(data, rows, cross);
   const std::size_t chosen = cheapest_within_one_se(table);

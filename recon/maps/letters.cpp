@@ -15,52 +15,14 @@ constexpr double cell_m = 0.02, template_depth_m = 3, most_shift_m = 0.08;
 constexpr double middle_behind_nearest_m = 0.1;
 constexpr float near_m = 0.15f, far_m = 0.35f;
 
-// Middle line and width of a stroke; x right, y up, metres.
-struct Stroke {
-  double ax, ay, bx, by, width;
-};
-struct PlateSize {
-  double width, height, stroke;
-};
-constexpr PlateSize sizes[] = {{0.30, 0.40, 0.07}, {0.20, 0.30, 0.05}};  // [S]
-
-std::vector<Stroke> strokes_of(char letter, const PlateSize& size) {
-  const double w = size.stroke, right = size.width / 2, top = size.height / 2;
-  const double a = right - w / 2, b = top - w / 2;
-  const Stroke left_post{-a, -top, -a, top, w}, right_post{a, -top, a, top, w};
-  const Stroke roof{-right, b, right, b, w}, base{-right, -b, right, -b, w};
-  const Stroke bar{-right, 0, right, 0, w};
-  switch (letter) {
-    case 'A': {
-      const double v = -top / 3, u = a * (top - v) / (2 * top);
-      return {{-a, -top, 0, top, w}, {0, top, a, -top, w}, {-u, v, u, v, w}};
-    }
-    case 'C':
-      return {left_post, roof, base};
-    case 'E':
-      return {left_post, roof, bar, base};
-    case 'H':
-      return {left_post, right_post, bar};
-    case 'L':
-      return {left_post, base};
-    case 'N':
-      return {left_post, right_post, {-a, top, a, -top, w}};
-    case 'O':
-      return {left_post, right_post, roof, base};
-    case 'T':
-      return {roof, {0, -top, 0, top, w}};
-    case 'U':
-      return {left_post, right_post, base};
-    default:
-      return {{-a, -top, a, top, w}, {-a, top, a, -top, w}};  // X
-  }
-}
+using record::letter_sizes;
+using record::Stroke;
 
 bool covers(const Stroke& s, double x, double y) {
-  const double dx = s.bx - s.ax, dy = s.by - s.ay, length = std::hypot(dx, dy);
-  const double along = ((x - s.ax) * dx + (y - s.ay) * dy) / length;
-  const double across = ((x - s.ax) * dy - (y - s.ay) * dx) / length;
-  return along >= 0 && along <= length && std::abs(across) <= s.width / 2;
+  const double dx = s.u1 - s.u0, dy = s.v1 - s.v0, length = std::hypot(dx, dy);
+  const double along = ((x - s.u0) * dx + (y - s.v0) * dy) / length;
+  const double across = ((x - s.u0) * dy - (y - s.v0) * dx) / length;
+  return along >= 0 && along <= length && std::abs(across) <= s.width_m / 2;
 }
 
 // Of cell i of n about their middle.
@@ -180,14 +142,6 @@ Match best_match(const Patch& patch, std::size_t columns, std::size_t rows,
 
 }  // namespace
 
-std::optional<std::size_t> letter_of(const std::string& label) {
-  constexpr std::string_view prefix = "letter:";
-  if (label.size() != prefix.size() + 1 || !label.starts_with(prefix)) return std::nullopt;
-  const std::size_t found = letters.find(label.back());
-  if (found == std::string_view::npos) return std::nullopt;
-  return found;
-}
-
 LetterReader::LetterReader(const record::MapGrid& grid) {
   for (std::size_t size = 0; size < templates_.size(); ++size)
     for (std::size_t letter = 0; letter < letters.size(); ++letter) {
@@ -195,9 +149,10 @@ LetterReader::LetterReader(const record::MapGrid& grid) {
         return static_cast<std::size_t>(std::lround(length_m / cell_m)) + 2;
       };
       Template& one = templates_[size][letter];
-      one.columns = cells(sizes[size].width), one.rows = cells(sizes[size].height);
-      one.cells = coverage_of(strokes_of(letters[letter], sizes[size]), one.columns, one.rows,
-                              grid.step() * template_depth_m);
+      one.columns = cells(letter_sizes[size].width_m),
+      one.rows = cells(letter_sizes[size].height_m);
+      one.cells = coverage_of(record::letter_strokes(letters[letter], letter_sizes[size]),
+                              one.columns, one.rows, grid.step() * template_depth_m);
       normalise(one.cells);
     }
 }
@@ -239,22 +194,22 @@ std::optional<LetterReader::Plate> LetterReader::find_plate(std::span<const floa
   const double y = down.at(static_cast<double>(top + bottom) / 2);
   const Patch patch(layer, scene.grid, depth_m, x, y, cells(left, right), cells(top, bottom));
   Match best;
-  Plate plate{0, x, y, depth_m};
+  Plate plate{letter, 0, x, y, depth_m};
   for (std::size_t size = 0; size < templates_.size(); ++size) {
     const Template& own = templates_[size][letter];
     const Match match = best_match(patch, own.columns, own.rows, own.cells, search_stride);
     if (match.similarity <= best.similarity) continue;
     best = match;
-    plate = {size, x + match.right_m / depth_m, y + match.up_m / depth_m, depth_m};
+    plate = {letter, size, x + match.right_m / depth_m, y + match.up_m / depth_m, depth_m};
   }
   // The middle of what is near within the plate.
   std::vector<double> depths;
   for (std::size_t p = 0; p < layer.size(); ++p)
     if (layer[p] == 1 &&
         std::abs(across.at(static_cast<double>(p % side)) - plate.x) * depth_m <
-            sizes[plate.size].width / 2 &&
+            letter_sizes[plate.size].width_m / 2 &&
         std::abs(down.at(static_cast<double>(p / side)) - plate.y) * depth_m <
-            sizes[plate.size].height / 2)
+            letter_sizes[plate.size].height_m / 2)
       depths.push_back(double{truth[p]});
   if (depths.empty()) return plate;
   const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
@@ -263,23 +218,20 @@ std::optional<LetterReader::Plate> LetterReader::find_plate(std::span<const floa
   return plate;
 }
 
-std::optional<LetterReading> LetterReader::read(std::span<const float> prediction,
-                                                std::span<const float> truth, const Scene& scene,
-                                                std::size_t letter) const {
-  const auto plate = find_plate(truth, scene, letter);
-  if (!plate) return std::nullopt;
-  const auto& candidates = templates_[plate->size];
+LetterReading LetterReader::read(std::span<const float> map, const Scene& scene,
+                                 const Plate& plate) const {
+  const auto& candidates = templates_[plate.size];
   const auto reach = 2 * static_cast<std::size_t>(std::lround(most_shift_m / cell_m));
-  const Patch patch(near_layer(prediction, plate->depth_m, scene), scene.grid, plate->depth_m,
-                    plate->x, plate->y, candidates[0].columns + reach, candidates[0].rows + reach);
+  const Patch patch(near_layer(map, plate.depth_m, scene), scene.grid, plate.depth_m, plate.x,
+                    plate.y, candidates[0].columns + reach, candidates[0].rows + reach);
   std::array<double, letters.size()> similarity{};
   for (std::size_t k = 0; k < letters.size(); ++k)
     similarity[k] =
         best_match(patch, candidates[k].columns, candidates[k].rows, candidates[k].cells)
             .similarity;
   const auto better = std::count_if(similarity.begin(), similarity.end(),
-                                    [&](double s) { return s > similarity[letter]; });
-  const auto alike = std::count(similarity.begin(), similarity.end(), similarity[letter]);
+                                    [&](double s) { return s > similarity[plate.letter]; });
+  const auto alike = std::count(similarity.begin(), similarity.end(), similarity[plate.letter]);
   const auto credit = [&](double among) {
     return std::clamp((among - static_cast<double>(better)) / static_cast<double>(alike), 0.0, 1.0);
   };

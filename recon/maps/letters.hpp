@@ -15,18 +15,15 @@
 #include <cstddef>
 #include <optional>
 #include <span>
-#include <string>
-#include <string_view>
 #include <vector>
 
+#include "acquire/record/letter.hpp"
 #include "recon/maps/scene.hpp"
 
 namespace echofuse::recon {
 
-inline constexpr std::string_view letters = "ACEHLNOTUX";  // [S]
-
-// Index into `letters` of the label "letter:A"; none for any other label.
-std::optional<std::size_t> letter_of(const std::string& label);
+using record::letter_of;
+using record::letters;
 
 struct LetterReading {
   std::optional<std::size_t> read;  // the best; none if all are alike, as in a map without anything
@@ -38,9 +35,16 @@ class LetterReader {
   explicit LetterReader(const record::MapGrid& grid);
   // Made once for each grid, as that takes milliseconds; safe from any thread.
   static const LetterReader& of(const record::MapGrid& grid);
+  // Where a letter is held, as the true map shows it.
+  struct Plate {
+    std::size_t letter, size;  // of record::letters, record::letter_sizes
+    double x, y, depth_m;      // tangents of its middle
+  };
   // None if the true map shows nothing.
-  std::optional<LetterReading> read(std::span<const float> prediction, std::span<const float> truth,
-                                    const Scene& scene, std::size_t letter) const;
+  std::optional<Plate> find_plate(std::span<const float> truth, const Scene& scene,
+                                  std::size_t letter) const;
+  // Of a map that is judged, in the place of that plate.
+  LetterReading read(std::span<const float> map, const Scene& scene, const Plate& plate) const;
 
  private:
   // Of one letter and size: rows x columns cells, mean 0, sum of squares 1.
@@ -48,13 +52,8 @@ class LetterReader {
     std::size_t columns, rows;
     std::vector<float> cells;
   };
-  struct Plate {
-    std::size_t size;      // of the paper's two
-    double x, y, depth_m;  // tangents of its middle
-  };
-  std::optional<Plate> find_plate(std::span<const float> truth, const Scene& scene,
-                                  std::size_t letter) const;
-  std::array<std::array<Template, letters.size()>, 2> templates_;  // large, small
+  std::array<std::array<Template, letters.size()>, record::letter_sizes.size()>
+      templates_;  // large, small
 };
 
 }  // namespace echofuse::recon

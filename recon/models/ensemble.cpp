@@ -4,12 +4,10 @@
 namespace echofuse::recon {
 
 TrainingLog Ensemble::fit(const Examples& train, const Examples& validation, Spread spread,
-                          Training training, std::size_t networks, const std::string& title,
-                          const std::function<void(std::uint64_t)>& seeded) {
+                          Training training, std::size_t networks, const std::string& title) {
   TrainingLog log;
   networks_.clear();
   while (networks_.size() < networks && !log.interrupted) {
-    seeded(training.seed);
     log =
         networks_.emplace_back().fit(train, validation, spread, training, title, " of the spread");
     training.seed = mix(training.seed);
@@ -29,10 +27,7 @@ Matrix Ensemble::predict(const Matrix& inputs) const {
 
 Cost Ensemble::cost() const {
   Cost out;
-  for (const Regression& network : networks_) {
-    const Cost one = network.cost();
-    out.multiply_adds += one.multiply_adds, out.parameters += one.parameters;
-  }
+  for (const Regression& network : networks_) out += network.cost();
   return out;
 }
 

@@ -2,7 +2,6 @@
 // The mean of a few small networks, trained apart: their errors differ where the records say
 // little, so that the mean errs less than each (Breiman, Machine Learning 24, 123, 1996).
 #pragma once
-#include <functional>
 #include <string>
 #include <vector>
 
@@ -12,11 +11,10 @@ namespace echofuse::recon {
 
 class Ensemble {
  public:
-  // As Regression::fit, of so many networks, each with weights and order of its own. The log is of
-  // the last one. `seeded`: called with each one's seed before its training.
+  // As Regression::fit, of so many networks, each with random numbers of its own. The log is of the
+  // last one.
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
-                  Training training, std::size_t networks, const std::string& title,
-                  const std::function<void(std::uint64_t)>& seeded);
+                  Training training, std::size_t networks, const std::string& title);
   // Row i of `inputs` to row i of the answer, which has so many columns as the targets had.
   Matrix predict(const Matrix& inputs) const;
   Cost cost() const;

@@ -28,7 +28,6 @@ constexpr float nearest_m = 0.1f;  // that a body is taken to be
 constexpr std::size_t position_networks = 3;
 // From many records one network learns the shapes as well as two.
 constexpr std::size_t shape_networks(std::size_t records) { return records < many_records ? 2 : 1; }
-constexpr std::uint64_t turn_stream = 0x7475726e;  // "turn"
 // For the components of the bodies; more records hardly turn them.
 constexpr std::size_t most_bodies = 3000;
 
@@ -90,6 +89,8 @@ class Factorised final : public Model {
   void learn_scale(const Matrix& features);
   void standardise(std::span<float> features) const;
   float range_of(std::span<const float> standardised) const;  // metres
+  template <class Retarget>
+  Redraw turning(const TurnedBodies& turned, Retarget retarget) const;
   TrainingLog fit_position(const Seen& train, const TurnedBodies& turned, const Seen& validation,
                            const FitOptions& options);
   void fit_bodies(const Seen& train, const Samples& samples, const FitOptions& options);
@@ -163,7 +164,21 @@ TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
   return log;
 }
 
-// Each network has turns of its own. Judged by records as they are.
+// Turns every body of a batch; retarget(place, range_m, target) puts in what is wanted of it there.
+// None if nobody is to be turned. Judged are records as they are.
+template <class Retarget>
+Redraw Factorised::turning(const TurnedBodies& turned, Retarget retarget) const {
+  if (turned.baseline_m() == 0) return {};
+  return [this, &turned, retarget](std::span<const std::size_t> batch, Matrix& inputs,
+                                   Matrix& targets, Rng& rng) {
+    for (std::size_t i = 0; i < batch.size(); ++i) {
+      const Place place = turned.turn(batch[i], rng, inputs.row(i));
+      retarget(place, inputs.row(i).back(), targets.row(i));
+      standardise(inputs.row(i));
+    }
+  };
+}
+
 TrainingLog Factorised::fit_position(const Seen& train, const TurnedBodies& turned,
                                      const Seen& validation, const FitOptions& options) {
   const auto targets = [&](const Seen& seen) {
@@ -177,19 +192,12 @@ TrainingLog Factorised::fit_position(const Seen& train, const TurnedBodies& turn
   Training training = training_of(options);
   adapt_to(rows.size(), training);
   training.weights = position_weights;
-  Rng rng;
-  if (turned.baseline_m() != 0)
-    training.redraw = [&](std::span<const std::size_t> batch, Matrix& inputs, Matrix& places) {
-      for (std::size_t i = 0; i < batch.size(); ++i) {
-        const Place place = turned.turn(batch[i], rng, inputs.row(i));
-        const auto target = position_target(place, inputs.row(i).back());
-        std::copy(target.begin(), target.end(), places.row(i).begin());
-        standardise(inputs.row(i));
-      }
-    };
+  training.redraw = turning(turned, [](const Place& place, float range_m, std::span<float> out) {
+    const auto target = position_target(place, range_m);
+    std::copy(target.begin(), target.end(), out.begin());
+  });
   return positions_.fit({train.features, wanted, rows}, {validation.features, judged, judged_rows},
-                        Spread::each, training, position_networks, "position",
-                        [&](std::uint64_t seed) { rng = make_rng(seed, turn_stream); });
+                        Spread::each, training, position_networks, "position");
 }
 
 void Factorised::fit_bodies(const Seen& train, const Samples& samples, const FitOptions& options) {
@@ -210,18 +218,10 @@ bool Factorised::fit_shape(const Seen& train, const Samples& train_samples,
   const Rows rows = all_rows(train.rows.size()), judged_rows = all_rows(validation.rows.size());
   Training training = training_of(options);
   adapt_to(rows.size(), training);
-  Rng rng;
-  if (turned.baseline_m() != 0)
-    training.redraw = [&](std::span<const std::size_t> batch, Matrix& inputs, Matrix&) {
-      for (std::size_t i = 0; i < batch.size(); ++i) {
-        turned.turn(batch[i], rng, inputs.row(i));
-        standardise(inputs.row(i));
-      }
-    };
+  training.redraw = turning(turned, [](const Place&, float, std::span<float>) {});
   return shape_networks_
       .fit({train.features, wanted, rows}, {validation.features, judged, judged_rows},
-           Spread::common, training, shape_networks(rows.size()), "shape",
-           [&](std::uint64_t seed) { rng = make_rng(seed, turn_stream); })
+           Spread::common, training, shape_networks(rows.size()), "shape")
       .interrupted;
 }
 
@@ -331,10 +331,8 @@ Cost Factorised::cost() const {
   const std::size_t basis = masks_.basis.values.size() + reliefs_.basis.values.size();
   Cost out{basis + frame_.draw_cost(), basis + masks_.mean.size() + reliefs_.mean.size() +
                                            2 * centre_.size() + background_.size()};
-  const auto add = [&](const Cost& cost) {
-    out.multiply_adds += cost.multiply_adds, out.parameters += cost.parameters;
-  };
-  add(positions_.cost()), add(shape_networks_.cost());
+  out += positions_.cost();
+  out += shape_networks_.cost();
   return out;
 }
 

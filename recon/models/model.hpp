@@ -56,6 +56,10 @@ struct TrainingLog {
 struct Cost {
   std::size_t multiply_adds = 0;  // for one map
   std::size_t parameters = 0;
+  Cost& operator+=(const Cost& other) {
+    multiply_adds += other.multiply_adds, parameters += other.parameters;
+    return *this;
+  }
 };
 
 class Model {

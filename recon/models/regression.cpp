@@ -11,7 +11,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::uint64_t weight_stream = 1, order_stream = 2;
+constexpr std::uint64_t weight_stream = 1, order_stream = 2, redraw_stream = 0x7475726e;  // "turn"
 
 // From the full rate down to nothing along half a cosine (Loshchilov and Hutter, ICLR 2017).
 double annealed(double rate, double progress) {
@@ -72,6 +72,7 @@ TrainingLog Regression::fit(const Examples& train, const Examples& validation, S
                   .adam = Adam(network_.parameters, training.weight_decay),
                   .order = train.rows,
                   .order_rng = make_rng(training.seed, order_stream),
+                  .redraw_rng = make_rng(training.seed, redraw_stream),
                   .log = {},
                   .least = most};
   s.best = s.parameters;
@@ -130,7 +131,7 @@ double Regression::train_batch(const Examples& train, std::span<const std::size_
   batch_inputs_ = take_rows(train.inputs, {rows.begin(), rows.end()});
   if (training.redraw) {
     batch_targets_ = take_rows(train.targets, {rows.begin(), rows.end()});
-    training.redraw(rows, batch_inputs_, batch_targets_);
+    training.redraw(rows, batch_inputs_, batch_targets_, s.redraw_rng);
   }
   const float* x = batch_inputs_.values.data();
   forward(network_, s.parameters, x, rows.size(), activations_);

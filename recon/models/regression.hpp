@@ -26,9 +26,10 @@ struct Examples {
 enum class Spread : bool { common, each };
 
 // Puts other examples of the same kind in place of these: as they are drawn anew in each epoch, the
-// copies take no memory. Row i of both tables is example rows[i].
-using Redraw =
-    std::function<void(std::span<const std::size_t> rows, Matrix& inputs, Matrix& targets)>;
+// copies take no memory. Row i of both tables is example rows[i]; the random numbers are the
+// training's own.
+using Redraw = std::function<void(std::span<const std::size_t> rows, Matrix& inputs,
+                                  Matrix& targets, Rng& rng)>;
 
 struct Training {
   std::vector<std::size_t> hidden;  // width of each hidden layer
@@ -48,7 +49,7 @@ struct TrainingState {
   std::vector<float> parameters, best;  // now, and of the best epoch
   Adam adam;
   Rows order;  // of the records in this epoch
-  Rng order_rng;
+  Rng order_rng, redraw_rng;
   TrainingLog log;
   double least;                    // validation loss of the best epoch
   std::size_t epoch = 0, row = 0;  // done: whole epochs, and records of this one

@@ -10,7 +10,7 @@
 
 namespace echofuse::recon::onnx {
 
-// `inputs`: [n, inputs of the model]. The name of the map: [n, 64 * 64], metres.
+// `inputs`: [n, inputs of the model]. The name of the map: [n, pixels of the map], metres.
 std::string add_body(Graph& graph, const BodyLayers& body, const std::string& inputs);
 
 }  // namespace echofuse::recon::onnx

@@ -187,8 +187,7 @@ std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
   record::RunWriter writer(options.out, run_info(plan, options));
   writer.put_axis(spd_axis(plan.conditions));
   writer.put_axis(radar_axis(plan.conditions));
-  const record::MapGrid map = map_grid(plan.conditions);
-  for (const Axis& axis : {map.x(), map.y(), map.axes()[0], map.axes()[1]}) writer.put_axis(axis);
+  for (const Axis& axis : map_grid(plan.conditions).run_axes()) writer.put_axis(axis);
   Progress progress("records", static_cast<std::size_t>(generator.records()), options.quiet);
   const auto start_batch = [&](std::int64_t first) {
     const std::int64_t last = std::min(first + batch_records, generator.records());

@@ -119,56 +119,21 @@ void add_person(Scene& scene, const Conditions& conditions, const Stand& stand,
 
 char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand,
                        SceneSampler& sampler) {
-  const char letter = letters_drawn[sampler.pick(letters_drawn.size())];
-  const bool large = sampler.pick(2) == 0;
-  const double scale = conditions.target_scale;
-  const double width = scale * (large ? 0.30 : 0.20), height = scale * (large ? 0.40 : 0.30);
+  const char letter = record::letters[sampler.pick(record::letters.size())];
+  const record::LetterSize size =
+      record::letter_sizes[sampler.pick(record::letter_sizes.size())].scaled(
+          conditions.target_scale);
   Body body(scene, conditions, stand, sampler);
   const Vec3 chest = 0.5 * (body.shoulder(-1) + body.shoulder(1));
   const Vec3 held = chest + Vec3{0, sampler.uniform(-0.12, 0.02), sampler.uniform(0.33, 0.37)};
   for (const double side : {-1.0, 1.0}) {
-    const Vec3 hand = held + Vec3{side * width / 2 / body.height_m(), 0, -0.02};
+    const Vec3 hand = held + Vec3{side * size.width_m / 2 / body.height_m(), 0, -0.02};
     const Vec3 middle = 0.5 * (body.shoulder(side) + hand);
     body.add_arm(side, middle + Vec3{side * 0.02, -0.03, 0}, hand);
   }
-  scene.plates.push_back({body.world(held),
-                          body.right(),
-                          {0, 1, 0},
-                          glyph(letter, width, height, scale * (large ? 0.07 : 0.05)),
-                          0.8});
+  scene.plates.push_back(
+      {body.world(held), body.right(), {0, 1, 0}, record::letter_strokes(letter, size), 0.8});
   return letter;
-}
-
-std::vector<Stroke> glyph(char letter, double width_m, double height_m, double stroke_m) {
-  const double w = stroke_m, right = width_m / 2, top = height_m / 2;
-  const double a = right - w / 2, b = top - w / 2;  // middle lines of the outer strokes
-  const Stroke left_post{-a, -top, -a, top, w}, right_post{a, -top, a, top, w};
-  const Stroke roof{-right, b, right, b, w}, base{-right, -b, right, -b, w};
-  const Stroke bar{-right, 0, right, 0, w};
-  switch (letter) {
-    case 'A': {
-      const double v = -top / 3, u = a * (top - v) / (2 * top);
-      return {{-a, -top, 0, top, w}, {0, top, a, -top, w}, {-u, v, u, v, w}};
-    }
-    case 'C':
-      return {left_post, roof, base};
-    case 'E':
-      return {left_post, roof, bar, base};
-    case 'H':
-      return {left_post, right_post, bar};
-    case 'L':
-      return {left_post, base};
-    case 'N':
-      return {left_post, right_post, {-a, top, a, -top, w}};
-    case 'O':
-      return {left_post, right_post, roof, base};
-    case 'T':
-      return {roof, {0, -top, 0, top, w}};
-    case 'U':
-      return {left_post, right_post, base};
-    default:
-      return {{-a, -top, a, top, w}, {-a, top, a, -top, w}};  // X
-  }
 }
 
 }  // namespace echofuse::sim

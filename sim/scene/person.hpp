@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 // People of 16 capsules, alone or holding a letter.
 #pragma once
-#include <array>
-
 #include "sim/scene/scene.hpp"
 
 namespace echofuse::sim {
@@ -18,15 +16,9 @@ struct Stand {
 void add_person(Scene& scene, const Conditions& conditions, const Stand& stand,
                 SceneSampler& sampler);
 
-inline constexpr std::array letters_drawn{'A', 'C', 'E', 'H', 'L', 'N', 'O', 'T', 'U', 'X'};  // [S]
-
 // The same, with a flat letter held in both hands at arm's length, facing where the person faces.
-// Letters 40 x 30 cm with 7 cm strokes or 30 x 20 cm with 5 cm strokes, albedo 0.8. Returns the
-// letter, one of letters_drawn.
+// Of either size (acquire/record/letter.hpp), albedo 0.8. Returns the letter.
 char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand,
                        SceneSampler& sampler);
-
-// The strokes of a letter, centred.
-std::vector<Stroke> glyph(char letter, double width_m, double height_m, double stroke_m);
 
 }  // namespace echofuse::sim

@@ -43,7 +43,7 @@ void add_letter(Scene& scene, const Conditions& c, const SceneSpec& spec, SceneS
   const double towards_sensors = std::atan2(-stand.x_m, stand.z_m);
   stand.yaw_rad = towards_sensors + random_turn(c.letter_yaw_deg, sampler);
   stand = chosen(spec, stand);
-  scene.label = std::string("letter:") + add_letter_person(scene, c, stand, sampler);
+  scene.label = std::string(record::letter_label) + add_letter_person(scene, c, stand, sampler);
 }
 
 // Half of the width each: they stand side by side.

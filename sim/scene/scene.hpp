@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "acquire/record/letter.hpp"
 #include "sim/scene/conditions.hpp"
 #include "sim/scene/vec3.hpp"
 
@@ -21,10 +22,7 @@ struct Capsule {
   double radius_m = 0, albedo = 0;
 };
 
-// A band of the given width about the segment (u0, v0)-(u1, v1), its ends cut square. Metres.
-struct Stroke {
-  double u0 = 0, v0 = 0, u1 = 0, v1 = 0, width_m = 0;
-};
+using record::Stroke;
 
 // The union of its strokes in the plane centre + u*U + v*V; U, V orthonormal. Both sides reflect.
 struct Plate {

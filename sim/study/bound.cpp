@@ -2,17 +2,14 @@
 #include "sim/study/bound.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <future>
 #include <numbers>
-#include <thread>
 
-#include "drivers/core/console.hpp"
 #include "sim/scene/draw.hpp"
 #include "sim/scene/shapes.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
+#include "sim/study/each_scene.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -290,23 +287,11 @@ Seen seen_by_radar(const Scene& scene, const Conditions& c, std::int64_t rays) {
 std::vector<Bound> study_bound(const BoundOptions& options) {
   check(options.conditions);
   const Laboratory laboratory(options);
-  std::vector<std::vector<Deviations>> found(static_cast<std::size_t>(options.scenes));
-  std::atomic<std::size_t> next{0}, done{0};
-  const auto work = [&] {
-    for (std::size_t i = next++; i < found.size() && !interrupted(); i = next++, ++done)
-      found[i] =
-          SceneBounds(laboratory, options, i % 4 == 0 ? SceneKind::person : SceneKind::letter, i)
-              .all();
-  };
-  std::vector<std::future<void>> workers;
-  for (unsigned t = 0; t < std::max(1u, std::thread::hardware_concurrency()); ++t)
-    workers.push_back(std::async(std::launch::async, work));
-  Progress progress("bound", found.size(), options.quiet);
-  for (auto& worker : workers)
-    while (worker.wait_for(std::chrono::milliseconds(200)) != std::future_status::ready)
-      progress.update(done);
-  for (auto& worker : workers) worker.get();
-  if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing was written");
+  const auto found = each_scene<std::vector<Deviations>>(
+      "bound", options.scenes, options.quiet, [&](std::size_t i) {
+        const SceneKind kind = i % 4 == 0 ? SceneKind::person : SceneKind::letter;
+        return SceneBounds(laboratory, options, kind, i).all();
+      });
   std::vector<Bound> rows;
   for (const Point& p : laboratory.points())
     for (const char* known : known_names) rows.push_back(summary(p, known, found, rows.size()));

@@ -2,18 +2,16 @@
 #include "sim/study/letters.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <cstdio>
-#include <future>
 #include <sstream>
-#include <thread>
 
+#include "acquire/record/letter.hpp"
 #include "drivers/chart/gnuplot.hpp"
-#include "drivers/core/console.hpp"
+#include "drivers/core/exit_code.hpp"
 #include "sim/scene/draw.hpp"
-#include "sim/scene/person.hpp"
 #include "sim/sensors/optics.hpp"
+#include "sim/study/each_scene.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -46,8 +44,7 @@ Scene with_letter(Scene scene, char letter, const Conditions& c) {
   auto& strokes = scene.plates.back().strokes;
   const double scale = c.target_scale;
   const bool large = strokes.front().width_m > 0.06 * scale;
-  strokes = large ? glyph(letter, 0.30 * scale, 0.40 * scale, 0.07 * scale)
-                  : glyph(letter, 0.20 * scale, 0.30 * scale, 0.05 * scale);
+  strokes = record::letter_strokes(letter, record::letter_sizes[large ? 0 : 1].scaled(scale));
   return scene;
 }
 
@@ -63,7 +60,7 @@ ByLetter expected_of(const Scene& scene, Conditions c) {
   c.background_counts = 0;
   ByLetter out;
   for (std::size_t k = 0; k < out.size(); ++k) {
-    Scene one = with_letter(scene, letters_drawn[k], c);
+    Scene one = with_letter(scene, record::letters[k], c);
     const Rate all = spd_rate(spd_returns(one, c), c);
     one.plates.back().albedo = 0;
     Rate& body = out[k].body = spd_rate(spd_returns(one, c), c);
@@ -116,9 +113,7 @@ std::vector<Reading> read_scene(const std::vector<Point>& points, std::uint64_t 
   for (const Point& p : points) {
     const Conditions& c = p.conditions;
     const Scene scene = make_scene(c, SceneKind::letter, seed, index);
-    const auto truth = static_cast<std::size_t>(
-        std::find(letters_drawn.begin(), letters_drawn.end(), scene.label.back()) -
-        letters_drawn.begin());
+    const std::size_t truth = record::letter_of(scene.label).value();
     // Another number of photons is the same scene, brighter; the rays are those of the base.
     ByLetter expected = p.axis == "photons" ? of_base : expected_of(scene, c);
     if (p.axis == "base") of_base = expected;
@@ -171,21 +166,9 @@ std::vector<LettersRow> study_letters(const LettersOptions& options) {
   if (options.conditions.signal_photons <= 0)
     throw Error(ExitCode::config, "study letters: signal_photons is 0; expected some");
   const auto points = points_of(options.conditions);
-  std::vector<std::vector<Reading>> found(static_cast<std::size_t>(options.scenes));
-  std::atomic<std::size_t> next{0}, done{0};
-  const auto work = [&] {
-    for (std::size_t i = next++; i < found.size() && !interrupted(); i = next++, ++done)
-      found[i] = read_scene(points, options.seed, i);
-  };
-  std::vector<std::future<void>> workers;
-  for (unsigned t = 0; t < std::max(1u, std::thread::hardware_concurrency()); ++t)
-    workers.push_back(std::async(std::launch::async, work));
-  Progress progress("letters", found.size(), options.quiet);
-  for (auto& worker : workers)
-    while (worker.wait_for(std::chrono::milliseconds(200)) != std::future_status::ready)
-      progress.update(done);
-  for (auto& worker : workers) worker.get();
-  if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing was written");
+  const auto found = each_scene<std::vector<Reading>>(
+      "letters", options.scenes, options.quiet,
+      [&](std::size_t i) { return read_scene(points, options.seed, i); });
   std::vector<LettersRow> rows;
   const auto scenes = static_cast<double>(found.size());
   for (const Point& p : points)
@@ -218,9 +201,9 @@ std::string confusion_text(const LettersRow& row) {
     std::snprintf(text, sizeof text, format, value);
     out += text;
   };
-  for (const char letter : letters_drawn) add("%4c", letter);
+  for (const char letter : record::letters) add("%4c", letter);
   for (std::size_t i = 0; i < row.confusion.size(); ++i) {
-    add("\n%7c", letters_drawn[i]);
+    add("\n%7c", record::letters[i]);
     for (const int count : row.confusion[i]) add("%4d", count);
   }
   return out + "\n";

@@ -9,20 +9,9 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using echofuse::testing::Folder;
-using echofuse::testing::radar_axis;
-using echofuse::testing::write_run;
+using namespace echofuse::testing;
 
 namespace {
-
-std::string error_of(const std::function<void()>& body) {
-  try {
-    body();
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "no error";
-}
 
 void without(record::FusedRecord& r, Sensor s) {
   r.valid.erase(s);

@@ -37,7 +37,8 @@ TEST_CASE("the simulator's letters are read off its maps, and none off an empty 
   const Rows rows = all_rows(data.size());
   const Scene scene = learn_scene(data.depth, rows, data.map);
   LettersRead read;
-  const Summaries seen = summarise(score_maps(data.depth, data, rows, scene, &read));
+  const Summaries seen =
+      summarise(score_maps(data.depth, data, rows, scene, find_plates(data, rows, scene), &read));
   CHECK(seen[metric_letter_top1].mean > 0.85);
   CHECK(seen[metric_letter_top3].mean > 0.95);
   std::size_t right = 0;
@@ -46,7 +47,8 @@ TEST_CASE("the simulator's letters are read off its maps, and none off an empty 
         Approx(seen[metric_letter_top1].mean * static_cast<double>(data.size())));
   LettersRead unread;
   const Matrix none(data.size(), data.depth.cols);
-  const Summaries nothing = summarise(score_maps(none, data, rows, scene, &unread));
+  const Summaries nothing =
+      summarise(score_maps(none, data, rows, scene, find_plates(data, rows, scene), &unread));
   CHECK(nothing[metric_letter_top1].mean == Approx(0.1));
   CHECK(nothing[metric_letter_top3].mean == Approx(0.3));
   std::size_t counted = 0;

@@ -30,15 +30,6 @@ void write_mapped(const std::string& path, std::int64_t count, const record::Map
   put_map(path, grid);
 }
 
-std::string error_of(const std::function<void()>& body) {
-  try {
-    body();
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "no error";
-}
-
 }  // namespace
 
 TEST_CASE("a run's depth images are brought to its own map") {

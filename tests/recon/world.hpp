@@ -37,6 +37,16 @@ struct Folder {
   std::string operator/(const std::string& name) const { return (path / name).string(); }
 };
 
+// What `body` throws; "no error" if it does not.
+inline std::string error_of(const std::function<void()>& body) {
+  try {
+    body();
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "no error";
+}
+
 inline Axis spd_axis() { return {"spd", "counts", "ps", 30, 16000, 400, 1}; }
 inline Axis radar_axis(std::uint32_t bins = 24) {
   return {"radar", "power", "m", bins, 0, 0.25, 1};
