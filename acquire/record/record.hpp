@@ -75,8 +75,11 @@ struct FusedRecord {
   UtcTime slot_utc{};  // of the slot's start
   SensorSet valid;
   std::string label;
-  std::vector<std::uint32_t> spd;       // counts per bin; empty if the sensor is missing
-  std::vector<float> radar;             // in the units of the run's radar axis
+  std::vector<std::uint32_t> spd;  // counts per bin; empty if the sensor is missing
+  std::vector<float> radar;        // in the units of the run's radar axis
+  // Of the virtual antennas (radar_array.hpp) over so many frames; empty if the radar sends none.
+  std::vector<float> array;
+  std::uint64_t array_frames = 0;
   std::vector<std::uint16_t> depth_mm;  // z, row-major on the run's depth axes, 0 = no return
   SpdCounts spd_counts;
   PerSensor<SensorSync> sync;

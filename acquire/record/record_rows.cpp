@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/record/record_rows.hpp"
 
+#include <algorithm>
 #include <iterator>
 
 #include "acquire/record/png.hpp"
+#include "acquire/record/radar_array.hpp"
 #include "drivers/core/exit_code.hpp"
 
 namespace echofuse::record {
@@ -96,6 +98,25 @@ void insert_radar_status(Inserts& rows, const FusedRecord& r) {
   row.run();
 }
 
+void insert_array(Inserts& rows, const std::string& path, const FusedRecord& r,
+                  const std::vector<Axis>& axes) {
+  if (r.array.empty() || !r.has(Sensor::radar)) return;
+  const auto axis =
+      std::find_if(axes.begin(), axes.end(), [](const Axis& a) { return a.name == "array"; });
+  const auto antennas = axis == axes.end() ? 0 : antennas_of(*axis);
+  const std::size_t wanted = antennas > 0 ? axis->count * values_of_bin(antennas) : 0;
+  if (r.array.size() != wanted)
+    throw Error(ExitCode::failed, path + ": record " + std::to_string(r.index) + ": array has " +
+                                      std::to_string(r.array.size()) + " values, its axis " +
+                                      std::to_string(wanted));
+  const Bytes packed = pack_array(r.array, antennas);
+  rows.into("radar_array")
+      .set("idx", r.index)
+      .set("frames", r.array_frames)
+      .set("array", ByteView{packed})
+      .run();
+}
+
 }  // namespace
 
 void insert_record(Inserts& rows, const std::string& path, const FusedRecord& r,
@@ -156,6 +177,7 @@ void insert_record(Inserts& rows, const std::string& path, const FusedRecord& r,
   insert_clocks(rows, r);
   insert_slot(rows, r);
   insert_signal(rows, r);
+  insert_array(rows, path, r, axes);
 }
 
 }  // namespace echofuse::record

@@ -18,6 +18,7 @@
 #include <variant>
 #include <vector>
 
+#include "acquire/record/radar_array.hpp"
 #include "acquire/record/record.hpp"
 
 struct sqlite3;
@@ -58,6 +59,7 @@ class RunWriter {
   // Once per axis name, before the first record that needs it.
   void put_axis(const Axis& axis);
   void put_device(const DeviceInfo& device);
+  void put_antennas(const Antennas& antennas);  // of the array axis; instead of those before
   void put_calibration(const CalibrationEntry& entry);
   void put_policy(Sensor sensor, const std::string& policy);  // required or optional
   void put_anchor(HostTime mono, UtcTime utc);
@@ -164,6 +166,7 @@ class RunReader {
   RunInfo info() const;  // status "crashed" if it is "open" and no writer holds the file
   std::vector<DeviceInfo> devices() const;
   std::vector<CalibrationEntry> calibrations() const;
+  Antennas antennas() const;  // empty if the radar sent no samples of them
   std::vector<Event> events() const;
   std::vector<Counted> counters() const;  // of an older file: as one part
   std::vector<Axis> axes() const;

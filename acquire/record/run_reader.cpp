@@ -34,6 +34,7 @@ constexpr std::int64_t most_points = 1 << 24;
 struct Shapes {
   std::size_t spd = 0, radar = 0;
   std::uint32_t width = 0, height = 0;
+  std::size_t array = 0, antennas = 0;
 };
 
 Shapes shapes_of(const std::vector<Axis>& axes) {
@@ -43,6 +44,7 @@ Shapes shapes_of(const std::vector<Axis>& axes) {
     if (a.name == "radar") out.radar = a.count;
     if (a.name == "depth_x") out.width = a.count;
     if (a.name == "depth_y") out.height = a.count;
+    if (a.name == "array") out.array = a.count, out.antennas = antennas_of(a);
   }
   return out;
 }
@@ -52,10 +54,14 @@ constexpr const char* record_columns =
     "starts, in_range, out_of_range, without_start, other, tags_lost, spd_offset_s, spd_span_s, "
     "spd_used, spd_lost, spd_verdict, radar_offset_s, radar_span_s, radar_used, radar_lost, "
     "radar_verdict, depth_offset_s, depth_span_s, depth_used, depth_lost, depth_verdict, ";
-constexpr const char* record_rows = " FROM record WHERE idx >= ? ORDER BY idx";
 // Older files are without the table; an unknown share of the laser's pulses is -1 here.
 constexpr const char* signal_column =
     "ifnull((SELECT clicks_a_pulse FROM signal WHERE signal.idx = record.idx), -1)";
+constexpr const char* array_columns =
+    ", (SELECT frames FROM radar_array a WHERE a.idx = record.idx), (SELECT array FROM radar_array "
+    "a "
+    "WHERE a.idx = record.idx)";
+constexpr const char* record_rows = " FROM record WHERE idx >= ? ORDER BY idx";
 
 // Fills `r` from the row; returns what is wrong with it, or nothing.
 std::string decode(Statement& row, const Shapes& shapes, std::uint32_t sensors, FusedRecord& r) {
@@ -78,6 +84,8 @@ std::string decode(Statement& row, const Shapes& shapes, std::uint32_t sensors, 
     y.verdict = row.text();
   }
   if (const double clicks = row.real(); clicks >= 0) r.signal.clicks_a_pulse = clicks;
+  r.array_frames = static_cast<std::uint64_t>(row.integer());
+  const ByteView array = row.blob();
   const auto sizes = [](const char* what, std::size_t got, std::size_t wanted) {
     return std::string(what) + " has " + std::to_string(got) + " bytes, its axis asks for " +
            std::to_string(wanted);
@@ -88,8 +96,7 @@ std::string decode(Statement& row, const Shapes& shapes, std::uint32_t sensors, 
     return sizes("radar", radar.size(), shapes.radar * 4);
   if (r.has(Sensor::spd)) r.spd = to_values<std::uint32_t>(spd);
   if (r.has(Sensor::radar)) r.radar = to_values<float>(radar);
-  const auto bad =
-      std::find_if_not(r.radar.begin(), r.radar.end(), [](float v) { return std::isfinite(v); });
+  const auto bad = std::ranges::find_if_not(r.radar, [](float v) { return std::isfinite(v); });
   if (r.has(Sensor::radar) && bad != r.radar.end())
     return "radar bin " + std::to_string(bad - r.radar.begin()) + " is not a finite number";
   if (r.has(Sensor::depth)) {
@@ -98,7 +105,8 @@ std::string decode(Statement& row, const Shapes& shapes, std::uint32_t sensors, 
       return "depth is not a 16-bit grey PNG of " + std::to_string(shapes.width) + " x " +
              std::to_string(shapes.height);
   }
-  return {};
+  if (r.array_frames == 0 || shapes.array == 0 || !r.has(Sensor::radar)) return {};
+  return unpack_array(array, shapes.array, shapes.antennas, r.array);
 }
 
 std::string short_text(double value) {
@@ -310,7 +318,10 @@ void RunReader::check_axis(const Axis& axis, std::int64_t points) const {
            "; expected numbers of a measurement");
   const double most = std::max(1e9, 256 * static_cast<double>(bytes_));
   // A map is as high as it is wide.
-  const double values = std::pow(static_cast<double>(points), axis.name == "map_x" ? 2 : 1);
+  double values = std::pow(static_cast<double>(points), axis.name == "map_x" ? 2 : 1);
+  const std::size_t antennas = axis.name == "array" ? antennas_of(axis) : 1;
+  if (antennas == 0) refuse("is of " + short_text(axis.scale) + " antennas; expected 1 to 12");
+  if (axis.name == "array") values *= static_cast<double>(values_of_bin(antennas)) / 2;
   const auto too_many = [&](double records) { return 4 * values * records > most; };
   // Counting takes a while: only where the indices, which are quick to look up, make it doubtful.
   Statement s = ask("SELECT (SELECT min(idx) FROM record), (SELECT max(idx) FROM record)");
@@ -336,8 +347,8 @@ std::int64_t RunReader::count() const {
 void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, std::int64_t first,
                          const std::function<void(std::int64_t, const std::string&)>& on_bad,
                          SensorSet sensors) const {
-  const std::string sql =
-      record_columns + std::string(has_table("signal") ? signal_column : "-1") + record_rows;
+  const std::string sql = record_columns + std::string(has_table("signal") ? signal_column : "-1") +
+                          (has_table("radar_array") ? array_columns : ", 0, NULL") + record_rows;
   Statement row = ask(sql.c_str());
   row.bind(first);
   std::optional<Shapes> known;

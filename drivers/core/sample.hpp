@@ -62,6 +62,10 @@ struct RadarFrame {
   std::uint32_t time_cpu_cycles = 0;         // 200 MHz, wraps every 21.47 s
   std::uint32_t lost_before = 0;             // frame numbers missing before this one
   std::vector<std::uint16_t> range_profile;  // log2_q8 codes; empty if the frame had no TLV 2
+  // TLV 4 (azimuth antennas) or 8 (all of them): for each range bin and virtual antenna the
+  // imaginary, then the real part; empty if the frame had neither.
+  std::vector<std::int16_t> array;
+  bool planar = false;  // of TLV 8
   std::optional<RadarStats> stats;
   std::optional<RadarTemperature> temperature;
 };

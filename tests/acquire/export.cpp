@@ -78,6 +78,8 @@ void write_full_run(const std::string& path) {
   info.meta = {{"gel", "blue"}, {"laser", "5 mW, \xc2\xb5"}};
   RunWriter run(path, info);
   for (const auto& axis : small_axes()) run.put_axis(axis);
+  run.put_axis({"array", "covariance", "m", 1, 0, 0.5, 2});
+  run.put_antennas({{0, 0, 1, 0}, {1, 0, 1.25, 0.5}});
   run.put_device({Sensor::spd, "bridge:tcp://h:1", "TT", "42", "1.0", {}});
   run.put_calibration({Sensor::radar, "2026-01-01", "plate", 2, 0.0125, 0.001});
   run.put_policy(Sensor::spd, "required");
@@ -91,6 +93,7 @@ void write_full_run(const std::string& path) {
   for (std::int64_t i = 0; i < 3; ++i) {
     FusedRecord r = small_record(i);
     r.spd_counts.overflows = 2;
+    if (i > 0) r.array.assign(values_of_bin(2), 1), r.array_frames = 4;
     if (i > 0) r.radar_stats = RadarStats{1, 2, 3, 4, 5, 6};
     if (i == 1) r.radar_temperature = RadarTemperature{0, 9, {-1, 2, 3, 4, 5, 6, 7, 8, 9, 10}};
     if (i == 2) r.missing = SensorSet::from_bits(1), r.valid = SensorSet::from_bits(6);

@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/record/radar_array.hpp"
+
+#include <sqlite3.h>
+
+#include <algorithm>
+#include <limits>
+#include <random>
+
+#include "testing.hpp"
+
+using namespace echofuse;
+using namespace echofuse::record;
+using namespace testing;
+
+namespace {
+
+using Samples = std::vector<std::complex<float>>;
+
+std::vector<Samples> some_frames(std::size_t frames, std::size_t samples) {
+  std::mt19937 rng(7);
+  std::normal_distribution<float> part(0, 1000);
+  std::vector<Samples> out(frames, Samples(samples));
+  for (auto& frame : out)
+    for (auto& x : frame) x = {part(rng), part(rng)};
+  return out;
+}
+
+std::vector<float> array_of(const std::vector<Samples>& frames, std::size_t antennas) {
+  ArrayStatistics sums(frames.front().size() / antennas, antennas);
+  for (const auto& frame : frames) sums.add(frame);
+  return sums.take();
+}
+
+void close_to(std::complex<float> a, std::complex<double> b, double scale) {
+  CHECK(std::abs(std::complex<double>(a) - b) < 1e-5 * scale);
+}
+
+Axis of(const char* name, const char* quantity, std::uint32_t count, double scale) {
+  return {name, quantity, "m", count, 0, 0.25, scale};
+}
+
+// A run with one record of two bins and eight antennas.
+FusedRecord write_run(const std::string& path) {
+  RunWriter writer(path, RunInfo{});
+  writer.put_axis(of("radar", "log2_q8", 2, 8));
+  writer.put_axis(of("array", "covariance", 2, 8));
+  Antennas antennas(8);
+  for (std::size_t m = 0; m < 8; ++m) antennas[m].x = static_cast<double>(m);
+  writer.put_antennas(antennas);
+  antennas[3].phase_rad = 0.5;
+  writer.put_antennas(antennas);
+  FusedRecord r;
+  r.valid.insert(Sensor::radar);
+  r.radar = {1, 2};
+  r.array = array_of(some_frames(5, 16), 8);
+  r.array_frames = 5;
+  writer.append(r);
+  r.index = 1;
+  FusedRecord without = r;
+  without.array.clear(), without.array_frames = 0;
+  writer.append(without);
+  writer.close("complete");
+  return r;
+}
+
+void sql(const std::string& path, const std::string& statement) {
+  sqlite3* db = nullptr;
+  REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
+  REQUIRE(sqlite3_exec(db, statement.c_str(), nullptr, nullptr, nullptr) == SQLITE_OK);
+  sqlite3_close(db);
+}
+
+}  // namespace
+
+TEST_CASE("an array's statistics are the means over its frames") {
+  constexpr std::size_t bins = 3, antennas = 12, count = 9;
+  const auto frames = some_frames(count, bins * antennas);
+  const auto array = array_of(frames, antennas);
+  REQUIRE(array.size() == bins * values_of_bin(antennas));
+  for (std::size_t b = 0; b < bins; ++b) {
+    const ArrayBin bin = bin_of(array, antennas, b);
+    std::complex<double> lag = 0;
+    for (std::size_t m = 0; m < antennas; ++m) {
+      std::complex<double> mean = 0;
+      for (std::size_t t = 0; t < count; ++t) {
+        const std::complex<double> x = frames[t][b * antennas + m];
+        mean += x / double{count};
+        if (t > 0)
+          lag += x * std::conj(std::complex<double>(frames[t - 1][b * antennas + m])) /
+                 double{count - 1};
+      }
+      close_to(bin.mean(m), mean, 1e3);
+      for (std::size_t n = 0; n < antennas; ++n) {
+        std::complex<double> wanted = 0;
+        for (const auto& frame : frames)
+          wanted += std::complex<double>(frame[b * antennas + m]) *
+                    std::conj(std::complex<double>(frame[b * antennas + n])) / double{count};
+        close_to(bin.covariance(m, n), wanted, 1e6);
+      }
+    }
+    close_to(bin.lag(), lag, 1e7);
+  }
+}
+
+TEST_CASE("frames with a lost one between them are no neighbours, and taking starts afresh") {
+  const auto frames = some_frames(3, 8);
+  ArrayStatistics sums(1, 8);
+  CHECK(sums.take().empty());
+  sums.add(frames[0]);
+  sums.skip();
+  sums.add(frames[1]);
+  CHECK(sums.frames() == 2);
+  const auto alone = sums.take();
+  CHECK(bin_of(alone, 8, 0).lag() == std::complex<float>(0));
+  sums.add(frames[0]), sums.add(frames[1]);
+  const auto joined = sums.take();
+  CHECK(std::abs(bin_of(joined, 8, 0).lag()) > 0);
+  CHECK(std::equal(alone.begin(), alone.end() - 2, joined.begin()));
+}
+
+TEST_CASE("a packed array is as it was, to a part of its bin's power") {
+  const auto array = array_of(some_frames(4, 3 * 8), 8);
+  std::vector<float> back;
+  const Bytes packed = pack_array(array, 8);
+  CHECK(packed.size() == 3 * (4 + 2 * values_of_bin(8)));
+  CHECK(unpack_array(packed, 3, 8, back).empty());
+  REQUIRE(back.size() == array.size());
+  for (std::size_t b = 0; b < 3; ++b) {
+    const ArrayBin was = bin_of(array, 8, b), is = bin_of(back, 8, b);
+    for (std::size_t m = 0; m < 8; ++m) {
+      CHECK(std::abs(is.mean(m) - was.mean(m)) < 4e-5 * std::sqrt(was.power()));
+      for (std::size_t n = 0; n < 8; ++n)
+        CHECK(std::abs(is.covariance(m, n) - was.covariance(m, n)) < 4e-5 * was.power());
+    }
+  }
+  CHECK(unpack_array(packed, 2, 8, back) == "array has 504 bytes, its axis asks for 336");
+  Bytes bad = packed;
+  bad[3] = 0xff, bad[2] = 0xc0;
+  CHECK(unpack_array(bad, 3, 8, back) == "array bin 0 has no finite power");
+}
+
+TEST_CASE("a run keeps the array of each record, and the antennas") {
+  const Folder dir;
+  const FusedRecord wrote = write_run(dir / "run");
+  const RunReader run(dir / "run");
+  const FusedRecord r = run.read(0);
+  CHECK(r.array_frames == 5);
+  REQUIRE(r.array.size() == wrote.array.size());
+  CHECK(std::abs(r.array[16] - wrote.array[16]) < 1e-4f * bin_of(wrote.array, 8, 0).power());
+  CHECK(run.read(1).array.empty());
+  const Antennas antennas = run.antennas();
+  REQUIRE(antennas.size() == 8);
+  CHECK(antennas[7].x == 7);
+  CHECK(antennas[3].phase_rad == 0.5);
+}
+
+TEST_CASE("a file without arrays, or with bad ones, is read or refused in one line") {
+  const Folder dir;
+  const std::string path = dir / "run";
+  const FusedRecord wrote = write_run(path);
+  const auto refused = [&](const std::string& change, const std::string& why) {
+    fs::copy_file(path, dir / "bad", fs::copy_options::overwrite_existing);
+    sql(dir / "bad", change);
+    const auto [code, text] = error_of([&] {
+      const RunReader run(dir / "bad");
+      run.antennas();
+      run.read(0);
+    });
+    CHECK(code == ExitCode::failed);
+    CHECK_THAT(text, Catch::Contains(why));
+  };
+  refused("UPDATE radar_array SET array = x'00'", "record 0: array has 1 bytes");
+  refused("UPDATE axis SET scale = 13 WHERE name = 'array'", "expected 1 to 12");
+  refused("UPDATE axis SET scale = 2.5 WHERE name = 'array'", "expected 1 to 12");
+  refused("UPDATE antenna SET gain = -1", "antenna 0 is none");
+  sql(path, "DROP TABLE radar_array; DROP TABLE antenna");
+  const RunReader old(path);
+  CHECK(old.antennas().empty());
+  CHECK(old.read(0).radar == wrote.radar);
+}
+
+TEST_CASE("an array that does not fit its axis is not written") {
+  const Folder dir;
+  RunWriter writer(dir / "run", RunInfo{});
+  writer.put_axis(of("radar", "log2_q8", 2, 8));
+  writer.put_axis(of("array", "covariance", 2, 8));
+  FusedRecord r;
+  r.valid.insert(Sensor::radar);
+  r.radar = {1, 2};
+  r.array.resize(5);
+  const auto [code, text] = error_of([&] { writer.append(r); });
+  CHECK(code == ExitCode::failed);
+  CHECK_THAT(text, Catch::Contains("record 0: array has 5 values, its axis 164"));
+}
