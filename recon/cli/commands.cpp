@@ -27,8 +27,9 @@ namespace echofuse::recon {
 namespace {
 
 void add_inputs_option(CLI::App& app, std::string& inputs) {
-  app.add_option("--inputs", inputs, "fused, spd or radar")
-      ->check(CLI::IsMember({"fused", "spd", "radar"}))
+  app.add_option("--inputs", inputs,
+                 "fused, spd, radar, or fused-profile: without the radar's antennas")
+      ->check(CLI::IsMember(inputs_names))
       ->capture_default_str();
 }
 

@@ -9,6 +9,7 @@
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "drivers/core/printable.hpp"
+#include "recon/data/lags.hpp"
 #include "recon/data/shift.hpp"
 
 namespace echofuse::recon {
@@ -49,6 +50,7 @@ class Appender {
     for (const Axis& axis : run.axes()) {
       if (axis.name == "spd" && sensors_.contains(Sensor::spd)) spd_ = axis;
       if (axis.name == "radar" && sensors_.contains(Sensor::radar)) raw_radar_ = axis;
+      if (axis.name == "array" && sensors_.contains(Sensor::radar)) array_ = axis;
       if (axis.name == "depth_x") x_ = axis;
       if (axis.name == "depth_y") y_ = axis;
     }
@@ -56,6 +58,8 @@ class Appender {
     if (radar.quantity == "log2_q8") radar.quantity = "power", radar.scale = 1;
     adopt(data.spd_axis, spd_, "spd");
     adopt(data.radar_axis, radar, "radar");
+    if (array_.count > 0) lags_ = SpatialLags(run.antennas());
+    adopt(data.array_axis, array_.count > 0 ? lags_axis(array_, lags_) : Axis{}, "array");
     adopt_map(run.axes());
     double radar_offset_m = 0;
     for (const auto& c : run.calibrations()) {
@@ -83,6 +87,8 @@ class Appender {
     if (r.has(Sensor::depth)) depth = record::to_target(r.depth_mm, x_, y_, map_x_, map_y_);
     add_row(data_.spd, spd, data_.spd_axis.count);
     add_row(data_.radar, radar, data_.radar_axis.count);
+    std::vector<float> lags = lags_of(r);
+    add_row(data_.array, lags, lag_columns(data_.array_axis));
     add_row(data_.depth, depth, sensors_.contains(Sensor::depth) ? data_.map.pixels() : 0);
     data_.valid.push_back(r.valid.bits());
     data_.index.push_back(r.index);
@@ -139,10 +145,24 @@ class Appender {
     return out;
   }
 
+  // Nothing of a record without samples of the antennas.
+  std::vector<float> lags_of(const record::FusedRecord& r) const {
+    const Axis& axis = data_.array_axis;
+    std::vector<float> out;
+    if (axis.count == 0 || r.array.empty() || !r.has(Sensor::radar)) return out;
+    out.resize(lag_columns(axis));
+    const std::size_t values = lag_values(longest_lag(axis));
+    const std::size_t antennas = record::antennas_of(array_);
+    for (std::size_t b = 0; b < axis.count; ++b)
+      lags_(record::bin_of(r.array, antennas, b), std::span(out).subspan(b * values, values));
+    return out;
+  }
+
   Dataset& data_;
   std::string path_;
   SensorSet sensors_;
-  Axis spd_, raw_radar_, x_, y_;
+  Axis spd_, raw_radar_, x_, y_, array_;
+  SpatialLags lags_;
   std::optional<Shift> spd_shift_;  // of a calibrated run
   Axis map_x_, map_y_;              // of the depth table
 };
@@ -168,17 +188,45 @@ void append(Dataset& data, const record::RunReader& run, std::int64_t first, std
   to();
 }
 
+// Keeps the first bins of every record.
+void crop(Matrix& table, std::size_t columns) {
+  Matrix out(table.rows, columns);
+  for (std::size_t i = 0; i < table.rows; ++i)
+    std::copy_n(table.row(i).begin(), columns, out.row(i).begin());
+  table = std::move(out);
+}
+
+// Of one record: each lag along the range.
+void move_lags(std::span<float> lags, const Axis& axis, const Shift& shift) {
+  const std::size_t values = lag_values(longest_lag(axis));
+  std::vector<float> column(axis.count);
+  for (std::size_t k = 0; k < values; ++k) {
+    for (std::size_t b = 0; b < column.size(); ++b) column[b] = lags[b * values + k];
+    const std::vector<float> moved = shift.apply(column);
+    for (std::size_t b = 0; b < column.size(); ++b) lags[b * values + k] = moved[b];
+  }
+}
+
 }  // namespace
 
 Inputs inputs_of(const std::string& name) {
-  for (const Inputs i : {Inputs::fused, Inputs::spd, Inputs::radar})
-    if (name == name_of(i)) return i;
-  throw Error(ExitCode::usage, "inputs \"" + name + "\": expected fused, spd or radar");
+  const auto found = std::find(inputs_names.begin(), inputs_names.end(), name);
+  if (found == inputs_names.end())
+    throw Error(ExitCode::usage,
+                "inputs \"" + name + "\": expected fused, spd, radar or fused-profile");
+  return static_cast<Inputs>(found - inputs_names.begin());
 }
 
 bool Dataset::has_inputs(std::size_t row, Inputs inputs) const {
   return (inputs == Inputs::radar || has(row, Sensor::spd)) &&
-         (inputs == Inputs::spd || has(row, Sensor::radar));
+         (inputs == Inputs::spd || has(row, Sensor::radar)) &&
+         !(inputs == Inputs::fused && lacks_array(row));
+}
+
+bool Dataset::lacks_array(std::size_t row) const {
+  const auto values = array.row(row);
+  return array.cols > 0 &&
+         std::all_of(values.begin(), values.end(), [](float v) { return v == 0; });
 }
 
 Rows Dataset::usable(Inputs inputs, bool with_depth) const {
@@ -195,6 +243,8 @@ std::size_t Dataset::source_of(std::size_t row) const {
 }
 
 std::string Dataset::fault_of(std::size_t row, Inputs inputs) const {
+  if (inputs == Inputs::fused && has_inputs(row, Inputs::fused_profile) && lacks_array(row))
+    return "lacks the samples of the radar's antennas, which the model needs";
   if (!has_inputs(row, inputs))
     return std::string("lacks a sensor that the model needs: ") + name_of(inputs);
   if (inputs != Inputs::radar && spd.cols > 1 && is_dead(spd.row(row)))
@@ -205,7 +255,7 @@ std::string Dataset::fault_of(std::size_t row, Inputs inputs) const {
 }
 
 SensorSet sensors_of(Inputs inputs) {
-  if (inputs == Inputs::fused) return {Sensor::spd, Sensor::radar};
+  if (both_sensors(inputs)) return {Sensor::spd, Sensor::radar};
   return {inputs == Inputs::spd ? Sensor::spd : Sensor::radar};
 }
 
@@ -220,7 +270,7 @@ Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& 
 Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
   Dataset data = load_recorded(paths, on_bad);
   subtract_range_offset(data, 0);
-  for (const Matrix* table : {&data.spd, &data.radar, &data.depth})
+  for (const Matrix* table : {&data.spd, &data.radar, &data.depth, &data.array})
     data.hash = crc32c(as_bytes(table->values), data.hash);
   return data;
 }
@@ -246,13 +296,21 @@ void subtract_range_offset(Dataset& data, double offset_m) {
     const auto profile = data.radar.row(row);
     const std::vector<float> moved = shift->apply({profile.begin(), profile.end()});
     std::copy(moved.begin(), moved.end(), profile.begin());
+    if (data.array.cols > 0) move_lags(data.array.row(row), data.array_axis, *shift);
   }
+}
+
+void drop_array(Dataset& data) {
+  data.array_axis = {};
+  data.array = Matrix(data.size(), 0);
 }
 
 Dataset part_of(const Dataset& data, const Rows& rows) {
   Dataset out;
   out.spd_axis = data.spd_axis, out.radar_axis = data.radar_axis, out.map = data.map;
+  out.array_axis = data.array_axis;
   out.spd = take_rows(data.spd, rows), out.radar = take_rows(data.radar, rows);
+  out.array = take_rows(data.array, rows);
   out.depth = take_rows(data.depth, rows);
   for (const std::size_t row : rows) {
     out.valid.push_back(data.valid[row]);
@@ -305,6 +363,7 @@ void rebin_radar(Dataset& data, const Axis& bins) {
   }
   data.radar = std::move(table);
   data.radar_axis = bins;
+  drop_array(data);
 }
 
 void require_map(const Dataset& data, const record::MapGrid& grid, const std::string& whose) {
@@ -331,11 +390,23 @@ void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs
   if (!covers(data.radar_axis, radar))
     throw axis_error(path, data.radar_axis, radar, "the model's");
   if (data.radar_axis.count == radar.count) return;
-  Matrix table(data.size(), radar.count);
-  for (std::size_t i = 0; i < data.size(); ++i)
-    std::copy_n(data.radar.row(i).begin(), radar.count, table.row(i).begin());
-  data.radar = std::move(table);
+  crop(data.radar, radar.count);
   data.radar_axis.count = radar.count;
+}
+
+void match_array(Dataset& data, const Axis& array) {
+  if (array.count == 0) return drop_array(data);
+  const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
+  if (data.array_axis.count == 0)
+    throw Error(ExitCode::failed,
+                printable(path) +
+                    ": has no samples of the radar's antennas, which the model needs; for such "
+                    "runs train one with --inputs fused-profile");
+  if (!covers(data.array_axis, array))
+    throw axis_error(path, data.array_axis, array, "the model's");
+  if (data.array_axis.count == array.count) return;
+  crop(data.array, lag_columns(array));
+  data.array_axis.count = array.count;
 }
 
 }  // namespace echofuse::recon

@@ -14,11 +14,12 @@
 
 namespace echofuse::recon {
 
-enum class Inputs : std::uint8_t { fused, spd, radar };
-inline const char* name_of(Inputs i) {
-  constexpr const char* names[] = {"fused", "spd", "radar"};
-  return names[static_cast<std::size_t>(i)];
-}
+// fused: both sensors, and of the radar what the run has, its antennas as well; fused_profile: its
+// range profile alone, as if it had one antenna (the paper's).
+enum class Inputs : std::uint8_t { fused, spd, radar, fused_profile };
+inline const std::vector<std::string> inputs_names = {"fused", "spd", "radar", "fused-profile"};
+inline const std::string& name_of(Inputs i) { return inputs_names[static_cast<std::size_t>(i)]; }
+inline bool both_sensors(Inputs i) { return i == Inputs::fused || i == Inputs::fused_profile; }
 Inputs inputs_of(const std::string& name);  // throws Error(usage)
 
 // One run within a Dataset: rows [first, first + count).
@@ -32,18 +33,21 @@ struct Source {
 // or of which it was not loaded, has an axis of count 0.
 struct Dataset {
   Axis spd_axis, radar_axis;         // the radar's after linearisation: "power" or "binned_power"
+  Axis array_axis;                   // "lags" (lags.hpp)
   record::MapGrid map;               // of the depth maps
   Matrix spd, radar, depth;          // counts | linear power | maps in metres, 0 = no return
+  Matrix array;                      // of each bin its spatial lags
   std::vector<std::uint32_t> valid;  // bit 0 SPD, 1 radar, 2 depth
   std::vector<std::int64_t> index;   // the record's number in its run
   std::vector<HostTime> slot_end;
   std::vector<double> clicks_a_pulse;  // of the laser; 0 where that is not known
   std::vector<std::string> label;
   std::vector<Source> sources;
-  std::uint32_t hash = 0;  // CRC-32C of the three tables
+  std::uint32_t hash = 0;  // CRC-32C of the tables
 
   std::size_t size() const { return valid.size(); }
   bool has(std::size_t row, Sensor s) const { return SensorSet::from_bits(valid[row]).contains(s); }
+  bool lacks_array(std::size_t row) const;       // although its run has one
   std::size_t source_of(std::size_t row) const;  // index into sources
   bool has_inputs(std::size_t row, Inputs inputs) const;
   // Why a model with these inputs cannot use the record; empty if it can. A sensor that says the
@@ -72,7 +76,7 @@ Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& 
 Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t at_most,
                   SensorSet sensors, const OnBadRecord& on_bad);
 
-// Moves the radar's profiles, on the axis that the data have, to ranges shorter by this and by what
+// Moves what the radar says, on the axis that the data have, to ranges shorter by this and by what
 // their calibration still asks for.
 void subtract_range_offset(Dataset& data, double offset_m);
 
@@ -88,6 +92,9 @@ Axis radar_bins(double width_m);
 // Error(failed) if the profile is coarser or shorter than the bins.
 void rebin_radar(Dataset& data, const Axis& bins);
 
+// Leaves the radar with one antenna.
+void drop_array(Dataset& data);
+
 // Whether values on this axis are values on the wanted one, the last of them left out if need be.
 bool covers(const Axis& found, const Axis& wanted);
 
@@ -99,5 +106,8 @@ void require_map(const Dataset& data, const record::MapGrid& grid, const std::st
 // bins is cropped; for a model with binned power the radar is rebinned. Throws Error(failed) if the
 // axes that `inputs` needs differ otherwise.
 void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs);
+// The same of the radar's antennas, which are dropped for a model that does not take them (an axis
+// of count 0).
+void match_array(Dataset& data, const Axis& array);
 
 }  // namespace echofuse::recon

@@ -44,6 +44,8 @@ Matrix Features::raw_inputs(const Dataset& data, const Rows& rows) const {
     std::copy_n(data.spd.row(rows[i]).begin(), spd_count(), row.begin());
     std::copy_n(data.radar.row(rows[i]).begin(), radar_count(),
                 row.begin() + static_cast<std::ptrdiff_t>(spd_count()));
+    if (array_count() > 0)
+      std::copy_n(data.array.row(rows[i]).begin(), array_count(), row.last(array_count()).begin());
   }
   return out;
 }
@@ -71,13 +73,14 @@ Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
                       const std::string& scaling) {
   Features f{inputs, scaling, data.spd_axis, data.radar_axis, {}, 1, 1};
   if (scaling == raw_scaling) {
+    if (inputs == Inputs::fused) f.array_axis = data.array_axis;
     f.centre.assign(f.count(), 0);
     return f;
   }
   const Matrix table = f.normalised_inputs(data, rows);
   const ColumnStatistics columns = column_statistics(table, all_rows(table.rows));
   f.centre.assign(columns.mean.begin(), columns.mean.end());
-  const double wanted = static_cast<double>(f.count()) / (inputs == Inputs::fused ? 2 : 1);
+  const double wanted = static_cast<double>(f.count()) / (both_sensors(inputs) ? 2 : 1);
   const std::span<const double> variances(columns.variance);
   f.spd_gain = gain_for(variances.first(f.spd_count()), wanted);
   f.radar_gain = gain_for(variances.last(f.radar_count()), wanted);

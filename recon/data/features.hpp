@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: MIT
 // From the raw inputs of the sensors to the input of a model: [SPD histogram ++ radar profile],
-// each sensor scaled by itself so that hundreds of SPD bins do not drown tens of radar bins.
+// each sensor scaled by itself so that hundreds of SPD bins do not drown tens of radar bins. Models
+// that scale by themselves also get the lags of the radar's antennas, behind the profile.
 #pragma once
 #include <span>
 #include <string>
 #include <vector>
 
 #include "recon/data/dataset.hpp"
+#include "recon/data/lags.hpp"
 #include "recon/numbers/layout.hpp"
 
 namespace echofuse::recon {
@@ -26,18 +28,21 @@ void normalise(std::span<float> values);
 
 struct Features {
   Layout layout() const {
-    return {spd_count() > 0 ? spd_axis : Axis{}, radar_count() > 0 ? radar_axis : Axis{}};
+    return {spd_count() > 0 ? spd_axis : Axis{}, radar_count() > 0 ? radar_axis : Axis{},
+            array_axis};
   }
   Inputs inputs = Inputs::fused;
   std::string scaling = "record";
   Axis spd_axis, radar_axis;           // what a record must have
   std::vector<float> centre;           // per input, subtracted
   float spd_gain = 1, radar_gain = 1;  // then multiplied
+  Axis array_axis = {};                // count 0: the model does not take it
 
   std::size_t spd_count() const { return inputs == Inputs::radar ? 0 : spd_axis.count; }
   std::size_t radar_count() const { return inputs == Inputs::spd ? 0 : radar_axis.count; }
-  std::size_t count() const { return spd_count() + radar_count(); }
-  // [SPD ++ radar] of each of `rows`, as they are.
+  std::size_t array_count() const { return lag_columns(array_axis); }
+  std::size_t count() const { return spd_count() + radar_count() + array_count(); }
+  // [SPD ++ radar ++ array] of each of `rows`, as they are.
   Matrix raw_inputs(const Dataset& data, const Rows& rows) const;
   // The same, brought to a common strength by `scaling` only.
   Matrix normalised_inputs(const Dataset& data, const Rows& rows) const;

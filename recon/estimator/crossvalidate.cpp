@@ -107,7 +107,7 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
 
 std::vector<std::string> candidates(Inputs inputs) {
   std::vector<std::string> out = {"empty", "mean"};
-  if (inputs == Inputs::fused)
+  if (both_sensors(inputs))
     for (const char* name :
          {"silhouette", "factorised-4", "factorised-10", "factorised-16", "factorised-32"})
       out.emplace_back(name);
@@ -117,7 +117,7 @@ std::vector<std::string> candidates(Inputs inputs) {
 }
 
 std::string usual_model(Inputs inputs) {
-  return inputs == Inputs::fused ? "factorised" : "pca-mlp-256-256";
+  return both_sensors(inputs) ? "factorised" : "pca-mlp-256-256";
 }
 
 std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows) {

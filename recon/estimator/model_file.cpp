@@ -21,6 +21,7 @@ constexpr const char* format = "echofuse model";
 constexpr std::int64_t format_version = 6;
 constexpr const char* fallback_group = "fallback";
 constexpr std::int64_t most_bins = 1 << 20;
+constexpr int most_lags = 63;
 constexpr float farthest_m = 100;
 
 void save_axis(H5File& file, const Axis& axis) {
@@ -52,11 +53,22 @@ Axis load_axis(const H5File& file, const std::string& name) {
   return axis;
 }
 
+Axis load_array_axis(const H5File& file, const Features& features) {
+  const Axis axis = load_axis(file, "array");
+  const double lags = axis.scale;
+  require_sound(file, features.inputs == Inputs::fused && features.scaling == raw_scaling,
+                "axes/array", "none but of a fused model that looks at the body");
+  require_sound(file, lags >= 1 && lags <= most_lags && lags == std::floor(lags),
+                "axes/array@scale", "1 to " + std::to_string(most_lags));
+  require_sound(file, axis.count > 0, "axes/array@count", "at least 1");
+  return axis;
+}
+
 void save_head(H5File& file, const TrainedModel& m) {
   file.set(".", "format", std::string(format));
   file.set(".", "format_version", format_version);
   file.set(".", "model", m.name);
-  file.set(".", "inputs", std::string(name_of(m.features.inputs)));
+  file.set(".", "inputs", name_of(m.features.inputs));
   file.set(".", "scaling", m.features.scaling);
   file.set(".", "version", std::string(version()));
   file.set(".", "data_crc32c", std::int64_t{m.data_hash});
@@ -92,7 +104,7 @@ T load_count(const H5File& file, const std::string& object, const char* attribut
 
 void load_head(const H5File& file, TrainedModel& m) {
   m.name = load_choice(file, "model", model_names());
-  m.features.inputs = inputs_of(load_choice(file, "inputs", {"fused", "spd", "radar"}));
+  m.features.inputs = inputs_of(load_choice(file, "inputs", inputs_names));
   m.features.scaling =
       load_choice(file, "scaling",
                   wants_alignment(m.name) ? std::vector<std::string>{raw_scaling} : scaling_names);
@@ -124,6 +136,7 @@ void save_training(H5File& file, const TrainedModel& m) {
 void save_body(H5File& file, const TrainedModel& m) {
   save_axis(file, m.features.spd_axis);
   save_axis(file, m.features.radar_axis);
+  if (m.features.array_axis.count > 0) save_axis(file, m.features.array_axis);
   const auto flat = [&](const char* name, const auto& values) {
     file.write(name, values, {values.size()});
   };
@@ -162,6 +175,7 @@ SeenRecords load_seen(const H5File& file) {
 void load_body(const H5File& file, TrainedModel& m) {
   m.features.spd_axis = load_axis(file, "spd");
   m.features.radar_axis = load_axis(file, "radar");
+  if (file.has("axes/array")) m.features.array_axis = load_array_axis(file, m.features);
   m.features.centre = file.read<float>("features/centre", {m.features.count()});
   m.features.spd_gain = static_cast<float>(file.get<double>("features", "spd_gain"));
   m.features.radar_gain = static_cast<float>(file.get<double>("features", "radar_gain"));
@@ -220,7 +234,7 @@ TrainedModel load_one(const H5File& file) {
 void check_fallback(const H5File& file, const TrainedModel& model) {
   const TrainedModel& other = *model.fallback;
   const std::string name = fallback_group;
-  require_sound(file, model.features.inputs == Inputs::fused, name, "none but in a fused model");
+  require_sound(file, both_sensors(model.features.inputs), name, "none but in a fused model");
   require_sound(file, other.features.inputs == Inputs::spd, name + "@inputs", "spd");
   require_sound(file, same_axis(other.features.spd_axis, model.features.spd_axis),
                 name + "/axes/spd", "the model's own");

@@ -84,7 +84,7 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
   const FitOptions& fit = options.fit;
   // In bins as wide as the paper's an echo has no place to 1 cm.
-  const bool range_bias = options.range_bias && inputs == Inputs::fused &&
+  const bool range_bias = options.range_bias && both_sensors(inputs) &&
                           data.spd_axis.unit == "ps" && data.radar_axis.unit == "m" &&
                           data.radar_axis.quantity == "power";
   const bool uncertainties = options.uncertainty && has_enough_records(split);
@@ -94,9 +94,12 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   if (!options.augment.empty())
     augment(more.emplace(data), fit_split.train, options.augment, fit.seed);
   const Dataset& fit_data = more ? *more : data;
+  const bool aligned = wants_alignment(candidate_of(name, fit).model);
   const Preprocessing preprocessing(
-      fit_data, fit_split.train, inputs, learn_scene(fit_data.depth, fit_split.train, fit_data.map),
-      range_bias || uncertainties || wants_alignment(candidate_of(name, fit).model));
+      fit_data, fit_split.train,
+      inputs == Inputs::fused && !aligned ? Inputs::fused_profile : inputs,
+      learn_scene(fit_data.depth, fit_split.train, fit_data.map),
+      range_bias || uncertainties || aligned);
   TrainedModel model =
       fit_model(fit_data, fit_split, preprocessing, name, inputs, options.scaling, fit);
   model.alignment = preprocessing.alignment;
@@ -108,7 +111,7 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   if (model.log.interrupted) return model;
   if (uncertainties)
     model.uncertainty = fit_uncertainty(model, data, preprocessing.aligned, split, fit.seed);
-  if (options.fallback && inputs == Inputs::fused && !ignores_inputs(model.name))
+  if (options.fallback && both_sensors(inputs) && !ignores_inputs(model.name))
     model.fallback = fit_fallback(data, split, preprocessing.scene, options.fit, uncertainties);
   if (interrupted()) model.log.interrupted = true, model.fallback.reset();  // half trained
   return model;

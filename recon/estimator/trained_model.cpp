@@ -41,7 +41,9 @@ void TrainedModel::match(Dataset& data) const {
   require_map(data, scene.grid, "the model");
   const bool lost = fallback && data.radar_axis.count == 0;
   match_axes(data, features.spd_axis, features.radar_axis, lost ? Inputs::spd : features.inputs);
-  if (!lost) return;
+  if (!lost) return match_array(data, features.array_axis);
+  data.array_axis = features.array_axis;
+  data.array = Matrix(data.size(), features.array_count());
   data.radar_axis = features.radar_axis;
   data.radar = Matrix(data.size(), data.radar_axis.count);
 }
@@ -134,8 +136,8 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const Preprocess
   out.model = kind_of(candidate.model).make();
   const Matrix taken = out.inputs(data, all_rows(data.size()), preprocessing.aligned);
   const auto samples = [&](const Rows& rows) {
-    return Samples{taken,      data.depth, rows, &preprocessing.scene, &preprocessing.alignment,
-                   &data.radar};
+    return Samples{taken,       data.depth, rows, &preprocessing.scene, &preprocessing.alignment,
+                   &data.radar, &data.array};
   };
   out.log = out.model->fit(samples(split.train), samples(split.validation), candidate.fit);
   out.fit = candidate.fit;

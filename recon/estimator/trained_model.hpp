@@ -5,7 +5,8 @@
 //   /            attributes: format, format_version, model, inputs, scaling, version, data_crc32c,
 //                train_s, foreground_depth_m, map_size, map_half_tangent, split, gap, seed,
 //                test_share, validation_share
-//   axes/NAME    attributes of spd and radar as in drivers/core/axis.hpp
+//   axes/NAME    attributes of spd and radar as in drivers/core/axis.hpp; of array, if the model
+//                needs the samples of the radar's antennas
 //   features/    centre, with attributes spd_gain and radar_gain
 //   scene/       background_m, mean_map_m
 //   split/       runs (uuid), run, index, part (0 train, 1 validation, 2 test): one entry a record

@@ -153,7 +153,8 @@ TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
   learn_scale(seen.features);
   for (Seen* s : {&seen, &judged})
     for (std::size_t i = 0; i < s->features.rows; ++i) standardise(s->features.row(i));
-  const TurnedBodies turned(*train.alignment, train.inputs, *train.radar, seen.rows, seen.places);
+  const TurnedBodies turned(*train.alignment, train.inputs, *train.radar, *train.array, seen.rows,
+                            seen.places);
   TrainingLog log = fit_position(seen, turned, judged, options);
   fit_bodies(seen, train, options);
   if (shapes_) log.interrupted |= fit_shape(seen, train, turned, judged, validation, options);
@@ -168,7 +169,7 @@ TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
 // None if nobody is to be turned. Judged are records as they are.
 template <class Retarget>
 Redraw Factorised::turning(const TurnedBodies& turned, Retarget retarget) const {
-  if (turned.baseline_m() == 0) return {};
+  if (!turned.changes()) return {};
   return [this, &turned, retarget](std::span<const std::size_t> batch, Matrix& inputs,
                                    Matrix& targets, Rng& rng) {
     for (std::size_t i = 0; i < batch.size(); ++i) {

@@ -26,9 +26,11 @@ struct Samples {
   const Matrix& maps;  // metres
   Rows rows;
   const Scene* scene = nullptr;  // learnt from the training rows; of models that ask for it
-  // Of models that take aligned inputs: what made them, and the radar's power as it was recorded.
+  // Of models that take aligned inputs: what made them, and the radar's power and lags as they were
+  // recorded.
   const Alignment* alignment = nullptr;
   const Matrix* radar = nullptr;
+  const Matrix* array = nullptr;
 };
 
 // Options that are not given take the kind's own values (ModelKind::own).

@@ -100,7 +100,7 @@ Curve radar_curve(const Dataset& data, std::size_t row) {
 }
 
 const char* mode_title(Inputs inputs) {
-  if (inputs == Inputs::fused) return "fused";
+  if (both_sensors(inputs)) return "fused";
   return inputs == Inputs::spd ? "SPD only" : "radar only";
 }
 

@@ -12,7 +12,7 @@ StudyModel::StudyModel(const std::string& text)
     : name(text), candidate(text.substr(0, text.find(':'))) {
   if (candidate.size() < text.size()) inputs = text.substr(candidate.size() + 1);
   const Inputs wanted = inputs_of(inputs);
-  if (wants_alignment(candidate_of(candidate, {}).model) && wanted != Inputs::fused)
+  if (wants_alignment(candidate_of(candidate, {}).model) && !both_sensors(wanted))
     throw Error(ExitCode::usage, "model \"" + text + "\": needs both sensors");
 }
 

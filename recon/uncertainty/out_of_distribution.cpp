@@ -43,14 +43,16 @@ double upper_limit(std::vector<float> values, double share_above) {
 void OutOfDistributionDetector::use(const Features& of_model, const Alignment& alignment) {
   profile_ = of_model.radar_count();
   if (of_model.spd_count() == 0) return;
-  histogram_bins_ = alignment.histogram_bins(), aligned_ = alignment.size();
+  histogram_bins_ = alignment.histogram_bins();
+  aligned_ = histogram_bins_ + alignment.profile_points() + 1;
 }
 
 OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
                                                      const Dataset& data, const Matrix& aligned,
                                                      const Rows& rows, Inputs inputs,
                                                      std::uint64_t seed) {
-  const Features raw = fit_features(data, rows, inputs, raw_scaling);
+  const Features raw = fit_features(
+      data, rows, inputs == Inputs::fused ? Inputs::fused_profile : inputs, raw_scaling);
   use(raw, alignment);
   const Matrix raw_inputs = raw.raw_inputs(data, rows);
   const auto first_held =
@@ -65,7 +67,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   Rows with_body, fit_with_body;
   Matrix all;
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    const auto features = aligned.row(rows[i]).first(aligned_);
+    const auto features = aligned.row(rows[i]);
     const auto one = describe(features, raw_inputs.row(i).last(profile_));
     all.cols = one.size();
     all.add_row(one);
@@ -101,7 +103,12 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
 
 std::vector<float> OutOfDistributionDetector::describe(std::span<const float> aligned,
                                                        std::span<const float> radar) const {
-  std::vector<float> out(aligned.begin(), aligned.end());
+  std::vector<float> out;
+  if (aligned_ > 0) {
+    const auto sensors = aligned.first(aligned_ - 1);
+    out.assign(sensors.begin(), sensors.end());
+    out.push_back(aligned.back());
+  }
   out.insert(out.end(), radar.begin(), radar.end());
   normalise(std::span(out).last(radar.size()));
   for (std::size_t c = 0; c < scale_.size(); ++c) out[c] *= scale_[c];
@@ -203,7 +210,7 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
   const bool spd = aligned_ > 0;
   std::vector<OutOfDistributionScore> out;
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    const auto features = aligned.row(i).first(aligned_);
+    const auto features = aligned.row(i);
     const auto found = statistics(describe(features, data.radar.row(rows[i]).first(profile_)));
     OutOfDistributionScore s{std::max(limits_[0].share(found[0]), limits_[1].share(found[1])),
                              limits_[2].share(found[2]),

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Whether a record is out of the training records' distribution, whatever the model. A record is
 // described by its histogram and radar profile aligned to the body's range
-// (models/body/alignment.hpp), that range, and the radar profile as it is; none depends on gains;
+// (models/body/alignment.hpp), that range, and the radar profile as it is; none depends on gains,
+// and what the radar's antennas see is not looked at;
 // then
 //   distance    from the training records in their principal components: T^2 along the components,
 //               Q off them (Jackson and Mudholkar, Technometrics 21, 341, 1979), the greater one

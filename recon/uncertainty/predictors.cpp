@@ -31,7 +31,7 @@ float peak_to_noise(std::span<const float> power) {
 
 }  // namespace
 
-std::size_t predictor_count(Inputs inputs) { return inputs == Inputs::fused ? 3 : 2; }
+std::size_t predictor_count(Inputs inputs) { return both_sensors(inputs) ? 3 : 2; }
 
 Matrix predictors_of(const Matrix& maps, const Scene& scene, const Dataset& data, const Rows& rows,
                      Inputs inputs) {

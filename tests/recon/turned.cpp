@@ -38,7 +38,7 @@ double radar_range_m(const Place& place, double range_m) {
 // Bodies at 3.5 m across the field of view.
 struct Bodies {
   Alignment alignment = blank_alignment(testing::radar_axis());
-  Matrix inputs, radar;
+  Matrix inputs, radar, array;
   std::vector<Place> places;
   Rows rows;
   static constexpr double range_m = 3.5;
@@ -104,7 +104,8 @@ TEST_CASE("the correlation is highest where the profile is the histogram, blurre
 TEST_CASE("the radar's place beside the SPD shows in the records, if their places mean anything") {
   const Bodies bodies;
   const auto found = [&](const std::vector<Place>& places) {
-    return TurnedBodies(bodies.alignment, bodies.inputs, bodies.radar, bodies.rows, places)
+    return TurnedBodies(bodies.alignment, bodies.inputs, bodies.radar, bodies.array, bodies.rows,
+                        places)
         .baseline_m();
   };
   CHECK(found(bodies.places) == Approx(baseline_m).margin(0.01));
@@ -120,8 +121,8 @@ TEST_CASE("the radar's place beside the SPD shows in the records, if their place
 
 TEST_CASE("a turned body is what both sensors see of one that stands there") {
   const Bodies bodies;
-  const TurnedBodies turned(bodies.alignment, bodies.inputs, bodies.radar, bodies.rows,
-                            bodies.places);
+  const TurnedBodies turned(bodies.alignment, bodies.inputs, bodies.radar, bodies.array,
+                            bodies.rows, bodies.places);
   Rng rng = make_rng(2, 0);
   std::vector<float> inputs(bodies.alignment.inputs());
   for (int i = 0; i < 100; ++i) {

@@ -63,7 +63,29 @@ Alignment::Alignment(const Layout& layout, const Matrix& raw_inputs, const Rows&
   const std::span low(lows), median(medians);
   const std::size_t clicks = layout.spd.count, powers = layout.radar.count;
   spd_background_ = background_of(low.first(clicks), median.first(clicks), true);
-  radar_background_ = background_of(low.last(powers), median.last(powers), false);
+  radar_background_ =
+      background_of(low.subspan(clicks, powers), median.subspan(clicks, powers), false);
+  array_background_.resize(layout.inputs() - clicks - powers);
+  if (array_.size() > 0) learn_array_background(raw_inputs, rows);
+}
+
+// Of each bin the lags of those records that have the least power there, as strong as the power
+// that is always there: what stands still keeps its directions, and noise has none.
+void Alignment::learn_array_background(const Matrix& raw_inputs, const Rows& rows) {
+  const std::size_t first = raw_inputs.cols - array_background_.size();
+  for (std::size_t at = 0; at < array_background_.size(); at += lag_values_) {
+    std::vector<float> power;
+    for (const std::size_t row : rows) power.push_back(raw_inputs.row(row)[first + at]);
+    const float low = quantile(power, background_quantile), median = quantile(power, 0.5);
+    const float level = std::max(2 * low - median, 0.f);
+    if (!(level > 0)) continue;
+    const auto lags = std::span(array_background_).subspan(at, lag_values_);
+    for (const std::size_t row : rows)
+      for (std::size_t k = 0; k < lags.size() && raw_inputs.row(row)[first + at] <= low; ++k)
+        lags[k] += raw_inputs.row(row)[first + at + k];
+    const float sum = lags[0];
+    for (float& v : lags) v *= level / sum;
+  }
 }
 
 void Alignment::set_axes(const Layout& layout) {
@@ -75,6 +97,7 @@ void Alignment::set_axes(const Layout& layout) {
   steps_a_point_ = static_cast<std::ptrdiff_t>(std::ceil(least_profile_step_m / radar_step_m_));
   profile_step_m_ =
       radar_step_m_ * static_cast<double>(steps_a_point_) / static_cast<double>(points_a_step_);
+  array_ = ArrayView(layout.array), lag_values_ = layout.lag_values();
   correlation_ = {};
   if (layout.radar.count == 0) return;
   correlation_ = ShiftCorrelation(
@@ -83,7 +106,8 @@ void Alignment::set_axes(const Layout& layout) {
 }
 
 std::size_t Alignment::cost() const {
-  return spd_background_.size() * 4 + profile_points() * 2 * taps + correlation_.cost();
+  return spd_background_.size() * 4 + profile_points() * 2 * taps + correlation_.cost() +
+         array_.cost();
 }
 
 std::size_t Alignment::histogram_bins() const {
@@ -112,6 +136,7 @@ Body Alignment::operator()(std::span<const float> raw_inputs, std::span<float> f
   if (!body.detected) return body;
   align_histogram(clicks, body.range_m, features.first(histogram_bins()));
   align_profile(power, double{body.range_m}, features.subspan(histogram_bins(), profile_points()));
+  view(raw_inputs.subspan(bins + power.size()), double{body.range_m}, array_of(features));
   features.back() = body.range_m;
   return body;
 }
@@ -205,6 +230,26 @@ void Alignment::move_profile(std::span<const float> raw_power, double farther_m,
   correlate(inputs);
 }
 
+void Alignment::view(std::span<const float> raw_lags, double range_m, std::span<float> out) const {
+  std::fill(out.begin(), out.end(), 0.f);
+  if (out.empty() || raw_lags.empty()) return;
+  std::vector<float> lags(raw_lags.begin(), raw_lags.end());
+  for (std::size_t i = 0; i < lags.size(); ++i) lags[i] -= array_background_[i];
+  array_(lags, range_m, out);
+}
+
+void Alignment::move_array(std::span<const float> raw_lags, double farther_m, double by_cosine,
+                           std::span<float> inputs) const {
+  const auto features = inputs.last(size());
+  const auto range_m = double{features.back()};
+  view(raw_lags, range_m - farther_m, array_of(features));
+  ArrayView::turn(by_cosine, range_m, array_of(features));
+}
+
+double Alignment::direction_cosine(std::span<const float> features) const {
+  return ArrayView::direction_cosine(array_of(features));
+}
+
 void Alignment::correlate(std::span<float> inputs) const {
   const auto features = inputs.last(size());
   correlation_(features.first(histogram_bins()),
@@ -243,12 +288,17 @@ double Alignment::radar_background_share(const Matrix& powers, const Rows& rows)
 void Alignment::save(record::H5File& file) const {
   file.write("alignment/spd_background", spd_background_, {spd_background_.size()});
   file.write("alignment/radar_background", radar_background_, {radar_background_.size()});
+  if (array_.size() > 0)
+    file.write("alignment/array_background", array_background_, {array_background_.size()});
 }
 
 void Alignment::load(const record::H5File& file, const Layout& layout) {
   set_axes(layout);
   spd_background_ = file.read<float>("alignment/spd_background", {layout.spd.count});
   radar_background_ = file.read<float>("alignment/radar_background", {layout.radar.count});
+  array_background_.resize(layout.inputs() - layout.spd.count - layout.radar.count);
+  if (array_.size() > 0)
+    array_background_ = file.read<float>("alignment/array_background", {array_background_.size()});
 }
 
 }  // namespace echofuse::recon

@@ -3,12 +3,14 @@
 // range at which the SPD sees the body. What tells left from right is the radar profile's shift
 // against the histogram, dR = b x / r, and that stands out once both are aligned to one of them.
 // Each sensor is divided by its own sum, so that laser power, exposure and gains do not matter.
+// What the radar's antennas see, if a run has it, is aligned to the same range (array_view.hpp).
 #pragma once
 #include <span>
 #include <string>
 #include <vector>
 
 #include "acquire/record/h5.hpp"
+#include "recon/models/body/array_view.hpp"
 #include "recon/models/body/shift_correlation.hpp"
 #include "recon/numbers/layout.hpp"
 #include "recon/numbers/matrix.hpp"
@@ -28,17 +30,19 @@ inline bool shows_body(std::span<const float> features) { return features.back()
 class Alignment {
  public:
   Alignment() = default;
-  // Learns from raw inputs (clicks per bin, radar power per bin) what is always there. Without a
-  // radar the profile has no points. Throws Error(usage) without a histogram.
+  // Learns from raw inputs (clicks per bin, radar power per bin, lags per bin) what is always
+  // there. Without a radar the profile has no points. Throws Error(usage) without a histogram.
   Alignment(const Layout& layout, const Matrix& raw_inputs, const Rows& rows);
 
   bool known() const { return !spd_background_.empty(); }
   std::size_t cost() const;  // multiply-adds of one record
   std::size_t histogram_bins() const;
-  std::size_t profile_points() const;  // 0 without a radar
-  std::size_t size() const { return histogram_bins() + profile_points() + 1; }
-  // Fills size() features: histogram (shares of the clicks), profile (shares of the power), range.
-  // All zero if there is no body; the range, which comes last, never is if there is one.
+  std::size_t profile_points() const;                           // 0 without a radar
+  std::size_t array_features() const { return array_.size(); }  // 0 without its antennas
+  std::size_t size() const { return histogram_bins() + profile_points() + array_features() + 1; }
+  // Fills size() features: histogram (shares of the clicks), profile (shares of the power), view of
+  // the antennas (ArrayView), range. All zero if there is no body; the range, which comes last,
+  // never is if there is one. Raw inputs without lags: as if the antennas saw nothing.
   Body operator()(std::span<const float> raw_inputs, std::span<float> features) const;
   Matrix operator()(const Matrix& raw_inputs) const;  // the features of every row
   // What models take: [correlations ++ features] of every row of features. The correlations are all
@@ -48,6 +52,11 @@ class Alignment {
   // Puts into such a row of a body the same record's profile, moved to longer ranges.
   void move_profile(std::span<const float> raw_power, double farther_m,
                     std::span<float> inputs) const;
+  // Puts into it what the record's antennas saw there, in a direction whose cosine is so much more.
+  void move_array(std::span<const float> raw_lags, double farther_m, double by_cosine,
+                  std::span<float> inputs) const;
+  // The direction cosine in which the antennas see the body, of features with one.
+  double direction_cosine(std::span<const float> features) const;
   // How far behind the body's range the radar sees it, metres, of features with a body: the
   // centroid of the squared profile, which noise and side lobes hardly pull.
   double displacement_m(std::span<const float> features) const;
@@ -63,6 +72,13 @@ class Alignment {
   void align_histogram(std::span<const float> clicks, float range_m, std::span<float> out) const;
   void align_profile(std::span<const float> power, double range_m, std::span<float> out) const;
   void correlate(std::span<float> inputs) const;
+  // Of features that end with the range.
+  template <class T>
+  std::span<T> array_of(std::span<T> features) const {
+    return features.last(array_features() + 1).first(array_features());
+  }
+  void view(std::span<const float> raw_lags, double range_m, std::span<float> out) const;
+  void learn_array_background(const Matrix& raw_inputs, const Rows& rows);
   std::size_t points_with_radar() const;
 
   // Slant range of a point of each axis: first + i * step. Of the SPD: of the bins' centres.
@@ -71,7 +87,9 @@ class Alignment {
   // Of the radar's steps and the profile's points: one of them is 1.
   std::ptrdiff_t points_a_step_ = 1, steps_a_point_ = 1;
   ShiftCorrelation correlation_;
-  std::vector<float> spd_background_, radar_background_;
+  ArrayView array_;
+  std::size_t lag_values_ = 1;
+  std::vector<float> spd_background_, radar_background_, array_background_;
 };
 
 }  // namespace echofuse::recon

@@ -10,6 +10,8 @@ namespace {
 constexpr double significance = 10;  // of the baseline, in standard deviations
 constexpr double probe_m = 0.05;     // about as far as bodies of a set are apart
 constexpr std::size_t most_probed = 200;
+constexpr double least_deviation_m = 0.03;  // of a baseline that the antennas do not need
+constexpr double most_range_bias_m = 0.15;  // made up
 
 double sine_of(const Place& place) {
   const auto tangent = double{place.tangent};
@@ -23,12 +25,19 @@ double radar_range_m(double range_m, double baseline_m, double sine) {
 }  // namespace
 
 TurnedBodies::TurnedBodies(const Alignment& alignment, const Matrix& inputs, const Matrix& radar,
-                           const Rows& rows, const std::vector<Place>& places)
-    : alignment_(alignment), inputs_(inputs), radar_(radar), rows_(rows), places_(places) {
+                           const Matrix& array, const Rows& rows, const std::vector<Place>& places)
+    : alignment_(alignment),
+      inputs_(inputs),
+      radar_(radar),
+      array_(array),
+      rows_(rows),
+      places_(places) {
   double deviation_m = 0;
-  const double slope = slope_m(deviation_m);
+  const double slope = slope_m(deviation_m), per_m = answer();
   // Written so that a slope of 0/0, as of records that are all the same, is none.
-  if (std::abs(slope) > significance * deviation_m) baseline_m_ = slope / answer();
+  turns_ = std::abs(slope) > significance * deviation_m ||
+           (array.cols > 0 && deviation_m < least_deviation_m * per_m);
+  if (turns_) baseline_m_ = slope / per_m;
 }
 
 // Least squares of the displacement over the azimuth's sine: b to first order of b / r.
@@ -68,13 +77,21 @@ double TurnedBodies::answer() const {
 
 Place TurnedBodies::turn(std::size_t k, Rng& rng, std::span<float> inputs) const {
   std::uniform_int_distribution<std::size_t> any(0, places_.size() - 1);
-  const double from = sine_of(places_[k]), to = sine_of(places_[any(rng)]);
+  const double from = sine_of(places_[k]), to = turns_ ? sine_of(places_[any(rng)]) : from;
   const auto record = inputs_.row(rows_[k]);
   std::copy(record.begin(), record.end(), inputs.begin());
   const auto range_m = double{record.back()};
-  alignment_.move_profile(
-      radar_.row(rows_[k]),
-      radar_range_m(range_m, baseline_m_, to) - radar_range_m(range_m, baseline_m_, from), inputs);
+  const double range_before_m = radar_range_m(range_m, baseline_m_, from);
+  const double range_after_m = radar_range_m(range_m, baseline_m_, to);
+  double farther_m = range_after_m - range_before_m;
+  if (array_.cols > 0) {
+    farther_m += std::uniform_real_distribution<double>(-most_range_bias_m, most_range_bias_m)(rng);
+    alignment_.move_array(array_.row(rows_[k]), farther_m,
+                          (baseline_m_ + range_m * to) / range_after_m -
+                              (baseline_m_ + range_m * from) / range_before_m,
+                          inputs);
+  }
+  alignment_.move_profile(radar_.row(rows_[k]), farther_m, inputs);
   const double cosine = std::sqrt(1 - to * to);
   return {static_cast<float>(to / cosine),
           static_cast<float>(double{places_[k].depth_m} * cosine / std::sqrt(1 - from * from))};

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: MIT
+// The radar's antennas as the estimator takes them. Of all that a record keeps (covariance of the
+// antennas, acquire/record/radar_array.hpp) an azimuth shows only in the spatial correlation
+//
+//   c_d = mean of R_mn / (g_m g_n exp(i (p_m - p_n))) over m, n side by side with x_m - x_n = d
+//
+// with gains g and phases p of the antennas' calibration. One scatterer of power P at direction
+// cosine u makes c_d = P exp(i pi d u). Linear in power, as the range profile is; noise adds to c_0
+// alone. Averaging equal spacings is what a uniform line allows (Van Trees, Optimum Array
+// Processing, 2002, 6.3); what stands above or below plays no part.
+#pragma once
+#include <complex>
+#include <cstddef>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "acquire/record/radar_array.hpp"
+#include "drivers/core/axis.hpp"
+
+namespace echofuse::recon {
+
+class SpatialLags {
+ public:
+  SpatialLags() = default;
+  explicit SpatialLags(const record::Antennas& antennas);
+  std::size_t longest() const { return longest_; }  // D; 0: no two antennas side by side
+  // c_0, then real and imaginary part of c_1..c_D; c_d is 0 where no two antennas are that far
+  // apart.
+  void operator()(const record::ArrayBin& bin, std::span<float> out) const;
+
+ private:
+  struct Pair {
+    std::size_t m, n, lag;
+    std::complex<float> factor;
+  };
+  std::size_t longest_ = 0;
+  std::vector<float> power_factors_;
+  std::vector<Pair> pairs_;
+};
+
+// Of an axis of quantity "lags", whose scale is D.
+inline std::size_t longest_lag(const Axis& lags) { return static_cast<std::size_t>(lags.scale); }
+inline std::size_t lag_values(std::size_t longest) { return 2 * longest + 1; }
+// Values of a record.
+inline std::size_t lag_columns(const Axis& lags) {
+  return lags.count > 0 ? lags.count * lag_values(longest_lag(lags)) : 0;
+}
+inline std::complex<float> lag_of(std::span<const float> bin, std::size_t d) {
+  return d == 0 ? bin[0] : std::complex<float>(bin[2 * d - 1], bin[2 * d]);
+}
+
+// A run's array axis in lags; count 0 if the array tells no azimuth.
+Axis lags_axis(const Axis& array, const SpatialLags& lags);
+
+}  // namespace echofuse::recon

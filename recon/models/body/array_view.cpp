@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: MIT
+#include "recon/models/body/array_view.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+namespace echofuse::recon {
+namespace {
+
+constexpr double pi = std::numbers::pi;
+// About the body's range, as far as its profile reaches.
+constexpr double from_m = -0.8, to_m = 1.1;
+// Of the parts' centres; neighbours overlap by half.
+constexpr double first_part_m = -0.5, last_part_m = 0.65, least_part_m = 0.15;
+constexpr std::size_t longest_of_parts = 4;
+constexpr int directions = 96;  // a third of a beam of eight antennas and less apart
+constexpr int refinements = 3;
+
+}  // namespace
+
+ArrayView::ArrayView(const Axis& lags) {
+  if (lags.count == 0) return;
+  longest_ = static_cast<std::size_t>(lags.scale), bins_ = lags.count;
+  first_m_ = lags.start, step_m_ = lags.step;
+  part_m_ = std::max(step_m_, least_part_m);
+  parts_ = 1 + static_cast<std::size_t>((last_part_m - first_part_m) / part_m_ + 1e-9);
+}
+
+std::size_t ArrayView::size() const {
+  return longest_ == 0 ? 0 : 2 + 2 * longest_ + parts_ * 2 * std::min(longest_, longest_of_parts);
+}
+
+std::size_t ArrayView::cost() const {
+  if (longest_ == 0) return 0;
+  const auto in_window = static_cast<std::size_t>(std::ceil((to_m - from_m) / step_m_));
+  return 3 * in_window * (2 * longest_ + 1) + static_cast<std::size_t>(directions) * 2 * longest_;
+}
+
+void ArrayView::add(std::span<const float> bin, double weight, Lags& to) const {
+  to[0] += weight * double{bin[0]};
+  for (std::size_t d = 1; d < to.size(); ++d)
+    to[d] += weight * std::complex<double>(bin[2 * d - 1], bin[2 * d]);
+}
+
+// The beam's maximum on a grid, then Newton's steps on its derivative.
+double ArrayView::direction_of(const Lags& sum) const {
+  const auto antennas = static_cast<double>(longest_ + 1);
+  double best = 0, most = -INFINITY;
+  for (int k = 0; k < directions; ++k) {
+    const double u = -1 + 2 * (k + 0.5) / directions;
+    const std::complex<double> turn = std::polar(1.0, -pi * u);
+    std::complex<double> power = 1;
+    double beam = 0;
+    for (std::size_t d = 1; d <= longest_; ++d) {
+      power *= turn;
+      beam += (antennas - static_cast<double>(d)) * (sum[d] * power).real();
+    }
+    if (beam > most) most = beam, best = u;
+  }
+  for (int i = 0; i < refinements; ++i) {
+    double slope = 0, curvature = 0;
+    for (std::size_t d = 1; d <= longest_; ++d) {
+      const double phase = pi * static_cast<double>(d), weight = antennas - static_cast<double>(d);
+      const std::complex<double> turned = sum[d] * std::polar(1.0, -phase * best);
+      slope += weight * phase * turned.imag(), curvature -= weight * phase * phase * turned.real();
+    }
+    if (!(curvature < 0)) break;
+    best = std::clamp(best - std::clamp(slope / curvature, -0.02, 0.02), -1.0, 1.0);
+  }
+  return best;
+}
+
+void ArrayView::operator()(std::span<const float> lags, double range_m,
+                           std::span<float> out) const {
+  std::fill(out.begin(), out.end(), 0.f);
+  const std::size_t values = 2 * longest_ + 1;
+  const std::size_t of_parts = std::min(longest_, longest_of_parts);
+  Lags all(longest_ + 1);
+  std::vector<Lags> parts(parts_, Lags(of_parts + 1));
+  for (std::size_t b = 0; b < bins_; ++b) {
+    const double at_m = first_m_ + static_cast<double>(b) * step_m_ - range_m;
+    // A bin at the window's edge counts by the share of it that is within.
+    const double within =
+        std::clamp(std::min(at_m - from_m, to_m - at_m) / step_m_ + 0.5, 0.0, 1.0);
+    if (within == 0) continue;
+    const auto bin = lags.subspan(b * values, values);
+    add(bin, within, all);
+    for (std::size_t k = 0; k < parts_; ++k) {
+      const double off_m = at_m - first_part_m - static_cast<double>(k) * part_m_;
+      const double weight = 1 - std::abs(off_m) / part_m_;
+      if (weight > 0) add(bin, weight, parts[k]);
+    }
+  }
+  if (!(all[0].real() > 0)) return;
+  const double u = direction_of(all);
+  out[0] = static_cast<float>(u), out[1] = static_cast<float>(u * range_m);
+  std::size_t at = 2;
+  const auto put = [&](const Lags& sum) {
+    for (std::size_t d = 1; d < sum.size(); ++d) {
+      const auto turned =
+          sum[d] * std::polar(1.0, -pi * static_cast<double>(d) * u) / all[0].real();
+      out[at++] = static_cast<float>(turned.real()), out[at++] = static_cast<float>(turned.imag());
+    }
+  };
+  put(all);
+  for (const Lags& part : parts) put(part);
+}
+
+void ArrayView::turn(double by, double range_m, std::span<float> features) {
+  features[0] += static_cast<float>(by);
+  features[1] = static_cast<float>(double{features[0]} * range_m);
+}
+
+}  // namespace echofuse::recon
