@@ -10,6 +10,7 @@
 #include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <complex>
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
@@ -78,23 +79,59 @@ inline record::FusedRecord plate_record(std::int64_t index, double x, double z, 
   return r;
 }
 
+// What a row of antennas beside the SPD sees of a plate's left, middle and right part, each with a
+// random phase in every frame.
+inline void add_array(record::FusedRecord& r, double x, double z, const record::Antennas& antennas,
+                      Rng& rng) {
+  const Axis axis = record::array_axis(radar_axis(), antennas.size());
+  record::ArrayStatistics sums(axis.count, antennas.size());
+  std::uniform_real_distribution<float> phase(0, 2 * static_cast<float>(M_PI));
+  std::normal_distribution<float> noise(0, 0.02f);
+  for (int frame = 0; frame < 30; ++frame) {
+    std::vector<std::complex<float>> samples;
+    std::vector<std::complex<float>> echoes;
+    for (int part = 0; part < 3; ++part) echoes.push_back(std::polar(0.58f, phase(rng)));
+    for (std::uint32_t b = 0; b < axis.count; ++b)
+      for (const record::Antenna& a : antennas) {
+        std::complex<float> sum(noise(rng), noise(rng));
+        for (int part = 0; part < 3; ++part) {
+          const double at_x = x + 0.5 + (part - 1) * 0.06 * z, range_m = std::hypot(at_x, z);
+          const double off = (axis.at(b) - std::hypot(x + 0.5, z)) / 0.4;
+          sum += echoes[static_cast<std::size_t>(part)] *
+                 std::polar(static_cast<float>(a.gain * std::exp(-off * off / 2)),
+                            static_cast<float>(M_PI * a.x * at_x / range_m + a.phase_rad));
+        }
+        samples.push_back(sum);
+      }
+    sums.add(samples);
+  }
+  r.array_frames = sums.frames();
+  r.array = sums.take();
+}
+
 using Change = std::function<void(record::FusedRecord&)>;
 
 // A run of `count` plates at random places; `change` may spoil records before they are written.
 inline void write_run(const std::string& path, std::int64_t count, std::uint64_t seed = 1,
                       const Change& change = {}, const Axis& radar = radar_axis(),
                       const Axis& spd = spd_axis(),
-                      const std::vector<record::CalibrationEntry>& calibration = {}) {
+                      const std::vector<record::CalibrationEntry>& calibration = {},
+                      const record::Antennas& antennas = {}) {
   record::RunWriter run(path, {});
   for (const auto& entry : calibration) run.put_calibration(entry);
   for (const Axis& axis : {spd, radar, record::MapGrid{}.x(), record::MapGrid{}.y()})
     run.put_axis(axis);
-  Rng rng = make_rng(seed, 7);
+  if (!antennas.empty()) {
+    run.put_axis(record::array_axis(radar, antennas.size()));
+    run.put_antennas(antennas);
+  }
+  Rng rng = make_rng(seed, 7), of_array = make_rng(seed, 8);
   std::uniform_real_distribution<double> x(-1, 1), z(3, 4);
   std::vector<record::FusedRecord> records;
   for (std::int64_t i = 0; i < count; ++i) {
-    const double at = x(rng);
-    records.push_back(plate_record(i, at, z(rng), rng));
+    const double at = x(rng), at_z = z(rng);
+    records.push_back(plate_record(i, at, at_z, rng));
+    if (!antennas.empty()) add_array(records.back(), at, at_z, antennas, of_array);
     records.back().radar.resize(radar.count);
     records.back().spd.resize(spd.count);
     if (change) change(records.back());

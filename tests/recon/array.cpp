@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: MIT
+// What the estimator makes of the radar's antennas: lags, the body's direction, the model.
+#include "recon/data/lags.hpp"
+#include "recon/estimator/evaluate.hpp"
+#include "recon/estimator/train.hpp"
+#include "recon/models/body/array_view.hpp"
+#include "recon/models/body/turned.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using echofuse::testing::Folder;
+using echofuse::testing::recon_program;
+using echofuse::testing::write_run;
+
+namespace {
+
+const record::Antennas line = {{0, 0, 1, 0}, {1, 0, 1.3, 0.4},  {2, 0, 0.8, -1},  {3, 0, 1, 2},
+                               {4, 0, 1, 0}, {5, 0, 1.1, -2.5}, {6, 0, 0.9, 0.1}, {7, 0, 1, 1}};
+
+// The covariance of one scatterer.
+std::vector<float> point(const record::Antennas& antennas, double u, double v, float power) {
+  record::ArrayStatistics sums(1, antennas.size());
+  std::vector<std::complex<float>> samples;
+  for (const auto& a : antennas)
+    samples.push_back(std::sqrt(power) *
+                      std::polar(static_cast<float>(a.gain),
+                                 static_cast<float>(M_PI * (a.x * u + a.y * v) + a.phase_rad)));
+  sums.add(samples);
+  return sums.take();
+}
+
+void write_plates(const std::string& path, std::int64_t count, std::uint64_t seed,
+                  const testing::Change& change = {}, double wrong_offset_m = 0) {
+  write_run(path, count, seed, change, testing::radar_axis(), testing::spd_axis(),
+            {{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, wrong_offset_m, 0.001}}, line);
+}
+
+Axis lags_of_plates() {
+  return lags_axis(record::array_axis(testing::radar_axis(), line.size()), SpatialLags(line));
+}
+
+// A body of three scatterers about u, one direction to the other 0.05.
+std::vector<float> body_lags(double range_m, double u) {
+  const Axis axis = lags_of_plates();
+  std::vector<float> out;
+  for (std::uint32_t b = 0; b < axis.count; ++b)
+    for (std::size_t d = 0; d <= longest_lag(axis); ++d) {
+      std::complex<double> sum = 0;
+      for (const double off : {-0.05, 0.0, 0.04})
+        sum += std::exp(-std::pow((axis.at(b) - range_m) / 0.4, 2)) *
+               std::polar(1.0, M_PI * static_cast<double>(d) * (u + off));
+      out.push_back(static_cast<float>(sum.real()));
+      if (d > 0) out.push_back(static_cast<float>(sum.imag()));
+    }
+  return out;
+}
+
+TrainOptions factorised() {
+  TrainOptions options;
+  options.model = "factorised-4", options.fit.quiet = true, options.uncertainty = false;
+  options.fit.epochs = 30;
+  return options;
+}
+
+double iou_of(const TrainedModel& model, const std::string& path) {
+  Dataset data = load({path});
+  model.match(data);
+  const Rows rows = all_rows(data.size());
+  return summarise(score_maps(model.predict(data, rows), data, rows, model.scene))[metric_iou].mean;
+}
+
+}  // namespace
+
+TEST_CASE("lags are those of the true waves, whatever gains and phases the antennas have") {
+  const SpatialLags lags(line);
+  REQUIRE(lags.longest() == 7);
+  std::vector<float> out(lag_values(7));
+  const auto array = point(line, 0.37, 0.2, 5);
+  lags(record::bin_of(array, line.size(), 0), out);
+  for (std::size_t d = 0; d <= 7; ++d) {
+    const auto expected = std::polar(5.f, static_cast<float>(M_PI * static_cast<double>(d) * 0.37));
+    CHECK(std::abs(lag_of(out, d) - expected) < 1e-4f);
+  }
+}
+
+TEST_CASE("of a planar array only antennas side by side make a lag, one antenna makes none") {
+  const SpatialLags planar({{0, 0, 1, 0}, {1, 0, 1, 0}, {0, 1, 1, 0}, {3, 1, 1, 0}});
+  REQUIRE(planar.longest() == 3);
+  std::vector<float> out(lag_values(3));
+  const auto array = point({{0, 0, 1, 0}, {1, 0, 1, 0}, {0, 1, 1, 0}, {3, 1, 1, 0}}, 0.2, 0.7, 1);
+  planar(record::bin_of(array, 4, 0), out);
+  CHECK(std::arg(lag_of(out, 1)) == Approx(M_PI * 0.2));
+  CHECK(std::abs(lag_of(out, 2)) == 0);
+  CHECK(std::arg(lag_of(out, 3)) == Approx(M_PI * 0.6));
+  const SpatialLags one(record::Antennas{{0, 0, 1, 0}});
+  CHECK(lags_axis({"array", "covariance", "m", 20, 0, 0.25, 1}, one).count == 0);
+}
+
+TEST_CASE("runs keep their antennas, as lags; records without them are said to lack them") {
+  const Folder dir;
+  write_plates(dir / "run", 4, 1, [](record::FusedRecord& r) {
+    if (r.index == 2) r.array.clear(), r.array_frames = 0;
+  });
+  const Dataset data = load({dir / "run"});
+  CHECK(data.array_axis.quantity == "lags");
+  CHECK(data.array.cols == data.array_axis.count * lag_values(7));
+  CHECK(data.fault_of(0, Inputs::fused).empty());
+  CHECK_THAT(data.fault_of(2, Inputs::fused), Catch::Contains("lacks the samples"));
+  CHECK(data.fault_of(2, Inputs::fused_profile).empty());
+  CHECK(data.usable(Inputs::fused) == Rows{0, 1, 3});
+  Dataset moved = data;
+  subtract_range_offset(moved, 0.25);  // one bin
+  for (std::size_t c = 60; c < 90; ++c)
+    CHECK(moved.array.row(0)[c] == Approx(data.array.row(0)[c + lag_values(7)]).margin(1e-5));
+  Dataset other = data;
+  Axis shorter = data.array_axis;
+  shorter.count = 5;
+  match_array(other, shorter);
+  CHECK(other.array.cols == 5 * lag_values(7));
+  CHECK(part_of(other, {1}).array.values.size() == 5 * lag_values(7));
+  match_array(other, {});
+  CHECK(other.array_axis.count == 0);
+  CHECK_THAT(testing::error_of([&] { match_array(other, shorter); }),
+             Catch::Contains("no samples of the radar's antennas") &&
+                 Catch::Contains("--inputs fused-profile"));
+}
+
+TEST_CASE("the view of a body is the same in every direction but for the direction") {
+  const ArrayView view(lags_of_plates());
+  std::vector<float> middle(view.size()), right(view.size());
+  view(body_lags(3.6, 0), 3.5, middle);
+  view(body_lags(3.6, 0.41), 3.5, right);
+  CHECK(ArrayView::direction_cosine(middle) == Approx(0).margin(0.01));
+  CHECK(ArrayView::direction_cosine(right) - ArrayView::direction_cosine(middle) ==
+        Approx(0.41).margin(1e-3));
+  ArrayView::turn(0.41, 3.5, middle);
+  for (std::size_t i = 0; i < right.size(); ++i) CHECK(right[i] == Approx(middle[i]).margin(5e-3));
+  CHECK(middle[1] == Approx(middle[0] * 3.5));
+  view(std::vector<float>(lag_columns(lags_of_plates())), 3.5, right);
+  CHECK(std::all_of(right.begin(), right.end(), [](float v) { return v == 0; }));
+  CHECK(ArrayView(Axis{}).size() == 0);
+}
+
+TEST_CASE(
+    "a model with antennas needs them, stays right with a range bias, and says so in its file") {
+  const Folder dir;
+  write_plates(dir / "train", 500, 1);
+  write_plates(dir / "fresh", 60, 2);
+  write_plates(dir / "biased", 60, 2, {}, 0.1);
+  write_run(dir / "profile", 60, 2);
+  TrainedModel model = train(load({dir / "train"}), factorised());
+  CHECK(model.features.array_axis.count > 0);
+  CHECK(model.alignment.array_features() > 0);
+  save_model(model, dir / "model.h5");
+  const TrainedModel loaded = load_model(dir / "model.h5");
+  const double iou = iou_of(loaded, dir / "fresh");
+  CHECK(iou == iou_of(model, dir / "fresh"));
+  CHECK(iou > 0.6);
+  TrainOptions of_profile = factorised();
+  of_profile.inputs = "fused-profile";
+  const TrainedModel one_antenna = train(load({dir / "train"}), of_profile);
+  CHECK(one_antenna.features.array_axis.count == 0);
+  CHECK(iou_of(one_antenna, dir / "profile") == iou_of(one_antenna, dir / "fresh"));
+  CHECK(iou_of(loaded, dir / "biased") > 0.9 * iou);
+  CHECK(iou_of(one_antenna, dir / "biased") < 0.5 * iou);
+  const auto refused = recon_program("evaluate " + dir / "model.h5" + " " + dir / "profile");
+  CHECK(refused.code == 1);
+  CHECK_THAT(refused.text, Catch::Contains("has no samples of the radar's antennas"));
+}
