@@ -23,7 +23,16 @@ namespace {
 constexpr std::int64_t batch_records = 128;
 
 // Independent random streams of one seed.
-enum class Stream : std::uint64_t { scenes, order, noise, mirror_noise };
+enum class Stream : std::uint64_t {
+  scenes,
+  order,
+  noise,
+  mirror_noise,
+  antennas,
+  room,
+  array,
+  mirror_array
+};
 std::uint64_t seed_of(const Plan& plan, Stream stream) {
   return mix(static_cast<std::uint64_t>(plan.seed) + mix(static_cast<std::uint64_t>(stream)));
 }
@@ -151,7 +160,8 @@ Generator::Generator(Plan plan)
       radar_(radar_response(plan_.conditions)),
       x_(map_grid(plan_.conditions).x()),
       y_(map_grid(plan_.conditions).y()),
-      mean_peak_(mean_peak_power(radar_, plan_.conditions)) {}
+      mean_peak_(mean_peak_power(radar_, plan_.conditions)),
+      antennas_(simulated_antennas(plan_.conditions, seed_of(plan_, Stream::antennas))) {}
 
 Scene Generator::scene(std::int64_t index) const {
   const auto i = static_cast<std::size_t>(index);
@@ -171,14 +181,33 @@ record::FusedRecord Generator::make(std::int64_t index) const {
   r.spd = draw_counts(spd_rate(returns, c), c, rng);
   count_clicks(r, c.pulses_per_window);
   radar_returns(world, c, returns);
+  std::vector<double> looks;
+  if (!antennas_.empty()) looks = look_through_array(index, returns, r);
   roughen(returns, c, rng);
   auto power = radar_power(returns, radar_, c);
   add_radar_noise(power, mean_peak_, c, rng);
+  if (!looks.empty() && c.radar_sum == "coherent") power = std::move(looks);
   r.radar.resize(power.size());
   std::transform(power.begin(), power.end(), r.radar.begin(),
                  [](double p) { return static_cast<float>(p); });
   r.depth_mm = depth_map_mm(world, x_, y_, c, rng);
   return r;
+}
+
+// From random numbers of its own, so that the rest of the record is the same with and without
+// antennas. Returns the mean power in each point.
+std::vector<double> Generator::look_through_array(std::int64_t index, const Returns& returns,
+                                                  record::FusedRecord& r) const {
+  const Conditions& c = plan_.conditions;
+  Rng rng = make_rng(seed_of(plan_, plan_.mirrored ? Stream::mirror_array : Stream::array),
+                     static_cast<std::uint64_t>(index));
+  const auto kept = record::array_axis(radar_axis(c), antennas_.size()).count;
+  ArrayLooks looks =
+      sim::look_through_array(returns, radar_, kept, antennas_, c, radar_noise_power(c, mean_peak_),
+                              seed_of(plan_, Stream::room), rng);
+  r.array = std::move(looks.array);
+  r.array_frames = static_cast<std::uint64_t>(c.radar_frames);
+  return std::move(looks.power);
 }
 
 std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
@@ -188,6 +217,10 @@ std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
   writer.put_axis(spd_axis(plan.conditions));
   writer.put_axis(radar_axis(plan.conditions));
   for (const Axis& axis : map_grid(plan.conditions).run_axes()) writer.put_axis(axis);
+  if (const auto antennas = generator.stated_antennas(); !antennas.empty()) {
+    writer.put_axis(record::array_axis(radar_axis(plan.conditions), antennas.size()));
+    writer.put_antennas(antennas);
+  }
   Progress progress("records", static_cast<std::size_t>(generator.records()), options.quiet);
   const auto start_batch = [&](std::int64_t first) {
     const std::int64_t last = std::min(first + batch_records, generator.records());

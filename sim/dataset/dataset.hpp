@@ -9,6 +9,7 @@
 #include "acquire/record/record.hpp"
 #include "sim/scene/conditions.hpp"
 #include "sim/scene/scene.hpp"
+#include "sim/sensors/radar_array.hpp"
 
 namespace echofuse::sim {
 
@@ -39,13 +40,20 @@ class Generator {
   std::int64_t records() const { return static_cast<std::int64_t>(scenes_.size()); }
   Scene scene(std::int64_t index) const;
   record::FusedRecord make(std::int64_t index) const;
+  record::Antennas stated_antennas() const {
+    return sim::stated_antennas(antennas_, plan_.conditions);
+  }
 
  private:
+  std::vector<double> look_through_array(std::int64_t index, const Returns& returns,
+                                         record::FusedRecord& r) const;
+
   Plan plan_;
   std::vector<SceneSpec> scenes_;
   RadarAxis radar_;
   Axis x_, y_;
   double mean_peak_ = 0;
+  record::Antennas antennas_;  // with their errors
 };
 
 struct DatasetOptions {

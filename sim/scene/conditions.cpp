@@ -60,6 +60,19 @@ void bind_radar(Settings& s, Conditions& c) {
   s.add("radar_roughness_m", c.radar_roughness_m, 0, 1, "rms height of surfaces, if coherent");
   s.add("radar_leakage", c.radar_leakage, 0, 1e6,
         "power of the transmitter's own echo at range 0, in mean scenes");
+  s.add("radar_ground", c.radar_ground, 0, 1, "power that comes by the floor, of what is direct");
+}
+
+void bind_array(Settings& s, Conditions& c) {
+  s.add("radar_antennas", c.radar_antennas, 0, 12,
+        "virtual antennas: 1 to 8 in a row, 12 in a plane; 0: not kept");
+  s.add("radar_frames", c.radar_frames, 2, 10'000, "of the antennas, in a record");
+  s.add("radar_phase_error_rad", c.radar_phase_error_rad, 0, 10, "rms over the antennas");
+  s.add("radar_gain_error_db", c.radar_gain_error_db, 0, 20, "rms over the antennas");
+  s.add("radar_array_calibrated", c.radar_array_calibrated, "the run knows these errors");
+  s.add("radar_sway_m", c.radar_sway_m, 0, 1, "rms each way, of a standing person's head");
+  s.add("radar_twist_deg", c.radar_twist_deg, 0, 90, "rms, of a person about the upright axis");
+  s.add("radar_breath_m", c.radar_breath_m, 0, 0.1, "amplitude of a person's chest");
 }
 
 void bind_depth(Settings& s, Conditions& c) {
@@ -77,6 +90,7 @@ void bind(Settings& settings, Conditions& conditions) {
   bind_scene(settings, conditions);
   bind_spd(settings, conditions);
   bind_radar(settings, conditions);
+  bind_array(settings, conditions);
   bind_depth(settings, conditions);
 }
 
@@ -94,6 +108,11 @@ void validate(const Conditions& c) {
     throw Error(ExitCode::config, "spd_dead_time_ps needs pulses_per_window, the laser's pulses");
   if (c.map_half_tangent > 0 && c.map_half_tangent < record::least_map_half_tangent)
     throw Error(ExitCode::config, "map_half_tangent: expected 0, or 0.02 to 3");
+  if (c.radar_antennas > 8 && c.radar_antennas != 12)
+    throw Error(ExitCode::config, "radar_antennas is " + std::to_string(c.radar_antennas) +
+                                      "; expected 0 to 8, or 12");
+  if (c.radar_antennas >= c.radar_frames && c.radar_sum == "incoherent")
+    throw Error(ExitCode::config, "radar_frames: expected more than radar_antennas");
   if (c.target_z_min_m > c.target_z_max_m)
     throw Error(ExitCode::config, "target_z_min_m is greater than target_z_max_m");
   if (!c.object.empty()) mesh_of(c.object);

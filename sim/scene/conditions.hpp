@@ -62,6 +62,20 @@ struct Conditions {
   std::string radar_sum = "incoherent";  // incoherent, coherent
   double radar_roughness_m = 0.001;      // rms height of surfaces, for the coherent sum
   double radar_leakage = 0;  // power of transmitter in receiver, at range 0, as of radar_power
+  // By the floor, one way, of what comes straight: over the longer path, from between both.
+  double radar_ground = 0;
+
+  // The radar's virtual antennas (sim/sensors/radar_array.hpp): 1 to 8 in a row, 12 as the AOP
+  // board has them; 0: their samples are not kept.
+  std::int64_t radar_antennas = 0;
+  std::int64_t radar_frames = 60;    // in a record
+  double radar_phase_error_rad = 0;  // rms over the antennas
+  double radar_gain_error_db = 0;
+  bool radar_array_calibrated = true;  // the run knows these errors
+  // What makes a standing person's echoes change from frame to frame (sim/sensors/body_motion.hpp):
+  double radar_sway_m = 0.005;    // rms each way, at head height
+  double radar_twist_deg = 0.3;   // rms, about the upright axis
+  double radar_breath_m = 0.004;  // amplitude of the chest
 
   // Depth camera
   std::int64_t map_size = 64;   // pixels of a data set's depth maps, both ways

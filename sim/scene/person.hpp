@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // People of 16 capsules, alone or holding a letter.
 #pragma once
+#include <cstdint>
+
 #include "sim/scene/scene.hpp"
 
 namespace echofuse::sim {
@@ -11,6 +13,8 @@ class SceneSampler;
 struct Stand {
   double x_m = 0, z_m = 0, yaw_rad = 0;
 };
+
+inline constexpr std::int32_t capsules_of_person = 16;
 
 // Height 1.55-1.90 m, albedo 0.3-0.7, a random pose.
 void add_person(Scene& scene, const Conditions& conditions, const Stand& stand,

@@ -4,17 +4,10 @@
 
 #include <cmath>
 
+#include "sim/scene/clones.hpp"
+
 namespace echofuse::sim {
 namespace {
-
-// Not FMA: contracted products would make other bits. Sanitizers are not up yet when the loader
-// chooses a clone.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
-    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define ECHOFUSE_CLONES __attribute__((target_clones("avx2", "default")))
-#else
-#define ECHOFUSE_CLONES
-#endif
 
 // Whatever reaches nearer to the sensor's plane is tested against every ray.
 constexpr double near_m = 0.05;

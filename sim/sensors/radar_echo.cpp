@@ -34,11 +34,6 @@ double psf_from_sine(Psf psf, double u, double sine) {
   return sinc * (4 - u2 * 0.18 / 0.42) / ((1 - u2) * (4 - u2));
 }
 
-struct Phase {
-  double sine, cosine;
-};
-Phase phase_of(double cells) { return {std::sin(pi * cells), std::cos(pi * cells)}; }
-
 // The echoes on a grid of range much finer than the resolution, each shared linearly by its two
 // neighbours: the response to a whole room costs no more than that to a few hundred points. The
 // psf is interpolated thereby, to better than 5e-5 of its peak.
@@ -59,25 +54,14 @@ class FineEcho {
     values_[i] += (1 - rest) * value;
     values_[i + 1] += rest * value;
   }
-  // visit(i, value, psf): each point of the axis with each point of the grid. sin(pi (u_i - u))
-  // comes from the angles' own sines and cosines: a sine for each pair would take most of the time.
+  // visit(i, value, psf): each point of the axis with each point of the grid.
   template <class Visit>
   void for_each_pair(const RadarAxis& axis, Visit visit) const {
-    std::vector<double> cells(axis.count);
-    std::vector<Phase> phases(axis.count);
-    for (std::uint32_t i = 0; i < axis.count; ++i) {
-      cells[i] = (axis.start_m + i * axis.step_m) / axis.resolution_m;
-      phases[i] = phase_of(cells[i]);
-    }
-    for (std::size_t k = 0; k < values_.size(); ++k) {
-      if (values_[k] == Value{}) continue;
-      const double cell = static_cast<double>(k) / per_cell;
-      const Phase phase = phase_of(cell);
-      for (std::uint32_t i = 0; i < axis.count; ++i) {
-        const double sine = phases[i].sine * phase.cosine - phases[i].cosine * phase.sine;
-        visit(i, values_[k], psf_from_sine(axis.psf, cells[i] - cell, sine));
-      }
-    }
+    const RangeResponse response(axis);
+    for (std::size_t k = 0; k < values_.size(); ++k)
+      if (values_[k] != Value{})
+        response.at(static_cast<double>(k) / per_cell,
+                    [&](std::size_t i, double psf) { visit(i, values_[k], psf); });
   }
 
  private:
@@ -92,7 +76,7 @@ std::vector<double> incoherent(const Returns& returns, const RadarAxis& axis) {
     echo.add(returns.range_m[k], returns.weight[k]);
   std::vector<double> power(axis.count);
   echo.for_each_pair(
-      axis, [&](std::uint32_t i, double weight, double psf) { power[i] += weight * psf * psf; });
+      axis, [&](std::size_t i, double weight, double psf) { power[i] += weight * psf * psf; });
   return power;
 }
 
@@ -104,8 +88,8 @@ std::vector<double> coherent(const Returns& returns, const RadarAxis& axis, doub
              std::polar(std::sqrt(returns.weight[k]),
                         -4 * pi * returns.range_m[k] * carrier_hz / speed_of_light_m_s));
   std::vector<Complex> profile(axis.count);
-  echo.for_each_pair(
-      axis, [&](std::uint32_t i, Complex value, double psf) { profile[i] += psf * value; });
+  echo.for_each_pair(axis,
+                     [&](std::size_t i, Complex value, double psf) { profile[i] += psf * value; });
   std::vector<double> power(axis.count);
   std::transform(profile.begin(), profile.end(), power.begin(),
                  [](Complex y) { return std::norm(y); });
@@ -115,6 +99,21 @@ std::vector<double> coherent(const Returns& returns, const RadarAxis& axis, doub
 }  // namespace
 
 double psf_amplitude(Psf psf, double u) { return psf_from_sine(psf, u, std::sin(pi * u)); }
+
+RangeResponse::RangeResponse(const RadarAxis& axis) : psf_(axis.psf) {
+  for (std::uint32_t i = 0; i < axis.count; ++i) {
+    cells_.push_back((axis.start_m + i * axis.step_m) / axis.resolution_m);
+    phases_.push_back(phase_of(cells_.back()));
+  }
+}
+
+RangeResponse::Phase RangeResponse::phase_of(double cells) {
+  return {std::sin(pi * cells), std::cos(pi * cells)};
+}
+
+double RangeResponse::amplitude(double u, double sine) const {
+  return psf_from_sine(psf_, u, sine);
+}
 
 void roughen(Returns& returns, const Conditions& c, Rng& rng) {
   if (c.radar_sum != "coherent" || c.radar_roughness_m <= 0) return;

@@ -15,6 +15,32 @@ struct Returns;
 // side lobes below -58 dB; Harris, Proc. IEEE 66, 1978). u in resolution cells.
 double psf_amplitude(Psf psf, double u);
 
+// psf_amplitude at every point of an axis, for echoes from one range after the other.
+class RangeResponse {
+ public:
+  explicit RangeResponse(const RadarAxis& axis);
+  // visit(i, psf) for each point
+  template <class Visit>
+  void at(double cell, Visit visit) const {
+    const Phase phase = phase_of(cell);
+    for (std::size_t i = 0; i < cells_.size(); ++i) {
+      // sin(pi (u_i - u)) from the angles' own: a sine for each would take most of the time.
+      const double sine = phases_[i].sine * phase.cosine - phases_[i].cosine * phase.sine;
+      visit(i, amplitude(cells_[i] - cell, sine));
+    }
+  }
+
+ private:
+  struct Phase {
+    double sine, cosine;
+  };
+  static Phase phase_of(double cells);
+  double amplitude(double u, double sine) const;
+  Psf psf_;
+  std::vector<double> cells_;
+  std::vector<Phase> phases_;
+};
+
 // Power of the receiver's noise in each point.
 double radar_noise_power(const Conditions& c, double mean_peak);
 

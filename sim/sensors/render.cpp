@@ -7,10 +7,12 @@
 #include <memory>
 #include <mutex>
 #include <numbers>
+#include <optional>
 #include <tuple>
 #include <utility>
 
 #include "acquire/record/depth_map.hpp"
+#include "sim/scene/person.hpp"
 #include "sim/scene/room.hpp"
 #include "sim/scene/shapes.hpp"
 
@@ -77,6 +79,7 @@ struct Row {
   std::uint32_t iy, from, to;
   const double *x, *y, *z;
   const double *cosine, *albedo;  // for Shading::on
+  const std::int32_t* shape;      // nothing: the room
 };
 enum class Shading : std::uint8_t { off, on };
 
@@ -115,7 +118,7 @@ class Scanner {
       if (shading == Shading::on) shade_row();
       if (background_) add_background(iy);
       visit(Row{iy, from_, to_, ray_x_.data(), ray_y_.data(), z_.data(), cosine_.data(),
-                albedo_.data()});
+                albedo_.data(), shape_.data()});
     }
   }
 
@@ -190,6 +193,8 @@ class Scanner {
 
   void add_background(std::uint32_t iy) {
     const std::size_t row = std::size_t{iy} * x_.count;
+    for (std::uint32_t ix = 0; ix < x_.count; ++ix)
+      if (background_->z[row + ix] < z_[ix]) shape_[ix] = nothing;
     put_behind(&background_->z[row], &background_->cosine[row], &background_->albedo[row],
                z_.data(), cosine_.data(), albedo_.data(), x_.count);
   }
@@ -239,14 +244,33 @@ std::shared_ptr<const Image> Scanner::room_image(double sensor_x_m, const Axis& 
   return images[key] = image;
 }
 
+// To whom shape `number` belongs. People are the capsules, in their order, and hold the plates.
+std::int32_t person_of(const Scene& scene, std::int32_t number) {
+  const auto capsules = static_cast<std::int32_t>(scene.capsules.size());
+  const auto plates = static_cast<std::int32_t>(scene.plates.size());
+  if (number == nothing || number >= capsules + plates) return Returns::still;
+  if (capsules == 0) return Returns::reflector;
+  return number < capsules ? number / capsules_of_person : 0;
+}
+
+// Of ray i of the row, which met something at this range.
+Returns::Place place_of(const Scene& scene, const Row& row, std::size_t i, double range_m,
+                        double sensor_height_m) {
+  const double z = row.z[i];
+  return {static_cast<float>(row.x[i] * z / range_m), static_cast<float>(row.y[i] * z / range_m),
+          static_cast<float>(row.y[i] * z + sensor_height_m), person_of(scene, row.shape[i])};
+}
+
+// Places are kept if a height is given.
 void look(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y, double extra_m,
-          Returns& returns) {
+          Returns& returns, std::optional<double> sensor_height_m = {}) {
   // dOmega = dtx dty / |(tx, ty, 1)|^3
   const double pixel = std::abs(x.step * y.step) / mean_scene_weight;
   auto& ranges = returns.range_m;
   auto& weights = returns.weight;
   std::vector<double> range(x.count), weight(x.count);
   std::size_t seen = 0;
+  returns.place.clear();
   Scanner(scene, sensor_x_m, x, y, Sampling::staggered).scan(Shading::on, [&](const Row& row) {
     const std::size_t first = row.from, count = row.to - row.from;
     light_back(row.x + first, row.y + first, row.z + first, row.cosine + first, row.albedo + first,
@@ -258,9 +282,30 @@ void look(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y, d
       weights[seen] = weight[i];
       seen += row.z[first + i] < INFINITY;
     }
+    for (std::size_t i = 0; sensor_height_m && i < count; ++i)
+      if (row.z[first + i] < INFINITY)
+        returns.place.push_back(place_of(scene, row, first + i, range[i], *sensor_height_m));
   });
   ranges.resize(seen);
   weights.resize(seen);
+}
+
+// By the floor one way, for all that there is so far.
+void reflect_from_floor(const Conditions& c, Returns& returns) {
+  const std::size_t seen = returns.range_m.size();
+  for (std::size_t k = 0; k < seen; ++k) {
+    const Returns::Place p = returns.place[k];
+    if (p.person == Returns::reflector) continue;
+    const double range = returns.range_m[k] - c.radar_bias_m;
+    const double x = p.x * range, y = p.y * range;
+    const double image_y = y - 2 * p.height_m;
+    const double image_range = std::sqrt(range * range - y * y + image_y * image_y);
+    returns.range_m.push_back((range + image_range) / 2 + c.radar_bias_m);
+    returns.weight.push_back(c.radar_ground * returns.weight[k]);
+    returns.place.push_back({static_cast<float>((p.x + x / image_range) / 2),
+                             static_cast<float>((p.y + image_y / image_range) / 2), p.height_m,
+                             p.person});
+  }
 }
 
 Axis x_rays(std::int64_t count, double half_tangent) {
@@ -306,11 +351,15 @@ void spd_returns(const Scene& scene, const Conditions& c, Returns& out) {
 }
 
 void radar_returns(const Scene& scene, const Conditions& c, Returns& out) {
+  const bool places = c.radar_antennas > 0 || c.radar_ground > 0;
   look(scene, -c.baseline_m, x_rays(c.radar_rays, c.radar_half_tangent),
-       y_rays(c.radar_rays / 2, c.radar_half_tangent / 2), c.radar_bias_m, out);
+       y_rays(c.radar_rays / 2, c.radar_half_tangent / 2), c.radar_bias_m, out,
+       places ? std::optional(c.camera_height_m) : std::nullopt);
+  if (c.radar_ground > 0) reflect_from_floor(c, out);
   if (c.radar_leakage <= 0) return;
   out.range_m.push_back(std::max(0.0, c.radar_bias_m));
   out.weight.push_back(c.radar_leakage);
+  if (places) out.place.push_back({0, 0, 0, Returns::leakage});
 }
 
 Returns spd_returns(const Scene& scene, const Conditions& c) {

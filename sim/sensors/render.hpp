@@ -36,6 +36,15 @@ std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, co
 struct Returns {
   std::vector<double> range_m;
   std::vector<double> weight;
+  // Of the radar's, if it has antennas (radar_antennas > 0): direction cosines x/R and y/R, height
+  // above the floor, and to whom the patch belongs: person 0, 1..., or something that stands still.
+  struct Place {
+    float x = 0, y = 0, height_m = 0;
+    std::int32_t person = still;
+  };
+  static constexpr std::int32_t still = -1;  // the room, an object
+  static constexpr std::int32_t reflector = -2, leakage = -3;
+  std::vector<Place> place{};
 };
 
 // Sum of albedo cos(theta) dOmega / R^2 over the mean scene (1000 people to 3000 letters of the
@@ -44,7 +53,9 @@ struct Returns {
 inline constexpr double mean_scene_weight = 0.24 / (3.5 * 3.5 * 3.5 * 3.5);
 
 // From the origin and from the radar's place, each with its own occlusion; ranges as the sensor
-// shows them, with spd_delay_ps and radar_bias_m; the radar's own leakage is one more.
+// shows them, with spd_delay_ps and radar_bias_m. Behind the radar's come their echoes by the floor
+// (radar_ground: one way straight, the other by the floor, so that range and direction are the mean
+// of patch and mirror image) and its own leakage.
 Returns spd_returns(const Scene& scene, const Conditions& conditions);
 Returns radar_returns(const Scene& scene, const Conditions& conditions);
 // Into the memory of an earlier scene: fresh memory takes the kernel as long as the light us.

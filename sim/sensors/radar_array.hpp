@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: MIT
+// What the radar's virtual antennas receive, frame by frame:
+//   x_m = gain_m exp(i phase_m) sum_k a_k psf(R - R_k) exp(i pi (x_m u_k + y_m v_k)) + noise
+// with places x, y in half wavelengths and direction cosines u (right) and v (up). In units in
+// which the mean scene as a single point has power 1 (radar_power).
+//   coherent    Every cell of range, direction and height has an amplitude of its own, complex
+//               Gaussian (fully developed speckle), and its phase turns by 4 pi / wavelength times
+//               the way that sway, twist and breath take it (body_motion.hpp). The room and objects
+//               stand still: their phases belong to the seed, and the mean of all frames is theirs.
+//   incoherent  As if there were infinitely many looks: over any radar_frames successive frames the
+//               covariance is exactly sum_k w_k psf^2 a a^H. Successive frames are uncorrelated.
+// Leakage and the calibration reflector are points that stand still. Left out: a swaying body goes
+// some 0.05 mm while its frame's chirps last, so that it neither leaves Doppler bin 0 nor turns the
+// phase between one transmitter's chirp and the next by more than 3 mrad.
+#pragma once
+#include <complex>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "acquire/record/radar_array.hpp"
+#include "drivers/core/random.hpp"
+#include "sim/scene/conditions.hpp"
+#include "sim/scene/radar_axis.hpp"
+#include "sim/sensors/render.hpp"
+
+namespace echofuse::sim {
+
+// Places: up to 8 in a row; 12: transmitters (0,0) (2,2) (0,2) with receivers (1,1) (1,0) (0,1)
+// (0,0) each, as on TI's IWR6843AOP.
+record::Antennas antennas_in_layout(std::size_t count);
+// The same with errors of phase and gain, radar_phase_error_rad and radar_gain_error_db, drawn from
+// the seed.
+record::Antennas simulated_antennas(const Conditions& conditions, std::uint64_t seed);
+// As the run says they are: with their errors if radar_array_calibrated.
+record::Antennas stated_antennas(const record::Antennas& antennas, const Conditions& conditions);
+
+class ArrayEcho {
+ public:
+  // `still_seed` is the room's: the same for all records of a run.
+  ArrayEcho(const Returns& returns, const RadarAxis& axis, const record::Antennas& antennas,
+            const Conditions& conditions, std::uint64_t still_seed, Rng& rng);
+  ~ArrayEcho();
+  ArrayEcho(ArrayEcho&&) noexcept;
+  ArrayEcho& operator=(ArrayEcho&&) noexcept;
+
+  std::size_t samples() const;
+  // Points of the axis times antennas, antennas fastest, without noise, so long after the former
+  // frame.
+  void frame(double later_s, Rng& rng, std::span<std::complex<float>> samples);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+// A record's: radar_frames frames over dataset_window_s, with noise of this power in each sample.
+struct ArrayLooks {
+  std::vector<float> array;   // of the first `kept_bins` points (ArrayStatistics)
+  std::vector<double> power;  // of each point, mean over frames and antennas
+};
+ArrayLooks look_through_array(const Returns& returns, const RadarAxis& axis, std::size_t kept_bins,
+                              const record::Antennas& antennas, const Conditions& conditions,
+                              double noise_power, std::uint64_t still_seed, Rng& rng);
+
+}  // namespace echofuse::sim
