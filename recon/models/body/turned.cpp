@@ -31,12 +31,13 @@ TurnedBodies::TurnedBodies(const Alignment& alignment, const Matrix& inputs, con
       radar_(radar),
       array_(array),
       rows_(rows),
-      places_(places) {
+      places_(places),
+      has_array_(alignment.array_features() > 0) {
   double deviation_m = 0;
   const double slope = slope_m(deviation_m), per_m = answer();
   // Written so that a slope of 0/0, as of records that are all the same, is none.
   turns_ = std::abs(slope) > significance * deviation_m ||
-           (array.cols > 0 && deviation_m < least_deviation_m * per_m);
+           (has_array_ && deviation_m < least_deviation_m * per_m);
   if (turns_) baseline_m_ = slope / per_m;
 }
 
@@ -84,7 +85,7 @@ Place TurnedBodies::turn(std::size_t k, Rng& rng, std::span<float> inputs) const
   const double range_before_m = radar_range_m(range_m, baseline_m_, from);
   const double range_after_m = radar_range_m(range_m, baseline_m_, to);
   double farther_m = range_after_m - range_before_m;
-  if (array_.cols > 0) {
+  if (has_array_) {
     farther_m += std::uniform_real_distribution<double>(-most_range_bias_m, most_range_bias_m)(rng);
     alignment_.move_array(array_.row(rows_[k]), farther_m,
                           (baseline_m_ + range_m * to) / range_after_m -

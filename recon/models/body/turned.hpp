@@ -20,9 +20,9 @@ namespace echofuse::recon {
 // Refers to what it is made of.
 class TurnedBodies {
  public:
-  // inputs (Alignment::with_correlations), the radar's power and its lags (without antennas no
-  // columns) as recorded: a record a row; rows: those of them with a body, places: where these
-  // stand, in the same order.
+  // inputs (Alignment::with_correlations), the radar's power and its lags (not looked at if the
+  // alignment has none) as recorded: a record a row; rows: those of them with a body, places: where
+  // these stand, in the same order.
   TurnedBodies(const Alignment& alignment, const Matrix& inputs, const Matrix& radar,
                const Matrix& array, const Rows& rows, const std::vector<Place>& places);
 
@@ -30,8 +30,8 @@ class TurnedBodies {
   // profiles' displacement follows the places. 0 if it cannot be told to a tenth, or with antennas,
   // which need no baseline, to 3 cm.
   double baseline_m() const { return baseline_m_; }
-  bool turns() const { return turns_; }                       // else nobody is to be turned
-  bool changes() const { return turns_ || array_.cols > 0; }  // turn() does anything at all
+  bool turns() const { return turns_; }                  // else nobody is to be turned
+  bool changes() const { return turns_ || has_array_; }  // turn() does anything at all
   // Writes the inputs of the record rows[k] turned to the azimuth of any of them, so that these
   // keep their distribution, and returns its place there.
   Place turn(std::size_t k, Rng& rng, std::span<float> inputs) const;
@@ -45,7 +45,7 @@ class TurnedBodies {
   const Rows& rows_;
   const std::vector<Place>& places_;
   double baseline_m_ = 0;
-  bool turns_ = false;
+  bool turns_ = false, has_array_ = false;
 };
 
 }  // namespace echofuse::recon
