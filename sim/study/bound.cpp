@@ -52,7 +52,10 @@ Seen see(const Scene& scene, double sensor_x_m, double half_x, double half_y, do
     out.range_m.push_back(range + extra_m);
     out.weight.push_back(pixel * along * along * along * hits[i].albedo * hits[i].cos_theta /
                          (range * range));
-    out.tangent += x.at(static_cast<double>(i % x.count));
+    const double right = x.at(static_cast<double>(i % x.count));
+    out.cosine_x.push_back(right * along);
+    out.cosine_z.push_back(along);
+    out.tangent += right;
     out.z_m += z;
   }
   const auto n = static_cast<double>(std::max<std::size_t>(1, out.range_m.size()));

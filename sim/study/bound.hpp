@@ -53,8 +53,9 @@ void write_bound(const std::vector<Bound>& rows, const std::string& folder);
 // What a sensor sees of a scene, by rays that follow the body: derivatives then do not drown in the
 // jumps of its edges over a fixed grid. But for that the same as spd_returns and radar_returns.
 struct Seen : Returns {
-  double tangent = 0;  // x/z of the silhouette's centroid
-  double z_m = 0;      // its mean depth
+  std::vector<double> cosine_x, cosine_z;  // of the direction to each
+  double tangent = 0;                      // x/z of the silhouette's centroid
+  double z_m = 0;                          // its mean depth
 };
 Seen seen_by_spd(const Scene& scene, const Conditions& conditions, std::int64_t rays);
 Seen seen_by_radar(const Scene& scene, const Conditions& conditions, std::int64_t rays);
