@@ -37,19 +37,22 @@ Edges operator-(const Edges& a, const Edges& b) {
 }
 
 struct Seen {
-  Matrix histograms;  // aligned, and their ranges
+  Matrix histograms;  // aligned; the direction's cosine and its square, with antennas; their ranges
   Matrix displacements_m;
 };
 
 Seen see(const Alignment& alignment, const Matrix& aligned, const Rows& rows) {
   const std::size_t bins = alignment.histogram_bins();
-  Seen out{Matrix(0, bins + 1), Matrix(0, 1)};
+  const bool by_angle = alignment.array_features() > 0;
+  Seen out{Matrix(0, bins + (by_angle ? 3 : 1)), Matrix(0, 1)};
   for (const std::size_t row : rows) {
     const auto features = aligned.row(row);
     if (!shows_body(features)) continue;
     const auto displacement_m = static_cast<float>(alignment.displacement_m(features));
     out.displacements_m.add_row({&displacement_m, 1});
     std::vector<float> histogram(features.begin(), features.begin() + std::ptrdiff_t(bins));
+    const auto cosine = static_cast<float>(by_angle ? alignment.direction_cosine(features) : 0);
+    if (by_angle) histogram.insert(histogram.end(), {cosine, cosine * cosine});
     histogram.push_back(features.back());
     out.histograms.add_row(histogram);
   }
@@ -92,6 +95,12 @@ std::string RangeBias::text(bool corrected) const {
     case Status::detected:
       break;
   }
+  if (by_angle)
+    return formatted(
+        "radar ranges %.1f +- %.1f cm %s than in training, against the SPD's, wherever the radar's "
+        "antennas see the people%s",
+        std::abs(bias_m) * 100, standard_error_m * 100, bias_m > 0 ? "longer" : "shorter",
+        corrected ? ": corrected" : ": not corrected (--range-bias correct does); calibrate anew");
   return formatted(
       "radar ranges %.1f +- %.1f cm %s than in training, against the SPD's%s",
       std::abs(bias_m) * 100, standard_error_m * 100, bias_m > 0 ? "longer" : "shorter",
@@ -105,6 +114,7 @@ RangeBiasReference::RangeBiasReference(const Alignment& alignment, const Dataset
   if (alignment.radar_background_share(data.radar, rows) > most_background) return;
   const Seen seen = see(alignment, aligned, rows);
   if (seen.histograms.rows < least_records) return;
+  by_angle_ = alignment.array_features() > 0;
   expected_ = make_ridge();
   const Samples samples{seen.histograms, seen.displacements_m, all_rows(seen.histograms.rows)};
   expected_->fit(samples, samples, {});
@@ -133,6 +143,7 @@ RangeBias RangeBiasReference::judge(std::vector<float> found) const {
   RangeBias out;
   out.records = found.size();
   if (std::min(found.size(), displacements_m_.size()) < least_records) return out;
+  if (by_angle_) return judge_by_angle(found);
   const Edges moved = edges_of(found) - edges_of(displacements_m_);
   out.left_m = moved.left_m, out.right_m = moved.right_m;
   out.bias_m = (moved.left_m + moved.right_m) / 2;
@@ -155,6 +166,28 @@ RangeBias RangeBiasReference::judge(std::vector<float> found) const {
   return out;
 }
 
+RangeBias RangeBiasReference::judge_by_angle(const std::vector<float>& found) const {
+  RangeBias out;
+  out.records = found.size(), out.by_angle = true;
+  const auto median = [](std::vector<float> values) { return double{quantile(values, 0.5)}; };
+  out.bias_m = median(found) - median(displacements_m_);
+  std::vector<double> middles;
+  Rng rng = make_rng(found.size(), bootstrap_stream);
+  for (int i = 0; i < resamples; ++i)
+    middles.push_back(median(resampled(found, rng)) - median(resampled(displacements_m_, rng)));
+  out.standard_error_m = standard_deviation(middles);
+  const double least = std::max(least_range_bias_m, significance * out.standard_error_m);
+  out.status = std::abs(out.bias_m) > least ? RangeBias::Status::detected
+               : significance * out.standard_error_m > least_seen_m
+                   ? RangeBias::Status::too_few_records
+                   : RangeBias::Status::not_detected;
+  return out;
+}
+
+std::size_t RangeBiasReference::inputs(const Alignment& alignment) {
+  return alignment.histogram_bins() + (alignment.array_features() > 0 ? 3 : 1);
+}
+
 void RangeBiasReference::save(record::H5File& file) const {
   if (!known()) return;
   record::H5File group = file.group("range_bias");
@@ -167,7 +200,8 @@ void RangeBiasReference::load(const record::H5File& file, const Alignment& align
   require_sound(file, alignment.known() && alignment.profile_points() > 0, "range_bias",
                 "none without both sensors");
   expected_ = make_ridge();
-  expected_->load(file.group("range_bias"), alignment.histogram_bins() + 1, 1);
+  expected_->load(file.group("range_bias"), inputs(alignment), 1);
+  by_angle_ = alignment.array_features() > 0;
   displacements_m_ = file.read<float>("range_bias/displacement_m", {record::H5File::any});
   for (const float metres : displacements_m_)
     require_sound(file, std::abs(metres) < longest_m, "range_bias/displacement_m",

@@ -10,6 +10,10 @@
 // quantiles follow that, and noise moves them outwards) or the radar stands elsewhere, and nothing
 // can be told. Gains and the impulse response do not matter.
 //
+// With the radar's antennas there is no such question. They see the direction, so the regression
+// also takes off what the side makes of it (its cosine and the square), and the median of what is
+// left moves by the range bias alone, wherever people stand.
+//
 // Limit: a shift common to both sensors is invisible. Not tried: in front of walls, whose own
 // echoes move along, and with the radar's power in wide bins, where echoes have no place to 1 cm.
 #pragma once
@@ -39,7 +43,8 @@ struct RangeBias {
   Status status = Status::too_few_records;
   std::size_t records = 0;                  // with a body in both sensors
   double bias_m = 0, standard_error_m = 0;  // radar ranges longer than in training
-  double left_m = 0, right_m = 0;           // how far either quantile moved
+  double left_m = 0, right_m = 0;           // how far either quantile moved; without antennas
+  bool by_angle = false;                    // antennas tell: people to one side are no range bias
   std::string text(bool corrected) const;   // for the user; empty if there is nothing to say
 };
 
@@ -66,7 +71,10 @@ class RangeBiasReference {
 
  private:
   std::vector<float> less_expected(const Matrix& histograms, const Matrix& displacements_m) const;
-  std::shared_ptr<Model> expected_;     // from histogram and range to displacement
+  RangeBias judge_by_angle(const std::vector<float>& found) const;
+  static std::size_t inputs(const Alignment& alignment);
+  bool by_angle_ = false;
+  std::shared_ptr<Model> expected_;     // from histogram, direction and range to displacement
   std::vector<float> displacements_m_;  // of the training records, less what is expected
 };
 

@@ -2,6 +2,7 @@
 // What the estimator makes of the radar's antennas: lags, the body's direction, the model.
 #include "recon/data/lags.hpp"
 #include "recon/estimator/evaluate.hpp"
+#include "recon/estimator/predict.hpp"
 #include "recon/estimator/train.hpp"
 #include "recon/models/body/array_view.hpp"
 #include "recon/models/body/turned.hpp"
@@ -161,10 +162,36 @@ TEST_CASE(
   of_profile.inputs = "fused-profile";
   const TrainedModel one_antenna = train(load({dir / "train"}), of_profile);
   CHECK(one_antenna.features.array_axis.count == 0);
+  CHECK(iou_of(one_antenna, dir / "fresh") > 0.6);
   CHECK(iou_of(one_antenna, dir / "profile") == iou_of(one_antenna, dir / "fresh"));
   CHECK(iou_of(loaded, dir / "biased") > 0.9 * iou);
   CHECK(iou_of(one_antenna, dir / "biased") < 0.5 * iou);
   const auto refused = recon_program("evaluate " + dir / "model.h5" + " " + dir / "profile");
   CHECK(refused.code == 1);
   CHECK_THAT(refused.text, Catch::Contains("has no samples of the radar's antennas"));
+}
+
+TEST_CASE("antennas tell a range bias from people who stand to one side") {
+  const Folder dir;
+  write_plates(dir / "train", 600, 1);
+  write_plates(dir / "biased", 400, 2, {}, -0.05);
+  const TrainedModel model = train(load({dir / "train"}), factorised());
+  const auto found = [&](const std::string& path) {
+    return prepare_records(model, load_recorded({path}), RangeBiasAction::correct);
+  };
+  const Records biased = found(dir / "biased");
+  CHECK(biased.range_bias.status == RangeBias::Status::detected);
+  CHECK(biased.range_bias_m == Approx(0.05).margin(0.01));
+  CHECK_THAT(biased.text, Catch::Contains("longer") && Catch::Contains("antennas"));
+  for (const double aside_m : {0.1, 0.2}) {
+    Rng rng = make_rng(5, 0);
+    std::uniform_real_distribution<double> x(aside_m - 1, aside_m + 1), z(3, 4);
+    write_plates(dir / "aside", 400, 3, [&](record::FusedRecord& r) {
+      const double at = x(rng), at_z = z(rng);
+      r = testing::plate_record(r.index, at, at_z, rng);
+      testing::add_array(r, at, at_z, line, rng);
+    });
+    CHECK(found(dir / "aside").range_bias.status == RangeBias::Status::not_detected);
+    std::filesystem::remove(dir / "aside");
+  }
 }
