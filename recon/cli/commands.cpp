@@ -27,8 +27,7 @@ namespace echofuse::recon {
 namespace {
 
 void add_inputs_option(CLI::App& app, std::string& inputs) {
-  app.add_option("--inputs", inputs,
-                 "fused, spd, radar, or fused-profile: without the radar's antennas")
+  app.add_option("--inputs", inputs, "fused-profile: of the radar one antenna")
       ->check(CLI::IsMember(inputs_names))
       ->capture_default_str();
 }

@@ -151,10 +151,7 @@ class Appender {
     std::vector<float> out;
     if (axis.count == 0 || r.array.empty() || !r.has(Sensor::radar)) return out;
     out.resize(lag_columns(axis));
-    const std::size_t values = lag_values(longest_lag(axis));
-    const std::size_t antennas = record::antennas_of(array_);
-    for (std::size_t b = 0; b < axis.count; ++b)
-      lags_(record::bin_of(r.array, antennas, b), std::span(out).subspan(b * values, values));
+    lags_(r.array, record::antennas_of(array_), out);
     return out;
   }
 
@@ -194,17 +191,6 @@ void crop(Matrix& table, std::size_t columns) {
   for (std::size_t i = 0; i < table.rows; ++i)
     std::copy_n(table.row(i).begin(), columns, out.row(i).begin());
   table = std::move(out);
-}
-
-// Of one record: each lag along the range.
-void move_lags(std::span<float> lags, const Axis& axis, const Shift& shift) {
-  const std::size_t values = lag_values(longest_lag(axis));
-  std::vector<float> column(axis.count);
-  for (std::size_t k = 0; k < values; ++k) {
-    for (std::size_t b = 0; b < column.size(); ++b) column[b] = lags[b * values + k];
-    const std::vector<float> moved = shift.apply(column);
-    for (std::size_t b = 0; b < column.size(); ++b) lags[b * values + k] = moved[b];
-  }
 }
 
 }  // namespace

@@ -17,6 +17,7 @@
 
 #include "acquire/record/radar_array.hpp"
 #include "drivers/core/axis.hpp"
+#include "recon/data/shift.hpp"
 
 namespace echofuse::recon {
 
@@ -28,6 +29,8 @@ class SpatialLags {
   // c_0, then real and imaginary part of c_1..c_D; c_d is 0 where no two antennas are that far
   // apart.
   void operator()(const record::ArrayBin& bin, std::span<float> out) const;
+  // The same of each bin of a record's array, as many as there is room for.
+  void operator()(std::span<const float> array, std::size_t antennas, std::span<float> out) const;
 
  private:
   struct Pair {
@@ -52,5 +55,8 @@ inline std::complex<float> lag_of(std::span<const float> bin, std::size_t d) {
 
 // A run's array axis in lags; count 0 if the array tells no azimuth.
 Axis lags_axis(const Axis& array, const SpatialLags& lags);
+
+// Moves a record's lags along the range.
+void move_lags(std::span<float> lags, const Axis& axis, const Shift& shift);
 
 }  // namespace echofuse::recon

@@ -292,12 +292,7 @@ ExitCode run_bound(StudyArguments<sim::BoundOptions>& a) {
                 r.lateral_error_m);
   sim::write_bound(rows, a.out);
   const auto of_array = sim::study_array_bound(a.options);
-  std::printf("%-12s %-15s %8s %12s %-6s %13s\n", "echoes", "axis", "value", "resolution", "use",
-              "lateral error");
-  for (const auto& r : of_array)
-    std::printf("%-12s %-15s %8g %10g m %-6s %11.4f m\n", r.echoes.c_str(), r.axis.c_str(), r.value,
-                r.resolution_m, sim::array_use_names[static_cast<std::size_t>(r.use)].c_str(),
-                r.lateral_error_m);
+  std::fputs(sim::to_text(of_array).c_str(), stdout);
   sim::write_array_bound(of_array, a.out);
   return ExitCode::ok;
 }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <iomanip>
 #include <numbers>
 #include <sstream>
 
@@ -254,6 +255,17 @@ std::vector<ArrayBound> study_array_bound(const BoundOptions& options) {
                     std::sqrt(2 / pi) * sum / static_cast<double>(found.size())});
   });
   return rows;
+}
+
+std::string to_text(const std::vector<ArrayBound>& rows) {
+  std::ostringstream out;
+  out << "echoes       axis             value  resolution m  use    lateral error m\n";
+  for (const ArrayBound& r : rows)
+    out << std::left << std::setw(13) << r.echoes << std::setw(16) << r.axis << std::right
+        << std::setw(6) << r.value << std::setw(14) << r.resolution_m << "  " << std::left
+        << std::setw(7) << array_use_names[static_cast<std::size_t>(r.use)] << std::right
+        << std::fixed << std::setprecision(4) << r.lateral_error_m << std::defaultfloat << '\n';
+  return out.str();
 }
 
 void write_array_bound(const std::vector<ArrayBound>& rows, const std::string& folder) {

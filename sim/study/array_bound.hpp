@@ -42,6 +42,7 @@ struct ArrayBound {
 // Error(interrupted).
 std::vector<ArrayBound> study_array_bound(const BoundOptions& options);
 
+std::string to_text(const std::vector<ArrayBound>& rows);  // a table
 // bound_array.csv in `folder`, which exists. Throws Error(disk).
 void write_array_bound(const std::vector<ArrayBound>& rows, const std::string& folder);
 
