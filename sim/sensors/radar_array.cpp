@@ -84,11 +84,26 @@ ECHOFUSE_CLONES void spread(const float* response, std::size_t points, const flo
   }
 }
 
-std::vector<float> response_of(const RangeResponse& response, const RadarAxis& axis,
-                               double range_m) {
-  std::vector<float> out(axis.count);
+// The points that an echo reaches with more than -80 dB; of a sinc, all.
+struct Reached {
+  std::size_t first = 0;
+  std::vector<float> response;
+
+  void spread_to(float* points, const float* row, std::size_t size) const {
+    spread(response.data(), response.size(), row, size, points + first * size);
+  }
+};
+Reached reached_from(double range_m, const RangeResponse& response, const RadarAxis& axis) {
+  constexpr float least = 1e-4f;
+  Reached out;
   response.at(range_m / axis.resolution_m,
-              [&](std::size_t i, double psf) { out[i] = static_cast<float>(psf); });
+              [&](std::size_t, double psf) { out.response.push_back(static_cast<float>(psf)); });
+  const auto counts = [](float psf) { return std::abs(psf) > least; };
+  auto& all = out.response;
+  all.erase(std::find_if(all.rbegin(), all.rend(), counts).base(), all.end());
+  const auto begin = std::find_if(all.begin(), all.end(), counts);
+  out.first = static_cast<std::size_t>(begin - all.begin());
+  all.erase(all.begin(), begin);
   return out;
 }
 
@@ -113,8 +128,7 @@ std::vector<float> still_echo(const Returns& returns, const RadarAxis& axis,
   const RangeResponse response(axis);
   std::vector<float> out(axis.count * layout.row);
   const auto put = [&](double range_m, const float* row) {
-    const auto psf = response_of(response, axis, range_m);
-    spread(psf.data(), psf.size(), row, layout.row, out.data());
+    reached_from(range_m, response, axis).spread_to(out.data(), row, layout.row);
   };
   for (const auto kind : {Returns::reflector, Returns::leakage})
     if (const ArrayCell cell = one_cell_of(returns, kind); cell.weight > 0) {
@@ -147,15 +161,13 @@ class Speckle {
  public:
   Speckle(const Returns& returns, const RadarAxis& axis, const Antennas& antennas,
           const Conditions& c, Rng& rng)
-      : layout_(antennas.size()), points_(axis.count) {
+      : layout_(antennas.size()) {
     const ArrayCells all =
         cells_of(returns, {axis.resolution_m / slots_per_cell}, Echoes::of_people);
     motion_ = BodyMotion(c, all.people, rng);
     const RangeResponse response(axis);
-    for (const double range_m : all.slot_range_m) {
-      const auto psf = response_of(response, axis, range_m);
-      responses_.insert(responses_.end(), psf.begin(), psf.end());
-    }
+    for (const double range_m : all.slot_range_m)
+      slots_.push_back(reached_from(range_m, response, axis));
     rows_.resize(all.cells.size() * layout_.row);
     const auto axes = axes_of(all);
     const double turns_per_m = -2 * c.radar_carrier_hz / speed_of_light_m_s;
@@ -192,7 +204,7 @@ class Speckle {
       const std::size_t k = slot_begin_[slot];
       add_turned(&rows_[k * layout_.row], &re_[k], &im_[k], slot_begin_[slot + 1] - k,
                  layout_.padded, sum.data());
-      spread(&responses_[slot * points_], points_, sum.data(), layout_.row, out);
+      slots_[slot].spread_to(out, sum.data(), layout_.row);
     }
   }
 
@@ -217,11 +229,11 @@ class Speckle {
   }
 
   Layout layout_;
-  std::size_t points_;
   BodyMotion motion_;
+  std::vector<Reached> slots_;
   std::vector<Cell> cells_;
   std::vector<std::size_t> slot_begin_;  // and the end
-  std::vector<float> rows_, responses_, turns_, re_, im_;
+  std::vector<float> rows_, turns_, re_, im_;
 };
 
 // People and the room, incoherent: x = L q with L L^H the covariance and q over any `frames` frames
@@ -244,11 +256,12 @@ class Expectation {
     }
     std::vector<Complex> covariance(points_ * n * n);
     const RangeResponse response(axis);
-    for (std::size_t slot = 0; slot < all.slot_range_m.size(); ++slot)
-      response.at(all.slot_range_m[slot] / axis.resolution_m, [&](std::size_t i, double psf) {
-        for (std::size_t e = 0; e < n * n; ++e)
-          covariance[i * n * n + e] += psf * psf * of_slots[slot * n * n + e];
-      });
+    for (std::size_t slot = 0; slot < all.slot_range_m.size(); ++slot) {
+      const Reached reached = reached_from(all.slot_range_m[slot], response, axis);
+      Complex* out = &covariance[reached.first * n * n];
+      for (const double psf : reached.response)
+        for (std::size_t e = 0; e < n * n; ++e) *out++ += psf * psf * of_slots[slot * n * n + e];
+    }
     for (std::size_t i = 0; i < points_; ++i) add_root({&covariance[i * n * n], n * n});
   }
 
