@@ -57,9 +57,10 @@ AntennaFit fit_wave(const Samples& x) {
   const Eigen::SelfAdjointEigenSolver<Samples> solver(covariance);
   const double all = covariance.trace().real(), wave = solver.eigenvalues().maxCoeff();
   if (!(wave >= least_share * all)) {
-    fit.refusal = format("the antennas do not see one echo: %.0f %% of the power is one wave's, 90 %%"
-                         " needed",
-                         100 * wave / all);
+    fit.refusal = format(
+        "the antennas do not see one echo: %.0f %% of the power is one wave's, 90 %%"
+        " needed",
+        100 * wave / all);
     return fit;
   }
   const Eigen::VectorXcd a = solver.eigenvectors().col(x.rows() - 1);  // eigenvalues ascend
@@ -94,16 +95,17 @@ AntennaFit fit_antennas(const ArrayFrames& frames, std::size_t antennas, std::si
     if (near < powers.size() && powers[near] > powers[top]) top = near;
   const double snr_db = 10 * std::log10(powers[top] / std::max(median_of(powers), 1e-9));
   if (!(snr_db >= least_snr_db)) {
-    fit.refusal = format("no peak in the antennas' samples at the reflector: %.1f dB over the median,"
-                         " 10 needed",
-                         snr_db);
+    fit.refusal = format(
+        "no peak in the antennas' samples at the reflector: %.1f dB over the median,"
+        " 10 needed",
+        snr_db);
     return fit;
   }
   Samples x(static_cast<Eigen::Index>(antennas), static_cast<Eigen::Index>(frames.size()));
   for (Eigen::Index f = 0; f < x.cols(); ++f)
     for (Eigen::Index m = 0; m < x.rows(); ++m)
-      x(m, f) = sample(frames[static_cast<std::size_t>(f)],
-                       top * antennas + static_cast<std::size_t>(m));
+      x(m, f) =
+          sample(frames[static_cast<std::size_t>(f)], top * antennas + static_cast<std::size_t>(m));
   fit = fit_wave(x);
   fit.snr_db = snr_db;
   return fit;
@@ -130,6 +132,19 @@ double largest_residual(const AntennaGains& a, const AntennaGains& b) {
     worst = std::max(worst, off / std::max(error, 1e-9));
   }
   return worst;
+}
+
+std::string to_text(const AntennaFit& fit) {
+  if (!fit.refusal.empty()) return "array  refused: " + fit.refusal + "\n";
+  constexpr double degree = std::numbers::pi / 180;
+  const AntennaGains& g = fit.gains;
+  std::string text =
+      format("array  %zu antennas, SNR %.0f dB; against antenna 0:\n", g.gain.size(), fit.snr_db);
+  for (std::size_t m = 1; m < g.gain.size(); ++m)
+    text += format("array  antenna %zu: gain %.4f +- %.4f, phase %+.2f +- %.2f degrees\n", m,
+                   g.gain[m], g.gain[m] * g.standard_error[m], g.phase_rad[m] / degree,
+                   g.standard_error[m] / degree);
+  return text;
 }
 
 }  // namespace echofuse::acquire

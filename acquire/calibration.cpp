@@ -65,8 +65,9 @@ void take_antennas(const std::string& path, const AntennaTexts& texts, AntennaGa
   if (out.gain.empty() || out.gain.size() != out.phase_rad.size() ||
       out.gain.size() != out.standard_error.size())
     throw Error(ExitCode::config,
-                path + ": antennas.gain, antennas.phase_rad and antennas.standard_error are not "
-                       "lists of as many numbers, one for each of 1 to 12 antennas");
+                path +
+                    ": antennas.gain, antennas.phase_rad and antennas.standard_error are not "
+                    "lists of as many numbers, one for each of 1 to 12 antennas");
 }
 
 }  // namespace
