@@ -111,7 +111,8 @@ void refuse_other_config(const record::RunInfo& begun,
                                     printable(text_or(before, key), 200) + ", now " +
                                     text_or(now, key));
   if (begun.radar_cfg != config.radar.cfg_text) differing += "\nradar.cfg has another text";
-  differing += other_calibration({.entries = calibrated, .firmware = {}}, config.calibration);
+  differing += other_calibration({.entries = calibrated, .firmware = {}, .antennas = {}},
+                                 config.calibration);
   if (!differing.empty())
     throw Error(ExitCode::config, "a run is resumed with its own configuration only:" + differing);
 }
