@@ -126,7 +126,7 @@ TEST_CASE("heat maps with damaged types and lengths are counted and survived") {
       set_u32(frame, 20, 700 + i);
       const auto kind = rng() % 6;
       constexpr std::size_t map_tlv = 40 + 8 + 8;
-      if (kind == 0) set_u32(frame, map_tlv, rng() % 12);  // type
+      if (kind == 0) set_u32(frame, map_tlv, static_cast<std::uint32_t>(rng() % 12));  // type
       if (kind == 1)
         set_u32(frame, map_tlv + 4, static_cast<std::uint32_t>(rng() % 160));  // length
       if (kind == 2) frame[map_tlv + 4 + rng() % 4] ^= static_cast<std::uint8_t>(1u << rng() % 8);
