@@ -32,7 +32,8 @@ std::int64_t export_h5(
     const RunReader& run, const std::string& path,
     const std::function<void(std::int64_t done, std::int64_t total)>& progress = {});
 
-// One record as lines "sensor,x,y,value" under a "#" header that names the units.
+// One record, without the array, as lines "sensor,x,y,value" under a "#" header that names the
+// units.
 void export_csv(const RunReader& run, std::int64_t index, const std::string& path);
 
 }  // namespace echofuse::record

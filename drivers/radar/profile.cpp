@@ -156,6 +156,11 @@ void read_heat_map(const Cfg& cfg, const Antennas& antennas, Board board, RadarP
   profile.array = heat_map_antennas(board, antennas.transmitters, antennas.receivers);
   const bool in_row = std::ranges::all_of(
       profile.array, [&](const AntennaPlace& a) { return a.y == profile.array[0].y; });
+  if (!profile.planar && antennas.transmitters.size() > 1 && std::popcount(antennas.receivers) < 4)
+    profile.warnings.push_back(
+        cfg.where(cfg.last("channelCfg").line) +
+        "channelCfg has fewer than 4 receivers: the heat map of SDK 3.4 then "
+        "mixes neighbouring bins");
   if (profile.planar || in_row) return;
   profile.warnings.push_back(cfg.where(cfg.last("chirpCfg").line) +
                              "chirpCfg has transmitter 2 before 3: the heat map is of the frame's "

@@ -214,6 +214,8 @@ TEST_CASE("a heat map that cannot be used or sent in time is told") {
                                  "bytes takes 95.8 ms at 921600 baud"});
   CHECK(warnings("0 100 1 0", "0 100 1 0", Board::aop).size() == 1);
   CHECK(warnings("0 100 1 0", "0 150 1 0", Board::aop).empty());
+  CHECK_THAT(warnings("channelCfg 15 7", "channelCfg 7 5", Board::isk).at(0),
+             Catch::StartsWith("x.cfg:4: channelCfg has fewer than 4 receivers"));
   const std::string other =
       "chirpCfg 1 1 0 0 0 0 0 2\r\nchirpCfg 2 2 0 0 0 0 0 4\r\n";  // transmitter 2 second
   const std::string usual = "chirpCfg 1 1 0 0 0 0 0 4\r\nchirpCfg 2 2 0 0 0 0 0 2\r\n";
