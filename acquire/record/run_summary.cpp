@@ -42,6 +42,13 @@ RunSummary RunReader::summary() const {
         sum.verdicts[s]);
   }
   if (has_table("clock_fit")) summarise_sync(sum);
+  if (has_table("radar_array")) {
+    Statement arrays = ask("SELECT count(idx), total(frames) FROM radar_array");
+    if (arrays.step()) {
+      sum.arrays = arrays.integer();
+      sum.array_frames = arrays.integer();
+    }
+  }
   return sum;
 }
 
