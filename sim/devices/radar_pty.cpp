@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "drivers/core/crc32c.hpp"
 #include "drivers/core/random.hpp"
 #include "sim/devices/device.hpp"
 #include "sim/devices/fault_injector.hpp"
@@ -110,7 +111,7 @@ class RadarBoard final : public Device {
   void output() {
     if (!data_->idle()) {  // slower than the frames: the demo has no time for this one
       ++skipped_;
-      log(injector_.now(), "skipped", frame_number_, -1);
+      log(injector_.now(), "skipped", {frame_number_});
       return;
     }
     const auto power = power_seen();
@@ -155,11 +156,11 @@ class RadarBoard final : public Device {
   }
 
   void put_on_line(Bytes wire) {
-    Frame frame{std::move(wire), frame_number_, -1, injector_.due()};
-    if (injector_.triggers(FaultKind::drop))
-      return log(injector_.now(), "dropped", frame.number, -1);
+    Sent what{frame_number_, crc32c(wire)};
+    Frame frame{std::move(wire), what, injector_.due()};
+    if (injector_.triggers(FaultKind::drop)) return log(injector_.now(), "dropped", what);
     if (injector_.triggers(FaultKind::corrupt))
-      frame.damage = static_cast<std::int64_t>(injector_.corrupt(frame.wire));
+      frame.what.damage = static_cast<std::int64_t>(injector_.corrupt(frame.wire));
     frame.junk = injector_.garbage();
     line_.push_back(std::move(frame));
     send_due();
@@ -168,9 +169,8 @@ class RadarBoard final : public Device {
   void send_due() {
     for (; !line_.empty() && line_.front().due <= injector_.now(); line_.pop_front()) {
       const Frame& frame = line_.front();
-      data_->send(frame.wire, [this, begun = injector_.now(), number = frame.number,
-                               damage = frame.damage](bool arrived) {
-        log(begun, !arrived ? "lost" : damage < 0 ? "sent" : "corrupt", number, damage);
+      data_->send(frame.wire, [this, begun = injector_.now(), what = frame.what](bool arrived) {
+        log(begun, !arrived ? "lost" : what.damage < 0 ? "sent" : "corrupt", what);
       });
       data_->send(frame.junk);
     }
@@ -183,9 +183,13 @@ class RadarBoard final : public Device {
     send_due();
   }
 
-  // `damage`: which byte of the frame is not as it was; -1: none.
-  void log(HostTime begun, const char* what, std::uint32_t number, std::int64_t damage) {
-    injector_.log(begun, what, {{"frame", number}, {"damage", damage}});
+  struct Sent {
+    std::uint32_t number = 0, crc = 0;
+    std::int64_t damage = -1;  // which byte of the frame is not as it was; -1: none
+  };
+  void log(HostTime begun, const char* done, const Sent& what) {
+    injector_.log(begun, done,
+                  {{"frame", what.number}, {"damage", what.damage}, {"crc", what.crc}});
   }
 
   // Sending time and margin are the former frame's: this one is not sent yet.
@@ -219,8 +223,7 @@ class RadarBoard final : public Device {
 
   struct Frame {
     Bytes wire;
-    std::uint32_t number;
-    std::int64_t damage;
+    Sent what;
     HostTime due;
     Bytes junk{};  // behind it
   };
