@@ -81,7 +81,8 @@ def statistics(frames, numbers, b):
     values += [covariance[m][m].real for m in range(ANTENNAS)]
     values += [part for m in range(ANTENNAS) for n in range(m + 1, ANTENNAS)
                for part in (covariance[m][n].real, covariance[m][n].imag)]
-    return power, values + [lag.real, lag.imag]
+    # Of one pair less than there are frames: of what stands still it may be more than the power, and is stored as that.
+    return power, values + [max(-1, min(1, part)) for part in (lag.real, lag.imag)]
 
 
 class Antennas(unittest.TestCase):
