@@ -184,9 +184,10 @@ record::FusedRecord Generator::make(std::int64_t index) const {
   std::vector<double> looks;
   if (!antennas_.empty()) looks = look_through_array(index, returns, r);
   roughen(returns, c, rng);
-  auto power = radar_power(returns, radar_, c);
+  const bool looked = !looks.empty() && c.radar_sum == "coherent";
+  auto power = looked ? std::vector<double>(radar_.count) : radar_power(returns, radar_, c);
   add_radar_noise(power, mean_peak_, c, rng);
-  if (!looks.empty() && c.radar_sum == "coherent") power = std::move(looks);
+  if (looked) power = std::move(looks);
   r.radar.resize(power.size());
   std::transform(power.begin(), power.end(), r.radar.begin(),
                  [](double p) { return static_cast<float>(p); });

@@ -13,7 +13,6 @@
 #include "sim/scene/clones.hpp"
 #include "sim/sensors/array_cells.hpp"
 #include "sim/sensors/body_motion.hpp"
-#include "sim/sensors/gaussian.hpp"
 #include "sim/sensors/radar_echo.hpp"
 
 namespace echofuse::sim {
@@ -114,12 +113,39 @@ Complex gaussian(double power, Rng& rng) {
 }
 
 // The same for the same patch, whatever stands before others.
-double phase_of_patch(const Returns& returns, std::size_t k, std::uint64_t seed) {
+float turns_of_patch(const Returns& returns, std::size_t k, std::uint64_t seed) {
   const auto range = std::bit_cast<std::uint64_t>(returns.range_m[k]);
   const auto x = std::bit_cast<std::uint32_t>(returns.place[k].x);
   const auto y = std::bit_cast<std::uint32_t>(returns.place[k].y);
-  return 2 * pi * 0x1p-64 * static_cast<double>(mix(seed ^ mix(range ^ mix(x ^ mix(y)))));
+  return static_cast<float>(mix(seed ^ mix(range ^ mix(x ^ mix(y)))) >> 40) * 0x1p-24f;
 }
+
+// Adds one wave after the other, fast.
+class Waves {
+ public:
+  Waves(const Antennas& antennas, const Layout& layout)
+      : layout_(layout), turns_(layout.padded), re_(layout.padded), im_(layout.padded) {
+    for (const auto& a : antennas)
+      channels_.push_back({static_cast<float>(a.x / 2), static_cast<float>(a.y / 2),
+                           static_cast<float>(a.phase_rad / (2 * pi)), static_cast<float>(a.gain)});
+  }
+  void add(float x, float y, float amplitude, float ahead_turns, float* out) {
+    for (std::size_t m = 0; m < channels_.size(); ++m) {
+      const auto& c = channels_[m];
+      turns_[m] = c[0] * x + c[1] * y + c[2] + ahead_turns;
+    }
+    turn(turns_.data(), re_.data(), im_.data(), turns_.size());
+    for (std::size_t m = 0; m < channels_.size(); ++m) {
+      out[m] += amplitude * channels_[m][3] * re_[m];
+      out[layout_.padded + m] += amplitude * channels_[m][3] * im_[m];
+    }
+  }
+
+ private:
+  Layout layout_;
+  std::vector<std::array<float, 4>> channels_;
+  std::vector<float> turns_, re_, im_;
+};
 
 // What stands still: points, and if coherent the room and objects.
 std::vector<float> still_echo(const Returns& returns, const RadarAxis& axis,
@@ -139,14 +165,14 @@ std::vector<float> still_echo(const Returns& returns, const RadarAxis& axis,
   if (!room) return out;
   const double width = axis.resolution_m / (2 * slots_per_cell);
   std::vector<float> slots;
+  Waves waves(antennas, layout);
   for (std::size_t k = 0; k < returns.place.size(); ++k) {
     const auto& place = returns.place[k];
     if (place.person != Returns::still || returns.range_m[k] <= 0) continue;
     const auto slot = static_cast<std::size_t>(returns.range_m[k] / width);
     slots.resize(std::max(slots.size(), (slot + 1) * layout.row));
-    layout.put(wave_at(antennas, place.x, place.y),
-               std::polar(std::sqrt(returns.weight[k]), phase_of_patch(returns, k, seed)),
-               &slots[slot * layout.row]);
+    waves.add(place.x, place.y, static_cast<float>(std::sqrt(returns.weight[k])),
+              turns_of_patch(returns, k, seed), &slots[slot * layout.row]);
   }
   for (std::size_t slot = 0; slot < slots.size() / layout.row; ++slot) {
     const float* row = &slots[slot * layout.row];
@@ -352,62 +378,6 @@ void ArrayEcho::frame(double later_s, Rng& rng, std::span<std::complex<float>> s
   for (std::size_t i = 0; i < samples.size(); i += layout.antennas, row += layout.row)
     for (std::size_t m = 0; m < layout.antennas; ++m)
       samples[i + m] = {row[m], row[layout.padded + m]};
-}
-
-Antennas antennas_in_layout(std::size_t count) {
-  Antennas antennas(count);
-  if (count <= 8) {
-    for (std::size_t m = 0; m < count; ++m) antennas[m].x = static_cast<double>(m);
-    return antennas;
-  }
-  constexpr std::array<std::array<double, 2>, 3> transmitters{{{0, 0}, {2, 2}, {0, 2}}};
-  constexpr std::array<std::array<double, 2>, 4> receivers{{{1, 1}, {1, 0}, {0, 1}, {0, 0}}};
-  for (std::size_t m = 0; m < count; ++m) {
-    const auto &t = transmitters[m / 4 % 3], &r = receivers[m % 4];
-    antennas[m].x = t[0] + r[0];
-    antennas[m].y = t[1] + r[1];
-  }
-  return antennas;
-}
-
-Antennas simulated_antennas(const Conditions& c, std::uint64_t seed) {
-  Antennas antennas = antennas_in_layout(static_cast<std::size_t>(c.radar_antennas));
-  Rng rng = make_rng(seed, 0);
-  std::normal_distribution<double> unit;
-  for (auto& a : antennas) {
-    a.phase_rad = c.radar_phase_error_rad * unit(rng);
-    a.gain = std::pow(10, c.radar_gain_error_db * unit(rng) / 20);
-  }
-  return antennas;
-}
-
-Antennas stated_antennas(const Antennas& antennas, const Conditions& c) {
-  return c.radar_array_calibrated ? antennas : antennas_in_layout(antennas.size());
-}
-
-ArrayLooks look_through_array(const Returns& returns, const RadarAxis& axis, std::size_t kept_bins,
-                              const Antennas& antennas, const Conditions& c, double noise_power,
-                              std::uint64_t still_seed, Rng& rng) {
-  ArrayEcho echo(returns, axis, antennas, c, still_seed, rng);
-  record::ArrayStatistics sums(kept_bins, antennas.size());
-  std::vector<std::complex<float>> samples(echo.samples());
-  auto* parts = reinterpret_cast<float*>(samples.data());
-  const auto rms = static_cast<float>(std::sqrt(noise_power / 2));
-  const double later_s = dataset_window_s / static_cast<double>(c.radar_frames);
-  ArrayLooks looks;
-  looks.power.resize(axis.count);
-  for (std::int64_t f = 0; f < c.radar_frames; ++f) {
-    echo.frame(later_s, rng, samples);
-    add_gaussian({parts, 2 * samples.size()}, rms, rng);
-    sums.add({samples.data(), kept_bins * antennas.size()});
-    for (std::size_t i = 0; i < axis.count; ++i)
-      for (std::size_t m = 0; m < antennas.size(); ++m)
-        looks.power[i] += std::norm(samples[i * antennas.size() + m]);
-  }
-  const auto count = static_cast<double>(c.radar_frames) * static_cast<double>(antennas.size());
-  for (double& power : looks.power) power /= count;
-  looks.array = sums.take();
-  return looks;
 }
 
 }  // namespace echofuse::sim
