@@ -74,12 +74,17 @@ ECHOFUSE_CLONES void add_turned(const float* rows, const float* re, const float*
   }
 }
 
-// Adds the row to each point's, times the point's response.
-ECHOFUSE_CLONES void spread(const float* response, std::size_t points, const float* row,
-                            std::size_t size, float* out) {
-  for (std::size_t i = 0; i < points; ++i, out += size) {
-    const float share = response[i];
-    for (std::size_t m = 0; m < size; ++m) out[m] += share * row[m];
+// Adds the row to each point's, times the point's response. Eight numbers at a time, which stay in
+// a register: rows are a multiple of eight.
+ECHOFUSE_CLONES void spread(const float* __restrict response, std::size_t points, const float* row,
+                            std::size_t size, float* __restrict out) {
+  constexpr std::size_t block = 8;
+  for (std::size_t first = 0; first < size; first += block) {
+    float part[block];
+    for (std::size_t m = 0; m < block; ++m) part[m] = row[first + m];
+    float* to = out + first;
+    for (std::size_t i = 0; i < points; ++i, to += size)
+      for (std::size_t m = 0; m < block; ++m) to[m] += response[i] * part[m];
   }
 }
 
