@@ -292,11 +292,14 @@ Calibration to_calibration(const std::vector<Result>& results,
 // One of many antennas is four standard errors off more seldom than one range is three.
 bool compare_antennas(const AntennaGains& now, const AntennaGains& then,
                       nlohmann::ordered_json& json, bool quiet) {
-  if (now.empty() || now.gain.size() != then.gain.size()) return true;
+  if (now.empty()) return true;
+  const bool same = now.gain.size() == then.gain.size();
   const double worst = largest_residual(now, then);
-  const bool holds = worst <= 4;
+  const bool holds = same && worst <= 4;
   json["array_residual"] = {{"standard_errors", worst}, {"holds", holds}};
-  if (!quiet)
+  if (!quiet && !same)
+    std::printf("array  the calibration has %zu antennas; calibrate anew\n", then.gain.size());
+  else if (!quiet)
     std::printf("array  differs by at most %.1f standard errors: the calibration of %s %s\n", worst,
                 then.date_utc.c_str(), holds ? "holds" : "has slipped; calibrate anew");
   return holds;

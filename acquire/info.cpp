@@ -34,8 +34,10 @@ Json array_of(const record::RunReader& run, const record::RunSummary& sum) {
   const auto axis = run.axis("array");
   if (!axis) return Json::object();
   Json antennas = Json::array();
+  bool calibrated = false;
   for (const record::Antenna& a : run.antennas())
-    antennas.push_back({{"x", a.x}, {"y", a.y}, {"gain", a.gain}, {"phase_rad", a.phase_rad}});
+    calibrated |= a.gain != 1 || a.phase_rad != 0,
+        antennas.push_back({{"x", a.x}, {"y", a.y}, {"gain", a.gain}, {"phase_rad", a.phase_rad}});
   const auto records = static_cast<double>(std::max<std::int64_t>(sum.arrays, 1));
   return {{"antennas", record::antennas_of(*axis)},
           {"bins", axis->count},
@@ -43,6 +45,7 @@ Json array_of(const record::RunReader& run, const record::RunSummary& sum) {
           {"records", sum.arrays},
           {"frames_a_record", static_cast<double>(sum.array_frames) / records},
           {"bytes_a_record", record::array_bytes(*axis)},
+          {"calibrated", calibrated},
           {"places", antennas}};
 }
 
@@ -175,7 +178,7 @@ std::string to_text(const Json& j) {
     line("array", word(a["antennas"]) + " antennas, " + word(a["bins"]) + " bins to " +
                       word(a["end_m"]) + " m, in " + word(a["records"]) + " records of " +
                       word(a["frames_a_record"]) + " frames and " + word(a["bytes_a_record"]) +
-                      " bytes");
+                      " bytes, " + (a["calibrated"] ? "calibrated" : "not calibrated"));
   for (const auto& c : j["calibrations"])
     line("offset", word(c["sensor"]) + ": " + word(c["offset_m"]) + " m +- " +
                        word(c["standard_error_m"]) + " m, of " + word(c["date_utc"]));

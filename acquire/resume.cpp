@@ -91,10 +91,13 @@ void refuse_other_antennas(const record::Antennas& begun, const Config& config) 
   const bool same_places =
       std::ranges::equal(begun, config.antennas,
                          [](const auto& a, const auto& b) { return a.x == b.x && a.y == b.y; });
-  throw Error(ExitCode::config,
-              std::string("a run is resumed with its own configuration only:\n") +
-                  (same_places ? "run.calibration has other gains or phases of the radar's antennas"
-                               : "radar.board or radar.cfg make another array of antennas"));
+  throw Error(
+      ExitCode::config,
+      std::string("a run is resumed with its own configuration only:\n") +
+          (begun.empty() ? "it was recorded without the radar's antennas, which radar.cfg "
+                           "asks for; begin a new run"
+           : same_places ? "run.calibration has other gains or phases of the radar's antennas"
+                         : "radar.board or radar.cfg make another array of antennas"));
 }
 
 void refuse_other_config(const record::RunInfo& begun,

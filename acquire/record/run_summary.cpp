@@ -93,4 +93,10 @@ void RunReader::summarise_sync(RunSummary& sum) const {
   }
 }
 
+std::string RunReader::check() const {
+  Statement s = ask("PRAGMA integrity_check");
+  const std::string verdict = s.step() ? s.text() : "no answer";
+  return verdict == "ok" ? "" : verdict;
+}
+
 }  // namespace echofuse::record

@@ -10,7 +10,8 @@
 // Here the row of transmitters 1 and 3 of the ISK has y = 0. x is to the right as seen from behind
 // the radar, as the demo's own points have it (a phase that grows with x is a wave from the right).
 // Several antennas of the AOP and of the ODS are fed with half a wave more (TI's own neutral line
-// of the AOP is 1 0 -1 0 ...; users of the ODS name the virtual antennas 2, 3, 5, 7, 10 and 11).
+// of the AOP is 1 0 -1 0 ...; antPhaseRot of TI's cfgs for the ODS turns the virtual antennas 2, 3,
+// 6, 7, 10 and 11).
 // That is no place but a phase: `echofuse-acquire calibrate` measures it with all others.
 #pragma once
 #include <cstdint>
