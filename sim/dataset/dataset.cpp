@@ -195,8 +195,8 @@ record::FusedRecord Generator::make(std::int64_t index) const {
   return r;
 }
 
-// From random numbers of its own, so that the rest of the record is the same with and without
-// antennas. Returns the mean power in each point.
+// From random numbers of its own, so that the rest of the record (with coherent echoes: but the
+// profile) is the same with and without antennas. Returns the mean power in each point.
 std::vector<double> Generator::look_through_array(std::int64_t index, const Returns& returns,
                                                   record::FusedRecord& r) const {
   const Conditions& c = plan_.conditions;
