@@ -9,15 +9,17 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <utility>
 #include <vector>
 
+#include "acquire/array_calibration.hpp"
 #include "acquire/calibration.hpp"
 #include "acquire/devices.hpp"
+#include "acquire/repeats.hpp"
 #include "acquire/start_gaps.hpp"
 #include "drivers/core/console.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "drivers/core/printable.hpp"
-#include "drivers/radar/profile.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -46,7 +48,9 @@ class Gatherer final : public SampleSink {
     starts.add(block.tags);
   }
   void on_radar(RadarFrame frame) override {
-    if (running && !frame.range_profile.empty()) frames.push_back(std::move(frame.range_profile));
+    if (!running) return;
+    if (!frame.range_profile.empty()) frames.push_back(std::move(frame.range_profile));
+    if (!frame.array.empty()) arrays.push_back(std::move(frame.array));
   }
   void on_depth(DepthFrame) override {}
   void on_state(Sensor sensor, DeviceState, const DeviceInfo&) override {
@@ -66,6 +70,7 @@ class Gatherer final : public SampleSink {
   tdc::TagCounts counts;
   StartGaps starts;
   std::vector<std::vector<std::uint16_t>> frames;
+  ArrayFrames arrays;  // of this repeat
   std::vector<FirmwareBias> firmware;
 
  private:
@@ -82,24 +87,6 @@ struct Result {
   double spread_m = 0;  // standard deviation of the repeats
   std::string method;
 };
-
-double spread_of(const std::vector<double>& values) {
-  if (values.size() < 2) return 0;
-  double mean = 0, squares = 0;
-  for (const double v : values) mean += v / static_cast<double>(values.size());
-  for (const double v : values) squares += (v - mean) * (v - mean);
-  return std::sqrt(squares / static_cast<double>(values.size() - 1));
-}
-
-// Shot noise alone gives the repeats a spread of `expected`; beyond four of its own standard errors
-// something moved, and the spread is what the mean is known to.
-double honest_error(double standard_error, const std::vector<double>& repeats) {
-  const auto n = static_cast<double>(repeats.size());
-  if (n < 3) return standard_error;
-  const double expected = standard_error * std::sqrt(n), seen = spread_of(repeats);
-  const bool moved = seen > expected * (1 + 4 / std::sqrt(2 * (n - 1)));
-  return moved ? seen / std::sqrt(n) : standard_error;
-}
 
 class Measurement {
  public:
@@ -132,6 +119,25 @@ class Measurement {
     if (config_.configured().contains(Sensor::radar)) out.push_back(radar());
     return out;
   }
+  // None if the cfg asks for no heat map. Known by the range that the profile has of the reflector.
+  std::optional<AntennaFit> antennas() const {
+    if (config_.antennas.empty()) return std::nullopt;
+    const Peak peak = radar().peak;
+    AntennaFit all{.gains = {}, .snr_db = 0, .refusal = "the range profile has no such peak"};
+    if (!peak.refusal.empty()) return all;
+    const auto fit = [&](const ArrayFrames& frames) {
+      return fit_antennas(frames, config_.antennas.size(), bin_of(peak.range_m));
+    };
+    ArrayFrames together;
+    for (const ArrayFrames& repeat : arrays_)
+      together.insert(together.end(), repeat.begin(), repeat.end());
+    all = fit(together);
+    std::vector<AntennaGains> repeats;
+    for (const ArrayFrames& repeat : arrays_)
+      if (const AntennaFit one = fit(repeat); one.refusal.empty()) repeats.push_back(one.gains);
+    widen(all.gains, repeats);
+    return all;
+  }
   std::optional<FirmwareBias> firmware() const {
     const auto& all = gatherer_.firmware;
     if (all.empty()) return std::nullopt;
@@ -162,8 +168,7 @@ class Measurement {
                        static_cast<double>(s.bin_width_ps), options_.search);
   }
   Peak echo(const std::vector<std::vector<std::uint16_t>>& frames) const {
-    const auto profile = radar::parse_profile(config_.radar.cfg_text, config_.radar.cfg_name,
-                                              config_.radar.data_baud);
+    const radar::RadarProfile profile = parse_profile(config_.radar);
     std::vector<std::vector<std::uint16_t>> whole;
     std::copy_if(frames.begin(), frames.end(), std::back_inserter(whole),
                  [&](const auto& f) { return f.size() == profile.bins; });
@@ -176,7 +181,12 @@ class Measurement {
                      .log2_power_step = log2_power_step(profile.antennas)},
                     options_.search);
   }
+  std::size_t bin_of(double range_m) const {
+    return static_cast<std::size_t>(
+        std::lround(std::max(0.0, range_m / parse_profile(config_.radar).range_step_m)));
+  }
   void end_repeat() {
+    arrays_.push_back(std::exchange(gatherer_.arrays, {}));
     const auto counts = gatherer_.take();
     starts_ += gatherer_.counts.starts;
     clicks_ += gatherer_.counts.in_range;
@@ -221,6 +231,7 @@ class Measurement {
   std::uint64_t starts_ = 0, clicks_ = 0;
   std::size_t frames_before_ = 0;
   std::vector<double> spd_ranges_, radar_ranges_;
+  std::vector<ArrayFrames> arrays_;  // by repeat
 };
 
 nlohmann::ordered_json json_of(const Result& r, const Search& search) {
@@ -248,7 +259,18 @@ void say(const Result& r, const Search& search) {
         1e3 * p.standard_error_m, 1e3 * r.spread_m, p.snr_db);
 }
 
-Calibration to_calibration(const std::vector<Result>& results, const CalibrateOptions& options,
+nlohmann::ordered_json json_of(const AntennaFit& fit) {
+  if (!fit.refusal.empty()) return {{"refusal", fit.refusal}};
+  const AntennaGains& g = fit.gains;
+  return {{"snr_db", fit.snr_db},
+          {"gain", g.gain},
+          {"phase_rad", g.phase_rad},
+          {"standard_error", g.standard_error}};
+}
+
+Calibration to_calibration(const std::vector<Result>& results,
+                           const std::optional<AntennaFit>& antennas,
+                           const CalibrateOptions& options,
                            const std::optional<FirmwareBias>& firmware, const Clock& clock) {
   Calibration out;
   for (const Result& r : results)
@@ -260,7 +282,27 @@ Calibration to_calibration(const std::vector<Result>& results, const CalibrateOp
                              .offset_m = r.peak.range_m - options.search.distance_m,
                              .standard_error_m = r.peak.standard_error_m});
   out.firmware = firmware;
+  if (!antennas || !antennas->refusal.empty()) return out;
+  out.antennas = antennas->gains;
+  out.antennas.date_utc = iso8601(clock.utc());
+  out.antennas.distance_m = options.search.distance_m;
   return out;
+}
+
+// One of many antennas is four standard errors off more seldom than one range is three.
+bool compare_antennas(const AntennaGains& now, const AntennaGains& then,
+                      nlohmann::ordered_json& json, bool quiet) {
+  if (now.empty()) return true;
+  const bool same = now.gain.size() == then.gain.size();
+  const double worst = largest_residual(now, then);
+  const bool holds = same && worst <= 4;
+  json["array_residual"] = {{"standard_errors", worst}, {"holds", holds}};
+  if (!quiet && !same)
+    std::printf("array  the calibration has %zu antennas; calibrate anew\n", then.gain.size());
+  else if (!quiet)
+    std::printf("array  differs by at most %.1f standard errors: the calibration of %s %s\n", worst,
+                then.date_utc.c_str(), holds ? "holds" : "has slipped; calibrate anew");
+  return holds;
 }
 
 // Residuals against the stored calibration. False: one is more than three of its standard errors.
@@ -283,7 +325,7 @@ bool compare(const Calibration& fresh, const Calibration& stored, nlohmann::orde
                   name_of(now.sensor), 1e3 * residual, 1e3 * error, then->date_utc.c_str(),
                   holds ? "holds" : "has slipped; calibrate anew");
   }
-  return well;
+  return compare_antennas(fresh.antennas, stored.antennas, json, quiet) && well;
 }
 
 // What the file to be written holds already; never overwritten unread.
@@ -334,7 +376,14 @@ ExitCode calibrate(const Config& config, const CalibrateOptions& options, const 
     if (!options.json) say(r, options.search);
     refused = refused || !r.peak.refusal.empty();
   }
-  const Calibration fresh = to_calibration(results, options, measurement.firmware(), clock);
+  const auto antennas = measurement.antennas();
+  if (antennas) {
+    json["array"] = json_of(*antennas);
+    if (!options.json) std::printf("%s", to_text(*antennas).c_str());
+    refused = refused || !antennas->refusal.empty();
+  }
+  const Calibration fresh =
+      to_calibration(results, antennas, options, measurement.firmware(), clock);
   bool well = true;
   if (options.check) {
     well = compare(fresh, stored, json, options.json);

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "drivers/core/settings.hpp"
-#include "drivers/radar/profile.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -86,6 +85,8 @@ void bind(Settings& s, Config& c, Keys& k) {
   bind_policy(s, c, "radar", Sensor::radar);
   s.add("radar.data", c.radar.data, "data port: serial:/dev/... or hid:VVVV:PPPP[:serial]");
   s.add("radar.cfg", k.cfg, "TI mmWave .cfg file, sent verbatim; relative to this file's folder");
+  s.add("radar.board", c.radar.board, "whose antennas a heat map in the cfg is of",
+        radar::board_names());
   s.add("radar.cli_baud", k.cli_baud, 1200, 4'000'000, "of the command port");
   s.add("radar.data_baud", k.data_baud, 1200, 4'000'000, "of the data port");
   s.add("radar.keep_running", c.radar.keep_running,
@@ -147,8 +148,9 @@ class Judge {
   std::vector<std::string>& faults_;
 };
 
-void judge_radar(Judge& judge, RadarConfig& radar, const std::string& cfg,
+void judge_radar(Judge& judge, Config& c, const std::string& cfg,
                  const std::filesystem::path& folder) {
+  RadarConfig& radar = c.radar;
   if (radar.cli.empty() != radar.data.empty())
     judge.complain({"radar.cli", "radar.data"},
                    "radar.cli and radar.data belong together; one of them is empty");
@@ -167,8 +169,24 @@ void judge_radar(Judge& judge, RadarConfig& radar, const std::string& cfg,
     const auto path = folder / cfg;
     radar.cfg_name = path.string();
     radar.cfg_text = read_config_text(path);
-    radar::parse_profile(radar.cfg_text, radar.cfg_name, radar.data_baud);
+    for (const auto& place : parse_profile(radar).array)
+      c.antennas.push_back({.x = static_cast<double>(place.x), .y = static_cast<double>(place.y)});
   });
+}
+
+// What the file says of the antennas; it may be of a cfg that sent another heat map.
+void calibrate_antennas(Config& c) {
+  const AntennaGains& gains = c.calibration.antennas;
+  if (gains.empty() || c.antennas.empty()) return;
+  if (gains.gain.size() != c.antennas.size())
+    throw Error(ExitCode::config, c.calibration_path + ": has gains of " +
+                                      std::to_string(gains.gain.size()) +
+                                      " antennas, the heat map of radar.cfg and radar.board has " +
+                                      std::to_string(c.antennas.size()) + ": calibrate again");
+  for (std::size_t m = 0; m < c.antennas.size(); ++m) {
+    c.antennas[m].gain = gains.gain[m];
+    c.antennas[m].phase_rad = gains.phase_rad[m];
+  }
 }
 
 void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& folder,
@@ -189,17 +207,24 @@ void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& f
   if (!c.tdc.address.empty()) judge.attempt({"tdc.address"}, [&] { check_tdc(c.tdc.address); });
   judge.attempt({"tdc.click_channel", "tdc.start_channel", "tdc.bins", "tdc.bin_width_ps"},
                 [&] { const tdc::Histogram check(c.histogram); });
-  judge_radar(judge, c.radar, k.cfg, folder);
+  judge_radar(judge, c, k.cfg, folder);
   c.calibration_path =
       (folder / (k.calibration.empty() ? "calibration.toml" : k.calibration)).string();
   if (with_calibration && !k.calibration.empty())
-    judge.attempt({"run.calibration"},
-                  [&] { c.calibration = read_calibration(c.calibration_path); });
+    judge.attempt({"run.calibration"}, [&] {
+      c.calibration = read_calibration(c.calibration_path);
+      calibrate_antennas(c);
+    });
   if (!c.depth.address.empty())
     judge.attempt({"depth.address"}, [&] { check_depth(c.depth.address); });
 }
 
 }  // namespace
+
+radar::RadarProfile parse_profile(const RadarConfig& radar) {
+  return radar::parse_profile(radar.cfg_text, radar.cfg_name, radar.data_baud,
+                              radar::board_named(radar.board).value_or(radar::Board::isk));
+}
 
 SensorSet Config::configured() const {
   SensorSet set;

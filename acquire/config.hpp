@@ -7,8 +7,10 @@
 
 #include "acquire/calibration.hpp"
 #include "acquire/record/depth_map.hpp"
+#include "acquire/record/radar_array.hpp"
 #include "acquire/signal_check.hpp"
 #include "drivers/make_driver.hpp"
+#include "drivers/radar/profile.hpp"
 #include "drivers/tdc/histogram.hpp"
 
 namespace echofuse::acquire {
@@ -24,6 +26,7 @@ struct Config {
   record::MapGrid map;
   SignalLimits signal;
   Calibration calibration;       // of the file that run.calibration names
+  record::Antennas antennas;     // of the radar's heat map, calibrated; empty: it sends none
   std::string calibration_path;  // that file, or where one would stand
   PerSensor<std::string> policy{"optional", "optional", "optional"};
 
@@ -41,5 +44,8 @@ struct Config {
 // `with_calibration` the file of run.calibration is not read: it is about to be written.
 Config load_config(const std::string& path, const std::vector<std::string>& assignments = {},
                    bool with_calibration = true);
+
+// What the radar's cfg says. Throws as radar::parse_profile.
+radar::RadarProfile parse_profile(const RadarConfig& radar);
 
 }  // namespace echofuse::acquire

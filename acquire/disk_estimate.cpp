@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <iterator>
 
+#include "acquire/record/radar_array.hpp"
 #include "drivers/core/console.hpp"
 
 namespace echofuse::acquire {
@@ -28,6 +29,7 @@ DiskEstimate estimate_disk(const PlannedRun& plan, double free_bytes) {
 double record_bytes(const std::vector<Axis>& axes) {
   double bytes = 0, pixels = 0;
   for (const Axis& axis : axes) {
+    if (axis.name == "array") bytes += record::array_bytes(axis);
     if (axis.name == "spd" || axis.name == "radar") bytes += 4.0 * axis.count;
     if (axis.name == "depth_x" || axis.name == "depth_y")
       pixels = (pixels > 0 ? pixels : 1) * axis.count;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/info.hpp"
 
+#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -26,6 +27,26 @@ Json parts_of(const record::RunReader& run) {
     parts.back()[c.source][c.name] = c.value;
   }
   return parts;
+}
+
+// Empty for a run without it.
+Json array_of(const record::RunReader& run, const record::RunSummary& sum) {
+  const auto axis = run.axis("array");
+  if (!axis) return Json::object();
+  Json antennas = Json::array();
+  bool calibrated = false;
+  for (const record::Antenna& a : run.antennas())
+    calibrated |= a.gain != 1 || a.phase_rad != 0,
+        antennas.push_back({{"x", a.x}, {"y", a.y}, {"gain", a.gain}, {"phase_rad", a.phase_rad}});
+  const auto records = static_cast<double>(std::max<std::int64_t>(sum.arrays, 1));
+  return {{"antennas", record::antennas_of(*axis)},
+          {"bins", axis->count},
+          {"end_m", axis->at(axis->count - 1.0)},
+          {"records", sum.arrays},
+          {"frames_a_record", static_cast<double>(sum.array_frames) / records},
+          {"bytes_a_record", record::array_bytes(*axis)},
+          {"calibrated", calibrated},
+          {"places", antennas}};
 }
 
 Json to_json(const record::RunReader& run) {
@@ -95,6 +116,7 @@ Json to_json(const record::RunReader& run) {
           {"marks", marks},
           {"counters", parts_of(run)},
           {"axes", axes},
+          {"array", array_of(run, sum)},
           {"calibrations", calibrations},
           {"devices", devices}};
 }
@@ -152,6 +174,11 @@ std::string to_text(const Json& j) {
   for (const auto& a : j["axes"])
     line("axis", word(a["name"]) + ": " + word(a["count"]) + " x " + word(a["step"]) + " " +
                      word(a["unit"]) + " from " + word(a["start"]) + ", " + word(a["quantity"]));
+  if (const Json& a = j["array"]; !a.empty())
+    line("array", word(a["antennas"]) + " antennas, " + word(a["bins"]) + " bins to " +
+                      word(a["end_m"]) + " m, in " + word(a["records"]) + " records of " +
+                      word(a["frames_a_record"]) + " frames and " + word(a["bytes_a_record"]) +
+                      " bytes, " + (a["calibrated"] ? "calibrated" : "not calibrated"));
   for (const auto& c : j["calibrations"])
     line("offset", word(c["sensor"]) + ": " + word(c["offset_m"]) + " m +- " +
                        word(c["standard_error_m"]) + " m, of " + word(c["date_utc"]));

@@ -26,6 +26,9 @@ void Journal::put_config(const Config& config, bool resumed) {
     put_axes({map.begin(), map.end()});
   }
   if (resumed) return;
+  if (!config.antennas.empty())
+    writer_.put(
+        [antennas = config.antennas](record::RunWriter& run) { run.put_antennas(antennas); });
   for (const auto& entry : config.calibration.entries)
     writer_.put([entry](record::RunWriter& run) { run.put_calibration(entry); });
 }

@@ -22,7 +22,7 @@ constexpr std::size_t chunk_bytes = 4096;  // as a serial port hands them out
 
 // What FrameCounts does not hold: sizes of the profiles, frames with the other known TLVs.
 struct Contents {
-  std::map<std::size_t, std::uint64_t> profiles_by_bins;
+  std::map<std::size_t, std::uint64_t> profiles_by_bins, arrays_by_samples;
   std::uint64_t stats = 0, temperatures = 0;
 };
 
@@ -39,6 +39,9 @@ void for_each_chunk(const std::string& path, const Visit& visit) {
 Json to_json(const radar::FrameCounts& c, const Contents& contents) {
   Json bins = Json::object();
   for (const auto& [size, frames] : contents.profiles_by_bins) bins[std::to_string(size)] = frames;
+  Json samples = Json::object();
+  for (const auto& [size, frames] : contents.arrays_by_samples)
+    samples[std::to_string(size)] = frames;
   Json types = Json::object();
   for (const auto& [type, count] : c.tlvs) types[std::to_string(type)] = count;
   const auto number = [](const std::optional<std::uint32_t>& n) { return n ? Json(*n) : Json(); };
@@ -47,6 +50,8 @@ Json to_json(const radar::FrameCounts& c, const Contents& contents) {
           {"frame_bytes", c.frame_bytes},
           {"range_profiles", c.range_profiles},
           {"range_profiles_by_bins", bins},
+          {"arrays", c.arrays},
+          {"arrays_by_samples", samples},
           {"stats", contents.stats},
           {"temperatures", contents.temperatures},
           {"tlvs_by_type", types},
@@ -91,6 +96,7 @@ Replayed replay_radar(const std::vector<std::string>& paths, bool json) {
   Contents contents;
   const auto on_frame = [&](const RadarFrame& frame) {
     if (!frame.range_profile.empty()) ++contents.profiles_by_bins[frame.range_profile.size()];
+    if (!frame.array.empty()) ++contents.arrays_by_samples[frame.array.size() / 2];
     contents.stats += frame.stats.has_value();
     contents.temperatures += frame.temperature.has_value();
   };

@@ -12,6 +12,7 @@
 #include <set>
 #include <sstream>
 
+#include "acquire/window.hpp"
 #include "drivers/core/console.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/printable.hpp"
@@ -20,8 +21,8 @@ namespace echofuse::acquire {
 namespace {
 
 const std::set<std::string> free_keys{
-    "run.label",       "run.operator", "run.connect_timeout_s", "radar.cli_baud",
-    "radar.data_baud", "radar.cfg",    "run.calibration",       "radar.keep_running"};
+    "run.label", "run.operator",    "run.connect_timeout_s", "radar.cli_baud", "radar.data_baud",
+    "radar.cfg", "run.calibration", "radar.keep_running",    "radar.board"};  // by its antennas
 const std::set<std::string> places{"tdc.address", "radar.cli", "radar.data", "depth.address"};
 
 std::string text_of(const std::string& key, const toml::node& value) {
@@ -85,6 +86,20 @@ void refuse_read_only(const std::filesystem::path& run, const std::filesystem::p
 
 }  // namespace
 
+void refuse_other_antennas(const record::Antennas& begun, const Config& config) {
+  if (begun == config.antennas) return;
+  const bool same_places =
+      std::ranges::equal(begun, config.antennas,
+                         [](const auto& a, const auto& b) { return a.x == b.x && a.y == b.y; });
+  throw Error(
+      ExitCode::config,
+      std::string("a run is resumed with its own configuration only:\n") +
+          (begun.empty() ? "it was recorded without the radar's antennas, which radar.cfg "
+                           "asks for; begin a new run"
+           : same_places ? "run.calibration has other gains or phases of the radar's antennas"
+                         : "radar.board or radar.cfg make another array of antennas"));
+}
+
 void refuse_other_config(const record::RunInfo& begun,
                          const std::vector<record::CalibrationEntry>& calibrated,
                          const Config& config) {
@@ -99,7 +114,8 @@ void refuse_other_config(const record::RunInfo& begun,
                                     printable(text_or(before, key), 200) + ", now " +
                                     text_or(now, key));
   if (begun.radar_cfg != config.radar.cfg_text) differing += "\nradar.cfg has another text";
-  differing += other_calibration({.entries = calibrated, .firmware = {}}, config.calibration);
+  differing += other_calibration({.entries = calibrated, .firmware = {}, .antennas = {}},
+                                 config.calibration);
   if (!differing.empty())
     throw Error(ExitCode::config, "a run is resumed with its own configuration only:" + differing);
 }
@@ -107,7 +123,7 @@ void refuse_other_config(const record::RunInfo& begun,
 void refuse_other_axes(const std::vector<Axis>& begun, const DeviceInfo& device) {
   for (const Axis& axis : device.axes)
     for (const Axis& old : begun)
-      if (old.name == axis.name && !same_axis(old, axis))
+      if (old.name == axis.name && !same_axis(old, kept_axis(axis)))
         throw Error(ExitCode::config, std::string(name_of(device.sensor)) + ": its axis " +
                                           axis.name +
                                           " is not the one that the run was begun with");
@@ -131,6 +147,7 @@ void refuse_resuming(const record::RunReader& begun, const Config& config) {
   refuse_read_only(file, file, "it");
   refuse_read_only(file, file.parent_path(), "its folder");
   refuse_other_config(info, begun.calibrations(), config);
+  refuse_other_antennas(begun.antennas(), config);
   static_cast<void>(begun.axes());
   // What is damaged is read with care, but cannot be written to.
   if (const std::string fault = begun.check(); !fault.empty())

@@ -17,11 +17,14 @@ namespace echofuse::acquire {
 
 // Throws Error(config) that names the keys whose values differ from those that the run was begun
 // with. May differ: run.label, run.operator, run.connect_timeout_s, baud rates, radar.keep_running,
-// and where a device is attached (not whether there is one). The radar cfg counts by its text, the
-// calibration by its entries, `calibrated` in the run; neither by its name.
+// radar.board, and where a device is attached (not whether there is one). The radar cfg counts by
+// its text, the calibration by its entries, `calibrated` in the run; neither by its name.
 void refuse_other_config(const record::RunInfo& begun,
                          const std::vector<record::CalibrationEntry>& calibrated,
                          const Config& config);
+
+// Throws Error(config) if the radar's antennas, their places, gains or phases, are others.
+void refuse_other_antennas(const record::Antennas& begun, const Config& config);
 
 // Throws Error(config) if a device's axis is not the one of that name in the run.
 void refuse_other_axes(const std::vector<Axis>& begun, const DeviceInfo& device);
@@ -29,7 +32,7 @@ void refuse_other_axes(const std::vector<Axis>& begun, const DeviceInfo& device)
 // Throws Error: `out` exists (failed), its folder does not or cannot be written (disk).
 void refuse_bad_target(const std::filesystem::path& out);
 // Throws Error: it is being recorded (failed) or cannot be written (disk), or refuse_other_config
-// does.
+// or refuse_other_antennas does.
 void refuse_resuming(const record::RunReader& begun, const Config& config);
 
 std::unique_ptr<record::RunWriter> make_run(

@@ -12,7 +12,6 @@
 #include "acquire/record/png.hpp"
 #include "drivers/core/console.hpp"
 #include "drivers/core/log2_codes.hpp"
-#include "drivers/radar/profile.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -85,6 +84,7 @@ void Capture::on_radar(RadarFrame frame) {
   if (!running_) return;
   ++radar_frames;
   radar_lost += frame.lost_before;
+  arrays += !frame.array.empty();
   if (frame.range_profile.empty()) return;
   ++profiles;
   profile = std::move(frame.range_profile);
@@ -140,8 +140,7 @@ Finding judge_spd(const Capture& capture, const Config& config, double time_s) {
 }
 
 Finding judge_radar(const Capture& capture, const Config& config, double time_s) {
-  const auto cfg =
-      radar::parse_profile(config.radar.cfg_text, config.radar.cfg_name, config.radar.data_baud);
+  const radar::RadarProfile cfg = parse_profile(config.radar);
   const double nominal_hz = 1 / cfg.frame_period_s;
   const double fps = rate(capture.radar_frames, time_s);
   Finding out{.check = "radar",
@@ -175,6 +174,15 @@ Finding judge_radar(const Capture& capture, const Config& config, double time_s)
                       cfg.bins, peak_m, over_median_db);
   out.facts.emplace_back("peak_m", peak_m);
   out.facts.emplace_back("peak_over_median_db", over_median_db);
+  if (!cfg.array.empty()) {
+    out.found += format(", heat map of %zu antennas in %" PRIu64 " frames", cfg.array.size(),
+                        capture.arrays);
+    out.facts.emplace_back("antennas", static_cast<double>(cfg.array.size()));
+    out.facts.emplace_back("heat_maps", static_cast<double>(capture.arrays));
+    if (capture.arrays == 0)
+      mark(out, Grade::problem,
+           "no frame has the heat map of the .cfg: is radar.board the right one?");
+  }
   if (sorted.front() == sorted.back())
     mark(out, Grade::problem, "all bins are alike: the board sends no measurement");
   return out;
@@ -212,10 +220,12 @@ double estimate_record_bytes(const Capture& capture, const Config& config) {
   const SensorSet sensors = config.configured();
   double bytes = 0;
   if (sensors.contains(Sensor::spd)) bytes += 4.0 * config.histogram.bins;
-  if (sensors.contains(Sensor::radar))
-    bytes += 4.0 * radar::parse_profile(config.radar.cfg_text, config.radar.cfg_name,
-                                        config.radar.data_baud)
-                       .bins;
+  if (sensors.contains(Sensor::radar)) {
+    const radar::RadarProfile cfg = parse_profile(config.radar);
+    bytes += 4.0 * cfg.bins;
+    if (!cfg.array.empty())
+      bytes += record::array_bytes(record::array_axis(radar_axis(cfg), cfg.array.size()));
+  }
   if (!sensors.contains(Sensor::depth)) return bytes;
   if (const auto& d = capture.depth)
     return bytes +

@@ -30,7 +30,7 @@ class Capture final : public SampleSink {
   tdc::TagCounts tags;
   std::uint64_t lost_blocks = 0, lost_tags = 0;
   std::map<std::int32_t, std::uint64_t> channels;  // time tags of each
-  std::uint64_t radar_frames = 0, radar_lost = 0, profiles = 0;
+  std::uint64_t radar_frames = 0, radar_lost = 0, profiles = 0, arrays = 0;
   std::vector<std::uint16_t> profile;  // the last one
   std::uint64_t depth_frames = 0, depth_lost = 0, pixels = 0, valid_pixels = 0;
   std::optional<DepthFrame> depth;                 // the last one

@@ -2,6 +2,7 @@
 #include "acquire/window.hpp"
 
 #include <algorithm>
+#include <complex>
 #include <functional>
 #include <utility>
 
@@ -44,6 +45,10 @@ std::string size_of(std::uint32_t width, std::uint32_t height) {
 
 }  // namespace
 
+Axis kept_axis(const Axis& axis) {
+  return axis.name == "array" ? record::array_axis(axis, record::antennas_of(axis)) : axis;
+}
+
 void Windows::Times::add(HostTime from, HostTime to, HostTime centre, double tags) {
   if (count == 0 || from < first) first = from;
   if (count == 0 || to > last) last = to;
@@ -73,7 +78,8 @@ Windows::Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc,
 
 bool Windows::announce(const DeviceInfo& info) {
   bool fits = true;
-  for (const auto& axis : info.axes) {
+  for (const auto& sent : info.axes) {
+    const Axis axis = kept_axis(sent);
     const auto [known, is_new] = axes_.try_emplace(axis.name, axis);
     fits = fits && (is_new || same_axis(known->second, axis));
   }
@@ -201,8 +207,24 @@ void Windows::take_profile(Slot& slot, const RadarFrame& frame, HostTime taken) 
     for (std::size_t i = 0; i < bins; ++i)
       slot.power[i] += power_from_code(frame.range_profile[i], axis->second.scale);
     if (slot.radar_times.count == 0) slot.first_codes = frame.range_profile;
+    take_array(slot, frame);
     slot.radar_times.add(taken, taken, grid_.centre(grid_.slot_of(taken)));
   }
+}
+
+void Windows::take_array(Slot& slot, const RadarFrame& frame) const {
+  const auto axis = axes_.find("array");
+  if (axis == axes_.end()) return;
+  const std::size_t antennas = record::antennas_of(axis->second), bins = axis->second.count;
+  if (frame.array.size() < 2 * bins * antennas) return;
+  std::vector<std::complex<float>> samples(bins * antennas);
+  for (std::size_t i = 0; i < samples.size(); ++i)
+    samples[i] = {static_cast<float>(frame.array[2 * i + 1]),
+                  static_cast<float>(frame.array[2 * i])};
+  if (!slot.array) slot.array.emplace(bins, antennas);
+  if (frame.frame_number != slot.array_last + 1) slot.array->skip();
+  slot.array->add(samples);
+  slot.array_last = frame.frame_number;
 }
 
 void Windows::add(DepthFrame frame) {
@@ -273,7 +295,7 @@ void Windows::fill_spd(Slot& slot, record::FusedRecord& record) const {
   if (record.has(Sensor::spd)) record.spd = std::move(slot.spd);
 }
 
-void Windows::fill_radar(const Slot& slot, record::FusedRecord& record) const {
+void Windows::fill_radar(Slot& slot, record::FusedRecord& record) const {
   const auto frames = slot.radar_times.count;
   record::SensorSync& sync = record.sync[Sensor::radar];
   slot.radar_times.describe(sync);
@@ -282,6 +304,10 @@ void Windows::fill_radar(const Slot& slot, record::FusedRecord& record) const {
   record.radar_stats = slot.stats;
   record.radar_temperature = slot.temperature;
   if (!record.has(Sensor::radar)) return;
+  if (slot.array) {
+    record.array_frames = slot.array->frames();
+    record.array = slot.array->take();
+  }
   if (frames == 1) {
     record.radar.assign(slot.first_codes.begin(), slot.first_codes.end());
     return;

@@ -26,6 +26,8 @@
 //          span half of the slot (counts are not rates: a short stream cannot be compared).
 //   radar  mean over the frames of linear power, in log2_q8 codes again; a single frame is kept as
 //          it came. Valid with one usable frame.
+//   array  of the same frames, as far as they have a heat map (record/radar_array.hpp). Two frames
+//          are neighbours if their numbers are.
 //   depth  the frame nearest the slot's centre. Valid with one usable frame.
 #pragma once
 #include <array>
@@ -38,6 +40,7 @@
 #include <vector>
 
 #include "acquire/clock_fit.hpp"
+#include "acquire/record/radar_array.hpp"
 #include "acquire/record/record.hpp"
 #include "acquire/scheduler.hpp"
 #include "acquire/start_gaps.hpp"
@@ -50,6 +53,9 @@ struct UnassignedSamples {
   PerSensor<std::uint64_t> early{}, late{}, outside{}, duplicate{}, out_of_order{};
   std::uint64_t found = 0;  // blocks of tags
 };
+
+// Of an axis of a device, what records have of it.
+Axis kept_axis(const Axis& axis);
 
 class Windows {
  public:
@@ -97,6 +103,8 @@ class Windows {
     std::vector<std::uint16_t> first_codes;
     std::uint64_t radar_frames = 0, radar_lost = 0;
     Times radar_times;
+    std::optional<record::ArrayStatistics> array;
+    std::uint32_t array_last = 0;  // number of its last frame
     std::string radar_fault;
     std::optional<RadarStats> stats;
     std::optional<RadarTemperature> temperature;
@@ -125,12 +133,13 @@ class Windows {
   bool repeated(Sensor sensor, Numbers::Order order);
   void add_part(std::span<const Tag> tags, HostTime from, HostTime to);
   void take_profile(Slot& slot, const RadarFrame& frame, HostTime taken);
+  void take_array(Slot& slot, const RadarFrame& frame) const;
   void settle_tags();
   std::string spd_fault(const Slot& slot) const;
   std::string radar_fault(const Slot& slot) const;
   std::string depth_fault(const Slot& slot) const;
   void fill_spd(Slot& slot, record::FusedRecord& record) const;
-  void fill_radar(const Slot& slot, record::FusedRecord& record) const;
+  void fill_radar(Slot& slot, record::FusedRecord& record) const;
   void fill_depth(Slot& slot, record::FusedRecord& record) const;
 
   SlotGrid grid_;
@@ -138,7 +147,7 @@ class Windows {
   SensorSet configured_, required_;
   tdc::Histogram histogram_;  // of the slot tag_slot_, in the order of arrival
   std::int64_t tag_slot_ = 0;
-  std::map<std::string, Axis> axes_;  // radar, depth_x, depth_y
+  std::map<std::string, Axis> axes_;  // array, depth_x, depth_y, radar
   PerSensor<bool> refused_{};
   std::map<std::int64_t, Slot> open_;
   std::int64_t next_ = 0;  // first slot that is not closed

@@ -22,6 +22,8 @@ void give_up_data(record::FusedRecord& record) {
   record.valid = {};
   record.spd = {};
   record.radar = {};
+  record.array = {};
+  record.array_frames = 0;
   record.depth_mm = {};
 }
 

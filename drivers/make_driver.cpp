@@ -90,6 +90,7 @@ std::unique_ptr<Driver> make_radar(boost::asio::io_context& io, const RadarConfi
                         .cfg_name = config.cfg_name,
                         .warnings = radar_warnings(config),
                         .data_baud = config.data_baud,
+                        .board = radar::board_named(config.board).value_or(radar::Board::isk),
                         .keep_running = config.keep_running},
       clock);
 }

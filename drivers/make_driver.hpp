@@ -29,6 +29,7 @@ struct RadarConfig {
   std::string cfg_name;   // for messages: usually the file's name
   std::uint32_t cli_baud = 115200;
   std::uint32_t data_baud = 921600;
+  std::string board = "isk";  // of drivers/radar/antennas.hpp
   bool keep_running = false;  // do not stop the sensor at the end
 };
 

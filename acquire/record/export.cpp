@@ -69,10 +69,11 @@ void write_head(H5File& out, const RunReader& run) {
 
 // By the end of a column's name; "1" is a count or a flag.
 std::string units_of(const std::string& table, const std::string& column) {
+  if (table == "antenna" && (column == "x" || column == "y")) return "half wavelengths";
   if (table == "axis" && (column == "start" || column == "step")) return "as the row's unit says";
   constexpr std::pair<const char*, const char*> units[] = {
-      {"_ns", "ns"}, {"_us", "us"},    {"_ms", "ms"},     {"_s", "s"},
-      {"_m", "m"},   {"_ppm", "1e-6"}, {"_percent", "%"}, {"_c", "degC"}};
+      {"_ns", "ns"},   {"_us", "us"},    {"_ms", "ms"},     {"_s", "s"},   {"_m", "m"},
+      {"_rad", "rad"}, {"_ppm", "1e-6"}, {"_percent", "%"}, {"_c", "degC"}};
   for (const auto& [end, unit] : units)
     if (column.ends_with(end)) return unit;
   return "1";
@@ -131,6 +132,17 @@ class Arrays {
       out.set(data + "radar", "long_name", meaning_of(*radar));
       write_axis(out, "radar_range", *radar);
     }
+    if (const auto array = run.axis("array"); array && array->count > 0) {
+      const std::size_t values = values_of_bin(antennas_of(*array));
+      no_array_.assign(array->count * values, std::numeric_limits<float>::quiet_NaN());
+      out.allocate<float>(data + "array", {n, array->count, values});
+      out.set(data + "array", "units", "the firmware's integers, squared where it is a power");
+      out.set(data + "array", "long_name",
+              "of each range bin, over a record's frames: mean sample of each antenna (real, "
+              "imaginary); power of each; mean of x_m conj(x_n) for m < n, row by row; mean of "
+              "sum_m x_m(t) conj(x_m(t-1)); antennas as /entry/tables/antenna");
+      write_axis(out, "array_range", *array);
+    }
     const auto x = run.axis("depth_x"), y = run.axis("depth_y");
     if (x && y && x->count > 0 && y->count > 0) {
       out.allocate<std::uint16_t>(data + "depth", {n, y->count, x->count});
@@ -144,12 +156,14 @@ class Arrays {
     if (r.has(Sensor::spd)) out_.write_rows<std::uint32_t>(data + "spd", row, r.spd);
     if (!no_radar_.empty())
       out_.write_rows<float>(data + "radar", row, r.has(Sensor::radar) ? r.radar : no_radar_);
+    if (!no_array_.empty())
+      out_.write_rows<float>(data + "array", row, r.array.empty() ? no_array_ : r.array);
     if (r.has(Sensor::depth)) out_.write_rows<std::uint16_t>(data + "depth", row, r.depth_mm);
   }
 
  private:
   H5File& out_;
-  std::vector<float> no_radar_;
+  std::vector<float> no_radar_, no_array_;
 };
 
 // Everything of a record but the sensors' data, gathered in memory.
@@ -162,6 +176,7 @@ class Columns {
     end_.push_back(r.slot_end.count());
     utc_.push_back(r.slot_utc.count());
     label_.push_back(r.label);
+    array_frames_.push_back(r.array_frames);
     for (const Sensor s : all_sensors) {
       sync_[s].offset.push_back(r.sync[s].offset_s);
       sync_[s].span.push_back(r.sync[s].span_s);
@@ -177,6 +192,7 @@ class Columns {
     put(out, data + "slot_end", end_, "ns");
     put(out, data + "slot_utc", utc_, "ns");
     out.write_texts(data + "label", label_);
+    if (out.has(data + "array")) put(out, data + "array_frames", array_frames_, "1");
     for (const Sensor s : all_sensors) {
       const Sync& sync = sync_[s];
       const std::string group = std::string("/entry/sync/") + name_of(s) + "/";
@@ -204,6 +220,7 @@ class Columns {
   std::vector<std::uint8_t> valid_;
   std::vector<std::int64_t> index_, start_, end_, utc_;
   std::vector<std::string> label_;
+  std::vector<std::uint64_t> array_frames_;
   PerSensor<Sync> sync_;
 };
 

@@ -138,4 +138,9 @@ std::size_t antennas_of(const Axis& array) {
   return 0;
 }
 
+double array_bytes(const Axis& array) {
+  const auto values = static_cast<double>(values_of_bin(antennas_of(array)));
+  return array.count * (sizeof(float) + 2 * values);
+}
+
 }  // namespace echofuse::record

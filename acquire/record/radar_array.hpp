@@ -78,5 +78,6 @@ std::string unpack_array(ByteView bytes, std::size_t bins, std::size_t antennas,
 inline constexpr double array_end_m = 8;
 Axis array_axis(const Axis& radar, std::size_t antennas);
 std::size_t antennas_of(const Axis& array);  // 0: not a number of antennas
+double array_bytes(const Axis& array);       // of a record, as it is stored
 
 }  // namespace echofuse::record

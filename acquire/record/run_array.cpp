@@ -27,13 +27,18 @@ Antennas RunReader::antennas() const {
   while (s.step()) {
     Antenna a;
     for (double* v : {&a.x, &a.y, &a.gain, &a.phase_rad}) *v = s.real();
-    const bool sound = std::abs(a.x) < 1e3 && std::abs(a.y) < 1e3 && a.gain > 0 && a.gain < 1e6 &&
-                       std::abs(a.phase_rad) < 1e3;
+    const bool sound = std::abs(a.x) < 1e3 && std::abs(a.y) < 1e3 && a.gain >= 1e-3 &&
+                       a.gain <= 1e3 && std::abs(a.phase_rad) < 1e3;
     if (!sound || out.size() == most_antennas)
       throw Error(ExitCode::failed, shown_ + ": damaged: antenna " + std::to_string(out.size()) +
                                         " is none; expected at most 12 with place, gain and phase");
     out.push_back(a);
   }
+  const auto array = axis("array");
+  if (array && !out.empty() && out.size() != antennas_of(*array))
+    throw Error(ExitCode::failed, shown_ + ": damaged: " + std::to_string(out.size()) +
+                                      " antennas, its array axis is of " +
+                                      std::to_string(antennas_of(*array)));
   return out;
 }
 

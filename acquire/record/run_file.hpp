@@ -143,8 +143,9 @@ struct RunSummary {
   PerSensor<std::int64_t> valid{};          // records with a valid SPD, radar, depth
   PerSensor<std::int64_t> lost{};           // tags, radar frames, depth frames
   std::int64_t tags = 0;
-  std::int64_t last_index = -1;                        // the largest of a record
-  UtcTime first_utc{}, last_utc{};                     // start of the first slot, end of the last
+  std::int64_t arrays = 0, array_frames = 0;  // records with the radar's array, their frames
+  std::int64_t last_index = -1;               // the largest of a record
+  UtcTime first_utc{}, last_utc{};            // start of the first slot, end of the last
   std::map<std::string, std::int64_t> labels, events;  // records by label, events by level
   std::map<std::string, std::string> policies;         // by sensor
   // By sensor, records by verdict, without the figures behind a verdict's colon.

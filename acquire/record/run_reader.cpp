@@ -84,7 +84,7 @@ std::string decode(Statement& row, const Shapes& shapes, std::uint32_t sensors, 
     y.verdict = row.text();
   }
   if (const double clicks = row.real(); clicks >= 0) r.signal.clicks_a_pulse = clicks;
-  r.array_frames = static_cast<std::uint64_t>(row.integer());
+  const std::int64_t frames = row.integer();
   const ByteView array = row.blob();
   const auto sizes = [](const char* what, std::size_t got, std::size_t wanted) {
     return std::string(what) + " has " + std::to_string(got) + " bytes, its axis asks for " +
@@ -105,7 +105,9 @@ std::string decode(Statement& row, const Shapes& shapes, std::uint32_t sensors, 
       return "depth is not a 16-bit grey PNG of " + std::to_string(shapes.width) + " x " +
              std::to_string(shapes.height);
   }
-  if (r.array_frames == 0 || shapes.array == 0 || !r.has(Sensor::radar)) return {};
+  if (frames < 0) return "array is of " + std::to_string(frames) + " frames";
+  r.array_frames = static_cast<std::uint64_t>(frames);
+  if (frames == 0 || shapes.array == 0 || !r.has(Sensor::radar)) return {};
   return unpack_array(array, shapes.array, shapes.antennas, r.array);
 }
 
@@ -389,12 +391,6 @@ FusedRecord RunReader::read(std::int64_t index) const {
     throw Error(ExitCode::failed, shown_ + ": no record " + std::to_string(index) + "; it has " +
                                       std::to_string(count()));
   return found;
-}
-
-std::string RunReader::check() const {
-  Statement s = ask("PRAGMA integrity_check");
-  const std::string verdict = s.step() ? s.text() : "no answer";
-  return verdict == "ok" ? "" : verdict;
 }
 
 }  // namespace echofuse::record

@@ -42,6 +42,13 @@ RunSummary RunReader::summary() const {
         sum.verdicts[s]);
   }
   if (has_table("clock_fit")) summarise_sync(sum);
+  if (has_table("radar_array")) {
+    Statement arrays = ask("SELECT count(idx), total(frames) FROM radar_array");
+    if (arrays.step()) {
+      sum.arrays = arrays.integer();
+      sum.array_frames = arrays.integer();
+    }
+  }
   return sum;
 }
 
@@ -84,6 +91,12 @@ void RunReader::summarise_sync(RunSummary& sum) const {
     clock.residual_s = row.real();
     clock.samples = static_cast<std::uint64_t>(row.integer());
   }
+}
+
+std::string RunReader::check() const {
+  Statement s = ask("PRAGMA integrity_check");
+  const std::string verdict = s.step() ? s.text() : "no answer";
+  return verdict == "ok" ? "" : verdict;
 }
 
 }  // namespace echofuse::record

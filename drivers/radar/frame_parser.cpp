@@ -48,6 +48,12 @@ bool read_tlv(std::uint32_t type, ByteView payload, RadarFrame& frame) {
     frame.range_profile = to_values<std::uint16_t>(payload);
     return true;
   }
+  constexpr std::size_t sample_bytes = 4;
+  if ((type == 4 || type == 8) && payload.size() % sample_bytes == 0 && frame.array.empty()) {
+    frame.array = to_values<std::int16_t>(payload);
+    frame.planar = type == 8;
+    return true;
+  }
   if (type == 6 && payload.size() == sizeof(RadarStats)) {
     frame.stats = ByteReader(payload).get<RadarStats>();
     return true;
@@ -182,6 +188,7 @@ void FrameParser::deliver(ByteView packet, const Header& header, HostTime receiv
   frame.lost_before = lost_before(header.frame_number) + std::exchange(owed_, 0);
   ++counts_.frames;
   if (!frame.range_profile.empty()) ++counts_.range_profiles;
+  if (!frame.array.empty()) ++counts_.arrays;
   on_frame(std::move(frame));
 }
 

@@ -17,7 +17,15 @@
 //
 //   TLV 2 range profile  u16[bins]        TLV 6 stats  u32[6]
 //   TLV 9 temperature    i32, u32, i16[10]
-//   every other type, or one of these with another length, is skipped and counted
+//   TLV 4 heat map of a linear array, TLV 8 of a planar one (AOP, ODS): for each range bin, for
+//   each
+//         virtual antenna { i16 imaginary, i16 real }, bins from 0, antennas in the order of
+//         heat_map_antennas() (antennas.hpp). A sample is the mean over the frame's chirps (Doppler
+//         bin 0), behind the coefficients of the cfg's compRangeBiasAndRxChanPhase (SDK 3.4,
+//         aoaprocdsp.c, AoAProcDSP_computeHeatMapVal); those of our cfgs are 1. There is no scale
+//         but the ADC's. A frame has one of the two.
+//   every other type, one of these with another length, or a second one of 2, 4 or 8, is skipped
+//   and counted
 // Other demos of TI put the same magic before other headers (48 and 52 bytes): those are refused as
 // headers or for their TLVs, which do not fill the packet.
 //
@@ -46,6 +54,7 @@ struct FrameCounts {
   std::uint64_t frames = 0;            // whole and delivered
   std::uint64_t frame_bytes = 0;       // of whole packets, delivered or refused for their TLVs
   std::uint64_t range_profiles = 0;    // frames with TLV 2
+  std::uint64_t arrays = 0;            // frames with TLV 4 or 8
   std::uint64_t junk_bytes = 0;        // between frames
   std::uint64_t truncated_frames = 0;  // shorter than their header says; never delivered
   std::uint64_t truncated_bytes = 0;

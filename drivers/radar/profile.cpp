@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/radar/profile.hpp"
 
+#include <algorithm>
 #include <bit>
 #include <charconv>
 #include <cmath>
@@ -105,16 +106,11 @@ class Cfg {
 };
 
 struct Antennas {
-  std::uint32_t receivers = 0;     // enabled
-  std::uint32_t transmitters = 0;  // enabled, and used by some chirp of the frame: a mask
-  std::uint32_t virtuals() const { return receivers * ones(transmitters); }
-  // Those of the azimuth heat map: transmitter 2 of the ISK board stands above the others.
-  std::uint32_t azimuth() const {
-    const std::uint32_t level = transmitters & 5u;
-    return receivers * ones(level ? level : transmitters);
-  }
-  static std::uint32_t ones(std::uint32_t mask) {
-    return static_cast<std::uint32_t>(std::popcount(mask));
+  std::uint32_t receivers = 0;              // enabled: a mask
+  std::vector<std::uint32_t> transmitters;  // from 0, in the order of the frame's chirps
+  std::uint32_t virtuals() const {
+    return static_cast<std::uint32_t>(std::popcount(receivers)) *
+           static_cast<std::uint32_t>(transmitters.size());
   }
 };
 
@@ -124,13 +120,19 @@ Antennas read_antennas(const Cfg& cfg) {
   const Command& frame = cfg.last("frameCfg");
   const auto enabled = cfg.integer(channels, 2, 1, 7);
   const auto first = cfg.integer(frame, 1, 0, 511), last = cfg.integer(frame, 2, 0, 511);
-  std::uint32_t used = 0;
+  std::multimap<std::uint32_t, std::uint32_t> used;  // masks, by the chirp at which they begin
   for (const Command& chirp : cfg.all("chirpCfg")) {
     const auto begin = cfg.integer(chirp, 1, 0, 511), end = cfg.integer(chirp, 2, 0, 511);
-    if (begin <= last && end >= first) used |= cfg.integer(chirp, 8, 0, 7);
+    if (begin <= last && end >= first)
+      used.emplace(std::max(begin, first), cfg.integer(chirp, 8, 0, 7) & enabled);
   }
-  if ((used & enabled) == 0) cfg.fail(frame, "uses no chirp with an enabled transmitter");
-  return {Antennas::ones(cfg.integer(channels, 1, 1, 15)), used & enabled};
+  Antennas out{cfg.integer(channels, 1, 1, 15), {}};
+  for (const auto& [chirp, mask] : used)
+    for (std::uint32_t t = 0; t < 3; ++t)
+      if (mask >> t & 1 && std::ranges::count(out.transmitters, t) == 0)
+        out.transmitters.push_back(t);
+  if (out.transmitters.empty()) cfg.fail(frame, "uses no chirp with an enabled transmitter");
+  return out;
 }
 
 void read_gui_monitor(const Cfg& cfg, RadarProfile& profile) {
@@ -148,20 +150,39 @@ void read_gui_monitor(const Cfg& cfg, RadarProfile& profile) {
   }
 }
 
+void read_heat_map(const Cfg& cfg, const Antennas& antennas, Board board, RadarProfile& profile) {
+  if (cfg.number(cfg.last("guiMonitor"), 5) == 0) return;
+  profile.planar = is_planar(board);
+  profile.array = heat_map_antennas(board, antennas.transmitters, antennas.receivers);
+  const bool in_row = std::ranges::all_of(
+      profile.array, [&](const AntennaPlace& a) { return a.y == profile.array[0].y; });
+  if (!profile.planar && antennas.transmitters.size() > 1 && std::popcount(antennas.receivers) < 4)
+    profile.warnings.push_back(
+        cfg.where(cfg.last("channelCfg").line) +
+        "channelCfg has fewer than 4 receivers: the heat map of SDK 3.4 then "
+        "mixes neighbouring bins");
+  if (profile.planar || in_row) return;
+  profile.warnings.push_back(cfg.where(cfg.last("chirpCfg").line) +
+                             "chirpCfg has transmitter 2 before 3: the heat map is of the frame's "
+                             "first transmitters, and these do not stand in one row");
+}
+
 // The parts of a frame as SDK's MmwDemo_transmitProcessedOutput sends them.
-std::uint32_t frame_bytes(const Cfg& cfg, const Antennas& antennas, std::uint32_t bins) {
+std::uint32_t frame_bytes(const Cfg& cfg, const RadarProfile& profile) {
+  const std::uint32_t bins = profile.bins;
+  const auto samples = static_cast<std::uint32_t>(profile.array.size()) * bins;
   const Command& gui = cfg.last("guiMonitor");
   const std::uint32_t doppler_bins =
       std::bit_ceil(cfg.integer(cfg.last("frameCfg"), 3, 1, 1 << 15));
   const auto on = [&](std::size_t flag) { return cfg.number(gui, flag) != 0; };
   constexpr std::uint32_t header = 40, tlv = 8, unit = 32;
   std::uint32_t bytes = header;
-  if (on(2)) bytes += tlv;                                  // points: those come on top
-  if (on(3)) bytes += tlv + 2 * bins;                       // range profile
-  if (on(4)) bytes += tlv + 2 * bins;                       // noise profile
-  if (on(5)) bytes += tlv + 4 * bins * antennas.azimuth();  // azimuth heat map
-  if (on(6)) bytes += tlv + 2 * bins * doppler_bins;        // range-Doppler heat map
-  if (on(7)) bytes += tlv + 24 + tlv + 28;                  // stats and temperature
+  if (on(2)) bytes += tlv;                            // points: those come on top
+  if (on(3)) bytes += tlv + 2 * bins;                 // range profile
+  if (on(4)) bytes += tlv + 2 * bins;                 // noise profile
+  if (on(5)) bytes += tlv + 4 * samples;              // heat map
+  if (on(6)) bytes += tlv + 2 * bins * doppler_bins;  // range-Doppler heat map
+  if (on(7)) bytes += tlv + 24 + tlv + 28;            // stats and temperature
   return (bytes + unit - 1) / unit * unit;
 }
 
@@ -222,7 +243,7 @@ std::vector<CfgLine> command_lines(std::string_view cfg_text) {
 }
 
 RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
-                           std::uint32_t data_baud) {
+                           std::uint32_t data_baud, Board board) {
   const auto lines = command_lines(cfg_text);
   Cfg cfg(lines, name);
   for (const char* command :
@@ -242,11 +263,12 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
   });
   cfg.attempt([&] { read_gui_monitor(cfg, profile); });
   cfg.stop_if_faulty();
+  read_heat_map(cfg, antennas, board, profile);
   profile.antennas = antennas.virtuals();
   const std::uint32_t fft = std::bit_ceil(profile.adc_samples);
   profile.bins = fft == 1024 && profile.antennas == 12 ? 1022 : fft;
   profile.range_step_m = firmware_speed_of_light_m_s * sample_rate_hz / (2 * slope_hz_per_s * fft);
-  profile.frame_bytes = frame_bytes(cfg, antennas, profile.bins);
+  profile.frame_bytes = frame_bytes(cfg, profile);
   read_warnings(cfg, profile, data_baud);
   return profile;
 }
@@ -259,6 +281,14 @@ Axis radar_axis(const RadarProfile& profile) {
           .start = 0,
           .step = profile.range_step_m,
           .scale = static_cast<double>(profile.antennas)};
+}
+
+Axis array_axis(const RadarProfile& profile) {
+  Axis axis = radar_axis(profile);
+  axis.name = "array";
+  axis.quantity = "covariance";
+  axis.scale = static_cast<double>(profile.array.size());
+  return axis;
 }
 
 }  // namespace echofuse::radar

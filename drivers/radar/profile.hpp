@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What a TI mmWave .cfg file (SDK 3.x) says about the range profile it will produce, and the
-// meaning of the profile's numbers.
+// What a TI mmWave .cfg file (SDK 3.x) says about the range profile and the heat map it will
+// produce, and the meaning of the profile's numbers.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "drivers/core/axis.hpp"
+#include "drivers/radar/antennas.hpp"
 
 namespace echofuse::radar {
 
@@ -29,17 +30,23 @@ struct RadarProfile {
   // What guiMonitor asks for, without the points that the firmware detects; rounded up to 32.
   std::uint32_t frame_bytes = 0;
   bool range_profile_on = false;  // guiMonitor sends TLV 2
+  // Of the heat map (TLV 4, on planar boards 8), in its order; empty: guiMonitor does not send it.
+  std::vector<AntennaPlace> array;
+  bool planar = false;  // it is TLV 8
   std::vector<std::string> warnings;
 };
 
 // Throws Error(config) with a line "NAME:LINE: ..." for each fault: a command with too few numbers,
 // one that is missing, a line longer than the firmware's buffer (255 characters, 40 words).
-// `data_baud` is the rate at which the data port will be read: the warnings need it.
+// `data_baud` is the rate at which the data port will be read: the warnings need it. The board says
+// which antennas a heat map has: the same cfg runs on all of them.
 RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
-                           std::uint32_t data_baud = 921600);
+                           std::uint32_t data_baud = 921600, Board board = Board::isk);
 
 // name "radar", quantity "log2_q8" (drivers/core/log2_codes.hpp), unit "m", scale = antennas. Bin i
 // stands at i * range_step_m: the firmware does not apply its range bias to the profile.
 Axis radar_axis(const RadarProfile& profile);
+// name "array", quantity "covariance", the same bins, scale = antennas of the heat map.
+Axis array_axis(const RadarProfile& profile);
 
 }  // namespace echofuse::radar

@@ -15,7 +15,7 @@ constexpr std::chrono::milliseconds quiet{20};
 RadarDriver::RadarDriver(boost::asio::io_context& io, RadarSetup setup, const Clock& clock)
     : setup_(std::move(setup)),
       clock_(clock),
-      profile_(parse_profile(setup_.cfg_text, setup_.cfg_name, setup_.data_baud)),
+      profile_(parse_profile(setup_.cfg_text, setup_.cfg_name, setup_.data_baud, setup_.board)),
       dialogue_timer_(io),
       watch_timer_(io),
       quiet_timer_(io),
@@ -23,6 +23,7 @@ RadarDriver::RadarDriver(boost::asio::io_context& io, RadarSetup setup, const Cl
   info_.sensor = Sensor::radar;
   info_.address = setup_.address;
   info_.axes = {radar_axis(profile_)};
+  if (!profile_.array.empty()) info_.axes.push_back(array_axis(profile_));
 }
 
 void RadarDriver::start(SampleSink& sink) {
@@ -57,6 +58,8 @@ std::vector<Counter> RadarDriver::counters() const {
   return {{"bytes", c.bytes},
           {"frames", c.frames},
           {"range_profiles", c.range_profiles},
+          {"arrays", c.arrays},
+          {"bad_arrays", bad_arrays_},
           {"junk_bytes", c.junk_bytes},
           {"truncated_frames", c.truncated_frames},
           {"bad_headers", c.bad_headers},
@@ -161,8 +164,24 @@ void RadarDriver::on_frame(RadarFrame frame) {
     sink_->on_state(Sensor::radar, DeviceState::streaming, info_);
     if (!running_) return;
   }
+  check_array(frame);
+  if (!running_) return;
   frame.lost_before += std::exchange(discarded_, 0);
   sink_->on_radar(std::move(frame));
+}
+
+void RadarDriver::check_array(RadarFrame& frame) {
+  const std::size_t wanted = 2 * profile_.array.size() * profile_.bins;
+  if (frame.array.empty() || (frame.array.size() == wanted && frame.planar == profile_.planar))
+    return;
+  ++bad_arrays_;
+  const std::string text = "its heat map is of " + std::to_string(frame.array.size() / 2) +
+                           " samples in TLV " + (frame.planar ? "8" : "4") +
+                           ", the cfg and radar.board ask for " + std::to_string(wanted / 2) +
+                           " in TLV " + (profile_.planar ? "8" : "4") + "; it is not used";
+  frame.array.clear();
+  if (std::exchange(array_told_, true)) return;
+  sink_->on_event(Sensor::radar, Severity::warning, text);
 }
 
 // Of an earlier connection, before the cfg was through, or behind what ended the connection: in

@@ -14,6 +14,7 @@
 #include "drivers/port/timer.hpp"
 #include "drivers/radar/command_dialogue.hpp"
 #include "drivers/radar/frame_parser.hpp"
+#include "drivers/radar/profile.hpp"
 #include "drivers/radar/stop_dialogue.hpp"
 
 namespace echofuse::radar {
@@ -24,6 +25,7 @@ struct RadarSetup {
   std::string cfg_text, cfg_name;
   std::vector<std::string> warnings{};  // told at the start
   std::uint32_t data_baud = 921600;     // for the cfg's warnings
+  Board board = Board::isk;             // for the antennas of its heat map
   port::Backoff backoff{};
   DialogueTimeouts timeouts{};
   bool keep_running = false;  // leave the sensor as it is at the end
@@ -33,7 +35,8 @@ struct RadarSetup {
 // that it has, if a port was away for less than 10 s and nothing else was wrong. It is `streaming`
 // from the first frame on. Silence of the data port, an end of either port, a refused command, or a
 // board that was reset (its banner, or frame numbers that begin again) makes it `faulted`, and it
-// starts over. At the end it is told to stop: finished() when it says that it has.
+// starts over. At the end it is told to stop: finished() when it says that it has. A frame whose
+// heat map is not that of the cfg and the board is delivered without it, and counted.
 class RadarDriver final : public Driver {
  public:
   // Throws Error(config) for a cfg that cannot work.
@@ -51,6 +54,7 @@ class RadarDriver final : public Driver {
   void on_data(ByteView bytes);
   void on_frame(RadarFrame frame);
   void discard(const RadarFrame& frame);
+  void check_array(RadarFrame& frame);
   void watch();
   bool board_was_reset();
   void advance_last_words();
@@ -74,11 +78,11 @@ class RadarDriver final : public Driver {
   std::optional<HostTime> unplugged_;  // since then, with our cfg in the firmware
   std::uint64_t restarts_seen_ = 0, frames_before_ = 0;
   int open_ports_ = 0;
-  bool running_ = false, faulted_ = false, streaming_ = false;
+  bool running_ = false, faulted_ = false, streaming_ = false, array_told_ = false;
   HostTime alive_{};             // the last frame, or the start
   std::uint32_t discarded_ = 0;  // frames, not yet told as lost
   std::uint64_t connections_ = 0, configured_ = 0, restarted_ = 0, early_frames_ = 0,
-                port_losses_ = 0;
+                port_losses_ = 0, bad_arrays_ = 0;
   std::unique_ptr<port::BytePort> cli_, data_;
 };
 

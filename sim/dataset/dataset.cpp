@@ -184,9 +184,10 @@ record::FusedRecord Generator::make(std::int64_t index) const {
   std::vector<double> looks;
   if (!antennas_.empty()) looks = look_through_array(index, returns, r);
   roughen(returns, c, rng);
-  auto power = radar_power(returns, radar_, c);
+  const bool looked = !looks.empty() && c.radar_sum == "coherent";
+  auto power = looked ? std::vector<double>(radar_.count) : radar_power(returns, radar_, c);
   add_radar_noise(power, mean_peak_, c, rng);
-  if (!looks.empty() && c.radar_sum == "coherent") power = std::move(looks);
+  if (looked) power = std::move(looks);
   r.radar.resize(power.size());
   std::transform(power.begin(), power.end(), r.radar.begin(),
                  [](double p) { return static_cast<float>(p); });
@@ -194,8 +195,8 @@ record::FusedRecord Generator::make(std::int64_t index) const {
   return r;
 }
 
-// From random numbers of its own, so that the rest of the record is the same with and without
-// antennas. Returns the mean power in each point.
+// From random numbers of its own, so that the rest of the record (with coherent echoes: but the
+// profile) is the same with and without antennas. Returns the mean power in each point.
 std::vector<double> Generator::look_through_array(std::int64_t index, const Returns& returns,
                                                   record::FusedRecord& r) const {
   const Conditions& c = plan_.conditions;

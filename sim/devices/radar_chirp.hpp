@@ -16,7 +16,9 @@ struct Chirp {
   double start_ghz = 0, idle_us = 0, adc_start_us = 0, ramp_end_us = 0;
   double slope_mhz_us = 0, sample_rate_ksps = 0;
   unsigned samples = 0;
-  unsigned antennas = 0;  // virtual: receivers times transmitters
+  unsigned antennas = 0;                 // virtual: receivers times transmitters
+  unsigned receivers = 0;                // mask
+  std::vector<unsigned> transmitters{};  // from 0, in the order of the chirps
   unsigned chirps_per_frame = 0;
   unsigned frames = 0;  // 0: endless
   double frame_period_ms = 0;

@@ -61,6 +61,13 @@ unsigned whole(const std::vector<std::string>& words, std::size_t i) {
   return static_cast<unsigned>(std::clamp(number(words, i), 0.0, 1e9));
 }
 
+// Those of the mask that were not there yet.
+void add_transmitters(unsigned mask, std::vector<unsigned>& transmitters) {
+  for (unsigned t = 0; t < 3; ++t)
+    if (mask >> t & 1 && std::count(transmitters.begin(), transmitters.end(), t) == 0)
+      transmitters.push_back(t);
+}
+
 std::vector<std::string> split(const std::string& line) {
   std::vector<std::string> words;
   std::istringstream in(line);
@@ -174,11 +181,8 @@ int RadarFirmware::configure(const Arguments& words, const std::string& key) {
 }
 
 int RadarFirmware::gui_monitor(const Arguments& words) {
-  for (std::size_t i = 4; i <= 6; ++i)
-    if (whole(words, i) != 0) {
-      say("Ignored: noise profile and heat maps are not simulated\n");
-      break;
-    }
+  if (whole(words, 4) != 0 || whole(words, 6) != 0)
+    say("Ignored: noise profile and Doppler heat map are not simulated\n");
   return 0;
 }
 
@@ -274,7 +278,7 @@ std::optional<int> RadarFirmware::sensor_start(const Arguments& words) {
   pending_.clear();
   const Arguments& gui = config_["guiMonitor"];
   const Arguments& bias = config_["measureRangeBiasAndRxChanPhase"];
-  outputs_ = {whole(gui, 2) != 0,  whole(gui, 3) != 0, whole(gui, 7) != 0,
+  outputs_ = {whole(gui, 2) != 0,  whole(gui, 3) != 0, whole(gui, 5) != 0, whole(gui, 7) != 0,
               whole(bias, 1) != 0, number(bias, 2),    number(bias, 3)};
   running_ = configured;
   state_ = State::started;
@@ -306,15 +310,15 @@ std::optional<Chirp> RadarFirmware::chirp() const {
   };
   const Arguments profile = find("profileCfg"), frame = find("frameCfg");
   const Arguments channel = find("channelCfg");
-  unsigned transmitters = 0, chirps = 0;
+  Chirp chirp;
+  unsigned chirps = 0;
   for (unsigned i = whole(frame, 1); i <= std::min(whole(frame, 2), last_chirp); ++i)
     for (const Arguments& c : chirps_)
       if (whole(c, 1) <= i && i <= whole(c, 2)) {
-        transmitters |= whole(c, 8);
+        add_transmitters(whole(c, 8) & whole(channel, 2), chirp.transmitters);
         ++chirps;
         break;
       }
-  Chirp chirp;
   chirp.start_ghz = number(profile, 2);
   chirp.idle_us = number(profile, 3);
   chirp.adc_start_us = number(profile, 4);
@@ -322,8 +326,9 @@ std::optional<Chirp> RadarFirmware::chirp() const {
   chirp.slope_mhz_us = number(profile, 8);
   chirp.samples = whole(profile, 10);
   chirp.sample_rate_ksps = number(profile, 11);
-  chirp.antennas = static_cast<unsigned>(std::popcount(whole(channel, 1)) *
-                                         std::popcount(transmitters & whole(channel, 2)));
+  chirp.receivers = whole(channel, 1) & 0xf;
+  chirp.antennas = static_cast<unsigned>(static_cast<std::size_t>(std::popcount(chirp.receivers)) *
+                                         chirp.transmitters.size());
   chirp.chirps_per_frame = chirps * whole(frame, 3);
   chirp.frames = whole(frame, 4);
   chirp.frame_period_ms = number(frame, 5);

@@ -19,7 +19,7 @@ namespace echofuse::sim {
 
 // guiMonitor and measureRangeBiasAndRxChanPhase
 struct RadarOutputs {
-  bool objects = false, range_profile = false, stats = false;
+  bool objects = false, range_profile = false, heat_map = false, stats = false;
   bool measure_bias = false;
   double target_m = 0, search_m = 0;
 };

@@ -4,10 +4,12 @@
 #include <cmath>
 #include <cstdio>
 
+#include "drivers/core/crc32c.hpp"
 #include "drivers/core/random.hpp"
 #include "sim/devices/device.hpp"
 #include "sim/devices/fault_injector.hpp"
 #include "sim/devices/pty_uart.hpp"
+#include "sim/devices/radar_antennas.hpp"
 #include "sim/devices/radar_chirp.hpp"
 #include "sim/devices/radar_firmware.hpp"
 #include "sim/wire/encode.hpp"
@@ -19,8 +21,7 @@ using SteadyTime = std::chrono::steady_clock::time_point;
 
 constexpr unsigned cli_baud = 115200, data_baud = 921600;
 constexpr double cpu_hz = 200e6;
-constexpr double processing_us = 3000;           // from the last chirp to the first byte sent
-constexpr std::size_t calibrated_antennas = 12;  // 3 transmitters, 4 receivers, used or not
+constexpr double processing_us = 3000;  // from the last chirp to the first byte sent
 
 ByteView bytes_of(const std::string& text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
@@ -40,10 +41,9 @@ class RadarBoard final : public Device {
         frame_timer_(io),
         output_timer_(io),
         rng_(make_rng(options.seed, 2)),
+        antennas_(player.conditions(), options.seed),
         plug_(options.plug),
         injector_(io, player, "radar", options.plan, options.seed, [this] { poll(); }) {
-    std::uniform_real_distribution<double> phase(-3.1, 3.1);
-    for (auto& p : antenna_phase_) p = phase(rng_);
     firmware_.boot();
   }
 
@@ -79,6 +79,8 @@ class RadarBoard final : public Device {
     frames_of_start_ = 0;
     axis_ = chirp().axis();
     mean_peak_ = mean_peak_power(axis_, player_.conditions());
+    antennas_.start(chirp(), mean_peak_);
+    last_profile_.clear();
     next_frame_ = std::chrono::steady_clock::now();
     frame();
   }
@@ -109,18 +111,16 @@ class RadarBoard final : public Device {
   void output() {
     if (!data_->idle()) {  // slower than the frames: the demo has no time for this one
       ++skipped_;
-      log(injector_.now(), "skipped", frame_number_, -1);
+      log(injector_.now(), "skipped", {frame_number_});
       return;
     }
-    auto power = radar_power(player_.at(seen_s_).radar, axis_, player_.conditions());
-    for (double& p : power) p *= injector_.gain();
+    const auto power = power_seen();
     std::vector<RadarTlv> tlvs;
     const RadarOutputs& wanted = firmware_.outputs();
     if (wanted.objects) tlvs.push_back(objects_tlv());
-    if (last_profile_.size() != power.size() || !injector_.active(FaultKind::freeze))
-      last_profile_ =
-          range_profile_codes(power, mean_peak_, chirp().antennas, player_.conditions(), rng_);
+    if (last_profile_.empty() || !injector_.active(FaultKind::freeze)) look(power);
     if (wanted.range_profile) tlvs.push_back(range_profile_tlv(last_profile_));
+    if (wanted.heat_map) tlvs.push_back(last_heat_map_);
     if (wanted.stats) {
       tlvs.push_back(stats_tlv(stats()));
       tlvs.push_back(temperature_tlv(temperature()));
@@ -136,12 +136,31 @@ class RadarBoard final : public Device {
     if (wanted.measure_bias) report_bias(power);
   }
 
+  std::vector<double> power_seen() {
+    auto power = radar_power(player_.at(seen_s_).radar, axis_, player_.conditions());
+    for (double& p : power) p *= injector_.gain();
+    return power;
+  }
+
+  // Antennas that nobody asks for are not simulated: their speckle would be another one.
+  void look(const std::vector<double>& power) {
+    const Conditions& c = player_.conditions();
+    const bool heat_map = firmware_.outputs().heat_map;
+    if (heat_map) {
+      antennas_.look(player_.at(seen_s_), seen_s_, injector_.gain(), rng_);
+      last_heat_map_ = antennas_.tlv();
+    }
+    last_profile_ = heat_map && c.radar_sum == "coherent"
+                        ? antennas_.profile_codes()
+                        : range_profile_codes(power, mean_peak_, chirp().antennas, c, rng_);
+  }
+
   void put_on_line(Bytes wire) {
-    Frame frame{std::move(wire), frame_number_, -1, injector_.due()};
-    if (injector_.triggers(FaultKind::drop))
-      return log(injector_.now(), "dropped", frame.number, -1);
+    Sent what{frame_number_, crc32c(wire)};
+    Frame frame{std::move(wire), what, injector_.due()};
+    if (injector_.triggers(FaultKind::drop)) return log(injector_.now(), "dropped", what);
     if (injector_.triggers(FaultKind::corrupt))
-      frame.damage = static_cast<std::int64_t>(injector_.corrupt(frame.wire));
+      frame.what.damage = static_cast<std::int64_t>(injector_.corrupt(frame.wire));
     frame.junk = injector_.garbage();
     line_.push_back(std::move(frame));
     send_due();
@@ -150,9 +169,8 @@ class RadarBoard final : public Device {
   void send_due() {
     for (; !line_.empty() && line_.front().due <= injector_.now(); line_.pop_front()) {
       const Frame& frame = line_.front();
-      data_->send(frame.wire, [this, begun = injector_.now(), number = frame.number,
-                               damage = frame.damage](bool arrived) {
-        log(begun, !arrived ? "lost" : damage < 0 ? "sent" : "corrupt", number, damage);
+      data_->send(frame.wire, [this, begun = injector_.now(), what = frame.what](bool arrived) {
+        log(begun, !arrived ? "lost" : what.damage < 0 ? "sent" : "corrupt", what);
       });
       data_->send(frame.junk);
     }
@@ -165,9 +183,13 @@ class RadarBoard final : public Device {
     send_due();
   }
 
-  // `damage`: which byte of the frame is not as it was; -1: none.
-  void log(HostTime begun, const char* what, std::uint32_t number, std::int64_t damage) {
-    injector_.log(begun, what, {{"frame", number}, {"damage", damage}});
+  struct Sent {
+    std::uint32_t number = 0, crc = 0;
+    std::int64_t damage = -1;  // which byte of the frame is not as it was; -1: none
+  };
+  void log(HostTime begun, const char* done, const Sent& what) {
+    injector_.log(begun, done,
+                  {{"frame", what.number}, {"damage", what.damage}, {"crc", what.crc}});
   }
 
   // Sending time and margin are the former frame's: this one is not sent yet.
@@ -192,23 +214,16 @@ class RadarBoard final : public Device {
 
   void report_bias(const std::vector<double>& power) {
     const RadarOutputs& wanted = firmware_.outputs();
-    std::array<char, 32> text{};
-    const auto format = [&](const char* how, double value) {
-      std::snprintf(text.data(), text.size(), how, value);
-      return std::string(text.data());
-    };
-    std::string line =
-        "compRangeBiasAndRxChanPhase" +
-        format(" %.7f", measured_range_bias_m(power, axis_, wanted.target_m, wanted.search_m));
-    for (const double phase : antenna_phase_)
-      line += format(" %.5f", std::cos(phase)) + format(" %.5f", std::sin(phase));
-    firmware_.say(line + "\n");
+    std::array<char, 32> bias{};
+    std::snprintf(bias.data(), bias.size(), " %.7f",
+                  measured_range_bias_m(power, axis_, wanted.target_m, wanted.search_m));
+    firmware_.say(std::string("compRangeBiasAndRxChanPhase") + bias.data() +
+                  antennas_.coefficients() + "\n");
   }
 
   struct Frame {
     Bytes wire;
-    std::uint32_t number;
-    std::int64_t damage;
+    Sent what;
     HostTime due;
     Bytes junk{};  // behind it
   };
@@ -218,9 +233,10 @@ class RadarBoard final : public Device {
   RadarFirmware firmware_;
   boost::asio::steady_timer frame_timer_, output_timer_;
   Rng rng_;
-  std::array<double, calibrated_antennas> antenna_phase_{};
+  RadarAntennas antennas_;
   RadarAxis axis_;
   std::vector<std::uint16_t> last_profile_;  // as it was sent
+  RadarTlv last_heat_map_;
   SteadyTime next_frame_;
   double mean_peak_ = 0, seen_s_ = 0, transmit_us_ = 0;
   bool framing_ = false;

@@ -19,6 +19,7 @@ struct RenderedScene {
   std::int64_t index = -1;
   Scene scene;
   Returns spd, radar;
+  Returns array;  // the radar's, with where each patch is, and before its surface is roughened
 };
 
 struct SceneSchedule {

@@ -66,7 +66,8 @@ void bind_radar(Settings& s, Conditions& c) {
 void bind_array(Settings& s, Conditions& c) {
   s.add("radar_antennas", c.radar_antennas, 0, 12,
         "virtual antennas: 1 to 8 in a row, 12 in a plane; 0: not kept");
-  s.add("radar_frames", c.radar_frames, 2, 10'000, "of the antennas, in a record");
+  s.add("radar_frames", c.radar_frames, 13, 10'000,
+        "of the antennas, in a record; more than there are antennas");
   s.add("radar_phase_error_rad", c.radar_phase_error_rad, 0, 10, "rms over the antennas");
   s.add("radar_gain_error_db", c.radar_gain_error_db, 0, 20, "rms over the antennas");
   s.add("radar_array_calibrated", c.radar_array_calibrated, "the run knows these errors");
@@ -111,8 +112,6 @@ void validate(const Conditions& c) {
   if (c.radar_antennas > 8 && c.radar_antennas != 12)
     throw Error(ExitCode::config, "radar_antennas is " + std::to_string(c.radar_antennas) +
                                       "; expected 0 to 8, or 12");
-  if (c.radar_antennas >= c.radar_frames && c.radar_sum == "incoherent")
-    throw Error(ExitCode::config, "radar_frames: expected more than radar_antennas");
   if (c.target_z_min_m > c.target_z_max_m)
     throw Error(ExitCode::config, "target_z_min_m is greater than target_z_max_m");
   if (!c.object.empty()) mesh_of(c.object);

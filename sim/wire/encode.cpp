@@ -81,6 +81,15 @@ RadarTlv range_profile_tlv(const std::vector<std::uint16_t>& codes) {
   return tlv;
 }
 
+RadarTlv heat_map_tlv(bool planar, std::span<const std::complex<float>> samples) {
+  RadarTlv tlv{planar ? 8u : 4u, {}};
+  for (const auto sample : samples)
+    for (const float part : {sample.imag(), sample.real()})
+      put(tlv.payload,
+          static_cast<std::int16_t>(std::clamp(std::round(part), -32768.0f, 32767.0f)));
+  return tlv;
+}
+
 RadarTlv stats_tlv(const RadarStats& s) {
   RadarTlv tlv{6, {}};
   for (const std::uint32_t v :

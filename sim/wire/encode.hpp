@@ -2,7 +2,9 @@
 // What the simulated devices put on the wire. Written from the formats' descriptions, apart from
 // the parsers in drivers/, so that one mistake cannot hide in both.
 #pragma once
+#include <complex>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "drivers/core/bytes.hpp"
@@ -40,8 +42,10 @@ Bytes radar_frame(const RadarHeader& header, const std::vector<RadarTlv>& tlvs, 
 
 RadarTlv objects_tlv();                                               // type 1, without objects
 RadarTlv range_profile_tlv(const std::vector<std::uint16_t>& codes);  // type 2
-RadarTlv stats_tlv(const RadarStats& stats);                          // type 6
-RadarTlv temperature_tlv(const RadarTemperature& temperature);        // type 9
+// type 4, planar 8: of each range bin and antenna i16 imaginary, i16 real
+RadarTlv heat_map_tlv(bool planar, std::span<const std::complex<float>> samples);
+RadarTlv stats_tlv(const RadarStats& stats);                    // type 6
+RadarTlv temperature_tlv(const RadarTemperature& temperature);  // type 9
 
 // A bin of the range profile: the sum over the virtual antennas of log2(magnitude) in Q8, divided
 // by their number's next power of two (objectdetection's DPIF_DETMATRIX_DATA_QFORMAT).

@@ -293,22 +293,26 @@ TEST_CASE("replay takes kept transfers of a USB tagger") {
 
 TEST_CASE("replay counts a recording's frames") {
   const Folder folder;
-  // One frame of two bins: header 40, TLV 2 with 4 bytes, padded to 64; 3 bytes of junk in front.
+  // One frame of two bins: header 40, TLV 2 with 4 bytes, TLV 4 of one antenna, padded to 96; 3
+  // bytes of junk in front.
   const auto u32 = [](std::uint32_t v) { return std::string(reinterpret_cast<char*>(&v), 4); };
   const std::string magic("\x02\x01\x04\x03\x06\x05\x08\x07", 8);
-  std::string frame = magic + u32(0x03050004) + u32(64) + u32(0xa6843) + u32(17) + u32(0) + u32(0) +
-                      u32(1) + u32(0) + u32(2) + u32(4) + std::string("\x01\x02\x03\x04", 4);
-  frame.resize(64, 'x');
+  std::string frame = magic + u32(0x03050004) + u32(96) + u32(0xa6843) + u32(17) + u32(0) + u32(0) +
+                      u32(2) + u32(0) + u32(2) + u32(4) + std::string("\x01\x02\x03\x04", 4) +
+                      u32(4) + u32(8) + std::string(8, '\x05');
+  frame.resize(96, 'x');
   write_file(folder / "r.dat", "abc" + frame + frame.substr(0, 50));
   const Json counts = json_of("replay --json --radar " + folder / "r.dat");
   CHECK(counts["frames"] == 1);
   CHECK(counts["range_profiles"] == 1);
   CHECK(counts["range_profiles_by_bins"] == Json{{"2", 1}});
-  CHECK(counts["tlvs_by_type"] == Json{{"2", 1}});
+  CHECK(counts["arrays"] == 1);
+  CHECK(counts["arrays_by_samples"] == Json{{"2", 1}});
+  CHECK(counts["tlvs_by_type"] == Json{{"2", 1}, {"4", 1}});
   CHECK(counts["restarts"] == 0);
   CHECK(counts["junk_bytes"] == 3);
   CHECK(counts["truncated_frames"] == 1);
   CHECK(counts["first_frame_number"] == 17);
   CHECK(counts["last_frame_number"] == 17);
-  CHECK(counts["bytes"] == 117);
+  CHECK(counts["bytes"] == 149);
 }

@@ -174,6 +174,9 @@ TEST_CASE("a file without arrays, or with bad ones, is read or refused in one li
   refused("UPDATE axis SET scale = 13 WHERE name = 'array'", "expected 1 to 12");
   refused("UPDATE axis SET scale = 2.5 WHERE name = 'array'", "expected 1 to 12");
   refused("UPDATE antenna SET gain = -1", "antenna 0 is none");
+  refused("UPDATE antenna SET gain = 1e-30", "antenna 0 is none");
+  refused("DELETE FROM antenna WHERE antenna = 7", "7 antennas, its array axis is of 8");
+  refused("UPDATE radar_array SET frames = -5", "record 0: array is of -5 frames");
   sql(path, "DROP TABLE radar_array; DROP TABLE antenna");
   const RunReader old(path);
   CHECK(old.antennas().empty());

@@ -89,6 +89,65 @@ TEST_CASE("the golden frames") {
   check_sum(p.counts);
 }
 
+TEST_CASE("the golden heat maps") {
+  const auto pieces = read_golden("radar_array.hex");
+  const Parsed p = parse(join(pieces));
+  REQUIRE(p.numbers() == Numbers{301, 302, 303, 304});
+  const auto check = [](const RadarFrame& f, std::size_t antennas) {
+    REQUIRE(f.array.size() == 2 * 4 * antennas);
+    CHECK(f.array[0] == -32768);  // imaginary, then real
+    CHECK(f.array[1] == 32767);
+    CHECK(f.array[2 * (3 * antennas + 5)] == 305);
+    CHECK(f.array[2 * (3 * antennas + 5) + 1] == -1305);
+    CHECK(f.array[2 * antennas - 2] == static_cast<int>(antennas) - 1);
+  };
+  check(p.frames[0], 8);
+  check(p.frames[1], 12);
+  check(p.frames[2], 8);  // the first one counts
+  CHECK_FALSE(p.frames[0].planar);
+  CHECK(p.frames[1].planar);
+  CHECK_FALSE(p.frames[2].planar);
+  CHECK(p.frames[3].array.empty());
+  for (const RadarFrame& f : p.frames) CHECK(f.range_profile.size() == 4);
+  CHECK(p.frames[0].stats);
+  CHECK(p.counts.arrays == 3);
+  CHECK(p.counts.other_tlvs == 2);
+  CHECK(p.counts.bad_tlvs + p.counts.truncated_frames + p.counts.junk_bytes == 0);
+  check_sum(p.counts);
+}
+
+TEST_CASE("heat maps with damaged types and lengths are counted and survived") {
+  const auto pieces = read_golden("radar_array.hex");
+  for (std::uint64_t seed = 0; seed < 300; ++seed) {
+    Rng rng = make_rng(seed, 9);
+    Bytes bytes;
+    for (std::uint32_t i = 0; i < 8; ++i) {
+      Bytes frame = pieces[rng() % pieces.size()];
+      set_u32(frame, 20, 700 + i);
+      const auto kind = rng() % 6;
+      constexpr std::size_t map_tlv = 40 + 8 + 8;
+      if (kind == 0) set_u32(frame, map_tlv, static_cast<std::uint32_t>(rng() % 12));  // type
+      if (kind == 1)
+        set_u32(frame, map_tlv + 4, static_cast<std::uint32_t>(rng() % 160));  // length
+      if (kind == 2) frame[map_tlv + 4 + rng() % 4] ^= static_cast<std::uint8_t>(1u << rng() % 8);
+      if (kind == 3) frame.erase(frame.begin() + static_cast<std::ptrdiff_t>(rng() % frame.size()));
+      bytes.insert(bytes.end(), frame.begin(), frame.end());
+    }
+    const Parsed whole = parse(bytes), cut = parse(bytes, [&] { return 1 + rng() % 60; });
+    CAPTURE(seed);
+    check_sum(whole.counts);
+    REQUIRE(whole.numbers() == cut.numbers());
+    REQUIRE(whole.counts.arrays == cut.counts.arrays);
+    REQUIRE(whole.counts.other_tlvs == cut.counts.other_tlvs);
+    std::uint64_t arrays = 0;
+    for (const RadarFrame& f : whole.frames) {
+      REQUIRE(f.array.size() % 2 == 0);
+      arrays += !f.array.empty();
+    }
+    REQUIRE(arrays == whole.counts.arrays);
+  }
+}
+
 TEST_CASE("cuts at every byte change nothing, and the time is that of the last byte") {
   const Bytes all = join(golden());
   for (std::size_t cut = 1; cut < all.size(); ++cut) {

@@ -3,7 +3,9 @@
 
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <fstream>
 
+#include "../paths.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/log2_codes.hpp"
 
@@ -156,6 +158,86 @@ TEST_CASE("the size of a frame, as the firmware's tables of rates have it") {
   CHECK(bytes(gui, "guiMonitor -1 0 1 1 0 0 1") == 1152);
   CHECK(bytes(gui, "guiMonitor -1 0 0 0 1 0 0") == 8256);   // 40 + 8 + 256 * 8 * 4, in 32s
   CHECK(bytes(gui, "guiMonitor -1 0 0 0 0 1 0") == 16448);  // 40 + 8 + 256 * 32 * 2, in 32s
+}
+
+namespace {
+
+std::vector<int> columns(const RadarProfile& p) {
+  std::vector<int> x;
+  for (const AntennaPlace& a : p.array) x.push_back(a.x);
+  return x;
+}
+
+}  // namespace
+
+TEST_CASE("the heat map's antennas are those of the board, in the order of the chirps") {
+  const std::string gui = "guiMonitor -1 1 1 0 0 0 1", on = "guiMonitor -1 0 1 0 1 0 1";
+  const auto profile = [&](const std::string& text, Board board = Board::isk) {
+    std::string with_map = text;
+    return parse_profile(with_map.replace(with_map.find(gui), gui.size(), on), "x.cfg", 921600,
+                         board);
+  };
+  CHECK(parse_profile(stock, "").array.empty());
+  const RadarProfile isk = profile(stock);
+  CHECK(columns(isk) == std::vector<int>{0, 1, 2, 3, 4, 5, 6, 7});
+  CHECK_FALSE(isk.planar);
+  CHECK(isk.warnings.empty());
+  CHECK(isk.frame_bytes == 8832);  // 40 + 8 + 512 + 8 + 8192 + 8 + 24 + 8 + 28, in 32s
+  CHECK(same_axis(array_axis(isk), Axis{"array", "covariance", "m", 256, 0, isk.range_step_m, 8}));
+  CHECK(columns(profile(with("channelCfg 15 7", "channelCfg 5 1"))) == std::vector<int>{0, 2});
+  CHECK(columns(profile(with("channelCfg 15 7", "channelCfg 15 4"))) ==
+        std::vector<int>{4, 5, 6, 7});
+  const RadarProfile aop = profile(stock, Board::aop), ods = profile(stock, Board::ods);
+  CHECK(aop.planar);
+  CHECK(aop.frame_bytes == 12928);
+  // Each pair of places once: 12 antennas on a grid, of which the two boards leave out other
+  // places.
+  const std::vector<AntennaPlace> of_aop{{1, 1}, {1, 0}, {0, 1}, {0, 0}, {1, 3}, {1, 2},
+                                         {0, 3}, {0, 2}, {3, 3}, {3, 2}, {2, 3}, {2, 2}};
+  const std::vector<AntennaPlace> of_ods{{0, 0}, {0, 1}, {1, 1}, {1, 0}, {2, 2}, {2, 3},
+                                         {3, 3}, {3, 2}, {2, 0}, {2, 1}, {3, 1}, {3, 0}};
+  CHECK(aop.array == of_aop);  // transmitters 1, 3, 2 in the stock cfg
+  CHECK(ods.array == of_ods);
+}
+
+TEST_CASE("a heat map that cannot be used or sent in time is told") {
+  const std::string gui = "guiMonitor -1 1 1 0 0 0 1", on = "guiMonitor -1 0 1 0 1 0 1";
+  std::string text = with(gui, on);
+  const auto warnings = [&](const std::string& from, const std::string& to, Board board) {
+    std::string changed = text;
+    return parse_profile(changed.replace(changed.find(from), from.size(), to), "x.cfg", 921600,
+                         board)
+        .warnings;
+  };
+  CHECK(warnings("0 100 1 0", "0 90 1 0", Board::isk) ==
+        std::vector<std::string>{"x.cfg:9: frameCfg wants a frame every 90 ms, but one of 8832 "
+                                 "bytes takes 95.8 ms at 921600 baud"});
+  CHECK(warnings("0 100 1 0", "0 100 1 0", Board::aop).size() == 1);
+  CHECK(warnings("0 100 1 0", "0 150 1 0", Board::aop).empty());
+  CHECK_THAT(warnings("channelCfg 15 7", "channelCfg 7 5", Board::isk).at(0),
+             Catch::StartsWith("x.cfg:4: channelCfg has fewer than 4 receivers"));
+  const std::string other =
+      "chirpCfg 1 1 0 0 0 0 0 2\r\nchirpCfg 2 2 0 0 0 0 0 4\r\n";  // transmitter 2 second
+  const std::string usual = "chirpCfg 1 1 0 0 0 0 0 4\r\nchirpCfg 2 2 0 0 0 0 0 2\r\n";
+  CHECK_THAT(warnings(usual, other, Board::isk).at(0),
+             Catch::StartsWith("x.cfg:8: chirpCfg has transmitter 2 before 3"));
+  CHECK(warnings(usual, other, Board::ods).size() == 1);  // 12.9 kB take longer than 100 ms
+}
+
+TEST_CASE("the cfgs that come with it can be sent in time") {
+  for (const char* name :
+       {"xwr68xx_azimuth_50cm", "xwr68xx_azimuth_44mm", "xwr68xx_44mm", "xwr68xx_paper_50cm"})
+    for (const char* sdk : {".cfg", "_sdk3.4.cfg"}) {
+      std::ifstream file(test::source_dir + "/config/radar/" + name + sdk);
+      const std::string text{std::istreambuf_iterator<char>(file), {}};
+      CAPTURE(name, sdk);
+      const RadarProfile p = parse_profile(text, name);
+      CHECK(p.warnings.empty());
+      const bool azimuth = std::string(name).find("azimuth") != std::string::npos;
+      CHECK(p.array.size() == (azimuth ? 8 : 0));
+      CHECK(p.antennas == (azimuth ? 8 : 12));
+      if (azimuth) CHECK(p.frame_bytes == (p.bins == 64 ? 2304 : 8832));
+    }
 }
 
 TEST_CASE("codes and powers are inverse, and doubling the magnitude is 6.02 dB") {

@@ -160,6 +160,37 @@ TEST_CASE("the cfg goes to the board verbatim, then frames come") {
   CHECK(b.sink.calls() == calls);
 }
 
+TEST_CASE("a heat map of another board than the configured is dropped, its profile is kept") {
+  Bench b;
+  Board board(b.io, b.dir);
+  std::string text = cfg;
+  for (const auto& [from, to] : std::vector<std::pair<std::string, std::string>>{
+           {"256 12500", "4 12500"},
+           {"frameCfg 0 0", "chirpCfg 1 1 0 0 0 0 0 4\nframeCfg 0 1"},
+           {"-1 0 1 0 0 0 1", "-1 0 1 0 1 0 1"}})
+    text.replace(text.find(from), from.size(), to);
+  const auto driver = make_radar(
+      b.io, {"serial:" + b.dir + "/cli", "serial:" + b.dir + "/data", text, "x.cfg"}, b.clock);
+  driver->start(b.sink);
+  REQUIRE(run_until(b.io, [&] { return test::counter(*driver, "configured") == 1; }));
+  board.data.send(test::join(test::read_golden("radar_array.hex")));
+  REQUIRE(run_until(b.io, [&] { return b.sink.radar.size() == 4; }));
+  REQUIRE(b.sink.info.axes.size() == 2);
+  CHECK(b.sink.info.axes[1].name == "array");
+  CHECK(b.sink.info.axes[1].count == 4);
+  CHECK(b.sink.info.axes[1].scale == 8);
+  CHECK(b.sink.radar[0].array.size() == 64);
+  CHECK(b.sink.radar[1].array.empty());
+  CHECK(b.sink.radar[1].range_profile.size() == 4);
+  CHECK(b.sink.radar[2].array.size() == 64);
+  CHECK(test::counter(*driver, "arrays") == 3);
+  CHECK(test::counter(*driver, "bad_arrays") == 1);
+  CHECK(b.sink.events ==
+        std::vector<std::string>{"its heat map is of 48 samples in TLV 8, the cfg and radar.board "
+                                 "ask for 32 in TLV 4; it is not used"});
+  driver->stop();
+}
+
 TEST_CASE("a board that vanishes is found and configured again") {
   Bench b;
   auto board = std::make_unique<Board>(b.io, b.dir);

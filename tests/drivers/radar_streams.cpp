@@ -87,6 +87,7 @@ Bytes frame_52(std::uint32_t number) {
 }
 
 const Lab demo{.tlvs = {{1, 0}, {2, 512}, {6, 24}, {9, 28}}};
+const Lab azimuth{.tlvs = {{2, 512}, {4, 8192}, {6, 24}, {9, 28}}};  // 256 bins, 8 antennas
 const Lab vital_signs{.version = 0x02000004, .platform = 0xa1642, .tlvs = {{6, 128}, {2, 76}}};
 const Lab exact{.tlvs = {{2, 76}, {1010, 30}}, .unit = 1};  // no padding at all
 
@@ -160,6 +161,26 @@ TEST_CASE("every TLV type is counted") {
         std::map<std::uint32_t, std::uint64_t>{{1, 50}, {2, 50}, {6, 50}, {9, 50}});
   CHECK(s.counts.other_tlvs == 50);
   CHECK(s.bins == std::map<std::size_t, int>{{256, 50}});
+}
+
+TEST_CASE("frames with heat maps: a start or an end anywhere costs one frame, a lost piece too") {
+  const Bytes all = stream(3, azimuth);
+  const std::size_t size = all.size() / 3;
+  CHECK(size == 8832);
+  for (std::size_t at = 1; at < size; at += 397) {
+    CAPTURE(at);
+    const Seen late = parse(part(all, at, all.size())), early = parse(part(all, 0, 2 * size + at));
+    REQUIRE(late.numbers == from_to(2, 3));
+    REQUIRE(early.numbers == from_to(1, 2));
+    REQUIRE(late.counts.arrays == 2);
+    Bytes hole = all;  // what a full buffer drops
+    const auto from = hole.begin() + static_cast<std::ptrdiff_t>(at);
+    hole.erase(from, from + 256);
+    const Seen s = parse(hole);
+    REQUIRE(s.counts.arrays == s.counts.frames);
+    REQUIRE(s.numbers.back() == 3);
+    REQUIRE(s.numbers.size() + s.counts.lost_frames + (s.numbers[0] - 1) == 3);
+  }
 }
 
 TEST_CASE("a start at any byte of a frame costs that frame only") {

@@ -53,7 +53,8 @@ struct Session {
     const auto header = ByteReader(at).get<Header>();
     return header.frame_number == frame.frame_number &&
            header.cpu_cycles == frame.time_cpu_cycles && header.packet_bytes <= at.size() &&
-           contains(at.first(header.packet_bytes), as_bytes(frame.range_profile));
+           contains(at.first(header.packet_bytes), as_bytes(frame.range_profile)) &&
+           contains(at.first(header.packet_bytes), as_bytes(frame.array));
   }
   void end() {
     parser.finish([this](RadarFrame frame) { take(std::move(frame)); });
@@ -63,6 +64,12 @@ struct Session {
     require(n.lost_frames >= lost, "the end may add a loss, not take one away");
     const auto profiles = std::count_if(frames.begin(), frames.end(),
                                         [](auto& frame) { return !frame.range_profile.empty(); });
+    const auto arrays = std::count_if(frames.begin(), frames.end(),
+                                      [](auto& frame) { return !frame.array.empty(); });
+    require(n.arrays == static_cast<std::uint64_t>(arrays), "heat maps are counted");
+    require(std::all_of(frames.begin(), frames.end(),
+                        [](auto& frame) { return frame.array.size() % 2 == 0; }),
+            "a heat map is of whole samples");
     require(n.range_profiles == static_cast<std::uint64_t>(profiles), "range profiles are counted");
     require(n.tlvs.size() <= 64, "the table of types is bounded");
   }
@@ -76,16 +83,18 @@ bool same_bytes(const std::optional<T>& a, const std::optional<T>& b) {
 bool same(const RadarFrame& a, const RadarFrame& b) {
   return a.frame_number == b.frame_number && a.time_cpu_cycles == b.time_cpu_cycles &&
          a.lost_before == b.lost_before && a.range_profile == b.range_profile &&
-         same_bytes(a.stats, b.stats) && same_bytes(a.temperature, b.temperature);
+         a.array == b.array && a.planar == b.planar && same_bytes(a.stats, b.stats) &&
+         same_bytes(a.temperature, b.temperature);
 }
 
 bool same(const FrameCounts& a, const FrameCounts& b) {
   return a.bytes == b.bytes && a.frames == b.frames && a.frame_bytes == b.frame_bytes &&
-         a.range_profiles == b.range_profiles && a.junk_bytes == b.junk_bytes &&
-         a.truncated_frames == b.truncated_frames && a.truncated_bytes == b.truncated_bytes &&
-         a.bad_headers == b.bad_headers && a.bad_tlvs == b.bad_tlvs &&
-         a.other_tlvs == b.other_tlvs && a.resyncs == b.resyncs && a.lost_frames == b.lost_frames &&
-         a.restarts == b.restarts && a.first_frame_number == b.first_frame_number &&
+         a.range_profiles == b.range_profiles && a.arrays == b.arrays &&
+         a.junk_bytes == b.junk_bytes && a.truncated_frames == b.truncated_frames &&
+         a.truncated_bytes == b.truncated_bytes && a.bad_headers == b.bad_headers &&
+         a.bad_tlvs == b.bad_tlvs && a.other_tlvs == b.other_tlvs && a.resyncs == b.resyncs &&
+         a.lost_frames == b.lost_frames && a.restarts == b.restarts &&
+         a.first_frame_number == b.first_frame_number &&
          a.last_frame_number == b.last_frame_number && a.tlvs == b.tlvs;
 }
 

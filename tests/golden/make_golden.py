@@ -78,3 +78,30 @@ write(
         ("frame 213: range profile only", radar_frame(213, 100_000_000, [tlv(2, profile)], stale)),
     ],
 )
+
+
+def sample(bin_, antenna):  # imaginary, real
+    if (bin_, antenna) == (0, 0):
+        return struct.pack("<hh", -32768, 32767)
+    return struct.pack("<hh", 100 * bin_ + antenna, -1000 - 100 * bin_ - antenna)
+
+
+def heat_map(antennas):
+    return b"".join(sample(bin_, antenna) for bin_ in range(4) for antenna in range(antennas))
+
+
+codes = struct.pack("<4H", 3000, 5000, 4000, 3000)
+write(
+    "radar_array.hex",
+    [
+        "TI mmWave demo, data port: heat maps of 4 bins. Made by make_golden.py (Python struct). The sample of",
+        "bin b and antenna a has the imaginary part 100 b + a and the real part -1000 - 100 b - a, but the",
+        "first is -32768, 32767.",
+    ],
+    [
+        ("frame 301: range profile, azimuth heat map of 8 antennas, stats", radar_frame(301, 500_000_000, [tlv(2, codes), tlv(4, heat_map(8)), tlv(6, stats)], stale)),
+        ("frame 302: range profile, heat map of 12 antennas of a planar array", radar_frame(302, 520_000_000, [tlv(2, codes), tlv(8, heat_map(12))], stale)),
+        ("frame 303: azimuth heat map, and a second one", radar_frame(303, 540_000_000, [tlv(2, codes), tlv(4, heat_map(8)), tlv(8, heat_map(12))], stale)),
+        ("frame 304: a heat map of 30 bytes", radar_frame(304, 560_000_000, [tlv(2, codes), tlv(4, heat_map(8)[:30])], stale)),
+    ],
+)

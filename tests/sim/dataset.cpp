@@ -73,6 +73,37 @@ TEST_CASE("a data set reads back as the records its plan makes, in any order, on
   }
 }
 
+TEST_CASE("a data set with antennas reads back as made, on any threads") {
+  const Folder folder;
+  Plan plan = small_plan();
+  plan.people = 9, plan.letters = 3;
+  const auto plain = Generator(plan).make(4);
+  plan.conditions.radar_antennas = 8;
+  plan.conditions.radar_phase_error_rad = 0.3;
+  const Generator generator(plan);
+  check_equal(generator.make(4), plain);  // incoherent: nothing else is another
+  for (const int threads : {1, 3}) {
+    const std::string path = folder.file(std::to_string(threads) + ".sqlite");
+    write_dataset(plan, {path, "", threads, true});
+    const record::RunReader run(path);
+    CHECK(run.antennas() == generator.stated_antennas());
+    CHECK(run.axis("array")->count == 29);
+    for (const auto& r : read_all(path)) {
+      CHECK(r.array_frames == 60);
+      std::vector<float> stored;
+      const auto packed = record::pack_array(generator.make(r.index).array, 8);
+      CHECK(record::unpack_array(packed, 29, 8, stored).empty());
+      CHECK(r.array == stored);
+    }
+  }
+  plan.conditions.radar_sum = "coherent";
+  const auto speckle = Generator(plan).make(4);
+  for (std::size_t i = 0; i < speckle.radar.size(); ++i)
+    CHECK(record::bin_of(speckle.array, 8, i).power() / 8 ==
+          Approx(speckle.radar[i]).epsilon(1e-4));
+  CHECK(speckle.depth_mm == plain.depth_mm);
+}
+
 TEST_CASE("a data set describes itself") {
   const Folder folder;
   Plan plan = small_plan();

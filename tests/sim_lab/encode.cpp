@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <complex>
 #include <initializer_list>
+#include <vector>
 
 using namespace echofuse;
 using namespace echofuse::sim;
@@ -55,6 +57,14 @@ TEST_CASE("a radar frame up to its padding") {
                                 2,    0,    0,    0,    4,    0,    0,    0,    0x34, 0x12, 7, 0});
   REQUIRE(frame.size() == 64);
   CHECK(std::equal(expected.begin(), expected.end(), frame.begin()));
+}
+
+TEST_CASE("a heat map has the imaginary part first, and saturates") {
+  const std::vector<std::complex<float>> samples{{1, -2}, {40000, -40000}};
+  const auto tlv = heat_map_tlv(false, samples);
+  CHECK(tlv.type == 4);
+  CHECK(tlv.payload == bytes({0xfe, 0xff, 1, 0, 0x00, 0x80, 0xff, 0x7f}));
+  CHECK(heat_map_tlv(true, samples).type == 8);
 }
 
 TEST_CASE("statistics and temperature") {

@@ -72,6 +72,7 @@ class Port {
 struct Frame {
   std::uint32_t version, length, platform, number, cycles, objects, tlvs, subframe;
   std::vector<std::uint16_t> profile;
+  std::vector<std::int16_t> heat_map;
   std::vector<std::uint32_t> types;
 };
 
@@ -89,6 +90,7 @@ Frame take_frame(std::string& bytes) {
     f.types.push_back(in.get<std::uint32_t>());
     const ByteView payload = in.take(in.get<std::uint32_t>());
     if (f.types.back() == 2) f.profile = to_values<std::uint16_t>(payload);
+    if (f.types.back() == 4) f.heat_map = to_values<std::int16_t>(payload);
   }
   REQUIRE(in.ok());
   bytes.erase(0, f.length);
@@ -176,6 +178,25 @@ TEST_CASE("frames come only while started, at their period, with the scene's pro
   CHECK(cli.command("sensorStart 0") == "sensorStart 0\nDone\n\rmmwDemo:/>");
   wire = data.bytes(frame_bytes, 2);
   CHECK(take_frame(wire).number == last + 1);  // counted since power-up
+}
+
+TEST_CASE("a heat map comes behind the profile when the cfg asks for it") {
+  const TemporaryDirectory dir;
+  const sim::LabOptions options = options_in(dir);
+  LabThread lab(options);
+  Port cli(options.dir + "/radar-cli", B115200), data(options.dir + "/radar-data", B921600);
+  cli.bytes(1 << 20, 0.1);
+  configure(cli, options.dir + "/radar.cfg", "guiMonitor", "guiMonitor -1 0 1 0 1 0 1");
+  constexpr std::size_t frame_bytes = 2304;  // 40 + 8 + 128 + 8 + 64 8 4 + 8 + 24 + 8 + 28, padded
+  std::string wire = data.bytes(2 * frame_bytes, 3);
+  for (std::uint32_t i = 1; i <= 2; ++i) {
+    const Frame frame = take_frame(wire);
+    CHECK(frame.number == i);
+    CHECK(frame.length == frame_bytes);
+    CHECK(frame.types == std::vector<std::uint32_t>{2, 4, 6, 9});
+    REQUIRE(frame.heat_map.size() == 64 * 8 * 2);
+    CHECK(std::any_of(frame.heat_map.begin(), frame.heat_map.end(), [](int v) { return v > 100; }));
+  }
 }
 
 TEST_CASE("calibration lines come unasked, once a frame, when they are wanted") {

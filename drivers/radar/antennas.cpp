@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/radar/antennas.hpp"
+
+#include <algorithm>
+#include <array>
+
+namespace echofuse::radar {
+namespace {
+
+struct Layout {
+  Board board;
+  const char* name;
+  std::array<AntennaPlace, 3> tx;
+  std::array<AntennaPlace, 4> rx;
+};
+
+constexpr Layout layouts[] = {
+    {Board::isk, "isk", {{{0, 0}, {2, -1}, {4, 0}}}, {{{0, 0}, {1, 0}, {2, 0}, {3, 0}}}},
+    {Board::aop, "aop", {{{0, 0}, {2, 2}, {0, 2}}}, {{{1, 1}, {1, 0}, {0, 1}, {0, 0}}}},
+    {Board::ods, "ods", {{{0, 0}, {2, 0}, {2, 2}}}, {{{0, 0}, {0, 1}, {1, 1}, {1, 0}}}},
+};
+
+}  // namespace
+
+std::vector<std::string> board_names() {
+  std::vector<std::string> names;
+  for (const Layout& l : layouts) names.emplace_back(l.name);
+  return names;
+}
+
+std::optional<Board> board_named(std::string_view name) {
+  for (const Layout& l : layouts)
+    if (name == l.name) return l.board;
+  return std::nullopt;
+}
+
+std::vector<AntennaPlace> heat_map_antennas(Board board, std::span<const std::uint32_t> tx,
+                                            std::uint32_t rx) {
+  const Layout& layout = layouts[static_cast<std::size_t>(board)];
+  if (!is_planar(board)) {
+    constexpr std::uint32_t above = 1;  // transmitter 2 stands in another row
+    const auto elevated = static_cast<std::size_t>(std::count(tx.begin(), tx.end(), above));
+    if (tx.size() > elevated) tx = tx.first(tx.size() - elevated);
+  }
+  std::vector<AntennaPlace> places;
+  for (const std::uint32_t t : tx)
+    for (std::uint32_t r = 0; r < layout.rx.size(); ++r)
+      if (rx >> r & 1)
+        places.push_back({layout.tx[t].x + layout.rx[r].x, layout.tx[t].y + layout.rx[r].y});
+  return places;
+}
+
+}  // namespace echofuse::radar

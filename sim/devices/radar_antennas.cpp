@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: MIT
+#include "sim/devices/radar_antennas.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "sim/sensors/gaussian.hpp"
+
+namespace echofuse::sim {
+namespace {
+
+// From amplitudes to the integers of the heat map: the 16 bits hold a reflector of the mean scene's
+// brightness 30 times over.
+constexpr float sample_gain = 1 << 10;
+constexpr unsigned above = 1;  // the ISK's transmitter that stands in another row
+
+Conditions with_all_antennas(Conditions c) {
+  c.radar_antennas = 12;
+  return c;
+}
+
+}  // namespace
+
+RadarAntennas::RadarAntennas(const Conditions& conditions, std::uint64_t seed)
+    : conditions_(conditions),
+      seed_(seed),
+      planar_(conditions.radar_antennas == 12),
+      channels_(simulated_antennas(with_all_antennas(conditions), seed)) {
+  if (planar_) return;
+  constexpr std::array<std::array<double, 2>, transmitters> isk{{{0, 0}, {2, -1}, {4, 0}}};
+  for (std::size_t m = 0; m < channels_.size(); ++m) {
+    channels_[m].x = isk[m / receivers][0] + static_cast<double>(m % receivers);
+    channels_[m].y = isk[m / receivers][1];
+  }
+}
+
+void RadarAntennas::start(const Chirp& chirp, double mean_peak) {
+  axis_ = chirp.axis();
+  noise_power_ = radar_noise_power(conditions_, mean_peak);
+  used_.clear();
+  std::size_t of_row = 0;
+  const auto& tx = chirp.transmitters;
+  for (const unsigned t : tx) {
+    of_row += planar_ || t != above;
+    for (std::size_t r = 0; r < receivers; ++r)
+      if (chirp.receivers >> r & 1) used_.push_back(channels_[t * receivers + r]);
+  }
+  // The firmware takes the first ones, however many stand in the row.
+  if (of_row == 0) of_row = tx.size();
+  sent_ = tx.empty() ? 0 : used_.size() / tx.size() * of_row;
+  echo_.reset();
+}
+
+void RadarAntennas::look(const RenderedScene& rendered, double time_s, double gain, Rng& rng) {
+  if (!echo_ || scene_ != rendered.index) {
+    echo_.emplace(rendered.array, axis_, used_, conditions_, seed_, rng);
+    scene_ = rendered.index;
+    seen_s_ = time_s;
+  }
+  samples_.resize(echo_->samples());
+  echo_->frame(std::max(0.0, time_s - seen_s_), rng, samples_);
+  seen_s_ = time_s;
+  auto* parts = reinterpret_cast<float*>(samples_.data());
+  const auto amplitude = static_cast<float>(std::sqrt(gain));
+  for (std::size_t i = 0; i < 2 * samples_.size(); ++i) parts[i] *= amplitude;
+  add_gaussian({parts, 2 * samples_.size()}, static_cast<float>(std::sqrt(noise_power_ / 2)), rng);
+}
+
+std::vector<std::uint16_t> RadarAntennas::profile_codes() const {
+  const std::size_t n = used_.size();
+  std::vector<std::uint16_t> codes;
+  codes.reserve(samples_.size() / n);
+  for (std::size_t i = 0; i < samples_.size(); i += n) {
+    double sum = 0;
+    for (std::size_t m = 0; m < n; ++m)
+      sum += std::log2(std::max(1.0, radar_gain * std::abs(samples_[i + m])));
+    codes.push_back(log2_q8(sum, static_cast<unsigned>(n)));
+  }
+  return codes;
+}
+
+RadarTlv RadarAntennas::tlv() const {
+  std::vector<std::complex<float>> sent;
+  for (std::size_t i = 0; i < samples_.size(); i += used_.size())
+    for (std::size_t m = 0; m < sent_; ++m) sent.push_back(sample_gain * samples_[i + m]);
+  return heat_map_tlv(planar_, sent);
+}
+
+std::string RadarAntennas::coefficients() const {
+  const auto weakest =
+      std::min_element(channels_.begin(), channels_.end(),
+                       [](const auto& a, const auto& b) { return a.gain < b.gain; });
+  std::string line;
+  for (const auto& channel : channels_)
+    for (const double part : {std::cos(channel.phase_rad), -std::sin(channel.phase_rad)}) {
+      std::array<char, 32> text{};
+      std::snprintf(text.data(), text.size(), " %.5f", weakest->gain / channel.gain * part);
+      line += text.data();
+    }
+  return line;
+}
+
+}  // namespace echofuse::sim

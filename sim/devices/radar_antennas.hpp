@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: MIT
+// The virtual antennas of a simulated board, and what they sample while it runs. An IWR6843ISK
+// sends a row's samples (TLV 4), a board with 12 antennas in a plane (radar_antennas = 12: the AOP)
+// all of them (TLV 8). Both have errors of phase and gain: they are the board's, not the run's.
+#pragma once
+#include <array>
+#include <complex>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "sim/devices/radar_chirp.hpp"
+#include "sim/devices/scene_player.hpp"
+#include "sim/sensors/radar_array.hpp"
+#include "sim/wire/encode.hpp"
+
+namespace echofuse::sim {
+
+class RadarAntennas {
+ public:
+  RadarAntennas(const Conditions& conditions, std::uint64_t seed);
+
+  // The board starts with this chirp. The noise is that of range_profile_codes.
+  void start(const Chirp& chirp, double mean_peak);
+  // The samples of a frame at this time, of all antennas, `gain` times as strong as they are.
+  void look(const RenderedScene& rendered, double time_s, double gain, Rng& rng);
+  // Of this frame. The profile is that of coherent echoes only: the sum of the same samples.
+  std::vector<std::uint16_t> profile_codes() const;
+  RadarTlv tlv() const;
+  // What measureRangeBiasAndRxChanPhase finds: by what to multiply each antenna's samples.
+  std::string coefficients() const;
+
+ private:
+  static constexpr std::size_t receivers = 4, transmitters = 3;
+
+  const Conditions& conditions_;
+  std::uint64_t seed_;
+  bool planar_;
+  record::Antennas channels_;  // each transmitter with each receiver
+  record::Antennas used_;      // by the chirp, in the order of its transmitters
+  std::size_t sent_ = 0;       // the first of them
+  RadarAxis axis_;
+  double noise_power_ = 0, seen_s_ = 0;
+  std::int64_t scene_ = -1;
+  std::optional<ArrayEcho> echo_;
+  std::vector<std::complex<float>> samples_;  // in the firmware's integers
+};
+
+}  // namespace echofuse::sim

@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: MIT
+// Gains and phases of the radar's antennas from frames with known ones.
+#include "acquire/array_calibration.hpp"
+
+#include <cmath>
+#include <complex>
+#include <numbers>
+#include <random>
+
+#include "acquire/calibration.hpp"
+#include "acquire/config.hpp"
+#include "testing.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+using namespace testing;
+
+namespace {
+
+constexpr std::size_t bins = 16, reflector = 4;
+
+struct World {
+  std::vector<double> gain{1, 0.8, 1.25, 1, 0.9, 1.1, 1, 0.7};
+  std::vector<double> phase{0, 0.4, -2.9, 3.1, 1.5, -0.3, 0.02, 2.2};
+  double amplitude = 2000, noise = 60;  // of the real or the imaginary part
+  double second_wave = 0;               // a share of the amplitude, from the side
+  double drift_rad = 0.05;              // of all antennas together, each frame
+};
+
+std::vector<std::int16_t> frame_of(const World& w, std::mt19937& rng, std::size_t number) {
+  std::normal_distribution<double> part(0, w.noise);
+  std::vector<std::int16_t> out;
+  const auto n = static_cast<double>(number);
+  for (std::size_t b = 0; b < bins; ++b)
+    for (std::size_t m = 0; m < w.gain.size(); ++m) {
+      std::complex<double> x(part(rng), part(rng));
+      const double side = std::numbers::pi * 0.5 * static_cast<double>(m) + 0.8 * n;
+      if (b == reflector)
+        x += w.amplitude * std::polar(w.gain[m], w.phase[m]) *
+             (std::polar(1.0, w.drift_rad * n) + std::polar(w.second_wave, side));
+      out.push_back(static_cast<std::int16_t>(std::lround(x.imag())));
+      out.push_back(static_cast<std::int16_t>(std::lround(x.real())));
+    }
+  return out;
+}
+
+ArrayFrames frames_of(const World& w, std::size_t count, std::uint32_t seed) {
+  std::mt19937 rng(seed);
+  ArrayFrames frames;
+  for (std::size_t i = 0; i < count; ++i) frames.push_back(frame_of(w, rng, i));
+  return frames;
+}
+
+std::string refusal(const ArrayFrames& frames, std::size_t bin = reflector) {
+  return fit_antennas(frames, 8, bin).refusal;
+}
+
+}  // namespace
+
+TEST_CASE("antennas: gains and phases come out within their errors, and the errors are honest") {
+  const World w;
+  double squares = 0;
+  int values = 0;
+  for (std::uint32_t seed = 0; seed < 60; ++seed) {
+    const AntennaFit fit = fit_antennas(frames_of(w, 40, seed), 8, reflector + seed % 3 - 1);
+    REQUIRE(fit.refusal.empty());
+    CHECK(fit.gains.gain[0] == Approx(1));
+    CHECK(fit.gains.phase_rad[0] == 0);
+    for (std::size_t m = 1; m < 8; ++m) {
+      const double error = fit.gains.standard_error[m];
+      const double phase =
+          std::remainder(fit.gains.phase_rad[m] - w.phase[m], 2 * std::numbers::pi);
+      const double gain = std::log(fit.gains.gain[m] / w.gain[m]);
+      CHECK(error < 0.01);
+      CHECK(std::max(std::abs(phase), std::abs(gain)) < 5 * error);
+      squares += (phase * phase + gain * gain) / (error * error);
+      values += 2;
+    }
+  }
+  CHECK(squares / values == Approx(1).margin(0.15));
+}
+
+TEST_CASE(
+    "antennas: refused in one line where there is no peak, no one wave, or an antenna is dead") {
+  World w;
+  CHECK(refusal(frames_of(w, 7, 1)) == "fewer than 8 frames with the antennas' samples came");
+  CHECK(
+      has(refusal(frames_of(w, 20, 1), 9), "no peak in the antennas' samples at the reflector: "));
+  w.second_wave = 0.8;
+  CHECK(has(refusal(frames_of(w, 20, 1)), "the antennas do not see one echo: "));
+  w.second_wave = 0;
+  w.gain[5] = 0;
+  CHECK(has(refusal(frames_of(w, 20, 1)), "antenna 5 has -"));
+  w.gain[5] = 1, w.noise = 0;
+  const AntennaFit fit = fit_antennas(frames_of(w, 20, 1), 8, reflector);
+  CHECK(fit.gains.standard_error[3] > 1e-4);  // of the rounding, which repeats itself
+  CHECK(refusal(ArrayFrames(20, std::vector<std::int16_t>(bins * 16))) != "");
+}
+
+TEST_CASE("antennas: what moves between the repeats widens the errors") {
+  const World w;
+  AntennaGains all = fit_antennas(frames_of(w, 80, 3), 8, reflector).gains;
+  const AntennaGains before = all;
+  std::vector<AntennaGains> repeats;
+  for (std::uint32_t k = 0; k < 8; ++k)
+    repeats.push_back(fit_antennas(frames_of(w, 10, 50 + k), 8, reflector).gains);
+  widen(all, repeats);
+  CHECK(all.standard_error[2] == before.standard_error[2]);
+  for (std::uint32_t k = 0; k < 8; ++k) repeats[k].phase_rad[2] += k % 2 ? 0.3 : -0.3;
+  widen(all, repeats);
+  CHECK(all.standard_error[2] == Approx(0.3 * std::sqrt(8.0 / 7) / std::sqrt(8.0)).epsilon(0.1));
+  CHECK(all.standard_error[3] == before.standard_error[3]);
+  CHECK(largest_residual(all, before) == 0);
+  AntennaGains slipped = before;
+  slipped.phase_rad[3] += 2 * std::numbers::pi + 7 * before.standard_error[3];
+  CHECK(largest_residual(slipped, before) == Approx(7 / std::sqrt(2.0)));
+}
+
+TEST_CASE("antennas: a calibration file keeps them, and one without them loads") {
+  const Folder folder;
+  const std::string path = folder / "c.toml";
+  Calibration c;
+  c.entries = {{Sensor::radar, "2026-11-21T10:00:00Z", "some method", 1, -0.0375, 2e-4}};
+  write_calibration(path, c);
+  CHECK(read_calibration(path).antennas.empty());
+  c.antennas = {"2026-11-22T10:00:00Z", 1, {1, 0.912345}, {0, -3.14159}, {0, 0.00123}};
+  write_calibration(path, c);
+  const AntennaGains back = read_calibration(path).antennas;
+  CHECK(back.date_utc == "2026-11-22T10:00:00Z");
+  CHECK(back.distance_m == 1);
+  CHECK(back.gain == c.antennas.gain);
+  CHECK(back.phase_rad == c.antennas.phase_rad);
+  CHECK(back.standard_error == c.antennas.standard_error);
+  Calibration fresh;
+  CHECK(fresh.over(c).antennas.gain == c.antennas.gain);
+  const auto refused = [&](const std::string& section) {
+    write_file(path, "[radar]\noffset_m = 0.1\n[antennas]\n" + section);
+    return has(error_of([&] { read_calibration(path); }).second, "lists of as many numbers");
+  };
+  CHECK(refused("gain = \"1 1\"\n"));
+  CHECK(refused("gain = \"1 x\"\nphase_rad = \"0 0\"\nstandard_error = \"0 0\"\n"));
+  CHECK(refused("gain = \"1 0\"\nphase_rad = \"0 0\"\nstandard_error = \"0 0\"\n"));
+  CHECK(refused("gain = \"1 nan\"\nphase_rad = \"0 0\"\nstandard_error = \"0 0\"\n"));
+  CHECK(refused("gain = \"1 1\"\nphase_rad = \"0 0 0\"\nstandard_error = \"0 0\"\n"));
+}
+
+TEST_CASE("antennas: the configuration has the board's places and the calibration's gains") {
+  const Folder folder;
+  const std::string path = folder / "lab.toml",
+                    radar = echofuse::test::source_dir + "/config/radar/";
+  fs::copy_file(radar + "xwr68xx_azimuth_50cm.cfg", folder / "azimuth.cfg");
+  fs::copy_file(radar + "xwr68xx_paper_50cm.cfg", folder / "paper.cfg");
+  write_file(path,
+             "[radar]\ncli = \"serial:/a\"\ndata = \"serial:/b\"\ncfg = \"azimuth.cfg\"\n"
+             "[run]\ncalibration = \"c.toml\"\n");
+  Calibration c;
+  c.entries = {{Sensor::radar, "2026-11-21T10:00:00Z", "some method", 1, -0.0375, 2e-4}};
+  c.antennas = {"2026-11-22T10:00:00Z",
+                1,
+                {1, 2, 1, 1, 1, 1, 1, 3},
+                {0, 1, 2, 3, 1, 1, 1, 1},
+                {0, 0, 0, 0, 0, 0, 0, 0}};
+  write_calibration(folder / "c.toml", c);
+  const Config config = load_config(path);
+  REQUIRE(config.antennas.size() == 8);
+  CHECK(config.antennas[7] == record::Antenna{7, 0, 3, 1});
+  CHECK(config.antennas[1] == record::Antenna{1, 0, 2, 1});
+  const Config aop = load_config(path, {"radar.board=aop"});
+  REQUIRE(aop.antennas.size() == 8);
+  CHECK(aop.antennas[4] == record::Antenna{1, 3, 1, 1});
+  CHECK(load_config(path, {"radar.cfg=paper.cfg"}).antennas.empty());
+  CHECK(has(error_of([&] { load_config(path, {"radar.board=boost"}); }).second, "radar.board"));
+  c.antennas.gain.resize(4), c.antennas.phase_rad.resize(4), c.antennas.standard_error.resize(4);
+  write_calibration(folder / "c.toml", c);
+  CHECK(has(error_of([&] { load_config(path); }).second,
+            "c.toml: has gains of 4 antennas, the heat map of radar.cfg and radar.board has 8"));
+}

@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: MIT
+// The radar's heat maps on their way from frames to records, and what is told of them.
+#include <cmath>
+
+#include "acquire/disk_estimate.hpp"
+#include "acquire/info.hpp"
+#include "acquire/record/export.hpp"
+#include "acquire/record/h5.hpp"
+#include "acquire/resume.hpp"
+#include "acquire/self_test.hpp"
+#include "acquire/window.hpp"
+#include "drivers/core/settings.hpp"
+#include "testing.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+using namespace testing;
+using namespace std::chrono_literals;
+
+namespace {
+
+constexpr SlotGrid grid{.first = 10s, .length = 1s};
+const SensorClocks no_clocks;
+constexpr std::size_t sent_bins = 40, kept_bins = 32, antennas = 8;  // of 0.25 m: up to 8 m
+
+DeviceInfo radar_info() {
+  DeviceInfo info;
+  info.sensor = Sensor::radar;
+  info.axes = {{"radar", "log2_q8", "m", sent_bins, 0, 0.25, antennas},
+               {"array", "covariance", "m", sent_bins, 0, 0.25, antennas}};
+  return info;
+}
+
+RadarFrame frame_of(std::uint32_t number) {
+  RadarFrame frame;
+  frame.received = 10s + number * 10ms;
+  frame.frame_number = number;
+  frame.range_profile.assign(sent_bins, 1000);
+  for (std::size_t i = 0; i < sent_bins * antennas; ++i) {
+    frame.array.push_back(static_cast<std::int16_t>(7 * i % 100 + number));       // imaginary
+    frame.array.push_back(static_cast<std::int16_t>(500 - 3 * number - i % 41));  // real
+  }
+  return frame;
+}
+
+Windows make_windows() {
+  Windows windows(grid, {}, no_clocks, {Sensor::radar});
+  REQUIRE(windows.announce(radar_info()));
+  return windows;
+}
+
+// What the record has to hold, of frames in groups of neighbours.
+std::vector<float> expected(const std::vector<std::vector<std::uint32_t>>& groups) {
+  record::ArrayStatistics sums(kept_bins, antennas);
+  for (const auto& group : groups) {
+    sums.skip();
+    for (const std::uint32_t number : group) {
+      const RadarFrame f = frame_of(number);
+      std::vector<std::complex<float>> samples;
+      for (std::size_t i = 0; i < kept_bins * antennas; ++i)
+        samples.emplace_back(static_cast<float>(f.array[2 * i + 1]),
+                             static_cast<float>(f.array[2 * i]));
+      sums.add(samples);
+    }
+  }
+  return sums.take();
+}
+
+}  // namespace
+
+TEST_CASE("array: the record has that of the frames of its slot, up to 8 m") {
+  Windows windows = make_windows();
+  for (const std::uint32_t n : {1u, 2u, 3u}) windows.add(frame_of(n));
+  for (const std::uint32_t n : {101u, 102u}) windows.add(frame_of(n));
+  const auto axes = windows.axes();
+  REQUIRE(axes.front().name == "array");
+  CHECK(axes.front().count == kept_bins);
+  const auto r = windows.close({0, false});
+  CHECK(r.array_frames == 3);
+  CHECK(r.array == expected({{1, 2, 3}}));
+  CHECK(record::bin_of(r.array, antennas, 0).mean(1).imag() == Approx(7 + 2));
+  CHECK(record::bin_of(r.array, antennas, 0).mean(1).real() == Approx(499 - 6));
+  const auto next = windows.close({1, false});
+  CHECK(next.array_frames == 2);
+  CHECK(next.array == expected({{101, 102}}));
+}
+
+TEST_CASE(
+    "array: frames with lost ones between them are no neighbours, nor are frames without one") {
+  Windows windows = make_windows();
+  RadarFrame without = frame_of(6);
+  SECTION("lost") {}
+  SECTION("without a heat map") {
+    without.array.clear();
+    windows.add(without);
+  }
+  for (const std::uint32_t n : {4u, 5u, 7u, 8u}) windows.add(frame_of(n));
+  windows.add(frame_of(8));  // came twice
+  const auto r = windows.close({0, false});
+  CHECK(r.array_frames == 4);
+  CHECK(r.array == expected({{4, 5}, {7, 8}}));
+}
+
+TEST_CASE("array: a frame whose profile is not used gives no array, and a radar without one none") {
+  Windows windows = make_windows();
+  RadarFrame bad = frame_of(1);
+  bad.range_profile.resize(3);
+  windows.add(bad);
+  windows.add(frame_of(2));
+  auto r = windows.close({0, false});
+  CHECK(r.sync[Sensor::radar].used == 1);
+  CHECK(r.array_frames == 1);
+  CHECK(r.array == expected({{2}}));
+  RadarFrame plain = frame_of(101);
+  plain.array.clear();
+  windows.add(plain);
+  r = windows.close({1, false});
+  CHECK(r.valid.contains(Sensor::radar));
+  CHECK(r.array.empty());
+  CHECK(r.array_frames == 0);
+  Windows old(grid, {}, no_clocks, {Sensor::radar});
+  DeviceInfo info = radar_info();
+  info.axes.pop_back();
+  old.announce(info);
+  old.add(frame_of(1));
+  CHECK(old.close({0, false}).array.empty());
+}
+
+TEST_CASE("array: info and HDF5 show it") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  Windows windows = make_windows();
+  std::vector<record::FusedRecord> records;
+  {
+    record::RunWriter run(path, {});
+    for (const auto& axis : windows.axes()) run.put_axis(axis);
+    record::Antennas places(antennas);
+    for (std::size_t m = 0; m < antennas; ++m) places[m].x = static_cast<double>(m);
+    places[1].gain = 1.5, places[1].phase_rad = -0.25;
+    run.put_antennas(places);
+    for (const std::uint32_t n : {1u, 2u, 3u, 301u}) windows.add(frame_of(n));
+    for (std::int64_t k = 0; k < 4; ++k) {
+      records.push_back(windows.close({k, false}));
+      run.append(records.back());
+    }
+    run.close("complete");
+  }
+  const double bytes = record::array_bytes(windows.axes().front());
+  CHECK(bytes == kept_bins * (4 + 2 * 82));
+  CHECK(record_bytes(windows.axes()) == bytes + 4 * sent_bins);
+  CHECK(has(describe_run(path, false),
+            "array     8 antennas, 32 bins to 7.75 m, in 2 records of 2 frames and 5376 bytes"));
+  CHECK(has(describe_run(path, true), "\"phase_rad\": -0.25"));
+  record::export_h5(record::RunReader(path), folder / "a.h5");
+  const auto in = record::H5File::open(folder / "a.h5");
+  const std::string data = "/entry/data/";
+  const std::size_t values = record::values_of_bin(antennas);
+  CHECK(in.shape(data + "array") == record::H5Shape{4, kept_bins, values});
+  const auto array = in.read<float>(data + "array");
+  const auto want = record::RunReader(path).read(0).array;  // as it is stored: rounded
+  REQUIRE(std::equal(want.begin(), want.end(), array.begin()));
+  CHECK(want[0] == Approx(records[0].array[0]).margin(0.1));
+  CHECK(std::isnan(array[kept_bins * values]));  // no frame in that slot
+  CHECK(in.read<std::uint64_t>(data + "array_frames") == std::vector<std::uint64_t>{3, 0, 0, 1});
+  CHECK(in.read<double>(data + "array_range").back() == 7.75);
+  CHECK(in.read<double>("/entry/tables/antenna/phase_rad")[1] == -0.25);
+  CHECK(in.get<std::string>("/entry/tables/antenna/phase_rad", "units") == "rad");
+  CHECK(in.get<std::string>("/entry/tables/antenna/x", "units") == "half wavelengths");
+}
+
+TEST_CASE("array: a run is resumed with its own antennas only") {
+  Config config;
+  config.antennas = {{0, 0, 1, 0}, {1, 0, 1.1, 0.5}};
+  record::Antennas begun = config.antennas;
+  const auto verdict = [&] {
+    return error_of([&] { refuse_other_antennas(begun, config); }).second;
+  };
+  CHECK(verdict().empty());
+  begun[1].phase_rad = 0.4;
+  CHECK(has(verdict(), "run.calibration has other gains or phases"));
+  begun[1].x = 2;
+  CHECK(has(verdict(), "radar.board or radar.cfg make another array"));
+  begun.clear();
+  CHECK(has(verdict(), "it was recorded without the radar's antennas"));
+  DeviceInfo device = radar_info();
+  const std::vector<Axis> axes{device.axes[0], kept_axis(device.axes[1])};
+  CHECK(error_of([&] { refuse_other_axes(axes, device); }).first == ExitCode::ok);
+}
+
+TEST_CASE("array: doctor counts heat maps, and misses them") {
+  Config config;
+  config.radar.cli = "serial:/a";
+  config.radar.cfg_name = "azimuth.cfg";
+  config.radar.cfg_text =
+      read_config_text(echofuse::test::source_dir + "/config/radar/xwr68xx_azimuth_50cm.cfg");
+  Capture capture(config.histogram);
+  capture.begin();
+  RadarFrame frame = frame_of(1);
+  frame.range_profile.resize(64, 900);
+  SECTION("there") {
+    for (int k = 0; k < 40; ++k) capture.on_radar(frame);
+    const Finding finding = judge_radar(capture, config, 2);
+    CHECK(finding.grade == Grade::ok);
+    CHECK(has(finding.found, "heat map of 8 antennas in 40 frames"));
+    CHECK(estimate_record_bytes(capture, config) == 4 * 64 + kept_bins * (4 + 2 * 82));
+  }
+  SECTION("not there") {
+    frame.array.clear();
+    for (int k = 0; k < 40; ++k) capture.on_radar(frame);
+    const Finding finding = judge_radar(capture, config, 2);
+    CHECK(finding.grade == Grade::problem);
+    CHECK(has(finding.advice, "radar.board"));
+  }
+}

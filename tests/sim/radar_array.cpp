@@ -1,0 +1,388 @@
+// SPDX-License-Identifier: MIT
+#include "sim/sensors/radar_array.hpp"
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <complex>
+#include <numbers>
+
+#include "drivers/core/axis.hpp"
+#include "scenes.hpp"
+#include "sim/sensors/array_cells.hpp"
+#include "sim/sensors/body_motion.hpp"
+#include "sim/sensors/gaussian.hpp"
+#include "sim/sensors/radar_echo.hpp"
+
+using namespace echofuse;
+using namespace echofuse::sim;
+
+namespace {
+
+constexpr double pi = std::numbers::pi;
+using Complex = std::complex<double>;
+using Samples = std::vector<std::complex<float>>;
+
+Conditions of_sum(const char* sum) {
+  Conditions c;
+  c.radar_antennas = 8;
+  c.radar_sum = sum;
+  return c;
+}
+
+Returns points(std::initializer_list<Returns::Place> places, std::vector<double> ranges,
+               std::vector<double> weights) {
+  return {std::move(ranges), std::move(weights), places};
+}
+
+Complex wave(const record::Antenna& a, double x, double y = 0) {
+  return std::polar(a.gain, pi * (a.x * x + a.y * y) + a.phase_rad);
+}
+
+void check_near(Complex a, Complex b, double margin) {
+  INFO(a << " " << b);
+  CHECK(std::abs(a - b) < margin);
+}
+
+Returns a_person(const Conditions& c, std::uint64_t index) {
+  return radar_returns(make_scene(c, SceneKind::person, 5, index), c);
+}
+
+std::size_t peak_of(const Returns& returns, Conditions c) {
+  c.radar_sum = "incoherent";
+  const auto power = radar_power(returns, radar_response(c), c);
+  return static_cast<std::size_t>(std::max_element(power.begin(), power.end()) - power.begin());
+}
+
+// Correlation of a point's echo between two times, expected over amplitudes: sum of w psf^2 turned
+// by the way between, over sum of w psf^2. Parts have range_m, weight, place and person.
+struct Part {
+  double share;
+  BodyMotion::Modes turns;
+};
+double correlation(const std::vector<Part>& parts, const BodyMotion::Modes& a,
+                   const BodyMotion::Modes& b) {
+  Complex sum;
+  double all = 0;
+  for (const Part& part : parts) {
+    double turns = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) turns += part.turns[i] * (b[i] - a[i]);
+    sum += std::polar(part.share, 2 * pi * turns);
+    all += part.share;
+  }
+  return std::abs(sum) / all;
+}
+
+}  // namespace
+
+TEST_CASE("one point's wave has its steering phases, by the channels' errors off") {
+  for (const char* sum : {"incoherent", "coherent"})
+    for (const std::int64_t antennas : {8, 12}) {
+      Conditions c = of_sum(sum);
+      c.radar_antennas = antennas;
+      c.radar_phase_error_rad = 0.5;
+      c.radar_gain_error_db = 1;
+      const RadarAxis axis = radar_response(c);
+      const auto array = simulated_antennas(c, 3);
+      CHECK(array[1].phase_rad != 0);
+      const Returns point =
+          points({{0.25f, -0.125f, 1, Returns::reflector}}, {14.2 * axis.step_m}, {4});
+      Rng rng(1);
+      ArrayEcho echo(point, axis, array, c, 7, rng);
+      Samples samples(echo.samples());
+      for (int frame = 0; frame < 2; ++frame) {
+        echo.frame(0.05, rng, samples);
+        for (std::size_t i = 0; i < axis.count; ++i)
+          for (std::size_t m = 0; m < array.size(); ++m) {
+            const double u = (static_cast<double>(i) - 14.2) * axis.step_m / axis.resolution_m;
+            const auto seen = samples[i * array.size() + m];
+            check_near(seen, 2 * psf_amplitude(axis.psf, u) * wave(array[m], 0.25, -0.125), 1e-4);
+          }
+      }
+      CHECK(stated_antennas(array, c) == array);
+      c.radar_array_calibrated = false;
+      CHECK(stated_antennas(array, c) == antennas_in_layout(array.size()));
+    }
+}
+
+TEST_CASE("the AOP's antennas stand where its transmitters and receivers are added") {
+  const auto a = antennas_in_layout(12);
+  CHECK((a[0].x == 1 && a[0].y == 1));
+  CHECK((a[5].x == 3 && a[5].y == 2));
+  CHECK((a[11].x == 0 && a[11].y == 2));
+}
+
+TEST_CASE("incoherent covariance is that of the sources, over any successive frames of a record") {
+  const Conditions c = of_sum("incoherent");
+  const RadarAxis axis = radar_response(c);
+  const auto array = simulated_antennas(c, 3);
+  const Returns two =
+      points({{0.2f, 0, 1, 0}, {-0.3f, 0, 1, Returns::still}}, {3.5, 4.1}, {1, 0.5});
+  Rng rng(1);
+  ArrayEcho echo(two, axis, array, c, 7, rng);
+  Samples samples(echo.samples());
+  for (int before = 0; before < 17; ++before) echo.frame(0.05, rng, samples);
+  record::ArrayStatistics sums(axis.count, 8);
+  for (std::int64_t f = 0; f < c.radar_frames; ++f) {
+    echo.frame(0.05, rng, samples);
+    sums.add(samples);
+  }
+  const auto kept = sums.take();
+  for (const std::size_t i : {13u, 14u, 16u}) {
+    const auto bin = record::bin_of(kept, 8, i);
+    const double at = static_cast<double>(i) * axis.step_m;
+    const auto power = [&](double range, double w) {
+      return w * std::pow(psf_amplitude(axis.psf, (at - range) / axis.resolution_m), 2);
+    };
+    const double first = power(3.5, 1), second = power(4.1, 0.5);
+    for (std::size_t m = 0; m < 8; ++m)
+      for (std::size_t n = 0; n < 8; ++n) {
+        const double apart = pi * (static_cast<double>(m) - static_cast<double>(n));
+        check_near(bin.covariance(m, n),
+                   first * std::polar(1.0, apart * 0.2) + second * std::polar(1.0, -apart * 0.3),
+                   2e-4);
+      }
+    CHECK(std::abs(bin.lag()) < 0.05 * bin.power());
+  }
+}
+
+TEST_CASE("noise is white, complex and as strong as the detector's") {
+  Conditions c = of_sum("coherent");
+  constexpr double noise = 0.3;
+  Rng rng(4);
+  const RadarAxis axis = radar_response(c);
+  const auto looks =
+      look_through_array({}, axis, axis.count, antennas_in_layout(8), c, noise, 7, rng);
+  const auto bins = static_cast<double>(axis.count), frames = static_cast<double>(c.radar_frames);
+  double power = 0, across = 0, mean = 0, lag = 0;
+  for (std::size_t i = 0; i < axis.count; ++i) {
+    const auto bin = record::bin_of(looks.array, 8, i);
+    power += bin.power() / 8 / bins;
+    lag += std::norm(bin.lag()) / bins;
+    CHECK(looks.power[i] == Approx(bin.power() / 8).epsilon(1e-5));
+    for (std::size_t m = 0; m < 8; ++m) {
+      mean += std::norm(bin.mean(m)) / 8 / bins;
+      for (std::size_t n = 0; n < m; ++n) across += std::norm(bin.covariance(m, n)) / 28 / bins;
+    }
+  }
+  // A power is exponential, of variance 1; means of so many have a relative rms of 1/sqrt(count).
+  CHECK(std::abs(power / noise - 1) < 4.5 / std::sqrt(8 * frames * bins));
+  CHECK(std::abs(mean * frames / noise - 1) < 4.5 / std::sqrt(8 * bins));
+  CHECK(std::abs(across * frames / (noise * noise) - 1) < 4.5 * 2 / std::sqrt(28 * bins));
+  CHECK(std::abs(lag * (frames - 1) / (8 * noise * noise) - 1) < 4.5 * 2 / std::sqrt(bins));
+}
+
+TEST_CASE("fast Gaussian numbers have the normal distribution's moments and tail") {
+  Rng rng(9);
+  std::vector<float> x(400'001);
+  add_gaussian(x, 2, rng);
+  double second = 0, fourth = 0, sum = 0;
+  int beyond = 0, last = 0;
+  for (const double v : x) {
+    sum += v / 2;
+    second += v * v / 4;
+    fourth += v * v * v * v / 16;
+    beyond += std::abs(v) > 2 * 2;
+    last += std::abs(v) > 2 * 3.6;  // drawn beyond the ziggurat's last layer
+  }
+  const double n = static_cast<double>(x.size());
+  CHECK(std::abs(sum / n) < 4.5 / std::sqrt(n));
+  CHECK(std::abs(second / n - 1) < 4.5 * std::sqrt(2 / n));
+  CHECK(std::abs(fourth / n - 3) < 4.5 * std::sqrt(96 / n));
+  const double two = 0.0455003, far = 3.18217e-4;
+  CHECK(std::abs(beyond - two * n) < 4.5 * std::sqrt(two * n));
+  CHECK(std::abs(last - far * n) < 4.5 * std::sqrt(far * n));
+}
+
+TEST_CASE("sway is stationary, and forgets as its spectrum says") {
+  Conditions c;
+  c.radar_sway_m = 1;
+  Rng rng(2);
+  constexpr int draws = 4000;
+  double before = 0, after = 0, both = 0;
+  for (int i = 0; i < draws; ++i) {
+    BodyMotion motion(c, 1, rng);
+    const double a = motion.of(0)[0];
+    motion.advance(0.2, rng);
+    motion.advance(0.3, rng);
+    const double b = motion.of(0)[0];
+    before += a * a / draws, after += b * b / draws, both += a * b / draws;
+  }
+  CHECK(std::abs(before - 1) < 4.5 * std::sqrt(2.0 / draws));
+  CHECK(std::abs(after - 1) < 4.5 * std::sqrt(2.0 / draws));
+  const double expected = 2 * std::exp(-1.0);  // (1 + wt) exp(-wt) at wt = 1
+  CHECK(std::abs(both - expected) < 4.5 * std::sqrt((1 + expected * expected) / draws));
+}
+
+TEST_CASE("a swaying pendulum, a twist and a breath change the range as geometry says") {
+  // A patch 0.2 m right of an axis 3 m ahead.
+  const double x = 0.2, z = 3, range = std::hypot(x, z);
+  const auto modes = BodyMotion::range_per_mode(x / range, 0, 1.65, 0, z, 1);
+  CHECK(modes[0] == Approx(x / range));
+  CHECK(modes[1] == Approx(z / range));
+  const double turned = std::hypot(x * std::cos(1e-4), z - x * std::sin(1e-4));
+  CHECK(modes[2] == Approx((turned - range) / 1e-4).epsilon(1e-3));
+  CHECK(modes[3] == 0);
+  CHECK(BodyMotion::range_per_mode(0, 0, 1.25, 0, 3, 1)[3] == -1);
+  CHECK(BodyMotion::range_per_mode(0, 0, 0, 0, 3, 1)[1] == 0);  // the feet stand
+}
+
+TEST_CASE("speckle is exponential about the incoherent sum, at each antenna and between them") {
+  Conditions c = of_sum("coherent");
+  const RadarAxis axis = radar_response(c);
+  const auto array = antennas_in_layout(8);
+  const Returns person = a_person(c, 0);
+  const std::size_t peak = peak_of(person, c);
+  // Expected over patches, not cells.
+  double power = 0;
+  Complex ends;
+  for (std::size_t k = 0; k < person.range_m.size(); ++k) {
+    const double u =
+        (static_cast<double>(peak) * axis.step_m - person.range_m[k]) / axis.resolution_m;
+    const double w = person.weight[k] * std::pow(psf_amplitude(axis.psf, u), 2);
+    power += w;
+    ends += std::polar(w, pi * 7 * person.place[k].x);
+  }
+  constexpr int draws = 3000;
+  double sum = 0, squares = 0;
+  Complex across;
+  Rng rng(6);
+  for (int d = 0; d < draws; ++d) {
+    ArrayEcho echo(person, axis, array, c, 7, rng);
+    Samples samples(echo.samples());
+    echo.frame(0, rng, samples);
+    const Complex first = samples[peak * 8], last = samples[peak * 8 + 7];
+    sum += std::norm(first) / power;
+    squares += std::norm(first) * std::norm(first) / (power * power);
+    across += last * std::conj(first) / (power * draws);
+  }
+  CHECK(std::abs(sum / draws - 1) < 4.5 / std::sqrt(draws) + 0.01);
+  CHECK(std::abs(squares / draws - 2) < 4.5 * std::sqrt(20.0 / draws) + 0.04);
+  check_near(across, ends / power, 4.5 / std::sqrt(draws) + 0.02);
+}
+
+TEST_CASE("cells lose their phases as the patches in them do") {
+  Conditions c = of_sum("coherent");
+  const RadarAxis axis = radar_response(c);
+  const double turns_per_m = 2 * c.radar_carrier_hz / speed_of_light_m_s;
+  const auto part = [&](double range, double weight, double x, double y, double height) {
+    auto turns = BodyMotion::range_per_mode(x, y, height, 0, 3.5, 1);
+    for (float& t : turns) t *= static_cast<float>(turns_per_m);
+    const double u = (3.5 - range) / axis.resolution_m;
+    return Part{weight * std::pow(psf_amplitude(axis.psf, u), 2), turns};
+  };
+  const Returns person = a_person(c, 1);
+  std::vector<Part> patches, cells;
+  for (std::size_t k = 0; k < person.range_m.size(); ++k) {
+    const auto& p = person.place[k];
+    patches.push_back(part(person.range_m[k], person.weight[k], p.x, p.y, p.height_m));
+  }
+  const auto grouped = cells_of(person, {axis.resolution_m / 8}, Echoes::of_people);
+  CHECK(grouped.people == 1);
+  for (const ArrayCell& k : grouped.cells)
+    cells.push_back(part(k.range_m, k.weight, k.x, k.y, k.height_m));
+  CHECK(cells.size() < patches.size() / 4);
+  Rng rng(8);
+  for (const double later_s : {0.05, 0.2, 0.5}) {
+    double exact = 0, grouped_sum = 0;
+    for (int d = 0; d < 30; ++d) {
+      BodyMotion motion(c, 1, rng);
+      const auto before = motion.of(0);
+      motion.advance(later_s, rng);
+      exact += correlation(patches, before, motion.of(0)) / 30;
+      grouped_sum += correlation(cells, before, motion.of(0)) / 30;
+    }
+    INFO(later_s << " s: " << exact << " " << grouped_sum);
+    CHECK(std::abs(exact - grouped_sum) < 0.02);
+    if (later_s == 0.5) CHECK(exact < 0.6);
+  }
+}
+
+TEST_CASE("the more somebody sways, the more looks a record has") {
+  Conditions c = of_sum("coherent");
+  const RadarAxis axis = radar_response(c);
+  const Returns person = a_person(c, 2);
+  const std::size_t peak = peak_of(person, c);
+  // Looks: mean^2 / variance of a record's power.
+  const auto looks_at = [&](double sway_m, double twist_deg, double breath_m) {
+    c.radar_sway_m = sway_m, c.radar_twist_deg = twist_deg, c.radar_breath_m = breath_m;
+    constexpr int records = 250;
+    double sum = 0, squares = 0;
+    Rng rng(5);
+    for (int i = 0; i < records; ++i) {
+      const double power =
+          look_through_array(person, axis, 1, antennas_in_layout(1), c, 1e-12, 7, rng).power[peak];
+      sum += power / records;
+      squares += power * power / records;
+    }
+    return sum * sum / (squares - sum * sum);
+  };
+  const double none = looks_at(0, 0, 0), little = looks_at(0.001, 0, 0),
+               natural = looks_at(0.005, 0.3, 0.004);
+  INFO(none << " " << little << " " << natural);
+  CHECK(std::abs(none - 1) < 0.5);
+  CHECK(little > 1.1 * none);
+  CHECK(natural > 2 * little);
+}
+
+TEST_CASE("the empty room is the same in every record, and shadows are missing from it") {
+  Conditions c = of_sum("coherent");
+  c.background = "room";
+  c.radar_leakage = 3;
+  const RadarAxis axis = radar_response(c);
+  const auto array = antennas_in_layout(8);
+  const auto frame_of = [&](const Scene& scene, std::uint64_t seed, std::uint64_t draw) {
+    Rng rng(draw);
+    ArrayEcho echo(radar_returns(scene, c), axis, array, c, seed, rng);
+    Samples samples(echo.samples());
+    echo.frame(0.05, rng, samples);
+    return samples;
+  };
+  const Scene empty = make_scene(c, SceneKind::empty, 1, 0);
+  const Samples once = frame_of(empty, 7, 1);
+  CHECK(once == frame_of(empty, 7, 2));
+  CHECK(once != frame_of(empty, 8, 1));
+  check_near(once[3], std::sqrt(3), 0.3);  // the leakage at range 0, and the room's side lobes
+  // A plate that reflects nothing leaves all else as it was.
+  Scene shadow = empty;
+  shadow.plates.push_back({{0.5, 0, 3}, {1, 0, 0}, {0, 1, 0}, {{-0.2, 0, 0.2, 0, 0.4}}, 0});
+  const Samples less = frame_of(shadow, 7, 3);
+  double difference = 0, power = 0;
+  for (std::size_t i = 0; i < once.size(); ++i) {
+    difference += std::norm(once[i] - less[i]);
+    if (i >= 8 * 16) power += std::norm(once[i]);
+  }
+  CHECK(difference > 0.001 * power);
+  CHECK(difference < 0.3 * power);
+}
+
+TEST_CASE("the floor's echo comes later, from half way to the mirror image") {
+  Conditions c = of_sum("incoherent");
+  c.radar_ground = 0.5;
+  Scene scene;
+  scene.capsules.push_back({{0, 0.4, 3}, {0, 0.4, 3}, 0.05, 0.5});
+  const Returns r = radar_returns(scene, c);
+  const std::size_t half = r.range_m.size() / 2;
+  REQUIRE(half > 0);
+  const double x = 0.5, y = 0.4, straight = std::hypot(x, y, 3.0);
+  const double image = std::hypot(x, 2 * c.camera_height_m + y, 3.0);
+  CHECK(r.place[0].height_m == Approx(c.camera_height_m + y).margin(0.06));
+  CHECK(r.range_m[0] == Approx(straight - 0.05).margin(0.03));
+  CHECK(r.range_m[half] == Approx((straight + image) / 2 - 0.05).margin(0.05));
+  CHECK(r.weight[half] == 0.5 * r.weight[0]);
+  CHECK(r.place[half].x == Approx((x / straight + x / image) / 2).margin(0.02));
+}
+
+TEST_CASE("patches know to whom they belong, and plain conditions do not ask") {
+  Conditions c = of_sum("coherent");
+  c.background = "room";
+  const Returns two = radar_returns(make_scene(c, SceneKind::two_people, 3, 0), c);
+  REQUIRE(two.place.size() == two.range_m.size());
+  for (const std::int32_t person : {Returns::still, 0, 1})
+    CHECK(std::any_of(two.place.begin(), two.place.end(),
+                      [&](const Returns::Place& p) { return p.person == person; }));
+  const Returns target = radar_returns(make_scene(c, SceneKind::reflector, 3, 0), c);
+  CHECK(target.place.at(0).person == Returns::reflector);
+  c.radar_antennas = 0;
+  CHECK(radar_returns(make_scene(c, SceneKind::person, 3, 0), c).place.empty());
+}

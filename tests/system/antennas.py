@@ -1,0 +1,142 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/system/antennas.py BIN_DIR [TEST]: a laboratory whose radar sends its antennas' samples, and a run of it. Every frame
+that was sent arrived whole, and each record holds the statistics of its slot's frames, worked out here from the bytes."""
+import json
+import math
+import pathlib
+import sqlite3
+import struct
+import subprocess
+import sys
+import tempfile
+import unittest
+
+bin_dir = pathlib.Path(sys.argv[1]).resolve()
+cfg = pathlib.Path(__file__).resolve().parents[2] / "config/radar/xwr68xx_azimuth_50cm.cfg"
+MAGIC = bytes((2, 1, 4, 3, 6, 5, 8, 7))
+WINDOW_S = 0.4
+BINS, KEPT, ANTENNAS = 64, 32, 8
+VALUES = ANTENNAS * ANTENNAS + 2 * ANTENNAS + 2
+
+
+def crc_table():
+    table = []
+    for n in range(256):
+        for _ in range(8):
+            n = n >> 1 ^ (0x82F63B78 if n & 1 else 0)
+        table.append(n)
+    return table
+
+
+TABLE = crc_table()
+
+
+def crc32c(data):
+    crc = 0xFFFFFFFF
+    for byte in data:
+        crc = crc >> 8 ^ TABLE[(crc ^ byte) & 0xFF]
+    return crc ^ 0xFFFFFFFF
+
+
+def frames_of(raw):
+    """{number: (bytes, samples of the kept bins)}"""
+    frames, place = {}, raw.find(MAGIC)
+    while place >= 0:
+        size, number, tlvs = (struct.unpack_from("<I", raw, place + at)[0] for at in (12, 20, 32)) \
+            if place + 40 <= len(raw) else (0, 0, 0)
+        if size < 40 or place + size > len(raw):
+            break
+        frame, at, samples = raw[place:place + size], 40, None
+        for _ in range(tlvs):
+            kind, length = struct.unpack_from("<II", frame, at)
+            if kind == 4:
+                parts = struct.unpack_from(f"<{length // 2}h", frame, at + 8)
+                assert length == 4 * BINS * ANTENNAS
+                samples = [complex(re, im) for im, re in zip(parts[::2], parts[1::2])][:KEPT * ANTENNAS]
+            at += 8 + length
+        frames[number] = frame, samples
+        place = raw.find(MAGIC, place + size)
+    return frames
+
+
+def unpacked(blob):
+    """Of each bin: power, and the values in units of it (means: of its root)."""
+    size = 4 + 2 * VALUES
+    assert len(blob) == KEPT * size
+    for start in range(0, len(blob), size):
+        yield struct.unpack_from("<f", blob, start)[0], [v / 32767 for v in struct.unpack_from(f"<{VALUES}h", blob, start + 4)]
+
+
+def statistics(frames, numbers, b):
+    """The same of a bin, from its frames."""
+    bins = [[frames[n][1][b * ANTENNAS + m] for m in range(ANTENNAS)] for n in numbers]
+    power = sum(abs(x) ** 2 for frame in bins for x in frame) / len(bins)
+    root = math.sqrt(power) or 1
+    covariance = [[sum(f[m] * f[n].conjugate() for f in bins) / len(bins) / (power or 1) for n in range(ANTENNAS)]
+                  for m in range(ANTENNAS)]
+    pairs = [(a, z) for (i, a), (j, z) in zip(zip(numbers, bins), list(zip(numbers, bins))[1:]) if j == i + 1]
+    lag = sum(y * x.conjugate() for a, z in pairs for x, y in zip(a, z)) / max(1, len(pairs)) / (power or 1)
+    values = [part for m in range(ANTENNAS) for x in [sum(f[m] for f in bins) / len(bins) / root] for part in (x.real, x.imag)]
+    values += [covariance[m][m].real for m in range(ANTENNAS)]
+    values += [part for m in range(ANTENNAS) for n in range(m + 1, ANTENNAS)
+               for part in (covariance[m][n].real, covariance[m][n].imag)]
+    # Of one pair less than there are frames: of what stands still it may be more than the power, and is stored as that.
+    return power, values + [max(-1, min(1, part)) for part in (lag.real, lag.imag)]
+
+
+class Antennas(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="echofuse-")
+        self.addCleanup(folder.cleanup)
+        self.dir = pathlib.Path(folder.name)
+
+    def record(self, count):
+        done = subprocess.run(
+            [bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--window", str(WINDOW_S), "--scene", "mixed", "--hold",
+             str(5 * WINDOW_S), "--radar-cfg", cfg, "--log", self.dir / "sent.jsonl", "--set", "radar_sum=coherent", "--set",
+             "radar_phase_error_rad=0.3", "--set", "radar_leakage=2", "--", bin_dir / "echofuse-acquire", "run", "--config",
+             self.dir / "lab/lab.toml", "--set", f"run.window_s={WINDOW_S}", "--out", self.dir / "run", "--count", str(count),
+             "--keep-raw", self.dir / "raw"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=180)
+        self.assertEqual(done.returncode, 0, done.stdout)
+
+    def check(self, count):
+        with sqlite3.connect(f"file:{self.dir / 'run.sqlite'}?mode=ro", uri=True) as db:
+            records = db.execute("SELECT r.idx, s.radar_frames, s.radar_last, a.frames, a.array FROM record r JOIN slot s USING"
+                                 " (idx) LEFT JOIN radar_array a USING (idx) ORDER BY r.idx").fetchall()
+            counted = dict(db.execute("SELECT name, value FROM counter WHERE source = 'radar'"))
+        self.assertEqual(len(records), count)
+        for name in "bad_headers", "bad_tlvs", "bad_arrays", "lost_frames", "junk_bytes":
+            self.assertEqual(counted.get(name, 0), 0, name)
+        frames = frames_of(b"".join(f.read_bytes() for f in sorted((self.dir / "raw").glob("radar-[0-9]*.dat"))))
+        sent = {}
+        for line in (self.dir / "sent.jsonl").read_text().splitlines():
+            entry = json.loads(line)
+            if entry["device"] == "radar" and entry["what"] == "sent":
+                sent[entry["frame"]] = entry["crc"]
+        before, worst = None, 0
+        for idx, used, last, array_frames, blob in records:
+            self.assertEqual(array_frames, used, idx)
+            numbers = range(last - used + 1, last + 1)
+            if before is not None:
+                self.assertEqual(numbers[0], before + 1, f"a frame before record {idx}")
+            before = last
+            for n in numbers:
+                self.assertEqual(crc32c(frames[n][0]), sent[n], f"frame {n}")
+            for b, (power, values) in enumerate(unpacked(blob)):
+                true_power, true_values = statistics(frames, numbers, b)
+                self.assertAlmostEqual(power, true_power, delta=1e-5 * true_power)
+                worst = max(worst, *(abs(v - t) for v, t in zip(values, true_values)))
+        self.assertLess(worst, 3e-5)  # half a step of 1/32767, and the sums' rounding
+
+    def test_twenty_slots(self):
+        self.record(20)
+        self.check(20)
+
+    def test_two_hundred_slots(self):
+        self.record(200)
+        self.check(200)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1] + ["Antennas." + name for name in sys.argv[2:]])
