@@ -170,7 +170,8 @@ Command add_train(CLI::App& app, const Common& common) {
   add_inputs_option(app, a->inputs);
   app.add_option(
          "--radar-bin", a->radar_bin_m,
-         "add up the radar's power in bins of so many metres from 0 to 7 m (the paper: 0.5)")
+         "add up the radar's power in bins of so many metres from 0 to 7 m (the paper: 0.5), "
+         "without its antennas")
       ->check(CLI::Range(0.01, 3.5));
   add_fit_options(app, a->scaling, a->fit);
   app.add_option("--patience", a->fit.patience,
