@@ -167,9 +167,8 @@ Command add_train(CLI::App& app, const Common& common) {
       ->allow_extra_args(false)
       ->check(is_candidate);
   add_inputs_option(app, a->inputs);
-  app.add_option(
-         "--radar-bin", a->radar_bin_m,
-         "add up the radar's power in bins of so many metres from 0 to 7 m (the paper: 0.5)")
+  app.add_option("--radar-bin", a->radar_bin_m,
+                 "add up the radar's power in bins of so many metres to 7 m, without its antennas")
       ->check(CLI::Range(0.01, 3.5));
   add_fit_options(app, a->scaling, a->fit);
   app.add_option("--patience", a->fit.patience,

@@ -59,7 +59,7 @@ class Appender {
     adopt(data.spd_axis, spd_, "spd");
     adopt(data.radar_axis, radar, "radar");
     if (array_.count > 0) lags_ = SpatialLags(run.antennas());
-    adopt(data.array_axis, array_.count > 0 ? lags_axis(array_, lags_) : Axis{}, "array");
+    adopt_array(array_.count > 0 ? lags_axis(array_, lags_) : Axis{});
     adopt_map(run.axes());
     double radar_offset_m = 0;
     for (const auto& c : run.calibrations()) {
@@ -119,6 +119,11 @@ class Appender {
     } else if (!agree(found, common)) {
       throw axis_error(path_, found, common, data_.sources.front().path);
     }
+  }
+  void adopt_array(const Axis& found) {
+    if (data_.sources.empty()) data_.array_axis = found;
+    data_.arrays_differ = data_.arrays_differ || !agree(found, data_.array_axis);
+    if (data_.arrays_differ) drop_array(data_);
   }
   void adopt_map(const std::vector<Axis>& axes) {
     if (!sensors_.contains(Sensor::depth)) return;

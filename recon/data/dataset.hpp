@@ -32,8 +32,10 @@ struct Source {
 // A sensor that a record lacks has zeros in its row; `has` tells. A run without the sensor at all,
 // or of which it was not loaded, has an axis of count 0.
 struct Dataset {
-  Axis spd_axis, radar_axis;         // the radar's after linearisation: "power" or "binned_power"
-  Axis array_axis;                   // "lags" (lags.hpp)
+  Axis spd_axis, radar_axis;  // the radar's after linearisation: "power" or "binned_power"
+  // "lags" (lags.hpp); none of runs that differ in it, as old and new ones do.
+  Axis array_axis;
+  bool arrays_differ = false;
   record::MapGrid map;               // of the depth maps
   Matrix spd, radar, depth;          // counts | linear power | maps in metres, 0 = no return
   Matrix array;                      // of each bin its spatial lags

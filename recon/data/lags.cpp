@@ -16,7 +16,7 @@ std::complex<float> response(const record::Antenna& a) {
 }  // namespace
 
 SpatialLags::SpatialLags(const record::Antennas& antennas) {
-  std::vector<std::size_t> counts(record::most_antennas * record::most_antennas);
+  std::vector<std::size_t> counts(most_lags + 1);
   for (const auto& a : antennas)
     power_factors_.push_back(
         static_cast<float>(1 / (a.gain * a.gain * static_cast<double>(antennas.size()))));

@@ -21,6 +21,9 @@
 
 namespace echofuse::recon {
 
+// What boards have is 7 at most; antennas farther apart make no pair.
+inline constexpr std::size_t most_lags = 16;
+
 class SpatialLags {
  public:
   SpatialLags() = default;

@@ -21,7 +21,6 @@ constexpr const char* format = "echofuse model";
 constexpr std::int64_t format_version = 6;
 constexpr const char* fallback_group = "fallback";
 constexpr std::int64_t most_bins = 1 << 20;
-constexpr int most_lags = 63;
 constexpr float farthest_m = 100;
 
 void save_axis(H5File& file, const Axis& axis) {
@@ -58,7 +57,7 @@ Axis load_array_axis(const H5File& file, const Features& features) {
   const double lags = axis.scale;
   require_sound(file, features.inputs == Inputs::fused && features.scaling == raw_scaling,
                 "axes/array", "none but of a fused model that looks at the body");
-  require_sound(file, lags >= 1 && lags <= most_lags && lags == std::floor(lags),
+  require_sound(file, lags >= 1 && lags <= double{most_lags} && lags == std::floor(lags),
                 "axes/array@scale", "1 to " + std::to_string(most_lags));
   require_sound(file, axis.count > 0, "axes/array@count", "at least 1");
   return axis;

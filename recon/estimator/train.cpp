@@ -80,7 +80,17 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   const Inputs inputs = inputs_of(options.inputs);
   if (!options.augment.empty() && inputs == Inputs::spd)
     throw Error(ExitCode::usage, "--augment: its kinds are of the radar, --inputs spd has none");
-  const Split split = make_split(rows_to_train(data, inputs), options.split);
+  const auto looks_at_body = [&](const std::string& candidate) {
+    return wants_alignment(candidate_of(candidate, options.fit).model);
+  };
+  // Others do not take what the antennas say.
+  const bool one_antenna = options.model != "auto" && !looks_at_body(options.model);
+  const Split split = make_split(
+      rows_to_train(data, inputs == Inputs::fused && one_antenna ? Inputs::fused_profile : inputs),
+      options.split);
+  if (inputs == Inputs::fused && !one_antenna && data.arrays_differ && !options.fit.quiet)
+    std::fputs("the runs differ in the radar's antennas: of the radar, the profile is taken\n",
+               stderr);
   const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
   const FitOptions& fit = options.fit;
   // In bins as wide as the paper's an echo has no place to 1 cm.
@@ -94,7 +104,7 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   if (!options.augment.empty())
     augment(more.emplace(data), fit_split.train, options.augment, fit.seed);
   const Dataset& fit_data = more ? *more : data;
-  const bool aligned = wants_alignment(candidate_of(name, fit).model);
+  const bool aligned = looks_at_body(name);
   const Preprocessing preprocessing(
       fit_data, fit_split.train,
       inputs == Inputs::fused && !aligned ? Inputs::fused_profile : inputs,

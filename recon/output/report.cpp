@@ -50,7 +50,7 @@ LoadedMode score_mode(const std::string& name, Inputs inputs, double paper_ssim,
   for (const auto& path : paths) {
     TrainedModel model = load_model(path);
     const Features& f = model.features;
-    if (f.inputs != inputs)
+    if (f.inputs != inputs && !(both_sensors(f.inputs) && both_sensors(inputs)))
       throw Error(ExitCode::failed,
                   path + ": was trained on " + name_of(f.inputs) + " inputs, given as --" + name);
     const Records records = prepare_records(model, data, RangeBiasAction::warn);

@@ -110,6 +110,7 @@ class Study {
         throw Error(ExitCode::usage,
                     run.path + ": the models are trained on this run; judge them by another");
     match_axes(test_, train_.spd_axis, train_.radar_axis, Inputs::fused);
+    match_array(test_, train_.array_axis);
     for (const Job& job : jobs_of(options)) {
       TrainedModel judged;
       judged.features.inputs = inputs_of(job.model.inputs);
