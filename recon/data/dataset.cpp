@@ -82,12 +82,12 @@ class Appender {
     if (r.has(Sensor::spd)) spd.assign(r.spd.begin(), r.spd.end());
     if (spd_shift_ && !spd.empty()) spd = spd_shift_->apply(spd);
     if (r.has(Sensor::radar)) radar = linear(r);
-    if (!std::all_of(radar.begin(), radar.end(), is_power))
+    std::vector<float> lags = lags_of(r);
+    if (!std::ranges::all_of(radar, is_power) || !std::ranges::all_of(lags, is_power))
       return "a radar code is too large for a power";
     if (r.has(Sensor::depth)) depth = record::to_target(r.depth_mm, x_, y_, map_x_, map_y_);
     add_row(data_.spd, spd, data_.spd_axis.count);
     add_row(data_.radar, radar, data_.radar_axis.count);
-    std::vector<float> lags = lags_of(r);
     add_row(data_.array, lags, lag_columns(data_.array_axis));
     add_row(data_.depth, depth, sensors_.contains(Sensor::depth) ? data_.map.pixels() : 0);
     data_.valid.push_back(r.valid.bits());
@@ -214,12 +214,6 @@ bool Dataset::has_inputs(std::size_t row, Inputs inputs) const {
          !(inputs == Inputs::fused && lacks_array(row));
 }
 
-bool Dataset::lacks_array(std::size_t row) const {
-  const auto values = array.row(row);
-  return array.cols > 0 &&
-         std::all_of(values.begin(), values.end(), [](float v) { return v == 0; });
-}
-
 Rows Dataset::usable(Inputs inputs, bool with_depth) const {
   Rows rows;
   for (std::size_t i = 0; i < size(); ++i)
@@ -289,11 +283,6 @@ void subtract_range_offset(Dataset& data, double offset_m) {
     std::copy(moved.begin(), moved.end(), profile.begin());
     if (data.array.cols > 0) move_lags(data.array.row(row), data.array_axis, *shift);
   }
-}
-
-void drop_array(Dataset& data) {
-  data.array_axis = {};
-  data.array = Matrix(data.size(), 0);
 }
 
 Dataset part_of(const Dataset& data, const Rows& rows) {

@@ -98,7 +98,7 @@ TEST_CASE("of a planar array only antennas side by side make a lag, one antenna 
   CHECK(lags_axis({"array", "covariance", "m", 20, 0, 0.25, 1}, one).count == 0);
 }
 
-TEST_CASE("runs keep their antennas, as lags; records without them are said to lack them") {
+TEST_CASE("runs keep their antennas, as lags, and records without them are said to lack them") {
   const Folder dir;
   write_plates(dir / "run", 4, 1, [](record::FusedRecord& r) {
     if (r.index == 2) r.array.clear(), r.array_frames = 0;
@@ -194,4 +194,33 @@ TEST_CASE("antennas tell a range bias from people who stand to one side") {
     CHECK(found(dir / "aside").range_bias.status == RangeBias::Status::not_detected);
     std::filesystem::remove(dir / "aside");
   }
+}
+
+TEST_CASE("the program with runs that have antennas, runs without them, and both") {
+  const Folder dir;
+  write_plates(dir / "new", 60, 1, [](record::FusedRecord&) {});
+  write_plates(dir / "fresh", 8, 2, [](record::FusedRecord&) {});
+  write_run(dir / "old", 60, 3);
+  const auto train = [&](const std::string& rest) {
+    const testing::Outcome o =
+        testing::recon_program("train --no-fallback --model factorised --epochs 3 " + rest);
+    CAPTURE(rest, o.text);
+    REQUIRE(o.code == 0);
+    return o.text;
+  };
+  train("-q " + (dir / "new") + " --out " + (dir / "a.h5"));
+  CHECK(testing::recon_program("evaluate --json " + (dir / "a.h5") + " " + (dir / "fresh")).code ==
+        0);
+  const testing::Outcome refused =
+      testing::recon_program("evaluate " + (dir / "a.h5") + " " + (dir / "old"));
+  CHECK(refused.code == 1);
+  CHECK_THAT(refused.text, Catch::Contains("no samples of the radar's antennas"));
+  CHECK_THAT(train((dir / "new") + " " + (dir / "old") + " --out " + (dir / "b.h5")),
+             Catch::Contains("the runs differ in the radar's antennas"));
+  train("-q --inputs fused-profile " + (dir / "new") + " --out " + (dir / "c.h5"));
+  for (const char* model : {"b.h5", "c.h5"})
+    for (const char* run : {"fresh", "old"})
+      CHECK(testing::recon_program("reconstruct -q --force " + (dir / model) + " " + (dir / run) +
+                                   " --out " + (dir / "maps"))
+                .code == 0);
 }
