@@ -10,7 +10,7 @@
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
-#include "recon/data/augment.hpp"
+#include "recon/cli/options.hpp"
 #include "recon/data/turpin.hpp"
 #include "recon/estimator/crossvalidate.hpp"
 #include "recon/estimator/evaluate.hpp"
@@ -26,48 +26,10 @@
 namespace echofuse::recon {
 namespace {
 
-void add_inputs_option(CLI::App& app, std::string& inputs) {
-  app.add_option("--inputs", inputs, "fused-profile: of the radar one antenna")
-      ->check(CLI::IsMember(inputs_names))
-      ->capture_default_str();
-}
-
-// For CLI11: empty if the text names a model, else what is wrong.
-std::string is_candidate(const std::string& text) {
-  try {
-    candidate_of(text, {});
-    return {};
-  } catch (const Error& error) {
-    return error.what();
-  }
-}
-
 void add_output_option(CLI::App& app, std::string& output) {
   app.add_option("--output", output, "own: the model's map; mean: over what may be there")
       ->check(CLI::IsMember(output_names))
       ->capture_default_str();
-}
-
-void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit) {
-  app.add_option("--scaling", scaling, "per-record scaling of each sensor")
-      ->check(CLI::IsMember(scaling_names))
-      ->capture_default_str();
-  app.add_option("--hidden", fit.hidden, "mlp: widths of the hidden layers (512,256)")
-      ->delimiter(',')
-      ->allow_extra_args(false)
-      ->check(CLI::Range(1, 65536));
-  app.add_option("--basis", fit.basis,
-                 "factorised: body shapes (32); pca: components of "
-                 "the map (128); nearest: neighbours (1)")
-      ->check(CLI::Range(1, 1024));
-  app.add_option("--epochs", fit.epochs, "default: 60 (mlp), 100 (factorised)")
-      ->check(CLI::Range(1, 100000));
-  app.add_option("--batch", fit.batch)->check(CLI::Range(1, 65536))->capture_default_str();
-  app.add_option("--learning-rate", fit.learning_rate,
-                 "at the beginning; default: 0.002 (mlp), 0.003 (factorised)")
-      ->check(CLI::Range(1e-9, 10.0));
-  app.add_option("--weight-decay", fit.weight_decay, "default: 0.7 (mlp), 0.3 (factorised)")
-      ->check(CLI::Range(0.0, 10.0));
 }
 
 void add_range_bias_option(CLI::App& app, std::string& action) {
@@ -144,84 +106,6 @@ class ReconstructReport {
 };
 
 }  // namespace
-
-Command add_train(CLI::App& app, const Common& common) {
-  struct Arguments : TrainOptions {
-    std::vector<std::string> runs;
-    std::string out;
-    double radar_bin_m = 0;
-    bool force = false;
-  };
-  const auto a = std::make_shared<Arguments>();
-  a->model.clear();
-  app.add_option("run", a->runs, "run files whose axes agree")->required();
-  app.add_option("--out", a->out, "model file to write")->required();
-  app.add_option("--model", a->model,
-                 model_help() +
-                     ", or auto: the cheapest within one standard error of the best; default: " +
-                     usual_model(Inputs::fused) + " of both sensors, " + usual_model(Inputs::spd) +
-                     " of one")
-      ->check([](const std::string& text) { return text == "auto" ? "" : is_candidate(text); });
-  app.add_option("--candidates", a->candidates, "auto: the models to try")
-      ->delimiter(',')
-      ->allow_extra_args(false)
-      ->check(is_candidate);
-  add_inputs_option(app, a->inputs);
-  app.add_option("--radar-bin", a->radar_bin_m,
-                 "add up the radar's power in bins of so many metres to 7 m, without its antennas")
-      ->check(CLI::Range(0.01, 3.5));
-  add_fit_options(app, a->scaling, a->fit);
-  app.add_option("--patience", a->fit.patience,
-                 "epochs without progress before stopping; default: 15 (mlp), 100 (factorised)")
-      ->check(CLI::Range(1, 100000));
-  app.add_option("--seed", a->fit.seed, "of weights, order and random split")
-      ->capture_default_str();
-  app.add_option("--split", a->split.kind, "random, or blocked for sequences")
-      ->check(CLI::IsMember({"random", "blocked"}))
-      ->capture_default_str();
-  app.add_option("--test-share", a->split.test_share, "held out for evaluate")
-      ->check(CLI::Range(0.0, 0.95))
-      ->capture_default_str();
-  app.add_option("--validation-share", a->split.validation_share, "of the rest, to stop early")
-      ->check(CLI::Range(0.0, 0.95))
-      ->capture_default_str();
-  app.add_option("--gap", a->split.gap, "blocked: records dropped between two parts")
-      ->check(CLI::Range(0, 1'000'000))
-      ->capture_default_str();
-  app.add_option("--augment", a->augment,
-                 "train on perturbed copies of the records, too: noise (of the radar, down to 10 "
-                 "dB); auto chooses without them")
-      ->delimiter(',')
-      ->allow_extra_args(false)
-      ->check(CLI::IsMember(augment_names));
-  app.add_flag("--force", a->force, "replace the model that OUT is");
-  a->fallback = true;
-  app.add_flag("!--no-fallback", a->fallback,
-               "train no network beside a fused model for records whose radar is lost");
-  return [a, &common] {
-    a->split.seed = a->fit.seed;
-    a->fit.quiet = common.quiet;
-    if (a->model.empty()) a->model = usual_model(inputs_of(a->inputs));
-    if (a->fit.hidden && a->model != "auto" &&
-        kind_of(candidate_of(a->model, {}).model).size != ModelKind::Size::hidden)
-      throw Error(ExitCode::usage,
-                  "--hidden: " + a->model + " has no such layers; mlp and pca-mlp have");
-    const Existing existing = a->force ? Existing::replace : Existing::keep;
-    check_can_save(a->out, existing);
-    Dataset data = load(a->runs);
-    if (a->radar_bin_m > 0) rebin_radar(data, radar_bins(a->radar_bin_m));
-    const TrainedModel model = train(data, *a);
-    save_model(model, a->out, existing);
-    if (!common.quiet)
-      std::fprintf(stderr, "%s: %s on %s, trained in %.1f s%s%s\n", a->out.c_str(),
-                   model.name.c_str(), a->inputs.c_str(), model.train_s,
-                   model.log.best_epoch > 0 || model.log.loss.empty()
-                       ? ""
-                       : "; never better than the mean map",
-                   model.log.interrupted ? "; the best so far" : "");
-    return model.log.interrupted ? ExitCode::interrupted : ExitCode::ok;
-  };
-}
 
 Command add_evaluate(CLI::App& app, const Common&) {
   struct Arguments {

@@ -23,6 +23,11 @@ std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth, cons
   return out;
 }
 
+void append(Matrix& to, const Matrix& more) {
+  if (to.rows == 0) to.cols = more.cols;
+  for (std::size_t i = 0; i < more.rows; ++i) to.add_row(more.row(i));
+}
+
 }  // namespace
 
 void degrade(Dataset& data, Rng& rng) {
@@ -48,38 +53,48 @@ bool has_enough_records(const Split& split) {
 }
 
 UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
-                                 const Matrix& aligned, const Split& split, std::uint64_t seed) {
+                                 const Matrix& aligned, const Rows& usual,
+                                 const std::vector<Judged>& judged, std::uint64_t seed) {
   UncertaintyModel out;
-  Rows rows = split.train;
-  rows.insert(rows.end(), split.validation.begin(), split.validation.end());
-  out.detector =
-      OutOfDistributionDetector(model.alignment, data, aligned, rows, model.features.inputs, seed);
+  const Inputs inputs = model.features.inputs;
+  out.detector = OutOfDistributionDetector(model.alignment, data, aligned, usual, inputs, seed);
   Rng rng = make_rng(seed, noise_stream);
-  const Dataset plain = part_of(data, split.validation);
-  const Rows all = all_rows(plain.size());
+  Matrix predictors, maps, truth(0, data.depth.cols);
   SoftMaps soft;
-  const Matrix maps =
-      model.model->predict(model.inputs(plain, all, take_rows(aligned, split.validation)), &soft);
-  const auto predictors_of_maps = [&](const Matrix& made, const Dataset& of) {
-    return predictors_of(made, model.scene, of, all, model.features.inputs);
-  };
-  Matrix predictors = predictors_of_maps(maps, plain);
-  std::vector<double> errors = lateral_errors(maps, plain.depth, model.scene);
-  for (std::size_t copy = 0; copy < worse_copies; ++copy) {
-    Dataset worse = plain;
-    degrade(worse, rng);
-    const Matrix worse_maps = model.predict(worse, all);
-    const Matrix more = predictors_of_maps(worse_maps, worse);
-    for (const std::size_t i : all) predictors.add_row(more.row(i));
-    const auto worse_errors = lateral_errors(worse_maps, plain.depth, model.scene);
-    errors.insert(errors.end(), worse_errors.begin(), worse_errors.end());
-  }
-  out.lateral.fit(predictors, errors, plain.size());
+  std::vector<double> errors;
+  // Of all records; as they are they come first.
+  for (std::size_t copy = 0; copy <= worse_copies; ++copy)
+    for (const Judged& part : judged) {
+      Dataset records = part_of(data, part.rows);
+      const Rows all = all_rows(part.rows.size());
+      const bool plain = copy == 0;
+      if (!plain) degrade(records, rng);
+      SoftMaps own;
+      const Matrix made = part.model.model->predict(
+          part.model.inputs(records, all, part.model.align(records, all, false)),
+          plain ? &own : nullptr);
+      append(predictors, predictors_of(made, model.scene, records, all, inputs));
+      const auto more = lateral_errors(made, records.depth, model.scene);
+      errors.insert(errors.end(), more.begin(), more.end());
+      if (!plain) continue;
+      append(maps, made), append(truth, records.depth);
+      append(soft.foreground_probability, own.foreground_probability);
+      append(soft.depth, own.depth);
+    }
+  out.lateral.fit(predictors, errors, maps.rows);
   std::vector<double> lateral_interval_90_m;
-  for (const std::size_t i : all) lateral_interval_90_m.push_back(out.lateral(predictors.row(i)));
-  out.pixels.fit(soft_of(std::move(soft), maps, model.scene, lateral_interval_90_m), plain.depth,
+  for (std::size_t i = 0; i < maps.rows; ++i)
+    lateral_interval_90_m.push_back(out.lateral(predictors.row(i)));
+  out.pixels.fit(soft_of(std::move(soft), maps, model.scene, lateral_interval_90_m), truth,
                  model.scene);
   return out;
+}
+
+UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
+                                 const Matrix& aligned, const Split& split, std::uint64_t seed) {
+  Rows rows = split.train;
+  rows.insert(rows.end(), split.validation.begin(), split.validation.end());
+  return fit_uncertainty(model, data, aligned, rows, {{model, split.validation}}, seed);
 }
 
 }  // namespace echofuse::recon

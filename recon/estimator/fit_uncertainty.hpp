@@ -12,7 +12,18 @@ namespace echofuse::recon {
 
 // Whether there are enough records to learn an UncertaintyModel from.
 bool has_enough_records(const Split& split);
-// Row i of the aligned features is of record i of the data.
+// Records that a model has not seen: it answers for them.
+struct Judged {
+  const TrainedModel& model;
+  Rows rows;
+};
+// What may be said of the model, by its own answers, or by those of its likes that were trained on
+// part of its records (cross-fitting; Chernozhukov et al., Econometrics Journal 21, C1, 2018). Row
+// i of the aligned features is of record i of the data; `usual`: what is in distribution.
+UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
+                                 const Matrix& aligned, const Rows& usual,
+                                 const std::vector<Judged>& judged, std::uint64_t seed);
+// By its own answers to the validation records.
 UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
                                  const Matrix& aligned, const Split& split, std::uint64_t seed);
 

@@ -76,6 +76,12 @@ Rows rows_to_train(const Dataset& data, Inputs inputs) {
   return rows;
 }
 
+// In bins as wide as the paper's an echo has no place to 1 cm.
+bool shows_range_bias(const Dataset& data, Inputs inputs) {
+  return both_sensors(inputs) && data.spd_axis.unit == "ps" && data.radar_axis.unit == "m" &&
+         data.radar_axis.quantity == "power";
+}
+
 TrainedModel train(const Dataset& data, const TrainOptions& options) {
   const Inputs inputs = inputs_of(options.inputs);
   if (!options.augment.empty() && inputs == Inputs::spd)
@@ -93,10 +99,7 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
                stderr);
   const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
   const FitOptions& fit = options.fit;
-  // In bins as wide as the paper's an echo has no place to 1 cm.
-  const bool range_bias = options.range_bias && both_sensors(inputs) &&
-                          data.spd_axis.unit == "ps" && data.radar_axis.unit == "m" &&
-                          data.radar_axis.quantity == "power";
+  const bool range_bias = options.range_bias && shows_range_bias(data, inputs);
   const bool uncertainties = options.uncertainty && has_enough_records(split);
   // Its first rows are the records of the data; copies of them follow.
   std::optional<Dataset> more;

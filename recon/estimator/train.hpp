@@ -25,6 +25,9 @@ struct TrainOptions {
 // sensor (Dataset::fault_of).
 Rows rows_to_train(const Dataset& data, Inputs inputs);
 
+// Whether a range bias of these data can be found (range_bias.hpp).
+bool shows_range_bias(const Dataset& data, Inputs inputs);
+
 // Splits the usable records, fits, and returns the model with what it has seen. Throws
 // Error(failed) if there are too few records.
 TrainedModel train(const Dataset& data, const TrainOptions& options);

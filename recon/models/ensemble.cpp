@@ -15,6 +15,13 @@ TrainingLog Ensemble::fit(const Examples& train, const Examples& validation, Spr
   return log;
 }
 
+void Ensemble::tune(const Examples& train, Training training, const std::string& title) {
+  for (Regression& network : networks_) {
+    network.tune(train, training, title);
+    training.seed = mix(training.seed);
+  }
+}
+
 Matrix Ensemble::predict(const Matrix& inputs) const {
   Matrix sum = networks_.front().predict(inputs);
   for (std::size_t n = 1; n < networks_.size(); ++n) {

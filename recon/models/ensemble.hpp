@@ -15,6 +15,8 @@ class Ensemble {
   // last one.
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   Training training, std::size_t networks, const std::string& title);
+  // As Regression::tune, of each network.
+  void tune(const Examples& train, Training training, const std::string& title);
   // Row i of `inputs` to row i of the answer, which has so many columns as the targets had.
   Matrix predict(const Matrix& inputs) const;
   Cost cost() const;

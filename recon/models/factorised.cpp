@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The scene taken apart: where the body is (from the radar profile's shift against the histogram)
-// and what it looks like there (a few masks and depths in a frame that moves with the body), drawn
-// into the map. The place and the amounts of the shapes come from small networks. It needs both
-// sensors and one thing that stands out from the background. The silhouette is the same without the
-// last network: the mean body, placed.
+#include "recon/models/factorised.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -11,10 +8,6 @@
 #include "drivers/core/exit_code.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/models/body/alignment.hpp"
-#include "recon/models/body/body_frame.hpp"
-#include "recon/models/body/turned.hpp"
-#include "recon/models/ensemble.hpp"
-#include "recon/numbers/components.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
@@ -63,55 +56,7 @@ float unit_of(const Components& components) {
   return std::max(components.deviation.front(), 1e-6f);
 }
 
-class Factorised final : public Model {
- public:
-  explicit Factorised(bool shapes) : shapes_(shapes) {}
-  TrainingLog fit(const Samples& train, const Samples& validation,
-                  const FitOptions& options) override;
-  Matrix predict(const Matrix& aligned, SoftMaps* soft) const override;
-  Cost cost() const override;
-  std::optional<BodyLayers> body_layers() const override;
-  void save(record::H5File& file) const override;
-  void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) override;
-
- private:
-  // Records with a body in both the inputs and the map.
-  struct Seen {
-    Matrix features;  // not yet standardised
-    Rows rows;        // of the samples
-    std::vector<Place> places;
-  };
-  struct Shapes {
-    Matrix masks, reliefs;
-  };
-  Seen see(const Samples& samples) const;
-  Matrix look(const Matrix& aligned, Rows& with_body) const;
-  void learn_scale(const Matrix& features);
-  void standardise(std::span<float> features) const;
-  float range_of(std::span<const float> standardised) const;  // metres
-  template <class Retarget>
-  Redraw turning(const TurnedBodies& turned, Retarget retarget) const;
-  TrainingLog fit_position(const Seen& train, const TurnedBodies& turned, const Seen& validation,
-                           const FitOptions& options);
-  void fit_bodies(const Seen& train, const Samples& samples, const FitOptions& options);
-  bool fit_shape(const Seen& train, const Samples& train_samples, const TurnedBodies& turned,
-                 const Seen& validation, const Samples& validation_samples,
-                 const FitOptions& options);
-  Shapes cut(const Seen& seen, const Samples& samples, std::size_t most) const;
-  Matrix amounts(const Seen& seen, const Samples& samples) const;
-  void choose_threshold(const Seen& seen, const Samples& samples);
-  std::vector<Place> find_places(const Matrix& features) const;
-  Shapes find_shapes(const Matrix& features) const;
-  AffineLayer cells_of(const Components& components, std::size_t first) const;
-
-  bool shapes_;
-  std::vector<float> background_;          // metres
-  std::vector<float> centre_, deviation_;  // of the features
-  Ensemble positions_, shape_networks_;
-  BodyFrame frame_;
-  Components masks_, reliefs_;
-  float threshold_ = 0.5f;
-};
+}  // namespace
 
 Factorised::Seen Factorised::see(const Samples& samples) const {
   Seen out;
@@ -167,8 +112,7 @@ TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
 
 // Turns every body of a batch; retarget(place, range_m, target) puts in what is wanted of it there.
 // None if nobody is to be turned. Judged are records as they are.
-template <class Retarget>
-Redraw Factorised::turning(const TurnedBodies& turned, Retarget retarget) const {
+Redraw Factorised::turning(const TurnedBodies& turned, const Retarget& retarget) const {
   if (!turned.changes()) return {};
   return [this, &turned, retarget](std::span<const std::size_t> batch, Matrix& inputs,
                                    Matrix& targets, Rng& rng) {
@@ -180,23 +124,33 @@ Redraw Factorised::turning(const TurnedBodies& turned, Retarget retarget) const 
   };
 }
 
+Redraw Factorised::turning_places(const TurnedBodies& turned) const {
+  return turning(turned, [](const Place& place, float range_m, std::span<float> out) {
+    const auto target = position_target(place, range_m);
+    std::copy(target.begin(), target.end(), out.begin());
+  });
+}
+
+// A body that is turned about the camera, which stands at the SPD, looks as before.
+Redraw Factorised::turning_shapes(const TurnedBodies& turned) const {
+  return turning(turned, [](const Place&, float, std::span<float>) {});
+}
+
+Matrix Factorised::position_targets(const Seen& seen) const {
+  Matrix out(0, 2);
+  for (std::size_t i = 0; i < seen.rows.size(); ++i)
+    out.add_row(position_target(seen.places[i], range_of(seen.features.row(i))));
+  return out;
+}
+
 TrainingLog Factorised::fit_position(const Seen& train, const TurnedBodies& turned,
                                      const Seen& validation, const FitOptions& options) {
-  const auto targets = [&](const Seen& seen) {
-    Matrix out(0, 2);
-    for (std::size_t i = 0; i < seen.rows.size(); ++i)
-      out.add_row(position_target(seen.places[i], range_of(seen.features.row(i))));
-    return out;
-  };
-  const Matrix wanted = targets(train), judged = targets(validation);
+  const Matrix wanted = position_targets(train), judged = position_targets(validation);
   const Rows rows = all_rows(train.rows.size()), judged_rows = all_rows(validation.rows.size());
   Training training = training_of(options);
   adapt_to(rows.size(), training);
   training.weights = position_weights;
-  training.redraw = turning(turned, [](const Place& place, float range_m, std::span<float> out) {
-    const auto target = position_target(place, range_m);
-    std::copy(target.begin(), target.end(), out.begin());
-  });
+  training.redraw = turning_places(turned);
   return positions_.fit({train.features, wanted, rows}, {validation.features, judged, judged_rows},
                         Spread::each, training, position_networks, "position");
 }
@@ -209,8 +163,7 @@ void Factorised::fit_bodies(const Seen& train, const Samples& samples, const Fit
   reliefs_ = principal_components(std::move(bodies.reliefs), (basis + 1) / 2, options.seed + 1);
 }
 
-// True if it was interrupted. A body that is turned about the camera, which stands at the SPD,
-// looks as before.
+// True if it was interrupted.
 bool Factorised::fit_shape(const Seen& train, const Samples& train_samples,
                            const TurnedBodies& turned, const Seen& validation,
                            const Samples& validation_samples, const FitOptions& options) {
@@ -219,7 +172,7 @@ bool Factorised::fit_shape(const Seen& train, const Samples& train_samples,
   const Rows rows = all_rows(train.rows.size()), judged_rows = all_rows(validation.rows.size());
   Training training = training_of(options);
   adapt_to(rows.size(), training);
-  training.redraw = turning(turned, [](const Place&, float, std::span<float>) {});
+  training.redraw = turning_shapes(turned);
   return shape_networks_
       .fit({train.features, wanted, rows}, {validation.features, judged, judged_rows},
            Spread::common, training, shape_networks(rows.size()), "shape")
@@ -388,8 +341,6 @@ void Factorised::load(const record::H5File& file, std::size_t inputs, std::size_
   if (shapes_) shape_networks_.load(file, "model/shape", inputs, shapes);
   require_sound(file, shapes_ == (shapes > 0), "model/masks", "shapes if the model has any");
 }
-
-}  // namespace
 
 std::unique_ptr<Model> make_factorised() { return std::make_unique<Factorised>(true); }
 std::unique_ptr<Model> make_silhouette() { return std::make_unique<Factorised>(false); }

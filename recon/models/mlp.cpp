@@ -15,6 +15,13 @@ class Mlp final : public Model {
                            {validation.inputs, validation.maps, validation.rows}, Spread::common,
                            training, "training", " m");
   }
+  std::unique_ptr<Model> tuned(const Samples& train, const Tuning& tuning) const override {
+    auto out = std::make_unique<Mlp>(*this);
+    if (!tuning.networks_stay())
+      out->regression_.tune({train.inputs, train.maps, train.rows},
+                            training_of(tuning, train.rows.size()), "training");
+    return out;
+  }
   Matrix predict(const Matrix& inputs, SoftMaps*) const override {
     return regression_.predict(inputs);
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // What every model does: learn maps from inputs, predict them, state its cost, save itself.
 #pragma once
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -55,6 +56,23 @@ struct TrainingLog {
   bool interrupted = false;
 };
 
+// How a trained model is taken to the records of another room.
+struct Tuning {
+  // Weight of the mean squared distance from the weights that it came with, times the number of
+  // records; INFINITY: the networks stay as they are.
+  double pull = 1;
+  // Of models that place a body: turn the bodies (body/turned.hpp). Of few records that does harm.
+  bool turn = false;
+  std::size_t steps = 200, batch = 64;  // at most so many records a step
+  double learning_rate = 4e-3;          // at first; it falls to nothing
+  std::uint64_t seed = 1;
+  bool networks_stay() const { return std::isinf(pull); }
+  // Of a mean residual over so many records, how much is believed.
+  static double belief(std::size_t records) {
+    return static_cast<double>(records) / static_cast<double>(records + 10);
+  }
+};
+
 struct Cost {
   std::size_t multiply_adds = 0;  // for one map
   std::size_t parameters = 0;
@@ -69,6 +87,9 @@ class Model {
   virtual ~Model() = default;
   virtual TrainingLog fit(const Samples& train, const Samples& validation,
                           const FitOptions& options) = 0;
+  // A copy of a trained model, adapted to a few records of another room, with their scene; none if
+  // this kind of model cannot.
+  virtual std::unique_ptr<Model> tuned(const Samples&, const Tuning&) const { return {}; }
   // One map a row, metres. Models that place a body give what they are made of at once, if it is
   // asked for; others leave it as it is, as their mean map says both.
   virtual Matrix predict(const Matrix& inputs, SoftMaps* soft = nullptr) const = 0;

@@ -24,6 +24,15 @@ class Pca final : public Model {
     return inner_->fit({train.inputs, amounts, train.rows},
                        {validation.inputs, amounts, validation.rows}, options);
   }
+  // What a room adds to every map is not among the components.
+  std::unique_ptr<Model> tuned(const Samples& train, const Tuning& tuning) const override {
+    auto out = std::make_unique<Pca>(nullptr);
+    out->components_ = components_;
+    if (!tuning.networks_stay()) out->move_mean(predict(train.inputs, nullptr), train);
+    const Matrix amounts = coordinates(out->components_, train.maps);
+    out->inner_ = inner_->tuned({train.inputs, amounts, train.rows}, tuning);
+    return out->inner_ ? std::move(out) : nullptr;
+  }
   Matrix predict(const Matrix& inputs, SoftMaps*) const override {
     return from_coordinates(components_, inner_->predict(inputs));
   }
@@ -47,6 +56,14 @@ class Pca final : public Model {
   }
 
  private:
+  void move_mean(const Matrix& found, const Samples& train) {
+    const auto n = static_cast<float>(train.rows.size());
+    const auto share = static_cast<float>(Tuning::belief(train.rows.size())) / n;
+    for (const std::size_t row : train.rows)
+      for (std::size_t c = 0; c < found.cols; ++c)
+        components_.mean[c] += share * (train.maps.row(row)[c] - found.row(row)[c]);
+  }
+
   std::unique_ptr<Model> inner_;
   Components components_;
 };

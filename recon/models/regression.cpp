@@ -42,6 +42,19 @@ Training training_of(const FitOptions& o) {
           {}};
 }
 
+// Steps of equal size, as a small last one would be noisy.
+Training training_of(const Tuning& t, std::size_t records) {
+  const std::size_t a_pass = std::max<std::size_t>(1, (records + t.batch - 1) / t.batch);
+  Training out{};
+  out.epochs = std::max<std::size_t>(1, t.steps / a_pass);
+  out.learning_rate = t.learning_rate;
+  out.batch = (records + a_pass - 1) / a_pass;
+  out.seed = t.seed;
+  out.quiet = true;
+  out.pull = t.pull / static_cast<double>(records);
+  return out;
+}
+
 void Regression::standardise(const Examples& train, Spread spread,
                              const std::vector<float>& weights) {
   auto [mean, squares] = column_statistics(train.targets, train.rows);
@@ -90,6 +103,40 @@ TrainingLog Regression::fit(const Examples& train, const Examples& validation, S
   s.log.interrupted = interrupted();
   parameters_ = std::move(s.best);
   return s.log;
+}
+
+void Regression::tune(const Examples& train, const Training& training, const std::string& title) {
+  move_centre(train);
+  TrainingState s{.parameters = parameters_,
+                  .best = {},
+                  .adam = Adam(network_.parameters, 0),
+                  .order = train.rows,
+                  .order_rng = make_rng(training.seed, order_stream),
+                  .redraw_rng = make_rng(training.seed, redraw_stream),
+                  .log = {},
+                  .least = most};
+  for (; s.epoch < training.epochs && !interrupted(); ++s.epoch, s.row = 0)
+    train_epoch(train, training, s);
+  if (!sound(s.parameters))
+    throw Error(ExitCode::failed,
+                title + " diverged: its weights are not finite numbers after the adaptation");
+  if (!interrupted()) parameters_ = std::move(s.parameters);
+}
+
+void Regression::move_centre(const Examples& train) {
+  const Matrix found = predict(take_rows(train.inputs, train.rows));
+  std::vector<double> sum(centre_.size());
+  for (std::size_t i = 0; i < found.rows; ++i)
+    for (std::size_t c = 0; c < sum.size(); ++c)
+      sum[c] += double{train.targets.row(train.rows[i])[c]} - double{found.row(i)[c]};
+  const double share = Tuning::belief(found.rows) / static_cast<double>(found.rows);
+  for (std::size_t c = 0; c < sum.size(); ++c) centre_[c] += static_cast<float>(share * sum[c]);
+}
+
+// Towards the weights that training began with.
+void Regression::pull_back(const std::vector<float>& parameters, float pull) {
+  for (std::size_t i = 0; i < parameters.size(); ++i)
+    gradient_[i] += pull * (parameters[i] - parameters_[i]);
 }
 
 // To the end of the epoch, or as far as it comes before an interrupt.
@@ -151,6 +198,7 @@ double Regression::train_batch(const Examples& train, std::span<const std::size_
     sum += double{squares};
   }
   backward(network_, s.parameters, x, rows.size(), activations_, gradient_);
+  if (training.pull > 0) pull_back(s.parameters, static_cast<float>(training.pull));
   s.adam.step(s.parameters, gradient_, learning_rate);
   return sum;
 }

@@ -40,8 +40,10 @@ struct Training {
   bool quiet;
   Redraw redraw = {};               // none: the examples as they are
   std::vector<float> weights = {};  // of each column's squared errors; none: 1
+  double pull = 0;                  // weight of half the squared distance from the first weights
 };
 
+Training training_of(const Tuning& tuning, std::size_t records);
 // Of options that candidate_of has filled.
 Training training_of(const FitOptions& options);
 
@@ -62,6 +64,9 @@ class Regression {
   // and `unit` are for the progress line. Throws Error(failed) if training diverges.
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   const Training& training, const std::string& title, const std::string& unit);
+  // Goes on from the weights that it has, with their scaling: all epochs, unless interrupted; it
+  // is left as it was then. First moves its answers by part of their mean error (Tuning::belief).
+  void tune(const Examples& train, const Training& training, const std::string& title);
   Matrix predict(const Matrix& inputs) const;
   Cost cost() const { return {network_.weights, network_.parameters}; }
   std::vector<AffineLayer> layers() const;  // to the units of the targets
@@ -72,6 +77,8 @@ class Regression {
  private:
   void standardise(const Examples& train, Spread spread, const std::vector<float>& weights);
   void train_epoch(const Examples& train, const Training& training, TrainingState& s);
+  void move_centre(const Examples& train);
+  void pull_back(const std::vector<float>& parameters, float pull);
   double train_batch(const Examples& train, std::span<const std::size_t> rows,
                      const Training& training, TrainingState& s, double learning_rate);
   void judge(const Examples& validation, TrainingState& s, const std::string& title);

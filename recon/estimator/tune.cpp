@@ -1,0 +1,345 @@
+// SPDX-License-Identifier: MIT
+#include "recon/estimator/tune.hpp"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+
+#include "drivers/core/console.hpp"
+#include "drivers/core/printable.hpp"
+#include "drivers/core/random.hpp"
+#include "recon/estimator/fit_uncertainty.hpp"
+#include "recon/files/text.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t folds = 4;
+constexpr std::array pulls{100., 30., 10.};
+constexpr double turned_pull = 30;
+constexpr std::uint64_t fold_stream = 0x74756e65;  // "tune"
+// Of the pixels of the median map. People alone fill less of it, where they stand in half of few
+// records.
+constexpr double changed_share = 0.2;
+
+bool can_be_tuned(const std::string& kind) {
+  return wants_alignment(kind) || kind_of(kind).size == ModelKind::Size::hidden;
+}
+
+bool is_near(const Axis& found, const Axis& wanted) {
+  const auto off = [&](std::uint32_t i) { return std::abs(found.at(i) - wanted.at(i)); };
+  return found.quantity == wanted.quantity && found.unit == wanted.unit &&
+         found.scale == wanted.scale && found.count >= wanted.count &&
+         off(0) <= std::abs(wanted.step) && off(wanted.count) <= std::abs(wanted.step);
+}
+
+void crop(Matrix& table, std::size_t columns) {
+  Matrix out(table.rows, columns);
+  for (std::size_t i = 0; i < table.rows; ++i)
+    std::copy_n(table.row(i).begin(), columns, out.row(i).begin());
+  table = std::move(out);
+}
+
+// The model's own, if the axis is that but for its name.
+void adopt(Axis& found, Matrix& table, const Axis& wanted, std::size_t values_a_bin) {
+  if (found.count > wanted.count) crop(table, wanted.count * values_a_bin);
+  found.count = wanted.count;
+  if (same_axis(found, wanted)) found = wanted;
+}
+
+std::string describe(const Axis& axis) {
+  return formatted("%u x %g %s from %g", axis.count, axis.step, axis.unit.c_str(), axis.start);
+}
+
+bool axes_are(const TrainedModel& model, const Dataset& data) {
+  const auto same = [](const Axis& a, const Axis& b) { return a.count == 0 || same_axis(a, b); };
+  const Layout layout = model.features.layout();
+  return same(layout.spd, data.spd_axis) && same(layout.radar, data.radar_axis) &&
+         same(layout.array, data.array_axis);
+}
+
+// What the maps show behind people, where that is another place than the model knows.
+Scene scene_for(const TrainedModel& from, const Dataset& data, const Rows& rows) {
+  Scene scene = learn_scene(data.depth, rows, data.map);
+  std::size_t changed = 0;
+  for (std::size_t p = 0; p < scene.background.size(); ++p)
+    changed += std::abs(scene.background[p] - from.scene.background[p]) > 0.1f;
+  if (static_cast<double>(changed) < changed_share * static_cast<double>(scene.background.size()))
+    return from.scene;
+  return scene;
+}
+
+// What the sensors always see: as the model has learnt it, or of the new records.
+enum class Room : bool { kept, learnt };
+
+TrainedModel adapt(const TrainedModel& from, const Dataset& data, const Rows& rows, Room room,
+                   const Tuning& tuning, bool with_scene = true) {
+  TrainedModel out;
+  out.name = from.name;
+  out.features = from.features;
+  out.features.spd_axis = data.spd_axis, out.features.radar_axis = data.radar_axis;
+  if (from.features.array_axis.count > 0) out.features.array_axis = data.array_axis;
+  out.scene = with_scene ? scene_for(from, data, rows) : from.scene;
+  const bool aligned = wants_alignment(from.name);
+  if (aligned && room == Room::learnt)
+    out.alignment = Alignment(out.features.layout(),
+                              out.features.raw_inputs(data, all_rows(data.size())), rows);
+  else
+    out.alignment = from.alignment;
+  const Rows all = all_rows(data.size());
+  const Matrix taken = out.inputs(data, all, out.align(data, all, false));
+  out.model = from.model->tuned(
+      {taken, data.depth, rows, &out.scene, &out.alignment, &data.radar, &data.array}, tuning);
+  return out;
+}
+
+// A model of the same size.
+FitOptions sizes_of(const TrainedModel& model) {
+  FitOptions out;
+  if (const auto body = model.model->body_layers()) {
+    const std::size_t amounts = body->masks.weights.rows;  // of masks, and of half as many reliefs
+    if (amounts > 0) out.basis = 2 * amounts / 3;
+    return out;
+  }
+  auto layers = model.model->layers();
+  if (model.name == "pca-mlp") out.basis = layers.back().weights.rows, layers.pop_back();
+  std::vector<std::size_t> hidden;
+  for (std::size_t l = 0; l + 1 < layers.size(); ++l) hidden.push_back(layers[l].weights.cols);
+  out.hidden = hidden;
+  return out;
+}
+
+class Choice {
+ public:
+  Choice(const TrainedModel& from, const Dataset& data, const Split& split,
+         const TuneOptions& options)
+      : from_(from), data_(data), split_(split), options_(options) {
+    judged_by_ = scene_for(from, data, split.train);
+    Rows rows = split.train;
+    const bool blocked = options.split.kind == "blocked";
+    Rng rng = make_rng(options.split.seed, fold_stream);
+    if (!blocked) std::shuffle(rows.begin(), rows.end(), rng);
+    sequence_ = blocked;
+    const std::size_t gap = blocked ? std::min(options.split.gap, rows.size() / (4 * folds)) : 0;
+    for (std::size_t k = 0; k < folds; ++k) folds_.push_back(make_fold(rows, k, folds, gap));
+  }
+
+  using Fit = std::function<TrainedModel(const Rows& rows)>;
+  // Fits one model a fold, and scores it on the rest.
+  void add(const std::string& name, Fit fit) {
+    Entry& entry = entries_.emplace_back(Entry{{{name, {}}, {}, 0, {}}, std::move(fit), {}});
+    std::vector<std::vector<MapScores>> scores;
+    std::vector<MapScores> all;
+    const auto started = std::chrono::steady_clock::now();
+    for (const Split& fold : folds_) {
+      entry.models.push_back(entry.fit(fold.train));
+      const TrainedModel& model = entry.models.back();
+      scores.push_back(score_maps(model.predict(data_, fold.test), data_, fold.test, judged_by_));
+      all.insert(all.end(), scores.back().begin(), scores.back().end());
+      if (interrupted()) throw Error(ExitCode::interrupted, "interrupted while choosing");
+    }
+    entry.row.metrics = sequence_ ? summarise_folds(scores) : summarise(all);
+    entry.row.cost = entry.models.front().cost();
+    entry.row.train_s =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count() / folds;
+  }
+
+  double iou(std::size_t i) const {
+    const double found = entries_[i].row.metrics[metric_iou].mean;
+    return std::isnan(found) ? -1 : found;
+  }
+  std::size_t best() const {
+    std::size_t out = 0;
+    for (std::size_t i = 1; i < entries_.size(); ++i)
+      if (iou(i) > iou(out)) out = i;
+    return out;
+  }
+  TrainedModel fit(std::size_t i) const { return entries_[i].fit(split_.train); }
+  std::vector<CrossvalidatedRow> table() const {
+    std::vector<CrossvalidatedRow> out;
+    for (const Entry& e : entries_) out.push_back(e.row);
+    return out;
+  }
+  // Each fold's model of this kind, and the rows that it has not seen.
+  std::vector<Judged> judged(std::size_t i) const {
+    std::vector<Judged> out;
+    for (std::size_t k = 0; k < folds; ++k) out.push_back({entries_[i].models[k], folds_[k].test});
+    return out;
+  }
+
+ private:
+  struct Entry {
+    CrossvalidatedRow row;
+    Fit fit;
+    std::vector<TrainedModel> models;
+  };
+  const TrainedModel& from_;
+  const Dataset& data_;
+  const Split& split_;
+  const TuneOptions& options_;
+  Scene judged_by_;
+  bool sequence_ = false;
+  std::vector<Split> folds_;
+  std::vector<Entry> entries_;
+};
+
+TrainedModel fit_alone(const TrainedModel& from, const Dataset& data, const Rows& rows,
+                       const TuneOptions& options) {
+  const Inputs inputs = from.features.inputs;
+  const bool aligned = wants_alignment(from.name);
+  FitOptions fit = sizes_of(from);
+  fit.seed = options.tuning.seed, fit.quiet = true;
+  const Preprocessing preprocessing(
+      data, rows, inputs == Inputs::fused && !aligned ? Inputs::fused_profile : inputs,
+      learn_scene(data.depth, rows, data.map), aligned);
+  const std::string scaling = aligned ? "record" : from.features.scaling;
+  return fit_model(data, {rows, {}, {}}, preprocessing, from.name, inputs, scaling, fit);
+}
+
+void try_all(Choice& choice, const TrainedModel& from, const Dataset& data, const Split& split,
+             const TuneOptions& options) {
+  Tuning untouched = options.tuning;
+  untouched.pull = INFINITY;
+  const bool own_axes = axes_are(from, data), aligned = wants_alignment(from.name);
+  Room room = aligned && !own_axes ? Room::learnt : Room::kept;
+  if (own_axes || !aligned)
+    choice.add("as it was", [&, untouched](const Rows& rows) {
+      return adapt(from, data, rows, Room::kept, untouched, false);
+    });
+  if (aligned) {
+    choice.add("the room learnt", [&, untouched](const Rows& rows) {
+      return adapt(from, data, rows, Room::learnt, untouched);
+    });
+    if (choice.best() > 0) room = Room::learnt;
+  }
+  const bool many = split.train.size() >= TuneOptions::least_alone;
+  const auto add_tuned = [&](double pull, bool turn) {
+    Tuning tuning = options.tuning;
+    tuning.pull = pull, tuning.turn = turn;
+    choice.add(
+        formatted("%s, pull %g / N", turn ? "tuned, turned" : "tuned", pull),
+        [&, tuning, room](const Rows& rows) { return adapt(from, data, rows, room, tuning); });
+  };
+  for (const double pull : pulls) add_tuned(pull, false);
+  if (many && aligned) add_tuned(turned_pull, true);
+  if (many)
+    choice.add("these records alone",
+               [&](const Rows& rows) { return fit_alone(from, data, rows, options); });
+}
+
+// What belongs to the model of the chosen kind beside itself. Too few records: no uncertainty.
+void finish(TrainedModel& model, const Dataset& data, const Split& split,
+            const std::vector<Judged>& judged, std::uint64_t seed) {
+  const Rows all = all_rows(data.size());
+  const Inputs inputs = model.features.inputs;
+  const bool has_spd = inputs != Inputs::radar;
+  const bool range_bias = shows_range_bias(data, inputs);
+  const bool uncertainty = split.train.size() >= OutOfDistributionDetector::least_records;
+  if (!wants_alignment(model.name)) {
+    model.alignment = {};
+    if (has_spd && (range_bias || uncertainty))
+      model.alignment =
+          Alignment(model.features.layout(), model.features.raw_inputs(data, all), split.train);
+  }
+  const Matrix aligned = model.align(data, all, true);
+  if (range_bias)
+    model.range_bias = RangeBiasReference(model.alignment, data, aligned, split.train);
+  if (uncertainty)
+    model.uncertainty = fit_uncertainty(model, data, aligned, split.train, judged, seed);
+}
+
+// The network for the SPD alone, with a pull that nothing was asked about: it is needed seldom.
+std::unique_ptr<TrainedModel> tune_fallback(const TrainedModel& from, const Dataset& data,
+                                            const Split& split, const Tuning& tuning) {
+  const auto fit = [&](const Rows& rows) { return adapt(from, data, rows, Room::kept, tuning); };
+  auto out = std::make_unique<TrainedModel>(fit(split.train));
+  const std::array halves{make_fold(split.train, 0, 2, 0), make_fold(split.train, 1, 2, 0)};
+  const std::array models{fit(halves[0].train), fit(halves[1].train)};
+  finish(*out, data, split, {{models[0], halves[0].test}, {models[1], halves[1].test}},
+         tuning.seed);
+  return out;
+}
+
+// Records of the old model and of this one.
+SeenRecords both(const SeenRecords& old, SeenRecords seen) {
+  const auto first = static_cast<std::uint32_t>(seen.runs.size());
+  seen.runs.insert(seen.runs.end(), old.runs.begin(), old.runs.end());
+  for (const std::uint32_t run : old.run) seen.run.push_back(first + run);
+  seen.index.insert(seen.index.end(), old.index.begin(), old.index.end());
+  seen.part.insert(seen.part.end(), old.part.begin(), old.part.end());
+  return seen;
+}
+
+}  // namespace
+
+void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset& data) {
+  require_map(data, from.scene.grid, "the model");
+  const std::string run = data.sources.empty() ? "run" : printable(data.sources.front().path);
+  const Features& f = from.features;
+  if (f.array_count() == 0) drop_array(data);
+  if (f.radar_axis.quantity == "binned_power" && data.radar_axis.quantity == "power")
+    rebin_radar(data, f.radar_axis);
+  const auto match = [&](Axis& found, Matrix& table, const Axis& wanted, const char* what,
+                         std::size_t values_a_bin) {
+    if (wanted.count == 0) return;
+    if (found.count == 0)
+      throw Error(ExitCode::failed, run + ": has no " + what + ", which " + printable(path) +
+                                        " takes (" + name_of(f.inputs) + ")");
+    if (!is_near(found, wanted))
+      throw Error(ExitCode::failed, run + ": " + what + " axis is " + describe(found) +
+                                        "; that of " + printable(path) + " is " + describe(wanted) +
+                                        ": they lie further apart than a bin");
+    adopt(found, table, wanted, values_a_bin);
+  };
+  const Layout layout = f.layout();
+  match(data.spd_axis, data.spd, layout.spd, "spd", 1);
+  match(data.radar_axis, data.radar, layout.radar, "radar", 1);
+  match(data.array_axis, data.array, layout.array, "array", layout.lag_values());
+  const Layout own{data.spd_axis, layout.radar.count > 0 ? data.radar_axis : Axis{},
+                   data.array_axis};
+  if (wants_alignment(from.name) &&
+      Alignment(own, Matrix(1, own.inputs()), {0}).inputs() != from.alignment.inputs())
+    throw Error(ExitCode::failed, run + ": radar steps of " + formatted("%g", own.radar.step) +
+                                      " m make other inputs than those of " + printable(path));
+}
+
+TunedModel tune(const TrainedModel& from, const Dataset& data, const TuneOptions& options) {
+  const auto started = std::chrono::steady_clock::now();
+  if (!can_be_tuned(from.name))
+    throw Error(ExitCode::failed,
+                "a model of kind " + from.name +
+                    " cannot be tuned; silhouette, factorised, mlp and pca-mlp can");
+  const Rows rows = rows_to_train(data, from.features.inputs);
+  if (rows.size() < TuneOptions::least_records)
+    throw Error(ExitCode::failed, std::to_string(rows.size()) +
+                                      " usable records; at least 10 are needed to tune a model");
+  const Split split = make_split(rows, options.split);
+  Choice choice(from, data, split, options);
+  try_all(choice, from, data, split, options);
+  const std::size_t chosen = choice.best();
+  TunedModel out{choice.fit(chosen), choice.table(), chosen};
+  TrainedModel& model = out.model;
+  model.split = options.split;
+  model.fit.seed = options.tuning.seed;
+  model.seen = both(from.seen, seen_records(data, split));
+  model.data_hash = data.hash;
+  finish(model, data, split, choice.judged(chosen), options.tuning.seed);
+  if (from.fallback) model.fallback = tune_fallback(*from.fallback, data, split, options.tuning);
+  model.train_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+  return out;
+}
+
+std::string to_text(const TunedModel& tuned) {
+  std::string out = formatted("%-22s %15s %15s %8s\n", "model", "IoU", "lateral m", "train s");
+  for (std::size_t i = 0; i < tuned.table.size(); ++i) {
+    const auto& m = tuned.table[i].metrics;
+    out += formatted("%-22s %15s %15s %8.2f%s\n", tuned.table[i].name.c_str(),
+                     formatted(m[metric_iou], " +-").c_str(),
+                     formatted(m[metric_lateral_m], " +-").c_str(), tuned.table[i].train_s,
+                     i == tuned.chosen ? "  <- chosen" : "");
+  }
+  return out;
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: MIT
+// A model goes on from one room to another, where the radar sees everything farther.
+#include "recon/estimator/tune.hpp"
+
+#include <map>
+
+#include "recon/numbers/statistics.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using namespace echofuse::testing;
+
+namespace {
+
+constexpr double other_start_m = -0.1;
+
+// In the other room the radar's ranges are 10 cm shorter.
+Dataset plates(std::int64_t count, std::uint64_t seed, bool other) {
+  const Folder dir;
+  write_run(dir / "run", count, seed);
+  Dataset data = load({dir / "run"});
+  if (other) subtract_range_offset(data, -other_start_m);
+  return data;
+}
+
+const TrainedModel& old_model(const std::string& kind) {
+  static std::map<std::string, TrainedModel> models;
+  if (!models.contains(kind)) {
+    TrainOptions options;
+    options.model = kind, options.inputs = "fused", options.uncertainty = false;
+    options.fit.quiet = true, options.fit.epochs = 30;
+    if (kind == "factorised") options.fit.basis = 4;
+    if (kind.ends_with("mlp")) options.fit.hidden = {{32}};
+    if (kind == "pca-mlp") options.fit.basis = 16;
+    models.emplace(kind, train(plates(300, 1, false), options));
+  }
+  return models.at(kind);
+}
+
+TuneOptions all_records() {
+  TuneOptions out;
+  out.split.test_share = out.split.validation_share = 0;
+  return out;
+}
+
+double iou(const TrainedModel& model, const Dataset& data) {
+  const Rows rows = all_rows(data.size());
+  return summarise(score_maps(model.predict(data, rows), data, rows, model.scene))[metric_iou].mean;
+}
+
+}  // namespace
+
+TEST_CASE("a few records take a model to another room") {
+  const Dataset fresh = plates(100, 9, true);
+  for (const std::string kind : {"factorised", "silhouette", "mlp", "pca-mlp"}) {
+    CAPTURE(kind);
+    const TrainedModel& old = old_model(kind);
+    const TunedModel tuned = tune(old, plates(20, 5, true), all_records());
+    CHECK(tuned.model.name == kind);
+    const double before = iou(old, fresh), after = iou(tuned.model, fresh);
+    CAPTURE(before, after, to_text(tuned));
+    // So small a network knows little in either room.
+    CHECK(after > before + (kind == "mlp" ? 0 : 0.03));
+    CHECK(tuned.chosen > 0);
+    CHECK(tuned.table.front().name == "as it was");
+    CHECK_FALSE(tuned.model.uncertainty);
+    const Folder dir;  // what is kept is what was tuned
+    save_model(tuned.model, dir / "m");
+    CHECK(load_model(dir / "m").predict(fresh, {3}).values ==
+          tuned.model.predict(fresh, {3}).values);
+  }
+}
+
+TEST_CASE("in its own room a tuned model is no worse than it was, and states its uncertainty") {
+  const TrainedModel& old = old_model("factorised");
+  const Dataset fresh = plates(100, 9, false);
+  const TunedModel tuned = tune(old, plates(120, 6, false), all_records());
+  CAPTURE(to_text(tuned));
+  CHECK(iou(tuned.model, fresh) > iou(old, fresh) - 0.02);
+  CHECK(tuned.table.back().name == "these records alone");
+  CHECK(tuned.model.uncertainty);
+  CHECK(tuned.model.knows(fresh) == false);
+}
+
+TEST_CASE("tuning again gives the same model, bit by bit") {
+  const Dataset data = plates(20, 5, true);
+  const TrainedModel& old = old_model("factorised");
+  const auto maps = [&] {
+    return tune(old, data, all_records()).model.predict(data, {0, 7}).values;
+  };
+  CHECK(maps() == maps());
+}
+
+TEST_CASE("an axis may lie within a bin of the model's, no further") {
+  const TrainedModel& old = old_model("factorised");
+  Dataset near = plates(20, 5, false), far = near;
+  near.radar_axis.start += 0.1, far.radar_axis.start += 0.3;
+  match_for_tuning(old, "m", near);
+  const TunedModel tuned = tune(old, near, all_records());
+  CHECK(tuned.model.features.radar_axis.start == 0.1);
+  CHECK(tuned.table.front().name == "the room learnt");
+  CHECK_THAT(error_of([&] { match_for_tuning(old, "m", far); }),
+             Catch::Contains("further apart than a bin"));
+}
+
+TEST_CASE("what cannot be tuned is refused in one line") {
+  const Folder dir;
+  save_model(old_model("factorised"), dir / "old");
+  write_run(dir / "few", 9);
+  write_run(dir / "blind", 20, 1, [](record::FusedRecord& r) {
+    r.valid = {Sensor::spd, Sensor::depth}, r.radar.clear();
+  });
+  write_run(dir / "run", 20);
+  const std::string old = dir / "old";
+  const auto run = [&](const std::string& name) { return " " + (dir / name); };
+  const auto says = [&](const std::string& more, int code, const std::string& text) {
+    const Outcome o = recon_program("train -q --out " + (dir / "new") + " --from " + more);
+    CAPTURE(more, o.text);
+    CHECK(o.code == code);
+    CHECK_THAT(o.text, Catch::Contains(text));
+    CHECK(std::count(o.text.begin(), o.text.end(), '\n') == 1);
+  };
+  says(old + run("few"), 1, "9 usable records; at least 10");
+  says(old + " --model mlp" + run("run"), 2, "--model does not go with --from");
+  says(old + run("blind"), 1, "");
+  says((dir / "run") + run("run"), 1, "");
+  REQUIRE(
+      recon_program("train -q --no-fallback --model mean" + run("run") + " --out " + (dir / "mean"))
+          .code == 0);
+  says((dir / "mean") + run("run"), 1, "cannot be tuned");
+}
