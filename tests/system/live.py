@@ -251,8 +251,10 @@ class Live(unittest.TestCase):
     def test_close_in_5_s(self):
         """A slot that takes longer than SIGTERM allows is given up, and the run says that it was stopped."""
         daemon = self.record("--set", "run.window_s=60")
-        wait_for("run", lambda: self.run.exists() and self.run.stat().st_size > 0)  # its tables come at once
-        wait_for("start", lambda: self.info()["status"] == "open")
+        wait_for("run", self.run.exists)
+        wait_for("its tables", lambda: subprocess.run([bin_dir / "echofuse-acquire", "info", self.run],
+                                                      stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode == 0)
+        self.assertEqual(self.info()["status"], "open")
         sent = time.monotonic()
         daemon.send_signal(signal.SIGTERM)
         log = self.finish(daemon)
