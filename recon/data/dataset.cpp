@@ -190,14 +190,6 @@ void append(Dataset& data, const record::RunReader& run, std::int64_t first, std
   to();
 }
 
-// Keeps the first bins of every record.
-void crop(Matrix& table, std::size_t columns) {
-  Matrix out(table.rows, columns);
-  for (std::size_t i = 0; i < table.rows; ++i)
-    std::copy_n(table.row(i).begin(), columns, out.row(i).begin());
-  table = std::move(out);
-}
-
 }  // namespace
 
 Inputs inputs_of(const std::string& name) {
@@ -370,7 +362,7 @@ void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs
   if (!covers(data.radar_axis, radar))
     throw axis_error(path, data.radar_axis, radar, "the model's");
   if (data.radar_axis.count == radar.count) return;
-  crop(data.radar, radar.count);
+  data.radar = first_columns(data.radar, radar.count);
   data.radar_axis.count = radar.count;
 }
 
@@ -385,7 +377,7 @@ void match_array(Dataset& data, const Axis& array) {
   if (!covers(data.array_axis, array))
     throw axis_error(path, data.array_axis, array, "the model's");
   if (data.array_axis.count == array.count) return;
-  crop(data.array, lag_columns(array));
+  data.array = first_columns(data.array, lag_columns(array));
   data.array_axis.count = array.count;
 }
 

@@ -19,6 +19,7 @@ namespace echofuse::recon {
 enum class Inputs : std::uint8_t { fused, spd, radar, fused_profile };
 inline const std::vector<std::string> inputs_names = {"fused", "spd", "radar", "fused-profile"};
 inline const std::string& name_of(Inputs i) { return inputs_names[static_cast<std::size_t>(i)]; }
+inline Inputs without_antennas(Inputs i) { return i == Inputs::fused ? Inputs::fused_profile : i; }
 inline bool both_sensors(Inputs i) { return i == Inputs::fused || i == Inputs::fused_profile; }
 Inputs inputs_of(const std::string& name);  // throws Error(usage)
 

@@ -27,8 +27,6 @@ Matrix published_maps(const Dataset& data, const Rows& rows, const Dataset& publ
   return out;
 }
 
-using Folds = std::vector<std::vector<MapScores>>;
-
 std::vector<MapScores> all_of(const Folds& folds) {
   std::vector<MapScores> all;
   for (const auto& fold : folds) all.insert(all.end(), fold.begin(), fold.end());
@@ -54,6 +52,10 @@ Summaries summarise_folds(const Folds& folds) {
                             : std::nan("");
   }
   return out;
+}
+
+Summaries summarise(const Folds& folds, bool sequence) {
+  return sequence ? summarise_folds(folds) : summarise(all_of(folds));
 }
 
 std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& rows,
@@ -97,11 +99,10 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
     if (published.size() > 0) add(published_scores, published_maps(data, split.test, published));
   }
   if (interrupted()) throw Error(ExitCode::interrupted, "interrupted during the cross-validation");
-  const auto summary = [&](const Folds& folds) {
-    return options.sequence ? summarise_folds(folds) : summarise(all_of(folds));
-  };
-  for (std::size_t m = 0; m < out.size(); ++m) out[m].metrics = summary(scores[m]);
-  if (published.size() > 0) out.push_back({{"published", summary(published_scores)}, {}, 0, {}});
+  for (std::size_t m = 0; m < out.size(); ++m)
+    out[m].metrics = summarise(scores[m], options.sequence);
+  if (published.size() > 0)
+    out.push_back({{"published", summarise(published_scores, options.sequence)}, {}, 0, {}});
   return out;
 }
 

@@ -32,7 +32,10 @@ struct CrossvalidatedRow : ScoredRow {
 // resemble each other, each would count as a new one. Folds of unequal size (or with maps that do
 // not define a metric) count by their maps: se^2 = K / (K - 1) sum_k (sum over k - n_k mean)^2 /
 // n^2.
-Summaries summarise_folds(const std::vector<std::vector<MapScores>>& folds);
+using Folds = std::vector<std::vector<MapScores>>;  // by fold, its maps
+Summaries summarise_folds(const Folds& folds);
+// That of a sequence; else of single maps.
+Summaries summarise(const Folds& folds, bool sequence);
 
 // One row a model; `rows` in the order that the folds are cut from. `published`, if it has records,
 // holds another's reconstructions of the same records as its depth maps: they make a last row

@@ -92,8 +92,7 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   // Others do not take what the antennas say.
   const bool one_antenna = options.model != "auto" && !looks_at_body(options.model);
   const Split split = make_split(
-      rows_to_train(data, inputs == Inputs::fused && one_antenna ? Inputs::fused_profile : inputs),
-      options.split);
+      rows_to_train(data, one_antenna ? without_antennas(inputs) : inputs), options.split);
   if (inputs == Inputs::fused && !one_antenna && data.arrays_differ && !options.fit.quiet)
     std::fputs("the runs differ in the radar's antennas: of the radar, the profile is taken\n",
                stderr);
@@ -108,11 +107,10 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
     augment(more.emplace(data), fit_split.train, options.augment, fit.seed);
   const Dataset& fit_data = more ? *more : data;
   const bool aligned = looks_at_body(name);
-  const Preprocessing preprocessing(
-      fit_data, fit_split.train,
-      inputs == Inputs::fused && !aligned ? Inputs::fused_profile : inputs,
-      learn_scene(fit_data.depth, fit_split.train, fit_data.map),
-      range_bias || uncertainties || aligned);
+  const Preprocessing preprocessing(fit_data, fit_split.train,
+                                    aligned ? inputs : without_antennas(inputs),
+                                    learn_scene(fit_data.depth, fit_split.train, fit_data.map),
+                                    range_bias || uncertainties || aligned);
   TrainedModel model =
       fit_model(fit_data, fit_split, preprocessing, name, inputs, options.scaling, fit);
   model.alignment = preprocessing.alignment;

@@ -34,16 +34,9 @@ bool is_near(const Axis& found, const Axis& wanted) {
          off(0) <= std::abs(wanted.step) && off(wanted.count) <= std::abs(wanted.step);
 }
 
-void crop(Matrix& table, std::size_t columns) {
-  Matrix out(table.rows, columns);
-  for (std::size_t i = 0; i < table.rows; ++i)
-    std::copy_n(table.row(i).begin(), columns, out.row(i).begin());
-  table = std::move(out);
-}
-
 // The model's own, if the axis is that but for its name.
 void adopt(Axis& found, Matrix& table, const Axis& wanted, std::size_t values_a_bin) {
-  if (found.count > wanted.count) crop(table, wanted.count * values_a_bin);
+  if (found.count > wanted.count) table = first_columns(table, wanted.count * values_a_bin);
   found.count = wanted.count;
   if (same_axis(found, wanted)) found = wanted;
 }
@@ -114,14 +107,14 @@ class Choice {
  public:
   Choice(const TrainedModel& from, const Dataset& data, const Split& split,
          const TuneOptions& options)
-      : from_(from), data_(data), split_(split), options_(options) {
-    judged_by_ = scene_for(from, data, split.train);
+      : data_(data),
+        split_(split),
+        judged_by_(scene_for(from, data, split.train)),
+        sequence_(options.split.kind == "blocked") {
     Rows rows = split.train;
-    const bool blocked = options.split.kind == "blocked";
     Rng rng = make_rng(options.split.seed, fold_stream);
-    if (!blocked) std::shuffle(rows.begin(), rows.end(), rng);
-    sequence_ = blocked;
-    const std::size_t gap = blocked ? std::min(options.split.gap, rows.size() / (4 * folds)) : 0;
+    if (!sequence_) std::shuffle(rows.begin(), rows.end(), rng);
+    const std::size_t gap = sequence_ ? std::min(options.split.gap, rows.size() / (4 * folds)) : 0;
     for (std::size_t k = 0; k < folds; ++k) folds_.push_back(make_fold(rows, k, folds, gap));
   }
 
@@ -129,17 +122,15 @@ class Choice {
   // Fits one model a fold, and scores it on the rest.
   void add(const std::string& name, Fit fit) {
     Entry& entry = entries_.emplace_back(Entry{{{name, {}}, {}, 0, {}}, std::move(fit), {}});
-    std::vector<std::vector<MapScores>> scores;
-    std::vector<MapScores> all;
+    Folds scores;
     const auto started = std::chrono::steady_clock::now();
     for (const Split& fold : folds_) {
       entry.models.push_back(entry.fit(fold.train));
       const TrainedModel& model = entry.models.back();
       scores.push_back(score_maps(model.predict(data_, fold.test), data_, fold.test, judged_by_));
-      all.insert(all.end(), scores.back().begin(), scores.back().end());
       if (interrupted()) throw Error(ExitCode::interrupted, "interrupted while choosing");
     }
-    entry.row.metrics = sequence_ ? summarise_folds(scores) : summarise(all);
+    entry.row.metrics = summarise(scores, sequence_);
     entry.row.cost = entry.models.front().cost();
     entry.row.train_s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count() / folds;
@@ -174,12 +165,10 @@ class Choice {
     Fit fit;
     std::vector<TrainedModel> models;
   };
-  const TrainedModel& from_;
   const Dataset& data_;
   const Split& split_;
-  const TuneOptions& options_;
   Scene judged_by_;
-  bool sequence_ = false;
+  bool sequence_;
   std::vector<Split> folds_;
   std::vector<Entry> entries_;
 };
@@ -190,9 +179,8 @@ TrainedModel fit_alone(const TrainedModel& from, const Dataset& data, const Rows
   const bool aligned = wants_alignment(from.name);
   FitOptions fit = sizes_of(from);
   fit.seed = options.tuning.seed, fit.quiet = true;
-  const Preprocessing preprocessing(
-      data, rows, inputs == Inputs::fused && !aligned ? Inputs::fused_profile : inputs,
-      learn_scene(data.depth, rows, data.map), aligned);
+  const Preprocessing preprocessing(data, rows, aligned ? inputs : without_antennas(inputs),
+                                    learn_scene(data.depth, rows, data.map), aligned);
   const std::string scaling = aligned ? "record" : from.features.scaling;
   return fit_model(data, {rows, {}, {}}, preprocessing, from.name, inputs, scaling, fit);
 }

@@ -16,7 +16,6 @@ struct TuneOptions {
   static constexpr std::size_t least_alone = 50;  // fewer make no model of their own
   SplitOptions split;  // without validation records, which nothing asks for
   Tuning tuning;       // its pull is chosen
-  bool quiet = false;
 };
 
 struct TunedModel {

@@ -42,4 +42,11 @@ inline Matrix take_rows(const Matrix& from, const Rows& rows) {
   return out;
 }
 
+inline Matrix first_columns(const Matrix& from, std::size_t count) {
+  Matrix out(from.rows, count);
+  for (std::size_t i = 0; i < from.rows; ++i)
+    std::copy_n(from.row(i).begin(), count, out.row(i).begin());
+  return out;
+}
+
 }  // namespace echofuse::recon

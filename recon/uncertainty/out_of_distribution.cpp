@@ -51,8 +51,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
                                                      const Dataset& data, const Matrix& aligned,
                                                      const Rows& rows, Inputs inputs,
                                                      std::uint64_t seed) {
-  const Features raw = fit_features(
-      data, rows, inputs == Inputs::fused ? Inputs::fused_profile : inputs, raw_scaling);
+  const Features raw = fit_features(data, rows, without_antennas(inputs), raw_scaling);
   use(raw, alignment);
   const Matrix raw_inputs = raw.raw_inputs(data, rows);
   const auto first_held =

@@ -186,6 +186,7 @@ record::FusedRecord Generator::make(std::int64_t index) const {
   roughen(returns, c, rng);
   const bool looked = !looks.empty() && c.radar_sum == "coherent";
   auto power = looked ? std::vector<double>(radar_.count) : radar_power(returns, radar_, c);
+  // Drawn also where it is not used, so that the depth map is the same.
   add_radar_noise(power, mean_peak_, c, rng);
   if (looked) power = std::move(looks);
   r.radar.resize(power.size());

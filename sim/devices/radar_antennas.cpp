@@ -73,8 +73,7 @@ std::vector<std::uint16_t> RadarAntennas::profile_codes() const {
   codes.reserve(samples_.size() / n);
   for (std::size_t i = 0; i < samples_.size(); i += n) {
     double sum = 0;
-    for (std::size_t m = 0; m < n; ++m)
-      sum += std::log2(std::max(1.0, radar_gain * std::abs(samples_[i + m])));
+    for (std::size_t m = 0; m < n; ++m) sum += log2_level(double{std::abs(samples_[i + m])});
     codes.push_back(log2_q8(sum, static_cast<unsigned>(n)));
   }
   return codes;

@@ -36,6 +36,8 @@ RadarAxis Chirp::axis() const {
   return axis;
 }
 
+double log2_level(double magnitude) { return std::log2(std::max(1.0, radar_gain * magnitude)); }
+
 std::vector<std::uint16_t> range_profile_codes(const std::vector<double>& power, double mean_peak,
                                                unsigned antennas, const Conditions& conditions,
                                                Rng& rng) {
@@ -47,7 +49,7 @@ std::vector<std::uint16_t> range_profile_codes(const std::vector<double>& power,
     double sum = 0;
     for (unsigned a = 0; a < antennas; ++a) {
       const std::complex<double> x{std::sqrt(p) + noise(rng), noise(rng)};
-      sum += std::log2(std::max(1.0, radar_gain * std::abs(x)));
+      sum += log2_level(std::abs(x));
     }
     codes.push_back(log2_q8(sum, antennas));
   }

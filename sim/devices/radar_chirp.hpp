@@ -39,6 +39,7 @@ std::vector<std::uint16_t> range_profile_codes(const std::vector<double>& power,
                                                unsigned antennas, const Conditions& conditions,
                                                Rng& rng);
 inline constexpr double radar_gain = 1 << 20;
+double log2_level(double magnitude);  // log2 |x_a| of it, in the chip's integers
 
 // measureRangeBiasAndRxChanPhase: distance of the profile's peak within +-window/2 of the target's
 // bin, through a parabola over three magnitudes, from the target's true distance (m).

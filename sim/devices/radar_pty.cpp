@@ -114,11 +114,10 @@ class RadarBoard final : public Device {
       log(injector_.now(), "skipped", {frame_number_});
       return;
     }
-    const auto power = power_seen();
     std::vector<RadarTlv> tlvs;
     const RadarOutputs& wanted = firmware_.outputs();
     if (wanted.objects) tlvs.push_back(objects_tlv());
-    if (last_profile_.empty() || !injector_.active(FaultKind::freeze)) look(power);
+    if (last_profile_.empty() || !injector_.active(FaultKind::freeze)) look();
     if (wanted.range_profile) tlvs.push_back(range_profile_tlv(last_profile_));
     if (wanted.heat_map) tlvs.push_back(last_heat_map_);
     if (wanted.stats) {
@@ -133,7 +132,7 @@ class RadarBoard final : public Device {
     put_on_line(wire);
     ++frames_;
     transmit_us_ = static_cast<double>(wire.size()) * 1e7 / firmware_.data_baud();
-    if (wanted.measure_bias) report_bias(power);
+    if (wanted.measure_bias) report_bias(power_seen());
   }
 
   std::vector<double> power_seen() {
@@ -143,7 +142,7 @@ class RadarBoard final : public Device {
   }
 
   // Antennas that nobody asks for are not simulated: their speckle would be another one.
-  void look(const std::vector<double>& power) {
+  void look() {
     const Conditions& c = player_.conditions();
     const bool heat_map = firmware_.outputs().heat_map;
     if (heat_map) {
@@ -152,7 +151,7 @@ class RadarBoard final : public Device {
     }
     last_profile_ = heat_map && c.radar_sum == "coherent"
                         ? antennas_.profile_codes()
-                        : range_profile_codes(power, mean_peak_, chirp().antennas, c, rng_);
+                        : range_profile_codes(power_seen(), mean_peak_, chirp().antennas, c, rng_);
   }
 
   void put_on_line(Bytes wire) {

@@ -47,6 +47,10 @@ struct Scene {
 // reflector: a small white plate at reflector_m straight ahead of the SPD. object: the mesh of
 // Conditions::object on the floor.
 enum class SceneKind : std::uint8_t { person, letter, two_people, empty, reflector, object };
+// Of scene i of a study: a quarter people, the rest letters, as in Lai et al.
+inline SceneKind study_kind(std::uint64_t i) {
+  return i % 4 == 0 ? SceneKind::person : SceneKind::letter;
+}
 std::optional<SceneKind> kind_named(std::string_view name);
 std::string kind_names();  // with commas between
 

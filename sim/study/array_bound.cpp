@@ -10,7 +10,7 @@
 #include <sstream>
 
 #include "drivers/core/atomic_write.hpp"
-#include "sim/scene/draw.hpp"
+#include "sim/scene/scene.hpp"
 #include "sim/sensors/radar_echo.hpp"
 #include "sim/study/each_scene.hpp"
 
@@ -241,10 +241,8 @@ std::vector<ArrayBound> study_array_bound(const BoundOptions& options) {
   for (const Conditions& c : all) mean_peak.push_back(mean_peak_power(radar_response(c), c));
   const auto found = each_scene<std::vector<double>>(
       "bound of the antennas", options.scenes, options.quiet, [&](std::size_t i) {
-        SceneSampler sampler(make_rng(options.seed, i));
-        const SceneKind kind = i % 4 == 0 ? SceneKind::person : SceneKind::letter;
-        return bounds_of(make_scene(options.conditions, SceneSpec{kind}, sampler), all, mean_peak,
-                         options.rays);
+        return bounds_of(make_scene(options.conditions, study_kind(i), options.seed, i), all,
+                         mean_peak, options.rays);
       });
   std::vector<ArrayBound> rows;
   for_each_row(all, [&](std::size_t radar, bool coherent, const Point& p, ArrayUse use) {

@@ -291,10 +291,8 @@ std::vector<Bound> study_bound(const BoundOptions& options) {
   check(options.conditions);
   const Laboratory laboratory(options);
   const auto found = each_scene<std::vector<Deviations>>(
-      "bound", options.scenes, options.quiet, [&](std::size_t i) {
-        const SceneKind kind = i % 4 == 0 ? SceneKind::person : SceneKind::letter;
-        return SceneBounds(laboratory, options, kind, i).all();
-      });
+      "bound", options.scenes, options.quiet,
+      [&](std::size_t i) { return SceneBounds(laboratory, options, study_kind(i), i).all(); });
   std::vector<Bound> rows;
   for (const Point& p : laboratory.points())
     for (const char* known : known_names) rows.push_back(summary(p, known, found, rows.size()));

@@ -35,9 +35,8 @@ class Study {
  public:
   explicit Study(const FidelityOptions& o)
       : options_(o), progress_("fidelity", 4 * static_cast<std::size_t>(o.scenes), o.quiet) {
-    for (std::int64_t i = 0; i < o.scenes; ++i)
-      scenes_.push_back(make_scene(o.conditions, i % 4 == 0 ? SceneKind::person : SceneKind::letter,
-                                   o.seed, static_cast<std::uint64_t>(i)));
+    for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(o.scenes); ++i)
+      scenes_.push_back(make_scene(o.conditions, study_kind(i), o.seed, i));
   }
 
   std::vector<Fidelity> run() {

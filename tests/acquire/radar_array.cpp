@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/record/radar_array.hpp"
 
-#include <sqlite3.h>
-
 #include <algorithm>
 #include <limits>
 #include <random>
@@ -62,13 +60,6 @@ FusedRecord write_run(const std::string& path) {
   writer.append(without);
   writer.close("complete");
   return r;
-}
-
-void sql(const std::string& path, const std::string& statement) {
-  sqlite3* db = nullptr;
-  REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
-  REQUIRE(sqlite3_exec(db, statement.c_str(), nullptr, nullptr, nullptr) == SQLITE_OK);
-  sqlite3_close(db);
 }
 
 }  // namespace

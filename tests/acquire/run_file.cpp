@@ -17,13 +17,6 @@ using namespace testing;
 
 namespace {
 
-void sql(const std::string& path, const std::string& statement) {
-  sqlite3* db = nullptr;
-  REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
-  REQUIRE(sqlite3_exec(db, statement.c_str(), nullptr, nullptr, nullptr) == SQLITE_OK);
-  sqlite3_close(db);
-}
-
 // Rows as the sqlite3 shell shows them.
 std::vector<std::string> query(const std::string& path, const char* statement) {
   sqlite3* db = nullptr;

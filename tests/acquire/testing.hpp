@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // What the tests of this folder share: a folder that goes away, the program, sample records.
 #pragma once
+#include <sqlite3.h>
 #include <sys/wait.h>
 
 #include <array>
@@ -38,6 +39,13 @@ class Folder {
 
 inline void write_file(const std::string& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
+}
+
+inline void sql(const std::string& path, const std::string& statement) {
+  sqlite3* db = nullptr;
+  REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
+  REQUIRE(sqlite3_exec(db, statement.c_str(), nullptr, nullptr, nullptr) == SQLITE_OK);
+  sqlite3_close(db);
 }
 
 struct Outcome {

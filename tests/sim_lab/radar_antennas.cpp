@@ -52,6 +52,20 @@ Conditions quiet() {
   return c;
 }
 
+// Coherent echoes, two transmitters.
+struct CoherentBoard {
+  Conditions conditions = coherent();
+  RadarAntennas antennas{conditions, 3};
+  Rng rng{1};
+
+  CoherentBoard() { antennas.start(chirp_of({0, 2}), 1); }
+  static Conditions coherent() {
+    Conditions c = quiet();
+    c.radar_sum = "coherent";
+    return c;
+  }
+};
+
 }  // namespace
 
 TEST_CASE("a row's samples are those of its eight antennas, whatever else transmits") {
@@ -102,31 +116,23 @@ TEST_CASE("a board in a plane sends all antennas, with its errors") {
 }
 
 TEST_CASE("a profile of coherent echoes is that of the same samples") {
-  Conditions c = quiet();
-  c.radar_sum = "coherent";
-  RadarAntennas board(c, 3);
-  board.start(chirp_of({0, 2}), 1);
-  Rng rng(1);
-  board.look(point_at(0.25, 0), 0, 1, rng);
-  const auto codes = board.profile_codes();
+  CoherentBoard board;
+  board.antennas.look(point_at(0.25, 0), 0, 1, board.rng);
+  const auto codes = board.antennas.profile_codes();
   REQUIRE(codes.size() == 64);
   CHECK(std::abs(codes[12] - 256 * 20) <= 1);  // 2^20
-  const auto samples = samples_of(board.tlv());
+  const auto samples = samples_of(board.antennas.tlv());
   CHECK(std::abs(codes[13] - 256 * (10 + std::log2(std::abs(samples[13 * 8])))) < 2);
 }
 
 TEST_CASE("a new scene has new speckle, the same one goes on") {
-  Conditions c = quiet();
-  c.radar_sum = "coherent";
-  RadarAntennas board(c, 3);
-  board.start(chirp_of({0, 2}), 1);
-  Rng rng(1);
+  CoherentBoard board;
   RenderedScene person = point_at(0, 0);
   person.array.place[0].person = 0;
   const auto peak = [&](std::int64_t scene, double time_s) {
     person.index = scene;
-    board.look(person, time_s, 1, rng);
-    return samples_of(board.tlv())[12 * 8];
+    board.antennas.look(person, time_s, 1, board.rng);
+    return samples_of(board.antennas.tlv())[12 * 8];
   };
   const Complex first = peak(0, 10), again = peak(0, 10), later = peak(0, 11), other = peak(1, 11);
   CHECK(std::abs(again - first) < 2);
