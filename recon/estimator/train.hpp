@@ -15,6 +15,7 @@ struct TrainOptions {
   std::vector<std::string> candidates;  // auto: what to try; empty: what makes sense
   SplitOptions split;
   FitOptions fit;
+  Gains gains = Gains::unknown;      // stable: of models that look at the body
   std::vector<std::string> augment;  // kinds of augment.hpp
   // What is kept beside the model: of a fused one the range bias's reference, and of one that looks
   // at its inputs a model for the SPD alone (TrainedModel); of any its uncertainty.
