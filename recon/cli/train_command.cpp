@@ -61,7 +61,7 @@ TrainedModel tune_model(const CLI::App& app, const Arguments& a) {
         stderr, "%s%s", to_text(tuned).c_str(),
         tuned.model.uncertainty
             ? ""
-            : "too few records to say how sure the model is: its maps are not calibrated\n");
+            : "not calibrated: fewer than 50 records do not say how far off the maps are\n");
   return std::move(tuned.model);
 }
 

@@ -93,7 +93,7 @@ std::string to_text(const Evaluation& evaluation);
 // What must be known to read the scores (range bias, fallback, records left out): a line each, or
 // nothing.
 std::string notes(const Evaluation& evaluation);
-// One line, or nothing.
+// One line.
 std::string to_text(const std::optional<UncertaintyCalibration>& calibration);
 
 }  // namespace echofuse::recon

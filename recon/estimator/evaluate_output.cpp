@@ -78,6 +78,7 @@ json to_json(const Evaluation& e) {
                 {"train_s", e.cost.train_s},
                 {"model_bytes", e.cost.model_bytes}}}};
   if (e.letters_read) out["letters"] = letters_json(*e.letters_read);
+  out["calibrated"] = e.calibration.has_value();
   if (e.calibration)
     out["calibration"] = {{"within_lateral_interval_90", number(e.calibration->within_90)},
                           {"lateral_interval_90_m", number(e.calibration->lateral_interval_90_m)},
@@ -114,7 +115,8 @@ std::string to_span_table(const std::vector<ScoredRow>& rows) {
 }
 
 std::string to_text(const std::optional<UncertaintyCalibration>& c) {
-  if (!c) return {};
+  if (!c)
+    return "not calibrated: too few training records to say how far off the maps are\n";
   const std::string lateral =
       std::isnan(c->within_90)
           ? ""

@@ -72,6 +72,7 @@ void save_head(H5File& file, const TrainedModel& m) {
   file.set(".", "version", std::string(version()));
   file.set(".", "data_crc32c", std::int64_t{m.data_hash});
   file.set(".", "train_s", m.train_s);
+  file.set(".", "uncertainty", std::string(calibration_of(m)));
   file.set(".", "foreground_depth_m", double{m.scene.foreground_depth_m});
   save_grid(file, m.scene.grid);
   file.set(".", "split", m.split.kind);

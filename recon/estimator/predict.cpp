@@ -127,9 +127,9 @@ Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
 void require_uncertainty(const TrainedModel& model) {
   if (!model.uncertainty)
     throw Error(ExitCode::usage,
-                "the model does not know how sure it is: it was trained on too few records (100, "
-                "and 30 validation records), its training was interrupted, or an older version "
-                "trained it; train it anew");
+                "the model does not know how sure it is: it was trained on too few records (less than "
+                "50), its training was interrupted, or an older version trained it; train it "
+                "anew");
 }
 
 }  // namespace echofuse::recon

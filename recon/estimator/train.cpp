@@ -44,16 +44,21 @@ std::string choose(const Dataset& data, const Split& split, const TrainOptions& 
 }
 
 std::unique_ptr<TrainedModel> fit_fallback(const Dataset& data, const Split& split,
-                                           const Scene& scene, const FitOptions& options,
+                                           const Scene& scene, const TrainOptions& options,
                                            bool uncertainties) {
   FitOptions fit;
-  fit.seed = options.seed, fit.quiet = options.quiet, fit.epochs = options.epochs;
+  fit.seed = options.fit.seed, fit.quiet = options.fit.quiet, fit.epochs = options.fit.epochs;
   const Preprocessing preprocessing(data, split.train, Inputs::spd, scene, uncertainties);
-  auto out = std::make_unique<TrainedModel>(
-      fit_model(data, split, preprocessing, fallback_candidate, Inputs::spd, "record", fit));
+  const auto fit_to = [&](const Split& part, bool quiet) {
+    FitOptions how = fit;
+    how.quiet |= quiet;
+    return fit_model(data, part, preprocessing, fallback_candidate, Inputs::spd, "record", how);
+  };
+  auto out = std::make_unique<TrainedModel>(fit_to(split, false));
   out->alignment = preprocessing.alignment;
   if (uncertainties)
-    out->uncertainty = fit_uncertainty(*out, data, preprocessing.aligned, split, fit.seed);
+    out->uncertainty = fit_uncertainty(*out, data, preprocessing.aligned, split, options.split,
+                                       [&](const Split& part) { return fit_to(part, true); });
   return out;
 }
 
@@ -121,9 +126,14 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
                                           in_order(split.train));
   if (model.log.interrupted) return model;
   if (uncertainties)
-    model.uncertainty = fit_uncertainty(model, data, preprocessing.aligned, split, fit.seed);
+    model.uncertainty = fit_uncertainty(
+        model, data, preprocessing.aligned, split, options.split, [&](const Split& part) {
+          FitOptions quiet = fit;
+          quiet.quiet = true;  // nor are there copies of the records
+          return fit_model(data, part, preprocessing, name, inputs, options.scaling, quiet);
+        });
   if (options.fallback && both_sensors(inputs) && !ignores_inputs(model.name))
-    model.fallback = fit_fallback(data, split, preprocessing.scene, options.fit, uncertainties);
+    model.fallback = fit_fallback(data, split, preprocessing.scene, options, uncertainties);
   if (interrupted()) model.log.interrupted = true, model.fallback.reset();  // half trained
   return model;
 }

@@ -3,7 +3,7 @@
 // records it has seen and how its training went. Kept as one HDF5 file.
 //
 //   /            attributes: format, format_version, model, inputs, scaling, version, data_crc32c,
-//                train_s, foreground_depth_m, map_size, map_half_tangent, split, gap, seed,
+//                train_s, uncertainty (calibrated, or not calibrated: then it states none), foreground_depth_m, map_size, map_half_tangent, split, gap, seed,
 //                test_share, validation_share
 //   axes/NAME    attributes of spd and radar as in drivers/core/axis.hpp; of array, if the model
 //                needs the samples of the radar's antennas
@@ -85,6 +85,11 @@ struct TrainedModel {
   // The rows of the data set that were this part of the model's training.
   Rows rows_of(const Dataset& data, Part part) const;
 };
+
+// Whether the model may say how far off its maps are: what its file and whoever shows maps say.
+inline const char* calibration_of(const TrainedModel& model) {
+  return model.uncertainty ? "calibrated" : "not calibrated";
+}
 
 // What a record's status says when the fallback answered.
 inline const char* const fallback_note = "radar lost: SPD alone";

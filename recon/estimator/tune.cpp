@@ -223,7 +223,7 @@ void finish(TrainedModel& model, const Dataset& data, const Split& split,
   const Inputs inputs = model.features.inputs;
   const bool has_spd = inputs != Inputs::radar;
   const bool range_bias = shows_range_bias(data, inputs);
-  const bool uncertainty = split.train.size() >= OutOfDistributionDetector::least_records;
+  const bool uncertainty = split.train.size() >= least_cross_fitted;
   if (!wants_alignment(model.name)) {
     model.alignment = {};
     if (has_spd && (range_bias || uncertainty))
