@@ -180,6 +180,7 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
     a->on_range_bias = [&](const std::string& text) {
       std::fprintf(stderr, "%s: %s\n", printable(a->run).c_str(), printable(text).c_str());
     };
+    a->on_domain_shift = a->on_range_bias;
     const TrainedModel model = load_model(a->model);
     if (!model.uncertainty && !common.quiet)
       std::fprintf(stderr, "%s: %s: too few training records to say how far off the maps are\n",

@@ -78,6 +78,11 @@ json to_json(const Evaluation& e) {
                 {"train_s", e.cost.train_s},
                 {"model_bytes", e.cost.model_bytes}}}};
   if (e.letters_read) out["letters"] = letters_json(*e.letters_read);
+  if (e.domain_shift.tested())
+    out["domain_shift"] = {{"distance", e.domain_shift.distance},
+                           {"p", e.domain_shift.p},
+                           {"records", e.domain_shift.records},
+                           {"text", e.domain_shift.text()}};
   out["calibrated"] = e.calibration.has_value();
   if (e.calibration)
     out["calibration"] = {{"within_lateral_interval_90", number(e.calibration->within_90)},
@@ -131,7 +136,8 @@ std::string to_text(const std::optional<UncertaintyCalibration>& c) {
 }
 
 std::string notes(const Evaluation& e) {
-  std::string out = e.range_bias.empty() ? "" : e.range_bias + '\n';
+  std::string out = e.domain_shift.tested() ? e.domain_shift.text() + '\n' : "";
+  if (!e.range_bias.empty()) out += e.range_bias + '\n';
   if (e.fallback_records > 0)
     out += formatted("%zu records: %s\n", e.fallback_records, fallback_note);
   if (e.left_out > 0)

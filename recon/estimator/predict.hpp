@@ -19,6 +19,9 @@ struct Records {
   std::string text;         // what there is to say of it, or nothing
 };
 
+// Whether the records as a whole are unlike the model's training records.
+DomainShift domain_shift_of(const TrainedModel& model, const Records& records);
+
 // Of runs as they were recorded (load_recorded, load_part), or of changed records. What the
 // radar's calibration and a range bias ask for is one interpolation. Throws Error(failed) if the
 // axes are not the model's.

@@ -126,6 +126,9 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
                                           in_order(split.train));
   if (model.log.interrupted) return model;
   if (uncertainties)
+    model.domain = DomainReference(preprocessing.alignment, data, preprocessing.aligned,
+                                   in_order(split.train), inputs);
+  if (uncertainties)
     model.uncertainty = fit_uncertainty(
         model, data, preprocessing.aligned, split, options.split, [&](const Split& part) {
           FitOptions quiet = fit;

@@ -15,6 +15,7 @@
 //   alignment/   what is always there (body/alignment.hpp), if anything in the file needs it
 //   model/       what the model itself keeps
 //   range_bias/  of a fused model: range_bias.hpp
+//   domain/      what the training records are like: domain_shift.hpp
 //   fallback/    of a fused model: another one of this format, for records without a live radar
 //   uncertainty/ what tells how far to trust it; files of older versions have none
 #pragma once
@@ -28,6 +29,7 @@
 #include "recon/data/split.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/models/model.hpp"
+#include "recon/uncertainty/domain_shift.hpp"
 #include "recon/uncertainty/range_bias.hpp"
 #include "recon/uncertainty/uncertainty.hpp"
 
@@ -54,6 +56,7 @@ struct TrainedModel {
   FitOptions fit;
   SeenRecords seen;
   RangeBiasReference range_bias;           // of a fused model
+  DomainReference domain;                  // what its training records are like
   std::unique_ptr<TrainedModel> fallback;  // of a fused model, for the SPD alone; may be null
   std::uint32_t data_hash = 0;
   double train_s = 0;

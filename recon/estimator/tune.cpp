@@ -224,15 +224,18 @@ void finish(TrainedModel& model, const Dataset& data, const Split& split,
   const bool has_spd = inputs != Inputs::radar;
   const bool range_bias = shows_range_bias(data, inputs);
   const bool uncertainty = split.train.size() >= least_cross_fitted;
+  const bool domain = split.train.size() >= DomainReference::least_records;
   if (!wants_alignment(model.name)) {
     model.alignment = {};
-    if (has_spd && (range_bias || uncertainty))
+    if (has_spd && (range_bias || domain))
       model.alignment =
           Alignment(model.features.layout(), model.features.raw_inputs(data, all), split.train);
   }
   const Matrix aligned = model.align(data, all, true);
   if (range_bias)
     model.range_bias = RangeBiasReference(model.alignment, data, aligned, split.train);
+  if (domain)
+    model.domain = DomainReference(model.alignment, data, aligned, split.train, inputs);
   if (uncertainty)
     model.uncertainty = fit_uncertainty(model, data, aligned, split.train, judged, seed);
 }

@@ -115,6 +115,9 @@ void Reconstruction::take_all(const record::RunReader& run) {
   Progress progress("reconstructing", static_cast<std::size_t>(run.count()), options_.quiet);
   const Records records = prepare_records(
       model_, read(run, std::numeric_limits<std::size_t>::max()), options_.range_bias);
+  const DomainShift shift = domain_shift_of(model_, records);
+  if (shift.tested() && options_.on_domain_shift && (shift.found() || !options_.quiet))
+    options_.on_domain_shift(shift.text());
   const bool silent =
       options_.quiet && records.range_bias.status == RangeBias::Status::too_few_records;
   if (!silent && !records.text.empty() && options_.on_range_bias)

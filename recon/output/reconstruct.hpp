@@ -32,6 +32,8 @@ struct ReconstructOptions {
   RangeBiasAction range_bias = RangeBiasAction::warn;  // correct: not while following
   // What there is to say of the run's range bias (RangeBias::text).
   std::function<void(const std::string&)> on_range_bias;
+  // Of a whole run: whether it is unlike the training (DomainShift::text).
+  std::function<void(const std::string&)> on_domain_shift;
   std::function<void(const RecordStatus&)> on_record;  // in the order of the records
 };
 
