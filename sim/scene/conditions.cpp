@@ -65,6 +65,7 @@ void bind_reflectivity(Settings& s, Conditions& c) {
         "people's reflectivities differ besides: exp(+-spread)");
   s.add("radar_lobe", c.radar_lobe, 0, 20, "echo ~ cos^n of the incidence; 1: Lambert");
   s.add("radar_plate_lobe", c.radar_plate_lobe, 0, 20, "the same of letters");
+  s.add("optical_lobe", c.optical_lobe, 0, 20, "the same of people and letters in light");
 }
 
 void bind_spd(Settings& s, Conditions& c) {
@@ -84,6 +85,7 @@ void bind_spd(Settings& s, Conditions& c) {
   s.add("spd_dead_time_ps", c.spd_dead_time_ps, 0, 1e9,
         "of a free-running detector with pile-up; 0: one photon a pulse");
   s.add("spd_falloff", c.spd_falloff, 0, 10, "light exp(-falloff) at the field's edges");
+  s.add("spd_field", c.spd_field, 0.1, 3, "the detector's field of view, of half_tangent");
   s.add("spd_yaw_deg", c.spd_yaw_deg, -30, 30, "points to +x; the daemon does not know it");
   s.add("spd_pitch_deg", c.spd_pitch_deg, -30, 30, "points up; the daemon does not know it");
   s.add("slot_sway_m", c.slot_sway_m, 0, 1, "rms motion of people in a record, to and fro");

@@ -63,6 +63,7 @@ struct Conditions {
   // ((1 + cos psi)/2)^alpha is cos^(2 alpha) on the way back. Scaled so that a sphere's echo stays.
   double radar_lobe = 1;        // of cloth and skin
   double radar_plate_lobe = 1;  // of the letter
+  double optical_lobe = 1;      // the same power of people and letters in the detector's light
 
   // SPD
   // Rays across the field of view, both ways; 0: as many as signal_photons ask for (rays_of).
@@ -83,6 +84,7 @@ struct Conditions {
   // Light falls off towards the edges of the field of view: exp(-falloff t^2 / half_tangent^2) at
   // tangent t from the middle, where the detector points. The daemon takes it to look straight.
   double spd_falloff = 0;
+  double spd_field = 1;                       // the detector's field of view, of half_tangent
   double spd_yaw_deg = 0, spd_pitch_deg = 0;  // to +x and +y
   double slot_sway_m = 0;  // rms motion of people along the line of sight in a record: blurs it
 

@@ -43,9 +43,10 @@ Gaze spd_gaze(const Conditions& c) {
   Gaze gaze;
   gaze.extra_m = c.spd_delay_ps / ps_per_m;
   gaze.falloff = c.spd_falloff;
-  gaze.half_tangent = c.half_tangent;
+  gaze.half_tangent = c.half_tangent * c.spd_field;
   gaze.middle_x = tangent_of(c.spd_yaw_deg);
   gaze.middle_y = tangent_of(c.spd_pitch_deg);
+  gaze.lobe = gaze.plate_lobe = c.optical_lobe;
   gaze.sway_m = c.slot_sway_m;
   return gaze;
 }

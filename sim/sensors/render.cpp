@@ -355,8 +355,8 @@ std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, co
 void spd_returns(const Scene& scene, const Conditions& c, Returns& out) {
   const std::int64_t rays = rays_of(c);
   const Gaze gaze = spd_gaze(c);
-  look(scene, gaze, moved(x_rays(rays, c.half_tangent), gaze.middle_x),
-       moved(y_rays(rays, c.half_tangent), gaze.middle_y), out);
+  look(scene, gaze, moved(x_rays(rays, gaze.half_tangent), gaze.middle_x),
+       moved(y_rays(rays, gaze.half_tangent), gaze.middle_y), out);
 }
 
 void radar_returns(const Scene& scene, const Conditions& c, Returns& out) {
