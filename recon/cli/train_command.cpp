@@ -18,6 +18,7 @@ struct Arguments : TrainOptions {
   std::vector<std::string> runs;
   std::string out, from;
   double radar_bin_m = 0;
+  std::vector<std::size_t> validate_on_runs;  // counted from 1
   bool force = false;
 };
 
@@ -35,6 +36,8 @@ constexpr const char* settled[] = {"--model",
                                    "--patience",
                                    "--augment",
                                    "--validation-share",
+                                   "--weight",
+                                   "--validate-on",
                                    "--inputs"};
 
 void check_from(const CLI::App& app) {
@@ -115,6 +118,18 @@ Command add_train(CLI::App& app, const Common& common) {
   app.add_option("--gap", a->split.gap, "blocked: records dropped between two parts")
       ->check(CLI::Range(0, 1'000'000))
       ->capture_default_str();
+  app.add_option("--weight", a->weights,
+                 "how often each run's records count, one number a run: 1,20 beside few of another "
+                 "room")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::Range(0.0, 1000.0));
+  app.add_option("--validate-on", a->validate_on_runs,
+                 "the runs that stand for the use, 1 for the first: they give the validation "
+                 "records; default: the last")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::Range(1, 10000));
   app.add_option("--augment", a->augment,
                  "train on perturbed copies of the records, too: noise (of the radar, down to 10 "
                  "dB); auto chooses without them")
@@ -127,6 +142,9 @@ Command add_train(CLI::App& app, const Common& common) {
                "train no network beside a fused model for records whose radar is lost");
   return [a, &app, &common] {
     a->split.seed = a->fit.seed;
+    if (a->validate_on_runs.empty()) a->validate_on_runs = {a->runs.size()};
+    a->validate_on.clear();
+    for (const std::size_t run : a->validate_on_runs) a->validate_on.push_back(run - 1);
     a->fit.quiet = common.quiet;
     const bool tuning = !a->from.empty();
     if (tuning) check_from(app);
