@@ -48,6 +48,7 @@ struct Evaluation {
   std::size_t fallback_records = 0;  // of them, for which the fallback answered
   std::size_t left_out = 0;          // of a fresh run: had depth, but no map can be made of them
   std::string range_bias, gains;     // what there is to say of them (Records)
+  DomainShift domain_shift;          // of all records of the run
   Summaries metrics;
   std::vector<ScoredRow> baselines;  // empty room, mean map, nearest neighbour
   RunningCost cost;
@@ -93,7 +94,7 @@ std::string to_text(const Evaluation& evaluation);
 // What must be known to read the scores (range bias, fallback, records left out): a line each, or
 // nothing.
 std::string notes(const Evaluation& evaluation);
-// One line, or nothing.
+// One line.
 std::string to_text(const std::optional<UncertaintyCalibration>& calibration);
 
 }  // namespace echofuse::recon

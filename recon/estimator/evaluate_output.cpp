@@ -79,6 +79,12 @@ json to_json(const Evaluation& e) {
                 {"train_s", e.cost.train_s},
                 {"model_bytes", e.cost.model_bytes}}}};
   if (e.letters_read) out["letters"] = letters_json(*e.letters_read);
+  if (e.domain_shift.tested())
+    out["domain_shift"] = {{"distance", e.domain_shift.distance},
+                           {"p", e.domain_shift.p},
+                           {"records", e.domain_shift.records},
+                           {"text", e.domain_shift.text()}};
+  out["calibrated"] = e.calibration.has_value();
   if (e.calibration)
     out["calibration"] = {{"within_lateral_interval_90", number(e.calibration->within_90)},
                           {"lateral_interval_90_m", number(e.calibration->lateral_interval_90_m)},
@@ -115,7 +121,8 @@ std::string to_span_table(const std::vector<ScoredRow>& rows) {
 }
 
 std::string to_text(const std::optional<UncertaintyCalibration>& c) {
-  if (!c) return {};
+  if (!c)
+    return "not calibrated: too few training records to say how far off the maps are\n";
   const std::string lateral =
       std::isnan(c->within_90)
           ? ""
@@ -130,7 +137,8 @@ std::string to_text(const std::optional<UncertaintyCalibration>& c) {
 }
 
 std::string notes(const Evaluation& e) {
-  std::string out = e.range_bias.empty() ? "" : e.range_bias + '\n';
+  std::string out = e.domain_shift.tested() ? e.domain_shift.text() + '\n' : "";
+  if (!e.range_bias.empty()) out += e.range_bias + '\n';
   if (!e.gains.empty()) out += e.gains + '\n';
   if (e.fallback_records > 0)
     out += formatted("%zu records: %s\n", e.fallback_records, fallback_note);

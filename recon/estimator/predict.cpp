@@ -112,11 +112,17 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, RangeBiasAc
   if (!asked) return out;
   out.range_bias =
       model.range_bias.judge(model.range_bias.measure(model.alignment, data, out.aligned));
-  out.text = out.range_bias.text(correct);
-  if (!correct || out.range_bias.status != RangeBias::Status::detected) return out;
+  const bool others = out.range_bias.status == RangeBias::Status::detected &&
+                      domain_shift_of(model, out).changes_shapes();
+  out.text = out.range_bias.text(correct && !others, others);
+  if (!correct || others || out.range_bias.status != RangeBias::Status::detected) return out;
   data.radar = profiles, data.radar_axis = axis, data.sources = sources;
   align(out.range_bias_m = out.range_bias.bias_m);
   return out;
+}
+
+DomainShift domain_shift_of(const TrainedModel& model, const Records& records) {
+  return model.domain.judge(model.alignment, records.data, records.aligned);
 }
 
 Prediction predict(const TrainedModel& model, const Records& records, const Rows& rows,
@@ -136,9 +142,9 @@ Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
 void require_uncertainty(const TrainedModel& model) {
   if (!model.uncertainty)
     throw Error(ExitCode::usage,
-                "the model does not know how sure it is: it was trained on too few records (100, "
-                "and 30 validation records), its training was interrupted, or an older version "
-                "trained it; train it anew");
+                "the model does not know how sure it is: it was trained on too few records (less than "
+                "50), its training was interrupted, or an older version trained it; train it "
+                "anew");
 }
 
 }  // namespace echofuse::recon

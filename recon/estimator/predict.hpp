@@ -21,6 +21,9 @@ struct Records {
   GainCheck gains;          // of a model of stable gains; not stable: brightness is forgotten
 };
 
+// Whether the records as a whole are unlike the model's training records.
+DomainShift domain_shift_of(const TrainedModel& model, const Records& records);
+
 // Of runs as they were recorded (load_recorded, load_part), or of changed records. What the
 // radar's calibration and a range bias ask for is one interpolation. Throws Error(failed) if the
 // axes are not the model's.

@@ -3,7 +3,7 @@
 // records it has seen and how its training went. Kept as one HDF5 file.
 //
 //   /            attributes: format, format_version, model, inputs, scaling, version, data_crc32c,
-//                train_s, foreground_depth_m, map_size, map_half_tangent, split, gap, seed,
+//                train_s, uncertainty (calibrated, or not calibrated: then it states none), foreground_depth_m, map_size, map_half_tangent, split, gap, seed,
 //                test_share, validation_share
 //   axes/NAME    attributes of spd and radar as in drivers/core/axis.hpp; of array, if the model
 //                needs the samples of the radar's antennas
@@ -15,6 +15,7 @@
 //   alignment/   what is always there (body/alignment.hpp), if anything in the file needs it
 //   model/       what the model itself keeps
 //   range_bias/  of a fused model: range_bias.hpp
+//   domain/      what the training records are like: domain_shift.hpp
 //   fallback/    of a fused model: another one of this format, for records without a live radar
 //   uncertainty/ what tells how far to trust it; files of older versions have none
 #pragma once
@@ -28,6 +29,7 @@
 #include "recon/data/split.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/models/model.hpp"
+#include "recon/uncertainty/domain_shift.hpp"
 #include "recon/uncertainty/range_bias.hpp"
 #include "recon/uncertainty/uncertainty.hpp"
 
@@ -54,6 +56,7 @@ struct TrainedModel {
   FitOptions fit;
   SeenRecords seen;
   RangeBiasReference range_bias;           // of a fused model
+  DomainReference domain;                  // what its training records are like
   std::unique_ptr<TrainedModel> fallback;  // of a fused model, for the SPD alone; may be null
   std::uint32_t data_hash = 0;
   double train_s = 0;
@@ -85,6 +88,11 @@ struct TrainedModel {
   // The rows of the data set that were this part of the model's training.
   Rows rows_of(const Dataset& data, Part part) const;
 };
+
+// Whether the model may say how far off its maps are: what its file and whoever shows maps say.
+inline const char* calibration_of(const TrainedModel& model) {
+  return model.uncertainty ? "calibrated" : "not calibrated";
+}
 
 // What a record's status says when the fallback answered.
 inline const char* const fallback_note = "radar lost: SPD alone";

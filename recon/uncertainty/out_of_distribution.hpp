@@ -32,7 +32,7 @@ struct OutOfDistributionScore {
 
 class OutOfDistributionDetector {
  public:
-  static constexpr std::size_t least_records = 100;
+  static constexpr std::size_t least_records = 50;
 
   OutOfDistributionDetector() = default;
   // Learns from the given rows, at least least_records. Part of them only sets the limits. Row i of
@@ -61,7 +61,10 @@ class OutOfDistributionDetector {
                    const Alignment& alignment, std::uint64_t seed);
   // log T^2, log Q, discriminant; residuals of histogram and radar in units of their usual size.
   std::array<double, 5> statistics(std::span<const float> description) const;
-  void learn_limits(const Matrix& descriptions);
+  // Scale, components and discriminant, of descriptions that are not scaled yet.
+  void learn(const Matrix& descriptions, const Matrix& raw_inputs, const Rows& rows,
+             const Alignment& alignment, std::uint64_t seed);
+  void set_limits(std::array<std::vector<float>, 5> statistics);
 
   std::size_t histogram_bins_ = 0, aligned_ = 0, profile_ = 0;  // 0 without the sensor
   std::vector<float> scale_;
