@@ -21,7 +21,7 @@ void require_finite(const Matrix& maps) {
       "train it again");
 }
 
-// Of one model without its fallback; row i of `aligned` belongs to rows[i].
+// Of one model without its fallbacks; row i of `aligned` belongs to rows[i].
 Prediction predict_aligned(const TrainedModel& model, const Dataset& data, const Rows& rows,
                            const Matrix& aligned, PredictionDetail detail) {
   Prediction out;
@@ -73,7 +73,7 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
       const std::size_t count = std::min(at_once, places.size() - first);
       const auto begin = own_rows.begin() + static_cast<std::ptrdiff_t>(first);
       const Rows some(begin, begin + static_cast<std::ptrdiff_t>(count));
-      const bool shared = aligned && &by == &model;
+      const bool shared = aligned && &by == &model.for_run(data);
       put(out,
           predict_aligned(by, data, some,
                           shared ? take_rows(*aligned, some)
@@ -86,11 +86,16 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
 
 }  // namespace
 
-Records prepare_records(const TrainedModel& model, Dataset recorded, RangeBiasAction action) {
+Records prepare_records(const TrainedModel& whole, Dataset recorded, RangeBiasAction action) {
+  const TrainedModel& model = whole.for_run(recorded);
   const bool asked = action != RangeBiasAction::ignore && model.range_bias.known();
   const bool correct = action == RangeBiasAction::correct;
-  Records out{std::move(recorded), {}, {}, 0, {}};
+  Records out{std::move(recorded), {}, {}, 0, {}, {}};
   Dataset& data = out.data;
+  if (&model != &whole)
+    out.antennas = std::string(data.array_axis.count == 0 ? "no samples of the radar's antennas"
+                                                          : "other antennas than in training") +
+                   ": of the radar, the range profile alone";
   const Matrix profiles = asked && correct ? data.radar : Matrix{};
   const Axis axis = data.radar_axis;
   const std::vector<Source> sources = data.sources;

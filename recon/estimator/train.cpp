@@ -82,21 +82,17 @@ bool shows_range_bias(const Dataset& data, Inputs inputs) {
          data.radar_axis.quantity == "power";
 }
 
-TrainedModel train(const Dataset& data, const TrainOptions& options) {
+namespace {
+
+bool looks_at_body(const std::string& candidate, const TrainOptions& options) {
+  return wants_alignment(candidate_of(candidate, options.fit).model);
+}
+
+// With what is kept beside it. A fallback for the range profile is what a training with
+// --inputs fused-profile would make of these records.
+TrainedModel train_split(const Dataset& data, const Split& split, const std::string& name,
+                         const TrainOptions& options) {
   const Inputs inputs = inputs_of(options.inputs);
-  if (!options.augment.empty() && inputs == Inputs::spd)
-    throw Error(ExitCode::usage, "--augment: its kinds are of the radar, --inputs spd has none");
-  const auto looks_at_body = [&](const std::string& candidate) {
-    return wants_alignment(candidate_of(candidate, options.fit).model);
-  };
-  // Others do not take what the antennas say.
-  const bool one_antenna = options.model != "auto" && !looks_at_body(options.model);
-  const Split split = make_split(
-      rows_to_train(data, one_antenna ? without_antennas(inputs) : inputs), options.split);
-  if (inputs == Inputs::fused && !one_antenna && data.arrays_differ && !options.fit.quiet)
-    std::fputs("the runs differ in the radar's antennas: of the radar, the profile is taken\n",
-               stderr);
-  const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
   const FitOptions& fit = options.fit;
   const bool range_bias = options.range_bias && shows_range_bias(data, inputs);
   const bool uncertainties = options.uncertainty && has_enough_records(split);
@@ -106,7 +102,7 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   if (!options.augment.empty())
     augment(more.emplace(data), fit_split.train, options.augment, fit.seed);
   const Dataset& fit_data = more ? *more : data;
-  const bool aligned = looks_at_body(name);
+  const bool aligned = looks_at_body(name, options);
   const Preprocessing preprocessing(fit_data, fit_split.train,
                                     aligned ? inputs : without_antennas(inputs),
                                     learn_scene(fit_data.depth, fit_split.train, fit_data.map),
@@ -122,10 +118,32 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   if (model.log.interrupted) return model;
   if (uncertainties)
     model.uncertainty = fit_uncertainty(model, data, preprocessing.aligned, split, fit.seed);
-  if (options.fallback && both_sensors(inputs) && !ignores_inputs(model.name))
+  if (options.fallback && model.features.array_axis.count > 0) {
+    TrainOptions of_profile = options;
+    of_profile.inputs = name_of(Inputs::fused_profile);
+    model.fallback = std::make_unique<TrainedModel>(train_split(data, split, name, of_profile));
+  } else if (options.fallback && both_sensors(inputs) && !ignores_inputs(model.name)) {
     model.fallback = fit_fallback(data, split, preprocessing.scene, options.fit, uncertainties);
+  }
   if (interrupted()) model.log.interrupted = true, model.fallback.reset();  // half trained
   return model;
+}
+
+}  // namespace
+
+TrainedModel train(const Dataset& data, const TrainOptions& options) {
+  const Inputs inputs = inputs_of(options.inputs);
+  if (!options.augment.empty() && inputs == Inputs::spd)
+    throw Error(ExitCode::usage, "--augment: its kinds are of the radar, --inputs spd has none");
+  // Others do not take what the antennas say.
+  const bool one_antenna = options.model != "auto" && !looks_at_body(options.model, options);
+  const Split split = make_split(
+      rows_to_train(data, one_antenna ? without_antennas(inputs) : inputs), options.split);
+  if (inputs == Inputs::fused && !one_antenna && data.arrays_differ && !options.fit.quiet)
+    std::fputs("the runs differ in the radar's antennas: of the radar, the profile is taken\n",
+               stderr);
+  return train_split(
+      data, split, options.model == "auto" ? choose(data, split, options) : options.model, options);
 }
 
 }  // namespace echofuse::recon

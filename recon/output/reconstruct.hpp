@@ -30,8 +30,8 @@ struct ReconstructOptions {
   bool force = false;   // also into a folder that holds maps of another run
   bool quiet = false;   // no progress bar, no word on runs too short to tell a range bias
   RangeBiasAction range_bias = RangeBiasAction::warn;  // correct: not while following
-  // What there is to say of the run's range bias (RangeBias::text).
-  std::function<void(const std::string&)> on_range_bias;
+  // What there is to say of the run: of its antennas, of a range bias (Records).
+  std::function<void(const std::string&)> on_run;
   std::function<void(const RecordStatus&)> on_record;  // in the order of the records
 };
 
