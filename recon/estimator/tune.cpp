@@ -220,15 +220,14 @@ void try_all(Choice& choice, const TrainedModel& from, const Dataset& data, cons
   const auto add_tuned = [&](double pull, bool turn) {
     Tuning tuning = options.tuning;
     tuning.pull = pull, tuning.turn = turn;
-    choice.add(
-        tuned_name(pull, turn),
-        [&, tuning, room](const Rows& rows) { return adapt(from, data, rows, room, tuning); });
+    choice.add(tuned_name(pull, turn), [&, tuning, room](const Rows& rows) {
+      return adapt(from, data, rows, room, tuning);
+    });
   };
   for (const double pull : pulls) add_tuned(pull, false);
   if (many && aligned) add_tuned(turned_pull, true);
   if (many)
-    choice.add(alone,
-               [&](const Rows& rows) { return fit_alone(from, data, rows, options); });
+    choice.add(alone, [&](const Rows& rows) { return fit_alone(from, data, rows, options); });
 }
 
 // What belongs to the model of the chosen kind beside itself. Too few records: no uncertainty.
@@ -249,13 +248,13 @@ void finish(TrainedModel& model, const Dataset& data, const Split& split,
   const Matrix aligned = model.align(data, all, true);
   if (range_bias)
     model.range_bias = RangeBiasReference(model.alignment, data, aligned, split.train);
-  if (domain)
-    model.domain = DomainReference(model.alignment, data, aligned, split.train, inputs);
+  if (domain) model.domain = DomainReference(model.alignment, data, aligned, split.train, inputs);
   if (uncertainty)
     model.uncertainty = fit_uncertainty(model, data, aligned, split.train, judged, seed);
 }
 
-// The network for the SPD alone, with a pull that nothing was asked about: it is needed seldom.
+// The networks for the range profile and the SPD alone, with a pull that nothing was asked about:
+// they are needed seldom.
 std::unique_ptr<TrainedModel> tune_fallback(const TrainedModel& from, const Dataset& data,
                                             const Split& split, const Tuning& tuning) {
   const auto fit = [&](const Rows& rows) { return adapt(from, data, rows, Room::kept, tuning); };
@@ -264,6 +263,7 @@ std::unique_ptr<TrainedModel> tune_fallback(const TrainedModel& from, const Data
   const std::array models{fit(halves[0].train), fit(halves[1].train)};
   finish(*out, data, split, {{models[0], halves[0].test}, {models[1], halves[1].test}},
          tuning.seed);
+  if (from.fallback) out->fallback = tune_fallback(*from.fallback, data, split, tuning);
   return out;
 }
 
