@@ -84,6 +84,9 @@ void add_fit(CLI::App& app, Command& command) {
   sub->add_option("--laboratories", a->options.laboratories, "simulated in each of two rounds")
       ->check(CLI::Range(std::int64_t{60}, std::int64_t{10'000}))
       ->capture_default_str();
+  sub->add_option("--records", a->options.records, "of each, at most as many as the run has")
+      ->check(CLI::Range(std::int64_t{20}, std::int64_t{100'000}))
+      ->capture_default_str();
   add_plan_options(*sub, *a);
   sub->add_flag("-q,--quiet", a->options.quiet, "no progress");
   sub->callback([&command, a] { command = [a] { return run_fit(*a); }; });
