@@ -48,6 +48,7 @@ const std::pair<const char*, const char*> reasons[] = {
     {"radar_yaw_deg", "with little fall-off no side is brighter"},
     {"slot_sway_m", "it widens the response, as irf_fwhm_ps does"},
     {"irf_fwhm_ps", "people's motion widens it as much (blur_fwhm_ps)"},
+    {"blur_fwhm_ps", "the maps are coarse, and the records too few"},
     {"irf_tail_delay_ps", "a short tail looks like a wider response"},
     {"irf_tail", "share and time constant of the tail show as their product"},
     {"signal_photons", "brightness is albedo times photons"},
