@@ -138,8 +138,8 @@ Command add_study(CLI::App& app, const Common& common) {
   CLI::App* pareto =
       app.add_subcommand("pareto", "accuracy against the time of a map, photons and records");
   CLI::App* stability = app.add_subcommand("stability", "where models fail, on simulated records");
-  CLI::App* transfer = app.add_subcommand(
-      "transfer", "from one simulated world to another with few records of it");
+  CLI::App* transfer =
+      app.add_subcommand("transfer", "from one simulated world to another with few records of it");
   for (CLI::App* sub : {pareto, stability, transfer}) sub->fallthrough();  // --threads, --quiet
   const Command run_pareto = add_pareto(*pareto, common);
   const Command run_stability = add_stability(*stability, common);

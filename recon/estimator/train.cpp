@@ -62,9 +62,9 @@ std::unique_ptr<TrainedModel> fit_fallback(const Dataset& data, const Split& spl
   auto out = std::make_unique<TrainedModel>(fit_to(split, false));
   out->alignment = preprocessing.alignment;
   if (uncertainties)
-    out->uncertainty = fit_uncertainty(
-        *out, data, preprocessing.aligned, used, options.split,
-        [&](const Split& part) { return fit_to(with_others(part), true); });
+    out->uncertainty =
+        fit_uncertainty(*out, data, preprocessing.aligned, used, options.split,
+                        [&](const Split& part) { return fit_to(with_others(part), true); });
   return out;
 }
 
@@ -83,7 +83,8 @@ Rows weighted(const Dataset& data, const Rows& rows, const TrainOptions& options
   for (const std::size_t row : rows)
     for (double left = options.weights[data.source_of(row)] - chance(rng); left > 0; --left)
       out.push_back(row);
-  if (out.size() < 2) throw Error(ExitCode::usage, "--weight: hardly any record is left to train on");
+  if (out.size() < 2)
+    throw Error(ExitCode::usage, "--weight: hardly any record is left to train on");
   return out;
 }
 

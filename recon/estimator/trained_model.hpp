@@ -3,8 +3,9 @@
 // records it has seen and how its training went. Kept as one HDF5 file.
 //
 //   /            attributes: format, format_version, model, inputs, scaling, version, data_crc32c,
-//                train_s, uncertainty (calibrated, or not calibrated: then it states none), foreground_depth_m, map_size, map_half_tangent, split, gap, seed,
-//                test_share, validation_share
+//                train_s, uncertainty (calibrated, or not calibrated: then it states none),
+//                foreground_depth_m, map_size, map_half_tangent, split, gap, seed, test_share,
+//                validation_share
 //   axes/NAME    attributes of spd and radar as in drivers/core/axis.hpp; of array, if the model
 //                needs the samples of the radar's antennas
 //   features/    centre, with attributes spd_gain and radar_gain

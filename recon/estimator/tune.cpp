@@ -5,12 +5,14 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
 #include "drivers/core/random.hpp"
 #include "recon/estimator/fit_uncertainty.hpp"
 #include "recon/files/text.hpp"
+#include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -18,6 +20,7 @@ namespace {
 constexpr std::size_t folds = 4;
 constexpr std::array pulls{100., 30., 10.};
 constexpr double turned_pull = 30;
+static const double doubt = std::getenv("DOUBT") ? std::atof(std::getenv("DOUBT")) : 0.5;
 constexpr std::uint64_t fold_stream = 0x74756e65;  // "tune"
 // Of the pixels of the median map. People alone fill less of it, where they stand in half of few
 // records.
@@ -140,6 +143,8 @@ class Choice {
       if (interrupted()) throw Error(ExitCode::interrupted, "interrupted while choosing");
     }
     entry.row.metrics = summarise(scores, sequence_);
+    for (const auto& fold : scores)
+      for (const MapScores& map : fold) entry.ious.push_back(map[metric_iou]);
     entry.row.cost = entry.models.front().cost();
     entry.row.train_s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count() / folds;
@@ -149,10 +154,13 @@ class Choice {
     const double found = entries_[i].row.metrics[metric_iou].mean;
     return std::isnan(found) ? -1 : found;
   }
+  // Of few records the table scatters more than its rows differ: what a gain is uncertain by counts
+  // against it in part.
   std::size_t best() const {
+    const auto judged = [&](std::size_t i) { return iou(i) - doubt * error_of_gain(i); };
     std::size_t out = 0;
     for (std::size_t i = 1; i < entries_.size(); ++i)
-      if (iou(i) > iou(out)) out = i;
+      if (judged(i) > judged(out)) out = i;
     return out;
   }
   TrainedModel fit(std::size_t i) const { return entries_[i].fit(split_.train); }
@@ -173,7 +181,19 @@ class Choice {
     CrossvalidatedRow row;
     Fit fit;
     std::vector<TrainedModel> models;
+    std::vector<double> ious;  // of each record
   };
+  // Of the difference to the first row; over single maps, neighbours or not.
+  double error_of_gain(std::size_t i) const {
+    std::vector<double> gains;
+    for (std::size_t k = 0; k < entries_[i].ious.size(); ++k) {
+      const double gain = entries_[i].ious[k] - entries_.front().ious[k];
+      if (!std::isnan(gain)) gains.push_back(gain);
+    }
+    if (gains.empty()) return 0;
+    return standard_deviation(gains) / std::sqrt(static_cast<double>(gains.size()));
+  }
+
   const Dataset& data_;
   const Split& split_;
   Scene judged_by_;
@@ -215,15 +235,14 @@ void try_all(Choice& choice, const TrainedModel& from, const Dataset& data, cons
   const auto add_tuned = [&](double pull, bool turn) {
     Tuning tuning = options.tuning;
     tuning.pull = pull, tuning.turn = turn;
-    choice.add(
-        tuned_name(pull, turn),
-        [&, tuning, room](const Rows& rows) { return adapt(from, data, rows, room, tuning); });
+    choice.add(tuned_name(pull, turn), [&, tuning, room](const Rows& rows) {
+      return adapt(from, data, rows, room, tuning);
+    });
   };
   for (const double pull : pulls) add_tuned(pull, false);
   if (many && aligned) add_tuned(turned_pull, true);
   if (many)
-    choice.add(alone,
-               [&](const Rows& rows) { return fit_alone(from, data, rows, options); });
+    choice.add(alone, [&](const Rows& rows) { return fit_alone(from, data, rows, options); });
 }
 
 // What belongs to the model of the chosen kind beside itself. Too few records: no uncertainty.
@@ -244,8 +263,7 @@ void finish(TrainedModel& model, const Dataset& data, const Split& split,
   const Matrix aligned = model.align(data, all, true);
   if (range_bias)
     model.range_bias = RangeBiasReference(model.alignment, data, aligned, split.train);
-  if (domain)
-    model.domain = DomainReference(model.alignment, data, aligned, split.train, inputs);
+  if (domain) model.domain = DomainReference(model.alignment, data, aligned, split.train, inputs);
   if (uncertainty)
     model.uncertainty = fit_uncertainty(model, data, aligned, split.train, judged, seed);
 }

@@ -46,7 +46,10 @@ class StatusTable {
     if (r.uncertainty) add(*r.uncertainty);
     out_ << (r.uncertainty ? "," : ",,,,")
          << (r.fault.empty() ? formatted("%.4f", r.radar_shift_m) : "") << ","
-         << (!r.fault.empty() ? "" : r.uncertainty ? "calibrated" : "not calibrated") << "\n";
+         << (!r.fault.empty() ? ""
+             : r.uncertainty  ? "calibrated"
+                              : "not calibrated")
+         << "\n";
   }
   void flush() {
     out_.flush();

@@ -41,7 +41,8 @@ struct ReconstructOptions {
 // trust it, written as they come. A record that cannot be used (bad blob, missing or dead sensor)
 // is noted and left out. Ends early at an interrupt, with what it has finished. Throws
 // Error(failed) if the run's axes are not the model's, and Error(disk). OUT/run.txt tells whose
-// maps they are (uuid, path, whether calibrated); Error(usage) if there are maps of another run, unless forced.
+// maps they are (uuid, path, whether calibrated); Error(usage) if there are maps of another run,
+// unless forced.
 void reconstruct(const TrainedModel& model, const std::string& run,
                  const ReconstructOptions& options);
 

@@ -65,7 +65,8 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   const Features raw = fit_features(data, rows, without_antennas(inputs), raw_scaling);
   use(raw, alignment);
   const Matrix raw_inputs = raw.raw_inputs(data, rows);
-  Rows order = all_rows(rows.size());  // shuffled, as runs and kinds of records lie behind each other
+  Rows order =
+      all_rows(rows.size());  // shuffled, as runs and kinds of records lie behind each other
   Rng rng = make_rng(seed, held_stream);
   std::shuffle(order.begin(), order.end(), rng);
   Rows with_body;
