@@ -133,7 +133,7 @@ class Choice {
   // Fits one model a fold, and scores it on the rest.
   void add(const std::string& name, Fit fit) {
     if (!only_.empty() && name != only_) return;
-    Entry& entry = entries_.emplace_back(Entry{{{name, {}}, {}, 0, {}}, std::move(fit), {}});
+    Entry& entry = entries_.emplace_back(Entry{{{name, {}}, {}, 0, {}}, std::move(fit), {}, {}});
     Folds scores;
     const auto started = std::chrono::steady_clock::now();
     for (const Split& fold : folds_) {
