@@ -23,22 +23,11 @@ struct Arguments : TrainOptions {
 };
 
 // What the model of --from has settled.
-constexpr const char* settled[] = {"--model",
-                                   "--candidates",
-                                   "--radar-bin",
-                                   "--scaling",
-                                   "--hidden",
-                                   "--basis",
-                                   "--epochs",
-                                   "--batch",
-                                   "--learning-rate",
-                                   "--weight-decay",
-                                   "--patience",
-                                   "--augment",
-                                   "--validation-share",
-                                   "--weight",
-                                   "--validate-on",
-                                   "--inputs"};
+constexpr const char* settled[] = {
+    "--model",       "--candidates", "--radar-bin", "--scaling",          "--hidden",
+    "--basis",       "--epochs",     "--batch",     "--learning-rate",    "--weight-decay",
+    "--patience",    "--augment",    "--gains",     "--validation-share", "--weight",
+    "--validate-on", "--inputs"};
 
 void check_from(const CLI::App& app) {
   for (const char* option : settled)
@@ -118,6 +107,15 @@ Command add_train(CLI::App& app, const Common& common) {
   app.add_option("--gap", a->split.gap, "blocked: records dropped between two parts")
       ->check(CLI::Range(0, 1'000'000))
       ->capture_default_str();
+  app.add_option_function<std::string>(
+         "--gains",
+         [a](const std::string& gains) {
+           a->gains = gains == "stable" ? Gains::stable : Gains::unknown;
+         },
+         "unknown, or stable: laser power, exposure and radar gain stay as in these records, so "
+         "that brightness tells the side, too")
+      ->check(CLI::IsMember({"unknown", "stable"}))
+      ->default_str("unknown");
   app.add_option("--weight", a->weights,
                  "how often each run's records count, one number a run: 1,20 beside few of another "
                  "room")

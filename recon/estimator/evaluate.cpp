@@ -151,7 +151,7 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   out.inputs = model.features.inputs;
   out.output = output;
   out.records = rows.size();
-  out.range_bias = records.text;
+  out.range_bias = records.text, out.gains = records.gains.text();
   out.domain_shift = domain_shift_of(model, records);
   for (const std::size_t row : rows) out.fallback_records += model.falls_back(data, row);
   if (!model.knows(data))

@@ -47,7 +47,7 @@ struct Evaluation {
   std::size_t records = 0;
   std::size_t fallback_records = 0;  // of them, for which the fallback answered
   std::size_t left_out = 0;          // of a fresh run: had depth, but no map can be made of them
-  std::string range_bias;            // what there is to say of one (Records)
+  std::string range_bias, gains;     // what there is to say of them (Records)
   DomainShift domain_shift;          // of all records of the run
   Summaries metrics;
   std::vector<ScoredRow> baselines;  // empty room, mean map, nearest neighbour

@@ -68,6 +68,7 @@ json to_json(const Evaluation& e) {
               {"left_out", e.left_out},
               {"fallback_records", e.fallback_records},
               {"range_bias", e.range_bias},
+              {"gains", e.gains},
               {"metrics", metrics_json(e.metrics)},
               {"trivial", baselines},
               {"cost",
@@ -137,6 +138,7 @@ std::string to_text(const std::optional<UncertaintyCalibration>& c) {
 std::string notes(const Evaluation& e) {
   std::string out = e.domain_shift.tested() ? e.domain_shift.text() + '\n' : "";
   if (!e.range_bias.empty()) out += e.range_bias + '\n';
+  if (!e.gains.empty()) out += e.gains + '\n';
   if (e.fallback_records > 0)
     out += formatted("%zu records: %s\n", e.fallback_records, fallback_note);
   if (e.left_out > 0)

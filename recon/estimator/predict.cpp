@@ -86,10 +86,16 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
 
 }  // namespace
 
+void forget_brightness(const TrainedModel& model, Records& records) {
+  if (model.alignment.gains() == Gains::unknown) return;
+  for (std::size_t i = 0; i < records.aligned.rows; ++i)
+    Brightness::forget(model.alignment.brightness_of(records.aligned.row(i)));
+}
+
 Records prepare_records(const TrainedModel& model, Dataset recorded, RangeBiasAction action) {
   const bool asked = action != RangeBiasAction::ignore && model.range_bias.known();
   const bool correct = action == RangeBiasAction::correct;
-  Records out{std::move(recorded), {}, {}, 0, {}};
+  Records out{std::move(recorded), {}, {}, 0, {}, {}};
   Dataset& data = out.data;
   const Matrix profiles = asked && correct ? data.radar : Matrix{};
   const Axis axis = data.radar_axis;
@@ -98,6 +104,9 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, RangeBiasAc
     subtract_range_offset(data, range_bias_m);
     model.match(data);
     out.aligned = model.align(data, all_rows(data.size()), true);
+    if (model.alignment.gains() == Gains::unknown) return;
+    out.gains = check_gains(model.alignment, out.aligned);
+    if (!out.gains.stable) forget_brightness(model, out);
   };
   align(0);
   if (!asked) return out;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "recon/estimator/trained_model.hpp"
+#include "recon/uncertainty/gains.hpp"
 
 namespace echofuse::recon {
 
@@ -17,6 +18,7 @@ struct Records {
   RangeBias range_bias;     // what the records show of one; no records if nobody asked
   double range_bias_m = 0;  // taken off the radar's ranges
   std::string text;         // what there is to say of it, or nothing
+  GainCheck gains;          // of a model of stable gains; not stable: brightness is forgotten
 };
 
 // Whether the records as a whole are unlike the model's training records.
@@ -26,6 +28,8 @@ DomainShift domain_shift_of(const TrainedModel& model, const Records& records);
 // radar's calibration and a range bias ask for is one interpolation. Throws Error(failed) if the
 // axes are not the model's.
 Records prepare_records(const TrainedModel& model, Dataset recorded, RangeBiasAction action);
+// Of gains that cannot be checked: the maps are made without what they tell.
+void forget_brightness(const TrainedModel& model, Records& records);
 
 // own: the map as the model makes it; mean: the mean over what may be there, which has the least
 // squared error.

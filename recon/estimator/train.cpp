@@ -155,6 +155,9 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
     std::fputs("the runs differ in the radar's antennas: of the radar, the profile is taken\n",
                stderr);
   const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
+  if (options.gains == Gains::stable && !looks_at_body(name))
+    throw Error(ExitCode::usage,
+                "--gains stable: of silhouette and factorised models, not " + name);
   const FitOptions& fit = options.fit;
   const bool range_bias = options.range_bias && shows_range_bias(data, inputs);
   const bool uncertainties = options.uncertainty && has_enough_records(used);
@@ -166,10 +169,10 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
     augment(more.emplace(data), fit_split.train, options.augment, fit.seed);
   const Dataset& fit_data = more ? *more : data;
   const bool aligned = looks_at_body(name);
-  const Preprocessing preprocessing(fit_data, fit_split.train,
-                                    aligned ? inputs : without_antennas(inputs),
-                                    learn_scene(fit_data.depth, fit_split.train, fit_data.map),
-                                    range_bias || uncertainties || aligned);
+  const Preprocessing preprocessing(
+      fit_data, fit_split.train, aligned ? inputs : without_antennas(inputs),
+      learn_scene(fit_data.depth, fit_split.train, fit_data.map),
+      range_bias || uncertainties || aligned, aligned ? options.gains : Gains::unknown);
   TrainedModel model =
       fit_model(fit_data, fit_split, preprocessing, name, inputs, options.scaling, fit);
   model.alignment = preprocessing.alignment;

@@ -15,6 +15,7 @@ struct TrainOptions {
   std::vector<std::string> candidates;  // auto: what to try; empty: what makes sense
   SplitOptions split;
   FitOptions fit;
+  Gains gains = Gains::unknown;      // stable: of models that look at the body
   std::vector<std::string> augment;  // kinds of augment.hpp
   // How often the records of each run count in the fit; empty: once. A part of 1 is the chance.
   std::vector<double> weights;

@@ -106,7 +106,8 @@ struct Preprocessing {
   Alignment alignment;   // not known unless wanted, nor without a detector
   Matrix aligned;        // of every record of the data set
   double elapsed_s = 0;  // which belongs to the time of each training
-  Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene scene, bool wanted);
+  Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene scene, bool wanted,
+                Gains gains = Gains::unknown);
 };
 
 // Fits scaling and model to the training rows; leaves `seen`, `range_bias` and `fallback` empty.

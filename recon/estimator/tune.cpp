@@ -86,11 +86,15 @@ TrainedModel adapt(const TrainedModel& from, const Dataset& data, const Rows& ro
   out.scene = with_scene ? scene_for(from, data, rows) : from.scene;
   const bool aligned = wants_alignment(from.name);
   if (aligned && room == Room::learnt)
-    out.alignment = Alignment(out.features.layout(),
-                              out.features.raw_inputs(data, all_rows(data.size())), rows);
+    out.alignment =
+        Alignment(out.features.layout(), out.features.raw_inputs(data, all_rows(data.size())), rows,
+                  from.alignment.gains());
   else
     out.alignment = from.alignment;
   const Rows all = all_rows(data.size());
+  // Gains are stable within a room, and other ones in the next.
+  if (out.alignment.gains() == Gains::stable && with_scene)
+    out.alignment.learn_brightness(out.features.raw_inputs(data, all), rows);
   const Matrix taken = out.inputs(data, all, out.align(data, all, false));
   out.model = from.model->tuned(
       {taken, data.depth, rows, &out.scene, &out.alignment, &data.radar, &data.array}, tuning);
@@ -210,7 +214,8 @@ TrainedModel fit_alone(const TrainedModel& from, const Dataset& data, const Rows
   FitOptions fit = sizes_of(from);
   fit.seed = options.tuning.seed, fit.quiet = true;
   const Preprocessing preprocessing(data, rows, aligned ? inputs : without_antennas(inputs),
-                                    learn_scene(data.depth, rows, data.map), aligned);
+                                    learn_scene(data.depth, rows, data.map), aligned,
+                                    from.alignment.gains());
   const std::string scaling = aligned ? "record" : from.features.scaling;
   return fit_model(data, {rows, {}, {}}, preprocessing, from.name, inputs, scaling, fit);
 }

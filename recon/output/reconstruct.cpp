@@ -125,6 +125,8 @@ void Reconstruction::take_all(const record::RunReader& run) {
       options_.quiet && records.range_bias.status == RangeBias::Status::too_few_records;
   if (!silent && !records.text.empty() && options_.on_range_bias)
     options_.on_range_bias(records.text);
+  if (!options_.quiet && !records.gains.text().empty() && options_.on_range_bias)
+    options_.on_range_bias(records.gains.text());
   const std::size_t size = records.data.size();
   for (std::size_t first = 0; first < size && !interrupted(); first += part_records) {
     write(records, first, std::min(part_records, size - first));
@@ -149,8 +151,9 @@ Records Reconstruction::prepare_new(Dataset data) {
   // A sensor's axis may come after the first records of a run that is being recorded.
   if (std::none_of(all.begin(), all.end(),
                    [&](std::size_t row) { return model_.fault_of(data, row).empty(); }))
-    return {std::move(data), {}, {}, 0, {}};
+    return {std::move(data), {}, {}, 0, {}, {}};
   Records out = prepare_records(model_, std::move(data), RangeBiasAction::ignore);
+  forget_brightness(model_, out);  // one by one records tell nothing of gains
   if (options_.range_bias == RangeBiasAction::ignore || !model_.range_bias.known()) return out;
   const auto range_bias = watch_.add(
       model_.range_bias, model_.range_bias.measure(model_.alignment, out.data, out.aligned));
