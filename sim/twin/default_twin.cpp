@@ -46,45 +46,45 @@ letter_yaw_deg = [15, 45]
 # 2004), and the air under it makes the skin's reflection rise and fall ("Monte Carlo Simulation of
 # Clothed Skin Exposure to Electromagnetic Field With Oblique Incidence Angles at 60 GHz", Front.
 # Public Health 10, 795414, 2022). A plate may be cardboard or foil.
-radar_cloth = [0.4, 1.8, "log"]
+radar_cloth = [0.5, 1.6, "log"]
 radar_skin = [0.5, 1.5, "log"]
-radar_plate = [0.1, 4, "log"]
+radar_plate = [0.15, 3, "log"]
 radar_follows_albedo = [0, 1]
-radar_body_spread = [0, 0.5]
+radar_body_spread = [0, 0.3]
 # Lambert's law was fitted to building materials at 60 GHz (Lu et al., "Propagation Characterization
 # of an Office Building in the 60 GHz Band", 2014), the directive model to rougher and smoother ones
 # (Ju et al., "Scattering Mechanisms and Modeling for Terahertz Wireless Communications", 2019).
 # Brewster's angle makes cloth darker at grazing incidence of one polarisation, brighter of the
 # other: both powers of the cosine are possible.
-radar_lobe = [0.5, 3, "log"]
-radar_plate_lobe = [0.5, 6, "log"]
+radar_lobe = [0.6, 2, "log"]
+radar_plate_lobe = [0.6, 3, "log"]
 
 # What the run does not state rightly
-baseline_error_m = [-0.02, 0.02]
-radar_bias_m = [-0.01, 0.01]
-spd_delay_ps = [-40, 40]
-spd_yaw_deg = [-3, 3]
-spd_pitch_deg = [-3, 3]
-radar_yaw_deg = [-4, 4]
+baseline_error_m = [-0.01, 0.01]
+radar_bias_m = [-0.004, 0.004]
+spd_delay_ps = [-15, 15]
+spd_yaw_deg = [-2, 2]
+spd_pitch_deg = [-2, 2]
+radar_yaw_deg = [-3, 3]
 spd_field = [0.9, 1.1]
 
 # Detector
-irf_fwhm_ps = [120, 350, "log"]
-irf_tail_ps = [0, 200]
+irf_fwhm_ps = [150, 280, "log"]
+irf_tail_ps = [0, 100]
 irf_tail_share = [0.1, 1]
 signal_photons = [4e4, 2.5e5, "log"]
 background_counts = [0, 2e4]
-spd_falloff = [0, 1]
+spd_falloff = [0, 0.5]
 # Standing people sway by millimetres, shift and breathe.
-slot_sway_m = [0, 0.015]
+slot_sway_m = [0, 0.008]
 
 # Radar. Of an EVM the whole path is 12 dB down at the edge of the -6 dB beam (TI, SWRU585), some 55
 # degrees: exp(-2) at the tangent 1.2.
-radar_snr_db = [15, 25]
-radar_psf_width = [0.93, 1.08, "log"]
-radar_leakage = [0, 0.5]
-radar_ground = [0, 0.1]
-radar_falloff = [0, 2]
+radar_snr_db = [17, 23]
+radar_psf_width = [0.96, 1.05, "log"]
+radar_leakage = [0, 0.2]
+radar_ground = [0, 0.02]
+radar_falloff = [0, 1.5]
 
 # Depth camera. Stereo: noise and steps grow with the square (Grunnet-Jepsen et al., "Subpixel
 # Linearity Improvement for Intel RealSense Depth Camera D400 Series").
