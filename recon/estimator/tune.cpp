@@ -5,14 +5,12 @@
 #include <array>
 #include <chrono>
 #include <cmath>
-#include <cstdlib>
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
 #include "drivers/core/random.hpp"
 #include "recon/estimator/fit_uncertainty.hpp"
 #include "recon/files/text.hpp"
-#include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -20,7 +18,6 @@ namespace {
 constexpr std::size_t folds = 4;
 constexpr std::array pulls{100., 30., 10.};
 constexpr double turned_pull = 30;
-static const double doubt = std::getenv("DOUBT") ? std::atof(std::getenv("DOUBT")) : 0.5;
 constexpr std::uint64_t fold_stream = 0x74756e65;  // "tune"
 // Of the pixels of the median map. People alone fill less of it, where they stand in half of few
 // records.
@@ -137,7 +134,7 @@ class Choice {
   // Fits one model a fold, and scores it on the rest.
   void add(const std::string& name, Fit fit) {
     if (!only_.empty() && name != only_) return;
-    Entry& entry = entries_.emplace_back(Entry{{{name, {}}, {}, 0, {}}, std::move(fit), {}, {}});
+    Entry& entry = entries_.emplace_back(Entry{{{name, {}}, {}, 0, {}}, std::move(fit), {}});
     Folds scores;
     const auto started = std::chrono::steady_clock::now();
     for (const Split& fold : folds_) {
@@ -147,8 +144,6 @@ class Choice {
       if (interrupted()) throw Error(ExitCode::interrupted, "interrupted while choosing");
     }
     entry.row.metrics = summarise(scores, sequence_);
-    for (const auto& fold : scores)
-      for (const MapScores& map : fold) entry.ious.push_back(map[metric_iou]);
     entry.row.cost = entry.models.front().cost();
     entry.row.train_s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count() / folds;
@@ -158,13 +153,10 @@ class Choice {
     const double found = entries_[i].row.metrics[metric_iou].mean;
     return std::isnan(found) ? -1 : found;
   }
-  // Of few records the table scatters more than its rows differ: what a gain is uncertain by counts
-  // against it in part.
   std::size_t best() const {
-    const auto judged = [&](std::size_t i) { return iou(i) - doubt * error_of_gain(i); };
     std::size_t out = 0;
     for (std::size_t i = 1; i < entries_.size(); ++i)
-      if (judged(i) > judged(out)) out = i;
+      if (iou(i) > iou(out)) out = i;
     return out;
   }
   TrainedModel fit(std::size_t i) const { return entries_[i].fit(split_.train); }
@@ -185,19 +177,7 @@ class Choice {
     CrossvalidatedRow row;
     Fit fit;
     std::vector<TrainedModel> models;
-    std::vector<double> ious;  // of each record
   };
-  // Of the difference to the first row; over single maps, neighbours or not.
-  double error_of_gain(std::size_t i) const {
-    std::vector<double> gains;
-    for (std::size_t k = 0; k < entries_[i].ious.size(); ++k) {
-      const double gain = entries_[i].ious[k] - entries_.front().ious[k];
-      if (!std::isnan(gain)) gains.push_back(gain);
-    }
-    if (gains.empty()) return 0;
-    return standard_deviation(gains) / std::sqrt(static_cast<double>(gains.size()));
-  }
-
   const Dataset& data_;
   const Split& split_;
   Scene judged_by_;
