@@ -29,7 +29,8 @@ Command add_pareto(CLI::App& app, const Common& common) {
   app.add_option("--out", a->out,
                  "folder for study.sqlite, pareto.csv and pareto.svg; goes on there")
       ->required();
-  app.add_option("--models", a->models, "as train --model; \":spd\" or \":radar\" behind one")
+  app.add_option("--models", a->models,
+                 "as train --model; \":spd\", \":radar\" or \":fused-profile\" behind one")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->capture_default_str();
@@ -71,8 +72,10 @@ Command add_stability(CLI::App& app, const Common& common) {
       ->required();
   app.add_flag("--quick", a->quick,
                "fewer values of each axis, 1000 training and 300 test records, a narrower network");
-  app.add_option("--models", a->models,
-                 "as train --model; \":spd\" or \":radar\" behind one; the first sorts the page")
+  app.add_option(
+         "--models", a->models,
+         "as train --model; \":spd\", \":radar\" or \":fused-profile\" behind one; the first "
+         "sorts the page")
       ->delimiter(',')
       ->allow_extra_args(false);
   app.add_option("--axes", a->axes, "some of them, as shifted-snr; a wrong one lists all")
@@ -87,6 +90,8 @@ Command add_stability(CLI::App& app, const Common& common) {
   app.add_option("--range-bias", *range_bias, "before each test: correct or ignore, as of evaluate")
       ->check(CLI::IsMember({"correct", "ignore"}))
       ->capture_default_str();
+  app.add_option("--set", a->set, "key=value of the simulator, of the base condition")
+      ->allow_extra_args(false);
   app.add_option("--sim", a->sim, "the simulator; default: echofuse-sim beside this program");
   return [a, range_bias, &common] {
     StabilityOptions options = complete(*a);

@@ -61,12 +61,15 @@ std::string to_text(const LettersRead& read) {
 json to_json(const Evaluation& e) {
   json baselines = json::object();
   for (const auto& row : e.baselines) baselines[row.name] = metrics_json(row.metrics);
+  std::size_t fallback_records = 0;
+  for (const auto& [note, records] : e.fallbacks) fallback_records += records;
   json out = {{"model", e.model},
               {"inputs", name_of(e.inputs)},
               {"output", e.output},
               {"records", e.records},
               {"left_out", e.left_out},
-              {"fallback_records", e.fallback_records},
+              {"fallback_records", fallback_records},
+              {"antennas", e.antennas},
               {"range_bias", e.range_bias},
               {"gains", e.gains},
               {"metrics", metrics_json(e.metrics)},
@@ -137,10 +140,10 @@ std::string to_text(const std::optional<UncertaintyCalibration>& c) {
 
 std::string notes(const Evaluation& e) {
   std::string out = e.domain_shift.tested() ? e.domain_shift.text() + '\n' : "";
-  if (!e.range_bias.empty()) out += e.range_bias + '\n';
-  if (!e.gains.empty()) out += e.gains + '\n';
-  if (e.fallback_records > 0)
-    out += formatted("%zu records: %s\n", e.fallback_records, fallback_note);
+  for (const std::string& text : {e.antennas, e.range_bias, e.gains})
+    if (!text.empty()) out += text + '\n';
+  for (const auto& [note, records] : e.fallbacks)
+    out += formatted("%zu records: %s\n", records, note.c_str());
   if (e.left_out > 0)
     out += formatted("%zu records with depth left out: a sensor missing or dead\n", e.left_out);
   return out;

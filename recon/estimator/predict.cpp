@@ -21,7 +21,7 @@ void require_finite(const Matrix& maps) {
       "train it again");
 }
 
-// Of one model without its fallback; row i of `aligned` belongs to rows[i].
+// Of one model without its fallbacks; row i of `aligned` belongs to rows[i].
 Prediction predict_aligned(const TrainedModel& model, const Dataset& data, const Rows& rows,
                            const Matrix& aligned, PredictionDetail detail) {
   Prediction out;
@@ -73,7 +73,7 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
       const std::size_t count = std::min(at_once, places.size() - first);
       const auto begin = own_rows.begin() + static_cast<std::ptrdiff_t>(first);
       const Rows some(begin, begin + static_cast<std::ptrdiff_t>(count));
-      const bool shared = aligned && &by == &model;
+      const bool shared = aligned && &by == &model.for_run(data);
       put(out,
           predict_aligned(by, data, some,
                           shared ? take_rows(*aligned, some)
@@ -86,17 +86,22 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
 
 }  // namespace
 
-void forget_brightness(const TrainedModel& model, Records& records) {
-  if (model.alignment.gains() == Gains::unknown) return;
-  for (std::size_t i = 0; i < records.aligned.rows; ++i)
-    Brightness::forget(model.alignment.brightness_of(records.aligned.row(i)));
+void forget_brightness(const Alignment& alignment, Matrix& aligned) {
+  if (alignment.gains() == Gains::unknown) return;
+  for (std::size_t i = 0; i < aligned.rows; ++i)
+    Brightness::forget(alignment.brightness_of(aligned.row(i)));
 }
 
-Records prepare_records(const TrainedModel& model, Dataset recorded, RangeBiasAction action) {
+Records prepare_records(const TrainedModel& whole, Dataset recorded, RangeBiasAction action) {
+  const TrainedModel& model = whole.for_run(recorded);
   const bool asked = action != RangeBiasAction::ignore && model.range_bias.known();
   const bool correct = action == RangeBiasAction::correct;
   Records out{std::move(recorded), {}, {}, 0, {}, {}};
   Dataset& data = out.data;
+  if (&model != &whole)
+    out.antennas = std::string(data.array_axis.count == 0 ? "no samples of the radar's antennas"
+                                                          : "other antennas than in training") +
+                   ": of the radar, the range profile alone";
   const Matrix profiles = asked && correct ? data.radar : Matrix{};
   const Axis axis = data.radar_axis;
   const std::vector<Source> sources = data.sources;
@@ -106,7 +111,7 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, RangeBiasAc
     out.aligned = model.align(data, all_rows(data.size()), true);
     if (model.alignment.gains() == Gains::unknown) return;
     out.gains = check_gains(model.alignment, out.aligned);
-    if (!out.gains.stable) forget_brightness(model, out);
+    if (!out.gains.stable) forget_brightness(model.alignment, out.aligned);
   };
   align(0);
   if (!asked) return out;
@@ -121,7 +126,8 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, RangeBiasAc
   return out;
 }
 
-DomainShift domain_shift_of(const TrainedModel& model, const Records& records) {
+DomainShift domain_shift_of(const TrainedModel& whole, const Records& records) {
+  const TrainedModel& model = whole.for_run(records.data);
   return model.domain.judge(model.alignment, records.data, records.aligned);
 }
 

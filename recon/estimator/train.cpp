@@ -134,30 +134,20 @@ bool shows_range_bias(const Dataset& data, Inputs inputs) {
          data.radar_axis.quantity == "power";
 }
 
-TrainedModel train(const Dataset& data, const TrainOptions& options) {
+namespace {
+
+bool looks_at_body(const std::string& candidate, const TrainOptions& options) {
+  return wants_alignment(candidate_of(candidate, options.fit).model);
+}
+
+// With what is kept beside it. A fallback for the range profile is what a training with
+// --inputs fused-profile would make of these records.
+TrainedModel train_split(const Dataset& data, const Split& split, const std::string& name,
+                         const TrainOptions& options) {
   const Inputs inputs = inputs_of(options.inputs);
-  if (!options.augment.empty() && inputs == Inputs::spd)
-    throw Error(ExitCode::usage, "--augment: its kinds are of the radar, --inputs spd has none");
-  const auto looks_at_body = [&](const std::string& candidate) {
-    return wants_alignment(candidate_of(candidate, options.fit).model);
-  };
-  // Others do not take what the antennas say.
-  const bool one_antenna = options.model != "auto" && !looks_at_body(options.model);
-  const Rows use = of_use(data, options);
-  SplitOptions how = options.split;
-  if (data.sources.size() > 1) how.validate_on = use;
-  const Split split =
-      make_split(rows_to_train(data, one_antenna ? without_antennas(inputs) : inputs), how);
   // What is said of the model is said of its use.
   Split used = split;
-  used.train = common(split.train, use);
-  if (inputs == Inputs::fused && !one_antenna && data.arrays_differ && !options.fit.quiet)
-    std::fputs("the runs differ in the radar's antennas: of the radar, the profile is taken\n",
-               stderr);
-  const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
-  if (options.gains == Gains::stable && !looks_at_body(name))
-    throw Error(ExitCode::usage,
-                "--gains stable: of silhouette and factorised models, not " + name);
+  used.train = common(split.train, of_use(data, options));
   const FitOptions& fit = options.fit;
   const bool range_bias = options.range_bias && shows_range_bias(data, inputs);
   const bool uncertainties = options.uncertainty && has_enough_records(used);
@@ -168,7 +158,10 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   if (!options.augment.empty())
     augment(more.emplace(data), fit_split.train, options.augment, fit.seed);
   const Dataset& fit_data = more ? *more : data;
-  const bool aligned = looks_at_body(name);
+  const bool aligned = looks_at_body(name, options);
+  if (options.gains == Gains::stable && !aligned)
+    throw Error(ExitCode::usage,
+                "--gains stable: of silhouette and factorised models, not " + name);
   const Preprocessing preprocessing(
       fit_data, fit_split.train, aligned ? inputs : without_antennas(inputs),
       learn_scene(fit_data.depth, fit_split.train, fit_data.map),
@@ -202,11 +195,35 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
           return fit_model(data, with_others(part), preprocessing, name, inputs, options.scaling,
                            quiet);
         });
-  if (options.fallback && both_sensors(inputs) && !ignores_inputs(model.name))
+  if (options.fallback && model.features.array_axis.count > 0) {
+    TrainOptions of_profile = options;
+    of_profile.inputs = name_of(Inputs::fused_profile);
+    model.fallback = std::make_unique<TrainedModel>(train_split(data, split, name, of_profile));
+  } else if (options.fallback && both_sensors(inputs) && !ignores_inputs(model.name)) {
     model.fallback =
         fit_fallback(data, split, used, with_others, preprocessing.scene, options, uncertainties);
+  }
   if (interrupted()) model.log.interrupted = true, model.fallback.reset();  // half trained
   return model;
+}
+
+}  // namespace
+
+TrainedModel train(const Dataset& data, const TrainOptions& options) {
+  const Inputs inputs = inputs_of(options.inputs);
+  if (!options.augment.empty() && inputs == Inputs::spd)
+    throw Error(ExitCode::usage, "--augment: its kinds are of the radar, --inputs spd has none");
+  // Others do not take what the antennas say.
+  const bool one_antenna = options.model != "auto" && !looks_at_body(options.model, options);
+  SplitOptions how = options.split;
+  if (data.sources.size() > 1) how.validate_on = of_use(data, options);
+  const Split split =
+      make_split(rows_to_train(data, one_antenna ? without_antennas(inputs) : inputs), how);
+  if (inputs == Inputs::fused && !one_antenna && data.arrays_differ && !options.fit.quiet)
+    std::fputs("the runs differ in the radar's antennas: of the radar, the profile is taken\n",
+               stderr);
+  return train_split(
+      data, split, options.model == "auto" ? choose(data, split, options) : options.model, options);
 }
 
 }  // namespace echofuse::recon

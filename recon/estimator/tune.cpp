@@ -253,7 +253,8 @@ void finish(TrainedModel& model, const Dataset& data, const Split& split,
     model.uncertainty = fit_uncertainty(model, data, aligned, split.train, judged, seed);
 }
 
-// The network for the SPD alone, with a pull that nothing was asked about: it is needed seldom.
+// The networks for the range profile and the SPD alone, with a pull that nothing was asked about:
+// they are needed seldom.
 std::unique_ptr<TrainedModel> tune_fallback(const TrainedModel& from, const Dataset& data,
                                             const Split& split, const Tuning& tuning) {
   const auto fit = [&](const Rows& rows) { return adapt(from, data, rows, Room::kept, tuning); };
@@ -262,6 +263,7 @@ std::unique_ptr<TrainedModel> tune_fallback(const TrainedModel& from, const Data
   const std::array models{fit(halves[0].train), fit(halves[1].train)};
   finish(*out, data, split, {{models[0], halves[0].test}, {models[1], halves[1].test}},
          tuning.seed);
+  if (from.fallback) out->fallback = tune_fallback(*from.fallback, data, split, tuning);
   return out;
 }
 

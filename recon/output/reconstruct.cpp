@@ -89,6 +89,7 @@ class Reconstruction {
   Dataset read(const record::RunReader& run, std::size_t at_most);
   Records prepare_new(Dataset data);
   void write(const Records& records, std::size_t first, std::size_t count);
+  void tell_run(const std::string& text) const;
   void tell(const RecordStatus& status);
   void tell_bad(std::int64_t before);
   void time(RecordStatus& status, HostTime slot_end) const;
@@ -102,6 +103,7 @@ class Reconstruction {
   std::int64_t next_ = 0;
   std::deque<RecordStatus> bad_;  // read, and not yet told
   RangeBiasWatch watch_;
+  std::string antennas_;  // what was said of them
 };
 
 // Without the depth camera, whose pictures no map needs.
@@ -118,15 +120,13 @@ void Reconstruction::take_all(const record::RunReader& run) {
   Progress progress("reconstructing", static_cast<std::size_t>(run.count()), options_.quiet);
   const Records records = prepare_records(
       model_, read(run, std::numeric_limits<std::size_t>::max()), options_.range_bias);
+  tell_run(records.antennas);
   const DomainShift shift = domain_shift_of(model_, records);
-  if (shift.tested() && options_.on_domain_shift && (shift.found() || !options_.quiet))
-    options_.on_domain_shift(shift.text());
+  if (shift.tested() && (shift.found() || !options_.quiet)) tell_run(shift.text());
   const bool silent =
       options_.quiet && records.range_bias.status == RangeBias::Status::too_few_records;
-  if (!silent && !records.text.empty() && options_.on_range_bias)
-    options_.on_range_bias(records.text);
-  if (!options_.quiet && !records.gains.text().empty() && options_.on_range_bias)
-    options_.on_range_bias(records.gains.text());
+  if (!silent) tell_run(records.text);
+  if (!options_.quiet) tell_run(records.gains.text());
   const std::size_t size = records.data.size();
   for (std::size_t first = 0; first < size && !interrupted(); first += part_records) {
     write(records, first, std::min(part_records, size - first));
@@ -152,13 +152,19 @@ Records Reconstruction::prepare_new(Dataset data) {
   if (std::none_of(all.begin(), all.end(),
                    [&](std::size_t row) { return model_.fault_of(data, row).empty(); }))
     return {std::move(data), {}, {}, 0, {}, {}};
+  const TrainedModel& model = model_.for_run(data);
   Records out = prepare_records(model_, std::move(data), RangeBiasAction::ignore);
-  forget_brightness(model_, out);  // one by one records tell nothing of gains
-  if (options_.range_bias == RangeBiasAction::ignore || !model_.range_bias.known()) return out;
+  forget_brightness(model.alignment, out.aligned);  // one by one records tell nothing of gains
+  if (out.antennas != antennas_) tell_run(antennas_ = out.antennas);
+  if (options_.range_bias == RangeBiasAction::ignore || !model.range_bias.known()) return out;
   const auto range_bias = watch_.add(
-      model_.range_bias, model_.range_bias.measure(model_.alignment, out.data, out.aligned));
-  if (range_bias && options_.on_range_bias) options_.on_range_bias(range_bias->text(false));
+      model.range_bias, model.range_bias.measure(model.alignment, out.data, out.aligned));
+  if (range_bias) tell_run(range_bias->text(false));
   return out;
+}
+
+void Reconstruction::tell_run(const std::string& text) const {
+  if (!text.empty() && options_.on_run) options_.on_run(text);
 }
 
 void Reconstruction::write(const Records& records, std::size_t first, std::size_t count) {
@@ -168,7 +174,7 @@ void Reconstruction::write(const Records& records, std::size_t first, std::size_
   for (std::size_t row = first; row < first + count; ++row) {
     all.push_back({data.index[row],
                    model_.fault_of(data, row),
-                   model_.falls_back(data, row) ? fallback_note : "",
+                   model_.note_of(data, row),
                    records.range_bias_m,
                    {},
                    {},

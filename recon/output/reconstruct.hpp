@@ -30,10 +30,9 @@ struct ReconstructOptions {
   bool force = false;   // also into a folder that holds maps of another run
   bool quiet = false;   // no progress bar, no word on runs too short to tell a range bias
   RangeBiasAction range_bias = RangeBiasAction::warn;  // correct: not while following
-  // What there is to say of the run's range bias (RangeBias::text).
-  std::function<void(const std::string&)> on_range_bias;
-  // Of a whole run: whether it is unlike the training (DomainShift::text).
-  std::function<void(const std::string&)> on_domain_shift;
+  // What there is to say of the run: of its antennas, of a range bias, of its gains (Records), and
+  // of a whole run, whether it is unlike the training (DomainShift::text).
+  std::function<void(const std::string&)> on_run;
   std::function<void(const RecordStatus&)> on_record;  // in the order of the records
 };
 

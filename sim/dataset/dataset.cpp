@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <atomic>
 #include <future>
+#include <optional>
 #include <thread>
 #include <utility>
 
@@ -208,7 +209,9 @@ Generator::Generator(Plan plan)
       x_(map_grid(plan_.conditions).x()),
       y_(map_grid(plan_.conditions).y()),
       mean_peak_(mean_peak_power(radar_response(plan_.conditions), plan_.conditions)),
-      antennas_(simulated_antennas(conditions(0), seed_of(plan_, Stream::antennas))) {}
+      array_{radar_response(conditions(0)),
+             simulated_antennas(conditions(0), seed_of(plan_, Stream::antennas)),
+             seed_of(plan_, Stream::room)} {}
 
 Scene Generator::scene(std::int64_t index) const {
   const auto i = static_cast<std::size_t>(index);
@@ -230,7 +233,7 @@ record::FusedRecord Generator::make(std::int64_t index) const {
   count_clicks(r, c.pulses_per_window);
   radar_returns(world, c, returns);
   std::vector<double> looks;
-  if (!antennas_.empty()) looks = look_through_array(index, returns, r);
+  if (!array_.antennas.empty()) looks = look_through_array(index, returns, r);
   roughen(returns, c, rng);
   const bool looked = !looks.empty() && c.radar_sum == "coherent";
   auto power = looked ? std::vector<double>(axis.count) : radar_power(returns, axis, c);
@@ -251,10 +254,12 @@ std::vector<double> Generator::look_through_array(std::int64_t index, const Retu
   const Conditions& c = conditions(index);
   Rng rng = make_rng(seed_of(plan_, plan_.mirrored ? Stream::mirror_array : Stream::array),
                      static_cast<std::uint64_t>(index));
-  const auto kept = record::array_axis(radar_axis(c), antennas_.size()).count;
+  const auto kept = record::array_axis(radar_axis(c), array_.antennas.size()).count;
+  std::optional<ArrayRadar> of_laboratory;
+  if (laboratories_.size() > 1) of_laboratory.emplace(array_).axis = radar_response(c);
+  const ArrayRadar& radar = of_laboratory ? *of_laboratory : array_;
   ArrayLooks looks =
-      sim::look_through_array(returns, radar_response(c), kept, antennas_, c,
-                              radar_noise_power(c, mean_peak_), seed_of(plan_, Stream::room), rng);
+      sim::look_through_array(returns, radar, kept, c, radar_noise_power(c, mean_peak_), rng);
   r.array = std::move(looks.array);
   r.array_frames = static_cast<std::uint64_t>(c.radar_frames);
   return std::move(looks.power);

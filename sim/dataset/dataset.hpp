@@ -50,7 +50,7 @@ class Generator {
   Scene scene(std::int64_t index) const;
   record::FusedRecord make(std::int64_t index) const;
   record::Antennas stated_antennas() const {
-    return sim::stated_antennas(antennas_, plan_.conditions);
+    return sim::stated_antennas(array_.antennas, plan_.conditions);
   }
 
  private:
@@ -66,7 +66,7 @@ class Generator {
   std::vector<SceneSpec> scenes_;
   Axis x_, y_;
   double mean_peak_ = 0;
-  record::Antennas antennas_;  // with their errors
+  ArrayRadar array_;  // with its antennas' errors
 };
 
 struct DatasetOptions {

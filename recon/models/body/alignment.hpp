@@ -77,6 +77,8 @@ class Alignment {
   // How far behind the body's range the radar sees it, metres, of features with a body: the
   // centroid of the squared profile, which noise and side lobes hardly pull.
   double displacement_m(std::span<const float> features) const;
+  // The lags that are always there; all zero without antennas.
+  const std::vector<float>& array_background() const { return array_background_; }
   // How much of the radar's power comes from what is always there.
   double radar_background_share(const Matrix& powers, const Rows& rows) const;
 
