@@ -42,7 +42,8 @@ void append(std::vector<T>& to, const std::vector<T>& more) {
 Dataset joined(Dataset a, const Dataset& b) {
   Source source = b.sources.front();
   source.first = a.size();
-  append(a.spd, b.spd), append(a.radar, b.radar), append(a.depth, b.depth), append(a.array, b.array);
+  append(a.spd, b.spd), append(a.radar, b.radar), append(a.depth, b.depth),
+      append(a.array, b.array);
   append(a.valid, b.valid), append(a.index, b.index), append(a.slot_end, b.slot_end);
   append(a.clicks_a_pulse, b.clicks_a_pulse), append(a.label, b.label);
   a.sources.push_back(source);
@@ -67,7 +68,9 @@ std::vector<Job> jobs_of(const TransferOptions& o) {
       out.push_back({from, "tuned", records});
       if (o.quick) continue;
       for (const std::string& choice : choice_names())
-        if (choice.starts_with("tuned")) out.push_back({from, choice, records});
+        if (choice.starts_with("tuned,") &&
+            (records >= TuneOptions::least_alone || !choice.starts_with("tuned, turned")))
+          out.push_back({from, choice, records});
     }
   }
   return out;
@@ -120,14 +123,13 @@ class Study {
   // First the records to judge by, then those to tune with: more of these change no other.
   const Dataset& of_b() {
     if (!b_)
-      b_ = simulator_.make_with({"--twin", options_.twin, "--laboratory",
-                            std::to_string(first_b + seed_)},
-                           options_.test_records + options_.sizes.back(), seed_of_b + seed_);
+      b_ = simulator_.make_with(
+          {"--twin", options_.twin, "--laboratory", std::to_string(first_b + seed_)},
+          options_.test_records + options_.sizes.back(), seed_of_b + seed_);
     return *b_;
   }
   const TrainedModel& trained(const std::string& from) {
-    if (!models_.contains(from))
-      models_.emplace(from, train_fully(of_a(from), {}));
+    if (!models_.contains(from)) models_.emplace(from, train_fully(of_a(from), {}));
     return models_.at(from);
   }
   TrainedModel train_fully(const Dataset& data, const std::vector<double>& weights) const {
@@ -161,8 +163,8 @@ class Study {
   }
 
   void judge(const TrainedModel& model, Measurement& m) {
-    const Records records = prepare_records(model, cut(of_b(), 0, options_.test_records),
-                                            RangeBiasAction::ignore);
+    const Records records =
+        prepare_records(model, cut(of_b(), 0, options_.test_records), RangeBiasAction::ignore);
     const Evaluation e = evaluate(model, records, rows_to_evaluate(model, records.data, true));
     for (const Metric metric : transfer_metrics)
       m.metrics[metric_names[metric]] = e.metrics[metric].mean;
@@ -181,8 +183,9 @@ class Study {
     const Rows rows = test.usable(Inputs::fused), neighbours = known.usable(Inputs::fused);
     const Scene scene = learn_scene(known.depth, neighbours, known.map);
     const auto baselines = score_baselines(test, rows, scene, known, neighbours);
-    const ScoredRow& row =
-        baselines.at(job.model == "empty room" ? 0 : job.model == "mean map" ? 1 : 2);
+    const ScoredRow& row = baselines.at(job.model == "empty room" ? 0
+                                        : job.model == "mean map" ? 1
+                                                                  : 2);
     for (const Metric metric : transfer_metrics)
       m.metrics[metric_names[metric]] = row.metrics[metric].mean;
   }

@@ -15,7 +15,6 @@ namespace {
 // Columns: 1 from, 2 model, 3 records, 4 seeds, then mean and spread of IoU, lateral error and hard
 // SSIM from 5 on, then 11 within_90, 12 train_s.
 constexpr const char* chart = R"(set datafile separator ','
-set datafile missing 'nan'
 set terminal svg size 1100,460 font 'sans,12' background 'white'
 set output 'transfer.svg'
 set multiplot layout 1,2
@@ -24,10 +23,10 @@ what = "none/alone base/pooled base/tuned twin/pooled twin/tuned"
 part(w) = sprintf("< grep '^%s,' transfer.csv | sort -t, -k3,3g", system("echo '".w."' | tr / ,"))
 was(from, column) = real(system(sprintf("grep '^%s,as it was,' transfer.csv | cut -d, -f%d", from, column)))
 set key bottom right; set ylabel 'IoU of the foreground'
-plot for [w in what] part(w) using 3:5:6 with yerrorlines pt 7 ps 0.6 title w, \
+plot for [w in what] part(w) using 3:5:($6==$6?$6:0) with yerrorlines pt 7 ps 0.6 title w, \
      was('base', 5) dt 2 lc 2 title 'base/as it was', was('twin', 5) dt 2 lc 4 title 'twin/as it was'
 set key top right; set ylabel 'lateral error, cm'
-plot for [w in what] part(w) using 3:(100*$7):(100*$8) with yerrorlines pt 7 ps 0.6 title w, \
+plot for [w in what] part(w) using 3:(100*$7):($8==$8?100*$8:0) with yerrorlines pt 7 ps 0.6 title w, \
      100*was('base', 7) dt 2 lc 2 notitle, 100*was('twin', 7) dt 2 lc 4 notitle
 )";
 
@@ -61,7 +60,8 @@ std::vector<TransferRow> summarise_transfer(const std::vector<Measurement>& all)
       const auto found = values(metric_names[transfer_metrics[i]]);
       const auto n = static_cast<double>(found.size());
       rows[at].mean[i] = mean(found);
-      rows[at].spread[i] = n > 1 ? standard_deviation(found) * std::sqrt(n / (n - 1)) : std::nan("");
+      rows[at].spread[i] =
+          n > 1 ? standard_deviation(found) * std::sqrt(n / (n - 1)) : std::nan("");
     }
     rows[at].within_90 = mean(values("within_90")), rows[at].train_s = mean(values("train_s"));
   }

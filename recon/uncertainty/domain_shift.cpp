@@ -19,8 +19,8 @@ namespace {
 constexpr std::size_t most_records = 2000, block = 10;
 constexpr int resamples = 300;
 constexpr std::uint64_t resample_stream = 0x646f6d61;  // "doma"
-constexpr double shrinkage = 0.1;   // of the correlations: there may be few records
-constexpr double clearly = 4;       // standard errors
+constexpr double shrinkage = 0.1;    // of the correlations: there may be few records
+constexpr double clearly = 4;        // standard errors
 constexpr double least_share = 0.1;  // of a record's usual deviation: less is no matter
 constexpr double usual = 0.95;
 
@@ -89,8 +89,8 @@ void observe_radar(std::span<const float> body, std::span<const float> power,
   std::vector<double> squares(body.begin(), body.end());
   for (double& v : squares) v *= v;  // noise and side lobes hardly pull
   const Moments m = moments_of(squares);
-  const auto peak = static_cast<std::size_t>(std::max_element(power.begin(), power.end()) -
-                                             power.begin());
+  const auto peak =
+      static_cast<std::size_t>(std::max_element(power.begin(), power.end()) - power.begin());
   double before = 0, all = 1e-12;
   for (std::size_t i = 0; i < power.size(); ++i) {
     const double v = std::max(double{power[i]}, 0.);
@@ -115,9 +115,9 @@ Matrix observe(const Alignment& alignment, const Dataset& data, const Matrix& al
                   double{features.back()}, one);
     }
     if (inputs != Inputs::spd)
-      observe_radar(features.empty() ? data.radar.row(row)
-                                     : features.subspan(alignment.histogram_bins(),
-                                                        alignment.profile_points()),
+      observe_radar(features.empty()
+                        ? data.radar.row(row)
+                        : features.subspan(alignment.histogram_bins(), alignment.profile_points()),
                     data.radar.row(row), one);
     if (both_sensors(inputs)) one.push_back(static_cast<float>(alignment.displacement_m(features)));
     out.add_row(one);
@@ -170,8 +170,8 @@ class Test {
  public:
   Test(const Matrix& table, std::size_t run)
       : columns_(table.cols),
-        least_error_(0.7 * std::sqrt(1. / static_cast<double>(run) +
-                                     1. / static_cast<double>(table.rows))) {
+        least_error_(
+            0.7 * std::sqrt(1. / static_cast<double>(run) + 1. / static_cast<double>(table.rows))) {
     Rng rng = make_rng(run, resample_stream);
     for (int i = 0; i < resamples; ++i) {
       const auto a = mean_of(table, resampled(table.rows, run, rng));
@@ -234,7 +234,7 @@ class Test {
     covariance_.compute(all);
   }
   std::size_t columns_;
-  double least_error_;  // of what hardly varies in the training
+  double least_error_;          // of what hardly varies in the training
   std::vector<double> chance_;  // differences of means, one resample after the other
   std::vector<double> error_, squares_, greatest_;
   Eigen::LDLT<Eigen::MatrixXd> covariance_;
@@ -291,8 +291,8 @@ DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& da
   for (std::size_t c = 0; c < kinds.size(); ++c) {
     const double clear = std::abs(difference[c]) / test.error(c);
     if (clear > clearly && std::abs(difference[c]) > least_share)
-      out.differences.push_back({describe(kinds[c], difference[c] * standard.deviation[c]), clear,
-                                 kinds[c].of_shape});
+      out.differences.push_back(
+          {describe(kinds[c], difference[c] * standard.deviation[c]), clear, kinds[c].of_shape});
   }
   std::sort(out.differences.begin(), out.differences.end(),
             [](const auto& a, const auto& b) { return a.deviations > b.deviations; });

@@ -10,7 +10,8 @@
 // quantiles follow that, and noise moves them outwards) or the radar stands elsewhere, and nothing
 // can be told. Gains and the impulse response do not matter.
 //
-// Bodies that reflect the radar otherwise, as other clothes or plates do, move its centroid as well.
+// Bodies that reflect the radar otherwise, as other clothes or plates do, move its centroid as
+// well.
 //
 // The radar's antennas see the direction, so with them the regression also takes off what the side
 // makes of it (its cosine and the square), and the median of what is left does not depend on where

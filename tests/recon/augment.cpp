@@ -62,6 +62,7 @@ TEST_CASE("a model trained on noisy copies stands noise better") {
   for (float& v : noisy.radar.values) v += noise(rng);
   const auto iou = [&](const std::vector<std::string>& kinds) {
     TrainOptions options;
+    options.uncertainty = false;
     options.model = "factorised-4";
     options.augment = kinds;
     options.fit.quiet = true;
@@ -76,6 +77,7 @@ TEST_CASE("a model trained on noisy copies stands noise better") {
 
 TEST_CASE("kinds of the radar are refused for the SPD alone before anything is tried") {
   TrainOptions options;
+  options.uncertainty = false;
   options.model = "auto", options.inputs = "spd", options.augment = {"noise"};
   options.candidates = {"not a model"}, options.fit.quiet = true;
   CHECK_THROWS_WITH(train(plates(), options), Catch::Contains("--inputs spd has none"));

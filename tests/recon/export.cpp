@@ -18,6 +18,7 @@ namespace {
 void train_into(const std::string& path, const Dataset& data, const std::string& model,
                 const std::string& inputs, const std::string& scaling) {
   TrainOptions options;
+  options.uncertainty = false;
   options.model = model, options.inputs = inputs, options.scaling = scaling;
   options.fit.hidden = {48, 24, 16};
   options.fit.epochs = 4, options.fit.batch = 16, options.fit.quiet = true;

@@ -24,6 +24,7 @@ const Dataset& plates() {
 const TrainedModel& trained() {
   static const TrainedModel model = [] {
     TrainOptions options;
+    options.uncertainty = false;
     options.model = "factorised";
     options.fit.quiet = true;
     return train(plates(), options);
@@ -218,6 +219,7 @@ TEST_CASE("a body's frame that no training made is refused") {
 
 TEST_CASE("the factorised model needs both sensors, and bodies to learn from") {
   TrainOptions options;
+  options.uncertainty = false;
   options.model = "factorised";
   options.inputs = "spd";
   CHECK_THROWS_WITH(train(plates(), options), Catch::Contains("need both sensors"));

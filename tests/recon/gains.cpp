@@ -51,6 +51,7 @@ struct Stable {
 
 TrainOptions quick(Gains gains) {
   TrainOptions out;
+  out.uncertainty = false;
   out.model = "factorised-4", out.gains = gains;
   out.fit.epochs = 3, out.fit.quiet = true;
   return out;

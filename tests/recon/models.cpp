@@ -24,6 +24,7 @@ Matrix random_matrix(std::size_t rows, std::size_t cols, std::uint64_t seed) {
 
 TrainOptions quick(const std::string& model) {
   TrainOptions options;
+  options.uncertainty = false;
   options.model = model;
   options.fit.hidden = {48, 24};
   options.fit.epochs = 25;

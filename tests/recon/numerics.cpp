@@ -26,6 +26,7 @@ const Dataset& plates() {
 
 TrainOptions options_for(const std::string& model, std::uint64_t seed, double rate_factor) {
   TrainOptions o;
+  o.uncertainty = false;
   o.model = model;
   if (model != "factorised") o.fit.hidden = {32, 16};
   o.fit.basis = model == "factorised" ? 4 : 16;

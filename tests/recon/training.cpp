@@ -29,6 +29,7 @@ TEST_CASE("one, two and three threads train the same model") {
   for (const std::string name : {"mlp", "ridge"}) {
     CAPTURE(name);
     TrainOptions options;
+    options.uncertainty = false;
     options.model = name;
     options.fit.epochs = 3, options.fit.quiet = true;
     const auto with = [&](int threads) {

@@ -65,6 +65,7 @@ TEST_CASE("a few records take a model to another room") {
     CHECK(tuned.chosen > 0);
     CHECK(tuned.table.front().name == "as it was");
     CHECK_FALSE(tuned.model.uncertainty);
+    CHECK(calibration_of(tuned.model) == std::string("not calibrated"));
     const Folder dir;  // what is kept is what was tuned
     save_model(tuned.model, dir / "m");
     CHECK(load_model(dir / "m").predict(fresh, {3}).values ==
@@ -75,12 +76,23 @@ TEST_CASE("a few records take a model to another room") {
 TEST_CASE("in its own room a tuned model is no worse than it was, and states its uncertainty") {
   const TrainedModel& old = old_model("factorised");
   const Dataset fresh = plates(100, 9, false);
-  const TunedModel tuned = tune(old, plates(120, 6, false), all_records());
+  const TunedModel tuned = tune(old, plates(60, 6, false), all_records());
   CAPTURE(to_text(tuned));
   CHECK(iou(tuned.model, fresh) > iou(old, fresh) - 0.02);
   CHECK(tuned.table.back().name == "these records alone");
   CHECK(tuned.model.uncertainty);
   CHECK(tuned.model.knows(fresh) == false);
+}
+
+TEST_CASE("one row of the table alone is fitted if asked") {
+  TuneOptions options = all_records();
+  options.only = choice_names()[2];
+  const TunedModel tuned = tune(old_model("factorised"), plates(20, 5, true), options);
+  REQUIRE(tuned.table.size() == 1);
+  CHECK(tuned.table.front().name == options.only);
+  options.only = "magic";
+  CHECK_THAT(error_of([&] { tune(old_model("factorised"), plates(20, 5, true), options); }),
+             Catch::Contains("magic: not tried"));
 }
 
 TEST_CASE("tuning again gives the same model, bit by bit") {

@@ -263,13 +263,38 @@ TEST_CASE("a model file keeps its uncertainty, without one none is stated") {
     CHECK(a[i].out_of_distribution.distance == b[i].out_of_distribution.distance);
     CHECK(a[i].out_of_distribution.two_bodies == b[i].out_of_distribution.two_bodies);
   }
-  const TrainedModel few = train_on_plates("ridge", 0.01);
-  save_model(few, dir / "few");
+  TrainOptions options;
+  options.model = "ridge", options.fit.quiet = true;
+  save_model(train(testing::load_plates(50), options), dir / "few");  // 45 to train on
   const TrainedModel loaded = load_model(dir / "few");
   CHECK_FALSE(loaded.uncertainty);
   CHECK(predict(loaded, data, all_rows(20)).uncertainties.empty());
   CHECK_THROWS_WITH(predict(loaded, data, all_rows(20), PredictionDetail::pixels),
                     Catch::Contains("does not know how sure it is"));
+}
+
+TEST_CASE("few records state their uncertainty by cross-fitting, too few say that they do not") {
+  const Folder dir;
+  write_run(dir / "few", 90);
+  write_run(dir / "fewer", 40);
+  write_run(dir / "fresh", 60, 2);
+  const std::string train = "train -q --no-fallback --model factorised-2 --epochs 20 ";
+  for (const std::string run : {"few", "fewer"})
+    REQUIRE(recon_program(train + (dir / run) + " --out " + (dir / run + ".h5")).code == 0);
+  const TrainedModel model = load_model(dir / "few.h5");
+  REQUIRE(model.uncertainty);
+  CHECK(calibration_of(model, fresh_plates(300)).within_90 == Approx(0.9).margin(0.1));
+  CHECK(share_flagged(predict(model, fresh_plates(300), all_rows(300)).uncertainties) < 0.08);
+
+  CHECK_FALSE(load_model(dir / "fewer.h5").uncertainty);
+  const auto o = recon_program("reconstruct " + (dir / "fewer.h5") + " " + (dir / "fresh") +
+                               " --out " + (dir / "o") + " --format npz");
+  CHECK_THAT(o.text, Catch::Contains("not calibrated: too few training records"));
+  CHECK_THAT(contents(dir / "o/records.csv"), Catch::Contains(",0.0000,not calibrated\n"));
+  CHECK_THAT(contents(dir / "o/run.txt"), Catch::EndsWith("not calibrated\n"));
+  CHECK_THAT(contents(dir / "o/maps.npz"), Catch::Contains("calibrated.npy"));
+  CHECK_THAT(recon_program("evaluate " + (dir / "fewer.h5") + " " + (dir / "fresh")).text,
+             Catch::Contains("not calibrated"));
 }
 
 TEST_CASE("reconstruct and evaluate say how sure the model is") {
@@ -284,9 +309,11 @@ TEST_CASE("reconstruct and evaluate say how sure the model is") {
   CHECK_THAT(o.text, Catch::Contains("of 40 records are out of distribution: ") &&
                          Catch::Contains("1 empty"));
   const std::string table = contents(dir / "o/records.csv");
-  CHECK_THAT(table, Catch::StartsWith("record,status,after_slot_s,lateral_interval_90_m,distance,"
-                                      "two_bodies,out_of_distribution,radar_shift_m\n"));
-  CHECK_THAT(table, Catch::Contains("\n5,\"ok\",,,") && Catch::Contains(",\"empty\",0.0000\n"));
+  CHECK_THAT(table,
+             Catch::StartsWith("record,status,after_slot_s,lateral_interval_90_m,distance,"
+                               "two_bodies,out_of_distribution,radar_shift_m,uncertainty\n"));
+  CHECK_THAT(table,
+             Catch::Contains("\n5,\"ok\",,,") && Catch::Contains(",\"empty\",0.0000,calibrated\n"));
   const std::string png = contents(dir / "o/000007_sd.png");
   const auto mm = record::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
   const auto most = *std::max_element(mm.begin(), mm.end());

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: MIT
+// Several runs in one training: how much each counts, and which stands for the use.
+#include "recon/estimator/train.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using namespace echofuse::testing;
+
+TEST_CASE("validation records are those of the runs that stand for the use, a fifth at most") {
+  SplitOptions options;
+  options.test_share = 0;
+  options.validate_on = {90, 91, 92, 93, 94, 95, 96, 97, 98, 99};
+  for (const char* kind : {"random", "blocked"}) {
+    options.kind = kind, options.gap = 1, options.validation_share = 0.3;
+    const Split split = make_split(all_rows(100), options);
+    CHECK(split.validation.size() == 2);
+    CHECK(split.validation.front() >= 90);
+    CHECK(split.train.size() == (options.kind == "random" ? 98 : 97));
+  }
+}
+
+TEST_CASE("a run that counts more moves the model towards it") {
+  const Folder dir;
+  write_run(dir / "a", 200);
+  write_run(dir / "b", 20, 2, [](record::FusedRecord& r) {
+    for (auto& mm : r.depth_mm) mm = 0;
+  });
+  const Dataset both = load({dir / "a", dir / "b"});
+  const auto mean_of = [&](const std::vector<double>& weights) {
+    TrainOptions options;
+    options.model = "mean", options.fit.quiet = true;
+    options.weights = weights;
+    const TrainedModel model = train(both, options);
+    double sum = 0;
+    for (const float v : model.predict(both, {0}).values) sum += double{v};
+    return sum;
+  };
+  CHECK(mean_of({1, 10}) == Approx(mean_of({}) * 220 / 400).epsilon(0.1));
+  CHECK(mean_of({0.5, 0}) == Approx(mean_of({}) * 220 / 200).epsilon(0.1));
+  const std::string train = "train -q --model mean --out " + (dir / "m") + " ";
+  const std::string runs = (dir / "a") + " " + (dir / "b");
+  CHECK_THAT(recon_program(train + runs + " --weight 1").text,
+             Catch::Contains("--weight: 1 numbers for 2 runs"));
+  CHECK_THAT(recon_program(train + runs + " --validate-on 3").text,
+             Catch::Contains("--validate-on 3: there are 2 runs"));
+  CHECK(recon_program(train + runs + " --weight 1,20 --validate-on 1,2").code == 0);
+}
