@@ -23,7 +23,7 @@ constexpr double least_seen_m = 0.03;        // if even this is not significant
 constexpr double edges_agree_m = 0.015;      // on either side of their mean
 // With antennas, of what is left of the displacements: a row of antennas that is mounted the other
 // way round, 0.5 m beside the SPD, spreads it by decimetres.
-constexpr double most_spread_m = 0.1, most_spread_growth = 2.5;
+constexpr double most_spread_m = 0.1, most_spread_growth = 1.8;
 constexpr std::size_t window = 500, watch_every = 25;   // bodies
 constexpr std::uint64_t bootstrap_stream = 0x736c6970;  // "range_bias"
 
