@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 namespace echofuse::record {
 namespace {
@@ -19,6 +18,65 @@ float power_of(std::span<const float> bin, std::size_t antennas) {
   float sum = 0;
   for (std::size_t m = 0; m < antennas; ++m) sum += bin[2 * antennas + m];
   return sum;
+}
+
+std::size_t blocks_of(std::size_t bins) { return (bins + lanes - 1) / lanes; }
+
+[[gnu::always_inline]] inline void add_to(float* sum, const Eight& value) {
+  Eight all;
+  load(all, sum);
+  store(sum, all + value);
+}
+
+// Of one block of bins: means, powers and covariances, in their order.
+ECHOFUSE_CLONES void add_products(const float* re, const float* im, std::size_t antennas,
+                                  float* sums) {
+  Eight a_re, a_im, b_re, b_im;
+  float* means = sums;
+  float* powers = sums + 2 * antennas * lanes;
+  float* pairs = sums + 3 * antennas * lanes;
+  for (std::size_t m = 0; m < antennas; ++m) {
+    load(a_re, re + m * lanes);
+    load(a_im, im + m * lanes);
+    add_to(means + 2 * m * lanes, a_re);
+    add_to(means + (2 * m + 1) * lanes, a_im);
+    add_to(powers + m * lanes, a_re * a_re + a_im * a_im);
+    for (std::size_t n = m + 1; n < antennas; ++n, pairs += 2 * lanes) {
+      load(b_re, re + n * lanes);
+      load(b_im, im + n * lanes);
+      add_to(pairs, a_re * b_re + a_im * b_im);
+      add_to(pairs + lanes, a_im * b_re - a_re * b_im);
+    }
+  }
+}
+
+// sum_m x_m(t) conj(x_m(t-1))
+ECHOFUSE_CLONES void add_lag(const float* re, const float* im, const float* before_re,
+                             const float* before_im, std::size_t antennas, float* lag) {
+  Eight a_re, a_im, b_re, b_im, sum_re, sum_im;
+  load(sum_re, lag);
+  load(sum_im, lag + lanes);
+  for (std::size_t m = 0; m < antennas; ++m) {
+    load(a_re, re + m * lanes);
+    load(a_im, im + m * lanes);
+    load(b_re, before_re + m * lanes);
+    load(b_im, before_im + m * lanes);
+    sum_re += a_re * b_re + a_im * b_im;
+    sum_im += a_im * b_re - a_re * b_im;
+  }
+  store(lag, sum_re);
+  store(lag + lanes, sum_im);
+}
+
+// To the nearest, in units of full_scale.
+ECHOFUSE_CLONES void to_shares(const float* values, std::size_t count, float unit,
+                               std::int16_t* __restrict shares) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const float share = unit > 0 ? values[i] / unit : 0;
+    const float inside = share < -1 ? -1 : share > 1 ? 1 : share;
+    const float scaled = inside * full_scale;
+    shares[i] = static_cast<std::int16_t>(scaled + (scaled < 0 ? -0.5f : 0.5f));
+  }
 }
 
 }  // namespace
@@ -38,49 +96,64 @@ std::complex<float> ArrayBin::covariance(std::size_t m, std::size_t n) const {
 }
 
 ArrayStatistics::ArrayStatistics(std::size_t bins, std::size_t antennas)
-    : bins_(bins), antennas_(antennas), sums_(bins * values_of_bin(antennas)) {}
+    : bins_(bins),
+      antennas_(antennas),
+      sums_(blocks_of(bins) * lanes * values_of_bin(antennas)),
+      before_(blocks_of(bins) * lanes * 2 * antennas) {}
+
+void ArrayStatistics::add_block(std::size_t block, const float* re, const float* im) {
+  float* sums = &sums_[block * lanes * values_of_bin(antennas_)];
+  float* before = &before_[block * lanes * 2 * antennas_];
+  const std::size_t plane = antennas_ * lanes;
+  add_products(re, im, antennas_, sums);
+  if (has_before_)
+    add_lag(re, im, before, before + plane, antennas_,
+            sums + lanes * (values_of_bin(antennas_) - 2));
+  std::copy_n(re, plane, before);
+  std::copy_n(im, plane, before + plane);
+}
+
+void ArrayStatistics::count() {
+  ++frames_;
+  pairs_ += has_before_;
+  has_before_ = true;
+}
+
+void ArrayStatistics::add_planes(const float* re, const float* im) {
+  add_block(0, re, im);
+  count();
+}
 
 void ArrayStatistics::add(std::span<const std::complex<float>> frame) {
-  const std::size_t size = values_of_bin(antennas_);
-  // Written out: std::complex asks for infinities at every product.
-  const auto* now = reinterpret_cast<const float*>(frame.data());
-  const auto* before = reinterpret_cast<const float*>(before_.data());
-  for (std::size_t b = 0; b < bins_; ++b, now += 2 * antennas_) {
-    float* out = &sums_[b * size];
-    for (std::size_t i = 0; i < 2 * antennas_; ++i) *out++ += now[i];
-    for (std::size_t m = 0; m < antennas_; ++m)
-      *out++ += now[2 * m] * now[2 * m] + now[2 * m + 1] * now[2 * m + 1];
-    for (std::size_t m = 0; m < antennas_; ++m) {
-      const float re = now[2 * m], im = now[2 * m + 1];
-      for (std::size_t n = m + 1; n < antennas_; ++n) {
-        *out++ += re * now[2 * n] + im * now[2 * n + 1];
-        *out++ += im * now[2 * n] - re * now[2 * n + 1];
+  const std::size_t plane = antennas_ * lanes;
+  std::vector<float> planes(2 * plane);
+  for (std::size_t block = 0; block < blocks_of(bins_); ++block) {
+    for (std::size_t i = 0; i < std::min(lanes, bins_ - block * lanes); ++i)
+      for (std::size_t m = 0; m < antennas_; ++m) {
+        const auto x = frame[(block * lanes + i) * antennas_ + m];
+        planes[m * lanes + i] = x.real();
+        planes[plane + m * lanes + i] = x.imag();
       }
-    }
-    if (before_.empty()) continue;
-    for (std::size_t m = 0; m < antennas_; ++m) {
-      const float re = before[2 * m], im = before[2 * m + 1];
-      out[0] += now[2 * m] * re + now[2 * m + 1] * im;
-      out[1] += now[2 * m + 1] * re - now[2 * m] * im;
-    }
-    before += 2 * antennas_;
+    add_block(block, planes.data(), planes.data() + plane);
   }
-  ++frames_;
-  pairs_ += !before_.empty();
-  before_.assign(frame.begin(), frame.end());
+  count();
 }
 
 std::vector<float> ArrayStatistics::take() {
   const std::size_t size = values_of_bin(antennas_);
   std::vector<float> out;
   if (frames_ > 0) {
-    out = std::exchange(sums_, std::vector<float>(sums_.size()));
+    out.resize(bins_ * size);
     const float mean = 1 / static_cast<float>(frames_);
     const float lag = pairs_ > 0 ? 1 / static_cast<float>(pairs_) : 0;
-    for (std::size_t i = 0; i < out.size(); ++i) out[i] *= i % size + 2 < size ? mean : lag;
+    for (std::size_t b = 0; b < bins_; ++b)
+      for (std::size_t i = 0; i < size; ++i)
+        out[b * size + i] =
+            sums_[(b / lanes * size + i) * lanes + b % lanes] * (i + 2 < size ? mean : lag);
+    std::fill(sums_.begin(), sums_.end(), 0.f);
   }
   frames_ = pairs_ = 0;
-  before_.clear();
+  has_before_ = false;
   return out;
 }
 
@@ -88,15 +161,14 @@ Bytes pack_array(std::span<const float> array, std::size_t antennas) {
   const std::size_t size = values_of_bin(antennas), bins = array.size() / size;
   Bytes out;
   out.reserve(bins * (sizeof(float) + 2 * size));
+  std::vector<std::int16_t> shares(size);
   for (std::size_t b = 0; b < bins; ++b) {
     const auto bin = array.subspan(b * size, size);
-    const float power = power_of(bin, antennas), amplitude = std::sqrt(power);
+    const float power = power_of(bin, antennas);
     put(out, power);
-    for (std::size_t i = 0; i < size; ++i) {
-      const float unit = i < 2 * antennas ? amplitude : power;
-      const float share = unit > 0 ? std::clamp(bin[i] / unit, -1.0f, 1.0f) : 0;
-      put(out, static_cast<std::int16_t>(std::lround(share * full_scale)));
-    }
+    to_shares(bin.data(), 2 * antennas, std::sqrt(power), shares.data());
+    to_shares(bin.data() + 2 * antennas, size - 2 * antennas, power, shares.data() + 2 * antennas);
+    for (const auto share : shares) put(out, share);
   }
   return out;
 }

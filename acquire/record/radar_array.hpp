@@ -13,6 +13,7 @@
 
 #include "drivers/core/axis.hpp"
 #include "drivers/core/bytes.hpp"
+#include "drivers/core/clones.hpp"
 
 namespace echofuse::record {
 
@@ -54,16 +55,23 @@ class ArrayStatistics {
  public:
   ArrayStatistics(std::size_t bins, std::size_t antennas);
   void add(std::span<const std::complex<float>> frame);
+  // A frame of at most `lanes` bins: for each antenna `lanes` real parts, and so many imaginary
+  // ones.
+  void add_planes(const float* re, const float* im);
   // The frame before this one was lost: the two are no neighbours.
-  void skip() { before_.clear(); }
+  void skip() { has_before_ = false; }
   std::size_t frames() const { return frames_; }
   // The array of a record, empty without a frame; starts afresh.
   std::vector<float> take();
 
  private:
+  void add_block(std::size_t block, const float* re, const float* im);
+  void count();
+
   std::size_t bins_, antennas_, frames_ = 0, pairs_ = 0;
-  std::vector<float> sums_;
-  std::vector<std::complex<float>> before_;
+  bool has_before_ = false;
+  // By blocks of `lanes` bins, which lie side by side: sums, and planes of the frame before.
+  std::vector<float> sums_, before_;
 };
 
 // As it is stored: for each bin f32 LE s = its power, then i16 LE round(32767 v) of each value in

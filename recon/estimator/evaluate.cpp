@@ -152,6 +152,8 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   out.output = output;
   out.records = rows.size();
   out.antennas = records.antennas, out.range_bias = records.text;
+  out.gains = records.gains.text();
+  out.domain_shift = domain_shift_of(model, records);
   for (const std::size_t row : rows)
     if (const std::string note = model.note_of(data, row); !note.empty()) ++out.fallbacks[note];
   if (!model.knows(data))

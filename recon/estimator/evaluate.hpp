@@ -47,8 +47,9 @@ struct Evaluation {
   std::string output;  // of output_names, which the metrics are of
   std::size_t records = 0;
   std::map<std::string, std::size_t> fallbacks;  // records of each TrainedModel::note_of
-  std::size_t left_out = 0;          // of a fresh run: had depth, but no map can be made of them
-  std::string antennas, range_bias;  // what there is to say of them (Records)
+  std::size_t left_out = 0;  // of a fresh run: had depth, but no map can be made of them
+  std::string antennas, range_bias, gains;  // what there is to say of them (Records)
+  DomainShift domain_shift;                 // of all records of the run
   Summaries metrics;
   std::vector<ScoredRow> baselines;  // empty room, mean map, nearest neighbour
   RunningCost cost;
@@ -94,7 +95,7 @@ std::string to_text(const Evaluation& evaluation);
 // What must be known to read the scores (antennas, range bias, fallbacks, records left out): a line
 // each, or nothing.
 std::string notes(const Evaluation& evaluation);
-// One line, or nothing.
+// One line.
 std::string to_text(const std::optional<UncertaintyCalibration>& calibration);
 
 }  // namespace echofuse::recon

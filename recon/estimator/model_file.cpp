@@ -74,6 +74,7 @@ void save_head(H5File& file, const TrainedModel& m) {
   file.set(".", "version", std::string(version()));
   file.set(".", "data_crc32c", std::int64_t{m.data_hash});
   file.set(".", "train_s", m.train_s);
+  file.set(".", "uncertainty", std::string(calibration_of(m)));
   file.set(".", "foreground_depth_m", double{m.scene.foreground_depth_m});
   save_grid(file, m.scene.grid);
   file.set(".", "split", m.split.kind);
@@ -206,6 +207,7 @@ void save_to(H5File& file, const TrainedModel& model) {
   if (model.alignment.known()) model.alignment.save(file);
   model.model->save(file);
   model.range_bias.save(file);
+  model.domain.save(file);
   if (model.uncertainty) model.uncertainty->save(file);
   if (!model.fallback) return;
   H5File group = file.group(fallback_group);
@@ -221,12 +223,14 @@ TrainedModel load_one(const H5File& file) {
   require_sound(file, !aligned || (layout.spd.count > 0 && layout.radar.count > 0), ".@inputs",
                 "fused: this kind of model needs both sensors");
   const bool uncertainties = file.has("uncertainty");
-  if (aligned || file.has("range_bias") || (uncertainties && layout.spd.count > 0))
+  if (aligned || file.has("range_bias") ||
+      ((uncertainties || file.has("domain")) && layout.spd.count > 0))
     out.alignment.load(file, layout);
   out.model = kind_of(out.name).make();
   out.model->load(file, aligned ? out.alignment.inputs() : layout.inputs(),
                   out.scene.grid.pixels());
   out.range_bias.load(file, out.alignment);
+  out.domain.load(file, out.features.inputs);
   if (uncertainties) out.uncertainty.emplace().load(file, out.features, out.alignment);
   return out;
 }

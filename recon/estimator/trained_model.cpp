@@ -130,14 +130,14 @@ Rows TrainedModel::rows_of(const Dataset& data, Part part) const {
 }
 
 Preprocessing::Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene of_rows,
-                             bool wanted)
+                             bool wanted, Gains gains)
     : scene(std::move(of_rows)) {
   const auto started = std::chrono::steady_clock::now();
   aligned.rows = data.size();
   if (!wanted || inputs == Inputs::radar) return;
   const Features raw = fit_features(data, train, inputs, raw_scaling);
   const Matrix raw_inputs = raw.raw_inputs(data, all_rows(data.size()));
-  alignment = Alignment(raw.layout(), raw_inputs, train);
+  alignment = Alignment(raw.layout(), raw_inputs, train, gains);
   aligned = alignment(raw_inputs);
   elapsed_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
 }

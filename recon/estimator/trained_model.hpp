@@ -3,8 +3,9 @@
 // records it has seen and how its training went. Kept as one HDF5 file.
 //
 //   /            attributes: format, format_version, model, inputs, scaling, version, data_crc32c,
-//                train_s, foreground_depth_m, map_size, map_half_tangent, split, gap, seed,
-//                test_share, validation_share
+//                train_s, uncertainty (calibrated, or not calibrated: then it states none),
+//                foreground_depth_m, map_size, map_half_tangent, split, gap, seed, test_share,
+//                validation_share
 //   axes/NAME    attributes of spd and radar as in drivers/core/axis.hpp; of array, if the model
 //                needs the samples of the radar's antennas
 //   features/    centre, with attributes spd_gain and radar_gain
@@ -15,6 +16,7 @@
 //   alignment/   what is always there (body/alignment.hpp), if anything in the file needs it
 //   model/       what the model itself keeps
 //   range_bias/  of a fused model: range_bias.hpp
+//   domain/      what the training records are like: domain_shift.hpp
 //   fallback/    of a fused model: another one of this format, for records that lack what this one
 //                needs: of one that takes the radar's antennas one for its range profile, and of
 //                that one, or any other fused model, one for the SPD alone
@@ -30,6 +32,7 @@
 #include "recon/data/split.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/models/model.hpp"
+#include "recon/uncertainty/domain_shift.hpp"
 #include "recon/uncertainty/range_bias.hpp"
 #include "recon/uncertainty/uncertainty.hpp"
 
@@ -56,6 +59,7 @@ struct TrainedModel {
   FitOptions fit;
   SeenRecords seen;
   RangeBiasReference range_bias;           // of a fused model
+  DomainReference domain;                  // what its training records are like
   std::unique_ptr<TrainedModel> fallback;  // of a fused model; may be null
   std::uint32_t data_hash = 0;
   double train_s = 0;
@@ -97,6 +101,11 @@ struct TrainedModel {
   const TrainedModel& answering(const Dataset& data, std::size_t row) const;
 };
 
+// Whether the model may say how far off its maps are: what its file and whoever shows maps say.
+inline const char* calibration_of(const TrainedModel& model) {
+  return model.uncertainty ? "calibrated" : "not calibrated";
+}
+
 SeenRecords seen_records(const Dataset& data, const Split& split);
 
 // What all models of the same training rows and inputs share.
@@ -105,7 +114,8 @@ struct Preprocessing {
   Alignment alignment;   // not known unless wanted, nor without a detector
   Matrix aligned;        // of every record of the data set
   double elapsed_s = 0;  // which belongs to the time of each training
-  Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene scene, bool wanted);
+  Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene scene, bool wanted,
+                Gains gains = Gains::unknown);
 };
 
 // Fits scaling and model to the training rows; leaves `seen`, `range_bias` and `fallback` empty.

@@ -74,6 +74,24 @@ BaseCondition Simulator::base_condition() const {
   return out;
 }
 
+Dataset Simulator::make_with(const std::vector<std::string>& more, std::size_t records,
+                             std::uint64_t seed) const {
+  const TemporaryFile run_file{folder_ + "/.simulated-" + std::to_string(::getpid()) + ".sqlite"};
+  std::vector<std::string> words = {program_,
+                                    "dataset",
+                                    "-q",
+                                    "--out",
+                                    run_file.path,
+                                    "--seed",
+                                    std::to_string(seed),
+                                    "--records",
+                                    std::to_string(records)};
+  if (threads_ > 0) words.insert(words.end(), {"--threads", std::to_string(threads_)});
+  words.insert(words.end(), more.begin(), more.end());
+  run(words);
+  return load({run_file.path});
+}
+
 Dataset Simulator::make(const World& world, std::size_t records, std::uint64_t seed) const {
   const std::string stem = folder_ + "/.simulated-" + std::to_string(::getpid());
   const TemporaryFile run_file{stem + ".sqlite"}, list{stem + ".toml"};

@@ -19,6 +19,9 @@ class Simulator {
   // Throws Error(failed) if it does not do it, Error(interrupted).
   BaseCondition base_condition() const;
   Dataset make(const World& world, std::size_t records, std::uint64_t seed) const;
+  // With these words of `echofuse-sim dataset`.
+  Dataset make_with(const std::vector<std::string>& words, std::size_t records,
+                    std::uint64_t seed) const;
 
  private:
   std::string program_, folder_;

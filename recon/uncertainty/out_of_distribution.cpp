@@ -7,6 +7,7 @@
 #include <random>
 
 #include "drivers/core/random.hpp"
+#include "recon/data/split.hpp"
 #include "recon/files/text.hpp"
 #include "recon/numbers/linear_fit.hpp"
 #include "recon/numbers/matrix_file.hpp"
@@ -19,6 +20,7 @@ constexpr std::uint64_t pair_stream = 0x70616972;  // "pair"
 constexpr std::uint64_t held_stream = 0x68656c64;  // "held"
 constexpr std::size_t most_components = 36, rows_a_component = 60, most_pairs = 4000;
 constexpr double held_out_share = 0.25;
+constexpr std::size_t few_records = 400;
 constexpr double background_quantile = 0.05;
 constexpr double discriminant_penalty = 2e-2;
 // Of records like the training ones, above each limit.
@@ -38,6 +40,15 @@ double upper_limit(std::vector<float> values, double share_above) {
   return start + (count > 0 ? excess / count : 0) * std::log(tail / share_above);
 }
 
+// Those of the rows that show a body, in order, if these are enough; `with_body` is sorted.
+Rows with_bodies(Rows rows, const Rows& with_body) {
+  std::sort(rows.begin(), rows.end());
+  Rows out;
+  std::set_intersection(rows.begin(), rows.end(), with_body.begin(), with_body.end(),
+                        std::back_inserter(out));
+  return out.size() >= OutOfDistributionDetector::least_records / 2 ? out : rows;
+}
+
 // By the sensor of the greatest residual.
 const char* unusual(std::ptrdiff_t sensor) {
   constexpr std::array names{"unusual histogram", "unusual radar profile",
@@ -51,7 +62,7 @@ void OutOfDistributionDetector::use(const Features& of_model, const Alignment& a
   profile_ = of_model.radar_count(), spd_bins_ = of_model.spd_count();
   if (spd_bins_ == 0) return;
   histogram_bins_ = alignment.histogram_bins(), array_ = alignment.array_features();
-  aligned_ = alignment.size();
+  aligned_ = alignment.size() - alignment.brightness_features();
 }
 
 OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
@@ -63,16 +74,11 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
       fit_features(data, rows, by_array ? inputs : without_antennas(inputs), raw_scaling);
   use(raw, alignment);
   const Matrix raw_inputs = raw.raw_inputs(data, rows);
-  const auto first_held =
-      static_cast<std::ptrdiff_t>((1 - held_out_share) * static_cast<double>(rows.size()));
-  Rows fit = all_rows(rows.size());  // shuffled, as runs and kinds of records lie behind each other
+  Rows order =
+      all_rows(rows.size());  // shuffled, as runs and kinds of records lie behind each other
   Rng rng = make_rng(seed, held_stream);
-  std::shuffle(fit.begin(), fit.end(), rng);
-  const auto first_held_row = fit.begin() + first_held;
-  const Rows held(first_held_row, fit.end());
-  fit.erase(first_held_row, fit.end());
-  std::sort(fit.begin(), fit.end());
-  Rows with_body, fit_with_body;
+  std::shuffle(order.begin(), order.end(), rng);
+  Rows with_body;
   Matrix all;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto features = aligned.row(rows[i]);
@@ -81,23 +87,26 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
     all.add_row(one);
     if (aligned_ == 0 || shows_body(features)) with_body.push_back(i);
   }
-  std::set_intersection(fit.begin(), fit.end(), with_body.begin(), with_body.end(),
-                        std::back_inserter(fit_with_body));
-  if (fit_with_body.size() >= least_records / 2) fit = std::move(fit_with_body);
   share_with_body_ = static_cast<double>(with_body.size()) / static_cast<double>(rows.size());
   for (const std::size_t row : rows)
     most_clicks_per_start_ = std::max(most_clicks_per_start_, data.clicks_a_pulse[row]);
-  learn_scale(take_rows(all, fit));
-  Matrix scaled = all;
-  for (std::size_t i = 0; i < scaled.values.size(); ++i)
-    scaled.values[i] *= scale_[i % scaled.cols];
-  const std::size_t count =
-      std::clamp<std::size_t>(fit.size() / rows_a_component, 2, most_components);
-  const Matrix one_body = take_rows(scaled, fit);
-  components_ = principal_components(one_body, count, seed);
-  for (float& d : components_.deviation) d = std::max(d, 1e-6f);
-  learn_pairs(raw_inputs, fit, one_body, alignment, seed);
-  learn_limits(take_rows(scaled, held));
+  // Of so few records none is spared for the limits alone: each is judged by what the others say.
+  const std::size_t parts = static_cast<std::size_t>(std::lround(1 / held_out_share));
+  const bool few = rows.size() < few_records;
+  std::array<std::vector<float>, 6> held_statistics;
+  for (std::size_t part = few ? 0 : parts - 1; part < parts; ++part) {
+    const Split fold = make_fold(order, part, parts, 0);
+    learn(all, raw_inputs, with_bodies(fold.train, with_body), alignment, seed);
+    for (const std::size_t i : fold.test) {
+      std::vector<float> one(all.row(i).begin(), all.row(i).end());
+      for (std::size_t c = 0; c < one.size(); ++c) one[c] *= scale_[c];
+      const auto found = statistics(one);
+      for (std::size_t s = 0; s < found.size(); ++s)
+        held_statistics[s].push_back(static_cast<float>(found[s]));
+    }
+  }
+  if (few) learn(all, raw_inputs, with_bodies(order, with_body), alignment, seed);
+  set_limits(std::move(held_statistics));
   if (inputs == Inputs::radar || with_body.empty()) return;
   const std::size_t at = aligned_ - 1;
   nearest_m_ = 1e9;
@@ -107,6 +116,21 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   }
   const double reserve_m = range_reserve * (farthest_m_ - nearest_m_);
   nearest_m_ -= reserve_m, farthest_m_ += reserve_m;
+}
+
+void OutOfDistributionDetector::learn(const Matrix& descriptions, const Matrix& raw_inputs,
+                                      const Rows& rows, const Alignment& alignment,
+                                      std::uint64_t seed) {
+  scale_.clear();
+  learn_scale(take_rows(descriptions, rows));
+  Matrix one_body = take_rows(descriptions, rows);
+  for (std::size_t i = 0; i < one_body.values.size(); ++i)
+    one_body.values[i] *= scale_[i % one_body.cols];
+  const std::size_t count =
+      std::clamp<std::size_t>(rows.size() / rows_a_component, 2, most_components);
+  components_ = principal_components(one_body, count, seed);
+  for (float& d : components_.deviation) d = std::max(d, 1e-6f);
+  learn_pairs(raw_inputs, rows, one_body, alignment, seed);
 }
 
 std::vector<float> OutOfDistributionDetector::describe(std::span<const float> aligned,
@@ -213,12 +237,7 @@ OutOfDistributionDetector::Statistics OutOfDistributionDetector::statistics(
           residual[2] / usual_residual_[2]};
 }
 
-void OutOfDistributionDetector::learn_limits(const Matrix& descriptions) {
-  std::array<std::vector<float>, 6> all;
-  for (std::size_t i = 0; i < descriptions.rows; ++i) {
-    const auto one = statistics(descriptions.row(i));
-    for (std::size_t s = 0; s < all.size(); ++s) all[s].push_back(static_cast<float>(one[s]));
-  }
+void OutOfDistributionDetector::set_limits(std::array<std::vector<float>, 6> all) {
   for (std::size_t s = 0; s < limits_.size(); ++s) {
     limits_[s].usual = double{quantile(all[s], 0.5)};
     limits_[s].most = std::max(upper_limit(all[s], false_alarms[s]), limits_[s].usual + 1e-6);

@@ -31,7 +31,7 @@ struct OutOfDistributionScore {
 
 class OutOfDistributionDetector {
  public:
-  static constexpr std::size_t least_records = 100;
+  static constexpr std::size_t least_records = 50;
 
   OutOfDistributionDetector() = default;
   // Learns from the given rows, at least least_records. Part of them only sets the limits. Row i of
@@ -62,7 +62,10 @@ class OutOfDistributionDetector {
   // usual size.
   using Statistics = std::array<double, 6>;
   Statistics statistics(std::span<const float> description) const;
-  void learn_limits(const Matrix& descriptions);
+  // Scale, components and discriminant, of descriptions that are not scaled yet.
+  void learn(const Matrix& descriptions, const Matrix& raw_inputs, const Rows& rows,
+             const Alignment& alignment, std::uint64_t seed);
+  void set_limits(std::array<std::vector<float>, 6> statistics);
 
   // 0 without the sensor. Raw inputs have the profile behind so many bins of the SPD.
   std::size_t histogram_bins_ = 0, array_ = 0, aligned_ = 0, profile_ = 0, spd_bins_ = 0;

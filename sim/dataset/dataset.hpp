@@ -21,10 +21,19 @@ struct Plan {
   std::string
       scenes;  // file of a list (sim/scene/scene_list.hpp), which replaces the numbers above
   bool mirrored = false;  // every scene's mirror image, with noise of its own
-  Conditions conditions;
+  Conditions conditions;  // what a laboratory would write down
+  // Ranges of what laboratories differ in (twin_named); empty: none. Either all records are of one
+  // laboratory, or record i of laboratory i mod `laboratories`.
+  std::string twin;
+  std::int64_t laboratory = 0, laboratories = 0;
 };
 
 void bind(Settings& settings, Plan& plan);
+// Call after reading: the twin becomes the text of its ranges, without those whose key is given.
+// Throws Error(config) for a twin that cannot be read and for laboratories without a twin.
+void resolve_twin(const Settings& settings, Plan& plan);
+// The conditions of the plan's laboratories, without a twin of the only one.
+std::vector<Conditions> laboratories_of(const Plan& plan);
 // The plan stored in a run that `dataset` wrote; throws Error(failed) for any other run.
 Plan plan_of(const std::string& run_path);
 
@@ -41,19 +50,23 @@ class Generator {
   Scene scene(std::int64_t index) const;
   record::FusedRecord make(std::int64_t index) const;
   record::Antennas stated_antennas() const {
-    return sim::stated_antennas(antennas_, plan_.conditions);
+    return sim::stated_antennas(array_.antennas, plan_.conditions);
   }
 
  private:
   std::vector<double> look_through_array(std::int64_t index, const Returns& returns,
                                          record::FusedRecord& r) const;
 
+  const Conditions& conditions(std::int64_t index) const {
+    return laboratories_[static_cast<std::size_t>(index) % laboratories_.size()];
+  }
+
   Plan plan_;
+  std::vector<Conditions> laboratories_;
   std::vector<SceneSpec> scenes_;
-  RadarAxis radar_;
   Axis x_, y_;
   double mean_peak_ = 0;
-  record::Antennas antennas_;  // with their errors
+  ArrayRadar array_;  // with its antennas' errors
 };
 
 struct DatasetOptions {

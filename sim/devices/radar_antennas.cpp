@@ -54,7 +54,7 @@ void RadarAntennas::start(const Chirp& chirp, double mean_peak) {
 
 void RadarAntennas::look(const RenderedScene& rendered, double time_s, double gain, Rng& rng) {
   if (!echo_ || scene_ != rendered.index) {
-    echo_.emplace(rendered.array, axis_, used_, conditions_, seed_, rng);
+    echo_.emplace(rendered.array, ArrayRadar{axis_, used_, seed_}, conditions_, rng);
     scene_ = rendered.index;
     seen_s_ = time_s;
   }

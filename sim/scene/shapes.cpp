@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "sim/scene/clones.hpp"
+#include "drivers/core/clones.hpp"
 
 namespace echofuse::sim {
 namespace {

@@ -91,13 +91,18 @@ ArrayCells cells_of(const Returns& returns, const CellSize& size, Echoes which) 
   for (const std::size_t k : patches) keys.push_back(key_of(returns, k, size));
   Box box(keys.front());
   for (const Key& key : keys) box.extend(key);
-  std::vector<ArrayCell> cells(box.size());
+  // In the box's order, so that the cells of a slot stand together.
+  constexpr std::uint32_t none = UINT32_MAX;
+  std::vector<std::uint32_t> cell_at(box.size(), none);
+  for (const Key& key : keys) cell_at[box.number(key)] = 0;
+  std::uint32_t cells = 0;
+  for (std::uint32_t& cell : cell_at)
+    if (cell != none) cell = cells++;
+  out.cells.resize(cells);
   for (std::size_t i = 0; i < patches.size(); ++i)
-    add(cells[box.number(keys[i])], returns, patches[i]);
-  for (ArrayCell& cell : cells) {
-    if (cell.weight == 0) continue;
+    add(out.cells[cell_at[box.number(keys[i])]], returns, patches[i]);
+  for (ArrayCell& cell : out.cells) {
     divide(cell);
-    out.cells.push_back(cell);
     out.people = std::max(out.people, static_cast<std::size_t>(cell.person + 1));
   }
   number_slots(out, size);

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <random>
@@ -41,28 +42,45 @@ Antennas stated_antennas(const Antennas& antennas, const Conditions& c) {
   return c.radar_array_calibrated ? antennas : antennas_in_layout(antennas.size());
 }
 
-ArrayLooks look_through_array(const Returns& returns, const RadarAxis& axis, std::size_t kept_bins,
-                              const Antennas& antennas, const Conditions& c, double noise_power,
-                              std::uint64_t still_seed, Rng& rng) {
-  ArrayEcho echo(returns, axis, antennas, c, still_seed, rng);
-  record::ArrayStatistics sums(kept_bins, antennas.size());
-  std::vector<std::complex<float>> samples(echo.samples());
-  auto* parts = reinterpret_cast<float*>(samples.data());
+ArrayLooks look_through_array(const Returns& returns, const ArrayRadar& radar,
+                              std::size_t kept_bins, const Conditions& c, double noise_power,
+                              Rng& rng) {
+  const std::size_t antennas = radar.antennas.size(), points = radar.axis.count;
+  const auto frames = static_cast<std::size_t>(c.radar_frames);
+  const double later_s = dataset_window_s / static_cast<double>(frames);
   const auto rms = static_cast<float>(std::sqrt(noise_power / 2));
-  const double later_s = dataset_window_s / static_cast<double>(c.radar_frames);
+  ArrayEcho echo(returns, radar, c, rng);
+  // Fresh memory takes the kernel as long as the half of this.
+  thread_local std::vector<float> states;
+  states.resize(frames * echo.state_size());
+  const auto state = [&](std::size_t f) {
+    return std::span(states).subspan(f * echo.state_size(), echo.state_size());
+  };
+  for (std::size_t f = 0; f < frames; ++f) echo.advance(later_s, rng, state(f));
+  GaussianNoise noise(rng);
   ArrayLooks looks;
-  looks.power.resize(axis.count);
-  for (std::int64_t f = 0; f < c.radar_frames; ++f) {
-    echo.frame(later_s, rng, samples);
-    add_gaussian({parts, 2 * samples.size()}, rms, rng);
-    sums.add({samples.data(), kept_bins * antennas.size()});
-    for (std::size_t i = 0; i < axis.count; ++i)
-      for (std::size_t m = 0; m < antennas.size(); ++m)
-        looks.power[i] += std::norm(samples[i * antennas.size() + m]);
+  looks.array.reserve(kept_bins * record::values_of_bin(antennas));
+  std::vector<float> planes(echo.planes_size());
+  const auto re = std::span(planes).first(antennas * lanes);
+  const auto im = std::span(planes).subspan(echo.imaginary_plane(), antennas * lanes);
+  // A block's statistics stay in the cache over all frames.
+  for (std::size_t block = 0; block < echo.blocks(); ++block) {
+    const std::size_t bins = std::min(lanes, points - block * lanes);
+    record::ArrayStatistics sums(bins, antennas);
+    for (std::size_t f = 0; f < frames; ++f) {
+      echo.look(block, state(f), planes);
+      noise.add(re, rms);
+      noise.add(im, rms);
+      sums.add_planes(re.data(), im.data());
+    }
+    const auto array = sums.take();
+    for (std::size_t i = 0; i < bins; ++i) {
+      const auto bin = record::bin_of(array, antennas, i);
+      looks.power.push_back(double{bin.power()} / static_cast<double>(antennas));
+      if (block * lanes + i < kept_bins)
+        looks.array.insert(looks.array.end(), bin.values.begin(), bin.values.end());
+    }
   }
-  const auto count = static_cast<double>(c.radar_frames) * static_cast<double>(antennas.size());
-  for (double& power : looks.power) power /= count;
-  looks.array = sums.take();
   return looks;
 }
 

@@ -1,70 +1,119 @@
 // SPDX-License-Identifier: MIT
 #include "sim/sensors/gaussian.hpp"
 
-#include <array>
+#include <algorithm>
 #include <cmath>
-#include <cstdint>
+#include <cstring>
+#include <numbers>
 
 namespace echofuse::sim {
 namespace {
 
-// Marsaglia and Tsang, "The ziggurat method for generating random variables" (2000): 128 layers of
-// equal area under exp(-x^2 / 2).
-class Ziggurat {
- public:
-  Ziggurat() {
-    constexpr double area = 9.91256303526217e-3;
-    const auto density = [](double x) { return std::exp(-x * x / 2); };
-    const double base = area / density(tail);
-    edge_[0] = base, edge_[1] = tail;
-    for (std::size_t i = 2; i < layers; ++i)
-      edge_[i] = std::sqrt(-2 * std::log(area / edge_[i - 1] + density(edge_[i - 1])));
-    edge_[layers] = 0;
-    for (std::size_t i = 0; i < layers; ++i) {
-      inside_[i] = static_cast<float>(edge_[i + 1] / edge_[i]);
-      width_[i] = static_cast<float>(edge_[i]);
-      height_[i] = i == 0 ? density(tail) : density(edge_[i]);
-    }
-    height_[layers] = 1;
-  }
+using State = std::array<std::array<std::uint32_t, lanes>, 4>;
+constexpr std::size_t pairs = 2 * lanes;  // what one step makes
 
-  // From 32 random bits, 7 of them for the layer; more are drawn for one number in fifty.
-  float operator()(std::uint32_t bits, Rng& rng) const {
-    for (;; bits = static_cast<std::uint32_t>(rng())) {
-      const std::size_t layer = bits % layers;
-      const float share = static_cast<float>(static_cast<std::int32_t>(bits & ~127u)) * 0x1p-31f;
-      if (std::abs(share) < inside_[layer]) return share * width_[layer];
-      const double x = share * width_[layer];
-      if (layer == 0) return static_cast<float>(std::copysign(beyond(rng), share));
-      const double from = height_[layer], to = height_[layer + 1];
-      if (from + unit(rng) * (to - from) < std::exp(-x * x / 2)) return static_cast<float>(x);
-    }
-  }
+using Words [[gnu::vector_size(4 * lanes)]] = std::uint32_t;
+using Whole [[gnu::vector_size(4 * lanes)]] = std::int32_t;
+using Reals = Eight;
 
- private:
-  static constexpr std::size_t layers = 128;
-  static constexpr double tail = 3.442619855899;
-  static double unit(Rng& rng) { return (static_cast<double>(rng() >> 11) + 0.5) * 0x1p-53; }
-  static double beyond(Rng& rng) {
-    for (;;) {
-      const double x = -std::log(unit(rng)) / tail, y = -std::log(unit(rng));
-      if (y + y > x * x) return tail + x;
-    }
+#define ECHOFUSE_INLINE [[gnu::always_inline]] inline
+
+// All by reference: a function of the default target may not return vectors that AVX2 holds in one
+// register.
+ECHOFUSE_INLINE void next(Words& a, Words& b, Words& c, Words& d, Words& out) {
+  const Words sum = a + d;
+  out = ((sum << 7) | (sum >> 25)) + a;
+  const Words t = b << 9;
+  c ^= a;
+  d ^= b;
+  b ^= c;
+  a ^= d;
+  c ^= t;
+  d = (d << 11) | (d >> 21);
+}
+
+// ln of numbers in (0, 1], to 1e-7.
+ECHOFUSE_INLINE void logarithm(const Reals& u, Reals& out) {
+  constexpr std::int32_t root_half = 0x3f3504f3;  // of sqrt(1/2), in whose octave mantissas lie
+  const Whole bits = reinterpret_cast<Whole>(u) - root_half;
+  const Reals exponent = __builtin_convertvector(bits >> 23, Reals);
+  const Reals t = reinterpret_cast<Reals>((bits & 0x7fffff) + root_half) - 1;
+  const Reals s = t / (t + 2), q = s * s;
+  out = exponent * std::numbers::ln2_v<float> +
+        2 * s * (1 + q * (1.f / 3 + q * (1.f / 5 + q * (1.f / 7))));
+}
+
+// cos and sin of x in [-pi/2, pi/2], doubled; exact to 1e-5.
+ECHOFUSE_INLINE void turn_twice(const Reals& x, Reals& cosine, Reals& sine) {
+  const Reals q = x * x;
+  const Reals s = x * (1 + q * (-1.f / 6 + q * (1.f / 120 + q * (-1.f / 5040 + q / 362880))));
+  const Reals c =
+      1 + q * (-0.5f + q * (1.f / 24 + q * (-1.f / 720 + q * (1.f / 40320 - q / 3628800))));
+  cosine = 1 - 2 * s * s;
+  sine = 2 * s * c;
+}
+
+// Whole steps: `steps` times `pairs` numbers.
+ECHOFUSE_CLONES void add_steps(State& state, float rms, float* values, std::size_t steps) {
+  Words a, b, c, d;
+  std::memcpy(&a, &state[0], sizeof a);
+  std::memcpy(&b, &state[1], sizeof b);
+  std::memcpy(&c, &state[2], sizeof c);
+  std::memcpy(&d, &state[3], sizeof d);
+  for (; steps > 0; --steps, values += pairs) {
+    Words first, second;
+    next(a, b, c, d, first);
+    next(a, b, c, d, second);
+    // (0, 1], and an angle's half in [-pi/2, pi/2)
+    const Reals u =
+        (__builtin_convertvector(reinterpret_cast<Whole>(first >> 1), Reals) + 1) * 0x1p-31f;
+    const Reals x = __builtin_convertvector(reinterpret_cast<Whole>(second), Reals) *
+                    (std::numbers::pi_v<float> * 0x1p-32f);
+    Reals log, cosine, sine;
+    logarithm(u, log);
+    turn_twice(x, cosine, sine);
+    const Reals square = -2 * rms * rms * log;
+    alignas(sizeof(Reals)) std::array<float, lanes> roots;
+    store(roots.data(), square > 0 ? square : Reals{});
+    for (float& root : roots) root = std::sqrt(root);
+    Reals radius;
+    load(radius, roots.data());
+    Reals one, other;
+    load(one, values);
+    load(other, values + lanes);
+    store(values, one + radius * cosine);
+    store(values + lanes, other + radius * sine);
   }
-  std::array<double, layers + 1> edge_{}, height_{};
-  std::array<float, layers> inside_{}, width_{};
-};
+  std::memcpy(&state[0], &a, sizeof a);
+  std::memcpy(&state[1], &b, sizeof b);
+  std::memcpy(&state[2], &c, sizeof c);
+  std::memcpy(&state[3], &d, sizeof d);
+}
 
 }  // namespace
 
+GaussianNoise::GaussianNoise(Rng& seed) {
+  for (auto& words : state_)
+    for (std::size_t i = 0; i < lanes; i += 2) {
+      const std::uint64_t bits = seed();
+      words[i] = static_cast<std::uint32_t>(bits);
+      words[i + 1] = static_cast<std::uint32_t>(bits >> 32);
+    }
+}
+
+void GaussianNoise::add(std::span<float> values, float rms) {
+  const std::size_t whole = values.size() / pairs;
+  add_steps(state_, rms, values.data(), whole);
+  const auto rest = values.subspan(whole * pairs);
+  if (rest.empty()) return;
+  std::array<float, pairs> some{};
+  std::copy(rest.begin(), rest.end(), some.begin());
+  add_steps(state_, rms, some.data(), 1);
+  std::copy_n(some.begin(), rest.size(), rest.begin());
+}
+
 void add_gaussian(std::span<float> values, float rms, Rng& rng) {
-  static const Ziggurat draw;
-  for (std::size_t i = 0; i < values.size(); i += 2) {
-    const std::uint64_t bits = rng();
-    values[i] += rms * draw(static_cast<std::uint32_t>(bits), rng);
-    if (i + 1 < values.size())
-      values[i + 1] += rms * draw(static_cast<std::uint32_t>(bits >> 32), rng);
-  }
+  GaussianNoise(rng).add(values, rms);
 }
 
 }  // namespace echofuse::sim

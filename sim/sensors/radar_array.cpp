@@ -6,14 +6,18 @@
 #include <bit>
 #include <cmath>
 #include <numbers>
-#include <random>
+#include <optional>
 #include <variant>
 
 #include "drivers/core/axis.hpp"
-#include "sim/scene/clones.hpp"
+#include "drivers/core/clones.hpp"
+#include "sim/scene/draw.hpp"
+#include "sim/scene/scene.hpp"
 #include "sim/sensors/array_cells.hpp"
+#include "sim/sensors/array_kernels.hpp"
 #include "sim/sensors/body_motion.hpp"
 #include "sim/sensors/radar_echo.hpp"
+#include "sim/sensors/range_nodes.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -22,7 +26,6 @@ using Complex = std::complex<double>;
 using Antennas = record::Antennas;
 
 constexpr double pi = std::numbers::pi;
-constexpr double slots_per_cell = 8;  // of range, in a resolution cell
 
 // A wave from this direction at each antenna, as its channel records it.
 std::vector<Complex> wave_at(const Antennas& antennas, double x, double y) {
@@ -34,88 +37,14 @@ std::vector<Complex> wave_at(const Antennas& antennas, double x, double y) {
 }
 
 // Complex numbers of one point or cell, one for each antenna: all real parts, then all imaginary
-// ones, both filled up to a multiple of four.
+// ones, both filled up to a multiple of eight.
 struct Layout {
   std::size_t antennas, padded, row;
 
-  explicit Layout(std::size_t n) : antennas(n), padded((n + 3) / 4 * 4), row(2 * padded) {}
-  void put(const std::vector<Complex>& wave, Complex amplitude, float* out) const {
-    for (std::size_t m = 0; m < antennas; ++m) {
-      const Complex value = amplitude * wave[m];
-      out[m] += static_cast<float>(value.real());
-      out[padded + m] += static_cast<float>(value.imag());
-    }
-  }
+  explicit Layout(std::size_t n)
+      : antennas(n), padded((n + lanes - 1) / lanes * lanes), row(2 * padded) {}
+  std::size_t planes() const { return row * lanes; }
 };
-
-// exp(2 pi i t) of each; exact to 1e-5.
-ECHOFUSE_CLONES void turn(const float* turns, float* re, float* im, std::size_t count) {
-  constexpr float rounding = 12582912;  // 1.5 2^23: what is added to it loses its fraction
-  for (std::size_t i = 0; i < count; ++i) {
-    const float whole = (turns[i] + rounding) - rounding;
-    const float x = (turns[i] - whole) * static_cast<float>(pi), q = x * x;  // half the angle
-    const float s = x * (1 + q * (-1.f / 6 + q * (1.f / 120 + q * (-1.f / 5040 + q / 362880))));
-    const float c =
-        1 + q * (-0.5f + q * (1.f / 24 + q * (-1.f / 720 + q * (1.f / 40320 - q / 3628800))));
-    re[i] = 1 - 2 * s * s;
-    im[i] = 2 * s * c;
-  }
-}
-
-// Adds (re + i im) times the row of each cell.
-ECHOFUSE_CLONES void add_turned(const float* rows, const float* re, const float* im,
-                                std::size_t cells, std::size_t padded, float* sum) {
-  for (std::size_t k = 0; k < cells; ++k, rows += 2 * padded) {
-    const float cosine = re[k], sine = im[k];
-    for (std::size_t m = 0; m < padded; ++m) {
-      sum[m] += cosine * rows[m] - sine * rows[padded + m];
-      sum[padded + m] += cosine * rows[padded + m] + sine * rows[m];
-    }
-  }
-}
-
-// Adds the row to each point's, times the point's response. Eight numbers at a time, which stay in
-// a register: rows are a multiple of eight.
-ECHOFUSE_CLONES void spread(const float* __restrict response, std::size_t points, const float* row,
-                            std::size_t size, float* __restrict out) {
-  constexpr std::size_t block = 8;
-  for (std::size_t first = 0; first < size; first += block) {
-    float part[block];
-    for (std::size_t m = 0; m < block; ++m) part[m] = row[first + m];
-    float* to = out + first;
-    for (std::size_t i = 0; i < points; ++i, to += size)
-      for (std::size_t m = 0; m < block; ++m) to[m] += response[i] * part[m];
-  }
-}
-
-// The points that an echo reaches with more than -80 dB; of a sinc, all.
-struct Reached {
-  std::size_t first = 0;
-  std::vector<float> response;
-
-  void spread_to(float* points, const float* row, std::size_t size) const {
-    spread(response.data(), response.size(), row, size, points + first * size);
-  }
-};
-Reached reached_from(double range_m, const RangeResponse& response, const RadarAxis& axis) {
-  constexpr float least = 1e-4f;
-  Reached out;
-  response.at(range_m / axis.resolution_m,
-              [&](std::size_t, double psf) { out.response.push_back(static_cast<float>(psf)); });
-  const auto counts = [](float psf) { return std::abs(psf) > least; };
-  auto& all = out.response;
-  all.erase(std::find_if(all.rbegin(), all.rend(), counts).base(), all.end());
-  const auto begin = std::find_if(all.begin(), all.end(), counts);
-  out.first = static_cast<std::size_t>(begin - all.begin());
-  all.erase(all.begin(), begin);
-  return out;
-}
-
-Complex gaussian(double power, Rng& rng) {
-  std::normal_distribution<double> part(0, std::sqrt(power / 2));
-  const double re = part(rng);
-  return {re, part(rng)};
-}
 
 // The same for the same patch, whatever stands before others.
 float turns_of_patch(const Returns& returns, std::size_t k, std::uint64_t seed) {
@@ -152,98 +81,125 @@ class Waves {
   std::vector<float> turns_, re_, im_;
 };
 
-// What stands still: points, and if coherent the room and objects.
-std::vector<float> still_echo(const Returns& returns, const RadarAxis& axis,
-                              const Antennas& antennas, bool room, std::uint64_t seed) {
-  const Layout layout(antennas.size());
-  const RangeResponse response(axis);
-  std::vector<float> out(axis.count * layout.row);
-  const auto put = [&](double range_m, const float* row) {
-    reached_from(range_m, response, axis).spread_to(out.data(), row, layout.row);
-  };
-  for (const auto kind : {Returns::reflector, Returns::leakage})
-    if (const ArrayCell cell = one_cell_of(returns, kind); cell.weight > 0) {
-      std::vector<float> row(layout.row);
-      layout.put(wave_at(antennas, cell.x, cell.y), std::sqrt(cell.weight), row.data());
-      put(cell.range_m, row.data());
-    }
-  if (!room) return out;
-  const double width = axis.resolution_m / (2 * slots_per_cell);
-  std::vector<float> slots;
-  Waves waves(antennas, layout);
+std::size_t blocks_of(const RadarAxis& axis) { return (axis.count + lanes - 1) / lanes; }
+std::size_t slot_of(double range_m, const RadarAxis& axis) {
+  return static_cast<std::size_t>(range_m / axis.resolution_m * RangeNodes::slots_per_cell);
+}
+
+// The reflector and the leakage: points.
+void add_points(const Returns& returns, const ArrayRadar& radar, std::vector<float>& planes) {
+  const Layout layout(radar.antennas.size());
+  const RangeResponse response(radar.axis);
+  std::vector<double> psf;
+  for (const auto kind : {Returns::reflector, Returns::leakage}) {
+    const ArrayCell cell = one_cell_of(returns, kind);
+    if (cell.weight <= 0) continue;
+    const auto wave = wave_at(radar.antennas, cell.x, cell.y);
+    response.at(cell.range_m / radar.axis.resolution_m, psf);
+    for (std::size_t i = 0; i < psf.size(); ++i)
+      for (std::size_t m = 0; m < wave.size(); ++m) {
+        const Complex value = std::sqrt(cell.weight) * psf[i] * wave[m];
+        float* out = &planes[i / lanes * layout.planes() + i % lanes];
+        out[m * lanes] += static_cast<float>(value.real());
+        out[(layout.padded + m) * lanes] += static_cast<float>(value.imag());
+      }
+  }
+}
+
+// The room and objects, coherent. What is hidden has a negative weight, and is taken away.
+void add_still(const Returns& returns, const ArrayRadar& radar, std::vector<float>& planes) {
+  const Layout layout(radar.antennas.size());
+  std::vector<std::size_t> patches;
+  std::size_t first = SIZE_MAX, last = 0;
   for (std::size_t k = 0; k < returns.place.size(); ++k) {
+    if (returns.place[k].person != Returns::still || returns.range_m[k] <= 0) continue;
+    patches.push_back(k);
+    first = std::min(first, slot_of(returns.range_m[k], radar.axis));
+    last = std::max(last, slot_of(returns.range_m[k], radar.axis));
+  }
+  if (patches.empty()) return;
+  std::vector<float> slots((last - first + 1) * layout.row);
+  Waves waves(radar.antennas, layout);
+  for (const std::size_t k : patches) {
     const auto& place = returns.place[k];
-    if (place.person != Returns::still || returns.range_m[k] <= 0) continue;
-    const auto slot = static_cast<std::size_t>(returns.range_m[k] / width);
-    slots.resize(std::max(slots.size(), (slot + 1) * layout.row));
-    waves.add(place.x, place.y, static_cast<float>(std::sqrt(returns.weight[k])),
-              turns_of_patch(returns, k, seed), &slots[slot * layout.row]);
+    const double weight = returns.weight[k];
+    waves.add(place.x, place.y,
+              static_cast<float>(std::copysign(std::sqrt(std::abs(weight)), weight)),
+              turns_of_patch(returns, k, radar.still_seed),
+              &slots[(slot_of(returns.range_m[k], radar.axis) - first) * layout.row]);
   }
-  for (std::size_t slot = 0; slot < slots.size() / layout.row; ++slot) {
-    const float* row = &slots[slot * layout.row];
-    if (std::any_of(row, row + layout.row, [](float value) { return value != 0; }))
-      put((static_cast<double>(slot) + 0.5) * width, row);
-  }
-  return out;
+  const RangeNodes range(radar.axis, first, last);
+  std::vector<float> nodes(range.count() * layout.row);
+  for (std::size_t slot = first; slot <= last; ++slot)
+    range.share(slot, &slots[(slot - first) * layout.row], layout.row, nodes.data());
+  for (std::size_t block = 0; block < blocks_of(radar.axis); ++block)
+    range.respond(block, nodes.data(), layout.row, &planes[block * layout.planes()]);
 }
 
 // People, coherent.
 class Speckle {
  public:
-  Speckle(const Returns& returns, const RadarAxis& axis, const Antennas& antennas,
-          const Conditions& c, Rng& rng)
-      : layout_(antennas.size()) {
-    const ArrayCells all =
-        cells_of(returns, {axis.resolution_m / slots_per_cell}, Echoes::of_people);
+  Speckle(const Returns& returns, const ArrayRadar& radar, const Conditions& c, Rng& rng)
+      : layout_(radar.antennas.size()) {
+    const double slot_m = radar.axis.resolution_m / RangeNodes::slots_per_cell;
+    const ArrayCells all = cells_of(returns, {slot_m}, Echoes::of_people);
     motion_ = BodyMotion(c, all.people, rng);
-    const RangeResponse response(axis);
-    for (const double range_m : all.slot_range_m)
-      slots_.push_back(reached_from(range_m, response, axis));
-    rows_.resize(all.cells.size() * layout_.row);
+    cells_ = all.cells.size();
+    if (cells_ == 0) return;
+    for (const double range_m : all.slot_range_m) slots_.push_back(slot_of(range_m, radar.axis));
+    range_.emplace(radar.axis, slots_.front(), slots_.back());
+    slot_begin_.assign(slots_.size() + 1, cells_);
+    rows_.resize(cells_ * layout_.row);
+    turns_per_mode_.resize(all.people * BodyMotion::modes * cells_);
+    turns_.resize(cells_), re_.resize(cells_), im_.resize(cells_);
     const auto axes = axes_of(all);
-    const double turns_per_m = -2 * c.radar_carrier_hz / speed_of_light_m_s;
-    slot_begin_.assign(all.slot_range_m.size() + 1, all.cells.size());
-    for (std::size_t k = all.cells.size(); k-- > 0;) {
+    Waves waves(radar.antennas, layout_);
+    for (std::size_t k = cells_; k-- > 0;) {
       const ArrayCell& cell = all.cells[k];
       slot_begin_[cell.slot] = k;
-      layout_.put(wave_at(antennas, cell.x, cell.y), gaussian(cell.weight, rng),
-                  &rows_[k * layout_.row]);
-      const auto& [axis_x, axis_z] = axes[static_cast<std::size_t>(cell.person)];
-      auto modes =
-          BodyMotion::range_per_mode(cell.x, cell.y, cell.height_m, axis_x, axis_z, c.target_scale);
-      for (float& mode : modes) mode *= static_cast<float>(turns_per_m);
-      cells_.push_back({modes, static_cast<std::size_t>(cell.person)});
+      // A complex Gaussian number has an exponential power and any phase.
+      const double power = -cell.weight * std::log(1 - uniform(rng, 0, 1));
+      waves.add(static_cast<float>(cell.x), static_cast<float>(cell.y),
+                static_cast<float>(std::sqrt(power)), static_cast<float>(uniform(rng, 0, 1)),
+                &rows_[k * layout_.row]);
+      set_motion(k, cell, axes[static_cast<std::size_t>(cell.person)], c);
     }
-    std::reverse(cells_.begin(), cells_.end());
-    turns_.resize(cells_.size());
-    re_.resize(cells_.size());
-    im_.resize(cells_.size());
   }
 
-  void add(double later_s, Rng& rng, float* out) {
+  std::size_t state_size() const { return range_ ? range_->count() * layout_.row : 0; }
+
+  void advance(double later_s, Rng& rng, std::span<float> nodes) {
     motion_.advance(later_s, rng);
-    for (std::size_t k = 0; k < cells_.size(); ++k) {
-      const auto& now = motion_.of(cells_[k].person);
-      const auto& per_mode = cells_[k].turns_per_mode;
-      turns_[k] = 0;
-      for (std::size_t i = 0; i < now.size(); ++i) turns_[k] += now[i] * per_mode[i];
-    }
-    turn(turns_.data(), re_.data(), im_.data(), turns_.size());
+    std::fill(nodes.begin(), nodes.end(), 0.f);
+    std::fill(turns_.begin(), turns_.end(), 0.f);
+    for (std::size_t i = 0; i < turns_per_mode_.size() / std::max<std::size_t>(cells_, 1); ++i)
+      add_scaled(motion_.of(i / BodyMotion::modes)[i % BodyMotion::modes],
+                 &turns_per_mode_[i * cells_], cells_, turns_.data());
+    turn(turns_.data(), re_.data(), im_.data(), cells_);
     std::vector<float> sum(layout_.row);
-    for (std::size_t slot = 0; slot + 1 < slot_begin_.size(); ++slot) {
+    for (std::size_t s = 0; s < slots_.size(); ++s) {
       std::fill(sum.begin(), sum.end(), 0.0f);
-      const std::size_t k = slot_begin_[slot];
-      add_turned(&rows_[k * layout_.row], &re_[k], &im_[k], slot_begin_[slot + 1] - k,
-                 layout_.padded, sum.data());
-      slots_[slot].spread_to(out, sum.data(), layout_.row);
+      const std::size_t k = slot_begin_[s];
+      add_turned(&rows_[k * layout_.row], &re_[k], &im_[k], slot_begin_[s + 1] - k, layout_.padded,
+                 sum.data());
+      range_->share(slots_[s], sum.data(), layout_.row, nodes.data());
     }
+  }
+
+  void add(std::size_t block, std::span<const float> nodes, float* planes) const {
+    if (range_) range_->respond(block, nodes.data(), layout_.row, planes);
   }
 
  private:
-  struct Cell {
-    BodyMotion::Modes turns_per_mode;
-    std::size_t person;
-  };
+  void set_motion(std::size_t k, const ArrayCell& cell, const std::array<double, 2>& axis,
+                  const Conditions& c) {
+    const double turns_per_m = -2 * c.radar_carrier_hz / speed_of_light_m_s;
+    const auto range =
+        BodyMotion::range_per_mode(cell.x, cell.y, cell.height_m, axis[0], axis[1], c.target_scale);
+    for (std::size_t i = 0; i < range.size(); ++i)
+      turns_per_mode_[(static_cast<std::size_t>(cell.person) * range.size() + i) * cells_ + k] =
+          static_cast<float>(turns_per_m) * range[i];
+  }
   // Where each person's upright axis stands: the centre of what the radar sees.
   static std::vector<std::array<double, 2>> axes_of(const ArrayCells& all) {
     std::vector<std::array<double, 3>> sums(all.people);
@@ -261,70 +217,74 @@ class Speckle {
 
   Layout layout_;
   BodyMotion motion_;
-  std::vector<Reached> slots_;
-  std::vector<Cell> cells_;
-  std::vector<std::size_t> slot_begin_;  // and the end
-  std::vector<float> rows_, turns_, re_, im_;
+  std::size_t cells_ = 0;
+  std::vector<std::size_t> slots_, slot_begin_;  // numbers; first cells, and the end
+  std::optional<RangeNodes> range_;
+  // Of each cell: its row, and for each mode of each person by how much it turns.
+  std::vector<float> rows_, turns_per_mode_, turns_, re_, im_;
 };
 
 // People and the room, incoherent: x = L q with L L^H the covariance and q over any `frames` frames
 // orthonormal.
 class Expectation {
  public:
-  Expectation(const Returns& returns, const RadarAxis& axis, const Antennas& antennas,
-              const Conditions& c)
-      : layout_(antennas.size()), points_(axis.count), frames_(c.radar_frames) {
-    const std::size_t n = antennas.size();
-    const ArrayCells all =
-        cells_of(returns, {axis.resolution_m / slots_per_cell}, Echoes::of_people_and_room);
+  Expectation(const Returns& returns, const ArrayRadar& radar, const Conditions& c)
+      : layout_(radar.antennas.size()), frames_(c.radar_frames) {
+    const std::size_t n = layout_.antennas;
+    const double slot_m = radar.axis.resolution_m / RangeNodes::slots_per_cell;
+    const ArrayCells all = cells_of(returns, {slot_m}, Echoes::of_people_and_room);
     std::vector<Complex> of_slots(all.slot_range_m.size() * n * n);
     for (const ArrayCell& cell : all.cells) {
-      const auto wave = wave_at(antennas, cell.x, cell.y);
+      const auto wave = wave_at(radar.antennas, cell.x, cell.y);
       Complex* out = &of_slots[cell.slot * n * n];
       for (std::size_t a = 0; a < n; ++a)
         for (std::size_t b = 0; b <= a; ++b)
           out[a * n + b] += cell.weight * wave[a] * std::conj(wave[b]);
     }
-    std::vector<Complex> covariance(points_ * n * n);
-    const RangeResponse response(axis);
+    std::vector<Complex> covariance(radar.axis.count * n * n);
+    const RangeResponse response(radar.axis);
+    std::vector<double> psf;
     for (std::size_t slot = 0; slot < all.slot_range_m.size(); ++slot) {
-      const Reached reached = reached_from(all.slot_range_m[slot], response, axis);
-      Complex* out = &covariance[reached.first * n * n];
-      for (const double psf : reached.response)
-        for (std::size_t e = 0; e < n * n; ++e) *out++ += psf * psf * of_slots[slot * n * n + e];
+      response.at(all.slot_range_m[slot] / radar.axis.resolution_m, psf);
+      for (std::size_t i = 0; i < psf.size(); ++i) {
+        if (std::abs(psf[i]) < 1e-4) continue;
+        for (std::size_t e = 0; e < n * n; ++e)
+          covariance[i * n * n + e] += psf[i] * psf[i] * of_slots[slot * n * n + e];
+      }
     }
-    for (std::size_t i = 0; i < points_; ++i) add_root({&covariance[i * n * n], n * n});
+    roots_.resize(blocks_of(radar.axis) * root_size());
+    for (std::size_t i = 0; i < radar.axis.count; ++i)
+      put_root({&covariance[i * n * n], n * n}, &roots_[i / lanes * root_size() + i % lanes]);
   }
 
-  void add(float* out) {
+  std::size_t state_size() const { return 2 * layout_.antennas; }
+
+  void advance(std::span<float> q) {
     // Quadratic phases: successive frames, and their mean, are as of independent looks (Chu, IEEE
     // Trans. Inf. Theory 18, 531, 1972).
-    std::vector<Complex> q(layout_.antennas);
+    const std::size_t n = layout_.antennas;
     const std::int64_t f = frame_ % frames_;
-    const std::int64_t apart = frames_ / static_cast<std::int64_t>(q.size());
-    for (std::size_t a = 0; a < q.size(); ++a) {
+    const std::int64_t apart = frames_ / static_cast<std::int64_t>(n);
+    for (std::size_t a = 0; a < n; ++a) {
       const auto half_turns = f * (f + frames_ % 2 + 2 * apart * static_cast<std::int64_t>(a));
-      q[a] = std::polar(
+      const auto wave = std::polar(
           1.0, pi * static_cast<double>(half_turns % (2 * frames_)) / static_cast<double>(frames_));
+      q[a] = static_cast<float>(wave.real());
+      q[n + a] = static_cast<float>(wave.imag());
     }
     ++frame_;
-    const Complex* root = roots_.data();
-    for (std::size_t i = 0; i < points_; ++i, out += layout_.row)
-      for (std::size_t a = 0; a < q.size(); ++a) {
-        double re = 0, im = 0;
-        for (std::size_t b = 0; b <= a; ++b, ++root) {
-          re += root->real() * q[b].real() - root->imag() * q[b].imag();
-          im += root->real() * q[b].imag() + root->imag() * q[b].real();
-        }
-        out[a] += static_cast<float>(re);
-        out[layout_.padded + a] += static_cast<float>(im);
-      }
+  }
+
+  void add(std::size_t block, std::span<const float> q, float* planes) const {
+    multiply_root(&roots_[block * root_size()], q.data(), layout_.antennas, layout_.padded, planes);
   }
 
  private:
-  // Cholesky's, row by row up to the diagonal. A covariance of fewer sources than antennas has
-  // pivots that are nothing but rounding: their columns are 0.
-  void add_root(std::span<Complex> c) {
+  std::size_t root_size() const { return layout_.antennas * (layout_.antennas + 1) * lanes; }
+
+  // Cholesky's. A covariance of fewer sources than antennas has pivots that are nothing but
+  // rounding: their columns are 0.
+  void put_root(std::span<Complex> c, float* out) const {
     const std::size_t n = layout_.antennas;
     double trace = 0;
     for (std::size_t a = 0; a < n; ++a) trace += c[a * n + a].real();
@@ -335,54 +295,90 @@ class Expectation {
       const double scale = pivot > 1e-12 * trace ? 1 / std::sqrt(pivot) : 0;
       for (std::size_t a = b; a < n; ++a) c[a * n + b] *= scale;
     }
-    for (std::size_t a = 0; a < n; ++a) roots_.insert(roots_.end(), &c[a * n], &c[a * n] + a + 1);
+    for (std::size_t a = 0; a < n; ++a)
+      for (std::size_t b = 0; b <= a; ++b, out += 2 * lanes) {
+        out[0] = static_cast<float>(c[a * n + b].real());
+        out[lanes] = static_cast<float>(c[a * n + b].imag());
+      }
   }
 
   Layout layout_;
-  std::size_t points_;
   std::int64_t frames_, frame_ = 0;
-  std::vector<Complex> roots_;
+  std::vector<float> roots_;  // by blocks (array_kernels.hpp)
 };
 
 }  // namespace
 
 struct ArrayEcho::State {
   Layout layout;
-  std::vector<float> still, now;
+  std::size_t points, blocks;
+  std::vector<float> still;  // planes of all blocks
   std::variant<Speckle, Expectation> moving;
+  std::vector<float> now, planes;  // of frame()
 };
 
-ArrayEcho::ArrayEcho(const Returns& returns, const RadarAxis& axis, const Antennas& antennas,
-                     const Conditions& c, std::uint64_t still_seed, Rng& rng) {
+ArrayEcho::ArrayEcho(const Returns& returns, const ArrayRadar& radar, const Conditions& c,
+                     Rng& rng) {
+  const Layout layout(radar.antennas.size());
+  const std::size_t blocks = blocks_of(radar.axis);
+  std::vector<float> still = radar.room;
+  still.resize(blocks * layout.planes());
+  add_points(returns, radar, still);
   const bool coherent = c.radar_sum == "coherent";
+  if (coherent) add_still(returns, radar, still);
   using Moving = std::variant<Speckle, Expectation>;
-  state_ =
-      std::make_unique<State>(State{Layout(antennas.size()),
-                                    still_echo(returns, axis, antennas, coherent, still_seed),
-                                    {},
-                                    coherent ? Moving(Speckle(returns, axis, antennas, c, rng))
-                                             : Moving(Expectation(returns, axis, antennas, c))});
+  state_ = std::make_unique<State>(State{
+      layout,
+      radar.axis.count,
+      blocks,
+      std::move(still),
+      coherent ? Moving(Speckle(returns, radar, c, rng)) : Moving(Expectation(returns, radar, c)),
+      {},
+      std::vector<float>(layout.planes())});
+  state_->now.resize(state_size());
 }
 ArrayEcho::~ArrayEcho() = default;
 ArrayEcho::ArrayEcho(ArrayEcho&&) noexcept = default;
 ArrayEcho& ArrayEcho::operator=(ArrayEcho&&) noexcept = default;
 
-std::size_t ArrayEcho::samples() const {
-  return state_->still.size() / state_->layout.row * state_->layout.antennas;
+std::size_t ArrayEcho::samples() const { return state_->points * state_->layout.antennas; }
+std::size_t ArrayEcho::blocks() const { return state_->blocks; }
+std::size_t ArrayEcho::planes_size() const { return state_->layout.planes(); }
+std::size_t ArrayEcho::imaginary_plane() const { return state_->layout.padded * lanes; }
+std::size_t ArrayEcho::state_size() const {
+  return std::visit([](const auto& moving) { return moving.state_size(); }, state_->moving);
+}
+
+void ArrayEcho::advance(double later_s, Rng& rng, std::span<float> state) {
+  if (auto* speckle = std::get_if<Speckle>(&state_->moving))
+    speckle->advance(later_s, rng, state);
+  else
+    std::get<Expectation>(state_->moving).advance(state);
+}
+
+void ArrayEcho::look(std::size_t block, std::span<const float> state,
+                     std::span<float> planes) const {
+  const auto still = state_->still.begin() + static_cast<std::ptrdiff_t>(block * planes.size());
+  std::copy_n(still, planes.size(), planes.begin());
+  std::visit([&](const auto& moving) { moving.add(block, state, planes.data()); }, state_->moving);
 }
 
 void ArrayEcho::frame(double later_s, Rng& rng, std::span<std::complex<float>> samples) {
-  const Layout& layout = state_->layout;
-  auto& now = state_->now;
-  now = state_->still;
-  if (auto* speckle = std::get_if<Speckle>(&state_->moving))
-    speckle->add(later_s, rng, now.data());
-  else
-    std::get<Expectation>(state_->moving).add(now.data());
-  const float* row = now.data();
-  for (std::size_t i = 0; i < samples.size(); i += layout.antennas, row += layout.row)
-    for (std::size_t m = 0; m < layout.antennas; ++m)
-      samples[i + m] = {row[m], row[layout.padded + m]};
+  const std::size_t n = state_->layout.antennas;
+  const auto& planes = state_->planes;
+  advance(later_s, rng, state_->now);
+  for (std::size_t i = 0; i < state_->points; ++i) {
+    if (i % lanes == 0) look(i / lanes, state_->now, state_->planes);
+    for (std::size_t m = 0; m < n; ++m)
+      samples[i * n + m] = {planes[m * lanes + i % lanes],
+                            planes[imaginary_plane() + m * lanes + i % lanes]};
+  }
+}
+
+std::vector<float> room_echo(const ArrayRadar& radar, const Conditions& c) {
+  std::vector<float> planes(blocks_of(radar.axis) * Layout(radar.antennas.size()).planes());
+  add_still(radar_returns(make_scene(c, SceneKind::empty, 0, 0), c), radar, planes);
+  return planes;
 }
 
 }  // namespace echofuse::sim

@@ -36,11 +36,20 @@ record::Antennas simulated_antennas(const Conditions& conditions, std::uint64_t 
 // As the run says they are: with their errors if radar_array_calibrated.
 record::Antennas stated_antennas(const record::Antennas& antennas, const Conditions& conditions);
 
+// What the records of a run have in common. The still seed is the room's.
+struct ArrayRadar {
+  RadarAxis axis;
+  record::Antennas antennas;
+  std::uint64_t still_seed = 0;
+  // What the empty room's coherent echo is (room_echo), for returns that are against the room
+  // (render.hpp); else empty.
+  std::vector<float> room{};
+};
+
 class ArrayEcho {
  public:
-  // `still_seed` is the room's: the same for all records of a run.
-  ArrayEcho(const Returns& returns, const RadarAxis& axis, const record::Antennas& antennas,
-            const Conditions& conditions, std::uint64_t still_seed, Rng& rng);
+  ArrayEcho(const Returns& returns, const ArrayRadar& radar, const Conditions& conditions,
+            Rng& rng);
   ~ArrayEcho();
   ArrayEcho(ArrayEcho&&) noexcept;
   ArrayEcho& operator=(ArrayEcho&&) noexcept;
@@ -50,18 +59,31 @@ class ArrayEcho {
   // frame.
   void frame(double later_s, Rng& rng, std::span<std::complex<float>> samples);
 
+  // The same in two steps: how everything stands in the frame, as state_size() numbers, and the
+  // samples of each block of `lanes` points. Those are planes: for each antenna `lanes` real parts,
+  // from imaginary_plane() on as many imaginary ones; planes_size() numbers.
+  std::size_t state_size() const;
+  void advance(double later_s, Rng& rng, std::span<float> state);
+  std::size_t blocks() const;
+  std::size_t planes_size() const;
+  std::size_t imaginary_plane() const;
+  void look(std::size_t block, std::span<const float> state, std::span<float> planes) const;
+
  private:
   struct State;
   std::unique_ptr<State> state_;
 };
+
+// Of the room alone, coherent (ArrayRadar::room).
+std::vector<float> room_echo(const ArrayRadar& radar, const Conditions& conditions);
 
 // A record's: radar_frames frames over dataset_window_s, with noise of this power in each sample.
 struct ArrayLooks {
   std::vector<float> array;   // of the first `kept_bins` points (ArrayStatistics)
   std::vector<double> power;  // of each point, mean over frames and antennas
 };
-ArrayLooks look_through_array(const Returns& returns, const RadarAxis& axis, std::size_t kept_bins,
-                              const record::Antennas& antennas, const Conditions& conditions,
-                              double noise_power, std::uint64_t still_seed, Rng& rng);
+ArrayLooks look_through_array(const Returns& returns, const ArrayRadar& radar,
+                              std::size_t kept_bins, const Conditions& conditions,
+                              double noise_power, Rng& rng);
 
 }  // namespace echofuse::sim

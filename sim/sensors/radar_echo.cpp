@@ -8,6 +8,7 @@
 #include <random>
 
 #include "drivers/core/axis.hpp"
+#include "drivers/core/clones.hpp"
 #include "sim/scene/scene.hpp"
 #include "sim/sensors/render.hpp"
 
@@ -16,14 +17,15 @@ namespace {
 
 constexpr double pi = std::numbers::pi;
 
+constexpr double nearest = 1e-7;  // to a removable singularity: too near to divide
+
 // psf_amplitude, given sin(pi u) as well.
 double psf_from_sine(Psf psf, double u, double sine) {
-  // Too near to a removable singularity to divide: the limit there.
-  const double nearest = std::round(u);
-  if (std::abs(u - nearest) < 1e-7) {
-    if (nearest == 0) return 1;
+  const double whole = std::round(u);
+  if (std::abs(u - whole) < nearest) {  // the limit
+    if (whole == 0) return 1;
     if (psf == Psf::sinc) return 0;
-    const double order = std::abs(nearest);
+    const double order = std::abs(whole);
     return order == 1 ? 0.25 / 0.42 : order == 2 ? 0.04 / 0.42 : 0;
   }
   const double sinc = sine / (pi * u);
@@ -32,6 +34,26 @@ double psf_from_sine(Psf psf, double u, double sine) {
   // summed over a common denominator.
   const double u2 = u * u;
   return sinc * (4 - u2 * 0.18 / 0.42) / ((1 - u2) * (4 - u2));
+}
+
+// The same for many points at u = cells[i] - cell; sines and cosines are those of pi u's parts.
+ECHOFUSE_CLONES void sincs(const double* cells, const double* sines, const double* cosines,
+                           double cell, double sine, double cosine, double* __restrict out,
+                           std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i)
+    out[i] = (sines[i] * cosine - cosines[i] * sine) / (pi * (cells[i] - cell));
+}
+ECHOFUSE_CLONES void to_blackman(const double* cells, double cell, double* __restrict out,
+                                 std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const double u = cells[i] - cell, u2 = u * u;
+    out[i] = out[i] * (4 - u2 * 0.18 / 0.42) / ((1 - u2) * (4 - u2));
+  }
+}
+
+ECHOFUSE_CLONES void add_squared(double weight, const double* psf, double* __restrict power,
+                                 std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) power[i] += weight * psf[i] * psf[i];
 }
 
 // The echoes on a grid of range much finer than the resolution, each shared linearly by its two
@@ -54,14 +76,16 @@ class FineEcho {
     values_[i] += (1 - rest) * value;
     values_[i + 1] += rest * value;
   }
-  // visit(i, value, psf): each point of the axis with each point of the grid.
+  // visit(value, psf): each point of the grid, with its response at the points of the axis.
   template <class Visit>
-  void for_each_pair(const RadarAxis& axis, Visit visit) const {
+  void for_each(const RadarAxis& axis, Visit visit) const {
     const RangeResponse response(axis);
-    for (std::size_t k = 0; k < values_.size(); ++k)
-      if (values_[k] != Value{})
-        response.at(static_cast<double>(k) / per_cell,
-                    [&](std::size_t i, double psf) { visit(i, values_[k], psf); });
+    std::vector<double> psf;
+    for (std::size_t k = 0; k < values_.size(); ++k) {
+      if (values_[k] == Value{}) continue;
+      response.at(static_cast<double>(k) / per_cell, psf);
+      visit(values_[k], psf);
+    }
   }
 
  private:
@@ -75,8 +99,9 @@ std::vector<double> incoherent(const Returns& returns, const RadarAxis& axis) {
   for (std::size_t k = 0; k < returns.range_m.size(); ++k)
     echo.add(returns.range_m[k], returns.weight[k]);
   std::vector<double> power(axis.count);
-  echo.for_each_pair(
-      axis, [&](std::size_t i, double weight, double psf) { power[i] += weight * psf * psf; });
+  echo.for_each(axis, [&](double weight, const std::vector<double>& psf) {
+    add_squared(weight, psf.data(), power.data(), psf.size());
+  });
   return power;
 }
 
@@ -88,8 +113,9 @@ std::vector<double> coherent(const Returns& returns, const RadarAxis& axis, doub
              std::polar(std::sqrt(returns.weight[k]),
                         -4 * pi * returns.range_m[k] * carrier_hz / speed_of_light_m_s));
   std::vector<Complex> profile(axis.count);
-  echo.for_each_pair(axis,
-                     [&](std::size_t i, Complex value, double psf) { profile[i] += psf * value; });
+  echo.for_each(axis, [&](Complex value, const std::vector<double>& psf) {
+    for (std::size_t i = 0; i < psf.size(); ++i) profile[i] += psf[i] * value;
+  });
   std::vector<double> power(axis.count);
   std::transform(profile.begin(), profile.end(), power.begin(),
                  [](Complex y) { return std::norm(y); });
@@ -100,19 +126,31 @@ std::vector<double> coherent(const Returns& returns, const RadarAxis& axis, doub
 
 double psf_amplitude(Psf psf, double u) { return psf_from_sine(psf, u, std::sin(pi * u)); }
 
-RangeResponse::RangeResponse(const RadarAxis& axis) : psf_(axis.psf) {
+RangeResponse::RangeResponse(const RadarAxis& axis)
+    : psf_(axis.psf), cells_per_point_(axis.step_m / axis.resolution_m) {
   for (std::uint32_t i = 0; i < axis.count; ++i) {
     cells_.push_back((axis.start_m + i * axis.step_m) / axis.resolution_m);
-    phases_.push_back(phase_of(cells_.back()));
+    sines_.push_back(std::sin(pi * cells_.back()));
+    cosines_.push_back(std::cos(pi * cells_.back()));
   }
 }
 
-RangeResponse::Phase RangeResponse::phase_of(double cells) {
-  return {std::sin(pi * cells), std::cos(pi * cells)};
-}
-
-double RangeResponse::amplitude(double u, double sine) const {
-  return psf_from_sine(psf_, u, sine);
+void RangeResponse::at(double cell, std::vector<double>& psf) const {
+  psf.resize(cells_.size());
+  if (psf.empty()) return;
+  // sin(pi (u_i - u)) from the angles' own: a sine for each would take most of the time.
+  const double sine = std::sin(pi * cell), cosine = std::cos(pi * cell);
+  sincs(cells_.data(), sines_.data(), cosines_.data(), cell, sine, cosine, psf.data(), psf.size());
+  if (psf_ == Psf::blackman) to_blackman(cells_.data(), cell, psf.data(), psf.size());
+  // Where it is 0 / 0.
+  for (int order = -2; order <= 2; ++order) {
+    const double point = std::round((cell + order - cells_[0]) / cells_per_point_);
+    if (!(point >= 0 && point < static_cast<double>(psf.size()))) continue;
+    const auto i = static_cast<std::size_t>(point);
+    const double u = cells_[i] - cell;
+    if (std::abs(u - order) < nearest)
+      psf[i] = psf_from_sine(psf_, u, sines_[i] * cosine - cosines_[i] * sine);
+  }
 }
 
 void roughen(Returns& returns, const Conditions& c, Rng& rng) {

@@ -19,26 +19,13 @@ double psf_amplitude(Psf psf, double u);
 class RangeResponse {
  public:
   explicit RangeResponse(const RadarAxis& axis);
-  // visit(i, psf) for each point
-  template <class Visit>
-  void at(double cell, Visit visit) const {
-    const Phase phase = phase_of(cell);
-    for (std::size_t i = 0; i < cells_.size(); ++i) {
-      // sin(pi (u_i - u)) from the angles' own: a sine for each would take most of the time.
-      const double sine = phases_[i].sine * phase.cosine - phases_[i].cosine * phase.sine;
-      visit(i, amplitude(cells_[i] - cell, sine));
-    }
-  }
+  // Of an echo so many cells away, at each point.
+  void at(double cell, std::vector<double>& psf) const;
 
  private:
-  struct Phase {
-    double sine, cosine;
-  };
-  static Phase phase_of(double cells);
-  double amplitude(double u, double sine) const;
   Psf psf_;
-  std::vector<double> cells_;
-  std::vector<Phase> phases_;
+  double cells_per_point_;
+  std::vector<double> cells_, sines_, cosines_;  // of each point
 };
 
 // Power of the receiver's noise in each point.

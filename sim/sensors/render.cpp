@@ -15,6 +15,7 @@
 #include "sim/scene/person.hpp"
 #include "sim/scene/room.hpp"
 #include "sim/scene/shapes.hpp"
+#include "sim/sensors/gaze.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -261,30 +262,33 @@ Returns::Place place_of(const Scene& scene, const Row& row, std::size_t i, doubl
           static_cast<float>(row.y[i] * z + sensor_height_m), person_of(scene, row.shape[i])};
 }
 
-// Places are kept if a height is given.
-void look(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y, double extra_m,
-          Returns& returns, std::optional<double> sensor_height_m = {}) {
+void look(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Returns& returns) {
   // dOmega = dtx dty / |(tx, ty, 1)|^3
   const double pixel = std::abs(x.step * y.step) / mean_scene_weight;
+  const auto capsules = static_cast<std::int32_t>(scene.capsules.size());
   auto& ranges = returns.range_m;
   auto& weights = returns.weight;
   std::vector<double> range(x.count), weight(x.count);
   std::size_t seen = 0;
   returns.place.clear();
-  Scanner(scene, sensor_x_m, x, y, Sampling::staggered).scan(Shading::on, [&](const Row& row) {
+  Scanner scanner(scene, gaze.sensor_x_m, x, y, Sampling::staggered);
+  scanner.scan(Shading::on, [&](const Row& row) {
     const std::size_t first = row.from, count = row.to - row.from;
     light_back(row.x + first, row.y + first, row.z + first, row.cosine + first, row.albedo + first,
                pixel, range.data(), weight.data(), count);
+    gaze.dim({row.x + first, row.y + first, row.cosine + first, row.shape + first}, capsules,
+             weight.data(), count);
     ranges.resize(std::max(ranges.size(), seen + count));
     weights.resize(ranges.size());
     for (std::size_t i = 0; i < count; ++i) {
-      ranges[seen] = range[i] + extra_m;
+      ranges[seen] = range[i] + gaze.extra_m;
+      if (gaze.sway_m > 0 && row.shape[first + i] != nothing) ranges[seen] += gaze.sway(seen);
       weights[seen] = weight[i];
       seen += row.z[first + i] < INFINITY;
     }
-    for (std::size_t i = 0; sensor_height_m && i < count; ++i)
+    for (std::size_t i = 0; gaze.height_m && i < count; ++i)
       if (row.z[first + i] < INFINITY)
-        returns.place.push_back(place_of(scene, row, first + i, range[i], *sensor_height_m));
+        returns.place.push_back(place_of(scene, row, first + i, range[i], *gaze.height_m));
   });
   ranges.resize(seen);
   weights.resize(seen);
@@ -313,6 +317,10 @@ Axis x_rays(std::int64_t count, double half_tangent) {
 }
 Axis y_rays(std::int64_t count, double half_tangent) {
   return record::depth_y_axis(static_cast<std::uint32_t>(count), half_tangent);
+}
+Axis moved(Axis axis, double by) {
+  axis.start += by;
+  return axis;
 }
 
 }  // namespace
@@ -346,15 +354,21 @@ std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, co
 
 void spd_returns(const Scene& scene, const Conditions& c, Returns& out) {
   const std::int64_t rays = rays_of(c);
-  look(scene, 0, x_rays(rays, c.half_tangent), y_rays(rays, c.half_tangent),
-       c.spd_delay_ps / ps_per_m, out);
+  const Gaze gaze = spd_gaze(c);
+  look(scene, gaze, moved(x_rays(rays, gaze.half_tangent), gaze.middle_x),
+       moved(y_rays(rays, gaze.half_tangent), gaze.middle_y), out);
 }
 
 void radar_returns(const Scene& scene, const Conditions& c, Returns& out) {
   const bool places = c.radar_antennas > 0 || c.radar_ground > 0;
-  look(scene, -c.baseline_m, x_rays(c.radar_rays, c.radar_half_tangent),
-       y_rays(c.radar_rays / 2, c.radar_half_tangent / 2), c.radar_bias_m, out,
-       places ? std::optional(c.camera_height_m) : std::nullopt);
+  Gaze gaze = radar_gaze(c);
+  if (places) gaze.height_m = c.camera_height_m;
+  const Axis x = x_rays(c.radar_rays, c.radar_half_tangent);
+  const Axis y = y_rays(c.radar_rays / 2, c.radar_half_tangent / 2);
+  if (radar_sees_apart(scene))
+    look(as_radar_sees(scene), gaze, x, y, out);
+  else
+    look(scene, gaze, x, y, out);
   if (c.radar_ground > 0) reflect_from_floor(c, out);
   if (c.radar_leakage <= 0) return;
   out.range_m.push_back(std::max(0.0, c.radar_bias_m));

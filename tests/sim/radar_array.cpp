@@ -88,7 +88,7 @@ TEST_CASE("one point's wave has its steering phases, by the channels' errors off
       const Returns point =
           points({{0.25f, -0.125f, 1, Returns::reflector}}, {14.2 * axis.step_m}, {4});
       Rng rng(1);
-      ArrayEcho echo(point, axis, array, c, 7, rng);
+      ArrayEcho echo(point, {axis, array, 7}, c, rng);
       Samples samples(echo.samples());
       for (int frame = 0; frame < 2; ++frame) {
         echo.frame(0.05, rng, samples);
@@ -119,7 +119,7 @@ TEST_CASE("incoherent covariance is that of the sources, over any successive fra
   const Returns two =
       points({{0.2f, 0, 1, 0}, {-0.3f, 0, 1, Returns::still}}, {3.5, 4.1}, {1, 0.5});
   Rng rng(1);
-  ArrayEcho echo(two, axis, array, c, 7, rng);
+  ArrayEcho echo(two, {axis, array, 7}, c, rng);
   Samples samples(echo.samples());
   for (int before = 0; before < 17; ++before) echo.frame(0.05, rng, samples);
   record::ArrayStatistics sums(axis.count, 8);
@@ -152,7 +152,7 @@ TEST_CASE("noise is white, complex and as strong as the detector's") {
   Rng rng(4);
   const RadarAxis axis = radar_response(c);
   const auto looks =
-      look_through_array({}, axis, axis.count, antennas_in_layout(8), c, noise, 7, rng);
+      look_through_array({}, {axis, antennas_in_layout(8), 7}, axis.count, c, noise, rng);
   const auto bins = static_cast<double>(axis.count), frames = static_cast<double>(c.radar_frames);
   double power = 0, across = 0, mean = 0, lag = 0;
   for (std::size_t i = 0; i < axis.count; ++i) {
@@ -183,7 +183,7 @@ TEST_CASE("fast Gaussian numbers have the normal distribution's moments and tail
     second += v * v / 4;
     fourth += v * v * v * v / 16;
     beyond += std::abs(v) > 2 * 2;
-    last += std::abs(v) > 2 * 3.6;  // drawn beyond the ziggurat's last layer
+    last += std::abs(v) > 2 * 3.6;  // the tail
   }
   const double n = static_cast<double>(x.size());
   CHECK(std::abs(sum / n) < 4.5 / std::sqrt(n));
@@ -248,7 +248,7 @@ TEST_CASE("speckle is exponential about the incoherent sum, at each antenna and 
   Complex across;
   Rng rng(6);
   for (int d = 0; d < draws; ++d) {
-    ArrayEcho echo(person, axis, array, c, 7, rng);
+    ArrayEcho echo(person, {axis, array, 7}, c, rng);
     Samples samples(echo.samples());
     echo.frame(0, rng, samples);
     const Complex first = samples[peak * 8], last = samples[peak * 8 + 7];
@@ -311,7 +311,8 @@ TEST_CASE("the more somebody sways, the more looks a record has") {
     Rng rng(5);
     for (int i = 0; i < records; ++i) {
       const double power =
-          look_through_array(person, axis, 1, antennas_in_layout(1), c, 1e-12, 7, rng).power[peak];
+          look_through_array(person, {axis, antennas_in_layout(1), 7}, 1, c, 1e-12, rng)
+              .power[peak];
       sum += power / records;
       squares += power * power / records;
     }
@@ -333,7 +334,7 @@ TEST_CASE("the empty room is the same in every record, and shadows are missing f
   const auto array = antennas_in_layout(8);
   const auto frame_of = [&](const Scene& scene, std::uint64_t seed, std::uint64_t draw) {
     Rng rng(draw);
-    ArrayEcho echo(radar_returns(scene, c), axis, array, c, seed, rng);
+    ArrayEcho echo(radar_returns(scene, c), {axis, array, seed}, c, rng);
     Samples samples(echo.samples());
     echo.frame(0.05, rng, samples);
     return samples;
