@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
 
 namespace echofuse::recon {
@@ -14,25 +15,38 @@ std::complex<float> response(const record::Antenna& a) {
   return std::polar(static_cast<float>(a.gain), static_cast<float>(a.phase_rad));
 }
 
+// How far a is from b along one line, if they are on one, in whole half wavelengths; else 0.
+std::size_t spacing_of(double along, double aside) {
+  const double spacing = std::round(along);
+  const bool lag = spacing >= 1 && spacing <= static_cast<double>(most_lags) &&
+                   std::abs(along - spacing) <= same_place && std::abs(aside) <= same_place;
+  return lag ? static_cast<std::size_t>(spacing) : 0;
+}
+
 }  // namespace
 
 SpatialLags::SpatialLags(const record::Antennas& antennas) {
-  std::vector<std::size_t> counts(most_lags + 1);
   for (const auto& a : antennas)
     power_factors_.push_back(
         static_cast<float>(1 / (a.gain * a.gain * static_cast<double>(antennas.size()))));
-  for (std::size_t m = 0; m < antennas.size(); ++m)
-    for (std::size_t n = 0; n < antennas.size(); ++n) {
-      const auto &a = antennas[m], &b = antennas[n];
-      const double spacing = std::round(a.x - b.x);
-      if (spacing < 1 || spacing >= static_cast<double>(counts.size()) ||
-          std::abs(a.x - b.x - spacing) > same_place || std::abs(a.y - b.y) > same_place)
-        continue;
-      const auto lag = static_cast<std::size_t>(spacing);
-      pairs_.push_back({m, n, lag, 1.f / (response(a) * std::conj(response(b)))});
-      ++counts[lag];
-      longest_ = std::max(longest_, lag);
-    }
+  std::map<std::size_t, std::size_t> counts;
+  const auto add = [&](bool upwards) {
+    std::size_t longest = 0;
+    for (std::size_t m = 0; m < antennas.size(); ++m)
+      for (std::size_t n = 0; n < antennas.size(); ++n) {
+        const auto &a = antennas[m], &b = antennas[n];
+        const double x = a.x - b.x, y = a.y - b.y;
+        const std::size_t spacing = upwards ? spacing_of(y, x) : spacing_of(x, y);
+        if (spacing == 0) continue;
+        const std::size_t lag = across_ + spacing;
+        pairs_.push_back({m, n, lag, 1.f / (response(a) * std::conj(response(b)))});
+        ++counts[lag];
+        longest = std::max(longest, spacing);
+      }
+    return longest;
+  };
+  across_ = add(false);
+  if (across_ > 0) up_ = add(true);
   for (Pair& p : pairs_) p.factor /= static_cast<float>(counts[p.lag]);
 }
 
@@ -40,9 +54,9 @@ std::string SpatialLags::quantity() const {
   std::set<std::size_t> known;
   for (const Pair& p : pairs_) known.insert(p.lag);
   std::string out = "lags";
-  if (known.size() < longest_)
+  if (known.size() < longest())
     for (const std::size_t lag : known) out += ' ' + std::to_string(lag);
-  return out;
+  return up_ > 0 ? out + ", " + std::to_string(up_) + " up" : out;
 }
 
 void SpatialLags::operator()(const record::ArrayBin& bin, std::span<float> out) const {
@@ -57,7 +71,7 @@ void SpatialLags::operator()(const record::ArrayBin& bin, std::span<float> out) 
 
 void SpatialLags::operator()(std::span<const float> array, std::size_t antennas,
                              std::span<float> out) const {
-  const std::size_t values = lag_values(longest_);
+  const std::size_t values = lag_values(longest());
   for (std::size_t b = 0; (b + 1) * values <= out.size(); ++b)
     (*this)(record::bin_of(array, antennas, b), out.subspan(b * values, values));
 }

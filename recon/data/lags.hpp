@@ -4,10 +4,11 @@
 //
 //   c_d = mean of R_mn / (g_m g_n exp(i (p_m - p_n))) over m, n side by side with x_m - x_n = d
 //
-// with gains g and phases p of the antennas' calibration. One scatterer of power P at direction
-// cosine u makes c_d = P exp(i pi d u). Linear in power, as the range profile is; noise adds to c_0
-// alone. Averaging equal spacings is what a uniform line allows (Van Trees, Optimum Array
-// Processing, 2002, 6.3); what stands above or below plays no part.
+// with gains g and phases p of the antennas' calibration, and an elevation in the same of antennas
+// one above the other. One scatterer of power P at direction cosine u makes c_d = P exp(i pi d u).
+// Linear in power, as the range profile is; noise adds to c_0 alone. Averaging equal spacings is
+// what a uniform line allows (Van Trees, Optimum Array Processing, 2002, 6.3). Antennas that are
+// neither side by side nor one above the other make no lag.
 #pragma once
 #include <complex>
 #include <cstddef>
@@ -18,6 +19,7 @@
 #include "acquire/record/radar_array.hpp"
 #include "drivers/core/axis.hpp"
 #include "recon/data/shift.hpp"
+#include "recon/numbers/layout.hpp"
 
 namespace echofuse::recon {
 
@@ -28,8 +30,11 @@ class SpatialLags {
  public:
   SpatialLags() = default;
   explicit SpatialLags(const record::Antennas& antennas);
-  std::size_t longest() const { return longest_; }  // D; 0: no two antennas side by side
-  // What the values along such an axis mean: "lags", or "lags 1 3" if no antennas are 2 apart.
+  // D: those side by side, c_1..c_across, and behind them those one above the other. 0: no two
+  // antennas are side by side.
+  std::size_t longest() const { return across_ + up_; }
+  // What the values along such an axis mean: "lags", "lags, 3 up" (lags_up), or "lags 1 3" if no
+  // antennas are 2 apart.
   std::string quantity() const;
   // c_0, then real and imaginary part of c_1..c_D; c_d is 0 where no two antennas are that far
   // apart.
@@ -42,7 +47,7 @@ class SpatialLags {
     std::size_t m, n, lag;
     std::complex<float> factor;
   };
-  std::size_t longest_ = 0;
+  std::size_t across_ = 0, up_ = 0;
   std::vector<float> power_factors_;
   std::vector<Pair> pairs_;
 };

@@ -57,8 +57,10 @@ Axis load_array_axis(const H5File& file, const Features& features) {
   const double lags = axis.scale;
   require_sound(file, features.inputs == Inputs::fused && features.scaling == raw_scaling,
                 "axes/array", "none but of a fused model that looks at the body");
-  require_sound(file, lags >= 1 && lags <= double{most_lags} && lags == std::floor(lags),
-                "axes/array@scale", "1 to " + std::to_string(most_lags));
+  require_sound(file, lags >= 1 && lags <= double{2 * most_lags} && lags == std::floor(lags),
+                "axes/array@scale", "1 to " + std::to_string(2 * most_lags));
+  require_sound(file, static_cast<double>(lags_up(axis)) < lags, "axes/array@quantity",
+                "fewer lags up than there are lags");
   require_sound(file, axis.count > 0, "axes/array@count", "at least 1");
   return axis;
 }

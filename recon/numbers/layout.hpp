@@ -1,10 +1,23 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include <algorithm>
+#include <charconv>
 #include <cstddef>
+#include <string>
 
 #include "drivers/core/axis.hpp"
 
 namespace echofuse::recon {
+
+// How many of the lags of such an axis (data/lags.hpp) are of antennas one above the other: they
+// come last. Its quantity says so: "lags", or "lags, 3 up".
+inline std::size_t lags_up(const Axis& lags) {
+  const std::size_t comma = std::min(lags.quantity.find(", "), lags.quantity.size());
+  std::size_t out = 0;
+  std::from_chars(lags.quantity.data() + std::min(comma + 2, lags.quantity.size()),
+                  lags.quantity.data() + lags.quantity.size(), out);
+  return out;
+}
 
 // Which columns of the inputs are what: the SPD's bins, then the radar's, then of each of its
 // array's bins c_0 and real and imaginary part of `scale` more lags (data/lags.hpp). A count of 0:

@@ -21,6 +21,9 @@ constexpr double significance = 4;           // standard errors
 constexpr double least_range_bias_m = 0.01;  // less costs next to nothing
 constexpr double least_seen_m = 0.03;        // if even this is not significant
 constexpr double edges_agree_m = 0.015;      // on either side of their mean
+// With antennas, of what is left of the displacements: a row of antennas that is mounted the other
+// way round, 0.5 m beside the SPD, spreads it by decimetres.
+constexpr double most_spread_m = 0.1, most_spread_growth = 1.8;
 constexpr std::size_t window = 500, watch_every = 25;   // bodies
 constexpr std::uint64_t bootstrap_stream = 0x736c6970;  // "range_bias"
 
@@ -87,6 +90,10 @@ std::string RangeBias::text(bool corrected, bool other_shapes) const {
     case Status::not_detected:
       return {};
     case Status::inconsistent:
+      if (by_angle)
+        return "the radar's ranges do not follow the directions in which its antennas see the "
+               "people as they did in training: are the antennas in another order, the other way "
+               "round, or is the radar elsewhere?";
       return formatted(
           "cannot tell whether there is a range bias: against the SPD's, the radar's ranges of the "
           "leftmost bodies moved by %+.1f cm since training, of the rightmost by %+.1f cm; people "
@@ -179,7 +186,13 @@ RangeBias RangeBiasReference::judge_by_angle(const std::vector<float>& found) co
     middles.push_back(median(resampled(found, rng)) - median(resampled(displacements_m_, rng)));
   out.standard_error_m = standard_deviation(middles);
   const double least = std::max(least_range_bias_m, significance * out.standard_error_m);
-  out.status = std::abs(out.bias_m) > least ? RangeBias::Status::detected
+  const auto spread = [&](const std::vector<float>& values) {
+    const Edges e = edges_of(values);
+    return e.right_m - e.left_m;
+  };
+  const double usual_m = std::max(most_spread_m, most_spread_growth * spread(displacements_m_));
+  out.status = spread(found) > usual_m        ? RangeBias::Status::inconsistent
+               : std::abs(out.bias_m) > least ? RangeBias::Status::detected
                : significance * out.standard_error_m > least_seen_m
                    ? RangeBias::Status::too_few_records
                    : RangeBias::Status::not_detected;

@@ -40,7 +40,7 @@ struct RangeBias {
   enum class Status : std::uint8_t {
     too_few_records,  // for any answer, or to see 3 cm
     not_detected,
-    inconsistent,  // the quantiles moved differently
+    inconsistent,  // the quantiles moved differently; with antennas, ranges contradict directions
     detected       // or people stand further to one side
   };
   Status status = Status::too_few_records;

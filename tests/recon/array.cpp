@@ -85,16 +85,21 @@ TEST_CASE("lags are those of the true waves, whatever gains and phases the anten
   }
 }
 
-TEST_CASE("of a planar array only antennas side by side make a lag, one antenna makes none") {
+TEST_CASE(
+    "of a planar array antennas side by side and one above the other make lags, one makes none") {
   const SpatialLags planar({{0, 0, 1, 0}, {1, 0, 1, 0}, {0, 1, 1, 0}, {3, 1, 1, 0}});
-  REQUIRE(planar.longest() == 3);
-  CHECK(planar.quantity() == "lags 1 3");
-  std::vector<float> out(lag_values(3));
+  REQUIRE(planar.longest() == 4);
+  const Axis axis = lags_axis({"array", "covariance", "m", 20, 0, 0.25, 4}, planar);
+  CHECK(axis.quantity == "lags 1 3 4, 1 up");
+  CHECK(lags_up(axis) == 1);
+  CHECK(lags_up(lags_of_plates()) == 0);
+  std::vector<float> out(lag_values(4));
   const auto array = point({{0, 0, 1, 0}, {1, 0, 1, 0}, {0, 1, 1, 0}, {3, 1, 1, 0}}, 0.2, 0.7, 1);
   planar(record::bin_of(array, 4, 0), out);
   CHECK(std::arg(lag_of(out, 1)) == Approx(M_PI * 0.2));
   CHECK(std::abs(lag_of(out, 2)) == 0);
   CHECK(std::arg(lag_of(out, 3)) == Approx(M_PI * 0.6));
+  CHECK(std::arg(lag_of(out, 4)) == Approx(M_PI * 0.7));
   const SpatialLags one(record::Antennas{{0, 0, 1, 0}});
   CHECK(lags_axis({"array", "covariance", "m", 20, 0, 0.25, 1}, one).count == 0);
 }
@@ -207,6 +212,10 @@ TEST_CASE("antennas tell a range bias from people who stand to one side") {
   CHECK(biased.range_bias.status == RangeBias::Status::detected);
   CHECK(biased.range_bias_m == Approx(0.05).margin(0.01));
   CHECK_THAT(biased.text, Catch::Contains("longer") && Catch::Contains("antennas"));
+  testing::sql(dir / "biased", "UPDATE antenna SET x = 7 - x");
+  const Records mirrored = found(dir / "biased");
+  CHECK(mirrored.range_bias.status == RangeBias::Status::inconsistent);
+  CHECK_THAT(mirrored.text, Catch::Contains("the other way round"));
   for (const double aside_m : {0.1, 0.2}) {
     Rng rng = make_rng(5, 0);
     std::uniform_real_distribution<double> x(aside_m - 1, aside_m + 1), z(3, 4);

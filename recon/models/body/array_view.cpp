@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "recon/numbers/layout.hpp"
+
 namespace echofuse::recon {
 namespace {
 
@@ -22,20 +24,27 @@ constexpr int refinements = 3;
 
 ArrayView::ArrayView(const Axis& lags) {
   if (lags.count == 0) return;
-  longest_ = static_cast<std::size_t>(lags.scale), bins_ = lags.count;
+  up_ = lags_up(lags), across_ = static_cast<std::size_t>(lags.scale) - up_, bins_ = lags.count;
   first_m_ = lags.start, step_m_ = lags.step;
   part_m_ = std::max(step_m_, least_part_m);
   parts_ = 1 + static_cast<std::size_t>((last_part_m - first_part_m) / part_m_ + 1e-9);
 }
 
 std::size_t ArrayView::size() const {
-  return longest_ == 0 ? 0 : 2 + 2 * longest_ + parts_ * 2 * std::min(longest_, longest_of_parts);
+  return across_ == 0
+             ? 0
+             : of_direction + 2 * lags_of(across_ + up_) + parts_ * 2 * lags_of(longest_of_parts);
+}
+
+std::size_t ArrayView::lags_of(std::size_t most) const {
+  return std::min(across_, most) + std::min(up_, most);
 }
 
 std::size_t ArrayView::cost() const {
-  if (longest_ == 0) return 0;
+  if (across_ == 0) return 0;
   const auto in_window = static_cast<std::size_t>(std::ceil((to_m - from_m) / step_m_));
-  return 3 * in_window * (2 * longest_ + 1) + static_cast<std::size_t>(directions) * 2 * longest_;
+  return 3 * in_window * (2 * lags_of(across_ + up_) + 1) +
+         static_cast<std::size_t>(directions) * 2 * across_;
 }
 
 void ArrayView::add(std::span<const float> bin, double weight, Lags& to) const {
@@ -46,14 +55,14 @@ void ArrayView::add(std::span<const float> bin, double weight, Lags& to) const {
 
 // The beam's maximum on a grid, then Newton's steps on its derivative.
 double ArrayView::direction_of(const Lags& sum) const {
-  const auto antennas = static_cast<double>(longest_ + 1);
+  const auto antennas = static_cast<double>(across_ + 1);
   double best = 0, most = -INFINITY;
   for (int k = 0; k < directions; ++k) {
     const double u = -1 + 2 * (k + 0.5) / directions;
     const std::complex<double> turn = std::polar(1.0, -pi * u);
     std::complex<double> power = 1;
     double beam = 0;
-    for (std::size_t d = 1; d <= longest_; ++d) {
+    for (std::size_t d = 1; d <= across_; ++d) {
       power *= turn;
       beam += (antennas - static_cast<double>(d)) * (sum[d] * power).real();
     }
@@ -61,7 +70,7 @@ double ArrayView::direction_of(const Lags& sum) const {
   }
   for (int i = 0; i < refinements; ++i) {
     double slope = 0, curvature = 0;
-    for (std::size_t d = 1; d <= longest_; ++d) {
+    for (std::size_t d = 1; d <= across_; ++d) {
       const double phase = pi * static_cast<double>(d), weight = antennas - static_cast<double>(d);
       const std::complex<double> turned = sum[d] * std::polar(1.0, -phase * best);
       slope += weight * phase * turned.imag(), curvature -= weight * phase * phase * turned.real();
@@ -75,10 +84,9 @@ double ArrayView::direction_of(const Lags& sum) const {
 void ArrayView::operator()(std::span<const float> lags, double range_m,
                            std::span<float> out) const {
   std::fill(out.begin(), out.end(), 0.f);
-  const std::size_t values = 2 * longest_ + 1;
-  const std::size_t of_parts = std::min(longest_, longest_of_parts);
-  Lags all(longest_ + 1);
-  std::vector<Lags> parts(parts_, Lags(of_parts + 1));
+  const std::size_t lags_in_all = across_ + up_, values = 2 * lags_in_all + 1;
+  Lags all(lags_in_all + 1);
+  std::vector<Lags> parts(parts_, Lags(lags_in_all + 1));
   for (std::size_t b = 0; b < bins_; ++b) {
     const double at_m = first_m_ + static_cast<double>(b) * step_m_ - range_m;
     // A bin at the window's edge counts by the share of it that is within.
@@ -96,16 +104,18 @@ void ArrayView::operator()(std::span<const float> lags, double range_m,
   if (!(all[0].real() > 0)) return;
   const double u = direction_of(all);
   out[0] = static_cast<float>(u), out[1] = static_cast<float>(u * range_m);
-  std::size_t at = 2;
-  const auto put = [&](const Lags& sum) {
-    for (std::size_t d = 1; d < sum.size(); ++d) {
-      const auto turned =
-          sum[d] * std::polar(1.0, -pi * static_cast<double>(d) * u) / all[0].real();
-      out[at++] = static_cast<float>(turned.real()), out[at++] = static_cast<float>(turned.imag());
-    }
+  std::size_t at = of_direction;
+  const auto put = [&](const std::complex<double>& lag) {
+    const auto share = lag / all[0].real();
+    out[at++] = static_cast<float>(share.real()), out[at++] = static_cast<float>(share.imag());
   };
-  put(all);
-  for (const Lags& part : parts) put(part);
+  const auto put_lags = [&](const Lags& sum, std::size_t most) {
+    for (std::size_t d = 1; d <= std::min(across_, most); ++d)
+      put(sum[d] * std::polar(1.0, -pi * static_cast<double>(d) * u));
+    for (std::size_t d = 1; d <= std::min(up_, most); ++d) put(sum[across_ + d]);
+  };
+  put_lags(all, lags_in_all);
+  for (const Lags& part : parts) put_lags(part, longest_of_parts);
 }
 
 void ArrayView::turn(double by, double range_m, std::span<float> features) {

@@ -3,7 +3,8 @@
 // range at which the SPD sees it: the direction where most power comes from (the maximum of
 // Bartlett's beam, sum of (A - d) Re(c_d exp(-i pi d u))), and the lags turned into that direction.
 // These say how the body spreads about it, wherever it stands, as the aligned profile does along
-// the range.
+// the range. Lags of antennas one above the other say how it spreads in height; they stay as they
+// are.
 #pragma once
 #include <complex>
 #include <span>
@@ -22,7 +23,7 @@ class ArrayView {
   static constexpr std::size_t of_direction = 2;  // the first of them
   std::size_t cost() const;                       // multiply-adds
   // Fills size() features from a record's lags above the background: direction cosine u, u times
-  // the range (metres), then of the window about the body and of parts of it the lags 1 to D,
+  // the range (metres), then of the window about the body and of parts of it the lags, those across
   // turned by exp(-i pi d u), over the power of the window. All zero if that has no power.
   void operator()(std::span<const float> lags, double range_m, std::span<float> out) const;
   // As of the same body in another direction.
@@ -34,7 +35,9 @@ class ArrayView {
   void add(std::span<const float> bin, double weight, Lags& to) const;
   double direction_of(const Lags& sum) const;
 
-  std::size_t longest_ = 0, bins_ = 0, parts_ = 0;
+  std::size_t lags_of(std::size_t most) const;  // how many, at most so many of each kind
+
+  std::size_t across_ = 0, up_ = 0, bins_ = 0, parts_ = 0;
   double first_m_ = 0, step_m_ = 1, part_m_ = 1;
 };
 
