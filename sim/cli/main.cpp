@@ -15,39 +15,20 @@
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
+#include "sim/cli/plan_arguments.hpp"
+#include "sim/cli/study_commands.hpp"
 #include "sim/dataset/dataset.hpp"
 #include "sim/dataset/preview.hpp"
 #include "sim/lab/lab.hpp"
 #include "sim/lab/lab_command.hpp"
-#include "sim/study/array_bound.hpp"
-#include "sim/study/bound.hpp"
-#include "sim/study/fidelity.hpp"
-#include "sim/study/letters.hpp"
+#include "sim/twin/twin.hpp"
 #include "sim/usb/usb_lab.hpp"
 
 namespace {
 
 using namespace echofuse;
-using Command = std::function<ExitCode()>;
-
-// What describes a plan on the command line.
-struct PlanArguments {
-  std::string config;
-  std::vector<std::string> settings;
-};
-
-void add_plan_options(CLI::App& app, PlanArguments& a) {
-  app.add_option("--config", a.config, "TOML file of settings");
-  app.add_option("--set", a.settings, "key=value, over the file's")->allow_extra_args(false);
-}
-
-// A data set's file configures a laboratory and a study as well.
-void read_plan(const PlanArguments& a, sim::Plan& plan, Settings& settings) {
-  bind(settings, plan);
-  if (!a.config.empty()) settings.read_file(a.config);
-  for (const auto& assignment : a.settings) settings.set(assignment);
-  validate(plan.conditions);
-}
+using sim::Command;
+using sim::PlanArguments;
 
 struct DatasetArguments : PlanArguments {
   sim::DatasetOptions options;
@@ -99,7 +80,8 @@ sim::Plan make_plan(DatasetArguments& a) {
     a.options.config_text = read_config_text(a.config);
     settings.read_text(a.options.config_text, a.config);
   }
-  for (const auto& assignment : a.settings) settings.set(assignment);
+  for (const auto& assignment : a.assignments()) settings.set(assignment);
+  resolve_twin(settings, plan);
   if (a.seed) plan.seed = *a.seed;
   apply_counts(a, plan);
   if (!a.mirror_of.empty()) check_same_scenes(plan, a.mirror_of);
@@ -145,6 +127,10 @@ void add_dataset(CLI::App& app, Command& command) {
   sub->add_option("--seed", a->seed, "the same seed makes the same records")
       ->check(CLI::NonNegativeNumber);
   add_plan_options(*sub, *a);
+  add_twin_options(*sub, *a);
+  sub->add_option("--laboratories", a->laboratories,
+                  "record i is of the twin's laboratory i modulo this")
+      ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000}));
   sub->add_option("--threads", a->options.threads)->check(CLI::Range(1, 256));
   sub->add_flag("-q,--quiet", a->options.quiet, "no progress, no summary");
   sub->add_flag("--json", a->json, "summary as one JSON object");
@@ -179,7 +165,8 @@ ExitCode run_lab(LabArguments& a, char** argv) {
   Settings settings;
   read_plan(a, plan, settings);
   // Two frames of a real camera are never the same.
-  if (!settings.given("depth_noise_m")) plan.conditions.depth_noise_m = 0.0005;
+  if (!settings.given("depth_noise_m") && plan.conditions.depth_noise_m == 0)
+    plan.conditions.depth_noise_m = 0.0005;
   a.options.conditions = plan.conditions;
   if (!plan.scenes.empty()) {
     a.options.schedule.list = scenes_of(plan);
@@ -235,6 +222,7 @@ void add_lab(CLI::App& app, Command& command, char** argv) {
   sub->add_option("--duration", a->duration_s, "close by itself after so many seconds")
       ->check(CLI::NonNegativeNumber);
   add_plan_options(*sub, *a);
+  add_twin_options(*sub, *a);
   sub->add_flag("--json", a->json, "what was sent as one JSON object");
   sub->add_flag("--usb", o.usb, "the time tagger on emulated USB instead of the bridge");
   sub->add_option("command", a->command, "run this in the laboratory, and close it afterwards")
@@ -262,99 +250,6 @@ void add_preview(CLI::App& app, Command& command) {
   });
 }
 
-template <class Options>
-struct StudyArguments : PlanArguments {
-  Options options;
-  std::string out;
-};
-
-ExitCode run_fidelity(StudyArguments<sim::FidelityOptions>& a) {
-  const auto rows = sim::study_fidelity(a.options);
-  for (const auto& r : rows)
-    std::printf("%-10s %-10s %9.4f +- %.4f of the noise's variance%s\n", r.axis.c_str(),
-                r.value.c_str(), r.error, r.standard_error,
-                r.us > 0 ? ("  " + std::to_string(std::lround(r.us)) + " us").c_str() : "");
-  std::printf("chosen: %lld rays for %g photons\n",
-              static_cast<long long>(rays_of(a.options.conditions)),
-              a.options.conditions.signal_photons);
-  sim::write_fidelity(rows, a.out);
-  return ExitCode::ok;
-}
-
-ExitCode run_bound(StudyArguments<sim::BoundOptions>& a) {
-  catch_interrupts();
-  const auto rows = sim::study_bound(a.options);
-  std::printf("%-12s %8s %-6s %32s %21s\n", "axis", "value", "known",
-              "sigma of x: median (quartiles)", "mean error: x lateral");
-  for (const auto& r : rows)
-    std::printf("%-12s %8g %-6s %12.4f (%.4f .. %.4f) m %10.4f %7.4f m\n", r.axis.c_str(), r.value,
-                r.known.c_str(), r.x_median_m, r.x_lower_m, r.x_upper_m, r.x_error_m,
-                r.lateral_error_m);
-  sim::write_bound(rows, a.out);
-  const auto of_array = sim::study_array_bound(a.options);
-  std::fputs(sim::to_text(of_array).c_str(), stdout);
-  sim::write_array_bound(of_array, a.out);
-  return ExitCode::ok;
-}
-
-ExitCode run_letters(StudyArguments<sim::LettersOptions>& a) {
-  catch_interrupts();
-  const auto rows = sim::study_letters(a.options);
-  std::printf("%-8s %8s %-10s %14s %6s\n", "axis", "value", "known", "top 1", "top 3");
-  for (const auto& r : rows)
-    std::printf("%-8s %8g %-10s %6.3f +- %.3f %6.3f\n", r.axis.c_str(), r.value, r.known.c_str(),
-                r.top1, r.se, r.top3);
-  for (const auto& r : rows)
-    if (r.axis == "photons" && r.value == 1000)
-      std::printf("1000 photons, known: %s\n%s", r.known.c_str(), confusion_text(r).c_str());
-  sim::write_letters(rows, a.out);
-  return ExitCode::ok;
-}
-
-template <class Options>
-void add_one_study(CLI::App& study, Command& command, const std::string& name,
-                   const std::string& what, ExitCode (*run)(StudyArguments<Options>&)) {
-  auto* sub = study.add_subcommand(name, what);
-  auto a = std::make_shared<StudyArguments<Options>>();
-  sub->add_option("--out", a->out, "folder for " + name + ".csv and " + name + ".svg")->required();
-  sub->add_option("--scenes", a->options.scenes)
-      ->check(CLI::Range(std::int64_t{2}, std::int64_t{10'000}))
-      ->capture_default_str();
-  sub->add_option("--seed", a->options.seed)->capture_default_str();
-  add_plan_options(*sub, *a);
-  sub->add_flag("-q,--quiet", a->options.quiet, "no progress");
-  sub->callback([&command, a, run] {
-    command = [a, run] {
-      sim::Plan plan;
-      Settings settings;
-      read_plan(*a, plan, settings);
-      for (const char* key :
-           {"seed", "people", "letters", "two_people", "empty", "objects", "scenes", "mirrored"})
-        if (settings.given(key))
-          throw Error(ExitCode::config, std::string(key) +
-                                            ": a study draws its own scenes; --scenes says how "
-                                            "many, --seed which");
-      a->options.conditions = plan.conditions;
-      std::error_code error;
-      std::filesystem::create_directories(a->out, error);
-      if (error) throw Error(ExitCode::disk, a->out + ": " + error.message());
-      return run(*a);
-    };
-  });
-}
-
-void add_study(CLI::App& app, Command& command) {
-  auto* study = app.add_subcommand("study", "how much detail a scene needs, and what it tells");
-  study->require_subcommand(1);
-  add_one_study(*study, command, "fidelity",
-                "each approximation against a finer one, in units of noise, beside its time",
-                run_fidelity);
-  add_one_study(*study, command, "bound", "the least error of a lateral position that noise allows",
-                run_bound);
-  add_one_study(*study, command, "letters",
-                "which letter the likelihood of a histogram tells, all else known", run_letters);
-}
-
 void add_config(CLI::App& app, Command& command) {
   auto* sub = app.add_subcommand("config", "print every setting with its meaning, range and value");
   struct Arguments : PlanArguments {
@@ -362,11 +257,18 @@ void add_config(CLI::App& app, Command& command) {
   };
   auto a = std::make_shared<Arguments>();
   add_plan_options(*sub, *a);
+  add_twin_options(*sub, *a)->description(
+      "print the ranges of this FILE or default; with --laboratory the settings as drawn");
   sub->add_flag("--json", a->json, "as one JSON object: value, range and meaning of every key");
   sub->callback([&command, a] {
     command = [a] {
       sim::Plan plan;
       Settings settings;
+      if (!a->twin.empty() && !a->laboratory) {
+        std::cout << (a->twin == "default" ? sim::default_twin()
+                                           : to_text(sim::twin_named(a->twin)));
+        return ExitCode::ok;
+      }
       read_plan(*a, plan, settings);
       std::cout << (a->json ? settings.json() : settings.resolved(true));
       return ExitCode::ok;
@@ -381,7 +283,7 @@ ExitCode run(int argc, char** argv) {
   Command command;
   add_dataset(app, command);
   add_lab(app, command, argv);
-  add_study(app, command);
+  sim::add_study(app, command);
   add_preview(app, command);
   add_config(app, command);
   try {

@@ -16,6 +16,7 @@
 #include "sim/sensors/depth_camera.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
+#include "sim/twin/twin.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -31,7 +32,9 @@ enum class Stream : std::uint64_t {
   antennas,
   room,
   array,
-  mirror_array
+  mirror_array,
+  depth,
+  mirror_depth
 };
 std::uint64_t seed_of(const Plan& plan, Stream stream) {
   return mix(static_cast<std::uint64_t>(plan.seed) + mix(static_cast<std::uint64_t>(stream)));
@@ -80,6 +83,16 @@ std::vector<record::FusedRecord> make_batch(const Generator& generator, std::int
   return batch;
 }
 
+std::string one_line(std::string lines) {
+  std::string out;
+  for (const char c : lines)
+    if (c == '\n')
+      out += ", ";
+    else if (c != ' ')
+      out += c;
+  return out.substr(0, out.size() - std::min<std::size_t>(2, out.size()));
+}
+
 record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
   Plan copy = plan;
   Settings settings;
@@ -93,6 +106,11 @@ record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
   info.version = version();
   info.host = host;
   info.notes = "simulated data set";
+  if (!plan.twin.empty() && plan.laboratories > 0)
+    info.notes += " of " + std::to_string(plan.laboratories) + " virtual laboratories";
+  else if (!plan.twin.empty())
+    info.notes += " of virtual laboratory " + std::to_string(plan.laboratory) + ": " +
+                  one_line(draws_of(twin_named(plan.twin), plan.laboratory));
   info.window_s = dataset_window_s;
   return info;
 }
@@ -115,7 +133,38 @@ void bind(Settings& settings, Plan& plan) {
   settings.add("objects", plan.objects, 0, 10'000'000, "records of the object");
   settings.add("scenes", plan.scenes, "TOML file of [[scene]] tables, instead of these numbers");
   settings.add("mirrored", plan.mirrored, "mirror every scene, x -> -x");
+  settings.add("twin", plan.twin,
+               "ranges of what laboratories differ in: default, a file, or their text");
+  settings.add("laboratory", plan.laboratory, 0, INT64_MAX, "which of the twin's laboratories");
+  settings.add("laboratories", plan.laboratories, 0, 1'000'000,
+               "record i is of laboratory i modulo this; 0: all are of one");
   bind(settings, plan.conditions);
+}
+
+void resolve_twin(const Settings& settings, Plan& plan) {
+  if (plan.twin.empty()) {
+    for (const char* key : {"laboratory", "laboratories"})
+      if (settings.given(key) && (plan.laboratory > 0 || plan.laboratories > 0))
+        throw Error(ExitCode::config, std::string(key) + " needs a twin, from which it draws");
+    return;
+  }
+  if (plan.laboratories > 0 && plan.laboratory > 0)
+    throw Error(ExitCode::config, "laboratory and laboratories: give one of them");
+  Twin twin = twin_named(plan.twin);
+  twin.ranges.erase(std::remove_if(twin.ranges.begin(), twin.ranges.end(),
+                                   [&](const Range& range) { return settings.given(range.key); }),
+                    twin.ranges.end());
+  plan.twin = to_text(twin);
+}
+
+std::vector<Conditions> laboratories_of(const Plan& plan) {
+  if (plan.twin.empty()) return {plan.conditions};
+  const Twin twin = twin_named(plan.twin);
+  if (plan.laboratories == 0) return {conditions_of(twin, plan.laboratory, plan.conditions)};
+  std::vector<Conditions> all;
+  for (std::int64_t k = 0; k < plan.laboratories; ++k)
+    all.push_back(conditions_of(twin, k, plan.conditions));
+  return all;
 }
 
 Plan plan_of(const std::string& run_path) {
@@ -156,57 +205,86 @@ std::vector<SceneSpec> scenes_of(const Plan& plan) {
 
 Generator::Generator(Plan plan)
     : plan_(std::move(plan)),
+      laboratories_(laboratories_of(plan_)),
       scenes_(scenes_of(plan_)),
-      radar_(radar_response(plan_.conditions)),
       x_(map_grid(plan_.conditions).x()),
       y_(map_grid(plan_.conditions).y()),
-      mean_peak_(mean_peak_power(radar_, plan_.conditions)),
-      array_{radar_, simulated_antennas(plan_.conditions, seed_of(plan_, Stream::antennas)),
-             seed_of(plan_, Stream::room)} {}
+      mean_peak_(mean_peak_power(radar_response(plan_.conditions), plan_.conditions)),
+      antennas_(simulated_antennas(conditions(0), seed_of(plan_, Stream::antennas))) {
+  if (laboratories_.size() == 1 && plan_.conditions.background == "room")
+    room_ = room_alone(conditions(0),
+                       {radar_response(conditions(0)), antennas_, seed_of(plan_, Stream::room)});
+}
 
 Scene Generator::scene(std::int64_t index) const {
   const auto i = static_cast<std::size_t>(index);
   const Scene scene =
-      make_scene(plan_.conditions, scenes_.at(i), seed_of(plan_, Stream::scenes), i);
+      make_scene(conditions(index), scenes_.at(i), seed_of(plan_, Stream::scenes), i);
   return plan_.mirrored ? mirrored(scene) : scene;
 }
 
 record::FusedRecord Generator::make(std::int64_t index) const {
-  const Conditions& c = plan_.conditions;
+  const Conditions& c = conditions(index);
   const Scene world = scene(index);
-  Rng rng = make_rng(seed_of(plan_, plan_.mirrored ? Stream::mirror_noise : Stream::noise),
-                     static_cast<std::uint64_t>(index));
+  const auto rng_of = [&](Stream stream, Stream of_mirrored) {
+    return make_rng(seed_of(plan_, plan_.mirrored ? of_mirrored : stream),
+                    static_cast<std::uint64_t>(index));
+  };
+  Rng rng = rng_of(Stream::noise, Stream::mirror_noise);
+  Rng depth_rng = rng_of(Stream::depth, Stream::mirror_depth);
   record::FusedRecord r = blank_record(index, world.label);
-  thread_local Returns returns;
-  spd_returns(world, c, returns);
-  r.spd = draw_counts(spd_rate(returns, c), c, rng);
+  r.spd = count_photons(world, c, rng);
   count_clicks(r, c.pulses_per_window);
-  radar_returns(world, c, returns);
-  std::vector<double> looks;
-  if (!array_.antennas.empty()) looks = look_through_array(index, returns, r);
-  roughen(returns, c, rng);
-  const bool looked = !looks.empty() && c.radar_sum == "coherent";
-  auto power = looked ? std::vector<double>(radar_.count) : radar_power(returns, radar_, c);
-  // Drawn also where it is not used, so that the depth map is the same.
-  add_radar_noise(power, mean_peak_, c, rng);
-  if (looked) power = std::move(looks);
+  const auto power = radar_profile(index, world, r, rng);
   r.radar.resize(power.size());
   std::transform(power.begin(), power.end(), r.radar.begin(),
                  [](double p) { return static_cast<float>(p); });
-  r.depth_mm = depth_map_mm(world, x_, y_, c, rng);
+  r.depth_mm = depth_map_mm(world, x_, y_, c, depth_rng);
   return r;
+}
+
+std::vector<std::uint32_t> Generator::count_photons(const Scene& scene, const Conditions& c,
+                                                    Rng& rng) const {
+  const RoomAlone* room = room_behind(scene);
+  thread_local Returns returns;
+  spd_returns(scene, c, returns, room ? RoomIs::subtracted : RoomIs::seen);
+  auto rate = spd_rate(returns, c);
+  if (room) add_room(room->light, rate);
+  return draw_counts(rate, c, rng);
+}
+
+std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& scene,
+                                             record::FusedRecord& r, Rng& rng) const {
+  const Conditions& c = conditions(index);
+  const bool coherent = c.radar_sum == "coherent";
+  ArrayRadar radar{radar_response(c), antennas_, seed_of(plan_, Stream::room)};
+  // New speckle of one antenna, and a covariance's roots, need all patches.
+  const RoomAlone* room = coherent == !antennas_.empty() ? room_behind(scene) : nullptr;
+  thread_local Returns returns;
+  radar_returns(scene, c, returns, room ? RoomIs::subtracted : RoomIs::seen);
+  if (room) radar.room = room->echo;
+  if (!antennas_.empty()) {
+    auto looks = look_through_array(index, returns, radar, r);
+    if (coherent) return looks;
+  }
+  roughen(returns, c, rng);
+  auto power = radar_power(returns, radar.axis, c);
+  if (room) add_room(room->power, power);
+  add_radar_noise(power, mean_peak_, c, rng);
+  return power;
 }
 
 // From random numbers of its own, so that the rest of the record (with coherent echoes: but the
 // profile) is the same with and without antennas. Returns the mean power in each point.
 std::vector<double> Generator::look_through_array(std::int64_t index, const Returns& returns,
+                                                  const ArrayRadar& radar,
                                                   record::FusedRecord& r) const {
-  const Conditions& c = plan_.conditions;
+  const Conditions& c = conditions(index);
   Rng rng = make_rng(seed_of(plan_, plan_.mirrored ? Stream::mirror_array : Stream::array),
                      static_cast<std::uint64_t>(index));
-  const auto kept = record::array_axis(radar_axis(c), array_.antennas.size()).count;
+  const auto kept = record::array_axis(radar_axis(c), antennas_.size()).count;
   ArrayLooks looks =
-      sim::look_through_array(returns, array_, kept, c, radar_noise_power(c, mean_peak_), rng);
+      sim::look_through_array(returns, radar, kept, c, radar_noise_power(c, mean_peak_), rng);
   r.array = std::move(looks.array);
   r.array_frames = static_cast<std::uint64_t>(c.radar_frames);
   return std::move(looks.power);

@@ -3,13 +3,14 @@
 // number of threads (but for uuid and times of day).
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "acquire/record/record.hpp"
 #include "sim/scene/conditions.hpp"
 #include "sim/scene/scene.hpp"
-#include "sim/sensors/radar_array.hpp"
+#include "sim/sensors/room_alone.hpp"
 
 namespace echofuse::sim {
 
@@ -21,10 +22,19 @@ struct Plan {
   std::string
       scenes;  // file of a list (sim/scene/scene_list.hpp), which replaces the numbers above
   bool mirrored = false;  // every scene's mirror image, with noise of its own
-  Conditions conditions;
+  Conditions conditions;  // what a laboratory would write down
+  // Ranges of what laboratories differ in (twin_named); empty: none. Either all records are of one
+  // laboratory, or record i of laboratory i mod `laboratories`.
+  std::string twin;
+  std::int64_t laboratory = 0, laboratories = 0;
 };
 
 void bind(Settings& settings, Plan& plan);
+// Call after reading: the twin becomes the text of its ranges, without those whose key is given.
+// Throws Error(config) for a twin that cannot be read and for laboratories without a twin.
+void resolve_twin(const Settings& settings, Plan& plan);
+// The conditions of the plan's laboratories, without a twin of the only one.
+std::vector<Conditions> laboratories_of(const Plan& plan);
 // The plan stored in a run that `dataset` wrote; throws Error(failed) for any other run.
 Plan plan_of(const std::string& run_path);
 
@@ -41,19 +51,30 @@ class Generator {
   Scene scene(std::int64_t index) const;
   record::FusedRecord make(std::int64_t index) const;
   record::Antennas stated_antennas() const {
-    return sim::stated_antennas(array_.antennas, plan_.conditions);
+    return sim::stated_antennas(antennas_, plan_.conditions);
   }
 
  private:
+  std::vector<std::uint32_t> count_photons(const Scene& scene, const Conditions& c, Rng& rng) const;
+  std::vector<double> radar_profile(std::int64_t index, const Scene& scene, record::FusedRecord& r,
+                                    Rng& rng) const;
   std::vector<double> look_through_array(std::int64_t index, const Returns& returns,
-                                         record::FusedRecord& r) const;
+                                         const ArrayRadar& radar, record::FusedRecord& r) const;
+  const RoomAlone* room_behind(const Scene& scene) const {
+    return room_ && scene.room ? &*room_ : nullptr;
+  }
+
+  const Conditions& conditions(std::int64_t index) const {
+    return laboratories_[static_cast<std::size_t>(index) % laboratories_.size()];
+  }
 
   Plan plan_;
+  std::vector<Conditions> laboratories_;
   std::vector<SceneSpec> scenes_;
-  RadarAxis radar_;
   Axis x_, y_;
   double mean_peak_ = 0;
-  ArrayRadar array_;  // with its antennas' errors
+  record::Antennas antennas_;      // with their errors
+  std::optional<RoomAlone> room_;  // if all records are before it, in one laboratory
 };
 
 struct DatasetOptions {

@@ -49,7 +49,7 @@ const RenderedScene& ScenePlayer::at(double time_s) {
   rendered_.spd = spd_returns(rendered_.scene, conditions_);
   // The reflector is put before each sensor in turn; here, before both at once.
   Scene for_radar = rendered_.scene;
-  if (for_radar.label == "reflector") for_radar.plates[0].centre.x = -conditions_.baseline_m;
+  if (for_radar.label == "reflector") for_radar.plates[0].centre.x = radar_x_m(conditions_);
   Conditions with_places = conditions_;
   with_places.radar_antennas = std::max<std::int64_t>(1, conditions_.radar_antennas);
   rendered_.array = radar_returns(for_radar, with_places);

@@ -28,11 +28,52 @@ void bind_scene(Settings& s, Conditions& c) {
   s.add("background", c.background, "what stands behind", {"none", "room"});
 }
 
+void bind_people(Settings& s, Conditions& c) {
+  s.add("height_min_m", c.height_min_m, 0.5, 2.5, "shortest person");
+  s.add("height_max_m", c.height_max_m, 0.5, 2.5, "tallest person");
+  s.add("girth", c.girth, 0.3, 3, "trunk, of the base body's");
+  s.add("shoulder_width", c.shoulder_width, 0.3, 3, "of the base body's");
+  s.add("limb_width", c.limb_width, 0.3, 3, "arms and legs, of the base body's");
+  s.add("leg_length", c.leg_length, 0.7, 1.4, "of the base body's; the trunk makes up for it");
+  s.add("body_spread", c.body_spread, 0, 0.5,
+        "share by which each of these four varies between people");
+  s.add("pose_spread", c.pose_spread, 0, 1.5, "ranges of the joints' angles, of the base's");
+  s.add("albedo_min", c.albedo_min, 0, 1, "darkest clothes");
+  s.add("albedo_max", c.albedo_max, 0, 1, "brightest clothes");
+  s.add("albedo_contrast", c.albedo_contrast, 0, 3,
+        "top, trousers, shoes and skin differ: exp(+-contrast)");
+}
+
+void bind_letters(Settings& s, Conditions& c) {
+  s.add("letter_albedo", c.letter_albedo, 0, 1, "of letters");
+  s.add("letter_scale", c.letter_scale, 0.2, 3, "size of letters");
+  s.add("letter_stroke", c.letter_stroke, 0.3, 2, "width of their strokes, of the base's");
+  s.add("letter_reach", c.letter_reach, 0.3, 1.5, "distance from the chest, of the base's");
+  s.add("letter_lift_m", c.letter_lift_m, -1, 1, "held higher than in the base");
+  s.add("letter_tilt_deg", c.letter_tilt_deg, 0, 80, "leans forward or back by up to this");
+  s.add("letter_roll_deg", c.letter_roll_deg, 0, 180, "turned in its plane by up to this");
+  s.add("letter_turn_deg", c.letter_turn_deg, 0, 80, "turned against the shoulders");
+}
+
+void bind_reflectivity(Settings& s, Conditions& c) {
+  s.add("radar_cloth", c.radar_cloth, 0, 100, "radar's reflectivity, of the optical albedo");
+  s.add("radar_skin", c.radar_skin, 0, 100, "the same of head and neck");
+  s.add("radar_plate", c.radar_plate, 0, 100, "the same of letters");
+  s.add("radar_follows_albedo", c.radar_follows_albedo, 0, 1,
+        "share of the clothes' differences in albedo that the radar sees");
+  s.add("radar_body_spread", c.radar_body_spread, 0, 3,
+        "people's reflectivities differ besides: exp(+-spread)");
+  s.add("radar_lobe", c.radar_lobe, 0, 20, "echo ~ cos^n of the incidence; 1: Lambert");
+  s.add("radar_plate_lobe", c.radar_plate_lobe, 0, 20, "the same of letters");
+  s.add("optical_lobe", c.optical_lobe, 0, 20, "the same of people and letters in light");
+}
+
 void bind_spd(Settings& s, Conditions& c) {
   s.add("spd_rays", c.spd_rays, 0, 2048,
         "rays across the field of view, at least 16; 0: as many as the photons ask for");
   s.add("irf_fwhm_ps", c.irf_fwhm_ps, 0.1, 100'000, "Gaussian impulse response");
   s.add("irf_tail_ps", c.irf_tail_ps, 0, 100'000, "exponential tail, 0: none");
+  s.add("irf_tail_share", c.irf_tail_share, 0, 1, "share of the photons that have this tail");
   s.add("bin_width_ps", c.bin_width_ps, 1, 100'000, "SPD histogram");
   s.add("first_bin_ps", c.first_bin_ps, 0, 1e6, "two-way time where bin 0 starts");
   s.add("bins", c.bins, 1, 65'536, "SPD histogram");
@@ -43,6 +84,11 @@ void bind_spd(Settings& s, Conditions& c) {
         "laser pulses, for pile-up; 0: low flux");
   s.add("spd_dead_time_ps", c.spd_dead_time_ps, 0, 1e9,
         "of a free-running detector with pile-up; 0: one photon a pulse");
+  s.add("spd_falloff", c.spd_falloff, 0, 10, "light exp(-falloff) at the field's edges");
+  s.add("spd_field", c.spd_field, 0.1, 3, "the detector's field of view, of half_tangent");
+  s.add("spd_yaw_deg", c.spd_yaw_deg, -30, 30, "points to +x; the daemon does not know it");
+  s.add("spd_pitch_deg", c.spd_pitch_deg, -30, 30, "points up; the daemon does not know it");
+  s.add("slot_sway_m", c.slot_sway_m, 0, 1, "rms motion of people in a record, to and fro");
 }
 
 void bind_radar(Settings& s, Conditions& c) {
@@ -61,6 +107,10 @@ void bind_radar(Settings& s, Conditions& c) {
   s.add("radar_leakage", c.radar_leakage, 0, 1e6,
         "power of the transmitter's own echo at range 0, in mean scenes");
   s.add("radar_ground", c.radar_ground, 0, 1, "power that comes by the floor, of what is direct");
+  s.add("baseline_error_m", c.baseline_error_m, -1, 1, "true baseline minus baseline_m");
+  s.add("radar_falloff", c.radar_falloff, 0, 10, "echo exp(-falloff) at its field's edges");
+  s.add("radar_yaw_deg", c.radar_yaw_deg, -45, 45, "points to +x; the daemon does not know it");
+  s.add("radar_psf_width", c.radar_psf_width, 0.3, 3, "true range response's, of the stated");
 }
 
 void bind_array(Settings& s, Conditions& c) {
@@ -83,12 +133,18 @@ void bind_depth(Settings& s, Conditions& c) {
         "x/z and y/z at the depth maps' edges; 0: half_tangent");
   s.add("depth_noise_m", c.depth_noise_m, 0, 1, "sigma at 1 m, grows with the distance's square");
   s.add("depth_dropout", c.depth_dropout, 0, 1, "share of the pixels at edges without return");
+  s.add("depth_offset_m", c.depth_offset_m, -1, 1, "by which it reads too far");
+  s.add("depth_step_m", c.depth_step_m, 0, 0.1, "quantisation at 1 m, grows as the noise");
+  s.add("depth_holes", c.depth_holes, 0, 0.9, "share of the surface lost in holes");
 }
 
 }  // namespace
 
 void bind(Settings& settings, Conditions& conditions) {
   bind_scene(settings, conditions);
+  bind_people(settings, conditions);
+  bind_letters(settings, conditions);
+  bind_reflectivity(settings, conditions);
   bind_spd(settings, conditions);
   bind_radar(settings, conditions);
   bind_array(settings, conditions);
@@ -114,6 +170,10 @@ void validate(const Conditions& c) {
                                       "; expected 0 to 8, or 12");
   if (c.target_z_min_m > c.target_z_max_m)
     throw Error(ExitCode::config, "target_z_min_m is greater than target_z_max_m");
+  if (c.height_min_m > c.height_max_m)
+    throw Error(ExitCode::config, "height_min_m is greater than height_max_m");
+  if (c.albedo_min > c.albedo_max)
+    throw Error(ExitCode::config, "albedo_min is greater than albedo_max");
   if (!c.object.empty()) mesh_of(c.object);
 }
 
@@ -134,7 +194,10 @@ Axis radar_axis(const Conditions& c) {
 
 RadarAxis radar_response(const Conditions& c) {
   return {c.radar_start_m, c.radar_step_m, static_cast<std::uint32_t>(c.radar_bins),
-          c.radar_resolution_m, c.radar_psf == "sinc" ? Psf::sinc : Psf::blackman};
+          c.radar_resolution_m * c.radar_psf_width,
+          c.radar_psf == "sinc" ? Psf::sinc : Psf::blackman};
 }
+
+double radar_x_m(const Conditions& c) { return -(c.baseline_m + c.baseline_error_m); }
 
 }  // namespace echofuse::sim

@@ -31,11 +31,46 @@ struct Conditions {
   double object_albedo = 0.5;
   double object_yaw_deg = 180;  // objects turn up to this much
 
+  // People (sim/scene/person.hpp). Factors are of the base body.
+  double height_min_m = 1.55, height_max_m = 1.90;
+  double girth = 1;           // width and depth of the trunk
+  double shoulder_width = 1;  //
+  double limb_width = 1;      // of arms and legs
+  double leg_length = 1;      // the trunk makes up for it
+  double body_spread = 0;     // share by which each of these four varies from person to person
+  double pose_spread = 1;     // of the ranges of all joints' angles, about their middles
+  double albedo_min = 0.3, albedo_max = 0.7;  // of a person's clothes
+  // Top, trousers, shoes and skin are each brighter or darker by up to this: exp(+-contrast).
+  double albedo_contrast = 0;
+
+  // Letters, and how they are held
+  double letter_albedo = 0.8;
+  double letter_scale = 1;     // size of the plate
+  double letter_stroke = 1;    // width of its strokes
+  double letter_reach = 1;     // distance from the chest, of the base's 0.33 to 0.37 body heights
+  double letter_lift_m = 0;    // higher than the base, which is 0.02 above to 0.12 body heights
+                               // below the shoulders
+  double letter_tilt_deg = 0;  // leans forward or back by up to this,
+  double letter_roll_deg = 0;  // is turned in its plane,
+  double letter_turn_deg = 0;  // and against the person's shoulders
+  // What the radar gets back, of what a surface of the same optical albedo would give.
+  double radar_cloth = 1, radar_skin = 1, radar_plate = 1;
+  // 1: the radar's reflectivity varies with the albedo of people's parts; 0: not at all.
+  double radar_follows_albedo = 1;
+  double radar_body_spread = 0;  // of a person's reflectivity besides: exp(+-spread)
+  // Echo per solid angle seen ~ cos^n of the incidence. n = 1: Lambert. n = 2 alpha: the directive
+  // model of diffuse scattering (Degli-Esposti et al., IEEE TAP 55, 143, 2007), whose lobe
+  // ((1 + cos psi)/2)^alpha is cos^(2 alpha) on the way back. Scaled so that a sphere's echo stays.
+  double radar_lobe = 1;        // of cloth and skin
+  double radar_plate_lobe = 1;  // of the letter
+  double optical_lobe = 1;      // the same power of people and letters in the detector's light
+
   // SPD
   // Rays across the field of view, both ways; 0: as many as signal_photons ask for (rays_of).
   std::int64_t spd_rays = 0;
   double irf_fwhm_ps = 200;
-  double irf_tail_ps = 0;  // time constant of an exponential tail; 0: Gaussian only
+  double irf_tail_ps = 0;     // time constant of an exponential tail; 0: Gaussian only
+  double irf_tail_share = 1;  // of the photons that it delays
   double bin_width_ps = 100;
   double first_bin_ps = 13343;  // two-way 2.0 m
   std::int64_t bins = 336;
@@ -46,6 +81,12 @@ struct Conditions {
   // comes when the detector is ready again; 0: low flux.
   std::int64_t pulses_per_window = 0;
   double spd_dead_time_ps = 0;
+  // Light falls off towards the edges of the field of view: exp(-falloff t^2 / half_tangent^2) at
+  // tangent t from the middle, where the detector points. The daemon takes it to look straight.
+  double spd_falloff = 0;
+  double spd_field = 1;                       // the detector's field of view, of half_tangent
+  double spd_yaw_deg = 0, spd_pitch_deg = 0;  // to +x and +y
+  double slot_sway_m = 0;  // rms motion of people along the line of sight in a record: blurs it
 
   // Radar
   // Rays across the horizontal field of view; half as many up and down, over half its tangent.
@@ -64,6 +105,10 @@ struct Conditions {
   double radar_leakage = 0;  // power of transmitter in receiver, at range 0, as of radar_power
   // By the floor, one way, of what comes straight: over the longer path, from between both.
   double radar_ground = 0;
+  double baseline_error_m = 0;  // by which the true baseline is longer than baseline_m
+  double radar_falloff = 0;     // as spd_falloff, over radar_half_tangent
+  double radar_yaw_deg = 0;
+  double radar_psf_width = 1;  // true width of its response, of that of radar_resolution_m
 
   // The radar's virtual antennas (sim/sensors/radar_array.hpp): 1 to 8 in a row, 12 as the AOP
   // board has them; 0: their samples are not kept.
@@ -82,6 +127,9 @@ struct Conditions {
   double map_half_tangent = 0;  // at their edges; 0: half_tangent
   double depth_noise_m = 0;     // sigma at 1 m; grows as z^2
   double depth_dropout = 0;     // share of the pixels at edges without return
+  double depth_offset_m = 0;    // by which it reads too far
+  double depth_step_m = 0;      // quantisation at 1 m; grows as z^2
+  double depth_holes = 0;  // share of the surface lost in holes of 2 to 3 % of the frame's width
 };
 
 // [S] exposure of one record; a simulated set has no other clock
@@ -104,5 +152,6 @@ Axis spd_axis(const Conditions& conditions);
 record::MapGrid map_grid(const Conditions& conditions);
 Axis radar_axis(const Conditions& conditions);
 RadarAxis radar_response(const Conditions& conditions);
+double radar_x_m(const Conditions& conditions);  // where the radar truly is
 
 }  // namespace echofuse::sim

@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "sim/scene/draw.hpp"
 
@@ -26,15 +27,61 @@ Vec3 limb(double side, double swing_deg, double spread_deg) {
           std::cos(spread) * std::sin(swing)};
 }
 
+// 1, or a factor about it. What does not vary draws no number.
+double varied(double by, SceneSampler& sampler) {
+  return by > 0 ? 1 + sampler.uniform(-by, by) : 1;
+}
+double varied_log(double by, SceneSampler& sampler) {
+  return by > 0 ? std::exp(sampler.uniform(-by, by)) : 1;
+}
+
+// An angle of a joint, degrees.
+double pose(double low, double high, const Conditions& c, SceneSampler& sampler) {
+  const double middle = (low + high) / 2, half = c.pose_spread * (high - low) / 2;
+  return sampler.uniform(middle - half, middle + half);
+}
+
 struct Leg {
   Vec3 hip, knee, ankle;
 };
-Leg random_leg(double side, SceneSampler& sampler) {
-  const double swing = sampler.uniform(-15, 25), spread = sampler.uniform(0, 14);
-  const double bend = sampler.uniform(0, 30);
+Leg random_leg(double side, double length, const Conditions& c, SceneSampler& sampler) {
+  const double swing = pose(-15, 25, c, sampler), spread = pose(0, 14, c, sampler);
+  const double bend = pose(0, 30, c, sampler);
   const Vec3 hip{side * hip_half_width, hip_height, 0};
-  const Vec3 knee = hip + thigh * limb(side, swing, spread);
-  return {hip, knee, knee + shin * limb(side, swing - bend, spread)};
+  const Vec3 knee = hip + length * thigh * limb(side, swing, spread);
+  return {hip, knee, knee + length * shin * limb(side, swing - bend, spread)};
+}
+
+// Factors of the base body's sizes.
+struct Build {
+  double girth, shoulders, limbs, legs;
+  // Of what is above the hip: taller for shorter legs, so that the whole is as tall.
+  double trunk() const { return 1 - (legs - 1) * hip_height / (1 - hip_height); }
+};
+Build random_build(const Conditions& c, SceneSampler& sampler) {
+  const double by = c.body_spread;
+  return {c.girth * varied(by, sampler), c.shoulder_width * varied(by, sampler),
+          c.limb_width * varied(by, sampler), c.leg_length * varied(by / 4, sampler)};
+}
+
+// What a part of the body sends back to light and to the radar.
+struct Surface {
+  double albedo, radar;
+};
+struct Clothes {
+  Surface top, trousers, shoes, skin;
+};
+Clothes random_clothes(const Conditions& c, double albedo, SceneSampler& sampler) {
+  const auto part = [&](double radar) {
+    const double own = std::min(1.0, albedo * varied_log(c.albedo_contrast, sampler));
+    constexpr double middle = 0.5;  // of the base's albedos
+    return Surface{own, radar * (middle + c.radar_follows_albedo * (own - middle))};
+  };
+  const Clothes optical{part(c.radar_cloth), part(c.radar_cloth), part(c.radar_cloth),
+                        part(c.radar_skin)};
+  const double person = varied_log(c.radar_body_spread, sampler);
+  const auto with = [&](Surface s) { return Surface{s.albedo, person * s.radar}; };
+  return {with(optical.top), with(optical.trousers), with(optical.shoes), with(optical.skin)};
 }
 
 // One body. Its own coordinates are in body heights: x to the image's right when it faces -z, y up
@@ -43,8 +90,12 @@ class Body {
  public:
   Body(Scene& scene, const Conditions& conditions, const Stand& stand, SceneSampler& sampler)
       : scene_(scene),
-        height_m_(conditions.target_scale * sampler.uniform(1.55, 1.90)),
-        albedo_(sampler.uniform(0.3, 0.7)),
+        conditions_(conditions),
+        height_m_(conditions.target_scale *
+                  sampler.uniform(conditions.height_min_m, conditions.height_max_m)),
+        clothes_(random_clothes(
+            conditions, sampler.uniform(conditions.albedo_min, conditions.albedo_max), sampler)),
+        build_(random_build(conditions, sampler)),
         ground_{stand.x_m, -conditions.camera_height_m, stand.z_m},
         right_{std::cos(stand.yaw_rad), 0, std::sin(stand.yaw_rad)},
         front_{std::sin(stand.yaw_rad), 0, -std::cos(stand.yaw_rad)} {
@@ -53,56 +104,82 @@ class Body {
   }
 
   Vec3 shoulder(double side) const {
-    return along_trunk(shoulder_above_hip, side * shoulder_half_width);
+    return along_trunk(shoulder_above_hip, side * build_.shoulders * shoulder_half_width);
   }
   void add_arm(double side, Vec3 elbow, Vec3 hand) {
-    add(shoulder(side), elbow, 0.028);
-    add(elbow, hand, 0.024);
+    add(shoulder(side), elbow, 0.028 * build_.limbs, clothes_.top);
+    add(elbow, hand, 0.024 * build_.limbs, clothes_.top);
   }
   double height_m() const { return height_m_; }
   Vec3 right() const { return right_; }
+  Vec3 front() const { return front_; }
   Vec3 world(Vec3 p) const {
     return ground_ + height_m_ * (p.x * right_ + p.y * Vec3{0, 1, 0} + p.z * front_);
   }
 
  private:
-  void add(Vec3 a, Vec3 b, double radius) {
-    scene_.capsules.push_back({world(a), world(b), height_m_ * radius, albedo_});
+  void add(Vec3 a, Vec3 b, double radius, const Surface& surface) {
+    scene_.capsules.push_back(
+        {world(a), world(b), height_m_ * radius, surface.albedo, surface.radar});
   }
   // The lower foot stands on the floor.
   void add_legs(SceneSampler& sampler) {
-    const std::array<Leg, 2> legs{random_leg(-1, sampler), random_leg(1, sampler)};
+    const std::array<Leg, 2> legs{random_leg(-1, build_.legs, conditions_, sampler),
+                                  random_leg(1, build_.legs, conditions_, sampler)};
     const double lift = ankle_height - std::min(legs[0].ankle.y, legs[1].ankle.y);
     const Vec3 up{0, lift, 0};
     for (const Leg& leg : legs) {
       const Vec3 heel = leg.ankle + Vec3{0, lift - 0.015, -0.02};
-      add(leg.hip + up, leg.knee + up, 0.045);
-      add(leg.knee + up, leg.ankle + up, 0.032);
-      add(heel, heel + Vec3{0, 0, 0.11}, 0.024);
+      add(leg.hip + up, leg.knee + up, 0.045 * build_.limbs, clothes_.trousers);
+      add(leg.knee + up, leg.ankle + up, 0.032 * build_.limbs, clothes_.trousers);
+      add(heel, heel + Vec3{0, 0, 0.11}, 0.024, clothes_.shoes);
     }
     hip_ = Vec3{0, hip_height + lift, 0};
   }
   void add_trunk(SceneSampler& sampler) {
-    const double bow = radians(sampler.uniform(-5, 12)), tilt = radians(sampler.uniform(-6, 6));
+    const double bow = radians(pose(-5, 12, conditions_, sampler));
+    const double tilt = radians(pose(-6, 6, conditions_, sampler));
     trunk_ = {std::sin(tilt), std::cos(tilt) * std::cos(bow), std::cos(tilt) * std::sin(bow)};
-    add_across(0.01, 0.05, 0.065);   // pelvis
-    add_across(0.10, 0.03, 0.068);   // belly
-    add_across(0.20, 0.045, 0.074);  // chest
-    add_across(shoulder_above_hip, 0.09, 0.042);
-    add(along_trunk(0.29, 0), along_trunk(0.34, 0), 0.032);    // neck
-    add(along_trunk(0.365, 0), along_trunk(0.415, 0), 0.055);  // head
+    const double girth = build_.girth;
+    add_across(0.01, 0.05 * girth, 0.065 * girth, clothes_.trousers);  // pelvis
+    add_across(0.10, 0.03 * girth, 0.068 * girth, clothes_.top);       // belly
+    add_across(0.20, 0.045 * girth, 0.074 * girth, clothes_.top);      // chest
+    add_across(shoulder_above_hip, 0.09 * build_.shoulders, 0.042, clothes_.top);
+    add(along_trunk(0.29, 0), along_trunk(0.34, 0), 0.032, clothes_.skin);    // neck
+    add(along_trunk(0.365, 0), along_trunk(0.415, 0), 0.055, clothes_.skin);  // head
   }
   Vec3 along_trunk(double above_hip, double sideways) const {
-    return hip_ + above_hip * trunk_ + Vec3{sideways, 0, 0};
+    return hip_ + build_.trunk() * above_hip * trunk_ + Vec3{sideways, 0, 0};
   }
-  void add_across(double above_hip, double half_width, double radius) {
-    add(along_trunk(above_hip, -half_width), along_trunk(above_hip, half_width), radius);
+  void add_across(double above_hip, double half_width, double radius, const Surface& surface) {
+    add(along_trunk(above_hip, -half_width), along_trunk(above_hip, half_width), radius, surface);
   }
 
   Scene& scene_;
-  double height_m_, albedo_;
+  const Conditions& conditions_;
+  double height_m_;
+  Clothes clothes_;
+  Build build_;
   Vec3 ground_, right_, front_, hip_, trunk_;
 };
+
+// The plate's own axes: turned about the upright axis, leaning, and turned in its plane.
+Plate held_plate(const Conditions& c, const Body& body, SceneSampler& sampler) {
+  const auto angle = [&](double most_deg) {
+    return most_deg > 0 ? radians(sampler.uniform(-most_deg, most_deg)) : 0;
+  };
+  const double turn = angle(c.letter_turn_deg), lean = angle(c.letter_tilt_deg);
+  const double roll = angle(c.letter_roll_deg);
+  const Vec3 right = std::cos(turn) * body.right() + std::sin(turn) * body.front();
+  const Vec3 front = std::cos(turn) * body.front() - std::sin(turn) * body.right();
+  const Vec3 up = std::cos(lean) * Vec3{0, 1, 0} + std::sin(lean) * front;
+  Plate plate;
+  plate.u = std::cos(roll) * right + std::sin(roll) * up;
+  plate.v = std::cos(roll) * up - std::sin(roll) * right;
+  plate.albedo = c.letter_albedo;
+  plate.radar = c.radar_plate * c.letter_albedo;
+  return plate;
+}
 
 }  // namespace
 
@@ -110,8 +187,10 @@ void add_person(Scene& scene, const Conditions& conditions, const Stand& stand,
                 SceneSampler& sampler) {
   Body body(scene, conditions, stand, sampler);
   for (const double side : {-1.0, 1.0}) {
-    const double swing = sampler.uniform(-25, 80), spread = sampler.uniform(5, 70);
-    const double bend = sampler.uniform(0, 90), inward = sampler.uniform(-15, 40);
+    const double swing = pose(-25, 80, conditions, sampler);
+    const double spread = pose(5, 70, conditions, sampler);
+    const double bend = pose(0, 90, conditions, sampler);
+    const double inward = pose(-15, 40, conditions, sampler);
     const Vec3 elbow = body.shoulder(side) + upper_arm * limb(side, swing, spread);
     body.add_arm(side, elbow, elbow + forearm_and_grip * limb(side, swing + bend, spread - inward));
   }
@@ -120,19 +199,22 @@ void add_person(Scene& scene, const Conditions& conditions, const Stand& stand,
 char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand,
                        SceneSampler& sampler) {
   const char letter = record::letters[sampler.pick(record::letters.size())];
-  const record::LetterSize size =
-      record::letter_sizes[sampler.pick(record::letter_sizes.size())].scaled(
-          conditions.target_scale);
+  record::LetterSize size = record::letter_sizes[sampler.pick(record::letter_sizes.size())].scaled(
+      conditions.target_scale * conditions.letter_scale);
+  size.stroke_m *= conditions.letter_stroke;
   Body body(scene, conditions, stand, sampler);
   const Vec3 chest = 0.5 * (body.shoulder(-1) + body.shoulder(1));
-  const Vec3 held = chest + Vec3{0, sampler.uniform(-0.12, 0.02), sampler.uniform(0.33, 0.37)};
+  const double lift = sampler.uniform(-0.12, 0.02) + conditions.letter_lift_m / body.height_m();
+  const Vec3 held = chest + Vec3{0, lift, conditions.letter_reach * sampler.uniform(0.33, 0.37)};
   for (const double side : {-1.0, 1.0}) {
     const Vec3 hand = held + Vec3{side * size.width_m / 2 / body.height_m(), 0, -0.02};
     const Vec3 middle = 0.5 * (body.shoulder(side) + hand);
     body.add_arm(side, middle + Vec3{side * 0.02, -0.03, 0}, hand);
   }
-  scene.plates.push_back(
-      {body.world(held), body.right(), {0, 1, 0}, record::letter_strokes(letter, size), 0.8});
+  Plate plate = held_plate(conditions, body, sampler);
+  plate.centre = body.world(held);
+  plate.strokes = record::letter_strokes(letter, size);
+  scene.plates.push_back(std::move(plate));
   return letter;
 }
 

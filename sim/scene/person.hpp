@@ -16,12 +16,12 @@ struct Stand {
 
 inline constexpr std::int32_t capsules_of_person = 16;
 
-// Height 1.55-1.90 m, albedo 0.3-0.7, a random pose.
+// Height, build, clothes and reflectivities as the conditions say, a random pose.
 void add_person(Scene& scene, const Conditions& conditions, const Stand& stand,
                 SceneSampler& sampler);
 
 // The same, with a flat letter held in both hands at arm's length, facing where the person faces.
-// Of either size (acquire/record/letter.hpp), albedo 0.8. Returns the letter.
+// Of either size (acquire/record/letter.hpp) times letter_scale. Returns the letter.
 char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand,
                        SceneSampler& sampler);
 

@@ -136,6 +136,24 @@ Scene make_scene(const Conditions& c, const SceneSpec& spec, SceneSampler& sampl
   return scene;
 }
 
+bool radar_sees_apart(const Scene& scene) {
+  const auto apart = [](const auto& shape) {
+    return shape.radar != as_albedo && shape.radar != shape.albedo;
+  };
+  return std::any_of(scene.capsules.begin(), scene.capsules.end(), apart) ||
+         std::any_of(scene.plates.begin(), scene.plates.end(), apart);
+}
+
+Scene as_radar_sees(Scene scene) {
+  const auto see = [](auto& shapes) {
+    for (auto& shape : shapes)
+      if (shape.radar != as_albedo) shape.albedo = shape.radar;
+  };
+  see(scene.capsules);
+  see(scene.plates);
+  return scene;
+}
+
 Scene mirrored(const Scene& scene) {
   Scene image = scene;
   for (auto& capsule : image.capsules) {

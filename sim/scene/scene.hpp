@@ -16,10 +16,13 @@ namespace echofuse::sim {
 
 class SceneSampler;
 
+inline constexpr double as_albedo = -1;
+
 // All points within radius_m of the segment a-b.
 struct Capsule {
   Vec3 a, b;
   double radius_m = 0, albedo = 0;
+  double radar = as_albedo;  // the radar's reflectivity
 };
 
 using record::Stroke;
@@ -29,6 +32,7 @@ struct Plate {
   Vec3 centre, u, v;
   std::vector<Stroke> strokes;
   double albedo = 0;
+  double radar = as_albedo;
 };
 
 struct Triangle {
@@ -70,6 +74,10 @@ Scene make_scene(const Conditions& conditions, const SceneSpec& spec, std::uint6
 // From these random numbers (sim/scene/draw.hpp), in this order: for a person or a letter the first
 // are x, z and the turn.
 Scene make_scene(const Conditions& conditions, const SceneSpec& spec, SceneSampler& sampler);
+
+// Is there a reflectivity that is not the albedo? And the scene with them as albedos.
+bool radar_sees_apart(const Scene& scene);
+Scene as_radar_sees(Scene scene);
 
 // x -> -x of people and plates. The room stays where it is.
 Scene mirrored(const Scene& scene);

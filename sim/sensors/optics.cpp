@@ -16,7 +16,9 @@ std::int64_t whole_up(double x) { return static_cast<std::int64_t>(std::ceil(x))
 class Irf {
  public:
   explicit Irf(const Conditions& c)
-      : sigma_(c.irf_fwhm_ps / (2 * std::sqrt(2 * std::numbers::ln2))), tail_(c.irf_tail_ps) {}
+      : sigma_(c.irf_fwhm_ps / (2 * std::sqrt(2 * std::numbers::ln2))),
+        tail_(c.irf_tail_ps),
+        share_(c.irf_tail_share) {}
 
   double sigma() const { return sigma_; }
   // Outside [begin, end] less than 1e-9 of the energy is left.
@@ -24,7 +26,7 @@ class Irf {
   double end() const { return 6.2 * sigma_ + 21 * tail_; }
   double cdf(double t) const {
     const double gaussian = normal(t / sigma_);
-    return tail_ > 0 ? gaussian - late(t) : gaussian;
+    return tail_ > 0 ? gaussian - share_ * late(t) : gaussian;
   }
 
  private:
@@ -36,7 +38,7 @@ class Irf {
     const double share = normal(t / sigma_ - ratio);
     return share > 0 ? std::exp(ratio * ratio / 2 - t / tail_ + std::log(share)) : 0;
   }
-  double sigma_, tail_;
+  double sigma_, tail_, share_;
 };
 
 // The signal at a resolution finer than bin and IRF: weights on a grid of `phases` points a bin,

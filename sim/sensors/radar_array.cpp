@@ -12,7 +12,7 @@
 #include "drivers/core/axis.hpp"
 #include "drivers/core/clones.hpp"
 #include "sim/scene/draw.hpp"
-#include "sim/scene/scene.hpp"
+#include "sim/scene/room.hpp"
 #include "sim/sensors/array_cells.hpp"
 #include "sim/sensors/array_kernels.hpp"
 #include "sim/sensors/body_motion.hpp"
@@ -321,7 +321,7 @@ ArrayEcho::ArrayEcho(const Returns& returns, const ArrayRadar& radar, const Cond
                      Rng& rng) {
   const Layout layout(radar.antennas.size());
   const std::size_t blocks = blocks_of(radar.axis);
-  std::vector<float> still = radar.room;
+  std::vector<float> still(radar.room.begin(), radar.room.end());
   still.resize(blocks * layout.planes());
   add_points(returns, radar, still);
   const bool coherent = c.radar_sum == "coherent";
@@ -377,7 +377,7 @@ void ArrayEcho::frame(double later_s, Rng& rng, std::span<std::complex<float>> s
 
 std::vector<float> room_echo(const ArrayRadar& radar, const Conditions& c) {
   std::vector<float> planes(blocks_of(radar.axis) * Layout(radar.antennas.size()).planes());
-  add_still(radar_returns(make_scene(c, SceneKind::empty, 0, 0), c), radar, planes);
+  add_still(radar_returns(empty_room(), c), radar, planes);
   return planes;
 }
 

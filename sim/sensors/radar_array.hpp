@@ -41,9 +41,8 @@ struct ArrayRadar {
   RadarAxis axis;
   record::Antennas antennas;
   std::uint64_t still_seed = 0;
-  // What the empty room's coherent echo is (room_echo), for returns that are against the room
-  // (render.hpp); else empty.
-  std::vector<float> room{};
+  // room_echo(), where the room is subtracted from the returns (render.hpp); else empty.
+  std::span<const float> room{};
 };
 
 class ArrayEcho {

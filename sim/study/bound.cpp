@@ -247,6 +247,10 @@ void check(const Conditions& c) {
   if (c.pulses_per_window > 0) refuse("counts must be Poisson; leave out pulses_per_window");
   if (c.radar_sum != "incoherent") refuse("speckle is not Gaussian; radar_sum must be incoherent");
   if (c.signal_photons <= 0) refuse("signal_photons is 0; expected some");
+  if (c.baseline_error_m != 0 || c.spd_falloff > 0 || c.radar_falloff > 0 || c.spd_yaw_deg != 0 ||
+      c.spd_pitch_deg != 0 || c.slot_sway_m > 0 || c.radar_lobe != 1 || c.radar_plate_lobe != 1 ||
+      c.optical_lobe != 1 || c.spd_field != 1)
+    refuse("it knows no baseline_error_m, falloff, spd_field, yaw, pitch, slot_sway_m and lobes");
   if (c.target_x_m <= 0) refuse("target_x_m is 0: the lateral position is known");
 }
 
@@ -283,8 +287,8 @@ Seen seen_by_spd(const Scene& scene, const Conditions& c, std::int64_t rays) {
 }
 
 Seen seen_by_radar(const Scene& scene, const Conditions& c, std::int64_t rays) {
-  return see(scene, -c.baseline_m, c.radar_half_tangent, c.radar_half_tangent / 2, c.radar_bias_m,
-             rays);
+  return see(as_radar_sees(scene), -c.baseline_m, c.radar_half_tangent, c.radar_half_tangent / 2,
+             c.radar_bias_m, rays);
 }
 
 std::vector<Bound> study_bound(const BoundOptions& options) {

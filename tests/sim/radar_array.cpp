@@ -12,7 +12,10 @@
 #include "sim/sensors/array_cells.hpp"
 #include "sim/sensors/body_motion.hpp"
 #include "sim/sensors/gaussian.hpp"
+#include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
+#include "sim/sensors/range_nodes.hpp"
+#include "sim/sensors/room_alone.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;
@@ -355,6 +358,71 @@ TEST_CASE("the empty room is the same in every record, and shadows are missing f
   }
   CHECK(difference > 0.001 * power);
   CHECK(difference < 0.3 * power);
+}
+
+TEST_CASE("a room that is known need not be looked at again") {
+  Conditions c = of_sum("coherent");
+  c.background = "room";
+  c.radar_ground = 0.2;
+  c.radar_leakage = 2;
+  const ArrayRadar radar{radar_response(c), antennas_in_layout(8), 7};
+  const RoomAlone room = room_alone(c, radar);
+  ArrayRadar known = radar;
+  known.room = room.echo;
+  Conditions incoherent = c;
+  incoherent.radar_sum = "incoherent";
+  const RoomAlone power = room_alone(incoherent, radar);
+  for (const auto kind : {SceneKind::letter, SceneKind::empty}) {
+    const Scene scene = make_scene(c, kind, 5, 1);
+    Returns light, echoes;
+    spd_returns(scene, c, light, RoomIs::subtracted);
+    radar_returns(scene, c, echoes, RoomIs::subtracted);
+    CHECK(light.range_m.size() < 40'000);
+    auto rate = spd_rate(light, c), profile = radar_power(echoes, radar.axis, incoherent);
+    add_room(room.light, rate);
+    add_room(power.power, profile);
+    const auto whole = radar_returns(scene, c);
+    const auto wanted = spd_rate(spd_returns(scene, c), c);
+    const auto wanted_profile = radar_power(whole, radar.axis, incoherent);
+    for (std::size_t i = 0; i < rate.size(); ++i) CHECK(rate[i] == Approx(wanted[i]).margin(1e-6));
+    for (std::size_t i = 0; i < profile.size(); ++i)
+      CHECK(profile[i] == Approx(wanted_profile[i]).margin(1e-9));
+    Rng a(3), b(3);
+    ArrayEcho first(whole, radar, c, a), second(echoes, known, c, b);
+    Samples x(first.samples()), y(second.samples());
+    first.frame(0.05, a, x);
+    second.frame(0.05, b, y);
+    for (std::size_t i = 0; i < x.size(); ++i) check_near(x[i], y[i], 2e-4);
+  }
+}
+
+TEST_CASE("nodes in range answer as the echoes would") {
+  for (const Psf psf : {Psf::sinc, Psf::blackman}) {
+    const RadarAxis axis{0, 0.021, 300, 0.044, psf};
+    const RangeResponse response(axis);
+    const RangeNodes nodes(axis, 400, 500);
+    double squares = 0, worst = 0;
+    int count = 0;
+    for (std::size_t slot = 400; slot <= 500; ++slot) {
+      std::vector<float> rows(nodes.count() * 16), planes(16 * lanes);
+      const std::vector<float> one(16, 1);
+      nodes.share(slot, one.data(), 16, rows.data());
+      std::vector<double> psf_at;
+      response.at((static_cast<double>(slot) + 0.5) / RangeNodes::slots_per_cell, psf_at);
+      for (std::size_t i = 0; i < axis.count; ++i) {
+        if (i % lanes == 0) {
+          std::fill(planes.begin(), planes.end(), 0.f);
+          nodes.respond(i / lanes, rows.data(), 16, planes.data());
+        }
+        const double error = std::abs(planes[5 * lanes + i % lanes] - psf_at[i]);
+        worst = std::max(worst, error);
+        squares += error * error, ++count;
+      }
+    }
+    INFO(worst << " " << std::sqrt(squares / count));
+    CHECK(worst < 2e-3);
+    CHECK(std::sqrt(squares / count) < 4e-4);
+  }
 }
 
 TEST_CASE("the floor's echo comes later, from half way to the mirror image") {

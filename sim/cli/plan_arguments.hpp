@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "sim/dataset/dataset.hpp"
+
+namespace echofuse::sim {
+
+using Command = std::function<ExitCode()>;
+
+// What describes a plan on the command line.
+struct PlanArguments {
+  std::string config;
+  std::vector<std::string> settings;
+  std::string twin;
+  std::optional<std::int64_t> laboratory, laboratories;
+
+  std::vector<std::string> assignments() const {
+    std::vector<std::string> all = settings;
+    if (!twin.empty()) all.push_back("twin=" + twin);
+    if (laboratory) all.push_back("laboratory=" + std::to_string(*laboratory));
+    if (laboratories) all.push_back("laboratories=" + std::to_string(*laboratories));
+    return all;
+  }
+};
+
+void add_plan_options(CLI::App& app, PlanArguments& arguments);
+// Returns --twin.
+CLI::Option* add_twin_options(CLI::App& app, PlanArguments& arguments);
+
+// For what has but one laboratory: its conditions are as drawn. A data set's file configures a
+// laboratory and a study as well.
+void read_plan(const PlanArguments& arguments, Plan& plan, Settings& settings);
+
+}  // namespace echofuse::sim

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: MIT
+// Where a sensor is and points, and what it makes of what it sees beside the inverse squares.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+
+namespace echofuse::sim {
+
+struct Conditions;
+
+struct Gaze {
+  // Of each ray: (x, y, 1), the cosine of the incidence, and the number of the shape: capsules come
+  // first, below 0 is the room.
+  struct Rays {
+    const double *x, *y, *cosine;
+    const std::int32_t* shape;
+  };
+
+  double sensor_x_m = 0, extra_m = 0;  // extra: of every range that it shows
+  double falloff = 0, middle_x = 0, middle_y = 0, half_tangent = 1;
+  double lobe = 1, plate_lobe = 1;  // powers of the cosine; 1: Lambert
+  double sway_m = 0;
+  std::optional<double> height_m{};  // of the sensor above the floor: places are kept
+
+  // Weights of Lambert's law become those of the lobes, and fall off from the middle:
+  //   cos -> (n + 2)/3 cos^n, with which a sphere's image integrates to the same.
+  void dim(const Rays& rays, std::int32_t capsules, double* weight, std::size_t count) const;
+  // By how much patch k is farther: deviates of sway_m that spread evenly for any run of k.
+  double sway(std::size_t k) const;
+};
+
+Gaze spd_gaze(const Conditions& conditions);
+Gaze radar_gaze(const Conditions& conditions);
+
+}  // namespace echofuse::sim

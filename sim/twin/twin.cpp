@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: MIT
+#include "sim/twin/twin.hpp"
+
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <optional>
+#include <string_view>
+
+#include "drivers/core/random.hpp"
+#include "sim/scene/draw.hpp"
+
+namespace echofuse::sim {
+namespace {
+
+// The run file says these, and what they are.
+constexpr std::array stated{"bin_width_ps",       "first_bin_ps", "radar_start_m",
+                            "radar_step_m",       "half_tangent", "baseline_m",
+                            "radar_resolution_m", "reflector_m",  "map_half_tangent"};
+
+std::string number_text(double value) {
+  char out[40];
+  std::snprintf(out, sizeof out, "%.17g", value);
+  const std::string text = out;
+  return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
+}
+
+// What the settings say to this value.
+std::optional<std::string> fault_of(const std::string& key, double value) {
+  Conditions conditions;
+  Settings settings;
+  bind(settings, conditions);
+  const auto faults = settings.read(key + " = " + number_text(value) + "\n", "", {});
+  if (faults.empty()) return {};
+  const auto place = faults.front().find(": ");
+  return place == std::string::npos ? faults.front() : faults.front().substr(place + 2);
+}
+
+class Reader {
+ public:
+  explicit Reader(std::string name) : name_(std::move(name)) {}
+
+  Twin read(const std::string& text) try {
+    Twin twin;
+    for (const auto& [key, node] : toml::parse(text, name_)) {
+      if (key.str() == "seed" && node.is_integer() && node.value<std::int64_t>() >= 0)
+        twin.seed = *node.value<std::int64_t>();
+      else if (const auto range = range_of(std::string(key.str()), node))
+        twin.ranges.push_back(*range);
+    }
+    if (!faults_.empty()) refuse(faults_);
+    return twin;
+  } catch (const toml::parse_error& e) {
+    refuse({place(e) + "not TOML: " + std::string(e.description())});
+  }
+
+ private:
+  template <class Node>
+  std::string place(const Node& node) const {
+    const auto where = node.source().begin;
+    return name_ + ":" + std::to_string(where.line) + ":" + std::to_string(where.column) + ": ";
+  }
+  std::optional<Range> range_of(const std::string& key, const toml::node& node) {
+    const auto say = [&](const std::string& what) {
+      faults_.push_back(place(node) + what);
+      return std::optional<Range>{};
+    };
+    const toml::array* list = node.as_array();
+    const auto number = [&](std::size_t i) {
+      return list->get(i)->is_number() ? list->get(i)->value<double>().value_or(NAN) : NAN;
+    };
+    if (list == nullptr || list->size() < 2 || list->size() > 3)
+      return say(key + (key == "seed" ? ": expected a whole number, at least 0"
+                                      : ": expected [low, high] or [low, high, \"log\"]"));
+    Range range{key, number(0), number(1), list->size() == 3};
+    if (range.logarithmic && list->get(2)->value<std::string>() != "log")
+      return say(key + ": expected \"log\" behind low and high, or nothing");
+    if (!(range.low <= range.high)) return say(key + ": expected low and high, low first");
+    if (range.logarithmic && range.low <= 0) return say(key + ": \"log\" needs a low above 0");
+    if (std::find(stated.begin(), stated.end(), key) != stated.end())
+      return say(key +
+                 ": a run states it; draw an error (baseline_error_m, radar_psf_width, "
+                 "spd_field) instead");
+    for (const double end : {range.low, range.high})
+      if (const auto fault = fault_of(key, end)) return say(*fault);
+    return range;
+  }
+
+  std::string name_;
+  std::vector<std::string> faults_;
+};
+
+// FNV-1a.
+std::uint64_t hash(std::string_view text) {
+  std::uint64_t h = 0xcbf29ce484222325ULL;
+  for (const char c : text) h = (h ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;
+  return h;
+}
+
+double draw(const Range& range, std::int64_t seed, std::int64_t laboratory) {
+  Rng rng = make_rng(mix(static_cast<std::uint64_t>(seed)) ^ hash(range.key),
+                     static_cast<std::uint64_t>(laboratory));
+  if (!range.logarithmic) return uniform(rng, range.low, range.high);
+  return std::clamp(std::exp(uniform(rng, std::log(range.low), std::log(range.high))), range.low,
+                    range.high);
+}
+
+}  // namespace
+
+Twin read_twin(const std::string& text, const std::string& name) { return Reader(name).read(text); }
+
+std::string to_text(const Twin& twin) {
+  std::string out = "seed = " + std::to_string(twin.seed) + "\n";
+  for (const Range& r : twin.ranges)
+    out += r.key + " = [" + number_text(r.low) + ", " + number_text(r.high) +
+           (r.logarithmic ? ", \"log\"]\n" : "]\n");
+  return out;
+}
+
+Twin twin_named(const std::string& name) {
+  if (name == "default") return read_twin(default_twin(), "the default twin");
+  if (name.find('=') != std::string::npos) return read_twin(name, "twin");
+  return read_twin(read_config_text(name), name);
+}
+
+std::string draws_of(const Twin& twin, std::int64_t laboratory) {
+  std::string out;
+  for (const Range& r : twin.ranges)
+    out += r.key + " = " + number_text(draw(r, twin.seed, laboratory)) + "\n";
+  return out;
+}
+
+Conditions conditions_of(const Twin& twin, std::int64_t laboratory, const Conditions& nominal) {
+  Conditions drawn = nominal;
+  Settings settings;
+  bind(settings, drawn);
+  settings.read_text(draws_of(twin, laboratory), "laboratory " + std::to_string(laboratory));
+  validate(drawn);
+  return drawn;
+}
+
+}  // namespace echofuse::sim

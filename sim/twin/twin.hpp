@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: MIT
+// What rooms and laboratories differ in, as ranges: each virtual laboratory draws its own.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "sim/scene/conditions.hpp"
+
+namespace echofuse::sim {
+
+// A key of Conditions is uniform in [low, high], or its logarithm is.
+struct Range {
+  std::string key;
+  double low = 0, high = 0;
+  bool logarithmic = false;
+};
+
+struct Twin {
+  std::int64_t seed = 1;  // another seed, other laboratories
+  std::vector<Range> ranges;
+};
+
+// TOML: `key = [low, high]`, `key = [low, high, "log"]` and `seed = 1`. Throws Error(config) with
+// every fault: a key that is not a real number of Conditions, that the run file states (axes,
+// baseline_m) or that is there twice, a range that is empty or outside what the key allows.
+Twin read_twin(const std::string& text, const std::string& name);
+// The ranges without comments, as read_twin takes them back.
+std::string to_text(const Twin& twin);
+// The ranges that come with the program, each with its source as a comment (default_twin.cpp).
+const std::string& default_twin();
+// `default`, the text of ranges (it has a "="), or the file of that name.
+Twin twin_named(const std::string& name);
+
+// What laboratory k draws, as `key = value` lines. Each key has random numbers of its own, so that
+// a changed range moves no other draw.
+std::string draws_of(const Twin& twin, std::int64_t laboratory);
+// `nominal` with these draws.
+Conditions conditions_of(const Twin& twin, std::int64_t laboratory, const Conditions& nominal);
+
+}  // namespace echofuse::sim

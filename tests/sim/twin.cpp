@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: MIT
+#include "sim/twin/twin.hpp"
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <numeric>
+
+#include "scenes.hpp"
+#include "sim/dataset/dataset.hpp"
+#include "sim/sensors/depth_camera.hpp"
+#include "sim/sensors/radar_echo.hpp"
+#include "sim/sensors/render.hpp"
+
+using namespace echofuse;
+using namespace echofuse::sim;
+
+namespace {
+
+double total(const Returns& r) { return std::accumulate(r.weight.begin(), r.weight.end(), 0.0); }
+
+}  // namespace
+
+TEST_CASE("the base condition lies inside every range of the default twin") {
+  const Twin twin = twin_named("default");
+  CHECK(twin.ranges.size() > 40);
+  for (const Range& r : twin.ranges) {
+    Conditions base;
+    Settings settings;
+    bind(settings, base);
+    INFO(r.key);
+    // The keys as TOML, so that the base's value is found by name.
+    const std::string all = settings.resolved(), wanted = r.key + " = ";
+    std::size_t at = all.find(wanted);
+    while (at != std::string::npos && at > 0 && all[at - 1] != '\n') at = all.find(wanted, at + 1);
+    REQUIRE(at != std::string::npos);
+    const double value = std::stod(all.substr(at + wanted.size()));
+    CHECK(r.low <= value);
+    CHECK(value <= r.high);
+    CHECK(r.low < r.high);
+  }
+}
+
+TEST_CASE("a laboratory draws the same whatever else is drawn, inside its ranges") {
+  const Twin both = twin_named("girth = [0.8, 1.25, \"log\"]\nradar_plate = [0.1, 4]\nseed = 3");
+  const Twin one = twin_named("radar_plate = [0.1, 4]\nseed = 3");
+  const Twin other = twin_named("radar_plate = [0.1, 4]\nseed = 4");
+  double log_girth = 0;
+  for (int k = 0; k < 400; ++k) {
+    const Conditions c = conditions_of(both, k, {});
+    CHECK(c.girth >= 0.8);
+    CHECK(c.girth <= 1.25);
+    CHECK(c.radar_plate >= 0.1);
+    CHECK(c.radar_plate <= 4);
+    log_girth += std::log(c.girth) / 400;
+    if (k >= 3) continue;
+    CHECK(conditions_of(one, k, {}).radar_plate == c.radar_plate);
+    CHECK(conditions_of(one, k, {}).girth == 1);
+    CHECK(conditions_of(other, k, {}).radar_plate != c.radar_plate);
+    CHECK(conditions_of(one, k + 1, {}).radar_plate != c.radar_plate);
+  }
+  CHECK(std::abs(log_girth) < 4 * std::log(1.25) / std::sqrt(3.0 * 400));
+  CHECK(to_text(twin_named(to_text(both))) == to_text(both));
+}
+
+TEST_CASE("a twin with faults is refused with all of them") {
+  try {
+    read_twin(
+        "girht = [0.5, 2]\nbaseline_m = [0, 1]\ngirth = [2, 1]\nradar_rays = [3.0, 5.0]\n"
+        "limb_width = [0, 1, \"log\"]\npose_spread = [0, 9]\nseed = -1\n",
+        "w.toml");
+    FAIL("not refused");
+  } catch (const Error& e) {
+    const std::string what = e.what();
+    for (const char* part : {"w.toml:1:9: unknown key \"girht\"", "baseline_m: a run states it",
+                             "girth: expected low and high", "radar_rays", "\"log\" needs a low",
+                             "from 0 to 1.5", "seed: expected"})
+      CHECK(what.find(part) != std::string::npos);
+  }
+}
+
+TEST_CASE("records of laboratories in turn are those of each laboratory alone") {
+  Plan plan;
+  plan.people = 2;
+  plan.letters = 4;
+  plan.twin = to_text(twin_named("default"));
+  plan.laboratories = 3;
+  const Generator mixed(plan);
+  plan.laboratories = 0;
+  for (std::int64_t k = 0; k < 3; ++k) {
+    plan.laboratory = k;
+    const Generator alone(plan);
+    const auto a = mixed.make(3 + k), b = alone.make(3 + k);
+    CHECK(a.spd == b.spd);
+    CHECK(a.radar == b.radar);
+    CHECK(a.depth_mm == b.depth_mm);
+  }
+  plan.laboratory = 0;
+  const auto there = Generator(plan).make(1);
+  plan.twin.clear();
+  CHECK(there.spd != Generator(plan).make(1).spd);
+}
+
+TEST_CASE("what a setting gives is not drawn, and laboratories need a twin") {
+  Plan plan;
+  Settings settings;
+  bind(settings, plan);
+  settings.read_text("twin = \"default\"\nlaboratory = 2\nirf_fwhm_ps = 321.0\n", "x");
+  resolve_twin(settings, plan);
+  CHECK(plan.twin.find("irf_fwhm_ps") == std::string::npos);
+  CHECK(plan.twin.find("radar_plate") != std::string::npos);
+  CHECK(laboratories_of(plan).front().irf_fwhm_ps == 321);
+  Plan bare;
+  Settings few;
+  bind(few, bare);
+  few.set("laboratory=2");
+  CHECK_THROWS_AS(resolve_twin(few, bare), Error);
+}
+
+TEST_CASE("the radar's reflectivities are apart from the albedo") {
+  Conditions c;
+  c.radar_rays = 96;
+  const Scene base = make_scene(c, SceneKind::letter, 1, 2);
+  Scene body = base, plate = base;
+  plate.capsules.clear();
+  body.plates.clear();
+  const double both = total(radar_returns(base, c));
+  c.radar_plate = 3;
+  const Scene bright = make_scene(c, SceneKind::letter, 1, 2);
+  CHECK(total(spd_returns(bright, c)) == total(spd_returns(base, c)));
+  const double more = total(radar_returns(bright, c)) - both;
+  CHECK(more == Approx(2 * total(radar_returns(plate, c))).epsilon(0.02));
+  c.radar_plate = 1;
+  c.radar_cloth = c.radar_skin = 0;
+  const Scene dark = make_scene(c, SceneKind::letter, 1, 2);
+  Scene hidden = base;
+  for (auto& capsule : hidden.capsules) capsule.albedo = capsule.radar = 0;
+  CHECK(total(radar_returns(dark, c)) == Approx(total(radar_returns(hidden, c))));
+  c.radar_cloth = c.radar_skin = 1;
+  c.radar_follows_albedo = 0;
+  for (std::uint64_t i = 0; i < 5; ++i)
+    CHECK(make_scene(c, SceneKind::person, 1, i).capsules[0].radar == 0.5);
+}
+
+TEST_CASE("a lobe leaves a sphere's echo, and turns a tilted plate's down") {
+  Conditions c;
+  c.baseline_m = 0;
+  c.radar_rays = 1024;
+  c.radar_half_tangent = 0.4;
+  Scene ball;
+  ball.capsules = {sphere({0, 0, 3}, 0.3)};
+  const double lambert = total(radar_returns(ball, c));
+  c.radar_lobe = 3;
+  CHECK(total(radar_returns(ball, c)) == Approx(lambert).epsilon(0.02));
+  Scene plate;
+  const double tilt = 0.5;
+  plate.plates = {
+      {{0, 0, 3}, {std::cos(tilt), 0, std::sin(tilt)}, {0, 1, 0}, {{-0.05, 0, 0.05, 0, 0.1}}, 0.8}};
+  const double flat = total(radar_returns(plate, c));
+  c.radar_plate_lobe = 4;
+  CHECK(total(radar_returns(plate, c)) / flat ==
+        Approx(2 * std::pow(std::cos(tilt), 3)).epsilon(0.02));
+}
+
+TEST_CASE("light falls off from where the detector points; people's sway widens their echo") {
+  Conditions c;
+  c.spd_falloff = 1;
+  c.spd_yaw_deg = 5;
+  Scene left, right;
+  right.capsules = {sphere({1, 0, 3}, 0.1)};
+  left.capsules = {sphere({-1, 0, 3}, 0.1)};
+  const double m = std::tan(5 * M_PI / 180), t = 1.0 / 3;
+  CHECK(total(spd_returns(left, c)) / total(spd_returns(right, c)) ==
+        Approx(std::exp(-((t + m) * (t + m) - (t - m) * (t - m)) / (0.55 * 0.55))).epsilon(0.02));
+  Conditions still;
+  const Scene person = make_scene(still, SceneKind::person, 1, 0);
+  const Returns before = spd_returns(person, still);
+  still.slot_sway_m = 0.02;
+  const Returns after = spd_returns(person, still);
+  REQUIRE(after.range_m.size() == before.range_m.size());
+  double mean = 0, square = 0;
+  for (std::size_t k = 0; k < after.range_m.size(); ++k) {
+    const double moved = after.range_m[k] - before.range_m[k];
+    mean += moved / static_cast<double>(after.range_m.size());
+    square += moved * moved / static_cast<double>(after.range_m.size());
+  }
+  CHECK(std::abs(mean) < 1e-4);
+  CHECK(std::sqrt(square) == Approx(0.02).epsilon(0.03));
+}
+
+TEST_CASE("bodies and plates take the sizes and angles of their laboratory") {
+  Conditions c;
+  const Scene base = make_scene(c, SceneKind::letter, 1, 2);
+  c.girth = 1.5;
+  c.limb_width = 2;
+  c.leg_length = 1.05;
+  c.letter_scale = 1.2;
+  c.letter_tilt_deg = c.letter_roll_deg = c.letter_turn_deg = 20;
+  const Scene other = make_scene(c, SceneKind::letter, 1, 2);
+  CHECK(other.capsules[0].radius_m == Approx(2 * base.capsules[0].radius_m));
+  CHECK(other.capsules[8].radius_m == Approx(1.5 * base.capsules[8].radius_m));
+  CHECK(other.capsules[11].b.y == Approx(base.capsules[11].b.y).margin(0.01));
+  const Plate& p = other.plates[0];
+  CHECK(length(p.u) == Approx(1));
+  CHECK(length(p.v) == Approx(1));
+  CHECK(dot(p.u, p.v) == Approx(0).margin(1e-12));
+  CHECK(p.v.y > std::cos(0.5));
+  CHECK(p.v.y < 1);
+  CHECK(p.strokes[0].width_m == Approx(1.2 * base.plates[0].strokes[0].width_m));
+}
+
+TEST_CASE("a depth camera reads too far, in steps, and has holes") {
+  Conditions c;
+  c.depth_offset_m = 0.05;
+  Rng rng(1);
+  std::vector<std::uint16_t> mm(320 * 240, 3000);
+  disturb_depth(mm, 320, c, rng);
+  CHECK(mm[100] == 3050);
+  c.depth_offset_m = 0;
+  c.depth_step_m = 0.01;
+  mm.assign(mm.size(), 3000);
+  disturb_depth(mm, 320, c, rng);
+  CHECK(mm[100] == 2970);
+  c.depth_step_m = 0;
+  c.depth_holes = 0.1;
+  disturb_depth(mm, 320, c, rng);
+  const auto lost = static_cast<double>(std::count(mm.begin(), mm.end(), std::uint16_t{0}));
+  CHECK(lost / static_cast<double>(mm.size()) == Approx(0.1).margin(0.025));
+}
