@@ -258,6 +258,8 @@ std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& sc
   const Conditions& c = conditions(index);
   const bool coherent = c.radar_sum == "coherent";
   ArrayRadar radar{radar_response(c), antennas_, seed_of(plan_, Stream::room)};
+  radar.chirp_s = 1e-6 * c.radar_chirp_us;
+  radar.chirps = c.radar_chirps;
   // New speckle of one antenna, and a covariance's roots, need all patches.
   const RoomAlone* room = coherent == !antennas_.empty() ? room_behind(scene) : nullptr;
   thread_local Returns returns;
@@ -284,7 +286,9 @@ std::vector<double> Generator::look_through_array(std::int64_t index, const Retu
                      static_cast<std::uint64_t>(index));
   const auto kept = record::array_axis(radar_axis(c), antennas_.size()).count;
   ArrayLooks looks =
-      sim::look_through_array(returns, radar, kept, c, radar_noise_power(c, mean_peak_), rng);
+      sim::look_through_array(returns, radar, kept, c, radar_noise_power(c, mean_peak_), rng,
+                              antenna_drift(c, antennas_.size(), seed_of(plan_, Stream::antennas),
+                                            static_cast<double>(index) * dataset_window_s));
   r.array = std::move(looks.array);
   r.array_frames = static_cast<std::uint64_t>(c.radar_frames);
   return std::move(looks.power);

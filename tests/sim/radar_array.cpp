@@ -197,39 +197,6 @@ TEST_CASE("fast Gaussian numbers have the normal distribution's moments and tail
   CHECK(std::abs(last - far * n) < 4.5 * std::sqrt(far * n));
 }
 
-TEST_CASE("sway is stationary, and forgets as its spectrum says") {
-  Conditions c;
-  c.radar_sway_m = 1;
-  Rng rng(2);
-  constexpr int draws = 4000;
-  double before = 0, after = 0, both = 0;
-  for (int i = 0; i < draws; ++i) {
-    BodyMotion motion(c, 1, rng);
-    const double a = motion.of(0)[0];
-    motion.advance(0.2, rng);
-    motion.advance(0.3, rng);
-    const double b = motion.of(0)[0];
-    before += a * a / draws, after += b * b / draws, both += a * b / draws;
-  }
-  CHECK(std::abs(before - 1) < 4.5 * std::sqrt(2.0 / draws));
-  CHECK(std::abs(after - 1) < 4.5 * std::sqrt(2.0 / draws));
-  const double expected = 2 * std::exp(-1.0);  // (1 + wt) exp(-wt) at wt = 1
-  CHECK(std::abs(both - expected) < 4.5 * std::sqrt((1 + expected * expected) / draws));
-}
-
-TEST_CASE("a swaying pendulum, a twist and a breath change the range as geometry says") {
-  // A patch 0.2 m right of an axis 3 m ahead.
-  const double x = 0.2, z = 3, range = std::hypot(x, z);
-  const auto modes = BodyMotion::range_per_mode(x / range, 0, 1.65, 0, z, 1);
-  CHECK(modes[0] == Approx(x / range));
-  CHECK(modes[1] == Approx(z / range));
-  const double turned = std::hypot(x * std::cos(1e-4), z - x * std::sin(1e-4));
-  CHECK(modes[2] == Approx((turned - range) / 1e-4).epsilon(1e-3));
-  CHECK(modes[3] == 0);
-  CHECK(BodyMotion::range_per_mode(0, 0, 1.25, 0, 3, 1)[3] == -1);
-  CHECK(BodyMotion::range_per_mode(0, 0, 0, 0, 3, 1)[1] == 0);  // the feet stand
-}
-
 TEST_CASE("speckle is exponential about the incoherent sum, at each antenna and between them") {
   Conditions c = of_sum("coherent");
   const RadarAxis axis = radar_response(c);
@@ -299,34 +266,6 @@ TEST_CASE("cells lose their phases as the patches in them do") {
     CHECK(std::abs(exact - grouped_sum) < 0.02);
     if (later_s == 0.5) CHECK(exact < 0.6);
   }
-}
-
-TEST_CASE("the more somebody sways, the more looks a record has") {
-  Conditions c = of_sum("coherent");
-  const RadarAxis axis = radar_response(c);
-  const Returns person = a_person(c, 2);
-  const std::size_t peak = peak_of(person, c);
-  // Looks: mean^2 / variance of a record's power.
-  const auto looks_at = [&](double sway_m, double twist_deg, double breath_m) {
-    c.radar_sway_m = sway_m, c.radar_twist_deg = twist_deg, c.radar_breath_m = breath_m;
-    constexpr int records = 250;
-    double sum = 0, squares = 0;
-    Rng rng(5);
-    for (int i = 0; i < records; ++i) {
-      const double power =
-          look_through_array(person, {axis, antennas_in_layout(1), 7}, 1, c, 1e-12, rng)
-              .power[peak];
-      sum += power / records;
-      squares += power * power / records;
-    }
-    return sum * sum / (squares - sum * sum);
-  };
-  const double none = looks_at(0, 0, 0), little = looks_at(0.001, 0, 0),
-               natural = looks_at(0.005, 0.3, 0.004);
-  INFO(none << " " << little << " " << natural);
-  CHECK(std::abs(none - 1) < 0.5);
-  CHECK(little > 1.1 * none);
-  CHECK(natural > 2 * little);
 }
 
 TEST_CASE("the empty room is the same in every record, and shadows are missing from it") {
