@@ -47,12 +47,12 @@ class ReconstructReport {
  public:
   ReconstructReport(std::string run, bool follow, bool quiet)
       : run_(std::move(run)), follow_(follow), quiet_(quiet) {}
-  bool all_well() const { return left_out_ + fell_back_ == 0; }
+  bool all_well() const { return left_out_ + notes_.size() == 0; }
 
   void add(const RecordStatus& r) {
     if (r.after_slot_s) after_slot_s_.push_back(*r.after_slot_s);
     (r.fault.empty() ? good_ : left_out_) += 1;
-    fell_back_ += !r.note.empty();
+    if (!r.note.empty()) ++notes_[r.note];
     if (!r.fault.empty() && !follow_) faults_.push_back(r);
     if (r.uncertainty && !r.uncertainty->out_of_distribution.reason.empty())
       ++reasons_[r.uncertainty->out_of_distribution.reason];
@@ -72,7 +72,8 @@ class ReconstructReport {
     if (quiet_) return;
     std::fprintf(stderr, "%s: %zu records reconstructed, %zu left out", printable(out).c_str(),
                  good_, left_out_);
-    if (fell_back_ > 0) std::fprintf(stderr, "; %zu with %s", fell_back_, fallback_note);
+    for (const auto& [note, count] : notes_)
+      std::fprintf(stderr, "; %zu with %s", count, note.c_str());
     std::sort(after_slot_s_.begin(), after_slot_s_.end());
     if (!after_slot_s_.empty())
       std::fprintf(stderr, "; maps %.3f s after their slot's end (median; longest %.3f s)",
@@ -99,10 +100,10 @@ class ReconstructReport {
   }
   std::string run_;
   bool follow_, quiet_;
-  std::size_t good_ = 0, left_out_ = 0, fell_back_ = 0;
+  std::size_t good_ = 0, left_out_ = 0;
   std::vector<RecordStatus> faults_;
   std::vector<double> after_slot_s_;
-  std::map<std::string, std::size_t> reasons_;  // records for each reason
+  std::map<std::string, std::size_t> notes_, reasons_;  // records for each
 };
 
 }  // namespace
@@ -177,10 +178,14 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
     ReconstructReport talk(a->run, a->follow, common.quiet);
     a->on_record = [&](const RecordStatus& r) { talk.add(r); };
     a->range_bias = range_bias_action_of(a->range_bias_action);
-    a->on_range_bias = [&](const std::string& text) {
+    a->on_run = [&](const std::string& text) {
       std::fprintf(stderr, "%s: %s\n", printable(a->run).c_str(), printable(text).c_str());
     };
-    reconstruct(load_model(a->model), a->run, *a);
+    const TrainedModel model = load_model(a->model);
+    if (!model.uncertainty && !common.quiet)
+      std::fprintf(stderr, "%s: %s: too few training records to say how far off the maps are\n",
+                   printable(a->model).c_str(), calibration_of(model));
+    reconstruct(model, a->run, *a);
     talk.finish(a->out);
     if (interrupted()) return ExitCode::interrupted;
     return talk.all_well() ? ExitCode::ok : ExitCode::partial;

@@ -26,6 +26,7 @@ Command add_crossvalidate(CLI::App& app, const Common& common);
 Command add_report(CLI::App& app, const Common& common);
 Command add_study(CLI::App& app, const Common& common);
 Command add_export(CLI::App& app, const Common& common);
+Command add_learn(CLI::App& app, const Common& common);
 Command add_import(CLI::App& app, const Common& common);
 
 }  // namespace echofuse::recon

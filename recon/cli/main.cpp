@@ -28,6 +28,7 @@ int run(int argc, char** argv) {
     sub->callback([&chosen, command] { chosen = command; });
   };
   add("train", "fit a model to runs", add_train);
+  add("learn", "the learning curve of a model in a new room, and its forecast", add_learn);
   add("evaluate", "score a model on a run", add_evaluate);
   add("reconstruct", "depth maps of a run as pictures", add_reconstruct);
   add("crossvalidate", "score kinds of models on a sequence, in blocks", add_crossvalidate);

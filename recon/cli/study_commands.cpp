@@ -6,6 +6,7 @@
 #include "recon/cli/commands.hpp"
 #include "recon/study/pareto.hpp"
 #include "recon/study/stability_summary.hpp"
+#include "recon/study/transfer.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -28,7 +29,8 @@ Command add_pareto(CLI::App& app, const Common& common) {
   app.add_option("--out", a->out,
                  "folder for study.sqlite, pareto.csv and pareto.svg; goes on there")
       ->required();
-  app.add_option("--models", a->models, "as train --model; \":spd\" or \":radar\" behind one")
+  app.add_option("--models", a->models,
+                 "as train --model; \":spd\", \":radar\" or \":fused-profile\" behind one")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->capture_default_str();
@@ -70,8 +72,10 @@ Command add_stability(CLI::App& app, const Common& common) {
       ->required();
   app.add_flag("--quick", a->quick,
                "fewer values of each axis, 1000 training and 300 test records, a narrower network");
-  app.add_option("--models", a->models,
-                 "as train --model; \":spd\" or \":radar\" behind one; the first sorts the page")
+  app.add_option(
+         "--models", a->models,
+         "as train --model; \":spd\", \":radar\" or \":fused-profile\" behind one; the first "
+         "sorts the page")
       ->delimiter(',')
       ->allow_extra_args(false);
   app.add_option("--axes", a->axes, "some of them, as shifted-snr; a wrong one lists all")
@@ -86,6 +90,8 @@ Command add_stability(CLI::App& app, const Common& common) {
   app.add_option("--range-bias", *range_bias, "before each test: correct or ignore, as of evaluate")
       ->check(CLI::IsMember({"correct", "ignore"}))
       ->capture_default_str();
+  app.add_option("--set", a->set, "key=value of the simulator, of the base condition")
+      ->allow_extra_args(false);
   app.add_option("--sim", a->sim, "the simulator; default: echofuse-sim beside this program");
   return [a, range_bias, &common] {
     StabilityOptions options = complete(*a);
@@ -100,6 +106,36 @@ Command add_stability(CLI::App& app, const Common& common) {
   };
 }
 
+Command add_transfer(CLI::App& app, const Common& common) {
+  const auto a = std::make_shared<TransferOptions>();
+  app.add_option("--out", a->out,
+                 "folder for study.sqlite, transfer.csv and transfer.svg; goes on there")
+      ->required();
+  app.add_flag("--quick", a->quick, "fewer records and numbers of them, no single choices");
+  app.add_option("--model", a->model, "as train --model")->capture_default_str();
+  app.add_option("--twin", a->twin, "of `echofuse-sim dataset`: what laboratories differ in")
+      ->capture_default_str();
+  app.add_option("--sizes", a->sizes, "numbers of records of the new world")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::Range(10, 100000));
+  app.add_option("--records", a->records, "to pre-train on; default: 4000, quick 2000")
+      ->check(CLI::Range(100, 1'000'000));
+  app.add_option("--test-records", a->test_records, "default: 1000, quick 300")
+      ->check(CLI::Range(10, 1'000'000));
+  add_common(app, *a);
+  app.add_option("--sim", a->sim, "the simulator; default: echofuse-sim beside this program");
+  return [a, &common] {
+    TransferOptions options = complete(*a);
+    options.quiet = common.quiet;
+    options.threads = common.threads;
+    const auto rows = summarise_transfer(study_transfer(options));
+    std::fputs(to_text(rows).c_str(), stdout);
+    write_transfer(rows, options.out);
+    return ExitCode::ok;
+  };
+}
+
 }  // namespace
 
 Command add_study(CLI::App& app, const Common& common) {
@@ -107,10 +143,15 @@ Command add_study(CLI::App& app, const Common& common) {
   CLI::App* pareto =
       app.add_subcommand("pareto", "accuracy against the time of a map, photons and records");
   CLI::App* stability = app.add_subcommand("stability", "where models fail, on simulated records");
-  for (CLI::App* sub : {pareto, stability}) sub->fallthrough();  // --threads, --quiet
+  CLI::App* transfer =
+      app.add_subcommand("transfer", "from one simulated world to another with few records of it");
+  for (CLI::App* sub : {pareto, stability, transfer}) sub->fallthrough();  // --threads, --quiet
   const Command run_pareto = add_pareto(*pareto, common);
   const Command run_stability = add_stability(*stability, common);
-  return [=] { return pareto->parsed() ? run_pareto() : run_stability(); };
+  const Command run_transfer = add_transfer(*transfer, common);
+  return [=] {
+    return pareto->parsed() ? run_pareto() : transfer->parsed() ? run_transfer() : run_stability();
+  };
 }
 
 }  // namespace echofuse::recon

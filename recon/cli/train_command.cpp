@@ -18,24 +18,16 @@ struct Arguments : TrainOptions {
   std::vector<std::string> runs;
   std::string out, from;
   double radar_bin_m = 0;
+  std::vector<std::size_t> validate_on_runs;  // counted from 1
   bool force = false;
 };
 
 // What the model of --from has settled.
-constexpr const char* settled[] = {"--model",
-                                   "--candidates",
-                                   "--radar-bin",
-                                   "--scaling",
-                                   "--hidden",
-                                   "--basis",
-                                   "--epochs",
-                                   "--batch",
-                                   "--learning-rate",
-                                   "--weight-decay",
-                                   "--patience",
-                                   "--augment",
-                                   "--validation-share",
-                                   "--inputs"};
+constexpr const char* settled[] = {
+    "--model",       "--candidates", "--radar-bin", "--scaling",          "--hidden",
+    "--basis",       "--epochs",     "--batch",     "--learning-rate",    "--weight-decay",
+    "--patience",    "--augment",    "--gains",     "--validation-share", "--weight",
+    "--validate-on", "--inputs"};
 
 void check_from(const CLI::App& app) {
   for (const char* option : settled)
@@ -61,7 +53,7 @@ TrainedModel tune_model(const CLI::App& app, const Arguments& a) {
         stderr, "%s%s", to_text(tuned).c_str(),
         tuned.model.uncertainty
             ? ""
-            : "too few records to say how sure the model is: its maps are not calibrated\n");
+            : "not calibrated: fewer than 50 records do not say how far off the maps are\n");
   return std::move(tuned.model);
 }
 
@@ -115,6 +107,27 @@ Command add_train(CLI::App& app, const Common& common) {
   app.add_option("--gap", a->split.gap, "blocked: records dropped between two parts")
       ->check(CLI::Range(0, 1'000'000))
       ->capture_default_str();
+  app.add_option_function<std::string>(
+         "--gains",
+         [a](const std::string& gains) {
+           a->gains = gains == "stable" ? Gains::stable : Gains::unknown;
+         },
+         "unknown, or stable: laser power, exposure and radar gain stay as in these records, so "
+         "that brightness tells the side, too")
+      ->check(CLI::IsMember({"unknown", "stable"}))
+      ->default_str("unknown");
+  app.add_option("--weight", a->weights,
+                 "how often each run's records count, one number a run: 1,20 beside few of another "
+                 "room")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::Range(0.0, 1000.0));
+  app.add_option("--validate-on", a->validate_on_runs,
+                 "the runs that stand for the use, 1 for the first: they give the validation "
+                 "records; default: the last")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::Range(1, 10000));
   app.add_option("--augment", a->augment,
                  "train on perturbed copies of the records, too: noise (of the radar, down to 10 "
                  "dB); auto chooses without them")
@@ -127,6 +140,9 @@ Command add_train(CLI::App& app, const Common& common) {
                "train no network beside a fused model for records whose radar is lost");
   return [a, &app, &common] {
     a->split.seed = a->fit.seed;
+    if (a->validate_on_runs.empty()) a->validate_on_runs = {a->runs.size()};
+    a->validate_on.clear();
+    for (const std::size_t run : a->validate_on_runs) a->validate_on.push_back(run - 1);
     a->fit.quiet = common.quiet;
     const bool tuning = !a->from.empty();
     if (tuning) check_from(app);

@@ -34,7 +34,7 @@ struct Source {
 // or of which it was not loaded, has an axis of count 0.
 struct Dataset {
   Axis spd_axis, radar_axis;  // the radar's after linearisation: "power" or "binned_power"
-  // "lags" (lags.hpp); none of runs that differ in it, as old and new ones do.
+  // Of lags (lags.hpp); none of runs that differ in it, as old and new ones do.
   Axis array_axis;
   bool arrays_differ = false;
   record::MapGrid map;               // of the depth maps

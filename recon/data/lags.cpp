@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 namespace echofuse::recon {
 namespace {
@@ -35,6 +36,15 @@ SpatialLags::SpatialLags(const record::Antennas& antennas) {
   for (Pair& p : pairs_) p.factor /= static_cast<float>(counts[p.lag]);
 }
 
+std::string SpatialLags::quantity() const {
+  std::set<std::size_t> known;
+  for (const Pair& p : pairs_) known.insert(p.lag);
+  std::string out = "lags";
+  if (known.size() < longest_)
+    for (const std::size_t lag : known) out += ' ' + std::to_string(lag);
+  return out;
+}
+
 void SpatialLags::operator()(const record::ArrayBin& bin, std::span<float> out) const {
   std::fill(out.begin(), out.end(), 0.f);
   for (std::size_t m = 0; m < power_factors_.size(); ++m)
@@ -64,7 +74,7 @@ void move_lags(std::span<float> lags, const Axis& axis, const Shift& shift) {
 
 Axis lags_axis(const Axis& array, const SpatialLags& lags) {
   Axis out = array;
-  out.quantity = "lags";
+  out.quantity = lags.quantity();
   out.scale = static_cast<double>(lags.longest());
   if (lags.longest() == 0) out = {};
   return out;

@@ -29,6 +29,8 @@ class SpatialLags {
   SpatialLags() = default;
   explicit SpatialLags(const record::Antennas& antennas);
   std::size_t longest() const { return longest_; }  // D; 0: no two antennas side by side
+  // What the values along such an axis mean: "lags", or "lags 1 3" if no antennas are 2 apart.
+  std::string quantity() const;
   // c_0, then real and imaginary part of c_1..c_D; c_d is 0 where no two antennas are that far
   // apart.
   void operator()(const record::ArrayBin& bin, std::span<float> out) const;
@@ -45,7 +47,7 @@ class SpatialLags {
   std::vector<Pair> pairs_;
 };
 
-// Of an axis of quantity "lags", whose scale is D.
+// Of an axis of such a quantity, whose scale is D.
 inline std::size_t longest_lag(const Axis& lags) { return static_cast<std::size_t>(lags.scale); }
 inline std::size_t lag_values(std::size_t longest) { return 2 * longest + 1; }
 // Values of a record.

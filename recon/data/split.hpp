@@ -16,6 +16,8 @@ struct SplitOptions {
   double validation_share = 0.05;  // of what is left for training
   std::size_t gap = 10;            // records dropped between two blocks
   std::uint64_t seed = 1;
+  // Validation records are drawn from these rows, at most a fifth of them; empty: from all.
+  Rows validate_on = {};
 };
 
 struct Split {

@@ -148,11 +148,14 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   const Dataset& data = records.data;
   Evaluation out;
   out.model = model.name;
-  out.inputs = model.features.inputs;
+  out.inputs = model.for_run(data).features.inputs;
   out.output = output;
   out.records = rows.size();
-  out.range_bias = records.text;
-  for (const std::size_t row : rows) out.fallback_records += model.falls_back(data, row);
+  out.antennas = records.antennas, out.range_bias = records.text;
+  out.gains = records.gains.text();
+  out.domain_shift = domain_shift_of(model, records);
+  for (const std::size_t row : rows)
+    if (const std::string note = model.note_of(data, row); !note.empty()) ++out.fallbacks[note];
   if (!model.knows(data))
     for (const std::size_t row : with_depth(data))
       out.left_out += !model.fault_of(data, row).empty();
@@ -175,8 +178,9 @@ std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows, co
   return out;
 }
 
-RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,
+RunningCost measure_cost(const TrainedModel& whole, const Dataset& data, const Rows& rows,
                          const std::string& model_path) {
+  const TrainedModel& model = whole.for_run(data);
   using Clock = std::chrono::steady_clock;
   constexpr std::size_t warm_up = 20, repeats = 400;
   std::vector<double> us;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // A model's scores on records it has not seen, with the baselines' beside, and the cost.
 #pragma once
+#include <map>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
@@ -45,9 +46,10 @@ struct Evaluation {
   Inputs inputs{};
   std::string output;  // of output_names, which the metrics are of
   std::size_t records = 0;
-  std::size_t fallback_records = 0;  // of them, for which the fallback answered
-  std::size_t left_out = 0;          // of a fresh run: had depth, but no map can be made of them
-  std::string range_bias;            // what there is to say of one (Records)
+  std::map<std::string, std::size_t> fallbacks;  // records of each TrainedModel::note_of
+  std::size_t left_out = 0;  // of a fresh run: had depth, but no map can be made of them
+  std::string antennas, range_bias, gains;  // what there is to say of them (Records)
+  DomainShift domain_shift;                 // of all records of the run
   Summaries metrics;
   std::vector<ScoredRow> baselines;  // empty room, mean map, nearest neighbour
   RunningCost cost;
@@ -90,10 +92,10 @@ std::string to_table(const std::vector<ScoredRow>& rows);
 // Whole-map SSIM and RMSE in units of the depth span (6 m), for recordings whose depth is relative.
 std::string to_span_table(const std::vector<ScoredRow>& rows);
 std::string to_text(const Evaluation& evaluation);
-// What must be known to read the scores (range bias, fallback, records left out): a line each, or
-// nothing.
+// What must be known to read the scores (antennas, range bias, fallbacks, records left out): a line
+// each, or nothing.
 std::string notes(const Evaluation& evaluation);
-// One line, or nothing.
+// One line.
 std::string to_text(const std::optional<UncertaintyCalibration>& calibration);
 
 }  // namespace echofuse::recon

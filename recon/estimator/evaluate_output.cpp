@@ -61,13 +61,17 @@ std::string to_text(const LettersRead& read) {
 json to_json(const Evaluation& e) {
   json baselines = json::object();
   for (const auto& row : e.baselines) baselines[row.name] = metrics_json(row.metrics);
+  std::size_t fallback_records = 0;
+  for (const auto& [note, records] : e.fallbacks) fallback_records += records;
   json out = {{"model", e.model},
               {"inputs", name_of(e.inputs)},
               {"output", e.output},
               {"records", e.records},
               {"left_out", e.left_out},
-              {"fallback_records", e.fallback_records},
+              {"fallback_records", fallback_records},
+              {"antennas", e.antennas},
               {"range_bias", e.range_bias},
+              {"gains", e.gains},
               {"metrics", metrics_json(e.metrics)},
               {"trivial", baselines},
               {"cost",
@@ -78,6 +82,12 @@ json to_json(const Evaluation& e) {
                 {"train_s", e.cost.train_s},
                 {"model_bytes", e.cost.model_bytes}}}};
   if (e.letters_read) out["letters"] = letters_json(*e.letters_read);
+  if (e.domain_shift.tested())
+    out["domain_shift"] = {{"distance", e.domain_shift.distance},
+                           {"p", e.domain_shift.p},
+                           {"records", e.domain_shift.records},
+                           {"text", e.domain_shift.text()}};
+  out["calibrated"] = e.calibration.has_value();
   if (e.calibration)
     out["calibration"] = {{"within_lateral_interval_90", number(e.calibration->within_90)},
                           {"lateral_interval_90_m", number(e.calibration->lateral_interval_90_m)},
@@ -114,7 +124,7 @@ std::string to_span_table(const std::vector<ScoredRow>& rows) {
 }
 
 std::string to_text(const std::optional<UncertaintyCalibration>& c) {
-  if (!c) return {};
+  if (!c) return "not calibrated: too few training records to say how far off the maps are\n";
   const std::string lateral =
       std::isnan(c->within_90)
           ? ""
@@ -129,9 +139,11 @@ std::string to_text(const std::optional<UncertaintyCalibration>& c) {
 }
 
 std::string notes(const Evaluation& e) {
-  std::string out = e.range_bias.empty() ? "" : e.range_bias + '\n';
-  if (e.fallback_records > 0)
-    out += formatted("%zu records: %s\n", e.fallback_records, fallback_note);
+  std::string out = e.domain_shift.tested() ? e.domain_shift.text() + '\n' : "";
+  for (const std::string& text : {e.antennas, e.range_bias, e.gains})
+    if (!text.empty()) out += text + '\n';
+  for (const auto& [note, records] : e.fallbacks)
+    out += formatted("%zu records: %s\n", records, note.c_str());
   if (e.left_out > 0)
     out += formatted("%zu records with depth left out: a sensor missing or dead\n", e.left_out);
   return out;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <random>
 
+#include "drivers/core/console.hpp"
 #include "recon/maps/metrics.hpp"
 #include "recon/uncertainty/predictors.hpp"
 
@@ -12,6 +13,8 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::uint64_t noise_stream = 0x6e6f6973;  // "nois"
+constexpr std::uint64_t fold_stream = 0x756e6366;   // "uncf"
+constexpr std::size_t folds = 4;
 constexpr std::size_t worse_copies = 3;
 constexpr double fewest_photons_log10 = -2.5;  // share of a worse copy's photons
 constexpr double least_noise_log10 = -2, most_noise_log10 = -0.3;  // radar, against its peak
@@ -48,8 +51,7 @@ void degrade(Dataset& data, Rng& rng) {
 }
 
 bool has_enough_records(const Split& split) {
-  return split.train.size() >= OutOfDistributionDetector::least_records &&
-         split.validation.size() >= LateralError::least_records;
+  return split.train.size() + split.validation.size() >= least_cross_fitted;
 }
 
 UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
@@ -90,11 +92,35 @@ UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
   return out;
 }
 
-UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
-                                 const Matrix& aligned, const Split& split, std::uint64_t seed) {
+std::optional<UncertaintyModel> fit_uncertainty(
+    const TrainedModel& model, const Dataset& data, const Matrix& aligned, const Split& split,
+    const SplitOptions& options, const std::function<TrainedModel(const Split&)>& fit) {
+  const std::uint64_t seed = options.seed;
   Rows rows = split.train;
   rows.insert(rows.end(), split.validation.begin(), split.validation.end());
-  return fit_uncertainty(model, data, aligned, rows, {{model, split.validation}}, seed);
+  if (split.validation.size() >= LateralError::least_records)
+    return fit_uncertainty(model, data, aligned, rows, {{model, split.validation}}, seed);
+  std::sort(rows.begin(), rows.end());
+  const Rows usual = rows;
+  const bool blocked = options.kind == "blocked";
+  Rng rng = make_rng(seed, fold_stream);
+  if (!blocked) std::shuffle(rows.begin(), rows.end(), rng);
+  const std::size_t gap = blocked ? std::min(options.gap, rows.size() / (4 * folds)) : 0;
+  std::vector<TrainedModel> models;
+  std::vector<Judged> judged;
+  models.reserve(folds);
+  for (std::size_t k = 0; k < folds; ++k) {
+    const Split fold = make_fold(rows, k, folds, gap);
+    Split part;
+    for (const std::size_t row : fold.train)
+      (std::binary_search(split.validation.begin(), split.validation.end(), row) ? part.validation
+                                                                                 : part.train)
+          .push_back(row);
+    models.push_back(fit(part));
+    if (interrupted()) return {};
+    judged.push_back({models.back(), fold.test});
+  }
+  return fit_uncertainty(model, data, aligned, usual, judged, seed);
 }
 
 }  // namespace echofuse::recon

@@ -3,6 +3,8 @@
 // and made worse (fewer photons, more radar noise), with the model's own maps.
 #pragma once
 #include <cstdint>
+#include <functional>
+#include <optional>
 
 #include "drivers/core/random.hpp"
 #include "recon/data/split.hpp"
@@ -10,8 +12,9 @@
 
 namespace echofuse::recon {
 
-// Whether there are enough records to learn an UncertaintyModel from.
-bool has_enough_records(const Split& split);
+// Fewer records to train on tell nothing of a model's errors.
+inline constexpr std::size_t least_cross_fitted = 50;
+bool has_enough_records(const Split& split);  // to learn an UncertaintyModel from
 // Records that a model has not seen: it answers for them.
 struct Judged {
   const TrainedModel& model;
@@ -23,9 +26,13 @@ struct Judged {
 UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
                                  const Matrix& aligned, const Rows& usual,
                                  const std::vector<Judged>& judged, std::uint64_t seed);
-// By its own answers to the validation records.
-UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
-                                 const Matrix& aligned, const Split& split, std::uint64_t seed);
+// By its own answers to the validation records. Where these are too few: by what models of three
+// quarters of all records, which `fit` makes, say of the last quarter, in blocks if the split is in
+// blocks. None if interrupted.
+std::optional<UncertaintyModel> fit_uncertainty(const TrainedModel& model, const Dataset& data,
+                                                const Matrix& aligned, const Split& split,
+                                                const SplitOptions& options,
+                                                const std::function<TrainedModel(const Split&)>& fit);
 
 // Photons are lost at random, up to all but 1/300 of them, and the radar gets more noise.
 void degrade(Dataset& data, Rng& rng);

@@ -18,7 +18,7 @@ namespace {
 using record::H5File;
 
 constexpr const char* format = "echofuse model";
-constexpr std::int64_t format_version = 6;
+constexpr std::int64_t format_version = 7;
 constexpr const char* fallback_group = "fallback";
 constexpr std::int64_t most_bins = 1 << 20;
 constexpr float farthest_m = 100;
@@ -72,6 +72,7 @@ void save_head(H5File& file, const TrainedModel& m) {
   file.set(".", "version", std::string(version()));
   file.set(".", "data_crc32c", std::int64_t{m.data_hash});
   file.set(".", "train_s", m.train_s);
+  file.set(".", "uncertainty", std::string(calibration_of(m)));
   file.set(".", "foreground_depth_m", double{m.scene.foreground_depth_m});
   save_grid(file, m.scene.grid);
   file.set(".", "split", m.split.kind);
@@ -204,6 +205,7 @@ void save_to(H5File& file, const TrainedModel& model) {
   if (model.alignment.known()) model.alignment.save(file);
   model.model->save(file);
   model.range_bias.save(file);
+  model.domain.save(file);
   if (model.uncertainty) model.uncertainty->save(file);
   if (!model.fallback) return;
   H5File group = file.group(fallback_group);
@@ -219,28 +221,46 @@ TrainedModel load_one(const H5File& file) {
   require_sound(file, !aligned || (layout.spd.count > 0 && layout.radar.count > 0), ".@inputs",
                 "fused: this kind of model needs both sensors");
   const bool uncertainties = file.has("uncertainty");
-  if (aligned || file.has("range_bias") || (uncertainties && layout.spd.count > 0))
+  if (aligned || file.has("range_bias") ||
+      ((uncertainties || file.has("domain")) && layout.spd.count > 0))
     out.alignment.load(file, layout);
   out.model = kind_of(out.name).make();
   out.model->load(file, aligned ? out.alignment.inputs() : layout.inputs(),
                   out.scene.grid.pixels());
   out.range_bias.load(file, out.alignment);
+  out.domain.load(file, out.features.inputs);
   if (uncertainties) out.uncertainty.emplace().load(file, out.features, out.alignment);
   return out;
 }
 
-// It answers for records of the model's own SPD axis, in the same words.
+// It answers for records of the model's own axes, in the same words, and takes less than the model:
+// so a chain of them ends.
 void check_fallback(const H5File& file, const TrainedModel& model) {
   const TrainedModel& other = *model.fallback;
   const std::string name = fallback_group;
+  const bool of_antennas = model.features.array_axis.count > 0;
+  const bool of_profile = other.features.inputs == Inputs::fused_profile;
   require_sound(file, both_sensors(model.features.inputs), name, "none but in a fused model");
-  require_sound(file, other.features.inputs == Inputs::spd, name + "@inputs", "spd");
+  require_sound(file, other.features.inputs == Inputs::spd || (of_profile && of_antennas),
+                name + "@inputs", of_antennas ? "spd or fused-profile" : "spd");
   require_sound(file, same_axis(other.features.spd_axis, model.features.spd_axis),
                 name + "/axes/spd", "the model's own");
+  require_sound(file,
+                !of_profile || same_axis(other.features.radar_axis, model.features.radar_axis),
+                name + "/axes/radar", "the model's own");
   require_sound(file, other.scene.grid == model.scene.grid, name + "@map_size", "the model's own");
   require_sound(file, other.uncertainty.has_value() == model.uncertainty.has_value(),
                 name + "/uncertainty", "one as the model has, or none as it has none");
-  require_sound(file, !file.has(name + "/" + fallback_group), name, "no fallback of its own");
+  require_sound(file, of_profile || !file.has(name + "/" + fallback_group), name,
+                "no fallback of its own");
+}
+
+void load_fallbacks(const H5File& file, TrainedModel& model) {
+  if (!file.has(fallback_group)) return;
+  const H5File group = file.group(fallback_group);
+  model.fallback = std::make_unique<TrainedModel>(load_one(group));
+  check_fallback(file, model);
+  load_fallbacks(group, *model.fallback);
 }
 
 // False with errno. A file system that cannot do it in one step does it in two.
@@ -290,9 +310,7 @@ void save_model(const TrainedModel& model, const std::string& path, Existing exi
 TrainedModel load_model(const H5File& file) {
   check_format(file);
   TrainedModel out = load_one(file);
-  if (!file.has(fallback_group)) return out;
-  out.fallback = std::make_unique<TrainedModel>(load_one(file.group(fallback_group)));
-  check_fallback(file, out);
+  load_fallbacks(file, out);
   return out;
 }
 

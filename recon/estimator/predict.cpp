@@ -21,7 +21,7 @@ void require_finite(const Matrix& maps) {
       "train it again");
 }
 
-// Of one model without its fallback; row i of `aligned` belongs to rows[i].
+// Of one model without its fallbacks; row i of `aligned` belongs to rows[i].
 Prediction predict_aligned(const TrainedModel& model, const Dataset& data, const Rows& rows,
                            const Matrix& aligned, PredictionDetail detail) {
   Prediction out;
@@ -73,7 +73,7 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
       const std::size_t count = std::min(at_once, places.size() - first);
       const auto begin = own_rows.begin() + static_cast<std::ptrdiff_t>(first);
       const Rows some(begin, begin + static_cast<std::ptrdiff_t>(count));
-      const bool shared = aligned && &by == &model;
+      const bool shared = aligned && &by == &model.for_run(data);
       put(out,
           predict_aligned(by, data, some,
                           shared ? take_rows(*aligned, some)
@@ -86,11 +86,22 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
 
 }  // namespace
 
-Records prepare_records(const TrainedModel& model, Dataset recorded, RangeBiasAction action) {
+void forget_brightness(const Alignment& alignment, Matrix& aligned) {
+  if (alignment.gains() == Gains::unknown) return;
+  for (std::size_t i = 0; i < aligned.rows; ++i)
+    Brightness::forget(alignment.brightness_of(aligned.row(i)));
+}
+
+Records prepare_records(const TrainedModel& whole, Dataset recorded, RangeBiasAction action) {
+  const TrainedModel& model = whole.for_run(recorded);
   const bool asked = action != RangeBiasAction::ignore && model.range_bias.known();
   const bool correct = action == RangeBiasAction::correct;
-  Records out{std::move(recorded), {}, {}, 0, {}};
+  Records out{std::move(recorded), {}, {}, 0, {}, {}};
   Dataset& data = out.data;
+  if (&model != &whole)
+    out.antennas = std::string(data.array_axis.count == 0 ? "no samples of the radar's antennas"
+                                                          : "other antennas than in training") +
+                   ": of the radar, the range profile alone";
   const Matrix profiles = asked && correct ? data.radar : Matrix{};
   const Axis axis = data.radar_axis;
   const std::vector<Source> sources = data.sources;
@@ -98,16 +109,26 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, RangeBiasAc
     subtract_range_offset(data, range_bias_m);
     model.match(data);
     out.aligned = model.align(data, all_rows(data.size()), true);
+    if (model.alignment.gains() == Gains::unknown) return;
+    out.gains = check_gains(model.alignment, out.aligned);
+    if (!out.gains.stable) forget_brightness(model.alignment, out.aligned);
   };
   align(0);
   if (!asked) return out;
   out.range_bias =
       model.range_bias.judge(model.range_bias.measure(model.alignment, data, out.aligned));
-  out.text = out.range_bias.text(correct);
-  if (!correct || out.range_bias.status != RangeBias::Status::detected) return out;
+  const bool others = out.range_bias.status == RangeBias::Status::detected &&
+                      domain_shift_of(model, out).changes_shapes();
+  out.text = out.range_bias.text(correct && !others, others);
+  if (!correct || others || out.range_bias.status != RangeBias::Status::detected) return out;
   data.radar = profiles, data.radar_axis = axis, data.sources = sources;
   align(out.range_bias_m = out.range_bias.bias_m);
   return out;
+}
+
+DomainShift domain_shift_of(const TrainedModel& whole, const Records& records) {
+  const TrainedModel& model = whole.for_run(records.data);
+  return model.domain.judge(model.alignment, records.data, records.aligned);
 }
 
 Prediction predict(const TrainedModel& model, const Records& records, const Rows& rows,
@@ -126,10 +147,11 @@ Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
 
 void require_uncertainty(const TrainedModel& model) {
   if (!model.uncertainty)
-    throw Error(ExitCode::usage,
-                "the model does not know how sure it is: it was trained on too few records (100, "
-                "and 30 validation records), its training was interrupted, or an older version "
-                "trained it; train it anew");
+    throw Error(
+        ExitCode::usage,
+        "the model does not know how sure it is: it was trained on too few records (less than "
+        "50), its training was interrupted, or an older version trained it; train it "
+        "anew");
 }
 
 }  // namespace echofuse::recon

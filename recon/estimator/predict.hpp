@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "recon/estimator/trained_model.hpp"
+#include "recon/uncertainty/gains.hpp"
 
 namespace echofuse::recon {
 
@@ -17,12 +18,19 @@ struct Records {
   RangeBias range_bias;     // what the records show of one; no records if nobody asked
   double range_bias_m = 0;  // taken off the radar's ranges
   std::string text;         // what there is to say of it, or nothing
+  std::string antennas;     // the same of a run that does not have the model's antennas
+  GainCheck gains;          // of a model of stable gains; not stable: brightness is forgotten
 };
 
-// Of runs as they were recorded (load_recorded, load_part), or of changed records. What the
-// radar's calibration and a range bias ask for is one interpolation. Throws Error(failed) if the
-// axes are not the model's.
+// Whether the records as a whole are unlike the model's training records.
+DomainShift domain_shift_of(const TrainedModel& model, const Records& records);
+
+// Of runs as they were recorded (load_recorded, load_part), or of changed records, for the model
+// that is asked about the run (TrainedModel::for_run). What the radar's calibration and a range
+// bias ask for is one interpolation. Throws Error(failed) if the axes are not the model's.
 Records prepare_records(const TrainedModel& model, Dataset recorded, RangeBiasAction action);
+// Of gains that cannot be checked: the maps are made without what they tell.
+void forget_brightness(const Alignment& alignment, Matrix& aligned);
 
 // own: the map as the model makes it; mean: the mean over what may be there, which has the least
 // squared error.
@@ -38,7 +46,7 @@ struct Prediction {
   const Matrix& of(const std::string& output) const { return output == "mean" ? mean : maps; }
 };
 
-// Where the model falls back, its fallback predicts. Throws Error(usage) if the model has no
+// Where the model falls back, its fallbacks predict. Throws Error(usage) if the model has no
 // uncertainty and pixels are asked for.
 Prediction predict(const TrainedModel& model, const Records& records, const Rows& rows,
                    PredictionDetail detail);

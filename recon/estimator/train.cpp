@@ -3,7 +3,10 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <functional>
+#include <iterator>
 #include <optional>
+#include <random>
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/random.hpp"
@@ -44,16 +47,65 @@ std::string choose(const Dataset& data, const Split& split, const TrainOptions& 
 }
 
 std::unique_ptr<TrainedModel> fit_fallback(const Dataset& data, const Split& split,
-                                           const Scene& scene, const FitOptions& options,
+                                           const Split& used,
+                                           const std::function<Split(Split)>& with_others,
+                                           const Scene& scene, const TrainOptions& options,
                                            bool uncertainties) {
   FitOptions fit;
-  fit.seed = options.seed, fit.quiet = options.quiet, fit.epochs = options.epochs;
+  fit.seed = options.fit.seed, fit.quiet = options.fit.quiet, fit.epochs = options.fit.epochs;
   const Preprocessing preprocessing(data, split.train, Inputs::spd, scene, uncertainties);
-  auto out = std::make_unique<TrainedModel>(
-      fit_model(data, split, preprocessing, fallback_candidate, Inputs::spd, "record", fit));
+  const auto fit_to = [&](const Split& part, bool quiet) {
+    FitOptions how = fit;
+    how.quiet |= quiet;
+    return fit_model(data, part, preprocessing, fallback_candidate, Inputs::spd, "record", how);
+  };
+  auto out = std::make_unique<TrainedModel>(fit_to(split, false));
   out->alignment = preprocessing.alignment;
   if (uncertainties)
-    out->uncertainty = fit_uncertainty(*out, data, preprocessing.aligned, split, fit.seed);
+    out->uncertainty =
+        fit_uncertainty(*out, data, preprocessing.aligned, used, options.split,
+                        [&](const Split& part) { return fit_to(with_others(part), true); });
+  return out;
+}
+
+constexpr std::uint64_t weight_stream = 0x77656967;  // "weig"
+
+// Each row as often as its run counts.
+Rows weighted(const Dataset& data, const Rows& rows, const TrainOptions& options) {
+  if (options.weights.empty()) return rows;
+  if (options.weights.size() != data.sources.size())
+    throw Error(ExitCode::usage, "--weight: " + std::to_string(options.weights.size()) +
+                                     " numbers for " + std::to_string(data.sources.size()) +
+                                     " runs; one each");
+  Rng rng = make_rng(options.split.seed, weight_stream);
+  std::uniform_real_distribution<double> chance(0, 1);
+  Rows out;
+  for (const std::size_t row : rows)
+    for (double left = options.weights[data.source_of(row)] - chance(rng); left > 0; --left)
+      out.push_back(row);
+  if (out.size() < 2)
+    throw Error(ExitCode::usage, "--weight: hardly any record is left to train on");
+  return out;
+}
+
+// Those of the runs that stand for the use; all if none was named.
+Rows of_use(const Dataset& data, const TrainOptions& options) {
+  Rows out;
+  for (const std::size_t run : options.validate_on) {
+    if (run >= data.sources.size())
+      throw Error(ExitCode::usage, "--validate-on " + std::to_string(run + 1) + ": there are " +
+                                       std::to_string(data.sources.size()) + " runs");
+    for (std::size_t i = 0; i < data.sources[run].count; ++i)
+      out.push_back(data.sources[run].first + i);
+  }
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
+Rows common(const Rows& rows, const Rows& wanted) {
+  Rows out;
+  for (const std::size_t row : rows)
+    if (wanted.empty() || std::binary_search(wanted.begin(), wanted.end(), row)) out.push_back(row);
   return out;
 }
 
@@ -82,35 +134,38 @@ bool shows_range_bias(const Dataset& data, Inputs inputs) {
          data.radar_axis.quantity == "power";
 }
 
-TrainedModel train(const Dataset& data, const TrainOptions& options) {
+namespace {
+
+bool looks_at_body(const std::string& candidate, const TrainOptions& options) {
+  return wants_alignment(candidate_of(candidate, options.fit).model);
+}
+
+// With what is kept beside it. A fallback for the range profile is what a training with
+// --inputs fused-profile would make of these records.
+TrainedModel train_split(const Dataset& data, const Split& split, const std::string& name,
+                         const TrainOptions& options) {
   const Inputs inputs = inputs_of(options.inputs);
-  if (!options.augment.empty() && inputs == Inputs::spd)
-    throw Error(ExitCode::usage, "--augment: its kinds are of the radar, --inputs spd has none");
-  const auto looks_at_body = [&](const std::string& candidate) {
-    return wants_alignment(candidate_of(candidate, options.fit).model);
-  };
-  // Others do not take what the antennas say.
-  const bool one_antenna = options.model != "auto" && !looks_at_body(options.model);
-  const Split split = make_split(
-      rows_to_train(data, one_antenna ? without_antennas(inputs) : inputs), options.split);
-  if (inputs == Inputs::fused && !one_antenna && data.arrays_differ && !options.fit.quiet)
-    std::fputs("the runs differ in the radar's antennas: of the radar, the profile is taken\n",
-               stderr);
-  const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
+  // What is said of the model is said of its use.
+  Split used = split;
+  used.train = common(split.train, of_use(data, options));
   const FitOptions& fit = options.fit;
   const bool range_bias = options.range_bias && shows_range_bias(data, inputs);
-  const bool uncertainties = options.uncertainty && has_enough_records(split);
+  const bool uncertainties = options.uncertainty && has_enough_records(used);
   // Its first rows are the records of the data; copies of them follow.
   std::optional<Dataset> more;
   Split fit_split = split;
+  fit_split.train = weighted(data, split.train, options);
   if (!options.augment.empty())
     augment(more.emplace(data), fit_split.train, options.augment, fit.seed);
   const Dataset& fit_data = more ? *more : data;
-  const bool aligned = looks_at_body(name);
-  const Preprocessing preprocessing(fit_data, fit_split.train,
-                                    aligned ? inputs : without_antennas(inputs),
-                                    learn_scene(fit_data.depth, fit_split.train, fit_data.map),
-                                    range_bias || uncertainties || aligned);
+  const bool aligned = looks_at_body(name, options);
+  if (options.gains == Gains::stable && !aligned)
+    throw Error(ExitCode::usage,
+                "--gains stable: of silhouette and factorised models, not " + name);
+  const Preprocessing preprocessing(
+      fit_data, fit_split.train, aligned ? inputs : without_antennas(inputs),
+      learn_scene(fit_data.depth, fit_split.train, fit_data.map),
+      range_bias || uncertainties || aligned, aligned ? options.gains : Gains::unknown);
   TrainedModel model =
       fit_model(fit_data, fit_split, preprocessing, name, inputs, options.scaling, fit);
   model.alignment = preprocessing.alignment;
@@ -120,12 +175,55 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
     model.range_bias = RangeBiasReference(preprocessing.alignment, data, preprocessing.aligned,
                                           in_order(split.train));
   if (model.log.interrupted) return model;
+  // The other runs train whatever part of the use's records is left out.
+  const auto with_others = [&](Split part) {
+    Rows others;
+    std::set_difference(split.train.begin(), split.train.end(), used.train.begin(),
+                        used.train.end(), std::back_inserter(others));
+    others.insert(others.end(), part.train.begin(), part.train.end());
+    part.train = weighted(data, in_order(std::move(others)), options);
+    return part;
+  };
   if (uncertainties)
-    model.uncertainty = fit_uncertainty(model, data, preprocessing.aligned, split, fit.seed);
-  if (options.fallback && both_sensors(inputs) && !ignores_inputs(model.name))
-    model.fallback = fit_fallback(data, split, preprocessing.scene, options.fit, uncertainties);
+    model.domain = DomainReference(preprocessing.alignment, data, preprocessing.aligned,
+                                   in_order(used.train), inputs);
+  if (uncertainties)
+    model.uncertainty = fit_uncertainty(
+        model, data, preprocessing.aligned, used, options.split, [&](const Split& part) {
+          FitOptions quiet = fit;
+          quiet.quiet = true;  // nor are there copies of the records
+          return fit_model(data, with_others(part), preprocessing, name, inputs, options.scaling,
+                           quiet);
+        });
+  if (options.fallback && model.features.array_axis.count > 0) {
+    TrainOptions of_profile = options;
+    of_profile.inputs = name_of(Inputs::fused_profile);
+    model.fallback = std::make_unique<TrainedModel>(train_split(data, split, name, of_profile));
+  } else if (options.fallback && both_sensors(inputs) && !ignores_inputs(model.name)) {
+    model.fallback =
+        fit_fallback(data, split, used, with_others, preprocessing.scene, options, uncertainties);
+  }
   if (interrupted()) model.log.interrupted = true, model.fallback.reset();  // half trained
   return model;
+}
+
+}  // namespace
+
+TrainedModel train(const Dataset& data, const TrainOptions& options) {
+  const Inputs inputs = inputs_of(options.inputs);
+  if (!options.augment.empty() && inputs == Inputs::spd)
+    throw Error(ExitCode::usage, "--augment: its kinds are of the radar, --inputs spd has none");
+  // Others do not take what the antennas say.
+  const bool one_antenna = options.model != "auto" && !looks_at_body(options.model, options);
+  SplitOptions how = options.split;
+  if (data.sources.size() > 1) how.validate_on = of_use(data, options);
+  const Split split =
+      make_split(rows_to_train(data, one_antenna ? without_antennas(inputs) : inputs), how);
+  if (inputs == Inputs::fused && !one_antenna && data.arrays_differ && !options.fit.quiet)
+    std::fputs("the runs differ in the radar's antennas: of the radar, the profile is taken\n",
+               stderr);
+  return train_split(
+      data, split, options.model == "auto" ? choose(data, split, options) : options.model, options);
 }
 
 }  // namespace echofuse::recon

@@ -15,7 +15,13 @@ struct TrainOptions {
   std::vector<std::string> candidates;  // auto: what to try; empty: what makes sense
   SplitOptions split;
   FitOptions fit;
+  Gains gains = Gains::unknown;      // stable: of models that look at the body
   std::vector<std::string> augment;  // kinds of augment.hpp
+  // How often the records of each run count in the fit; empty: once. A part of 1 is the chance.
+  std::vector<double> weights;
+  // Runs that stand for the use, counted from 0: validation records and what is stated of the
+  // model's errors are theirs. Empty: all.
+  std::vector<std::size_t> validate_on;
   // What is kept beside the model: of a fused one the range bias's reference, and of one that looks
   // at its inputs a model for the SPD alone (TrainedModel); of any its uncertainty.
   bool range_bias = true, fallback = false, uncertainty = true;

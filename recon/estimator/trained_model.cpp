@@ -37,7 +37,15 @@ SeenRecords seen_records(const Dataset& data, const Split& split) {
   return seen;
 }
 
+const TrainedModel& TrainedModel::for_run(const Dataset& data) const {
+  const bool lost = data.radar_axis.count == 0;  // then the SPD answers
+  const bool fits =
+      lost || features.array_axis.count == 0 || covers(data.array_axis, features.array_axis);
+  return !fits && fallback && both_sensors(fallback->features.inputs) ? *fallback : *this;
+}
+
 void TrainedModel::match(Dataset& data) const {
+  if (const TrainedModel& other = for_run(data); &other != this) return other.match(data);
   require_map(data, scene.grid, "the model");
   const bool lost = fallback && data.radar_axis.count == 0;
   match_axes(data, features.spd_axis, features.radar_axis, lost ? Inputs::spd : features.inputs);
@@ -50,7 +58,20 @@ void TrainedModel::match(Dataset& data) const {
 
 bool TrainedModel::falls_back(const Dataset& data, std::size_t row) const {
   return fallback && !data.fault_of(row, features.inputs).empty() &&
-         data.fault_of(row, fallback->features.inputs).empty();
+         fallback->fault_of(data, row).empty();
+}
+
+const TrainedModel& TrainedModel::answering(const Dataset& data, std::size_t row) const {
+  const TrainedModel* by = &for_run(data);
+  while (by->falls_back(data, row)) by = by->fallback.get();
+  return *by;
+}
+
+std::string TrainedModel::note_of(const Dataset& data, std::size_t row) const {
+  const TrainedModel& by = answering(data, row);
+  if (&by == &for_run(data)) return {};
+  return by.features.inputs == Inputs::spd ? "radar lost: SPD alone"
+                                           : "antennas lost: range profile alone";
 }
 
 std::string TrainedModel::fault_of(const Dataset& data, std::size_t row) const {
@@ -59,14 +80,16 @@ std::string TrainedModel::fault_of(const Dataset& data, std::size_t row) const {
 
 std::vector<TrainedModel::Assignment> TrainedModel::assign_rows(const Dataset& data,
                                                                 const Rows& rows) const {
-  Assignment own{*this, {}, {}}, others{fallback ? *fallback : *this, {}, {}};
+  std::vector<Assignment> out;
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    Assignment& part = falls_back(data, rows[i]) ? others : own;
-    part.places.push_back(i);
-    part.rows.push_back(rows[i]);
+    const TrainedModel& by = answering(data, rows[i]);
+    std::size_t part = 0;
+    while (part < out.size() && &out[part].by != &by) ++part;
+    if (part == out.size()) out.push_back({by, {}, {}});
+    out[part].places.push_back(i);
+    out[part].rows.push_back(rows[i]);
   }
-  if (others.rows.empty()) return {own};
-  return {own, others};
+  return out;
 }
 
 Matrix TrainedModel::align(const Dataset& data, const Rows& rows, bool wanted) const {
@@ -107,14 +130,14 @@ Rows TrainedModel::rows_of(const Dataset& data, Part part) const {
 }
 
 Preprocessing::Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene of_rows,
-                             bool wanted)
+                             bool wanted, Gains gains)
     : scene(std::move(of_rows)) {
   const auto started = std::chrono::steady_clock::now();
   aligned.rows = data.size();
   if (!wanted || inputs == Inputs::radar) return;
   const Features raw = fit_features(data, train, inputs, raw_scaling);
   const Matrix raw_inputs = raw.raw_inputs(data, all_rows(data.size()));
-  alignment = Alignment(raw.layout(), raw_inputs, train);
+  alignment = Alignment(raw.layout(), raw_inputs, train, gains);
   aligned = alignment(raw_inputs);
   elapsed_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
 }

@@ -3,8 +3,9 @@
 // records it has seen and how its training went. Kept as one HDF5 file.
 //
 //   /            attributes: format, format_version, model, inputs, scaling, version, data_crc32c,
-//                train_s, foreground_depth_m, map_size, map_half_tangent, split, gap, seed,
-//                test_share, validation_share
+//                train_s, uncertainty (calibrated, or not calibrated: then it states none),
+//                foreground_depth_m, map_size, map_half_tangent, split, gap, seed, test_share,
+//                validation_share
 //   axes/NAME    attributes of spd and radar as in drivers/core/axis.hpp; of array, if the model
 //                needs the samples of the radar's antennas
 //   features/    centre, with attributes spd_gain and radar_gain
@@ -15,7 +16,10 @@
 //   alignment/   what is always there (body/alignment.hpp), if anything in the file needs it
 //   model/       what the model itself keeps
 //   range_bias/  of a fused model: range_bias.hpp
-//   fallback/    of a fused model: another one of this format, for records without a live radar
+//   domain/      what the training records are like: domain_shift.hpp
+//   fallback/    of a fused model: another one of this format, for records that lack what this one
+//                needs: of one that takes the radar's antennas one for its range profile, and of
+//                that one, or any other fused model, one for the SPD alone
 //   uncertainty/ what tells how far to trust it; files of older versions have none
 #pragma once
 #include <cstdint>
@@ -28,6 +32,7 @@
 #include "recon/data/split.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/models/model.hpp"
+#include "recon/uncertainty/domain_shift.hpp"
 #include "recon/uncertainty/range_bias.hpp"
 #include "recon/uncertainty/uncertainty.hpp"
 
@@ -54,18 +59,25 @@ struct TrainedModel {
   FitOptions fit;
   SeenRecords seen;
   RangeBiasReference range_bias;           // of a fused model
-  std::unique_ptr<TrainedModel> fallback;  // of a fused model, for the SPD alone; may be null
+  DomainReference domain;                  // what its training records are like
+  std::unique_ptr<TrainedModel> fallback;  // of a fused model; may be null
   std::uint32_t data_hash = 0;
   double train_s = 0;
 
-  // Brings the data onto the model's axes (match_axes); depth maps must be on its grid. A run
-  // without any radar becomes one of lost radars if there is a fallback.
+  // Who is asked about a run: this model, or its fallback for the range profile if the run does not
+  // have this one's antennas.
+  const TrainedModel& for_run(const Dataset& data) const;
+  // Brings the data onto the axes of the model that is asked (match_axes); depth maps must be on
+  // its grid. A run without any radar becomes one of lost radars if there is a fallback.
   void match(Dataset& data) const;
-  // Whether the record's radar is missing or dead, and the fallback answers for it.
+  // Whether the record lacks what the model needs (its radar is missing or dead, or the samples of
+  // its antennas are), and a fallback answers for it.
   bool falls_back(const Dataset& data, std::size_t row) const;
+  // What its status says then: what the map was made without; else nothing.
+  std::string note_of(const Dataset& data, std::size_t row) const;
   // Why there is no map of the record; empty if there is one.
   std::string fault_of(const Dataset& data, std::size_t row) const;
-  // Who answers for which of the rows: this model, and its fallback if it is needed.
+  // Who answers for which of the rows: this model, and its fallbacks if they are needed.
   struct Assignment {
     const TrainedModel& by;
     Rows places, rows;  // indices into the given rows, and those rows
@@ -84,10 +96,15 @@ struct TrainedModel {
   bool knows(const Dataset& data) const;
   // The rows of the data set that were this part of the model's training.
   Rows rows_of(const Dataset& data, Part part) const;
+
+ private:
+  const TrainedModel& answering(const Dataset& data, std::size_t row) const;
 };
 
-// What a record's status says when the fallback answered.
-inline const char* const fallback_note = "radar lost: SPD alone";
+// Whether the model may say how far off its maps are: what its file and whoever shows maps say.
+inline const char* calibration_of(const TrainedModel& model) {
+  return model.uncertainty ? "calibrated" : "not calibrated";
+}
 
 SeenRecords seen_records(const Dataset& data, const Split& split);
 
@@ -97,7 +114,8 @@ struct Preprocessing {
   Alignment alignment;   // not known unless wanted, nor without a detector
   Matrix aligned;        // of every record of the data set
   double elapsed_s = 0;  // which belongs to the time of each training
-  Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene scene, bool wanted);
+  Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene scene, bool wanted,
+                Gains gains = Gains::unknown);
 };
 
 // Fits scaling and model to the training rows; leaves `seen`, `range_bias` and `fallback` empty.

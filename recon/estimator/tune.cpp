@@ -23,6 +23,13 @@ constexpr std::uint64_t fold_stream = 0x74756e65;  // "tune"
 // records.
 constexpr double changed_share = 0.2;
 
+const char* const as_it_was = "as it was";
+const char* const room_learnt = "the room learnt";
+const char* const alone = "these records alone";
+std::string tuned_name(double pull, bool turn) {
+  return formatted("%s, pull %g / N", turn ? "tuned, turned" : "tuned", pull);
+}
+
 bool can_be_tuned(const std::string& kind) {
   return wants_alignment(kind) || kind_of(kind).size == ModelKind::Size::hidden;
 }
@@ -76,11 +83,15 @@ TrainedModel adapt(const TrainedModel& from, const Dataset& data, const Rows& ro
   out.scene = with_scene ? scene_for(from, data, rows) : from.scene;
   const bool aligned = wants_alignment(from.name);
   if (aligned && room == Room::learnt)
-    out.alignment = Alignment(out.features.layout(),
-                              out.features.raw_inputs(data, all_rows(data.size())), rows);
+    out.alignment =
+        Alignment(out.features.layout(), out.features.raw_inputs(data, all_rows(data.size())), rows,
+                  from.alignment.gains());
   else
     out.alignment = from.alignment;
   const Rows all = all_rows(data.size());
+  // Gains are stable within a room, and other ones in the next.
+  if (out.alignment.gains() == Gains::stable && with_scene)
+    out.alignment.learn_brightness(out.features.raw_inputs(data, all), rows);
   const Matrix taken = out.inputs(data, all, out.align(data, all, false));
   out.model = from.model->tuned(
       {taken, data.depth, rows, &out.scene, &out.alignment, &data.radar, &data.array}, tuning);
@@ -110,7 +121,8 @@ class Choice {
       : data_(data),
         split_(split),
         judged_by_(scene_for(from, data, split.train)),
-        sequence_(options.split.kind == "blocked") {
+        sequence_(options.split.kind == "blocked"),
+        only_(options.only) {
     Rows rows = split.train;
     Rng rng = make_rng(options.split.seed, fold_stream);
     if (!sequence_) std::shuffle(rows.begin(), rows.end(), rng);
@@ -121,6 +133,7 @@ class Choice {
   using Fit = std::function<TrainedModel(const Rows& rows)>;
   // Fits one model a fold, and scores it on the rest.
   void add(const std::string& name, Fit fit) {
+    if (!only_.empty() && name != only_) return;
     Entry& entry = entries_.emplace_back(Entry{{{name, {}}, {}, 0, {}}, std::move(fit), {}});
     Folds scores;
     const auto started = std::chrono::steady_clock::now();
@@ -169,6 +182,7 @@ class Choice {
   const Split& split_;
   Scene judged_by_;
   bool sequence_;
+  std::string only_;
   std::vector<Split> folds_;
   std::vector<Entry> entries_;
 };
@@ -180,7 +194,8 @@ TrainedModel fit_alone(const TrainedModel& from, const Dataset& data, const Rows
   FitOptions fit = sizes_of(from);
   fit.seed = options.tuning.seed, fit.quiet = true;
   const Preprocessing preprocessing(data, rows, aligned ? inputs : without_antennas(inputs),
-                                    learn_scene(data.depth, rows, data.map), aligned);
+                                    learn_scene(data.depth, rows, data.map), aligned,
+                                    from.alignment.gains());
   const std::string scaling = aligned ? "record" : from.features.scaling;
   return fit_model(data, {rows, {}, {}}, preprocessing, from.name, inputs, scaling, fit);
 }
@@ -192,28 +207,27 @@ void try_all(Choice& choice, const TrainedModel& from, const Dataset& data, cons
   const bool own_axes = axes_are(from, data), aligned = wants_alignment(from.name);
   Room room = aligned && !own_axes ? Room::learnt : Room::kept;
   if (own_axes || !aligned)
-    choice.add("as it was", [&, untouched](const Rows& rows) {
+    choice.add(as_it_was, [&, untouched](const Rows& rows) {
       return adapt(from, data, rows, Room::kept, untouched, false);
     });
   if (aligned) {
-    choice.add("the room learnt", [&, untouched](const Rows& rows) {
+    choice.add(room_learnt, [&, untouched](const Rows& rows) {
       return adapt(from, data, rows, Room::learnt, untouched);
     });
-    if (choice.best() > 0) room = Room::learnt;
+    if (choice.best() > 0 && options.only.empty()) room = Room::learnt;
   }
   const bool many = split.train.size() >= TuneOptions::least_alone;
   const auto add_tuned = [&](double pull, bool turn) {
     Tuning tuning = options.tuning;
     tuning.pull = pull, tuning.turn = turn;
-    choice.add(
-        formatted("%s, pull %g / N", turn ? "tuned, turned" : "tuned", pull),
-        [&, tuning, room](const Rows& rows) { return adapt(from, data, rows, room, tuning); });
+    choice.add(tuned_name(pull, turn), [&, tuning, room](const Rows& rows) {
+      return adapt(from, data, rows, room, tuning);
+    });
   };
   for (const double pull : pulls) add_tuned(pull, false);
   if (many && aligned) add_tuned(turned_pull, true);
   if (many)
-    choice.add("these records alone",
-               [&](const Rows& rows) { return fit_alone(from, data, rows, options); });
+    choice.add(alone, [&](const Rows& rows) { return fit_alone(from, data, rows, options); });
 }
 
 // What belongs to the model of the chosen kind beside itself. Too few records: no uncertainty.
@@ -223,21 +237,24 @@ void finish(TrainedModel& model, const Dataset& data, const Split& split,
   const Inputs inputs = model.features.inputs;
   const bool has_spd = inputs != Inputs::radar;
   const bool range_bias = shows_range_bias(data, inputs);
-  const bool uncertainty = split.train.size() >= OutOfDistributionDetector::least_records;
+  const bool uncertainty = split.train.size() >= least_cross_fitted;
+  const bool domain = split.train.size() >= DomainReference::least_records;
   if (!wants_alignment(model.name)) {
     model.alignment = {};
-    if (has_spd && (range_bias || uncertainty))
+    if (has_spd && (range_bias || domain))
       model.alignment =
           Alignment(model.features.layout(), model.features.raw_inputs(data, all), split.train);
   }
   const Matrix aligned = model.align(data, all, true);
   if (range_bias)
     model.range_bias = RangeBiasReference(model.alignment, data, aligned, split.train);
+  if (domain) model.domain = DomainReference(model.alignment, data, aligned, split.train, inputs);
   if (uncertainty)
     model.uncertainty = fit_uncertainty(model, data, aligned, split.train, judged, seed);
 }
 
-// The network for the SPD alone, with a pull that nothing was asked about: it is needed seldom.
+// The networks for the range profile and the SPD alone, with a pull that nothing was asked about:
+// they are needed seldom.
 std::unique_ptr<TrainedModel> tune_fallback(const TrainedModel& from, const Dataset& data,
                                             const Split& split, const Tuning& tuning) {
   const auto fit = [&](const Rows& rows) { return adapt(from, data, rows, Room::kept, tuning); };
@@ -246,6 +263,7 @@ std::unique_ptr<TrainedModel> tune_fallback(const TrainedModel& from, const Data
   const std::array models{fit(halves[0].train), fit(halves[1].train)};
   finish(*out, data, split, {{models[0], halves[0].test}, {models[1], halves[1].test}},
          tuning.seed);
+  if (from.fallback) out->fallback = tune_fallback(*from.fallback, data, split, tuning);
   return out;
 }
 
@@ -260,6 +278,14 @@ SeenRecords both(const SeenRecords& old, SeenRecords seen) {
 }
 
 }  // namespace
+
+std::vector<std::string> choice_names() {
+  std::vector<std::string> out{as_it_was, room_learnt};
+  for (const double pull : pulls) out.push_back(tuned_name(pull, false));
+  out.push_back(tuned_name(turned_pull, true));
+  out.emplace_back(alone);
+  return out;
+}
 
 void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset& data) {
   require_map(data, from.scene.grid, "the model");
@@ -305,6 +331,8 @@ TunedModel tune(const TrainedModel& from, const Dataset& data, const TuneOptions
   const Split split = make_split(rows, options.split);
   Choice choice(from, data, split, options);
   try_all(choice, from, data, split, options);
+  if (choice.table().empty())
+    throw Error(ExitCode::failed, options.only + ": not tried with these records and this model");
   const std::size_t chosen = choice.best();
   TunedModel out{choice.fit(chosen), choice.table(), chosen};
   TrainedModel& model = out.model;

@@ -16,6 +16,7 @@ void export_records(const TrainedModel& model, const std::vector<std::string>& r
   const Features& f = model.features;
   Dataset data = load(runs);
   match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
+  match_array(data, f.array_axis);
   const Rows rows = data.usable(f.inputs);
   constexpr std::uint8_t not_seen = 255;
   std::vector<std::uint8_t> part_of(data.size(), not_seen), part;

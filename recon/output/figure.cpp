@@ -167,7 +167,10 @@ Bytes figure(const std::string& title, const std::vector<FigureRow>& rows, doubl
     draw_map(canvas, {map_x, y}, rows[i].reconstruction, farthest_m, half_tangent);
     write(canvas, rows[i].caption, {map_x + panel / 2, y + panel + 58}, Align::centre, 0.45);
     draw_bar(canvas, {map_x + panel + 28, y}, farthest_m, "depth (m)");
-    if (rows[i].deviation.empty()) continue;
+    if (rows[i].deviation.empty()) {
+      write(canvas, rows[i].uncertainty, {map_x + panel / 2, y + panel + 76}, Align::centre, 0.45);
+      continue;
+    }
     draw_map(canvas, {deviation_x, y}, rows[i].deviation, most_deviation_m, half_tangent);
     write(canvas, rows[i].uncertainty, {deviation_x + panel / 2, y + panel + 58}, Align::centre,
           0.45);

@@ -80,12 +80,13 @@ std::string map_format_help() {
 }
 
 MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene,
-                   double zoom_m)
+                   double zoom_m, bool calibrated)
     : folder_(std::move(folder)),
       formats_(formats),
       scene_(scene),
       farthest_m_(farthest_of(scene)),
-      zoom_m_(zoom_m) {
+      zoom_m_(zoom_m),
+      calibrated_(calibrated) {
   if (!wants("npz")) return;
   const std::size_t size = scene.grid.size;
   arrays_.emplace(folder_ + "/maps.npz");
@@ -136,6 +137,8 @@ void MapFiles::close() {
   arrays_->append(depth_x_);
   arrays_->begin("depth_y", "<f8", shape);
   arrays_->append(depth_y_);
+  arrays_->begin("calibrated", "|u1", {});
+  arrays_->append(std::vector<std::uint8_t>{calibrated_});
   arrays_->close();
   if (deviations_) deviations_->close();
 }

@@ -19,7 +19,8 @@ namespace echofuse::recon {
 //   ply     NNNNNN.ply: points x (right), y (up), z (away) in metres, of the hard map (scene.hpp),
 //           as the ripple of a least-squares map would be a fog of points
 //   npz     maps.npz for all: index i64 [n], depth_m f32 [n, N, N], depth_x and depth_y f64 [N],
-//           the tangents of the pixel centres; of windows [n, N]
+//           the tangents of the pixel centres; of windows [n, N]; calibrated u8 [1]: 0 where the
+//           model cannot say how far off its maps are
 //   uncertainty  NNNNNN_sd.png: 16-bit grey, the standard deviation of z in millimetres; beside npz
 //           also uncertainty.npz: deviation_m f32 [n, N, N]
 std::vector<std::string> map_format_names();
@@ -29,9 +30,9 @@ std::string map_format_help();  // each with what it is
 class MapFiles {
  public:
   // zoom_m: not the whole map but a window of so many metres (window.hpp), but for the points; 0:
-  // the whole one.
+  // the whole one. `calibrated`: whether the model states its uncertainty.
   MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene,
-           double zoom_m);
+           double zoom_m, bool calibrated);
   // `deviation`: of every pixel; may be empty unless uncertainty is wanted.
   void write(std::int64_t index, std::span<const float> prediction,
              std::span<const float> deviation);
@@ -43,6 +44,7 @@ class MapFiles {
   std::vector<std::string> formats_;
   const Scene& scene_;
   double farthest_m_, zoom_m_;
+  bool calibrated_;
   std::optional<NpzFile> arrays_;
   std::vector<std::int64_t> indices_;
   std::vector<double> depth_x_, depth_y_;

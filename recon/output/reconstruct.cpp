@@ -36,7 +36,7 @@ class StatusTable {
   explicit StatusTable(const std::string& path)
       : path_(path), out_(path, std::ios::binary | std::ios::trunc) {
     out_ << "record,status,after_slot_s,lateral_interval_90_m,distance,two_bodies,"
-            "out_of_distribution,radar_shift_m\n";
+            "out_of_distribution,radar_shift_m,uncertainty\n";
     flush();
   }
   void add(const RecordStatus& r) {
@@ -45,7 +45,11 @@ class StatusTable {
          << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "") << ",";
     if (r.uncertainty) add(*r.uncertainty);
     out_ << (r.uncertainty ? "," : ",,,,")
-         << (r.fault.empty() ? formatted("%.4f", r.radar_shift_m) : "") << "\n";
+         << (r.fault.empty() ? formatted("%.4f", r.radar_shift_m) : "") << ","
+         << (!r.fault.empty() ? ""
+             : r.uncertainty  ? "calibrated"
+                              : "not calibrated")
+         << "\n";
   }
   void flush() {
     out_.flush();
@@ -69,7 +73,8 @@ class Reconstruction {
   Reconstruction(const TrainedModel& model, const ReconstructOptions& options)
       : model_(model),
         options_(options),
-        files_(options.out, options.formats, model.scene, options.zoom_m),
+        files_(options.out, options.formats, model.scene, options.zoom_m,
+               model.uncertainty.has_value()),
         table_(options.out + "/records.csv"),
         started_(clock_.now()) {}
 
@@ -84,6 +89,7 @@ class Reconstruction {
   Dataset read(const record::RunReader& run, std::size_t at_most);
   Records prepare_new(Dataset data);
   void write(const Records& records, std::size_t first, std::size_t count);
+  void tell_run(const std::string& text) const;
   void tell(const RecordStatus& status);
   void tell_bad(std::int64_t before);
   void time(RecordStatus& status, HostTime slot_end) const;
@@ -97,6 +103,7 @@ class Reconstruction {
   std::int64_t next_ = 0;
   std::deque<RecordStatus> bad_;  // read, and not yet told
   RangeBiasWatch watch_;
+  std::string antennas_;  // what was said of them
 };
 
 // Without the depth camera, whose pictures no map needs.
@@ -113,10 +120,13 @@ void Reconstruction::take_all(const record::RunReader& run) {
   Progress progress("reconstructing", static_cast<std::size_t>(run.count()), options_.quiet);
   const Records records = prepare_records(
       model_, read(run, std::numeric_limits<std::size_t>::max()), options_.range_bias);
+  tell_run(records.antennas);
+  const DomainShift shift = domain_shift_of(model_, records);
+  if (shift.tested() && (shift.found() || !options_.quiet)) tell_run(shift.text());
   const bool silent =
       options_.quiet && records.range_bias.status == RangeBias::Status::too_few_records;
-  if (!silent && !records.text.empty() && options_.on_range_bias)
-    options_.on_range_bias(records.text);
+  if (!silent) tell_run(records.text);
+  if (!options_.quiet) tell_run(records.gains.text());
   const std::size_t size = records.data.size();
   for (std::size_t first = 0; first < size && !interrupted(); first += part_records) {
     write(records, first, std::min(part_records, size - first));
@@ -141,13 +151,20 @@ Records Reconstruction::prepare_new(Dataset data) {
   // A sensor's axis may come after the first records of a run that is being recorded.
   if (std::none_of(all.begin(), all.end(),
                    [&](std::size_t row) { return model_.fault_of(data, row).empty(); }))
-    return {std::move(data), {}, {}, 0, {}};
+    return {std::move(data), {}, {}, 0, {}, {}};
+  const TrainedModel& model = model_.for_run(data);
   Records out = prepare_records(model_, std::move(data), RangeBiasAction::ignore);
-  if (options_.range_bias == RangeBiasAction::ignore || !model_.range_bias.known()) return out;
+  forget_brightness(model.alignment, out.aligned);  // one by one records tell nothing of gains
+  if (out.antennas != antennas_) tell_run(antennas_ = out.antennas);
+  if (options_.range_bias == RangeBiasAction::ignore || !model.range_bias.known()) return out;
   const auto range_bias = watch_.add(
-      model_.range_bias, model_.range_bias.measure(model_.alignment, out.data, out.aligned));
-  if (range_bias && options_.on_range_bias) options_.on_range_bias(range_bias->text(false));
+      model.range_bias, model.range_bias.measure(model.alignment, out.data, out.aligned));
+  if (range_bias) tell_run(range_bias->text(false));
   return out;
+}
+
+void Reconstruction::tell_run(const std::string& text) const {
+  if (!text.empty() && options_.on_run) options_.on_run(text);
 }
 
 void Reconstruction::write(const Records& records, std::size_t first, std::size_t count) {
@@ -157,7 +174,7 @@ void Reconstruction::write(const Records& records, std::size_t first, std::size_
   for (std::size_t row = first; row < first + count; ++row) {
     all.push_back({data.index[row],
                    model_.fault_of(data, row),
-                   model_.falls_back(data, row) ? fallback_note : "",
+                   model_.note_of(data, row),
                    records.range_bias_m,
                    {},
                    {},
@@ -196,8 +213,9 @@ void Reconstruction::time(RecordStatus& status, HostTime slot_end) const {
 
 // Maps of another run must not stay among those of this one unnoticed.
 void take_folder(const ReconstructOptions& options, const std::string& path,
-                 const std::string& uuid) {
-  const std::string marker = options.out + "/run.txt", own = uuid + "\n" + printable(path) + "\n";
+                 const std::string& uuid, const std::string& calibration) {
+  const std::string marker = options.out + "/run.txt",
+                    own = uuid + "\n" + printable(path) + "\n" + calibration + "\n";
   const bool known = std::filesystem::exists(marker);
   const std::string before = known ? read_text(marker) : "";
   if (!options.force && !before.starts_with(uuid + "\n") &&
@@ -218,7 +236,8 @@ void take_folder(const ReconstructOptions& options, const std::string& path,
 void reconstruct(const TrainedModel& model, const std::string& path,
                  const ReconstructOptions& options) {
   if (options.output == "mean" || wants_uncertainty(options)) require_uncertainty(model);
-  take_folder(options, path, record::RunReader(path).info().uuid);  // refused before it changes
+  take_folder(options, path, record::RunReader(path).info().uuid,
+              calibration_of(model));  // refused before it changes
   Reconstruction work(model, options);
   if (!options.follow) work.take_all(record::RunReader(path));
   while (options.follow && !interrupted()) {

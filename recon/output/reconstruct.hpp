@@ -30,8 +30,9 @@ struct ReconstructOptions {
   bool force = false;   // also into a folder that holds maps of another run
   bool quiet = false;   // no progress bar, no word on runs too short to tell a range bias
   RangeBiasAction range_bias = RangeBiasAction::warn;  // correct: not while following
-  // What there is to say of the run's range bias (RangeBias::text).
-  std::function<void(const std::string&)> on_range_bias;
+  // What there is to say of the run: of its antennas, of a range bias, of its gains (Records), and
+  // of a whole run, whether it is unlike the training (DomainShift::text).
+  std::function<void(const std::string&)> on_run;
   std::function<void(const RecordStatus&)> on_record;  // in the order of the records
 };
 
@@ -39,7 +40,8 @@ struct ReconstructOptions {
 // trust it, written as they come. A record that cannot be used (bad blob, missing or dead sensor)
 // is noted and left out. Ends early at an interrupt, with what it has finished. Throws
 // Error(failed) if the run's axes are not the model's, and Error(disk). OUT/run.txt tells whose
-// maps they are (uuid, path); Error(usage) if there are maps of another run, unless forced.
+// maps they are (uuid, path, whether calibrated); Error(usage) if there are maps of another run,
+// unless forced.
 void reconstruct(const TrainedModel& model, const std::string& run,
                  const ReconstructOptions& options);
 

@@ -136,6 +136,7 @@ Bytes draw(const std::string& title, const std::vector<const TrainedModel*>& mod
                 formatted("SSIM %.3f   IoU %.2f", s[metric_ssim], s[metric_iou]),
                 {},
                 {}};
+    r.uncertainty = calibration_of(*models[i]);
     if (models[i]->uncertainty) {
       r.deviation = std::as_const(made[i].deviation).row(0);
       show_uncertainty(r, made[i].uncertainties.front());

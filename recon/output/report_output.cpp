@@ -148,7 +148,10 @@ std::string explanations(const Report& report) {
 std::string uncertainty_section(const Report& report) {
   std::string lines;
   const auto add = [&](const std::string& name, const Evaluation& e) {
-    if (!e.calibration) return;
+    if (!e.calibration) {
+      lines += "<tr><td>" + escaped(name) + "</td><td colspan=\"5\">not calibrated</td></tr>\n";
+      return;
+    }
     const UncertaintyCalibration& c = *e.calibration;
     const auto cell = [](const char* form, double value) {
       return "<td>" + (std::isnan(value) ? std::string("-") : formatted(form, value)) + "</td>";

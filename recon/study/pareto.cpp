@@ -26,6 +26,11 @@ struct Job {
   StudyModel model;
 };
 
+ParetoOptions of_run(ParetoOptions options, const Dataset& train) {
+  if (train.array_axis.count > 0) options.models = with_profiles(options.models);
+  return options;
+}
+
 std::vector<Job> jobs_of(const ParetoOptions& options) {
   std::vector<Job> jobs;
   for (const auto& model : options.models) jobs.emplace_back("model", 1, model);
@@ -101,17 +106,17 @@ std::vector<ParetoRow> rows_of(const std::vector<Measurement>& all) {
 class Study {
  public:
   explicit Study(const ParetoOptions& options)
-      : options_(options),
-        train_(load({options.train})),
+      : train_(load({options.train})),
         test_(load({options.test})),
-        progress_("study", jobs_of(options).size() * options.seeds, options.quiet) {
+        options_(of_run(options, train_)),
+        progress_("study", jobs_of(options_).size() * options.seeds, options.quiet) {
     for (const Source& run : test_.sources)
       if (run.uuid == train_.sources.front().uuid)
         throw Error(ExitCode::usage,
                     run.path + ": the models are trained on this run; judge them by another");
     match_axes(test_, train_.spd_axis, train_.radar_axis, Inputs::fused);
     match_array(test_, train_.array_axis);
-    for (const Job& job : jobs_of(options)) {
+    for (const Job& job : jobs_of(options_)) {
       TrainedModel judged;
       judged.features.inputs = inputs_of(job.model.inputs);
       rows_to_evaluate(judged, test_, true);  // are there any?
@@ -163,8 +168,8 @@ class Study {
     m.metrics["train_s"] = cost.train_s;
   }
 
-  const ParetoOptions& options_;
   Dataset train_, test_;
+  const ParetoOptions options_;
   Progress progress_;
   std::size_t done_ = 0;
 };

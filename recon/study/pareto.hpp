@@ -13,7 +13,9 @@ namespace echofuse::recon {
 
 struct ParetoOptions : StudyOptions {
   std::string train, test;  // run files
-  // Candidates (models/model.hpp); ":spd" or ":radar" behind one leaves the other sensor out.
+  // Candidates (models/model.hpp); ":spd" or ":radar" behind one leaves the other sensor out,
+  // ":fused-profile" the radar's antennas. If the run has these, there is one with that behind each
+  // model that takes them.
   std::vector<std::string> models = {"empty",           "mean",
                                      "nearest",         "ridge",
                                      "silhouette",      "factorised-4",

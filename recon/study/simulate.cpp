@@ -48,24 +48,48 @@ void run(const std::vector<std::string>& words, int output = STDOUT_FILENO) {
 
 }  // namespace
 
-Simulator::Simulator(std::string program, std::string folder, int threads)
+Simulator::Simulator(std::string program, std::string folder, int threads,
+                     std::vector<std::string> set)
     : program_(program.empty() ? simulator_beside() : std::move(program)),
       folder_(std::move(folder)),
-      threads_(threads) {}
+      threads_(threads),
+      set_(std::move(set)) {}
 
 BaseCondition Simulator::base_condition() const {
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> text(std::tmpfile(), std::fclose);
   if (!text) throw Error(ExitCode::disk, "no temporary file for the simulator's settings");
-  run({program_, "config", "--json"}, ::fileno(text.get()));
+  std::vector<std::string> words = {program_, "config", "--json"};
+  for (const auto& assignment : set_) words.insert(words.end(), {"--set", assignment});
+  run(words, ::fileno(text.get()));
   std::rewind(text.get());
   const auto settings = nlohmann::json::parse(text.get(), nullptr, false);
   if (!settings.is_object())
     throw Error(ExitCode::failed, program_ + " config --json: printed no JSON object");
   BaseCondition out;
   for (const auto& [key, setting] : settings.items())
-    if (const auto value = setting.find("value"); value != setting.end() && value->is_number())
-      out[key] = value->get<double>();
+    if (const auto value = setting.find("value"); value != setting.end()) {
+      if (value->is_number()) out[key] = value->get<double>();
+      if (value->is_string()) out[key + "=" + value->get<std::string>()] = 1;
+    }
   return out;
+}
+
+Dataset Simulator::make_with(const std::vector<std::string>& more, std::size_t records,
+                             std::uint64_t seed) const {
+  const TemporaryFile run_file{folder_ + "/.simulated-" + std::to_string(::getpid()) + ".sqlite"};
+  std::vector<std::string> words = {program_,
+                                    "dataset",
+                                    "-q",
+                                    "--out",
+                                    run_file.path,
+                                    "--seed",
+                                    std::to_string(seed),
+                                    "--records",
+                                    std::to_string(records)};
+  if (threads_ > 0) words.insert(words.end(), {"--threads", std::to_string(threads_)});
+  words.insert(words.end(), more.begin(), more.end());
+  run(words);
+  return load({run_file.path});
 }
 
 Dataset Simulator::make(const World& world, std::size_t records, std::uint64_t seed) const {
@@ -74,7 +98,8 @@ Dataset Simulator::make(const World& world, std::size_t records, std::uint64_t s
   std::vector<std::string> words = {program_, "dataset",           "-q", "--out", run_file.path,
                                     "--seed", std::to_string(seed)};
   if (threads_ > 0) words.insert(words.end(), {"--threads", std::to_string(threads_)});
-  for (const auto& assignment : world.set) words.insert(words.end(), {"--set", assignment});
+  for (const auto* set : {&set_, &world.set})
+    for (const auto& assignment : *set) words.insert(words.end(), {"--set", assignment});
   if (world.at_x_m) {
     write_text(list.path, scene_list(*world.at_x_m, records));
     words.insert(words.end(), {"--set", "scenes=" + list.path});

@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "recon/study/stability_axes.hpp"
 
@@ -11,15 +12,21 @@ namespace echofuse::recon {
 class Simulator {
  public:
   // `program`: the simulator; empty: echofuse-sim beside this program, or else from PATH. `folder`
-  // is for the run files, which are removed once they are read. threads 0: as it likes.
-  Simulator(std::string program, std::string folder, int threads);
+  // is for the run files, which are removed once they are read. threads 0: as it likes. `set`:
+  // KEY=VALUE of the base condition, before what a world has.
+  Simulator(std::string program, std::string folder, int threads,
+            std::vector<std::string> set = {});
   // Throws Error(failed) if it does not do it, Error(interrupted).
   BaseCondition base_condition() const;
   Dataset make(const World& world, std::size_t records, std::uint64_t seed) const;
+  // With these words of `echofuse-sim dataset`.
+  Dataset make_with(const std::vector<std::string>& words, std::size_t records,
+                    std::uint64_t seed) const;
 
  private:
   std::string program_, folder_;
   int threads_;
+  std::vector<std::string> set_;
 };
 
 }  // namespace echofuse::recon

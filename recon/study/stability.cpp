@@ -18,6 +18,12 @@ namespace {
 
 constexpr std::uint64_t test_seeds = 1000;  // the test records' seed, after the training records'
 
+std::string joined(const std::vector<std::string>& words) {
+  std::string out;
+  for (const auto& word : words) out += (out.empty() ? "" : " ") + word;
+  return out;
+}
+
 // One value of one axis; the base value of all of them is measured once.
 struct Place {
   std::string axis, value;
@@ -46,7 +52,7 @@ class Study {
       : options_(options),
         places_(places_of(options)),
         file_(options, settings(), ExitCode::config),
-        simulator_(options.sim, options.out, options.threads),
+        simulator_(options.sim, options.out, options.threads, options.set),
         progress_("study", work(), options.quiet) {}
 
   std::vector<Measurement> run() {
@@ -70,6 +76,7 @@ class Study {
             {"quick", options_.quick ? "yes" : "no"},
             {"records", std::to_string(options_.records)},
             {"test-records", std::to_string(options_.test_records)},
+            {"set", joined(options_.set)},
             {"range-bias", options_.range_bias == RangeBiasAction::correct ? "correct" : "ignore"}};
   }
 
@@ -176,14 +183,15 @@ class Study {
 StabilityOptions complete(StabilityOptions options) {
   if (options.records == 0) options.records = options.quick ? 1000 : 3600;
   if (options.test_records == 0) options.test_records = options.quick ? 300 : 1000;
+  options.base = Simulator(options.sim, options.out, options.threads, options.set).base_condition();
   if (options.models.empty()) {
     const std::string plain = options.quick ? "mlp-128-64" : "mlp-512-256";
     options.models = {"factorised-16",  "silhouette", "pca-mlp",     plain,          plain + ":spd",
                       plain + ":radar", "nearest",    "nearest:spd", "nearest:radar"};
+    if (antennas_of(options.base) > 1) options.models = with_profiles(options.models);
   }
   std::erase_if(options.models, ignores_inputs);  // they are always there
   for (const auto& name : options.models) StudyModel{name};
-  options.base = Simulator(options.sim, options.out, options.threads).base_condition();
   axes_of(options);
   return options;
 }

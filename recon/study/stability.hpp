@@ -23,6 +23,7 @@ namespace echofuse::recon {
 
 struct StabilityOptions : StudyOptions {  // each seed makes its own records, and its own models
   std::string sim;                        // the simulator (simulate.hpp)
+  std::vector<std::string> set;           // KEY=VALUE, of its base condition
   BaseCondition base = {};                // of that simulator
   bool quick = false;
   std::vector<std::string> models;            // as StudyModel has them; none: those of the study

@@ -74,8 +74,23 @@ World fine_speckle(const BaseCondition& base) {
   return world;
 }
 
-std::string coherent_label(const BaseCondition& base) {
-  return formatted("coherent %g cm", 100 * value_of(base, "radar_resolution_m"));
+// With both kinds of echoes, one of them the base.
+std::vector<AxisValue> speckles(const BaseCondition& base) {
+  const bool coherent = base.contains("radar_sum=coherent");
+  const double cm = 100 * value_of(base, "radar_resolution_m");
+  return {
+      {"incoherent", coherent ? World{.set = {"radar_sum=incoherent"}} : World{}},
+      {formatted("coherent %g cm", cm), coherent ? World{} : World{.set = {"radar_sum=coherent"}}}};
+}
+
+bool has_array(const BaseCondition& base) { return antennas_of(base) > 1; }
+
+World antennas(double count) { return {.set = {assignment("radar_antennas", count)}}; }
+
+// By how much the antennas' phases differ from what the run says of them.
+World unknown_phases(double deg) {
+  return {.set = {assignment("radar_phase_error_rad", deg * M_PI / 180),
+                  "radar_array_calibrated=false"}};
 }
 
 World standing_from(double near_m, double far_m) {
@@ -106,12 +121,16 @@ void add_sensors(Axes& all, const BaseCondition& base) {
       matched, "pile_up", "pile-up (photons to a laser pulse, the first is seen)",
       pulses > 0 ? photons / pulses : 0, {0, 0.01, 0.1, 0.5, 1, 2}, {0.1, 2},
       [&](double v) { return World{.set = {assignment("pulses_per_window", photons / v)}}; }));
-  all.push_back({"speckle",
-                 "radar's sum of echoes",
-                 matched,
-                 {{"incoherent", {}},
-                  {"coherent 4.4 cm", fine_speckle(base), false},
-                  {coherent_label(base), {.set = {"radar_sum=coherent"}}}}});
+  all.push_back({"speckle", "radar's sum of echoes", matched, speckles(base)});
+  all.back().values.insert(all.back().values.begin() + 1,
+                           {"coherent 4.4 cm", fine_speckle(base), false});
+  Numbers counts = {1, 2, 4, 8};
+  if (antennas_of(base) > 8) counts.push_back(antennas_of(base));
+  all.push_back(numbers(matched, "antennas", "radar's antennas", antennas_of(base), counts,
+                        {1, 2, 8}, antennas));
+  if (has_array(base))
+    all.push_back(numbers(base, matched, "looks", "radar's frames a record", "radar_frames",
+                          {15, 60, 240}, {15}));
 }
 
 void add_scenes(Axes& all, const BaseCondition& base) {
@@ -151,10 +170,14 @@ void add_shifted_conditions(Axes& all, const BaseCondition& base) {
                         {0.4, 0.45, 0.5, 0.55, 0.6}, {0.4, 0.6}));
   all.push_back(numbers(base, shifted, "background", "SPD's background (counts to a signal photon)",
                         "background_counts", {0, 0.1, 1, 10}, {0.1, 1, 10}, photons));
-  all.push_back({"speckle",
-                 "radar's sum of echoes",
+  all.push_back({"speckle", "radar's sum of echoes", shifted, speckles(base)});
+  if (!has_array(base)) return;
+  all.push_back({"antennas",
+                 "radar's antennas",
                  shifted,
-                 {{"incoherent", {}}, {coherent_label(base), {.set = {"radar_sum=coherent"}}}}});
+                 {{formatted("%g", antennas_of(base)), {}}, {"lost", antennas(1)}}});
+  all.push_back(numbers(shifted, "phase", "error of the antennas' phases (degrees, rms)", 0,
+                        {0, 5, 15, 30, 60}, {15, 30}, unknown_phases));
 }
 
 void add_surprises(Axes& all, const BaseCondition& base) {
@@ -192,11 +215,17 @@ void add_surprises(Axes& all, const BaseCondition& base) {
 void lose(Dataset& data, Sensor sensor, bool missing) {
   Matrix& table = sensor == Sensor::spd ? data.spd : data.radar;
   std::fill(table.values.begin(), table.values.end(), 0.f);
+  if (sensor == Sensor::radar) std::fill(data.array.values.begin(), data.array.values.end(), 0.f);
   if (missing)
     for (auto& valid : data.valid) valid &= ~(1u << static_cast<unsigned>(sensor));
 }
 
 }  // namespace
+
+// One whose samples are not kept is one.
+double antennas_of(const BaseCondition& base) {
+  return std::max(value_of(base, "radar_antennas"), 1.0);
+}
 
 std::size_t StabilityAxis::base() const {
   return static_cast<std::size_t>(
@@ -214,7 +243,8 @@ std::vector<StabilityAxis> stability_axes(const BaseCondition& base, bool quick)
 }
 
 void apply(const World& world, Dataset& data) {
-  for (float& power : data.radar.values) power *= static_cast<float>(world.radar_gain);
+  for (Matrix* table : {&data.radar, &data.array})
+    for (float& power : table->values) power *= static_cast<float>(world.radar_gain);
   if (world.damage == Damage::none) return;
   const bool spd = world.damage == Damage::spd_zero || world.damage == Damage::spd_missing;
   lose(data, spd ? Sensor::spd : Sensor::radar,

@@ -13,8 +13,10 @@
 
 namespace echofuse::recon {
 
-// The simulator's settings that are numbers, by key.
+// The simulator's settings that are numbers, by key; of those that are words, KEY=WORD is 1.
 using BaseCondition = std::map<std::string, double>;
+// How many antennas the radar has there.
+double antennas_of(const BaseCondition& base);
 
 // What happens to records after they were measured.
 enum class Damage : std::uint8_t { none, spd_zero, radar_zero, spd_missing, radar_missing };
@@ -25,7 +27,7 @@ struct World {
   std::string scenes = "records";     // or people, letters, two-people, empty
   std::optional<double> at_x_m = {};  // all stand at x or -x, one half each
   double records = 1;                 // training records, as a factor
-  double radar_gain = 1;              // of the whole profile, noise and all
+  double radar_gain = 1;              // of all that the radar says, noise and all
   Damage damage = Damage::none;
 
   bool base() const {

@@ -16,6 +16,20 @@ StudyModel::StudyModel(const std::string& text)
     throw Error(ExitCode::usage, "model \"" + text + "\": needs both sensors");
 }
 
+std::vector<std::string> with_profiles(const std::vector<std::string>& models) {
+  std::vector<std::string> out;
+  for (const auto& name : models) {
+    out.push_back(name);
+    const StudyModel model(name);
+    const std::string of_profile = model.candidate + ":" + name_of(Inputs::fused_profile);
+    const bool known = std::find(models.begin(), models.end(), of_profile) != models.end();
+    if (model.inputs == name_of(Inputs::fused) && !known &&
+        wants_alignment(candidate_of(model.candidate, {}).model))
+      out.push_back(of_profile);
+  }
+  return out;
+}
+
 TrainedModel train_on_all(const Dataset& data, const StudyModel& model, std::uint64_t seed,
                           const OptionalParts& parts) {
   TrainOptions how;

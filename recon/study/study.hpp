@@ -24,6 +24,9 @@ struct StudyModel {
   std::string name, candidate, inputs = "fused";
 };
 
+// Behind each model that takes the radar's antennas the same with the range profile alone.
+std::vector<std::string> with_profiles(const std::vector<std::string>& models);
+
 // What a fused model that looks at its inputs has beside it, if asked: the range bias's reference,
 // or that and a fallback for a lost radar.
 struct OptionalParts {

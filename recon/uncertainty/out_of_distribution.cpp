@@ -7,6 +7,7 @@
 #include <random>
 
 #include "drivers/core/random.hpp"
+#include "recon/data/split.hpp"
 #include "recon/files/text.hpp"
 #include "recon/numbers/linear_fit.hpp"
 #include "recon/numbers/matrix_file.hpp"
@@ -19,6 +20,7 @@ constexpr std::uint64_t pair_stream = 0x70616972;  // "pair"
 constexpr std::uint64_t held_stream = 0x68656c64;  // "held"
 constexpr std::size_t most_components = 36, rows_a_component = 60, most_pairs = 4000;
 constexpr double held_out_share = 0.25;
+constexpr std::size_t few_records = 400;
 constexpr double background_quantile = 0.05;
 constexpr double discriminant_penalty = 2e-2;
 // Of records like the training ones, above each limit.
@@ -38,57 +40,73 @@ double upper_limit(std::vector<float> values, double share_above) {
   return start + (count > 0 ? excess / count : 0) * std::log(tail / share_above);
 }
 
+// Those of the rows that show a body, in order, if these are enough; `with_body` is sorted.
+Rows with_bodies(Rows rows, const Rows& with_body) {
+  std::sort(rows.begin(), rows.end());
+  Rows out;
+  std::set_intersection(rows.begin(), rows.end(), with_body.begin(), with_body.end(),
+                        std::back_inserter(out));
+  return out.size() >= OutOfDistributionDetector::least_records / 2 ? out : rows;
+}
+
+// By the sensor of the greatest residual.
+const char* unusual(std::ptrdiff_t sensor) {
+  constexpr std::array names{"unusual histogram", "unusual radar profile",
+                             "unusual samples of the radar's antennas"};
+  return names[static_cast<std::size_t>(sensor)];
+}
+
 }  // namespace
 
 void OutOfDistributionDetector::use(const Features& of_model, const Alignment& alignment) {
-  profile_ = of_model.radar_count();
-  if (of_model.spd_count() == 0) return;
-  histogram_bins_ = alignment.histogram_bins();
-  aligned_ = histogram_bins_ + alignment.profile_points() + 1;
+  profile_ = of_model.radar_count(), spd_bins_ = of_model.spd_count();
+  if (spd_bins_ == 0) return;
+  histogram_bins_ = alignment.histogram_bins(), array_ = alignment.array_features();
+  aligned_ = alignment.size() - alignment.brightness_features();
 }
 
 OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
                                                      const Dataset& data, const Matrix& aligned,
                                                      const Rows& rows, Inputs inputs,
                                                      std::uint64_t seed) {
-  const Features raw = fit_features(data, rows, without_antennas(inputs), raw_scaling);
+  const bool by_array = alignment.array_features() > 0;
+  const Features raw =
+      fit_features(data, rows, by_array ? inputs : without_antennas(inputs), raw_scaling);
   use(raw, alignment);
   const Matrix raw_inputs = raw.raw_inputs(data, rows);
-  const auto first_held =
-      static_cast<std::ptrdiff_t>((1 - held_out_share) * static_cast<double>(rows.size()));
-  Rows fit = all_rows(rows.size());  // shuffled, as runs and kinds of records lie behind each other
+  Rows order =
+      all_rows(rows.size());  // shuffled, as runs and kinds of records lie behind each other
   Rng rng = make_rng(seed, held_stream);
-  std::shuffle(fit.begin(), fit.end(), rng);
-  const auto first_held_row = fit.begin() + first_held;
-  const Rows held(first_held_row, fit.end());
-  fit.erase(first_held_row, fit.end());
-  std::sort(fit.begin(), fit.end());
-  Rows with_body, fit_with_body;
+  std::shuffle(order.begin(), order.end(), rng);
+  Rows with_body;
   Matrix all;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto features = aligned.row(rows[i]);
-    const auto one = describe(features, raw_inputs.row(i).last(profile_));
+    const auto one = describe(features, raw_inputs.row(i).subspan(spd_bins_, profile_));
     all.cols = one.size();
     all.add_row(one);
     if (aligned_ == 0 || shows_body(features)) with_body.push_back(i);
   }
-  std::set_intersection(fit.begin(), fit.end(), with_body.begin(), with_body.end(),
-                        std::back_inserter(fit_with_body));
-  if (fit_with_body.size() >= least_records / 2) fit = std::move(fit_with_body);
   share_with_body_ = static_cast<double>(with_body.size()) / static_cast<double>(rows.size());
   for (const std::size_t row : rows)
     most_clicks_per_start_ = std::max(most_clicks_per_start_, data.clicks_a_pulse[row]);
-  learn_scale(take_rows(all, fit));
-  Matrix scaled = all;
-  for (std::size_t i = 0; i < scaled.values.size(); ++i)
-    scaled.values[i] *= scale_[i % scaled.cols];
-  const std::size_t count =
-      std::clamp<std::size_t>(fit.size() / rows_a_component, 2, most_components);
-  const Matrix one_body = take_rows(scaled, fit);
-  components_ = principal_components(one_body, count, seed);
-  for (float& d : components_.deviation) d = std::max(d, 1e-6f);
-  learn_pairs(raw_inputs, fit, one_body, alignment, seed);
-  learn_limits(take_rows(scaled, held));
+  // Of so few records none is spared for the limits alone: each is judged by what the others say.
+  const std::size_t parts = static_cast<std::size_t>(std::lround(1 / held_out_share));
+  const bool few = rows.size() < few_records;
+  std::array<std::vector<float>, 6> held_statistics;
+  for (std::size_t part = few ? 0 : parts - 1; part < parts; ++part) {
+    const Split fold = make_fold(order, part, parts, 0);
+    learn(all, raw_inputs, with_bodies(fold.train, with_body), alignment, seed);
+    for (const std::size_t i : fold.test) {
+      std::vector<float> one(all.row(i).begin(), all.row(i).end());
+      for (std::size_t c = 0; c < one.size(); ++c) one[c] *= scale_[c];
+      const auto found = statistics(one);
+      for (std::size_t s = 0; s < found.size(); ++s)
+        held_statistics[s].push_back(static_cast<float>(found[s]));
+    }
+  }
+  if (few) learn(all, raw_inputs, with_bodies(order, with_body), alignment, seed);
+  set_limits(std::move(held_statistics));
   if (inputs == Inputs::radar || with_body.empty()) return;
   const std::size_t at = aligned_ - 1;
   nearest_m_ = 1e9;
@@ -98,6 +116,21 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   }
   const double reserve_m = range_reserve * (farthest_m_ - nearest_m_);
   nearest_m_ -= reserve_m, farthest_m_ += reserve_m;
+}
+
+void OutOfDistributionDetector::learn(const Matrix& descriptions, const Matrix& raw_inputs,
+                                      const Rows& rows, const Alignment& alignment,
+                                      std::uint64_t seed) {
+  scale_.clear();
+  learn_scale(take_rows(descriptions, rows));
+  Matrix one_body = take_rows(descriptions, rows);
+  for (std::size_t i = 0; i < one_body.values.size(); ++i)
+    one_body.values[i] *= scale_[i % one_body.cols];
+  const std::size_t count =
+      std::clamp<std::size_t>(rows.size() / rows_a_component, 2, most_components);
+  components_ = principal_components(one_body, count, seed);
+  for (float& d : components_.deviation) d = std::max(d, 1e-6f);
+  learn_pairs(raw_inputs, rows, one_body, alignment, seed);
 }
 
 std::vector<float> OutOfDistributionDetector::describe(std::span<const float> aligned,
@@ -114,11 +147,17 @@ std::vector<float> OutOfDistributionDetector::describe(std::span<const float> al
   return out;
 }
 
-// Histogram, aligned profile, range and profile get the same total variance.
+// Histogram, aligned profile, direction and spread in the antennas' view, range and profile get the
+// same total variance.
 void OutOfDistributionDetector::learn_scale(const Matrix& descriptions) {
   const auto variance = column_statistics(descriptions, all_rows(descriptions.rows)).variance;
   std::vector<std::size_t> ends;
-  if (aligned_ > 0) ends = {histogram_bins_, aligned_ - 1, aligned_};
+  if (aligned_ > 0) {
+    const std::size_t range_at = aligned_ - 1, array_at = range_at - array_;
+    ends = {histogram_bins_, array_at};
+    if (array_ > 0) ends.insert(ends.end(), {array_at + ArrayView::of_direction, range_at});
+    ends.push_back(aligned_);
+  }
   ends.push_back(descriptions.cols);
   std::size_t first = 0;
   for (const std::size_t end : ends) {
@@ -132,7 +171,10 @@ void OutOfDistributionDetector::learn_scale(const Matrix& descriptions) {
 void OutOfDistributionDetector::learn_pairs(const Matrix& raw_inputs, const Rows& rows,
                                             const Matrix& one_body, const Alignment& alignment,
                                             std::uint64_t seed) {
-  const std::vector<float> background = column_quantile(raw_inputs, rows, background_quantile);
+  std::vector<float> background = column_quantile(raw_inputs, rows, background_quantile);
+  if (array_ > 0)
+    std::copy(alignment.array_background().begin(), alignment.array_background().end(),
+              background.end() - std::ssize(alignment.array_background()));
   Rng rng = make_rng(seed, pair_stream);
   std::uniform_int_distribution<std::size_t> any(0, rows.size() - 1);
   const std::size_t pairs = std::min(most_pairs, 2 * rows.size());
@@ -160,12 +202,12 @@ void OutOfDistributionDetector::learn_pairs(const Matrix& raw_inputs, const Rows
   const Matrix aligned = aligned_ > 0 ? alignment(sums) : Matrix(pairs, 0);
   Matrix described(0, one_body.cols);
   for (std::size_t i = 0; i < pairs; ++i)
-    described.add_row(describe(aligned.row(i), sums.row(i).last(profile_)));
+    described.add_row(describe(aligned.row(i), sums.row(i).subspan(spd_bins_, profile_)));
   add(described, 1);
   discriminant_ = linear_fit(terms, targets, counts, discriminant_penalty);
 }
 
-std::array<double, 5> OutOfDistributionDetector::statistics(
+OutOfDistributionDetector::Statistics OutOfDistributionDetector::statistics(
     std::span<const float> description) const {
   constexpr double tiny = 1e-12;
   std::vector<float> off(description.begin(), description.end()), amounts(components_.basis.rows);
@@ -179,22 +221,23 @@ std::array<double, 5> OutOfDistributionDetector::statistics(
     amounts[k] = amount / components_.deviation[k];
     along += double{amounts[k]} * double{amounts[k]};
   }
-  std::array<double, 2> residual{};
+  std::array<double, 3> residual{};
   const std::size_t range_at = aligned_ > 0 ? aligned_ - 1 : off.size();
-  for (std::size_t c = 0; c < off.size(); ++c)
-    residual[aligned_ == 0 || (c >= histogram_bins_ && c != range_at)] +=
+  const std::size_t array_at = range_at - array_;
+  for (std::size_t c = 0; c < off.size(); ++c) {
+    const bool radar = aligned_ == 0 || (c >= histogram_bins_ && c != range_at);
+    residual[radar && c >= array_at && c < range_at ? 2 : std::size_t{radar}] +=
         double{off[c]} * double{off[c]};
-  return {std::log(along + tiny), std::log(residual[0] + residual[1] + tiny),
-          product(quadratic_terms(amounts), discriminant_), residual[0] / usual_residual_[0],
-          residual[1] / usual_residual_[1]};
+  }
+  return {std::log(along + tiny),
+          std::log(residual[0] + residual[1] + residual[2] + tiny),
+          product(quadratic_terms(amounts), discriminant_),
+          residual[0] / usual_residual_[0],
+          residual[1] / usual_residual_[1],
+          residual[2] / usual_residual_[2]};
 }
 
-void OutOfDistributionDetector::learn_limits(const Matrix& descriptions) {
-  std::array<std::vector<float>, 5> all;
-  for (std::size_t i = 0; i < descriptions.rows; ++i) {
-    const auto one = statistics(descriptions.row(i));
-    for (std::size_t s = 0; s < all.size(); ++s) all[s].push_back(static_cast<float>(one[s]));
-  }
+void OutOfDistributionDetector::set_limits(std::array<std::vector<float>, 6> all) {
   for (std::size_t s = 0; s < limits_.size(); ++s) {
     limits_[s].usual = double{quantile(all[s], 0.5)};
     limits_[s].most = std::max(upper_limit(all[s], false_alarms[s]), limits_[s].usual + 1e-6);
@@ -229,7 +272,7 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
     else if (s.two_bodies > 1 && s.two_bodies > s.distance)
       s.reason = "two bodies, or one unlike the training records'";
     else if (s.distance > 1)
-      s.reason = found[3] > found[4] ? "unusual histogram" : "unusual radar profile";
+      s.reason = unusual(std::max_element(found.begin() + 3, found.end()) - found.begin() - 3);
     out.push_back(std::move(s));
   }
   return out;
@@ -264,15 +307,16 @@ void OutOfDistributionDetector::load(const record::H5File& file, const std::stri
   const auto limits =
       file.read<double>(group + "/limits", {2 * limits_.size() + usual_residual_.size()});
   for (std::size_t s = 0; s < limits_.size(); ++s) limits_[s] = {limits[2 * s], limits[2 * s + 1]};
-  std::copy_n(limits.end() - 2, 2, usual_residual_.begin());
+  std::copy_n(limits.end() - std::ssize(usual_residual_), usual_residual_.size(),
+              usual_residual_.begin());
   nearest_m_ = file.get<double>(group, "nearest_m");
   farthest_m_ = file.get<double>(group, "farthest_m");
   most_clicks_per_start_ = file.get<double>(group, "most_clicks_per_start");
   share_with_body_ = file.get<double>(group, "share_with_body");
   for (const Limit& l : limits_)
     require_sound(file, l.most >= l.usual, group + "/limits", "no limit below the usual value");
-  require_sound(file, usual_residual_[0] > 0 && usual_residual_[1] > 0, group + "/limits",
-                "usual residuals above 0");
+  require_sound(file, *std::min_element(usual_residual_.begin(), usual_residual_.end()) > 0,
+                group + "/limits", "usual residuals above 0");
 }
 
 }  // namespace echofuse::recon

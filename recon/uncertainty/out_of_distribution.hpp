@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Whether a record is out of the training records' distribution, whatever the model. A record is
-// described by its histogram and radar profile aligned to the body's range
-// (models/body/alignment.hpp), that range, and the radar profile as it is; none depends on gains,
-// and what the radar's antennas see is not looked at;
-// then
+// described by its histogram, radar profile and view of the radar's antennas, if the model takes
+// these, aligned to the body's range (models/body/alignment.hpp), that range, and the radar profile
+// as it is; none depends on gains; then
 //   distance    from the training records in their principal components: T^2 along the components,
 //               Q off them (Jackson and Mudholkar, Technometrics 21, 341, 1979), the greater one
 //   two bodies  a quadratic discriminant between training records and sums of two of them, which
@@ -32,7 +31,7 @@ struct OutOfDistributionScore {
 
 class OutOfDistributionDetector {
  public:
-  static constexpr std::size_t least_records = 100;
+  static constexpr std::size_t least_records = 50;
 
   OutOfDistributionDetector() = default;
   // Learns from the given rows, at least least_records. Part of them only sets the limits. Row i of
@@ -59,16 +58,22 @@ class OutOfDistributionDetector {
   void learn_scale(const Matrix& descriptions);
   void learn_pairs(const Matrix& raw_inputs, const Rows& rows, const Matrix& one_body,
                    const Alignment& alignment, std::uint64_t seed);
-  // log T^2, log Q, discriminant; residuals of histogram and radar in units of their usual size.
-  std::array<double, 5> statistics(std::span<const float> description) const;
-  void learn_limits(const Matrix& descriptions);
+  // log T^2, log Q, discriminant; residuals of histogram, radar and its antennas in units of their
+  // usual size.
+  using Statistics = std::array<double, 6>;
+  Statistics statistics(std::span<const float> description) const;
+  // Scale, components and discriminant, of descriptions that are not scaled yet.
+  void learn(const Matrix& descriptions, const Matrix& raw_inputs, const Rows& rows,
+             const Alignment& alignment, std::uint64_t seed);
+  void set_limits(std::array<std::vector<float>, 6> statistics);
 
-  std::size_t histogram_bins_ = 0, aligned_ = 0, profile_ = 0;  // 0 without the sensor
+  // 0 without the sensor. Raw inputs have the profile behind so many bins of the SPD.
+  std::size_t histogram_bins_ = 0, array_ = 0, aligned_ = 0, profile_ = 0, spd_bins_ = 0;
   std::vector<float> scale_;
   Components components_;
   std::vector<double> discriminant_;
   std::array<Limit, 3> limits_;
-  std::array<double, 2> usual_residual_{1, 1};
+  std::array<double, 3> usual_residual_{1, 1, 1};
   double nearest_m_ = 0, farthest_m_ = 0, most_clicks_per_start_ = 0, share_with_body_ = 0;
 };
 

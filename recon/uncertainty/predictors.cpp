@@ -18,6 +18,8 @@ float significance(std::span<const float> counts) {
   return static_cast<float>(std::max(above, 0.0) / std::sqrt(all + 1));
 }
 
+}  // namespace
+
 float peak_to_noise(std::span<const float> power) {
   std::vector<float> sorted(power.begin(), power.end());
   std::sort(sorted.begin(), sorted.end());
@@ -28,8 +30,6 @@ float peak_to_noise(std::span<const float> power) {
     square += std::pow(double{sorted[i]} - mean, 2) / double(half + 1);
   return static_cast<float>((double{sorted.back()} - mean) / std::max(std::sqrt(square), 1e-12));
 }
-
-}  // namespace
 
 std::size_t predictor_count(Inputs inputs) { return both_sensors(inputs) ? 3 : 2; }
 

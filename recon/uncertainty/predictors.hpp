@@ -7,6 +7,9 @@
 
 namespace echofuse::recon {
 
+// A profile's peak over the scatter of its weaker half.
+float peak_to_noise(std::span<const float> power);
+
 std::size_t predictor_count(Inputs inputs);
 
 // One row a map: |x/z| of its foreground (NaN if there is none); of the SPD log(1 + clicks above

@@ -76,7 +76,7 @@ RangeBiasAction range_bias_action_of(const std::string& name) {
   throw Error(ExitCode::usage, "range bias \"" + name + "\": expected warn, correct or ignore");
 }
 
-std::string RangeBias::text(bool corrected) const {
+std::string RangeBias::text(bool corrected, bool other_shapes) const {
   switch (status) {
     case Status::too_few_records:
       if (records == 0) return {};
@@ -95,18 +95,20 @@ std::string RangeBias::text(bool corrected) const {
     case Status::detected:
       break;
   }
+  const std::string moved = formatted("radar ranges %.1f +- %.1f cm %s than in training, against "
+                                      "the SPD's",
+                                      std::abs(bias_m) * 100, standard_error_m * 100,
+                                      bias_m > 0 ? "longer" : "shorter");
+  if (corrected) return moved + ": corrected";
+  if (other_shapes)
+    return moved + ": not corrected, as people or sensors are others, which may do that alone";
   if (by_angle)
-    return formatted(
-        "radar ranges %.1f +- %.1f cm %s than in training, against the SPD's, wherever the radar's "
-        "antennas see the people%s",
-        std::abs(bias_m) * 100, standard_error_m * 100, bias_m > 0 ? "longer" : "shorter",
-        corrected ? ": corrected" : ": not corrected (--range-bias correct does); calibrate anew");
-  return formatted(
-      "radar ranges %.1f +- %.1f cm %s than in training, against the SPD's%s",
-      std::abs(bias_m) * 100, standard_error_m * 100, bias_m > 0 ? "longer" : "shorter",
-      corrected ? ": corrected"
-                : ", or people further to one side: not corrected (--range-bias correct "
-                  "of evaluate and reconstruct does); if nobody moved, calibrate anew");
+    return moved +
+           ", wherever the radar's antennas see the people: a range bias, or bodies that reflect "
+           "the radar otherwise: not corrected (--range-bias correct does); calibrate anew";
+  return moved +
+         ": a range bias, or people further to one side, or bodies that reflect the radar "
+         "otherwise: nothing in the records tells which, so not corrected; calibrate anew";
 }
 
 RangeBiasReference::RangeBiasReference(const Alignment& alignment, const Dataset& data,

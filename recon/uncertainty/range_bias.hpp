@@ -10,9 +10,11 @@
 // quantiles follow that, and noise moves them outwards) or the radar stands elsewhere, and nothing
 // can be told. Gains and the impulse response do not matter.
 //
-// With the radar's antennas there is no such question. They see the direction, so the regression
-// also takes off what the side makes of it (its cosine and the square), and the median of what is
-// left moves by the range bias alone, wherever people stand.
+// Bodies that reflect the radar otherwise, as other clothes or plates do, move its centroid as well.
+//
+// The radar's antennas see the direction, so with them the regression also takes off what the side
+// makes of it (its cosine and the square), and the median of what is left does not depend on where
+// people stand.
 //
 // Limit: a shift common to both sensors is invisible. Not tried: in front of walls, whose own
 // echoes move along, and with the radar's power in wide bins, where echoes have no place to 1 cm.
@@ -45,7 +47,9 @@ struct RangeBias {
   double bias_m = 0, standard_error_m = 0;  // radar ranges longer than in training
   double left_m = 0, right_m = 0;           // how far either quantile moved; without antennas
   bool by_angle = false;                    // antennas tell: people to one side are no range bias
-  std::string text(bool corrected) const;   // for the user; empty if there is nothing to say
+  // For the user; empty if there is nothing to say. `other_shapes`: the run's bodies or sensors
+  // differ from the training's (DomainShift::changes_shapes), so that no range tells a bias.
+  std::string text(bool corrected, bool other_shapes = false) const;
 };
 
 // How far behind the SPD the radar saw the bodies of the training records.

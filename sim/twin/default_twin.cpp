@@ -76,7 +76,7 @@ signal_photons = [4e4, 2.5e5, "log"]
 background_counts = [0, 2e4]
 spd_falloff = [0, 0.5]
 # Standing people sway by millimetres, shift and breathe.
-slot_sway_m = [0, 0.015]
+slot_sway_m = [0, 0.008]
 
 # Radar. Of an EVM the whole path is 12 dB down at the edge of the -6 dB beam (TI, SWRU585), some 55
 # degrees: exp(-2) at the tangent 1.2.

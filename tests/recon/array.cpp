@@ -88,6 +88,7 @@ TEST_CASE("lags are those of the true waves, whatever gains and phases the anten
 TEST_CASE("of a planar array only antennas side by side make a lag, one antenna makes none") {
   const SpatialLags planar({{0, 0, 1, 0}, {1, 0, 1, 0}, {0, 1, 1, 0}, {3, 1, 1, 0}});
   REQUIRE(planar.longest() == 3);
+  CHECK(planar.quantity() == "lags 1 3");
   std::vector<float> out(lag_values(3));
   const auto array = point({{0, 0, 1, 0}, {1, 0, 1, 0}, {0, 1, 1, 0}, {3, 1, 1, 0}}, 0.2, 0.7, 1);
   planar(record::bin_of(array, 4, 0), out);
@@ -171,6 +172,29 @@ TEST_CASE(
   CHECK_THAT(refused.text, Catch::Contains("has no samples of the radar's antennas"));
 }
 
+TEST_CASE(
+    "antennas that are not what the run says of them are out of distribution, others seldom") {
+  const Folder dir;
+  write_plates(dir / "train", 500, 1);
+  write_plates(dir / "fresh", 200, 2);
+  TrainOptions options = factorised();
+  options.uncertainty = true, options.split.validation_share = 0.3, options.fit.epochs = 2;
+  save_model(train(load({dir / "train"}), options), dir / "model.h5");
+  const TrainedModel model = load_model(dir / "model.h5");
+  const auto flagged = [&](const char* change) {
+    testing::sql(dir / "fresh", change);
+    const Dataset data = load({dir / "fresh"});
+    double count = 0;
+    for (const auto& u : predict(model, data, all_rows(200)).uncertainties)
+      count += !u.out_of_distribution.reason.empty();
+    return count / 200;
+  };
+  CHECK(flagged("SELECT 1") < 0.04);
+  CHECK(flagged("UPDATE antenna SET x = (x + 4) % 8") > 0.7);
+  CHECK(flagged("UPDATE antenna SET x = antenna, phase_rad = phase_rad + antenna * 3 % 8 * 0.3") >
+        0.9);
+}
+
 TEST_CASE("antennas tell a range bias from people who stand to one side") {
   const Folder dir;
   write_plates(dir / "train", 600, 1);
@@ -196,14 +220,56 @@ TEST_CASE("antennas tell a range bias from people who stand to one side") {
   }
 }
 
-TEST_CASE("the program with runs that have antennas, runs without them, and both") {
+TEST_CASE("without its antennas the radar's range profile answers, without the radar the SPD") {
+  const Folder dir;
+  write_plates(dir / "train", 200, 1);
+  write_plates(dir / "fresh", 6, 2, [](record::FusedRecord& r) {
+    if (r.index >= 2) r.array.clear(), r.array_frames = 0;
+    if (r.index == 4) r.radar.clear(), r.valid.erase(Sensor::radar);
+  });
+  write_run(dir / "old", 6, 2);
+  TrainOptions options = factorised();
+  options.fit.epochs = 5, options.fallback = true;
+  save_model(train(load({dir / "train"}), options), dir / "model.h5");
+  TrainedModel model = load_model(dir / "model.h5");
+  options.inputs = "fused-profile";
+  const TrainedModel of_profile = train(load({dir / "train"}), options);
+  const auto matched = [&](const std::string& run) {
+    Dataset data = load({dir / run});
+    model.match(data);
+    return data;
+  };
+  const Dataset old = matched("old"), fresh = matched("fresh");
+  const Rows all = all_rows(6);
+  CHECK(model.predict(old, all).values == of_profile.predict(old, all).values);
+  CHECK(model.note_of(old, 3).empty());
+  CHECK(model.note_of(fresh, 1).empty());
+  CHECK(model.note_of(fresh, 3) == "antennas lost: range profile alone");
+  CHECK(model.note_of(fresh, 4) == "radar lost: SPD alone");
+  const Matrix maps = model.predict(fresh, all), own = model.predict(fresh, {1});
+  const Matrix profile = of_profile.predict(old, {3}), spd = of_profile.fallback->predict(old, {4});
+  const std::vector<std::pair<std::size_t, const Matrix*>> by = {
+      {1, &own}, {3, &profile}, {4, &spd}};
+  for (const auto& [row, alone] : by)
+    for (std::size_t p = 0; p < maps.cols; ++p)
+      REQUIRE(maps.row(row)[p] == Approx(alone->row(0)[p]).margin(1e-4));
+  // A chain that does not end is no model's.
+  model.fallback->fallback = std::make_unique<TrainedModel>(load_model(dir / "model.h5"));
+  save_model(model, dir / "chain.h5");
+  CHECK_THAT(testing::error_of([&] { load_model(dir / "chain.h5"); }),
+             Catch::Contains("fallback@inputs") && Catch::Contains("spd"));
+}
+
+TEST_CASE("the program with runs that have antennas, runs without them or with others, and both") {
   const Folder dir;
   write_plates(dir / "new", 60, 1, [](record::FusedRecord&) {});
   write_plates(dir / "fresh", 8, 2, [](record::FusedRecord&) {});
   write_run(dir / "old", 60, 3);
+  write_run(dir / "four", 8, 3, {}, testing::radar_axis(), testing::spd_axis(), {},
+            {line.begin(), line.begin() + 4});
   const auto train = [&](const std::string& rest) {
     const testing::Outcome o =
-        testing::recon_program("train --no-fallback --model factorised --epochs 3 " + rest);
+        testing::recon_program("train --model factorised --epochs 3 " + rest);
     CAPTURE(rest, o.text);
     REQUIRE(o.code == 0);
     return o.text;
@@ -211,10 +277,17 @@ TEST_CASE("the program with runs that have antennas, runs without them, and both
   train("-q " + (dir / "new") + " --out " + (dir / "a.h5"));
   CHECK(testing::recon_program("evaluate --json " + (dir / "a.h5") + " " + (dir / "fresh")).code ==
         0);
-  const testing::Outcome refused =
-      testing::recon_program("evaluate " + (dir / "a.h5") + " " + (dir / "old"));
-  CHECK(refused.code == 1);
-  CHECK_THAT(refused.text, Catch::Contains("no samples of the radar's antennas"));
+  for (const auto& [run, why] : {std::pair{"old", "no samples of the radar's antennas"},
+                                 std::pair{"four", "other antennas than in training"}}) {
+    const std::string files = (dir / "a.h5") + " " + (dir / run);
+    const testing::Outcome o = testing::recon_program("evaluate " + files);
+    CHECK(o.code == 0);
+    CHECK_THAT(o.text, Catch::Contains(why) && Catch::Contains("factorised fused-profile"));
+    const testing::Outcome maps =
+        testing::recon_program("reconstruct -q " + files + " --out " + (dir / run) + "-maps");
+    CHECK(maps.code == 0);
+    CHECK_THAT(maps.text, Catch::Contains(std::string(why) + ": of the radar, the range profile"));
+  }
   CHECK_THAT(train((dir / "new") + " " + (dir / "old") + " --out " + (dir / "b.h5")),
              Catch::Contains("the runs differ in the radar's antennas"));
   train("-q --inputs fused-profile " + (dir / "new") + " --out " + (dir / "c.h5"));

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "drivers/chart/gnuplot.hpp"
+#include "recon/study/study.hpp"
 #include "world.hpp"
 
 using namespace echofuse;
@@ -44,6 +45,14 @@ TEST_CASE("study pareto: a row a model and share, the front marked, a chart") {
                                      " --out " + (dir / "same"));
   CHECK(same.code == 2);
   CHECK_THAT(same.text, Catch::Contains("the models are trained on this run"));
+}
+
+TEST_CASE("studies compare models of the radar's antennas with those of its profile") {
+  const std::vector<std::string> models = {"nearest", "silhouette", "factorised-4",
+                                           "factorised-4:fused-profile", "ridge:spd"};
+  CHECK(with_profiles(models) ==
+        std::vector<std::string>{"nearest", "silhouette", "silhouette:fused-profile",
+                                 "factorised-4", "factorised-4:fused-profile", "ridge:spd"});
 }
 
 TEST_CASE("study pareto goes on where it stopped, and draws the bound") {

@@ -84,11 +84,11 @@ std::string text_of(const std::string& path) {
 }
 
 // The mean over the seeds of the IoU of these lines.
-double iou_of(const std::vector<std::string>& lines, const std::string& begin) {
+double iou_of(const std::vector<std::string>& lines, const std::string& begin, int seeds = 2) {
   double sum = 0, count = 0;
   for (const auto& line : lines)
     if (line.starts_with(begin)) sum += std::stod(line.substr(begin.size() + 2)), ++count;
-  REQUIRE(count == 2);
+  REQUIRE(count == seeds);
   return sum / count;
 }
 
@@ -136,6 +136,37 @@ TEST_CASE("the axes follow the simulator's base condition") {
                     "base: 123");
   base.erase("irf_fwhm_ps");
   CHECK_THROWS_WITH(stability_axes(base, true), "the simulator has no number \"irf_fwhm_ps\"");
+}
+
+TEST_CASE("with antennas in the base condition there are axes of them, and rows without them") {
+  StabilityOptions options;
+  options.sim = echofuse::test::bin_dir + "/echofuse-sim";
+  options.set = {"radar_antennas=8", "radar_sum=coherent"};
+  options.axes = {"matched-antennas", "shifted-antennas", "shifted-phase", "shifted-speckle"};
+  options = complete(options);
+  CHECK(options.models.at(1) == options.models.at(0) + ":fused-profile");
+  const auto axes = axes_of(options);
+  CHECK(axes.at(0).values.at(axes.at(0).base()).label == "8");
+  CHECK(axes.at(1).values.at(1).world.set == Labels{"radar_antennas=1"});
+  CHECK(axes.at(2).values.at(axes.at(2).base()).label == "0");
+  CHECK(axes.at(3).values.at(axes.at(3).base()).label == "coherent 50 cm");
+  options.set.clear(), options.models.clear();
+  CHECK_THAT(error_of([&] { complete(options); }), Contains("axis \"shifted-antennas\""));
+}
+
+TEST_CASE("study stability with the radar's antennas: fewer, lost, and their profile beside") {
+  const Folder dir;
+  const Outcome study = recon_program(
+      "study stability -q --quick --set radar_antennas=8 --set radar_sum=coherent --seeds 1 "
+      "--records 200 --test-records 30 --models silhouette,silhouette:fused-profile --axes "
+      "shifted-antennas --out " +
+      (dir / "out"));
+  CAPTURE(study.text);
+  REQUIRE(study.code == 0);
+  const auto lines = lines_of(dir / "out/stability.csv");
+  const double lost = iou_of(lines, "shifted,antennas,lost,silhouette,fused,", 1);
+  CHECK(lost < 0.8 * iou_of(lines, "base,base,base,silhouette,fused,", 1));
+  CHECK(lost == iou_of(lines, "shifted,antennas,lost,silhouette,fused-profile,", 1));
 }
 
 TEST_CASE("a lost sensor is zeros, and missing if it is said to be") {

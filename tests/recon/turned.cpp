@@ -136,3 +136,33 @@ TEST_CASE("a turned body is what both sensors see of one that stands there") {
       REQUIRE(inputs[c] == Approx(expected.values[c]).margin(5e-3));
   }
 }
+
+TEST_CASE("the radar sees a turned body weaker where it is farther, and some forget how bright") {
+  Bodies bodies;
+  const Layout layout{testing::spd_axis(), testing::radar_axis()};
+  bodies.alignment = Alignment(layout, Matrix(1, layout.inputs()), {0}, Gains::stable);
+  Matrix raw(0, layout.inputs());
+  for (const Place& place : bodies.places) raw.add_row(Bodies::of(place));
+  bodies.inputs = bodies.alignment.with_correlations(bodies.alignment(raw));
+  const TurnedBodies turned(bodies.alignment, bodies.inputs, bodies.radar, bodies.array,
+                            bodies.rows, bodies.places);
+  Rng rng = make_rng(2, 0);
+  std::vector<float> inputs(bodies.alignment.inputs());
+  int forgotten = 0;
+  for (int i = 0; i < 1000; ++i) {
+    const std::size_t k = static_cast<std::size_t>(i) % bodies.rows.size();
+    const Place place = turned.turn(k, rng, inputs);
+    const auto now = bodies.alignment.brightness_of(std::span<const float>(inputs));
+    const auto before =
+        bodies.alignment.brightness_of(std::span<const float>(bodies.inputs.row(k)));
+    if (!Brightness::known(now)) {
+      ++forgotten;
+      continue;
+    }
+    const double nearer =
+        radar_range_m(bodies.places[k], Bodies::range_m) / radar_range_m(place, Bodies::range_m);
+    REQUIRE(double{now[0] - before[0]} == Approx(4 * std::log(nearer)).margin(0.01));
+  }
+  CHECK(forgotten > 250);
+  CHECK(forgotten < 350);
+}

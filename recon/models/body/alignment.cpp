@@ -25,6 +25,7 @@ constexpr double farthest_steps = 1e9;  // from a radar's first point
 // As the base condition has. A chirp that is sampled once a resolution and then has a Blackman
 // window is as wide.
 constexpr double steps_a_resolution = 2;
+constexpr std::size_t most_for_brightness = 4000;  // records
 
 // What is there in every record: per column the level that few records are below, less its distance
 // to the median: where bodies come and go, nothing. A count that scatters like one of photons alone
@@ -54,7 +55,8 @@ std::array<float, 2 * taps> lanczos(double part) {
 
 }  // namespace
 
-Alignment::Alignment(const Layout& layout, const Matrix& raw_inputs, const Rows& rows) {
+Alignment::Alignment(const Layout& layout, const Matrix& raw_inputs, const Rows& rows,
+                     Gains gains) {
   if (layout.spd.count == 0)
     throw Error(ExitCode::usage, "aligning records needs the detector's histogram");
   set_axes(layout);
@@ -67,6 +69,21 @@ Alignment::Alignment(const Layout& layout, const Matrix& raw_inputs, const Rows&
       background_of(low.subspan(clicks, powers), median.subspan(clicks, powers), false);
   array_background_.resize(layout.inputs() - clicks - powers);
   if (array_.size() > 0) learn_array_background(raw_inputs, rows);
+  if (gains == Gains::unknown || powers == 0) return;
+  learn_brightness(raw_inputs, rows);
+}
+
+void Alignment::learn_brightness(const Matrix& raw_inputs, const Rows& rows) {
+  brightness_ = Brightness{};
+  Matrix seen(0, 2);
+  std::vector<float> features(size());
+  const std::size_t every = 1 + rows.size() / most_for_brightness;
+  for (std::size_t i = 0; i < rows.size(); i += every) {
+    (*this)(raw_inputs.row(rows[i]), features);
+    const auto brightness = brightness_of(std::span<const float>(features));
+    if (Brightness::known(brightness)) seen.add_row(std::array{features.back(), brightness[0]});
+  }
+  if (seen.rows > 0) brightness_->fit(seen);
 }
 
 // Of each bin the lags of those records that have the least power there, as strong as the power
@@ -134,8 +151,11 @@ Body Alignment::operator()(std::span<const float> raw_inputs, std::span<float> f
   std::fill(features.begin(), features.end(), 0.f);
   const Body body = find_body(clicks, raw_inputs.first(bins));
   if (!body.detected) return body;
-  align_histogram(clicks, body.range_m, features.first(histogram_bins()));
-  align_profile(power, double{body.range_m}, features.subspan(histogram_bins(), profile_points()));
+  const float clicks_seen = align_histogram(clicks, body.range_m, features.first(histogram_bins()));
+  const float power_seen = align_profile(power, double{body.range_m},
+                                         features.subspan(histogram_bins(), profile_points()));
+  if (brightness_)
+    brightness_->write(clicks_seen, power_seen, body.range_m, brightness_of(features));
   view(raw_inputs.subspan(bins + power.size()), double{body.range_m}, array_of(features));
   features.back() = body.range_m;
   return body;
@@ -170,8 +190,8 @@ Body Alignment::find_body(std::span<const float> clicks, std::span<const float> 
 }
 
 // Clicks between two ranges are differences of the running sum, interpolated.
-void Alignment::align_histogram(std::span<const float> clicks, float range_m,
-                                std::span<float> out) const {
+float Alignment::align_histogram(std::span<const float> clicks, float range_m,
+                                 std::span<float> out) const {
   std::vector<float> running(clicks.size() + 1);
   for (std::size_t i = 0; i < clicks.size(); ++i) running[i + 1] = running[i] + clicks[i];
   const auto up_to = [&](double at_m) {
@@ -191,14 +211,15 @@ void Alignment::align_histogram(std::span<const float> clicks, float range_m,
   }
   if (before - first > 0)
     for (float& v : out) v /= before - first;
+  return before - first;
 }
 
 // Of profiles as they are recorded, not of bins added up: a power profile has twice the bandwidth
 // of its amplitude, which is c/2B wide: sampled at half of that (as the base condition is) it is
 // whole, and the sinc series gives it between its points. Lanczos's window ends the series. All
 // points that lie the same part of a step behind a recorded one have the same weights.
-void Alignment::align_profile(std::span<const float> power, double range_m,
-                              std::span<float> out) const {
+float Alignment::align_profile(std::span<const float> power, double range_m,
+                               std::span<float> out) const {
   std::fill(out.begin(), out.end(), 0.f);
   for (std::ptrdiff_t kind = 0; kind < points_a_step_; ++kind) {
     const double metres = range_m + profile_from_m + static_cast<double>(kind) * profile_step_m_;
@@ -218,15 +239,17 @@ void Alignment::align_profile(std::span<const float> power, double range_m,
   for (const float v : out) all += std::max(v, 0.f);
   if (all > 0)
     for (float& v : out) v /= all;
+  return all;
 }
 
-void Alignment::move_profile(std::span<const float> raw_power, double farther_m,
+void Alignment::move_profile(std::span<const float> raw_power, double farther_m, double times,
                              std::span<float> inputs) const {
   std::vector<float> power(raw_power.begin(), raw_power.end());
   for (std::size_t i = 0; i < power.size(); ++i) power[i] -= radar_background_[i];
   const auto features = inputs.last(size());
   align_profile(power, double{features.back()} - farther_m,
                 features.subspan(histogram_bins(), profile_points()));
+  if (brightness_) Brightness::strengthen(brightness_of(features), times);
   correlate(inputs);
 }
 
@@ -288,6 +311,7 @@ double Alignment::radar_background_share(const Matrix& powers, const Rows& rows)
 void Alignment::save(record::H5File& file) const {
   file.write("alignment/spd_background", spd_background_, {spd_background_.size()});
   file.write("alignment/radar_background", radar_background_, {radar_background_.size()});
+  if (brightness_) brightness_->save(file);
   if (array_.size() > 0)
     file.write("alignment/array_background", array_background_, {array_background_.size()});
 }
@@ -295,6 +319,8 @@ void Alignment::save(record::H5File& file) const {
 void Alignment::load(const record::H5File& file, const Layout& layout) {
   set_axes(layout);
   spd_background_ = file.read<float>("alignment/spd_background", {layout.spd.count});
+  brightness_.reset();
+  if (Brightness::is_in(file)) brightness_.emplace().load(file);
   radar_background_ = file.read<float>("alignment/radar_background", {layout.radar.count});
   array_background_.resize(layout.inputs() - layout.spd.count - layout.radar.count);
   if (array_.size() > 0)

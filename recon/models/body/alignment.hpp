@@ -2,15 +2,19 @@
 // A record as seen from the body in it: the SPD's histogram and the radar's profile around the
 // range at which the SPD sees the body. What tells left from right is the radar profile's shift
 // against the histogram, dR = b x / r, and that stands out once both are aligned to one of them.
-// Each sensor is divided by its own sum, so that laser power, exposure and gains do not matter.
-// What the radar's antennas see, if a run has it, is aligned to the same range (array_view.hpp).
+// Each sensor is divided by its own sum, so that laser power, exposure and gains do not matter;
+// where gains are stable, how strong the two are against each other is kept beside
+// (brightness.hpp). What the radar's antennas see, if a run has it, is aligned to the same range
+// (array_view.hpp).
 #pragma once
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "acquire/record/h5.hpp"
 #include "recon/models/body/array_view.hpp"
+#include "recon/models/body/brightness.hpp"
 #include "recon/models/body/shift_correlation.hpp"
 #include "recon/numbers/layout.hpp"
 #include "recon/numbers/matrix.hpp"
@@ -32,26 +36,39 @@ class Alignment {
   Alignment() = default;
   // Learns from raw inputs (clicks per bin, radar power per bin, lags per bin) what is always
   // there. Without a radar the profile has no points. Throws Error(usage) without a histogram.
-  Alignment(const Layout& layout, const Matrix& raw_inputs, const Rows& rows);
+  Alignment(const Layout& layout, const Matrix& raw_inputs, const Rows& rows,
+            Gains gains = Gains::unknown);
 
   bool known() const { return !spd_background_.empty(); }
+  Gains gains() const { return brightness_ ? Gains::stable : Gains::unknown; }
+  // Of stable gains: what brightness is usual at a range, of records in which bodies are.
+  void learn_brightness(const Matrix& raw_inputs, const Rows& rows);
   std::size_t cost() const;  // multiply-adds of one record
   std::size_t histogram_bins() const;
   std::size_t profile_points() const;                           // 0 without a radar
   std::size_t array_features() const { return array_.size(); }  // 0 without its antennas
-  std::size_t size() const { return histogram_bins() + profile_points() + array_features() + 1; }
+  std::size_t brightness_features() const { return brightness_ ? Brightness::features : 0; }
+  std::size_t size() const {
+    return histogram_bins() + profile_points() + array_features() + brightness_features() + 1;
+  }
   // Fills size() features: histogram (shares of the clicks), profile (shares of the power), view of
-  // the antennas (ArrayView), range. All zero if there is no body; the range, which comes last,
-  // never is if there is one. Raw inputs without lags: as if the antennas saw nothing.
+  // the antennas (ArrayView), brightness, range. All zero if there is no body; the range, which
+  // comes last, never is if there is one. Raw inputs without lags: as if the antennas saw nothing.
   Body operator()(std::span<const float> raw_inputs, std::span<float> features) const;
   Matrix operator()(const Matrix& raw_inputs) const;  // the features of every row
   // What models take: [correlations ++ features] of every row of features. The correlations are all
   // zero if there is no body.
   std::size_t inputs() const { return correlation_.shifts() + size(); }
   Matrix with_correlations(const Matrix& aligned) const;
-  // Puts into such a row of a body the same record's profile, moved to longer ranges.
-  void move_profile(std::span<const float> raw_power, double farther_m,
+  // Puts into such a row of a body the same record's profile, moved to longer ranges, so many times
+  // as strong.
+  void move_profile(std::span<const float> raw_power, double farther_m, double times,
                     std::span<float> inputs) const;
+  // Of features, or inputs; empty unless gains are stable.
+  template <class T>
+  std::span<T> brightness_of(std::span<T> features) const {
+    return features.last(brightness_features() + 1).first(brightness_features());
+  }
   // Puts into it what the record's antennas saw there, in a direction whose cosine is so much more.
   void move_array(std::span<const float> raw_lags, double farther_m, double by_cosine,
                   std::span<float> inputs) const;
@@ -60,6 +77,8 @@ class Alignment {
   // How far behind the body's range the radar sees it, metres, of features with a body: the
   // centroid of the squared profile, which noise and side lobes hardly pull.
   double displacement_m(std::span<const float> features) const;
+  // The lags that are always there; all zero without antennas.
+  const std::vector<float>& array_background() const { return array_background_; }
   // How much of the radar's power comes from what is always there.
   double radar_background_share(const Matrix& powers, const Rows& rows) const;
 
@@ -69,13 +88,14 @@ class Alignment {
  private:
   void set_axes(const Layout& layout);
   Body find_body(std::span<const float> clicks, std::span<const float> counts) const;
-  void align_histogram(std::span<const float> clicks, float range_m, std::span<float> out) const;
-  void align_profile(std::span<const float> power, double range_m, std::span<float> out) const;
+  // Both return what they divide by.
+  float align_histogram(std::span<const float> clicks, float range_m, std::span<float> out) const;
+  float align_profile(std::span<const float> power, double range_m, std::span<float> out) const;
   void correlate(std::span<float> inputs) const;
   // Of features that end with the range.
   template <class T>
   std::span<T> array_of(std::span<T> features) const {
-    return features.last(array_features() + 1).first(array_features());
+    return features.last(array_features() + brightness_features() + 1).first(array_features());
   }
   void view(std::span<const float> raw_lags, double range_m, std::span<float> out) const;
   void learn_array_background(const Matrix& raw_inputs, const Rows& rows);
@@ -88,6 +108,7 @@ class Alignment {
   std::ptrdiff_t points_a_step_ = 1, steps_a_point_ = 1;
   ShiftCorrelation correlation_;
   ArrayView array_;
+  std::optional<Brightness> brightness_;  // of stable gains
   std::size_t lag_values_ = 1;
   std::vector<float> spd_background_, radar_background_, array_background_;
 };

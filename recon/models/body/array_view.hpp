@@ -18,8 +18,9 @@ class ArrayView {
   ArrayView() = default;
   explicit ArrayView(const Axis& lags);  // count 0: none
 
-  std::size_t size() const;  // features of a body; 0 without antennas
-  std::size_t cost() const;  // multiply-adds
+  std::size_t size() const;                       // features of a body; 0 without antennas
+  static constexpr std::size_t of_direction = 2;  // the first of them
+  std::size_t cost() const;                       // multiply-adds
   // Fills size() features from a record's lags above the background: direction cosine u, u times
   // the range (metres), then of the window about the body and of parts of it the lags 1 to D,
   // turned by exp(-i pi d u), over the power of the window. All zero if that has no power.

@@ -12,6 +12,7 @@ constexpr double probe_m = 0.05;     // about as far as bodies of a set are apar
 constexpr std::size_t most_probed = 200;
 constexpr double least_deviation_m = 0.03;  // of a baseline that the antennas do not need
 constexpr double most_range_bias_m = 0.15;  // made up
+constexpr double forgotten = 0.3;           // share of the brightnesses
 
 double sine_of(const Place& place) {
   const auto tangent = double{place.tangent};
@@ -32,7 +33,8 @@ TurnedBodies::TurnedBodies(const Alignment& alignment, const Matrix& inputs, con
       array_(array),
       rows_(rows),
       places_(places),
-      has_array_(alignment.array_features() > 0) {
+      has_array_(alignment.array_features() > 0),
+      has_brightness_(alignment.brightness_features() > 0) {
   double deviation_m = 0;
   const double slope = slope_m(deviation_m), per_m = answer();
   // Written so that a slope of 0/0, as of records that are all the same, is none.
@@ -68,7 +70,7 @@ double TurnedBodies::answer() const {
     const auto record = inputs_.row(rows_[k]);
     std::copy(record.begin(), record.end(), moved.begin());
     for (const double way_m : {probe_m, -probe_m}) {
-      alignment_.move_profile(radar_.row(rows_[k]), way_m, moved);
+      alignment_.move_profile(radar_.row(rows_[k]), way_m, 1, moved);
       const std::span<const float> features(moved);
       sum_m += alignment_.displacement_m(features.last(alignment_.size())) * way_m / probe_m;
     }
@@ -78,7 +80,8 @@ double TurnedBodies::answer() const {
 
 Place TurnedBodies::turn(std::size_t k, Rng& rng, std::span<float> inputs) const {
   std::uniform_int_distribution<std::size_t> any(0, places_.size() - 1);
-  const double from = sine_of(places_[k]), to = turns_ ? sine_of(places_[any(rng)]) : from;
+  const bool turned = turns_ && (share_ == 1 || std::bernoulli_distribution(share_)(rng));
+  const double from = sine_of(places_[k]), to = turned ? sine_of(places_[any(rng)]) : from;
   const auto record = inputs_.row(rows_[k]);
   std::copy(record.begin(), record.end(), inputs.begin());
   const auto range_m = double{record.back()};
@@ -92,7 +95,12 @@ Place TurnedBodies::turn(std::size_t k, Rng& rng, std::span<float> inputs) const
                               (baseline_m_ + range_m * from) / range_before_m,
                           inputs);
   }
-  alignment_.move_profile(radar_.row(rows_[k]), farther_m, inputs);
+  // Power falls with the fourth power of the distance.
+  alignment_.move_profile(radar_.row(rows_[k]), farther_m,
+                          std::pow(range_before_m / range_after_m, 4), inputs);
+  const auto brightness = alignment_.brightness_of(inputs);
+  if (!brightness.empty() && std::bernoulli_distribution(forgotten)(rng))
+    Brightness::forget(brightness);
   const double cosine = std::sqrt(1 - to * to);
   return {static_cast<float>(to / cosine),
           static_cast<float>(double{places_[k].depth_m} * cosine / std::sqrt(1 - from * from))};

@@ -6,7 +6,8 @@
 // What the radar's antennas see turns along: in cosines of direction from (b + r sin) / R' of one
 // azimuth to that of the other. With antennas the ranges of the two sensors also get a random bias
 // against each other, each time anew, so that the place is not learnt from a shift of centimetres
-// which the next run need not have.
+// which the next run need not have. Some forget how bright they are (brightness.hpp), so that a
+// model does without where gains turn out not to be stable.
 #pragma once
 #include <span>
 #include <vector>
@@ -25,13 +26,16 @@ class TurnedBodies {
   // these stand, in the same order.
   TurnedBodies(const Alignment& alignment, const Matrix& inputs, const Matrix& radar,
                const Matrix& array, const Rows& rows, const std::vector<Place>& places);
+  // Of the bodies that turn() is asked for, as many are turned; all unless said.
+  void turn_share(double share) { share_ = share; }
 
   // How far the radar stands to the left of the SPD, metres (negative: to the right), as the
   // profiles' displacement follows the places. 0 if it cannot be told to a tenth, or with antennas,
   // which need no baseline, to 3 cm.
   double baseline_m() const { return baseline_m_; }
-  bool turns() const { return turns_; }                  // else nobody is to be turned
-  bool changes() const { return turns_ || has_array_; }  // turn() does anything at all
+  bool turns() const { return turns_; }  // else nobody is to be turned
+  // turn() does anything at all.
+  bool changes() const { return turns_ || has_array_ || has_brightness_; }
   // Writes the inputs of the record rows[k] turned to the azimuth of any of them, so that these
   // keep their distribution, and returns its place there.
   Place turn(std::size_t k, Rng& rng, std::span<float> inputs) const;
@@ -44,8 +48,8 @@ class TurnedBodies {
   const Matrix &inputs_, &radar_, &array_;
   const Rows& rows_;
   const std::vector<Place>& places_;
-  double baseline_m_ = 0;
-  bool turns_ = false, has_array_ = false;
+  double baseline_m_ = 0, share_ = 1;
+  bool turns_ = false, has_array_ = false, has_brightness_ = false;
 };
 
 }  // namespace echofuse::recon
