@@ -291,7 +291,14 @@ void export_csv(const RunReader& run, std::int64_t index, const std::string& pat
       << in_comment(r.label)
       << "\n# spd: x = two-way time in ps, value = counts\n"
          "# radar: x = range in m, value = as in the run's radar axis\n"
-         "# depth: x, y = tangents, value = mm, 0 = no return\nsensor,x,y,value\n";
+         "# depth: x, y = tangents, value = mm, 0 = no return\n";
+  const auto antennas = run.antennas();
+  const bool has_array = !r.array.empty() && !antennas.empty();
+  if (has_array)
+    out << "# array: x = range in m, y = sine of the azimuth (right: above 0), value = power that "
+           "comes from there, mean over "
+        << r.array_frames << " frames\n";
+  out << "sensor,x,y,value\n";
   const auto put_profile = [&](Sensor s, const auto& values) {
     const auto axis = run.axis(name_of(s));
     for (std::size_t i = 0; i < values.size(); ++i)
@@ -299,6 +306,13 @@ void export_csv(const RunReader& run, std::int64_t index, const std::string& pat
   };
   put_profile(Sensor::spd, r.spd);
   put_profile(Sensor::radar, r.radar);
+  if (has_array) {
+    const auto range = run.axis("array");
+    for (std::size_t b = 0; b < range->count; ++b)
+      for (std::size_t k = 0; k < beams; ++k)
+        out << "array," << range->at(static_cast<double>(b)) << "," << beam_cosine(k) << ","
+            << beam_power(bin_of(r.array, antennas.size(), b), antennas, beam_cosine(k)) << "\n";
+  }
   const auto x = run.axis("depth_x"), y = run.axis("depth_y");
   for (std::size_t i = 0; i < r.depth_mm.size(); ++i)
     out << "depth," << x->at(static_cast<double>(i % x->count)) << ","

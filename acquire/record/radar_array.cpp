@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace echofuse::record {
 namespace {
@@ -93,6 +94,18 @@ float ArrayBin::power() const { return power_of(values, antennas); }
 std::complex<float> ArrayBin::covariance(std::size_t m, std::size_t n) const {
   if (m == n) return values[2 * antennas + m];
   return m < n ? pair(place_of(m, n, antennas)) : std::conj(pair(place_of(n, m, antennas)));
+}
+
+double beam_power(const ArrayBin& bin, const Antennas& antennas, double u) {
+  std::vector<std::complex<double>> weights;
+  for (const Antenna& a : antennas)
+    weights.push_back(std::polar(1 / a.gain, -a.phase_rad - std::numbers::pi * a.x * u));
+  double sum = 0;
+  for (std::size_t m = 0; m < antennas.size(); ++m)
+    for (std::size_t n = 0; n < antennas.size(); ++n)
+      sum +=
+          (weights[m] * std::conj(weights[n]) * std::complex<double>(bin.covariance(m, n))).real();
+  return sum / static_cast<double>(antennas.size() * antennas.size());
 }
 
 ArrayStatistics::ArrayStatistics(std::size_t bins, std::size_t antennas)

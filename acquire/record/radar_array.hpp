@@ -50,6 +50,16 @@ struct ArrayBin {
 std::size_t values_of_bin(std::size_t antennas);
 ArrayBin bin_of(std::span<const float> array, std::size_t antennas, std::size_t bin);
 
+// Power that comes from direction cosine u at v = 0 (Bartlett's beam):
+//   sum_mn R_mn / (h_m conj(h_n)) exp(-i pi (x_m - x_n) u) / A^2,  h = gain exp(i phase).
+// A wave of power P in each antenna gives P at its own direction.
+double beam_power(const ArrayBin& bin, const Antennas& antennas, double u);
+// What is shown of it.
+inline constexpr std::size_t beams = 32;
+constexpr double beam_cosine(std::size_t k) {
+  return (2.0 * static_cast<double>(k) + 1) / beams - 1;
+}
+
 // Sums up frames: bins times antennas samples each, antennas fastest.
 class ArrayStatistics {
  public:

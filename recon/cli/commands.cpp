@@ -182,10 +182,10 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
       std::fprintf(stderr, "%s: %s\n", printable(a->run).c_str(), printable(text).c_str());
     };
     const TrainedModel model = load_model(a->model);
+    reconstruct(model, a->run, *a);
     if (!model.uncertainty && !common.quiet)
       std::fprintf(stderr, "%s: %s: too few training records to say how far off the maps are\n",
                    printable(a->model).c_str(), calibration_of(model));
-    reconstruct(model, a->run, *a);
     talk.finish(a->out);
     if (interrupted()) return ExitCode::interrupted;
     return talk.all_well() ? ExitCode::ok : ExitCode::partial;

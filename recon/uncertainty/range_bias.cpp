@@ -103,16 +103,16 @@ std::string RangeBias::text(bool corrected, bool other_shapes) const {
       break;
   }
   const std::string moved = formatted(
-      "radar ranges %.1f +- %.1f cm %s than in training, against "
-      "the SPD's",
-      std::abs(bias_m) * 100, standard_error_m * 100, bias_m > 0 ? "longer" : "shorter");
+      "radar ranges %.1f +- %.1f cm %s than in training, against the SPD's%s",
+      std::abs(bias_m) * 100, standard_error_m * 100, bias_m > 0 ? "longer" : "shorter",
+      by_angle ? ", wherever the radar's antennas see the people" : "");
   if (corrected) return moved + ": corrected";
   if (other_shapes)
     return moved + ": not corrected, as people or sensors are others, which may do that alone";
   if (by_angle)
     return moved +
-           ", wherever the radar's antennas see the people: a range bias, or bodies that reflect "
-           "the radar otherwise: not corrected (--range-bias correct does); calibrate anew";
+           ": a range bias, or bodies that reflect the radar "
+           "otherwise: not corrected (--range-bias correct does); calibrate anew";
   return moved +
          ": a range bias, or people further to one side, or bodies that reflect the radar "
          "otherwise: nothing in the records tells which, so not corrected; calibrate anew";

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <atomic>
 #include <future>
-#include <optional>
 #include <thread>
 #include <utility>
 
@@ -33,7 +32,9 @@ enum class Stream : std::uint64_t {
   antennas,
   room,
   array,
-  mirror_array
+  mirror_array,
+  depth,
+  mirror_depth
 };
 std::uint64_t seed_of(const Plan& plan, Stream stream) {
   return mix(static_cast<std::uint64_t>(plan.seed) + mix(static_cast<std::uint64_t>(stream)));
@@ -209,9 +210,11 @@ Generator::Generator(Plan plan)
       x_(map_grid(plan_.conditions).x()),
       y_(map_grid(plan_.conditions).y()),
       mean_peak_(mean_peak_power(radar_response(plan_.conditions), plan_.conditions)),
-      array_{radar_response(conditions(0)),
-             simulated_antennas(conditions(0), seed_of(plan_, Stream::antennas)),
-             seed_of(plan_, Stream::room)} {}
+      antennas_(simulated_antennas(conditions(0), seed_of(plan_, Stream::antennas))) {
+  if (laboratories_.size() == 1 && plan_.conditions.background == "room")
+    room_ = room_alone(conditions(0),
+                       {radar_response(conditions(0)), antennas_, seed_of(plan_, Stream::room)});
+}
 
 Scene Generator::scene(std::int64_t index) const {
   const auto i = static_cast<std::size_t>(index);
@@ -222,44 +225,70 @@ Scene Generator::scene(std::int64_t index) const {
 
 record::FusedRecord Generator::make(std::int64_t index) const {
   const Conditions& c = conditions(index);
-  const RadarAxis axis = radar_response(c);
   const Scene world = scene(index);
-  Rng rng = make_rng(seed_of(plan_, plan_.mirrored ? Stream::mirror_noise : Stream::noise),
-                     static_cast<std::uint64_t>(index));
+  const auto rng_of = [&](Stream stream, Stream of_mirrored) {
+    return make_rng(seed_of(plan_, plan_.mirrored ? of_mirrored : stream),
+                    static_cast<std::uint64_t>(index));
+  };
+  Rng rng = rng_of(Stream::noise, Stream::mirror_noise);
+  Rng depth_rng = rng_of(Stream::depth, Stream::mirror_depth);
   record::FusedRecord r = blank_record(index, world.label);
-  thread_local Returns returns;
-  spd_returns(world, c, returns);
-  r.spd = draw_counts(spd_rate(returns, c), c, rng);
+  r.spd = count_photons(world, c, rng);
   count_clicks(r, c.pulses_per_window);
-  radar_returns(world, c, returns);
-  std::vector<double> looks;
-  if (!array_.antennas.empty()) looks = look_through_array(index, returns, r);
-  roughen(returns, c, rng);
-  const bool looked = !looks.empty() && c.radar_sum == "coherent";
-  auto power = looked ? std::vector<double>(axis.count) : radar_power(returns, axis, c);
-  // Drawn also where it is not used, so that the depth map is the same.
-  add_radar_noise(power, mean_peak_, c, rng);
-  if (looked) power = std::move(looks);
+  const auto power = radar_profile(index, world, r, rng);
   r.radar.resize(power.size());
   std::transform(power.begin(), power.end(), r.radar.begin(),
                  [](double p) { return static_cast<float>(p); });
-  r.depth_mm = depth_map_mm(world, x_, y_, c, rng);
+  r.depth_mm = depth_map_mm(world, x_, y_, c, depth_rng);
   return r;
+}
+
+std::vector<std::uint32_t> Generator::count_photons(const Scene& scene, const Conditions& c,
+                                                    Rng& rng) const {
+  const RoomAlone* room = room_behind(scene);
+  thread_local Returns returns;
+  spd_returns(scene, c, returns, room ? RoomIs::subtracted : RoomIs::seen);
+  auto rate = spd_rate(returns, c);
+  if (room) add_room(room->light, rate);
+  return draw_counts(rate, c, rng);
+}
+
+std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& scene,
+                                             record::FusedRecord& r, Rng& rng) const {
+  const Conditions& c = conditions(index);
+  const bool coherent = c.radar_sum == "coherent";
+  ArrayRadar radar{radar_response(c), antennas_, seed_of(plan_, Stream::room)};
+  radar.chirp_s = 1e-6 * c.radar_chirp_us;
+  radar.chirps = c.radar_chirps;
+  // New speckle of one antenna, and a covariance's roots, need all patches.
+  const RoomAlone* room = coherent == !antennas_.empty() ? room_behind(scene) : nullptr;
+  thread_local Returns returns;
+  radar_returns(scene, c, returns, room ? RoomIs::subtracted : RoomIs::seen);
+  if (room) radar.room = room->echo;
+  if (!antennas_.empty()) {
+    auto looks = look_through_array(index, returns, radar, r);
+    if (coherent) return looks;
+  }
+  roughen(returns, c, rng);
+  auto power = radar_power(returns, radar.axis, c);
+  if (room) add_room(room->power, power);
+  add_radar_noise(power, mean_peak_, c, rng);
+  return power;
 }
 
 // From random numbers of its own, so that the rest of the record (with coherent echoes: but the
 // profile) is the same with and without antennas. Returns the mean power in each point.
 std::vector<double> Generator::look_through_array(std::int64_t index, const Returns& returns,
+                                                  const ArrayRadar& radar,
                                                   record::FusedRecord& r) const {
   const Conditions& c = conditions(index);
   Rng rng = make_rng(seed_of(plan_, plan_.mirrored ? Stream::mirror_array : Stream::array),
                      static_cast<std::uint64_t>(index));
-  const auto kept = record::array_axis(radar_axis(c), array_.antennas.size()).count;
-  std::optional<ArrayRadar> of_laboratory;
-  if (laboratories_.size() > 1) of_laboratory.emplace(array_).axis = radar_response(c);
-  const ArrayRadar& radar = of_laboratory ? *of_laboratory : array_;
+  const auto kept = record::array_axis(radar_axis(c), antennas_.size()).count;
   ArrayLooks looks =
-      sim::look_through_array(returns, radar, kept, c, radar_noise_power(c, mean_peak_), rng);
+      sim::look_through_array(returns, radar, kept, c, radar_noise_power(c, mean_peak_), rng,
+                              antenna_drift(c, antennas_.size(), seed_of(plan_, Stream::antennas),
+                                            static_cast<double>(index) * dataset_window_s));
   r.array = std::move(looks.array);
   r.array_frames = static_cast<std::uint64_t>(c.radar_frames);
   return std::move(looks.power);

@@ -3,13 +3,14 @@
 // number of threads (but for uuid and times of day).
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "acquire/record/record.hpp"
 #include "sim/scene/conditions.hpp"
 #include "sim/scene/scene.hpp"
-#include "sim/sensors/radar_array.hpp"
+#include "sim/sensors/room_alone.hpp"
 
 namespace echofuse::sim {
 
@@ -50,12 +51,18 @@ class Generator {
   Scene scene(std::int64_t index) const;
   record::FusedRecord make(std::int64_t index) const;
   record::Antennas stated_antennas() const {
-    return sim::stated_antennas(array_.antennas, plan_.conditions);
+    return sim::stated_antennas(antennas_, plan_.conditions);
   }
 
  private:
+  std::vector<std::uint32_t> count_photons(const Scene& scene, const Conditions& c, Rng& rng) const;
+  std::vector<double> radar_profile(std::int64_t index, const Scene& scene, record::FusedRecord& r,
+                                    Rng& rng) const;
   std::vector<double> look_through_array(std::int64_t index, const Returns& returns,
-                                         record::FusedRecord& r) const;
+                                         const ArrayRadar& radar, record::FusedRecord& r) const;
+  const RoomAlone* room_behind(const Scene& scene) const {
+    return room_ && scene.room ? &*room_ : nullptr;
+  }
 
   const Conditions& conditions(std::int64_t index) const {
     return laboratories_[static_cast<std::size_t>(index) % laboratories_.size()];
@@ -66,7 +73,8 @@ class Generator {
   std::vector<SceneSpec> scenes_;
   Axis x_, y_;
   double mean_peak_ = 0;
-  ArrayRadar array_;  // with its antennas' errors
+  record::Antennas antennas_;      // with their errors
+  std::optional<RoomAlone> room_;  // if all records are before it, in one laboratory
 };
 
 struct DatasetOptions {

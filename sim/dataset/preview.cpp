@@ -2,6 +2,7 @@
 #include "sim/dataset/preview.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <sstream>
 
@@ -53,16 +54,42 @@ void put_curve(std::ostream& out, const std::string& title, const char* style, c
       << "; set xlabel 'range (m)'\nplot $curve using 1:2 with " << style << " notitle\n";
 }
 
+// Over range and direction, of the strongest.
+void put_beams(std::ostream& out, const Axis& range, const record::Antennas& antennas,
+               const record::FusedRecord& r) {
+  std::vector<double> powers;
+  for (std::size_t b = 0; b < range.count; ++b)
+    for (std::size_t k = 0; k < record::beams; ++k)
+      powers.push_back(record::beam_power(record::bin_of(r.array, antennas.size(), b), antennas,
+                                          record::beam_cosine(k)));
+  const double most = *std::max_element(powers.begin(), powers.end());
+  constexpr double least_db = -30;
+  out << "$beams << EOD\n";
+  for (std::size_t i = 0; i < powers.size(); ++i) {
+    const double share = most > 0 ? powers[i] / most : 0;
+    out << record::beam_cosine(i % record::beams) << ' '
+        << range.at(static_cast<double>(i / record::beams)) << ' '
+        << (share > 0 ? std::max(least_db, 10 * std::log10(share)) : least_db) << '\n';
+  }
+  out << "EOD\nset title 'radar: power (dB)'; set xlabel 'sine of the azimuth'; set ylabel 'range "
+         "(m)'\nset xrange [-1:1]; set colorbox; set cbrange ["
+      << least_db << ":0]\nplot $beams using 1:2:3 with image notitle\n";
+}
+
 }  // namespace
 
 void draw_record(const std::string& run_path, std::int64_t index, const std::string& png) {
   const record::RunReader run(run_path);
   const record::FusedRecord r = run.read(index);
   const auto spd = run.axis("spd"), radar = run.axis("radar");
+  const auto array = run.axis("array");
+  const auto antennas = run.antennas();
+  const bool has_array = array && !antennas.empty() && !r.array.empty();
   std::ostringstream script;
   const auto path = std::filesystem::absolute(png);
-  script << "set terminal png size 1080,330\nset output " << quoted(path.string())
-         << "\nset multiplot layout 1,3\nset grid\n";
+  script << "set terminal png size " << (has_array ? 1440 : 1080) << ",330\nset output "
+         << quoted(path.string()) << "\nset multiplot layout 1," << (has_array ? 4 : 3)
+         << "\nset grid\n";
   put_map(script, run, r);
   if (spd && r.has(Sensor::spd))
     put_curve(script, "detector: counts", "steps lw 2", r.spd,
@@ -70,6 +97,7 @@ void draw_record(const std::string& run_path, std::int64_t index, const std::str
   if (radar && r.has(Sensor::radar))
     put_curve(script, "radar: " + radar->quantity, "linespoints lw 2 pt 7 ps 0.5", r.radar,
               [&](double i) { return radar->at(i); });
+  if (has_array) put_beams(script, *array, antennas, r);
   script << "unset multiplot\n";
   if (!std::filesystem::is_directory(path.parent_path()))
     throw Error(ExitCode::disk, png + ": no such folder");

@@ -2,6 +2,7 @@
 #include "sim/devices/radar_antennas.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdio>
 
@@ -39,12 +40,20 @@ void RadarAntennas::start(const Chirp& chirp, double mean_peak) {
   axis_ = chirp.axis();
   noise_power_ = radar_noise_power(conditions_, mean_peak);
   used_.clear();
+  numbers_.clear();
+  chirp_s_ = 1e-6 * (chirp.idle_us + chirp.ramp_end_us);
+  receivers_used_ = static_cast<std::size_t>(std::popcount(chirp.receivers));
+  chirps_ = chirp.chirps_per_frame /
+            std::max<std::int64_t>(1, static_cast<std::int64_t>(chirp.transmitters.size()));
   std::size_t of_row = 0;
   const auto& tx = chirp.transmitters;
   for (const unsigned t : tx) {
     of_row += planar_ || t != above;
     for (std::size_t r = 0; r < receivers; ++r)
-      if (chirp.receivers >> r & 1) used_.push_back(channels_[t * receivers + r]);
+      if (chirp.receivers >> r & 1) {
+        numbers_.push_back(t * receivers + r);
+        used_.push_back(channels_[numbers_.back()]);
+      }
   }
   // The firmware takes the first ones, however many stand in the row.
   if (of_row == 0) of_row = tx.size();
@@ -54,10 +63,20 @@ void RadarAntennas::start(const Chirp& chirp, double mean_peak) {
 
 void RadarAntennas::look(const RenderedScene& rendered, double time_s, double gain, Rng& rng) {
   if (!echo_ || scene_ != rendered.index) {
-    echo_.emplace(rendered.array, ArrayRadar{axis_, used_, seed_}, conditions_, rng);
+    ArrayRadar radar{axis_, used_, seed_};
+    radar.receivers = receivers_used_;
+    radar.chirp_s = chirp_s_;
+    radar.chirps = chirps_;
+    echo_.emplace(rendered.array, radar, conditions_, rng);
     scene_ = rendered.index;
     seen_s_ = time_s;
   }
+  if (started_s_ < 0) started_s_ = time_s;
+  std::vector<double> drift;
+  const auto all = antenna_drift(conditions_, channels_.size(), seed_, time_s - started_s_);
+  for (const std::size_t k : numbers_)
+    if (!all.empty()) drift.push_back(all[k]);
+  echo_->set_drift(drift);
   samples_.resize(echo_->samples());
   echo_->frame(std::max(0.0, time_s - seen_s_), rng, samples_);
   seen_s_ = time_s;

@@ -42,6 +42,10 @@ class RadarAntennas {
   record::Antennas used_;      // by the chirp, in the order of its transmitters
   std::size_t sent_ = 0;       // the first of them
   RadarAxis axis_;
+  double chirp_s_ = 0, started_s_ = -1;
+  std::int64_t chirps_ = 1;
+  std::size_t receivers_used_ = receivers;
+  std::vector<std::size_t> numbers_;  // of used_ among channels_
   double noise_power_ = 0, seen_s_ = 0;
   std::int64_t scene_ = -1;
   std::optional<ArrayEcho> echo_;

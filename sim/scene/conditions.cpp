@@ -124,6 +124,13 @@ void bind_array(Settings& s, Conditions& c) {
   s.add("radar_sway_m", c.radar_sway_m, 0, 1, "rms each way, of a standing person's head");
   s.add("radar_twist_deg", c.radar_twist_deg, 0, 90, "rms, of a person about the upright axis");
   s.add("radar_breath_m", c.radar_breath_m, 0, 0.1, "amplitude of a person's chest");
+  s.add("radar_chirp_us", c.radar_chirp_us, 0, 10'000,
+        "from one transmitter's chirp to the next's; 0: all send at once");
+  s.add("radar_chirps", c.radar_chirps, 1, 1024, "of each transmitter in a frame; they are added");
+  s.add("radar_warming_k", c.radar_warming_k, -100, 100, "by which the radar warms up");
+  s.add("radar_warming_s", c.radar_warming_s, 1, 1e6, "time constant of that");
+  s.add("radar_drift_rad_k", c.radar_drift_rad_k, 0, 1, "rms drift of an antenna's phase");
+  s.add("radar_drift_common_rad_k", c.radar_drift_common_rad_k, -1, 1, "drift of all phases");
 }
 
 void bind_depth(Settings& s, Conditions& c) {

@@ -121,6 +121,15 @@ struct Conditions {
   double radar_sway_m = 0.005;    // rms each way, at head height
   double radar_twist_deg = 0.3;   // rms, about the upright axis
   double radar_breath_m = 0.004;  // amplitude of the chest
+  // One transmitter sends after the other, each radar_chirps times in a frame, and the sum of these
+  // is kept (Doppler bin 0): who moves has other phases at the next transmitter, and less power.
+  double radar_chirp_us = 0;  // from one transmitter's chirp to the next; 0: all at once
+  std::int64_t radar_chirps = 1;
+  // The antennas' phases drift as the board warms, by K (1 - exp(-t / warming time)); the run does
+  // not know it. No source says how much: 0.
+  double radar_warming_k = 0, radar_warming_s = 600;
+  double radar_drift_rad_k = 0;         // rms over the antennas, each its own
+  double radar_drift_common_rad_k = 0;  // of all alike
 
   // Depth camera
   std::int64_t map_size = 64;   // pixels of a data set's depth maps, both ways

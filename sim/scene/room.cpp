@@ -45,4 +45,10 @@ const std::vector<Plate>& room() {
   return plates;
 }
 
+Scene empty_room() {
+  Scene scene;
+  scene.room = true;
+  return scene;
+}
+
 }  // namespace echofuse::sim

@@ -11,5 +11,6 @@ namespace echofuse::sim {
 // over the base field of view. Left and right differ in range everywhere, so the range of the light
 // that a person takes away tells the person's direction.
 const std::vector<Plate>& room();
+Scene empty_room();
 
 }  // namespace echofuse::sim

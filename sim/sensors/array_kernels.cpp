@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "sim/sensors/array_kernels.hpp"
 
-#include <array>
+#include <cmath>
 #include <numbers>
 
 #include "drivers/core/clones.hpp"
@@ -36,6 +36,25 @@ ECHOFUSE_CLONES void add_turned(const float* rows, const float* re, const float*
     }
     store(sum + m, sum_x);
     store(sum + padded + m, sum_y);
+  }
+}
+
+void turn_planes(float cosine, float sine, float* re, float* im) {
+  for (std::size_t i = 0; i < lanes; ++i) {
+    const float x = re[i], y = im[i];
+    re[i] = cosine * x - sine * y;
+    im[i] = cosine * y + sine * x;
+  }
+}
+
+void lose_doppler(const float* turns, float factor, std::int64_t chirps, float* re, float* im,
+                  std::size_t count) {
+  const auto all = static_cast<float>(chirps);
+  for (std::size_t i = 0; i < count; ++i) {
+    const float half = std::numbers::pi_v<float> * turns[i] * factor, one = std::sin(half);
+    const float left = std::abs(one) > 1e-4f ? std::sin(all * half) / (all * one) : 1;
+    re[i] *= left;
+    im[i] *= left;
   }
 }
 

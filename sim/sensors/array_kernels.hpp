@@ -4,6 +4,7 @@
 // (clones.hpp).
 #pragma once
 #include <cstddef>
+#include <cstdint>
 
 namespace echofuse::sim {
 
@@ -13,6 +14,13 @@ void turn(const float* turns, float* re, float* im, std::size_t count);
 // Adds (re + i im) times the row of each cell.
 void add_turned(const float* rows, const float* re, const float* im, std::size_t cells,
                 std::size_t padded, float* sum);
+
+// Planes of `lanes` numbers, real and imaginary, times a complex number.
+void turn_planes(float cosine, float sine, float* re, float* im);
+
+// re and im times sin(pi f chirps) / (chirps sin(pi f)), f = turns[i] * factor.
+void lose_doppler(const float* turns, float factor, std::int64_t chirps, float* re, float* im,
+                  std::size_t count);
 
 // out[i] += factor * in[i]
 void add_scaled(float factor, const float* in, std::size_t count, float* out);

@@ -42,14 +42,27 @@ Antennas stated_antennas(const Antennas& antennas, const Conditions& c) {
   return c.radar_array_calibrated ? antennas : antennas_in_layout(antennas.size());
 }
 
+std::vector<double> antenna_drift(const Conditions& c, std::size_t antennas, std::uint64_t seed,
+                                  double time_s) {
+  if (c.radar_warming_k == 0) return {};
+  const double kelvin = c.radar_warming_k * -std::expm1(-time_s / c.radar_warming_s);
+  Rng rng = make_rng(seed, 1);  // 0: simulated_antennas
+  std::normal_distribution<double> unit;
+  std::vector<double> phases(antennas);
+  for (double& phase : phases)
+    phase = kelvin * (c.radar_drift_common_rad_k + c.radar_drift_rad_k * unit(rng));
+  return phases;
+}
+
 ArrayLooks look_through_array(const Returns& returns, const ArrayRadar& radar,
                               std::size_t kept_bins, const Conditions& c, double noise_power,
-                              Rng& rng) {
+                              Rng& rng, std::span<const double> drift) {
   const std::size_t antennas = radar.antennas.size(), points = radar.axis.count;
   const auto frames = static_cast<std::size_t>(c.radar_frames);
   const double later_s = dataset_window_s / static_cast<double>(frames);
   const auto rms = static_cast<float>(std::sqrt(noise_power / 2));
   ArrayEcho echo(returns, radar, c, rng);
+  echo.set_drift(drift);
   // Fresh memory takes the kernel as long as the half of this.
   thread_local std::vector<float> states;
   states.resize(frames * echo.state_size());

@@ -24,7 +24,8 @@ BodyMotion::BodyMotion(const Conditions& c, std::size_t people, Rng& rng)
       breath_m_(c.radar_breath_m),
       oscillators_(people),
       breath_phase_(people),
-      modes_(people) {
+      modes_(people),
+      speeds_(people) {
   std::normal_distribution<double> unit;
   std::uniform_real_distribution<double> phase(0, 2 * pi);
   for (std::size_t p = 0; p < people; ++p) {
@@ -55,10 +56,13 @@ void BodyMotion::advance(double time_s, Rng& rng) {
 
 void BodyMotion::set_modes() {
   for (std::size_t p = 0; p < modes_.size(); ++p) {
-    for (std::size_t i = 0; i < swaying; ++i)
+    for (std::size_t i = 0; i < swaying; ++i) {
       modes_[p][i] = static_cast<float>(rms_[i] * oscillators_[p][i].place);
-    modes_[p][swaying] =
-        static_cast<float>(breath_m_ * std::sin(2 * pi * breath_rate * time_s_ + breath_phase_[p]));
+      speeds_[p][i] = static_cast<float>(rms_[i] * rate * oscillators_[p][i].speed);
+    }
+    const double turning = 2 * pi * breath_rate, angle = turning * time_s_ + breath_phase_[p];
+    modes_[p][swaying] = static_cast<float>(breath_m_ * std::sin(angle));
+    speeds_[p][swaying] = static_cast<float>(breath_m_ * turning * std::cos(angle));
   }
 }
 

@@ -27,6 +27,7 @@ class BodyMotion {
   BodyMotion(const Conditions& conditions, std::size_t people, Rng& rng);
   void advance(double time_s, Rng& rng);
   const Modes& of(std::size_t person) const { return modes_[person]; }
+  const Modes& speeds_of(std::size_t person) const { return speeds_[person]; }  // per second
 
   // By how much the range of a patch grows per unit of each mode: direction cosines x/R and y/R,
   // height above the floor, and where the person's axis stands (m, seen from the radar).
@@ -44,7 +45,7 @@ class BodyMotion {
   double breath_m_ = 0, time_s_ = 0;
   std::vector<std::array<Oscillator, swaying>> oscillators_;
   std::vector<double> breath_phase_;
-  std::vector<Modes> modes_;
+  std::vector<Modes> modes_, speeds_;
 };
 
 }  // namespace echofuse::sim

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -12,9 +11,10 @@
 #include "drivers/core/axis.hpp"
 #include "drivers/core/clones.hpp"
 #include "sim/scene/draw.hpp"
-#include "sim/scene/scene.hpp"
+#include "sim/scene/room.hpp"
 #include "sim/sensors/array_cells.hpp"
 #include "sim/sensors/array_kernels.hpp"
+#include "sim/sensors/array_parts.hpp"
 #include "sim/sensors/body_motion.hpp"
 #include "sim/sensors/radar_echo.hpp"
 #include "sim/sensors/range_nodes.hpp"
@@ -23,124 +23,17 @@ namespace echofuse::sim {
 namespace {
 
 using Complex = std::complex<double>;
-using Antennas = record::Antennas;
 
 constexpr double pi = std::numbers::pi;
-
-// A wave from this direction at each antenna, as its channel records it.
-std::vector<Complex> wave_at(const Antennas& antennas, double x, double y) {
-  std::vector<Complex> wave;
-  wave.reserve(antennas.size());
-  for (const auto& a : antennas)
-    wave.push_back(std::polar(a.gain, pi * (a.x * x + a.y * y) + a.phase_rad));
-  return wave;
-}
-
-// Complex numbers of one point or cell, one for each antenna: all real parts, then all imaginary
-// ones, both filled up to a multiple of eight.
-struct Layout {
-  std::size_t antennas, padded, row;
-
-  explicit Layout(std::size_t n)
-      : antennas(n), padded((n + lanes - 1) / lanes * lanes), row(2 * padded) {}
-  std::size_t planes() const { return row * lanes; }
-};
-
-// The same for the same patch, whatever stands before others.
-float turns_of_patch(const Returns& returns, std::size_t k, std::uint64_t seed) {
-  const auto range = std::bit_cast<std::uint64_t>(returns.range_m[k]);
-  const auto x = std::bit_cast<std::uint32_t>(returns.place[k].x);
-  const auto y = std::bit_cast<std::uint32_t>(returns.place[k].y);
-  return static_cast<float>(mix(seed ^ mix(range ^ mix(x ^ mix(y)))) >> 40) * 0x1p-24f;
-}
-
-// Adds one wave after the other, fast.
-class Waves {
- public:
-  Waves(const Antennas& antennas, const Layout& layout)
-      : layout_(layout), turns_(layout.padded), re_(layout.padded), im_(layout.padded) {
-    for (const auto& a : antennas)
-      channels_.push_back({static_cast<float>(a.x / 2), static_cast<float>(a.y / 2),
-                           static_cast<float>(a.phase_rad / (2 * pi)), static_cast<float>(a.gain)});
-  }
-  void add(float x, float y, float amplitude, float ahead_turns, float* out) {
-    for (std::size_t m = 0; m < channels_.size(); ++m) {
-      const auto& c = channels_[m];
-      turns_[m] = c[0] * x + c[1] * y + c[2] + ahead_turns;
-    }
-    turn(turns_.data(), re_.data(), im_.data(), turns_.size());
-    for (std::size_t m = 0; m < channels_.size(); ++m) {
-      out[m] += amplitude * channels_[m][3] * re_[m];
-      out[layout_.padded + m] += amplitude * channels_[m][3] * im_[m];
-    }
-  }
-
- private:
-  Layout layout_;
-  std::vector<std::array<float, 4>> channels_;
-  std::vector<float> turns_, re_, im_;
-};
-
-std::size_t blocks_of(const RadarAxis& axis) { return (axis.count + lanes - 1) / lanes; }
-std::size_t slot_of(double range_m, const RadarAxis& axis) {
-  return static_cast<std::size_t>(range_m / axis.resolution_m * RangeNodes::slots_per_cell);
-}
-
-// The reflector and the leakage: points.
-void add_points(const Returns& returns, const ArrayRadar& radar, std::vector<float>& planes) {
-  const Layout layout(radar.antennas.size());
-  const RangeResponse response(radar.axis);
-  std::vector<double> psf;
-  for (const auto kind : {Returns::reflector, Returns::leakage}) {
-    const ArrayCell cell = one_cell_of(returns, kind);
-    if (cell.weight <= 0) continue;
-    const auto wave = wave_at(radar.antennas, cell.x, cell.y);
-    response.at(cell.range_m / radar.axis.resolution_m, psf);
-    for (std::size_t i = 0; i < psf.size(); ++i)
-      for (std::size_t m = 0; m < wave.size(); ++m) {
-        const Complex value = std::sqrt(cell.weight) * psf[i] * wave[m];
-        float* out = &planes[i / lanes * layout.planes() + i % lanes];
-        out[m * lanes] += static_cast<float>(value.real());
-        out[(layout.padded + m) * lanes] += static_cast<float>(value.imag());
-      }
-  }
-}
-
-// The room and objects, coherent. What is hidden has a negative weight, and is taken away.
-void add_still(const Returns& returns, const ArrayRadar& radar, std::vector<float>& planes) {
-  const Layout layout(radar.antennas.size());
-  std::vector<std::size_t> patches;
-  std::size_t first = SIZE_MAX, last = 0;
-  for (std::size_t k = 0; k < returns.place.size(); ++k) {
-    if (returns.place[k].person != Returns::still || returns.range_m[k] <= 0) continue;
-    patches.push_back(k);
-    first = std::min(first, slot_of(returns.range_m[k], radar.axis));
-    last = std::max(last, slot_of(returns.range_m[k], radar.axis));
-  }
-  if (patches.empty()) return;
-  std::vector<float> slots((last - first + 1) * layout.row);
-  Waves waves(radar.antennas, layout);
-  for (const std::size_t k : patches) {
-    const auto& place = returns.place[k];
-    const double weight = returns.weight[k];
-    waves.add(place.x, place.y,
-              static_cast<float>(std::copysign(std::sqrt(std::abs(weight)), weight)),
-              turns_of_patch(returns, k, radar.still_seed),
-              &slots[(slot_of(returns.range_m[k], radar.axis) - first) * layout.row]);
-  }
-  const RangeNodes range(radar.axis, first, last);
-  std::vector<float> nodes(range.count() * layout.row);
-  for (std::size_t slot = first; slot <= last; ++slot)
-    range.share(slot, &slots[(slot - first) * layout.row], layout.row, nodes.data());
-  for (std::size_t block = 0; block < blocks_of(radar.axis); ++block)
-    range.respond(block, nodes.data(), layout.row, &planes[block * layout.planes()]);
-}
 
 // People, coherent.
 class Speckle {
  public:
   Speckle(const Returns& returns, const ArrayRadar& radar, const Conditions& c, Rng& rng)
-      : layout_(radar.antennas.size()) {
+      : layout_(radar.antennas.size()),
+        receivers_(radar.chirp_s > 0 ? radar.receivers : layout_.antennas),
+        chirp_s_(radar.chirp_s),
+        chirps_(radar.chirps) {
     const double slot_m = radar.axis.resolution_m / RangeNodes::slots_per_cell;
     const ArrayCells all = cells_of(returns, {slot_m}, Echoes::of_people);
     motion_ = BodyMotion(c, all.people, rng);
@@ -171,18 +64,23 @@ class Speckle {
   void advance(double later_s, Rng& rng, std::span<float> nodes) {
     motion_.advance(later_s, rng);
     std::fill(nodes.begin(), nodes.end(), 0.f);
-    std::fill(turns_.begin(), turns_.end(), 0.f);
-    for (std::size_t i = 0; i < turns_per_mode_.size() / std::max<std::size_t>(cells_, 1); ++i)
-      add_scaled(motion_.of(i / BodyMotion::modes)[i % BodyMotion::modes],
-                 &turns_per_mode_[i * cells_], cells_, turns_.data());
-    turn(turns_.data(), re_.data(), im_.data(), cells_);
-    std::vector<float> sum(layout_.row);
-    for (std::size_t s = 0; s < slots_.size(); ++s) {
-      std::fill(sum.begin(), sum.end(), 0.0f);
-      const std::size_t k = slot_begin_[s];
-      add_turned(&rows_[k * layout_.row], &re_[k], &im_[k], slot_begin_[s + 1] - k, layout_.padded,
-                 sum.data());
-      range_->share(slots_[s], sum.data(), layout_.row, nodes.data());
+    if (cells_ == 0) return;
+    by_modes(
+        [&](std::size_t person) -> auto& { return motion_.of(person); }, turns_);
+    if (chirp_s_ > 0)
+      by_modes(
+          [&](std::size_t person) -> auto& { return motion_.speeds_of(person); }, speeds_);
+    const std::size_t transmitters = (layout_.antennas + receivers_ - 1) / receivers_;
+    for (std::size_t t = 0; t < transmitters; ++t) {
+      turn(turns_.data(), re_.data(), im_.data(), cells_);
+      if (chirp_s_ > 0) {
+        const auto apart = static_cast<float>(chirp_s_);
+        lose_doppler(speeds_.data(), apart * static_cast<float>(transmitters), chirps_, re_.data(),
+                     im_.data(), cells_);
+        add_scaled(apart, speeds_.data(), cells_, turns_.data());  // until the next one sends
+      }
+      const std::size_t first = t * receivers_;
+      add_cells(first, std::min(first + receivers_, layout_.antennas), nodes);
     }
   }
 
@@ -191,6 +89,29 @@ class Speckle {
   }
 
  private:
+  // sum of what each mode, of each person, makes of each cell
+  template <class Of>
+  void by_modes(Of of, std::vector<float>& cells) const {
+    cells.assign(cells_, 0.f);
+    for (std::size_t i = 0; i < turns_per_mode_.size() / cells_; ++i)
+      add_scaled(of(i / BodyMotion::modes)[i % BodyMotion::modes], &turns_per_mode_[i * cells_],
+                 cells_, cells.data());
+  }
+
+  // As seen by antennas first..end-1.
+  void add_cells(std::size_t first, std::size_t end, std::span<float> nodes) const {
+    std::vector<float> sum(layout_.row);
+    for (std::size_t s = 0; s < slots_.size(); ++s) {
+      std::fill(sum.begin(), sum.end(), 0.f);
+      const std::size_t k = slot_begin_[s];
+      add_turned(&rows_[k * layout_.row], &re_[k], &im_[k], slot_begin_[s + 1] - k, layout_.padded,
+                 sum.data());
+      for (std::size_t m = 0; m < layout_.antennas; ++m)
+        if (m < first || m >= end) sum[m] = sum[layout_.padded + m] = 0;
+      range_->share(slots_[s], sum.data(), layout_.row, nodes.data());
+    }
+  }
+
   void set_motion(std::size_t k, const ArrayCell& cell, const std::array<double, 2>& axis,
                   const Conditions& c) {
     const double turns_per_m = -2 * c.radar_carrier_hz / speed_of_light_m_s;
@@ -216,12 +137,15 @@ class Speckle {
   }
 
   Layout layout_;
+  std::size_t receivers_;
+  double chirp_s_;
+  std::int64_t chirps_;
   BodyMotion motion_;
   std::size_t cells_ = 0;
   std::vector<std::size_t> slots_, slot_begin_;  // numbers; first cells, and the end
   std::optional<RangeNodes> range_;
   // Of each cell: its row, and for each mode of each person by how much it turns.
-  std::vector<float> rows_, turns_per_mode_, turns_, re_, im_;
+  std::vector<float> rows_, turns_per_mode_, turns_, speeds_, re_, im_;
 };
 
 // People and the room, incoherent: x = L q with L L^H the covariance and q over any `frames` frames
@@ -315,13 +239,14 @@ struct ArrayEcho::State {
   std::vector<float> still;  // planes of all blocks
   std::variant<Speckle, Expectation> moving;
   std::vector<float> now, planes;  // of frame()
+  std::vector<std::complex<float>> drift{};
 };
 
 ArrayEcho::ArrayEcho(const Returns& returns, const ArrayRadar& radar, const Conditions& c,
                      Rng& rng) {
   const Layout layout(radar.antennas.size());
   const std::size_t blocks = blocks_of(radar.axis);
-  std::vector<float> still = radar.room;
+  std::vector<float> still(radar.room.begin(), radar.room.end());
   still.resize(blocks * layout.planes());
   add_points(returns, radar, still);
   const bool coherent = c.radar_sum == "coherent";
@@ -361,6 +286,15 @@ void ArrayEcho::look(std::size_t block, std::span<const float> state,
   const auto still = state_->still.begin() + static_cast<std::ptrdiff_t>(block * planes.size());
   std::copy_n(still, planes.size(), planes.begin());
   std::visit([&](const auto& moving) { moving.add(block, state, planes.data()); }, state_->moving);
+  const auto& drift = state_->drift;
+  for (std::size_t m = 0; m < drift.size(); ++m)
+    turn_planes(drift[m].real(), drift[m].imag(), &planes[m * lanes],
+                &planes[imaginary_plane() + m * lanes]);
+}
+
+void ArrayEcho::set_drift(std::span<const double> phases) {
+  state_->drift.clear();
+  for (const double phase : phases) state_->drift.emplace_back(std::polar(1.0, phase));
 }
 
 void ArrayEcho::frame(double later_s, Rng& rng, std::span<std::complex<float>> samples) {
@@ -377,7 +311,7 @@ void ArrayEcho::frame(double later_s, Rng& rng, std::span<std::complex<float>> s
 
 std::vector<float> room_echo(const ArrayRadar& radar, const Conditions& c) {
   std::vector<float> planes(blocks_of(radar.axis) * Layout(radar.antennas.size()).planes());
-  add_still(radar_returns(make_scene(c, SceneKind::empty, 0, 0), c), radar, planes);
+  add_still(radar_returns(empty_room(), c), radar, planes);
   return planes;
 }
 

@@ -9,9 +9,10 @@
 //               stand still: their phases belong to the seed, and the mean of all frames is theirs.
 //   incoherent  As if there were infinitely many looks: over any radar_frames successive frames the
 //               covariance is exactly sum_k w_k psf^2 a a^H. Successive frames are uncorrelated.
-// Leakage and the calibration reflector are points that stand still. Left out: a swaying body goes
-// some 0.05 mm while its frame's chirps last, so that it neither leaves Doppler bin 0 nor turns the
-// phase between one transmitter's chirp and the next by more than 3 mrad.
+// Leakage and the calibration reflector are points that stand still. What moves at v m/s while the
+// transmitters send in turn, chirp_s apart and `chirps` times each, has at transmitter t of T
+//   exp(-4 pi i v t chirp_s / wavelength) sin(pi f C) / (C sin(pi f)),
+// with C = chirps, f = 2 v T chirp_s / wavelength (Doppler bin 0).
 #pragma once
 #include <complex>
 #include <cstdint>
@@ -41,10 +42,18 @@ struct ArrayRadar {
   RadarAxis axis;
   record::Antennas antennas;
   std::uint64_t still_seed = 0;
-  // What the empty room's coherent echo is (room_echo), for returns that are against the room
-  // (render.hpp); else empty.
-  std::vector<float> room{};
+  // Antennas of one transmitter follow one another. It sends `chirps` times in a frame, chirp_s
+  // after the one before it; 0: all at once.
+  std::size_t receivers = 4;
+  double chirp_s = 0;
+  std::int64_t chirps = 1;
+  // room_echo(), where the room is subtracted from the returns (render.hpp); else empty.
+  std::span<const float> room{};
 };
+
+// Of radar_warming_k after this time: each antenna's phase.
+std::vector<double> antenna_drift(const Conditions& conditions, std::size_t antennas,
+                                  std::uint64_t seed, double time_s);
 
 class ArrayEcho {
  public:
@@ -58,6 +67,9 @@ class ArrayEcho {
   // Points of the axis times antennas, antennas fastest, without noise, so long after the former
   // frame.
   void frame(double later_s, Rng& rng, std::span<std::complex<float>> samples);
+
+  // From now on the antennas' phases are ahead by this (rad; as many as there are antennas).
+  void set_drift(std::span<const double> phases);
 
   // The same in two steps: how everything stands in the frame, as state_size() numbers, and the
   // samples of each block of `lanes` points. Those are planes: for each antenna `lanes` real parts,
@@ -84,6 +96,6 @@ struct ArrayLooks {
 };
 ArrayLooks look_through_array(const Returns& returns, const ArrayRadar& radar,
                               std::size_t kept_bins, const Conditions& conditions,
-                              double noise_power, Rng& rng);
+                              double noise_power, Rng& rng, std::span<const double> drift = {});
 
 }  // namespace echofuse::sim

@@ -56,10 +56,16 @@ inline constexpr double mean_scene_weight = 0.24 / (3.5 * 3.5 * 3.5 * 3.5);
 // shows them, with spd_delay_ps and radar_bias_m. Behind the radar's come their echoes by the floor
 // (radar_ground: one way straight, the other by the floor, so that range and direction are the mean
 // of patch and mirror image) and its own leakage.
+// Or without the room, but for those of its patches that something hides: they have the negative of
+// their weights. Everything that is linear in weights is then what changes if the room is not
+// empty.
+enum class RoomIs : std::uint8_t { seen, subtracted };
 Returns spd_returns(const Scene& scene, const Conditions& conditions);
 Returns radar_returns(const Scene& scene, const Conditions& conditions);
 // Into the memory of an earlier scene: fresh memory takes the kernel as long as the light us.
-void spd_returns(const Scene& scene, const Conditions& conditions, Returns& out);
-void radar_returns(const Scene& scene, const Conditions& conditions, Returns& out);
+void spd_returns(const Scene& scene, const Conditions& conditions, Returns& out,
+                 RoomIs room = RoomIs::seen);
+void radar_returns(const Scene& scene, const Conditions& conditions, Returns& out,
+                   RoomIs room = RoomIs::seen);
 
 }  // namespace echofuse::sim

@@ -2,9 +2,13 @@
 #include "acquire/record/radar_array.hpp"
 
 #include <algorithm>
+#include <fstream>
 #include <limits>
+#include <numbers>
 #include <random>
+#include <sstream>
 
+#include "acquire/record/export.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -186,4 +190,47 @@ TEST_CASE("an array that does not fit its axis is not written") {
   const auto [code, text] = error_of([&] { writer.append(r); });
   CHECK(code == ExitCode::failed);
   CHECK_THAT(text, Catch::Contains("record 0: array has 5 values, its axis 164"));
+}
+
+TEST_CASE("a beam finds a wave's direction and power, by the channels' errors off") {
+  Antennas antennas(8);
+  std::vector<Samples> frames(3, Samples(8));
+  constexpr double u = 0.3125, power = 9;
+  for (std::size_t m = 0; m < 8; ++m) {
+    const auto place = static_cast<double>(m);
+    antennas[m] = {place, 0, 1 + 0.1 * place, 0.4 * place * place};
+    for (std::size_t t = 0; t < 3; ++t)
+      frames[t][m] = std::complex<float>(std::polar(
+          std::sqrt(power) * antennas[m].gain,
+          std::numbers::pi * place * u + antennas[m].phase_rad + static_cast<double>(t)));
+  }
+  const auto array = array_of(frames, 8);
+  const ArrayBin bin = bin_of(array, 8, 0);
+  CHECK(beam_power(bin, antennas, u) == Approx(power).epsilon(1e-4));
+  // Dirichlet's kernel over 8 antennas
+  const double off = 0.1, half = std::numbers::pi * off / 2;
+  CHECK(beam_power(bin, antennas, u + off) ==
+        Approx(power * std::pow(std::sin(8 * half) / (8 * std::sin(half)), 2)).epsilon(1e-3));
+}
+
+TEST_CASE("CSV has the power over range and azimuth of a record with antennas") {
+  const Folder folder;
+  write_run(folder / "a.sqlite");
+  const RunReader run(folder / "a.sqlite");
+  export_csv(run, 0, folder / "a.csv");
+  export_csv(run, 1, folder / "b.csv");
+  const auto text_of = [&](const char* name) {
+    std::stringstream text;
+    text << std::ifstream(folder / name).rdbuf();
+    return text.str();
+  };
+  const std::string with = text_of("a.csv"), without = text_of("b.csv");
+  CHECK(has(with, "mean over 5 frames"));
+  std::ostringstream line;
+  line.precision(std::numeric_limits<float>::max_digits10);
+  const auto kept = run.read(0);
+  line << "\narray,0.25," << beam_cosine(3) << ","
+       << beam_power(bin_of(kept.array, 8, 1), run.antennas(), beam_cosine(3)) << "\n";
+  CHECK(has(with, line.str()));
+  CHECK_FALSE(has(without, "array"));
 }

@@ -87,6 +87,16 @@ TEST_CASE("dataset writes a run and says so") {
   refuses(again + " --records 8", 2, "--mirror-of");
 }
 
+namespace {
+
+unsigned png_width(const std::string& path) {
+  std::array<unsigned char, 20> head{};
+  std::ifstream(path).read(reinterpret_cast<char*>(head.data()), head.size());
+  return head[18] * 256u + head[19];
+}
+
+}  // namespace
+
 TEST_CASE("preview draws a record, and the study its chart") {
   const Folder folder;
   const std::string run = folder / "a.sqlite", picture = folder / "a.png";
@@ -98,6 +108,10 @@ TEST_CASE("preview draws a record, and the study its chart") {
   std::ifstream(picture).read(start.data(), 8);
   CHECK(start == "\x89PNG\r\n\x1a\n");
   CHECK(has(sim("preview " + run + " --record 2 --out " + picture).text, "no record 2; it has 2"));
+  const std::string antennas = folder / "antennas.sqlite", wide = folder / "wide.png";
+  REQUIRE(sim("dataset --out " + antennas + " --records 1 -q --set radar_antennas=8").code == 0);
+  CHECK(sim("preview " + antennas + " --out " + wide).code == 0);
+  CHECK(png_width(wide) == 4 * png_width(picture) / 3);  // one picture more
   CHECK(sim("preview " + run + " --out " + folder / "no/a.png").code == 6);
   const Outcome study = sim("study fidelity --scenes 2 -q --out " + folder / "study");
   CAPTURE(study.text);

@@ -12,7 +12,10 @@
 #include "sim/sensors/array_cells.hpp"
 #include "sim/sensors/body_motion.hpp"
 #include "sim/sensors/gaussian.hpp"
+#include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
+#include "sim/sensors/range_nodes.hpp"
+#include "sim/sensors/room_alone.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;
@@ -194,39 +197,6 @@ TEST_CASE("fast Gaussian numbers have the normal distribution's moments and tail
   CHECK(std::abs(last - far * n) < 4.5 * std::sqrt(far * n));
 }
 
-TEST_CASE("sway is stationary, and forgets as its spectrum says") {
-  Conditions c;
-  c.radar_sway_m = 1;
-  Rng rng(2);
-  constexpr int draws = 4000;
-  double before = 0, after = 0, both = 0;
-  for (int i = 0; i < draws; ++i) {
-    BodyMotion motion(c, 1, rng);
-    const double a = motion.of(0)[0];
-    motion.advance(0.2, rng);
-    motion.advance(0.3, rng);
-    const double b = motion.of(0)[0];
-    before += a * a / draws, after += b * b / draws, both += a * b / draws;
-  }
-  CHECK(std::abs(before - 1) < 4.5 * std::sqrt(2.0 / draws));
-  CHECK(std::abs(after - 1) < 4.5 * std::sqrt(2.0 / draws));
-  const double expected = 2 * std::exp(-1.0);  // (1 + wt) exp(-wt) at wt = 1
-  CHECK(std::abs(both - expected) < 4.5 * std::sqrt((1 + expected * expected) / draws));
-}
-
-TEST_CASE("a swaying pendulum, a twist and a breath change the range as geometry says") {
-  // A patch 0.2 m right of an axis 3 m ahead.
-  const double x = 0.2, z = 3, range = std::hypot(x, z);
-  const auto modes = BodyMotion::range_per_mode(x / range, 0, 1.65, 0, z, 1);
-  CHECK(modes[0] == Approx(x / range));
-  CHECK(modes[1] == Approx(z / range));
-  const double turned = std::hypot(x * std::cos(1e-4), z - x * std::sin(1e-4));
-  CHECK(modes[2] == Approx((turned - range) / 1e-4).epsilon(1e-3));
-  CHECK(modes[3] == 0);
-  CHECK(BodyMotion::range_per_mode(0, 0, 1.25, 0, 3, 1)[3] == -1);
-  CHECK(BodyMotion::range_per_mode(0, 0, 0, 0, 3, 1)[1] == 0);  // the feet stand
-}
-
 TEST_CASE("speckle is exponential about the incoherent sum, at each antenna and between them") {
   Conditions c = of_sum("coherent");
   const RadarAxis axis = radar_response(c);
@@ -298,34 +268,6 @@ TEST_CASE("cells lose their phases as the patches in them do") {
   }
 }
 
-TEST_CASE("the more somebody sways, the more looks a record has") {
-  Conditions c = of_sum("coherent");
-  const RadarAxis axis = radar_response(c);
-  const Returns person = a_person(c, 2);
-  const std::size_t peak = peak_of(person, c);
-  // Looks: mean^2 / variance of a record's power.
-  const auto looks_at = [&](double sway_m, double twist_deg, double breath_m) {
-    c.radar_sway_m = sway_m, c.radar_twist_deg = twist_deg, c.radar_breath_m = breath_m;
-    constexpr int records = 250;
-    double sum = 0, squares = 0;
-    Rng rng(5);
-    for (int i = 0; i < records; ++i) {
-      const double power =
-          look_through_array(person, {axis, antennas_in_layout(1), 7}, 1, c, 1e-12, rng)
-              .power[peak];
-      sum += power / records;
-      squares += power * power / records;
-    }
-    return sum * sum / (squares - sum * sum);
-  };
-  const double none = looks_at(0, 0, 0), little = looks_at(0.001, 0, 0),
-               natural = looks_at(0.005, 0.3, 0.004);
-  INFO(none << " " << little << " " << natural);
-  CHECK(std::abs(none - 1) < 0.5);
-  CHECK(little > 1.1 * none);
-  CHECK(natural > 2 * little);
-}
-
 TEST_CASE("the empty room is the same in every record, and shadows are missing from it") {
   Conditions c = of_sum("coherent");
   c.background = "room";
@@ -355,6 +297,71 @@ TEST_CASE("the empty room is the same in every record, and shadows are missing f
   }
   CHECK(difference > 0.001 * power);
   CHECK(difference < 0.3 * power);
+}
+
+TEST_CASE("a room that is known need not be looked at again") {
+  Conditions c = of_sum("coherent");
+  c.background = "room";
+  c.radar_ground = 0.2;
+  c.radar_leakage = 2;
+  const ArrayRadar radar{radar_response(c), antennas_in_layout(8), 7};
+  const RoomAlone room = room_alone(c, radar);
+  ArrayRadar known = radar;
+  known.room = room.echo;
+  Conditions incoherent = c;
+  incoherent.radar_sum = "incoherent";
+  const RoomAlone power = room_alone(incoherent, radar);
+  for (const auto kind : {SceneKind::letter, SceneKind::empty}) {
+    const Scene scene = make_scene(c, kind, 5, 1);
+    Returns light, echoes;
+    spd_returns(scene, c, light, RoomIs::subtracted);
+    radar_returns(scene, c, echoes, RoomIs::subtracted);
+    CHECK(light.range_m.size() < 40'000);
+    auto rate = spd_rate(light, c), profile = radar_power(echoes, radar.axis, incoherent);
+    add_room(room.light, rate);
+    add_room(power.power, profile);
+    const auto whole = radar_returns(scene, c);
+    const auto wanted = spd_rate(spd_returns(scene, c), c);
+    const auto wanted_profile = radar_power(whole, radar.axis, incoherent);
+    for (std::size_t i = 0; i < rate.size(); ++i) CHECK(rate[i] == Approx(wanted[i]).margin(1e-6));
+    for (std::size_t i = 0; i < profile.size(); ++i)
+      CHECK(profile[i] == Approx(wanted_profile[i]).margin(1e-9));
+    Rng a(3), b(3);
+    ArrayEcho first(whole, radar, c, a), second(echoes, known, c, b);
+    Samples x(first.samples()), y(second.samples());
+    first.frame(0.05, a, x);
+    second.frame(0.05, b, y);
+    for (std::size_t i = 0; i < x.size(); ++i) check_near(x[i], y[i], 2e-4);
+  }
+}
+
+TEST_CASE("nodes in range answer as the echoes would") {
+  for (const Psf psf : {Psf::sinc, Psf::blackman}) {
+    const RadarAxis axis{0, 0.021, 300, 0.044, psf};
+    const RangeResponse response(axis);
+    const RangeNodes nodes(axis, 400, 500);
+    double squares = 0, worst = 0;
+    int count = 0;
+    for (std::size_t slot = 400; slot <= 500; ++slot) {
+      std::vector<float> rows(nodes.count() * 16), planes(16 * lanes);
+      const std::vector<float> one(16, 1);
+      nodes.share(slot, one.data(), 16, rows.data());
+      std::vector<double> psf_at;
+      response.at((static_cast<double>(slot) + 0.5) / RangeNodes::slots_per_cell, psf_at);
+      for (std::size_t i = 0; i < axis.count; ++i) {
+        if (i % lanes == 0) {
+          std::fill(planes.begin(), planes.end(), 0.f);
+          nodes.respond(i / lanes, rows.data(), 16, planes.data());
+        }
+        const double error = std::abs(planes[5 * lanes + i % lanes] - psf_at[i]);
+        worst = std::max(worst, error);
+        squares += error * error, ++count;
+      }
+    }
+    INFO(worst << " " << std::sqrt(squares / count));
+    CHECK(worst < 2e-3);
+    CHECK(std::sqrt(squares / count) < 4e-4);
+  }
 }
 
 TEST_CASE("the floor's echo comes later, from half way to the mirror image") {

@@ -154,7 +154,7 @@ TEST_CASE("a lobe leaves a sphere's echo, and turns a tilted plate's down") {
         Approx(2 * std::pow(std::cos(tilt), 3)).epsilon(0.02));
 }
 
-TEST_CASE("light falls off from where the detector points; people's sway widens their echo") {
+TEST_CASE("light falls off from where the detector points and people's sway widens their echo") {
   Conditions c;
   c.spd_falloff = 1;
   c.spd_yaw_deg = 5;

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: MIT
+#include "sim/sensors/room_alone.hpp"
+
+#include <algorithm>
+
+#include "sim/scene/room.hpp"
+#include "sim/sensors/optics.hpp"
+#include "sim/sensors/radar_echo.hpp"
+
+namespace echofuse::sim {
+
+RoomAlone room_alone(const Conditions& conditions, const ArrayRadar& radar) {
+  Conditions c = conditions;
+  c.background_counts = 0;
+  c.radar_leakage = 0;
+  RoomAlone room;
+  room.light = spd_rate(spd_returns(empty_room(), c), c);
+  if (c.radar_sum != "coherent")
+    room.power = radar_power(radar_returns(empty_room(), c), radar.axis, c);
+  else if (!radar.antennas.empty())
+    room.echo = room_echo(radar, c);
+  return room;
+}
+
+void add_room(const std::vector<double>& room, std::vector<double>& all) {
+  std::transform(room.begin(), room.end(), all.begin(), all.begin(),
+                 [](double a, double b) { return std::max(0.0, a + b); });
+}
+
+}  // namespace echofuse::sim

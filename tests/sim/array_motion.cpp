@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: MIT
+// People who move before the radar's antennas, and antennas whose phases drift.
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <complex>
+#include <numbers>
+
+#include "drivers/core/axis.hpp"
+#include "scenes.hpp"
+#include "sim/sensors/body_motion.hpp"
+#include "sim/sensors/radar_array.hpp"
+#include "sim/sensors/radar_echo.hpp"
+
+using namespace echofuse;
+using namespace echofuse::sim;
+
+namespace {
+
+constexpr double pi = std::numbers::pi;
+using Complex = std::complex<double>;
+using Samples = std::vector<std::complex<float>>;
+
+Conditions of_sum(const char* sum) {
+  Conditions c;
+  c.radar_antennas = 8;
+  c.radar_sum = sum;
+  return c;
+}
+
+Returns points(std::initializer_list<Returns::Place> places, std::vector<double> ranges,
+               std::vector<double> weights) {
+  return {std::move(ranges), std::move(weights), places};
+}
+
+void check_near(Complex a, Complex b, double margin) {
+  INFO(a << " " << b);
+  CHECK(std::abs(a - b) < margin);
+}
+
+Returns a_person(const Conditions& c, std::uint64_t index) {
+  return radar_returns(make_scene(c, SceneKind::person, 5, index), c);
+}
+
+std::size_t peak_of(const Returns& returns, Conditions c) {
+  c.radar_sum = "incoherent";
+  const auto power = radar_power(returns, radar_response(c), c);
+  return static_cast<std::size_t>(std::max_element(power.begin(), power.end()) - power.begin());
+}
+
+}  // namespace
+
+TEST_CASE("sway is stationary, and forgets as its spectrum says") {
+  Conditions c;
+  c.radar_sway_m = 1;
+  Rng rng(2);
+  constexpr int draws = 4000;
+  double before = 0, after = 0, both = 0;
+  for (int i = 0; i < draws; ++i) {
+    BodyMotion motion(c, 1, rng);
+    const double a = motion.of(0)[0];
+    motion.advance(0.2, rng);
+    motion.advance(0.3, rng);
+    const double b = motion.of(0)[0];
+    before += a * a / draws, after += b * b / draws, both += a * b / draws;
+  }
+  CHECK(std::abs(before - 1) < 4.5 * std::sqrt(2.0 / draws));
+  CHECK(std::abs(after - 1) < 4.5 * std::sqrt(2.0 / draws));
+  const double expected = 2 * std::exp(-1.0);  // (1 + wt) exp(-wt) at wt = 1
+  CHECK(std::abs(both - expected) < 4.5 * std::sqrt((1 + expected * expected) / draws));
+}
+
+TEST_CASE("a swaying pendulum, a twist and a breath change the range as geometry says") {
+  // A patch 0.2 m right of an axis 3 m ahead.
+  const double x = 0.2, z = 3, range = std::hypot(x, z);
+  const auto modes = BodyMotion::range_per_mode(x / range, 0, 1.65, 0, z, 1);
+  CHECK(modes[0] == Approx(x / range));
+  CHECK(modes[1] == Approx(z / range));
+  const double turned = std::hypot(x * std::cos(1e-4), z - x * std::sin(1e-4));
+  CHECK(modes[2] == Approx((turned - range) / 1e-4).epsilon(1e-3));
+  CHECK(modes[3] == 0);
+  CHECK(BodyMotion::range_per_mode(0, 0, 1.25, 0, 3, 1)[3] == -1);
+  CHECK(BodyMotion::range_per_mode(0, 0, 0, 0, 3, 1)[1] == 0);  // the feet stand
+}
+
+TEST_CASE("the more somebody sways, the more looks a record has") {
+  Conditions c = of_sum("coherent");
+  const RadarAxis axis = radar_response(c);
+  const Returns person = a_person(c, 2);
+  const std::size_t peak = peak_of(person, c);
+  // Looks: mean^2 / variance of a record's power.
+  const auto looks_at = [&](double sway_m, double twist_deg, double breath_m) {
+    c.radar_sway_m = sway_m, c.radar_twist_deg = twist_deg, c.radar_breath_m = breath_m;
+    constexpr int records = 250;
+    double sum = 0, squares = 0;
+    Rng rng(5);
+    for (int i = 0; i < records; ++i) {
+      const double power =
+          look_through_array(person, {axis, antennas_in_layout(1), 7}, 1, c, 1e-12, rng)
+              .power[peak];
+      sum += power / records;
+      squares += power * power / records;
+    }
+    return sum * sum / (squares - sum * sum);
+  };
+  const double none = looks_at(0, 0, 0), little = looks_at(0.001, 0, 0),
+               natural = looks_at(0.005, 0.3, 0.004);
+  INFO(none << " " << little << " " << natural);
+  CHECK(std::abs(none - 1) < 0.5);
+  CHECK(little > 1.1 * none);
+  CHECK(natural > 2 * little);
+}
+
+TEST_CASE("who moves while the transmitters send in turn has other phases and less power") {
+  Conditions c = of_sum("coherent");
+  c.radar_sway_m = c.radar_twist_deg = 0;
+  c.radar_breath_m = 0.1;  // up to 16 cm/s
+  ArrayRadar radar{radar_response(c), antennas_in_layout(8), 7};
+  radar.chirp_s = 1e-3;
+  radar.chirps = 16;
+  const double later_s = 1e-6;
+  const Returns chest = points({{0, 0, 1.25f, 0}}, {3.5}, {1});
+  for (std::uint64_t seed = 1; seed < 6; ++seed) {
+    Rng a(seed), b(seed), c_rng(seed);
+    ArrayRadar at_once = radar;
+    at_once.chirp_s = 0;
+    ArrayEcho moving(chest, radar, c, a), standing(chest, at_once, c, b);
+    BodyMotion motion(c, 1, c_rng);
+    motion.advance(later_s, c_rng);
+    Samples x(moving.samples()), y(standing.samples());
+    moving.frame(later_s, a, x);
+    standing.frame(later_s, b, y);
+    const double wavelength = speed_of_light_m_s / c.radar_carrier_hz;
+    const double v = -motion.speeds_of(0)[3];  // of the range
+    const double f = 2 * v * 2 * radar.chirp_s / wavelength;
+    const double loss = std::sin(pi * f * 16) / (16 * std::sin(pi * f));
+    const std::size_t peak = 14 * 8;
+    for (std::size_t m = 0; m < 8; ++m) {
+      const double late = m < 4 ? 0 : radar.chirp_s;
+      const auto wanted =
+          Complex(y[peak + m]) * loss * std::polar(1.0, -4 * pi * v * late / wavelength);
+      check_near(Complex(x[peak + m]), wanted, 1e-3 * std::abs(Complex(y[peak])));
+    }
+  }
+}
+
+TEST_CASE("phases drift as the board warms") {
+  Conditions c = of_sum("incoherent");
+  c.radar_warming_k = 10, c.radar_warming_s = 100;
+  c.radar_drift_common_rad_k = 0.02;
+  const double kelvin = 10 * (1 - std::exp(-0.5));
+  const auto common = antenna_drift(c, 8, 3, 50);
+  REQUIRE(common.size() == 8);
+  for (const double phase : common) CHECK(phase == Approx(0.02 * kelvin));
+  CHECK(antenna_drift(c, 8, 3, 0)[2] == 0);
+  c.radar_drift_rad_k = 0.1;
+  const auto own = antenna_drift(c, 1000, 3, 50);
+  double squares = 0;
+  for (const double phase : own) squares += std::pow((phase / kelvin - 0.02) / 0.1, 2) / 1000;
+  CHECK(squares == Approx(1).margin(4.5 * std::sqrt(2.0 / 1000)));
+  CHECK(antenna_drift(c, 1000, 3, 50) == own);
+  // It turns each antenna's samples.
+  const Returns target = points({{0, 0, 1, Returns::reflector}}, {3.5}, {1});
+  Rng rng(1);
+  ArrayEcho echo(target, {radar_response(c), antennas_in_layout(8), 7}, c, rng);
+  echo.set_drift(std::span(own).first(8));
+  Samples x(echo.samples());
+  echo.frame(0.05, rng, x);
+  for (std::size_t m = 0; m < 8; ++m) check_near(x[14 * 8 + m], std::polar(1.0, own[m]), 1e-4);
+}
