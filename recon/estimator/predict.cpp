@@ -96,7 +96,7 @@ Records prepare_records(const TrainedModel& whole, Dataset recorded, RangeBiasAc
   const TrainedModel& model = whole.for_run(recorded);
   const bool asked = action != RangeBiasAction::ignore && model.range_bias.known();
   const bool correct = action == RangeBiasAction::correct;
-  Records out{std::move(recorded), {}, {}, 0, {}, {}};
+  Records out{std::move(recorded), {}, {}, 0, {}, {}, {}};
   Dataset& data = out.data;
   if (&model != &whole)
     out.antennas = std::string(data.array_axis.count == 0 ? "no samples of the radar's antennas"

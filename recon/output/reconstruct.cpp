@@ -151,7 +151,7 @@ Records Reconstruction::prepare_new(Dataset data) {
   // A sensor's axis may come after the first records of a run that is being recorded.
   if (std::none_of(all.begin(), all.end(),
                    [&](std::size_t row) { return model_.fault_of(data, row).empty(); }))
-    return {std::move(data), {}, {}, 0, {}, {}};
+    return {std::move(data), {}, {}, 0, {}, {}, {}};
   const TrainedModel& model = model_.for_run(data);
   Records out = prepare_records(model_, std::move(data), RangeBiasAction::ignore);
   forget_brightness(model.alignment, out.aligned);  // one by one records tell nothing of gains
