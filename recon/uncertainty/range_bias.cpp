@@ -102,10 +102,10 @@ std::string RangeBias::text(bool corrected, bool other_shapes) const {
     case Status::detected:
       break;
   }
-  const std::string moved = formatted(
-      "radar ranges %.1f +- %.1f cm %s than in training, against the SPD's%s",
-      std::abs(bias_m) * 100, standard_error_m * 100, bias_m > 0 ? "longer" : "shorter",
-      by_angle ? ", wherever the radar's antennas see the people" : "");
+  const std::string moved =
+      formatted("radar ranges %.1f +- %.1f cm %s than in training, against the SPD's%s",
+                std::abs(bias_m) * 100, standard_error_m * 100, bias_m > 0 ? "longer" : "shorter",
+                by_angle ? ", wherever the radar's antennas see the people" : "");
   if (corrected) return moved + ": corrected";
   if (other_shapes)
     return moved + ": not corrected, as people or sensors are others, which may do that alone";

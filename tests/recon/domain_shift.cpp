@@ -57,7 +57,8 @@ TEST_CASE("a run of another world is told from those of the own world") {
   }
 }
 
-TEST_CASE("gains are no other world, and few records and many of one pose are not tested too hard") {
+TEST_CASE(
+    "gains are no other world, and few records and many of one pose are not tested too hard") {
   const TrainedModel model = trained("silhouette", "fused");
   CHECK_FALSE(shift_of(model, plates(100, 10,
                                      [](record::FusedRecord& r) {

@@ -10,7 +10,8 @@ using namespace echofuse;
 using namespace echofuse::recon;
 using namespace echofuse::testing;
 
-TEST_CASE("study transfer: a row a way and number of records, a chart, and again nothing is measured") {
+TEST_CASE(
+    "study transfer: a row a way and number of records, a chart, and again nothing is measured") {
   const Folder dir;
   const std::string study =
       "study transfer -q --quick --seeds 1 --model silhouette --sizes 12 "
