@@ -14,7 +14,6 @@ namespace {
 
 constexpr std::uint64_t noise_stream = 0x6e6f6973;  // "nois"
 constexpr std::uint64_t fold_stream = 0x756e6366;   // "uncf"
-constexpr std::size_t folds = 4;
 constexpr std::size_t worse_copies = 3;
 constexpr double fewest_photons_log10 = -2.5;  // share of a worse copy's photons
 constexpr double least_noise_log10 = -2, most_noise_log10 = -0.3;  // radar, against its peak
@@ -94,7 +93,8 @@ UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
 
 std::optional<UncertaintyModel> fit_uncertainty(
     const TrainedModel& model, const Dataset& data, const Matrix& aligned, const Split& split,
-    const SplitOptions& options, const std::function<TrainedModel(const Split&)>& fit) {
+    const SplitOptions& options, const std::function<TrainedModel(const Split&)>& fit,
+    std::size_t folds) {
   const std::uint64_t seed = options.seed;
   Rows rows = split.train;
   rows.insert(rows.end(), split.validation.begin(), split.validation.end());

@@ -26,12 +26,13 @@ struct Judged {
 UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
                                  const Matrix& aligned, const Rows& usual,
                                  const std::vector<Judged>& judged, std::uint64_t seed);
-// By its own answers to the validation records. Where these are too few: by what models of three
-// quarters of all records, which `fit` makes, say of the last quarter, in blocks if the split is in
+// By its own answers to the validation records. Where these are too few: by what models of all but
+// one fold of the records, which `fit` makes, say of that fold, in blocks if the split is in
 // blocks. None if interrupted.
 std::optional<UncertaintyModel> fit_uncertainty(
     const TrainedModel& model, const Dataset& data, const Matrix& aligned, const Split& split,
-    const SplitOptions& options, const std::function<TrainedModel(const Split&)>& fit);
+    const SplitOptions& options, const std::function<TrainedModel(const Split&)>& fit,
+    std::size_t folds = 4);
 
 // Photons are lost at random, up to all but 1/300 of them, and the radar gets more noise.
 void degrade(Dataset& data, Rng& rng);

@@ -46,6 +46,8 @@ std::string choose(const Dataset& data, const Split& split, const TrainOptions& 
   return table[chosen].name;
 }
 
+constexpr std::size_t fallback_folds = 2;  // it is seldom asked
+
 std::unique_ptr<TrainedModel> fit_fallback(const Dataset& data, const Split& split,
                                            const Split& used,
                                            const std::function<Split(Split)>& with_others,
@@ -62,9 +64,9 @@ std::unique_ptr<TrainedModel> fit_fallback(const Dataset& data, const Split& spl
   auto out = std::make_unique<TrainedModel>(fit_to(split, false));
   out->alignment = preprocessing.alignment;
   if (uncertainties)
-    out->uncertainty =
-        fit_uncertainty(*out, data, preprocessing.aligned, used, options.split,
-                        [&](const Split& part) { return fit_to(with_others(part), true); });
+    out->uncertainty = fit_uncertainty(
+        *out, data, preprocessing.aligned, used, options.split,
+        [&](const Split& part) { return fit_to(with_others(part), true); }, fallback_folds);
   return out;
 }
 
