@@ -16,7 +16,8 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t most_records = 2000, block = 10;
+// Of fewer training records their spread is not known well enough: 50 would cry wolf.
+constexpr std::size_t least_seen = 100, most_records = 2000, block = 10;
 constexpr int resamples = 300;
 constexpr std::uint64_t resample_stream = 0x646f6d61;  // "doma"
 constexpr double shrinkage = 0.1;    // of the correlations: there may be few records
@@ -269,7 +270,7 @@ DomainReference::DomainReference(const Alignment& alignment, const Dataset& data
   const Rows first(rows.begin(),
                    rows.begin() + static_cast<std::ptrdiff_t>(std::min(most_records, rows.size())));
   seen_ = observe(alignment, data, aligned, first, inputs_);
-  if (seen_.rows < least_records) seen_ = {};
+  if (seen_.rows < least_seen) seen_ = {};
 }
 
 DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& data,
@@ -307,8 +308,8 @@ void DomainReference::load(const record::H5File& file, Inputs inputs) {
   if (!file.has("domain")) return;
   inputs_ = without_antennas(inputs);
   seen_ = read_matrix(file, "domain/observables", record::H5File::any, observables(inputs_).size());
-  require_sound(file, seen_.rows >= least_records && seen_.rows <= most_records,
-                "domain/observables", "20 to 2000 records");
+  require_sound(file, seen_.rows >= least_seen && seen_.rows <= most_records, "domain/observables",
+                "100 to 2000 records");
   for (const float v : seen_.values)
     require_sound(file, std::abs(v) < 1e6f, "domain/observables", "less than 1e6");
 }
