@@ -35,9 +35,10 @@ Json array_of(const record::RunReader& run, const record::RunSummary& sum) {
   if (!axis) return Json::object();
   Json antennas = Json::array();
   bool calibrated = false;
-  for (const record::Antenna& a : run.antennas())
-    calibrated |= a.gain != 1 || a.phase_rad != 0,
-        antennas.push_back({{"x", a.x}, {"y", a.y}, {"gain", a.gain}, {"phase_rad", a.phase_rad}});
+  for (const record::Antenna& a : run.antennas()) {
+    calibrated |= a.gain != 1 || a.phase_rad != 0;
+    antennas.push_back({{"x", a.x}, {"y", a.y}, {"gain", a.gain}, {"phase_rad", a.phase_rad}});
+  }
   const auto records = static_cast<double>(std::max<std::int64_t>(sum.arrays, 1));
   return {{"antennas", record::antennas_of(*axis)},
           {"bins", axis->count},

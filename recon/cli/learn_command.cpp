@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdio>
 #include <thread>
+#include <utility>
 
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/console.hpp"
@@ -77,10 +78,16 @@ Command add_learn(CLI::App& app, const Common&) {
                "of a run that is being recorded: goes on with its records until it is closed");
   return [a] {
     Learner learner(*a);
+    std::int64_t looked_at = -1;  // records
     while (!interrupted()) {
-      const bool open = a->watch && record::RunReader(a->run).info().status == "open";
-      learner.look(!open);
+      const auto [status, count] = [&] {
+        const record::RunReader run(a->run);
+        return std::pair(run.info().status, run.count());
+      }();
+      const bool open = a->watch && status == "open";
+      if (!open || count != looked_at) learner.look(!open);
       if (!open) break;
+      looked_at = count;
       std::this_thread::sleep_for(pause_between_looks);
     }
     return interrupted() ? ExitCode::interrupted : ExitCode::ok;

@@ -294,6 +294,14 @@ Dataset part_of(const Dataset& data, const Rows& rows) {
   return out;
 }
 
+Dataset part_of_run(const Dataset& data, const Rows& rows) {
+  Dataset out = part_of(data, rows);
+  out.sources = {data.sources.front()};
+  out.sources.front().first = 0, out.sources.front().count = rows.size();
+  out.hash = data.hash;
+  return out;
+}
+
 Axis radar_bins(double width_m) {
   constexpr double span_m = 7;
   const auto count = static_cast<std::uint32_t>(span_m / width_m + 1e-9);

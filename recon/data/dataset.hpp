@@ -85,6 +85,8 @@ void subtract_range_offset(Dataset& data, double offset_m);
 
 // The rows of a data set as one of their own, which belong to no source.
 Dataset part_of(const Dataset& data, const Rows& rows);
+// The same of a data set of one run, to which they still belong.
+Dataset part_of_run(const Dataset& data, const Rows& rows);
 
 // The paper's range bins, 0 to 7 m, if the width is 0.5 m: quantity "binned_power".
 Axis radar_bins(double width_m);

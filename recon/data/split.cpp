@@ -81,4 +81,15 @@ Split make_fold(const Rows& rows, std::size_t fold, std::size_t folds, std::size
   return split;
 }
 
+std::vector<Split> make_folds(Rows rows, std::size_t folds, const SplitOptions& options,
+                              std::uint64_t stream) {
+  const bool blocked = options.kind == "blocked";
+  Rng rng = make_rng(options.seed, stream);
+  if (!blocked) std::shuffle(rows.begin(), rows.end(), rng);
+  const std::size_t gap = blocked ? std::min(options.gap, rows.size() / (4 * folds)) : 0;
+  std::vector<Split> out;
+  for (std::size_t k = 0; k < folds; ++k) out.push_back(make_fold(rows, k, folds, gap));
+  return out;
+}
+
 }  // namespace echofuse::recon

@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "recon/numbers/matrix.hpp"
 
@@ -29,5 +30,8 @@ Split make_split(const Rows& rows, const SplitOptions& options);
 
 // Block `fold` of `folds` as test rows; the training rows stay `gap` records away from it.
 Split make_fold(const Rows& rows, std::size_t fold, std::size_t folds, std::size_t gap);
+// All of them: blocked with its gap, as far as so few records allow one, else of shuffled rows.
+std::vector<Split> make_folds(Rows rows, std::size_t folds, const SplitOptions& options,
+                              std::uint64_t stream);
 
 }  // namespace echofuse::recon

@@ -25,11 +25,6 @@ std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth, cons
   return out;
 }
 
-void append(Matrix& to, const Matrix& more) {
-  if (to.rows == 0) to.cols = more.cols;
-  for (std::size_t i = 0; i < more.rows; ++i) to.add_row(more.row(i));
-}
-
 }  // namespace
 
 void degrade(Dataset& data, Rng& rng) {
@@ -74,13 +69,13 @@ UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
       const Matrix made = part.model.model->predict(
           part.model.inputs(records, all, part.model.align(records, all, false)),
           plain ? &own : nullptr);
-      append(predictors, predictors_of(made, model.scene, records, all, inputs));
+      append_rows(predictors, predictors_of(made, model.scene, records, all, inputs));
       const auto more = lateral_errors(made, records.depth, model.scene);
       errors.insert(errors.end(), more.begin(), more.end());
       if (!plain) continue;
-      append(maps, made), append(truth, records.depth);
-      append(soft.foreground_probability, own.foreground_probability);
-      append(soft.depth, own.depth);
+      append_rows(maps, made), append_rows(truth, records.depth);
+      append_rows(soft.foreground_probability, own.foreground_probability);
+      append_rows(soft.depth, own.depth);
     }
   out.lateral.fit(predictors, errors, maps.rows);
   std::vector<double> lateral_interval_90_m;
@@ -101,16 +96,10 @@ std::optional<UncertaintyModel> fit_uncertainty(
   if (split.validation.size() >= LateralError::least_records)
     return fit_uncertainty(model, data, aligned, rows, {{model, split.validation}}, seed);
   std::sort(rows.begin(), rows.end());
-  const Rows usual = rows;
-  const bool blocked = options.kind == "blocked";
-  Rng rng = make_rng(seed, fold_stream);
-  if (!blocked) std::shuffle(rows.begin(), rows.end(), rng);
-  const std::size_t gap = blocked ? std::min(options.gap, rows.size() / (4 * folds)) : 0;
   std::vector<TrainedModel> models;
   std::vector<Judged> judged;
   models.reserve(folds);
-  for (std::size_t k = 0; k < folds; ++k) {
-    const Split fold = make_fold(rows, k, folds, gap);
+  for (const Split& fold : make_folds(rows, folds, options, fold_stream)) {
     Split part;
     for (const std::size_t row : fold.train)
       (std::binary_search(split.validation.begin(), split.validation.end(), row) ? part.validation
@@ -120,7 +109,7 @@ std::optional<UncertaintyModel> fit_uncertainty(
     if (interrupted()) return {};
     judged.push_back({models.back(), fold.test});
   }
-  return fit_uncertainty(model, data, aligned, usual, judged, seed);
+  return fit_uncertainty(model, data, aligned, rows, judged, seed);
 }
 
 }  // namespace echofuse::recon

@@ -12,15 +12,6 @@ namespace {
 constexpr std::size_t more_records = 100;
 constexpr double least_se = 1e-3;
 
-// The rows as a data set, which still belongs to its run.
-Dataset first_of(const Dataset& data, const Rows& rows) {
-  Dataset out = part_of(data, rows);
-  out.sources = {data.sources.front()};
-  out.sources.front().first = 0, out.sources.front().count = rows.size();
-  out.hash = data.hash;
-  return out;
-}
-
 }  // namespace
 
 double LearningForecast::iou(std::size_t records) const {
@@ -56,7 +47,7 @@ std::vector<std::size_t> learning_steps(std::size_t records) {
 LearningPoint learn(const TrainedModel& from, const Dataset& data, const Rows& usable,
                     std::size_t records, const TuneOptions& options) {
   const Rows rows(usable.begin(), usable.begin() + static_cast<std::ptrdiff_t>(records));
-  const TunedModel tuned = tune(from, first_of(data, rows), options);
+  const TunedModel tuned = tune(from, part_of_run(data, rows), options);
   const CrossvalidatedRow& row = tuned.table[tuned.chosen];
   return {records, row.name, row.metrics[metric_iou], row.metrics[metric_lateral_m]};
 }

@@ -147,6 +147,10 @@ bool looks_at_body(const std::string& candidate, const TrainOptions& options) {
 TrainedModel train_split(const Dataset& data, const Split& split, const std::string& name,
                          const TrainOptions& options) {
   const Inputs inputs = inputs_of(options.inputs);
+  const bool aligned = looks_at_body(name, options);
+  if (options.gains == Gains::stable && !aligned)
+    throw Error(ExitCode::usage,
+                "--gains stable: of silhouette and factorised models, not " + name);
   // What is said of the model is said of its use.
   Split used = split;
   used.train = common(split.train, of_use(data, options));
@@ -160,10 +164,6 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
   if (!options.augment.empty())
     augment(more.emplace(data), fit_split.train, options.augment, fit.seed);
   const Dataset& fit_data = more ? *more : data;
-  const bool aligned = looks_at_body(name, options);
-  if (options.gains == Gains::stable && !aligned)
-    throw Error(ExitCode::usage,
-                "--gains stable: of silhouette and factorised models, not " + name);
   const Preprocessing preprocessing(
       fit_data, fit_split.train, aligned ? inputs : without_antennas(inputs),
       learn_scene(fit_data.depth, fit_split.train, fit_data.map),
@@ -186,10 +186,9 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
     part.train = weighted(data, in_order(std::move(others)), options);
     return part;
   };
-  if (uncertainties)
+  if (uncertainties) {
     model.domain = DomainReference(preprocessing.alignment, data, preprocessing.aligned,
                                    in_order(used.train), inputs);
-  if (uncertainties)
     model.uncertainty = fit_uncertainty(
         model, data, preprocessing.aligned, used, options.split, [&](const Split& part) {
           FitOptions quiet = fit;
@@ -197,6 +196,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
           return fit_model(data, with_others(part), preprocessing, name, inputs, options.scaling,
                            quiet);
         });
+  }
   if (options.fallback && model.features.array_axis.count > 0) {
     TrainOptions of_profile = options;
     of_profile.inputs = name_of(Inputs::fused_profile);

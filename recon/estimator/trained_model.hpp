@@ -102,8 +102,11 @@ struct TrainedModel {
 };
 
 // Whether the model may say how far off its maps are: what its file and whoever shows maps say.
+inline const char* calibration_name(bool calibrated) {
+  return calibrated ? "calibrated" : "not calibrated";
+}
 inline const char* calibration_of(const TrainedModel& model) {
-  return model.uncertainty ? "calibrated" : "not calibrated";
+  return calibration_name(model.uncertainty.has_value());
 }
 
 SeenRecords seen_records(const Dataset& data, const Split& split);

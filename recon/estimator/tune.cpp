@@ -81,17 +81,16 @@ TrainedModel adapt(const TrainedModel& from, const Dataset& data, const Rows& ro
   out.features.spd_axis = data.spd_axis, out.features.radar_axis = data.radar_axis;
   if (from.features.array_axis.count > 0) out.features.array_axis = data.array_axis;
   out.scene = with_scene ? scene_for(from, data, rows) : from.scene;
-  const bool aligned = wants_alignment(from.name);
-  if (aligned && room == Room::learnt)
-    out.alignment =
-        Alignment(out.features.layout(), out.features.raw_inputs(data, all_rows(data.size())), rows,
-                  from.alignment.gains());
-  else
-    out.alignment = from.alignment;
   const Rows all = all_rows(data.size());
-  // Gains are stable within a room, and other ones in the next.
-  if (out.alignment.gains() == Gains::stable && with_scene)
-    out.alignment.learn_brightness(out.features.raw_inputs(data, all), rows);
+  if (wants_alignment(from.name) && room == Room::learnt) {
+    out.alignment = Alignment(out.features.layout(), out.features.raw_inputs(data, all), rows,
+                              from.alignment.gains());
+  } else {
+    out.alignment = from.alignment;
+    // Gains are stable within a room, and other ones in the next.
+    if (out.alignment.gains() == Gains::stable && with_scene)
+      out.alignment.learn_brightness(out.features.raw_inputs(data, all), rows);
+  }
   const Matrix taken = out.inputs(data, all, out.align(data, all, false));
   out.model = from.model->tuned(
       {taken, data.depth, rows, &out.scene, &out.alignment, &data.radar, &data.array}, tuning);
@@ -122,13 +121,8 @@ class Choice {
         split_(split),
         judged_by_(scene_for(from, data, split.train)),
         sequence_(options.split.kind == "blocked"),
-        only_(options.only) {
-    Rows rows = split.train;
-    Rng rng = make_rng(options.split.seed, fold_stream);
-    if (!sequence_) std::shuffle(rows.begin(), rows.end(), rng);
-    const std::size_t gap = sequence_ ? std::min(options.split.gap, rows.size() / (4 * folds)) : 0;
-    for (std::size_t k = 0; k < folds; ++k) folds_.push_back(make_fold(rows, k, folds, gap));
-  }
+        only_(options.only),
+        folds_(make_folds(split.train, folds, options.split, fold_stream)) {}
 
   using Fit = std::function<TrainedModel(const Rows& rows)>;
   // Fits one model a fold, and scores it on the rest.

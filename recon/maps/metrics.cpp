@@ -7,6 +7,7 @@
 
 #include "recon/files/text.hpp"
 #include "recon/maps/ssim.hpp"
+#include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
 namespace {

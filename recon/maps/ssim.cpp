@@ -3,7 +3,6 @@
 
 #include <array>
 #include <cmath>
-#include <numeric>
 
 namespace echofuse::recon {
 namespace {
@@ -58,10 +57,6 @@ std::vector<double> ssim_map(std::span<const float> a, std::span<const float> b,
         (2 * ma * mb + c1) * (2 * cov + c2) / ((ma * ma + mb * mb + c1) * (var_a + var_b + c2));
   }
   return out;
-}
-
-double mean_of(const std::vector<double>& values) {
-  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
 }  // namespace echofuse::recon

@@ -15,6 +15,4 @@ inline constexpr std::size_t ssim_border = 5;  // half the window: pixels croppe
 std::vector<double> ssim_map(std::span<const float> a, std::span<const float> b, std::size_t size,
                              double data_range);
 
-double mean_of(const std::vector<double>& values);
-
 }  // namespace echofuse::recon

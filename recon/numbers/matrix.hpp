@@ -42,6 +42,11 @@ inline Matrix take_rows(const Matrix& from, const Rows& rows) {
   return out;
 }
 
+inline void append_rows(Matrix& to, const Matrix& more) {
+  if (to.rows == 0) to.cols = more.cols;
+  for (std::size_t i = 0; i < more.rows; ++i) to.add_row(more.row(i));
+}
+
 inline Matrix first_columns(const Matrix& from, std::size_t count) {
   Matrix out(from.rows, count);
   for (std::size_t i = 0; i < from.rows; ++i)

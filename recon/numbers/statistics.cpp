@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <random>
 
 namespace echofuse::recon {
 
@@ -21,12 +22,26 @@ ColumnStatistics column_statistics(const Matrix& table, const Rows& rows) {
   return out;
 }
 
+double mean_of(std::span<const double> values) {
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
 double standard_deviation(std::span<const double> values) {
   const auto n = static_cast<double>(values.size());
-  const double mean = std::accumulate(values.begin(), values.end(), 0.0) / n;
+  const double mean = mean_of(values);
   double squares = 0;
   for (const double v : values) squares += (v - mean) * (v - mean);
   return std::sqrt(squares / n);
+}
+
+Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng) {
+  constexpr std::size_t block = 10;
+  std::uniform_int_distribution<std::size_t> any(0, of - 1);
+  Rows out;
+  while (out.size() < count)
+    for (std::size_t k = 0, from = any(rng); k < block && out.size() < count; ++k)
+      out.push_back((from + k) % of);
+  return out;
 }
 
 float quantile(std::span<float> values, double share) {

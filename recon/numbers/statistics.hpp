@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "drivers/core/random.hpp"
 #include "recon/numbers/matrix.hpp"
 
 namespace echofuse::recon {
@@ -15,11 +16,17 @@ struct ColumnStatistics {
 // Of the given rows (at least one).
 ColumnStatistics column_statistics(const Matrix& table, const Rows& rows);
 
+double mean_of(std::span<const double> values);
+
 // Divided by their number (at least one).
 double standard_deviation(std::span<const double> values);
 
 // The value that this share of all is below: 0.5 for the median. Reorders them.
 float quantile(std::span<float> values, double share);
+
+// Which of `of` records in their order a resample of `count` takes: circular blocks (Politis and
+// Romano 1992) of ten, half a minute of records, as a pose may be held.
+Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng);
 
 // Of each column, over the given rows (at least one).
 std::vector<float> column_quantile(const Matrix& table, const Rows& rows, double share);

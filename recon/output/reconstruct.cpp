@@ -46,10 +46,7 @@ class StatusTable {
     if (r.uncertainty) add(*r.uncertainty);
     out_ << (r.uncertainty ? "," : ",,,,")
          << (r.fault.empty() ? formatted("%.4f", r.radar_shift_m) : "") << ","
-         << (!r.fault.empty() ? ""
-             : r.uncertainty  ? "calibrated"
-                              : "not calibrated")
-         << "\n";
+         << (r.fault.empty() ? calibration_name(r.uncertainty.has_value()) : "") << "\n";
   }
   void flush() {
     out_.flush();

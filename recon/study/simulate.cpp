@@ -55,6 +55,10 @@ Simulator::Simulator(std::string program, std::string folder, int threads,
       threads_(threads),
       set_(std::move(set)) {}
 
+std::string Simulator::stem() const {
+  return folder_ + "/.simulated-" + std::to_string(::getpid());
+}
+
 BaseCondition Simulator::base_condition() const {
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> text(std::tmpfile(), std::fclose);
   if (!text) throw Error(ExitCode::disk, "no temporary file for the simulator's settings");
@@ -74,30 +78,25 @@ BaseCondition Simulator::base_condition() const {
   return out;
 }
 
-Dataset Simulator::make_with(const std::vector<std::string>& more, std::size_t records,
-                             std::uint64_t seed) const {
-  const TemporaryFile run_file{folder_ + "/.simulated-" + std::to_string(::getpid()) + ".sqlite"};
-  std::vector<std::string> words = {program_,
-                                    "dataset",
-                                    "-q",
-                                    "--out",
-                                    run_file.path,
-                                    "--seed",
-                                    std::to_string(seed),
-                                    "--records",
-                                    std::to_string(records)};
+Dataset Simulator::dataset(const std::vector<std::string>& more, std::uint64_t seed) const {
+  const TemporaryFile run_file{stem() + ".sqlite"};
+  std::vector<std::string> words = {program_, "dataset",           "-q", "--out", run_file.path,
+                                    "--seed", std::to_string(seed)};
   if (threads_ > 0) words.insert(words.end(), {"--threads", std::to_string(threads_)});
   words.insert(words.end(), more.begin(), more.end());
   run(words);
   return load({run_file.path});
 }
 
+Dataset Simulator::make_with(std::vector<std::string> words, std::size_t records,
+                             std::uint64_t seed) const {
+  words.insert(words.end(), {"--records", std::to_string(records)});
+  return dataset(words, seed);
+}
+
 Dataset Simulator::make(const World& world, std::size_t records, std::uint64_t seed) const {
-  const std::string stem = folder_ + "/.simulated-" + std::to_string(::getpid());
-  const TemporaryFile run_file{stem + ".sqlite"}, list{stem + ".toml"};
-  std::vector<std::string> words = {program_, "dataset",           "-q", "--out", run_file.path,
-                                    "--seed", std::to_string(seed)};
-  if (threads_ > 0) words.insert(words.end(), {"--threads", std::to_string(threads_)});
+  const TemporaryFile list{stem() + ".toml"};
+  std::vector<std::string> words;
   for (const auto* set : {&set_, &world.set})
     for (const auto& assignment : *set) words.insert(words.end(), {"--set", assignment});
   if (world.at_x_m) {
@@ -106,8 +105,7 @@ Dataset Simulator::make(const World& world, std::size_t records, std::uint64_t s
   } else {
     words.insert(words.end(), {"--" + world.scenes, std::to_string(records)});
   }
-  run(words);
-  Dataset data = load({run_file.path});
+  Dataset data = dataset(words, seed);
   apply(world, data);
   return data;
 }

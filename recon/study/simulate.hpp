@@ -20,10 +20,12 @@ class Simulator {
   BaseCondition base_condition() const;
   Dataset make(const World& world, std::size_t records, std::uint64_t seed) const;
   // With these words of `echofuse-sim dataset`.
-  Dataset make_with(const std::vector<std::string>& words, std::size_t records,
-                    std::uint64_t seed) const;
+  Dataset make_with(std::vector<std::string> words, std::size_t records, std::uint64_t seed) const;
 
  private:
+  std::string stem() const;  // of temporary files
+  Dataset dataset(const std::vector<std::string>& words, std::uint64_t seed) const;
+
   std::string program_, folder_;
   int threads_;
   std::vector<std::string> set_;

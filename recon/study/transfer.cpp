@@ -19,18 +19,10 @@ const std::vector<std::size_t> all_sizes = {10, 20, 50, 100, 200, 500, 1000},
 constexpr std::uint64_t seed_of_b = 5000;
 const std::vector<std::string> worlds_a = {"base", "twin"};
 
-// Rows of one run as a run of their own.
 Dataset cut(const Dataset& data, std::size_t first, std::size_t count) {
   Rows rows;
   for (std::size_t i = 0; i < count; ++i) rows.push_back(first + i);
-  Dataset out = part_of(data, rows);
-  out.sources = {data.sources.front()};
-  out.sources.front().first = 0, out.sources.front().count = count;
-  return out;
-}
-
-void append(Matrix& to, const Matrix& more) {
-  for (std::size_t i = 0; i < more.rows; ++i) to.add_row(more.row(i));
+  return part_of_run(data, rows);
 }
 
 template <class T>
@@ -42,8 +34,8 @@ void append(std::vector<T>& to, const std::vector<T>& more) {
 Dataset joined(Dataset a, const Dataset& b) {
   Source source = b.sources.front();
   source.first = a.size();
-  append(a.spd, b.spd), append(a.radar, b.radar), append(a.depth, b.depth),
-      append(a.array, b.array);
+  append_rows(a.spd, b.spd), append_rows(a.radar, b.radar);
+  append_rows(a.depth, b.depth), append_rows(a.array, b.array);
   append(a.valid, b.valid), append(a.index, b.index), append(a.slot_end, b.slot_end);
   append(a.clicks_a_pulse, b.clicks_a_pulse), append(a.label, b.label);
   a.sources.push_back(source);

@@ -50,20 +50,16 @@ std::vector<TransferRow> summarise_transfer(const std::vector<Measurement>& all)
       for (const Measurement* m : of_row[at]) out.push_back(m->metric(name));
       return out;
     };
-    const auto mean = [](const std::vector<double>& v) {
-      double sum = 0;
-      for (const double x : v) sum += x / static_cast<double>(v.size());
-      return sum;
-    };
     rows[at].seeds = of_row[at].size();
     for (std::size_t i = 0; i < transfer_metrics.size(); ++i) {
       const auto found = values(metric_names[transfer_metrics[i]]);
       const auto n = static_cast<double>(found.size());
-      rows[at].mean[i] = mean(found);
+      rows[at].mean[i] = mean_of(found);
       rows[at].spread[i] =
           n > 1 ? standard_deviation(found) * std::sqrt(n / (n - 1)) : std::nan("");
     }
-    rows[at].within_90 = mean(values("within_90")), rows[at].train_s = mean(values("train_s"));
+    rows[at].within_90 = mean_of(values("within_90")),
+    rows[at].train_s = mean_of(values("train_s"));
   }
   std::stable_sort(rows.begin(), rows.end(), [](const TransferRow& a, const TransferRow& b) {
     return a.records < b.records;

@@ -17,7 +17,7 @@ namespace echofuse::recon {
 namespace {
 
 // Of fewer training records their spread is not known well enough: 50 would cry wolf.
-constexpr std::size_t least_seen = 100, most_records = 2000, block = 10;
+constexpr std::size_t least_seen = 100, most_records = 2000;
 constexpr int resamples = 300;
 constexpr std::uint64_t resample_stream = 0x646f6d61;  // "doma"
 constexpr double shrinkage = 0.1;    // of the correlations: there may be few records
@@ -149,17 +149,8 @@ struct Standard {
   }
 };
 
-std::vector<double> mean_of(const Matrix& table, const Rows& rows) {
+std::vector<double> column_means(const Matrix& table, const Rows& rows) {
   return column_statistics(table, rows).mean;
-}
-
-Rows resampled(std::size_t of, std::size_t count, Rng& rng) {
-  std::uniform_int_distribution<std::size_t> any(0, of - 1);
-  Rows out;
-  while (out.size() < count)
-    for (std::size_t k = 0, from = any(rng); k < block && out.size() < count; ++k)
-      out.push_back((from + k) % of);
-  return out;
 }
 
 // Both parts of the test, of a difference of means.
@@ -175,8 +166,8 @@ class Test {
             0.7 * std::sqrt(1. / static_cast<double>(run) + 1. / static_cast<double>(table.rows))) {
     Rng rng = make_rng(run, resample_stream);
     for (int i = 0; i < resamples; ++i) {
-      const auto a = mean_of(table, resampled(table.rows, run, rng));
-      const auto b = mean_of(table, resampled(table.rows, table.rows, rng));
+      const auto a = column_means(table, resampled_blocks(table.rows, run, rng));
+      const auto b = column_means(table, resampled_blocks(table.rows, table.rows, rng));
       for (std::size_t c = 0; c < columns_; ++c) chance_.push_back(a[c] - b[c]);
     }
     learn_covariance();
@@ -205,7 +196,7 @@ class Test {
   // variance of the resampled ones (Wilson and Hilferty, PNAS 17, 684, 1931), single differences as
   // normal ones.
   double p(const Statistic& s) const {
-    const double mean = mean_value(squares_), variance = std::pow(standard_deviation(squares_), 2);
+    const double mean = mean_of(squares_), variance = std::pow(standard_deviation(squares_), 2);
     const double freedom = 2 * mean * mean / variance, v = 2 / (9 * freedom);
     const double z = (std::cbrt(s.squares / mean) - 1 + v) / std::sqrt(v);
     const double single = static_cast<double>(columns_) * std::erfc(s.greatest / std::sqrt(2.));
@@ -213,9 +204,6 @@ class Test {
   }
 
  private:
-  static double mean_value(const std::vector<double>& v) {
-    return std::accumulate(v.begin(), v.end(), 0.0) / static_cast<double>(v.size());
-  }
   static double limit(std::vector<double> values) {
     std::sort(values.begin(), values.end());
     return values[static_cast<std::size_t>(usual * static_cast<double>(values.size()))];
@@ -284,7 +272,8 @@ DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& da
   const Standard standard(seen_, kinds);
   const Matrix table = standard(seen_), run = standard(found);
   const Test test(table, found.rows);
-  const auto before = mean_of(table, all_rows(table.rows)), now = mean_of(run, all_rows(run.rows));
+  const auto before = column_means(table, all_rows(table.rows)),
+             now = column_means(run, all_rows(run.rows));
   std::vector<double> difference(now.size());
   for (std::size_t c = 0; c < now.size(); ++c) difference[c] = now[c] - before[c];
   const Statistic s = test.of(difference);

@@ -74,8 +74,8 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
       fit_features(data, rows, by_array ? inputs : without_antennas(inputs), raw_scaling);
   use(raw, alignment);
   const Matrix raw_inputs = raw.raw_inputs(data, rows);
-  Rows order =
-      all_rows(rows.size());  // shuffled, as runs and kinds of records lie behind each other
+  // Shuffled, as runs and kinds of records lie behind each other.
+  Rows order = all_rows(rows.size());
   Rng rng = make_rng(seed, held_stream);
   std::shuffle(order.begin(), order.end(), rng);
   Rows with_body;

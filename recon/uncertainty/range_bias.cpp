@@ -16,7 +16,6 @@ constexpr float longest_m = 100;         // no displacement is as long
 constexpr double most_background = 0.1;  // share of the radar's power
 constexpr double edge = 0.05;            // share of the records beyond it
 constexpr int resamples = 200;
-constexpr std::size_t block = 10;            // records, half a minute of them: a pose held
 constexpr double significance = 4;           // standard errors
 constexpr double least_range_bias_m = 0.01;  // less costs next to nothing
 constexpr double least_seen_m = 0.03;        // if even this is not significant
@@ -63,12 +62,18 @@ Seen see(const Alignment& alignment, const Matrix& aligned, const Rows& rows) {
 }
 
 std::vector<float> resampled(const std::vector<float>& values, Rng& rng) {
-  std::uniform_int_distribution<std::size_t> any(0, values.size() - 1);
-  std::vector<float> out(values.size());
-  for (std::size_t i = 0; i < out.size();)
-    for (std::size_t k = 0, from = any(rng); k < block && i < out.size(); ++k)
-      out[i++] = values[(from + k) % values.size()];
+  std::vector<float> out;
+  for (const std::size_t i : resampled_blocks(values.size(), values.size(), rng))
+    out.push_back(values[i]);
   return out;
+}
+
+// Of a run whose bodies moved alike; the standard error is known.
+RangeBias::Status status_of(const RangeBias& found) {
+  const double seen_m = significance * found.standard_error_m;
+  return std::abs(found.bias_m) > std::max(least_range_bias_m, seen_m) ? RangeBias::Status::detected
+         : seen_m > least_seen_m ? RangeBias::Status::too_few_records
+                                 : RangeBias::Status::not_detected;
 }
 
 }  // namespace
@@ -166,12 +171,8 @@ RangeBias RangeBiasReference::judge(std::vector<float> found) const {
   out.standard_error_m = standard_deviation(middles);
   const double apart = std::abs(moved.left_m - moved.right_m) / 2;
   const double apart_error = standard_deviation(halves);
-  const double least = std::max(least_range_bias_m, significance * out.standard_error_m);
-  out.status = apart > edges_agree_m + 2 * apart_error ? RangeBias::Status::inconsistent
-               : std::abs(out.bias_m) > least          ? RangeBias::Status::detected
-               : significance * out.standard_error_m > least_seen_m
-                   ? RangeBias::Status::too_few_records
-                   : RangeBias::Status::not_detected;
+  out.status =
+      apart > edges_agree_m + 2 * apart_error ? RangeBias::Status::inconsistent : status_of(out);
   return out;
 }
 
@@ -185,17 +186,12 @@ RangeBias RangeBiasReference::judge_by_angle(const std::vector<float>& found) co
   for (int i = 0; i < resamples; ++i)
     middles.push_back(median(resampled(found, rng)) - median(resampled(displacements_m_, rng)));
   out.standard_error_m = standard_deviation(middles);
-  const double least = std::max(least_range_bias_m, significance * out.standard_error_m);
   const auto spread = [&](const std::vector<float>& values) {
     const Edges e = edges_of(values);
     return e.right_m - e.left_m;
   };
   const double usual_m = std::max(most_spread_m, most_spread_growth * spread(displacements_m_));
-  out.status = spread(found) > usual_m        ? RangeBias::Status::inconsistent
-               : std::abs(out.bias_m) > least ? RangeBias::Status::detected
-               : significance * out.standard_error_m > least_seen_m
-                   ? RangeBias::Status::too_few_records
-                   : RangeBias::Status::not_detected;
+  out.status = spread(found) > usual_m ? RangeBias::Status::inconsistent : status_of(out);
   return out;
 }
 

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "../paths.hpp"
+#include "recon/numbers/statistics.hpp"
 
 using namespace echofuse::recon;
 

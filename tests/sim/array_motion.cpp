@@ -3,52 +3,15 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
-#include <complex>
-#include <numbers>
 
+#include "array_scenes.hpp"
 #include "drivers/core/axis.hpp"
-#include "scenes.hpp"
 #include "sim/sensors/body_motion.hpp"
 #include "sim/sensors/radar_array.hpp"
 #include "sim/sensors/radar_echo.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;
-
-namespace {
-
-constexpr double pi = std::numbers::pi;
-using Complex = std::complex<double>;
-using Samples = std::vector<std::complex<float>>;
-
-Conditions of_sum(const char* sum) {
-  Conditions c;
-  c.radar_antennas = 8;
-  c.radar_sum = sum;
-  return c;
-}
-
-Returns points(std::initializer_list<Returns::Place> places, std::vector<double> ranges,
-               std::vector<double> weights) {
-  return {std::move(ranges), std::move(weights), places};
-}
-
-void check_near(Complex a, Complex b, double margin) {
-  INFO(a << " " << b);
-  CHECK(std::abs(a - b) < margin);
-}
-
-Returns a_person(const Conditions& c, std::uint64_t index) {
-  return radar_returns(make_scene(c, SceneKind::person, 5, index), c);
-}
-
-std::size_t peak_of(const Returns& returns, Conditions c) {
-  c.radar_sum = "incoherent";
-  const auto power = radar_power(returns, radar_response(c), c);
-  return static_cast<std::size_t>(std::max_element(power.begin(), power.end()) - power.begin());
-}
-
-}  // namespace
 
 TEST_CASE("sway is stationary, and forgets as its spectrum says") {
   Conditions c;
