@@ -18,15 +18,15 @@ using Bins = hn::Rebind<std::int32_t, Times>;
 constexpr std::size_t group = hn::MaxLanes(Times());
 constexpr unsigned sets = 1u << group;  // of lanes, as bits
 
-// From where each lane takes its content, in pieces of `bytes` bytes: 4 is what AVX2 can permute
-// across a vector, 1 within 16 bytes.
-template <std::size_t bytes, std::size_t lane_bytes>
+// For each set, from where each lane takes its content, in pieces of `bytes` bytes: 4 is what AVX2
+// can permute across a vector, 1 within 16 bytes.
+template <std::size_t bytes, std::size_t lane_bytes, unsigned rows>
 struct Permutations {
   static constexpr unsigned pieces = lane_bytes / bytes;
-  std::uint8_t from[sets][group * pieces];
+  std::uint8_t from[rows][group * pieces];
   template <class Source>
   constexpr explicit Permutations(const Source& lane_for) : from() {
-    for (unsigned set = 0; set < sets; ++set)
+    for (unsigned set = 0; set < rows; ++set)
       for (unsigned to = 0; to < group * pieces; ++to)
         from[set][to] =
             static_cast<std::uint8_t>(lane_for(set, to / pieces) * pieces + to % pieces);
@@ -34,14 +34,15 @@ struct Permutations {
 };
 
 // The last lane of the set that is not behind this one; before the first of the set, any.
-alignas(64) constexpr Permutations<4, 8> last_of([](unsigned set, unsigned lane) {
+alignas(64) constexpr Permutations<4, 8, sets> last_of([](unsigned set, unsigned lane) {
   const unsigned upto = set & ((2u << lane) - 1);
   return upto == 0 ? 0u : static_cast<unsigned>(std::bit_width(upto)) - 1;
 });
 // The lane before; for the first, the last.
-alignas(64) constexpr Permutations<4, 8> before([](unsigned, unsigned lane) {
+alignas(64) constexpr Permutations<4, 8, 1> before([](unsigned, unsigned lane) {
   return (lane + group - 1) % group;
 });
+alignas(64) constexpr Permutations<4, 8, 1> last([](unsigned, unsigned) { return group - 1; });
 
 HWY_INLINE hn::Vec<Times> permute(hn::Vec<Times> lanes, const std::uint8_t* from) {
   const hn::Repartition<std::uint32_t, Times> d32;
@@ -67,7 +68,7 @@ HWY_INLINE hn::Vec<Bins> pack(hn::Vec<Bins> bins, unsigned set) {
   const std::uint8_t bits[8] = {static_cast<std::uint8_t>(set)};
   return hn::CompressBits(bins, bits);
 #else  // as CompressBits does, but GCC 12 copies the table of that to the stack, for each call
-  alignas(64) static constexpr Permutations<1, 4> packed([](unsigned lanes, unsigned lane) {
+  alignas(64) static constexpr Permutations<1, 4, sets> packed([](unsigned lanes, unsigned lane) {
     for (; lane > 0; --lane) lanes &= lanes - 1;
     return lanes == 0 ? 0u : static_cast<unsigned>(std::countr_zero(lanes));
   });
@@ -119,7 +120,7 @@ std::size_t take_groups(const Tag* tags, std::size_t count, const ClickBins& bin
       const auto before_first = mask_of((start_set & -start_set) - 1);
       start = hn::IfThenElse(before_first, start, permute(time, last_of.from[start_set]));
       const auto distance = hn::Min(hn::Sub(hn::Sub(time, start), first_bin), range);
-      start = permute(start, last_of.from[1u << (group - 1)]);
+      start = permute(start, last.from[0]);
       const auto number = hn::Sub(hn::BitCast(df, hn::Or(distance, two_52)), two_52_less_half);
       const auto bin = hn::DemoteTo(Bins(), hn::Mul(number, bins_per_ps));
       hn::StoreU(pack(bin, click_set), Bins(), clicked + clicks);
