@@ -21,6 +21,7 @@ HEADER_BYTES, MAX_PAYLOAD_BYTES = 32, 16 << 20
 USAGE, NO_DEVICE = 2, 4  # exit codes, as of the echofuse programs
 
 QUEUE_BYTES = 64 << 20   # what waits for a slow client; more is dropped and counted
+BLOCKS_A_TURN = 16       # to a fast client, before a look at whatever else happens
 HELLO_PAUSE_S = 0.5      # the protocol asks for a heartbeat at least every second
 FAREWELL_S = 2.0         # for the rest of the queue when the bridge ends
 DEAD_CLIENT_MS = 10_000  # a peer that acknowledges nothing for so long is gone
@@ -99,6 +100,7 @@ class Server:
         self._rest = []  # of the first: header and payload, as far as they are not sent
         self._queued_bytes = 0
         self._client = None
+        self._events = 0  # of the client's that the selector waits for
         self._hello = None  # known while the device is there
         self._sequence = self._lost = 0
         self._leaving = False
@@ -130,8 +132,10 @@ class Server:
             if self._queued_bytes + HEADER_BYTES + len(payload) > self._limit:
                 self._count_lost(items)
                 return
+            idle = not self._queue
             self._put(kind, payload, items, crc)
-        self._wake()
+        if idle:
+            self._wake()
 
     def lose(self, items):
         """So many items will never be sent; the next block says so."""
@@ -190,8 +194,10 @@ class Server:
                 return False
             if self._client is not None:
                 self._stay_alive()
-                write = selectors.EVENT_WRITE if self._queue else 0
-                self._selector.modify(self._client, selectors.EVENT_READ | write)
+                events = selectors.EVENT_READ | (selectors.EVENT_WRITE if self._queue else 0)
+                if events != self._events:
+                    self._selector.modify(self._client, events)
+                    self._events = events
         for key, events in self._selector.select(HELLO_PAUSE_S / 2):
             if key.fileobj is self._wake_out:
                 self._wake_out.recv(4096)
@@ -223,6 +229,7 @@ class Server:
             say(f"{peer[0]}:{peer[1]} was sent away: " + ("another client is there" if self._client else "no device"))
             return send_away(client)
         self._selector.register(client, selectors.EVENT_READ)
+        self._events = selectors.EVENT_READ
         say(f"client {peer[0]}:{peer[1]}")
 
     def _welcome(self, client):
@@ -240,8 +247,10 @@ class Server:
         try:
             if events & selectors.EVENT_READ and not self._client.recv(4096):
                 return self._disconnect("has closed the connection")
-            if events & selectors.EVENT_WRITE:
+            for _ in range(BLOCKS_A_TURN if events & selectors.EVENT_WRITE else 0):
                 self._write()
+                if not self._queue:
+                    break
         except BlockingIOError:
             pass
         except OSError as error:

@@ -60,6 +60,18 @@ if library is None and MISSING is None:
         MISSING = str(error)
 
 
+def keep_freed_memory():
+    """glibc gives a freed block back to the system and gets the next one page by page, which costs as
+    much as the packing."""
+    trim_threshold, mmap_threshold = -1, -3
+    try:
+        libc = ctypes.CDLL(None)
+        libc.mallopt(mmap_threshold, 32 << 20)
+        libc.mallopt(trim_threshold, 128 << 20)
+    except (OSError, AttributeError):
+        pass  # another C library
+
+
 def address(buffer):
     return np.frombuffer(buffer, np.uint8).ctypes.data if len(buffer) else None
 

@@ -272,6 +272,7 @@ def import_library():
 def main():
     options = parse_arguments(sys.argv[1:])
     bridge.require_packages()
+    pack.keep_freed_memory()
     library = import_library()
     return bridge.run(options.listen, lambda: Tagger(library, options), "tags")
 
