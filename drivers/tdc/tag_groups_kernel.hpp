@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // count_groups() for one instruction set: tag_groups.cpp includes this once for each, hence no
-// guard.
+// guard. Nothing of std may be called here: the linker would merge one instruction set's copy into
+// others.
 #include <hwy/highway.h>
 
 #include <bit>
@@ -102,7 +103,7 @@ std::size_t take_groups(const Tag* tags, std::size_t count, const ClickBins& bin
     constexpr std::size_t chunk = 2048;
     HWY_ALIGN std::int32_t clicked[chunk + group];  // bins
     std::size_t clicks = 0;
-    const std::size_t end = taken + std::min(chunk, (count - taken) / group * group);
+    const std::size_t end = taken + HWY_MIN(chunk, (count - taken) / group * group);
     for (; taken < end; taken += group) {
       hn::Vec<Times> word, time;
       hn::LoadInterleaved2(d, reinterpret_cast<const std::uint64_t*>(tags + taken), word, time);

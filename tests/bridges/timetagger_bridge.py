@@ -165,7 +165,7 @@ class Tags(unittest.TestCase):
         columns = self.pattern(150_000)
         for which in (library, old_library):
             outlet, pause, _ = self.poll(columns, which=which)
-            self.assertEqual([items for _, _, items in outlet.blocks], [65536, 65536, 18928])
+            self.assertEqual([items for _, _, items in outlet.blocks], 4 * [32768] + [18928])
             tags = np.frombuffer(b"".join(payload for _, payload, _ in outlet.blocks), pack.RECORD)
             for name, column in zip(tags.dtype.names, columns):
                 np.testing.assert_array_equal(tags[name], column)
