@@ -77,8 +77,7 @@ __attribute__((target("sse4.2"))) std::uint32_t update_sse42(std::uint32_t crc, 
 
 std::uint32_t crc32c(ByteView bytes, std::uint32_t crc) {
 #if defined(__x86_64__)
-  static const bool has_sse42 = __builtin_cpu_supports("sse4.2");
-  if (has_sse42) return ~update_sse42(~crc, bytes);
+  if (__builtin_cpu_supports("sse4.2")) return ~update_sse42(~crc, bytes);
 #endif
   return ~update_portable(~crc, bytes);
 }
