@@ -14,22 +14,24 @@ void echofuse_pack_tags(const void* from, void* to, std::size_t count, std::int3
                         EchofusePacked* packed) {
   // So many that the CRC finds them in the first cache.
   constexpr std::size_t piece = 1536;
+  using Words [[gnu::vector_size(sizeof(Tag))]] = std::int32_t;
+  const Words sought{static_cast<std::int32_t>(TagType::overflow_begin), start_channel};
   *packed = {};
   const auto* in = static_cast<const std::uint8_t*>(from);
   auto* out = static_cast<std::uint8_t*>(to);
   while (count > 0) {
     const std::size_t n = std::min(count, piece);
-    std::uint32_t overflows = 0, starts = 0;
+    // Of a tag's four words the first has type and reserved byte, the second is the channel.
+    Words found{};
     for (std::size_t i = 0; i < n; ++i) {
-      Tag tag;
-      std::memcpy(&tag, in + i * sizeof(Tag), sizeof(Tag));
-      tag.reserved = 0;
-      overflows += tag.type == TagType::overflow_begin;
-      starts += tag.channel == start_channel;
-      std::memcpy(out + i * sizeof(Tag), &tag, sizeof(Tag));
+      Words tag;
+      std::memcpy(&tag, in + i * sizeof tag, sizeof tag);
+      found -= (tag & Words{0xff, -1, -1, -1}) == sought;  // true is -1
+      tag &= Words{~0xff00, -1, -1, -1};
+      std::memcpy(out + i * sizeof tag, &tag, sizeof tag);
     }
-    packed->overflows += overflows;
-    packed->starts += starts;
+    packed->overflows += static_cast<std::uint32_t>(found[0]);
+    packed->starts += static_cast<std::uint32_t>(found[1]);
     packed->crc = crc32c({out, n * sizeof(Tag)}, packed->crc);
     in += n * sizeof(Tag);
     out += n * sizeof(Tag);

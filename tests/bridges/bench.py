@@ -75,7 +75,8 @@ def live(offered):
     lost = sum(row[1] for row in rows) - missed
     full = sorted(row[0] for row in rows)[len(rows) // 2]
     recorded = sum(row[0] for row in rows) + strays
-    cost = [1e9 * s / sent for s in (used[0] - making, used[1], making)]
+    # The bridge packs what it must drop as well.
+    cost = [1e9 * s / tags for s, tags in ((used[0] - making, sent + dropped), (used[1], sent), (making, sent + dropped))]
     print(f"live run, {offered / 1e6:.0f} Mtags/s offered: {full / 1e6:.1f} Mtags in the median slot of 1 s; {sent} "
           f"sent, {arrived} arrived, {dropped} dropped by the bridge, {lost} lost by the records' counts; a tag costs "
           f"{cost[0]:.1f} ns in the bridge and {cost[1]:.1f} ns in the daemon, {100e-9 * offered * (cost[0] + cost[1]):.0f} % "
