@@ -38,6 +38,8 @@ bool agree(const Axis& a, const Axis& b) {
   return a.count == b.count && (!a.count || same_axis(a, b));
 }
 
+constexpr std::size_t all_records = std::numeric_limits<std::size_t>::max();
+
 bool is_dead(std::span<const float> values) {
   return std::equal(values.begin() + 1, values.end(), values.begin());
 }
@@ -76,6 +78,16 @@ class Appender {
     data.sources.push_back({path_, uuid, data.size(), 0, radar_offset_m});
   }
 
+  // For so many records: a table that grows would be there twice.
+  void make_room(std::size_t records) {
+    const auto reserve = [&](Matrix& table, std::size_t cols) {
+      table.values.reserve(table.values.size() + records * cols);
+    };
+    reserve(data_.spd, data_.spd_axis.count), reserve(data_.radar, data_.radar_axis.count);
+    reserve(data_.array, lag_columns(data_.array_axis));
+    reserve(data_.depth, depth_columns());
+  }
+
   // Returns what is wrong with the record, or nothing.
   std::string add(const record::FusedRecord& r) {
     std::vector<float> spd, radar, depth;
@@ -89,7 +101,7 @@ class Appender {
     add_row(data_.spd, spd, data_.spd_axis.count);
     add_row(data_.radar, radar, data_.radar_axis.count);
     add_row(data_.array, lags, lag_columns(data_.array_axis));
-    add_row(data_.depth, depth, sensors_.contains(Sensor::depth) ? data_.map.pixels() : 0);
+    add_row(data_.depth, depth, depth_columns());
     data_.valid.push_back(r.valid.bits());
     data_.index.push_back(r.index);
     data_.slot_end.push_back(r.slot_end);
@@ -100,6 +112,9 @@ class Appender {
   }
 
  private:
+  std::size_t depth_columns() const {
+    return sensors_.contains(Sensor::depth) ? data_.map.pixels() : 0;
+  }
   // With room for what an interpolation adds.
   static bool is_power(float v) { return std::abs(v) < 1e38f; }
   // Runs of before the table signal have only counts. As many clicks as starts: only the starts
@@ -174,7 +189,10 @@ void append(Dataset& data, const record::RunReader& run, std::int64_t first, std
   // Made within the reading, as a run that is being recorded may get an axis with its next record.
   std::optional<Appender> appender;
   const auto to = [&]() -> Appender& {
-    return appender ? *appender : appender.emplace(data, run, sensors);
+    if (appender) return *appender;
+    appender.emplace(data, run, sensors);
+    if (at_most == all_records) appender->make_room(static_cast<std::size_t>(run.count()));
+    return *appender;
   };
   std::size_t left = at_most;
   run.for_each(
@@ -239,7 +257,7 @@ SensorSet sensors_of(Inputs inputs) {
 Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
   Dataset data;
   for (const auto& path : paths)
-    append(data, record::RunReader(path), 0, std::numeric_limits<std::size_t>::max(),
+    append(data, record::RunReader(path), 0, all_records,
            {Sensor::spd, Sensor::radar, Sensor::depth}, on_bad);
   return data;
 }
@@ -248,7 +266,9 @@ Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
   Dataset data = load_recorded(paths, on_bad);
   subtract_range_offset(data, 0);
   for (const Matrix* table : {&data.spd, &data.radar, &data.depth, &data.array})
-    data.hash = crc32c(as_bytes(table->values), data.hash);
+    data.hash = crc32c({reinterpret_cast<const std::uint8_t*>(table->values.data()),
+                        table->values.size() * sizeof(float)},
+                       data.hash);
   return data;
 }
 
