@@ -51,8 +51,7 @@ int run(int argc, char** argv) {
   return run_main("echofuse-recon", [&] {
     catch_interrupts();
     set_threads(common.threads);
-    if (common.memory_gb > 0)
-      limit_table_memory(static_cast<std::size_t>(common.memory_gb * 1e9));
+    if (common.memory_gb > 0) limit_table_memory(static_cast<std::size_t>(common.memory_gb * 1e9));
     return chosen();
   });
 }

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 
 #include "drivers/core/crc32c.hpp"
@@ -37,8 +36,6 @@ Error map_error(const std::string& path, const record::MapGrid& found,
 bool agree(const Axis& a, const Axis& b) {
   return a.count == b.count && (!a.count || same_axis(a, b));
 }
-
-constexpr std::size_t all_records = std::numeric_limits<std::size_t>::max();
 
 bool is_dead(std::span<const float> values) {
   return std::equal(values.begin() + 1, values.end(), values.begin());
@@ -191,7 +188,7 @@ void append(Dataset& data, const record::RunReader& run, std::int64_t first, std
   const auto to = [&]() -> Appender& {
     if (appender) return *appender;
     appender.emplace(data, run, sensors);
-    if (at_most == all_records) appender->make_room(static_cast<std::size_t>(run.count()));
+    appender->make_room(at_most);
     return *appender;
   };
   std::size_t left = at_most;
@@ -256,9 +253,11 @@ SensorSet sensors_of(Inputs inputs) {
 
 Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
   Dataset data;
-  for (const auto& path : paths)
-    append(data, record::RunReader(path), 0, all_records,
+  for (const auto& path : paths) {
+    const record::RunReader run(path);
+    append(data, run, 0, static_cast<std::size_t>(run.count()),
            {Sensor::spd, Sensor::radar, Sensor::depth}, on_bad);
+  }
   return data;
 }
 
@@ -295,31 +294,6 @@ void subtract_range_offset(Dataset& data, double offset_m) {
     std::copy(moved.begin(), moved.end(), profile.begin());
     if (data.array.cols > 0) move_lags(data.array.row(row), data.array_axis, *shift);
   }
-}
-
-Dataset part_of(const Dataset& data, const Rows& rows) {
-  Dataset out;
-  out.spd_axis = data.spd_axis, out.radar_axis = data.radar_axis, out.map = data.map;
-  out.array_axis = data.array_axis;
-  out.spd = take_rows(data.spd, rows), out.radar = take_rows(data.radar, rows);
-  out.array = take_rows(data.array, rows);
-  out.depth = take_rows(data.depth, rows);
-  for (const std::size_t row : rows) {
-    out.valid.push_back(data.valid[row]);
-    out.index.push_back(data.index[row]);
-    out.slot_end.push_back(data.slot_end[row]);
-    out.clicks_a_pulse.push_back(data.clicks_a_pulse[row]);
-    out.label.push_back(data.label[row]);
-  }
-  return out;
-}
-
-Dataset part_of_run(const Dataset& data, const Rows& rows) {
-  Dataset out = part_of(data, rows);
-  out.sources = {data.sources.front()};
-  out.sources.front().first = 0, out.sources.front().count = rows.size();
-  out.hash = data.hash;
-  return out;
 }
 
 Axis radar_bins(double width_m) {

@@ -67,8 +67,9 @@ record::MapGrid load_grid(const record::H5File& file) {
 
 std::vector<float> foreground_share(std::span<const float> prediction, const Scene& scene) {
   std::vector<float> out(prediction.size());
+  const float depth_m = scene.foreground_depth_m;
   for (std::size_t p = 0; p < out.size(); ++p) {
-    const float b = scene.background[p], way = scene.foreground_depth_m - b;
+    const float b = scene.background[p], way = depth_m - b;
     // A background at the very depth of the foreground leaves nothing to tell them apart by.
     // Without a branch, so that the compiler vectorises it.
     const bool tells = std::abs(way) > foreground_step_m;

@@ -44,15 +44,13 @@ void* map_file(std::size_t bytes) {
   if (file >= 0) {
     ::unlink(path.c_str());
     error = ::posix_fallocate(file, 0, static_cast<off_t>(bytes));
-    if (error == 0)
-      out = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
+    if (error == 0) out = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
     if (error == 0 && out == MAP_FAILED) error = errno;
     ::close(file);
   }
   if (out == MAP_FAILED)
-    throw Error(ExitCode::disk, path + ": no room for a table of " +
-                                    std::to_string(bytes >> 20) + " MiB beyond the memory: " +
-                                    std::strerror(error));
+    throw Error(ExitCode::disk, path + ": no room for a table of " + std::to_string(bytes >> 20) +
+                                    " MiB beyond the memory: " + std::strerror(error));
   return out;
 }
 

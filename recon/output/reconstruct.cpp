@@ -123,9 +123,9 @@ Dataset Reconstruction::read(const record::RunReader& run, std::size_t at_most) 
 }
 
 void Reconstruction::take_all(const record::RunReader& run) {
-  Progress progress("reconstructing", static_cast<std::size_t>(run.count()), options_.quiet);
-  const Records records = prepare_records(
-      model_, read(run, std::numeric_limits<std::size_t>::max()), options_.range_bias);
+  const auto count = static_cast<std::size_t>(run.count());
+  Progress progress("reconstructing", count, options_.quiet);
+  const Records records = prepare_records(model_, read(run, count), options_.range_bias);
   tell_run(records.antennas);
   const DomainShift shift = domain_shift_of(model_, records);
   if (shift.tested() && (shift.found() || !options_.quiet)) tell_run(shift.text());

@@ -19,7 +19,10 @@ namespace hn = hwy::HWY_NAMESPACE;
 double multiply_adds(std::size_t rounds, float& sum) {
   const hn::ScalableTag<float> d;
   const auto x = hn::Set(d, 0.999f), y = hn::Set(d, 1e-3f);
-  auto a = x, b = x, c = x, e = x, f = x, g = x, h = x, i = x, j = x, k = x, l = x, m = x;
+  // Different numbers, or the compiler makes one chain of them.
+  auto a = hn::Set(d, 1.f), b = hn::Set(d, 2.f), c = hn::Set(d, 3.f), e = hn::Set(d, 4.f);
+  auto f = hn::Set(d, 5.f), g = hn::Set(d, 6.f), h = hn::Set(d, 7.f), i = hn::Set(d, 8.f);
+  auto j = hn::Set(d, 9.f), k = hn::Set(d, 10.f), l = hn::Set(d, 11.f), m = hn::Set(d, 12.f);
   for (std::size_t n = 0; n < rounds; ++n) {
     a = hn::MulAdd(a, x, y), b = hn::MulAdd(b, x, y), c = hn::MulAdd(c, x, y);
     e = hn::MulAdd(e, x, y), f = hn::MulAdd(f, x, y), g = hn::MulAdd(g, x, y);
@@ -67,8 +70,7 @@ const char* instructions() { return HWY_DYNAMIC_DISPATCH(name)(); }
 double multiply_adds_per_s() {
   float sum = 0;
   double done = 0;
-  const double s =
-      best_s(20, [&] { done = HWY_DYNAMIC_DISPATCH(multiply_adds)(1'000'000, sum); });
+  const double s = best_s(20, [&] { done = HWY_DYNAMIC_DISPATCH(multiply_adds)(1'000'000, sum); });
   kept = sum;
   return done / s;
 }

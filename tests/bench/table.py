@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""table.py BUILD_DIR SCRATCH [--libtcspc DIR]: runs the benchmarks of BUILD_DIR and prints one table: path,
+"""table.py BUILD_DIR SCRATCH: runs the benchmarks of BUILD_DIR and prints one table: path,
 ours, limit of this machine, share of it, peer, ratio to it. What programs say beside their rows (limits.hpp)
 passes through. Peers that are not installed are left out."""
 import argparse
@@ -116,7 +116,6 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("build", type=pathlib.Path)
     parser.add_argument("scratch", type=pathlib.Path)
-    parser.add_argument("--libtcspc", help="folder of its headers: the tagger's peer")
     options = parser.parse_args()
     recon, bench = options.build / "bin/echofuse-recon", options.build / "bench"
     recorded = options.scratch / "run"

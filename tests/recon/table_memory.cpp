@@ -56,9 +56,9 @@ TEST_CASE("a table beyond the limit lies in a file that nobody sees, and goes wi
 TEST_CASE("where no file can be made, the error says which and how large") {
   const Folder dir;
   const Limited limited(0, dir / "none");
-  CHECK_THAT(error_of([] { Matrix(500, 1000); }),
-             Catch::StartsWith(dir / "none/echofuse-") &&
-                 Catch::Contains("no room for a table of 1 MiB"));
+  CHECK_THAT(
+      error_of([] { Matrix(500, 1000); }),
+      Catch::StartsWith(dir / "none/echofuse-") && Catch::Contains("no room for a table of 1 MiB"));
 }
 
 TEST_CASE("a training without memory for its tables ends in the same bits") {

@@ -53,9 +53,9 @@ template <class T>
 void backward(const Network& network, const std::vector<T>& parameters, const T* inputs,
               std::size_t batch, Activations<T>& activations, std::vector<T>& gradient) {
   gradient.resize(network.parameters);
-  auto slope = std::move(activations.back());  // dL/d(output of layer l)
   for (std::size_t l = network.layers.size(); l-- > 0;) {
     const Layer& layer = network.layers[l];
+    const auto& slope = activations[l];  // dL/d(output of layer l)
     const T* x = l > 0 ? activations[l - 1].data() : inputs;
     multiply({layer.inputs, layer.outputs, batch, Transpose::yes, Transpose::no, T{1}, T{1}}, x,
              slope.data(), gradient.data() + layer.weights);
@@ -68,7 +68,7 @@ void backward(const Network& network, const std::vector<T>& parameters, const T*
              slope.data(), parameters.data() + layer.weights, below.data());
     for (std::size_t i = 0; i < below.size(); ++i)
       if (x[i] <= 0) below[i] = 0;
-    slope = std::move(below);
+    activations[l - 1] = std::move(below);
   }
 }
 
