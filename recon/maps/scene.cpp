@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+// Compiled with -fno-trapping-math: otherwise no division beside a condition is vectorised.
 #include "recon/maps/scene.hpp"
 
 #include <algorithm>
@@ -69,11 +70,10 @@ std::vector<float> foreground_share(std::span<const float> prediction, const Sce
   std::vector<float> out(prediction.size());
   const float depth_m = scene.foreground_depth_m;
   for (std::size_t p = 0; p < out.size(); ++p) {
-    const float b = scene.background[p], way = depth_m - b;
+    const float off = prediction[p] - scene.background[p], way = depth_m - scene.background[p];
     // A background at the very depth of the foreground leaves nothing to tell them apart by.
-    // Without a branch, so that the compiler vectorises it.
     const bool tells = std::abs(way) > foreground_step_m;
-    out[p] = (tells ? prediction[p] - b : 0.f) / (tells ? way : 1.f);
+    out[p] = (tells ? off : 0.f) / (tells ? way : 1.f);
   }
   return out;
 }
