@@ -19,7 +19,8 @@ from faulty_bridge import read
 from live import wait_for
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "scripts/bridges"))
-from bridge import HELLO, MISSING, TAGS, block  # noqa: E402
+from bridge import HELLO, TAGS, block  # noqa: E402
+from pack import MISSING  # noqa: E402
 
 if MISSING:
     print(MISSING)
