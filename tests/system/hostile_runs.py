@@ -72,7 +72,7 @@ def pages_that_repeat(path, table):
 
 
 class Crc32c:
-    """Of what bridge.py needs of the package python3-crc32c."""
+    """Of what pack.py needs of the package python3-crc32c."""
     @staticmethod
     def crc32c(data, value=0):
         value ^= 0xffffffff

@@ -20,10 +20,10 @@ from live import wait_for
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "scripts/bridges"))
 from bridge import HELLO, TAGS, block  # noqa: E402
-from pack import MISSING  # noqa: E402
+from pack import NO_CRC  # noqa: E402
 
-if MISSING:
-    print(MISSING)
+if NO_CRC:
+    print(NO_CRC)
     sys.exit(77)
 AWAY_S = 1.2
 
