@@ -36,9 +36,10 @@ struct Limited {
 
 TEST_CASE("a table beyond the limit lies in a file that nobody sees, and goes with it") {
   const Folder dir;
-  const Limited limited(3'000'000, dir.path);
   const std::size_t disk = table_bytes_on_disk();
-  Matrix small(10, 10), first(500, 1000);
+  const Matrix first(500, 1000);
+  const Limited limited(0, dir.path);
+  const Matrix small(10, 10);
   CHECK(table_bytes_on_disk() == disk);
   {
     Matrix second(500, 1000);
