@@ -2,7 +2,10 @@
 #include "recon/data/dataset.hpp"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
+#include <cstdio>
+#include <ctime>
 #include <limits>
 #include <optional>
 
@@ -42,6 +45,31 @@ bool is_dead(std::span<const float> values) {
   return std::equal(values.begin() + 1, values.end(), values.begin());
 }
 
+// Days since 1970 of "2026-01-31T12...", to the hour; nothing of another form.
+std::optional<double> days_of(const std::string& utc) {
+  std::tm t{};
+  if (std::sscanf(utc.c_str(), "%d-%d-%dT%d", &t.tm_year, &t.tm_mon, &t.tm_mday, &t.tm_hour) != 4)
+    return std::nullopt;
+  t.tm_year -= 1900, t.tm_mon -= 1;
+  return static_cast<double>(timegm(&t)) / 86400;
+}
+
+std::optional<double> calibrated_days(const record::RunReader& run) {
+  const auto started = days_of(run.info().started_utc);
+  for (const auto& c : run.calibrations())
+    if (const auto at = days_of(c.date_utc); c.sensor == Sensor::radar && at && started)
+      return *started - *at;
+  return std::nullopt;
+}
+
+// As a simulated run of several says.
+std::size_t laboratories_of(const record::RunReader& run) {
+  std::size_t out = 0;
+  for (const auto& [key, value] : run.info().meta)
+    if (key == "laboratories") std::from_chars(value.data(), value.data() + value.size(), out);
+  return out;
+}
+
 // One run being appended to a Dataset.
 class Appender {
  public:
@@ -73,7 +101,8 @@ class Appender {
         throw Error(ExitCode::failed,
                     printable(path_) + ": the same run as " + printable(source.path) +
                         "; give each run once, or its records leak into the test");
-    data.sources.push_back({path_, uuid, data.size(), 0, radar_offset_m});
+    data.sources.push_back(
+        {path_, uuid, data.size(), 0, radar_offset_m, calibrated_days(run), laboratories_of(run)});
   }
 
   // Returns what is wrong with the record, or nothing.
