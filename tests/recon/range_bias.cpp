@@ -12,6 +12,7 @@ using namespace echofuse;
 using namespace echofuse::recon;
 using echofuse::testing::contents;
 using echofuse::testing::Folder;
+using echofuse::testing::radar_axis;
 using echofuse::testing::recon_program;
 using echofuse::testing::write_run;
 
