@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "drivers/core/exit_code.hpp"
+#include "recon/numbers/parallel.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -70,11 +71,12 @@ struct StatedUncertainty {
   }
 };
 
-void read_letter(std::span<const float> map, const Scene& scene, const LetterReader::Plate& plate,
-                 MapScores& scores, LettersRead* tally = nullptr) {
+// What is read in the plate's place: a letter, or `letters.size()` if none is.
+std::size_t read_letter(std::span<const float> map, const Scene& scene,
+                        const LetterReader::Plate& plate, MapScores& scores) {
   const LetterReading reading = LetterReader::of(scene.grid).read(map, scene, plate);
   scores[metric_letter_top1] = reading.top1, scores[metric_letter_top3] = reading.top3;
-  if (tally) ++tally->confusion[plate.letter][reading.read.value_or(letters.size())];
+  return reading.read.value_or(letters.size());
 }
 
 // Metrics and calibration, by parts that bound the memory.
@@ -97,10 +99,11 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
     const auto some =
         score_maps(one.of(out.output), records.data, part, model.scene, plates, &read);
     scores.insert(scores.end(), some.begin(), some.end());
-    for (std::size_t i = 0; i < part.size(); ++i)
+    of_truth.resize(scores.size(), no_scores);
+    for_each_part(part.size(), [&](std::size_t i) {
       if (plates[i])
-        read_letter(records.data.depth.row(part[i]), model.scene, *plates[i],
-                    of_truth.emplace_back(no_scores));
+        read_letter(records.data.depth.row(part[i]), model.scene, *plates[i], of_truth[first + i]);
+    });
   }
   out.metrics = summarise(scores);
   read.truth = summarise(of_truth);
@@ -126,20 +129,24 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) 
 
 Plates find_plates(const Dataset& data, const Rows& rows, const Scene& scene) {
   Plates out(rows.size());
-  for (std::size_t i = 0; i < rows.size(); ++i)
+  for_each_part(rows.size(), [&](std::size_t i) {
     if (const auto letter = letter_of(data.label[rows[i]]))
       out[i] = LetterReader::of(scene.grid).find_plate(data.depth.row(rows[i]), scene, *letter);
+  });
   return out;
 }
 
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
                                   const Scene& scene, const Plates& plates, LettersRead* tally) {
-  std::vector<MapScores> out;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    out.push_back(score(maps.row(i), data.depth.row(rows[i]), scene));
-    if (!plates.empty() && plates[i])
-      read_letter(maps.row(i), scene, *plates[i], out.back(), tally);
-  }
+  std::vector<MapScores> out(rows.size());
+  std::vector<std::size_t> read(rows.size());
+  for_each_part(rows.size(), [&](std::size_t i) {
+    out[i] = score(maps.row(i), data.depth.row(rows[i]), scene);
+    if (!plates.empty() && plates[i]) read[i] = read_letter(maps.row(i), scene, *plates[i], out[i]);
+  });
+  if (tally && !plates.empty())
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      if (plates[i]) ++tally->confusion[plates[i]->letter][read[i]];
   return out;
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 #include <mutex>
+#include <numeric>
 #include <utility>
 
 namespace echofuse::recon {
@@ -99,42 +100,81 @@ struct Match {
   double right_m = 0, up_m = 0;  // of the patch's middle
 };
 
-// How alike the template, normalised, is to the patch at this corner of it; 0 where nothing is.
-double similarity_at(const Patch& patch, std::size_t left, std::size_t top, std::size_t columns,
-                     std::size_t rows, const std::vector<float>& cells) {
-  constexpr float least_variation = 1e-3f;
-  const auto count = static_cast<float>(cells.size());
-  float product = 0, sum = 0, squares = 0;
-  const float* own = cells.data();
-  for (std::size_t r = 0; r < rows; ++r) {
-    const float* seen = &patch.cells[(top + r) * patch.columns + left];
-    for (std::size_t c = 0; c < columns; ++c, ++own, ++seen)
-      product += *own * *seen, sum += *seen, squares += *seen * *seen;
-  }
-  const float variation = squares - sum * sum / count;
-  return variation < least_variation * count ? 0 : double{product} / std::sqrt(double{variation});
-}
+// A patch as seen through a window of the templates' size.
+class Windows {
+ public:
+  Windows(const Patch& patch, std::size_t columns, std::size_t rows)
+      : across(patch.columns - columns + 1),
+        down(patch.rows - rows + 1),
+        patch_(patch),
+        columns_(columns),
+        rows_(rows),
+        deviation_(across * down, unknown) {}
 
-// Where in the patch the template is most alike: at every `stride`-th corner, then at all around
-// the best of these.
-Match best_match(const Patch& patch, std::size_t columns, std::size_t rows,
-                 const std::vector<float>& cells, std::size_t stride = 1) {
+  // How alike the template, normalised, is to the window with this corner; 0 where nothing is.
+  double similarity(std::size_t left, std::size_t top, const std::vector<float>& cells) {
+    float& deviation = deviation_[top * across + left];
+    if (deviation == unknown) deviation = deviation_at(left, top);
+    if (deviation == 0) return 0;
+    Row sums{};
+    for (std::size_t r = 0; r < rows_; ++r) {
+      const float *own = &cells[r * columns_], *seen = row(left, top + r);
+      for (std::size_t c = 0; c < columns_; ++c) sums[c] += own[c] * seen[c];
+    }
+    return double{total(sums)} / double{deviation};
+  }
+
+  const std::size_t across, down;  // corners
+
+ private:
+  static constexpr float unknown = -1;
+  // Sums a column: those run side by side in the processor's vectors.
+  static constexpr std::size_t most_columns = 32;
+  using Row = std::array<float, most_columns>;
+
+  const float* row(std::size_t left, std::size_t row) const {
+    return &patch_.cells[row * patch_.columns + left];
+  }
+
+  static float total(const Row& sums) { return std::accumulate(sums.begin(), sums.end(), 0.f); }
+
+  // The square root of the sum of squares about the mean.
+  float deviation_at(std::size_t left, std::size_t top) const {
+    constexpr float least_variation = 1e-3f;
+    const auto count = static_cast<float>(columns_ * rows_);
+    Row sums{}, squares{};
+    for (std::size_t r = 0; r < rows_; ++r) {
+      const float* seen = row(left, top + r);
+      for (std::size_t c = 0; c < columns_; ++c)
+        sums[c] += seen[c], squares[c] += seen[c] * seen[c];
+    }
+    const float sum = total(sums), variation = total(squares) - sum * sum / count;
+    return variation < least_variation * count ? 0 : std::sqrt(variation);
+  }
+
+  const Patch& patch_;
+  const std::size_t columns_, rows_;
+  std::vector<float> deviation_;
+};
+
+// Where the template is most alike: at every `stride`-th corner, then at all around the best of
+// these.
+Match best_match(Windows& windows, const std::vector<float>& cells, std::size_t stride = 1) {
   Match best;
   std::size_t best_left = 0, best_top = 0;
   const auto look = [&](std::size_t left, std::size_t top) {
-    const double similarity = similarity_at(patch, left, top, columns, rows, cells);
+    const double similarity = windows.similarity(left, top, cells);
     if (similarity <= best.similarity) return;
-    best = {similarity, offset_m(left, patch.columns - columns + 1),
-            -offset_m(top, patch.rows - rows + 1)};
+    best = {similarity, offset_m(left, windows.across), -offset_m(top, windows.down)};
     best_left = left, best_top = top;
   };
-  for (std::size_t top = 0; top + rows <= patch.rows; top += stride)
-    for (std::size_t left = 0; left + columns <= patch.columns; left += stride) look(left, top);
+  for (std::size_t top = 0; top < windows.down; top += stride)
+    for (std::size_t left = 0; left < windows.across; left += stride) look(left, top);
   if (stride == 1 || best.similarity == 0) return best;
   const std::size_t near = stride - 1, first_left = best_left - std::min(near, best_left);
   const std::size_t first_top = best_top - std::min(near, best_top);
-  const std::size_t last_left = std::min(best_left + near, patch.columns - columns);
-  const std::size_t last_top = std::min(best_top + near, patch.rows - rows);
+  const std::size_t last_left = std::min(best_left + near, windows.across - 1);
+  const std::size_t last_top = std::min(best_top + near, windows.down - 1);
   for (std::size_t top = first_top; top <= last_top; ++top)
     for (std::size_t left = first_left; left <= last_left; ++left) look(left, top);
   return best;
@@ -197,7 +237,8 @@ std::optional<LetterReader::Plate> LetterReader::find_plate(std::span<const floa
   Plate plate{letter, 0, x, y, depth_m};
   for (std::size_t size = 0; size < templates_.size(); ++size) {
     const Template& own = templates_[size][letter];
-    const Match match = best_match(patch, own.columns, own.rows, own.cells, search_stride);
+    Windows windows(patch, own.columns, own.rows);
+    const Match match = best_match(windows, own.cells, search_stride);
     if (match.similarity <= best.similarity) continue;
     best = match;
     plate = {letter, size, x + match.right_m / depth_m, y + match.up_m / depth_m, depth_m};
@@ -224,11 +265,10 @@ LetterReading LetterReader::read(std::span<const float> map, const Scene& scene,
   const auto reach = 2 * static_cast<std::size_t>(std::lround(most_shift_m / cell_m));
   const Patch patch(near_layer(map, plate.depth_m, scene), scene.grid, plate.depth_m, plate.x,
                     plate.y, candidates[0].columns + reach, candidates[0].rows + reach);
+  Windows windows(patch, candidates[0].columns, candidates[0].rows);
   std::array<double, letters.size()> similarity{};
   for (std::size_t k = 0; k < letters.size(); ++k)
-    similarity[k] =
-        best_match(patch, candidates[k].columns, candidates[k].rows, candidates[k].cells)
-            .similarity;
+    similarity[k] = best_match(windows, candidates[k].cells).similarity;
   const auto better = std::count_if(similarity.begin(), similarity.end(),
                                     [&](double s) { return s > similarity[plate.letter]; });
   const auto alike = std::count(similarity.begin(), similarity.end(), similarity[plate.letter]);

@@ -46,19 +46,22 @@ double centroid_tangent(const std::vector<double>& mass, const record::MapGrid& 
   return tangent.value(least_mass);
 }
 
-// The SSIM map's mean over the mask dilated by the window.
+// The SSIM map's mean over the mask dilated by the window: where the 11 x 11 window has a pixel of
+// it.
 double ssim_near(const std::vector<double>& map, const Mask& mask, std::size_t size) {
-  const std::size_t inner = size - 2 * ssim_border;
-  Mean mean;
-  for (std::size_t i = 0; i < map.size(); ++i) {
-    const std::size_t top = i / inner, left = i % inner;  // of the 11 x 11 window in the mask
-    bool near = false;
-    for (std::size_t r = top; r <= top + 2 * ssim_border && !near; ++r) {
-      const auto first = mask.begin() + static_cast<std::ptrdiff_t>(r * size + left);
-      near = std::find(first, first + 2 * ssim_border + 1, 1) != first + 2 * ssim_border + 1;
-    }
-    if (near) mean.add(map[i]);
+  const std::size_t inner = size - 2 * ssim_border, window = 2 * ssim_border + 1;
+  std::vector<char> across(size * inner);
+  for (std::size_t i = 0; i < across.size(); ++i) {
+    const auto first = mask.begin() + static_cast<std::ptrdiff_t>(i / inner * size + i % inner);
+    across[i] = std::find(first, first + window, 1) != first + window;
   }
+  Mean mean;
+  for (std::size_t i = 0; i < map.size(); ++i)
+    for (std::size_t r = 0; r < window; ++r)
+      if (across[i + r * inner]) {
+        mean.add(map[i]);
+        break;
+      }
   return mean.value();
 }
 
@@ -66,9 +69,10 @@ void score_similarity(MapScores& out, std::span<const float> raw, std::span<cons
                       const Scene& scene, const Mask& mask) {
   const std::size_t size = scene.grid.size;
   const auto map = ssim_map(raw, truth, size, record::max_depth_m);
-  out[metric_ssim] = mean_of(map);
+  out[metric_ssim] = out[metric_ssim_hard] = mean_of(map);
   out[metric_ssim_fg] = ssim_near(map, mask, size);
-  out[metric_ssim_hard] = mean_of(ssim_map(hard_map(raw, scene), truth, size, record::max_depth_m));
+  if (const auto hard = hard_map(raw, scene); !std::ranges::equal(hard, raw))
+    out[metric_ssim_hard] = mean_of(ssim_map(hard, truth, size, record::max_depth_m));
 }
 
 void score_pixels(MapScores& out, std::span<const float> raw, std::span<const float> truth,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "recon/maps/ssim.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -20,18 +21,31 @@ std::array<double, taps> gaussian() {
   return g;
 }
 
+// Of each of `count` neighbours: the mean over `taps` values that are `stride` apart. Some at a
+// time, whose sums stay in registers.
+void weigh(const double* in, std::size_t stride, std::size_t count, double* out) {
+  static const auto g = gaussian();
+  constexpr std::size_t at_once = 8;
+  std::size_t c = 0;
+  for (; c + at_once <= count; c += at_once) {
+    std::array<double, at_once> sum{};
+    for (std::size_t t = 0; t < taps; ++t)
+      for (std::size_t k = 0; k < at_once; ++k) sum[k] += g[t] * in[t * stride + c + k];
+    std::copy(sum.begin(), sum.end(), out + c);
+  }
+  for (; c < count; ++c) {
+    double sum = 0;
+    for (std::size_t t = 0; t < taps; ++t) sum += g[t] * in[t * stride + c];
+    out[c] = sum;
+  }
+}
+
 // Windowed means of a size x size image at the pixels whose window lies inside: rows, then columns.
 std::vector<double> blur(const std::vector<double>& image, std::size_t size) {
-  static const auto g = gaussian();
   const std::size_t inner = size - 2 * ssim_border;
   std::vector<double> wide(size * inner), out(inner * inner);
-  for (std::size_t r = 0; r < size; ++r)
-    for (std::size_t t = 0; t < taps; ++t)
-      for (std::size_t c = 0; c < inner; ++c) wide[r * inner + c] += g[t] * image[r * size + c + t];
-  for (std::size_t r = 0; r < inner; ++r)
-    for (std::size_t t = 0; t < taps; ++t)
-      for (std::size_t c = 0; c < inner; ++c)
-        out[r * inner + c] += g[t] * wide[(r + t) * inner + c];
+  for (std::size_t r = 0; r < size; ++r) weigh(&image[r * size], 1, inner, &wide[r * inner]);
+  for (std::size_t r = 0; r < inner; ++r) weigh(&wide[r * inner], inner, inner, &out[r * inner]);
   return out;
 }
 

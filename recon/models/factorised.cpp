@@ -25,6 +25,9 @@ constexpr std::size_t position_networks = 3;
 constexpr std::size_t shape_networks(std::size_t records) { return records < many_records ? 2 : 1; }
 // For the components of the bodies; more records hardly turn them.
 constexpr std::size_t most_bodies = 3000;
+// Of the median one: where training records hardly ever have anything, one click more is no reason
+// to go anywhere.
+constexpr float least_deviation = 0.05f;
 
 float intersection_over_union(std::span<const float> map, std::span<const float> truth,
                               std::span<const float> background) {
@@ -76,9 +79,15 @@ Factorised::Seen Factorised::see(const Samples& samples) const {
 void Factorised::learn_scale(const Matrix& features) {
   const ColumnStatistics columns = column_statistics(features, all_rows(features.rows));
   centre_.assign(columns.mean.begin(), columns.mean.end());
-  deviation_.assign(features.cols, 1);
+  deviation_.resize(features.cols);
   for (std::size_t c = 0; c < features.cols; ++c)
-    if (columns.variance[c] > 0) deviation_[c] = static_cast<float>(std::sqrt(columns.variance[c]));
+    deviation_[c] = static_cast<float>(std::sqrt(columns.variance[c]));
+  std::vector<float> sorted = deviation_;
+  const float least = least_deviation * quantile(sorted, 0.5);
+  for (float& deviation : deviation_) {
+    deviation = std::max(deviation, least);
+    if (deviation == 0) deviation = 1;
+  }
 }
 
 float Factorised::range_of(std::span<const float> standardised) const {

@@ -187,6 +187,33 @@ TEST_CASE("the factorised model places bodies, on the right side, whatever the g
   CHECK(scores(louder)[metric_iou].mean > 0.98 * plain[metric_iou].mean);
 }
 
+TEST_CASE("clicks where but one training record had one move nobody") {
+  Dataset data = testing::load_plates(200);
+  const auto around = [&](std::size_t row) {
+    const auto clicks = data.spd.row(row);
+    return std::max_element(clicks.begin(), clicks.end());
+  };
+  for (std::size_t row = 0; row < data.size(); ++row)
+    std::replace_if(
+        around(row) - 9, around(row) - 5, [](float) { return true; }, 0.f);
+  *(around(0) - 8) = 1;
+  TrainOptions options;
+  options.uncertainty = options.fallback = false;
+  options.model = "silhouette", options.fit.quiet = true;
+  options.split.test_share = 0;
+  const TrainedModel model = train(data, options);
+  const Rows rows = all_rows(50);
+  const Matrix before = model.predict(data, rows);
+  for (const std::size_t row : rows) *(around(row) - 8) = 50;  // of 1e5
+  const Matrix after = model.predict(data, rows);
+  for (const std::size_t row : rows) {
+    const double moved = foreground_tangent(after.row(row), model.scene) -
+                         foreground_tangent(before.row(row), model.scene);
+    INFO(moved);
+    CHECK(std::abs(moved) * 3.5 < 0.1);
+  }
+}
+
 TEST_CASE("one record alone is reconstructed as it is among others, an empty room stays empty") {
   const Matrix many = trained().predict(plates(), {3, 7, 11});
   const Matrix one = trained().predict(plates(), {7});

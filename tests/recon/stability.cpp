@@ -248,7 +248,7 @@ TEST_CASE("study stability: a small one, cut and continued, and refused with oth
   const std::string study =
       "study stability -q --quick --seeds 2 --test-records 40 --out " + out +
       " --axes matched-side,shifted-radar_offset --models silhouette,nearest" + " --records ";
-  const Outcome first = recon_program(study + "500");
+  const Outcome first = recon_program(study + "260");
   CAPTURE(first.text);
   REQUIRE(first.code == 0);
   const auto lines = lines_of(table);
@@ -266,14 +266,14 @@ TEST_CASE("study stability: a small one, cut and continued, and refused with oth
 
   const std::string whole = text_of(table);
   sql(out + "/study.sqlite", "DELETE FROM measurement WHERE rowid > 27 * 7");  // metrics
-  const Outcome second = recon_program(study + "500");
+  const Outcome second = recon_program(study + "260");
   CHECK(second.code == 0);
   CHECK(second.text == first.text);
   CHECK(text_of(table) == whole);
 
-  const Outcome other = recon_program(study + "510");
+  const Outcome other = recon_program(study + "270");
   CHECK(other.code == 3);
-  CHECK_THAT(other.text, Contains("study.sqlite: was measured with records 500 (now: 510); "));
+  CHECK_THAT(other.text, Contains("study.sqlite: was measured with records 260 (now: 270); "));
   CHECK(text_of(table) == whole);
 }
 
@@ -281,7 +281,7 @@ TEST_CASE("study stability: a range bias corrected if asked, a lost radar replac
   const Folder dir;
   const std::string out = dir / "out";
   const Outcome study = recon_program(
-      "study stability -q --quick --range-bias correct --seeds 2 --records 500 --test-records 80 "
+      "study stability -q --quick --range-bias correct --seeds 2 --records 260 --test-records 60 "
       "--models "
       "factorised-4 "
       "--axes shifted-radar_offset,shifted-scenes,shifted-lost_radar --out " +
