@@ -2,10 +2,7 @@
 #include "recon/data/dataset.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <cstdio>
-#include <ctime>
 #include <limits>
 #include <optional>
 
@@ -14,6 +11,7 @@
 #include "drivers/core/printable.hpp"
 #include "recon/data/lags.hpp"
 #include "recon/data/shift.hpp"
+#include "recon/data/source_facts.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -43,31 +41,6 @@ bool agree(const Axis& a, const Axis& b) {
 
 bool is_dead(std::span<const float> values) {
   return std::equal(values.begin() + 1, values.end(), values.begin());
-}
-
-// Days since 1970 of "2026-01-31T12...", to the hour; nothing of another form.
-std::optional<double> days_of(const std::string& utc) {
-  std::tm t{};
-  if (std::sscanf(utc.c_str(), "%d-%d-%dT%d", &t.tm_year, &t.tm_mon, &t.tm_mday, &t.tm_hour) != 4)
-    return std::nullopt;
-  t.tm_year -= 1900, t.tm_mon -= 1;
-  return static_cast<double>(timegm(&t)) / 86400;
-}
-
-std::optional<double> calibrated_days(const record::RunReader& run) {
-  const auto started = days_of(run.info().started_utc);
-  for (const auto& c : run.calibrations())
-    if (const auto at = days_of(c.date_utc); c.sensor == Sensor::radar && at && started)
-      return *started - *at;
-  return std::nullopt;
-}
-
-// As a simulated run of several says.
-std::size_t laboratories_of(const record::RunReader& run) {
-  std::size_t out = 0;
-  for (const auto& [key, value] : run.info().meta)
-    if (key == "laboratories") std::from_chars(value.data(), value.data() + value.size(), out);
-  return out;
 }
 
 // One run being appended to a Dataset.

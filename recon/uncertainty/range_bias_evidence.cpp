@@ -21,6 +21,7 @@ constexpr double longest_m = 0.4, step_m = 0.01, usable_m = 0.05;
 constexpr std::size_t least_empty = 5, least_records = 20;
 constexpr double steps_a_resolution = 2;
 constexpr int resamples = 30;
+constexpr std::size_t mirrored = 8;                // bins
 constexpr float strongest_power = 1e18f;           // of a model file
 constexpr std::uint64_t echo_stream = 0x6563686f;  // "echo"
 constexpr double apart = 3;  // standard errors at which two lengths are not the same
@@ -105,13 +106,19 @@ StaticEchoes::StaticEchoes(const Dataset& data, const Rows& rows) {
 
 bool StaticEchoes::known() const { return std::count(steady_.begin(), steady_.end(), 1.f) >= 2; }
 
-// By which the training's profile is moved to fit best.
+// By which the training's profile is moved to fit best. What is at range 0 has its other half
+// before it, as the point spread is symmetric.
 double StaticEchoes::move_of(const std::vector<float>& profile, const Rows& bins,
                              double axis_step_m) const {
+  const std::size_t before = std::min(mirrored, power_.size() - 1);
+  std::vector<float> both(power_.rend() - 1 - static_cast<std::ptrdiff_t>(before),
+                          power_.rend() - 1);
+  both.insert(both.end(), power_.begin(), power_.end());
   std::vector<double> misfit;
   const int most = static_cast<int>(std::lround(longest_m / step_m));
   for (int k = -most; k <= most; ++k) {
-    const auto expected = Shift(-k * step_m / axis_step_m).apply(power_);
+    auto expected = Shift(-k * step_m / axis_step_m).apply(both);
+    expected.erase(expected.begin(), expected.begin() + static_cast<std::ptrdiff_t>(before));
     const double times = scale_between(profile, expected, bins);
     misfit.push_back(0);
     for (const std::size_t b : bins)
