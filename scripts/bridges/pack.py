@@ -53,11 +53,13 @@ def open_library():
 
 
 library, why_not = open_library()
-if library is None and MISSING is None:
+NO_CRC = None
+if library is None:
     try:
         import crc32c
     except ImportError as error:
-        MISSING = str(error)
+        NO_CRC = str(error)
+        MISSING = MISSING or NO_CRC
 
 
 def keep_freed_memory():
@@ -73,7 +75,8 @@ def keep_freed_memory():
 
 
 def address(buffer):
-    return np.frombuffer(buffer, np.uint8).ctypes.data if len(buffer) else None
+    """Of bytes as they are, of what else holds bytes by numpy."""
+    return buffer if isinstance(buffer, bytes) else np.frombuffer(buffer, np.uint8).ctypes.data
 
 
 def crc_of_block(header, payload, payload_crc=None):

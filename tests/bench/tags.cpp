@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <ctime>
 #include <functional>
 #include <limits>
 #include <string>
@@ -17,6 +16,7 @@
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/tdc/histogram.hpp"
+#include "limits.hpp"
 #ifdef ECHOFUSE_LIBTCSPC
 #include "libtcspc.hpp"
 #endif
@@ -72,16 +72,11 @@ struct Row {
 };
 
 void measure(std::vector<Row>& rows) {
-  const auto now_s = [] {
-    timespec t;
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-    return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-  };
   for (int round = 0; round < 7; ++round)
     for (Row& row : rows) {
-      const double begin = now_s();
+      const double begin = bench::processor_s();
       row.work();
-      row.best_s = std::min(row.best_s, now_s() - begin);
+      row.best_s = std::min(row.best_s, bench::processor_s() - begin);
     }
 }
 
@@ -104,6 +99,12 @@ void naive(const std::vector<Tag>& tags, std::vector<std::uint32_t>& bins) {
       if (bin >= 0 && bin < 336) ++bins[static_cast<std::size_t>(bin)];
     }
   }
+}
+
+std::uint64_t read(const std::vector<Tag>& tags) {
+  std::uint64_t sum = 0;
+  for (const Tag& tag : tags) sum += static_cast<std::uint64_t>(tag.time_ps);
+  return sum;
 }
 
 bool takes_groups(std::int64_t target, const std::vector<Tag>& tags) {
@@ -140,17 +141,15 @@ bool histograms(const char* stream, bool random) {
                   }});
 #endif
   std::uint64_t sum = 0;
-  rows.push_back({"reading the tags", [&] {
-                    for (const Tag& tag : tags) sum += static_cast<std::uint64_t>(tag.time_ps);
-                  }});
+  rows.push_back({"reading the tags", [&] { sum += read(tags); }});
   measure(rows);
   hwy::GetChosenTarget().DeInit();
   const std::string path = std::string("histogram of ") + stream + " tags";
   print(path.c_str(), rows);
-  std::printf("row\t%s\tMtags/s\t%.6g\t%.6g\treading the tags\n", path.c_str(),
-              rows.front().mtags_per_s(), rows.back().mtags_per_s());
+  bench::print_row(path.c_str(), "Mtags/s", rows.front().mtags_per_s(), rows.back().mtags_per_s(),
+                   "reading the tags");
   const Row& peer = rows[rows.size() - 2];
-  std::printf("peer\t%s\t%s\t%.6g\n", path.c_str(), peer.name.c_str(), peer.mtags_per_s());
+  bench::print_peer(path.c_str(), peer.name.c_str(), peer.mtags_per_s());
   return equal && sum > 0 && bins[100] > 0;
 }
 
@@ -170,11 +169,12 @@ bool transport() {
            rest = rest.subspan(piece.size());
          }
        }},
-      {"memcpy", [&] { std::copy(tags.begin(), tags.end(), copy.begin()); }}};
+      {"memcpy", [&] { std::copy(tags.begin(), tags.end(), copy.begin()); }},
+      {"reading the tags", [&] { sum += read(tags); }}};
   measure(rows);
   print("the way to the histogram", rows);
-  std::printf("row\tbridge block parser\tMtags/s\t%.6g\t%.6g\tcopying the tags\n",
-              rows[1].mtags_per_s(), rows[2].mtags_per_s());
+  bench::print_row("bridge block parser", "Mtags/s", rows[1].mtags_per_s(),
+                   rows.back().mtags_per_s(), "reading the tags");
   return seen == 7 * count * sizeof(Tag) && sum > 0;
 }
 
