@@ -114,7 +114,10 @@ void BodyFrame::visit(std::span<const float> mask, std::span<const float> relief
   std::array<Between, most_side> across;
   std::array<float, most_cells> most{};  // of a column
   for (std::size_t r = 0; r < rows_; ++r)
-    for (std::size_t c = 0; c < columns_; ++c) most[c] = std::max(most[c], mask[r * columns_ + c]);
+    for (std::size_t c = 0; c < columns_; ++c) {
+      const float here = mask[r * columns_ + c], above = most[c];  // std::max() would branch
+      most[c] = here > above ? here : above;
+    }
   std::size_t first = side, last = 0;  // map columns with something to paint: [first, last)
   for (std::size_t c = 0; c < side; ++c) {
     const double at = (x.at(static_cast<double>(c)) - double{place.tangent}) * z;
