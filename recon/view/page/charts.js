@@ -6,7 +6,7 @@ export const colour = name => getComputedStyle(document.documentElement).getProp
 const text = () => `13px ${getComputedStyle(document.body).fontFamily}`;
 
 const axis = (label, more = {}) => ({
-  label, font: text(), labelFont: text(), stroke: colour('--ink'), labelSize: 20, labelGap: 2,
+  label, font: text(), labelFont: text(), stroke: colour('--ink'), labelSize: label ? 18 : 0, labelGap: 0, size: 26, gap: 3,
   grid: {stroke: colour('--grid'), width: 1}, ticks: {stroke: colour('--grid'), width: 1, size: 4}, ...more,
 });
 const siNumber = v => Math.abs(v) >= 1e6 ? `${+(v / 1e6).toPrecision(3)}M`
@@ -42,9 +42,11 @@ function calmTop(before, values, least) {
   return Math.max(top * 1.05, (before ?? 0) * 0.97);
 }
 
+const floor = 0.5;  // where nothing is drawn on a logarithmic axis
+
 export class Histogram extends Chart {
   constructor() {
-    super('histogram', 260);
+    super('histogram', 230);
     this.log = this.difference = false;
     this.held = this.reference = this.counts = null;
   }
@@ -62,7 +64,7 @@ export class Histogram extends Chart {
         y: this.difference ? {range: (_, low, high) => {
           const most = Math.max(Math.abs(low), Math.abs(high), 5) * 1.05;
           return [-most, most];
-        }} : {distr: this.log ? 4 : 1, asinh: 1, range: () => [0, this.top ?? 10]},
+        }} : {distr: this.log ? 3 : 1, range: () => [this.log ? floor : 0, this.top ?? 10]},
       },
       axes: [axis('range, m'), axis(this.difference ? 'clicks a bin, minus first minute' : 'clicks a bin',
                                     {values: short, size: 52})],
@@ -79,8 +81,9 @@ export class Histogram extends Chart {
     if (!this.x) return;
     const n = this.x.length, counts = this.counts?.length === n ? this.counts : null;
     const minus = this.difference && this.reference?.length === n ? this.reference : null;
-    const values = this.x.length ? Array.from(this.x, (_, i) => counts ? counts[i] - (minus ? minus[i] : 0) : null) : [];
-    const held = Array.from(this.x, (_, i) => this.held && !minus ? this.held[i] : null);
+    const least = v => this.log && !this.difference ? Math.max(v, floor) : v;
+    const values = Array.from(this.x, (_, i) => counts ? least(counts[i] - (minus ? minus[i] : 0)) : null);
+    const held = Array.from(this.x, (_, i) => this.held && !minus ? least(this.held[i]) : null);
     if (!minus) this.top = calmTop(this.top, values, 5);
     this.set([this.x, values, held]);
   }
@@ -88,7 +91,7 @@ export class Histogram extends Chart {
 
 export class Profile extends Chart {
   constructor() {
-    super('profile', 200);
+    super('profile', 170);
   }
   axes(a) {
     this.x = Float64Array.from({length: a.count}, (_, i) => a.start + i * a.step);
@@ -113,10 +116,9 @@ export class Profile extends Chart {
   }
 }
 
-const names = {spd: 'SPD', radar: 'radar', depth: 'depth'};
 class Strip extends Chart {
   constructor(sensor) {
-    super(`strip-${sensor}`, 92);
+    super(`strip-${sensor}`, 64);
     this.sensor = sensor;
   }
   options() {
@@ -124,9 +126,9 @@ class Strip extends Chart {
     return {
       scales: {x: {time: false}, y: {range: (_, low, high) => [0, Math.max(high, 1) * 1.1]},
                lost: {range: (_, low, high) => [0, Math.max(high, 1)]}},
+      padding: [6, 14, 4, 0],
       axes: [axis('', {show: false}),
-             axis(`${names[this.sensor]}, ${this.sensor === 'spd' ? 'clicks' : 'frames'}/s`,
-                  {values: short, size: 52, splits: (u, i, low, high) => [0, high / 1.1]})],
+             axis('', {values: short, size: 52, splits: (u, i, low, high) => [0, high / 1.1]})],
       series: [{}, {stroke: colour(`--${this.sensor}`), width: 2, points: {show: false}},
                {scale: 'lost', stroke: colour('--bad'), fill: colour('--bad'), paths: bars, points: {show: false}}],
       cursor: {y: false},
@@ -135,13 +137,14 @@ class Strip extends Chart {
 }
 class Clocks extends Chart {
   constructor() {
-    super('strip-clock', 112);
+    super('strip-clock', 104);
   }
   options() {
     const line = sensor => ({stroke: colour(`--${sensor}`), width: 2, points: {show: false}});
     return {
       scales: {x: {time: false}, y: {range: (_, low, high) => [0, Math.max(high, 1) * 1.1]}},
-      axes: [axis('record'), axis('clock, µs', {values: short, size: 52, splits: (u, i, low, high) => [0, high / 1.1]})],
+      axes: [axis('record'), axis('', {values: short, size: 52, splits: (u, i, low, high) => [0, high / 1.1]})],
+      padding: [6, 14, 4, 0],
       series: [{}, line('spd'), line('radar'), line('depth')],
       cursor: {y: false},
     };

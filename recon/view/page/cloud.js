@@ -19,13 +19,13 @@ function program(gl) {
   return out;
 }
 
-// Perspective of 40 degrees times an orbit about (0, 0, middle), column by column.
+// Perspective of 40 degrees times an orbit about (0, -0.35, middle), column by column.
 function viewOf(turn, tilt, away, middle, aspect) {
   const [cy, sy, cx, sx] = [Math.cos(turn), Math.sin(turn), Math.cos(tilt), Math.sin(tilt)];
   const f = 1 / Math.tan(Math.PI / 9), near = 0.05, far = 60, a = (far + near) / (near - far), b = 2 * far * near / (near - far);
   // Camera space: z towards the viewer, so that the scene's z (away from the sensors) is turned round.
-  const rows = [[cy, 0, -sy], [-sx * sy, cx, -sx * cy], [-cx * sy, -sx, -cx * cy]];
-  const t = rows.map((r, i) => -r[2] * middle - (i === 2 ? away : 0));
+  const rows = [[cy, 0, -sy], [sx * sy, cx, sx * cy], [-cx * sy, sx, -cx * cy]];
+  const t = rows.map((r, i) => r[1] * 0.35 - r[2] * middle - (i === 2 ? away : 0));
   const out = new Float32Array(16);
   for (let j = 0; j < 3; ++j) {
     out[4 * j] = rows[0][j] * f / aspect, out[4 * j + 1] = rows[1][j] * f;
@@ -44,7 +44,7 @@ export class Cloud {
       this.box.textContent = 'This browser has no WebGL: no points.';
       return;
     }
-    this.turn = -0.5, this.tilt = 0.25, this.away = 4.5, this.middle = 3.75, this.count = 0;
+    this.turn = -0.6, this.tilt = 0.3, this.away = 5, this.middle = 3.5, this.count = 0;
     this.program = program(this.gl);
     this.labels = [2, 3, 4, 5].map(z => {
       const at = document.createElement('span');
@@ -92,9 +92,6 @@ export class Cloud {
     const grey = isDark() ? 0.42 : 0.62;
     for (let x = -2; x <= 2; x += 0.5) places.push(x, -1.3, 1.5, x, -1.3, 5.5);
     for (let z = 1.5; z <= 5.5; z += 0.5) places.push(-2, -1.3, z, 2, -1.3, z);
-    // The field of view, from the camera.
-    for (const [u, v] of [[-1, -1], [1, -1], [1, 1], [-1, 1]])
-      places.push(0, 0, 0, u * halfTangent * 2.4, v * halfTangent * 2.4, 2.4);
     this.lines = places.length / 3 - this.points;
     while (tints.length < places.length) tints.push(grey);
     const gl = this.gl;
@@ -109,7 +106,7 @@ export class Cloud {
   }
   draw() {
     if (!this.gl || this.points === undefined) return;
-    const gl = this.gl, width = this.box.clientWidth, height = Math.round(Math.min(width * 0.62, 420)), ratio = devicePixelRatio;
+    const gl = this.gl, width = this.box.clientWidth, height = Math.round(Math.min(width * 0.56, 400)), ratio = devicePixelRatio;
     this.canvas.width = width * ratio, this.canvas.height = height * ratio;
     this.canvas.style.height = `${height}px`;
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
@@ -122,7 +119,7 @@ export class Cloud {
     gl.drawArrays(gl.LINES, this.points, this.lines);
     gl.drawArrays(gl.POINTS, 0, this.points);
     for (const {at, z} of this.labels) {
-      const [x, y, w] = [0, 1, 3].map(i => view[i] * 2 + view[4 + i] * -1.3 + view[8 + i] * z + view[12 + i]);
+      const [x, y, w] = [0, 1, 3].map(i => view[i] * -2.1 + view[4 + i] * -1.3 + view[8 + i] * z + view[12 + i]);
       at.hidden = w <= 0 || Math.abs(x / w) > 0.95 || Math.abs(y / w) > 0.95;
       at.style.left = `${(x / w + 1) / 2 * width}px`, at.style.top = `${(1 - y / w) / 2 * height}px`;
     }

@@ -17,7 +17,7 @@ export const isDark = () => {
   const chosen = document.documentElement.dataset.theme;
   return chosen ? chosen === 'dark' : matchMedia('(prefers-color-scheme: dark)').matches;
 };
-export const noReturn = () => isDark() ? [70, 74, 80] : [178, 182, 188];
+export const noReturn = () => isDark() ? [112, 116, 122] : [178, 182, 188];
 
 export function rgbOf(value, span, map) {
   const share = (value - span[0]) / (span[1] - span[0]);
@@ -46,7 +46,7 @@ export function picture(values, rows, columns, span, map, scale = 1, zero = fals
   return canvas;
 }
 
-const bottom = 36, left = 54, barRoom = 74, top = 8;
+const bottom = 36, left = 54, barRoom = 82, top = 8;
 
 export class MapView {
   // ratio: height over width of the picture; kind: 'near' or 'sure'.
@@ -118,10 +118,10 @@ export class MapView {
     }
     c.fillStyle = colour('--ink');
     c.textAlign = 'left';
-    const [low, far] = this.span, step = far - low > 3 ? 1 : far - low > 1 ? 0.5 : 0.1;
+    const [low, far] = this.span, step = far - low > 3 ? 1 : far - low > 1 ? 0.5 : 0.25;
     for (let v = Math.ceil(low / step) * step; v <= far + 1e-9; v += step) {
       const y = top + (1 - (v - low) / (far - low)) * high;
-      c.fillText(`${v.toFixed(1)} ${this.unit}`, x + 17, Math.min(Math.max(y + 4, top + 10), top + high));
+      c.fillText(`${+v.toFixed(2)} ${this.unit}`, x + 17, Math.min(Math.max(y + 4, top + 10), top + high));
     }
   }
 }

@@ -213,7 +213,10 @@ const actions = {
     $('hold').setAttribute('aria-pressed', !!histogram.held);
     histogram.show();
   },
-  c: collect,
+  c: () => {
+    spanKnown = false;
+    collect();
+  },
   m: () => ask('mark', 'mark the running record with'),
   l: () => ask('label', 'label of the records from now on'),
   f: () => $('far').setAttribute('aria-pressed', document.body.classList.toggle('far')),
