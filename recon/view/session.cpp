@@ -45,6 +45,7 @@ void Session::upgrade() {
       .handshake_timeout = patience, .idle_timeout = patience, .keep_alive_pings = true});
   stream_.read_message_max(most_request_bytes);
   stream_.binary(true);
+  stream_.auto_fragment(false);  // a message is a frame
   stream_.async_accept(request_, [self = shared_from_this()](beast::error_code error) {
     if (error) return;
     self->owner_.opened(self);
