@@ -93,10 +93,16 @@ Axis depth_y_axis(std::uint32_t size, double half_tangent) {
 
 std::vector<float> to_target(std::span<const std::uint16_t> depth_mm, const Axis& x, const Axis& y,
                              const Axis& target_x, const Axis& target_y) {
+  constexpr auto limit_mm = static_cast<std::uint16_t>(max_depth_m * 1000);
+  std::vector<float> out(std::size_t{target_x.count} * target_y.count);
+  if (same_axis(x, target_x) && same_axis(y, target_y)) {
+    std::transform(depth_mm.begin(), depth_mm.end(), out.begin(), [](std::uint16_t mm) {
+      return mm <= limit_mm ? static_cast<float>(mm) / 1000.0f : 0.f;
+    });
+    return out;
+  }
   const auto columns = cells_of(x, target_x);
   const auto rows = cells_of(y, target_y);
-  const auto limit_mm = static_cast<std::uint16_t>(max_depth_m * 1000);
-  std::vector<float> out(std::size_t{target_x.count} * target_y.count);
   std::vector<std::uint16_t> valid;
   for (std::size_t r = 0; r < rows.size(); ++r) {
     for (std::size_t c = 0; c < columns.size(); ++c) {

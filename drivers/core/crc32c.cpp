@@ -45,17 +45,31 @@ std::uint32_t update_portable(std::uint32_t crc, ByteView bytes) {
 }
 
 #if defined(__x86_64__)
-// The CPU's own instruction: one 8-byte step every 3 cycles, about 10x the table.
+__attribute__((target("sse4.2"))) inline void step(std::uint64_t& crc, const std::uint8_t* from) {
+  std::uint64_t word;
+  std::memcpy(&word, from, 8);
+  crc = __builtin_ia32_crc32di(crc, word);
+}
+
+// The CPU's own instruction takes 8 bytes and 3 cycles, but can begin in each: three stretches at a
+// time, joined by the shift over what follows each. About 25x the table.
 __attribute__((target("sse4.2"))) std::uint32_t update_sse42(std::uint32_t crc, ByteView bytes) {
-  std::uint64_t c = crc;
+  constexpr std::size_t log2_stretch = 13, stretch = std::size_t{1} << log2_stretch;
   const std::uint8_t* p = bytes.data();
   std::size_t n = bytes.size();
-  for (; n >= 8; n -= 8, p += 8) {
-    std::uint64_t word;
-    std::memcpy(&word, p, 8);
-    c = __builtin_ia32_crc32di(c, word);
+  std::uint64_t a = crc;
+  for (; n >= 3 * stretch; n -= 3 * stretch, p += 3 * stretch) {
+    std::uint64_t b = 0, c = 0;
+    for (std::size_t i = 0; i < stretch; i += 8) {
+      step(a, p + i);
+      step(b, p + i + stretch);
+      step(c, p + i + 2 * stretch);
+    }
+    a = product(shifts[log2_stretch + 1], static_cast<std::uint32_t>(a)) ^
+        product(shifts[log2_stretch], static_cast<std::uint32_t>(b)) ^ c;
   }
-  return update_portable(static_cast<std::uint32_t>(c), {p, n});
+  for (; n >= 8; n -= 8, p += 8) step(a, p);
+  return update_portable(static_cast<std::uint32_t>(a), {p, n});
 }
 #endif
 
@@ -63,8 +77,7 @@ __attribute__((target("sse4.2"))) std::uint32_t update_sse42(std::uint32_t crc, 
 
 std::uint32_t crc32c(ByteView bytes, std::uint32_t crc) {
 #if defined(__x86_64__)
-  static const bool has_sse42 = __builtin_cpu_supports("sse4.2");
-  if (has_sse42) return ~update_sse42(~crc, bytes);
+  if (__builtin_cpu_supports("sse4.2")) return ~update_sse42(~crc, bytes);
 #endif
   return ~update_portable(~crc, bytes);
 }

@@ -43,8 +43,11 @@ Histogram::Histogram(const HistogramSettings& settings)
       filter_({settings.start_channel, settings.click_channel, settings.start_delay_ps,
                settings.click_delay_ps, settings.dead_time_ps}) {
   check(settings);
-  bins_per_ps_ = 1.0 / static_cast<double>(settings.bin_width_ps);
-  range_ps_ = static_cast<std::uint64_t>(settings.bin_width_ps) * settings.bins;
+  click_bins_ = {.start_channel = settings.start_channel,
+                 .click_channel = settings.click_channel,
+                 .first_bin_ps = static_cast<std::uint64_t>(settings.first_bin_ps),
+                 .range_ps = static_cast<std::uint64_t>(settings.bin_width_ps) * settings.bins,
+                 .bins_per_ps = 1.0 / static_cast<double>(settings.bin_width_ps)};
   bins_.resize(std::size_t{settings.bins} + cells);
 }
 
@@ -63,47 +66,60 @@ void Histogram::count_removed() {
   totals_.removed += removed;
 }
 
-// Every time tag increments exactly one cell, chosen by selects instead of branches: whether a tag
-// is a start or a click is what the branch predictor cannot learn.
 void Histogram::count(std::span<const Tag> tags) {
-  const std::uint32_t bins = settings_.bins;
-  const std::int32_t start_channel = settings_.start_channel;
-  const std::int32_t click_channel = settings_.click_channel;
-  const auto first_bin = static_cast<std::uint64_t>(settings_.first_bin_ps);
-  std::uint32_t* const cell = bins_.data();
-  std::uint64_t backwards = 0;
   if (fresh_) {
     const auto first = std::find_if(tags.begin(), tags.end(), std::mem_fn(&Tag::is_time_tag));
     fresh_ = first == tags.end();
-    if (!fresh_) last_time_ = static_cast<std::uint64_t>(first->time_ps);
+    if (!fresh_) run_.last_time_ps = static_cast<std::uint64_t>(first->time_ps);
   }
+  const std::size_t all = tags.size();
+  std::size_t step = max_group;
+  while (!tags.empty()) {
+    const std::size_t taken =
+        has_start_ ? count_groups(tags.data(), tags.size(), click_bins_, run_, bins_.data()) : 0;
+    // A marker costs its group. Where groups are never taken, not even that they are asked for.
+    step = taken > 0 ? max_group : 2 * step;
+    const auto few = tags.subspan(taken, std::min(step, tags.size() - taken));
+    count_singly(few);
+    tags = tags.subspan(taken + few.size());
+  }
+  settle(all);
+}
+
+// Every time tag increments exactly one cell, chosen by selects instead of branches: whether a tag
+// is a start or a click is what the branch predictor cannot learn.
+void Histogram::count_singly(std::span<const Tag> tags) {
+  const std::uint32_t bins = settings_.bins;
+  const ClickBins click_bins = click_bins_;
+  std::uint32_t* const cell = bins_.data();
+  TagRun run = run_;
+  bool has_start = has_start_, serves = !in_overflow_;
   for (const Tag& tag : tags) {
     // Type and reserved byte in one compare: validity costs a well-formed stream nothing.
     std::uint16_t head;
     std::memcpy(&head, &tag, sizeof head);
     if (head != 0) [[unlikely]] {
+      has_start_ = has_start;
       add_marker(tag);
+      has_start = has_start_, serves = !in_overflow_;
       ++cell[bins + other];
       continue;
     }
     const auto time = static_cast<std::uint64_t>(tag.time_ps);
-    backwards += (time - last_time_) >> 63;
-    last_time_ = time;
-    // Unsigned: right across the wrap of the device's clock, and one compare for both ends.
-    // Capped at the axis' end, which is the cell of those out of range.
-    const std::uint64_t distance = std::min(time - last_start_ - first_bin, range_ps_);
-    auto index = static_cast<std::uint32_t>(
-        (static_cast<double>(static_cast<std::int64_t>(distance)) + 0.5) * bins_per_ps_);
-    index = has_start_ ? index : bins + without_start;
-    index = tag.channel == click_channel ? index : bins + other;
-    const bool is_start = tag.channel == start_channel;
+    run.backwards += (time - run.last_time_ps) >> 63;
+    run.last_time_ps = time;
+    const bool is_start = tag.channel == click_bins.start_channel;
+    std::uint32_t index = click_bins.bin(time, run.last_start_ps);
+    index = has_start ? index : bins + without_start;
+    index = tag.channel == click_bins.click_channel ? index : bins + other;
     index = is_start ? bins + start : index;
-    last_start_ = is_start ? time : last_start_;
-    has_start_ |= is_start && !in_overflow_;
+    // In arithmetic: GCC 12 makes a branch of a ?: here.
+    run.last_start_ps ^= (run.last_start_ps ^ time) & -std::uint64_t{is_start};
+    has_start |= is_start & serves;
     ++cell[index];
   }
-  totals_.backwards += backwards;
-  settle(tags.size());
+  run_ = run;
+  has_start_ = has_start;
 }
 
 void Histogram::add_marker(const Tag& tag) {
@@ -122,19 +138,21 @@ void Histogram::add_marker(const Tag& tag) {
   has_start_ = false;
 }
 
-// The 32-bit cells behind the axis go into the 64-bit totals after each block.
+// The sums and the 32-bit cells behind the axis go into the totals after each block.
 void Histogram::settle(std::size_t tags) {
   const auto take_cell = [this](Cell c) {
     return std::exchange(bins_[std::size_t{settings_.bins} + c], 0u);
   };
   const std::uint64_t off_axis = take_cell(out_of_range), lonely = take_cell(without_start);
-  const std::uint64_t starts = take_cell(start), others = take_cell(other);
+  const std::uint64_t starts = take_cell(start) + std::exchange(run_.starts, 0);
+  const std::uint64_t others = take_cell(other) + std::exchange(run_.others, 0);
   totals_.tags += tags;
   totals_.starts += starts;
   totals_.out_of_range += off_axis;
   totals_.without_start += lonely;
   totals_.other += others;
   totals_.in_range += tags - starts - off_axis - lonely - others;
+  totals_.backwards += std::exchange(run_.backwards, 0);
 }
 
 void Histogram::forget_start() {

@@ -20,6 +20,7 @@
 
 #include "drivers/core/sample.hpp"
 #include "drivers/tdc/tag_filter.hpp"
+#include "drivers/tdc/tag_groups.hpp"
 
 namespace echofuse::tdc {
 
@@ -80,17 +81,16 @@ class Histogram {
 
  private:
   void count(std::span<const Tag> tags);
+  void count_singly(std::span<const Tag> tags);
   void count_removed();
   void add_marker(const Tag& tag);
   void settle(std::size_t tags);
 
   HistogramSettings settings_;
   TagFilter filter_;
-  double bins_per_ps_;
-  std::uint64_t range_ps_;
-  std::uint64_t last_start_ = 0;
-  std::uint64_t last_time_ = 0;
-  bool fresh_ = true;  // last_time_ says nothing
+  ClickBins click_bins_;
+  TagRun run_;         // its sums are 0 between two calls
+  bool fresh_ = true;  // run_.last_time_ps says nothing
   bool has_start_ = false;
   bool in_overflow_ = false;
   std::vector<std::uint32_t> bins_;  // the axis, then one cell for each way not to be on it

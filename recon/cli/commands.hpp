@@ -13,7 +13,8 @@ class App;
 namespace echofuse::recon {
 
 struct Common {
-  int threads = 0;  // of the matrix product; 0: one per core
+  int threads = 0;       // of the matrix product; 0: one per core
+  double memory_gb = 0;  // of large tables (table_memory.hpp); 0: half of the machine's
   bool quiet = false;
 };
 

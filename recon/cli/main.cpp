@@ -6,6 +6,7 @@
 #include "recon/cli/commands.hpp"
 #include "recon/numbers/blas_kernels.hpp"
 #include "recon/numbers/parallel.hpp"
+#include "recon/numbers/table_memory.hpp"
 
 namespace {
 using namespace echofuse;
@@ -14,7 +15,8 @@ using namespace echofuse::recon;
 int run(int argc, char** argv) {
   CLI::App app("records to model to depth maps", "echofuse-recon");
   app.set_version_flag("--version", std::string("echofuse-recon ") + version() +
-                                        ", matrix kernels " + blas_kernels());
+                                        ", matrix kernels " + blas_kernels() + " (" +
+                                        blas_instructions() + ")");
   app.require_subcommand(1);
   Common common;
   Command chosen;
@@ -23,6 +25,10 @@ int run(int argc, char** argv) {
     sub->add_option("--threads", common.threads, "0: one per core")
         ->check(CLI::Range(0, 1024))
         ->capture_default_str();
+    sub->add_option("--memory", common.memory_gb,
+                    "GB for large tables; what goes beyond lies on disk, in TMPDIR (/var/tmp); "
+                    "default: half of the machine's")
+        ->check(CLI::Range(0.001, 1e6));
     sub->add_flag("-q,--quiet", common.quiet, "no progress, no talk");
     const Command command = make(*sub, common);
     sub->callback([&chosen, command] { chosen = command; });
@@ -45,6 +51,7 @@ int run(int argc, char** argv) {
   return run_main("echofuse-recon", [&] {
     catch_interrupts();
     set_threads(common.threads);
+    if (common.memory_gb > 0) limit_table_memory(static_cast<std::size_t>(common.memory_gb * 1e9));
     return chosen();
   });
 }

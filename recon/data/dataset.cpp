@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 
 #include "drivers/core/crc32c.hpp"
@@ -76,6 +75,16 @@ class Appender {
     data.sources.push_back({path_, uuid, data.size(), 0, radar_offset_m});
   }
 
+  // For so many records: a table that grows would be there twice.
+  void make_room(std::size_t records) {
+    const auto reserve = [&](Matrix& table, std::size_t cols) {
+      table.values.reserve(table.values.size() + records * cols);
+    };
+    reserve(data_.spd, data_.spd_axis.count), reserve(data_.radar, data_.radar_axis.count);
+    reserve(data_.array, lag_columns(data_.array_axis));
+    reserve(data_.depth, depth_columns());
+  }
+
   // Returns what is wrong with the record, or nothing.
   std::string add(const record::FusedRecord& r) {
     std::vector<float> spd, radar, depth;
@@ -89,7 +98,7 @@ class Appender {
     add_row(data_.spd, spd, data_.spd_axis.count);
     add_row(data_.radar, radar, data_.radar_axis.count);
     add_row(data_.array, lags, lag_columns(data_.array_axis));
-    add_row(data_.depth, depth, sensors_.contains(Sensor::depth) ? data_.map.pixels() : 0);
+    add_row(data_.depth, depth, depth_columns());
     data_.valid.push_back(r.valid.bits());
     data_.index.push_back(r.index);
     data_.slot_end.push_back(r.slot_end);
@@ -100,6 +109,9 @@ class Appender {
   }
 
  private:
+  std::size_t depth_columns() const {
+    return sensors_.contains(Sensor::depth) ? data_.map.pixels() : 0;
+  }
   // With room for what an interpolation adds.
   static bool is_power(float v) { return std::abs(v) < 1e38f; }
   // Runs of before the table signal have only counts. As many clicks as starts: only the starts
@@ -174,7 +186,10 @@ void append(Dataset& data, const record::RunReader& run, std::int64_t first, std
   // Made within the reading, as a run that is being recorded may get an axis with its next record.
   std::optional<Appender> appender;
   const auto to = [&]() -> Appender& {
-    return appender ? *appender : appender.emplace(data, run, sensors);
+    if (appender) return *appender;
+    appender.emplace(data, run, sensors);
+    appender->make_room(at_most);
+    return *appender;
   };
   std::size_t left = at_most;
   run.for_each(
@@ -238,9 +253,11 @@ SensorSet sensors_of(Inputs inputs) {
 
 Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
   Dataset data;
-  for (const auto& path : paths)
-    append(data, record::RunReader(path), 0, std::numeric_limits<std::size_t>::max(),
+  for (const auto& path : paths) {
+    const record::RunReader run(path);
+    append(data, run, 0, static_cast<std::size_t>(run.count()),
            {Sensor::spd, Sensor::radar, Sensor::depth}, on_bad);
+  }
   return data;
 }
 
@@ -248,7 +265,9 @@ Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
   Dataset data = load_recorded(paths, on_bad);
   subtract_range_offset(data, 0);
   for (const Matrix* table : {&data.spd, &data.radar, &data.depth, &data.array})
-    data.hash = crc32c(as_bytes(table->values), data.hash);
+    data.hash = crc32c({reinterpret_cast<const std::uint8_t*>(table->values.data()),
+                        table->values.size() * sizeof(float)},
+                       data.hash);
   return data;
 }
 
@@ -275,31 +294,6 @@ void subtract_range_offset(Dataset& data, double offset_m) {
     std::copy(moved.begin(), moved.end(), profile.begin());
     if (data.array.cols > 0) move_lags(data.array.row(row), data.array_axis, *shift);
   }
-}
-
-Dataset part_of(const Dataset& data, const Rows& rows) {
-  Dataset out;
-  out.spd_axis = data.spd_axis, out.radar_axis = data.radar_axis, out.map = data.map;
-  out.array_axis = data.array_axis;
-  out.spd = take_rows(data.spd, rows), out.radar = take_rows(data.radar, rows);
-  out.array = take_rows(data.array, rows);
-  out.depth = take_rows(data.depth, rows);
-  for (const std::size_t row : rows) {
-    out.valid.push_back(data.valid[row]);
-    out.index.push_back(data.index[row]);
-    out.slot_end.push_back(data.slot_end[row]);
-    out.clicks_a_pulse.push_back(data.clicks_a_pulse[row]);
-    out.label.push_back(data.label[row]);
-  }
-  return out;
-}
-
-Dataset part_of_run(const Dataset& data, const Rows& rows) {
-  Dataset out = part_of(data, rows);
-  out.sources = {data.sources.front()};
-  out.sources.front().first = 0, out.sources.front().count = rows.size();
-  out.hash = data.hash;
-  return out;
 }
 
 Axis radar_bins(double width_m) {

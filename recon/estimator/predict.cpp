@@ -2,7 +2,9 @@
 #include "recon/estimator/predict.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 
 #include "recon/uncertainty/predictors.hpp"
 
@@ -13,8 +15,12 @@ constexpr std::size_t at_once = 512;  // bounds the memory that a prediction nee
 
 // Throws Error(failed) if they are not: a file may hold any weights.
 void require_finite(const Matrix& maps) {
-  if (std::all_of(maps.values.begin(), maps.values.end(), [](float v) { return std::isfinite(v); }))
-    return;
+  // Of every value, without an end before: the compiler vectorises that.
+  constexpr std::uint32_t exponent = 0x7f800000;
+  std::uint32_t beyond = 0;
+  for (const float v : maps.values)
+    beyond |= std::uint32_t{(std::bit_cast<std::uint32_t>(v) & exponent) == exponent};
+  if (beyond == 0) return;
   throw Error(
       ExitCode::failed,
       "the model's maps are not finite numbers: its weights are none that a training makes; "

@@ -37,12 +37,14 @@ std::size_t mirrored(std::size_t pixel, std::size_t size) {
   return pixel - pixel % size + (size - 1 - pixel % size);
 }
 
-// x/z of the foreground's centroid.
-double centroid_tangent(const std::vector<double>& mass, const record::MapGrid& grid) {
+// x/z of the foreground's centroid; `mass`: of each pixel, most of which have none.
+template <class Masses>
+double centroid_tangent(const Masses& mass, const record::MapGrid& grid) {
   const Axis x = grid.x();
   Mean tangent;
   for (std::size_t p = 0; p < mass.size(); ++p)
-    tangent.add(x.at(static_cast<double>(p % x.count)), mass[p]);
+    if (mass[p] != 0)
+      tangent.add(x.at(static_cast<double>(p % x.count)), static_cast<double>(mass[p]));
   return tangent.value(least_mass);
 }
 
@@ -109,7 +111,7 @@ void score_position(MapScores& out, std::span<const float> truth, const Mask& ma
     if (here) range.add(truth[p]);
     if (here != there) ghost.add(there, mass[p]);
   }
-  const double true_tangent = centroid_tangent({mask.begin(), mask.end()}, grid);
+  const double true_tangent = centroid_tangent(mask, grid);
   const double tangent = centroid_tangent(mass, grid);
   const bool to_a_side = std::abs(true_tangent) * range.value() > side_threshold_m;
   const bool right_side = (tangent > 0) == (true_tangent > 0);
@@ -134,8 +136,7 @@ MapScores score(std::span<const float> prediction, std::span<const float> truth,
 }
 
 double foreground_tangent(std::span<const float> prediction, const Scene& scene) {
-  const auto share = foreground_share(prediction, scene);
-  return centroid_tangent({share.begin(), share.end()}, scene.grid);
+  return centroid_tangent(foreground_share(prediction, scene), scene.grid);
 }
 
 double lateral_error(std::span<const float> prediction, std::span<const float> truth,

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+// Compiled with -fno-trapping-math: otherwise no division beside a condition is vectorised.
 #include "recon/maps/scene.hpp"
 
 #include <algorithm>
@@ -67,10 +68,12 @@ record::MapGrid load_grid(const record::H5File& file) {
 
 std::vector<float> foreground_share(std::span<const float> prediction, const Scene& scene) {
   std::vector<float> out(prediction.size());
+  const float depth_m = scene.foreground_depth_m;
   for (std::size_t p = 0; p < out.size(); ++p) {
-    const float b = scene.background[p], way = scene.foreground_depth_m - b;
+    const float off = prediction[p] - scene.background[p], way = depth_m - scene.background[p];
     // A background at the very depth of the foreground leaves nothing to tell them apart by.
-    if (std::abs(way) > foreground_step_m) out[p] = (prediction[p] - b) / way;
+    const bool tells = std::abs(way) > foreground_step_m;
+    out[p] = (tells ? off : 0.f) / (tells ? way : 1.f);
   }
   return out;
 }

@@ -8,6 +8,7 @@
 #include "drivers/core/exit_code.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/models/body/alignment.hpp"
+#include "recon/numbers/parallel.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
@@ -25,6 +26,7 @@ constexpr std::size_t position_networks = 3;
 constexpr std::size_t shape_networks(std::size_t records) { return records < many_records ? 2 : 1; }
 // For the components of the bodies; more records hardly turn them.
 constexpr std::size_t most_bodies = 3000;
+constexpr std::size_t cut_at_once = 4096;  // records, which bounds the memory
 // Of the median one: where training records hardly ever have anything, one click more is no reason
 // to go anywhere.
 constexpr float least_deviation = 0.05f;
@@ -170,7 +172,10 @@ TrainingLog Factorised::fit_position(const Seen& train, const TurnedBodies& turn
 void Factorised::fit_bodies(const Seen& train, const Samples& samples, const FitOptions& options) {
   frame_ = BodyFrame(samples.maps, background_, train.rows, train.places, samples.scene->grid);
   const std::size_t basis = shapes_ ? options.basis.value() : 0;
-  Shapes bodies = cut(train, samples, most_bodies);
+  const std::size_t count = std::min(train.rows.size(), most_bodies);
+  Rows some;
+  for (std::size_t i = 0; i < count; ++i) some.push_back(i * train.rows.size() / count);
+  Shapes bodies = cut(train, samples, some);
   masks_ = principal_components(std::move(bodies.masks), basis, options.seed);
   reliefs_ = principal_components(std::move(bodies.reliefs), (basis + 1) / 2, options.seed + 1);
 }
@@ -192,30 +197,33 @@ bool Factorised::fit_shape(const Seen& train, const Samples& train_samples,
 }
 
 Factorised::Shapes Factorised::cut(const Seen& seen, const Samples& samples,
-                                   std::size_t most) const {
-  const std::size_t count = std::min(seen.rows.size(), most);
-  Shapes out{Matrix(count, frame_.size()), Matrix(count, frame_.size())};
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::size_t from = i * seen.rows.size() / count;
-    frame_.cut(samples.maps.row(seen.rows[from]), background_, seen.places[from], out.masks.row(i),
-               out.reliefs.row(i));
-  }
+                                   const Rows& which) const {
+  Shapes out{Matrix(which.size(), frame_.size()), Matrix(which.size(), frame_.size())};
+  for (std::size_t i = 0; i < which.size(); ++i)
+    frame_.cut(samples.maps.row(seen.rows[which[i]]), background_, seen.places[which[i]],
+               out.masks.row(i), out.reliefs.row(i));
   return out;
 }
 
 // How much of each component a body has, masks first; both kinds in units of their strongest one.
 Matrix Factorised::amounts(const Seen& seen, const Samples& samples) const {
-  const Shapes bodies = cut(seen, samples, seen.rows.size());
-  const Matrix of_masks = coordinates(masks_, bodies.masks);
-  const Matrix of_reliefs = coordinates(reliefs_, bodies.reliefs);
-  Matrix out(seen.rows.size(), of_masks.cols + of_reliefs.cols);
-  const auto put = [&](const Matrix& from, const Components& components, std::size_t first) {
+  const std::size_t records = seen.rows.size(), masks = masks_.basis.rows;
+  Matrix out(records, masks + reliefs_.basis.rows);
+  const auto put = [&](const Matrix& bodies, const Components& components, std::size_t row,
+                       std::size_t column) {
+    const Matrix found = coordinates(components, bodies);
     const float unit = unit_of(components);
-    for (std::size_t i = 0; i < out.rows; ++i)
-      for (std::size_t k = 0; k < from.cols; ++k) out.row(i)[first + k] = from.row(i)[k] / unit;
+    for (std::size_t i = 0; i < found.rows; ++i)
+      for (std::size_t k = 0; k < found.cols; ++k)
+        out.row(row + i)[column + k] = found.row(i)[k] / unit;
   };
-  put(of_masks, masks_, 0);
-  put(of_reliefs, reliefs_, of_masks.cols);
+  for (std::size_t first = 0; first < records; first += cut_at_once) {
+    Rows which = all_rows(std::min(cut_at_once, records - first));
+    for (std::size_t& i : which) i += first;
+    const Shapes bodies = cut(seen, samples, which);
+    put(bodies.masks, masks_, first, 0);
+    put(bodies.reliefs, reliefs_, first, masks);
+  }
   return out;
 }
 
@@ -282,14 +290,14 @@ Matrix Factorised::predict(const Matrix& aligned, SoftMaps* soft) const {
   if (with_body.empty()) return out;
   const std::vector<Place> places = find_places(features);
   const Shapes shapes = find_shapes(features);
-  for (std::size_t i = 0; i < with_body.size(); ++i) {
+  for_each_part(with_body.size(), [&](std::size_t i) {
     const auto mask = shapes.masks.row(i), relief = shapes.reliefs.row(i);
     const std::size_t row = with_body[i];
     frame_.draw(mask, relief, places[i], threshold_, background_, out.row(row));
     if (soft)
       frame_.draw_soft(mask, relief, places[i], soft->foreground_probability.row(row),
                        soft->depth.row(row));
-  }
+  });
   return out;
 }
 

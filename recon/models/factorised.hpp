@@ -57,7 +57,8 @@ class Factorised final : public Model {
   bool fit_shape(const Seen& train, const Samples& train_samples, const TurnedBodies& turned,
                  const Seen& validation, const Samples& validation_samples,
                  const FitOptions& options);
-  Shapes cut(const Seen& seen, const Samples& samples, std::size_t most) const;
+  // Of the given ones of the records seen.
+  Shapes cut(const Seen& seen, const Samples& samples, const Rows& which) const;
   Matrix amounts(const Seen& seen, const Samples& samples) const;
   void move_mean_body(const Seen& seen, const Samples& samples);
   void choose_threshold(const Seen& seen, const Samples& samples);

@@ -41,7 +41,8 @@ std::unique_ptr<Model> Factorised::tuned(const Samples& train, const Tuning& tun
 }
 
 void Factorised::move_mean_body(const Seen& seen, const Samples& samples) {
-  const Shapes bodies = cut(seen, samples, seen.rows.size()), found = find_shapes(seen.features);
+  const Shapes bodies = cut(seen, samples, all_rows(seen.rows.size())),
+               found = find_shapes(seen.features);
   move_mean(masks_, bodies.masks, found.masks);
   move_mean(reliefs_, bodies.reliefs, found.reliefs);
 }

@@ -2,7 +2,9 @@
 #include "recon/models/regression.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numeric>
 
 #include "drivers/core/console.hpp"
 #include "recon/numbers/blas.hpp"
@@ -19,6 +21,16 @@ double annealed(double rate, double progress) {
 }
 
 double square(double v) { return v * v; }
+
+// In some sums beside each other, as one adds up four times as slowly.
+float sum_of_squares(std::span<const float> values) {
+  std::array<float, 16> sums{};
+  const std::size_t whole = values.size() / sums.size() * sums.size();
+  for (std::size_t first = 0; first < whole; first += sums.size())
+    for (std::size_t k = 0; k < sums.size(); ++k) sums[k] += values[first + k] * values[first + k];
+  for (std::size_t i = whole; i < values.size(); ++i) sums[i - whole] += values[i] * values[i];
+  return std::accumulate(sums.begin(), sums.end(), 0.f);
+}
 
 constexpr double most = 1e18;  // that a model file takes
 
@@ -189,13 +201,9 @@ double Regression::train_batch(const Examples& train, std::span<const std::size_
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto truth = training.redraw ? batch_targets_.row(i) : train.targets.row(rows[i]);
     float* slope = output.data() + i * columns;
-    float squares = 0;
-    for (std::size_t c = 0; c < columns; ++c) {
-      const float error = slope[c] - (truth[c] - centre_[c]) / spread_[c];
-      squares += error * error;
-      slope[c] = 2 * error * per_value;
-    }
-    sum += double{squares};
+    for (std::size_t c = 0; c < columns; ++c) slope[c] -= (truth[c] - centre_[c]) / spread_[c];
+    sum += double{sum_of_squares({slope, columns})};
+    for (std::size_t c = 0; c < columns; ++c) slope[c] *= 2 * per_value;
   }
   backward(network_, s.parameters, x, rows.size(), activations_, gradient_);
   if (training.pull > 0) pull_back(s.parameters, static_cast<float>(training.pull));

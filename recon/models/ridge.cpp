@@ -123,7 +123,7 @@ Matrix Ridge::predict(const Matrix& inputs, SoftMaps*) const {
 }
 
 void Ridge::save(record::H5File& file) const {
-  file.write("model/weights", weights_.values, {weights_.rows, weights_.cols});
+  file.write<float>("model/weights", weights_.values, {weights_.rows, weights_.cols});
   file.write("model/offset_m", offset_, {offset_.size()});
   file.set("model/weights", "penalty", penalty_);
 }

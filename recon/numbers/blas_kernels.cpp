@@ -21,14 +21,19 @@ bool is_one_of(const std::string& core, std::initializer_list<const char*> names
   return false;
 }
 
+bool is_avx512(const std::string& core) {
+  return is_one_of(core, {"SkylakeX", "Cooperlake", "SapphireRapids"});
+}
+bool is_avx2(const std::string& core) { return is_one_of(core, {"Haswell", "Zen", "Excavator"}); }
+
 // What OpenBLAS should use, or nothing if its own choice is as good. Names as in its
 // driver/others/dynamic.c.
 const char* better_than(const std::string& core) {
-  if (is_one_of(core, {"SkylakeX", "Cooperlake", "SapphireRapids"})) return nullptr;
+  if (is_avx512(core)) return nullptr;
   if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
       __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
     return "SkylakeX";
-  if (is_one_of(core, {"Haswell", "Zen"})) return nullptr;
+  if (is_avx2(core)) return nullptr;
   if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) return "Haswell";
   return nullptr;
 }
@@ -52,6 +57,14 @@ std::string choose() {
 const std::string& blas_kernels() {
   static const std::string chosen = choose();
   return chosen;
+}
+
+std::string blas_instructions() {
+  const std::string& core = blas_kernels();
+  if (core == "BLAS") return "unknown";
+  if (is_avx512(core)) return "AVX-512";
+  if (is_avx2(core)) return "AVX2";
+  return is_one_of(core, {"Sandybridge", "Bulldozer", "Piledriver", "Steamroller"}) ? "AVX" : "SSE";
 }
 
 }  // namespace echofuse::recon

@@ -10,5 +10,7 @@ namespace echofuse::recon {
 // come before the first product. OPENBLAS_CORETYPE in the environment wins. "BLAS" if the library
 // is not OpenBLAS, or one built for a single processor.
 const std::string& blas_kernels();
+// What they are made of: AVX-512, AVX2, AVX or SSE; "unknown" of "BLAS".
+std::string blas_instructions();
 
 }  // namespace echofuse::recon

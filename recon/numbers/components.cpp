@@ -17,6 +17,7 @@ namespace {
 
 constexpr std::size_t spare_directions = 10;
 constexpr int iterations = 6;
+constexpr std::size_t most_centred = 1024;  // records, whose copies bound the memory
 
 using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
@@ -83,9 +84,17 @@ Components principal_components(Matrix table, std::size_t count, std::uint64_t s
 }
 
 Matrix coordinates(const Components& components, const Matrix& table) {
-  Matrix centred = table;
-  subtract(centred, components.mean);
-  return times(centred, components.basis, Transpose::no, Transpose::yes);
+  Matrix out(table.rows, components.basis.rows);
+  const std::size_t parts = (table.rows + most_centred - 1) / most_centred;
+  for (std::size_t part = 0; part < parts; ++part) {
+    const std::size_t first = part * table.rows / parts, end = (part + 1) * table.rows / parts;
+    Matrix centred(end - first, table.cols);
+    std::copy(table.row(first).begin(), table.row(end - 1).end(), centred.values.begin());
+    subtract(centred, components.mean);
+    multiply({centred.rows, out.cols, table.cols, Transpose::no, Transpose::yes},
+             centred.values.data(), components.basis.values.data(), out.row(first).data());
+  }
+  return out;
 }
 
 Matrix from_coordinates(const Components& components, const Matrix& amounts) {
@@ -100,7 +109,7 @@ Matrix from_coordinates(const Components& components, const Matrix& amounts) {
 void save_components(record::H5File& file, const std::string& group, const Components& c) {
   file.write(group + "/mean", c.mean, {c.mean.size()});
   file.write(group + "/deviation", c.deviation, {c.deviation.size()});
-  file.write(group + "/basis", c.basis.values, {c.basis.rows, c.basis.cols});
+  file.write<float>(group + "/basis", c.basis.values, {c.basis.rows, c.basis.cols});
 }
 
 Components load_components(const record::H5File& file, const std::string& group,

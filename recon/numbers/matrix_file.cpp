@@ -6,7 +6,8 @@ namespace echofuse::recon {
 Matrix read_matrix(const record::H5File& file, const std::string& name, std::size_t rows,
                    std::size_t cols) {
   Matrix out;
-  out.values = file.read<float>(name, {rows, cols});
+  const auto values = file.read<float>(name, {rows, cols});
+  out.values.assign(values.begin(), values.end());
   const auto shape = file.shape(name);
   out.rows = shape[0], out.cols = shape[1];
   return out;

@@ -8,12 +8,19 @@
 
 namespace echofuse::recon {
 
+std::vector<double> column_means(const Matrix& table, const Rows& rows) {
+  std::vector<double> out(table.cols);
+  for (const std::size_t row : rows) {
+    const float* const values = table.row(row).data();
+    for (std::size_t c = 0; c < out.size(); ++c) out[c] += double{values[c]};
+  }
+  for (double& mean : out) mean /= static_cast<double>(rows.size());
+  return out;
+}
+
 ColumnStatistics column_statistics(const Matrix& table, const Rows& rows) {
   const auto n = static_cast<double>(rows.size());
-  ColumnStatistics out{std::vector<double>(table.cols), std::vector<double>(table.cols)};
-  for (const std::size_t row : rows)
-    for (std::size_t c = 0; c < table.cols; ++c) out.mean[c] += double{table.row(row)[c]};
-  for (double& mean : out.mean) mean /= n;
+  ColumnStatistics out{column_means(table, rows), std::vector<double>(table.cols)};
   for (const std::size_t row : rows)
     for (std::size_t c = 0; c < table.cols; ++c) {
       const double off = double{table.row(row)[c]} - out.mean[c];

@@ -14,6 +14,7 @@ struct ColumnStatistics {
 };
 
 // Of the given rows (at least one).
+std::vector<double> column_means(const Matrix& table, const Rows& rows);
 ColumnStatistics column_statistics(const Matrix& table, const Rows& rows);
 
 double mean_of(std::span<const double> values);

@@ -33,7 +33,7 @@ void export_records(const TrainedModel& model, const std::vector<std::string>& r
                             : f.normalised_inputs(data, rows);
   NpzFile out(to);
   out.begin("record", "<f4", {inputs.cols});
-  out.append(inputs.values);
+  out.append<float>(inputs.values);
   out.begin("depth_m", "<f4", {data.map.size, data.map.size});
   for (const std::size_t row : rows) out.append<float>(data.depth.row(row));
   out.begin("index", "<i8", {});

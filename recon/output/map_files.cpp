@@ -105,16 +105,18 @@ void MapFiles::write(std::int64_t index, std::span<const float> prediction,
   const record::MapGrid& grid = scene_.grid;
   Window window{grid.x(), grid.y()};
   std::vector<float> map = within_span(prediction), deviations(deviation.begin(), deviation.end());
-  const std::string name = folder_ + formatted("/%06lld", static_cast<long long>(index));
-  if (wants("ply")) write_file(name + ".ply", point_cloud(hard_map(map, scene_), grid));
+  const auto name = [&](const char* end) {
+    return folder_ + formatted("/%06lld%s", static_cast<long long>(index), end);
+  };
+  if (wants("ply")) write_file(name(".ply"), point_cloud(hard_map(map, scene_), grid));
   if (zoom_m_ > 0) {
     window = window_about_body(prediction, scene_, zoom_m_);
     map = cut(map, grid, window);
     if (!deviations.empty()) deviations = cut(deviations, grid, window);
   }
-  if (wants("colour")) write_file(name + ".png", depth_picture(map, farthest_m_, enlarged));
-  if (wants("mm")) write_file(name + "_mm.png", millimetre_picture(map, grid.size));
-  if (wants("uncertainty")) write_file(name + "_sd.png", millimetre_picture(deviations, grid.size));
+  if (wants("colour")) write_file(name(".png"), depth_picture(map, farthest_m_, enlarged));
+  if (wants("mm")) write_file(name("_mm.png"), millimetre_picture(map, grid.size));
+  if (wants("uncertainty")) write_file(name("_sd.png"), millimetre_picture(deviations, grid.size));
   if (!arrays_) return;
   arrays_->append(map);
   indices_.push_back(index);

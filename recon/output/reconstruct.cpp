@@ -8,6 +8,7 @@
 #include <deque>
 #include <filesystem>
 #include <fstream>
+#include <future>
 #include <limits>
 #include <thread>
 
@@ -85,7 +86,15 @@ class Reconstruction {
  private:
   Dataset read(const record::RunReader& run, std::size_t at_most);
   Records prepare_new(Dataset data);
-  void write(const Records& records, std::size_t first, std::size_t count);
+  // Records [first, first + count), of which `rows` have maps.
+  struct Part {
+    std::size_t first;
+    std::vector<RecordStatus> statuses;
+    Rows rows;
+    Prediction made;
+  };
+  Part make(const Records& records, std::size_t first, std::size_t count) const;
+  void write(const Records& records, Part part);
   void tell_run(const std::string& text) const;
   void tell(const RecordStatus& status);
   void tell_bad(std::int64_t before);
@@ -114,9 +123,9 @@ Dataset Reconstruction::read(const record::RunReader& run, std::size_t at_most) 
 }
 
 void Reconstruction::take_all(const record::RunReader& run) {
-  Progress progress("reconstructing", static_cast<std::size_t>(run.count()), options_.quiet);
-  const Records records = prepare_records(
-      model_, read(run, std::numeric_limits<std::size_t>::max()), options_.range_bias);
+  const auto count = static_cast<std::size_t>(run.count());
+  Progress progress("reconstructing", count, options_.quiet);
+  const Records records = prepare_records(model_, read(run, count), options_.range_bias);
   tell_run(records.antennas);
   const DomainShift shift = domain_shift_of(model_, records);
   if (shift.tested() && (shift.found() || !options_.quiet)) tell_run(shift.text());
@@ -125,8 +134,19 @@ void Reconstruction::take_all(const record::RunReader& run) {
   if (!silent) tell_run(records.text);
   if (!options_.quiet) tell_run(records.gains.text());
   const std::size_t size = records.data.size();
+  std::future<Part> next;
+  // While one part is written, another thread makes the maps of the next.
+  const auto start = [&](std::size_t first) {
+    if (first < size)
+      next = std::async(std::launch::async, [&, first] {
+        return make(records, first, std::min(part_records, size - first));
+      });
+  };
+  start(0);
   for (std::size_t first = 0; first < size && !interrupted(); first += part_records) {
-    write(records, first, std::min(part_records, size - first));
+    Part part = next.get();
+    start(first + part_records);
+    write(records, std::move(part));
     progress.update(std::min(first + part_records, size));
   }
   if (!interrupted()) tell_bad(std::numeric_limits<std::int64_t>::max());
@@ -136,7 +156,7 @@ void Reconstruction::take_all(const record::RunReader& run) {
 bool Reconstruction::take_new(const record::RunReader& run) {
   const std::int64_t before = next_;
   const Records records = prepare_new(read(run, part_records));
-  write(records, 0, records.data.size());
+  write(records, make(records, 0, records.data.size()));
   tell_bad(std::numeric_limits<std::int64_t>::max());
   table_.flush();
   return next_ != before;
@@ -164,32 +184,36 @@ void Reconstruction::tell_run(const std::string& text) const {
   if (!text.empty() && options_.on_run) options_.on_run(text);
 }
 
-void Reconstruction::write(const Records& records, std::size_t first, std::size_t count) {
+Reconstruction::Part Reconstruction::make(const Records& records, std::size_t first,
+                                          std::size_t count) const {
   const Dataset& data = records.data;
-  std::vector<RecordStatus> all;
-  Rows rows;
+  Part out{first, {}, {}, {}};
   for (std::size_t row = first; row < first + count; ++row) {
-    all.push_back({data.index[row],
-                   model_.fault_of(data, row),
-                   model_.note_of(data, row),
-                   records.range_bias_m,
-                   {},
-                   {},
-                   {}});
-    if (all.back().fault.empty()) rows.push_back(row);
+    out.statuses.push_back({data.index[row],
+                            model_.fault_of(data, row),
+                            model_.note_of(data, row),
+                            records.range_bias_m,
+                            {},
+                            {},
+                            {}});
+    if (out.statuses.back().fault.empty()) out.rows.push_back(row);
   }
-  const bool uncertainty = wants_uncertainty(options_);
-  const bool pixels = uncertainty || options_.output == "mean";
-  const Prediction made = predict(
-      model_, records, rows, pixels ? PredictionDetail::pixels : PredictionDetail::uncertainty);
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    RecordStatus& status = all[rows[i] - first];
+  const bool pixels = wants_uncertainty(options_) || options_.output == "mean";
+  out.made = predict(model_, records, out.rows,
+                     pixels ? PredictionDetail::pixels : PredictionDetail::uncertainty);
+  return out;
+}
+
+void Reconstruction::write(const Records& records, Part part) {
+  const Prediction& made = part.made;
+  for (std::size_t i = 0; i < part.rows.size(); ++i) {
+    RecordStatus& status = part.statuses[part.rows[i] - part.first];
     if (!made.uncertainties.empty()) status.uncertainty = made.uncertainties[i];
     files_.write(status.index, made.of(options_.output).row(i),
-                 uncertainty ? made.deviation.row(i) : std::span<const float>{});
-    time(status, data.slot_end[rows[i]]);
+                 wants_uncertainty(options_) ? made.deviation.row(i) : std::span<const float>{});
+    time(status, records.data.slot_end[part.rows[i]]);
   }
-  for (const RecordStatus& status : all) tell_bad(status.index), tell(status);
+  for (const RecordStatus& status : part.statuses) tell_bad(status.index), tell(status);
 }
 
 void Reconstruction::tell(const RecordStatus& status) {

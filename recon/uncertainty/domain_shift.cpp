@@ -149,10 +149,6 @@ struct Standard {
   }
 };
 
-std::vector<double> column_means(const Matrix& table, const Rows& rows) {
-  return column_statistics(table, rows).mean;
-}
-
 // Both parts of the test, of a difference of means.
 struct Statistic {
   double squares, greatest;
@@ -290,7 +286,7 @@ DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& da
 }
 
 void DomainReference::save(record::H5File& file) const {
-  if (known()) file.write("domain/observables", seen_.values, {seen_.rows, seen_.cols});
+  if (known()) file.write<float>("domain/observables", seen_.values, {seen_.rows, seen_.cols});
 }
 
 void DomainReference::load(const record::H5File& file, Inputs inputs) {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "recon/maps/metrics.hpp"
+#include "recon/numbers/parallel.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
@@ -35,16 +36,13 @@ std::size_t predictor_count(Inputs inputs) { return both_sensors(inputs) ? 3 : 2
 
 Matrix predictors_of(const Matrix& maps, const Scene& scene, const Dataset& data, const Rows& rows,
                      Inputs inputs) {
-  Matrix out(0, predictor_count(inputs));
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    std::vector<float> predictors{
-        static_cast<float>(std::abs(foreground_tangent(maps.row(i), scene)))};
-    if (inputs != Inputs::radar)
-      predictors.push_back(std::log(significance(data.spd.row(rows[i])) + 1));
-    if (inputs != Inputs::spd)
-      predictors.push_back(std::log(peak_to_noise(data.radar.row(rows[i]))));
-    out.add_row(predictors);
-  }
+  Matrix out(rows.size(), predictor_count(inputs));
+  for_each_part(rows.size(), [&](std::size_t i) {
+    const auto row = out.row(i);
+    row.front() = static_cast<float>(std::abs(foreground_tangent(maps.row(i), scene)));
+    if (inputs != Inputs::radar) row[1] = std::log(significance(data.spd.row(rows[i])) + 1);
+    if (inputs != Inputs::spd) row.back() = std::log(peak_to_noise(data.radar.row(rows[i])));
+  });
   return out;
 }
 

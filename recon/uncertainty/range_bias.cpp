@@ -146,7 +146,7 @@ std::vector<float> RangeBiasReference::measure(const Alignment& alignment, const
 
 std::vector<float> RangeBiasReference::less_expected(const Matrix& histograms,
                                                      const Matrix& displacements_m) const {
-  std::vector<float> out = displacements_m.values;
+  std::vector<float> out(displacements_m.values.begin(), displacements_m.values.end());
   if (out.empty()) return out;
   const Matrix expected = expected_->predict(histograms);
   for (std::size_t i = 0; i < expected.rows; ++i) out[i] -= expected.values[i];

@@ -13,11 +13,15 @@ import sys
 import threading
 import time
 
+import pack
+from pack import np
+
 HELLO, TAGS, DEPTH, BYE = range(4)
 HEADER_BYTES, MAX_PAYLOAD_BYTES = 32, 16 << 20
 USAGE, NO_DEVICE = 2, 4  # exit codes, as of the echofuse programs
 
 QUEUE_BYTES = 64 << 20   # what waits for a slow client; more is dropped and counted
+BLOCKS_A_TURN = 16       # to a fast client, before a look at whatever else happens
 HELLO_PAUSE_S = 0.5      # the protocol asks for a heartbeat at least every second
 FAREWELL_S = 2.0         # for the rest of the queue when the bridge ends
 DEAD_CLIENT_MS = 10_000  # a peer that acknowledges nothing for so long is gone
@@ -33,23 +37,22 @@ def fail(text, code=NO_DEVICE):
     sys.exit(code)
 
 
-try:
-    import crc32c
-    import numpy as np
-    MISSING = None
-except ImportError as error:  # told by require_packages(): --help needs none of them
-    np, MISSING = None, str(error)
-
-
 def require_packages():
-    if MISSING:
-        fail(f"{MISSING}; the bridges need numpy and crc32c (Debian: python3-numpy python3-crc32c)")
+    if pack.MISSING:  # --help needs none of them
+        fail(f"{pack.MISSING}; the bridges need numpy and, without {pack.NAME}, crc32c "
+             "(Debian: python3-numpy python3-crc32c)")
+    if pack.why_not:
+        say(f"{pack.why_not}: checksums by the Python package crc32c, at a lower rate")
 
 
-def block(kind, sequence, payload, dropped=0):
-    """The header of a block; the payload is anything with bytes in it."""
+def block(kind, sequence, payload, dropped=0, crc=None):
+    """The header of a block; the payload is anything with bytes in it, its CRC-32C may be known."""
     header = struct.pack("<4sHHIIQI", b"EFBR", 1, kind, sequence & 0xFFFFFFFF, len(payload), dropped, 0)
-    return header + struct.pack("<I", crc32c.crc32c(payload, crc32c.crc32c(header)))
+    return header + struct.pack("<I", pack.crc_of_block(header, payload, crc))
+
+
+# A block that waits to be sent.
+Waiting = collections.namedtuple("Waiting", "kind sequence payload dropped crc items")
 
 
 def listen_address(text):
@@ -77,7 +80,8 @@ class Server:
     """One client at a time; a second one is sent away with a goodbye.
 
     Threading: the device's thread calls send(), lose(), online(), offline() and close(); a thread of
-    its own owns the sockets. `_lock` guards the queue and the counts."""
+    its own owns the sockets and `_rest`. `_lock` guards the queue and the counts; nothing is summed up
+    under it."""
 
     def __init__(self, address, queue_bytes=QUEUE_BYTES):
         family = socket.AF_INET6 if ":" in address[0] else socket.AF_INET
@@ -92,9 +96,11 @@ class Server:
             self._selector.register(source, selectors.EVENT_READ)
         self._lock = threading.Lock()
         self._limit = queue_bytes
-        self._queue = collections.deque()  # (bytes, items that are sent with their last byte)
+        self._queue = collections.deque()  # of Waiting; the first stays until its last byte is sent
+        self._rest = []  # of the first: header and payload, as far as they are not sent
         self._queued_bytes = 0
         self._client = None
+        self._events = 0  # of the client's that the selector waits for
         self._hello = None  # known while the device is there
         self._sequence = self._lost = 0
         self._leaving = False
@@ -118,16 +124,18 @@ class Server:
             self._part()
         self._wake()
 
-    def send(self, kind, payload, items):
-        """To the client, if there is one. The payload must not change any more."""
+    def send(self, kind, payload, items, crc=None):
+        """To the client, if there is one. The payload must not change any more; its CRC-32C may be known."""
         with self._lock:
             if self._client is None or self._leaving:
                 return
             if self._queued_bytes + HEADER_BYTES + len(payload) > self._limit:
                 self._count_lost(items)
                 return
-            self._put(kind, payload, items)
-        self._wake()
+            idle = not self._queue
+            self._put(kind, payload, items, crc)
+        if idle:
+            self._wake()
 
     def lose(self, items):
         """So many items will never be sent; the next block says so."""
@@ -154,10 +162,8 @@ class Server:
         self._lost += items
         self.dropped += items
 
-    def _put(self, kind, payload, items=0):
-        self._queue.append((block(kind, self._sequence, payload, self._lost), 0))
-        if len(payload):
-            self._queue.append((payload, items))
+    def _put(self, kind, payload, items=0, crc=None):
+        self._queue.append(Waiting(kind, self._sequence, payload, self._lost, crc, items))
         self._queued_bytes += HEADER_BYTES + len(payload)
         self._sequence += 1
         self._lost = 0
@@ -188,8 +194,10 @@ class Server:
                 return False
             if self._client is not None:
                 self._stay_alive()
-                write = selectors.EVENT_WRITE if self._queue else 0
-                self._selector.modify(self._client, selectors.EVENT_READ | write)
+                events = selectors.EVENT_READ | (selectors.EVENT_WRITE if self._queue else 0)
+                if events != self._events:
+                    self._selector.modify(self._client, events)
+                    self._events = events
         for key, events in self._selector.select(HELLO_PAUSE_S / 2):
             if key.fileobj is self._wake_out:
                 self._wake_out.recv(4096)
@@ -221,6 +229,7 @@ class Server:
             say(f"{peer[0]}:{peer[1]} was sent away: " + ("another client is there" if self._client else "no device"))
             return send_away(client)
         self._selector.register(client, selectors.EVENT_READ)
+        self._events = selectors.EVENT_READ
         say(f"client {peer[0]}:{peer[1]}")
 
     def _welcome(self, client):
@@ -238,23 +247,31 @@ class Server:
         try:
             if events & selectors.EVENT_READ and not self._client.recv(4096):
                 return self._disconnect("has closed the connection")
-            if events & selectors.EVENT_WRITE:
+            for _ in range(BLOCKS_A_TURN if events & selectors.EVENT_WRITE else 0):
                 self._write()
+                if not self._queue:
+                    break
         except BlockingIOError:
             pass
         except OSError as error:
             self._disconnect(error.strerror or str(error))
 
     def _write(self):
-        data, items = self._queue[0]
-        done = self._client.send(data)
+        """What the socket takes of the first block."""
+        if not self._rest:
+            first = self._queue[0]
+            header = block(first.kind, first.sequence, first.payload, first.dropped, first.crc)
+            self._rest = [memoryview(piece) for piece in (header, first.payload) if len(piece)]
+        done = left = self._client.sendmsg(self._rest)
+        while self._rest and left >= len(self._rest[0]):
+            left -= len(self._rest.pop(0))
+        if left:
+            self._rest[0] = self._rest[0][left:]
         with self._lock:
             self._queued_bytes -= done
-            if done < len(data):
-                self._queue[0] = (memoryview(data)[done:], items)
+            if self._rest:
                 return
-            self._queue.popleft()
-            self.sent += items
+            self.sent += self._queue.popleft().items
             finished = self._leaving and not self._queue
         if finished:
             self._disconnect("was told goodbye")
@@ -262,11 +279,12 @@ class Server:
     def _disconnect(self, why):
         self._selector.unregister(self._client)
         with self._lock:
-            unsent = sum(items for _, items in self._queue)
+            unsent = sum(waiting.items for waiting in self._queue)
             self._client.close()
             self._client = None
             self._queue.clear()
             self._queued_bytes = 0
+        self._rest = []
         say(f"the client {why}" + (f"; {unsent} items were not sent" if unsent else ""))
 
 
@@ -317,10 +335,13 @@ def run(address, open_device, items):
     except OSError as error:
         device.close()
         fail(f"cannot listen on {address[0]}:{address[1]}: {error.strerror or error}", 1)
-    say(f"listening on {server.address[0]}:{server.address[1]}")
+    told = False
     while device:
         try:
             server.online(device.hello())
+            if not told:  # only now: who comes earlier is sent away
+                say(f"listening on {server.address[0]}:{server.address[1]}")
+                told = True
             while not stop.wait(device.poll(server)):
                 server.check()
         except Exception as error:

@@ -9,7 +9,7 @@ import sys
 import time
 
 import bridge
-from bridge import np
+from pack import np
 
 WAIT_MS = 100    # also how long a signal waits
 SILENCE_S = 3.0  # then the pipeline is restarted, and at the second time the device opened again

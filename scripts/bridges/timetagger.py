@@ -8,17 +8,14 @@ import sys
 import time
 
 import bridge
-from bridge import np
+import pack
+from pack import np
 
-RECORD = {"names": ["type", "missed_events", "channel", "time"], "formats": ["u1", "<u2", "<i4", "<i8"],
-          "offsets": [0, 2, 4, 8], "itemsize": 16}
-BLOCK_TAGS = 65536           # 1 MiB: what one damaged block costs
 MOST_EVENTS = (1 << 28) - 1  # the library's limit
 SILENCE_S = 3.0              # then the device is asked whether it is there
 ANSWER_MS = 1000             # within which it must answer
 RATE_S = 1.0                 # over which the rate is measured
 TELL_S = 60.0                # how often, at most, the same trouble is told
-OVERFLOW_BEGIN = 2           # type of the tag at which a device starts to lose events
 
 FILTER_HELP = """\
 conditional filter: every photon lets one laser pulse through, the first that reaches the filter after
@@ -144,14 +141,12 @@ class Tagger:
         if not self._stream.isRunning():
             raise RuntimeError("the tag stream has stopped")
         blocks, lost = self._stream.take()
-        for tags in blocks:
-            for first in range(0, len(tags), BLOCK_TAGS):
-                part = tags[first:first + BLOCK_TAGS]
-                server.send(bridge.TAGS, part.view(np.uint8).data, len(part))
+        for packed in blocks:
+            server.send(bridge.TAGS, packed.payload, packed.items, packed.crc)
         if lost:
             server.lose(lost)
         self._losses.look(blocks, lost, server.dropped)
-        self._watch(any(len(tags) for tags in blocks))
+        self._watch(bool(blocks))
         return 0 if lost else self._options.block_ms * 1e-3
 
     def _watch(self, tags_came):
@@ -182,16 +177,17 @@ class BufferStream:
 
     def __init__(self, library, tagger, channels, most):
         self._stream, self._most = library.TimeTagStream(tagger, most, channels), most
+        self._start_channel = channels[0]
         self.isRunning, self.stop = self._stream.isRunning, self._stream.stop
 
     def take(self):
-        """The records since the last call, as a list of arrays, and how many (at least) were lost."""
+        """The tags since the last call, as blocks, and how many (at least) were lost."""
         data = self._stream.getData()
-        tags = np.zeros(data.size, RECORD)
+        tags = np.zeros(data.size, pack.RECORD)
         for name, column in (("type", data.getEventTypes()), ("missed_events", data.getMissedEvents()),
                              ("channel", data.getChannels()), ("time", data.getTimestamps())):
             tags[name] = column
-        return [tags] if data.size else [], int(data.size >= self._most)  # how many more it does not say
+        return pack.pack(tags, self._start_channel), int(data.size >= self._most)  # how many more it does not say
 
 
 def custom_stream(library, tagger, channels, most):
@@ -212,7 +208,7 @@ def custom_stream(library, tagger, channels, most):
             if self._held + len(incoming_tags) > most:
                 self._lost += len(incoming_tags)
                 return
-            self._blocks.append(records(incoming_tags))
+            self._blocks += pack.pack(incoming_tags, channels[0])
             self._held += len(incoming_tags)
 
         def take(self):
@@ -221,18 +217,6 @@ def custom_stream(library, tagger, channels, most):
                 self._blocks, self._held, self._lost = [], 0, 0
             return blocks, lost
     return Stream()
-
-
-def records(tags):
-    """A copy of a structured array of tags, as RECORD."""
-    ours = np.dtype(RECORD)
-    if tags.dtype.itemsize == ours.itemsize and \
-            all(name in tags.dtype.names and tags.dtype.fields[name][:2] == ours.fields[name][:2] for name in ours.names):
-        return np.frombuffer(np.ascontiguousarray(tags).tobytes(), ours)
-    copy = np.zeros(len(tags), ours)
-    for name in ours.names:
-        copy[name] = tags[name]
-    return copy
 
 
 class Losses:
@@ -246,11 +230,10 @@ class Losses:
 
     def look(self, blocks, lost, dropped):
         """The new blocks of tags, those that the stream lost, and those dropped by the server so far."""
-        for tags in blocks:
-            self._tags += len(tags)
-            some = tags[:BLOCK_TAGS]
-            self._starts += len(tags) * np.count_nonzero(some["channel"] == self._options.start_channel) / len(some)
-            if (tags["type"] == OVERFLOW_BEGIN).any():
+        for packed in blocks:
+            self._tags += packed.items
+            self._starts += packed.starts
+            if packed.overflows:
                 self._places["the device overflows"] = True
         if lost:
             self._places["the buffer is full (raise --max-events or lower --block-ms)"] = True
@@ -289,6 +272,7 @@ def import_library():
 def main():
     options = parse_arguments(sys.argv[1:])
     bridge.require_packages()
+    pack.keep_freed_memory()
     library = import_library()
     return bridge.run(options.listen, lambda: Tagger(library, options), "tags")
 

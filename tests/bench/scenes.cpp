@@ -2,12 +2,11 @@
 // Whole simulated records, and their parts, on one core. Best of 5 rounds. With --people: some
 // scenes in numbers.
 #include <cstdio>
-#include <ctime>
 #include <functional>
-#include <limits>
 #include <string>
 
 #include "acquire/record/depth_map.hpp"
+#include "limits.hpp"
 #include "sim/dataset/dataset.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
@@ -20,14 +19,9 @@ namespace {
 constexpr std::int64_t scenes = 400;
 
 double best_us(const std::function<void(std::int64_t)>& work) {
-  double best = std::numeric_limits<double>::max();
-  for (int round = 0; round < 5; ++round) {
-    const std::clock_t begin = std::clock();  // processor time: others may be busy
-    for (std::int64_t i = 0; i < scenes; ++i) work(i);
-    const double took = 1e6 * static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
-    best = std::min(best, took / scenes);
-  }
-  return best;
+  return 1e6 / scenes * bench::best_s(5, [&] {
+           for (std::int64_t i = 0; i < scenes; ++i) work(i);
+         });
 }
 
 // Coherent echoes at eight antennas, in cells of 50 cm and 4.4 cm.
@@ -71,17 +65,28 @@ void measure(const char* background) {
   const auto row = [&](const char* name, const std::function<void(std::int64_t)>& work) {
     const double us = best_us(work);
     std::printf("%-6s %-34s %8.0f us %8.0f /s\n", background, name, us, 1e6 / us);
+    return us;
   };
   row("scene", [&](std::int64_t i) { sum += generator.scene(i).capsules[0].radius_m; });
   row("scene, light on the detector", [&](std::int64_t i) { sum += light(i).weight[0]; });
-  row("scene, histogram without noise", [&](std::int64_t i) { sum += spd_rate(light(i), c)[90]; });
+  const double histogram_us = row("scene, histogram without noise",
+                                  [&](std::int64_t i) { sum += spd_rate(light(i), c)[90]; });
   row("scene, radar profile without noise", [&](std::int64_t i) {
     radar_returns(generator.scene(i), c, returns);
     sum += radar_power(returns, radar, c)[14];
   });
-  row("scene, depth map",
-      [&](std::int64_t i) { sum += render_depth_mm(generator.scene(i), x, y)[2000]; });
-  row("whole record", [&](std::int64_t i) { sum += generator.make(i).radar[14]; });
+  const double map_us = row("scene, depth map", [&](std::int64_t i) {
+    sum += render_depth_mm(generator.scene(i), x, y)[2000];
+  });
+  if (plan.conditions.background == "none") {
+    bench::print_row("simulated histogram", "us", histogram_us, 0, "");
+    bench::print_row("simulated depth map", "us", map_us, 0, "");
+  }
+  const double whole_us =
+      row("whole record", [&](std::int64_t i) { sum += generator.make(i).radar[14]; });
+  bench::print_row(plan.conditions.background == "none" ? "simulated record, open room"
+                                                        : "simulated record, furnished room",
+                   "records/s", 1e6 / whole_us, 0, "");
   if (sum == 0) std::printf("nothing was seen\n");
 }
 

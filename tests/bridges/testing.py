@@ -24,6 +24,9 @@ except ImportError as error:
     print(f"skipped: {error} (Debian: python3-numpy python3-crc32c)")
     sys.exit(77)
 sys.dont_write_bytecode = True
+# The library of the build that is tested; without it, the tests of the product without it.
+library = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "").resolve().parent / "lib/libechofuse_bridge_pack.so"
+os.environ.setdefault("ECHOFUSE_BRIDGE_LIBRARY", str(library))
 sys.path[:0] = [str(root / "scripts/bridges"), str(here / "stand_in")]
 
 

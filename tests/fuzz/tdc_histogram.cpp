@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Input: i32 start channel, i32 click channel, i64 bin width, i64 first bin, u32 bins, then tags as
-// on the wire. The histogram against whole-number arithmetic, tag by tag; and the filter's counts.
+// on the wire. The histogram, with every instruction set of this processor, against whole-number
+// arithmetic, tag by tag; and the filter's counts.
+#include <hwy/highway.h>
+
 #include "drivers/core/exit_code.hpp"
 #include "drivers/tdc/histogram.hpp"
 #include "fuzz.hpp"
@@ -92,12 +95,16 @@ void fuzz::run(ByteView input) {
   if (!in.ok() || (s.bins > most_bins && allowed(s))) return;
   const auto tags = to_values<Tag>(in.take(in.left()));
   try {
-    Histogram whole(s), pieces(s);
+    Histogram pieces(s);
     require(allowed(s), "bad settings are refused");
     const Reference reference(s, tags);
-    whole.add(tags);
-    require(whole.counts() == reference.counts, "every click is in its bin");
-    require(whole.tag_counts() == reference.n, "every tag is counted once, for what it is");
+    for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+      hwy::GetChosenTarget().Update(target);
+      Histogram whole(s);
+      whole.add(tags);
+      require(whole.counts() == reference.counts, "every click is in its bin");
+      require(whole.tag_counts() == reference.n, "every tag is counted once, for what it is");
+    }
 
     std::uint64_t in_slots = 0;
     for (std::size_t i = 0; i < tags.size(); ++i) {

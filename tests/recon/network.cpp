@@ -102,12 +102,15 @@ TEST_CASE("sizes: the paper's network has 1.37 million weights") {
 TEST_CASE("Adam's first step has the length of the learning rate, whatever the gradient's") {
   std::vector<float> p = {1, 1, 1};
   Adam adam(3, 0);
-  adam.step(p, {1e-3f, -50, 0}, 0.01);
+  std::vector<float> gradient = {1e-3f, -50, 0};
+  adam.step(p, gradient, 0.01);
+  CHECK(gradient == std::vector<float>(3));
   CHECK(p[0] == Approx(0.99).epsilon(1e-4));
   CHECK(p[1] == Approx(1.01).epsilon(1e-4));
   CHECK(p[2] == 1);
   Adam decaying(1, 0.5);
   std::vector<float> weight = {2};
-  decaying.step(weight, {0}, 0.1);
+  std::vector<float> none = {0};
+  decaying.step(weight, none, 0.1);
   CHECK(weight[0] == Approx(2 * (1 - 0.1 * 0.5)));
 }

@@ -16,6 +16,7 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -147,7 +148,7 @@ inline recon::Dataset load_plates(std::int64_t count) {
   return recon::load({dir / "plates"});
 }
 
-inline bool all_finite(const std::vector<float>& values) {
+inline bool all_finite(std::span<const float> values) {
   return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
 }
 

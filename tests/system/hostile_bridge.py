@@ -16,10 +16,11 @@ import live
 from live import wait_for
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "scripts/bridges"))
-from bridge import DEPTH, HELLO, MISSING, TAGS, block  # noqa: E402
+from bridge import DEPTH, HELLO, TAGS, block  # noqa: E402
+from pack import NO_CRC  # noqa: E402
 
-if MISSING:
-    print(MISSING)
+if NO_CRC:
+    print(NO_CRC)
     sys.exit(77)
 
 HELLO_BLOCK = block(HELLO, 0, b'{"model": "liar"}') + b'{"model": "liar"}'

@@ -19,10 +19,11 @@ from faulty_bridge import read
 from live import wait_for
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "scripts/bridges"))
-from bridge import HELLO, MISSING, TAGS, block  # noqa: E402
+from bridge import HELLO, TAGS, block  # noqa: E402
+from pack import NO_CRC  # noqa: E402
 
-if MISSING:
-    print(MISSING)
+if NO_CRC:
+    print(NO_CRC)
     sys.exit(77)
 AWAY_S = 1.2
 

@@ -107,16 +107,21 @@ void BodyFrame::cut(std::span<const float> map, std::span<const float> backgroun
 
 template <class Paint>
 void BodyFrame::visit(std::span<const float> mask, std::span<const float> relief,
-                      const Place& place, const Paint& paint) const {
+                      const Place& place, float least, const Paint& paint) const {
   const Axis x = grid_.x(), y = grid_.y();
   const std::size_t side = grid_.size;
   const double z = double{place.depth_m};
   std::array<Between, most_side> across;
-  std::size_t first = side, last = 0;  // map columns that the patch covers: [first, last)
+  std::array<float, most_cells> most{};  // of a column
+  for (std::size_t r = 0; r < rows_; ++r)
+    for (std::size_t c = 0; c < columns_; ++c) most[c] = std::max(most[c], mask[r * columns_ + c]);
+  std::size_t first = side, last = 0;  // map columns with something to paint: [first, last)
   for (std::size_t c = 0; c < side; ++c) {
     const double at = (x.at(static_cast<double>(c)) - double{place.tangent}) * z;
     across[c] = between((at - left_m_) / pitch_m_);
     if (across[c].low < 0 || across[c].low + 1 >= static_cast<std::ptrdiff_t>(columns_)) continue;
+    const auto low = static_cast<std::size_t>(across[c].low);
+    if (std::max(most[low], most[low + 1]) <= least) continue;
     first = std::min(first, c), last = c + 1;
   }
   std::array<float, most_cells> body{}, depth{};
@@ -140,7 +145,7 @@ void BodyFrame::draw(std::span<const float> mask, std::span<const float> relief,
                      float threshold, std::span<const float> background,
                      std::span<float> map) const {
   std::copy(background.begin(), background.end(), map.begin());
-  visit(mask, relief, place, [&](std::size_t pixel, float share, float offset) {
+  visit(mask, relief, place, threshold, [&](std::size_t pixel, float share, float offset) {
     if (share > threshold) map[pixel] = place.depth_m + offset / share;
   });
 }
@@ -151,7 +156,7 @@ void BodyFrame::draw_soft(std::span<const float> mask, std::span<const float> re
   constexpr float least_share = 0.1f;  // below, relief / mask is noise
   std::fill(share.begin(), share.end(), 0.f);
   std::fill(depth.begin(), depth.end(), place.depth_m);
-  visit(mask, relief, place, [&](std::size_t pixel, float part, float offset) {
+  visit(mask, relief, place, -1, [&](std::size_t pixel, float part, float offset) {
     share[pixel] = std::clamp(part, 0.f, 1.f);
     if (part > least_share) depth[pixel] = place.depth_m + offset / part;
   });

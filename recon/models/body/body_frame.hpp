@@ -53,10 +53,11 @@ class BodyFrame {
   void load(const record::H5File& file);
 
  private:
-  // Calls paint(pixel, mask's share, relief) for every pixel of the map that the patch covers.
+  // Calls paint(pixel, mask's share, relief) for pixels of the map that the patch covers: at least
+  // for those where the mask is above `least`, for all if that is below 0.
   template <class Paint>
   void visit(std::span<const float> mask, std::span<const float> relief, const Place& place,
-             const Paint& paint) const;
+             float least, const Paint& paint) const;
 
   record::MapGrid grid_;  // of the maps
   std::size_t columns_ = 0, rows_ = 0;

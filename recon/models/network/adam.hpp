@@ -10,8 +10,8 @@ namespace echofuse::recon {
 struct Adam {
   Adam(std::size_t parameters, double weight_decay)
       : decay(static_cast<float>(weight_decay)), first(parameters), second(parameters) {}
-  void step(std::vector<float>& parameters, const std::vector<float>& gradient,
-            double learning_rate);
+  // Leaves a gradient of zeros, to which backward() adds the next one.
+  void step(std::vector<float>& parameters, std::vector<float>& gradient, double learning_rate);
 
   float decay;
   std::size_t steps = 0;

@@ -53,23 +53,22 @@ template <class T>
 void backward(const Network& network, const std::vector<T>& parameters, const T* inputs,
               std::size_t batch, Activations<T>& activations, std::vector<T>& gradient) {
   gradient.resize(network.parameters);
-  std::vector<T> slope = std::move(activations.back());  // dL/d(output of layer l)
   for (std::size_t l = network.layers.size(); l-- > 0;) {
     const Layer& layer = network.layers[l];
+    const auto& slope = activations[l];  // dL/d(output of layer l)
     const T* x = l > 0 ? activations[l - 1].data() : inputs;
-    multiply({layer.inputs, layer.outputs, batch, Transpose::yes, Transpose::no, T{1}, T{0}}, x,
+    multiply({layer.inputs, layer.outputs, batch, Transpose::yes, Transpose::no, T{1}, T{1}}, x,
              slope.data(), gradient.data() + layer.weights);
     T* bias = gradient.data() + layer.biases;
-    std::fill_n(bias, layer.outputs, T{0});
     for (std::size_t i = 0; i < batch; ++i)
       for (std::size_t o = 0; o < layer.outputs; ++o) bias[o] += slope[i * layer.outputs + o];
     if (l == 0) return;
-    std::vector<T> below(batch * layer.inputs);
+    typename Activations<T>::value_type below(batch * layer.inputs);
     multiply({batch, layer.inputs, layer.outputs, Transpose::no, Transpose::yes, T{1}, T{0}},
              slope.data(), parameters.data() + layer.weights, below.data());
     for (std::size_t i = 0; i < below.size(); ++i)
       if (x[i] <= 0) below[i] = 0;
-    slope = std::move(below);
+    activations[l - 1] = std::move(below);
   }
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "drivers/core/random.hpp"
+#include "recon/numbers/table_memory.hpp"
 
 namespace echofuse::recon {
 
@@ -29,15 +30,15 @@ std::vector<float> initial_parameters(const Network& network, Rng& rng);
 
 // Output of each layer for a batch, row-major batch x outputs.
 template <class T>
-using Activations = std::vector<std::vector<T>>;
+using Activations = std::vector<std::vector<T, TableAllocator<T>>>;
 
 // Instantiated for float (training) and double (checking the gradient).
 template <class T>
 void forward(const Network& network, const std::vector<T>& parameters, const T* inputs,
              std::size_t batch, Activations<T>& activations);
 
-// On entry activations.back() holds dL/d(output); on exit `gradient` holds dL/d(parameters). The
-// activations are used up.
+// On entry activations.back() holds dL/d(output). Adds dL/d(parameters) to the gradient; an empty
+// one is all zeros. The activations are used up.
 template <class T>
 void backward(const Network& network, const std::vector<T>& parameters, const T* inputs,
               std::size_t batch, Activations<T>& activations, std::vector<T>& gradient);

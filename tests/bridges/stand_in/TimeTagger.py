@@ -10,7 +10,8 @@ Iterators.h; signatures.py compares them. What can go wrong, by environment:
   STAND_IN_OLD=1        a library without CustomMeasurement
   STAND_IN_UNPLUGGED=n  the n-th batch of tags (20 ms each) and all after it do not come and sync()
                         times out, while isRunning() stays true; the next opening cures it
-  STAND_IN_DARK=n       the same, but sync() passes: the laser is off"""
+  STAND_IN_DARK=n       the same, but sync() passes: the laser is off
+and STAND_IN_CPU=file: there, at the end, the processor time of making the tags, in seconds."""
 import os
 import threading
 import time
@@ -125,7 +126,7 @@ def pattern(start_channel, click_channel, period_ps):
 
 
 class Source:
-    """The tags that are due: whole patterns, as four columns."""
+    """The tags that are due: whole patterns, as four columns or as records."""
 
     def __init__(self, tagger, channels, most):
         self._tagger = tagger
@@ -133,22 +134,42 @@ class Source:
         longest = -(-min(most, 1 << 20) // PATTERN_TAGS)
         self._columns = [np.tile(column, longest) for column in pattern(*channels, self._period_ps)]
         self._columns[3] += np.repeat(np.arange(longest), PATTERN_TAGS) * PULSES * self._period_ps
+        self._records = np.zeros(len(self._columns[0]), TAG)  # the padding as well
+        for name, column in zip(TAG.names, self._columns):
+            self._records[name] = column
         self._most = min(most, len(self._columns[0]))
         self._began = time.monotonic()
         self._done = 0  # patterns
 
-    def due(self):
+    def _next(self):
+        """How many tags are due, and how much later than the pattern they are."""
         self._tagger.batches += 1
         if self._tagger.silent:
-            return [column[:0] for column in self._columns]
+            return 0, 0
         if RATE == float("inf"):
-            return [column[:self._most] for column in self._columns]
-        due = int((time.monotonic() - self._began) * RATE / PULSES)
-        tags = min((due - self._done) * PATTERN_TAGS, self._most)
+            return self._most, 0
+        due = min(self.patterns_due(), self._most // PATTERN_TAGS)
+        self._done += due
+        return due * PATTERN_TAGS, (self._done - due) * PULSES * self._period_ps
+
+    def patterns_due(self):
+        return int((time.monotonic() - self._began) * RATE / PULSES) - self._done
+
+    def is_behind(self):
+        return RATE == float("inf") or self.patterns_due() * PATTERN_TAGS > self._most
+
+    def columns(self):
+        tags, shift_ps = self._next()
         part = [column[:tags] for column in self._columns]
-        part[3] = part[3] + self._done * PULSES * self._period_ps
-        self._done = due
+        part[3] = part[3] + shift_ps
         return part
+
+    def write(self, tags):
+        """Into the front of that array; how many."""
+        count, shift_ps = self._next()
+        tags[:count].view("u1")[:] = self._records[:count].view("u1")
+        tags[:count]["time"] += shift_ps
+        return count
 
 
 class TimeTagStream:
@@ -162,7 +183,7 @@ class TimeTagStream:
 
     def getData(self):
         recorder.happen("getData")
-        return TimeTagStreamBuffer(*self._source.due())
+        return TimeTagStreamBuffer(*self._source.columns())
 
     def stop(self):
         called("stop")
@@ -201,16 +222,18 @@ class CustomMeasurement:
 
     def _standin_run(self):
         source = Source(self._standin_tagger, self._standin_channels, BLOCK_TAGS)
-        while not self._standin_end.wait(0 if RATE == float("inf") else BLOCK_S):
-            columns = source.due()
-            tags = np.empty(len(columns[3]), TAG)
-            tags.view("u1")[:] = 0  # the padding as well
-            for name, column in zip(TAG.names, columns):
-                tags[name] = column
+        buffer, in_process = np.empty(BLOCK_TAGS, TAG), 0.0
+        while not self._standin_end.wait(0 if source.is_behind() else BLOCK_S):
+            tags = buffer[:source.write(buffer)]
             if len(tags):
+                began = time.thread_time()
                 with self.mutex:
                     self.process(tags, tags["time"][0], tags["time"][-1])
+                in_process += time.thread_time() - began
             tags.view("u1")[:] = 0xEE
+        if path := os.environ.get("STAND_IN_CPU"):
+            with open(path, "w", encoding="utf-8") as file:
+                file.write(str(time.thread_time() - in_process))
 
 
 if os.environ.get("STAND_IN_OLD"):

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/tdc/tag_groups.hpp"
+
+// The kernel once for each instruction set, then once more for that of the whole build.
+#define HWY_TARGET_INCLUDE "drivers/tdc/tag_groups_kernel.hpp"
+#include <hwy/foreach_target.h>
+
+#include "drivers/tdc/tag_groups_kernel.hpp"
+
+namespace echofuse::tdc {
+
+HWY_EXPORT(take_groups);
+
+std::size_t count_groups(const Tag* tags, std::size_t count, const ClickBins& bins, TagRun& run,
+                         std::uint32_t* cells) {
+  return HWY_DYNAMIC_DISPATCH(take_groups)(tags, count, bins, run, cells);
+}
+
+}  // namespace echofuse::tdc

@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: MIT
+// count_groups() for one instruction set: tag_groups.cpp includes this once for each, hence no
+// guard. Nothing of std may be called here: the linker would merge one instruction set's copy into
+// others.
+#include <hwy/highway.h>
+
+#include <bit>
+
+#include "drivers/tdc/tag_groups.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace echofuse::tdc::HWY_NAMESPACE {
+
+#if HWY_MAX_BYTES >= 32 && !HWY_HAVE_SCALABLE
+
+namespace hn = hwy::HWY_NAMESPACE;
+using Times = hn::CappedTag<std::uint64_t, max_group>;
+using Bins = hn::Rebind<std::int32_t, Times>;
+constexpr std::size_t group = hn::MaxLanes(Times());
+constexpr unsigned sets = 1u << group;  // of lanes, as bits
+
+// For each set, from where each lane takes its content, in pieces of `bytes` bytes: 4 is what AVX2
+// can permute across a vector, 1 within 16 bytes.
+template <std::size_t bytes, std::size_t lane_bytes, unsigned rows>
+struct Permutations {
+  static constexpr unsigned pieces = lane_bytes / bytes;
+  std::uint8_t from[rows][group * pieces];
+  template <class Source>
+  constexpr explicit Permutations(const Source& lane_for) : from() {
+    for (unsigned set = 0; set < rows; ++set)
+      for (unsigned to = 0; to < group * pieces; ++to)
+        from[set][to] =
+            static_cast<std::uint8_t>(lane_for(set, to / pieces) * pieces + to % pieces);
+  }
+};
+
+// The last lane of the set that is not behind this one; before the first of the set, any.
+alignas(64) constexpr Permutations<4, 8, sets> last_of([](unsigned set, unsigned lane) {
+  const unsigned upto = set & ((2u << lane) - 1);
+  return upto == 0 ? 0u : static_cast<unsigned>(std::bit_width(upto)) - 1;
+});
+// The lane before; for the first, the last.
+alignas(64) constexpr Permutations<4, 8, 1> before([](unsigned, unsigned lane) {
+  return (lane + group - 1) % group;
+});
+alignas(64) constexpr Permutations<4, 8, 1> last([](unsigned, unsigned) { return group - 1; });
+
+HWY_INLINE hn::Vec<Times> permute(hn::Vec<Times> lanes, const std::uint8_t* from) {
+  const hn::Repartition<std::uint32_t, Times> d32;
+  const hn::Rebind<std::uint8_t, decltype(d32)> d8;
+  const auto indices = hn::IndicesFromVec(d32, hn::PromoteTo(d32, hn::Load(d8, from)));
+  return hn::BitCast(Times(), hn::TableLookupLanes(hn::BitCast(d32, lanes), indices));
+}
+
+HWY_INLINE unsigned set_of(hn::Mask<Times> lanes) {
+  std::uint8_t bits[8] = {};  // as many as Highway asks for
+  hn::StoreMaskBits(Times(), lanes, bits);
+  return bits[0];
+}
+
+HWY_INLINE hn::Mask<Times> mask_of(unsigned set) {
+  const std::uint8_t bits[8] = {static_cast<std::uint8_t>(set)};
+  return hn::LoadMaskBits(Times(), bits);
+}
+
+// The bins of the set side by side, then anything.
+HWY_INLINE hn::Vec<Bins> pack(hn::Vec<Bins> bins, unsigned set) {
+#if HWY_TARGET <= HWY_AVX3
+  const std::uint8_t bits[8] = {static_cast<std::uint8_t>(set)};
+  return hn::CompressBits(bins, bits);
+#else  // as CompressBits does, but GCC 12 copies the table of that to the stack, for each call
+  alignas(64) static constexpr Permutations<1, 4, sets> packed([](unsigned lanes, unsigned lane) {
+    for (; lane > 0; --lane) lanes &= lanes - 1;
+    return lanes == 0 ? 0u : static_cast<unsigned>(std::countr_zero(lanes));
+  });
+  const hn::Repartition<std::uint8_t, Bins> d8;
+  return hn::TableLookupBytes(bins, hn::BitCast(Bins(), hn::Load(d8, packed.from[set])));
+#endif
+}
+
+std::size_t take_groups(const Tag* tags, std::size_t count, const ClickBins& bins, TagRun& run,
+                        std::uint32_t* cells) {
+  const Times d;
+  const hn::Rebind<double, Times> df;
+  const auto word_of = [&d](std::int32_t channel) {
+    return hn::Set(d, std::uint64_t{static_cast<std::uint32_t>(channel)} << 32);
+  };
+  const auto start_word = word_of(bins.start_channel), click_word = word_of(bins.click_channel);
+  const auto channel_bits = word_of(-1), head_bits = hn::Set(d, 0xffff);  // type, reserved byte
+  const auto first_bin = hn::Set(d, bins.first_bin_ps), range = hn::Set(d, bins.range_ps);
+  // The last bits of the double 2^52 are those of a whole number that is added to it.
+  const auto two_52 = hn::Set(d, 0x4330000000000000);
+  const auto two_52_less_half = hn::Set(df, 0x1p52 - 0.5);
+  const auto bins_per_ps = hn::Set(df, bins.bins_per_ps);
+  const auto first_lane = hn::FirstN(d, 1);
+
+  auto start = hn::Set(d, run.last_start_ps);    // in every lane
+  auto previous = hn::Set(d, run.last_time_ps);  // in the first lane
+  auto backwards = hn::Zero(d);
+  std::size_t taken = 0, starts = 0, all_clicks = 0;
+  bool sound = true;
+  while (sound && count - taken >= group) {
+    constexpr std::size_t chunk = 2048;
+    HWY_ALIGN std::int32_t clicked[chunk + group];  // bins
+    std::size_t clicks = 0;
+    const std::size_t end = taken + HWY_MIN(chunk, (count - taken) / group * group);
+    for (; taken < end; taken += group) {
+      hn::Vec<Times> word, time;
+      hn::LoadInterleaved2(d, reinterpret_cast<const std::uint64_t*>(tags + taken), word, time);
+      sound = hn::AllTrue(d, hn::Eq(hn::And(word, head_bits), hn::Zero(d)));
+      if (HWY_UNLIKELY(!sound)) break;
+
+      const auto moved = permute(time, before.from[0]);
+      const auto step = hn::Sub(time, hn::IfThenElse(first_lane, previous, moved));
+      backwards = hn::Add(backwards, hn::ShiftRight<63>(step));
+      previous = moved;
+
+      const auto channel = hn::And(word, channel_bits);
+      const unsigned start_set = set_of(hn::Eq(channel, start_word));
+      const unsigned click_set = set_of(hn::Eq(channel, click_word));
+      const auto before_first = mask_of((start_set & -start_set) - 1);
+      start = hn::IfThenElse(before_first, start, permute(time, last_of.from[start_set]));
+      const auto distance = hn::Min(hn::Sub(hn::Sub(time, start), first_bin), range);
+      start = permute(start, last.from[0]);
+      const auto number = hn::Sub(hn::BitCast(df, hn::Or(distance, two_52)), two_52_less_half);
+      const auto bin = hn::DemoteTo(Bins(), hn::Mul(number, bins_per_ps));
+      hn::StoreU(pack(bin, click_set), Bins(), clicked + clicks);
+      clicks += hwy::PopCount(click_set);
+      starts += hwy::PopCount(start_set);
+    }
+    for (std::size_t i = 0; i < clicks; ++i) ++cells[clicked[i]];
+    all_clicks += clicks;
+  }
+  run.starts += starts;
+  run.others += taken - starts - all_clicks;
+  run.backwards += hn::GetLane(hn::SumOfLanes(d, backwards));
+  run.last_start_ps = hn::GetLane(start);
+  run.last_time_ps = hn::GetLane(previous);
+  return taken;
+}
+
+#else
+
+std::size_t take_groups(const Tag*, std::size_t, const ClickBins&, TagRun&, std::uint32_t*) {
+  return 0;
+}
+
+#endif
+
+}  // namespace echofuse::tdc::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: MIT
+// What this machine can do at most, on one thread, and rows of the table that scripts/bench prints
+// (table.py). Times are the processor's, best of some rounds: others may be busy.
+#pragma once
+#include <algorithm>
+#include <cstddef>
+#include <ctime>
+#include <limits>
+
+namespace echofuse::bench {
+
+inline double processor_s() {
+  timespec t;
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+template <class Work>
+double best_s(int rounds, const Work& work) {
+  double best = std::numeric_limits<double>::max();
+  for (int i = 0; i < rounds; ++i) {
+    const double begin = processor_s();
+    work();
+    best = std::min(best, processor_s() - begin);
+  }
+  return best;
+}
+
+const char* instructions();               // that the limits are measured with
+double multiply_adds_per_s();             // single precision, in registers
+double bytes_read_per_s(std::size_t of);  // again and again from a block of so many bytes
+double bytes_copied_per_s(std::size_t of);
+
+// One path: ours and the limit in this unit, a rate if it ends with "/s", else a time. 0: none.
+void print_row(const char* path, const char* unit, double ours, double limit, const char* of_what);
+void print_peer(const char* path, const char* peer, double value);  // in the same unit
+
+}  // namespace echofuse::bench

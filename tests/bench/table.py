@@ -1,0 +1,136 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: MIT
+"""table.py BUILD_DIR SCRATCH: runs the benchmarks of BUILD_DIR and prints one table: path,
+ours, limit of this machine, share of it, peer, ratio to it. What programs say beside their rows (limits.hpp)
+passes through. Peers that are not installed are left out."""
+import argparse
+import pathlib
+import re
+import sqlite3
+import subprocess
+import sys
+import time
+import zlib
+
+import numpy
+
+rows, peers = {}, {}  # path: unit, ours, limit, of what; path: name, value
+
+
+def best_s(rounds, work, clock=time.process_time):
+    taken = []
+    for _ in range(rounds):
+        began = clock()
+        work()
+        taken.append(clock() - began)
+    return min(taken)
+
+
+def run(*command):
+    """The program's own rows join the table."""
+    done = subprocess.run([str(word) for word in command], stdout=subprocess.PIPE, text=True, check=True)
+    for line in done.stdout.splitlines():
+        kind, *words = line.split("\t")
+        if kind == "row":
+            rows[words[0]] = words[1], float(words[2]), float(words[3]), words[4]
+        elif kind == "peer":
+            peers[words[0]] = words[1], float(words[2])
+        else:
+            print(line, flush=True)
+    return done.stdout
+
+
+def decode(png):
+    """A 64 x 64 picture of 16 bits without filters."""
+    data, at = [], 8
+    while at < len(png):
+        length = int.from_bytes(png[at:at + 4], "big")
+        if png[at + 4:at + 8] == b"IDAT":
+            data.append(png[at + 8:at + 8 + length])
+        at += 12 + length
+    lines = numpy.frombuffer(zlib.decompress(b"".join(data)), numpy.uint8).reshape(64, 129)
+    return numpy.ascontiguousarray(lines[:, 1:]).view(">u2") / numpy.float32(1000)
+
+
+def load(path):
+    """The run as NumPy reads it."""
+    with sqlite3.connect(f"file:{path}?mode=ro", uri=True) as run_file:
+        found = run_file.execute("SELECT spd, radar, depth FROM record").fetchall()
+    return [(numpy.frombuffer(spd, "<u4"), numpy.frombuffer(radar, "<f4"), decode(depth)) for spd, radar, depth in found]
+
+
+def to_maps(recon, model, recorded, scratch):
+    """The whole command, by the clock on the wall, as several threads work."""
+    folders = iter(range(100))
+    records = len(load(recorded))
+    work = lambda: subprocess.run([recon, "reconstruct", model, recorded, "--format", "npz", "-q", "--out",
+                                   scratch / f"maps{next(folders)}"], check=True, stdout=subprocess.DEVNULL)
+    took = best_s(5, work, time.perf_counter)
+    maps = numpy.load(scratch / "maps0/maps.npz")["depth_m"]
+    copy = numpy.empty_like(maps)
+    name = "records to NPZ, a record"
+    rows[name] = "us", 1e6 * took / records, 1e6 * best_s(5, lambda: numpy.copyto(copy, maps)) / records, "copying the maps"
+    files = iter(range(100))
+    write = lambda: numpy.savez(scratch / f"maps{next(files)}.npz", maps)
+    peers[name] = "numpy.savez of ready maps", 1e6 * best_s(3, write, time.perf_counter) / records
+
+
+def torch(recon, recorded, scratch):
+    """Training and one map of the plain network, in seconds an epoch and microseconds."""
+    model = scratch / "plain.h5"
+    subprocess.run([recon, "train", recorded, "--model", "mlp-512-256", "--epochs", "8", "--patience", "8", "--threads",
+                    "1", "--no-fallback", "-q", "--out", model], check=True)
+    script = pathlib.Path(__file__).resolve().parents[2] / "scripts/compare_torch.py"
+    done = subprocess.run(["/usr/bin/python3", script, model, recorded, "--threads", "1", "--bin", recon.parent],
+                          stdout=subprocess.PIPE, text=True)
+    found = {name: (float(epoch), float(us)) for name, epoch, us in
+             re.findall(r"^(echofuse|PyTorch) .* (\d+\.\d{4}) +([\d.]+), [\d.]+$", done.stdout, re.M)}
+    if done.returncode != 0 or len(found) != 2:
+        return
+    print(done.stdout, end="")
+    path = "training of the plain network"
+    peers[path] = "PyTorch", rows[path][1] * found["echofuse"][0] / found["PyTorch"][0]
+    peers["one map of mlp-512-256"] = "PyTorch, normalised record", found["PyTorch"][1]
+
+
+def number(value):
+    return f"{value:.3g}" if value < 1000 else f"{value:.0f}"
+
+
+def print_table():
+    lines = [["path", "ours", "limit", "share", "peer", "ratio"]]
+    for path, (unit, ours, limit, what) in rows.items():
+        rate = unit.endswith("/s")
+        share = (ours / limit if rate else limit / ours) if limit else 0
+        line = [path, f"{number(ours)} {unit}", f"{number(limit)} ({what})" if limit else "", f"{100 * share:.0f} %" if limit else ""]
+        name, value = peers.get(path, ("", 0))
+        line += [f"{number(value)} ({name})", f"{ours / value if rate else value / ours:.2g} x"] if value else ["", ""]
+        lines.append(line)
+    widths = [max(len(line[i]) for line in lines) for i in range(len(lines[0]))]
+    lines.insert(1, ["-" * width for width in widths])
+    for line in lines:
+        print("| " + " | ".join(word.ljust(width) for word, width in zip(line, widths)) + " |")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("build", type=pathlib.Path)
+    parser.add_argument("scratch", type=pathlib.Path)
+    options = parser.parse_args()
+    recon, bench = options.build / "bin/echofuse-recon", options.build / "bench"
+    recorded = options.scratch / "run"
+    subprocess.run([options.build / "bin/echofuse-sim", "dataset", "-q", "--seed", "1", "--out", recorded], check=True)
+    run(bench / "bench_recon", recorded)
+    peers["loading a record"] = "NumPy, sqlite3, zlib", 1e6 * best_s(2, lambda: load(recorded)) / len(load(recorded))
+    model = options.scratch / "model.h5"
+    subprocess.run([recon, "train", recorded, "--model", "factorised-16", "--epochs", "10", "-q", "--out", model], check=True)
+    to_maps(recon, model, recorded, options.scratch)
+    torch(recon, recorded, options.scratch)
+    run(bench / "bench_tags")
+    run(bench / "bench_radar_parser")
+    run("/usr/bin/python3", pathlib.Path(__file__).parent / "numpy_scenes.py", bench / "bench_scenes")
+    print_table()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: MIT
+// Every instruction set of this processor against single tags (SCALAR never takes a group), which
+// histogram.cpp and the fuzz target hold against the definition.
+#include "drivers/tdc/tag_groups.hpp"
+
+#include <hwy/highway.h>
+
+#include <catch2/catch.hpp>
+#include <cstdlib>
+#include <limits>
+
+#include "drivers/core/random.hpp"
+#include "drivers/tdc/histogram.hpp"
+
+using namespace echofuse;
+using namespace echofuse::tdc;
+
+namespace {
+
+struct Outcome {
+  std::vector<std::uint32_t> bins;
+  TagCounts counts;
+  bool operator==(const Outcome&) const = default;
+};
+
+// In blocks of this many tags.
+Outcome count(const HistogramSettings& settings, std::span<const Tag> tags, std::size_t block) {
+  Histogram histogram(settings);
+  for (; !tags.empty(); tags = tags.subspan(std::min(block, tags.size())))
+    histogram.add(tags.first(std::min(block, tags.size())));
+  return {histogram.counts(), histogram.tag_counts()};
+}
+
+void compare(const HistogramSettings& settings, std::span<const Tag> tags, std::size_t block) {
+  const auto with = [&](std::int64_t target) {
+    hwy::GetChosenTarget().Update(target);
+    return count(settings, tags, block);
+  };
+  const Outcome singly = with(HWY_SCALAR);
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    INFO(hwy::TargetName(target));
+    REQUIRE((with(target) == singly));
+  }
+  hwy::GetChosenTarget().DeInit();  // the best, as before
+}
+
+// Starts, clicks and others, now and then back in time; from near the wrap of the clock, and with a
+// marker or a bad tag among 40 or 4 tags, in some streams.
+std::vector<Tag> stream(Rng& rng, std::size_t size, bool near_wrap, std::uint64_t marker_among) {
+  std::vector<Tag> tags(size);
+  std::uint64_t time = near_wrap ? (std::uint64_t{1} << 63) - 5'000'000 : rng() >> 20;
+  for (Tag& tag : tags) {
+    time += rng() % 20'000;
+    if (rng() % 50 == 0) time -= rng() % 90'000;
+    const auto dice = rng() % 16;
+    tag = {.missed_events = static_cast<std::uint16_t>(rng() % 5),
+           .channel = dice < 6    ? 1
+                      : dice < 14 ? 2
+                      : dice < 15 ? -1
+                                  : 7,
+           .time_ps = static_cast<std::int64_t>(time)};
+    if (marker_among == 0 || rng() % marker_among != 0) continue;
+    tag.type = static_cast<TagType>(rng() % 6);
+    tag.reserved = rng() % 8 == 0;
+  }
+  return tags;
+}
+
+}  // namespace
+
+TEST_CASE("groups of tags count what single tags do") {
+  const int streams = std::getenv("ECHOFUSE_LONG") ? 200'000 : 2000;
+  constexpr std::uint64_t marker_among[] = {0, 40, 4};
+  for (int i = 0; i < streams; ++i) {
+    CAPTURE(i);
+    Rng rng = make_rng(static_cast<std::uint64_t>(i), 18);
+    HistogramSettings settings{.bin_width_ps = 1 + static_cast<std::int64_t>(rng() % 200),
+                               .first_bin_ps = static_cast<std::int64_t>(rng() % 20'000) - 5000,
+                               .bins = 1 + static_cast<std::uint32_t>(rng() % 934)};
+    if (i % 7 == 0) settings.bin_width_ps = std::int64_t{1} << 40, settings.bins = 8;
+    if (i % 11 == 0) settings.start_channel = -1;
+    compare(settings, stream(rng, rng() % 300, i % 5 == 0, marker_among[i % 3]), 1 + rng() % 97);
+  }
+}
+
+TEST_CASE("groups of tags count what single tags do, in a long block") {
+  Rng rng = make_rng(1, 19);
+  for (const std::uint64_t marker_among : {0, 1000})
+    compare({}, stream(rng, 100'000, true, marker_among), 65'536);
+}
+
+TEST_CASE("bin borders are exact in groups as well") {
+  const std::int64_t width = 67'108'863;  // 2^26 - 1: no power of two to help
+  const std::uint32_t bins = 1u << 24;
+  std::vector<Tag> tags{{.channel = 1, .time_ps = 5}};
+  Rng rng = make_rng(3, 4);
+  for (int i = 0; i < 2000; ++i) {
+    const auto border = 5 + static_cast<std::int64_t>(i == 0 ? bins : rng() % bins) * width;
+    for (const std::int64_t step : {-1, 0, 1})
+      tags.push_back({.channel = 2, .time_ps = border + step});
+  }
+  compare({.bin_width_ps = width, .first_bin_ps = 0, .bins = bins}, tags, tags.size());
+}
+
+#if HWY_ARCH_X86
+TEST_CASE("a processor with AVX2 takes groups") {
+  if (!(hwy::SupportedTargets() & (HWY_AVX2 | HWY_AVX3))) return;
+  std::vector<Tag> tags(2 * max_group, Tag{.channel = 1});
+  std::uint32_t cells[2] = {};
+  TagRun run;
+  const ClickBins bins{.start_channel = 1, .click_channel = 2, .range_ps = 1, .bins_per_ps = 1};
+  CHECK(count_groups(tags.data(), tags.size(), bins, run, cells) == tags.size());
+  CHECK(run.starts == tags.size());
+  tags[max_group].type = TagType::error;
+  CHECK(count_groups(tags.data(), tags.size(), bins, run, cells) == max_group);
+}
+#endif
