@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 import unittest
 
@@ -16,8 +17,14 @@ import live
 from live import WINDOW_S, bin_dir, wait_for
 from websocket import Client
 
+SCRIPTS = pathlib.Path(__file__).resolve().parent.parent.parent / "scripts"
+
 
 class LiveView(live.Live):
+    @property
+    def lab_options(self):
+        return (*live.Live.lab_options, "--log", self.dir / "sent.jsonl")
+
     def view(self, *options):
         process = self.start([bin_dir / "echofuse-view", self.run, *options], stdout=subprocess.PIPE,
                              stderr=subprocess.DEVNULL, text=True)
@@ -102,6 +109,43 @@ class LiveView(live.Live):
         self.assertFalse(folder.exists())
         client.socket.close()
         wait_for("end of the viewer", lambda: not self.listens(address), 15)
+
+    def test_fifty(self):
+        """50 viewers, and one that never reads: the same slots and no loss that the laboratory cannot explain."""
+        daemon = self.record("--count", "40")
+        address = self.view()
+        silent = Client(address)
+        frames = [0] * 50
+        clients = [Client(address) for _ in frames]
+
+        def look(k):
+            try:
+                while True:
+                    frames[k] += clients[k].message()["kind"] == "record"
+            except (OSError, EOFError):
+                pass
+        threads = [threading.Thread(target=look, args=(k,), daemon=True) for k in range(50)]
+        for thread in threads:
+            thread.start()
+        log = self.finish(daemon, 60)
+        self.assertEqual(daemon.returncode, 0, log)
+        time.sleep(1)
+        viewer = self.processes[-1]
+        with open(f"/proc/{viewer.pid}/stat", encoding="ascii") as stat:
+            ticks = sum(map(int, stat.read().rsplit(")", 1)[1].split()[11:13]))
+        cpu_s = ticks / os.sysconf("SC_CLK_TCK")
+        print(f"viewer {cpu_s:.1f} s of a core in {40 * WINDOW_S:.0f} s, records a client {min(frames)} to {max(frames)}",
+              file=sys.stderr)
+        for client in clients:
+            client.socket.close()
+        silent.socket.close()
+        self.close_lab()
+        self.assertEqual(len(self.rows()), 40)
+        self.check_slots(self.rows())
+        self.assertGreater(min(frames), 10)
+        audit = subprocess.run([sys.executable, SCRIPTS / "audit_run.py", self.run, self.dir / "sent.jsonl"],
+                               stdout=subprocess.PIPE, text=True)
+        self.assertEqual(audit.returncode, 0, audit.stdout)
 
     def listens(self, address):
         try:

@@ -126,6 +126,8 @@ class Page(live_view.LiveView):
         viewer.terminate()
         self.assertEqual(viewer.wait(10), 0)
         self.wait("word of it", lambda: "no connection" in self.text("status"))
+        self.view("--listen", address.split("/")[2])
+        self.wait("page of the viewer started again", lambda: self.text("status") == "crashed")
         faults = [entry["message"] for entry in self.browser.get_log("browser")
                   if entry["level"] == "SEVERE" and "/live" not in entry["message"]]
         self.assertEqual(faults, [])

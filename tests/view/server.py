@@ -6,6 +6,7 @@ import hashlib
 import http.client
 import os
 import pathlib
+import random as random_numbers
 import re
 import socket
 import sqlite3
@@ -153,6 +154,26 @@ class Server(unittest.TestCase):
             client.frame(1, bad)
             self.assertFalse(client.until("answer")["ok"], bad)
         self.assertEqual(self.get("/")[0].status, 200)
+
+    def test_garbage(self):
+        """Bytes of any kind, before and after the handshake: only the connection that sends them ends."""
+        random = random_numbers.Random(1)
+        healthy = Client(self.address)
+        for k in range(120):
+            if k % 2:
+                client = Client(self.address).socket
+            else:
+                url = urllib.parse.urlsplit(self.address)
+                client = socket.create_connection((url.hostname, url.port), 20)
+            with client:
+                begin = random.choice([b"", b"GET /live HTTP/1.1\r\n", b"\x81", b"\x81\xfe\xff\xff", b"\x88\x80", b"\x89\x84", b"\x02\x81"])
+                try:
+                    client.sendall(begin + random.randbytes(random.randrange(200)))
+                except ConnectionError:
+                    pass
+        healthy.ask({"show": 1})
+        self.assertEqual(healthy.until("record", lambda m: not m["live"])["index"], 1)
+        healthy.socket.close()
 
     def test_many(self):
         """64 connections, and not one more; when one goes there is room again."""

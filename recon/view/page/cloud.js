@@ -19,13 +19,13 @@ function program(gl) {
   return out;
 }
 
-// Perspective of 40 degrees times an orbit about (0, -0.35, middle), column by column.
+// Perspective of 40 degrees times an orbit about (0, -0.5, middle), column by column.
 function viewOf(turn, tilt, away, middle, aspect) {
   const [cy, sy, cx, sx] = [Math.cos(turn), Math.sin(turn), Math.cos(tilt), Math.sin(tilt)];
   const f = 1 / Math.tan(Math.PI / 9), near = 0.05, far = 60, a = (far + near) / (near - far), b = 2 * far * near / (near - far);
   // Camera space: z towards the viewer, so that the scene's z (away from the sensors) is turned round.
   const rows = [[cy, 0, -sy], [sx * sy, cx, sx * cy], [-cx * sy, sx, -cx * cy]];
-  const t = rows.map((r, i) => r[1] * 0.35 - r[2] * middle - (i === 2 ? away : 0));
+  const t = rows.map((r, i) => r[1] * 0.5 - r[2] * middle - (i === 2 ? away : 0));
   const out = new Float32Array(16);
   for (let j = 0; j < 3; ++j) {
     out[4 * j] = rows[0][j] * f / aspect, out[4 * j + 1] = rows[1][j] * f;
@@ -44,7 +44,7 @@ export class Cloud {
       this.box.textContent = 'This browser has no WebGL: no points.';
       return;
     }
-    this.turn = -0.6, this.tilt = 0.3, this.away = 5, this.middle = 3.5, this.count = 0;
+    this.turn = -0.6, this.tilt = 0.3, this.away = 5.4, this.middle = 3.5, this.count = 0;
     this.program = program(this.gl);
     this.labels = [2, 3, 4, 5].map(z => {
       const at = document.createElement('span');

@@ -53,6 +53,7 @@ function drawNumbers() {
   const s = state, words = {open: 'recording', complete: 'complete'};
   say('status', connected ? words[s.status] ?? s.status : 'no connection to the viewer');
   $('status').dataset.status = connected ? s.status.split(':')[0] : 'lost';
+  say('live', s.status === 'open' ? 'live' : 'newest');
   say('records', s.planned ? `${s.records} / ${s.planned}` : `${s.records}`);
   say('remaining', s.remaining_s == null ? '–' : clock(s.remaining_s));
   const lasts = s.disk?.lasts_s;
