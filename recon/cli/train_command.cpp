@@ -116,9 +116,10 @@ Command add_train(CLI::App& app, const Common& common) {
          "that brightness tells the side, too")
       ->check(CLI::IsMember({"unknown", "stable"}))
       ->default_str("unknown");
-  app.add_option("--weight", a->weights,
-                 "how often each run's records count, one number a run: 1,20 beside few of another "
-                 "room")
+  app.add_option(
+         "--weight", a->weights,
+         "how often each run's records count, one number a run; default: once, but if the runs "
+         "that stand for the use are unlike the others: as half of these")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->check(CLI::Range(0.0, 1000.0));

@@ -10,6 +10,7 @@
 #include "drivers/core/printable.hpp"
 #include "recon/data/lags.hpp"
 #include "recon/data/shift.hpp"
+#include "recon/data/source_facts.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -72,7 +73,8 @@ class Appender {
         throw Error(ExitCode::failed,
                     printable(path_) + ": the same run as " + printable(source.path) +
                         "; give each run once, or its records leak into the test");
-    data.sources.push_back({path_, uuid, data.size(), 0, radar_offset_m});
+    data.sources.push_back(
+        {path_, uuid, data.size(), 0, radar_offset_m, calibrated_days(run), laboratories_of(run)});
   }
 
   // For so many records: a table that grows would be there twice.

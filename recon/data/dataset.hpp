@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,6 +29,8 @@ struct Source {
   std::string path, uuid;
   std::size_t first = 0, count = 0;
   double radar_offset_m = 0;  // by which its profiles are still too long (subtract_range_offset)
+  std::optional<double> calibrated_days = {};  // how long before the run the radar was calibrated
+  std::size_t laboratories = 0;  // record i is of laboratory i modulo this; 0: all are of one
 };
 
 // A sensor that a record lacks has zeros in its row; `has` tells. A run without the sensor at all,

@@ -205,6 +205,7 @@ void save_to(H5File& file, const TrainedModel& model) {
   save_body(file, model);
   save_training(file, model);
   if (model.alignment.known()) model.alignment.save(file);
+  model.context.save(file);
   model.model->save(file);
   model.range_bias.save(file);
   model.domain.save(file);
@@ -227,7 +228,8 @@ TrainedModel load_one(const H5File& file) {
       ((uncertainties || file.has("domain")) && layout.spd.count > 0))
     out.alignment.load(file, layout);
   out.model = kind_of(out.name).make();
-  out.model->load(file, aligned ? out.alignment.inputs() : layout.inputs(),
+  out.context.load(file);
+  out.model->load(file, aligned ? out.context.size() + out.alignment.inputs() : layout.inputs(),
                   out.scene.grid.pixels());
   out.range_bias.load(file, out.alignment);
   out.domain.load(file, out.features.inputs);

@@ -121,12 +121,15 @@ Records prepare_records(const TrainedModel& whole, Dataset recorded, RangeBiasAc
   };
   align(0);
   if (!asked) return out;
-  out.range_bias =
-      model.range_bias.judge(model.range_bias.measure(model.alignment, data, out.aligned));
-  const bool others = out.range_bias.status == RangeBias::Status::detected &&
+  out.range_bias = model.range_bias.judge(model.alignment, data, out.aligned, out.gains);
+  using Says = RangeBiasEvidence::Says;
+  const bool detected = out.range_bias.status == RangeBias::Status::detected;
+  const Says says = out.range_bias.evidence.says;
+  const bool others = detected && says != Says::range_bias && !out.range_bias.by_echoes &&
                       domain_shift_of(model, out).changes_shapes();
-  out.text = out.range_bias.text(correct && !others, others);
-  if (!correct || others || out.range_bias.status != RangeBias::Status::detected) return out;
+  const bool corrected = detected && correct && !others && says != Says::no_range_bias;
+  out.text = out.range_bias.text(corrected, others);
+  if (!corrected) return out;
   data.radar = profiles, data.radar_axis = axis, data.sources = sources;
   align(out.range_bias_m = out.range_bias.bias_m);
   return out;
@@ -134,7 +137,11 @@ Records prepare_records(const TrainedModel& whole, Dataset recorded, RangeBiasAc
 
 DomainShift domain_shift_of(const TrainedModel& whole, const Records& records) {
   const TrainedModel& model = whole.for_run(records.data);
-  return model.domain.judge(model.alignment, records.data, records.aligned);
+  RangeBias moved = records.range_bias;
+  if (moved.records == 0 && records.range_bias_m == 0)
+    moved = model.range_bias.judge(
+        model.range_bias.measure(model.alignment, records.data, records.aligned));
+  return model.domain.judge(model.alignment, records.data, records.aligned, moved);
 }
 
 Prediction predict(const TrainedModel& model, const Records& records, const Rows& rows,

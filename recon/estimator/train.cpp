@@ -142,6 +142,40 @@ bool looks_at_body(const std::string& candidate, const TrainOptions& options) {
   return wants_alignment(candidate_of(candidate, options.fit).model);
 }
 
+constexpr double share_of_use = 0.5;       // that its records make of the others', measured
+constexpr std::size_t others_least = 100;  // to tell that it is unlike them
+
+// Beside many records of other rooms few of the use's are hardly learnt from: where a test tells
+// these runs apart, its records count more often. Otherwise each record counts once.
+std::vector<double> weights_of(const Dataset& data, const Split& split, Inputs inputs,
+                               const TrainOptions& options) {
+  const Rows use = of_use(data, options);
+  if (!options.weights.empty() || use.empty()) return options.weights;
+  const Rows few = common(split.train, use);
+  Rows others;
+  std::ranges::set_difference(in_order(split.train), use, std::back_inserter(others));
+  if (few.empty() || others.size() < others_least) return {};
+  const double times =
+      share_of_use * static_cast<double>(others.size()) / static_cast<double>(few.size());
+  if (times <= 1) return {};
+  const Preprocessing preprocessing(data, split.train, inputs,
+                                    learn_scene(data.depth, split.train, data.map), true);
+  const DomainReference reference(preprocessing.alignment, data, preprocessing.aligned, others,
+                                  inputs);
+  if (!reference.known()) return {};
+  const DomainShift shift = reference.judge(preprocessing.alignment, part_of(data, few),
+                                            take_rows(preprocessing.aligned, few), {});
+  if (!shift.found()) return {};
+  std::vector<double> weights(data.sources.size(), 1);
+  for (const std::size_t run : options.validate_on) weights[run] = times;
+  if (!options.fit.quiet)
+    std::fprintf(stderr,
+                 "the runs that stand for the use are unlike the others (domain shift %.1f): each "
+                 "of their records counts %.1f times; --weight says otherwise\n",
+                 shift.distance, times);
+  return weights;
+}
+
 // With what is kept beside it. A fallback for the range profile is what a training with
 // --inputs fused-profile would make of these records.
 TrainedModel train_split(const Dataset& data, const Split& split, const std::string& name,
@@ -224,8 +258,10 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   if (inputs == Inputs::fused && !one_antenna && data.arrays_differ && !options.fit.quiet)
     std::fputs("the runs differ in the radar's antennas: of the radar, the profile is taken\n",
                stderr);
-  return train_split(
-      data, split, options.model == "auto" ? choose(data, split, options) : options.model, options);
+  const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
+  TrainOptions with_weights = options;
+  if (looks_at_body(name, options)) with_weights.weights = weights_of(data, split, inputs, options);
+  return train_split(data, split, name, with_weights);
 }
 
 }  // namespace echofuse::recon

@@ -98,7 +98,8 @@ Matrix TrainedModel::align(const Dataset& data, const Rows& rows, bool wanted) c
 }
 
 Matrix TrainedModel::inputs(const Dataset& data, const Rows& rows, const Matrix& aligned) const {
-  return wants_alignment(name) ? alignment.with_correlations(aligned) : features.apply(data, rows);
+  return wants_alignment(name) ? context.before(alignment.with_correlations(aligned))
+                               : features.apply(data, rows);
 }
 
 Cost TrainedModel::cost() const {
@@ -139,6 +140,9 @@ Preprocessing::Preprocessing(const Dataset& data, const Rows& train, Inputs inpu
   const Matrix raw_inputs = raw.raw_inputs(data, all_rows(data.size()));
   alignment = Alignment(raw.layout(), raw_inputs, train, gains);
   aligned = alignment(raw_inputs);
+  if (both_sensors(inputs))
+    context = RunContext(alignment, data, aligned, laboratories_of(data, train), inputs,
+                         train.size(), contexts);
   elapsed_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
 }
 
@@ -155,9 +159,13 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const Preprocess
     throw Error(ExitCode::usage,
                 "the silhouette and factorised models need both sensors: --inputs fused");
   out.scene = preprocessing.scene;
-  if (aligned) out.alignment = preprocessing.alignment;
+  if (aligned) out.alignment = preprocessing.alignment, out.context = preprocessing.context;
   out.model = kind_of(candidate.model).make();
-  const Matrix taken = out.inputs(data, all_rows(data.size()), preprocessing.aligned);
+  const Matrix taken =
+      out.context.size() > 0
+          ? RunContext::before(out.alignment.with_correlations(preprocessing.aligned),
+                               preprocessing.contexts)
+          : out.inputs(data, all_rows(data.size()), preprocessing.aligned);
   const auto samples = [&](const Rows& rows) {
     return Samples{taken,       data.depth, rows, &preprocessing.scene, &preprocessing.alignment,
                    &data.radar, &data.array};

@@ -14,6 +14,7 @@
 //   training/    loss_m, validation_loss_m, hidden (widths), with attributes best_epoch, epochs,
 //                batch, learning_rate, weight_decay, patience
 //   alignment/   what is always there (body/alignment.hpp), if anything in the file needs it
+//   context/     of a model of many laboratories, what is known of this one (run_context.hpp)
 //   model/       what the model itself keeps
 //   range_bias/  of a fused model: range_bias.hpp
 //   domain/      what the training records are like: domain_shift.hpp
@@ -30,6 +31,7 @@
 
 #include "recon/data/features.hpp"
 #include "recon/data/split.hpp"
+#include "recon/estimator/run_context.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/models/model.hpp"
 #include "recon/uncertainty/domain_shift.hpp"
@@ -52,6 +54,7 @@ struct TrainedModel {
   Features features;
   Scene scene;
   Alignment alignment;  // not known if nothing here needs it
+  RunContext context;   // of models of many laboratories
   std::unique_ptr<Model> model;
   std::optional<UncertaintyModel> uncertainty;  // none: no uncertainty is stated
   TrainingLog log;
@@ -116,6 +119,8 @@ struct Preprocessing {
   Scene scene;
   Alignment alignment;   // not known unless wanted, nor without a detector
   Matrix aligned;        // of every record of the data set
+  RunContext context;    // if these are of many laboratories,
+  Matrix contexts;       // and of every record what it is trained with
   double elapsed_s = 0;  // which belongs to the time of each training
   Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene scene, bool wanted,
                 Gains gains = Gains::unknown);

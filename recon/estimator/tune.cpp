@@ -91,7 +91,11 @@ TrainedModel adapt(const TrainedModel& from, const Dataset& data, const Rows& ro
     if (out.alignment.gains() == Gains::stable && with_scene)
       out.alignment.learn_brightness(out.features.raw_inputs(data, all), rows);
   }
-  const Matrix taken = out.inputs(data, all, out.align(data, all, false));
+  const Matrix aligned = out.align(data, all, false);
+  out.context = from.context;
+  if (with_scene && wants_alignment(from.name))
+    out.context.learn(out.alignment, data, aligned, rows, from.features.inputs);
+  const Matrix taken = out.inputs(data, all, aligned);
   out.model = from.model->tuned(
       {taken, data.depth, rows, &out.scene, &out.alignment, &data.radar, &data.array}, tuning);
   return out;

@@ -53,6 +53,8 @@ std::vector<Observable> observables(Inputs inputs) {
   return out;
 }
 
+constexpr std::size_t range_column = 3;  // with a detector; the profile's width comes next
+
 struct Moments {
   double centre, deviation, skewness;  // in points
 };
@@ -225,6 +227,20 @@ class Test {
   Eigen::LDLT<Eigen::MatrixXd> covariance_;
 };
 
+// A normal number of standard errors, beyond so many of which 5 % lie.
+constexpr double usual_errors = 1.96;
+
+void add_range_bias(const RangeBias& found, DomainShift& out) {
+  if (!(found.standard_error_m > 0)) return;
+  const double clear = std::abs(found.bias_m) / found.standard_error_m;
+  out.distance = std::max(out.distance, clear / usual_errors);
+  out.p = std::min(1., 2 * std::min(out.p, std::erfc(clear / std::sqrt(2.))));
+  if (clear > clearly)
+    out.differences.push_back(
+        {formatted("radar ranges of the outermost bodies %+.1f cm", 100 * found.bias_m), clear,
+         false});
+}
+
 std::string describe(const Observable& o, double difference) {
   if (o.kind == Kind::ratio) return formatted("%s %.2f times", o.name, std::exp(difference));
   if (o.kind == Kind::length) return formatted("%s %+.1f cm", o.name, 100 * difference);
@@ -232,6 +248,22 @@ std::string describe(const Observable& o, double difference) {
 }
 
 }  // namespace
+
+Matrix observe_shapes(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
+                      const Rows& rows, Inputs inputs) {
+  const Inputs what = without_antennas(inputs);
+  const auto kinds = observables(what);
+  const Matrix all = observe(alignment, data, aligned, rows, what);
+  Matrix out(0, kinds.size() - 1);
+  for (std::size_t i = 0; i < all.rows; ++i) {
+    std::vector<float> row(all.row(i).begin(), all.row(i).end());
+    row.erase(row.begin() + range_column);
+    out.add_row(row);
+  }
+  return out;
+}
+
+Rows columns_of_shape(std::size_t columns) { return {0, range_column, columns - 1}; }
 
 bool DomainShift::changes_shapes() const {
   return found() && std::any_of(differences.begin(), differences.end(),
@@ -258,7 +290,7 @@ DomainReference::DomainReference(const Alignment& alignment, const Dataset& data
 }
 
 DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& data,
-                                   const Matrix& aligned) const {
+                                   const Matrix& aligned, const RangeBias& range_bias) const {
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row)
     if (data.fault_of(row, inputs_).empty()) rows.push_back(row);
@@ -280,6 +312,7 @@ DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& da
       out.differences.push_back(
           {describe(kinds[c], difference[c] * standard.deviation[c]), clear, kinds[c].of_shape});
   }
+  add_range_bias(range_bias, out);
   std::sort(out.differences.begin(), out.differences.end(),
             [](const auto& a, const auto& b) { return a.deviations > b.deviations; });
   return out;

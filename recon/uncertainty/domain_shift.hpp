@@ -15,6 +15,7 @@
 
 #include "recon/data/dataset.hpp"
 #include "recon/models/body/alignment.hpp"
+#include "recon/uncertainty/range_bias.hpp"
 
 namespace echofuse::recon {
 
@@ -35,6 +36,13 @@ struct DomainShift {
   std::string text() const;     // for the user; empty if not tested
 };
 
+// Of each of the rows that shows a body, what its sensors say of shapes: the histogram's and the
+// profile's, of both sensors together if both are there; not where it stands.
+Matrix observe_shapes(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
+                      const Rows& rows, Inputs inputs);
+// Columns of it that vary with people and poses: spreads of histogram and profile, the centroid.
+Rows columns_of_shape(std::size_t columns);
+
 // What the training records said.
 class DomainReference {
  public:
@@ -47,7 +55,10 @@ class DomainReference {
                   const Rows& rows, Inputs inputs);
   bool known() const { return seen_.rows > 0; }
   // Of the rows with live sensors, in their order. The data must be on the model's axes.
-  DomainShift judge(const Alignment& alignment, const Dataset& data, const Matrix& aligned) const;
+  // What the run shows of a range bias (no records if nobody asked) counts as one more test: where
+  // the outermost bodies are is known better than where the mean one is.
+  DomainShift judge(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
+                    const RangeBias& range_bias) const;
 
   void save(record::H5File& file) const;  // below "domain/"
   void load(const record::H5File& file, Inputs inputs);

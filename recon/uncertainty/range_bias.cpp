@@ -107,11 +107,18 @@ std::string RangeBias::text(bool corrected, bool other_shapes) const {
     case Status::detected:
       break;
   }
-  const std::string moved =
-      formatted("radar ranges %.1f +- %.1f cm %s than in training, against the SPD's%s",
-                std::abs(bias_m) * 100, standard_error_m * 100, bias_m > 0 ? "longer" : "shorter",
-                by_angle ? ", wherever the radar's antennas see the people" : "");
+  using Says = RangeBiasEvidence::Says;
+  const std::string found =
+      formatted("radar ranges %.1f +- %.1f cm %s than in training, %s", std::abs(bias_m) * 100,
+                standard_error_m * 100, bias_m > 0 ? "longer" : "shorter",
+                by_echoes  ? "of what stands still"
+                : by_angle ? "against the SPD's, wherever the radar's antennas see the people"
+                           : "against the SPD's");
+  const std::string moved = found + (evidence.text.empty() ? "" : " (" + evidence.text + ")");
   if (corrected) return moved + ": corrected";
+  if (evidence.says == Says::no_range_bias) return moved + ": not corrected";
+  if (by_echoes || evidence.says == Says::range_bias)
+    return moved + ": not corrected (--range-bias correct does); calibrate anew";
   if (other_shapes)
     return moved + ": not corrected, as people or sensors are others, which may do that alone";
   if (by_angle)
@@ -124,7 +131,8 @@ std::string RangeBias::text(bool corrected, bool other_shapes) const {
 }
 
 RangeBiasReference::RangeBiasReference(const Alignment& alignment, const Dataset& data,
-                                       const Matrix& aligned, const Rows& rows) {
+                                       const Matrix& aligned, const Rows& rows)
+    : echoes_(data, rows) {
   if (alignment.radar_background_share(data.radar, rows) > most_background) return;
   const Seen seen = see(alignment, aligned, rows);
   if (seen.histograms.rows < least_records) return;
@@ -137,6 +145,7 @@ RangeBiasReference::RangeBiasReference(const Alignment& alignment, const Dataset
 
 std::vector<float> RangeBiasReference::measure(const Alignment& alignment, const Dataset& data,
                                                const Matrix& aligned) const {
+  if (!knows_bodies()) return {};
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row)
     if (data.fault_of(row, Inputs::fused).empty()) rows.push_back(row);
@@ -176,6 +185,30 @@ RangeBias RangeBiasReference::judge(std::vector<float> found) const {
   return out;
 }
 
+RangeBias RangeBiasReference::judge(const Alignment& alignment, const Dataset& data,
+                                    const Matrix& aligned, const GainCheck& gains) const {
+  using Status = RangeBias::Status;
+  RangeBias out;
+  if (knows_bodies()) {
+    out = judge(measure(alignment, data, aligned));
+    if (out.status != Status::detected) return out;
+  }
+  const EchoMove echoes = echoes_.judge(data, aligned, out.bias_m >= 0);
+  if (knows_bodies()) {
+    double range_m = 0, bodies = 0;
+    for (std::size_t i = 0; i < aligned.rows; ++i)
+      if (shows_body(aligned.row(i))) range_m += double{aligned.row(i).back()}, ++bodies;
+    out.evidence = weigh({out.bias_m, out.standard_error_m, range_m / bodies}, echoes, gains);
+    out.evidence.text += calibration_age(data);
+  } else if (echoes.seen) {
+    out.by_echoes = true;
+    out.records = data.size(), out.bias_m = echoes.moved_m;
+    out.standard_error_m = echoes.standard_error_m;
+    out.status = status_of(out);
+  }
+  return out;
+}
+
 RangeBias RangeBiasReference::judge_by_angle(const std::vector<float>& found) const {
   RangeBias out;
   out.records = found.size(), out.by_angle = true;
@@ -202,12 +235,16 @@ std::size_t RangeBiasReference::inputs(const Alignment& alignment) {
 void RangeBiasReference::save(record::H5File& file) const {
   if (!known()) return;
   record::H5File group = file.group("range_bias");
+  echoes_.save(file);
+  if (!knows_bodies()) return;
   expected_->save(group);
   file.write("range_bias/displacement_m", displacements_m_, {displacements_m_.size()});
 }
 
 void RangeBiasReference::load(const record::H5File& file, const Alignment& alignment) {
   if (!file.has("range_bias")) return;
+  echoes_.load(file);
+  if (!file.has("range_bias/displacement_m")) return;
   require_sound(file, alignment.known() && alignment.profile_points() > 0, "range_bias",
                 "none without both sensors");
   expected_ = make_ridge();

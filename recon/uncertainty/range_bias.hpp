@@ -17,8 +17,11 @@
 // makes of it (its cosine and the square), and the median of what is left does not depend on where
 // people stand.
 //
-// Limit: a shift common to both sensors is invisible. Not tried: in front of walls, whose own
-// echoes move along, and with the radar's power in wide bins, where echoes have no place to 1 cm.
+// What else tells is asked where the bodies have moved (range_bias_evidence.hpp). In front of
+// walls, whose own echoes move along, only what stands still is looked at.
+//
+// Limit: a shift common to both sensors is invisible. Not tried: with the radar's power in wide
+// bins, where echoes have no place to 1 cm.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -29,6 +32,7 @@
 #include "recon/data/dataset.hpp"
 #include "recon/models/body/alignment.hpp"
 #include "recon/models/model.hpp"
+#include "recon/uncertainty/range_bias_evidence.hpp"
 
 namespace echofuse::recon {
 
@@ -48,6 +52,8 @@ struct RangeBias {
   double bias_m = 0, standard_error_m = 0;  // radar ranges longer than in training
   double left_m = 0, right_m = 0;           // how far either quantile moved; without antennas
   bool by_angle = false;                    // antennas tell: people to one side are no range bias
+  bool by_echoes = false;                   // of what stands still alone
+  RangeBiasEvidence evidence = {};          // where bodies have moved
   // For the user; empty if there is nothing to say. `other_shapes`: the run's bodies or sensors
   // differ from the training's (DomainShift::changes_shapes), so that no range tells a bias.
   std::string text(bool corrected, bool other_shapes = false) const;
@@ -62,14 +68,19 @@ class RangeBiasReference {
   RangeBiasReference(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
                      const Rows& rows);
 
-  // False in models of earlier versions, in front of walls and with fewer than 50 records.
-  bool known() const { return !displacements_m_.empty(); }
+  // False in models of earlier versions and with fewer than 50 records, in front of walls unless
+  // these stand still in the profiles.
+  bool known() const { return knows_bodies() || echoes_.known(); }
+  bool knows_bodies() const { return !displacements_m_.empty(); }
   // What the rows with two live sensors show, in their order. The data must be on the model's axes.
   std::vector<float> measure(const Alignment& alignment, const Dataset& data,
                              const Matrix& aligned) const;
   // Standard errors by the bootstrap of circular blocks (Politis and Romano 1992), as a pose may be
   // held for some records in a row; the same for the same records.
   RangeBias judge(std::vector<float> displacements_m) const;
+  // All that a run says, whose gains have been looked at if they ought to be stable.
+  RangeBias judge(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
+                  const GainCheck& gains) const;
 
   void save(record::H5File& file) const;
   void load(const record::H5File& file, const Alignment& alignment);
@@ -81,6 +92,7 @@ class RangeBiasReference {
   bool by_angle_ = false;
   std::shared_ptr<Model> expected_;     // from histogram, direction and range to displacement
   std::vector<float> displacements_m_;  // of the training records, less what is expected
+  StaticEchoes echoes_;
 };
 
 // Looks for a range bias among the records that came last.

@@ -107,7 +107,8 @@ record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
   info.host = host;
   info.notes = "simulated data set";
   if (!plan.twin.empty() && plan.laboratories > 0)
-    info.notes += " of " + std::to_string(plan.laboratories) + " virtual laboratories";
+    info.notes += " of " + std::to_string(plan.laboratories) + " virtual laboratories",
+        info.meta.emplace_back("laboratories", std::to_string(plan.laboratories));
   else if (!plan.twin.empty())
     info.notes += " of virtual laboratory " + std::to_string(plan.laboratory) + ": " +
                   one_line(draws_of(twin_named(plan.twin), plan.laboratory));

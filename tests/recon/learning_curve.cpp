@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "recon/estimator/learning_curve.hpp"
 
+#include <chrono>
+#include <future>
+#include <thread>
+
 #include "world.hpp"
 
 using namespace echofuse;
@@ -43,4 +47,40 @@ TEST_CASE("learn prints the curve of a run, also while it is being recorded") {
   write_run(dir / "few", 5, 2);
   CHECK_THAT(recon_program(learn + (dir / "few")).text,
              Catch::Contains("5 usable records; at least 10"));
+}
+
+TEST_CASE("learn follows a run that is being recorded until it is closed") {
+  const Folder dir;
+  write_run(dir / "old", 200);
+  REQUIRE(recon_program("train -q --no-fallback --model silhouette --epochs 5 " + (dir / "old") +
+                        " --out " + (dir / "m"))
+              .code == 0);
+  record::RunWriter run(dir / "live", {});
+  for (const Axis& axis : {spd_axis(), radar_axis(), record::MapGrid{}.x(), record::MapGrid{}.y()})
+    run.put_axis(axis);
+  Rng rng = make_rng(1, 1);
+  std::uniform_real_distribution<double> x(-1, 1), z(3, 4);
+  const auto record = [&](std::int64_t from, std::int64_t until) {
+    for (std::int64_t i = from; i < until; ++i) {
+      const double at = x(rng);
+      run.append(plate_record(i, at, z(rng), rng));
+    }
+  };
+  record(0, 5);
+  auto learnt = std::async(std::launch::async, [&] {
+    return recon_program("learn --watch --from " + (dir / "m") + " " + (dir / "live") + " | tee " +
+                         (dir / "told"));
+  });
+  // It has told of the first ten before the run goes on.
+  record(5, 12);
+  for (int i = 0; i < 600 && contents(dir / "told").find("\n      10  ") == std::string::npos; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  CHECK_THAT(contents(dir / "told"), Catch::Contains("\n      10  "));
+  CHECK_THAT(contents(dir / "told"), !Catch::Contains("\n      20  "));
+  record(12, 23);
+  run.close("complete");
+  const std::string text = learnt.get().text;
+  CAPTURE(text);
+  for (const char* line : {"\n      20  ", "\n      23  ", "another 100 records: IoU"})
+    CHECK_THAT(text, Catch::Contains(line));
 }

@@ -12,6 +12,7 @@ using namespace echofuse;
 using namespace echofuse::recon;
 using echofuse::testing::contents;
 using echofuse::testing::Folder;
+using echofuse::testing::radar_axis;
 using echofuse::testing::recon_program;
 using echofuse::testing::write_run;
 
@@ -48,18 +49,39 @@ Dataset run_of(std::int64_t count, std::uint64_t seed, const testing::Change& ch
 }
 
 struct Reference {
-  Dataset data = run_of(800, 1);
+  Dataset data;
   Preprocessing preprocessing{data, all_rows(data.size()), Inputs::fused, {}, true};
   RangeBiasReference reference{preprocessing.alignment, data, preprocessing.aligned,
                                all_rows(data.size())};
+  explicit Reference(const testing::Change& change = {}) : data(run_of(800, 1, change)) {}
 };
+
+RangeBias range_bias_of(const Dataset& data, const Reference& known, const GainCheck& gains = {}) {
+  const Features raw = fit_features(known.data, {0}, Inputs::fused, raw_scaling);
+  const Matrix aligned = known.preprocessing.alignment(raw.raw_inputs(data, all_rows(data.size())));
+  return known.reference.judge(known.preprocessing.alignment, data, aligned, gains);
+}
 
 RangeBias range_bias_of(const Dataset& data) {
   static const Reference known;
-  const Features raw = fit_features(known.data, {0}, Inputs::fused, raw_scaling);
-  const Matrix aligned = known.preprocessing.alignment(raw.raw_inputs(data, all_rows(data.size())));
-  return known.reference.judge(
-      known.reference.measure(known.preprocessing.alignment, data, aligned));
+  return range_bias_of(data, known);
+}
+
+// A reflector between the radar and the people.
+void add_reflector(record::FusedRecord& r) {
+  for (std::uint32_t i = 0; i < r.radar.size(); ++i)
+    r.radar[i] +=
+        0.05f * static_cast<float>(std::exp(-std::pow((radar_axis().at(i) - 1.1) / 0.4, 2)));
+}
+
+// People further to the right by so much, in front of it.
+testing::Change to_the_right(double metres, std::uint64_t seed) {
+  return [=, rng = make_rng(seed, 3)](record::FusedRecord& r) mutable {
+    std::uniform_real_distribution<double> x(-1 + metres, 1 + metres), z(3, 4);
+    const double at = x(rng);
+    r = testing::plate_record(r.index, at, z(rng), rng);
+    add_reflector(r);
+  };
 }
 
 }  // namespace
@@ -139,6 +161,87 @@ TEST_CASE("people who all stand further to one side look like a range bias, a se
   CHECK(range_bias.status == RangeBias::Status::detected);
   CHECK(range_bias.bias_m == Approx(0.3 / 7).margin(0.01));
   CHECK_THAT(range_bias.text(false), Catch::Contains("or people further to one side"));
+}
+
+TEST_CASE("what stands still tells a range bias from people to one side") {
+  const Reference known(add_reflector);
+  const auto both = [&](double metres) {
+    return [=](record::FusedRecord& r) { add_reflector(r), longer_by(metres)(r); };
+  };
+  for (const double metres : {0.04, -0.04}) {
+    const RangeBias biased = range_bias_of(run_of(300, 2, both(metres)), known);
+    REQUIRE(biased.status == RangeBias::Status::detected);
+    CHECK(biased.evidence.says == RangeBiasEvidence::Says::range_bias);
+    CHECK_THAT(biased.text(false),
+               Catch::Contains("so it is a range bias") && Catch::Contains("--range-bias correct"));
+    // It decides also where people or sensors are others.
+    CHECK_THAT(biased.text(false, true), Catch::Contains("--range-bias correct"));
+  }
+  const RangeBias right = range_bias_of(run_of(300, 2, to_the_right(0.3, 1)), known);
+  REQUIRE(right.status == RangeBias::Status::detected);
+  CHECK(right.evidence.says == RangeBiasEvidence::Says::no_range_bias);
+  CHECK_THAT(right.text(false), Catch::Contains("people stand to one side or reflect otherwise") &&
+                                    Catch::EndsWith("not corrected"));
+  // Nothing stood still in the other reference's training.
+  CHECK(range_bias_of(run_of(300, 2, longer_by(0.04))).evidence.text.empty());
+}
+
+TEST_CASE("empty records tell by themselves how far the echoes have moved") {
+  const Reference known(add_reflector);
+  const Dataset data = run_of(300, 2, [](record::FusedRecord& r) {
+    if (r.index % 10 == 0) {
+      std::fill(r.spd.begin(), r.spd.end(), 1u);
+      std::fill(r.radar.begin(), r.radar.end(), 0.f);
+    }
+    add_reflector(r), longer_by(0.04)(r);
+  });
+  const RangeBias biased = range_bias_of(data, known);
+  REQUIRE(biased.status == RangeBias::Status::detected);
+  CHECK_THAT(biased.text(false), Catch::Contains("cm in 30 empty records, so it is a range bias"));
+}
+
+TEST_CASE("brightness tells people to one side from a range bias, and a gain from both") {
+  using Says = RangeBiasEvidence::Says;
+  // 4 cm at 4 m are 4 % less power if people stand to the right.
+  const auto by = [](double change) {
+    return weigh({0.04, 0.004, 4}, {}, GainCheck{100, change, 0.005, true});
+  };
+  CHECK(by(0.001).says == Says::range_bias);
+  CHECK_THAT(by(0.001).text, Catch::Contains("people do not stand to one side"));
+  CHECK(by(-0.04).says == Says::no_range_bias);
+  CHECK(by(0.2).says == Says::nothing);
+  CHECK_THAT(by(0.2).text, Catch::Contains("gain or bias"));
+  CHECK(weigh({0.04, 0.004, 4}, {}, {}).text.empty());
+  // The echoes stayed, and the brightness too.
+  const EchoMove stayed{true, 0, 0.004, 0};
+  const auto contradiction = weigh({0.04, 0.004, 4}, stayed, GainCheck{100, 0, 0.005, true});
+  CHECK(contradiction.says == Says::nothing);
+  CHECK_THAT(contradiction.text, Catch::Contains("contradict"));
+}
+
+TEST_CASE("in front of walls what stands still tells a range bias alone") {
+  const auto wall = [](double metres) {
+    return [=](record::FusedRecord& r) {
+      for (std::uint32_t i = 0; i < r.radar.size(); ++i)
+        r.radar[i] +=
+            2 * static_cast<float>(std::exp(-std::pow((radar_axis().at(i) - 5.2) / 0.4, 2)));
+      if (metres != 0) longer_by(metres)(r);
+    };
+  };
+  const Reference known(wall(0));
+  CHECK_FALSE(known.reference.knows_bodies());
+  const RangeBias biased = range_bias_of(run_of(100, 2, wall(0.03)), known);
+  CHECK(biased.status == RangeBias::Status::detected);
+  CHECK(biased.bias_m == Approx(0.03).margin(0.005));
+  CHECK_THAT(biased.text(false), Catch::Contains("of what stands still"));
+  CHECK(range_bias_of(run_of(100, 2, wall(0)), known).status == RangeBias::Status::not_detected);
+}
+
+TEST_CASE("the age of the run's calibration is said beside a range bias") {
+  Dataset data = run_of(10, 1);
+  CHECK(calibration_age(data).empty());
+  data.sources.front().calibrated_days = 41.2;
+  CHECK(calibration_age(data) == "; calibrated 41 days before the run");
 }
 
 TEST_CASE("too much noise to see a range bias is said, not taken for none") {

@@ -46,3 +46,26 @@ TEST_CASE("a run that counts more moves the model towards it") {
              Catch::Contains("--validate-on 3: there are 2 runs"));
   CHECK(recon_program(train + runs + " --weight 1,20 --validate-on 1,2").code == 0);
 }
+
+TEST_CASE(
+    "few records that are unlike the others of a training count more, unless told otherwise") {
+  const Folder dir;
+  write_run(dir / "others", 160);
+  write_run(dir / "alike", 40, 2);
+  write_run(dir / "unlike", 40, 2,
+            [](record::FusedRecord& r) {  // an impulse response as wide as a body
+              const auto narrow = r.spd;
+              for (std::size_t i = 6; i + 6 < r.spd.size(); ++i)
+                r.spd[i] =
+                    (narrow[i - 6] + narrow[i - 3] + narrow[i] + narrow[i + 3] + narrow[i + 6]) / 5;
+            });
+  const auto said_of = [&](const std::string& run, const std::string& options = {}) {
+    return recon_program("train --model silhouette --no-fallback --epochs 2 --force --out " +
+                         (dir / "m") + " " + (dir / "others") + " " + (dir / run) + options)
+        .text;
+  };
+  CHECK_THAT(said_of("unlike"), Catch::Contains("unlike the others (domain shift") &&
+                                    Catch::Contains("each of their records counts 2."));
+  CHECK_THAT(said_of("unlike", " --weight 1,1"), !Catch::Contains("unlike the others"));
+  CHECK_THAT(said_of("alike"), !Catch::Contains("unlike the others"));
+}

@@ -41,14 +41,31 @@ std::vector<float> background_of(std::span<const float> low, std::span<const flo
 }
 
 // Weights of the points from taps - 1 before to taps behind a place that lies `part` of a step
-// behind a point.
+// behind a point. The points differ by whole steps: three sines do for all.
 std::array<float, 2 * taps> lanczos(double part) {
-  std::array<float, 2 * taps> out{};
-  for (std::size_t k = 0; k < out.size(); ++k) {
-    const double x = part + static_cast<double>(taps - 1) - static_cast<double>(k);
-    const double turn = M_PI * x, window = turn / static_cast<double>(taps);
-    out[k] = static_cast<float>(
-        std::abs(x) < 1e-6 ? 1 : std::sin(turn) / turn * std::sin(window) / window);
+  struct Turn {
+    double sine, cosine;
+  };
+  static const auto turns = [] {
+    std::array<Turn, 2 * taps> out;
+    for (std::size_t k = 0; k < out.size(); ++k) {
+      const double turn = M_PI * static_cast<double>(k) / static_cast<double>(taps);
+      out[k] = {std::sin(turn), std::cos(turn)};
+    }
+    return out;
+  }();
+  const double before = part + static_cast<double>(taps - 1);
+  const double first = M_PI * before / static_cast<double>(taps);
+  const double sine = std::sin(first), cosine = std::cos(first);
+  double of_series = std::sin(M_PI * part) * (taps % 2 ? 1 : -1);
+  std::array<float, 2 * taps> out;
+  for (std::size_t k = 0; k < out.size(); ++k, of_series = -of_series) {
+    const double x = before - static_cast<double>(k);
+    const double of_window = sine * turns[k].cosine - cosine * turns[k].sine;
+    out[k] =
+        static_cast<float>(std::abs(x) < 1e-6 ? 1
+                                              : of_series * of_window * static_cast<double>(taps) /
+                                                    (M_PI * M_PI * x * x));
   }
   return out;
 }
@@ -277,7 +294,7 @@ void Alignment::correlate(std::span<float> inputs) const {
   const auto features = inputs.last(size());
   correlation_(features.first(histogram_bins()),
                features.subspan(histogram_bins(), profile_points()),
-               inputs.first(correlation_.shifts()));
+               inputs.last(this->inputs()).first(correlation_.shifts()));
 }
 
 Matrix Alignment::with_correlations(const Matrix& aligned) const {
