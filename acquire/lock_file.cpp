@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
+#include <filesystem>
 #include <thread>
 #include <utility>
 
@@ -25,6 +26,24 @@ constexpr auto write_time = std::chrono::milliseconds(20);  // between a lock an
 
 [[noreturn]] void refuse(const std::string& path, const std::string& why) {
   throw Error(ExitCode::device, "the device lock " + path + ": " + why);
+}
+
+// Of a lock that somebody has.
+Holder read(int fd) {
+  for (int tries = 0;; ++tries) {
+    std::array<char, 8192> bytes{};
+    const ssize_t got = ::pread(fd, bytes.data(), bytes.size(), 0);
+    std::string_view text(bytes.data(), got > 0 ? static_cast<std::size_t>(got) : 0);
+    if (text.starts_with(head) && text.ends_with('\n')) {
+      text.remove_prefix(head.size());
+      const std::size_t end = text.find('\n');
+      if (end + 1 < text.size())
+        return Holder{printable(std::string(text.substr(0, end))),
+                      std::string(text.substr(end + 1, text.size() - end - 2))};
+    }
+    if (tries == 2) return Holder{"another echofuse-acquire", ""};
+    std::this_thread::sleep_for(write_time);
+  }
 }
 
 }  // namespace
@@ -50,7 +69,7 @@ LockFile::LockFile(const std::string& folder, const std::string& name, const Hol
       write(me);
       return;
     }
-    if (error != 0 && named) other_ = read();
+    if (error != 0 && named) other_ = read(fd_);
     ::close(std::exchange(fd_, -1));
     if (error != 0 && error != EAGAIN && error != EACCES) refuse(path_, std::strerror(error));
     if (other_) return;
@@ -101,21 +120,20 @@ void LockFile::write(const Holder& me) const {
     const auto written = ::pwrite(fd_, text.data(), text.size(), 0);
 }
 
-std::optional<Holder> LockFile::read() const {
-  for (int tries = 0;; ++tries) {
-    std::array<char, 8192> bytes{};
-    const ssize_t got = ::pread(fd_, bytes.data(), bytes.size(), 0);
-    std::string_view text(bytes.data(), got > 0 ? static_cast<std::size_t>(got) : 0);
-    if (text.starts_with(head) && text.ends_with('\n')) {
-      text.remove_prefix(head.size());
-      const std::size_t end = text.find('\n');
-      if (end + 1 < text.size())
-        return Holder{printable(std::string(text.substr(0, end))),
-                      std::string(text.substr(end + 1, text.size() - end - 2))};
-    }
-    if (tries == 2) return Holder{"another echofuse-acquire", ""};
-    std::this_thread::sleep_for(write_time);
+std::vector<Holder> holders_in(const std::string& folder) {
+  std::vector<Holder> out;
+  std::error_code none;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, none)) {
+    const std::string name = entry.path().filename().string();
+    if (!name.starts_with("echofuse-") || !name.ends_with(".lock")) continue;
+    const int fd = ::open(entry.path().c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    if (fd < 0) continue;
+    struct flock all {};
+    all.l_type = F_WRLCK;
+    if (::fcntl(fd, F_OFD_GETLK, &all) == 0 && all.l_type != F_UNLCK) out.push_back(read(fd));
+    ::close(fd);
   }
+  return out;
 }
 
 }  // namespace echofuse::acquire

@@ -3,6 +3,7 @@
 #pragma once
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace echofuse::acquire {
 
@@ -13,6 +14,9 @@ struct Holder {
 
 // A folder that all users share, so that they see each other's locks.
 std::string lock_folder();
+
+// The holders of all locks in it. Takes none.
+std::vector<Holder> holders_in(const std::string& folder);
 
 // An open file description's lock on FOLDER/NAME: it ends with this object, or with the process.
 class LockFile {
@@ -31,7 +35,6 @@ class LockFile {
   void open_file();
   bool is_named() const;  // the open file is still the one that has the name
   void write(const Holder& me) const;
-  std::optional<Holder> read() const;
 
   std::string path_;
   int fd_ = -1;

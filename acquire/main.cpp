@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <filesystem>
 
 #include "acquire/calibrate.hpp"
@@ -15,11 +14,14 @@
 #include "acquire/devices.hpp"
 #include "acquire/doctor.hpp"
 #include "acquire/info.hpp"
+#include "acquire/live_runs.hpp"
 #include "acquire/log_format.hpp"
 #include "acquire/mark.hpp"
 #include "acquire/record/export.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/replay.hpp"
+#include "acquire/run_names.hpp"
+#include "acquire/viewer.hpp"
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
 
@@ -51,7 +53,7 @@ struct Options {
   std::vector<std::string> radar, tdc, depth;
   std::optional<std::int64_t> record;
   bool config_given = false;  // --config or --set
-  bool json = false, quiet = false, verbose = false;
+  bool json = false, quiet = false, verbose = false, view = false;
 };
 
 void set_up_log(const Options& o) {
@@ -64,27 +66,6 @@ void set_up_log(const Options& o) {
 }
 
 Config load(const Options& o) { return load_config(o.config, o.assignments); }
-
-std::filesystem::path run_file(std::filesystem::path name) {
-  if (!name.has_extension()) name += ".sqlite";
-  return name;
-}
-
-// A run that is there, by its file or by the name that --out gave it.
-std::string old_run(const std::string& name) {
-  return std::filesystem::is_regular_file(name) ? name : run_file(name).string();
-}
-
-// --out as a file: strftime's fields are those of now (UTC), so that a service names each run anew.
-std::string new_run(const std::string& out) {
-  const std::time_t now = std::time(nullptr);
-  std::tm utc{};
-  gmtime_r(&now, &utc);
-  std::string name(out.size() + 256, '\0');
-  name.resize(std::strftime(name.data(), name.size(), out.c_str(), &utc));
-  if (name.empty()) throw Error(ExitCode::usage, "--out " + out + ": not a name");
-  return std::filesystem::absolute(run_file(name)).string();
-}
 
 void plan_count(Options& o, const Config& config) {
   if (o.duration_s > 0)
@@ -113,7 +94,19 @@ ExitCode run(Options& o) {
   o.run.quiet = o.quiet;
   if (!o.run.keep_raw.empty()) o.run.keep_raw = std::filesystem::absolute(o.run.keep_raw).string();
   catch_interrupts();
-  return record_run(config, o.run, SystemClock());
+  std::optional<Viewer> viewer;
+  if (o.view) viewer.emplace(o.run.out, o.run.count);
+  const ExitCode code = record_run(config, o.run, SystemClock());
+  if (viewer) viewer->leave();
+  return code;
+}
+
+ExitCode align(Options& o) {
+  const TemporaryFolder folder;
+  o.assignments.push_back("run.window_s=0.1");
+  o.run.out = folder.path() + "/align";
+  o.view = true;
+  return run(o);
 }
 
 // Of commands that do without: none if there is no file and none was asked for.
@@ -236,10 +229,20 @@ void add_run(CLI::App& app, Options& o) {
                 "new folder for the devices' bytes as they came, for `replay`");
   c->add_option("--label", o.label, "label of every record, instead of run.label");
   c->add_option("--operator", o.operator_name, "who records, instead of run.operator");
+  c->add_flag("--view", o.view, "start echofuse-view beside, which prints its address");
   c->add_flag("--strict", o.run.strict, "exit code 5 if any record has a sensor that is not ok");
   c->add_option("--meta", o.meta, "key=value, kept in the run; may be repeated")
       ->allow_extra_args(false)
       ->excludes(resume);
+}
+
+void add_align(CLI::App& app, Options& o) {
+  auto* c = app.add_subcommand(
+      "align",
+      "point laser and sensors: slots of 0.1 s in a run that is thrown away, and its view");
+  add_config_options(*c, o);
+  add_output_options(*c, o);
+  add_length_options(*c, o);
 }
 
 void add_calibrate(CLI::App& app, Options& o) {
@@ -275,6 +278,9 @@ void add_file_commands(CLI::App& app, Options& o) {
   exporter->add_option("--to", o.to, "NAME.h5, or NAME.csv with --record")->required();
   exporter->add_option("--record", o.record, "index of the record for CSV");
   exporter->add_flag("-q,--quiet", o.quiet, "no progress on stderr");
+
+  app.add_subcommand("status", "the runs that are being recorded on this machine")
+      ->add_flag("--json", o.json);
 
   app.add_subcommand("recover", "check a run that a crash left open, and mark it as crashed")
       ->add_option("FILE", o.file)
@@ -327,6 +333,11 @@ ExitCode dispatch(const std::string& command, Options& o) {
   set_up_log(o);
   if (!o.file.empty()) o.file = old_run(o.file);
   if (command == "run") return run(o);
+  if (command == "align") return align(o);
+  if (command == "status") {
+    std::fputs(describe_live_runs(SystemClock(), o.json).c_str(), stdout);
+    return ExitCode::ok;
+  }
   if (command == "devices") return list_devices(o);
   if (command == "doctor") return doctor(o);
   if (command == "config check") return check_config(o);
@@ -347,6 +358,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(0, 1);
   app.footer(footer);
   add_run(app, options);
+  add_align(app, options);
   add_calibrate(app, options);
   auto* devices =
       app.add_subcommand("devices", "what is attached, and which of the configured devices answer");

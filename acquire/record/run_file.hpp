@@ -153,6 +153,17 @@ struct RunSummary {
   PerSensor<std::optional<ClockState>> clocks;  // of the last record that has them
 };
 
+// A record without what its sensors saw: for those who follow a run.
+struct RecordOutline {
+  std::int64_t index = 0;
+  UtcTime slot_utc{};  // of the slot's start
+  std::chrono::nanoseconds length{};
+  SensorSet valid;
+  std::string label;
+  PerSensor<SensorSync> sync;
+  PerSensor<std::optional<double>> clock_residual_s;  // none: its clock was not fitted
+};
+
 // Reads closed, live and crashed runs alike.
 class RunReader {
  public:
@@ -169,11 +180,15 @@ class RunReader {
   std::vector<CalibrationEntry> calibrations() const;
   Antennas antennas() const;  // empty if the radar sent no samples of them
   std::vector<Event> events() const;
-  std::vector<Counted> counters() const;  // of an older file: as one part
+  std::vector<Event> last_events(std::size_t most) const;  // oldest first
+  std::vector<Counted> counters() const;                   // of an older file: as one part
   std::vector<Axis> axes() const;
   std::optional<Axis> axis(const std::string& name) const;
   std::int64_t count() const;
   RunSummary summary() const;
+  // Of the records from index `first` on, in order.
+  std::vector<RecordOutline> outlines(std::int64_t first) const;
+  PerSensor<std::int64_t> late() const;  // tags, radar frames, depth frames after their slot
   std::vector<std::string> table_names() const;              // of all its tables
   std::vector<Column> table(const std::string& name) const;  // without the blobs
   // Of the last record, or of a mark after it; none in a run without either.

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
+
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/sqlite.hpp"
 
@@ -91,6 +93,63 @@ void RunReader::summarise_sync(RunSummary& sum) const {
     clock.residual_s = row.real();
     clock.samples = static_cast<std::uint64_t>(row.integer());
   }
+}
+
+std::vector<RecordOutline> RunReader::outlines(std::int64_t first) const {
+  std::string sql = "SELECT idx, slot_utc_ns, slot_end_ns - slot_start_ns, valid, label";
+  for (const std::string s : {"spd", "radar", "depth"})
+    sql +=
+        ", " + s + "_offset_s, " + s + "_span_s, " + s + "_used, " + s + "_lost, " + s + "_verdict";
+  const bool fitted = has_table("clock_fit");
+  for (const std::string s : {"spd", "radar", "depth"})
+    sql += fitted ? ", (SELECT " + s + "_residual_s FROM clock_fit f WHERE f.idx = record.idx)"
+                  : ", NULL";
+  Statement row = ask((sql + " FROM record WHERE idx >= ? ORDER BY idx").c_str());
+  row.bind(first);
+  std::vector<RecordOutline> out;
+  while (row.step()) {
+    RecordOutline& r = out.emplace_back();
+    r.index = row.integer();
+    r.slot_utc = UtcTime(row.integer());
+    r.length = std::chrono::nanoseconds(row.integer());
+    r.valid = SensorSet::from_bits(static_cast<std::uint32_t>(row.integer()));
+    r.label = row.text();
+    for (SensorSync& y : r.sync) {
+      y.offset_s = row.real();
+      y.span_s = row.real();
+      y.used = static_cast<std::uint64_t>(row.integer());
+      y.lost = static_cast<std::uint64_t>(row.integer());
+      y.verdict = row.text();
+    }
+    for (auto& residual_s : r.clock_residual_s) {
+      const bool none = row.next_is_null();
+      const double value = row.real();
+      if (!none) residual_s = value;
+    }
+  }
+  return out;
+}
+
+PerSensor<std::int64_t> RunReader::late() const {
+  PerSensor<std::int64_t> out{};
+  if (!has_table("late")) return out;
+  Statement row = ask("SELECT total(spd), total(radar), total(depth) FROM late");
+  if (row.step())
+    for (auto& n : out) n = row.integer();
+  return out;
+}
+
+std::vector<Event> RunReader::last_events(std::size_t most) const {
+  Statement row = ask("SELECT utc, level, source, text FROM event ORDER BY id DESC LIMIT ?");
+  row.bind(most);
+  std::vector<Event> out;
+  while (row.step()) {
+    Event e;
+    for (std::string* text : {&e.utc, &e.level, &e.source, &e.text}) *text = row.text();
+    out.push_back(std::move(e));
+  }
+  std::reverse(out.begin(), out.end());
+  return out;
 }
 
 std::string RunReader::check() const {

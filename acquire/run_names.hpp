@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: MIT
+// How commands name runs.
+#pragma once
+#include <string>
+
+namespace echofuse::acquire {
+
+// A run that is there, by its file or by the name that --out gave it.
+std::string old_run(const std::string& name);
+// --out as a file: strftime's fields are those of now (UTC), so that a service names each run anew.
+// Throws Error(usage).
+std::string new_run(const std::string& out);
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: MIT
+// Who may see a run, and who may write into it. Pure.
+//
+// A page of anybody's can make a browser ask 127.0.0.1, so what it names is checked: the Host is
+// this machine by a name that no foreign DNS entry can be (against rebinding), and the Origin of a
+// WebSocket is the page of this very server.
+#pragma once
+#include <string>
+#include <string_view>
+
+namespace echofuse::view {
+
+struct Access {
+  std::string token;         // of this server's start
+  bool token_asked = false;  // to look; to write it is asked always
+  bool loopback = true;      // it listens to this machine only
+  std::string host_name;     // of this machine
+
+  // "127.0.0.1:8410", "[::1]", "localhost": another machine's name is refused.
+  bool takes_host(std::string_view host) const;
+  // Empty: not from a page.
+  bool takes_origin(std::string_view origin, std::string_view host) const;
+  bool may_look(std::string_view given) const { return !token_asked || is_token(given); }
+  bool may_write(std::string_view given) const { return is_token(given); }
+
+ private:
+  bool is_token(std::string_view given) const;
+};
+
+// 128 bits of the system's random numbers, in hexadecimal digits.
+std::string make_token();
+
+// "/live?token=12" -> "/live" and "12". Other parameters are left out.
+struct Target {
+  std::string_view path, token;
+};
+Target target_of(std::string_view target);
+
+}  // namespace echofuse::view

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: MIT
+#include "recon/view/followed_run.hpp"
+
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <utility>
+
+#include "acquire/record/writer_lock.hpp"
+#include "drivers/core/exit_code.hpp"
+#include "drivers/core/printable.hpp"
+
+namespace echofuse::view {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr std::size_t most_events = 40;
+
+std::int64_t changed_ns(const struct stat& file) {
+  return file.st_mtim.tv_sec * std::int64_t{1'000'000'000} + file.st_mtim.tv_nsec;
+}
+
+std::string with_extension(const std::string& name) {
+  return fs::path(name).has_extension() ? name : name + ".sqlite";
+}
+
+}  // namespace
+
+FollowedRun::Stamp FollowedRun::stamp_of(const std::string& path) {
+  Stamp out;
+  for (const char* suffix : {"", "-wal"}) {
+    struct stat file {};
+    if (::stat((path + suffix).c_str(), &file) != 0) continue;
+    if (!*suffix) out.inode = file.st_ino;
+    out.bytes += static_cast<std::uint64_t>(file.st_size);
+    out.changed_ns = std::max(out.changed_ns, changed_ns(file));
+  }
+  return out;
+}
+
+// Empty: none.
+std::string FollowedRun::find() const {
+  std::error_code none;
+  if (!fs::is_directory(target_, none)) {
+    if (fs::exists(target_, none)) return target_;
+    const std::string longer = with_extension(target_);
+    return fs::exists(longer, none) ? longer : "";
+  }
+  std::string newest;
+  std::int64_t newest_ns = 0;
+  for (const auto& entry : fs::directory_iterator(target_, none)) {
+    if (entry.path().extension() != ".sqlite") continue;
+    const std::int64_t ns = stamp_of(entry.path().string()).changed_ns;
+    if (ns > newest_ns) newest = entry.path().string(), newest_ns = ns;
+  }
+  return newest;
+}
+
+bool FollowedRun::refresh() {
+  const std::string path = find();
+  const Stamp stamp = stamp_of(path);
+  // A crash changes nothing but the lock.
+  const bool written = !path.empty() && record::WriterLock::someone_writes(path);
+  if (path == path_ && stamp == stamp_ && written == written_ && !path.empty()) return false;
+  if (path != path_ || stamp.inode != stamp_.inode) forget();
+  const std::string before = std::exchange(trouble_, {});
+  path_ = path, stamp_ = stamp, written_ = written;
+  try {
+    if (path.empty())
+      trouble_ = printable(target_) + ": no run yet";
+    else
+      read();
+  } catch (const Error& e) {
+    trouble_ = e.what();
+  }
+  return trouble_.empty() || trouble_ != before;
+}
+
+void FollowedRun::forget() {
+  info_ = {};
+  axes_.clear(), events_.clear(), outlines_.clear(), label_.clear();
+  sensors_ = {};
+  ++edition_;
+}
+
+void FollowedRun::read() {
+  const record::RunReader run(path_);
+  const record::RunInfo info = run.info();
+  std::vector<Axis> axes = run.axes();
+  const bool same_axes =
+      axes.size() == axes_.size() && std::equal(axes.begin(), axes.end(), axes_.begin(), same_axis);
+  if (info.uuid != info_.uuid)
+    forget();
+  else if (info.status != info_.status || !same_axes)
+    ++edition_;
+  info_ = info, axes_ = std::move(axes);
+  events_ = run.last_events(most_events);
+  for (const record::RecordOutline& o : run.outlines(last().value_or(-1) + 1)) take(o);
+  const auto late = run.late();
+  for (const Sensor s : all_sensors)
+    sensors_[s].late = static_cast<std::uint64_t>(std::max<std::int64_t>(late[s], 0));
+}
+
+void FollowedRun::take(const record::RecordOutline& o) {
+  Outline& out = outlines_.emplace_back();
+  out.index = o.index, out.start = o.slot_utc, out.end = o.slot_utc + o.length, out.valid = o.valid;
+  label_ = o.label;
+  for (const Sensor s : all_sensors) {
+    SensorState& sensor = sensors_[s];
+    sensor.verdict = o.sync[s].verdict;
+    sensor.configured = sensor.verdict != "not configured";
+    sensor.valid = o.valid.contains(s);
+    if (sensor.valid) sensor.last_valid = out.end;
+    sensor.used = static_cast<double>(o.sync[s].used);
+    sensor.lost += o.sync[s].lost;
+    sensor.residual_s = o.clock_residual_s[s];
+    out.used[s] = static_cast<float>(o.sync[s].used);
+    out.lost[s] = static_cast<float>(o.sync[s].lost);
+    out.residual_s[s] = static_cast<float>(
+        o.clock_residual_s[s].value_or(std::numeric_limits<double>::quiet_NaN()));
+  }
+}
+
+std::optional<std::int64_t> FollowedRun::last() const {
+  if (outlines_.empty()) return std::nullopt;
+  return outlines_.back().index;
+}
+
+std::optional<std::uint64_t> FollowedRun::free_bytes() const {
+  std::error_code failed;
+  const auto space = fs::space(fs::absolute(path_, failed).parent_path(), failed);
+  if (failed) return std::nullopt;
+  return space.available;
+}
+
+void FollowedRun::with_reader(const std::function<void(const record::RunReader&)>& look) const {
+  if (!trouble_.empty() || path_.empty()) throw Error(ExitCode::failed, trouble_);
+  look(record::RunReader(path_));
+}
+
+std::optional<double> age_s(const SensorState& sensor, UtcTime now) {
+  if (!sensor.last_valid) return std::nullopt;
+  return std::max(0.0, seconds(now - *sensor.last_valid));
+}
+
+// A slot's record comes half a second after the slot (the acquisition's grace).
+bool is_stale(const SensorState& sensor, double window_s, UtcTime now) {
+  constexpr double grace_s = 0.5;
+  const auto age = age_s(sensor, now);
+  return !age || *age > 2 * window_s + grace_s;
+}
+
+}  // namespace echofuse::view

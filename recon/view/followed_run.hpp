@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: MIT
+// A run as it is now: live, finished or crashed, closed and resumed. The file is opened for each
+// look and never held: its writer leaves one single file only if nobody holds it.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "acquire/record/run_file.hpp"
+#include "drivers/core/clock.hpp"
+
+namespace echofuse::view {
+
+// What is kept of each record for the strips over the run.
+struct Outline {
+  std::int64_t index = 0;
+  UtcTime start{}, end{};
+  SensorSet valid;
+  PerSensor<float> used{}, lost{}, residual_s{};  // residual_s: NaN where there is none
+};
+
+// Of one sensor, up to the last record.
+struct SensorState {
+  std::string verdict;  // of the last record
+  bool configured = false, valid = false;
+  std::optional<UtcTime> last_valid;  // the end of its last valid slot
+  double used = 0;                    // in the last record
+  std::uint64_t lost = 0, late = 0;   // of the whole run
+  std::optional<double> residual_s;
+};
+
+class FollowedRun {
+ public:
+  // A run file, or a folder: its newest run. Neither has to be there yet.
+  explicit FollowedRun(std::string target) : target_(std::move(target)) {}
+
+  // Looks whether anything is new, which costs next to nothing if not. Returns whether there was.
+  bool refresh();
+
+  const std::string& path() const { return path_; }
+  const std::string& trouble() const { return trouble_; }  // why nothing can be read; or empty
+  // Another one for each file that is another run, or has other axes or another status.
+  int edition() const { return edition_; }
+  const record::RunInfo& info() const { return info_; }
+  const std::vector<Axis>& axes() const { return axes_; }
+  const std::vector<record::Event>& events() const { return events_; }  // the last of them
+  const std::vector<Outline>& outlines() const { return outlines_; }
+  const std::string& label() const { return label_; }
+  const PerSensor<SensorState>& sensors() const { return sensors_; }
+  std::optional<std::int64_t> last() const;  // index
+  bool live() const { return info_.status == "open"; }
+  std::uint64_t bytes() const { return stamp_.bytes; }  // of the file
+  std::optional<std::uint64_t> free_bytes() const;      // of its disk
+
+  // Opens the run for one look. Throws Error.
+  void with_reader(const std::function<void(const record::RunReader&)>& look) const;
+
+ private:
+  struct Stamp {
+    std::uint64_t inode = 0, bytes = 0;
+    std::int64_t changed_ns = 0;
+    bool operator==(const Stamp&) const = default;
+  };
+  std::string find() const;
+  static Stamp stamp_of(const std::string& path);
+  void read();
+  void forget();
+  void take(const record::RecordOutline& outline);
+
+  std::string target_, path_, trouble_, label_;
+  Stamp stamp_;
+  bool written_ = false;  // by a process that lives
+  int edition_ = 0;
+  record::RunInfo info_;
+  std::vector<Axis> axes_;
+  std::vector<record::Event> events_;
+  std::vector<Outline> outlines_;
+  PerSensor<SensorState> sensors_;
+};
+
+// How long ago a sensor's last valid slot ended; none if it had none.
+std::optional<double> age_s(const SensorState& sensor, UtcTime now);
+// Two slots without a valid one: as a lamp shows it in red.
+bool is_stale(const SensorState& sensor, double window_s, UtcTime now);
+
+}  // namespace echofuse::view

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: MIT
+#include "recon/view/http.hpp"
+
+namespace echofuse::view {
+namespace {
+
+std::string_view field(const HttpRequest& request, http::field name) {
+  const auto value = request[name];
+  return {value.data(), value.size()};
+}
+
+// connect-src names the socket's address: not every browser takes 'self' for ws:.
+std::string policy(std::string_view host) {
+  return "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
+         "connect-src 'self' ws://" +
+         std::string(host) + "; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+}
+
+HttpResponse make(const HttpRequest& request, http::status status, std::string_view type,
+                  std::string body) {
+  HttpResponse out(status, 11);
+  out.set(http::field::content_type, std::string(type));
+  out.set(http::field::cache_control, "no-store");
+  out.set("X-Content-Type-Options", "nosniff");
+  out.set("Referrer-Policy", "no-referrer");
+  out.set("Cross-Origin-Resource-Policy", "same-origin");
+  out.set("X-Frame-Options", "DENY");
+  out.keep_alive(false);
+  out.content_length(body.size());
+  if (request.method() != http::verb::head) out.body() = std::move(body);
+  return out;
+}
+
+}  // namespace
+
+Caller caller_of(const HttpRequest& request, const Access& access, bool socket) {
+  const std::string_view host = field(request, http::field::host);
+  const auto target = request.target();
+  const Target asked = target_of({target.data(), target.size()});
+  Caller out;
+  out.path = asked.path, out.may_write = access.may_write(asked.token);
+  const auto refuse = [&](http::status status, const char* why) {
+    out.refusal = status, out.why = why;
+    return out;
+  };
+  if (request.count(http::field::host) != 1 || request.count(http::field::origin) > 1)
+    return refuse(http::status::bad_request, "expected one Host");
+  if (!access.takes_host(host))
+    return refuse(http::status::misdirected_request, "this is not the server of that name");
+  if (request.method() != http::verb::get && request.method() != http::verb::head)
+    return refuse(http::status::method_not_allowed, "expected GET");
+  if (!access.takes_origin(field(request, http::field::origin), host))
+    return refuse(http::status::forbidden, "not for pages of others");
+  const PageFile* part = page_file(out.path == "/" ? "index.html" : out.path.substr(1));
+  const bool open = part && out.path != "/";  // programs that everybody may have
+  if (!open && !access.may_look(asked.token))
+    return refuse(http::status::unauthorized,
+                  "expected the token: open the whole address that the program printed");
+  if (!part && out.path != "/live" && out.path != "/metrics")
+    return refuse(http::status::not_found, "nothing here");
+  if ((out.path == "/live") != socket)
+    return refuse(http::status::upgrade_required, "/live is a WebSocket");
+  return out;
+}
+
+HttpResponse respond(const HttpRequest& request, const Access& access,
+                     const std::function<std::string()>& metrics) {
+  const Caller caller = caller_of(request, access, false);
+  if (caller.refusal != http::status::ok)
+    return make(request, caller.refusal, "text/plain; charset=utf-8", caller.why + "\n");
+  if (caller.path == "/metrics")
+    return make(request, http::status::ok, "text/plain; version=0.0.4; charset=utf-8", metrics());
+  const PageFile& part = *page_file(caller.path == "/" ? "index.html" : caller.path.substr(1));
+  HttpResponse out = make(request, http::status::ok, part.type, std::string(part.contents));
+  out.set("Content-Security-Policy", policy(field(request, http::field::host)));
+  return out;
+}
+
+}  // namespace echofuse::view

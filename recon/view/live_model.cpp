@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: MIT
+#include "recon/view/live_model.hpp"
+
+#include <cmath>
+#include <filesystem>
+
+#include "drivers/core/printable.hpp"
+#include "recon/estimator/predict.hpp"
+
+namespace echofuse::view {
+namespace {
+
+using namespace recon;
+
+Reconstruction made(const TrainedModel& whole, const record::RunReader& run, std::int64_t index) {
+  Reconstruction out;
+  out.grid = whole.scene.grid;
+  std::string bad;
+  Dataset data = load_part(run, index, 1, sensors_of(whole.features.inputs),
+                           [&](std::int64_t at, const std::string& why) {
+                             if (at == index) bad = why;
+                           });
+  if (data.size() == 0 || data.index[0] != index) {
+    out.fault = bad.empty() ? "the record cannot be read" : bad;
+    return out;
+  }
+  out.fault = whole.fault_of(data, 0);
+  if (!out.fault.empty()) return out;
+  const TrainedModel& model = whole.for_run(data);
+  Records records = prepare_records(whole, std::move(data), RangeBiasAction::ignore);
+  forget_brightness(model.alignment, records.aligned);  // one record tells nothing of gains
+  out.fault = whole.fault_of(records.data, 0);
+  if (!out.fault.empty()) return out;
+  out.note = whole.note_of(records.data, 0);
+  const bool states = model.uncertainty.has_value();
+  const Prediction p =
+      predict(whole, records, {0}, states ? PredictionDetail::pixels : PredictionDetail::maps);
+  out.map_m = hard_map(p.maps.row(0), model.scene);
+  if (p.deviation.rows > 0) {
+    const auto deviation = p.deviation.row(0);
+    out.deviation_m.assign(deviation.begin(), deviation.end());
+  }
+  if (p.uncertainties.empty()) return out;
+  const PredictionUncertainty& u = p.uncertainties[0];
+  if (std::isfinite(u.lateral_interval_90_m)) out.lateral_interval_90_m = u.lateral_interval_90_m;
+  const std::string odd = u.out_of_distribution.text();
+  if (!odd.empty()) out.note += (out.note.empty() ? "" : "; ") + odd;
+  return out;
+}
+
+}  // namespace
+
+LiveModel::LiveModel(const std::string& path)
+    : model_(load_model(path)),
+      name_(printable(std::filesystem::path(path).filename().string()) + " (" + model_.name + ")") {
+}
+
+Reconstruction LiveModel::reconstruct(const record::RunReader& run, std::int64_t index) const {
+  try {
+    return made(model_, run, index);
+  } catch (const Error& e) {
+    Reconstruction out;
+    out.fault = e.what();
+    return out;
+  }
+}
+
+}  // namespace echofuse::view

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: MIT
+// A model that is asked about single records of a run.
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "acquire/record/run_file.hpp"
+#include "recon/estimator/trained_model.hpp"
+
+namespace echofuse::view {
+
+struct Reconstruction {
+  std::vector<float> map_m,
+      deviation_m;  // of grid; the deviation is empty if the model states none
+  record::MapGrid grid;
+  std::string fault;  // why there is none; or empty
+  std::string note;   // what the model had to do without, or what is odd about the record
+  std::optional<double> lateral_interval_90_m;
+};
+
+class LiveModel {
+ public:
+  explicit LiveModel(const std::string& path);  // throws as recon::load_model
+  const std::string& name() const { return name_; }
+  // Never throws for what a record or a run is like: that is a fault.
+  Reconstruction reconstruct(const record::RunReader& run, std::int64_t index) const;
+
+ private:
+  recon::TrainedModel model_;
+  std::string name_;
+};
+
+}  // namespace echofuse::view

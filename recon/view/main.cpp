@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: MIT
+// echofuse-view: a run as it is now, for a browser or a terminal.
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+
+#include "drivers/core/console.hpp"
+#include "drivers/core/printable.hpp"
+#include "recon/numbers/parallel.hpp"
+#include "recon/view/server.hpp"
+#include "recon/view/text_view.hpp"
+
+namespace {
+using namespace echofuse;
+using namespace echofuse::view;
+
+struct Options {
+  std::string run, model;
+  std::optional<std::int64_t> planned;
+  ServerOptions server;
+  bool text = false;
+};
+
+// Whoever started us may wait for the end of these streams.
+void leave_terminal() {
+  const int none = ::open("/dev/null", O_RDWR | O_CLOEXEC);
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
+    if (none >= 0) ::dup2(none, stream);
+  std::signal(SIGINT, SIG_IGN);  // Ctrl-C is meant for the acquisition
+}
+
+ExitCode show(const Options& o) {
+  catch_interrupts();
+  recon::set_threads(1);
+  const SystemClock clock;
+  FollowedRun run(o.run);
+  if (o.text) return text_view(run, o.planned, clock);
+  std::optional<LiveModel> model;
+  if (!o.model.empty()) model.emplace(o.model);
+  Show shown(run, model ? &*model : nullptr, o.planned, clock);
+  Server server(shown, o.server, clock);
+  run.refresh();
+  if (!run.trouble().empty() && !o.server.until_closed)
+    std::fprintf(stderr, "echofuse-view: %s\n", printable(run.trouble()).c_str());
+  std::printf("%s\n", server.address().c_str());
+  std::fflush(stdout);
+  if (o.server.until_closed) leave_terminal();
+  server.run();
+  return ExitCode::ok;
+}
+
+int run(int argc, char** argv) {
+  Options o;
+  CLI::App app("Shows a run in a browser, or in a terminal: live, finished or crashed.",
+               "echofuse-view");
+  app.set_version_flag("--version", std::string("echofuse-view ") + version());
+  app.add_option("RUN", o.run, "run file, or a folder: its newest run")->required();
+  app.add_option("--model", o.model, "model whose reconstructions are shown");
+  auto* text = app.add_flag("--text", o.text, "block characters in the terminal, no server");
+  app.add_option("--listen", o.server.listen,
+                 "ADDRESS:PORT; by default 127.0.0.1:8410, or the next free port. Another address "
+                 "than this machine's own asks everybody for the token")
+      ->excludes(text);
+  app.add_option("--planned", o.planned, "records that the run shall have: shows what remains")
+      ->check(CLI::PositiveNumber);
+  app.add_flag("--until-closed", o.server.until_closed,
+               "end by itself when the run is over and nobody looks")
+      ->excludes(text);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return run_main("echofuse-view",
+                    [&] { return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage; });
+  }
+  return run_main("echofuse-view", [&] { return show(o); });
+}
+
+}  // namespace
+
+int main(int argc, char** argv) { return run(argc, argv); }

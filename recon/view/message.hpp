@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: MIT
+// What goes over the WebSocket /live.
+//
+// From the server, one binary message each:
+//   off 0   u32 LE n, the length of the header
+//   off 4   header: a JSON object, UTF-8; then zeros up to the next multiple of 8
+//   off a   the arrays, each at a multiple of 8 from a; header["arrays"] names them:
+//           {NAME: {"type": "u8"|"u16"|"u32"|"f32"|"f64", "offset": from a, "shape": [...]}},
+//           little-endian, row-major
+// header["kind"] is one of
+//   run        what does not change: file, uuid, window_s, axes, the grid of the maps, who made it,
+//              the model's name, may_write
+//   state      every second, and with each record: status, records, first_index, last_index,
+//              elapsed_s, remaining_s, label, disk, events, and sensors: {NAME: {verdict, valid,
+//              age_s (since the end of its last valid slot), used, lost, late, residual_s}}
+//   record     index, utc, label, live, sensors, and spd (counts), radar (dB), camera (mm), map (m,
+//              what the camera sees on the grid of the maps); with a model reconstruction (m) and
+//              deviation (m), or the reason why there is none, and how far to trust it
+//   reference  spd: mean histogram of the first minute
+//   strip      of the whole run in at most strip_columns columns: first (index), used, lost and
+//              residual_s of each sensor, and the share of its records that are valid
+//   sheet      small maps of records spread over the run: index, and maps (m) of sheet_side pixels
+//   answer     what became of a mark or a label: ok, text
+//   trouble    why there is nothing to see: text
+// From the client, text, at most 1024 bytes: one of
+//   {"show": "live"}  {"show": 17}  {"sheet": [0, 500]}  {"mark": "door opened"}  {"label": "two"}
+// Whoever asks quickly gets the answer to his last question only.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <span>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "drivers/core/bytes.hpp"
+
+namespace echofuse::view {
+
+inline constexpr std::size_t most_request_bytes = 1024, most_text_bytes = 200;
+inline constexpr std::size_t strip_columns = 360, sheet_maps = 48, sheet_side = 32;
+
+using Message = std::shared_ptr<const Bytes>;
+
+class MessageWriter {
+ public:
+  template <class T>
+  void add(const std::string& name, std::span<const T> values, std::vector<std::size_t> shape);
+  template <class T>
+  void add(const std::string& name, const std::vector<T>& values) {
+    add<T>(name, values, {values.size()});
+  }
+  Message finish(nlohmann::json header) const;
+
+ private:
+  struct Array {
+    std::string name;
+    const char* type;
+    std::size_t offset;
+    std::vector<std::size_t> shape;
+  };
+  std::vector<Array> arrays_;
+  Bytes bytes_;
+};
+
+struct ShowLive {};
+struct ShowRecord {
+  std::int64_t index = 0;
+};
+struct ShowSheet {
+  std::int64_t first = 0, last = 0;
+};
+struct Mark {
+  bool label = false;
+  std::string text;
+};
+struct BadRequest {
+  std::string why;
+};
+using Request = std::variant<ShowLive, ShowRecord, ShowSheet, Mark, BadRequest>;
+
+// Takes anything.
+Request parse_request(std::string_view text);
+
+}  // namespace echofuse::view

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: MIT
+// Histogram, range profile and the strips over the run (uPlot).
+/* global uPlot */
+export const metresPerPs = 299792458 / 2e12;
+export const colour = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const text = () => `13px ${getComputedStyle(document.body).fontFamily}`;
+
+const axis = (label, more = {}) => ({
+  label, font: text(), labelFont: text(), stroke: colour('--ink'), labelSize: label ? 18 : 0, labelGap: 0, size: 26, gap: 3,
+  grid: {stroke: colour('--grid'), width: 1}, ticks: {stroke: colour('--grid'), width: 1, size: 4}, ...more,
+});
+const siNumber = v => Math.abs(v) >= 1e6 ? `${+(v / 1e6).toPrecision(3)}M`
+  : Math.abs(v) >= 1e3 ? `${+(v / 1e3).toPrecision(3)}k` : `${+v.toPrecision(3)}`;
+const short = (_, values) => values.map(v => v == null ? '' : siNumber(v));
+
+// A chart that fills its element and is made anew when its look changes.
+class Chart {
+  constructor(id, height) {
+    this.at = document.getElementById(id);
+    this.height = height;
+    this.data = null;
+    new ResizeObserver(() => this.plot?.setSize(this.size())).observe(this.at);
+  }
+  size() {
+    return {width: Math.max(this.at.clientWidth, 200), height: this.height};
+  }
+  renew() {
+    this.plot?.destroy();
+    this.plot = new uPlot({...this.size(), legend: {show: false}, ...this.options()}, this.data ?? [[]], this.at);
+  }
+  set(data) {
+    this.data = data;
+    if (this.plot) this.plot.setData(data);
+    else this.renew();
+  }
+}
+
+// The top follows a rise at once and a fall slowly, so that the eye can compare.
+function calmTop(before, values, least) {
+  let top = least;
+  for (const v of values) if (v > top) top = v;
+  return Math.max(top * 1.05, (before ?? 0) * 0.97);
+}
+
+const floor = 0.5;  // where nothing is drawn on a logarithmic axis
+
+export class Histogram extends Chart {
+  constructor() {
+    super('histogram', 230);
+    this.log = this.difference = false;
+    this.held = this.reference = this.counts = null;
+  }
+  axes(a) {
+    this.x = Float64Array.from({length: a.count}, (_, i) => (a.start + (i + 0.5) * a.step) * metresPerPs);
+    this.binPs = a.step;
+    this.held = this.reference = this.counts = this.top = null;
+    this.show();
+  }
+  options() {
+    const stepped = uPlot.paths.stepped({align: 1});
+    return {
+      scales: {
+        x: {time: false},
+        y: this.difference ? {range: (_, low, high) => {
+          const most = Math.max(Math.abs(low), Math.abs(high), 5) * 1.05;
+          return [-most, most];
+        }} : {distr: this.log ? 3 : 1, range: () => [this.log ? floor : 0, this.top ?? 10]},
+      },
+      axes: [axis('range, m'), axis(this.difference ? 'clicks a bin, minus first minute' : 'clicks a bin',
+                                    {values: short, size: 52})],
+      series: [{}, {stroke: colour('--spd'), fill: colour('--spd-fill'), width: 1.5, paths: stepped, points: {show: false}},
+               {stroke: colour('--ink'), width: 1, dash: [4, 3], paths: stepped, points: {show: false}}],
+      cursor: {y: false},
+    };
+  }
+  take(counts) {
+    this.counts = counts;
+    this.show();
+  }
+  show() {
+    if (!this.x) return;
+    const n = this.x.length, counts = this.counts?.length === n ? this.counts : null;
+    const minus = this.difference && this.reference?.length === n ? this.reference : null;
+    const least = v => this.log && !this.difference ? Math.max(v, floor) : v;
+    const values = Array.from(this.x, (_, i) => counts ? least(counts[i] - (minus ? minus[i] : 0)) : null);
+    const held = Array.from(this.x, (_, i) => this.held && !minus ? least(this.held[i]) : null);
+    if (!minus) this.top = calmTop(this.top, values, 5);
+    this.set([this.x, values, held]);
+  }
+}
+
+export class Profile extends Chart {
+  constructor() {
+    super('profile', 170);
+  }
+  axes(a) {
+    this.x = Float64Array.from({length: a.count}, (_, i) => a.start + i * a.step);
+    this.take(null);
+  }
+  options() {
+    return {
+      scales: {x: {time: false}, y: {range: () => [-10, this.top ?? 30]}},
+      axes: [axis('range, m'), axis('dB over the median', {size: 52})],
+      series: [{}, {stroke: colour('--radar'), width: 2, points: {show: false}}],
+      cursor: {y: false},
+    };
+  }
+  take(db) {
+    if (!this.x) return;
+    const n = this.x.length;
+    if (db?.length !== n) return this.set([this.x, new Array(n).fill(null)]);
+    const median = Float32Array.from(db).sort()[n >> 1];
+    const values = Array.from(db, v => v - median);
+    this.top = calmTop(this.top, values, 30);
+    this.set([this.x, values]);
+  }
+}
+
+class Strip extends Chart {
+  constructor(sensor) {
+    super(`strip-${sensor}`, 64);
+    this.sensor = sensor;
+  }
+  options() {
+    const bars = uPlot.paths.bars({size: [0.9, 6]});
+    return {
+      scales: {x: {time: false}, y: {range: (_, low, high) => [0, Math.max(high, 1) * 1.1]},
+               lost: {range: (_, low, high) => [0, Math.max(high, 1)]}},
+      padding: [6, 14, 4, 0],
+      axes: [axis('', {show: false}),
+             axis('', {values: short, size: 52, splits: (u, i, low, high) => [0, high / 1.1]})],
+      series: [{}, {stroke: colour(`--${this.sensor}`), width: 2, points: {show: false}},
+               {scale: 'lost', stroke: colour('--bad'), fill: colour('--bad'), paths: bars, points: {show: false}}],
+      cursor: {y: false},
+    };
+  }
+}
+class Clocks extends Chart {
+  constructor() {
+    super('strip-clock', 104);
+  }
+  options() {
+    const line = sensor => ({stroke: colour(`--${sensor}`), width: 2, points: {show: false}});
+    return {
+      scales: {x: {time: false}, y: {range: (_, low, high) => [0, Math.max(high, 1) * 1.1]}},
+      axes: [axis('record'), axis('', {values: short, size: 52, splits: (u, i, low, high) => [0, high / 1.1]})],
+      padding: [6, 14, 4, 0],
+      series: [{}, line('spd'), line('radar'), line('depth')],
+      cursor: {y: false},
+    };
+  }
+}
+
+export class Strips {
+  constructor() {
+    this.rates = ['spd', 'radar', 'depth'].map(sensor => new Strip(sensor));
+    this.clocks = new Clocks();
+  }
+  take(arrays, windowS) {
+    const x = arrays.first;
+    for (const strip of this.rates) {
+      const used = Array.from(arrays[`used_${strip.sensor}`], v => v / windowS);
+      const lost = Array.from(arrays[`lost_${strip.sensor}`], v => v > 0 ? v : null);
+      strip.set([x, used, lost]);
+    }
+    this.clocks.set([x, ...['spd', 'radar', 'depth'].map(sensor =>
+      Array.from(arrays[`residual_s_${sensor}`], v => Number.isNaN(v) ? null : v * 1e6))]);
+  }
+  renew() {
+    for (const chart of [...this.rates, this.clocks]) if (chart.data) chart.renew();
+  }
+}

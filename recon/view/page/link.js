@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: MIT
+// The WebSocket to the server: messages as recon/view/message.hpp has them.
+const types = {u8: Uint8Array, u16: Uint16Array, u32: Uint32Array, f32: Float32Array, f64: Float64Array};
+
+export function decode(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const message = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const begin = Math.ceil((4 + length) / 8) * 8;
+  for (const [name, a] of Object.entries(message.arrays)) {
+    const count = a.shape.reduce((n, side) => n * side, 1);
+    const values = new types[a.type](buffer, begin + a.offset, count);
+    values.shape = a.shape;
+    message.arrays[name] = values;
+  }
+  return message;
+}
+
+// take(message) gets each message; changed(open) hears of the connection. Tries again for ever, at
+// most every 5 s.
+export class Link {
+  constructor(take, changed) {
+    this.take = take;
+    this.changed = changed;
+    this.pause = 250;
+    this.open();
+  }
+  open() {
+    this.socket = new WebSocket(`ws://${location.host}/live${location.search}`);
+    this.socket.binaryType = 'arraybuffer';
+    this.socket.onopen = () => {
+      this.pause = 250;
+      this.changed(true);
+    };
+    this.socket.onmessage = event => this.take(decode(event.data));
+    this.socket.onclose = () => {
+      this.changed(false);
+      setTimeout(() => this.open(), this.pause);
+      this.pause = Math.min(this.pause * 2, 5000);
+    };
+  }
+  ask(what) {
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(what));
+  }
+}

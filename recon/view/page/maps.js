@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: MIT
+// Depth maps as pictures: viridis over the scene's own span, near is bright, grey is no return;
+// degrees at the edges, metres at the bar.
+import {colour} from './charts.js';
+
+const viridis = ['440154', '482475', '414487', '355f8d', '2a788e', '21918c', '22a884', '44bf70', '7ad151', 'bddf26', 'fde725'];
+const inferno = ['000004', '1b0c41', '4a0c6b', '781c6d', 'a52c60', 'cf4446', 'ed6925', 'fb9b06', 'f7d13d', 'fcffa4'];
+const table = anchors => {
+  const rgb = anchors.map(hex => [0, 2, 4].map(i => parseInt(hex.slice(i, i + 2), 16)));
+  return Array.from({length: 256}, (_, k) => {
+    const at = k / 255 * (rgb.length - 1), i = Math.min(Math.floor(at), rgb.length - 2), t = at - i;
+    return rgb[i].map((v, c) => Math.round(v + t * (rgb[i + 1][c] - v)));
+  });
+};
+export const tables = {near: table([...viridis].reverse()), sure: table(inferno)};
+export const isDark = () => {
+  const chosen = document.documentElement.dataset.theme;
+  return chosen ? chosen === 'dark' : matchMedia('(prefers-color-scheme: dark)').matches;
+};
+export const noReturn = () => isDark() ? [112, 116, 122] : [178, 182, 188];
+
+export function rgbOf(value, span, map) {
+  const share = (value - span[0]) / (span[1] - span[0]);
+  return map[Math.round(255 * Math.min(Math.max(share, 0), 1))];
+}
+
+// The span that 96 % of the returns lie in, to half a metre; 2.5 to 5 m without any.
+export function spanOf(values) {
+  const there = Float32Array.from(values).filter(v => v > 0).sort();
+  if (there.length < 50) return [2.5, 5];
+  const at = share => there[Math.floor(share * (there.length - 1))];
+  const near = Math.floor(at(0.02) * 2) / 2, far = Math.ceil(at(0.98) * 2) / 2;
+  return [near, Math.max(far, near + 1)];
+}
+
+// values: row-major, shape [rows, columns]; 0 is no return unless `zero` is a value.
+export function picture(values, rows, columns, span, map, scale = 1, zero = false) {
+  const image = new ImageData(columns, rows), grey = noReturn();
+  for (let i = 0; i < rows * columns; ++i) {
+    const v = values[i] * scale;
+    const rgb = v > 0 || zero ? rgbOf(v, span, map) : grey;
+    image.data.set([...rgb, 255], 4 * i);
+  }
+  const canvas = new OffscreenCanvas(columns, rows);
+  canvas.getContext('2d').putImageData(image, 0, 0);
+  return canvas;
+}
+
+const bottom = 36, left = 54, barRoom = 82, top = 8;
+
+export class MapView {
+  // ratio: height over width of the picture; kind: 'near' or 'sure'.
+  constructor(id, kind = 'near') {
+    this.canvas = document.getElementById(id);
+    this.kind = kind;
+    this.ratio = 1;
+    new ResizeObserver(() => this.draw()).observe(this.canvas.parentElement);
+  }
+  // tangents: [left, right, bottom, top] of the picture's edges.
+  set(image, tangents, span, unit = 'm') {
+    Object.assign(this, {image, tangents, span, unit});
+    if (image) this.ratio = (tangents[3] - tangents[2]) / (tangents[1] - tangents[0]);
+    this.draw();
+  }
+  draw() {
+    const ratio = devicePixelRatio, width = Math.min(this.canvas.parentElement.clientWidth, 620);
+    const inner = width - left - barRoom, high = inner * Math.abs(this.ratio), height = high + bottom + top;
+    if (inner < 40) return;
+    this.canvas.width = width * ratio, this.canvas.height = height * ratio;
+    this.canvas.style.width = `${width}px`, this.canvas.style.height = `${height}px`;
+    const c = this.canvas.getContext('2d');
+    c.scale(ratio, ratio);
+    c.font = `13px ${getComputedStyle(document.body).fontFamily}`;
+    c.fillStyle = colour('--ink');
+    if (!this.image) {
+      c.fillStyle = colour('--grid');
+      c.fillRect(left, top, inner, high);
+      c.fillStyle = colour('--ink');
+      c.textAlign = 'center';
+      c.fillText('nothing in this record', left + inner / 2, top + high / 2);
+      return;
+    }
+    c.imageSmoothingEnabled = false;
+    c.drawImage(this.image, left, top, inner, high);
+    this.ticks(c, inner, high);
+    this.bar(c, left + inner + 14, high);
+  }
+  ticks(c, inner, high) {
+    const [x0, x1, y0, y1] = this.tangents, step = x1 - x0 > 0.8 ? 20 : 10;
+    c.strokeStyle = colour('--ink');
+    c.textAlign = 'center';
+    for (let degrees = -80; degrees <= 80; degrees += step) {
+      const t = Math.tan(degrees * Math.PI / 180), x = left + (t - x0) / (x1 - x0) * inner;
+      const y = top + (y1 - t) / (y1 - y0) * high;
+      if (t > x0 && t < x1) {
+        c.strokeRect(x, top + high, 0, 4);
+        c.fillText(`${degrees}°`, x, top + high + 17);
+      }
+      if (t > Math.min(y0, y1) && t < Math.max(y0, y1)) {
+        c.strokeRect(left - 4, y, 4, 0);
+        c.textAlign = 'right';
+        c.fillText(`${degrees}°`, left - 7, y + 4);
+        c.textAlign = 'center';
+      }
+    }
+    c.fillText('azimuth', left + inner / 2, top + high + 32);
+    c.save();
+    c.translate(12, top + high / 2);
+    c.rotate(-Math.PI / 2);
+    c.fillText('elevation', 0, 0);
+    c.restore();
+  }
+  bar(c, x, high) {
+    const map = tables[this.kind], steps = 128;
+    for (let k = 0; k < steps; ++k) {
+      c.fillStyle = `rgb(${map[Math.round(255 * (1 - k / (steps - 1)))]})`;
+      c.fillRect(x, top + k / steps * high, 12, high / steps + 0.7);
+    }
+    c.fillStyle = colour('--ink');
+    c.textAlign = 'left';
+    const [low, far] = this.span, step = far - low > 3 ? 1 : far - low > 1 ? 0.5 : 0.25;
+    for (let v = Math.ceil(low / step) * step; v <= far + 1e-9; v += step) {
+      const y = top + (1 - (v - low) / (far - low)) * high;
+      c.fillText(`${+v.toFixed(2)} ${this.unit}`, x + 17, Math.min(Math.max(y + 4, top + 10), top + high));
+    }
+  }
+}

@@ -1,0 +1,291 @@
+// SPDX-License-Identifier: MIT
+// The page: what the server sends goes where it belongs; keys and buttons ask for more.
+import {Histogram, Profile, Strips} from './charts.js';
+import {Cloud} from './cloud.js';
+import {Link} from './link.js';
+import {MapView, picture, spanOf, tables} from './maps.js';
+import {Sheet} from './sheet.js';
+
+const $ = id => document.getElementById(id);
+const sensors = ['spd', 'radar', 'depth'];
+const histogram = new Histogram(), profile = new Profile(), strips = new Strips(), cloud = new Cloud();
+const views = {map: new MapView('map'), camera: new MapView('camera'), reconstruction: new MapView('reconstruction'),
+               deviation: new MapView('deviation', 'sure')};
+const sheet = new Sheet(index => show(index));
+let run = null, state = null, record = null, strip = null, span = [2.5, 5], spanKnown = false;
+let received = 0, connected = false, live = true, wanted = null, cloudOf = 'map', sheetAt = -1;
+window.framesSeen = 0;
+
+const clock = s => {
+  if (s == null) return '–';
+  const whole = Math.max(0, Math.floor(s)), two = n => String(n).padStart(2, '0');
+  return `${Math.floor(whole / 3600)}:${two(Math.floor(whole / 60) % 60)}:${two(whole % 60)}`;
+};
+const age = s => s < 10 ? `${s.toFixed(1)} s ago` : s < 600 ? `${Math.round(s)} s ago` : `${clock(s)} ago`;
+const count = n => n >= 1e6 ? `${(n / 1e6).toPrecision(4)} M` : n >= 1e4 ? `${(n / 1e3).toPrecision(4)} k` : `${n}`;
+const bytes = n => n >= 1e9 ? `${(n / 1e9).toPrecision(3)} GB` : `${(n / 1e6).toPrecision(3)} MB`;
+const say = (id, text) => {
+  if ($(id).textContent !== text) $(id).textContent = text;
+};
+
+// Lamps: the word says it, the colour repeats it.
+function lampOf(sensor, over, old) {
+  if (!sensor.configured) return ['off', 'OFF'];
+  if (!over && (sensor.stale || (sensor.age_s ?? Infinity) + old > 2 * run.window_s + 1)) return ['bad', 'LOST'];
+  if (!sensor.valid) return [over ? 'bad' : 'look', over ? 'LOST' : 'LOOK'];
+  return sensor.verdict === 'ok' ? ['ok', 'OK'] : ['look', 'LOOK'];
+}
+function drawLamps() {
+  if (!state || !run) return;
+  const old = (performance.now() - received) / 1000, over = state.status !== 'open';
+  for (const name of sensors) {
+    const at = $(`lamp-${name}`), sensor = state.sensors[name];
+    const [lamp, word] = connected ? lampOf(sensor, over, old) : ['off', '?'];
+    at.dataset.lamp = lamp;
+    at.querySelector('strong').textContent = word;
+    at.querySelector('.verdict').textContent = !connected ? 'no connection' : sensor.verdict === 'ok' ? '' : sensor.verdict;
+    at.querySelector('.age').textContent = !sensor.configured ? '' : over ? 'run is over'
+      : sensor.age_s == null ? 'never valid' : age(sensor.age_s + old);
+  }
+}
+
+function drawNumbers() {
+  const s = state, words = {open: 'recording', complete: 'complete'};
+  say('status', connected ? words[s.status] ?? s.status : 'no connection to the viewer');
+  $('status').dataset.status = connected ? s.status.split(':')[0] : 'lost';
+  say('live', s.status === 'open' ? 'live' : 'newest');
+  say('records', s.planned ? `${s.records} / ${s.planned}` : `${s.records}`);
+  say('remaining', s.remaining_s == null ? '–' : clock(s.remaining_s));
+  const lasts = s.disk?.lasts_s;
+  say('disk', !s.disk ? '–' : `${bytes(s.disk.free_bytes)}` + (lasts == null ? '' : lasts > 172800 ? `, ${Math.floor(lasts / 86400)} days` : `, ${clock(lasts)}`));
+  say('label', s.label || '–');
+  document.title = `${s.status === 'open' ? '● ' : ''}${run?.file ?? ''} ${s.records} – echofuse`;
+  $('losses').replaceChildren(...sensors.map(name => {
+    const row = document.createElement('tr'), x = s.sensors[name];
+    const cells = [{spd: 'SPD', radar: 'radar', depth: 'depth camera'}[name],
+                   `${count(x.used)} ${name === 'spd' ? 'clicks' : x.used === 1 ? 'frame' : 'frames'}`, count(x.lost), count(x.late),
+                   x.residual_s == null ? '–' : `${(x.residual_s * 1e6).toPrecision(3)} µs`];
+    cells.forEach((text, i) => {
+      const cell = document.createElement(i ? 'td' : 'th');
+      cell.textContent = text;
+      if ((i === 2 && x.lost) || (i === 3 && x.late)) cell.className = 'bad';
+      row.append(cell);
+    });
+    return row;
+  }));
+  $('events').replaceChildren(...s.events.slice(-12).reverse().map(e => {
+    const item = document.createElement('li'), when = document.createElement('time');
+    item.className = e.level;
+    when.textContent = e.utc.slice(11, 19);
+    item.append(when, ` ${e.level} ${e.source}: ${e.text}`);
+    return item;
+  }));
+}
+
+function drawRecord() {
+  if (!record || !run) return;
+  const a = record.arrays, grid = run.map.half_tangent, made = record.reconstruction;
+  histogram.take(a.spd ?? null);
+  profile.take(a.radar ?? null);
+  const square = (values, half, kind = 'near', of = span) => values &&
+    [picture(values, ...values.shape, of, tables[kind], 1, kind === 'sure'), [-half, half, -half, half], of];
+  const put = (view, all, unit) => all ? view.set(...all, unit) : view.set(null, [-1, 1, -1, 1], span);
+  put(views.map, square(a.map, grid));
+  if (a.camera) {
+    const {depth_x: x, depth_y: y} = run.axes, [rows, columns] = a.camera.shape;
+    const edges = axis => [axis.start - axis.step / 2, axis.start + (axis.count - 0.5) * axis.step];
+    const [top, low] = edges(y);
+    views.camera.set(picture(a.camera, rows, columns, span, tables.near, 1e-3), [...edges(x), low, top], span);
+  } else {
+    views.camera.set(null, [-1, 1, -1, 1], span);
+  }
+  if (run.model) {
+    put(views.reconstruction, square(a.reconstruction, made.half_tangent));
+    put(views.deviation, square(a.deviation, made.half_tangent, 'sure', [0, 1]));
+    say('said', made.fault ? `No reconstruction: ${made.fault}` : [made.lateral_interval_90_m == null ? ''
+      : `body within ±${(made.lateral_interval_90_m * 100).toFixed(0)} cm sideways (90 %)`, made.note].filter(Boolean).join('; '));
+    $('said').className = made.fault || made.note ? 'look' : '';
+  }
+  const points = cloudOf === 'reconstruction' && a.reconstruction ? a.reconstruction : a.map;
+  cloud.set(points, cloudOf === 'reconstruction' && made ? made.half_tangent : grid, span);
+  const words = sensors.filter(name => record.sensors[name].verdict !== 'ok' && record.sensors[name].verdict !== 'not configured')
+    .map(name => `${name}: ${record.sensors[name].verdict}`);
+  say('shown', `record ${record.index}, ${record.utc.slice(11, 23)} UTC${record.label ? `, ${record.label}` : ''}${words.length ? `; ${words.join('; ')}` : ''}`);
+  sheet.point(record.index);
+}
+
+const take = {
+  run(message) {
+    const other = run?.uuid !== message.uuid;
+    run = message;
+    say('file', run.file);
+    say('model', run.model ?? '');
+    for (const id of ['box-reconstruction', 'box-deviation', 'cloud-of']) $(id).hidden = !run.model;
+    for (const id of ['mark', 'relabel']) $(id).disabled = !run.may_write;
+    $('mark').title = run.may_write ? '' : 'for a live run, with the token of the address';
+    if (other) spanKnown = false, sheetAt = -1, strip = null;
+    if (run.axes.spd && (other || histogram.x?.length !== run.axes.spd.count)) histogram.axes(run.axes.spd);
+    if (run.axes.radar) profile.axes(run.axes.radar);
+    trouble('');
+  },
+  state(message) {
+    state = message, received = performance.now();
+    const scrubber = $('scrubber');
+    if (state.last_index != null) {
+      scrubber.min = state.first_index, scrubber.max = state.last_index;
+      if (live) scrubber.value = state.last_index;
+      else if (wanted != null) scrubber.value = wanted;
+      if (sheetAt < 0 || (!spanKnown && state.last_index > sheetAt)) collect();
+    }
+    drawNumbers();
+    drawLamps();
+  },
+  record(message) {
+    if (message.live !== live) return;
+    record = message;
+    window.framesSeen++;
+    trouble('');
+    drawRecord();
+  },
+  reference(message) {
+    histogram.reference = message.arrays.spd;
+    $('difference').disabled = !message.arrays.spd.length;
+    histogram.show();
+  },
+  strip(message) {
+    strip = message;
+    if (run) strips.take(strip.arrays, run.window_s);
+  },
+  sheet(message) {
+    sheet.take(message);
+    if (!spanKnown && message.arrays.maps.some(v => v > 0)) {
+      span = spanOf(message.arrays.maps), spanKnown = true;
+      drawRecord();
+    }
+    sheet.draw(span);
+    if (record) sheet.point(record.index);
+  },
+  answer(message) {
+    toast(message.text, !message.ok);
+  },
+  trouble(message) {
+    trouble(message.text);
+  },
+};
+
+function trouble(text) {
+  say('trouble', text);
+  $('trouble').hidden = !text;
+}
+function toast(text, bad) {
+  say('toast', text);
+  $('toast').className = bad ? 'bad' : '';
+  $('toast').hidden = false;
+  clearTimeout(toast.timer);
+  toast.timer = setTimeout(() => { $('toast').hidden = true; }, 4000);
+}
+function collect() {
+  if (state?.last_index == null) return;
+  sheetAt = state.last_index;
+  link.ask({sheet: [state.first_index, state.last_index]});
+}
+function show(index) {
+  if (state?.last_index == null) return;
+  live = index === 'live';
+  wanted = live ? null : Math.min(Math.max(index, state.first_index), state.last_index);
+  $('live').setAttribute('aria-pressed', live);
+  document.body.classList.toggle('held', !live);
+  $('scrubber').value = live ? state.last_index : wanted;
+  link.ask({show: live ? 'live' : wanted});
+}
+const here = () => wanted ?? record?.index ?? 0;
+
+function toggle(id, key) {
+  histogram[key] = !histogram[key];
+  $(id).setAttribute('aria-pressed', histogram[key]);
+  histogram.renew();
+  histogram.show();
+}
+const actions = {
+  g: () => toggle('log', 'log'),
+  d: () => $('difference').disabled || toggle('difference', 'difference'),
+  h: () => {
+    histogram.held = histogram.held ? null : histogram.counts && Array.from(histogram.counts);
+    $('hold').setAttribute('aria-pressed', !!histogram.held);
+    histogram.show();
+  },
+  c: () => {
+    spanKnown = false;
+    collect();
+  },
+  m: () => ask('mark', 'mark the running record with'),
+  l: () => ask('label', 'label of the records from now on'),
+  f: () => $('far').setAttribute('aria-pressed', document.body.classList.toggle('far')),
+  t: () => {
+    const root = document.documentElement.dataset, dark = root.theme ? root.theme === 'dark' : matchMedia('(prefers-color-scheme: dark)').matches;
+    root.theme = dark ? 'light' : 'dark';
+    redraw();
+  },
+  '?': () => $('keys').showModal(),
+  ' ': () => show(live ? here() : 'live'),
+  ArrowLeft: () => show(here() - 1),
+  ArrowRight: () => show(here() + 1),
+  Home: () => show(state?.first_index ?? 0),
+  End: () => show('live'),
+};
+function redraw() {
+  histogram.renew();
+  profile.renew();
+  strips.renew();
+  drawRecord();
+  sheet.draw(span);
+}
+function ask(what, words) {
+  if (!run?.may_write) return toast('only a live run is marked, with the token of the address', true);
+  say('ask-what', words);
+  $('ask').dataset.what = what;
+  $('ask-text').value = what === 'label' ? state.label : '';
+  $('ask').returnValue = '';
+  $('ask').showModal();
+  $('ask-text').select();
+}
+$('ask').addEventListener('close', () => {
+  const text = $('ask-text').value.trim();
+  if ($('ask').returnValue === 'ok' && (text || $('ask').dataset.what === 'label')) link.ask({[$('ask').dataset.what]: text});
+});
+$('ask-text').addEventListener('keydown', e => {
+  if (e.key === 'Enter') e.preventDefault(), $('ask').close('ok');
+});
+
+for (const [id, key] of [['log', 'g'], ['hold', 'h'], ['difference', 'd'], ['mark', 'm'], ['relabel', 'l'], ['far', 'f'],
+                         ['theme', 't'], ['help', '?'], ['sheet-again', 'c'], ['live', ' ']])
+  $(id).addEventListener('click', () => actions[key]());
+for (const of of ['map', 'reconstruction'])
+  $(`cloud-${of}`).addEventListener('click', () => {
+    cloudOf = of;
+    for (const other of ['map', 'reconstruction']) $(`cloud-${other}`).setAttribute('aria-pressed', other === of);
+    drawRecord();
+  });
+$('scrubber').addEventListener('input', e => show(+e.target.value));
+document.addEventListener('keydown', e => {
+  if (e.ctrlKey || e.altKey || e.metaKey || document.querySelector('dialog[open]')) return;
+  if (e.key === ' ' && e.target.tagName === 'BUTTON') return;
+  const action = actions[e.key];
+  if (!action) return;
+  e.preventDefault();
+  action();
+});
+matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw);
+setInterval(() => {
+  drawLamps();
+  if (!state) return;
+  const running = state.status === 'open' && connected ? (performance.now() - received) / 1000 : 0;
+  say('elapsed', clock(state.elapsed_s + running));
+}, 200);
+
+const link = new Link(message => take[message.kind]?.(message), open => {
+  connected = open;
+  if (open && !live) link.ask({show: here()});
+  if (state) drawNumbers(), drawLamps();
+  else say('status', open ? 'connected' : 'no connection to the viewer');
+});

@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: MIT
+#include "recon/view/server.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <cstdlib>
+#include <set>
+
+#include "drivers/core/console.hpp"
+#include "drivers/core/printable.hpp"
+#include "recon/view/session.hpp"
+
+namespace echofuse::view {
+namespace {
+
+namespace net = boost::asio;
+using net::ip::tcp;
+using Error_code = boost::system::error_code;
+
+constexpr unsigned short usual_port = 8410;
+constexpr int usual_ports = 10;
+constexpr auto pulse_pause = std::chrono::milliseconds(250);
+constexpr auto longest_pause = std::chrono::milliseconds(200);
+constexpr auto shortest_pause = std::chrono::milliseconds(25);
+constexpr double state_pause_s = 1, strip_pause_s = 2;
+constexpr double last_look_s = 5;    // until_closed: after the run's end
+constexpr double first_look_s = 60;  // the same: until there is a run
+
+tcp::endpoint endpoint_of(const std::string& text) {
+  const std::size_t colon = text.rfind(':');
+  Error_code bad;
+  std::string host = text.substr(0, std::min(colon, text.size()));
+  if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
+  const auto address = net::ip::make_address(host, bad);
+  char* end = nullptr;
+  const std::string port = colon == text.npos ? "" : text.substr(colon + 1);
+  const long number = std::strtol(port.c_str(), &end, 10);
+  const bool digits = !port.empty() && port.find_first_not_of("0123456789") == port.npos;
+  if (bad || !digits || *end || number > 65'535)
+    throw Error(ExitCode::usage, "--listen " + printable(text) +
+                                     ": expected ADDRESS:PORT with a number as its address, as "
+                                     "127.0.0.1:8410 or 0.0.0.0:8410");
+  return {address, static_cast<unsigned short>(number)};
+}
+
+std::string name_of_machine() {
+  std::array<char, 256> name{};
+  return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
+}
+
+}  // namespace
+
+class Server::Loop final : public SessionOwner {
+ public:
+  Loop(Show& show, const ServerOptions& options, const Clock& clock)
+      : show_(show), options_(options), clock_(clock) {
+    access_.token = make_token();
+    listen();
+    access_.loopback = acceptor_.local_endpoint().address().is_loopback();
+    access_.token_asked = !access_.loopback;
+    access_.host_name = name_of_machine();
+  }
+
+  std::string address() const {
+    const auto at = acceptor_.local_endpoint();
+    const bool any = at.address().is_unspecified();
+    const std::string host = any                    ? access_.host_name
+                             : at.address().is_v6() ? "[" + at.address().to_string() + "]"
+                                                    : at.address().to_string();
+    return "http://" + host + ":" + std::to_string(at.port()) + "/?token=" + access_.token;
+  }
+
+  void run() {
+    begun_ = clock_.now();
+    accept();
+    pulse();
+    io_.run();
+  }
+
+ private:
+  const Access& access() const override { return access_; }
+  std::string metrics() override {
+    show_.run().refresh();
+    return show_.metrics();
+  }
+  void opened(const std::shared_ptr<Session>& session) override;
+  void closed(const std::shared_ptr<Session>& session) override { sessions_.erase(session); }
+  Message answer_to(Session& session, const Request& request) override;
+  Message mark(const Session& session, const Mark& mark);
+
+  void listen();
+  void accept();
+  void pulse();
+  bool over();
+  void arm();
+  void look();
+  void tell_all(bool news);
+  void greet(Session& session);
+  Message newest();
+  template <class Make>
+  Message attempt(Make make);
+
+  int open_ = 0;        // connections: counted down by the last of them, below
+  net::io_context io_;  // destroyed last of what uses it
+  tcp::acceptor acceptor_{io_};
+  net::steady_timer pulse_{io_}, look_{io_}, retry_{io_};
+  Show& show_;
+  const ServerOptions options_;
+  const Clock& clock_;
+  Access access_;
+  std::set<std::shared_ptr<Session>> sessions_;
+  bool armed_ = false, has_reference_ = false;
+  int edition_ = 0;
+  HostTime begun_{}, seen_live_{}, state_{}, strip_{};
+};
+
+// The first free port of ten, unless somebody says which.
+void Server::Loop::listen() {
+  const bool said = !options_.listen.empty();
+  tcp::endpoint at = said ? endpoint_of(options_.listen)
+                          : tcp::endpoint(net::ip::address_v4::loopback(), usual_port);
+  for (int tries = said ? 1 : usual_ports;; --tries) {
+    Error_code error;
+    acceptor_.open(at.protocol(), error);
+    if (!error) acceptor_.set_option(tcp::acceptor::reuse_address(true), error);
+    if (!error) acceptor_.bind(at, error);
+    if (!error) acceptor_.listen(net::socket_base::max_listen_connections, error);
+    if (!error) return;
+    if (tries == 1)
+      throw Error(ExitCode::failed, "cannot listen at " + at.address().to_string() + ":" +
+                                        std::to_string(at.port()) + ": " + error.message());
+    acceptor_.close();
+    at.port(static_cast<unsigned short>(at.port() + 1));
+  }
+}
+
+// One too many is closed at once. After an error, as of too many open files, there is a pause.
+void Server::Loop::accept() {
+  acceptor_.async_accept([this](Error_code error, tcp::socket socket) {
+    if (error == net::error::operation_aborted) return;
+    if (!error && open_ < most_connections) {
+      Error_code none;
+      socket.set_option(net::socket_base::send_buffer_size(256 << 10), none);
+      socket.set_option(tcp::no_delay(true), none);
+      std::make_shared<Session>(std::move(socket), *this, open_)->start();
+    }
+    if (!error) return accept();
+    retry_.expires_after(longest_pause);
+    retry_.async_wait([this](Error_code) { accept(); });
+  });
+}
+
+void Server::Loop::pulse() {
+  if (interrupted() || over()) return io_.stop();
+  pulse_.expires_after(pulse_pause);
+  pulse_.async_wait([this](Error_code) { pulse(); });
+}
+
+bool Server::Loop::over() {
+  if (!options_.until_closed) return false;
+  const HostTime now = clock_.now();
+  if (sessions_.empty()) show_.run().refresh();
+  if (show_.run().live() && show_.run().trouble().empty()) seen_live_ = now;
+  if (!sessions_.empty()) return false;
+  return seen_live_.count() == 0 ? seconds(now - begun_) > first_look_s
+                                 : seconds(now - seen_live_) > last_look_s;
+}
+
+void Server::Loop::opened(const std::shared_ptr<Session>& session) {
+  sessions_.insert(session);
+  show_.run().refresh();
+  if (sessions_.size() == 1) edition_ = show_.run().edition();
+  greet(*session);
+  if (!armed_) arm();
+}
+
+template <class Make>
+Message Server::Loop::attempt(Make make) {
+  try {
+    return make();
+  } catch (const Error& e) {
+    return trouble(printable(e.what(), 300));
+  }
+}
+
+Message Server::Loop::newest() {
+  const auto last = show_.run().last();
+  return last ? attempt([&] { return show_.record(*last, true); }) : nullptr;
+}
+
+void Server::Loop::greet(Session& session) {
+  if (const std::string& why = show_.run().trouble(); !why.empty())
+    return session.send(Kind::trouble, trouble(why));
+  session.send(Kind::run, attempt([&] { return show_.about_run(session.may_write()); }));
+  session.send(Kind::state, show_.state());
+  session.send(Kind::reference, attempt([&] { return show_.reference(); }));
+  session.send(Kind::strip, show_.strip());
+  if (session.live) session.send(Kind::record, newest());
+}
+
+void Server::Loop::arm() {
+  armed_ = true;
+  const auto quarter = from_seconds(show_.run().info().window_s / 4);
+  look_.expires_after(std::clamp<std::chrono::nanoseconds>(quarter, shortest_pause, longest_pause));
+  look_.async_wait([this](Error_code) {
+    armed_ = false;
+    if (sessions_.empty()) return;
+    look();
+    arm();
+  });
+}
+
+void Server::Loop::look() {
+  const bool news = show_.run().refresh();
+  const std::string& why = show_.run().trouble();
+  if (!why.empty()) {
+    if (news)
+      for (const auto& s : sessions_) s->send(Kind::trouble, trouble(why));
+    return;
+  }
+  if (std::exchange(edition_, show_.run().edition()) != show_.run().edition()) {
+    has_reference_ = false;
+    for (const auto& s : sessions_) greet(*s);
+    return;
+  }
+  tell_all(news);
+}
+
+void Server::Loop::tell_all(bool news) {
+  const HostTime now = clock_.now();
+  const auto due = [&](HostTime& last, double pause_s) {
+    const bool is = seconds(now - last) >= pause_s;
+    if (is) last = now;
+    return is;
+  };
+  if (due(state_, state_pause_s) || news) {
+    const Message state = show_.state();
+    for (const auto& s : sessions_) s->send(Kind::state, state);
+  }
+  if (!news) return;
+  const bool wanted =
+      std::any_of(sessions_.begin(), sessions_.end(), [](auto& s) { return s->live; });
+  if (const Message record = wanted ? newest() : nullptr)
+    for (const auto& s : sessions_)
+      if (s->live) s->send(Kind::record, record);
+  if (!due(strip_, strip_pause_s)) return;
+  const Message strip = show_.strip();
+  for (const auto& s : sessions_) s->send(Kind::strip, strip);
+  if (has_reference_) return;
+  const Message reference = attempt([&] { return show_.reference(); });
+  has_reference_ = reference != nullptr;
+  for (const auto& s : sessions_) s->send(Kind::reference, reference);
+}
+
+Message Server::Loop::answer_to(Session& session, const Request& request) {
+  if (const auto* bad = std::get_if<BadRequest>(&request)) return answer(false, bad->why);
+  if (const auto* m = std::get_if<Mark>(&request)) return mark(session, *m);
+  return attempt([&]() -> Message {
+    if (const auto* asked = std::get_if<ShowSheet>(&request))
+      return show_.sheet(asked->first, asked->last);
+    const auto* asked = std::get_if<ShowRecord>(&request);
+    session.live = !asked;
+    return asked ? show_.record(asked->index, false) : newest();
+  });
+}
+
+Message Server::Loop::mark(const Session& session, const Mark& mark) {
+  if (!session.may_write())
+    return answer(false,
+                  "marking needs the token: open the whole address that the program printed");
+  try {
+    record::mark(show_.run().path(), mark.label ? "label" : "mark", mark.text);
+    return answer(true, mark.label ? "label set: " + mark.text : "marked: " + mark.text);
+  } catch (const Error& e) {
+    return answer(false, printable(e.what(), 300));
+  }
+}
+
+Server::Server(Show& show, const ServerOptions& options, const Clock& clock)
+    : loop_(std::make_unique<Loop>(show, options, clock)) {}
+Server::~Server() = default;
+std::string Server::address() const { return loop_->address(); }
+void Server::run() { loop_->run(); }
+
+}  // namespace echofuse::view

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: MIT
+// One connection: a request, and what becomes of it.
+#pragma once
+#include <utility>  // before Asio (http.hpp)
+// clang-format off: the header above comes first
+#include <boost/beast/core.hpp>
+#include <boost/beast/websocket.hpp>
+// clang-format on
+#include <array>
+#include <deque>
+#include <memory>
+#include <optional>
+
+#include "recon/view/http.hpp"
+#include "recon/view/message.hpp"
+
+namespace echofuse::view {
+
+enum class Kind : std::uint8_t { run, trouble, state, reference, strip, record, sheet, answer };
+inline constexpr std::size_t kinds = 8;
+
+class Session;
+
+// Whom a session asks.
+class SessionOwner {
+ public:
+  virtual ~SessionOwner() = default;
+  virtual const Access& access() const = 0;
+  virtual std::string metrics() = 0;
+  virtual void opened(const std::shared_ptr<Session>& session) = 0;  // as a WebSocket
+  virtual void closed(const std::shared_ptr<Session>& session) = 0;
+  virtual Message answer_to(Session& session, const Request& request) = 0;  // null: none
+};
+
+// Threading: that of its owner, which outlives it.
+class Session : public std::enable_shared_from_this<Session> {
+ public:
+  Session(boost::asio::ip::tcp::socket socket, SessionOwner& owner, int& open)
+      : stream_(std::move(socket)), owner_(owner), open_(open) {
+    ++open_;
+  }
+  ~Session() { --open_; }
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+
+  void start();
+  // Instead of what of this kind has not been sent yet.
+  void send(Kind kind, Message message);
+  bool may_write() const { return may_write_; }
+
+  bool live = true;  // shown the newest record
+
+ private:
+  void on_request();
+  void upgrade();
+  void read();
+  void on_message();
+  void serve();
+  void write_next();
+  void close();
+
+  boost::beast::websocket::stream<boost::beast::tcp_stream> stream_;
+  boost::beast::flat_buffer buffer_;
+  std::optional<http::request_parser<http::empty_body>> parser_;
+  HttpRequest request_;
+  HttpResponse response_;
+  SessionOwner& owner_;
+  int& open_;
+  bool may_write_ = false, over_ = false;
+  Message writing_;
+  std::array<Message, kinds> waiting_;
+  std::optional<Request> record_, sheet_;  // asked, and not answered yet
+  std::deque<Request> marks_;              // the same; every one of them counts
+};
+
+}  // namespace echofuse::view

@@ -1,0 +1,305 @@
+// SPDX-License-Identifier: MIT
+#include "recon/view/show.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "drivers/core/exit_code.hpp"
+#include "drivers/core/log2_codes.hpp"
+#include "drivers/core/printable.hpp"
+
+namespace echofuse::view {
+namespace {
+
+using Json = nlohmann::json;
+constexpr double first_minute_s = 60;
+constexpr std::size_t most_reference_records = 200;
+
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
+
+Json axis_json(const Axis& a) {
+  return {{"quantity", a.quantity},
+          {"unit", a.unit},
+          {"count", a.count},
+          {"start", a.start},
+          {"step", a.step}};
+}
+
+const Axis* find(const std::vector<Axis>& axes, const char* name) {
+  for (const Axis& a : axes)
+    if (a.name == name) return &a;
+  return nullptr;
+}
+
+// Every k-th row and column of a picture, so that no side is longer than this.
+struct Picture {
+  std::vector<std::uint16_t> mm;
+  std::size_t height = 0, width = 0;
+};
+Picture thinned(const std::vector<std::uint16_t>& mm, std::size_t height, std::size_t width) {
+  constexpr std::size_t longest = 320;
+  const std::size_t k = (std::max(height, width) + longest - 1) / longest;
+  Picture out;
+  for (std::size_t y = k / 2; y < height; y += k, ++out.height)
+    for (std::size_t x = k / 2; x < width; x += k) out.mm.push_back(mm[y * width + x]);
+  out.width = out.height > 0 ? out.mm.size() / out.height : 0;
+  return out;
+}
+
+std::vector<float> map_of(const record::FusedRecord& r, const std::vector<Axis>& axes,
+                          const record::MapGrid& grid) {
+  const Axis *x = find(axes, "depth_x"), *y = find(axes, "depth_y");
+  if (!r.has(Sensor::depth) || !x || !y) return {};
+  return record::to_target(r.depth_mm, *x, *y, grid.x(), grid.y());
+}
+
+}  // namespace
+
+std::vector<float> to_db(std::span<const float> profile, const Axis& axis) {
+  std::vector<float> out;
+  out.reserve(profile.size());
+  for (const float v : profile) {
+    const double power =
+        axis.quantity == "log2_q8" ? power_from_code(double{v}, axis.scale) : double{v};
+    out.push_back(static_cast<float>(10 * std::log10(std::max(power, 1e-12))));
+  }
+  return out;
+}
+
+Message answer(bool ok, const std::string& text) {
+  return MessageWriter().finish({{"kind", "answer"}, {"ok", ok}, {"text", text}});
+}
+Message trouble(const std::string& text) {
+  return MessageWriter().finish({{"kind", "trouble"}, {"text", text}});
+}
+
+Message Show::about_run(bool may_write) const {
+  const record::RunInfo& info = run_.info();
+  Json axes = Json::object();
+  for (const Axis& a : run_.axes()) axes[a.name] = axis_json(a);
+  const record::MapGrid grid = record::map_grid_of(run_.axes());
+  Json out{{"kind", "run"},
+           {"file", std::filesystem::path(run_.path()).filename().string()},
+           {"uuid", info.uuid},
+           {"edition", run_.edition()},
+           {"window_s", info.window_s},
+           {"started_utc", info.started_utc},
+           {"host", info.host},
+           {"operator", info.operator_name},
+           {"notes", info.notes},
+           {"version", info.version},
+           {"axes", axes},
+           {"map", {{"size", grid.size}, {"half_tangent", grid.half_tangent}}},
+           {"model", model_ ? Json(model_->name()) : Json()},
+           {"may_write", may_write && run_.live()}};
+  return MessageWriter().finish(std::move(out));
+}
+
+Json Show::sensors() const {
+  const UtcTime now = clock_.utc();
+  Json out = Json::object();
+  for (const Sensor s : all_sensors) {
+    const SensorState& sensor = run_.sensors()[s];
+    const auto age = age_s(sensor, now);
+    out[name_of(s)] = {{"verdict", sensor.verdict},
+                       {"configured", sensor.configured},
+                       {"valid", sensor.valid},
+                       {"age_s", age ? number(*age) : Json()},
+                       {"stale", run_.live() && is_stale(sensor, run_.info().window_s, now)},
+                       {"used", sensor.used},
+                       {"lost", sensor.lost},
+                       {"late", sensor.late},
+                       {"residual_s", sensor.residual_s ? number(*sensor.residual_s) : Json()}};
+  }
+  return out;
+}
+
+// How long the disk lasts: by what the records so far took.
+Json Show::disk() const {
+  const auto free = run_.free_bytes();
+  if (!free) return nullptr;
+  const auto records = static_cast<double>(run_.outlines().size());
+  Json out{{"free_bytes", *free}, {"lasts_s", nullptr}};
+  if (records > 0 && run_.bytes() > 0 && run_.info().window_s > 0)
+    out["lasts_s"] = number(static_cast<double>(*free) * records * run_.info().window_s /
+                            static_cast<double>(run_.bytes()));
+  return out;
+}
+
+Message Show::state() const {
+  Json events = Json::array();
+  for (const record::Event& e : run_.events())
+    events.push_back({{"utc", e.utc},
+                      {"level", e.level},
+                      {"source", e.source},
+                      {"text", printable(e.text, 300)}});
+  const auto& outlines = run_.outlines();
+  const auto records = static_cast<std::int64_t>(outlines.size());
+  Json out{{"kind", "state"},
+           {"status", run_.info().status},
+           {"utc", iso8601(clock_.utc())},
+           {"records", records},
+           {"planned", planned_ ? Json(*planned_) : Json()},
+           {"label", run_.label()},
+           {"sensors", sensors()},
+           {"disk", disk()},
+           {"events", events},
+           {"first_index", nullptr},
+           {"last_index", nullptr},
+           {"elapsed_s", 0},
+           {"remaining_s", nullptr}};
+  if (records > 0) {
+    out["first_index"] = outlines.front().index;
+    out["last_index"] = outlines.back().index;
+    const UtcTime end = run_.live() ? clock_.utc() : outlines.back().end;
+    out["elapsed_s"] = std::max(0.0, seconds(end - outlines.front().start));
+  }
+  if (planned_ && run_.live())
+    out["remaining_s"] =
+        static_cast<double>(std::max<std::int64_t>(*planned_ - records, 0)) * run_.info().window_s;
+  return MessageWriter().finish(std::move(out));
+}
+
+Message Show::record(std::int64_t index, bool live) {
+  if (last_ && index == last_index_ && live == last_live_ && last_edition_ == run_.edition())
+    return last_;
+  last_ = make_record(index, live);
+  last_index_ = index, last_live_ = live, last_edition_ = run_.edition();
+  return last_;
+}
+
+Message Show::make_record(std::int64_t index, bool live) const {
+  MessageWriter out;
+  Json head{{"kind", "record"}, {"index", index}, {"live", live}};
+  run_.with_reader([&](const record::RunReader& run) {
+    const record::FusedRecord r = run.read(index);
+    const std::vector<Axis> axes = run.axes();
+    head["utc"] = iso8601(r.slot_utc);
+    head["label"] = r.label;
+    for (const Sensor s : all_sensors)
+      head["sensors"][name_of(s)] = {{"verdict", r.sync[s].verdict},
+                                     {"valid", r.has(s)},
+                                     {"used", r.sync[s].used},
+                                     {"lost", r.sync[s].lost}};
+    head["clicks_a_pulse"] = r.signal.clicks_a_pulse ? number(*r.signal.clicks_a_pulse) : Json();
+    if (r.has(Sensor::spd)) out.add("spd", r.spd);
+    const Axis* radar = find(axes, "radar");
+    if (r.has(Sensor::radar) && radar) out.add("radar", to_db(r.radar, *radar));
+    const Axis *x = find(axes, "depth_x"), *y = find(axes, "depth_y");
+    if (r.has(Sensor::depth) && x && y) {
+      const record::MapGrid grid = record::map_grid_of(axes);
+      const Picture picture = thinned(r.depth_mm, y->count, x->count);
+      out.add<std::uint16_t>("camera", picture.mm, {picture.height, picture.width});
+      out.add<float>("map", map_of(r, axes, grid), {grid.size, grid.size});
+    }
+    if (!model_) return;
+    const Reconstruction made = model_->reconstruct(run, index);
+    head["reconstruction"] = {
+        {"fault", made.fault},
+        {"note", made.note},
+        {"half_tangent", made.grid.half_tangent},
+        {"lateral_interval_90_m",
+         made.lateral_interval_90_m ? number(*made.lateral_interval_90_m) : Json()}};
+    const std::size_t side = made.grid.size;
+    if (!made.map_m.empty()) out.add<float>("reconstruction", made.map_m, {side, side});
+    if (!made.deviation_m.empty()) out.add<float>("deviation", made.deviation_m, {side, side});
+  });
+  return out.finish(std::move(head));
+}
+
+Message Show::strip() const {
+  const auto& all = run_.outlines();
+  const std::size_t step = all.size() / strip_columns + 1;
+  std::vector<double> first;
+  PerSensor<std::vector<float>> used, lost, residual, valid;
+  for (std::size_t begin = 0; begin < all.size(); begin += step) {
+    const std::size_t end = std::min(begin + step, all.size());
+    first.push_back(static_cast<double>(all[begin].index));
+    for (const Sensor s : all_sensors) {
+      float sum = 0, gone = 0, worst = std::numeric_limits<float>::quiet_NaN(), good = 0;
+      for (std::size_t i = begin; i < end; ++i) {
+        sum += all[i].used[s], gone += all[i].lost[s];
+        worst = std::fmax(worst, all[i].residual_s[s]);
+        good += all[i].valid.contains(s) ? 1.0F : 0.0F;
+      }
+      const auto n = static_cast<float>(end - begin);
+      used[s].push_back(sum / n), lost[s].push_back(gone);
+      residual[s].push_back(worst), valid[s].push_back(good / n);
+    }
+  }
+  MessageWriter out;
+  out.add("first", first);
+  for (const Sensor s : all_sensors) {
+    const std::string name = name_of(s);
+    out.add("used_" + name, used[s]);
+    out.add("lost_" + name, lost[s]);
+    out.add("residual_s_" + name, residual[s]);
+    out.add("valid_" + name, valid[s]);
+  }
+  return out.finish({{"kind", "strip"}, {"records_a_column", step}});
+}
+
+Message Show::sheet(std::int64_t first, std::int64_t last) const {
+  std::vector<std::int64_t> within;
+  for (const Outline& o : run_.outlines())
+    if (o.index >= first && o.index <= last) within.push_back(o.index);
+  const std::size_t count = std::min(sheet_maps, within.size());
+  MessageWriter out;
+  Json indices = Json::array(), labels = Json::array();
+  std::vector<float> maps;
+  if (count > 0)
+    run_.with_reader([&](const record::RunReader& run) {
+      const std::vector<Axis> axes = run.axes();
+      record::MapGrid small = record::map_grid_of(axes);
+      small.size = sheet_side;
+      for (std::size_t k = 0; k < count; ++k) {
+        const std::int64_t index = within[count > 1 ? k * (within.size() - 1) / (count - 1) : 0];
+        std::vector<float> map;
+        std::string label;
+        run.for_each(
+            [&](const record::FusedRecord& r) {
+              if (r.index == index) map = map_of(r, axes, small), label = r.label;
+              return false;
+            },
+            index, [](std::int64_t, const std::string&) {}, {Sensor::depth});
+        map.resize(small.pixels());
+        maps.insert(maps.end(), map.begin(), map.end());
+        indices.push_back(index), labels.push_back(label);
+      }
+    });
+  out.add<float>("maps", maps, {indices.size(), sheet_side, sheet_side});
+  return out.finish({{"kind", "sheet"}, {"index", indices}, {"label", labels}});
+}
+
+Message Show::reference() {
+  if (reference_edition_ == run_.edition() && reference_) return reference_;
+  const auto& all = run_.outlines();
+  if (all.empty()) return nullptr;
+  const UtcTime end = all.front().start + from_seconds(first_minute_s);
+  if (run_.live() && all.back().end < end) return nullptr;
+  std::vector<double> sum;
+  double records = 0;
+  run_.with_reader([&](const record::RunReader& run) {
+    run.for_each(
+        [&](const record::FusedRecord& r) {
+          if (r.slot_utc >= end || records >= most_reference_records) return false;
+          if (!r.has(Sensor::spd)) return true;
+          sum.resize(r.spd.size());
+          for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += r.spd[i];
+          ++records;
+          return true;
+        },
+        0, [](std::int64_t, const std::string&) {}, {Sensor::spd});
+  });
+  std::vector<float> mean;
+  for (const double v : sum) mean.push_back(static_cast<float>(v / std::max(records, 1.0)));
+  MessageWriter out;
+  out.add("spd", mean);
+  reference_edition_ = run_.edition();
+  return reference_ = out.finish({{"kind", "reference"}, {"records", records}});
+}
+
+}  // namespace echofuse::view

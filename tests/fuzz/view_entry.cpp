@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: MIT
+// Input: what a client of echofuse-view sends: a byte that chooses, then an HTTP request or a text
+// of the WebSocket.
+#include "fuzz.hpp"
+#include "recon/view/http.hpp"
+#include "recon/view/message.hpp"
+
+using namespace echofuse;
+using namespace echofuse::view;
+using fuzz::require;
+
+namespace {
+
+void take_text(std::string_view text) {
+  const Request request = parse_request(text);
+  if (const auto* mark = std::get_if<Mark>(&request))
+    require(mark->text.size() <= most_text_bytes && fuzz::is_printable(mark->text),
+            "a mark is a short line");
+  if (const auto* record = std::get_if<ShowRecord>(&request))
+    require(record->index >= 0, "a record has an index");
+  if (const auto* sheet = std::get_if<ShowSheet>(&request))
+    require(sheet->first >= 0 && sheet->first <= sheet->last, "a sheet has an order");
+}
+
+void take_http(std::string_view bytes, bool everybody) {
+  http::request_parser<http::empty_body> parser;
+  parser.header_limit(most_header_bytes);
+  parser.body_limit(std::uint64_t{0});
+  parser.eager(true);
+  boost::system::error_code error;
+  parser.put(boost::asio::buffer(bytes.data(), bytes.size()), error);
+  if (error || !parser.is_done()) return;
+  Access access;
+  access.token = "0123456789abcdef0123456789abcdef";
+  access.loopback = !everybody, access.token_asked = everybody;
+  const HttpRequest request = parser.release();
+  const bool knows = bytes.find(access.token) != bytes.npos;
+  bool asked = false;
+  const HttpResponse response = respond(request, access, [&] {
+    asked = true;
+    return std::string("x 1\n");
+  });
+  const auto host = request[http::field::host];
+  require(access.takes_host({host.data(), host.size()}) ||
+              http::to_status_class(response.result()) == http::status_class::client_error,
+          "another host's name gets nothing");
+  require(knows || !everybody || !asked, "no metrics without the token");
+  const Caller caller = caller_of(request, access, true);
+  require(knows || !caller.may_write, "nobody writes without the token");
+  require(knows || !everybody || caller.refusal != http::status::ok, "nor looks from afar");
+  require(response["Content-Security-Policy"].find('\n') == boost::string_view::npos,
+          "no header of the client's own");
+}
+
+}  // namespace
+
+void fuzz::run(ByteView input) {
+  if (input.empty()) return;
+  const std::string_view text = text_of(input.subspan(1));
+  if (input[0] % 4 == 0)
+    take_text(text);
+  else
+    take_http(text, input[0] % 2 == 0);
+}

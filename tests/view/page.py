@@ -1,0 +1,158 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/view/page.py BIN_DIR: the page in Chromium, beside a live simulated run. Exit code 77 without Chromium."""
+import shutil
+import subprocess
+import sys
+import time
+import unittest
+
+try:
+    from selenium import webdriver
+    from selenium.webdriver.chrome.options import Options
+    from selenium.webdriver.chrome.service import Service
+    from selenium.webdriver.common.by import By
+except ImportError:
+    webdriver = None
+if not (webdriver and shutil.which("chromium") and shutil.which("chromedriver")):
+    print("chromium, chromium-driver and python3-selenium are not installed: scripts/test --all")
+    sys.exit(77)
+
+import live_view
+from live import WINDOW_S, bin_dir, wait_for
+
+PATIENCE_S = 60  # a busy machine draws slowly
+
+
+class Page(live_view.LiveView):
+    def setUp(self):
+        super().setUp()
+        options = Options()
+        for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--enable-unsafe-swiftshader",
+                         "--disable-background-networking", "--disable-component-update", "--no-first-run"):
+            options.add_argument(argument)
+        options.binary_location = shutil.which("chromium")
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        self.browser = webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
+
+    def tearDown(self):
+        self.browser.quit()
+        super().tearDown()
+
+    def js(self, code, *arguments):
+        return self.browser.execute_script(code, *arguments)
+
+    def text(self, element):
+        return self.js("return document.getElementById(arguments[0]).textContent", element)
+
+    def lamp(self, sensor):
+        return self.js("return document.getElementById('lamp-' + arguments[0]).dataset.lamp", sensor)
+
+    def wait(self, what, condition):
+        wait_for(what, condition, PATIENCE_S)
+
+    def key(self, key):
+        self.js("document.dispatchEvent(new KeyboardEvent('keydown', {key: arguments[0], bubbles: true}))", key)
+
+    def size(self, width, height):
+        self.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
+            "width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600})
+
+    def canvas_is_drawn(self, canvas):
+        return self.js("""const c = document.getElementById(arguments[0]), p = c.getContext('2d').getImageData(0, 0, c.width,
+            c.height).data; const seen = new Set(); for (let i = 0; i < p.length; i += 4) seen.add(p[i] << 16 | p[i + 1] << 8 |
+            p[i + 2]); return seen.size;""", canvas) > 20
+
+    def test_page(self):
+        model = self.dir / "model.h5"
+        scenes = self.dir / "scenes.sqlite"
+        subprocess.run([bin_dir / "echofuse-sim", "dataset", "--out", scenes, "--records", "80"], check=True,
+                       stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        subprocess.run([bin_dir / "echofuse-recon", "train", scenes, "--model", "ridge", "--out", model, "-q"], check=True,
+                       stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        address = self.view("--model", model)
+        daemon = self.record("--label", "empty")
+        self.size(1280, 800)
+        self.browser.get(address)
+        self.wait("record on the page", lambda: self.js("return window.framesSeen") > 1)
+        before = int(self.text("records"))
+        self.wait("next record", lambda: int(self.text("records")) > before)
+        self.assertEqual(self.text("status"), "recording")
+        for canvas in ("map", "camera"):
+            self.wait(f"drawing in {canvas}", lambda: self.canvas_is_drawn(canvas))
+        self.assertFalse(self.js("return document.getElementById('box-reconstruction').hidden"))
+        self.assertGreater(self.js("return document.querySelectorAll('#histogram canvas').length"), 0)
+
+        # Narrow and wide, light and dark: nothing sticks out.
+        for width, height, scheme in ((390, 844, "light"), (1280, 800, "dark"), (820, 1180, "light")):
+            self.size(width, height)
+            self.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [
+                {"name": "prefers-color-scheme", "value": scheme}]})
+            time.sleep(0.3)
+            wide, inner = self.js("return [document.documentElement.scrollWidth, innerWidth]")
+            self.assertLessEqual(wide, inner, (width, scheme))
+            self.assertEqual(self.contrast_faults(), [], (width, scheme))
+        self.size(1280, 800)
+
+        # Keys: another record, live again, a mark.
+        self.key("Home")
+        self.wait("record 0", lambda: self.text("shown").startswith("record 0,"))
+        self.key("ArrowRight")
+        self.wait("record 1", lambda: self.text("shown").startswith("record 1,"))
+        self.key("End")
+        self.wait("live record", lambda: int(self.text("shown").split()[1].rstrip(",")) > 1)
+        self.wait("contact sheet", lambda: self.js("return document.querySelectorAll('#sheet button').length") > 0)
+        self.key("m")
+        self.js("document.getElementById('ask-text').value = 'door opened'; document.getElementById('ask-ok').click()")
+        self.wait("mark", lambda: "door opened" in self.text("events"))
+        for key in "ghdft":
+            self.key(key)
+
+        # The laboratory goes away: each lamp is red, in words as well, two slots later.
+        self.wait("green lamp", lambda: self.lamp("radar") in ("ok", "look"))
+        self.close_lab()
+        closed = time.monotonic()
+        for sensor in ("spd", "radar", "depth"):
+            self.wait(f"red lamp of {sensor}", lambda: self.lamp(sensor) == "bad")
+        self.assertLess(time.monotonic() - closed, 2 * WINDOW_S + 10)
+        self.assertIn("LOST", self.js("return document.getElementById('lamp-spd').textContent"))
+        daemon.kill()
+        daemon.wait()
+        self.wait("crash on the page", lambda: self.text("status") == "crashed")
+
+        # The viewer goes away, and the page says so.
+        viewer = self.processes[1]
+        self.assertIn("echofuse-view", viewer.args[0])
+        viewer.terminate()
+        self.assertEqual(viewer.wait(10), 0)
+        self.wait("word of it", lambda: "no connection" in self.text("status"))
+        self.view("--listen", address.split("/")[2])
+        self.wait("page of the viewer started again", lambda: self.text("status") == "crashed")
+        faults = [entry["message"] for entry in self.browser.get_log("browser")
+                  if entry["level"] == "SEVERE" and "/live" not in entry["message"]]
+        self.assertEqual(faults, [])
+        asked = self.js("return performance.getEntriesByType('resource').map(e => new URL(e.name).host)")
+        self.assertEqual(set(asked), {address.split("/")[2]})
+
+    def contrast_faults(self):
+        """Texts with less contrast than WCAG 2.1 AA asks for: 4.5, of large ones 3."""
+        return self.js(r"""
+            const part = v => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
+            const luminance = ([r, g, b]) => 0.2126 * part(r) + 0.7152 * part(g) + 0.0722 * part(b);
+            const rgb = text => text.match(/[\d.]+/g).map(Number);
+            const faults = [];
+            for (const at of document.querySelectorAll('body *')) {
+              if (![...at.childNodes].some(n => n.nodeType === 3 && n.textContent.trim()) || !at.offsetParent || at.disabled) continue;
+              const style = getComputedStyle(at);
+              let under = at;
+              while (under && (rgb(getComputedStyle(under).backgroundColor)[3] ?? 1) === 0) under = under.parentElement;
+              const [a, b] = [luminance(rgb(style.color)), luminance(rgb(getComputedStyle(under ?? document.body).backgroundColor))];
+              const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05), size = parseFloat(style.fontSize);
+              if (ratio < (size >= 24 || (size >= 18.7 && +style.fontWeight >= 700) ? 3 : 4.5))
+                faults.push(`${at.tagName} ${at.id} "${at.textContent.slice(0, 30)}" ${ratio.toFixed(2)}`);
+            }
+            return faults;""")
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], "Page.test_page"])

@@ -1,0 +1,263 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/view/server.py BIN_DIR [TEST]: echofuse-view over real sockets, beside a finished run."""
+import base64
+import hashlib
+import http.client
+import os
+import pathlib
+import random as random_numbers
+import re
+import socket
+import sqlite3
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+import urllib.parse
+
+from websocket import Client, Refused
+
+bin_dir = pathlib.Path(sys.argv[1]).resolve()
+RECORDS = 24
+
+
+class Server(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-")
+        cls.run_file = pathlib.Path(cls.folder.name) / "scenes.sqlite"
+        subprocess.run([bin_dir / "echofuse-sim", "dataset", "--out", cls.run_file, "--records", str(RECORDS), "--threads",
+                        "1"], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        cls.process, cls.address = cls.start(cls.folder.name)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.process.terminate()
+        assert cls.process.wait(10) == 0
+        cls.process.stdout.close()
+        cls.folder.cleanup()
+
+    @staticmethod
+    def start(*arguments):
+        process = subprocess.Popen([bin_dir / "echofuse-view", *arguments], stdout=subprocess.PIPE, text=True)
+        return process, process.stdout.readline().strip()
+
+    def get(self, path, token=True, method="GET", **headers):
+        url = urllib.parse.urlsplit(self.address)
+        connection = http.client.HTTPConnection(url.hostname, url.port, timeout=20)
+        connection.request(method, path + (f"?{url.query}" if token else ""), headers=headers)
+        answer = connection.getresponse()
+        body = answer.read()
+        connection.close()
+        return answer, body
+
+    def raw(self, request):
+        url = urllib.parse.urlsplit(self.address)
+        with socket.create_connection((url.hostname, url.port), 20) as s:
+            s.sendall(request)
+            out = b""
+            try:
+                while got := s.recv(4096):
+                    out += got
+            except ConnectionResetError:
+                pass
+        return out
+
+    def test_frames(self):
+        client = Client(self.address)
+        run = client.until("run")
+        self.assertEqual((run["file"], run["model"], run["may_write"]), ("scenes.sqlite", None, False))
+        state = client.until("state")
+        self.assertEqual((state["status"], state["records"], state["last_index"]), ("complete", RECORDS, RECORDS - 1))
+        self.assertEqual(state["sensors"]["spd"]["verdict"], "ok")
+        self.assertEqual(len(client.until("strip")["arrays"]["first"]), RECORDS)
+        newest = client.until("record")
+        self.assertTrue(newest["live"])
+        client.ask({"show": 3})
+        record = client.until("record")
+        self.assertEqual((record["index"], record["live"]), (3, False))
+        with sqlite3.connect(self.run_file) as db:
+            spd, label = db.execute("SELECT spd, label FROM record WHERE idx = 3").fetchone()
+        db.close()
+        self.assertEqual(record["arrays"]["spd"], struct.unpack(f"<{len(spd) // 4}I", spd))
+        self.assertEqual(record["label"], label)
+        self.assertEqual(len(record["arrays"]["radar"]), run["axes"]["radar"]["count"])
+        self.assertEqual(len(record["arrays"]["map"]), run["map"]["size"] ** 2)
+        self.assertTrue(any(1 < z < 6 for z in record["arrays"]["map"]))
+        client.ask({"sheet": [0, RECORDS]})
+        sheet = client.until("sheet")
+        self.assertEqual(sheet["index"], list(range(RECORDS)))
+        self.assertEqual(len(sheet["arrays"]["maps"]), RECORDS * 32 * 32)
+        client.ask({"mark": "a finished run is not marked"})
+        self.assertIn("nobody is recording", client.until("answer")["text"])
+        client.ask({"show": 10 ** 6})
+        self.assertIn("no record 1000000", client.until("trouble")["text"])
+
+    def test_refused(self):
+        url = urllib.parse.urlsplit(self.address)
+        for headers, status in (([], 101), ([f"Origin: http://{url.netloc}"], 101), (["Origin: http://evil.example"], 403),
+                                (["Origin: null"], 403), ([f"Origin: https://{url.netloc}"], 403),
+                                (["Host: evil.example"], 421), ([f"Host: evil.example:{url.port}"], 421),
+                                (["Host: 10.0.0.1"], 421), (["Host: localhost"], 101), (["Host: "], 421)):
+            try:
+                got = Client(self.address, headers=headers).status
+            except Refused as refused:
+                got = refused.args[0]
+            self.assertEqual(got, status, headers)
+        for path, method, status in (("/", "GET", 200), ("/", "HEAD", 200), ("/", "POST", 405), ("/../etc/passwd", "GET", 404),
+                                     ("/live", "GET", 426), ("/nothing", "GET", 404), ("/index.html/", "GET", 404)):
+            self.assertEqual(self.get(path, method=method)[0].status, status, path)
+        # On this machine anybody may look, and nobody may mark without the token.
+        client = Client(self.address, token=False)
+        client.until("run")
+        client.ask({"label": "x"})
+        answer = client.until("answer")
+        self.assertEqual((answer["ok"], "token" in answer["text"]), (False, True))
+
+    def test_token(self):
+        """Of an address that others reach, nothing but the page's programs is given without it."""
+        process, address = self.start(self.folder.name, "--listen", "0.0.0.0:0")
+        try:
+            url = urllib.parse.urlsplit(address)
+            here = f"http://127.0.0.1:{url.port}/?{url.query}"
+            self.assertRegex(url.query, "^token=[0-9a-f]{32}$")
+            for query, status in (("", 401), ("?token=", 401), ("?token=" + "0" * 32, 401), (f"?{url.query}", 200)):
+                for path in ("/", "/metrics"):
+                    connection = http.client.HTTPConnection("127.0.0.1", url.port, timeout=20)
+                    connection.request("GET", path + query)
+                    self.assertEqual(connection.getresponse().status, status, (path, query))
+                    connection.close()
+            with self.assertRaises(Refused):
+                Client(here, token=False)
+            self.assertEqual(Client(here).status, 101)
+        finally:
+            process.terminate()
+            process.wait(10)
+            process.stdout.close()
+
+    def test_sizes(self):
+        for request in (b"GET / HTTP/1.1\r\nHost: localhost\r\nX: " + b"a" * 100_000 + b"\r\n\r\n",
+                        b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1000000000\r\n\r\n" + b"a" * 10_000,
+                        b"GET / HTTP/1.1\r\nHost: localhost\r\nHost: localhost\r\n\r\n", b"\x16\x03\x01\x02\x00" * 200,
+                        b"GET " + b"/" * 20_000 + b" HTTP/1.1\r\n\r\n"):
+            self.assertNotIn(b" 200 ", self.raw(request)[:40])
+        client = Client(self.address)
+        client.frame(1, b'{"mark": "' + b"a" * 2000 + b'"}')
+        with self.assertRaises((EOFError, ConnectionError)):
+            client.until("answer")
+        client = Client(self.address)
+        for bad in (b"", b"[]", b"{}", b'{"show": -1}', b'{"show": 1e300}', b"[" * 900, b'{"sheet": [5, 1]}',
+                    b'{"show": 1, "sheet": [0, 1]}', b'{"label": "a\\u001bb"}'):
+            client.frame(1, bad)
+            self.assertFalse(client.until("answer")["ok"], bad)
+        self.assertEqual(self.get("/")[0].status, 200)
+
+    def test_garbage(self):
+        """Bytes of any kind, before and after the handshake: only the connection that sends them ends."""
+        random = random_numbers.Random(1)
+        healthy = Client(self.address)
+        for k in range(120):
+            if k % 2:
+                client = Client(self.address).socket
+            else:
+                url = urllib.parse.urlsplit(self.address)
+                client = socket.create_connection((url.hostname, url.port), 20)
+            with client:
+                begin = random.choice([b"", b"GET /live HTTP/1.1\r\n", b"\x81", b"\x81\xfe\xff\xff", b"\x88\x80", b"\x89\x84", b"\x02\x81"])
+                try:
+                    client.sendall(begin + random.randbytes(random.randrange(200)))
+                except ConnectionError:
+                    pass
+        healthy.ask({"show": 1})
+        self.assertEqual(healthy.until("record", lambda m: not m["live"])["index"], 1)
+        healthy.socket.close()
+
+    def test_many(self):
+        """64 connections, and not one more; when one goes there is room again."""
+        clients = [Client(self.address) for _ in range(64)]
+        for _ in range(3):
+            with self.assertRaises((EOFError, ConnectionError)):
+                Client(self.address)
+        for client in clients:
+            client.until("record")
+        clients.pop().socket.close()
+        end = time.monotonic() + 10
+        while time.monotonic() < end:
+            try:
+                self.assertEqual(self.get("/metrics")[0].status, 200)
+                break
+            except ConnectionError:
+                time.sleep(0.05)
+        else:
+            self.fail("no room again")
+        for client in clients:
+            client.socket.close()
+        time.sleep(0.3)
+
+    def test_never_reads(self):
+        """Who answers no ping is dropped, and who reads slowly makes nobody wait."""
+        silent = Client(self.address)
+        asking = Client(self.address)
+        for k in range(200):
+            silent.ask({"show": k % RECORDS})
+        begun = time.monotonic()
+        asking.ask({"show": 5})
+        asking.until("record", lambda m: m["index"] == 5)
+        self.assertLess(time.monotonic() - begun, 5)
+        # The server's end of the connection: data that nobody takes hide its end from the client.
+        def sockets():
+            return sum(os.readlink(fd).startswith("socket:") for fd in pathlib.Path(f"/proc/{self.process.pid}/fd").iterdir())
+        before = sockets()
+        end = time.monotonic() + 40
+        while sockets() >= before:
+            self.assertLess(time.monotonic(), end, "a client that never reads is still there")
+            asking.message()  # which answers the pings
+
+    def test_metrics(self):
+        answer, body = self.get("/metrics", token=False)
+        text = body.decode()
+        self.assertIn("version=0.0.4", answer.getheader("Content-Type"))
+        self.assertIn(f"\nechofuse_records_total {RECORDS}\n", text)
+        for sensor in ("spd", "radar", "depth"):
+            for reason in ("lost", "late"):
+                self.assertIn(f'\nechofuse_lost_total{{sensor="{sensor}",reason="{reason}"}} 0\n', text)
+        for line in text.splitlines():
+            self.assertRegex(line, r'^(# (HELP|TYPE) \w+ .+|\w+(\{\w+="\w+"(,\w+="\w+")*\})? -?[0-9.e+-]+)$')
+
+    def test_page_asks_nobody(self):
+        answer, page = self.get("/")
+        policy = answer.getheader("Content-Security-Policy")
+        self.assertIn("default-src 'none'", policy)
+        self.assertNotIn("unsafe", policy)
+        self.assertNotIn(b" style=", page)
+        self.assertNotRegex(page.decode(), r"<script(?![^>]* src=)| on\w+=")
+        parts = re.findall(r'(?:src|href)="([\w.]+)"(?: integrity="sha384-([^"]+)")?', page.decode())
+        self.assertEqual(len([hashed for _, hashed in parts if hashed]), 2)
+        for name, hashed in parts:
+            got, body = self.get("/" + name, token=False)
+            self.assertEqual(got.status, 200, name)
+            if hashed:
+                self.assertEqual(base64.b64encode(hashlib.sha384(body).digest()).decode(), hashed)
+            self.assertNotRegex(body.decode().replace("http://www.w3.org", ""), r"(https?|wss?):(?!//\$\{location)" if not hashed
+                                else r"wss?://")
+
+    def test_text(self):
+        out = subprocess.run([bin_dir / "echofuse-view", "--text", self.folder.name], check=True, capture_output=True,
+                             text=True).stdout
+        lines = out.splitlines()
+        self.assertLessEqual(max(map(len, lines)), 80)
+        self.assertRegex(lines[0], rf"^scenes.sqlite +complete .*{RECORDS} records")
+        self.assertEqual([line[:6] for line in lines[1:4]], ["[ok  ]"] * 3)
+        self.assertIn("█", out)
+        nothing = subprocess.run([bin_dir / "echofuse-view", "--text", self.folder.name + "/none"], capture_output=True,
+                                 text=True)
+        self.assertEqual(nothing.returncode, 1)
+        self.assertIn("no run yet", nothing.stderr)
+
+
+if __name__ == "__main__":
+    names = [f"Server.{name}" for name in sys.argv[2:]]
+    unittest.main(argv=[sys.argv[0], *names], verbosity=2)

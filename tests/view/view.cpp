@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: MIT
+#include <catch2/catch.hpp>
+#include <nlohmann/json.hpp>
+
+#include "recon/view/access.hpp"
+#include "recon/view/followed_run.hpp"
+#include "recon/view/message.hpp"
+#include "recon/view/text_view.hpp"
+
+using namespace echofuse;
+using namespace echofuse::view;
+
+TEST_CASE("of a browser's Host only names that no foreign DNS entry can be") {
+  Access here;
+  here.host_name = "lab7";
+  for (const char* host : {"localhost", "LocalHost:8410", "127.0.0.1", "127.0.0.1:1", "[::1]:8410"})
+    CHECK(here.takes_host(host));
+  for (const char* host :
+       {"", ":8410", "evil.example", "127.0.0.1.evil.example", "localhost.evil", "10.0.0.1", "lab7",
+        "127.0.0.1:", "127.0.0.1:port", "[::1", "127.1", "[]"})
+    CHECK_FALSE(here.takes_host(host));
+  Access all = here;
+  all.loopback = false;
+  for (const char* host : {"localhost:8410", "10.0.0.1:8410", "lab7:8410", "[fe80::1]:8410"})
+    CHECK(all.takes_host(host));
+  for (const char* host : {"evil.example", "lab7.evil.example", "999.0.0.1"})
+    CHECK_FALSE(all.takes_host(host));
+}
+
+TEST_CASE("a page of another origin opens no WebSocket") {
+  const Access access;
+  CHECK(access.takes_origin("", "127.0.0.1:8410"));
+  CHECK(access.takes_origin("http://127.0.0.1:8410", "127.0.0.1:8410"));
+  for (const char* origin : {"null", "http://127.0.0.1", "http://127.0.0.1:8411", "file://",
+                             "http://evil.example", "http://127.0.0.1:8410.evil.example"})
+    CHECK_FALSE(access.takes_origin(origin, "127.0.0.1:8410"));
+}
+
+TEST_CASE("to look needs the token where others can, to write always") {
+  Access access;
+  access.token = make_token();
+  CHECK(access.token.size() == 32);
+  CHECK(make_token() != access.token);
+  CHECK(access.may_look(""));
+  CHECK_FALSE(access.may_write(""));
+  CHECK_FALSE(access.may_write(access.token.substr(1)));
+  CHECK(access.may_write(access.token));
+  access.token_asked = true;
+  CHECK_FALSE(access.may_look("0"));
+  CHECK(access.may_look(access.token));
+  CHECK_FALSE(Access{}.may_write(""));  // no token at all is not an empty one
+  CHECK(target_of("/live?a=1&token=12&b").token == "12");
+  CHECK(target_of("/live?xtoken=12").token.empty());
+  CHECK(target_of("/live").path == "/live");
+  CHECK(target_of("?").path.empty());
+}
+
+TEST_CASE("messages: a header, then arrays at multiples of 8") {
+  MessageWriter writer;
+  writer.add("a", std::vector<std::uint32_t>{1, 2, 3});
+  writer.add<float>("b", std::vector<float>{0.5F, 1}, {1, 2});
+  const Message message = writer.finish({{"kind", "test"}, {"text", "\xff"}});
+  ByteReader reader(*message);
+  const auto size = reader.get<std::uint32_t>();
+  const ByteView text = reader.take(size);
+  const auto header = nlohmann::json::parse(text.begin(), text.end());
+  CHECK(header["kind"] == "test");
+  CHECK(header["arrays"]["b"]["offset"] == 16);
+  CHECK(header["arrays"]["b"]["shape"] == nlohmann::json{1, 2});
+  const std::size_t begin = (4 + size + 7) / 8 * 8;
+  REQUIRE(message->size() == begin + 24);
+  ByteReader arrays(ByteView(*message).subspan(begin));
+  CHECK(arrays.get<std::uint32_t>() == 1);
+  arrays.take(12);
+  CHECK(arrays.get<float>() == 0.5F);
+}
+
+TEST_CASE("block characters: height by the largest value of a column") {
+  CHECK(block_chart(std::vector<float>{0, 8, 16}, 3, 2, 0, 16) == "  █\n ██\n");
+  CHECK(block_chart(std::vector<float>{1, 2, 3, 16}, 2, 1, 0, 16) == "▁█\n");
+  CHECK(block_chart(std::vector<float>{}, 2, 1, 0, 1) == "  \n");
+  CHECK(block_chart(std::vector<float>{5, 5}, 2, 1, 5, 5) == "  \n");  // flat: nothing stands out
+}
+
+TEST_CASE("a sensor is stale two slots after its last valid one") {
+  SensorState sensor;
+  const UtcTime now = std::chrono::seconds(100);
+  CHECK(is_stale(sensor, 3, now));
+  sensor.last_valid = now - std::chrono::milliseconds(6400);
+  CHECK_FALSE(is_stale(sensor, 3, now));
+  sensor.last_valid = now - std::chrono::milliseconds(6600);
+  CHECK(is_stale(sensor, 3, now));
+  sensor.last_valid = now + std::chrono::seconds(1);  // a clock that was set back
+  CHECK(age_s(sensor, now) == 0);
+}

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: MIT
+"""A WebSocket client of the standard library (RFC 6455), and the messages of echofuse-view."""
+import base64
+import json
+import os
+import socket
+import struct
+import urllib.parse
+
+TYPES = {"u8": "B", "u16": "H", "u32": "I", "f32": "f", "f64": "d"}
+
+
+class Refused(Exception):
+    """The answer to the handshake was not 101."""
+
+
+class Client:
+    def __init__(self, address, path="/live", token=True, headers=(), timeout_s=20):
+        url = urllib.parse.urlsplit(address)
+        self.socket = socket.create_connection((url.hostname, url.port), timeout_s)
+        query = f"?{url.query}" if token else ""
+        lines = [f"GET {path}{query} HTTP/1.1", "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13",
+                 f"Sec-WebSocket-Key: {base64.b64encode(os.urandom(16)).decode()}", *headers]
+        if not any(line.lower().startswith("host:") for line in headers):
+            lines.append(f"Host: {url.netloc}")
+        self.socket.sendall(("\r\n".join(lines) + "\r\n\r\n").encode())
+        self.bytes = b""
+        while b"\r\n\r\n" not in self.bytes:
+            self.more()
+        head, self.bytes = self.bytes.split(b"\r\n\r\n", 1)
+        self.status = int(head.split()[1])
+        if self.status != 101:
+            raise Refused(self.status)
+
+    def more(self):
+        got = self.socket.recv(1 << 16)
+        if not got:
+            raise EOFError
+        self.bytes += got
+
+    def take(self, count):
+        while len(self.bytes) < count:
+            self.more()
+        out, self.bytes = self.bytes[:count], self.bytes[count:]
+        return out
+
+    def frame(self, opcode, payload):
+        mask = os.urandom(4)
+        size = bytes([0x80 | len(payload)]) if len(payload) < 126 else b"\xfe" + struct.pack(">H", len(payload))
+        self.socket.sendall(bytes([0x80 | opcode]) + size + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(payload)))
+
+    def ask(self, what):
+        self.frame(1, json.dumps(what).encode())
+
+    def message(self):
+        """The next message of the server; pings are answered. EOFError when it closes."""
+        while True:
+            first, second = self.take(2)
+            size = second & 127
+            if size == 126:
+                size, = struct.unpack(">H", self.take(2))
+            elif size == 127:
+                size, = struct.unpack(">Q", self.take(8))
+            payload, opcode = self.take(size), first & 15
+            if opcode == 9:
+                self.frame(10, payload)
+            elif opcode == 8:
+                raise EOFError(payload[2:].decode())
+            elif opcode == 2:
+                return decode(payload)
+
+    def until(self, kind, condition=lambda message: True):
+        while True:
+            message = self.message()
+            if message["kind"] == kind and condition(message):
+                return message
+
+
+def decode(payload):
+    length, = struct.unpack_from("<I", payload)
+    message = json.loads(payload[4:4 + length])
+    begin = (4 + length + 7) // 8 * 8
+    for name, a in message["arrays"].items():
+        count = 1
+        for side in a["shape"]:
+            count *= side
+        message["arrays"][name] = struct.unpack_from(f"<{count}{TYPES[a['type']]}", payload, begin + a["offset"])
+    return message
