@@ -77,10 +77,12 @@ class Appender {
         {path_, uuid, data.size(), 0, radar_offset_m, calibrated_days(run), laboratories_of(run)});
   }
 
-  // For so many records: a table that grows would be there twice.
+  // For so many records: a table that grows would be there twice. Of many runs not for each anew.
   void make_room(std::size_t records) {
     const auto reserve = [&](Matrix& table, std::size_t cols) {
-      table.values.reserve(table.values.size() + records * cols);
+      const std::size_t wanted = table.values.size() + records * cols;
+      if (wanted > table.values.capacity())
+        table.values.reserve(std::max(wanted, 2 * table.values.capacity()));
     };
     reserve(data_.spd, data_.spd_axis.count), reserve(data_.radar, data_.radar_axis.count);
     reserve(data_.array, lag_columns(data_.array_axis));

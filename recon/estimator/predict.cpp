@@ -126,7 +126,7 @@ Records prepare_records(const TrainedModel& whole, Dataset recorded, RangeBiasAc
   const bool detected = out.range_bias.status == RangeBias::Status::detected;
   const Says says = out.range_bias.evidence.says;
   const bool others = detected && says != Says::range_bias && !out.range_bias.by_echoes &&
-                      domain_shift_of(model, out).changes_shapes();
+                      model.domain.judge(model.alignment, data, out.aligned, {}).changes_shapes();
   const bool corrected = detected && correct && !others && says != Says::no_range_bias;
   out.text = out.range_bias.text(corrected, others);
   if (!corrected) return out;
@@ -138,7 +138,7 @@ Records prepare_records(const TrainedModel& whole, Dataset recorded, RangeBiasAc
 DomainShift domain_shift_of(const TrainedModel& whole, const Records& records) {
   const TrainedModel& model = whole.for_run(records.data);
   RangeBias moved = records.range_bias;
-  if (moved.records == 0 && records.range_bias_m == 0)
+  if (moved.records == 0 || records.range_bias_m != 0)  // nobody looked, or it was taken off
     moved = model.range_bias.judge(
         model.range_bias.measure(model.alignment, records.data, records.aligned));
   return model.domain.judge(model.alignment, records.data, records.aligned, moved);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "drivers/core/exit_code.hpp"
 #include "drivers/core/random.hpp"
 #include "recon/numbers/matrix_file.hpp"
 #include "recon/numbers/statistics.hpp"
@@ -92,7 +93,12 @@ void RunContext::learn(const Alignment& alignment, const Dataset& data, const Ma
                        const Rows& rows, Inputs inputs) {
   if (size() == 0) return;
   const Matrix observed = observe_shapes(alignment, data, aligned, rows, inputs);
-  if (observed.rows > 0) value_ = standardised(summary_of(observed, all_rows(observed.rows)));
+  if (observed.rows < fewest_drawn) return;  // as in training: not known
+  const auto found = summary_of(observed, all_rows(observed.rows));
+  if (found.size() != size())
+    throw Error(ExitCode::failed, "the model's context has " + std::to_string(size()) +
+                                      " numbers, not " + std::to_string(found.size()));
+  value_ = standardised(found);
 }
 
 Matrix RunContext::before(const Matrix& table) const {

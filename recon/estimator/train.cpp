@@ -143,6 +143,7 @@ bool looks_at_body(const std::string& candidate, const TrainOptions& options) {
 }
 
 constexpr double share_of_use = 0.5;       // that its records make of the others', measured
+constexpr double most_times = 100;         // that a record counts by itself
 constexpr std::size_t others_least = 100;  // to tell that it is unlike them
 
 // Beside many records of other rooms few of the use's are hardly learnt from: where a test tells
@@ -155,8 +156,8 @@ std::vector<double> weights_of(const Dataset& data, const Split& split, Inputs i
   Rows others;
   std::ranges::set_difference(in_order(split.train), use, std::back_inserter(others));
   if (few.empty() || others.size() < others_least) return {};
-  const double times =
-      share_of_use * static_cast<double>(others.size()) / static_cast<double>(few.size());
+  const double times = std::min(most_times, share_of_use * static_cast<double>(others.size()) /
+                                                static_cast<double>(few.size()));
   if (times <= 1) return {};
   const Preprocessing preprocessing(data, split.train, inputs,
                                     learn_scene(data.depth, split.train, data.map), true);

@@ -130,6 +130,8 @@ class Windows {
   static constexpr float unknown = -1;
   // Sums a column: those run side by side in the processor's vectors.
   static constexpr std::size_t most_columns = 32;
+  static_assert(letter_sizes[0].width_m / cell_m + 3 < most_columns &&
+                letter_sizes[1].width_m / cell_m + 3 < most_columns);
   using Row = std::array<float, most_columns>;
 
   const float* row(std::size_t left, std::size_t row) const {

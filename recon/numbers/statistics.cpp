@@ -41,8 +41,7 @@ double standard_deviation(std::span<const double> values) {
   return std::sqrt(squares / n);
 }
 
-Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng) {
-  constexpr std::size_t block = 10;
+Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng, std::size_t block) {
   std::uniform_int_distribution<std::size_t> any(0, of - 1);
   Rows out;
   while (out.size() < count)

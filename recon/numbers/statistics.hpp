@@ -25,9 +25,12 @@ double standard_deviation(std::span<const double> values);
 // The value that this share of all is below: 0.5 for the median. Reorders them.
 float quantile(std::span<float> values, double share);
 
+inline constexpr std::size_t pose_records = 10;  // half a minute, for which a pose may be held
+
 // Which of `of` records in their order a resample of `count` takes: circular blocks (Politis and
-// Romano 1992) of ten, half a minute of records, as a pose may be held.
-Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng);
+// Romano 1992). More than some blocks are needed, or all resamples are alike.
+Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng,
+                      std::size_t block = pose_records);
 
 // Of each column, over the given rows (at least one).
 std::vector<float> column_quantile(const Matrix& table, const Rows& rows, double share);

@@ -43,7 +43,8 @@ void* map_file(std::size_t bytes) {
   void* out = MAP_FAILED;
   if (file >= 0) {
     ::unlink(path.c_str());
-    error = ::posix_fallocate(file, 0, static_cast<off_t>(bytes));
+    do error = ::posix_fallocate(file, 0, static_cast<off_t>(bytes));
+    while (error == EINTR);
     if (error == 0) out = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
     if (error == 0 && out == MAP_FAILED) error = errno;
     ::close(file);

@@ -88,6 +88,11 @@ std::string RangeBias::text(bool corrected, bool other_shapes) const {
   switch (status) {
     case Status::too_few_records:
       if (records == 0) return {};
+      if (by_echoes)
+        return formatted(
+            "%zu records show what stands still not well enough to tell whether the ranges have a "
+            "bias (standard error %.1f cm)",
+            records, standard_error_m * 100);
       return formatted("%zu records with a body are too few to tell whether the ranges have a bias",
                        records) +
              (standard_error_m > 0 ? formatted(" (standard error %.1f cm)", standard_error_m * 100)
@@ -199,10 +204,11 @@ RangeBias RangeBiasReference::judge(const Alignment& alignment, const Dataset& d
     for (std::size_t i = 0; i < aligned.rows; ++i)
       if (shows_body(aligned.row(i))) range_m += double{aligned.row(i).back()}, ++bodies;
     out.evidence = weigh({out.bias_m, out.standard_error_m, range_m / bodies}, echoes, gains);
-    out.evidence.text += calibration_age(data);
+    const std::string age = calibration_age(data);
+    out.evidence.text += (age.empty() || out.evidence.text.empty() ? "" : "; ") + age;
   } else if (echoes.seen) {
     out.by_echoes = true;
-    out.records = data.size(), out.bias_m = echoes.moved_m;
+    out.records = echoes.records, out.bias_m = echoes.moved_m;
     out.standard_error_m = echoes.standard_error_m;
     out.status = status_of(out);
   }

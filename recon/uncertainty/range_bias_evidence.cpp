@@ -141,18 +141,20 @@ EchoMove StaticEchoes::judge(const Dataset& data, const Matrix& aligned, bool lo
     if (steady_[b] != 0 && (longer || data.radar_axis.at(static_cast<double>(b)) >= resolution_m))
       bins.push_back(b);
   for (const std::size_t row : rows)
-    if (!shows_body(aligned.row(row))) empty.push_back(row);
+    if (data.fault_of(row, Inputs::fused_profile).empty() && !shows_body(aligned.row(row)))
+      empty.push_back(row);
   if (empty.size() >= least_empty) out.empty_records = empty.size(), rows = empty;
   if (bins.size() < 2 || (out.empty_records == 0 && rows.size() < least_records)) return out;
   const auto of = [&](const Rows& some) {
     return move_of(column_quantile(data.radar, some, 0.5), bins, data.radar_axis.step);
   };
-  out.moved_m = of(rows);
+  out.moved_m = of(rows), out.records = rows.size();
   std::vector<double> moves;
   Rng rng = make_rng(rows.size(), echo_stream);
   for (int i = 0; i < resamples; ++i) {
     Rows some;
-    for (const std::size_t k : resampled_blocks(rows.size(), rows.size(), rng))
+    const std::size_t block = out.empty_records > 0 ? 1 : pose_records;
+    for (const std::size_t k : resampled_blocks(rows.size(), rows.size(), rng, block))
       some.push_back(rows[k]);
     moves.push_back(of(some));
   }
@@ -191,7 +193,7 @@ RangeBiasEvidence weigh(const MovedBodies& bodies, const EchoMove& echoes, const
 
 std::string calibration_age(const Dataset& data) {
   if (data.sources.empty() || !data.sources.front().calibrated_days) return {};
-  return formatted("; calibrated %.0f days before the run", *data.sources.front().calibrated_days);
+  return formatted("calibrated %.0f days before the run", *data.sources.front().calibrated_days);
 }
 
 }  // namespace echofuse::recon

@@ -18,7 +18,8 @@ namespace echofuse::recon {
 struct EchoMove {
   bool seen = false;
   double moved_m = 0, standard_error_m = 0;  // to longer ranges
-  std::size_t empty_records = 0;             // by which alone it was told; 0: by all
+  std::size_t records = 0;                   // that tell
+  std::size_t empty_records = 0;             // of them, which then are all; 0: nobody was away
 };
 
 // The echoes of the training records that stand still.

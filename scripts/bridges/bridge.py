@@ -40,7 +40,7 @@ def fail(text, code=NO_DEVICE):
 def require_packages():
     if pack.MISSING:  # --help needs none of them
         fail(f"{pack.MISSING}; the bridges need numpy and, without {pack.NAME}, crc32c "
-             "(Debian: python3-numpy python3-crc32c)")
+             "(Debian: python3-numpy python3-crc32c)" + (f"; {pack.why_not}" if pack.why_not else ""))
     if pack.why_not:
         say(f"{pack.why_not}: checksums by the Python package crc32c, at a lower rate")
 

@@ -31,7 +31,9 @@ def open_library():
     """ECHOFUSE_BRIDGE_LIBRARY, or beside this file, or where the build puts it. None, and why not."""
     here = pathlib.Path(__file__).resolve().parent
     named = os.environ.get("ECHOFUSE_BRIDGE_LIBRARY")
-    places = [here / NAME, here.parents[1] / "build/release/lib" / NAME] if named is None else [pathlib.Path(named)]
+    places = [here / NAME, *(top / "build/release/lib" / NAME for top in here.parents[1:2])]
+    if named is not None:
+        places = [pathlib.Path(named)]
     path = next((place for place in places if place.is_file()), None)
     if path is None:
         return None, f"{NAME} is not there"

@@ -6,6 +6,7 @@
 #include "recon/data/shift.hpp"
 #include "recon/estimator/evaluate.hpp"
 #include "recon/estimator/train.hpp"
+#include "recon/uncertainty/range_bias_evidence.hpp"
 #include "world.hpp"
 
 using namespace echofuse;
@@ -190,7 +191,7 @@ TEST_CASE("empty records tell by themselves how far the echoes have moved") {
   const Reference known(add_reflector);
   const Dataset data = run_of(300, 2, [](record::FusedRecord& r) {
     if (r.index % 10 == 0) {
-      std::fill(r.spd.begin(), r.spd.end(), 1u);
+      std::fill(r.spd.begin(), r.spd.end(), 0u), r.spd[3] = 1;
       std::fill(r.radar.begin(), r.radar.end(), 0.f);
     }
     add_reflector(r), longer_by(0.04)(r);
@@ -198,6 +199,29 @@ TEST_CASE("empty records tell by themselves how far the echoes have moved") {
   const RangeBias biased = range_bias_of(data, known);
   REQUIRE(biased.status == RangeBias::Status::detected);
   CHECK_THAT(biased.text(false), Catch::Contains("cm in 30 empty records, so it is a range bias"));
+}
+
+TEST_CASE("six empty records state an error as large as their noise makes it") {
+  const Reference known(add_reflector);
+  const StaticEchoes echoes(known.data, all_rows(known.data.size()));
+  const Features raw = fit_features(known.data, {0}, Inputs::fused, raw_scaling);
+  Rng rng = make_rng(3, 3);
+  std::normal_distribution<float> noise(0, 0.01f);
+  double squares = 0, stated = 0;
+  constexpr int runs = 12;
+  for (std::uint64_t seed = 1; seed <= runs; ++seed) {
+    const Dataset data = run_of(6, seed, [&](record::FusedRecord& r) {
+      std::fill(r.spd.begin(), r.spd.end(), 0u), r.spd[3] = 1;
+      std::fill(r.radar.begin(), r.radar.end(), 0.f);
+      add_reflector(r);
+      for (float& power : r.radar) power += noise(rng);
+    });
+    const Matrix aligned = known.preprocessing.alignment(raw.raw_inputs(data, all_rows(6)));
+    const EchoMove move = echoes.judge(data, aligned, true);
+    REQUIRE(move.empty_records == 6);
+    squares += move.moved_m * move.moved_m, stated += move.standard_error_m;
+  }
+  CHECK(stated / runs > 0.4 * std::sqrt(squares / runs));
 }
 
 TEST_CASE("brightness tells people to one side from a range bias, and a gain from both") {
@@ -241,7 +265,7 @@ TEST_CASE("the age of the run's calibration is said beside a range bias") {
   Dataset data = run_of(10, 1);
   CHECK(calibration_age(data).empty());
   data.sources.front().calibrated_days = 41.2;
-  CHECK(calibration_age(data) == "; calibrated 41 days before the run");
+  CHECK(calibration_age(data) == "calibrated 41 days before the run");
 }
 
 TEST_CASE("too much noise to see a range bias is said, not taken for none") {
