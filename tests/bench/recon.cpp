@@ -2,6 +2,7 @@
 // bench_recon RUN: reconstruction's speed on a run of the base condition, one thread, each beside
 // what limits it: training beside the processor's multiply-adds, a map beside the reading of its
 // weights, loading beside the reading of the file.
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 
@@ -41,8 +42,9 @@ void training(const Dataset& data, double most_per_s) {
   const double once = run(1), epoch = (run(3) - once) / 2;
   const auto done =
       static_cast<double>(a_record * split.train.size() + a_judgement * split.validation.size());
-  print_row("training of the plain network", "GFLOP/s", 2e-9 * done / epoch, 2e-9 * most_per_s,
-            "multiply-adds");
+  // A shared machine is not as fast at all times: the faster of before and after.
+  print_row("training of the plain network", "GFLOP/s", 2e-9 * done / epoch,
+            2e-9 * std::max(most_per_s, multiply_adds_per_s()), "multiply-adds");
 }
 
 // As `evaluate` times it: alignment or scaling, and prediction.
