@@ -19,8 +19,8 @@
 #include "acquire/mark.hpp"
 #include "acquire/record/export.hpp"
 #include "acquire/record/run_file.hpp"
+#include "acquire/record/run_names.hpp"
 #include "acquire/replay.hpp"
-#include "acquire/run_names.hpp"
 #include "acquire/viewer.hpp"
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
@@ -89,8 +89,8 @@ ExitCode run(Options& o) {
   }
   plan_count(o, config);
   o.run.resume = !o.resume.empty();
-  o.run.out =
-      o.run.resume ? std::filesystem::absolute(old_run(o.resume)).string() : new_run(o.run.out);
+  o.run.out = o.run.resume ? std::filesystem::absolute(record::old_run(o.resume)).string()
+                           : record::new_run(o.run.out);
   o.run.quiet = o.quiet;
   if (!o.run.keep_raw.empty()) o.run.keep_raw = std::filesystem::absolute(o.run.keep_raw).string();
   catch_interrupts();
@@ -124,7 +124,7 @@ ExitCode doctor(Options& o) {
   catch_interrupts();
   const auto config = load_if_any(o);
   if (config) plan_count(o, *config);
-  return examine(config, {.out = new_run(o.run.out), .count = o.run.count, .json = o.json},
+  return examine(config, {.out = record::new_run(o.run.out), .count = o.run.count, .json = o.json},
                  SystemClock());
 }
 
@@ -331,7 +331,7 @@ std::string command_of(const CLI::App& app) {
 
 ExitCode dispatch(const std::string& command, Options& o) {
   set_up_log(o);
-  if (!o.file.empty()) o.file = old_run(o.file);
+  if (!o.file.empty()) o.file = record::old_run(o.file);
   if (command == "run") return run(o);
   if (command == "align") return align(o);
   if (command == "status") {

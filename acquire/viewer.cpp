@@ -14,22 +14,11 @@
 #include "drivers/core/program.hpp"
 
 namespace echofuse::acquire {
-namespace {
 
 namespace fs = std::filesystem;
-constexpr const char* name = "echofuse-view";
-
-// The one beside this program, or one that PATH has.
-std::string viewer_program() {
-  std::error_code none;
-  const fs::path beside = fs::read_symlink("/proc/self/exe", none).parent_path() / name;
-  return fs::exists(beside, none) ? beside.string() : name;
-}
-
-}  // namespace
 
 Viewer::Viewer(const std::string& run, std::optional<std::int64_t> planned) {
-  std::vector<std::string> words{viewer_program(), run, "--until-closed"};
+  std::vector<std::string> words{program_beside("echofuse-view"), run, "--until-closed"};
   if (planned) words.insert(words.end(), {"--planned", std::to_string(*planned)});
   const auto started = start_program(words);
   if (started)

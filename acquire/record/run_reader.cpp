@@ -7,6 +7,7 @@
 #include <cstdio>
 
 #include "acquire/record/png.hpp"
+#include "acquire/record/read_rows.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_tables.hpp"
 #include "acquire/record/schema.hpp"
@@ -76,13 +77,7 @@ std::string decode(Statement& row, const Shapes& shapes, std::uint32_t sensors, 
   for (std::uint64_t* v :
        {&c.tags, &c.starts, &c.in_range, &c.out_of_range, &c.without_start, &c.other, &c.lost})
     *v = static_cast<std::uint64_t>(row.integer());
-  for (SensorSync& y : r.sync) {
-    y.offset_s = row.real();
-    y.span_s = row.real();
-    y.used = static_cast<std::uint64_t>(row.integer());
-    y.lost = static_cast<std::uint64_t>(row.integer());
-    y.verdict = row.text();
-  }
+  read_sync(row, r.sync);
   if (const double clicks = row.real(); clicks >= 0) r.signal.clicks_a_pulse = clicks;
   const std::int64_t frames = row.integer();
   const ByteView array = row.blob();
@@ -255,13 +250,7 @@ std::vector<CalibrationEntry> RunReader::calibrations() const {
 
 std::vector<Event> RunReader::events() const {
   Statement s = ask("SELECT utc, level, source, text FROM event ORDER BY id");
-  std::vector<Event> out;
-  while (s.step()) {
-    Event e;
-    for (std::string* text : {&e.utc, &e.level, &e.source, &e.text}) *text = s.text();
-    out.push_back(std::move(e));
-  }
-  return out;
+  return read_events(s);
 }
 
 std::vector<Counted> RunReader::counters() const {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 
+#include "acquire/record/read_rows.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/sqlite.hpp"
 
@@ -114,13 +115,7 @@ std::vector<RecordOutline> RunReader::outlines(std::int64_t first) const {
     r.length = std::chrono::nanoseconds(row.integer());
     r.valid = SensorSet::from_bits(static_cast<std::uint32_t>(row.integer()));
     r.label = row.text();
-    for (SensorSync& y : r.sync) {
-      y.offset_s = row.real();
-      y.span_s = row.real();
-      y.used = static_cast<std::uint64_t>(row.integer());
-      y.lost = static_cast<std::uint64_t>(row.integer());
-      y.verdict = row.text();
-    }
+    read_sync(row, r.sync);
     for (auto& residual_s : r.clock_residual_s) {
       const bool none = row.next_is_null();
       const double value = row.real();
@@ -142,12 +137,7 @@ PerSensor<std::int64_t> RunReader::late() const {
 std::vector<Event> RunReader::last_events(std::size_t most) const {
   Statement row = ask("SELECT utc, level, source, text FROM event ORDER BY id DESC LIMIT ?");
   row.bind(most);
-  std::vector<Event> out;
-  while (row.step()) {
-    Event e;
-    for (std::string* text : {&e.utc, &e.level, &e.source, &e.text}) *text = row.text();
-    out.push_back(std::move(e));
-  }
+  std::vector<Event> out = read_events(row);
   std::reverse(out.begin(), out.end());
   return out;
 }

@@ -9,6 +9,17 @@
 
 namespace echofuse {
 
+std::filesystem::path program_folder() {
+  std::error_code none;
+  return std::filesystem::read_symlink("/proc/self/exe", none).parent_path();
+}
+
+std::string program_beside(const std::string& name) {
+  std::error_code none;
+  const auto beside = program_folder() / name;
+  return std::filesystem::exists(beside, none) ? beside.string() : name;
+}
+
 Result<pid_t> start_program(const std::vector<std::string>& words, const ProgramOptions& options) {
   std::vector<char*> arguments;
   for (const auto& word : words) arguments.push_back(const_cast<char*>(word.c_str()));

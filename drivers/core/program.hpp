@@ -3,6 +3,7 @@
 #pragma once
 #include <sys/types.h>
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,11 @@ struct ProgramOptions {
   std::string folder{};       // its working directory; empty: this program's
   int input = 0, output = 1;  // the file descriptors that are its standard input and output
 };
+
+// The folder of the running program's file.
+std::filesystem::path program_folder();
+// One of our programs as the first word to start it by: beside this one, else as PATH has it.
+std::string program_beside(const std::string& name);
 
 // Starts words[0], found by PATH, with the other words as its arguments. It inherits the three
 // standard files and no other: an inherited descriptor would keep an unplugged port open.

@@ -111,6 +111,13 @@ Rows common(const Rows& rows, const Rows& wanted) {
   return out;
 }
 
+// Both in order.
+Rows without(const Rows& rows, const Rows& unwanted) {
+  Rows out;
+  std::ranges::set_difference(rows, unwanted, std::back_inserter(out));
+  return out;
+}
+
 Rows in_order(Rows rows) {
   std::sort(rows.begin(), rows.end());
   return rows;
@@ -153,8 +160,7 @@ std::vector<double> weights_of(const Dataset& data, const Split& split, Inputs i
   const Rows use = of_use(data, options);
   if (!options.weights.empty() || use.empty()) return options.weights;
   const Rows few = common(split.train, use);
-  Rows others;
-  std::ranges::set_difference(in_order(split.train), use, std::back_inserter(others));
+  const Rows others = without(split.train, use);
   if (few.empty() || others.size() < others_least) return {};
   const double times = std::min(most_times, share_of_use * static_cast<double>(others.size()) /
                                                 static_cast<double>(few.size()));
@@ -214,9 +220,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
   if (model.log.interrupted) return model;
   // The other runs train whatever part of the use's records is left out.
   const auto with_others = [&](Split part) {
-    Rows others;
-    std::set_difference(split.train.begin(), split.train.end(), used.train.begin(),
-                        used.train.end(), std::back_inserter(others));
+    Rows others = without(split.train, used.train);
     others.insert(others.end(), part.train.begin(), part.train.end());
     part.train = weighted(data, in_order(std::move(others)), options);
     return part;

@@ -7,6 +7,7 @@
 
 #include "recon/models/model.hpp"
 #include "recon/numbers/blas.hpp"
+#include "recon/numbers/matrix_file.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -33,8 +34,8 @@ class Nearest final : public Model {
     return {inputs_.values.size() + blended, inputs_.values.size() + maps_.values.size()};
   }
   void save(record::H5File& file) const override {
-    file.write<float>("model/inputs", inputs_.values, {inputs_.rows, inputs_.cols});
-    file.write<float>("model/maps_m", maps_.values, {maps_.rows, maps_.cols});
+    write_matrix(file, "model/inputs", inputs_);
+    write_matrix(file, "model/maps_m", maps_);
     file.set("model/maps_m", "neighbours", static_cast<std::int64_t>(neighbours_));
   }
   void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) override {

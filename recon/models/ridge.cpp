@@ -11,6 +11,7 @@
 
 #include "recon/models/model.hpp"
 #include "recon/numbers/blas.hpp"
+#include "recon/numbers/matrix_file.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -123,7 +124,7 @@ Matrix Ridge::predict(const Matrix& inputs, SoftMaps*) const {
 }
 
 void Ridge::save(record::H5File& file) const {
-  file.write<float>("model/weights", weights_.values, {weights_.rows, weights_.cols});
+  write_matrix(file, "model/weights", weights_);
   file.write("model/offset_m", offset_, {offset_.size()});
   file.set("model/weights", "penalty", penalty_);
 }

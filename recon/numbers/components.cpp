@@ -109,7 +109,7 @@ Matrix from_coordinates(const Components& components, const Matrix& amounts) {
 void save_components(record::H5File& file, const std::string& group, const Components& c) {
   file.write(group + "/mean", c.mean, {c.mean.size()});
   file.write(group + "/deviation", c.deviation, {c.deviation.size()});
-  file.write<float>(group + "/basis", c.basis.values, {c.basis.rows, c.basis.cols});
+  write_matrix(file, group + "/basis", c.basis);
 }
 
 Components load_components(const record::H5File& file, const std::string& group,

@@ -3,6 +3,10 @@
 
 namespace echofuse::recon {
 
+void write_matrix(record::H5File& file, const std::string& name, const Matrix& table) {
+  file.write<float>(name, table.values, {table.rows, table.cols});
+}
+
 Matrix read_matrix(const record::H5File& file, const std::string& name, std::size_t rows,
                    std::size_t cols) {
   Matrix out;

@@ -8,7 +8,8 @@
 
 namespace echofuse::recon {
 
-// A table as save() left it. Either of its sides may be H5File::any.
+void write_matrix(record::H5File& file, const std::string& name, const Matrix& table);
+// A table as write_matrix() left it. Either of its sides may be H5File::any.
 Matrix read_matrix(const record::H5File& file, const std::string& name, std::size_t rows,
                    std::size_t cols);
 

@@ -16,13 +16,6 @@
 namespace echofuse::recon {
 namespace {
 
-std::string simulator_beside() {
-  std::error_code code;
-  const auto self = std::filesystem::read_symlink("/proc/self/exe", code);
-  const auto beside = self.parent_path() / "echofuse-sim";
-  return std::filesystem::exists(beside, code) ? beside.string() : "echofuse-sim";
-}
-
 // Half of the bodies at x, half at -x; of every eight two are people without a letter.
 std::string scene_list(double x_m, std::size_t records) {
   std::string out;
@@ -50,7 +43,7 @@ void run(const std::vector<std::string>& words, int output = STDOUT_FILENO) {
 
 Simulator::Simulator(std::string program, std::string folder, int threads,
                      std::vector<std::string> set)
-    : program_(program.empty() ? simulator_beside() : std::move(program)),
+    : program_(program.empty() ? program_beside("echofuse-sim") : std::move(program)),
       folder_(std::move(folder)),
       threads_(threads),
       set_(std::move(set)) {}

@@ -319,7 +319,7 @@ DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& da
 }
 
 void DomainReference::save(record::H5File& file) const {
-  if (known()) file.write<float>("domain/observables", seen_.values, {seen_.rows, seen_.cols});
+  if (known()) write_matrix(file, "domain/observables", seen_);
 }
 
 void DomainReference::load(const record::H5File& file, Inputs inputs) {

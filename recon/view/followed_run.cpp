@@ -9,6 +9,7 @@
 #include <limits>
 #include <utility>
 
+#include "acquire/record/run_names.hpp"
 #include "acquire/record/writer_lock.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/printable.hpp"
@@ -21,10 +22,6 @@ constexpr std::size_t most_events = 40;
 
 std::int64_t changed_ns(const struct stat& file) {
   return file.st_mtim.tv_sec * std::int64_t{1'000'000'000} + file.st_mtim.tv_nsec;
-}
-
-std::string with_extension(const std::string& name) {
-  return fs::path(name).has_extension() ? name : name + ".sqlite";
 }
 
 }  // namespace
@@ -46,7 +43,7 @@ std::string FollowedRun::find() const {
   std::error_code none;
   if (!fs::is_directory(target_, none)) {
     if (fs::exists(target_, none)) return target_;
-    const std::string longer = with_extension(target_);
+    const std::string longer = record::with_run_extension(target_);
     return fs::exists(longer, none) ? longer : "";
   }
   std::string newest;

@@ -18,6 +18,7 @@
 #include <sstream>
 
 #include "drivers/core/atomic_write.hpp"
+#include "drivers/core/program.hpp"
 #include "drivers/core/settings.hpp"
 #include "sim/usb/usb_lab.hpp"
 
@@ -92,8 +93,6 @@ class DirectoryLock {
  private:
   int fd_;
 };
-
-fs::path program_folder() { return fs::read_symlink("/proc/self/exe").parent_path(); }
 
 fs::path find_radar_cfg(const LabOptions& options) {
   if (!options.radar_cfg.empty()) return options.radar_cfg;

@@ -15,9 +15,8 @@ namespace {
 
 void put_environment(const Lab& lab) {
   for (const auto& [name, value] : lab.environment()) ::setenv(name.c_str(), value.c_str(), 1);
-  const auto folder = std::filesystem::read_symlink("/proc/self/exe").parent_path();
   const char* path = std::getenv("PATH");
-  ::setenv("PATH", (folder.string() + (path ? std::string(":") + path : "")).c_str(), 1);
+  ::setenv("PATH", (program_folder().string() + (path ? std::string(":") + path : "")).c_str(), 1);
 }
 
 }  // namespace

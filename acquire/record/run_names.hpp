@@ -3,12 +3,14 @@
 #pragma once
 #include <string>
 
-namespace echofuse::acquire {
+namespace echofuse::record {
 
+// A name without an extension is that of NAME.sqlite.
+std::string with_run_extension(const std::string& name);
 // A run that is there, by its file or by the name that --out gave it.
 std::string old_run(const std::string& name);
 // --out as a file: strftime's fields are those of now (UTC), so that a service names each run anew.
 // Throws Error(usage).
 std::string new_run(const std::string& out);
 
-}  // namespace echofuse::acquire
+}  // namespace echofuse::record

@@ -1,23 +1,19 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/run_names.hpp"
+#include "acquire/record/run_names.hpp"
 
 #include <ctime>
 #include <filesystem>
 
 #include "drivers/core/exit_code.hpp"
 
-namespace echofuse::acquire {
-namespace {
+namespace echofuse::record {
 
-std::filesystem::path with_extension(std::filesystem::path name) {
-  if (!name.has_extension()) name += ".sqlite";
-  return name;
+std::string with_run_extension(const std::string& name) {
+  return std::filesystem::path(name).has_extension() ? name : name + ".sqlite";
 }
 
-}  // namespace
-
 std::string old_run(const std::string& name) {
-  return std::filesystem::is_regular_file(name) ? name : with_extension(name).string();
+  return std::filesystem::is_regular_file(name) ? name : with_run_extension(name);
 }
 
 std::string new_run(const std::string& out) {
@@ -27,7 +23,7 @@ std::string new_run(const std::string& out) {
   std::string name(out.size() + 256, '\0');
   name.resize(std::strftime(name.data(), name.size(), out.c_str(), &utc));
   if (name.empty()) throw Error(ExitCode::usage, "--out " + out + ": not a name");
-  return std::filesystem::absolute(with_extension(name)).string();
+  return std::filesystem::absolute(with_run_extension(name)).string();
 }
 
-}  // namespace echofuse::acquire
+}  // namespace echofuse::record
