@@ -9,7 +9,7 @@
 #include "acquire/record/png.hpp"
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
-#include "recon/output/figure.hpp"
+#include "recon/output/map_pictures.hpp"
 #include "recon/output/window.hpp"
 
 namespace echofuse::recon {
@@ -39,13 +39,6 @@ Bytes point_cloud(std::span<const float> map, const record::MapGrid& grid) {
     put(out, map[p]);
   }
   return out;
-}
-
-// The farthest depth that the training maps knew, so that one scale serves the whole run.
-double farthest_of(const Scene& scene) {
-  const float wall = *std::max_element(scene.background.begin(), scene.background.end());
-  return std::clamp(std::ceil(double{std::max(wall, scene.foreground_depth_m)} + 0.5), 1.0,
-                    record::max_depth_m);
 }
 
 std::vector<double> values_of(const Axis& axis) {
@@ -84,7 +77,7 @@ MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats, 
     : folder_(std::move(folder)),
       formats_(formats),
       scene_(scene),
-      farthest_m_(farthest_of(scene)),
+      span_(span_of(scene)),
       zoom_m_(zoom_m),
       calibrated_(calibrated) {
   if (!wants("npz")) return;
@@ -108,13 +101,14 @@ void MapFiles::write(std::int64_t index, std::span<const float> prediction,
   const auto name = [&](const char* end) {
     return folder_ + formatted("/%06lld%s", static_cast<long long>(index), end);
   };
-  if (wants("ply")) write_file(name(".ply"), point_cloud(hard_map(map, scene_), grid));
+  std::vector<float> there = hard_map(map, scene_);
+  if (wants("ply")) write_file(name(".ply"), point_cloud(there, grid));
   if (zoom_m_ > 0) {
     window = window_about_body(prediction, scene_, zoom_m_);
-    map = cut(map, grid, window);
+    map = cut(map, grid, window), there = cut(there, grid, window);
     if (!deviations.empty()) deviations = cut(deviations, grid, window);
   }
-  if (wants("colour")) write_file(name(".png"), depth_picture(map, farthest_m_, enlarged));
+  if (wants("colour")) write_file(name(".png"), depth_picture(there, span_, enlarged));
   if (wants("mm")) write_file(name("_mm.png"), millimetre_picture(map, grid.size));
   if (wants("uncertainty")) write_file(name("_sd.png"), millimetre_picture(deviations, grid.size));
   if (!arrays_) return;

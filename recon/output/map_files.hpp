@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "drivers/chart/colour_map.hpp"
 #include "recon/files/npz.hpp"
 #include "recon/maps/scene.hpp"
 
@@ -14,7 +15,7 @@ namespace echofuse::recon {
 
 // Maps of N x N pixels, as the model's. To add one: a row in map_files.cpp, and its branch in
 // MapFiles::write.
-//   colour  NNNNNN.png: for the eye
+//   colour  NNNNNN.png: for the eye, where the map says that something is there
 //   mm      NNNNNN_mm.png: 16-bit grey, z in millimetres, 0 = no return
 //   ply     NNNNNN.ply: points x (right), y (up), z (away) in metres, of the hard map (scene.hpp),
 //           as the ripple of a least-squares map would be a fog of points
@@ -43,7 +44,8 @@ class MapFiles {
   std::string folder_;
   std::vector<std::string> formats_;
   const Scene& scene_;
-  double farthest_m_, zoom_m_;
+  chart::Span span_;
+  double zoom_m_;
   bool calibrated_;
   std::optional<NpzFile> arrays_;
   std::vector<std::int64_t> indices_;

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: MIT
+// The maps of a report.
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "drivers/chart/page.hpp"
+#include "drivers/chart/style.hpp"
+#include "recon/files/text.hpp"
+#include "recon/output/cloud_page.hpp"
+#include "recon/output/map_pictures.hpp"
+#include "recon/output/report_page.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+std::string scores_of(const ShownMap& m) {
+  std::string out = formatted("IoU %.2f", m.scores[metric_iou]);
+  if (!std::isnan(m.scores[metric_lateral_m]))
+    out += formatted(", %.1f cm to the side", 100 * m.scores[metric_lateral_m]);
+  if (!std::isnan(m.scores[metric_depth_mae_m]))
+    out += formatted(", depth error %.1f cm", 100 * m.scores[metric_depth_mae_m]);
+  return out;
+}
+
+chart::Drawing truth_of(const ShownRecord& r) {
+  return chart::draw(map_picture("Truth (depth camera)", r.truth, r.half_tangent, r.span));
+}
+
+std::vector<chart::Drawing> map_of(const ShownRecord& r, const ShownMap& m, bool deviation) {
+  chart::Picture map = map_picture("Map: " + m.name, m.map, r.half_tangent, r.span);
+  map.note = scores_of(m);
+  std::vector<chart::Drawing> out{chart::draw(map),
+                                  chart::draw(error_picture(m.map, r.truth, r.half_tangent))};
+  if (deviation && !m.deviation.empty()) {
+    chart::Picture sd = deviation_picture(m.deviation, r.half_tangent);
+    sd.note = m.stated;
+    out.push_back(chart::draw(sd));
+  }
+  return out;
+}
+
+std::vector<chart::Drawing> measured_of(const ShownRecord& r) {
+  std::vector<chart::Drawing> out;
+  for (chart::Panel panel : r.measured) {
+    panel.width = 380;
+    out.push_back(chart::draw(panel));
+  }
+  return out;
+}
+
+std::vector<std::string> svgs(const std::vector<chart::Drawing>& drawings) {
+  std::vector<std::string> out;
+  for (const auto& d : drawings) out.push_back(d.svg);
+  return out;
+}
+
+std::string words_of(const ShownMap& m) {
+  return (m.stated.empty() ? "" : m.name + ": " + m.stated + ". ") +
+         (m.warning.empty() ? "" : m.name + ": " + m.warning + ". ");
+}
+
+chart::Picture letter_picture(const ShownLetter& l, const std::string& title,
+                              const std::vector<float>& map) {
+  chart::Picture p = map_picture(title, map, l.width_m / 2, l.span);
+  p.degrees = false, p.x_title = "x from the plate's middle (m)", p.y_title = "y (m)";
+  return p;
+}
+
+// How alike what is seen is to each letter; the true one is marked.
+chart::Panel candidates(const ShownLetter& l) {
+  chart::Panel out{"How alike to each letter", {"correlation"}, {"letter"}, {}};
+  chart::Series truth{"", {}, chart::grey, chart::Look::markers},
+      map{"", {}, 0, chart::Look::markers};
+  for (std::size_t k = 0; k < letters.size(); ++k) {
+    const double y = static_cast<double>(letters.size() - 1 - k);
+    const bool is = k == l.letter;
+    out.y.ticks.emplace_back(y, std::string(1, letters[k]) + (is ? " (true)" : ""));
+    truth.points.push_back({l.truth_scores[k], y});
+    map.points.push_back({l.map_scores[k], y, chart::nan, chart::nan, is ? "map" : ""});
+    if (is) truth.points.back().label = "true map";
+  }
+  out.series = {truth, map};
+  out.width = 380, out.height = 330;
+  return out;
+}
+
+}  // namespace
+
+std::string stand_alone(const ShownRecord& r) {
+  std::vector<chart::Drawing> drawings{truth_of(r)};
+  for (auto& d : measured_of(r)) drawings.push_back(std::move(d));
+  for (const ShownMap& m : r.maps) {
+    for (auto& d : map_of(r, m, true)) drawings.push_back(std::move(d));
+    if (drawings.size() % 3 != 0)
+      drawings.push_back(chart::no_picture("Its own uncertainty", "not stated", 380));
+  }
+  return chart::stand_alone(r.title, drawings, 3);
+}
+
+std::string first_html(const ShownRecord& r) {
+  std::vector<chart::Drawing> drawings{truth_of(r)};
+  for (auto& d : map_of(r, r.maps.front(), false)) drawings.push_back(std::move(d));
+  return chart::figure(svgs(drawings), r.title + ". " + r.caption + " " + words_of(r.maps.front()));
+}
+
+std::string record_html(const ShownRecord& r) {
+  std::vector<chart::Drawing> drawings = measured_of(r);
+  std::string said;
+  for (const ShownMap& m : r.maps) {
+    for (auto& d : map_of(r, m, true)) drawings.push_back(std::move(d));
+    said += words_of(m);
+  }
+  drawings.insert(drawings.begin(), truth_of(r));
+  return "<h3>" + chart::escaped(r.title) + "</h3>\n" +
+         chart::figure(svgs(drawings), r.caption + " " + said + "File: " + r.file + ".svg");
+}
+
+std::string gallery_html(const std::vector<ShownRecord>& gallery) {
+  std::string out;
+  for (const ShownRecord& r : gallery) {
+    std::vector<chart::Drawing> drawings{truth_of(r)};
+    for (auto& d : map_of(r, r.maps.front(), false)) drawings.push_back(std::move(d));
+    out += "<h3>" + chart::escaped(r.title) + "</h3>\n" +
+           chart::figure(svgs(drawings), words_of(r.maps.front()));
+  }
+  return out;
+}
+
+std::string letters_html(const std::vector<ShownLetter>& all) {
+  std::string out;
+  for (const ShownLetter& l : all) {
+    const auto best = static_cast<std::size_t>(
+        std::max_element(l.map_scores.begin(), l.map_scores.end()) - l.map_scores.begin());
+    const std::string read = std::string("The map reads as ") + letters[best] +
+                             (best == l.letter ? ", which is right." : ", which is wrong.");
+    out += "<h3>" + chart::escaped(l.title) + "</h3>\n" +
+           chart::figure({chart::draw(letter_picture(l, "Truth, zoomed", l.truth)).svg,
+                          chart::draw(letter_picture(l, "Map, zoomed", l.map)).svg,
+                          chart::draw(candidates(l)).svg},
+                         read);
+  }
+  return out.empty()
+             ? out
+             : chart::paragraph("Of all records with a letter those at the quartiles of IoU.") +
+                   out;
+}
+
+std::string cloud_html(const ShownRecord& r) {
+  return chart::paragraph(r.title + ": drag to turn, wheel for the distance, arrow keys.") +
+         "<figure class=\"screen\"><p><button type=\"button\" id=\"cloud-map\" "
+         "aria-pressed=\"true\">Map</button> "
+         "<button type=\"button\" id=\"cloud-truth\" aria-pressed=\"false\">Truth</button></p>"
+         "<div id=\"cloud-box\"><canvas id=\"cloud\" tabindex=\"0\" aria-label=\"points in space\">"
+         "</canvas></div></figure>\n";
+}
+
+// Depths in millimetres.
+std::string cloud_script(const ShownRecord& r) {
+  const auto list = [](const std::vector<float>& map) {
+    std::string out;
+    for (const float z : map) out += std::to_string(std::lround(1000 * double{z})) + ",";
+    if (!out.empty()) out.pop_back();
+    return "[" + out + "].map(v=>v/1000)";
+  };
+  return "(()=>{\n" + std::string(cloud_code) + "\nconst shown={map:" + list(r.maps.front().map) +
+         ",truth:" + list(r.truth) +
+         "};const cloud=new Cloud();\nconst show=which=>{cloud.set(shown[which]," +
+         formatted("%g,[%g,%g]", r.half_tangent, r.span.near, r.span.far) +
+         ");for(const w of ['map','truth'])document.getElementById('cloud-'+w)"
+         ".setAttribute('aria-pressed',w===which);};\n"
+         "for(const w of ['map','truth'])document.getElementById('cloud-'+w)"
+         ".addEventListener('click',()=>show(w));\nshow('map');\n})();\n";
+}
+
+}  // namespace echofuse::recon
