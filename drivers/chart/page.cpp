@@ -12,7 +12,7 @@ font:16px/1.45 system-ui,"DejaVu Sans",sans-serif;font-variant-numeric:tabular-n
 h1{font-size:24px;line-height:1.2;margin:0 0 4px}h2{font-size:20px;margin:40px 0 8px;padding-top:8px;border-top:2px solid var(--edge)}
 h3{font-size:16px;margin:20px 0 4px}p{max-width:78ch;margin:8px 0;overflow-wrap:anywhere}
 a{color:var(--c0)}:focus-visible{outline:3px solid var(--c0);outline-offset:2px}
-.verdict{font-size:20px;line-height:1.35;max-width:62ch;font-weight:600}
+.verdict{font-size:20px;line-height:1.35;max-width:96ch;font-weight:600}
 .quiet,figcaption,caption{color:var(--quiet);fill:var(--quiet)}
 nav{margin:12px 0}nav ul{display:flex;flex-wrap:wrap;gap:4px 18px;list-style:none;margin:0;padding:0}
 .scroll{overflow-x:auto;margin:12px 0}table{border-collapse:collapse;font-size:15px;background:var(--paper)}
@@ -22,7 +22,8 @@ thead th{vertical-align:bottom;border-bottom:2px solid var(--edge);font-weight:6
 th:first-child,td:first-child{text-align:left}tbody th{font-weight:600}td small,th small{color:var(--quiet);font-weight:400}
 tr.baseline th{font-weight:400}tr.baseline>*{color:var(--quiet)}
 td b.best{color:var(--good)}td b.best::after{content:" best";font-size:12px;font-weight:600}
-td.words,th.words{text-align:left}
+td.words{text-align:left}td small{white-space:nowrap}
+.wide table{font-size:13px}.wide th,.wide td{padding:5px 8px}.wide b.best::after{content:""}.wide b.best{text-decoration:underline}
 .good{color:var(--good)}.look{color:var(--look)}.bad{color:var(--bad)}
 .note{border-left:4px solid var(--look);background:var(--look-paper);padding:8px 14px;margin:12px 0}
 .fail{border-left:4px solid var(--bad);background:var(--bad-paper);padding:8px 14px;margin:12px 0;max-width:78ch}
@@ -74,8 +75,10 @@ std::string table(const std::string& caption, const std::vector<std::string>& he
   for (const TableRow& row : rows) {
     out += row.classes.empty() ? "<tr>" : "<tr class=\"" + row.classes + "\">";
     for (std::size_t i = 0; i < row.cells.size(); ++i)
-      out +=
-          i == 0 ? "<th scope=\"row\">" + row.cells[i] + "</th>" : "<td>" + row.cells[i] + "</td>";
+      out += i == 0 ? "<th scope=\"row\">" + row.cells[i] + "</th>"
+             : row.cells[i].starts_with("<span class=\"words\">")
+                 ? "<td class=\"words\">" + row.cells[i] + "</td>"
+                 : "<td>" + row.cells[i] + "</td>";
     out += "</tr>\n";
   }
   return out + "</tbody></table></div>\n";

@@ -9,7 +9,7 @@
 namespace echofuse::chart {
 namespace {
 
-constexpr double left_room = 52, bar_room = 66, top_room = 28, bottom_room = 40, key_px = 17;
+constexpr double left_room = 52, bar_room = 74, top_room = 28, bottom_room = 40, key_px = 17;
 
 std::string rect(const std::string& style, double x, double y, double w, double h) {
   return "<rect " + style + " x=\"" + number(x) + "\" y=\"" + number(y) + "\" width=\"" +
@@ -123,8 +123,7 @@ Bar error_bar(double most_m) {
           -most_m,
           most_m,
           "m",
-          {{missed, "missed: something is there, the map shows nothing"},
-           {invented, "invented: nothing is there, the map shows something"}}};
+          {{missed, "missed by the map"}, {invented, "invented by the map"}}};
 }
 
 }  // namespace echofuse::chart

@@ -20,6 +20,7 @@ std::vector<double> decades(double first, double last, double length_px) {
       const bool within = value >= first * (1 - 1e-9) && value <= last * (1 + 1e-9);
       if (within && (fine || factor == 1)) out.push_back(value);
     }
+  if (out.size() < 2 && last > first) return round_ticks(first, last, false, length_px);
   return out;
 }
 

@@ -15,7 +15,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr int enlarged = 4;
+constexpr int picture_zoom = 4;
 
 Bytes millimetre_picture(std::span<const float> map, std::uint32_t size) {
   std::vector<std::uint16_t> mm(map.size());
@@ -50,10 +50,12 @@ std::vector<double> values_of(const Axis& axis) {
 struct MapFormat {
   const char *name, *what;
 };
-constexpr std::array<MapFormat, 5> map_formats = {
+constexpr std::array<MapFormat, 7> map_formats = {
     {{"colour", "PNG"},
      {"mm", "PNG of 16-bit millimetres"},
      {"ply", "points"},
+     {"mp4", "a film, by ffmpeg"},
+     {"gif", "the same"},
      {"npz", "all maps in one file"},
      {"uncertainty", "standard deviations, as mm and npz"}}};
 
@@ -80,6 +82,8 @@ MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats, 
       span_(span_of(scene)),
       zoom_m_(zoom_m),
       calibrated_(calibrated) {
+  for (const char* film : {"mp4", "gif"})
+    if (wants(film)) films_.push_back(std::make_unique<Film>(folder_ + "/maps." + film));
   if (!wants("npz")) return;
   const std::size_t size = scene.grid.size;
   arrays_.emplace(folder_ + "/maps.npz");
@@ -108,7 +112,9 @@ void MapFiles::write(std::int64_t index, std::span<const float> prediction,
     map = cut(map, grid, window), there = cut(there, grid, window);
     if (!deviations.empty()) deviations = cut(deviations, grid, window);
   }
-  if (wants("colour")) write_file(name(".png"), depth_picture(there, span_, enlarged));
+  if (wants("colour")) write_file(name(".png"), depth_picture(there, span_, picture_zoom));
+  for (const auto& film : films_)
+    film->add(enlarged(chart::depth_raster(there, grid.size, span_.near, span_.far), film_zoom));
   if (wants("mm")) write_file(name("_mm.png"), millimetre_picture(map, grid.size));
   if (wants("uncertainty")) write_file(name("_sd.png"), millimetre_picture(deviations, grid.size));
   if (!arrays_) return;
@@ -123,6 +129,7 @@ void MapFiles::write(std::int64_t index, std::span<const float> prediction,
 }
 
 void MapFiles::close() {
+  for (const auto& film : films_) film->close();
   if (!arrays_) return;
   arrays_->begin("index", "<i8", {});
   arrays_->append(indices_);

@@ -183,6 +183,7 @@ std::string losses_html(const Report& report) {
         line.points.push_back({static_cast<double>(i + 1), values[i]});
       panel.series.push_back(line);
     }
+    panel.width = panel_width, panel.height = 260;
     if (log.best_epoch > 0) panel.rules = {{static_cast<double>(log.best_epoch), "kept", true}};
     drawings.push_back(chart::draw(panel).svg);
   }

@@ -45,8 +45,8 @@ struct NamedScores {
 };
 
 const char* baseline_title(const std::string& name) {
-  if (name == "empty") return "empty room (looks at nothing)";
-  if (name == "mean") return "mean map (looks at nothing)";
+  if (name == "empty") return "empty room";
+  if (name == "mean") return "mean map";
   return "nearest training record";
 }
 
@@ -58,17 +58,17 @@ std::vector<NamedScores> scored(const Report& report) {
   return out;
 }
 
-std::string value(const Summary& s, const Column& c, bool best) {
+// `best`: what the best of the column reads; who reads the same is as good.
+std::string value(const Summary& s, const Column& c, const std::string& best) {
   if (std::isnan(s.mean)) return "-";
   const std::string mean = formatted(c.format, c.unit * s.mean);
-  std::string out = best ? "<b class=\"best\">" + mean + "</b>" : mean;
+  std::string out = mean == best ? "<b class=\"best\">" + mean + "</b>" : mean;
   if (!std::isnan(s.se))
     out += " <small>&plusmn;" + formatted(c.format, c.unit * s.se) + "</small>";
   return out;
 }
 
-// Which of the rows is best; of equal ones the first.
-std::size_t best_of(const std::vector<NamedScores>& rows, const Column& c) {
+std::string best_of(const std::vector<NamedScores>& rows, const Column& c) {
   std::size_t best = rows.size();
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const double mean = (*rows[i].metrics)[c.metric].mean;
@@ -76,7 +76,8 @@ std::size_t best_of(const std::vector<NamedScores>& rows, const Column& c) {
     const double before = best < rows.size() ? (*rows[best].metrics)[c.metric].mean : 0;
     if (best == rows.size() || (c.less_is_better ? mean < before : mean > before)) best = i;
   }
-  return best;
+  return best < rows.size() ? formatted(c.format, c.unit * (*rows[best].metrics)[c.metric].mean)
+                            : "";
 }
 
 std::string first_table(const Report& report) {
@@ -90,9 +91,9 @@ std::string first_table(const Report& report) {
   for (const NamedScores& row : rows)
     table.push_back({{chart::escaped(row.name)}, row.baseline ? "baseline" : ""});
   for (const Column& c : first_columns) {
-    const std::size_t best = best_of(rows, c);
+    const std::string best = best_of(rows, c);
     for (std::size_t i = 0; i < rows.size(); ++i)
-      table[i].cells.push_back(value((*rows[i].metrics)[c.metric], c, i == best));
+      table[i].cells.push_back(value((*rows[i].metrics)[c.metric], c, best));
   }
   for (std::size_t i = 0; i < rows.size(); ++i)
     table[i].cells.push_back(std::to_string((*rows[i].metrics)[metric_depth_mae_m].maps));
@@ -109,17 +110,17 @@ std::string all_table(const Report& report) {
   for (const NamedScores& row : rows) head.push_back(chart::escaped(row.name));
   std::vector<chart::TableRow> table;
   for (const Column& c : all_columns) {
-    const std::size_t best = best_of(rows, c);
+    const std::string best = best_of(rows, c);
     table.push_back({{c.title}});
     for (std::size_t i = 0; i < rows.size(); ++i)
-      table.back().cells.push_back(value((*rows[i].metrics)[c.metric], c, i == best));
+      table.back().cells.push_back(value((*rows[i].metrics)[c.metric], c, best));
   }
   chart::TableRow paper{{"SSIM in the paper"}, "baseline"};
   for (const auto& mode : report.modes)
     paper.cells.push_back(mode.paper_ssim ? formatted("%.4f", *mode.paper_ssim) : "-");
   paper.cells.resize(rows.size() + 1);
   table.push_back(paper);
-  return chart::table("", head, table);
+  return "<div class=\"wide\">" + chart::table("", head, table) + "</div>";
 }
 
 std::string cost_table(const Report& report) {
@@ -173,7 +174,9 @@ std::string ssim_note(const Report& report) {
 std::string notes_html(const std::string& of, const Evaluation& e) {
   std::string out;
   std::istringstream lines(notes(e));
-  for (std::string line; std::getline(lines, line);) out += chart::note(of + line);
+  for (std::string line; std::getline(lines, line);)
+    out +=
+        line.starts_with("this run is like") ? chart::paragraph(of + line) : chart::note(of + line);
   return out;
 }
 
@@ -240,9 +243,9 @@ std::string live_html(const Report& report) {
     table.push_back({{chart::escaped(row.name)}, row.baseline ? "baseline" : ""});
   for (const Column& c : first_columns) {
     head.push_back(c.title);
-    const std::size_t best = best_of(rows, c);
+    const std::string best = best_of(rows, c);
     for (std::size_t i = 0; i < rows.size(); ++i)
-      table[i].cells.push_back(value((*rows[i].metrics)[c.metric], c, i == best));
+      table[i].cells.push_back(value((*rows[i].metrics)[c.metric], c, best));
   }
   return out + chart::table(
                    formatted("%zu live records against their depth camera", report.live->records),
@@ -272,6 +275,7 @@ std::string title_of(const ModeResult& mode) {
   const std::string model = mode.evaluations.empty() ? "" : mode.evaluations.front().model;
   const std::string seeds =
       mode.evaluations.size() > 1 ? formatted(" (%zu trainings)", mode.evaluations.size()) : "";
+  if (mode.name == "paper") return "both sensors, the paper's network" + seeds;
   const char* what = both_sensors(mode.inputs)    ? "both sensors"
                      : mode.inputs == Inputs::spd ? "detector alone"
                                                   : "radar alone";

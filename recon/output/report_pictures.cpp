@@ -23,17 +23,25 @@ std::string scores_of(const ShownMap& m) {
   return out;
 }
 
+// One for all maps of a record.
+Frame frame_of(const ShownRecord& r) {
+  std::vector<float> any = r.maps.front().map;
+  for (const ShownMap& m : r.maps)
+    for (std::size_t p = 0; p < any.size(); ++p) any[p] = std::max(any[p], m.map[p]);
+  return frame_about(r.truth, any, r.half_tangent);
+}
+
 chart::Drawing truth_of(const ShownRecord& r) {
-  return chart::draw(map_picture("Truth (depth camera)", r.truth, r.half_tangent, r.span));
+  return chart::draw(map_picture("Truth (depth camera)", r.truth, frame_of(r), r.span));
 }
 
 std::vector<chart::Drawing> map_of(const ShownRecord& r, const ShownMap& m, bool deviation) {
-  chart::Picture map = map_picture("Map: " + m.name, m.map, r.half_tangent, r.span);
+  chart::Picture map = map_picture("Map: " + m.name, m.map, frame_of(r), r.span);
   map.note = scores_of(m);
   std::vector<chart::Drawing> out{chart::draw(map),
-                                  chart::draw(error_picture(m.map, r.truth, r.half_tangent))};
+                                  chart::draw(error_picture(m.map, r.truth, frame_of(r)))};
   if (deviation && !m.deviation.empty()) {
-    chart::Picture sd = deviation_picture(m.deviation, r.half_tangent);
+    chart::Picture sd = deviation_picture(m.deviation, frame_of(r));
     sd.note = m.stated;
     out.push_back(chart::draw(sd));
   }
@@ -43,7 +51,7 @@ std::vector<chart::Drawing> map_of(const ShownRecord& r, const ShownMap& m, bool
 std::vector<chart::Drawing> measured_of(const ShownRecord& r) {
   std::vector<chart::Drawing> out;
   for (chart::Panel panel : r.measured) {
-    panel.width = 380;
+    panel.width = 370;
     out.push_back(chart::draw(panel));
   }
   return out;
@@ -55,14 +63,21 @@ std::vector<std::string> svgs(const std::vector<chart::Drawing>& drawings) {
   return out;
 }
 
-std::string words_of(const ShownMap& m) {
-  return (m.stated.empty() ? "" : m.name + ": " + m.stated + ". ") +
-         (m.warning.empty() ? "" : m.name + ": " + m.warning + ". ");
+// What the model says of its map; `named`: one of several models.
+std::string words_of(const ShownMap& m, bool named) {
+  std::string out;
+  for (const std::string& words : {m.stated, m.warning})
+    if (!words.empty()) out += (named ? m.name : std::string("The model")) + ": " + words + ". ";
+  return out;
 }
 
 chart::Picture letter_picture(const ShownLetter& l, const std::string& title,
                               const std::vector<float>& map) {
-  chart::Picture p = map_picture(title, map, l.width_m / 2, l.span);
+  chart::Picture p = map_picture(
+      title, map,
+      whole_frame(static_cast<std::size_t>(std::lround(std::sqrt(static_cast<double>(map.size())))),
+                  l.width_m / 2),
+      l.span);
   p.degrees = false, p.x_title = "x from the plate's middle (m)", p.y_title = "y (m)";
   return p;
 }
@@ -81,7 +96,7 @@ chart::Panel candidates(const ShownLetter& l) {
     if (is) truth.points.back().label = "true map";
   }
   out.series = {truth, map};
-  out.width = 380, out.height = 330;
+  out.width = 370, out.height = 330;
   return out;
 }
 
@@ -93,7 +108,7 @@ std::string stand_alone(const ShownRecord& r) {
   for (const ShownMap& m : r.maps) {
     for (auto& d : map_of(r, m, true)) drawings.push_back(std::move(d));
     if (drawings.size() % 3 != 0)
-      drawings.push_back(chart::no_picture("Its own uncertainty", "not stated", 380));
+      drawings.push_back(chart::no_picture("Its own uncertainty", "not stated", 370));
   }
   return chart::stand_alone(r.title, drawings, 3);
 }
@@ -101,7 +116,8 @@ std::string stand_alone(const ShownRecord& r) {
 std::string first_html(const ShownRecord& r) {
   std::vector<chart::Drawing> drawings{truth_of(r)};
   for (auto& d : map_of(r, r.maps.front(), false)) drawings.push_back(std::move(d));
-  return chart::figure(svgs(drawings), r.title + ". " + r.caption + " " + words_of(r.maps.front()));
+  return chart::figure(svgs(drawings),
+                       r.title + ". " + r.caption + " " + words_of(r.maps.front(), false));
 }
 
 std::string record_html(const ShownRecord& r) {
@@ -109,7 +125,7 @@ std::string record_html(const ShownRecord& r) {
   std::string said;
   for (const ShownMap& m : r.maps) {
     for (auto& d : map_of(r, m, true)) drawings.push_back(std::move(d));
-    said += words_of(m);
+    said += words_of(m, r.maps.size() > 1);
   }
   drawings.insert(drawings.begin(), truth_of(r));
   return "<h3>" + chart::escaped(r.title) + "</h3>\n" +
@@ -122,7 +138,7 @@ std::string gallery_html(const std::vector<ShownRecord>& gallery) {
     std::vector<chart::Drawing> drawings{truth_of(r)};
     for (auto& d : map_of(r, r.maps.front(), false)) drawings.push_back(std::move(d));
     out += "<h3>" + chart::escaped(r.title) + "</h3>\n" +
-           chart::figure(svgs(drawings), words_of(r.maps.front()));
+           chart::figure(svgs(drawings), words_of(r.maps.front(), false));
   }
   return out;
 }

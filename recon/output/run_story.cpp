@@ -181,7 +181,10 @@ std::vector<chart::Panel> timeline(const RunStory& story) {
 
 std::string story_html(const RunStory& story) {
   std::vector<std::string> drawings;
-  for (const chart::Panel& p : timeline(story)) drawings.push_back(chart::draw(p).svg);
+  for (chart::Panel p : timeline(story)) {
+    p.width = 560;
+    drawings.push_back(chart::draw(p).svg);
+  }
   std::string out = chart::paragraph(story.path + ": " + verdict_of(story));
   if (!drawings.empty()) out += chart::figure(drawings, "");
   return out + sensor_table(story) + label_table(story) + event_table(story);
