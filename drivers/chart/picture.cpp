@@ -80,12 +80,14 @@ Drawing draw(const Picture& p) {
          number(top_room) + "\" width=\"" + number(inner) + "\" height=\"" + number(high) +
          "\" href=\"" + data_uri("image/png", p.png) + "\"/>";
   out += rect("class=\"edge\"", left_room, top_room, inner, high);
-  for (const auto& [at, name] : edge_ticks(p.left, p.right, p.degrees, inner)) {
+  for (const auto& [at, name] :
+       edge_ticks(p.left, p.right, p.degrees, p.degrees ? 1.5 * inner : inner)) {
     const double x = left_room + (at - p.left) / (p.right - p.left) * inner;
     out += rect("class=\"quiet\"", x - 0.5, bottom, 1, 4) +
            text("text-anchor=\"middle\"", x, bottom + 17, name);
   }
-  for (const auto& [at, name] : edge_ticks(p.bottom, p.top, p.degrees, high)) {
+  for (const auto& [at, name] :
+       edge_ticks(p.bottom, p.top, p.degrees, p.degrees ? 1.5 * high : high)) {
     const double y = top_room + (p.top - at) / (p.top - p.bottom) * high;
     out += rect("class=\"quiet\"", left_room - 4, y - 0.5, 4, 1) +
            text("text-anchor=\"end\"", left_room - 7, y + 4.5, name);
@@ -99,6 +101,7 @@ Drawing draw(const Picture& p) {
   if (!p.note.empty()) out += text("class=\"quiet\"", left_room, y + 12, p.note), y += key_px;
   for (const auto& [colour, name] : p.bar.keys) {
     out += rect(fill(colour), left_room, y + 2, 14, 11) +
+           rect("class=\"edge\"", left_room, y + 2, 14, 11) +
            text("class=\"quiet\"", left_room + 20, y + 12, name);
     y += key_px;
   }

@@ -91,6 +91,25 @@ std::string summary(const Summary& s, double unit, const char* format) {
   return out;
 }
 
+const char* words_of(Metric metric) {
+  switch (metric) {
+    case metric_iou:
+      return "IoU of the outline";
+    case metric_lateral_m:
+      return "lateral error (m)";
+    case metric_depth_mae_m:
+      return "depth error (m)";
+    case metric_ssim_fg:
+      return "SSIM near the body";
+    case metric_ssim_hard:
+      return "SSIM, hard map";
+    case metric_rmse_m:
+      return "RMSE (m)";
+    default:
+      return metric_names[metric];
+  }
+}
+
 std::string some_records(const std::vector<std::int64_t>& indices) {
   constexpr std::size_t most = 8;
   std::string out;
@@ -236,7 +255,7 @@ std::string comparison_html(const Report& report) {
                                 d.metric == metric_rmse_m || d.metric == metric_ghost;
     const bool open = d.low <= 0 && d.high >= 0;
     const bool second = (d.mean > 0) != less_is_better;
-    rows.push_back({{metric_names[d.metric], std::to_string(d.records), formatted("%.4f", d.first),
+    rows.push_back({{words_of(d.metric), std::to_string(d.records), formatted("%.4f", d.first),
                      formatted("%.4f", d.second), formatted("%+.4f", d.mean),
                      formatted("%+.4f to %+.4f", d.low, d.high),
                      open     ? "not told apart"

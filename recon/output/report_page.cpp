@@ -197,7 +197,7 @@ std::string against_baselines(const Report& report) {
 }
 
 std::string verdict(const Report& report) {
-  if (report.modes.empty()) return verdict_of(*report.story);
+  if (report.modes.empty()) return "The run is " + verdict_of(*report.story);
   const Summaries& own = report.modes.front().metrics;
   if (!report.differences.empty()) {
     const PairedDifference& d = report.differences.front();
@@ -271,10 +271,18 @@ constexpr const char* cloud_style =
 
 }  // namespace
 
+// Of compared models the file's name without its folder.
+std::string short_name(const ModeResult& mode) {
+  return mode.name.substr(mode.name.rfind('/') + 1);
+}
+
 std::string title_of(const ModeResult& mode) {
   const std::string model = mode.evaluations.empty() ? "" : mode.evaluations.front().model;
   const std::string seeds =
       mode.evaluations.size() > 1 ? formatted(" (%zu trainings)", mode.evaluations.size()) : "";
+  const bool compared = mode.name != "fused" && mode.name != "spd" && mode.name != "radar" &&
+                        mode.name != "paper" && mode.name != "live";
+  if (compared) return short_name(mode) + " (" + model + ")";
   if (mode.name == "paper") return "both sensors, the paper's network" + seeds;
   const char* what = both_sensors(mode.inputs)    ? "both sensors"
                      : mode.inputs == Inputs::spd ? "detector alone"
@@ -335,7 +343,8 @@ std::string to_text(const Report& report) {
     out += '\n';
   };
   for (const auto& mode : report.modes)
-    line(mode.name, mode.paper_ssim ? formatted("%.4f", *mode.paper_ssim) : "", mode.metrics);
+    line(short_name(mode), mode.paper_ssim ? formatted("%.4f", *mode.paper_ssim) : "",
+         mode.metrics);
   for (const auto& row : report.baselines) line(row.name, "", row.metrics);
   out += notes(report.modes.front().evaluations.front());
   for (const PairedDifference& d : report.differences)

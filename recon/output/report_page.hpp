@@ -8,6 +8,7 @@
 
 namespace echofuse::recon {
 
+std::string short_name(const ModeResult& mode);
 std::string title_of(const ModeResult& mode);       // "both sensors: factorised"
 std::string stand_alone(const ShownRecord& shown);  // as a file
 std::string first_html(const ShownRecord& shown);   // truth, the subject's map and its error

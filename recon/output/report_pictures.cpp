@@ -17,9 +17,9 @@ namespace {
 std::string scores_of(const ShownMap& m) {
   std::string out = formatted("IoU %.2f", m.scores[metric_iou]);
   if (!std::isnan(m.scores[metric_lateral_m]))
-    out += formatted(", %.1f cm to the side", 100 * m.scores[metric_lateral_m]);
+    out += formatted(", side %.1f cm", 100 * m.scores[metric_lateral_m]);
   if (!std::isnan(m.scores[metric_depth_mae_m]))
-    out += formatted(", depth error %.1f cm", 100 * m.scores[metric_depth_mae_m]);
+    out += formatted(", depth %.1f cm off", 100 * m.scores[metric_depth_mae_m]);
   return out;
 }
 
@@ -66,8 +66,9 @@ std::vector<std::string> svgs(const std::vector<chart::Drawing>& drawings) {
 // What the model says of its map; `named`: one of several models.
 std::string words_of(const ShownMap& m, bool named) {
   std::string out;
-  for (const std::string& words : {m.stated, m.warning})
-    if (!words.empty()) out += (named ? m.name : std::string("The model")) + ": " + words + ". ";
+  const std::string who = named ? m.name : "The model";
+  if (!m.stated.empty()) out += who + " states: " + m.stated + ". ";
+  if (!m.warning.empty()) out += who + " warns: " + m.warning + ". ";
   return out;
 }
 

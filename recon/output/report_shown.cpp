@@ -43,7 +43,7 @@ chart::Panel profile(const Dataset& data, std::size_t row) {
 void state(ShownMap& out, const PredictionUncertainty& stated) {
   out.stated =
       std::isnan(stated.lateral_interval_90_m)
-          ? "does not know the place"
+          ? "the place is not known"
           : formatted("within %.0f cm sideways (90 %%)", 100 * stated.lateral_interval_90_m);
   if (!stated.out_of_distribution.reason.empty())
     out.warning = "unlike the training: " + stated.out_of_distribution.text();
@@ -85,7 +85,7 @@ ShownRecord show_record(const std::vector<const TrainedModel*>& models,
       map.deviation.assign(deviation.begin(), deviation.end());
       state(map, made.uncertainties.front());
     } else {
-      map.stated = "states no uncertainty (too few training records)";
+      map.stated = "no uncertainty (too few training records)";
     }
     out.maps.push_back(std::move(map));
   }
