@@ -57,7 +57,7 @@ std::string draw_bar(const Bar& bar, double x, double height) {
   for (int k = 0; k < steps; ++k)
     out += rect(fill(colour_of(bar.map, 1 - (k + 0.5) / steps)), x, top_room + height * k / steps,
                 12, height / steps + 0.6);
-  for (const double v : round_ticks(bar.first, bar.last, false, height * 0.7)) {
+  for (const double v : round_ticks(bar.first, bar.last, false, height * 1.2)) {
     const double y = top_room + height * (1 - (v - bar.first) / (bar.last - bar.first));
     out += text("", x + 17, std::clamp(y + 4.5, top_room + 10, top_room + height),
                 short_number(v) + " " + bar.unit);

@@ -110,6 +110,14 @@ chart::Picture error_picture(std::span<const float> map, std::span<const float> 
   return p;
 }
 
+chart::Picture share_picture(const std::string& title, std::span<const float> share,
+                             const Frame& frame) {
+  chart::Picture p = over_tangents(
+      title, chart::raster(frame.cut(share), frame.size, chart::ColourMap::spread, 0, 1), frame);
+  p.bar = {chart::ColourMap::spread, 0, 1, ""};
+  return p;
+}
+
 chart::Picture deviation_picture(std::span<const float> deviation, const Frame& frame) {
   chart::Picture p = over_tangents("Its own uncertainty (standard deviation)",
                                    chart::raster(frame.cut(deviation), frame.size,

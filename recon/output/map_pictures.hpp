@@ -39,6 +39,8 @@ chart::Picture map_picture(const std::string& title, std::span<const float> map,
                            const chart::Span& span);
 chart::Picture error_picture(std::span<const float> map, std::span<const float> truth,
                              const Frame& frame);
+chart::Picture share_picture(const std::string& title, std::span<const float> share,
+                             const Frame& frame);
 chart::Picture deviation_picture(std::span<const float> deviation, const Frame& frame);
 
 }  // namespace echofuse::recon

@@ -254,7 +254,8 @@ Report make_report(const ReportOptions& options) {
 std::string write_report(const Report& report, const std::string& dir) {
   make_folder(dir);
   for (const ShownRecord& shown : report.main)
-    write_text(dir + "/" + shown.file + ".svg", stand_alone(shown));
+    write_text(dir + "/" + shown.file + ".svg", stand_alone(shown)),
+        write_text(dir + "/" + shown.file + "_blur.svg", blur_alone(shown));
   if (report.story)
     if (const auto panels = timeline(*report.story); !panels.empty())
       write_text(dir + "/timeline.svg", chart::stand_alone(report.story->path, panels, 2));

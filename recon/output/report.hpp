@@ -56,7 +56,9 @@ struct ModeResult {
 // A model's map of a shown record; the hard map, as it is scored.
 struct ShownMap {
   std::string name;
-  std::vector<float> map, deviation;  // the last is empty if nothing is stated
+  // deviation: empty if nothing is stated; share: how far each pixel has come from the room (0) to
+  // a body (1), so that what the model leaves open shows.
+  std::vector<float> map, deviation, share;
   MapScores scores{};
   std::string stated, warning;  // "within 8 cm sideways (90 %)"; out of distribution, in words
 };

@@ -11,6 +11,8 @@ namespace echofuse::recon {
 std::string short_name(const ModeResult& mode);
 std::string title_of(const ModeResult& mode);       // "both sensors: factorised"
 std::string stand_alone(const ShownRecord& shown);  // as a file
+// What the models leave open: from one sensor a body and its mirror image.
+std::string blur_alone(const ShownRecord& shown);   // as a file
 std::string first_html(const ShownRecord& shown);   // truth, the subject's map and its error
 std::string record_html(const ShownRecord& shown);  // with all that was measured, and all models
 std::string gallery_html(const std::vector<ShownRecord>& gallery);

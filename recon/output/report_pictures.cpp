@@ -57,6 +57,22 @@ std::vector<chart::Drawing> measured_of(const ShownRecord& r) {
   return out;
 }
 
+// The whole field, as a mirror image may be on its other side.
+std::vector<chart::Drawing> blur_of(const ShownRecord& r) {
+  const Frame whole = whole_frame(
+      static_cast<std::size_t>(std::lround(std::sqrt(static_cast<double>(r.truth.size())))),
+      r.half_tangent);
+  chart::Picture truth = map_picture("Truth (depth camera)", r.truth, whole, r.span);
+  truth.width = 320;
+  std::vector<chart::Drawing> out{chart::draw(truth)};
+  for (const ShownMap& m : r.maps) {
+    chart::Picture p = share_picture(m.name, m.share, whole);
+    p.width = 320;
+    out.push_back(chart::draw(p));
+  }
+  return out;
+}
+
 std::vector<std::string> svgs(const std::vector<chart::Drawing>& drawings) {
   std::vector<std::string> out;
   for (const auto& d : drawings) out.push_back(d.svg);
@@ -114,6 +130,13 @@ std::string stand_alone(const ShownRecord& r) {
   return chart::stand_alone(r.title, drawings, 3);
 }
 
+std::string blur_alone(const ShownRecord& r) {
+  const auto drawings = blur_of(r);
+  return chart::stand_alone(
+      r.title + ": how far each pixel has come from the room (0) to a body (1)", drawings,
+      drawings.size());
+}
+
 std::string first_html(const ShownRecord& r) {
   std::vector<chart::Drawing> drawings{truth_of(r)};
   for (auto& d : map_of(r, r.maps.front(), false)) drawings.push_back(std::move(d));
@@ -130,7 +153,14 @@ std::string record_html(const ShownRecord& r) {
   }
   drawings.insert(drawings.begin(), truth_of(r));
   return "<h3>" + chart::escaped(r.title) + "</h3>\n" +
-         chart::figure(svgs(drawings), r.caption + " " + said + "File: " + r.file + ".svg");
+         chart::figure(svgs(drawings), r.caption + " " + said + "File: " + r.file + ".svg") +
+         chart::figure(svgs(blur_of(r)),
+                       "How far each pixel has come from the room (0) to a body (1); above a half "
+                       "it is shown as "
+                       "one. A sensor alone leaves open on which side the body is: two faint ones, "
+                       "none of them "
+                       "shown. File: " +
+                           r.file + "_blur.svg");
 }
 
 std::string gallery_html(const std::vector<ShownRecord>& gallery) {

@@ -25,7 +25,7 @@ chart::Panel histogram(const Dataset& data, std::size_t row) {
 }
 
 chart::Panel profile(const Dataset& data, std::size_t row) {
-  constexpr double least_db = -60;
+  constexpr double least_db = -40;
   chart::Panel out{"Radar: power by range",
                    {"range (m)"},
                    {"dB of the strongest"},
@@ -35,8 +35,8 @@ chart::Panel profile(const Dataset& data, std::size_t row) {
   for (std::size_t i = 0; i < power.size(); ++i)
     out.series[0].points.push_back(
         {data.radar_axis.at(static_cast<double>(i)),
-         most > 0 && power[i] > 0 ? std::max(least_db, 10 * std::log10(double{power[i]} / most))
-                                  : chart::nan});
+         std::max(least_db,
+                  10 * std::log10(std::max(double{power[i]} / std::max(most, 1e-300), 1e-300)))});
   return out;
 }
 
@@ -77,9 +77,13 @@ ShownRecord show_record(const std::vector<const TrainedModel*>& models,
     const Records seen = prepare_records(model, part_of(data, {row}), RangeBiasAction::ignore);
     const Prediction made = predict(
         model, seen, {0}, model.uncertainty ? PredictionDetail::pixels : PredictionDetail::maps);
-    ShownMap map{names[i], hard_map(within_span(made.maps.row(0)), model.scene),
-                 {},       score(made.maps.row(0), truth, model.scene),
-                 {},       {}};
+    ShownMap map{names[i],
+                 hard_map(within_span(made.maps.row(0)), model.scene),
+                 {},
+                 foreground_share(made.maps.row(0), model.scene),
+                 score(made.maps.row(0), truth, model.scene),
+                 {},
+                 {}};
     if (model.uncertainty) {
       const auto deviation = std::as_const(made.deviation).row(0);
       map.deviation.assign(deviation.begin(), deviation.end());

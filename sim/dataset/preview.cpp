@@ -46,10 +46,9 @@ chart::Drawing profile_of(const Axis& axis, const record::FusedRecord& r) {
                                                : double{v});
   const double most = power.empty() ? 0 : *std::max_element(power.begin(), power.end());
   for (std::size_t i = 0; i < power.size(); ++i)
-    panel.series[0].points.push_back({axis.at(static_cast<double>(i)),
-                                      most > 0 && power[i] > 0
-                                          ? std::max(2 * least_db, 10 * std::log10(power[i] / most))
-                                          : chart::nan});
+    panel.series[0].points.push_back(
+        {axis.at(static_cast<double>(i)),
+         std::max(least_db, 10 * std::log10(std::max(power[i] / std::max(most, 1e-300), 1e-300)))});
   return chart::draw(panel);
 }
 

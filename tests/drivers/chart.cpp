@@ -77,7 +77,11 @@ TEST_CASE("a chart leaves out what is no number, and draws a point of one seed")
   Panel panel{"A <title>",
               {"x", true},
               {"y"},
-              {{"one & two", {{1, 1}, {0, 2}, {10, nan}, {100, 3, nan, nan}}}}};
+              {{"one & two",
+                {{1, 1},
+                 {0, 2},
+                 {10, echofuse::chart::nan},
+                 {100, 3, echofuse::chart::nan, echofuse::chart::nan}}}}};
   const std::string svg = draw(panel).svg;
   CHECK(svg.find("nan") == std::string::npos);
   CHECK(svg.find("inf") == std::string::npos);
