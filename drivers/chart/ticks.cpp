@@ -43,7 +43,7 @@ std::string short_number(double value, double beside) {
 std::vector<double> round_ticks(double first, double last, bool log, double length_px) {
   if (!(last > first)) return {first};
   if (log) return decades(first, last, length_px);
-  const double rough = (last - first) / std::max(2.0, length_px / 65);
+  const double rough = (last - first) / std::max(2.0, length_px / 58);
   const double power = std::pow(10, std::floor(std::log10(rough)));
   double step = 10 * power;
   for (const double factor : {5.0, 2.0, 1.0})
