@@ -82,6 +82,8 @@ class RangeBiasReference {
   RangeBias judge(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
                   const GainCheck& gains) const;
 
+  void forget_echoes() { echoes_ = {}; }
+
   void save(record::H5File& file) const;
   void load(const record::H5File& file, const Alignment& alignment);
 
