@@ -137,7 +137,8 @@ class Page(live_view.LiveView):
 
         # The run goes on, with a laser that is five hundred times too weak: the page says so by itself.
         before = int(self.text("records"))
-        daemon = self.go_on("--set", "signal_photons=100")
+        self.open_again("--set", "signal_photons=100")
+        daemon = self.go_on()
         self.wait("resumed run", lambda: self.text("status") == "recording" and int(self.text("records")) > before + 1)
         self.wait("verdict of the weak laser", lambda: self.verdict("spd").startswith("weak: "))
         self.assertEqual(self.lamp("spd"), "look")
