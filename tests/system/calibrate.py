@@ -95,8 +95,8 @@ class Calibrate(unittest.TestCase):
                                          "--json"))["metrics"]
             return metrics["lateral_m"], metrics["iou"]
 
-        scenes = "--records", "400", "--seed", "2"
-        program("echofuse-sim", "dataset", "--out", "train", "--records", "1000", "--seed", "1")
+        scenes = "--records", "150", "--seed", "2"
+        program("echofuse-sim", "dataset", "--out", "train", "--records", "500", "--seed", "1")
         program("echofuse-recon", "train", "train", "--out", "model.h5", "--model", "factorised-16")
         program("echofuse-sim", "dataset", "--out", "right", *scenes)
         lateral, iou = score("right")
