@@ -45,7 +45,7 @@ class Chart {
     const [x, y] = this.data ?? [[], []];
     let at = index ?? 0;
     if (index == null) for (let i = 1; i < x.length; ++i) if (y[i] > y[at]) at = i;
-    const words = y[at] == null ? '' : `${index == null ? 'peak ' : ''}${this.words(x[at], y[at])}`;
+    const words = y[at] == null ? 'nothing in this record' : `${index == null ? 'peak ' : ''}${this.words(x[at], y[at])}`;
     if (this.readout.textContent !== words) this.readout.textContent = words;
   }
 }

@@ -108,7 +108,7 @@ export class Cloud {
       tints.push(...rgbOf(z, span, tables.near).map(v => v / 255));
     }
     this.points = places.length / 3;
-    const grey = isDark() ? 0.42 : 0.62;
+    const grey = isDark() ? 0.75 : 0.5;
     for (let x = -2; x <= 2; x += 0.5) places.push(x, -1.3, 1.5, x, -1.3, 5.5);
     for (let z = 1.5; z <= 5.5; z += 0.5) places.push(-2, -1.3, z, 2, -1.3, z);
     this.lines = places.length / 3 - this.points;

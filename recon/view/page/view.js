@@ -23,6 +23,7 @@ const clock = s => {
 };
 const age = s => s < 10 ? `${s.toFixed(1)} s ago` : s < 600 ? `${Math.round(s)} s ago` : `${clock(s)} ago`;
 const count = n => n >= 1e6 ? `${(n / 1e6).toPrecision(4)} M` : n >= 1e4 ? `${(n / 1e3).toPrecision(4)} k` : `${n}`;
+const shortTime = s => s < 1e-3 ? `${+(s * 1e6).toPrecision(3)} µs` : s < 1 ? `${+(s * 1e3).toPrecision(3)} ms` : `${+s.toPrecision(3)} s`;
 const bytes = n => n >= 1e9 ? `${(n / 1e9).toPrecision(3)} GB` : `${(n / 1e6).toPrecision(3)} MB`;
 const names = {spd: 'SPD', radar: 'radar', depth: 'depth camera'};
 const say = (id, text) => {
@@ -64,7 +65,7 @@ function drawNumbers() {
   $('losses').replaceChildren(...sensors.map(name => {
     const row = document.createElement('tr'), x = s.sensors[name];
     const cells = [names[name], `${count(x.used)} ${name === 'spd' ? 'clicks' : x.used === 1 ? 'frame' : 'frames'}`, count(x.lost), count(x.late),
-                   x.residual_s == null ? '–' : `${(x.residual_s * 1e6).toPrecision(3)} µs`];
+                   x.residual_s == null ? '–' : shortTime(x.residual_s)];
     cells.forEach((text, i) => {
       const cell = document.createElement(i ? 'td' : 'th');
       cell.textContent = text;
@@ -116,7 +117,7 @@ function drawRecord() {
   const words = sensors.filter(name => record.sensors[name].verdict !== 'ok' && record.sensors[name].verdict !== 'not configured')
     .map(name => `${names[name]}: ${record.sensors[name].verdict}`);
   // Of the newest record the lamps tell the verdicts.
-  say('shown', [`record ${record.index}`, `${record.utc.slice(11, 21)} UTC`, record.label, ...(live ? [] : words)].filter(Boolean).join(', '));
+  say('shown', [`record ${record.index}`, `${record.utc.slice(11, 21)} UTC`, record.label, ...(live ? [] : ['held', ...words])].filter(Boolean).join(', '));
   sheet.point(record.index);
 }
 
