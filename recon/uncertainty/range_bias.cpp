@@ -135,7 +135,11 @@ std::string RangeBias::text(bool corrected, bool other_shapes) const {
 RangeBiasReference::RangeBiasReference(const Alignment& alignment, const Dataset& data,
                                        const Matrix& aligned, const Rows& rows)
     : echoes_(data, rows) {
-  if (alignment.radar_background_share(data.radar, rows) > most_background) return;
+  // In front of walls only if these are known: what is learnt of them among people keeps some of
+  // them.
+  if (!data.empty_room.known() &&
+      alignment.radar_background_share(data.radar, rows) > most_background)
+    return;
   const Seen seen = see(alignment, aligned, rows);
   if (seen.histograms.rows < least_records) return;
   by_angle_ = alignment.array_features() > 0;

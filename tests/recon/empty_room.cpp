@@ -66,6 +66,7 @@ TEST_CASE("a model that knows its empty room keeps its accuracy in another one, 
   write_room(dir / "there empty", elsewhere, 20, 4, false);
   TrainedModel model = trained(dir / "here", dir / "here empty", "silhouette");
   const double at_home = iou_of(model, dir / "again"), lost = iou_of(model, dir / "there");
+  CHECK(model.range_bias.knows_bodies());  // in front of a wall that is known
   CHECK(at_home > 0.5);
   CHECK(lost < 0.5 * at_home);
   CHECK(take_to_room(model, dir / "there empty").empty());
