@@ -255,10 +255,10 @@ void RangeBiasReference::save(record::H5File& file) const {
 
 void RangeBiasReference::load(const record::H5File& file, const Alignment& alignment) {
   if (!file.has("range_bias")) return;
-  echoes_.load(file);
-  if (!file.has("range_bias/displacement_m")) return;
   require_sound(file, alignment.known() && alignment.profile_points() > 0, "range_bias",
                 "none without both sensors");
+  echoes_.load(file);
+  if (!file.has("range_bias/displacement_m")) return;
   expected_ = make_ridge();
   expected_->load(file.group("range_bias"), inputs(alignment), 1);
   by_angle_ = alignment.array_features() > 0;
