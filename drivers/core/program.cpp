@@ -14,6 +14,10 @@ std::filesystem::path program_folder() {
   return std::filesystem::read_symlink("/proc/self/exe", none).parent_path();
 }
 
+std::filesystem::path data_folder() {
+  return program_folder().parent_path() / "share/echofuse";
+}
+
 std::string program_beside(const std::string& name) {
   std::error_code none;
   const auto beside = program_folder() / name;
