@@ -2,17 +2,18 @@
 # Sourced by check_fresh and package: a bare Debian 12 in $root (debootstrap), with the package mirror of this
 # machine's own apt configuration. Needs root and ~4 GB; the folder goes when the script ends.
 
-# fresh_mirror: the mirror, or nothing and why not on stderr.
+# fresh_mirror: sets $mirror; false, and why on stderr, if there is none or no root.
 fresh_mirror() {
   if [ "$(id -u)" != 0 ]; then
     echo "$(basename "$0"): needs root (debootstrap, chroot)" >&2
-    return
+    return 1
   fi
-  command -v debootstrap >/dev/null || apt-get install -q -y debootstrap >&2 || return
+  command -v debootstrap >/dev/null || apt-get install -q -y debootstrap >&2 || return 1
   mirror=$(apt-get indextargets --format '$(REPO_URI) $(CODENAME) $(ORIGIN)' 'Created-By: Packages' |
     awk '$2 == "bookworm" && $3 == "Debian" {print $1; exit}')
-  [ -n "$mirror" ] || echo "$(basename "$0"): this machine's apt knows no Debian 12 (bookworm) mirror" >&2
-  echo "$mirror"
+  [ -n "$mirror" ] && return
+  echo "$(basename "$0"): this machine's apt knows no Debian 12 (bookworm) mirror" >&2
+  return 1
 }
 
 fresh_cleanup() {
@@ -20,12 +21,12 @@ fresh_cleanup() {
   mountpoint -q "$root/dev" || mountpoint -q "$root/ccache" || rm -rf --one-file-system "$root"
 }
 
-# fresh_root MIRROR PACKAGES: makes $root; PACKAGES with commas.
+# fresh_root PACKAGE...: makes $root, from $mirror, with these packages.
 fresh_root() {
   root=$(mktemp -d "${TMPDIR:-/tmp}/echofuse-fresh.XXXXXX")
   trap fresh_cleanup EXIT
   trap 'exit 130' INT TERM
-  debootstrap --variant=minbase --include="$2" bookworm "$root" "$1" >"$root.log" 2>&1 ||
+  debootstrap --variant=minbase bookworm "$root" "$mirror" >"$root.log" 2>&1 ||
     { tail "$root.log" >&2; rm "$root.log"; exit 1; }
   rm -f "$root.log"
   chmod 755 "$root"  # as / is elsewhere: mktemp lets nobody but root in
@@ -34,9 +35,10 @@ fresh_root() {
   mount --bind /dev/pts "$root/dev/pts"
   cp /etc/resolv.conf "$root/etc/resolv.conf"
   cp /etc/apt/apt.conf.d/* "$root/etc/apt/apt.conf.d/"
+  in_root "apt-get update -q && apt-get install -q -y --no-install-recommends ca-certificates $*" >/dev/null
 }
 
-# in_root [NAME=VALUE...] COMMAND: a shell command in there.
+# in_root COMMAND: a shell command in there.
 in_root() {
   chroot "$root" env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin LANG=C.UTF-8 DEBIAN_FRONTEND=noninteractive \
     sh -c "$1"
