@@ -123,8 +123,8 @@ ExitCode doctor(Options& o) {
 ExitCode show_config(const Options& o) {
   const ConfigPlace place = place_of(o);
   const Config config = load_config(place.path, o.assignments);
-  std::printf("# %s (%s)\n%s", printable(place.path).c_str(), place.name.c_str(),
-              config.shown.c_str());
+  const std::string head = "# " + printable(place.path) + " (" + place.name + ")\n";
+  std::fputs((head + config.shown).c_str(), stdout);
   return ExitCode::ok;
 }
 
@@ -156,7 +156,9 @@ ExitCode mark(const Options& o) {
 }
 
 ExitCode note(const Options& o) {
-  record::mark(o.file, "note", *o.text, login_name());
+  const std::string who = login_name();
+  record::mark(o.file, "note", *o.text, who);
+  std::printf("%s: noted by %s\n", printable(o.file).c_str(), who.c_str());
   return ExitCode::ok;
 }
 
