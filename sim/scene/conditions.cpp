@@ -84,6 +84,7 @@ void bind_spd(Settings& s, Conditions& c) {
         "laser pulses, for pile-up; 0: low flux");
   s.add("spd_dead_time_ps", c.spd_dead_time_ps, 0, 1e9,
         "of a free-running detector with pile-up; 0: one photon a pulse");
+  s.add("spd_detector_stated", c.spd_detector_stated, "the run says that the detector piles up");
   s.add("spd_falloff", c.spd_falloff, 0, 10, "light exp(-falloff) at the field's edges");
   s.add("spd_field", c.spd_field, 0.1, 3, "the detector's field of view, of half_tangent");
   s.add("spd_yaw_deg", c.spd_yaw_deg, -30, 30, "points to +x; the daemon does not know it");

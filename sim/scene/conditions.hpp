@@ -81,6 +81,7 @@ struct Conditions {
   // comes when the detector is ready again; 0: low flux.
   std::int64_t pulses_per_window = 0;
   double spd_dead_time_ps = 0;
+  bool spd_detector_stated = true;  // the run says so, and who reads it corrects that
   // Light falls off towards the edges of the field of view: exp(-falloff t^2 / half_tangent^2) at
   // tangent t from the middle, where the detector points. The daemon takes it to look straight.
   double spd_falloff = 0;
