@@ -218,8 +218,9 @@ class RunReader {
 
 // Writes into a run that another process records: an event of level "mark", or of level "label",
 // which the recording process takes as the label of its records from the slot that runs on.
-// Throws Error(failed) if nobody is recording this run.
-void mark(const std::string& path, const std::string& level, const std::string& text);
+// Throws Error(failed) if nobody is recording this run; a "note" is taken by every run.
+void mark(const std::string& path, const std::string& level, const std::string& text,
+          const std::string& source = "mark");
 
 // Marks a run that a crash left "open" as "crashed" after checking it, and folds back a WAL that
 // was left beside it; returns the record count.
