@@ -92,7 +92,8 @@ namespace {
 std::size_t drawings_in(const std::string& path) {
   std::ifstream in(path);
   const std::string svg(std::istreambuf_iterator<char>(in), {});
-  CHECK(svg.starts_with("<?xml") && svg.ends_with("</svg>\n"));
+  CHECK(svg.starts_with("<?xml"));
+  CHECK(svg.ends_with("</svg>\n"));
   std::size_t count = 0;
   for (auto at = svg.find("role=\"img\""); at != std::string::npos;
        at = svg.find("role=\"img\"", at + 1))
