@@ -50,7 +50,7 @@ struct Options {
   std::string resume;
   double duration_s = 0;
   std::string file, to;
-  std::vector<std::string> radar, tdc, depth;
+  std::vector<std::string> radar, tdc, depth, parts;
   std::optional<std::int64_t> record;
   bool config_given = false;  // --config or --set
   bool json = false, quiet = false, verbose = false, view = false;
@@ -175,6 +175,14 @@ ExitCode recover(const Options& o) {
   return ExitCode::ok;
 }
 
+ExitCode merge(const Options& o) {
+  std::vector<std::string> parts;
+  for (const auto& part : o.parts) parts.push_back(record::old_run(part));
+  const std::string out = record::new_run(o.to);
+  std::printf("%lld records\n", static_cast<long long>(record::merge(parts, out)));
+  return ExitCode::ok;
+}
+
 ExitCode export_run(const Options& o) {
   const record::RunReader reader(o.file);
   const std::string kind = std::filesystem::path(o.to).extension().string();
@@ -286,6 +294,10 @@ void add_file_commands(CLI::App& app, Options& o) {
       ->add_option("FILE", o.file)
       ->required();
 
+  auto* merger = app.add_subcommand("merge", "one run of the parts of a simulated data set");
+  merger->add_option("PART", o.parts, "of `echofuse-sim dataset --part`, in any order")->required();
+  merger->add_option("--out", o.to, "run file to make (never overwritten)")->required();
+
   auto* marker = app.add_subcommand("mark", "a remark, or another label, into a run that is live");
   marker->add_option("FILE", o.file)->required();
   marker->add_option("TEXT", o.text, "kept as an event, with the time");
@@ -347,6 +359,7 @@ ExitCode dispatch(const std::string& command, Options& o) {
   if (command == "calibrate") return calibrate_sensors(o);
   if (command == "mark") return mark(o);
   if (command == "recover") return recover(o);
+  if (command == "merge") return merge(o);
   return replay(o);
 }
 
