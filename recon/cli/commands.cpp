@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/core/console.hpp"
+#include "drivers/core/crc32c.hpp"
 #include "drivers/core/printable.hpp"
 #include "recon/cli/options.hpp"
 #include "recon/data/turpin.hpp"
@@ -16,6 +17,7 @@
 #include "recon/estimator/evaluate.hpp"
 #include "recon/estimator/predict.hpp"
 #include "recon/estimator/train.hpp"
+#include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/output/export_model.hpp"
@@ -174,8 +176,11 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
   app.add_flag("--follow", a->follow,
                "of a run that is being recorded: new records as they come, until it is closed");
   app.add_flag("--force", a->force, "write into a folder that holds maps of another run");
-  return [a, &common] {
+  const auto part = add_part_option(app);
+  return [a, part, &common] {
     a->quiet = common.quiet;
+    a->part = part_of(*part);
+    a->model_hash = crc32c(read_file(a->model));
     ReconstructReport talk(a->run, a->follow, common.quiet);
     a->on_record = [&](const RecordStatus& r) { talk.add(r); };
     a->range_bias = range_bias_action_of(a->range_bias_action);

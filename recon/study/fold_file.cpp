@@ -15,14 +15,15 @@ std::string text_of(const std::optional<T>& value) {
 }
 
 std::string text_of(const FitOptions& fit) {
-  std::string hidden = fit.hidden ? "" : "-";
+  std::string hidden;
   if (fit.hidden)
-    for (const std::size_t width : *fit.hidden)
-      hidden += (hidden.empty() ? "" : ",") + std::to_string(width);
-  return "hidden " + hidden + " basis " + text_of(fit.basis) + " epochs " + text_of(fit.epochs) +
-         " learning-rate " + text_of(fit.learning_rate) + " weight-decay " +
-         text_of(fit.weight_decay) + " patience " + text_of(fit.patience) + " batch " +
-         std::to_string(fit.batch) + " seed " + std::to_string(fit.seed);
+    for (const std::size_t width : *fit.hidden) hidden += std::to_string(width) + ",";
+  return formatted(
+      "hidden %s basis %s epochs %s learning-rate %s weight-decay %s patience %s batch %zu seed "
+      "%llu",
+      fit.hidden ? hidden.c_str() : "-", text_of(fit.basis).c_str(), text_of(fit.epochs).c_str(),
+      text_of(fit.learning_rate).c_str(), text_of(fit.weight_decay).c_str(),
+      text_of(fit.patience).c_str(), fit.batch, static_cast<unsigned long long>(fit.seed));
 }
 
 }  // namespace
