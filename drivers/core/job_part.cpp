@@ -64,16 +64,14 @@ JobPart::Range JobPart::range(std::int64_t pieces) const {
 }
 
 std::vector<bool> JobPart::share(const std::vector<double>& work) const {
-  std::vector<std::size_t> longest_first(work.size());
-  std::iota(longest_first.begin(), longest_first.end(), std::size_t{0});
-  std::stable_sort(longest_first.begin(), longest_first.end(),
-                   [&](std::size_t a, std::size_t b) { return work[a] > work[b]; });
-  std::vector<double> busy(static_cast<std::size_t>(count_));
-  std::vector<bool> out(work.size());
-  for (const std::size_t piece : longest_first) {
-    const auto least = std::min_element(busy.begin(), busy.end());
-    *least += work[piece];
-    out[piece] = least - busy.begin() == number_ - 1;
+  const double all = std::accumulate(work.begin(), work.end(), 0.);
+  std::vector<bool> out;
+  double before = 0;
+  for (const double piece : work) {
+    const double middle = all > 0 ? (before + piece / 2) / all : 0;
+    const auto owner = static_cast<std::int64_t>(middle * static_cast<double>(count_));
+    out.push_back(std::min(owner, count_ - 1) == number_ - 1);
+    before += piece;
   }
   return out;
 }

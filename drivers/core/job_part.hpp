@@ -24,8 +24,8 @@ class JobPart {
   };
   Range range(std::int64_t pieces) const;
 
-  // Of pieces that each take so long, in any unit: which are this part's. The longest first, each
-  // to the part that has least to do.
+  // Of pieces that each take so long, in any unit: which are this part's. They follow each other,
+  // as neighbours may need the same records, and each part has about as much to do.
   std::vector<bool> share(const std::vector<double>& work) const;
 
  private:

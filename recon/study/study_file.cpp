@@ -167,8 +167,9 @@ void StudyFile::keep(const Measurement& m) {
 }
 
 void StudyFile::finish() {
+  if (!place_.staged) return;
   db_.reset();
-  if (place_.staged) place_.staged->publish();
+  place_.staged->publish();
 }
 
 void StudyFile::add(std::span<const Measurement> measurements) {

@@ -59,7 +59,8 @@ class StudyFile {
   // In one transaction; what is there already stays. Throws Error(interrupted) instead if the user
   // interrupts, who may have cut it short; Error(disk).
   void add(std::span<const Measurement> measurements);
-  // Of a part: puts its file into the folder, over the one that may be there.
+  // Of a part: puts its file into the folder, over the one that may be there; nothing can be asked
+  // any more. Else nothing.
   void finish();
   // In the order of their making or keeping. Throws Error(failed) for names that the program does
   // not write.

