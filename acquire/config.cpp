@@ -17,6 +17,7 @@ struct Keys {
   std::int64_t start_channel, click_channel, bins;
   std::int64_t cli_baud, data_baud, width, height, fps, map_size;
   std::string cfg, calibration;
+  bool first_photon_only;
 };
 
 Keys defaults_of(const Config& c) {
@@ -30,7 +31,8 @@ Keys defaults_of(const Config& c) {
           c.depth.fps,
           c.map.size,
           "",
-          ""};
+          "",
+          false};
 }
 
 void bind_policy(Settings& s, Config& c, const std::string& section, Sensor sensor) {
@@ -80,6 +82,12 @@ void bind(Settings& s, Config& c, Keys& k) {
         "added to the click channel's times");
   s.add("tdc.dead_time_ps", c.histogram.dead_time_ps, 0, delay_max,
         "a tag so soon after the last one of its channel is removed; 0: none");
+  s.add(
+      "tdc.detector_dead_time_ps", c.detector.dead_time_ps, 0, 1e9,
+      "of the detector after a click, as its data sheet says; 0: not known, and its pile-up is not "
+      "corrected on reading");
+  s.add("tdc.first_photon_only", k.first_photon_only,
+        "the detector is armed once a laser pulse, and sees its first photon only");
   s.add("radar.cli", c.radar.cli,
         "command port: serial:/dev/... or hid:VVVV:PPPP[:serial]; empty: none");
   bind_policy(s, c, "radar", Sensor::radar);
@@ -114,6 +122,7 @@ void take_numbers(Config& c, const Keys& k) {
   c.depth.height = static_cast<std::uint32_t>(k.height);
   c.depth.fps = static_cast<std::uint32_t>(k.fps);
   c.map.size = static_cast<std::uint32_t>(k.map_size);
+  if (k.first_photon_only) c.detector.dead_time_ps = std::numeric_limits<double>::infinity();
 }
 
 // What the type and range of a single key do not show.

@@ -7,6 +7,7 @@
 
 #include "acquire/calibration.hpp"
 #include "acquire/record/depth_map.hpp"
+#include "acquire/record/detector.hpp"
 #include "acquire/record/radar_array.hpp"
 #include "acquire/signal_check.hpp"
 #include "drivers/make_driver.hpp"
@@ -21,6 +22,7 @@ struct Config {
   std::string label, operator_name;
   TdcConfig tdc;
   tdc::HistogramSettings histogram;
+  record::Detector detector;
   RadarConfig radar;
   DepthConfig depth;
   record::MapGrid map;

@@ -169,6 +169,7 @@ std::unique_ptr<record::RunWriter> make_run(
   info.operator_name = config.operator_name;
   info.window_s = config.window_s;
   info.meta = meta;
+  if (config.detector.known()) info.meta.push_back(config.detector.meta());
   return std::make_unique<record::RunWriter>(out, info);
 }
 

@@ -9,6 +9,7 @@
 #include "drivers/core/log2_codes.hpp"
 #include "drivers/core/printable.hpp"
 #include "recon/data/lags.hpp"
+#include "recon/data/pile_up.hpp"
 #include "recon/data/run_order.hpp"
 #include "recon/data/shift.hpp"
 #include "recon/data/source_facts.hpp"
@@ -58,6 +59,7 @@ class Appender {
     Axis radar = raw_radar_;
     if (radar.quantity == "log2_q8") radar.quantity = "power", radar.scale = 1;
     adopt(data.spd_axis, spd_, "spd");
+    pile_up_ = PileUp(run, spd_);
     adopt(data.radar_axis, radar, "radar");
     if (array_.count > 0) lags_ = SpatialLags(run.antennas());
     adopt_array(array_.count > 0 ? lags_axis(array_, lags_) : Axis{});
@@ -95,6 +97,12 @@ class Appender {
   std::string add(const record::FusedRecord& r) {
     std::vector<float> spd, radar, depth;
     if (r.has(Sensor::spd)) spd.assign(r.spd.begin(), r.spd.end());
+    double a_pulse = clicks_a_pulse(r);
+    if (pile_up_.known() && a_pulse > 0) {
+      const std::uint64_t clicks = r.spd_counts.in_range + r.spd_counts.out_of_range;
+      pile_up_.correct(spd, static_cast<double>(clicks) / a_pulse);
+      a_pulse = 0;
+    }
     if (spd_shift_ && !spd.empty()) spd = spd_shift_->apply(spd);
     if (r.has(Sensor::radar)) radar = linear(r);
     std::vector<float> lags = lags_of(r);
@@ -108,7 +116,7 @@ class Appender {
     data_.valid.push_back(r.valid.bits());
     data_.index.push_back(r.index);
     data_.slot_end.push_back(r.slot_end);
-    data_.clicks_a_pulse.push_back(clicks_a_pulse(r));
+    data_.clicks_a_pulse.push_back(a_pulse);
     data_.label.push_back(r.label);
     ++data_.sources.back().count;
     return {};
@@ -183,6 +191,7 @@ class Appender {
   SensorSet sensors_;
   Axis spd_, raw_radar_, x_, y_, array_;
   SpatialLags lags_;
+  PileUp pile_up_;
   std::optional<Shift> spd_shift_;  // of a calibrated run
   Axis map_x_, map_y_;              // of the depth table
 };

@@ -41,12 +41,12 @@ struct Dataset {
   Axis array_axis;
   bool arrays_differ = false;
   record::MapGrid map;               // of the depth maps
-  Matrix spd, radar, depth;          // counts | linear power | maps in metres, 0 = no return
+  Matrix spd, radar, depth;          // photons | linear power | maps in metres, 0 = no return
   Matrix array;                      // of each bin its spatial lags
   std::vector<std::uint32_t> valid;  // bit 0 SPD, 1 radar, 2 depth
   std::vector<std::int64_t> index;   // the record's number in its run
   std::vector<HostTime> slot_end;
-  std::vector<double> clicks_a_pulse;  // of the laser; 0 where that is not known
+  std::vector<double> clicks_a_pulse;  // of the laser; 0: not known, or what they hide is put back
   std::vector<std::string> label;
   std::vector<Source> sources;
   std::uint32_t hash = 0;  // CRC-32C of the tables

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "drivers/core/clones.hpp"
 #include "recon/uncertainty/predictors.hpp"
 
 namespace echofuse::recon {
@@ -13,14 +14,18 @@ namespace {
 
 constexpr std::size_t at_once = 512;  // bounds the memory that a prediction needs
 
-// Throws Error(failed) if they are not: a file may hold any weights.
-void require_finite(const Matrix& maps) {
-  // Of every value, without an end before: the compiler vectorises that.
+// Without an end before the last value: the compiler makes vectors of that.
+ECHOFUSE_CLONES bool all_finite(const float* values, std::size_t count) {
   constexpr std::uint32_t exponent = 0x7f800000;
   std::uint32_t beyond = 0;
-  for (const float v : maps.values)
-    beyond |= std::uint32_t{(std::bit_cast<std::uint32_t>(v) & exponent) == exponent};
-  if (beyond == 0) return;
+  for (std::size_t i = 0; i < count; ++i)
+    beyond |= std::uint32_t{(std::bit_cast<std::uint32_t>(values[i]) & exponent) == exponent};
+  return beyond == 0;
+}
+
+// Throws Error(failed) if they are not: a file may hold any weights.
+void require_finite(const Matrix& maps) {
+  if (all_finite(maps.values.data(), maps.values.size())) return;
   throw Error(
       ExitCode::failed,
       "the model's maps are not finite numbers: its weights are none that a training makes; "

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "recon/files/npz.hpp"
 
+#include <libdeflate.h>
 #include <zlib.h>
 
 #include <cerrno>
@@ -35,7 +36,7 @@ std::string npy_header(const std::string& type, std::uint64_t rows,
 }
 
 std::uint32_t crc_of(ByteView bytes, std::uint32_t before = 0) {
-  return static_cast<std::uint32_t>(::crc32_z(before, bytes.data(), bytes.size()));
+  return ::libdeflate_crc32(before, bytes.data(), bytes.size());
 }
 
 // What the local and the central header have in common, from the needed version to the name's

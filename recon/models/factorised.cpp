@@ -259,8 +259,9 @@ void Factorised::choose_threshold(const Seen& seen, const Samples& samples) {
   for (int percent = 25; percent <= 60; percent += 5) {
     double sum = 0;
     for (std::size_t i = 0; i < places.size(); ++i) {
+      map = background_;
       frame_.draw(shapes.masks.row(i), shapes.reliefs.row(i), places[i],
-                  static_cast<float>(percent) / 100, background_, map);
+                  static_cast<float>(percent) / 100, map);
       sum += double{intersection_over_union(map, samples.maps.row(seen.rows[i]), background_)};
     }
     if (sum > best) best = sum, threshold_ = static_cast<float>(percent) / 100;
@@ -278,13 +279,10 @@ Matrix Factorised::look(const Matrix& aligned, Rows& with_body) const {
 
 // Place, shape, then the map, and if wanted its foreground probability and depth.
 Matrix Factorised::predict(const Matrix& aligned, SoftMaps* soft) const {
-  Matrix out(aligned.rows, background_.size());
-  if (soft) *soft = {Matrix(out.rows, out.cols), Matrix(out.rows, out.cols)};
-  for (std::size_t i = 0; i < out.rows; ++i) {
-    if (shows_body(aligned.row(i))) continue;
-    std::copy(background_.begin(), background_.end(), out.row(i).begin());
-    if (soft) std::copy(background_.begin(), background_.end(), soft->depth.row(i).begin());
-  }
+  Matrix out(0, background_.size());
+  out.values.reserve(aligned.rows * out.cols);
+  for (std::size_t i = 0; i < aligned.rows; ++i) out.add_row(background_);
+  if (soft) *soft = {Matrix(out.rows, out.cols), out};
   Rows with_body;
   const Matrix features = look(aligned, with_body);
   if (with_body.empty()) return out;
@@ -293,7 +291,7 @@ Matrix Factorised::predict(const Matrix& aligned, SoftMaps* soft) const {
   for_each_part(with_body.size(), [&](std::size_t i) {
     const auto mask = shapes.masks.row(i), relief = shapes.reliefs.row(i);
     const std::size_t row = with_body[i];
-    frame_.draw(mask, relief, places[i], threshold_, background_, out.row(row));
+    frame_.draw(mask, relief, places[i], threshold_, out.row(row));
     if (soft)
       frame_.draw_soft(mask, relief, places[i], soft->foreground_probability.row(row),
                        soft->depth.row(row));

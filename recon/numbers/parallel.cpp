@@ -84,19 +84,18 @@ class Pool {
 };
 
 std::unique_ptr<Pool>& pool() {
-  static std::unique_ptr<Pool> it;
+  static auto it = std::make_unique<Pool>(static_cast<int>(std::thread::hardware_concurrency()));
   return it;
 }
 
 }  // namespace
 
 void set_threads(int count) {
-  if (count <= 0) count = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  if (count <= 0) count = static_cast<int>(std::thread::hardware_concurrency());
   pool() = std::make_unique<Pool>(count);
 }
 
 void for_each_part(std::size_t parts, const std::function<void(std::size_t)>& work) {
-  if (!pool()) set_threads(0);
   pool()->run(parts, work);
 }
 

@@ -2,7 +2,8 @@
 // Parts of a calculation on several threads. The result is the same bit by bit with any number of
 // threads if the parts depend on the shape of the calculation alone.
 //
-// Threading: called from one thread at a time, and not from within a part.
+// Threading: for_each_part() from any threads, but not from within a part; set_threads() while none
+// calculates.
 #pragma once
 #include <cstddef>
 #include <functional>

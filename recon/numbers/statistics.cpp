@@ -41,13 +41,56 @@ double standard_deviation(std::span<const double> values) {
   return std::sqrt(squares / n);
 }
 
-Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng, std::size_t block) {
+namespace {
+
+// Calls take(first, count) for circular blocks of `of` records, `count` records in all.
+template <class Take>
+void draw_blocks(std::size_t of, std::size_t count, Rng& rng, std::size_t block, const Take& take) {
   std::uniform_int_distribution<std::size_t> any(0, of - 1);
+  for (std::size_t left = count; left > 0;) {
+    const std::size_t some = std::min(block, left);
+    take(any(rng), some);
+    left -= some;
+  }
+}
+
+}  // namespace
+
+Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng, std::size_t block) {
   Rows out;
-  while (out.size() < count)
-    for (std::size_t k = 0, from = any(rng); k < block && out.size() < count; ++k)
-      out.push_back((from + k) % of);
+  out.reserve(count);
+  draw_blocks(of, count, rng, block, [&](std::size_t first, std::size_t some) {
+    for (std::size_t k = 0; k < some; ++k) out.push_back((first + k) % of);
+  });
   return out;
+}
+
+ResampledQuantiles::ResampledQuantiles(std::span<const float> values) : taken_(values.size(), 1) {
+  for (std::size_t i = 0; i < values.size(); ++i) sorted_.emplace_back(values[i], i);
+  std::sort(sorted_.begin(), sorted_.end());
+}
+
+void ResampledQuantiles::draw(Rng& rng) {
+  const std::size_t n = taken_.size();
+  std::vector<int> begun(n + 1);  // blocks that begin here, less those that end before
+  draw_blocks(n, n, rng, pose_records, [&](std::size_t first, std::size_t some) {
+    ++begun[first];
+    for (first += some; first > n; first -= n) ++begun[0], --begun[n];
+    --begun[first];
+  });
+  std::partial_sum(begun.begin(), begun.end() - 1, taken_.begin());
+}
+
+float ResampledQuantiles::operator()(double share) const {
+  const std::size_t n = taken_.size();
+  const auto at = static_cast<std::size_t>(share * static_cast<double>(n));
+  const auto find = [&](auto first, auto last, std::size_t below) {
+    for (auto left = static_cast<std::ptrdiff_t>(below); first != last; ++first)
+      if ((left -= taken_[first->second]) < 0) return first->first;
+    return std::prev(last)->first;
+  };
+  return share < 0.5 ? find(sorted_.begin(), sorted_.end(), at)
+                     : find(sorted_.rbegin(), sorted_.rend(), n - 1 - at);
 }
 
 float quantile(std::span<float> values, double share) {

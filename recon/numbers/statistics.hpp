@@ -2,6 +2,7 @@
 // What the rows of a table have in common.
 #pragma once
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "drivers/core/random.hpp"
@@ -31,6 +32,21 @@ inline constexpr std::size_t pose_records = 10;  // half a minute, for which a p
 // Romano 1992). More than some blocks are needed, or all resamples are alike.
 Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng,
                       std::size_t block = pose_records);
+
+// Quantiles of such resamples, as many values as there are.
+//   ResampledQuantiles resampled(values);
+//   resampled.draw(rng);
+//   const float median = resampled(0.5);
+class ResampledQuantiles {
+ public:
+  explicit ResampledQuantiles(std::span<const float> values);  // in their order, at least one
+  void draw(Rng& rng);                                         // another resample
+  float operator()(double share) const;                        // as quantile()
+
+ private:
+  std::vector<std::pair<float, std::size_t>> sorted_;  // with their places
+  std::vector<int> taken_;                             // how often, by place
+};
 
 // Of each column, over the given rows (at least one).
 std::vector<float> column_quantile(const Matrix& table, const Rows& rows, double share);

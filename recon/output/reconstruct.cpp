@@ -128,16 +128,9 @@ void Reconstruction::take_all(const record::RunReader& run) {
   const auto count = static_cast<std::size_t>(run.count());
   Progress progress("reconstructing", count, options_.quiet);
   const Records records = prepare_records(model_, read(run, count), options_.range_bias);
-  tell_run(records.antennas);
-  const DomainShift shift = domain_shift_of(model_, records);
-  if (shift.tested() && (shift.found() || !options_.quiet)) tell_run(shift.text());
-  const bool silent =
-      options_.quiet && records.range_bias.status == RangeBias::Status::too_few_records;
-  if (!silent) tell_run(records.text);
-  if (!options_.quiet) tell_run(records.gains.text());
   const auto [begin, last] = own_rows(records.data);
   std::future<Part> next;
-  // While one part is written, another thread makes the maps of the next.
+  // While this thread judges the run, and then writes a part, another makes the maps of the next.
   const auto start = [&](std::size_t first) {
     if (first < last)
       next = std::async(std::launch::async, [&, first] {
@@ -145,6 +138,13 @@ void Reconstruction::take_all(const record::RunReader& run) {
       });
   };
   start(begin);
+  tell_run(records.antennas);
+  const DomainShift shift = domain_shift_of(model_, records);
+  if (shift.tested() && (shift.found() || !options_.quiet)) tell_run(shift.text());
+  const bool silent =
+      options_.quiet && records.range_bias.status == RangeBias::Status::too_few_records;
+  if (!silent) tell_run(records.text);
+  if (!options_.quiet) tell_run(records.gains.text());
   for (std::size_t first = begin; first < last && !interrupted(); first += part_records) {
     Part part = next.get();
     start(first + part_records);

@@ -83,6 +83,14 @@ std::vector<AxisValue> speckles(const BaseCondition& base) {
       {formatted("coherent %g cm", cm), coherent ? World{} : World{.set = {"radar_sum=coherent"}}}};
 }
 
+// So many photons to a pulse that the first one hides later ones.
+World pile_up(const BaseCondition& base, double photons_a_pulse, bool stated) {
+  World out{
+      .set = {assignment("pulses_per_window", value_of(base, "signal_photons") / photons_a_pulse)}};
+  if (!stated) out.set.push_back("spd_detector_stated=false");
+  return out;
+}
+
 bool has_array(const BaseCondition& base) { return antennas_of(base) > 1; }
 
 World antennas(double count) { return {.set = {assignment("radar_antennas", count)}}; }
@@ -114,13 +122,12 @@ void add_sensors(Axes& all, const BaseCondition& base) {
   all.push_back(numbers(base, matched, "snr", "radar's SNR (dB)", "radar_snr_db",
                         {30, 20, 10, 5, 0}, {10, 0}));
   all.push_back(numbers(base, matched, "photons", "photons a record", "signal_photons",
-                        {1e6, 1e5, 1e4, 1e3, 1e2}, {1e3, 1e2}));
+                        {1e6, 1e5, 1e4, 1e3, 1e2, 10}, {1e3, 1e2}));
   all.push_back(numbers(base, matched, "background", "SPD's background (counts to a signal photon)",
                         "background_counts", {0, 0.1, 1, 10, 100}, {1, 10}, photons));
-  all.push_back(numbers(
-      matched, "pile_up", "pile-up (photons to a laser pulse, the first is seen)",
-      pulses > 0 ? photons / pulses : 0, {0, 0.01, 0.1, 0.5, 1, 2}, {0.1, 2},
-      [&](double v) { return World{.set = {assignment("pulses_per_window", photons / v)}}; }));
+  all.push_back(numbers(matched, "pile_up", "pile-up (photons to a laser pulse, the first is seen)",
+                        pulses > 0 ? photons / pulses : 0, {0, 0.01, 0.1, 0.5, 1, 2}, {0.1, 2},
+                        [&](double v) { return pile_up(base, v, true); }));
   all.push_back({"speckle", "radar's sum of echoes", matched, speckles(base)});
   all.back().values.insert(all.back().values.begin() + 1,
                            {"coherent 4.4 cm", fine_speckle(base), false});
@@ -170,6 +177,16 @@ void add_shifted_conditions(Axes& all, const BaseCondition& base) {
                         {0.4, 0.45, 0.5, 0.55, 0.6}, {0.4, 0.6}));
   all.push_back(numbers(base, shifted, "background", "SPD's background (counts to a signal photon)",
                         "background_counts", {0, 0.1, 1, 10}, {0.1, 1, 10}, photons));
+  all.push_back({"pile_up",
+                 "pile-up (photons to a laser pulse), corrected or not",
+                 shifted,
+                 {{"none", {}},
+                  {"0.1", pile_up(base, 0.1, true), false},
+                  {"0.1 uncorrected", pile_up(base, 0.1, false), false},
+                  {"0.5", pile_up(base, 0.5, true), false},
+                  {"0.5 uncorrected", pile_up(base, 0.5, false), false},
+                  {"2", pile_up(base, 2, true)},
+                  {"2 uncorrected", pile_up(base, 2, false)}}});
   all.push_back({"speckle", "radar's sum of echoes", shifted, speckles(base)});
   if (!has_array(base)) return;
   all.push_back({"antennas",
@@ -178,6 +195,18 @@ void add_shifted_conditions(Axes& all, const BaseCondition& base) {
                  {{formatted("%g", antennas_of(base)), {}}, {"lost", antennas(1)}}});
   all.push_back(numbers(shifted, "phase", "error of the antennas' phases (degrees, rms)", 0,
                         {0, 5, 15, 30, 60}, {15, 30}, unknown_phases));
+}
+
+// Trained in that weather, or in clear air.
+void add_weather(Axes& all, const BaseCondition& base) {
+  for (const bool there : {matched, shifted}) {
+    all.push_back(numbers(base, there, "fog", "visibility in fog (m), 0: clear", "fog_visibility_m",
+                          {0, 1000, 300, 100, 50, 20, 10, 5}, {100, 20}));
+    all.push_back(numbers(base, there, "smoke", "visibility in smoke (m), 0: clear",
+                          "smoke_visibility_m", {0, 100, 20, 10, 5}, {}));
+    all.push_back(
+        numbers(base, there, "rain", "rain (mm/h)", "rain_mm_h", {0, 1, 10, 50, 100}, {100}));
+  }
 }
 
 void add_surprises(Axes& all, const BaseCondition& base) {
@@ -236,7 +265,7 @@ std::size_t StabilityAxis::base() const {
 std::vector<StabilityAxis> stability_axes(const BaseCondition& base, bool quick) {
   Axes all;
   add_sensors(all, base), add_scenes(all, base);
-  add_shifted_conditions(all, base), add_surprises(all, base);
+  add_shifted_conditions(all, base), add_weather(all, base), add_surprises(all, base);
   for (auto& axis : all)
     if (quick) std::erase_if(axis.values, [](const AxisValue& v) { return !v.quick; });
   return all;

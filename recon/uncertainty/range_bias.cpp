@@ -61,11 +61,8 @@ Seen see(const Alignment& alignment, const Matrix& aligned, const Rows& rows) {
   return out;
 }
 
-std::vector<float> resampled(const std::vector<float>& values, Rng& rng) {
-  std::vector<float> out;
-  for (const std::size_t i : resampled_blocks(values.size(), values.size(), rng))
-    out.push_back(values[i]);
-  return out;
+Edges edges_of(const ResampledQuantiles& values) {
+  return {double{values(edge)}, double{values(1 - edge)}};
 }
 
 // Of a run whose bodies moved alike; the standard error is known.
@@ -177,8 +174,10 @@ RangeBias RangeBiasReference::judge(std::vector<float> found) const {
   out.bias_m = (moved.left_m + moved.right_m) / 2;
   std::vector<double> middles, halves;
   Rng rng = make_rng(found.size(), bootstrap_stream);
+  ResampledQuantiles now(found), then(displacements_m_);
   for (int i = 0; i < resamples; ++i) {
-    const Edges e = edges_of(resampled(found, rng)) - edges_of(resampled(displacements_m_, rng));
+    now.draw(rng), then.draw(rng);
+    const Edges e = edges_of(now) - edges_of(then);
     middles.push_back((e.left_m + e.right_m) / 2);
     halves.push_back((e.left_m - e.right_m) / 2);
   }
@@ -222,8 +221,11 @@ RangeBias RangeBiasReference::judge_by_angle(const std::vector<float>& found) co
   out.bias_m = median(found) - median(displacements_m_);
   std::vector<double> middles;
   Rng rng = make_rng(found.size(), bootstrap_stream);
-  for (int i = 0; i < resamples; ++i)
-    middles.push_back(median(resampled(found, rng)) - median(resampled(displacements_m_, rng)));
+  ResampledQuantiles now(found), then(displacements_m_);
+  for (int i = 0; i < resamples; ++i) {
+    now.draw(rng), then.draw(rng);
+    middles.push_back(double{now(0.5)} - double{then(0.5)});
+  }
   out.standard_error_m = standard_deviation(middles);
   const auto spread = [&](const std::vector<float>& values) {
     const Edges e = edges_of(values);

@@ -20,7 +20,7 @@ HELLO, TAGS, DEPTH, BYE = range(4)
 HEADER_BYTES, MAX_PAYLOAD_BYTES = 32, 16 << 20
 USAGE, NO_DEVICE = 2, 4  # exit codes, as of the echofuse programs
 
-QUEUE_BYTES = 64 << 20   # what waits for a slow client; more is dropped and counted
+QUEUE_BYTES = 256 << 20  # what waits for a slow client; more is dropped and counted
 BLOCKS_A_TURN = 16       # to a fast client, before a look at whatever else happens
 HELLO_PAUSE_S = 0.5      # the protocol asks for a heartbeat at least every second
 FAREWELL_S = 2.0         # for the rest of the queue when the bridge ends

@@ -116,6 +116,8 @@ record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
   else if (!plan.twin.empty())
     info.notes += " of virtual laboratory " + std::to_string(plan.laboratory) + ": " +
                   one_line(draws_of(twin_named(plan.twin), plan.laboratory));
+  if (const auto detector = stated_detector(plan.conditions); detector.known())
+    info.meta.push_back(detector.meta());
   info.window_s = dataset_window_s;
   return info;
 }

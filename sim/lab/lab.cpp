@@ -20,6 +20,7 @@
 #include "drivers/core/atomic_write.hpp"
 #include "drivers/core/program.hpp"
 #include "drivers/core/settings.hpp"
+#include "sim/sensors/optics.hpp"
 #include "sim/usb/usb_lab.hpp"
 
 namespace echofuse::sim {
@@ -151,6 +152,14 @@ std::string shell_word(const std::string& word) {
   return quoted + "'";
 }
 
+std::string detector_lines(const Conditions& conditions) {
+  const record::Detector detector = stated_detector(conditions);
+  if (!detector.known()) return "";
+  return std::isinf(detector.dead_time_ps)
+             ? "\nfirst_photon_only = true"
+             : "\ndetector_dead_time_ps = " + Json(detector.dead_time_ps).dump();
+}
+
 // `label` is what stands before the sensors, if that never changes.
 std::string lab_toml(const LabOptions& o, const fs::path& dir, const std::string& tdc_address,
                      const std::string& label) {
@@ -164,7 +173,7 @@ std::string lab_toml(const LabOptions& o, const fs::path& dir, const std::string
       << "\nclick_channel = " << o.tagging.click_channel
       << "\nbin_width_ps = " << whole_ps("bin_width_ps", o.conditions.bin_width_ps)
       << "\nfirst_bin_ps = " << whole_ps("first_bin_ps", o.conditions.first_bin_ps)
-      << "\nbins = " << o.conditions.bins
+      << "\nbins = " << o.conditions.bins << detector_lines(o.conditions)
       << "\n\n[radar]\ncli = " << toml_text("serial:" + (dir / "radar-cli").string())
       << "\ndata = " << toml_text("serial:" + (dir / "radar-data").string())
       << "\ncfg = \"radar.cfg\"\n\n[depth]\naddress = \"openni:\"\nmap_size = " << map.size

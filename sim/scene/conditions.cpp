@@ -84,11 +84,18 @@ void bind_spd(Settings& s, Conditions& c) {
         "laser pulses, for pile-up; 0: low flux");
   s.add("spd_dead_time_ps", c.spd_dead_time_ps, 0, 1e9,
         "of a free-running detector with pile-up; 0: one photon a pulse");
+  s.add("spd_detector_stated", c.spd_detector_stated, "the run says that the detector piles up");
   s.add("spd_falloff", c.spd_falloff, 0, 10, "light exp(-falloff) at the field's edges");
   s.add("spd_field", c.spd_field, 0.1, 3, "the detector's field of view, of half_tangent");
   s.add("spd_yaw_deg", c.spd_yaw_deg, -30, 30, "points to +x; the daemon does not know it");
   s.add("spd_pitch_deg", c.spd_pitch_deg, -30, 30, "points up; the daemon does not know it");
   s.add("slot_sway_m", c.slot_sway_m, 0, 1, "rms motion of people in a record, to and fro");
+}
+
+void bind_weather(Settings& s, Conditions& c) {
+  s.add("fog_visibility_m", c.fog_visibility_m, 0, 1e6, "visibility in fog; 0: none");
+  s.add("smoke_visibility_m", c.smoke_visibility_m, 0, 1e6, "visibility in smoke; 0: none");
+  s.add("rain_mm_h", c.rain_mm_h, 0, 300, "rain");
 }
 
 void bind_radar(Settings& s, Conditions& c) {
@@ -152,6 +159,7 @@ void bind(Settings& settings, Conditions& conditions) {
   bind_people(settings, conditions);
   bind_letters(settings, conditions);
   bind_reflectivity(settings, conditions);
+  bind_weather(settings, conditions);
   bind_spd(settings, conditions);
   bind_radar(settings, conditions);
   bind_array(settings, conditions);

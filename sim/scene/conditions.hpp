@@ -65,6 +65,10 @@ struct Conditions {
   double radar_plate_lobe = 1;  // of the letter
   double optical_lobe = 1;      // the same power of people and letters in the detector's light
 
+  // Weather (weather.hpp): visibility of 550 nm at which 2 % of a contrast is left; 0: clear air.
+  double fog_visibility_m = 0, smoke_visibility_m = 0;
+  double rain_mm_h = 0;
+
   // SPD
   // Rays across the field of view, both ways; 0: as many as signal_photons ask for (rays_of).
   std::int64_t spd_rays = 0;
@@ -81,6 +85,7 @@ struct Conditions {
   // comes when the detector is ready again; 0: low flux.
   std::int64_t pulses_per_window = 0;
   double spd_dead_time_ps = 0;
+  bool spd_detector_stated = true;  // the run says so, and who reads it corrects that
   // Light falls off towards the edges of the field of view: exp(-falloff t^2 / half_tangent^2) at
   // tangent t from the middle, where the detector points. The daemon takes it to look straight.
   double spd_falloff = 0;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "sim/scene/draw.hpp"
@@ -154,6 +155,11 @@ std::vector<std::uint32_t> draw_counts(const std::vector<double>& rate, const Co
     waiting -= n;
   }
   return counts;
+}
+
+record::Detector stated_detector(const Conditions& c) {
+  if (c.pulses_per_window == 0 || !c.spd_detector_stated) return {};
+  return {c.spd_dead_time_ps > 0 ? c.spd_dead_time_ps : std::numeric_limits<double>::infinity()};
 }
 
 }  // namespace echofuse::sim

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "acquire/record/detector.hpp"
 #include "drivers/core/random.hpp"
 #include "sim/scene/conditions.hpp"
 #include "sim/sensors/render.hpp"
@@ -22,5 +23,8 @@ std::vector<double> spd_rate(const Returns& returns, const Conditions& condition
 // equal periods of dataset_window_s, those closer than that to the last one counted are lost.
 std::vector<std::uint32_t> draw_counts(const std::vector<double>& rate,
                                        const Conditions& conditions, Rng& rng);
+
+// What a run says of such a detector; nothing at low flux, or without spd_detector_stated.
+record::Detector stated_detector(const Conditions& conditions);
 
 }  // namespace echofuse::sim

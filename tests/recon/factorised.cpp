@@ -124,10 +124,11 @@ TEST_CASE("what is cut out of a map is drawn back to where it was") {
   std::vector<Place> places;
   for (const std::size_t row : rows) places.push_back(*place_of(maps.row(row), background, {}));
   const BodyFrame frame(maps, background, rows, places, {});
-  std::vector<float> mask(frame.size()), relief(frame.size()), drawn(maps.cols);
+  std::vector<float> mask(frame.size()), relief(frame.size()), drawn;
   for (const std::size_t row : rows) {
     frame.cut(maps.row(row), background, places[row], mask, relief);
-    frame.draw(mask, relief, places[row], 0.5f, background, drawn);
+    drawn = background;
+    frame.draw(mask, relief, places[row], 0.5f, drawn);
     int both = 0, any = 0;
     for (std::size_t p = 0; p < drawn.size(); ++p) {
       const bool a = drawn[p] > 0, b = maps.row(row)[p] > 0;

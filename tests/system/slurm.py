@@ -117,7 +117,10 @@ class Slurm(unittest.TestCase):
     def node_dies(self, node):
         """Its daemon and all of its jobs at once, as when the power fails."""
         os.kill(int((self.dir / f"slurmd.{node}.pid").read_text()), signal.SIGKILL)
-        for process in self.processes_of(f"SLURMD_NODENAME={node}"):
+        jobs = list(self.processes_of(f"SLURMD_NODENAME={node}"))
+        parents = {int(pathlib.Path(f"/proc/{job}/stat").read_text().rpartition(")")[2].split()[1]) for job in jobs}
+        keepers = [pid for pid in parents if pathlib.Path(f"/proc/{pid}/comm").read_text().startswith("slurmstepd")]
+        for process in [*keepers, *jobs]:  # first who would tell of the others' end
             os.kill(process, signal.SIGKILL)
         subprocess.run(["scontrol", "update", f"nodename={node}", "state=down", "reason=test"], check=True)
 

@@ -4,7 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
+#include <limits>
 
+#include "drivers/core/clones.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "recon/numbers/statistics.hpp"
 
@@ -26,6 +29,38 @@ constexpr double farthest_steps = 1e9;  // from a radar's first point
 // window is as wide.
 constexpr double steps_a_resolution = 2;
 constexpr std::size_t most_for_brightness = 4000;  // records
+
+struct BinSums {
+  double clicks = 0, counts = 0, moment = 0;
+};
+
+// Over bins [from, to), four sums side by side: each addition to one alone waits for the last.
+// Bins with less than `least` clicks count as such.
+ECHOFUSE_CLONES BinSums sum_bins(const float* clicks, const float* counts, std::size_t from,
+                                 std::size_t to, float least) {
+  constexpr std::size_t four = 4;
+  using Floats [[gnu::vector_size(4 * four)]] = float;
+  using Doubles [[gnu::vector_size(8 * four)]] = double;
+  Doubles clicks_in{}, counts_in{}, moment{}, bin{0, 1, 2, 3};
+  bin += static_cast<double>(from);
+  std::size_t i = from;
+  for (; i + four <= to; i += four, bin += double{four}) {
+    Floats here, counted;
+    std::memcpy(&here, clicks + i, sizeof here), std::memcpy(&counted, counts + i, sizeof counted);
+    const Doubles weight = __builtin_convertvector(here > least ? here : Floats{} + least, Doubles);
+    clicks_in += weight, moment += weight * bin;
+    counts_in += __builtin_convertvector(counted, Doubles);
+  }
+  BinSums out;
+  for (; i < to; ++i) {
+    const double weight = double{std::max(clicks[i], least)};
+    out.clicks += weight, out.moment += weight * static_cast<double>(i);
+    out.counts += double{counts[i]};
+  }
+  for (std::size_t k = 0; k < four; ++k)
+    out.clicks += clicks_in[k], out.counts += counts_in[k], out.moment += moment[k];
+  return out;
+}
 
 // What is there in every record: per column the level that few records are below, less its distance
 // to the median: where bodies come and go, nothing. A count that scatters like one of photons alone
@@ -186,24 +221,21 @@ Matrix Alignment::operator()(const Matrix& raw_inputs) const {
 
 // `clicks`: above the background, which `counts` still has.
 Body Alignment::find_body(std::span<const float> clicks, std::span<const float> counts) const {
+  constexpr float any = std::numeric_limits<float>::lowest();
   const auto bins = static_cast<double>(clicks.size());
-  double from = 0, to = bins, clicks_in = 0, counts_in = 0, centre = 0;
+  double from = 0, to = bins, centre = 0;
+  BinSums in;
   for (int pass = 0; pass <= centroid_passes; ++pass) {
-    double moment = 0;
-    clicks_in = counts_in = 0;
-    for (auto i = static_cast<std::size_t>(from); i < static_cast<std::size_t>(to); ++i) {
-      // At first over all bins, where a noise of both signs would pull the centroid anywhere.
-      const double weight = pass == 0 ? std::max(clicks[i], 0.f) : clicks[i];
-      clicks_in += weight, counts_in += double{counts[i]};
-      moment += weight * static_cast<double>(i);
-    }
-    if (clicks_in <= 0) return {};
-    centre = moment / clicks_in;
+    // At first over all bins, where a noise of both signs would pull the centroid anywhere.
+    in = sum_bins(clicks.data(), counts.data(), static_cast<std::size_t>(from),
+                  static_cast<std::size_t>(to), pass == 0 ? 0.f : any);
+    if (in.clicks <= 0) return {};
+    centre = in.moment / in.clicks;
     from = std::clamp(centre - reach_m / spd_step_m_, 0.0, bins);
     to = std::clamp(centre + reach_m / spd_step_m_ + 1, 0.0, bins);
   }
   const auto range_m = static_cast<float>(spd_first_m_ + centre * spd_step_m_);
-  return {clicks_in > significance * std::sqrt(counts_in) && range_m != 0, range_m};
+  return {in.clicks > significance * std::sqrt(in.counts) && range_m != 0, range_m};
 }
 
 // Clicks between two ranges are differences of the running sum, interpolated.
@@ -211,18 +243,19 @@ float Alignment::align_histogram(std::span<const float> clicks, float range_m,
                                  std::span<float> out) const {
   std::vector<float> running(clicks.size() + 1);
   for (std::size_t i = 0; i < clicks.size(); ++i) running[i + 1] = running[i] + clicks[i];
-  const auto up_to = [&](double at_m) {
-    const double x = std::clamp((at_m - spd_first_m_) / spd_step_m_ + 0.5, 0.0,
-                                static_cast<double>(clicks.size()));
+  // At a number of bins since the histogram's start.
+  const auto up_to = [&, last = static_cast<double>(clicks.size())](double at) {
+    const double x = std::clamp(at, 0.0, last);
     const auto i = std::min(static_cast<std::size_t>(x), clicks.size() - 1);
     const auto part = static_cast<float>(x - static_cast<double>(i));
     return running[i] + part * (running[i + 1] - running[i]);
   };
-  const double start = double{range_m} - histogram_reach_m;
+  const double start = (double{range_m} - histogram_reach_m - spd_first_m_) / spd_step_m_ + 0.5;
+  const double step = histogram_step_m / spd_step_m_;
   const float first = up_to(start);
   float before = first;
   for (std::size_t j = 0; j < out.size(); ++j) {
-    const float now = up_to(start + static_cast<double>(j + 1) * histogram_step_m);
+    const float now = up_to(start + static_cast<double>(j + 1) * step);
     out[j] = now - before;
     before = now;
   }

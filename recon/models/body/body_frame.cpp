@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <utility>
 
+#include "drivers/core/clones.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/numbers/matrix_file.hpp"
 
@@ -14,25 +16,28 @@ namespace {
 
 constexpr std::size_t most_side = record::most_map_size, most_cells = most_side * 3 / 2;
 
-// Where a coordinate lies among n points: between `low` and the next one, by `part`.
-struct Between {
-  std::ptrdiff_t low = 0;
-  float part = 0;
+// Points of one grid within another, along one side: point i lies between low[i] and low[i] + 1, by
+// `part`.
+struct Along {
+  std::array<std::int32_t, most_cells> low;
+  std::array<float, most_cells> part;
 };
 
-// What is no number, or too far to count, is outside.
-Between between(double at) {
-  if (!(std::abs(at) < 1e9)) return {-2, 0};
-  const double low = std::floor(at);
-  return {static_cast<std::ptrdiff_t>(low), static_cast<float>(at - low)};
+// Point i is at `first` + i `step`. What is no number, or too far to count, is outside: low < 0.
+ECHOFUSE_CLONES void place_along(double first, double step, std::size_t count, Along& out) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const double at = first + static_cast<double>(static_cast<std::int32_t>(i)) * step;
+    const double near = std::abs(at) < 1e9 ? at : -2, low = std::floor(near);
+    out.low[i] = static_cast<std::int32_t>(low), out.part[i] = static_cast<float>(near - low);
+  }
 }
 
 float pixel(std::span<const float> row, std::ptrdiff_t i) {
   return i >= 0 && i < std::ssize(row) ? row[static_cast<std::size_t>(i)] : 0.f;
 }
 
-float sample(std::span<const float> row, const Between& b) {
-  return (1 - b.part) * pixel(row, b.low) + b.part * pixel(row, b.low + 1);
+float sample(std::span<const float> row, std::ptrdiff_t low, float part) {
+  return (1 - part) * pixel(row, low) + part * pixel(row, low + 1);
 }
 
 }  // namespace
@@ -89,68 +94,118 @@ void BodyFrame::cut(std::span<const float> map, std::span<const float> backgroun
                ? std::span<const float>(image).subspan(static_cast<std::size_t>(r) * side, side)
                : std::span<const float>{};
   };
-  for (std::size_t r = 0; r < rows_; ++r) {
-    const Between v =
-        between(((top_m_ + static_cast<double>(r) * pitch_m_) / z - y.start) / y.step);
+  Along across, down;
+  place_along((double{place.tangent} + left_m_ / z - x.start) / x.step, pitch_m_ / z / x.step,
+              columns_, across);
+  place_along((top_m_ / z - y.start) / y.step, pitch_m_ / z / y.step, rows_, down);
+  for (std::size_t r = 0; r < rows_; ++r)
     for (std::size_t c = 0; c < columns_; ++c) {
-      const double across = (left_m_ + static_cast<double>(c) * pitch_m_) / z;
-      const Between u = between((double{place.tangent} + across - x.start) / x.step);
       const auto value = [&](const auto& image) {
-        return (1 - v.part) * sample(row_of(image, v.low), u) +
-               v.part * sample(row_of(image, v.low + 1), u);
+        const auto of = [&](std::ptrdiff_t row) {
+          return sample(row_of(image, row), across.low[c], across.part[c]);
+        };
+        return (1 - down.part[r]) * of(down.low[r]) + down.part[r] * of(down.low[r] + 1);
       };
       mask[r * columns_ + c] = value(body);
       relief[r * columns_ + c] = value(depth);
     }
+}
+
+namespace {
+
+// Points [first, last) of the map.
+struct Span {
+  std::size_t first, last;
+};
+
+// Points between two cells of `cells`.
+Span within(const Along& along, std::size_t points, std::size_t cells) {
+  Span out{points, 0};
+  for (std::size_t i = 0; i < points; ++i)
+    if (along.low[i] >= 0 && std::cmp_less(along.low[i] + 1, cells))
+      out.first = std::min(out.first, i), out.last = i + 1;
+  return out;
+}
+
+struct Drawing {
+  const float *mask, *relief;  // cells
+  std::size_t columns, side;   // of cells, of the map
+  Along across, down;
+  Span map_columns, map_rows;
+  float depth_m, least;
+};
+
+// The body's depth where its mask is above `least`; elsewhere the map stays. Into `share` the mask,
+// if wanted.
+ECHOFUSE_CLONES void draw_rows(const Drawing& d, float* map, float* share) {
+  const std::size_t first = d.map_columns.first, count = d.map_columns.last - first;
+  const std::int32_t* const low = &d.across.low[first];
+  const float* const part = &d.across.part[first];
+  const std::int32_t nearest = low[0];  // cell
+  const auto cells = static_cast<std::size_t>(low[count - 1] + 2 - nearest);
+  std::array<float, most_cells> mask_row, relief_row;
+  for (std::size_t r = d.map_rows.first; r < d.map_rows.last; ++r) {
+    const std::size_t upper =
+        static_cast<std::size_t>(d.down.low[r]) * d.columns + static_cast<std::size_t>(nearest);
+    const float *mask_above = d.mask + upper, *mask_below = mask_above + d.columns;
+    const float *relief_above = d.relief + upper, *relief_below = relief_above + d.columns;
+    const float down = d.down.part[r];
+    for (std::size_t c = 0; c < cells; ++c) {
+      mask_row[c] = mask_above[c] + down * (mask_below[c] - mask_above[c]);
+      relief_row[c] = relief_above[c] + down * (relief_below[c] - relief_above[c]);
+    }
+    const std::size_t start = r * d.side + first;
+    for (std::size_t c = 0; c < count; ++c) {
+      const std::int32_t at = low[c] - nearest;
+      const float body = mask_row[at] + part[c] * (mask_row[at + 1] - mask_row[at]);
+      const float ahead = relief_row[at] + part[c] * (relief_row[at + 1] - relief_row[at]);
+      const bool seen = body > d.least;
+      const float depth = d.depth_m + ahead / (seen ? body : 1.f);
+      map[start + c] = seen ? depth : map[start + c];
+      if (share) share[start + c] = std::clamp(body, 0.f, 1.f);
+    }
   }
 }
 
-template <class Paint>
-void BodyFrame::visit(std::span<const float> mask, std::span<const float> relief,
-                      const Place& place, float least, const Paint& paint) const {
+// The larger of both, column by column.
+ECHOFUSE_CLONES void keep_larger(float* most, const float* row, std::size_t columns) {
+  for (std::size_t c = 0; c < columns; ++c) most[c] = row[c] > most[c] ? row[c] : most[c];
+}
+
+}  // namespace
+
+void BodyFrame::draw_onto(std::span<const float> mask, std::span<const float> relief,
+                          const Place& place, float least, std::span<float> map,
+                          std::span<float> share) const {
   const Axis x = grid_.x(), y = grid_.y();
   const std::size_t side = grid_.size;
-  const double z = double{place.depth_m};
-  std::array<Between, most_side> across;
-  std::array<float, most_cells> most{};  // of a column
-  for (std::size_t r = 0; r < rows_; ++r)
-    for (std::size_t c = 0; c < columns_; ++c) {
-      const float here = mask[r * columns_ + c], above = most[c];  // std::max() would branch
-      most[c] = here > above ? here : above;
-    }
-  std::size_t first = side, last = 0;  // map columns with something to paint: [first, last)
-  for (std::size_t c = 0; c < side; ++c) {
-    const double at = (x.at(static_cast<double>(c)) - double{place.tangent}) * z;
-    across[c] = between((at - left_m_) / pitch_m_);
-    if (across[c].low < 0 || across[c].low + 1 >= static_cast<std::ptrdiff_t>(columns_)) continue;
-    const auto low = static_cast<std::size_t>(across[c].low);
-    if (std::max(most[low], most[low + 1]) <= least) continue;
-    first = std::min(first, c), last = c + 1;
+  const double z = double{place.depth_m}, cells_a_tangent = z / pitch_m_;
+  Drawing d;
+  d.mask = mask.data(), d.relief = relief.data(), d.columns = columns_, d.side = side;
+  d.depth_m = place.depth_m, d.least = least;
+  place_along((x.start - double{place.tangent}) * cells_a_tangent - left_m_ / pitch_m_,
+              x.step * cells_a_tangent, side, d.across);
+  place_along(y.start * cells_a_tangent - top_m_ / pitch_m_, y.step * cells_a_tangent, side,
+              d.down);
+  d.map_columns = within(d.across, side, columns_), d.map_rows = within(d.down, side, rows_);
+  if (share.empty()) {  // only columns with something to paint
+    std::array<float, most_cells> most{};
+    for (std::size_t r = 0; r < rows_; ++r) keep_larger(most.data(), &mask[r * columns_], columns_);
+    const auto empty = [&](std::size_t c) {
+      const auto low = static_cast<std::size_t>(d.across.low[c]);
+      return std::max(most[low], most[low + 1]) <= least;
+    };
+    auto& [first, last] = d.map_columns;
+    while (first < last && empty(first)) ++first;
+    while (first < last && empty(last - 1)) --last;
   }
-  std::array<float, most_cells> body{}, depth{};
-  for (std::size_t r = 0; r < side; ++r) {
-    const Between v = between((y.at(static_cast<double>(r)) * z - top_m_) / pitch_m_);
-    if (v.low < 0 || v.low + 1 >= static_cast<std::ptrdiff_t>(rows_)) continue;
-    const std::size_t upper = static_cast<std::size_t>(v.low) * columns_, lower = upper + columns_;
-    for (std::size_t c = 0; c < columns_; ++c) {
-      body[c] = mask[upper + c] + v.part * (mask[lower + c] - mask[upper + c]);
-      depth[c] = relief[upper + c] + v.part * (relief[lower + c] - relief[upper + c]);
-    }
-    for (std::size_t c = first; c < last; ++c) {
-      const auto low = static_cast<std::size_t>(across[c].low);
-      const float share = body[low] + across[c].part * (body[low + 1] - body[low]);
-      paint(r * side + c, share, depth[low] + across[c].part * (depth[low + 1] - depth[low]));
-    }
-  }
+  if (d.map_columns.first >= d.map_columns.last) return;
+  draw_rows(d, map.data(), share.empty() ? nullptr : share.data());
 }
 
 void BodyFrame::draw(std::span<const float> mask, std::span<const float> relief, const Place& place,
-                     float threshold, std::span<const float> background,
-                     std::span<float> map) const {
-  std::copy(background.begin(), background.end(), map.begin());
-  visit(mask, relief, place, threshold, [&](std::size_t pixel, float share, float offset) {
-    if (share > threshold) map[pixel] = place.depth_m + offset / share;
-  });
+                     float threshold, std::span<float> map) const {
+  draw_onto(mask, relief, place, threshold, map, {});
 }
 
 void BodyFrame::draw_soft(std::span<const float> mask, std::span<const float> relief,
@@ -159,10 +214,7 @@ void BodyFrame::draw_soft(std::span<const float> mask, std::span<const float> re
   constexpr float least_share = 0.1f;  // below, relief / mask is noise
   std::fill(share.begin(), share.end(), 0.f);
   std::fill(depth.begin(), depth.end(), place.depth_m);
-  visit(mask, relief, place, -1, [&](std::size_t pixel, float part, float offset) {
-    share[pixel] = std::clamp(part, 0.f, 1.f);
-    if (part > least_share) depth[pixel] = place.depth_m + offset / part;
-  });
+  draw_onto(mask, relief, place, least_share, depth, share);
 }
 
 std::size_t BodyFrame::draw_cost() const {

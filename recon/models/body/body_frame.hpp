@@ -40,9 +40,10 @@ class BodyFrame {
   // mask: share of a cell that is foreground; relief: that share times (z - place.depth_m).
   void cut(std::span<const float> map, std::span<const float> background, const Place& place,
            std::span<float> mask, std::span<float> relief) const;
-  // Foreground where the mask is above the threshold, at depth_m + relief / mask.
+  // Onto a map of the background: foreground where the mask is above the threshold, at depth_m +
+  // relief / mask.
   void draw(std::span<const float> mask, std::span<const float> relief, const Place& place,
-            float threshold, std::span<const float> background, std::span<float> map) const;
+            float threshold, std::span<float> map) const;
   // The same without a threshold: the mask's share in 0..1, and the depth there, of every pixel.
   void draw_soft(std::span<const float> mask, std::span<const float> relief, const Place& place,
                  std::span<float> share, std::span<float> depth) const;
@@ -53,11 +54,10 @@ class BodyFrame {
   void load(const record::H5File& file);
 
  private:
-  // Calls paint(pixel, mask's share, relief) for pixels of the map that the patch covers: at least
-  // for those where the mask is above `least`, for all if that is below 0.
-  template <class Paint>
-  void visit(std::span<const float> mask, std::span<const float> relief, const Place& place,
-             float least, const Paint& paint) const;
+  // Draws the body where its mask is above `least`. With room for `share` also the mask, of all
+  // that the cells cover.
+  void draw_onto(std::span<const float> mask, std::span<const float> relief, const Place& place,
+                 float least, std::span<float> map, std::span<float> share) const;
 
   record::MapGrid grid_;  // of the maps
   std::size_t columns_ = 0, rows_ = 0;

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: MIT
+#include "recon/data/pile_up.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <vector>
+
+#include "recon/numbers/statistics.hpp"
+
+namespace {
+
+using namespace echofuse;
+using namespace echofuse::recon;
+
+constexpr double bin_ps = 100, period_ps = 20'000;
+constexpr std::size_t bins = 60;
+constexpr int pulses = 4000;
+constexpr double window_s = 1e-12 * period_ps * pulses;
+
+// Photons a pulse in each bin: a floor, and a peak that the floor shadows.
+std::vector<double> photons_a_pulse(double all) {
+  std::vector<double> out(bins, 0.3 / bins);
+  for (std::size_t i = 30; i < 36; ++i) out[i] += 0.7 / 6;
+  for (double& q : out) q *= all;
+  return out;
+}
+
+// Photon by photon, as a detector sees them.
+std::vector<float> detected(const std::vector<double>& q, double dead_ps, Rng& rng) {
+  std::vector<float> out(bins);
+  double ready_ps = 0;
+  for (int pulse = 0; pulse < pulses; ++pulse) {
+    bool seen = false;
+    for (std::size_t i = 0; i < bins; ++i) {
+      std::poisson_distribution<int> photons(q[i]);
+      std::uniform_real_distribution<double> within(0, bin_ps);
+      std::vector<double> times;
+      for (int n = photons(rng); n > 0; --n)
+        times.push_back(pulse * period_ps + static_cast<double>(i) * bin_ps + within(rng));
+      std::sort(times.begin(), times.end());
+      for (const double t : times) {
+        if (std::isinf(dead_ps) ? seen : t < ready_ps) continue;
+        ++out[i], seen = true, ready_ps = t + dead_ps;
+      }
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("pile-up is undone: the photons of every bin, within their known scatter") {
+  const double dead_ps = GENERATE(std::numeric_limits<double>::infinity(), 1000., 7000., 45'000.);
+  const double all = GENERATE(0.1, 2.);
+  const auto q = photons_a_pulse(all);
+  const PileUp pile_up(dead_ps, window_s, bin_ps);
+  constexpr int draws = 20;
+  std::vector<double> sum(bins), raw_sum(bins);
+  Rng rng = make_rng(1, static_cast<std::uint64_t>(all * 10));
+  for (int d = 0; d < draws; ++d) {
+    auto counts = detected(q, dead_ps, rng);
+    for (std::size_t i = 0; i < bins; ++i) raw_sum[i] += double{counts[i]};
+    pile_up.correct(counts, pulses);
+    for (std::size_t i = 0; i < bins; ++i) sum[i] += double{counts[i]};
+  }
+  double worst = 0, chi2 = 0, raw_chi2 = 0;
+  for (std::size_t i = 0; i < bins; ++i) {
+    // N ~ Binomial(ready, 1 - exp(-q)): the delta method gives the variance of L q.
+    const double photons = pulses * q[i] * draws;
+    const double ready = raw_sum[i] / -std::expm1(-q[i]);
+    const double variance = std::pow(double{pulses} * draws, 2) * std::expm1(q[i]) / ready;
+    const double z = (sum[i] - photons) / std::sqrt(variance);
+    worst = std::max(worst, std::abs(z)), chi2 += z * z / bins;
+    raw_chi2 += std::pow(raw_sum[i] - photons, 2) / variance / bins;
+  }
+  INFO("dead time " << dead_ps << " ps, photons a pulse " << all);
+  CHECK(worst < 4);
+  CHECK(chi2 < 1.7);
+  if (all > 1) CHECK(raw_chi2 > 10);
+}
+
+TEST_CASE("counts stay where the detector or the pulses are not known") {
+  std::vector<float> counts{5, 700, 3};
+  const auto before = counts;
+  PileUp().correct(counts, 1000);
+  CHECK(counts == before);
+  PileUp(1000, 1, 100).correct(counts, 0);
+  CHECK(counts == before);
+}
+
+TEST_CASE("more clicks than pulses give no infinite photons") {
+  std::vector<float> counts{500, 700, 3};
+  PileUp(std::numeric_limits<double>::infinity(), 1, 100).correct(counts, 600);
+  for (const float n : counts) CHECK((std::isfinite(n) && n >= 0));
+}
