@@ -55,9 +55,14 @@ std::vector<std::string> in_order_of_records(const std::vector<std::string>& pat
   return out;
 }
 
-bool goes_on(const Dataset& data, const record::RunInfo& info) {
-  return !data.sources.empty() && data.sources.back().uuid == info.uuid &&
-         record::part_of_records(info).has_value();
+bool goes_on(const Dataset& data, const std::string& path, const record::RunInfo& info) {
+  for (const auto& source : data.sources) {
+    if (source.uuid != info.uuid) continue;
+    if (&source == &data.sources.back() && record::part_of_records(info)) return true;
+    throw Error(ExitCode::failed, printable(path) + ": the same run as " + printable(source.path) +
+                                      "; give each run once, or its records leak into the test");
+  }
+  return false;
 }
 
 }  // namespace echofuse::recon

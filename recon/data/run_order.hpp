@@ -13,7 +13,8 @@ namespace echofuse::recon {
 // in the order of their records. Throws Error(failed) for records that two parts have.
 std::vector<std::string> in_order_of_records(const std::vector<std::string>& paths);
 
-// Whether the run is another part of the data set that was loaded last.
-bool goes_on(const Dataset& data, const record::RunInfo& info);
+// Whether the run is another part of the data set that was loaded last. Throws Error(failed) for a
+// run that was loaded before.
+bool goes_on(const Dataset& data, const std::string& path, const record::RunInfo& info);
 
 }  // namespace echofuse::recon
