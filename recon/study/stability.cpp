@@ -45,7 +45,8 @@ bool is_shifted(const Place& place) { return place.axis.starts_with("shifted"); 
 std::size_t work_of(const Place& place, const StudyModel& model) {
   if (is_shifted(place) || ignores_inputs(model.name)) return 1;
   const bool network = candidate_of(model.candidate, {}).fit.hidden.has_value();
-  return network ? 20 : 4;
+  const double records = std::max(1., place.train.records);  // a factor
+  return static_cast<std::size_t>(std::lround((network ? 20 : 4) * records));
 }
 
 class Study {

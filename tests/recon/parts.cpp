@@ -173,3 +173,43 @@ TEST_CASE("crossvalidate and train --model auto in parts") {
   CHECK(recon_program("train -q " + (dir / "run") + " --part 1/2 --out " + (dir / "x.h5")).code ==
         2);
 }
+
+TEST_CASE("reconstruct in parts: the same files as in one") {
+  const Folder dir;
+  write_run(dir / "train", 60);
+  write_run(dir / "run", 50, 2, [](record::FusedRecord& r) {  // some that cannot be used
+    if (r.index == 0 || r.index == 17 || r.index == 49) r.valid = SensorSet{Sensor::depth};
+  });
+  REQUIRE(recon_program("train -q --model nearest " + (dir / "train") + " --out " + (dir / "m.h5"))
+              .code == 0);
+  const std::string command = "reconstruct -q --format colour,mm,ply,npz " + (dir / "m.h5") + " " +
+                              (dir / "run") + " --out ";
+  const Outcome whole = recon_program(command + (dir / "whole"));
+  CHECK(whole.code == 5);
+  for (const char* part : {"3/3", "1/3", "2/3"}) {
+    const Outcome o = recon_program(command + (dir / "parts") + " --part " + part);
+    CAPTURE(o.text);
+    CHECK((o.code == 0 || o.code == 5));
+  }
+  CHECK_FALSE(std::filesystem::exists(dir / "parts/records.csv"));
+  std::filesystem::remove_all(dir / "parts/part-2-of-3");  // what no part has is made
+  const auto made = std::filesystem::last_write_time(dir / "parts/part-1-of-3/000003.png");
+  CHECK(recon_program(command + (dir / "parts")).text == whole.text);
+  CHECK(std::filesystem::last_write_time(dir / "parts/000003.png") == made);
+  int files = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(dir / "whole")) {
+    CAPTURE(entry.path().filename());
+    CHECK(contents(entry.path().string()) ==
+          contents(dir / ("parts/" + entry.path().filename().string())));
+    ++files;
+  }
+  CHECK(files == 47 * 3 + 3);
+  CHECK(std::distance(std::filesystem::directory_iterator(dir / "parts"), {}) == files);
+  REQUIRE(recon_program(command + (dir / "parts") + " --part 1/2").code != 1);
+  const Outcome other = recon_program(command + (dir / "parts") + " --zoom 1");
+  CHECK(other.code == 2);
+  CHECK_THAT(other.text, Contains("part-1-of-2: holds maps of another run, model or options"));
+  CHECK(recon_program("reconstruct -q --format npz " + (dir / "m.h5") + " " + (dir / "run") +
+                      " --part 1/2 --out " + (dir / "x"))
+            .code == 2);
+}
