@@ -80,13 +80,14 @@ std::string map_format_help() {
 }
 
 MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene,
-                   double zoom_m, bool calibrated)
+                   double zoom_m, bool calibrated, const MapParts* parts)
     : folder_(std::move(folder)),
       formats_(formats),
       scene_(scene),
       farthest_m_(farthest_of(scene)),
       zoom_m_(zoom_m),
-      calibrated_(calibrated) {
+      calibrated_(calibrated),
+      parts_(parts) {
   if (!wants("npz")) return;
   const std::size_t size = scene.grid.size;
   arrays_.emplace(folder_ + "/maps.npz");
@@ -105,18 +106,20 @@ void MapFiles::write(std::int64_t index, std::span<const float> prediction,
   const record::MapGrid& grid = scene_.grid;
   Window window{grid.x(), grid.y()};
   std::vector<float> map = within_span(prediction), deviations(deviation.begin(), deviation.end());
-  const auto name = [&](const char* end) {
-    return folder_ + formatted("/%06lld%s", static_cast<long long>(index), end);
+  const auto picture = [&](const char* end, const auto& make) {
+    const std::string name = formatted("%06lld%s", static_cast<long long>(index), end);
+    if (!parts_ || !parts_->take(name)) write_file(folder_ + "/" + name, make());
   };
-  if (wants("ply")) write_file(name(".ply"), point_cloud(hard_map(map, scene_), grid));
+  if (wants("ply")) picture(".ply", [&] { return point_cloud(hard_map(map, scene_), grid); });
   if (zoom_m_ > 0) {
     window = window_about_body(prediction, scene_, zoom_m_);
     map = cut(map, grid, window);
     if (!deviations.empty()) deviations = cut(deviations, grid, window);
   }
-  if (wants("colour")) write_file(name(".png"), depth_picture(map, farthest_m_, enlarged));
-  if (wants("mm")) write_file(name("_mm.png"), millimetre_picture(map, grid.size));
-  if (wants("uncertainty")) write_file(name("_sd.png"), millimetre_picture(deviations, grid.size));
+  if (wants("colour")) picture(".png", [&] { return depth_picture(map, farthest_m_, enlarged); });
+  if (wants("mm")) picture("_mm.png", [&] { return millimetre_picture(map, grid.size); });
+  if (wants("uncertainty"))
+    picture("_sd.png", [&] { return millimetre_picture(deviations, grid.size); });
   if (!arrays_) return;
   arrays_->append(map);
   indices_.push_back(index);

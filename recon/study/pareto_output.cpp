@@ -13,7 +13,8 @@ constexpr std::array shown = {metric_iou,    metric_ssim_fg,     metric_ssim_har
                               metric_rmse_m, metric_depth_mae_m, metric_lateral_m, metric_ghost};
 
 // Columns: 1 sweep, 2 share, 3 model, 4 seeds, then mean and spread of each metric from 5 on,
-// then 21 multiply_adds, 22 us_median, 23 us_p99, 24 train_s, 25 front.
+// then 21 multiply_adds, 22 us_median, 23 us_p99, 24 train_s, 25 front,
+// 26 machine.
 constexpr const char* chart = R"(set datafile separator ','
 set datafile missing 'nan'
 set terminal svg size 1100,800 font 'sans,12' background 'white'
@@ -47,12 +48,12 @@ std::string to_csv(const std::vector<ParetoRow>& rows) {
   std::ostringstream csv;
   csv << "sweep,share,model,seeds";
   for (const Metric m : shown) csv << ',' << metric_names[m] << ',' << metric_names[m] << "_spread";
-  csv << ",multiply_adds,infer_us_median,infer_us_p99,train_s,front\n";
+  csv << ",multiply_adds,infer_us_median,infer_us_p99,train_s,front,machine\n";
   for (const ParetoRow& r : rows) {
     csv << r.sweep << ',' << r.share << ',' << r.model << ',' << r.seeds;
     for (const Metric m : shown) csv << ',' << r.mean[m] << ',' << r.spread[m];
     csv << formatted(",%.0f,", r.multiply_adds) << r.infer_us_median << ',' << r.infer_us_p99 << ','
-        << r.train_s << ',' << r.front << '\n';
+        << r.train_s << ',' << r.front << ',' << r.machine << '\n';
   }
   return csv.str();
 }
