@@ -197,6 +197,18 @@ void add_shifted_conditions(Axes& all, const BaseCondition& base) {
                         {0, 5, 15, 30, 60}, {15, 30}, unknown_phases));
 }
 
+// Trained in that weather, or in clear air.
+void add_weather(Axes& all, const BaseCondition& base) {
+  for (const bool there : {matched, shifted}) {
+    all.push_back(numbers(base, there, "fog", "visibility in fog (m), 0: clear", "fog_visibility_m",
+                          {0, 1000, 300, 100, 50, 20, 10, 5}, {100, 20}));
+    all.push_back(numbers(base, there, "smoke", "visibility in smoke (m), 0: clear",
+                          "smoke_visibility_m", {0, 100, 20, 10, 5}, {}));
+    all.push_back(
+        numbers(base, there, "rain", "rain (mm/h)", "rain_mm_h", {0, 1, 10, 50, 100}, {100}));
+  }
+}
+
 void add_surprises(Axes& all, const BaseCondition& base) {
   for (const bool radar : {true, false})
     all.push_back({radar ? "lost_radar" : "lost_spd",
@@ -253,7 +265,7 @@ std::size_t StabilityAxis::base() const {
 std::vector<StabilityAxis> stability_axes(const BaseCondition& base, bool quick) {
   Axes all;
   add_sensors(all, base), add_scenes(all, base);
-  add_shifted_conditions(all, base), add_surprises(all, base);
+  add_shifted_conditions(all, base), add_weather(all, base), add_surprises(all, base);
   for (auto& axis : all)
     if (quick) std::erase_if(axis.values, [](const AxisValue& v) { return !v.quick; });
   return all;

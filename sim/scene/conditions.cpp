@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "sim/scene/mesh.hpp"
+#include "sim/scene/room.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -25,7 +26,7 @@ void bind_scene(Settings& s, Conditions& c) {
   s.add("object_up", c.object_up, "which of the mesh's axes points up", {"y", "z"});
   s.add("object_albedo", c.object_albedo, 0, 1, "of the object");
   s.add("object_yaw_deg", c.object_yaw_deg, 0, 180, "objects turn up to this much");
-  s.add("background", c.background, "what stands behind", {"none", "room"});
+  s.add("background", c.background, "what stands behind", room_names());
 }
 
 void bind_people(Settings& s, Conditions& c) {
@@ -92,6 +93,12 @@ void bind_spd(Settings& s, Conditions& c) {
   s.add("slot_sway_m", c.slot_sway_m, 0, 1, "rms motion of people in a record, to and fro");
 }
 
+void bind_weather(Settings& s, Conditions& c) {
+  s.add("fog_visibility_m", c.fog_visibility_m, 0, 1e6, "visibility in fog; 0: none");
+  s.add("smoke_visibility_m", c.smoke_visibility_m, 0, 1e6, "visibility in smoke; 0: none");
+  s.add("rain_mm_h", c.rain_mm_h, 0, 300, "rain");
+}
+
 void bind_radar(Settings& s, Conditions& c) {
   s.add("radar_rays", c.radar_rays, 16, 2048, "rays across the field of view");
   s.add("radar_half_tangent", c.radar_half_tangent, 0.05, 3, "field of view");
@@ -153,6 +160,7 @@ void bind(Settings& settings, Conditions& conditions) {
   bind_people(settings, conditions);
   bind_letters(settings, conditions);
   bind_reflectivity(settings, conditions);
+  bind_weather(settings, conditions);
   bind_spd(settings, conditions);
   bind_radar(settings, conditions);
   bind_array(settings, conditions);

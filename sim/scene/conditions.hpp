@@ -24,7 +24,7 @@ struct Conditions {
   double target_scale = 1.0;        // size of people and letters
   double person_yaw_deg = 60;       // people turn up to this much from facing -z
   double letter_yaw_deg = 30;       // letters turn up to this much from facing the sensors
-  std::string background = "none";  // none, room
+  std::string background = "none";  // or a room (room.hpp)
   std::string object;           // file of a triangle mesh (sim/scene/mesh.hpp) for object scenes
   double object_scale = 1;      // metres to one of its units
   std::string object_up = "y";  // y, z
@@ -64,6 +64,10 @@ struct Conditions {
   double radar_lobe = 1;        // of cloth and skin
   double radar_plate_lobe = 1;  // of the letter
   double optical_lobe = 1;      // the same power of people and letters in the detector's light
+
+  // Weather (weather.hpp): visibility of 550 nm at which 2 % of a contrast is left; 0: clear air.
+  double fog_visibility_m = 0, smoke_visibility_m = 0;
+  double rain_mm_h = 0;
 
   // SPD
   // Rays across the field of view, both ways; 0: as many as signal_photons ask for (rays_of).

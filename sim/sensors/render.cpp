@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <numbers>
 #include <optional>
 
 #include "acquire/record/depth_map.hpp"
 #include "sim/scene/person.hpp"
 #include "sim/scene/shapes.hpp"
+#include "sim/scene/weather.hpp"
 #include "sim/sensors/gaze.hpp"
 #include "sim/sensors/scanner.hpp"
 
@@ -88,7 +90,7 @@ void look(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Ro
   std::shared_ptr<const Image> behind;
   std::vector<std::int32_t> no_shape;
   if (scene.room && room == RoomIs::subtracted) {
-    behind = Scanner::room_image(gaze.sensor_x_m, x, y, sampling);
+    behind = Scanner::room_image(*scene.room, gaze.sensor_x_m, x, y, sampling);
     no_shape.assign(x.count, nothing);
   }
   Scanner(scene, gaze.sensor_x_m, x, y, sampling, room).scan(Shading::on, [&](const Row& row) {
@@ -111,6 +113,27 @@ void look(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Ro
                 [&](std::size_t i) { return row.z[i] < wall.z[i] && wall.z[i] < INFINITY; });
   });
   patches.end();
+}
+
+// What the air takes, and what it sends back on its own: per solid angle a Lambertian patch sends
+// albedo cos(theta) / (pi R^2), a slice of air backscatter dR / R^2. Bodies hide none of it.
+void see_through_air(const Conditions& c, double extra_m, RoomIs room, Returns& returns) {
+  const Weather weather = weather_of(c);
+  if (weather.clear()) return;
+  const auto left = [&](double range_m) {
+    return std::exp(-2 * weather.extinction_per_m * range_m);
+  };
+  for (std::size_t k = 0; k < returns.range_m.size(); ++k)
+    returns.weight[k] *= left(std::max(0.0, returns.range_m[k] - extra_m));
+  if (room == RoomIs::subtracted) return;  // the air is in the room's part
+  constexpr double nearest_m = 1, farthest_m = 15, step_m = 0.01;
+  const double sine = 1 / (1 + 1 / (c.half_tangent * c.half_tangent));
+  const double solid_angle_sr = 4 * std::asin(sine);  // of the square field of view
+  for (double r = nearest_m; r < farthest_m; r += step_m) {
+    returns.range_m.push_back(r + extra_m);
+    returns.weight.push_back(std::numbers::pi * weather.backscatter_per_m_sr * step_m *
+                             solid_angle_sr * left(r) / (r * r) / mean_scene_weight);
+  }
 }
 
 // By the floor one way, for all that there is so far.
@@ -176,6 +199,7 @@ void spd_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs r
   const Gaze gaze = spd_gaze(c);
   look(scene, gaze, moved(x_rays(rays, gaze.half_tangent), gaze.middle_x),
        moved(y_rays(rays, gaze.half_tangent), gaze.middle_y), room, out);
+  see_through_air(c, gaze.extra_m, room, out);
 }
 
 void radar_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs room) {
@@ -188,6 +212,9 @@ void radar_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs
     look(as_radar_sees(scene), gaze, x, y, room, out);
   else
     look(scene, gaze, x, y, room, out);
+  if (const double db_m = weather_of(c).radar_attenuation_db_m; db_m > 0)
+    for (std::size_t k = 0; k < out.range_m.size(); ++k)
+      out.weight[k] *= std::pow(10, -0.2 * db_m * std::max(0.0, out.range_m[k] - c.radar_bias_m));
   if (c.radar_ground > 0) reflect_from_floor(c, out);
   if (c.radar_leakage <= 0) return;
   out.range_m.push_back(std::max(0.0, c.radar_bias_m));
