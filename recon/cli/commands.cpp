@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -43,6 +44,16 @@ void add_range_bias_option(CLI::App& app, std::string& action) {
          "correct (wrong if people stand further to one side), or ignore")
       ->check(CLI::IsMember(range_bias_action_names))
       ->capture_default_str();
+}
+
+// What this program was started with.
+std::string command_line() {
+  std::ifstream in("/proc/self/cmdline", std::ios::binary);
+  std::string words(std::istreambuf_iterator<char>(in), {});
+  if (!words.empty()) words.pop_back();
+  std::replace(words.begin(), words.end(), '\0', ' ');
+  const auto first = words.substr(0, words.find(' ')).rfind('/');
+  return first == std::string::npos ? words : words.substr(first + 1);
 }
 
 void add_empty_option(CLI::App& app, std::string& path) {
@@ -267,16 +278,20 @@ Command add_crossvalidate(CLI::App& app, const Common& common) {
 Command add_report(CLI::App& app, const Common&) {
   const auto a = std::make_shared<ReportOptions>();
   app.add_option("dir", a->dir, "folder for report.html and its pictures")->required();
-  app.add_option("--run", a->run, "run file; its held-out records are scored")->required();
-  app.add_option("--fused", a->fused, "model file; several are seeds of one")->required();
-  app.add_option("--spd", a->spd, "model file; several are seeds of one")->required();
-  app.add_option("--radar", a->radar, "model file; several are seeds of one")->required();
+  app.add_option("--run", a->run, "run file; its held-out records are scored");
+  app.add_option("--fused", a->fused, "model file of both sensors; several are seeds of one");
+  app.add_option("--spd", a->spd, "model file, for a row below; several are seeds of one");
+  app.add_option("--radar", a->radar, "model file, for a row below; several are seeds of one");
   app.add_option("--paper", a->paper,
                  "model file: the paper's network on both sensors, for a row below the fused one");
-  app.add_option("--live", a->live, "a recorded run to reconstruct with the fused model");
+  app.add_option("--compare", a->compare, "two model files: their differences record by record")
+      ->expected(2);
+  app.add_option("--live", a->live,
+                 "a recorded run: its story, also without any model; with --fused also its maps");
   app.add_flag("--force", a->force, "write over a report of another run");
   return [a] {
-    check_report_folder(*a);
+    a->command = command_line();
+    check_report(*a);
     set_threads(1);  // the latencies in the table are those of one thread
     const Report report = make_report(*a);
     std::printf("%s%s\n", printable_lines(to_text(report)).c_str(),

@@ -87,7 +87,8 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
       model.uncertainty || out.output == "mean" ? PredictionDetail::pixels : PredictionDetail::maps;
   MapScores no_scores;
   no_scores.fill(std::numeric_limits<double>::quiet_NaN());
-  std::vector<MapScores> scores, of_truth;  // the true maps: how well letters can be read at all
+  std::vector<MapScores>& scores = out.scores;
+  std::vector<MapScores> of_truth;  // the true maps: how well letters can be read at all
   StatedUncertainty uncertainty;
   LettersRead read;
   for (std::size_t first = 0; first < rows.size(); first += at_once) {
@@ -95,6 +96,8 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
     const Rows part(begin, begin + std::min<std::ptrdiff_t>(at_once, rows.end() - begin));
     const Prediction one = predict(model, records, part, detail);
     if (model.uncertainty) uncertainty.add(one, records.data, part, model.scene);
+    out.uncertainties.insert(out.uncertainties.end(), one.uncertainties.begin(),
+                             one.uncertainties.end());
     const Plates plates = find_plates(records.data, part, model.scene);
     const auto some =
         score_maps(one.of(out.output), records.data, part, model.scene, plates, &read);
@@ -157,7 +160,7 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   out.model = model.name;
   out.inputs = model.for_run(data).features.inputs;
   out.output = output;
-  out.records = rows.size();
+  out.records = rows.size(), out.rows = rows;
   out.antennas = records.antennas, out.range_bias = records.text;
   out.gains = records.gains.text();
   out.domain_shift = domain_shift_of(model, records);

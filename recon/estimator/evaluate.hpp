@@ -46,6 +46,10 @@ struct Evaluation {
   Inputs inputs{};
   std::string output;  // of output_names, which the metrics are of
   std::size_t records = 0;
+  // Of each record that was judged: its row, its scores, and what the model stated (if it does).
+  Rows rows;
+  std::vector<MapScores> scores;
+  std::vector<PredictionUncertainty> uncertainties;
   std::map<std::string, std::size_t> fallbacks;  // records of each TrainedModel::note_of
   std::size_t left_out = 0;  // of a fresh run: had depth, but no map can be made of them
   std::string antennas, range_bias, gains;  // what there is to say of them (Records)

@@ -277,7 +277,7 @@ LetterReading LetterReader::read(std::span<const float> map, const Scene& scene,
   const auto credit = [&](double among) {
     return std::clamp((among - static_cast<double>(better)) / static_cast<double>(alike), 0.0, 1.0);
   };
-  LetterReading out{{}, credit(1), credit(3)};
+  LetterReading out{{}, similarity, credit(1), credit(3)};
   const auto best = std::max_element(similarity.begin(), similarity.end());
   if (*best > *std::min_element(similarity.begin(), similarity.end()))
     out.read = static_cast<std::size_t>(best - similarity.begin());

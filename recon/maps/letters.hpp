@@ -27,7 +27,8 @@ using record::letters;
 
 struct LetterReading {
   std::optional<std::size_t> read;  // the best; none if all are alike, as in a map without anything
-  double top1 = 0, top3 = 0;        // 1 if the true one is among the best; of a tie its share
+  std::array<double, letters.size()> similarity{};  // of each letter: its best correlation
+  double top1 = 0, top3 = 0;  // 1 if the true one is among the best; of a tie its share
 };
 
 class LetterReader {

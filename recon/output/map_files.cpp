@@ -9,13 +9,13 @@
 #include "acquire/record/png.hpp"
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
-#include "recon/output/figure.hpp"
+#include "recon/output/map_pictures.hpp"
 #include "recon/output/window.hpp"
 
 namespace echofuse::recon {
 namespace {
 
-constexpr int enlarged = 4;
+constexpr int picture_zoom = 4;
 
 Bytes millimetre_picture(std::span<const float> map, std::uint32_t size) {
   std::vector<std::uint16_t> mm(map.size());
@@ -41,13 +41,6 @@ Bytes point_cloud(std::span<const float> map, const record::MapGrid& grid) {
   return out;
 }
 
-// The farthest depth that the training maps knew, so that one scale serves the whole run.
-double farthest_of(const Scene& scene) {
-  const float wall = *std::max_element(scene.background.begin(), scene.background.end());
-  return std::clamp(std::ceil(double{std::max(wall, scene.foreground_depth_m)} + 0.5), 1.0,
-                    record::max_depth_m);
-}
-
 std::vector<double> values_of(const Axis& axis) {
   std::vector<double> out;
   for (std::uint32_t i = 0; i < axis.count; ++i) out.push_back(axis.at(i));
@@ -57,10 +50,12 @@ std::vector<double> values_of(const Axis& axis) {
 struct MapFormat {
   const char *name, *what;
 };
-constexpr std::array<MapFormat, 5> map_formats = {
+constexpr std::array<MapFormat, 7> map_formats = {
     {{"colour", "PNG"},
      {"mm", "PNG of 16-bit millimetres"},
      {"ply", "points"},
+     {"mp4", "a film, by ffmpeg"},
+     {"gif", "the same"},
      {"npz", "all maps in one file"},
      {"uncertainty", "standard deviations, as mm and npz"}}};
 
@@ -84,10 +79,12 @@ MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats, 
     : folder_(std::move(folder)),
       formats_(formats),
       scene_(scene),
-      farthest_m_(farthest_of(scene)),
+      span_(span_of(scene)),
       zoom_m_(zoom_m),
       calibrated_(calibrated),
       parts_(parts) {
+  for (const char* film : {"mp4", "gif"})
+    if (wants(film)) films_.push_back(std::make_unique<Film>(folder_ + "/maps." + film));
   if (!wants("npz")) return;
   const std::size_t size = scene.grid.size;
   arrays_.emplace(folder_ + "/maps.npz");
@@ -110,13 +107,16 @@ void MapFiles::write(std::int64_t index, std::span<const float> prediction,
     const std::string name = formatted("%06lld%s", static_cast<long long>(index), end);
     if (!parts_ || !parts_->take(name)) write_file(folder_ + "/" + name, make());
   };
-  if (wants("ply")) picture(".ply", [&] { return point_cloud(hard_map(map, scene_), grid); });
+  std::vector<float> there = hard_map(map, scene_);
+  if (wants("ply")) picture(".ply", [&] { return point_cloud(there, grid); });
   if (zoom_m_ > 0) {
     window = window_about_body(prediction, scene_, zoom_m_);
-    map = cut(map, grid, window);
+    map = cut(map, grid, window), there = cut(there, grid, window);
     if (!deviations.empty()) deviations = cut(deviations, grid, window);
   }
-  if (wants("colour")) picture(".png", [&] { return depth_picture(map, farthest_m_, enlarged); });
+  if (wants("colour")) picture(".png", [&] { return depth_picture(there, span_, picture_zoom); });
+  for (const auto& film : films_)
+    film->add(enlarged(chart::depth_raster(there, grid.size, span_.near, span_.far), film_zoom));
   if (wants("mm")) picture("_mm.png", [&] { return millimetre_picture(map, grid.size); });
   if (wants("uncertainty"))
     picture("_sd.png", [&] { return millimetre_picture(deviations, grid.size); });
@@ -132,6 +132,7 @@ void MapFiles::write(std::int64_t index, std::span<const float> prediction,
 }
 
 void MapFiles::close() {
+  for (const auto& film : films_) film->close();
   if (!arrays_) return;
   arrays_->begin("index", "<i8", {});
   arrays_->append(indices_);

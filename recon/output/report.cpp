@@ -4,13 +4,15 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <functional>
 #include <utility>
 
 #include "drivers/core/exit_code.hpp"
 #include "recon/estimator/predict.hpp"
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
-#include "recon/output/figure.hpp"
+#include "recon/numbers/statistics.hpp"
+#include "recon/output/report_page.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -32,7 +34,7 @@ Summaries over_models(const std::vector<Evaluation>& evaluations) {
   return summarise(means);
 }
 
-// Those with both sensors alive, on which all three modes can be compared.
+// Those with both sensors alive, on which all modes can be compared.
 Rows rows_of_both(const TrainedModel& model, const Dataset& data) {
   Rows rows = rows_to_evaluate(model, data, false);
   std::erase_if(rows, [&](auto row) { return !data.fault_of(row, Inputs::fused).empty(); });
@@ -43,10 +45,33 @@ Rows rows_of_both(const TrainedModel& model, const Dataset& data) {
   return rows;
 }
 
+// Where the true map has what stands out from the background.
+RecordFacts facts_of(const Dataset& data, std::size_t row, const Scene& scene) {
+  const Axis x = scene.grid.x();
+  const auto map = data.depth.row(row);
+  double range = 0, side = 0, pixels = 0;
+  for (std::size_t p = 0; p < map.size(); ++p) {
+    if (!true_foreground(map[p], scene.background[p])) continue;
+    range += double{map[p]}, ++pixels;
+    side += x.at(static_cast<double>(p % x.count)) * double{map[p]};
+  }
+  return {data.index[row], data.label[row], range / pixels, side / pixels};
+}
+
+ModelFacts model_facts(const std::string& file, const TrainedModel& model) {
+  ModelFacts out{file, model.name, model.fit.seed, model.split.seed, model.data_hash, 0,
+                 0,    0,          model.log};
+  for (const std::uint8_t part : model.seen.part)
+    ++(part == static_cast<std::uint8_t>(Part::train)        ? out.train
+       : part == static_cast<std::uint8_t>(Part::validation) ? out.validation
+                                                             : out.test);
+  return out;
+}
+
 // Each model brings a copy of the data onto its own axes.
-LoadedMode score_mode(const std::string& name, Inputs inputs, double paper_ssim,
+LoadedMode score_mode(const std::string& name, Inputs inputs, std::optional<double> paper_ssim,
                       const std::vector<std::string>& paths, const Dataset& data) {
-  LoadedMode mode{{name, inputs, paper_ssim, {}, {}}, {}};
+  LoadedMode mode{{name, inputs, paper_ssim, {}, {}, {}, {}}, {}};
   for (const auto& path : paths) {
     TrainedModel model = load_model(path);
     const Features& f = model.features;
@@ -58,6 +83,10 @@ LoadedMode score_mode(const std::string& name, Inputs inputs, double paper_ssim,
     Evaluation e = evaluate(model, records, rows);
     e.left_out += rows_to_evaluate(model, records.data, false).size() - rows.size();
     e.cost = measure_cost(model, records.data, rows, path);
+    if (mode.models.empty())
+      for (const std::size_t row : rows)
+        mode.result.records.push_back(facts_of(records.data, row, model.scene));
+    mode.result.models.push_back(model_facts(path, model));
     mode.result.evaluations.push_back(std::move(e));
     mode.models.push_back(std::move(model));
   }
@@ -65,183 +94,173 @@ LoadedMode score_mode(const std::string& name, Inputs inputs, double paper_ssim,
   return mode;
 }
 
-// Of the candidates, the row whose fused reconstruction is of median quality: no picked cherries.
-std::size_t median_row(const TrainedModel& fused, const Dataset& data, const Rows& candidates) {
+double quality(const MapScores& scores) {
+  return std::isnan(scores[metric_iou]) ? 0 : scores[metric_iou];
+}
+
+// Of the subject's records those that `wanted` takes, by quality, the worst first: row of the data
+// each.
+Rows by_quality(const ModeResult& subject, const std::function<bool(std::size_t)>& wanted) {
+  const Evaluation& e = subject.evaluations.front();
   std::vector<std::pair<double, std::size_t>> order;
-  const Records records =
-      prepare_records(fused, part_of(data, candidates), RangeBiasAction::ignore);
-  const Rows all = all_rows(candidates.size());
-  const auto scores = score_maps(predict(fused, records, all, PredictionDetail::maps).maps,
-                                 records.data, all, fused.scene);
-  for (std::size_t i = 0; i < candidates.size(); ++i) {
-    const double iou = scores[i][metric_iou];
-    order.emplace_back(std::isnan(iou) ? 0 : iou, candidates[i]);
-  }
+  for (std::size_t i = 0; i < e.rows.size(); ++i)
+    if (wanted(e.rows[i])) order.emplace_back(quality(e.scores[i]), e.rows[i]);
   std::sort(order.begin(), order.end());
-  return order[order.size() / 2].second;
-}
-
-Curve spd_curve(const Dataset& data, std::size_t row) {
-  Curve out{"SPD counts", Ink::blue, {}, {}};
-  const auto counts = data.spd.row(row);
-  out.value.assign(counts.begin(), counts.end());
-  for (std::size_t i = 0; i < counts.size(); ++i)
-    out.range_m.push_back(data.spd_axis.at(static_cast<double>(i) + 0.5) / ps_per_m);
+  Rows out;
+  for (const auto& [iou, row] : order) out.push_back(row);
   return out;
 }
 
-Curve radar_curve(const Dataset& data, std::size_t row) {
-  Curve out{"radar power", Ink::orange, {}, {}};
-  const auto power = data.radar.row(row);
-  out.value.assign(power.begin(), power.end());
-  for (std::size_t i = 0; i < power.size(); ++i)
-    out.range_m.push_back(data.radar_axis.at(static_cast<double>(i)));
-  return out;
-}
-
-const char* mode_title(Inputs inputs) {
-  if (both_sensors(inputs)) return "fused";
-  return inputs == Inputs::spd ? "SPD only" : "radar only";
-}
-
-void show_uncertainty(FigureRow& row, const PredictionUncertainty& uncertainty) {
-  row.uncertainty =
-      std::isnan(uncertainty.lateral_interval_90_m)
-          ? "place unknown"
-          : formatted("within %.0f cm sideways (90 %%)", 100 * uncertainty.lateral_interval_90_m);
-  if (!uncertainty.out_of_distribution.reason.empty())
-    row.warning = "out of distribution: " + uncertainty.out_of_distribution.text();
-}
-
-Bytes draw(const std::string& title, const std::vector<const TrainedModel*>& models,
-           const Dataset& data, std::size_t row) {
-  std::vector<Records> seen;
-  std::vector<Prediction> made;
-  std::vector<std::vector<float>> shown;
-  for (const auto* model : models) {
-    seen.push_back(prepare_records(*model, part_of(data, {row}), RangeBiasAction::ignore));
-    made.push_back(predict(*model, seen.back(), {0},
-                           model->uncertainty ? PredictionDetail::pixels : PredictionDetail::maps));
-    shown.push_back(within_span(made.back().maps.row(0)));
-  }
-  std::vector<FigureRow> rows;
-  for (std::size_t i = 0; i < models.size(); ++i) {
-    const Inputs inputs = models[i]->features.inputs;
-    const auto s = score(made[i].maps.row(0), data.depth.row(row), models[i]->scene);
-    FigureRow r{mode_title(inputs),
-                {},
-                data.depth.row(row),
-                shown[i],
-                {},
-                formatted("SSIM %.3f   IoU %.2f", s[metric_ssim], s[metric_iou]),
-                {},
-                {}};
-    r.uncertainty = calibration_of(*models[i]);
-    if (models[i]->uncertainty) {
-      r.deviation = std::as_const(made[i].deviation).row(0);
-      show_uncertainty(r, made[i].uncertainties.front());
-    }
-    if (inputs != Inputs::radar) r.curves.push_back(spd_curve(seen[i].data, 0));
-    if (inputs != Inputs::spd) r.curves.push_back(radar_curve(seen[i].data, 0));
-    rows.push_back(std::move(r));
-  }
-  return figure(title, rows, data.map.half_tangent);
-}
-
-// Held-out rows of all models whose label is, or is not, that of a person alone.
-Rows labelled(const std::vector<const TrainedModel*>& models, const Dataset& data, bool person) {
-  Rows rows = rows_of_both(*models.front(), data);
-  for (const auto* model : models) {
-    Rows other = rows_to_evaluate(*model, data, false), common;
+// No picked cherries: of each kind the record of median quality; then the ends.
+void add_records(Report& report, const std::vector<const TrainedModel*>& models,
+                 const std::vector<std::string>& names, const Dataset& data) {
+  const ModeResult& subject = report.modes.front();
+  Rows common = subject.evaluations.front().rows;
+  std::sort(common.begin(), common.end());
+  for (const ModeResult& mode : report.modes) {
+    Rows other = mode.evaluations.front().rows, both;
     std::sort(other.begin(), other.end());
-    std::sort(rows.begin(), rows.end());
-    std::set_intersection(rows.begin(), rows.end(), other.begin(), other.end(),
-                          std::back_inserter(common));
-    rows = std::move(common);
+    std::set_intersection(common.begin(), common.end(), other.begin(), other.end(),
+                          std::back_inserter(both));
+    common = std::move(both);
   }
-  std::erase_if(rows, [&](std::size_t row) { return (data.label[row] == "person") != person; });
-  return rows;
-}
-
-void add_figures(Report& report, const std::vector<const TrainedModel*>& models,
-                 const Dataset& data) {
   for (const bool person : {true, false}) {
-    const Rows candidates = labelled(models, data, person);
-    if (candidates.empty()) continue;
-    const std::size_t row = median_row(*models.front(), data, candidates);
-    const std::string what = person ? "person" : "letter";
-    const std::string name = formatted("%s (record %lld)", data.label[row].c_str(),
-                                       static_cast<long long>(data.index[row]));
-    report.pictures.push_back(
-        {"figure_" + what + ".png",
-         name +
-             ": of all held-out records of this kind, the one whose fused reconstruction has the "
-             "median IoU.",
-         draw(name, models, data, row)});
+    const Rows rows = by_quality(subject, [&](std::size_t row) {
+      return (data.label[row] == "person") == person &&
+             std::binary_search(common.begin(), common.end(), row);
+    });
+    if (rows.empty()) continue;
+    ShownRecord shown = show_record(models, names, data, rows[rows.size() / 2]);
+    shown.file = person ? "figure_person" : "figure_letter";
+    shown.caption =
+        formatted("Of all %zu held-out records of this kind the one whose map has the median IoU.",
+                  rows.size());
+    report.main.push_back(std::move(shown));
+  }
+  const Rows rows = by_quality(subject, [](std::size_t) { return true; });
+  const std::vector<const TrainedModel*> first{models.front()};
+  for (const auto& [what, share] : {std::pair{"Worst", 0.0}, {"Median", 0.5}, {"Best", 1.0}}) {
+    const auto at = static_cast<std::size_t>(share * static_cast<double>(rows.size() - 1));
+    report.gallery.push_back(show_record(first, {names.front()}, data, rows[at]));
+    report.gallery.back().title.insert(0, std::string(what) + ": ");
   }
 }
 
-void add_live(Report& report, const TrainedModel& fused, const std::string& path) {
+void add_live(Report& report, const TrainedModel& model, const std::string& name,
+              const std::string& path) {
   const Dataset data = load({path});
-  const Records records = prepare_records(fused, data, RangeBiasAction::warn);
-  const Rows rows = rows_to_evaluate(fused, records.data, false);
-  report.live = path;
-  report.live_evaluation = evaluate(fused, records, rows);
-  report.live_evaluation.baselines = score_baselines(data, rows, fused.scene, data, {});
-  const std::size_t row = median_row(fused, data, rows);
-  const std::string name = formatted("live record %lld", static_cast<long long>(data.index[row]));
-  report.pictures.push_back({"figure_live.png", name + " of " + path + ", recorded by the daemon.",
-                             draw(name, {&fused}, data, row)});
+  const Records records = prepare_records(model, data, RangeBiasAction::warn);
+  const Rows rows = rows_to_evaluate(model, records.data, false);
+  ModeResult live{"live", model.features.inputs, {}, {evaluate(model, records, rows)}, {}, {}, {}};
+  report.live = live.evaluations.front();
+  report.live->baselines = score_baselines(data, rows, model.scene, data, {});
+  const Rows order = by_quality(live, [](std::size_t) { return true; });
+  ShownRecord shown = show_record({&model}, {name}, data, order[order.size() / 2]);
+  shown.file = "figure_live";
+  shown.caption = "Of the records that the daemon recorded, the one whose map has the median IoU.";
+  report.main.push_back(std::move(shown));
 }
+
+void add_comparison(Report& report) {
+  const Evaluation &a = report.modes[0].evaluations.front(),
+                   &b = report.modes[1].evaluations.front();
+  if (a.rows != b.rows)
+    throw Error(ExitCode::failed,
+                "the two models hold other records out; give a run that neither was trained on");
+  report.differences = paired_differences(a.scores, b.scores);
+  for (std::size_t i = 0; i < a.scores.size(); ++i) {
+    MapScores difference;
+    for (std::size_t m = 0; m < metric_count; ++m) difference[m] = b.scores[i][m] - a.scores[i][m];
+    report.paired.push_back(difference);
+  }
+}
+
+void add_models(Report& report, const ReportOptions& options, const Dataset& data) {
+  std::vector<LoadedMode> modes;
+  const auto add = [&](const std::string& name, Inputs inputs, std::optional<double> paper,
+                       const std::vector<std::string>& paths) {
+    if (!paths.empty()) modes.push_back(score_mode(name, inputs, paper, paths, data));
+  };
+  add("fused", Inputs::fused, 0.6576, options.fused);
+  add("paper", Inputs::fused, 0.6576, options.paper);
+  add("spd", Inputs::spd, 0.6389, options.spd);
+  add("radar", Inputs::radar, 0.5266, options.radar);
+  for (const std::string& path : options.compare)
+    add(path, load_model(path).features.inputs, {}, {path});
+  std::vector<const TrainedModel*> first;
+  std::vector<std::string> names;
+  for (auto& mode : modes) {
+    first.push_back(&mode.models.front());
+    names.push_back(title_of(mode.result));
+    report.modes.push_back(std::move(mode.result));
+  }
+  const TrainedModel& subject = *first.front();
+  report.baselines = score_baselines(data, rows_of_both(subject, data), subject.scene, data,
+                                     subject.rows_of(data, Part::train));
+  report.records = report.modes.front().evaluations.front().records;
+  add_records(report, first, names, data);
+  report.letters = show_letters(subject, data, report.modes.front().evaluations.front());
+  if (!options.compare.empty()) add_comparison(report);
+  if (!options.live.empty()) add_live(report, subject, names.front(), options.live);
+}
+
+std::string run_of(const ReportOptions& options) {
+  return options.run.empty() ? options.live : options.run;
+}
+
+constexpr const char* pictures[] = {"figure_person", "figure_letter", "figure_live", "timeline"};
 
 }  // namespace
 
-void check_report_folder(const ReportOptions& options) {
-  if (options.force) return;
-  const std::string page = options.dir + "/report.html";
+void check_report(const ReportOptions& o) {
+  const bool models = !o.fused.empty() || !o.spd.empty() || !o.radar.empty() || !o.paper.empty();
+  std::string fault;
+  if (run_of(o).empty()) fault = "nothing to report on: give --run with models, or --live";
+  if (!o.run.empty() && !models && o.compare.empty()) fault = "--run needs --fused or --compare";
+  if (o.run.empty() && (models || !o.compare.empty())) fault = "models need --run";
+  if (models && !o.compare.empty()) fault = "--compare takes the place of the other models";
+  if (models && o.fused.empty()) fault = "--fused is missing: the model that the report is about";
+  if (!o.compare.empty() && o.compare.size() != 2) fault = "--compare takes two models";
+  if (!fault.empty()) throw Error(ExitCode::usage, fault);
+  if (o.force) return;
+  const std::string page = o.dir + "/report.html";
   bool others = false;
   if (std::filesystem::exists(page))
-    others = read_text(page).find(record::RunReader(options.run).info().uuid) == std::string::npos;
+    others = read_text(page).find(record::RunReader(run_of(o)).info().uuid) == std::string::npos;
   else
-    for (const char* picture : {"person", "letter", "live"})
-      others |= std::filesystem::exists(options.dir + "/figure_" + picture + ".png");
+    for (const char* picture : pictures)
+      others |= std::filesystem::exists(o.dir + "/" + picture + ".svg");
   if (others)
-    throw Error(ExitCode::usage, options.dir +
+    throw Error(ExitCode::usage, o.dir +
                                      ": holds a report of another run, or pictures under "
                                      "its names; give another folder, or --force to "
                                      "write over them");
 }
 
 Report make_report(const ReportOptions& options) {
-  const Dataset data = load({options.run});
-  std::vector<LoadedMode> modes;
-  modes.push_back(score_mode("fused", Inputs::fused, 0.6576, options.fused, data));
-  if (!options.paper.empty())
-    modes.push_back(score_mode("paper", Inputs::fused, 0.6576, options.paper, data));
-  modes.push_back(score_mode("spd", Inputs::spd, 0.6389, options.spd, data));
-  modes.push_back(score_mode("radar", Inputs::radar, 0.5266, options.radar, data));
   Report report;
-  report.run = options.run;
-  report.run_uuid = data.sources.front().uuid;
-  std::vector<const TrainedModel*> first;
-  for (auto& mode : modes) {
-    first.push_back(&mode.models.front());
-    report.modes.push_back(std::move(mode.result));
+  report.run = run_of(options);
+  std::optional<Dataset> data;
+  if (!options.run.empty()) {
+    data = load({options.run});
+    add_models(report, options, *data);
   }
-  const TrainedModel& fused = *first.front();
-  report.baselines = score_baselines(data, rows_of_both(fused, data), fused.scene, data,
-                                     fused.rows_of(data, Part::train));
-  report.records = report.modes.front().evaluations.front().records;
-  add_figures(report, first, data);
-  if (!options.live.empty()) add_live(report, fused, options.live);
+  if (!options.live.empty()) report.story = story_of(options.live);
+  report.run_uuid = record::RunReader(report.run).info().uuid;
+  report.made = how_made(options, report, data ? &*data : nullptr);
   return report;
 }
 
 std::string write_report(const Report& report, const std::string& dir) {
   make_folder(dir);
-  for (const auto& picture : report.pictures) write_file(dir + "/" + picture.file, picture.png);
-  const std::string page = to_html(report), path = dir + "/report.html";
-  write_text(path, page);
+  for (const ShownRecord& shown : report.main)
+    write_text(dir + "/" + shown.file + ".svg", stand_alone(shown)),
+        write_text(dir + "/" + shown.file + "_blur.svg", blur_alone(shown));
+  if (report.story)
+    if (const auto panels = timeline(*report.story); !panels.empty())
+      write_text(dir + "/timeline.svg", chart::stand_alone(report.story->path, panels, 2));
+  const std::string path = dir + "/report.html";
+  write_text(path, to_html(report));
   return path;
 }
 

@@ -1,54 +1,130 @@
 // SPDX-License-Identifier: MIT
-// The three modes side by side: one self-contained HTML page, and its pictures as PNG files.
+// One self-contained HTML page for people who look before they read: models beside each other on a
+// run's held-out records, two models record by record, or a run as it was recorded; and its
+// pictures as SVG files.
 #pragma once
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "drivers/core/bytes.hpp"
+#include "drivers/chart/chart.hpp"
+#include "drivers/chart/colour_map.hpp"
 #include "recon/estimator/evaluate.hpp"
+#include "recon/output/run_story.hpp"
 
 namespace echofuse::recon {
 
 struct ReportOptions {
   std::string dir;
-  std::vector<std::string> fused, spd, radar;  // model files; several of a mode are its seeds
-  std::string run;                             // its held-out records with both sensors are scored
-  std::vector<std::string> paper;              // optional: fused as well, beside the first
-  std::string live;                            // optional: a recorded run, for the fused model
-  bool force = false;                          // also over a report of another run
+  // Model files; several of a mode are its seeds. The fused one is the subject, others may be left
+  // out; `paper` is fused as well.
+  std::vector<std::string> fused, spd, radar, paper;
+  std::string run;                   // its held-out records with both sensors are scored
+  std::vector<std::string> compare;  // two model files, in place of those above
+  std::string live;                  // a recorded run: its story, and its maps by the fused model
+  std::string command;               // as it was typed; for the page
+  bool force = false;                // also over a report of another run
+};
+
+// What the page says of a model.
+struct ModelFacts {
+  std::string file, name;
+  std::uint64_t seed = 0, split_seed = 0;
+  std::uint32_t data_hash = 0;
+  std::size_t train = 0, validation = 0, test = 0;  // records of its split
+  TrainingLog log;
+};
+
+// Where the true map of a record has its body.
+struct RecordFacts {
+  std::int64_t index = 0;
+  std::string label;
+  double range_m = 0, side_m = 0;  // NaN: nobody
 };
 
 struct ModeResult {
   std::string name;
   Inputs inputs{};
-  double paper_ssim = 0;                // Lai et al., Chin. Opt. Lett. 22, 022701 (2024)
+  std::optional<double> paper_ssim;     // Lai et al., Chin. Opt. Lett. 22, 022701 (2024)
   std::vector<Evaluation> evaluations;  // one a model
   Summaries metrics;  // of a single model: as evaluated; of several: mean and SE over the models
+  std::vector<ModelFacts> models;
+  std::vector<RecordFacts> records;  // of the first evaluation's rows
 };
 
-struct Picture {
-  std::string file, caption;
-  Bytes png;
+// A model's map of a shown record; the hard map, as it is scored.
+struct ShownMap {
+  std::string name;
+  // deviation: empty if nothing is stated; share: how far each pixel has come from the room (0) to
+  // a body (1), so that what the model leaves open shows.
+  std::vector<float> map, deviation, share;
+  MapScores scores{};
+  std::string stated, warning;  // "within 8 cm sideways (90 %)"; out of distribution, in words
+};
+struct ShownRecord {
+  std::string file, title, caption;  // file: without folder and ending; may be empty
+  std::vector<float> truth;
+  chart::Span span;
+  double half_tangent = 0;
+  std::vector<chart::Panel> measured;  // histogram, profile
+  std::vector<ShownMap> maps;
+};
+
+// A letter at the size at which it could be read.
+struct ShownLetter {
+  std::string title;
+  std::size_t letter = 0;  // of record::letters
+  std::vector<float> truth, map;
+  chart::Span span;
+  double width_m = 0;  // of both, and their height
+  std::array<double, letters.size()> truth_scores{}, map_scores{};
+};
+
+// Two models on the same records: second minus first.
+struct PairedDifference {
+  Metric metric{};
+  std::size_t records = 0;                                    // that define it in both
+  double first = 0, second = 0, mean = 0, low = 0, high = 0;  // low, high: of 95 %
 };
 
 struct Report {
   std::string run, run_uuid;
-  std::vector<ModeResult> modes;  // fused, SPD, radar
+  std::vector<std::pair<std::string, std::string>> made;  // how: name and value
+  std::vector<ModeResult> modes;                          // the first is the subject
   std::vector<ScoredRow> baselines;
   std::size_t records = 0;
-  std::vector<Picture> pictures;
-  std::string live;  // empty: none
-  Evaluation live_evaluation;
+  std::vector<ShownRecord> main;     // person, letter: by all modes
+  std::vector<ShownRecord> gallery;  // best, median, worst of the first mode
+  std::vector<ShownLetter> letters;
+  std::vector<PairedDifference> differences;
+  std::vector<MapScores> paired;   // of the compared models: second minus first, by record
+  std::optional<RunStory> story;   // of a live run
+  std::optional<Evaluation> live;  // of its records by the first mode's model
 };
 
-// Throws Error(usage) if the folder holds a report of another run, or pictures of a report's names:
-// to be asked before a long evaluation.
-void check_report_folder(const ReportOptions& options);
+// Throws Error(usage) if the folder holds a report of another run, or pictures of a report's names,
+// or if the options do not fit each other: to be asked before a long evaluation.
+void check_report(const ReportOptions& options);
 Report make_report(const ReportOptions& options);
 std::string to_html(const Report& report);
-// The three modes as a text table for the terminal.
+// The table of the first screen as text for the terminal.
 std::string to_text(const Report& report);
 // Writes DIR/report.html and the pictures; returns the page's path.
 std::string write_report(const Report& report, const std::string& dir);
+
+// Parts of make_report, by what they need.
+ShownRecord show_record(const std::vector<const TrainedModel*>& models,
+                        const std::vector<std::string>& names, const Dataset& data,
+                        std::size_t row);
+std::vector<ShownLetter> show_letters(const TrainedModel& model, const Dataset& data,
+                                      const Evaluation& evaluation);
+// Differences of what both define, with intervals by resampled blocks of neighbours.
+std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& first,
+                                                 const std::vector<MapScores>& second);
+// How a page was made: program, host, run and models.
+std::vector<std::pair<std::string, std::string>> how_made(const ReportOptions& options,
+                                                          const Report& report,
+                                                          const Dataset* data);
 
 }  // namespace echofuse::recon

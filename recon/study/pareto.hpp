@@ -46,9 +46,8 @@ struct ParetoRow {
 // runs do not fit, and as StudyFile.
 std::vector<ParetoRow> study_pareto(const ParetoOptions& options);
 
-// pareto.csv, pareto.gp and pareto.svg. `bound`: nothing, or the least mean lateral errors that
-// noise allows (m), pose unknown and shape known. Throws Error(disk), and Error(failed) without
-// gnuplot; the table is written first.
+// pareto.csv and pareto.svg. `bound`: nothing, or the least mean lateral errors that noise allows
+// (m), pose unknown and shape known. Throws Error(disk); the table is written first.
 void write_pareto(const std::vector<ParetoRow>& rows, const std::string& folder,
                   const std::vector<double>& bound);
 std::string to_text(const std::vector<ParetoRow>& rows);

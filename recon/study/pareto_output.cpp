@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT
 // The table and the chart of a Pareto study.
+#include <algorithm>
 #include <sstream>
 
-#include "drivers/chart/gnuplot.hpp"
+#include "drivers/chart/chart.hpp"
+#include "drivers/chart/style.hpp"
 #include "recon/files/text.hpp"
 #include "recon/study/pareto.hpp"
 
@@ -11,38 +13,6 @@ namespace {
 
 constexpr std::array shown = {metric_iou,    metric_ssim_fg,     metric_ssim_hard, metric_ssim,
                               metric_rmse_m, metric_depth_mae_m, metric_lateral_m, metric_ghost};
-
-// Columns: 1 sweep, 2 share, 3 model, 4 seeds, then mean and spread of each metric from 5 on,
-// then 21 multiply_adds, 22 us_median, 23 us_p99, 24 train_s, 25 front,
-// 26 machine.
-constexpr const char* chart = R"(set datafile separator ','
-set datafile missing 'nan'
-set terminal svg size 1100,800 font 'sans,12' background 'white'
-set output 'pareto.svg'
-set multiplot layout 2,2
-set logscale x; set grid; set key left center
-iou(what) = strcol(1) eq what ? $5 : NaN
-set title 'accuracy against the time of one map'
-set xlabel 'one map on one thread, us (median)'; set ylabel 'IoU of the foreground'
-set yrange [-0.02:0.8]; set xrange [1:3000]
-plot "< awk -F, '$1==\"model\" && $25==1' pareto.csv | sort -t, -k22,22g" using 22:5 with steps lw 2 lc 'gray' title 'Pareto front', \
-     'pareto.csv' using 22:(iou('model')):6 with yerrorbars pt 7 ps 0.6 lc 3 notitle, \
-     '' using 22:(iou('model')):3 with labels left font ',9' offset 0.6,0.5 rotate by 25 notitle, \
-     '' using 22:(strcol(3) eq 'mlp-512-256' ? iou('model') : NaN) with points pt 6 ps 2 lc 7 title "the paper's network"
-set title 'position against multiply-adds'; set key top left
-set xlabel 'multiply-adds of one map'; set ylabel 'lateral error, m'; set logscale y; set yrange [0.01:1]; set xrange [1e4:1e7]
-plot 'pareto.csv' using 21:(strcol(1) eq 'model' ? $17 : NaN) with points pt 7 lc 3 notitle, \
-     '' using 21:(strcol(1) eq 'model' ? $17 : NaN):3 with labels left font ',9' offset 0.6,0.5 rotate by 25 notitle @bound
-unset logscale y; set yrange [-0.02:0.7]; set ylabel 'IoU of the foreground'; set key bottom right; set xrange [*:*]
-models = system("awk -F, '$1==\"photons\"||$1==\"records\"{print $3}' pareto.csv | sort -u")
-part(what, model) = sprintf("< awk -F, '($1==\"%s\" || $1==\"model\") && $3==\"%s\"' pareto.csv | sort -t, -k2,2g", what, model)
-if (words(models) > 0) {
-  set title 'exposure'; set xlabel "share of the record's photons"
-  plot for [m in models] part('photons', m) using 2:5 with linespoints pt 7 title m
-  set title 'training records'; set xlabel 'share of the training records'
-  plot for [m in models] part('records', m) using 2:5 with linespoints pt 7 title m
-}
-)";
 
 std::string to_csv(const std::vector<ParetoRow>& rows) {
   std::ostringstream csv;
@@ -58,18 +28,110 @@ std::string to_csv(const std::vector<ParetoRow>& rows) {
   return csv.str();
 }
 
+constexpr const char* papers_network = "mlp-512-256";
+
+// Mean and spread; without one of a single seed.
+chart::Point point_of(const ParetoRow& r, double x, Metric metric, double unit = 1) {
+  const double mean = r.mean[metric] * unit, spread = r.spread[metric] * unit;
+  return {x, mean, mean - spread, mean + spread};
+}
+
+// A point a model, with its name.
+void add_models(chart::Panel& panel, const std::vector<ParetoRow>& rows, Metric metric, double unit,
+                double ParetoRow::*cost) {
+  chart::Series models{"", {}, 0, chart::Look::markers}, paper = models;
+  paper.colour = 1;
+  for (const ParetoRow& r : rows) {
+    if (r.sweep != "model" || !(r.*cost > 0)) continue;
+    chart::Point point = point_of(r, r.*cost, metric, unit);
+    const bool papers = r.model == papers_network;
+    point.label = r.model + (papers ? ", the paper's network" : "");
+    (papers ? paper : models).points.push_back(point);
+  }
+  panel.series.push_back(models), panel.series.push_back(paper);
+}
+
+// What no model is both faster and better than.
+chart::Series front_of(const std::vector<ParetoRow>& rows) {
+  chart::Series front{"", {}, chart::grey, chart::Look::steps};
+  for (const ParetoRow& r : rows)
+    if (r.front) front.points.push_back({r.infer_us_median, r.mean[metric_iou]});
+  std::sort(front.points.begin(), front.points.end(),
+            [](const auto& a, const auto& b) { return a.x < b.x; });
+  return front;
+}
+
+// IoU against the share of photons or of training records, a line a model.
+chart::Panel sweep_panel(const std::vector<ParetoRow>& rows, const std::string& sweep) {
+  const bool photons = sweep == "photons";
+  const std::string what =
+      photons ? "share of the record's photons" : "share of the training records";
+  chart::Panel panel{photons ? "Fewer photons" : "Fewer training records",
+                     {what, true},
+                     {"IoU of the foreground"},
+                     {}};
+  for (const ParetoRow& r : rows) {
+    if (r.sweep != sweep && r.sweep != "model") continue;
+    const auto known = std::find_if(panel.series.begin(), panel.series.end(),
+                                    [&](const auto& s) { return s.name == r.model; });
+    if (known != panel.series.end())
+      known->points.push_back(point_of(r, std::stod(r.share), metric_iou));
+    else
+      panel.series.push_back({r.model, {point_of(r, std::stod(r.share), metric_iou)}});
+  }
+  std::erase_if(panel.series, [](const auto& s) { return s.points.size() < 2; });
+  int colour = 0;
+  for (auto& s : panel.series) {
+    if (colour == 1) ++colour;  // the paper's, as above
+    s.colour = s.name == papers_network ? 1 : std::min(colour++, chart::grey);
+    std::sort(s.points.begin(), s.points.end(),
+              [](const auto& a, const auto& b) { return a.x < b.x; });
+  }
+  return panel;
+}
+
+std::vector<chart::Panel> panels_of(const std::vector<ParetoRow>& rows,
+                                    const std::vector<double>& bound) {
+  constexpr double width = 560, height = 400;
+  chart::Panel time{"Outline against the time of a map; the line is the Pareto front",
+                    {"time of one map on one thread (\u00b5s, median)", true},
+                    {"IoU of the foreground"},
+                    {front_of(rows)},
+                    {},
+                    {},
+                    width,
+                    height};
+  add_models(time, rows, metric_iou, 1, &ParetoRow::infer_us_median);
+  chart::Panel place{"Place against the cost of a map",
+                     {"multiply-adds of one map", true},
+                     {"lateral error (cm)", true},
+                     {},
+                     {},
+                     {},
+                     width,
+                     height};
+  if (!bound.empty())
+    place.rules = {{100 * bound[0], formatted("bound: pose unknown, %g cm", 100 * bound[0])},
+                   {100 * bound[1], formatted("bound: shape known, %g cm", 100 * bound[1])}};
+  if (bound.size() == 2 && bound[0] == bound[1])
+    place.rules = {
+        {100 * bound[0], formatted("bound: %g cm, pose unknown or shape known", 100 * bound[0])}};
+  add_models(place, rows, metric_lateral_m, 100, &ParetoRow::multiply_adds);
+  std::vector<chart::Panel> out{time, place};
+  for (const char* sweep : {"photons", "records"}) {
+    chart::Panel panel = sweep_panel(rows, sweep);
+    panel.width = width;
+    if (!panel.series.empty()) out.push_back(panel);
+  }
+  return out;
+}
+
 }  // namespace
 
-// `@bound` of the chart is replaced by gnuplot.
 void write_pareto(const std::vector<ParetoRow>& rows, const std::string& folder,
                   const std::vector<double>& bound) {
-  std::string lines;
-  if (!bound.empty())
-    lines = formatted(
-        ", %g with lines dt 2 lc 2 title 'bound: pose unknown', "
-        "%g with lines dt 3 lc 7 title 'bound: shape known'",
-        bound[0], bound[1]);
-  write_chart(folder, "pareto", to_csv(rows), "bound = \"" + lines + "\"\n" + chart);
+  chart::write_chart(folder, "pareto", to_csv(rows),
+                     chart::stand_alone("Accuracy against cost", panels_of(rows, bound), 2));
 }
 
 std::string to_text(const std::vector<ParetoRow>& rows) {

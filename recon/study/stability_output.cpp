@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: MIT
 // The page, the charts and the text of a study of stability.
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <sstream>
 
-#include "drivers/chart/gnuplot.hpp"
+#include "drivers/chart/chart.hpp"
+#include "drivers/chart/page.hpp"
+#include "drivers/chart/style.hpp"
 #include "drivers/core/console.hpp"
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
@@ -12,15 +15,6 @@
 
 namespace echofuse::recon {
 namespace {
-
-constexpr const char* style = R"(
-body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1240px; margin: 2em auto;
-  padding: 0 1em; }
-table { border-collapse: collapse; font-size: 13px; }
-th, td { padding: .35em .7em; border-bottom: 1px solid #ddd; text-align: left; }
-td.lost { background: #f6d5d0; } td.half { background: #f6f0d0; } small { color: #777; }
-img { max-width: 100%; }
-)";
 
 std::string joined(const std::vector<std::string>& parts) {
   std::string out;
@@ -35,60 +29,69 @@ bool fails_at_base(const StabilityCurve& curve, const StabilityAxis& axis) {
 std::string shared(double worst) { return std::isnan(worst) ? "-" : formatted("%.2f", worst); }
 
 std::string cell(const StabilityCurve& curve, const StabilityAxis& axis) {
-  if (fails_at_base(curve, axis)) return "<td class=\"lost\">at the base</td>";
-  const char* colour = !curve.fails_at.empty()    ? " class=\"lost\""
-                       : !curve.halved_at.empty() ? " class=\"half\""
-                                                  : "";
-  std::string out = formatted("<td%s><b>%s</b>", colour, shared(curve.worst).c_str());
-  if (!curve.fails_at.empty()) out += "<br>fails at " + joined(curve.fails_at);
+  if (fails_at_base(curve, axis)) return "<b class=\"bad\">fails at the base</b>";
+  std::string out = shared(curve.worst);
+  if (!curve.fails_at.empty())
+    out += "<br><b class=\"bad\">fails at " + joined(curve.fails_at) + "</b>";
   if (!curve.halved_at.empty()) out += "<br><small>half at " + joined(curve.halved_at) + "</small>";
-  return out + "</td>";
+  return out;
 }
 
 std::string table(const std::vector<StabilityResult>& results) {
-  std::string out = "<table>\n<tr><th>condition</th><th>base, then</th>";
-  for (const auto& curve : results.front().curves) out += "<th>" + curve.name + "</th>";
-  out += "</tr>\n<tr><td>IoU at the base</td><td></td>";
+  std::vector<std::string> head{"condition"};
+  chart::TableRow base_row{{"IoU at the base"}, "baseline"};
   for (const auto& curve : results.front().curves) {
+    head.push_back(chart::escaped(curve.name));
     const StabilityPoint& base = curve.points[results.front().axis.base()];
-    out += formatted("<td>%.3f <small>&plusmn;%.3f</small></td>", base.mean[metric_iou],
-                     base.spread[metric_iou]);
+    base_row.cells.push_back(formatted("%.3f <small>&plusmn;%.3f</small>", base.mean[metric_iou],
+                                       base.spread[metric_iou]));
   }
-  out += "</tr>\n";
+  std::vector<chart::TableRow> rows{base_row};
   for (const auto& [axis, curves, baselines] : results) {
-    std::string values = axis.values[axis.base()].label + ";";
+    std::string values = axis.values[axis.base()].label + ", then ";
     for (std::size_t i = 0; i < axis.values.size(); ++i)
-      if (i != axis.base()) values += " " + axis.values[i].label + ",";
-    values.back() = ' ';
-    out += "<tr><td><a href=\"#" + axis.id() + "\">" + axis.title + "</a><br><small>" +
-           axis.kind() + "</small></td><td>" + values + "</td>";
-    for (const auto& curve : curves) out += cell(curve, axis);
-    out += "</tr>\n";
+      if (i != axis.base()) values += axis.values[i].label + ", ";
+    values.resize(values.size() - 2);
+    chart::TableRow row{{"<a href=\"#" + axis.id() + "\">" + chart::escaped(axis.title) +
+                         "</a><br><small>" + axis.kind() + "; " + chart::escaped(values) +
+                         "</small>"}};
+    for (const auto& curve : curves) row.cells.push_back(cell(curve, axis));
+    rows.push_back(row);
   }
-  return out + "</table>\n";
+  return chart::table("Least IoU on the axis, as a share of that at the base", head, rows);
 }
 
+std::string capitalised(std::string text);
+std::vector<chart::Panel> panels_of(const StabilityResult& result);
+
 std::string to_html(const StabilityOptions& o, const std::vector<StabilityResult>& results) {
-  std::string out =
-      "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>What fails "
-      "first</title><style>" +
-      std::string(style) + "</style></head><body>\n<h1>What fails first</h1>\n<p>";
-  out += std::to_string(o.records) + " training records, " + std::to_string(o.test_records) +
-         " fresh ones to judge by, " + std::to_string(o.seeds) + " seeds, range bias " +
-         (o.range_bias == RangeBiasAction::correct ? "corrected" : "not corrected") +
-         ", echofuse " + version() +
-         ". <i>matched</i>: trained and tested under the condition; <i>shifted</i>: trained at the "
-         "base condition, tested under this one. Each cell: least IoU on the axis as a share of "
-         "that at the base. A model <b>fails</b> where its map is no better than no map: hard SSIM "
-         "not above the empty room's, IoU not above that of empty room and mean map (by more than "
-         "the spread over seeds), or no map at all; of single records that it cannot read it shows "
-         "the empty room. <small>half</small>: where its IoU falls below "
-         "half of the base's. Sorted by what breaks the first model most.</p>\n" +
-         table(results);
-  for (const auto& result : results)
-    out += "<h2 id=\"" + result.axis.id() + "\">" + result.axis.title + ", " + result.axis.kind() +
-           "</h2>\n<img alt=\"IoU and hard SSIM\" src=\"" + result.axis.id() + ".svg\">\n";
-  return out + "</body></html>\n";
+  chart::Page page("What fails first");
+  page.lead(chart::paragraph(
+      formatted(
+          "%zu training records, %zu fresh ones to judge by, %zu seed%s, range bias %s, echofuse ",
+          o.records, o.test_records, o.seeds, o.seeds == 1 ? "" : "s",
+          o.range_bias == RangeBiasAction::correct ? "corrected" : "not corrected") +
+      version() + "."));
+  page.section(
+      "table", "All conditions",
+      chart::paragraph("Matched: trained and tested under the condition. Shifted: trained at the "
+                       "base condition, tested under this one. Sorted by what breaks the first "
+                       "model most.") +
+          chart::paragraph(
+              "A model fails where its map is no better than no map: its hard SSIM is not above "
+              "the empty room's, or its IoU is not above that of empty room and mean map (by more "
+              "than the spread over seeds), or there is no map at all. Of single records that it "
+              "cannot read it shows the empty room. Half: its IoU falls below half of the "
+              "base's.") +
+          table(results));
+  for (const auto& result : results) {
+    std::vector<std::string> drawings;
+    for (const chart::Panel& p : panels_of(result)) drawings.push_back(chart::draw(p).svg);
+    page.section(result.axis.id(), capitalised(result.axis.title) + ", " + result.axis.kind(),
+                 chart::figure(drawings, "A cross: here the model begins to fail. As a file: " +
+                                             result.axis.id() + ".svg"));
+  }
+  return page.html();
 }
 
 std::string number(char before, double v) {
@@ -114,91 +117,102 @@ bool fails_at(const StabilityCurve& curve, const std::string& label) {
   return std::find(curve.fails_at.begin(), curve.fails_at.end(), label) != curve.fails_at.end();
 }
 
-// A line a value: label, then for each curve IoU, spread, IoU if it is the first value at which the
-// model fails, and the same of SSIM.
-std::string data_block(const StabilityResult& result, std::vector<const StabilityCurve*> curves) {
-  std::string out = "$data << EOD\n";
-  for (std::size_t i = 0; i < result.axis.values.size(); ++i) {
-    out += '"' + result.axis.values[i].label + '"';
-    for (const StabilityCurve* curve : curves)
-      for (const Metric m : {metric_iou, metric_ssim_hard}) {
-        const StabilityPoint& p = curve->points[i];
-        const bool fails = fails_at(*curve, result.axis.values[i].label);
-        for (const double v : {p.mean[m], p.spread[m], fails ? p.mean[m] : NAN})
-          out += number(' ', v);
-      }
-    out += '\n';
+// Numbers are drawn to scale, words one beside the other. A 0 on a logarithmic scale stands a
+// decade to the left of the least other value.
+struct Positions {
+  std::vector<double> at;
+  bool log = false, zero = false;  // zero: there is such a 0
+};
+Positions positions_of(const StabilityAxis& axis) {
+  Positions out;
+  for (std::size_t i = 0; i < axis.values.size(); ++i) {
+    const std::string& label = axis.values[i].label;
+    char* end = nullptr;
+    out.at.push_back(std::strtod(label.c_str(), &end));
+    if (end == label.c_str() || *end != 0) {
+      for (std::size_t k = 0; k < axis.values.size(); ++k)
+        out.at.resize(k), out.at.push_back(static_cast<double>(k));
+      return out;
+    }
   }
-  return out + "EOD\n";
+  double least = INFINITY, most = 0;
+  for (const double v : out.at)
+    if (v > 0) least = std::min(least, v), most = std::max(most, v);
+  out.log = most > 8 * least;
+  if (out.log)
+    for (double& v : out.at)
+      if (v <= 0) v = least / 10, out.zero = true;
+  return out;
 }
 
-// Of all values, or of those at which the model begins to lose.
-bool has_points(const StabilityResult& result, const StabilityCurve& curve, Metric metric,
-                bool failing) {
-  for (std::size_t i = 0; i < curve.points.size(); ++i)
-    if (!std::isnan(curve.points[i].mean[metric]) &&
-        (!failing || fails_at(curve, result.axis.values[i].label)))
-      return true;
-  return false;
+std::string capitalised(std::string text) {
+  if (!text.empty()) text[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(text[0])));
+  return text;
 }
 
-constexpr std::size_t colours = 8;  // of gnuplot; then dashes
+constexpr int most_colours = chart::grey;  // models beyond are grey, and have their names
 
-// Curves with something to draw, those of the baselines first; where a model begins to fail, a
-// cross.
-std::string plot(const StabilityResult& result, const std::vector<const StabilityCurve*>& curves,
-                 Metric metric) {
-  const std::size_t baselines = result.baselines.size();
-  std::vector<std::string> parts;
-  for (std::size_t i = 0; i < curves.size(); ++i) {
-    if (!has_points(result, *curves[i], metric, false)) continue;
-    const std::size_t column = 2 + 6 * i + (metric == metric_iou ? 0 : 3);
-    const std::size_t model = i < baselines ? 0 : i - baselines, colour = 1 + model % colours;
-    const std::string look = i < baselines ? formatted("lines dt %zu lw 2 lc 'gray40'", 2 + i)
-                                           : formatted("yerrorlines pt 7 ps 0.5 lc %zu dt %zu",
-                                                       colour, 1 + model / colours);
-    parts.push_back(formatted("$data using 0:%zu:%zu:xtic(1) with ", column, column + 1) + look +
-                    (metric == metric_iou ? " title '" + curves[i]->name + "'" : " notitle"));
-    if (i >= baselines && has_points(result, *curves[i], metric, true))
-      parts.push_back(formatted("$data using 0:%zu with points pt 2 ps 1.6 lw 3 lc %zu notitle",
-                                column + 2, colour));
+chart::Series series_of(const StabilityCurve& curve, const Positions& x, const StabilityAxis& axis,
+                        Metric metric) {
+  chart::Series line{curve.name, {}};
+  for (std::size_t i = 0; i < curve.points.size(); ++i) {
+    const double mean = curve.points[i].mean[metric], spread = curve.points[i].spread[metric];
+    chart::Point point{x.at[i], mean};
+    if (spread > 0) point.low = mean - spread, point.high = mean + spread;
+    point.crossed = fails_at(curve, axis.values[i].label);
+    line.points.push_back(point);
   }
-  return "plot " + joined(parts) + "\n";
+  std::sort(line.points.begin(), line.points.end(),
+            [](const auto& a, const auto& b) { return a.x < b.x; });
+  return line;
 }
 
-std::string chart(const StabilityResult& result) {
-  std::vector<const StabilityCurve*> curves;
-  for (const auto& curve : result.baselines) curves.push_back(&curve);
-  for (const auto& curve : result.curves) curves.push_back(&curve);
-  std::string out = data_block(result, curves) + "set output '" + result.axis.id() + ".svg'\n";
-  out += formatted("set xrange [-0.4:%g]\n", static_cast<double>(result.axis.values.size()) - 0.6);
-  out += formatted("set arrow 1 from %zu,graph 0 to %zu,graph 1 nohead dt 3 lc 'gray'\n",
-                   result.axis.base(), result.axis.base());
-  out += "set xlabel \"" + result.axis.title + "\"\n";
-  out += "set multiplot layout 1,2\n";
-  out += "set ylabel 'IoU of the foreground'; set yrange [-0.02:0.1<*]\n" +
-         plot(result, curves, metric_iou);
-  out += "set ylabel 'SSIM of the hard map'; set yrange [*<0.78:0.84<*]\n" +
-         plot(result, curves, metric_ssim_hard);
-  return out + "unset multiplot\n";
+std::vector<chart::Panel> panels_of(const StabilityResult& result) {
+  const Positions x = positions_of(result.axis);
+  std::vector<chart::Panel> out;
+  for (const Metric metric : {metric_iou, metric_ssim_hard}) {
+    chart::Panel panel{"",
+                       {result.axis.title, x.log},
+                       {metric == metric_iou ? "IoU of the foreground" : "SSIM of the hard map"},
+                       {},
+                       {{x.at[result.axis.base()], "base", true}}};
+    panel.width = 560, panel.height = 320;
+    if (x.zero) panel.note = "The scale is logarithmic; 0 stands a decade left of the least value.";
+    for (std::size_t i = 0; i < x.at.size(); ++i) {
+      const std::string& label = result.axis.values[i].label;
+      char* end = nullptr;
+      const double value = std::strtod(label.c_str(), &end);
+      panel.x.ticks.emplace_back(x.at[i], *end == 0 ? chart::short_number(value) : label);
+    }
+    std::sort(panel.x.ticks.begin(), panel.x.ticks.end());
+    for (const auto& curve : result.baselines) {
+      panel.series.push_back(series_of(curve, x, result.axis, metric));
+      panel.series.back().colour = chart::grey, panel.series.back().dashed = true;
+      panel.series.back().look = chart::Look::line;
+      for (auto& point : panel.series.back().points)
+        point.low = point.high = chart::nan, point.crossed = false;
+    }
+    int colour = 0;
+    for (const auto& curve : result.curves) {
+      panel.series.push_back(series_of(curve, x, result.axis, metric));
+      panel.series.back().colour = std::min(colour++, most_colours);
+    }
+    out.push_back(panel);
+  }
+  return out;
 }
-
-constexpr const char* chart_head = R"(set datafile missing 'nan'
-set terminal svg noenhanced size 1200,500 font 'sans,12' background 'white'
-set grid y; set xtics rotate by -20; set bmargin at screen 0.3; set tmargin at screen 0.97
-set key at screen 0.5,0.01 center bottom vertical maxrows 3
-)";
 
 }  // namespace
 
 void write_stability(const StabilityOptions& options, const std::vector<Measurement>& rows,
                      const std::vector<StabilityResult>& results) {
   write_text(options.out + "/stability.csv", to_csv(rows));
-  const std::string page = options.out + "/stability.html";
-  write_text(page, to_html(options, results));
-  std::string script = chart_head;
-  for (const auto& result : results) script += chart(result);
-  run_gnuplot(script, options.out, page + " is written, but ");
+  write_text(options.out + "/stability.html", to_html(options, results));
+  for (const auto& result : results)
+    write_text(options.out + "/" + result.axis.id() + ".svg",
+               chart::stand_alone(capitalised(result.axis.title) + ", " + result.axis.kind() +
+                                      "; a cross: the model begins to fail",
+                                  panels_of(result), 2));
 }
 
 std::string to_text(const std::vector<StabilityResult>& results) {

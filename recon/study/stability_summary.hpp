@@ -36,7 +36,7 @@ std::vector<StabilityResult> summarise_stability(const StabilityOptions& options
                                                  const std::vector<Measurement>& rows);
 
 // Writes OUT/stability.csv with all rows, OUT/stability.html and a chart for each axis,
-// OUT/KIND-AXIS.svg. Throws Error(disk), and Error(failed) without gnuplot; the charts come last.
+// OUT/KIND-AXIS.svg. Throws Error(disk).
 void write_stability(const StabilityOptions& options, const std::vector<Measurement>& rows,
                      const std::vector<StabilityResult>& results);
 std::string to_text(const std::vector<StabilityResult>& results);

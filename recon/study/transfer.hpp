@@ -44,8 +44,7 @@ struct TransferRow {
 };
 std::vector<TransferRow> summarise_transfer(const std::vector<Measurement>& all);
 std::string to_text(const std::vector<TransferRow>& rows);
-// transfer.csv, transfer.gp and transfer.svg. Throws Error(disk), and Error(failed) without
-// gnuplot; the table is written first.
+// transfer.csv and transfer.svg. Throws Error(disk); the table is written first.
 void write_transfer(const std::vector<TransferRow>& rows, const std::string& folder);
 
 }  // namespace echofuse::recon

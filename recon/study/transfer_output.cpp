@@ -5,7 +5,8 @@
 #include <set>
 #include <sstream>
 
-#include "drivers/chart/gnuplot.hpp"
+#include "drivers/chart/chart.hpp"
+#include "drivers/chart/style.hpp"
 #include "recon/files/text.hpp"
 #include "recon/numbers/statistics.hpp"
 #include "recon/study/transfer.hpp"
@@ -13,23 +14,37 @@
 namespace echofuse::recon {
 namespace {
 
-// Columns: 1 from, 2 model, 3 records, 4 seeds, then mean and spread of IoU, lateral error and hard
-// SSIM from 5 on, then 11 within_90, 12 train_s, 13 machine.
-constexpr const char* chart = R"(set datafile separator ','
-set terminal svg size 1100,460 font 'sans,12' background 'white'
-set output 'transfer.svg'
-set multiplot layout 1,2
-set logscale x; set grid; set xlabel 'records of the new world'; set xrange [8:1200]
-what = "none/alone base/pooled base/tuned twin/pooled twin/tuned"
-part(w) = sprintf("< grep '^%s,' transfer.csv | sort -t, -k3,3g", system("echo '".w."' | tr / ,"))
-was(from, column) = real(system(sprintf("grep '^%s,as it was,' transfer.csv | cut -d, -f%d", from, column)))
-set key bottom right; set ylabel 'IoU of the foreground'
-plot for [w in what] part(w) using 3:5:($6==$6?$6:0) with yerrorlines pt 7 ps 0.6 title w, \
-     was('base', 5) dt 2 lc 2 title 'base/as it was', was('twin', 5) dt 2 lc 4 title 'twin/as it was'
-set key top right; set ylabel 'lateral error, cm'
-plot for [w in what] part(w) using 3:(100*$7):($8==$8?100*$8:0) with yerrorlines pt 7 ps 0.6 title w, \
-     100*was('base', 7) dt 2 lc 2 notitle, 100*was('twin', 7) dt 2 lc 4 notitle
-)";
+struct Way {
+  const char *from, *model, *name;
+  int colour;
+  bool dashed;
+};
+// Where a model comes from by colour, what was done with the new records by the line.
+constexpr std::array ways{Way{"none", "alone", "new records alone", chart::grey, false},
+                          Way{"base", "pooled", "base, pooled", 0, true},
+                          Way{"base", "tuned", "base, tuned", 0, false},
+                          Way{"twin", "pooled", "laboratories, pooled", 1, true},
+                          Way{"twin", "tuned", "laboratories, tuned", 1, false}};
+
+chart::Panel panel_of(const std::vector<TransferRow>& rows, std::size_t metric, double unit,
+                      const std::string& title, const std::string& y) {
+  chart::Panel panel{title, {"records of the new world", true}, {y}, {}};
+  panel.width = 540, panel.height = 360;
+  for (const Way& way : ways) {
+    chart::Series line{way.name, {}, way.colour, chart::Look::both, way.dashed};
+    for (const TransferRow& r : rows)
+      if (r.from == way.from && r.model == way.model) {
+        const double mean = unit * r.mean[metric], spread = unit * r.spread[metric];
+        line.points.push_back({static_cast<double>(r.records), mean, mean - spread, mean + spread});
+      }
+    panel.series.push_back(line);
+  }
+  for (const TransferRow& r : rows)
+    if (r.model == "as it was")
+      panel.rules.push_back(
+          {unit * r.mean[metric], (r.from == "twin" ? "laboratories" : r.from) + ", as it was"});
+  return panel;
+}
 
 }  // namespace
 
@@ -98,7 +113,11 @@ void write_transfer(const std::vector<TransferRow>& rows, const std::string& fol
       csv << ',' << r.mean[i] << ',' << r.spread[i];
     csv << ',' << r.within_90 << ',' << r.train_s << ',' << r.machine << '\n';
   }
-  write_chart(folder, "transfer", csv.str(), chart);
+  chart::write_chart(folder, "transfer", csv.str(),
+                     chart::stand_alone("From one world to another",
+                                        {panel_of(rows, 0, 1, "Outline", "IoU of the foreground"),
+                                         panel_of(rows, 1, 100, "Place", "lateral error (cm)")},
+                                        2));
 }
 
 }  // namespace echofuse::recon

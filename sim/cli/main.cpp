@@ -245,7 +245,7 @@ void add_preview(CLI::App& app, Command& command) {
   sub->add_option("--record", a->record, "its index")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  sub->add_option("--out", a->out, "PNG file to write")->required();
+  sub->add_option("--out", a->out, "SVG file to write")->required();
   sub->callback([&command, a] {
     command = [a] {
       sim::draw_record(a->run, a->record, a->out);

@@ -4,104 +4,106 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <sstream>
 
+#include "acquire/record/png.hpp"
 #include "acquire/record/run_file.hpp"
-#include "drivers/chart/gnuplot.hpp"
+#include "drivers/chart/chart.hpp"
+#include "drivers/chart/picture.hpp"
+#include "drivers/core/atomic_write.hpp"
 #include "drivers/core/exit_code.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/core/log2_codes.hpp"
 
 namespace echofuse::sim {
 namespace {
 
-// In gnuplot's single quotes, which end with the line: what follows it would be a command.
-std::string quoted(const std::string& text) {
-  std::string all = "'";
-  for (const char c : printable(text)) all += c == '\'' ? "''" : std::string(1, c);
-  return all + "'";
+constexpr double least_db = -40;
+
+Bytes png_of(const chart::Raster& r) {
+  return record::encode_png_rgb(r.rgb, static_cast<std::uint32_t>(r.columns),
+                                static_cast<std::uint32_t>(r.rows));
 }
 
-void put_map(std::ostream& out, const record::RunReader& run, const record::FusedRecord& r) {
+chart::Drawing map_of(const record::RunReader& run, const record::FusedRecord& r) {
   const auto x = run.axis("depth_x"), y = run.axis("depth_y");
-  if (!r.has(Sensor::depth) || !x || !y) {
-    out << "set title 'no depth'; unset colorbox; plot NaN notitle\n";
-    return;
-  }
-  out << "$map << EOD\n";
-  for (std::uint32_t iy = 0; iy < y->count; ++iy)
-    for (std::uint32_t ix = 0; ix < x->count; ++ix)
-      out << x->at(ix) << ' ' << y->at(iy) << ' '
-          << r.depth_mm[std::size_t{iy} * x->count + ix] / 1000.0 << '\n';
-  const auto half = [](const Axis& a) { return a.step * a.count / 2; };
-  out << "EOD\nset title " << quoted(r.label + ", depth (m)") << " noenhanced\n"
-      << "set size ratio -1; set xtics 0.25; set ytics 0.25; set xlabel 'x / z'; set ylabel 'y / "
-         "z'\n"
-      << "set xrange [" << -std::abs(half(*x)) << ':' << std::abs(half(*x)) << "]\n"
-      << "set yrange [" << -std::abs(half(*y)) << ':' << std::abs(half(*y)) << "]\n"
-      << "set cbrange [0:*]\nset palette defined (0 '#440154', 1 '#3b528b', 2 '#21918c', 3 "
-         "'#5ec962', 4 '#fde725')\nplot $map using 1:2:3 with image notitle\n"
-      << "unset colorbox; set size noratio; set autoscale; unset ylabel\n"
-      << "set xtics autofreq; set ytics autofreq\n";
+  if (!r.has(Sensor::depth) || !x || !y) return chart::no_picture("Depth", "no depth here");
+  std::vector<float> metres;
+  for (const auto mm : r.depth_mm) metres.push_back(static_cast<float>(mm / 1000.0));
+  const chart::Span span = chart::span_of(metres);
+  chart::Picture p{"Depth", png_of(chart::depth_raster(metres, x->count, span.near, span.far))};
+  p.left = x->at(-0.5), p.right = x->at(x->count - 0.5);
+  p.top = y->at(-0.5), p.bottom = y->at(y->count - 0.5);
+  p.bar = chart::depth_bar(span.near, span.far);
+  return chart::draw(p);
 }
 
-template <class Values, class Place>
-void put_curve(std::ostream& out, const std::string& title, const char* style, const Values& values,
-               Place place) {
-  out << "$curve << EOD\n";
-  for (std::size_t i = 0; i < values.size(); ++i)
-    out << place(static_cast<double>(i)) << ' ' << values[i] << '\n';
-  out << "EOD\nset title " << quoted(title)
-      << "; set xlabel 'range (m)'\nplot $curve using 1:2 with " << style << " notitle\n";
+// In dB of its strongest value.
+chart::Drawing profile_of(const Axis& axis, const record::FusedRecord& r) {
+  chart::Panel panel{
+      "Radar", {"range (m)"}, {"power (dB of the strongest)"}, {{"", {}, 1, chart::Look::line}}};
+  std::vector<double> power;
+  for (const float v : r.radar)
+    power.push_back(axis.quantity == "log2_q8" ? power_from_code(double{v}, axis.scale)
+                                               : double{v});
+  const double most = power.empty() ? 0 : *std::max_element(power.begin(), power.end());
+  for (std::size_t i = 0; i < power.size(); ++i)
+    panel.series[0].points.push_back(
+        {axis.at(static_cast<double>(i)),
+         std::max(least_db, 10 * std::log10(std::max(power[i] / std::max(most, 1e-300), 1e-300)))});
+  return chart::draw(panel);
+}
+
+chart::Drawing histogram_of(const Axis& axis, const record::FusedRecord& r) {
+  chart::Panel panel{
+      "Single-photon detector", {"range (m)"}, {"counts a bin"}, {{"", {}, 0, chart::Look::steps}}};
+  for (std::size_t i = 0; i < r.spd.size(); ++i)
+    panel.series[0].points.push_back(
+        {axis.at(static_cast<double>(i)) / ps_per_m, static_cast<double>(r.spd[i])});
+  panel.y.first = 0;
+  return chart::draw(panel);
 }
 
 // Over range and direction, of the strongest.
-void put_beams(std::ostream& out, const Axis& range, const record::Antennas& antennas,
-               const record::FusedRecord& r) {
+chart::Drawing beams_of(const Axis& range, const record::Antennas& antennas,
+                        const record::FusedRecord& r) {
   std::vector<double> powers;
-  for (std::size_t b = 0; b < range.count; ++b)
+  for (std::size_t b = range.count; b-- > 0;)
     for (std::size_t k = 0; k < record::beams; ++k)
       powers.push_back(record::beam_power(record::bin_of(r.array, antennas.size(), b), antennas,
                                           record::beam_cosine(k)));
   const double most = *std::max_element(powers.begin(), powers.end());
-  constexpr double least_db = -30;
-  out << "$beams << EOD\n";
-  for (std::size_t i = 0; i < powers.size(); ++i) {
-    const double share = most > 0 ? powers[i] / most : 0;
-    out << record::beam_cosine(i % record::beams) << ' '
-        << range.at(static_cast<double>(i / record::beams)) << ' '
-        << (share > 0 ? std::max(least_db, 10 * std::log10(share)) : least_db) << '\n';
-  }
-  out << "EOD\nset title 'radar: power (dB)'; set xlabel 'sine of the azimuth'; set ylabel 'range "
-         "(m)'\nset xrange [-1:1]; set colorbox; set cbrange ["
-      << least_db << ":0]\nplot $beams using 1:2:3 with image notitle\n";
+  constexpr double floor_db = -30;
+  std::vector<float> db;
+  for (const double p : powers)
+    db.push_back(static_cast<float>(
+        p > 0 && most > 0 ? std::max(floor_db, 10 * std::log10(p / most)) : floor_db));
+  chart::Picture p{"Radar's antennas",
+                   png_of(chart::raster(db, record::beams, chart::ColourMap::level, floor_db, 0))};
+  p.bottom = range.at(-0.5), p.top = range.at(range.count - 0.5);
+  p.degrees = false, p.x_title = "sine of the azimuth", p.y_title = "range (m)", p.ratio = 1;
+  p.bar = {chart::ColourMap::level, floor_db, 0, "dB"};
+  return chart::draw(p);
 }
 
 }  // namespace
 
-void draw_record(const std::string& run_path, std::int64_t index, const std::string& png) {
+void draw_record(const std::string& run_path, std::int64_t index, const std::string& svg) {
+  if (!svg.ends_with(".svg"))
+    throw Error(ExitCode::usage, svg + ": expected a name that ends in .svg");
   const record::RunReader run(run_path);
   const record::FusedRecord r = run.read(index);
-  const auto spd = run.axis("spd"), radar = run.axis("radar");
-  const auto array = run.axis("array");
+  const auto spd = run.axis("spd"), radar = run.axis("radar"), array = run.axis("array");
   const auto antennas = run.antennas();
-  const bool has_array = array && !antennas.empty() && !r.array.empty();
-  std::ostringstream script;
-  const auto path = std::filesystem::absolute(png);
-  script << "set terminal png size " << (has_array ? 1440 : 1080) << ",330\nset output "
-         << quoted(path.string()) << "\nset multiplot layout 1," << (has_array ? 4 : 3)
-         << "\nset grid\n";
-  put_map(script, run, r);
-  if (spd && r.has(Sensor::spd))
-    put_curve(script, "detector: counts", "steps lw 2", r.spd,
-              [&](double i) { return spd->at(i) / ps_per_m; });
-  if (radar && r.has(Sensor::radar))
-    put_curve(script, "radar: " + radar->quantity, "linespoints lw 2 pt 7 ps 0.5", r.radar,
-              [&](double i) { return radar->at(i); });
-  if (has_array) put_beams(script, *array, antennas, r);
-  script << "unset multiplot\n";
+  std::vector<chart::Drawing> drawings{map_of(run, r)};
+  if (spd && r.has(Sensor::spd)) drawings.push_back(histogram_of(*spd, r));
+  if (radar && r.has(Sensor::radar)) drawings.push_back(profile_of(*radar, r));
+  if (array && !antennas.empty() && !r.array.empty())
+    drawings.push_back(beams_of(*array, antennas, r));
+  const auto path = std::filesystem::absolute(svg);
   if (!std::filesystem::is_directory(path.parent_path()))
-    throw Error(ExitCode::disk, png + ": no such folder");
-  run_gnuplot(script.str(), path.parent_path().string(), png + ": ");
+    throw Error(ExitCode::disk, svg + ": no such folder");
+  write_atomically(svg, chart::stand_alone("Record " + std::to_string(index) +
+                                               (r.label.empty() ? "" : ": " + r.label),
+                                           drawings, drawings.size()));
 }
 
 }  // namespace echofuse::sim

@@ -48,8 +48,7 @@ struct BoundOptions {
 // noise is another: pile-up, a coherent sum; Error( interrupted).
 std::vector<Bound> study_bound(const BoundOptions& options);
 
-// bound.csv, bound.gp and bound.svg in `folder`, which exists. Throws Error: disk; failed without
-// gnuplot.
+// bound.csv and bound.svg in `folder`, which exists. Throws Error(disk).
 void write_bound(const std::vector<Bound>& rows, const std::string& folder);
 
 // What a sensor sees of a scene, by rays that follow the body: derivatives then do not drown in the

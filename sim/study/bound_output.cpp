@@ -1,30 +1,40 @@
 // SPDX-License-Identifier: MIT
 // The table and the chart of the bound.
+#include <algorithm>
 #include <sstream>
 
-#include "drivers/chart/gnuplot.hpp"
+#include "drivers/chart/chart.hpp"
+#include "drivers/chart/style.hpp"
 #include "sim/study/bound.hpp"
 
 namespace echofuse::sim {
 namespace {
 
-// Columns: 1 axis, 2 value, 3 known, 4 median, 5 and 6 quartiles, 7 error of x, 8 of the centroid.
-constexpr const char* chart = R"(set datafile separator ','
-set terminal svg size 1000,720 font 'sans,12' background 'white'
-set output 'bound.svg'
-set multiplot layout 2,2 title 'least error of the lateral position (Cramer-Rao)'
-set logscale xy; set grid; set key top right; set offsets graph 0.05, graph 0.05
-set ylabel 'standard deviation of x, m'; set yrange [0.001:1]
-axis(what, known) = sprintf("< awk -F, '$1==\"%s\" && $3==\"%s\"' bound.csv", what, known)
-what(known) = known eq 'shape' ? 'shape known' : 'pose unknown'
-do for [a in 'photons baseline_m resolution_m snr_db'] {
-  if (a eq 'snr_db') { unset logscale x }
-  set xlabel a eq 'photons' ? 'photons a record' : a eq 'baseline_m' ? 'baseline, m' : \
-             a eq 'resolution_m' ? 'radar resolution, m' : 'radar SNR, dB'
-  plot for [k in 'shape pose'] axis(a, k) using 2:4:5:6 with yerrorlines pt 7 ps 0.6 \
-       title what(k).' (median, quartiles)'
+struct BoundAxis {
+  const char *name, *title;
+  bool log;
+};
+constexpr BoundAxis axes[] = {{"photons", "photons a record", true},
+                              {"baseline_m", "baseline (m)", true},
+                              {"resolution_m", "radar's resolution (m)", true},
+                              {"snr_db", "radar's SNR (dB)", false}};
+
+// Medians, with quartiles as bars; in cm.
+chart::Panel panel_of(const std::vector<Bound>& rows, const BoundAxis& axis) {
+  chart::Panel panel{"", {axis.title, axis.log}, {"standard deviation of x (cm)", true}, {}};
+  panel.width = 500, panel.height = 300;
+  for (const char* known : {"shape", "pose"}) {
+    const bool shape = known == std::string("shape");
+    chart::Series line{shape ? "shape known" : "pose unknown", {}, shape ? 0 : 1};
+    for (const Bound& r : rows)
+      if (r.axis == axis.name && r.known == known)
+        line.points.push_back({r.value, 100 * r.x_median_m, 100 * r.x_lower_m, 100 * r.x_upper_m});
+    std::sort(line.points.begin(), line.points.end(),
+              [](const auto& a, const auto& b) { return a.x < b.x; });
+    panel.series.push_back(line);
+  }
+  return panel;
 }
-)";
 
 }  // namespace
 
@@ -34,7 +44,12 @@ void write_bound(const std::vector<Bound>& rows, const std::string& folder) {
   for (const Bound& r : rows)
     csv << r.axis << ',' << r.value << ',' << r.known << ',' << r.x_median_m << ',' << r.x_lower_m
         << ',' << r.x_upper_m << ',' << r.x_error_m << ',' << r.lateral_error_m << '\n';
-  write_chart(folder, "bound", csv.str(), chart);
+  std::vector<chart::Panel> panels;
+  for (const BoundAxis& axis : axes) panels.push_back(panel_of(rows, axis));
+  chart::write_chart(folder, "bound", csv.str(),
+                     chart::stand_alone("Least error of the lateral position (Cram\u00e9r-Rao); "
+                                        "bars: quartiles over scenes",
+                                        panels, 2));
 }
 
 }  // namespace echofuse::sim

@@ -7,7 +7,7 @@
 #include <functional>
 #include <sstream>
 
-#include "drivers/chart/gnuplot.hpp"
+#include "drivers/chart/chart.hpp"
 #include "drivers/core/staged_file.hpp"
 #include "sim/scene/scene.hpp"
 #include "sim/sensors/optics.hpp"
@@ -156,27 +156,40 @@ Fidelity row_of(const std::string& axis, const Candidate& candidate, const std::
   return {axis, candidate.value, mean, n > 1 ? std::sqrt(squares / (n - 1) / n) : 0, 0};
 }
 
-constexpr const char* chart = R"(set datafile separator ','
-set terminal svg size 1000,720 font 'sans,12' background 'white'
-set output 'fidelity.svg'
-set multiplot layout 2,2
-set logscale xy; set grid; set key top right
-set xlabel 'processor time of one scene, us'; set ylabel 'error / shot-noise variance'
-set title 'rays of the detector'
-plot 'fidelity.csv' using (strcol(1) eq 'rays' ? $5 : NaN):3:2 with labels offset 2,0.5 notitle, \
-     '' using (strcol(1) eq 'rays' ? $5 : NaN):3 with linespoints pt 7 notitle, \
-     0.1 with lines dt 2 title 'a tenth'
-set title 'rays of the radar'; set ylabel 'error / noise variance'
-plot 'fidelity.csv' using (strcol(1) eq 'radar_rays' ? $5 : NaN):3:2 with labels offset 2,0.5 notitle, \
-     '' using (strcol(1) eq 'radar_rays' ? $5 : NaN):3 with linespoints pt 7 notitle, \
-     0.1 with lines dt 2 title 'a tenth'
-set xlabel 'bin width, ps'; set title 'structure finer than the bin'; set ylabel 'error / shot-noise variance'
-plot 'fidelity.csv' using (strcol(1) eq 'bin_ps' ? $2 : NaN):3 with linespoints pt 7 notitle, \
-     0.1 with lines dt 2 title 'a tenth'
-unset logscale x; set xlabel 'left out'; set title 'parts of the body'; set xtics rotate by 45 right
-set boxwidth 0.7; set style fill solid 0.6
-plot '< grep ^part, fidelity.csv' using 0:3:xtic(2) with boxes notitle, 0.1 with lines dt 2 title 'a tenth'
-)";
+constexpr double enough = 0.1;  // of the noise's variance
+
+chart::Panel panel_of(const std::vector<Fidelity>& rows, const std::string& axis,
+                      const std::string& title, const std::string& x, const std::string& noise) {
+  chart::Panel panel{title, {x, true}, {"error / " + noise + " variance", true}, {{"", {}}}};
+  panel.rules = {{enough, "a tenth"}};
+  panel.width = 500;
+  for (const Fidelity& r : rows)
+    if (r.axis == axis)
+      panel.series[0].points.push_back({r.us > 0 ? r.us : std::stod(r.value), r.error, chart::nan,
+                                        chart::nan, r.us > 0 ? r.value : ""});
+  return panel;
+}
+
+// A row a part, those that matter most on top.
+chart::Panel parts_panel(const std::vector<Fidelity>& rows) {
+  chart::Panel panel{"Parts of the body, left out",
+                     {"error / shot-noise variance", true},
+                     {""},
+                     {{"", {}, 0, chart::Look::markers}}};
+  std::vector<Fidelity> shown;
+  for (const Fidelity& r : rows)
+    if (r.axis == "part") shown.push_back(r);
+  std::sort(shown.begin(), shown.end(),
+            [](const auto& a, const auto& b) { return a.error < b.error; });
+  for (const Fidelity& r : shown) {
+    const auto y = static_cast<double>(panel.y.ticks.size());
+    panel.y.ticks.emplace_back(y, r.value);
+    panel.series[0].points.push_back({r.error, y});
+  }
+  panel.rules = {{enough, "a tenth", true}};
+  panel.width = 500;
+  return panel;
+}
 
 }  // namespace
 
@@ -204,7 +217,16 @@ void write_fidelity(const std::vector<Fidelity>& rows, const std::string& folder
   for (const Fidelity& r : rows)
     csv << r.axis << ',' << r.value << ',' << r.error << ',' << r.standard_error << ',' << r.us
         << ',' << (r.us > 0 ? machine_name() : "") << '\n';
-  write_chart(folder, "fidelity", csv.str(), chart);
+  const std::string time = "processor time of one scene (\u00b5s)";
+  chart::write_chart(
+      folder, "fidelity", csv.str(),
+      chart::stand_alone(
+          "What an approximation costs, and what it errs",
+          {panel_of(rows, "rays", "Rays of the detector", time, "shot-noise"),
+           panel_of(rows, "radar_rays", "Rays of the radar", time, "noise"),
+           panel_of(rows, "bin_ps", "Structure finer than the bin", "bin width (ps)", "shot-noise"),
+           parts_panel(rows)},
+          2));
 }
 
 }  // namespace echofuse::sim

@@ -37,8 +37,7 @@ struct FidelityOptions {
 //   radar_rays  against 1536 rays of the radar
 std::vector<Fidelity> study_fidelity(const FidelityOptions& options);
 
-// fidelity.csv, fidelity.gp and fidelity.svg in `folder`. Throws Error: disk; failed without
-// gnuplot.
+// fidelity.csv and fidelity.svg in `folder`. Throws Error(disk).
 void write_fidelity(const std::vector<Fidelity>& rows, const std::string& folder);
 
 }  // namespace echofuse::sim

@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "acquire/record/letter.hpp"
-#include "drivers/chart/gnuplot.hpp"
+#include "drivers/chart/chart.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "sim/scene/draw.hpp"
 #include "sim/sensors/optics.hpp"
@@ -139,23 +139,21 @@ std::vector<Reading> read_scene(const std::vector<Point>& points, std::uint64_t 
   return out;
 }
 
-// Columns: 1 axis, 2 value, 3 known, 4 top 1, 5 top 3, 6 standard error.
-constexpr const char* chart = R"(set datafile separator ','
-set terminal svg size 1000,360 font 'sans,12' background 'white'
-set output 'letters.svg'
-set multiplot layout 1,3 title 'letters that the likelihood of a histogram tells, all else known'
-set logscale x; set grid; set key bottom left; set offsets graph 0.05, graph 0.05
-set ylabel 'share read rightly'; set yrange [0:1.05]
-axis(what, known) = sprintf("< awk -F, '$1==\"%s\" && $3==\"%s\"' letters.csv", what, known)
-what(known) = known eq 'brightness' ? 'brightness known' : 'brightness unknown'
-do for [a in 'photons irf_ps yaw_deg'] {
-  if (a eq 'yaw_deg') { unset logscale x }
-  set xlabel a eq 'photons' ? 'photons a record' : a eq 'irf_ps' ? 'response, ps FWHM' : \
-             'plates turn up to, degrees'
-  plot for [k in 'brightness none'] axis(a, k) using 2:4:6 with yerrorlines pt 7 ps 0.6 \
-       title what(k), 0.1 with lines dt 2 lc 'grey' title 'chance'
+chart::Panel panel_of(const std::vector<LettersRow>& rows, const std::string& axis,
+                      const std::string& title, bool log) {
+  chart::Panel panel{
+      "", {title, log}, {"share read rightly", false, 0, 1.05}, {}, {{0.1, "chance"}}};
+  panel.width = 440;
+  for (const char* known : known_names) {
+    const bool brightness = known == std::string("brightness");
+    chart::Series line{brightness ? "brightness known" : "unknown", {}, brightness ? 0 : 1};
+    for (const LettersRow& r : rows)
+      if (r.axis == axis && r.known == known)
+        line.points.push_back({r.value, r.top1, r.top1 - r.se, r.top1 + r.se});
+    panel.series.push_back(line);
+  }
+  return panel;
 }
-)";
 
 }  // namespace
 
@@ -191,7 +189,13 @@ void write_letters(const std::vector<LettersRow>& rows, const std::string& folde
   for (const LettersRow& r : rows)
     csv << r.axis << ',' << r.value << ',' << r.known << ',' << r.top1 << ',' << r.top3 << ','
         << r.se << '\n';
-  write_chart(folder, "letters", csv.str(), chart);
+  chart::write_chart(
+      folder, "letters", csv.str(),
+      chart::stand_alone("Letters that the likelihood of a histogram tells, all else known",
+                         {panel_of(rows, "photons", "photons a record", true),
+                          panel_of(rows, "irf_ps", "response, FWHM (ps)", true),
+                          panel_of(rows, "yaw_deg", "plates turn up to (degrees)", false)},
+                         3));
 }
 
 std::string confusion_text(const LettersRow& row) {

@@ -37,8 +37,7 @@ struct LettersOptions {
 // Throws Error(config) for counts that are none or not Poisson (pile-up), and Error(interrupted).
 std::vector<LettersRow> study_letters(const LettersOptions& options);
 
-// letters.csv, letters.gp and letters.svg in `folder`, which exists. Throws Error: disk; failed
-// without gnuplot.
+// letters.csv and letters.svg in `folder`, which exists. Throws Error(disk).
 void write_letters(const std::vector<LettersRow>& rows, const std::string& folder);
 
 // The confusion matrix as lines of text.

@@ -36,6 +36,12 @@ bool catches_interrupts(pid_t process) {
   return std::stoull(status.substr(at + 7), nullptr, 16) & 2u;
 }
 
+std::size_t count_of(const std::string& text, const std::string& part) {
+  std::size_t count = 0;
+  for (auto at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
+  return count;
+}
+
 constexpr const char* quick = " -q --model mlp --hidden 32,16 --epochs 8 --batch 16";
 
 }  // namespace
@@ -164,18 +170,66 @@ TEST_CASE("the report holds everything in one page") {
   CHECK_THAT(o.text, Catch::Contains("0.6576") && Catch::Contains("0.6389") &&
                          Catch::Contains("0.5266") && Catch::Contains("report.html"));
   const std::string page = contents(dir / "out/report.html");
-  std::size_t pictures = 0;
-  for (auto at = page.find("data:image/png;base64,"); at != std::string::npos;
-       at = page.find("data:image/png;base64,", at + 1))
-    ++pictures;
-  CHECK(pictures == 3);
-  CHECK(page.find("<img src=\"http") == std::string::npos);
+  // Of three records truth and maps of three models or one, each with error and uncertainty; and of
+  // the first screen and of worst, median, best three each.
+  CHECK(count_of(page, "data:image/png;base64,") >= 3 * 3 + 2 * (1 + 3 * 3) + 1 + 3);
+  for (const char* outside : {"src=\"http", "href=\"http", "url(", "@import"})
+    CHECK(page.find(outside) == std::string::npos);
   CHECK_THAT(page, Catch::Contains("Do not read the SSIM column alone"));
-  for (const char* name : {"figure_person.png", "figure_letter.png", "figure_live.png"})
-    CHECK(contents(dir / (std::string("out/") + name)).starts_with("\x89PNG"));
+  // Every entry of the contents has its section.
+  std::size_t sections = 0;
+  for (const char* id : {"cost", "failures", "gallery", "errors", "labels", "letters", "metrics",
+                         "records", "space", "live", "made"})
+    sections += count_of(page, std::string("<h2 id=\"") + id + "\"") *
+                count_of(page, std::string("href=\"#") + id + "\"");
+  CHECK(sections == 11);
+  CHECK_THAT(page, Catch::Contains("class=\"verdict\"") && Catch::Contains("<b class=\"best\">") &&
+                       Catch::Contains("<dt>command</dt><dd>echofuse-recon report ") &&
+                       Catch::Contains("data CRC-32C"));
+  for (const char* name :
+       {"figure_person.svg", "figure_letter.svg", "figure_live.svg", "timeline.svg"})
+    CHECK(contents(dir / (std::string("out/") + name)).ends_with("</svg>\n"));
   refuses("report " + (dir / "out") + " --fused " + (dir / "spd") + " --spd " + (dir / "spd") +
               " --radar " + (dir / "radar") + " --run " + (dir / "run"),
           1, "was trained on spd inputs");
+}
+
+TEST_CASE("a report of a run alone, and of two models record by record") {
+  const Folder dir;
+  write_run(dir / "run", 120);
+  write_run(dir / "fresh", 60, 8);
+  const Outcome alone = recon_program("report " + (dir / "alone") + " --live " + (dir / "fresh"));
+  CAPTURE(alone.text);
+  REQUIRE(alone.code == 0);
+  CHECK_THAT(alone.text, Catch::Contains("60 records, all with all three sensors"));
+  const std::string story = contents(dir / "alone/report.html");
+  CHECK_THAT(story, Catch::Contains("<h1>A recorded run</h1>") &&
+                        Catch::Contains("Which sensors each record has"));
+  CHECK(story.find("<script>") == std::string::npos);
+
+  for (const std::string model : {"ridge", "mean"})
+    REQUIRE(
+        recon_program("train -q --model " + model + " " + (dir / "run") + " --out " + (dir / model))
+            .code == 0);
+  const auto compare = [&](const std::string& first, const std::string& second) {
+    return recon_program("report " + (dir / first + second) + " --run " + (dir / "fresh") +
+                         " --compare " + (dir / first) + " " + (dir / second));
+  };
+  const Outcome better = compare("mean", "ridge");
+  CAPTURE(better.text);
+  REQUIRE(better.code == 0);
+  CHECK_THAT(better.text, Catch::Contains("the second model is better") &&
+                              Catch::Contains("\niou              60 records"));
+  CHECK_THAT(contents(dir / "meanridge/report.html"),
+             Catch::Contains("<b class=\"good\">second</b>"));
+  const Outcome same = compare("ridge", "ridge");
+  CHECK_THAT(same.text, Catch::Contains("cannot be told apart") &&
+                            Catch::Contains("difference +0.0000 (95 %: +0.0000 to +0.0000)"));
+  refuses("report " + (dir / "no") + " --run " + (dir / "fresh"), 2,
+          "--run needs --fused or --compare");
+  refuses("report " + (dir / "no") + " --fused " + (dir / "ridge"), 2, "nothing to report on");
+  refuses("report " + (dir / "no") + " --live " + (dir / "fresh") + " --fused " + (dir / "ridge"),
+          2, "models need --run");
 }
 
 TEST_CASE("a report takes models on other radar axes beside each other") {

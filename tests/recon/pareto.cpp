@@ -6,7 +6,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "drivers/chart/gnuplot.hpp"
+#include "drivers/chart/chart.hpp"
 #include "recon/study/study.hpp"
 #include "world.hpp"
 
@@ -40,7 +40,7 @@ TEST_CASE("study pareto: a row a model and share, the front marked, a chart") {
                                            "records,0.5,silhouette"});
   CHECK(std::count(fronts.begin(), fronts.end(), "model,1,silhouette") == 1);
   CHECK(std::filesystem::file_size(dir / "out/pareto.svg") > 1000);
-  CHECK(std::distance(std::filesystem::directory_iterator(dir / "out"), {}) == 4);  // .sqlite, .gp
+  CHECK(std::distance(std::filesystem::directory_iterator(dir / "out"), {}) == 3);  // .sqlite
   const Outcome same = recon_program("study pareto " + (dir / "train") + " " + (dir / "train") +
                                      " --out " + (dir / "same"));
   CHECK(same.code == 2);
@@ -82,9 +82,8 @@ TEST_CASE("study pareto goes on where it stopped, and draws the bound") {
   CHECK_THAT(all, Catch::Contains("\nmodel,1,empty,1,0.0625,"));
   CHECK_THAT(all, Catch::Contains("\nphotons,0.1,silhouette,1,"));
   CHECK(std::count(all.begin(), all.end(), '\n') == 1 + 5);
-  CHECK_THAT(contents(dir / "out/pareto.gp"),
-             Catch::Contains("0.0375 with lines") && Catch::Contains("0.0125 with lines"));
-  CHECK_THAT(contents(dir / "out/pareto.svg"), Catch::Contains("bound: pose unknown"));
+  CHECK_THAT(contents(dir / "out/pareto.svg"), Catch::Contains("bound: pose unknown, 3.75 cm") &&
+                                                   Catch::Contains("bound: shape known, 1.25 cm"));
   CHECK(study("empty", " --bound 0.0375").code == 2);
   CHECK(study("empty", " --bound 0.0375,0").code == 2);
 
@@ -259,6 +258,6 @@ TEST_CASE("a chart that cannot be written leaves the table that was there") {
   const Folder dir;
   std::ofstream(dir / "x.csv") << "all of it\n";
   std::filesystem::create_directory(dir / "x.csv.part");
-  CHECK_THROWS_AS(write_chart(dir.path.string(), "x", "new\n", "quit\n"), Error);
+  CHECK_THROWS_AS(chart::write_chart(dir.path.string(), "x", "new\n", "<svg/>"), Error);
   CHECK(contents(dir / "x.csv") == "all of it\n");
 }

@@ -89,30 +89,34 @@ TEST_CASE("dataset writes a run and says so") {
 
 namespace {
 
-unsigned png_width(const std::string& path) {
-  std::array<unsigned char, 20> head{};
-  std::ifstream(path).read(reinterpret_cast<char*>(head.data()), head.size());
-  return head[18] * 256u + head[19];
+std::size_t drawings_in(const std::string& path) {
+  std::ifstream in(path);
+  const std::string svg(std::istreambuf_iterator<char>(in), {});
+  CHECK((svg.starts_with("<?xml") && svg.ends_with("</svg>\n")));
+  std::size_t count = 0;
+  for (auto at = svg.find("role=\"img\""); at != std::string::npos;
+       at = svg.find("role=\"img\"", at + 1))
+    ++count;
+  return count;
 }
 
 }  // namespace
 
 TEST_CASE("preview draws a record, and the study its chart") {
   const Folder folder;
-  const std::string run = folder / "a.sqlite", picture = folder / "a.png";
+  const std::string run = folder / "a.sqlite", picture = folder / "a.svg";
   REQUIRE(sim("dataset --out " + run + " --records 2 -q").code == 0);
   const Outcome o = sim("preview " + run + " --record 1 --out " + picture);
   CAPTURE(o.text);
   CHECK(o.code == 0);
-  std::string start(8, ' ');
-  std::ifstream(picture).read(start.data(), 8);
-  CHECK(start == "\x89PNG\r\n\x1a\n");
+  CHECK(drawings_in(picture) == 3);
   CHECK(has(sim("preview " + run + " --record 2 --out " + picture).text, "no record 2; it has 2"));
-  const std::string antennas = folder / "antennas.sqlite", wide = folder / "wide.png";
+  const std::string antennas = folder / "antennas.sqlite", wide = folder / "wide.svg";
   REQUIRE(sim("dataset --out " + antennas + " --records 1 -q --set radar_antennas=8").code == 0);
   CHECK(sim("preview " + antennas + " --out " + wide).code == 0);
-  CHECK(png_width(wide) == 4 * png_width(picture) / 3);  // one picture more
-  CHECK(sim("preview " + run + " --out " + folder / "no/a.png").code == 6);
+  CHECK(drawings_in(wide) == 4);
+  CHECK(sim("preview " + run + " --out " + folder / "no/a.svg").code == 6);
+  CHECK(sim("preview " + run + " --out " + folder / "a.png").code == 2);
   const Outcome study = sim("study fidelity --scenes 2 -q --out " + folder / "study");
   CAPTURE(study.text);
   CHECK(study.code == 0);

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: MIT
+// Tables of numbers as coloured pixels, by maps that are even to the eye and in black and white.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "drivers/core/bytes.hpp"
+
+namespace echofuse::chart {
+
+using Rgb = std::array<std::uint8_t, 3>;
+
+// near: viridis, the low end bright; level: viridis, the high end bright; spread: inferno;
+// signed_error: blue below, orange above, white between.
+enum class ColourMap : std::uint8_t { near, level, spread, signed_error };
+
+Rgb colour_of(ColourMap map, double share);  // share: within 0..1, or taken to its ends
+
+inline constexpr Rgb no_return{178, 182, 188};
+inline constexpr Rgb missed{122, 20, 30}, invented{24, 24, 24};  // of an error map
+
+struct Raster {
+  std::size_t columns = 0, rows = 0;
+  Bytes rgb;
+};
+// Row-major; what is not above 0, or no number, is no return.
+Raster depth_raster(std::span<const float> map, std::size_t columns, double near_m, double far_m);
+// Every value counts.
+Raster raster(std::span<const float> values, std::size_t columns, ColourMap map, double first,
+              double last);
+// Map minus truth where both are there; where one is, missed or invented. Over +-most_m.
+Raster error_raster(std::span<const float> map, std::span<const float> truth, std::size_t columns,
+                    double most_m);
+
+struct Span {
+  double near = 2.5, far = 5;
+};
+// What 96 % of the returns lie in, to half a metre and 1 m at least; 2.5 to 5 m of few.
+Span span_of(std::span<const float> depths);
+
+}  // namespace echofuse::chart

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: MIT
+// A picture with scales: a raster over two spans, degrees or other units at its edges, and its bar.
+#pragma once
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "drivers/chart/chart.hpp"
+#include "drivers/chart/colour_map.hpp"
+
+namespace echofuse::chart {
+
+struct Bar {
+  ColourMap map = ColourMap::near;
+  double first = 0, last = 1;
+  std::string unit;
+  std::vector<std::pair<Rgb, std::string>> keys = {};  // of pixels that the bar does not have
+};
+
+struct Picture {
+  std::string title;
+  Bytes png;  // of the raster
+  // Of the raster's edges. Degrees: these are tangents.
+  double left = -1, right = 1, bottom = -1, top = 1;
+  bool degrees = true;
+  std::string x_title = "azimuth", y_title = "elevation";
+  Bar bar = {};
+  std::string note = {};
+  double width = 340;
+  double ratio = 0;  // height over width of the picture; 0: as the spans are
+};
+
+Drawing draw(const Picture& picture);
+// In place of one, as wide and high as it: a grey field that says why.
+Drawing no_picture(const std::string& title, const std::string& why, double width = 340);
+
+// Bars of the pictures that colour_map.hpp makes.
+Bar depth_bar(double near_m, double far_m);
+Bar error_bar(double most_m);
+
+}  // namespace echofuse::chart

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: MIT
+// A run as it was recorded, whatever a model makes of it: what was there when, and what was lost.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "acquire/record/run_file.hpp"
+#include "drivers/chart/chart.hpp"
+
+namespace echofuse::recon {
+
+struct RunStory {
+  std::string path;
+  record::RunInfo info;
+  record::RunSummary summary;
+  std::vector<record::Event> events;
+  std::vector<record::RecordOutline> outlines;
+};
+
+RunStory story_of(const std::string& path);  // throws as RunReader
+// "complete: 20 records, of which 19 have all three sensors".
+std::string verdict_of(const RunStory& story);
+// Sensors over time, samples a record, losses, clock residuals; none of a run without records.
+std::vector<chart::Panel> timeline(const RunStory& story);
+std::string story_html(const RunStory& story);  // timeline and tables
+
+}  // namespace echofuse::recon

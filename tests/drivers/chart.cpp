@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: MIT
+// What charts, pictures and pages have in common.
+#include "drivers/chart/chart.hpp"
+
+#include <catch2/catch.hpp>
+#include <sstream>
+
+#include "drivers/chart/colour_map.hpp"
+#include "drivers/chart/labels.hpp"
+#include "drivers/chart/page.hpp"
+#include "drivers/chart/style.hpp"
+
+using namespace echofuse::chart;
+
+namespace {
+
+double light_of(const std::string& hex) {
+  const auto part = [&](std::size_t at) {
+    const double c = std::stoi(hex.substr(at, 2), nullptr, 16) / 255.0;
+    return c <= 0.03928 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4);
+  };
+  return 0.2126 * part(1) + 0.7152 * part(3) + 0.0722 * part(5);
+}
+
+double contrast(const std::string& a, const std::string& b) {
+  const double x = light_of(a), y = light_of(b);
+  return (std::max(x, y) + 0.05) / (std::min(x, y) + 0.05);
+}
+
+// "--c0:#0b4a9e;" of the first set (light) or the second (dark).
+std::string colour(const std::string& name, bool dark) {
+  const std::string all = page_colours(), wanted = "--" + name + ":";
+  auto at = all.find(wanted);
+  if (dark) at = all.find(wanted, at + 1);
+  REQUIRE(at != std::string::npos);
+  return all.substr(at + wanted.size(), 7);
+}
+
+}  // namespace
+
+TEST_CASE("texts and lines of charts and pages have the contrast that WCAG asks for") {
+  for (const bool dark : {false, true})
+    for (const std::string ground : {"paper", "back"}) {
+      for (const char* name :
+           {"c0", "c1", "c2", "c3", "c4", "c5", "ink", "quiet", "good", "look", "bad"})
+        CHECK(contrast(colour(name, dark), colour(ground, dark)) >= 4.5);
+      CHECK(contrast(colour("edge", dark), colour(ground, dark)) >= 2.8);
+      for (const char* name : {"good-paper", "look-paper", "bad-paper"})
+        CHECK(contrast(colour("ink", dark), colour(name, dark)) >= 7);
+    }
+}
+
+TEST_CASE("ticks are round, within the span, and named in one unit") {
+  CHECK(round_ticks(0, 1, false, 300) ==
+        std::vector<double>{0, 0.2, 0.4, 0.6000000000000001, 0.8, 1});
+  CHECK(round_ticks(-0.1, 0.55, false, 200).size() >= 3);
+  CHECK(round_ticks(1, 1e6, true, 300) == std::vector<double>{1, 10, 100, 1000, 1e4, 1e5, 1e6});
+  CHECK(round_ticks(8, 40, true, 300) == std::vector<double>{10, 20});
+  CHECK(short_number(5000) == "5000");
+  CHECK(short_number(5000, 20000) == "5 k");
+  CHECK(short_number(1e6) == "1 M");
+  CHECK(short_number(0.02) == "0.02");
+}
+
+TEST_CASE("names stand apart, in their order and as near as can be") {
+  CHECK(spread_apart({10, 50}, 16, 0, 100) == std::vector<double>{10, 50});
+  CHECK(spread_apart({50, 50, 50}, 16, 0, 100) == std::vector<double>{34, 50, 66});
+  CHECK(spread_apart({98, 97}, 16, 0, 100) == std::vector<double>{100, 84});
+  std::vector<Box> taken{{90, 90, 110, 110}};
+  const Box area{0, 0, 300, 300};
+  for (int i = 0; i < 6; ++i) place_label(100, 100, 60, area, taken);
+  for (std::size_t i = 0; i < taken.size(); ++i)
+    for (std::size_t k = 0; k < i; ++k) CHECK_FALSE(taken[i].meets(taken[k]));
+}
+
+TEST_CASE("a chart leaves out what is no number, and draws a point of one seed") {
+  Panel panel{"A <title>",
+              {"x", true},
+              {"y"},
+              {{"one & two",
+                {{1, 1},
+                 {0, 2},
+                 {10, echofuse::chart::nan},
+                 {100, 3, echofuse::chart::nan, echofuse::chart::nan}}}}};
+  const std::string svg = draw(panel).svg;
+  CHECK(svg.find("nan") == std::string::npos);
+  CHECK(svg.find("inf") == std::string::npos);
+  CHECK(svg.find("A &lt;title&gt;") != std::string::npos);
+  CHECK(svg.find("one &amp; two") != std::string::npos);
+  std::size_t circles = 0;
+  for (auto at = svg.find("<circle"); at != std::string::npos; at = svg.find("<circle", at + 1))
+    ++circles;
+  CHECK(circles == 2);
+  CHECK(draw(Panel{"", {"x"}, {"y"}, {}}).svg.find("nan") == std::string::npos);  // nothing at all
+  CHECK(stand_alone("", std::vector<Panel>{panel, panel}, 2).find("var(--") == std::string::npos);
+}
+
+TEST_CASE(
+    "maps: near is bright, nothing is grey, errors are told from what is missed or invented") {
+  const auto light = [](const Rgb& c) { return 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]; };
+  double before = 256;
+  for (int i = 0; i <= 20; ++i) {
+    const double now = light(colour_of(ColourMap::near, i / 20.0));
+    CHECK(now < before);
+    before = now;
+  }
+  const std::vector<float> map{3, 0, 3.1F, 0}, truth{3, 3, 0, 0};
+  const Raster depth = depth_raster(map, 2, 2.5, 5), error = error_raster(map, truth, 2, 0.5);
+  const auto pixel = [](const Raster& r, std::size_t i) {
+    return Rgb{r.rgb[3 * i], r.rgb[3 * i + 1], r.rgb[3 * i + 2]};
+  };
+  CHECK(pixel(depth, 1) == no_return);
+  CHECK(pixel(error, 0) == colour_of(ColourMap::signed_error, 0.5));
+  CHECK(pixel(error, 1) == missed);
+  CHECK(pixel(error, 2) == invented);
+  CHECK(pixel(error, 3) == no_return);
+  std::vector<float> room(100, 0.F);
+  CHECK(span_of(room).near == 2.5);
+  for (std::size_t i = 0; i < 60; ++i) room[i] = 3.1F + static_cast<float>(i) / 100;
+  CHECK(span_of(room).near == 3);
+  CHECK(span_of(room).far == 4);
+}
+
+TEST_CASE("a page lists its sections, and leaves out empty ones") {
+  Page page("a & b");
+  page.section("one", "One", paragraph("<script>"));
+  page.section("none", "None", "");
+  page.section("two", "Two", table("", {"x"}, {{{"1"}}}));
+  const std::string html = page.html();
+  CHECK(html.find("href=\"#one\"") != std::string::npos);
+  CHECK(html.find("None") == std::string::npos);
+  CHECK(html.find("<script>") == std::string::npos);
+  CHECK(html.find("<title>a &amp; b</title>") != std::string::npos);
+}

@@ -1,0 +1,85 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/recon/report_page.py BIN_DIR: a report in Chromium: nothing overflows, nothing is asked of others, the points in
+space are drawn, light and dark, wide and narrow. Exit code 77 without Chromium."""
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+
+try:
+    from selenium import webdriver
+    from selenium.webdriver.chrome.options import Options
+    from selenium.webdriver.chrome.service import Service
+except ImportError:
+    webdriver = None
+if not (webdriver and shutil.which("chromium") and shutil.which("chromedriver")):
+    print("chromium, chromium-driver and python3-selenium are not installed: scripts/test --all")
+    sys.exit(77)
+
+bin_dir = pathlib.Path(sys.argv[1]).resolve()
+faults = []
+
+
+def run(*words):
+    subprocess.run([bin_dir / words[0], *map(str, words[1:])], check=True, stdout=subprocess.DEVNULL)
+
+
+def check(name, holds):
+    if not holds:
+        faults.append(name)
+
+
+# What stands out of the page to the right, unless it is within a box that scrolls.
+OUTSIDE = """return [...document.querySelectorAll('main *, header *')].filter(e =>
+  e.getBoundingClientRect().right > innerWidth + 1 && !e.closest('.scroll') && !e.closest('svg svg, svg *')).map(e => e.outerHTML.slice(0, 80))"""
+# Texts of a drawing that reach beyond it.
+CUT = """return [...document.querySelectorAll('svg text')].filter(t => {
+  const box = t.getBoundingClientRect(), svg = t.closest('svg').getBoundingClientRect();
+  return box.right > svg.right + 1.5 || box.left < svg.left - 1.5 || box.bottom > svg.bottom + 1.5; }).map(t => t.textContent)"""
+DRAWN = """const gl = document.getElementById('cloud').getContext('webgl'); if (!gl) return -1;
+const p = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
+gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.UNSIGNED_BYTE, p);
+return p.filter((v, i) => i % 4 == 3 && v > 0).length"""
+
+with tempfile.TemporaryDirectory() as folder:
+    folder = pathlib.Path(folder)
+    run("echofuse-sim", "dataset", "-q", "--out", folder / "run.sqlite", "--records", 240)
+    for inputs in ("fused", "spd"):
+        run("echofuse-recon", "train", "-q", folder / "run.sqlite", "--model", "ridge", "--inputs", inputs, "--out",
+            folder / f"{inputs}.h5")
+    run("echofuse-recon", "report", folder / "page", "--run", folder / "run.sqlite", "--fused", folder / "fused.h5",
+        "--spd", folder / "spd.h5", "--live", folder / "run.sqlite")
+    options = Options()
+    for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--enable-unsafe-swiftshader",
+                     "--disable-background-networking", "--disable-component-update", "--no-first-run"):
+        options.add_argument(argument)
+    options.binary_location = shutil.which("chromium")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    browser = webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
+    try:
+        for width in (1280, 390):
+            for scheme in ("light", "dark"):
+                browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
+                    "width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 600})
+                browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {
+                    "features": [{"name": "prefers-color-scheme", "value": scheme}]})
+                browser.get((folder / "page/report.html").as_uri())
+                name = f"{width} px, {scheme}"
+                outside, cut = browser.execute_script(OUTSIDE), browser.execute_script(CUT)
+                check(f"{name}: out of the page: {outside[:3]}", not outside)
+                check(f"{name}: cut off: {cut[:5]}", not cut)
+                check(f"{name}: it is wider than the window",
+                      browser.execute_script("return document.documentElement.scrollWidth") <= width)
+                asked = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name)"
+                                               ".filter(n => !n.startsWith('data:'))")
+                check(f"{name}: asks for {asked}", not asked)
+                check(f"{name}: no points in space", browser.execute_script(DRAWN) != 0)
+                paper = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
+                check(f"{name}: {paper}", (max(map(int, paper[4:-1].split(","))) < 60) == (scheme == "dark"))
+        check("the browser complains", not [m for m in browser.get_log("browser") if m["level"] == "SEVERE"])
+    finally:
+        browser.quit()
+print("\n".join(faults) or "the report fits")
+sys.exit(bool(faults))
