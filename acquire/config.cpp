@@ -7,6 +7,7 @@
 #include <sstream>
 #include <utility>
 
+#include "drivers/core/program.hpp"
 #include "drivers/core/settings.hpp"
 
 namespace echofuse::acquire {
@@ -16,7 +17,7 @@ namespace {
 struct Keys {
   std::int64_t start_channel, click_channel, bins;
   std::int64_t cli_baud, data_baud, width, height, fps, map_size;
-  std::string cfg, calibration;
+  std::string folder, cfg, calibration;
   bool first_photon_only;
 };
 
@@ -30,6 +31,7 @@ Keys defaults_of(const Config& c) {
           c.depth.height,
           c.depth.fps,
           c.map.size,
+          "",
           "",
           "",
           false};
@@ -62,7 +64,10 @@ void bind(Settings& s, Config& c, Keys& k) {
   s.add("run.connect_timeout_s", c.connect_timeout_s, 0.1, 3600,
         "how long to wait for all devices before starting with those that are there");
   s.add("run.label", c.label, "label of every record, e.g. what is in front of the sensors");
-  s.add("run.operator", c.operator_name, "who records");
+  s.add("run.operator", c.operator_name, "who records; empty: who is logged in");
+  s.add("run.folder", k.folder,
+        "where runs without --out go, as DATE-NNN; relative to this file's folder; empty: the "
+        "working directory");
   s.add("run.calibration", k.calibration,
         "file that `calibrate` wrote, applied on reading; relative to this file's folder");
   s.add("tdc.address", c.tdc.address,
@@ -92,7 +97,9 @@ void bind(Settings& s, Config& c, Keys& k) {
         "command port: serial:/dev/... or hid:VVVV:PPPP[:serial]; empty: none");
   bind_policy(s, c, "radar", Sensor::radar);
   s.add("radar.data", c.radar.data, "data port: serial:/dev/... or hid:VVVV:PPPP[:serial]");
-  s.add("radar.cfg", k.cfg, "TI mmWave .cfg file, sent verbatim; relative to this file's folder");
+  s.add("radar.cfg", k.cfg,
+        "TI mmWave .cfg file, sent verbatim; relative to this file's folder, or one of those that "
+        "are installed");
   s.add("radar.board", c.radar.board, "whose antennas a heat map in the cfg is of",
         radar::board_names());
   s.add("radar.cli_baud", k.cli_baud, 1200, 4'000'000, "of the command port");
@@ -175,7 +182,10 @@ void judge_radar(Judge& judge, Config& c, const std::string& cfg,
     return judge.complain({"radar.cfg", "radar.cli"},
                           "radar.cfg is empty; expected a TI mmWave .cfg file");
   judge.attempt({"radar.cfg"}, [&] {
-    const auto path = folder / cfg;
+    std::error_code none;
+    auto path = folder / cfg;
+    if (!std::filesystem::exists(path, none) && std::filesystem::exists(data_folder() / cfg, none))
+      path = data_folder() / cfg;
     radar.cfg_name = path.string();
     radar.cfg_text = read_config_text(path);
     for (const auto& place : parse_profile(radar).array)
@@ -217,6 +227,7 @@ void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& f
   judge.attempt({"tdc.click_channel", "tdc.start_channel", "tdc.bins", "tdc.bin_width_ps"},
                 [&] { const tdc::Histogram check(c.histogram); });
   judge_radar(judge, c, k.cfg, folder);
+  if (!k.folder.empty()) c.run_folder = (folder / k.folder).string();
   c.calibration_path =
       (folder / (k.calibration.empty() ? "calibration.toml" : k.calibration)).string();
   if (with_calibration && !k.calibration.empty())

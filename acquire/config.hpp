@@ -20,6 +20,7 @@ struct Config {
   double window_s = 3;
   double connect_timeout_s = 10;
   std::string label, operator_name;
+  std::string run_folder;  // of runs without a name; empty: the working directory
   TdcConfig tdc;
   tdc::HistogramSettings histogram;
   record::Detector detector;

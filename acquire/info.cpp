@@ -74,8 +74,8 @@ Json to_json(const record::RunReader& run) {
   Json meta = Json::object(), marks = Json::array();
   for (const auto& [key, value] : info.meta) meta[key] = value;
   for (const record::Event& e : run.events())
-    if (e.level == "mark" || e.level == "label")
-      marks.push_back({{"utc", e.utc}, {"kind", e.level}, {"text", e.text}});
+    if (e.level == "mark" || e.level == "label" || e.level == "note")
+      marks.push_back({{"utc", e.utc}, {"kind", e.level}, {"source", e.source}, {"text", e.text}});
   Json calibrations = Json::array();
   for (const auto& c : run.calibrations())
     calibrations.push_back({{"sensor", name_of(c.sensor)},

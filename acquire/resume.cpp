@@ -16,13 +16,15 @@
 #include "drivers/core/console.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/printable.hpp"
+#include "drivers/core/program.hpp"
 
 namespace echofuse::acquire {
 namespace {
 
 const std::set<std::string> free_keys{
-    "run.label", "run.operator",    "run.connect_timeout_s", "radar.cli_baud", "radar.data_baud",
-    "radar.cfg", "run.calibration", "radar.keep_running",    "radar.board"};  // by its antennas
+    "run.label",          "run.operator",    "run.folder", "run.connect_timeout_s",
+    "radar.cli_baud",     "radar.data_baud", "radar.cfg",  "run.calibration",
+    "radar.keep_running", "radar.board"};  // by its antennas
 const std::set<std::string> places{"tdc.address", "radar.cli", "radar.data", "depth.address"};
 
 std::string text_of(const std::string& key, const toml::node& value) {
@@ -166,7 +168,7 @@ std::unique_ptr<record::RunWriter> make_run(
   info.config_resolved = config.resolved;
   info.radar_cfg = config.radar.cfg_text;
   info.version = version();
-  info.operator_name = config.operator_name;
+  info.operator_name = config.operator_name.empty() ? login_name() : config.operator_name;
   info.window_s = config.window_s;
   info.meta = meta;
   if (config.detector.known()) info.meta.push_back(config.detector.meta());

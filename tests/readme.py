@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Runs the commands of a text: readme.py BIN FILE.md types its ```sh blocks, line by line and in order, into
+"""Runs the commands of a text: readme.py BIN FILE.md [--slow] types its ```sh blocks, line by line and in order, into
 one shell in an empty folder that has the programs in PATH and scripts/ and config/ beside it. A block after
-`<!-- not run: reason -->` is left out. The first command that fails ends the test."""
+`<!-- not run: reason -->` is left out; one after `<!-- slow -->`, which repeats what a quicker test checks, without
+--slow. The first command that fails ends the test."""
 import os
 import pathlib
 import re
@@ -14,8 +15,8 @@ root = pathlib.Path(__file__).resolve().parent.parent
 LAST = "readme.py: every line was run"
 
 text = pathlib.Path(sys.argv[2]).read_text(encoding="utf-8")
-blocks = [code for left_out, code in re.findall(r"(<!-- not run: [^>]+ -->\n+)?^```sh\n(.*?)^```$", text, re.M | re.S)
-          if not left_out]
+blocks = [code for note, code in re.findall(r"(<!-- (?:not run: [^>]+|slow) -->\n+)?^```sh\n(.*?)^```$", text, re.M | re.S)
+          if not note or ("slow" in note and "--slow" in sys.argv)]
 assert blocks, f"{sys.argv[2]}: no commands"
 with tempfile.TemporaryDirectory(prefix="readme-") as folder:
     for name in ("scripts", "config"):

@@ -11,8 +11,10 @@ constexpr int timeout_ms = 30'000;  // the recording process commits in millisec
 
 }  // namespace
 
-void mark(const std::string& path, const std::string& level, const std::string& text) {
-  if (RunReader(path).info().status != "open")
+void mark(const std::string& path, const std::string& level, const std::string& text,
+          const std::string& source) {
+  const RunReader run(path);  // and: it is a run file
+  if (level != "note" && run.info().status != "open")
     throw Error(ExitCode::failed,
                 path + ": nobody is recording this run; only a live one is marked");
   const DatabaseHandle file = open_database(path, "cannot open for writing");
@@ -24,7 +26,7 @@ void mark(const std::string& path, const std::string& level, const std::string& 
       .into("event")
       .set("utc", iso8601(SystemClock().utc()))
       .set("level", level)
-      .set("source", "mark")
+      .set("source", source)
       .set("text", text)
       .run();
 }

@@ -10,6 +10,7 @@
 #include <memory>
 
 #include "acquire/record/sqlite.hpp"
+#include "drivers/core/atomic_write.hpp"
 #include "drivers/core/clock.hpp"
 
 namespace echofuse::record {
@@ -27,6 +28,7 @@ std::string make_beside(const fs::path& path) {
     const std::string name = (folder / (copy + path.extension().string())).string();
     const int fd = ::open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0644);
     if (fd >= 0) {
+      let_group_read(fd);
       ::close(fd);
       return name;
     }

@@ -220,8 +220,9 @@ class RunReader {
 
 // Writes into a run that another process records: an event of level "mark", or of level "label",
 // which the recording process takes as the label of its records from the slot that runs on.
-// Throws Error(failed) if nobody is recording this run.
-void mark(const std::string& path, const std::string& level, const std::string& text);
+// Throws Error(failed) if nobody is recording this run; a "note" is taken by every run.
+void mark(const std::string& path, const std::string& level, const std::string& text,
+          const std::string& source = "mark");
 
 // One run of the parts of a data set, with the same records as if it had been made as a whole.
 // Throws Error(failed) for what is no part, parts of several data sets, records that are there

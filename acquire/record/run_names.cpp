@@ -1,12 +1,28 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/record/run_names.hpp"
 
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
 #include <ctime>
 #include <filesystem>
 
 #include "drivers/core/exit_code.hpp"
 
 namespace echofuse::record {
+
+namespace {
+
+std::string with_date(const std::string& pattern) {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  gmtime_r(&now, &utc);
+  std::string name(pattern.size() + 256, '\0');
+  name.resize(std::strftime(name.data(), name.size(), pattern.c_str(), &utc));
+  return name;
+}
+
+}  // namespace
 
 std::string with_run_extension(const std::string& name) {
   return std::filesystem::path(name).has_extension() ? name : name + ".sqlite";
@@ -17,13 +33,24 @@ std::string old_run(const std::string& name) {
 }
 
 std::string new_run(const std::string& out) {
-  const std::time_t now = std::time(nullptr);
-  std::tm utc{};
-  gmtime_r(&now, &utc);
-  std::string name(out.size() + 256, '\0');
-  name.resize(std::strftime(name.data(), name.size(), out.c_str(), &utc));
+  const std::string name = with_date(out);
   if (name.empty()) throw Error(ExitCode::usage, "--out " + out + ": not a name");
   return std::filesystem::absolute(with_run_extension(name)).string();
+}
+
+std::string next_run(const std::string& folder) {
+  const std::string day = with_date("%Y%m%d-");
+  const std::filesystem::path place = std::filesystem::absolute(folder.empty() ? "." : folder);
+  int last = 0;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(place, error)) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with(day)) last = std::max(last, std::atoi(name.c_str() + day.size()));
+  }
+  if (error) throw Error(ExitCode::disk, "run.folder: " + place.string() + ": " + error.message());
+  char number[16];
+  std::snprintf(number, sizeof number, "%03d", last + 1);
+  return (place / (day + number + ".sqlite")).lexically_normal().string();
 }
 
 }  // namespace echofuse::record

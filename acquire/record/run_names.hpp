@@ -12,5 +12,8 @@ std::string old_run(const std::string& name);
 // --out as a file: strftime's fields are those of now (UTC), so that a service names each run anew.
 // Throws Error(usage).
 std::string new_run(const std::string& out);
+// FOLDER/DATE-NNN.sqlite, DATE of now (UTC), NNN one above the highest there. Throws Error(disk) if
+// the folder is not there.
+std::string next_run(const std::string& folder);
 
 }  // namespace echofuse::record

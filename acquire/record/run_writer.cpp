@@ -20,6 +20,7 @@
 #include "acquire/record/schema.hpp"
 #include "acquire/record/sqlite.hpp"
 #include "acquire/record/writer_lock.hpp"
+#include "drivers/core/atomic_write.hpp"
 
 namespace echofuse::record {
 namespace {
@@ -51,6 +52,7 @@ std::string host_name() {
 void create_empty(const std::string& path) {
   const int fd = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0644);
   if (fd >= 0) {
+    let_group_read(fd);  // -wal and -shm take its permissions
     ::close(fd);
     return;
   }

@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "drivers/core/atomic_write.hpp"
 #include "drivers/core/exit_code.hpp"
 
 namespace echofuse::record {
@@ -55,6 +56,7 @@ WriterLock::WriterLock(const std::string& run_path) {
     ::close(fd_);
     refuse(path);
   }
+  let_group_read(fd_);  // who may read the run sees whether it is live
   const struct flock lock = whole_file();
   held_ = ::fcntl(fd_, F_OFD_SETLK, &lock) == 0;
   if (held_ || errno == EAGAIN || errno == EACCES) return;

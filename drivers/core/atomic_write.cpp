@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/core/atomic_write.hpp"
 
+#include <sys/stat.h>
+
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -31,6 +33,12 @@ void write_atomically(const std::string& path, std::string_view text) {
     out.close();
     if (!out) fail(path);
   });
+}
+
+void let_group_read(int file) {
+  struct stat status {};
+  if (::fstat(file, &status) == 0 && !(status.st_mode & S_IRGRP))
+    static_cast<void>(::fchmod(file, (status.st_mode & 07777) | S_IRGRP));
 }
 
 }  // namespace echofuse

@@ -42,6 +42,11 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
     const bool failed = std::ferror(stdout) != 0;
     errno = 0;
     if (std::fflush(stdout) == 0 && !failed) return static_cast<int>(code);
+    if (errno == 0) {  // a long text failed before: once more, for the reason
+      std::clearerr(stdout);
+      std::fputc('\n', stdout);
+      std::fflush(stdout);
+    }
     const std::string why = errno != 0 ? std::string(": ") + std::strerror(errno) : "";
     return complain(("stdout: cannot be written" + why).c_str(),
                     code == ExitCode::ok ? ExitCode::failed : code);

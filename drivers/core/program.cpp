@@ -1,17 +1,28 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/core/program.hpp"
 
+#include <pwd.h>
 #include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdlib>
 
 namespace echofuse {
 
 std::filesystem::path program_folder() {
   std::error_code none;
   return std::filesystem::read_symlink("/proc/self/exe", none).parent_path();
+}
+
+std::filesystem::path data_folder() { return program_folder().parent_path() / "share/echofuse"; }
+
+std::string login_name() {
+  const char* caller = ::getuid() == 0 ? std::getenv("SUDO_USER") : nullptr;
+  if (caller && *caller) return caller;
+  const passwd* user = ::getpwuid(::geteuid());
+  return user ? user->pw_name : std::to_string(::geteuid());
 }
 
 std::string program_beside(const std::string& name) {

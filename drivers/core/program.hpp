@@ -18,6 +18,10 @@ struct ProgramOptions {
 
 // The folder of the running program's file.
 std::filesystem::path program_folder();
+// What is installed with the programs: radar/*.cfg, lab.toml. A build folder has links to them.
+std::filesystem::path data_folder();
+// Who is logged in: the name of the effective user, under sudo that of who called it.
+std::string login_name();
 // One of our programs as the first word to start it by: beside this one, else as PATH has it.
 std::string program_beside(const std::string& name);
 

@@ -14,6 +14,7 @@
 #include "recon/cli/options.hpp"
 #include "recon/data/turpin.hpp"
 #include "recon/estimator/crossvalidate.hpp"
+#include "recon/estimator/empty_room.hpp"
 #include "recon/estimator/evaluate.hpp"
 #include "recon/estimator/predict.hpp"
 #include "recon/estimator/train.hpp"
@@ -42,6 +43,18 @@ void add_range_bias_option(CLI::App& app, std::string& action) {
          "correct (wrong if people stand further to one side), or ignore")
       ->check(CLI::IsMember(range_bias_action_names))
       ->capture_default_str();
+}
+
+void add_empty_option(CLI::App& app, std::string& path) {
+  app.add_option("--empty", path,
+                 "a run of nobody in the room of this run, if it is another one than in training");
+}
+
+TrainedModel model_for_room(const std::string& path, const std::string& empty) {
+  TrainedModel model = load_model(path);
+  const std::string text = empty.empty() ? "" : take_to_room(model, empty);
+  if (!text.empty()) std::fprintf(stderr, "%s\n", text.c_str());
+  return model;
 }
 
 // What reconstruct says of its records on stderr: while following at once, else at the end, which
@@ -113,7 +126,7 @@ class ReconstructReport {
 
 Command add_evaluate(CLI::App& app, const Common&) {
   struct Arguments {
-    std::string model, run, range_bias_action = "warn";
+    std::string model, run, empty, range_bias_action = "warn";
     std::vector<std::string> train;
     std::string output = "own";
     bool all = false, json = false;
@@ -124,11 +137,12 @@ Command add_evaluate(CLI::App& app, const Common&) {
   app.add_flag("--all", a->all, "also score records that the model was trained on");
   app.add_option("--train", a->train,
                  "the runs the model was trained on, for the nearest-neighbour row of a fresh run");
+  add_empty_option(app, a->empty);
   add_range_bias_option(app, a->range_bias_action);
   add_output_option(app, a->output);
   app.add_flag("--json", a->json, "one JSON object instead of text");
   return [a] {
-    const TrainedModel model = load_model(a->model);
+    const TrainedModel model = model_for_room(a->model, a->empty);
     Dataset data = load_recorded({a->run}), other;
     const Records records =
         prepare_records(model, data, range_bias_action_of(a->range_bias_action));
@@ -157,7 +171,7 @@ Command add_evaluate(CLI::App& app, const Common&) {
 
 Command add_reconstruct(CLI::App& app, const Common& common) {
   struct Arguments : ReconstructOptions {
-    std::string model, run, range_bias_action = "warn";
+    std::string model, run, empty, range_bias_action = "warn";
   };
   const auto a = std::make_shared<Arguments>();
   app.add_option("model", a->model, "model file")->required();
@@ -168,6 +182,7 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
       ->allow_extra_args(false)
       ->check(CLI::IsMember(map_format_names()))
       ->capture_default_str();
+  add_empty_option(app, a->empty);
   add_range_bias_option(app, a->range_bias_action);
   add_output_option(app, a->output);
   app.add_option("--zoom", a->zoom_m,
@@ -187,7 +202,7 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
     a->on_run = [&](const std::string& text) {
       std::fprintf(stderr, "%s: %s\n", printable(a->run).c_str(), printable(text).c_str());
     };
-    const TrainedModel model = load_model(a->model);
+    const TrainedModel model = model_for_room(a->model, a->empty);
     reconstruct(model, a->run, *a);
     if (!model.uncertainty && !common.quiet)
       std::fprintf(stderr, "%s: %s: too few training records to say how far off the maps are\n",

@@ -9,6 +9,7 @@
 #include "recon/cli/options.hpp"
 #include "recon/data/augment.hpp"
 #include "recon/estimator/crossvalidate.hpp"
+#include "recon/estimator/empty_room.hpp"
 #include "recon/estimator/train.hpp"
 #include "recon/estimator/tune.hpp"
 #include "recon/files/text.hpp"
@@ -19,7 +20,7 @@ namespace {
 
 struct Arguments : TrainOptions {
   std::vector<std::string> runs;
-  std::string out, from;
+  std::string out, from, empty;
   double radar_bin_m = 0;
   std::vector<std::size_t> validate_on_runs;  // counted from 1
   bool force = false;
@@ -30,7 +31,7 @@ constexpr const char* settled[] = {
     "--model",       "--candidates", "--radar-bin", "--scaling",          "--hidden",
     "--basis",       "--epochs",     "--batch",     "--learning-rate",    "--weight-decay",
     "--patience",    "--augment",    "--gains",     "--validation-share", "--weight",
-    "--validate-on", "--inputs"};
+    "--validate-on", "--inputs",     "--empty"};
 
 void check_from(const CLI::App& app) {
   for (const char* option : settled)
@@ -65,6 +66,9 @@ Dataset load_to_train(Arguments& a) {
   a.validate_on.clear();
   if (a.validate_on_runs.empty()) a.validate_on = {data.sources.size() - 1};
   for (const std::size_t run : a.validate_on_runs) a.validate_on.push_back(run - 1);
+  if (!a.empty.empty() && a.radar_bin_m > 0)
+    throw Error(ExitCode::usage, "--empty does not go with --radar-bin: give runs of such bins");
+  if (!a.empty.empty()) state_empty_room(data, a.empty);
   if (a.radar_bin_m > 0) rebin_radar(data, radar_bins(a.radar_bin_m));
   return data;
 }
@@ -80,6 +84,7 @@ FoldFile folds_of(const Arguments& a, const Dataset& data, const std::optional<J
       fold_settings(data, a.scaling, a.fit,
                     {{"validate-on", runs},
                      {"radar-bin", formatted("%.9g", a.radar_bin_m)},
+                     {"empty", a.empty},
                      {"split", split.kind + formatted(" %.9g %.9g %zu", split.test_share,
                                                       split.validation_share, split.gap)}});
   StudyOptions options;
@@ -130,6 +135,9 @@ Command add_train(CLI::App& app, const Common& common) {
   app.add_option("--from", a->from,
                  "a model file, of another room: tune it to these records (10 and more), as far "
                  "as a cross-validation among them says");
+  app.add_option("--empty", a->empty,
+                 "a run of nobody in the same room: models that look at the body take its mean as "
+                 "what stands still, and can be taken to other rooms (reconstruct --empty)");
   add_inputs_option(app, a->inputs);
   app.add_option(
          "--radar-bin", a->radar_bin_m,

@@ -35,6 +35,12 @@ struct Source {
 
 // A sensor that a record lacks has zeros in its row; `has` tells. A run without the sensor at all,
 // or of which it was not loaded, has an axis of count 0.
+// What the sensors see of a room without people, on a Dataset's axes: a row of each of its tables.
+struct EmptyRoom {
+  std::vector<float> spd, radar, array;
+  bool known() const { return !spd.empty() || !radar.empty(); }
+};
+
 struct Dataset {
   Axis spd_axis, radar_axis;  // the radar's after linearisation: "power" or "binned_power"
   // Of lags (lags.hpp); none of runs that differ in it, as old and new ones do.
@@ -49,6 +55,7 @@ struct Dataset {
   std::vector<double> clicks_a_pulse;  // of the laser; 0: not known, or what they hide is put back
   std::vector<std::string> label;
   std::vector<Source> sources;
+  EmptyRoom empty_room;    // where these records are; empty if that is not known
   std::uint32_t hash = 0;  // CRC-32C of the tables
 
   std::size_t size() const { return valid.size(); }

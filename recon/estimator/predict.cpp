@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "drivers/core/clones.hpp"
+#include "recon/estimator/empty_room.hpp"
 #include "recon/uncertainty/predictors.hpp"
 
 namespace echofuse::recon {
@@ -119,6 +120,7 @@ Records prepare_records(const TrainedModel& whole, Dataset recorded, RangeBiasAc
   const auto align = [&](double range_bias_m) {
     subtract_range_offset(data, range_bias_m);
     model.match(data);
+    if (model.room_change) exchange_room(*model.room_change, data, range_bias_m == 0);
     out.aligned = model.align(data, all_rows(data.size()), true);
     if (model.alignment.gains() == Gains::unknown) return;
     out.gains = check_gains(model.alignment, out.aligned);

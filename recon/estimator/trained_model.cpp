@@ -139,6 +139,13 @@ Preprocessing::Preprocessing(const Dataset& data, const Rows& train, Inputs inpu
   const Features raw = fit_features(data, train, inputs, raw_scaling);
   const Matrix raw_inputs = raw.raw_inputs(data, all_rows(data.size()));
   alignment = Alignment(raw.layout(), raw_inputs, train, gains);
+  if (data.empty_room.known()) {
+    const EmptyRoom& room = data.empty_room;
+    std::vector<float> still = room.spd;
+    if (raw.radar_count() > 0) still.insert(still.end(), room.radar.begin(), room.radar.end());
+    if (raw.array_count() > 0) still.insert(still.end(), room.array.begin(), room.array.end());
+    alignment.set_background(still);
+  }
   aligned = alignment(raw_inputs);
   if (both_sensors(inputs))
     context = RunContext(alignment, data, aligned, laboratories_of(data, train), inputs,

@@ -64,6 +64,8 @@ struct TrainedModel {
   RangeBiasReference range_bias;           // of a fused model
   DomainReference domain;                  // what its training records are like
   std::unique_ptr<TrainedModel> fallback;  // of a fused model; may be null
+  // Of a model that was taken to another room: what is added to its records' radar.
+  std::optional<EmptyRoom> room_change;
   std::uint32_t data_hash = 0;
   double train_s = 0;
 

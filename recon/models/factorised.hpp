@@ -24,6 +24,10 @@ class Factorised final : public Model {
   TrainingLog fit(const Samples& train, const Samples& validation,
                   const FitOptions& options) override;
   std::unique_ptr<Model> tuned(const Samples& train, const Tuning& tuning) const override;
+  bool show_background(std::span<const float> metres) override {
+    background_.assign(metres.begin(), metres.end());
+    return true;
+  }
   Matrix predict(const Matrix& aligned, SoftMaps* soft) const override;
   Cost cost() const override;
   std::optional<BodyLayers> body_layers() const override;

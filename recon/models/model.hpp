@@ -90,6 +90,8 @@ class Model {
   // A copy of a trained model, adapted to a few records of another room, with their scene; none if
   // this kind of model cannot.
   virtual std::unique_ptr<Model> tuned(const Samples&, const Tuning&) const { return {}; }
+  // Of one that places a body: what its maps show behind it from now on; others return false.
+  virtual bool show_background(std::span<const float>) { return false; }
   // One map a row, metres. Models that place a body give what they are made of at once, if it is
   // asked for; others leave it as it is, as their mean map says both.
   virtual Matrix predict(const Matrix& inputs, SoftMaps* soft = nullptr) const = 0;

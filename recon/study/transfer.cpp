@@ -57,12 +57,12 @@ std::vector<Job> jobs_of(const TransferOptions& o) {
     if (records >= TuneOptions::least_alone) out.push_back({"none", "alone", records});
     for (const std::string& from : worlds_a) {
       out.push_back({from, "pooled", records});
-      if (!o.quick) out.push_back({from, "pooled, weighted", records});
+      if (!o.quick) out.push_back({from, "pooled weighted", records});
       out.push_back({from, "tuned", records});
       if (o.quick) continue;
       for (const std::string& choice : choice_names())
-        if (choice.starts_with("tuned,") &&
-            (records >= TuneOptions::least_alone || !choice.starts_with("tuned, turned")))
+        if (choice.starts_with("tuned ") &&
+            (records >= TuneOptions::least_alone || !choice.starts_with("tuned and turned")))
           out.push_back({from, choice, records});
     }
   }

@@ -75,10 +75,10 @@ std::vector<TransferRow> summarise_transfer(const std::vector<Measurement>& all)
 }
 
 std::string to_text(const std::vector<TransferRow>& rows) {
-  std::string out = formatted("%7s %-5s %-24s %16s %16s %9s %9s %8s\n", "records", "from", "model",
+  std::string out = formatted("%7s %-5s %-33s %16s %16s %9s %9s %8s\n", "records", "from", "model",
                               "IoU", "lateral cm", "SSIM hard", "within 90", "train s");
   for (const TransferRow& r : rows)
-    out += formatted("%7zu %-5s %-24s %8.3f +-%6.3f %8.1f +-%6.1f %9.3f %9.3f %8.1f\n", r.records,
+    out += formatted("%7zu %-5s %-33s %8.3f +-%6.3f %8.1f +-%6.1f %9.3f %9.3f %8.1f\n", r.records,
                      r.from.c_str(), r.model.c_str(), r.mean[0], r.spread[0], 100 * r.mean[1],
                      100 * r.spread[1], r.mean[2], r.within_90, r.train_s);
   return out;

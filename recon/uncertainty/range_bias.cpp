@@ -135,7 +135,11 @@ std::string RangeBias::text(bool corrected, bool other_shapes) const {
 RangeBiasReference::RangeBiasReference(const Alignment& alignment, const Dataset& data,
                                        const Matrix& aligned, const Rows& rows)
     : echoes_(data, rows) {
-  if (alignment.radar_background_share(data.radar, rows) > most_background) return;
+  // In front of walls only if these are known: what is learnt of them among people keeps some of
+  // them.
+  if (!data.empty_room.known() &&
+      alignment.radar_background_share(data.radar, rows) > most_background)
+    return;
   const Seen seen = see(alignment, aligned, rows);
   if (seen.histograms.rows < least_records) return;
   by_angle_ = alignment.array_features() > 0;
@@ -251,10 +255,10 @@ void RangeBiasReference::save(record::H5File& file) const {
 
 void RangeBiasReference::load(const record::H5File& file, const Alignment& alignment) {
   if (!file.has("range_bias")) return;
-  echoes_.load(file);
-  if (!file.has("range_bias/displacement_m")) return;
   require_sound(file, alignment.known() && alignment.profile_points() > 0, "range_bias",
                 "none without both sensors");
+  echoes_.load(file);
+  if (!file.has("range_bias/displacement_m")) return;
   expected_ = make_ridge();
   expected_->load(file.group("range_bias"), inputs(alignment), 1);
   by_angle_ = alignment.array_features() > 0;

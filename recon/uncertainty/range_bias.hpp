@@ -68,8 +68,8 @@ class RangeBiasReference {
   RangeBiasReference(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
                      const Rows& rows);
 
-  // False in models of earlier versions and with fewer than 50 records, in front of walls unless
-  // these stand still in the profiles.
+  // False in models of earlier versions. Of bodies: false with fewer than 50 records, and in front
+  // of walls unless the training knew its empty room; of still echoes: with fewer than 20.
   bool known() const { return knows_bodies() || echoes_.known(); }
   bool knows_bodies() const { return !displacements_m_.empty(); }
   // What the rows with two live sensors show, in their order. The data must be on the model's axes.
@@ -81,6 +81,8 @@ class RangeBiasReference {
   // All that a run says, whose gains have been looked at if they ought to be stable.
   RangeBias judge(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
                   const GainCheck& gains) const;
+
+  void forget_echoes() { echoes_ = {}; }
 
   void save(record::H5File& file) const;
   void load(const record::H5File& file, const Alignment& alignment);

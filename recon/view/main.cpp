@@ -61,7 +61,7 @@ int run(int argc, char** argv) {
   app.add_option("--model", o.model, "model whose reconstructions are shown");
   auto* text = app.add_flag("--text", o.text, "block characters in the terminal, no server");
   app.add_option("--listen", o.server.listen,
-                 "ADDRESS:PORT; by default 127.0.0.1:8410, or the next free port. Another address "
+                 "ADDRESS:PORT; by default 127.0.0.1:8410, or another free port. Another address "
                  "than this machine's own asks everybody for the token")
       ->excludes(text);
   app.add_option("--planned", o.planned, "records that the run shall have: shows what remains")

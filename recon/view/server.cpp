@@ -119,12 +119,12 @@ class Server::Loop final : public SessionOwner {
   HostTime begun_{}, seen_live_{}, state_{}, strip_{};
 };
 
-// The first free port of ten, unless somebody says which.
+// The first free port of ten, else any, unless somebody says which.
 void Server::Loop::listen() {
   const bool said = !options_.listen.empty();
   tcp::endpoint at = said ? endpoint_of(options_.listen)
                           : tcp::endpoint(net::ip::address_v4::loopback(), usual_port);
-  for (int tries = said ? 1 : usual_ports;; --tries) {
+  for (int tries = said ? 1 : usual_ports + 1;; --tries) {
     Error_code error;
     acceptor_.open(at.protocol(), error);
     if (!error) acceptor_.set_option(tcp::acceptor::reuse_address(true), error);
@@ -135,7 +135,7 @@ void Server::Loop::listen() {
       throw Error(ExitCode::failed, "cannot listen at " + at.address().to_string() + ":" +
                                         std::to_string(at.port()) + ": " + error.message());
     acceptor_.close();
-    at.port(static_cast<unsigned short>(at.port() + 1));
+    at.port(tries > 2 ? static_cast<unsigned short>(at.port() + 1) : 0);
   }
 }
 

@@ -55,9 +55,9 @@ std::string lamps(const FollowedRun& run, UtcTime now, bool colours) {
     const auto age = age_s(sensor, now);
     const std::string word = std::string("[") + lamp.word + "]";
     const std::string when =
-        run.live() ? (age ? formatted("%5.1f s ago", *age) : std::string("never")) : "";
+        run.live() ? (age ? formatted("%5.1f s ago", *age) : std::string("      never")) : "";
     const std::string rest =
-        formatted(" %-5s %11s  lost %" PRIu64 "  ", name_of(s), when.c_str(), sensor.lost) +
+        formatted(" %-5s %s  lost %" PRIu64 "  ", name_of(s), when.c_str(), sensor.lost) +
         sensor.verdict;
     out += (colours ? lamp.colour + word + "\033[0m" : word) +
            printable(rest, width - word.size()) + "\n";
@@ -138,7 +138,8 @@ std::string text_page(const FollowedRun& run, std::optional<std::int64_t> planne
     if (!r.label.empty()) bottom += ", label " + r.label;
     if (const auto free = run.free_bytes())
       bottom += formatted(", %.1f GB free", static_cast<double>(*free) / 1e9);
-    if (!run.events().empty()) bottom += "; " + run.events().back().text;
+    if (!run.events().empty())
+      bottom += "; " + run.events().back().source + ": " + run.events().back().text;
     out += printable(bottom, width) + "\n";
   });
   return out;

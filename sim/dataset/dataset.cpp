@@ -239,7 +239,7 @@ Generator::Generator(Plan plan)
       y_(map_grid(plan_.conditions).y()),
       mean_peak_(mean_peak_power(radar_response(plan_.conditions), plan_.conditions)),
       antennas_(simulated_antennas(conditions(0), seed_of(plan_, Stream::antennas))) {
-  if (laboratories_.size() == 1 && plan_.conditions.background == "room")
+  if (laboratories_.size() == 1 && plan_.conditions.background != "none")
     room_ = room_alone(conditions(0),
                        {radar_response(conditions(0)), antennas_, seed_of(plan_, Stream::room)});
 }

@@ -97,10 +97,8 @@ class DirectoryLock {
 
 fs::path find_radar_cfg(const LabOptions& options) {
   if (!options.radar_cfg.empty()) return options.radar_cfg;
-  const std::string name =
-      default_radar_cfg + std::string(options.radar_sdk == "3.4" ? "_sdk3.4.cfg" : ".cfg");
-  const fs::path beside = program_folder() / "../../../config" / name;
-  return fs::exists(beside) ? beside : fs::path(ECHOFUSE_CONFIG_DIR) / name;
+  return data_folder() /
+         (default_radar_cfg + std::string(options.radar_sdk == "3.4" ? "_sdk3.4.cfg" : ".cfg"));
 }
 
 std::string read_cfg(const fs::path& path) {
@@ -125,7 +123,7 @@ void make_openni(const fs::path& dir) {
   fs::create_symlink(library, dir / "openni/libOpenNI2.so.0");
   fs::create_symlink(openni_folder / "OpenNI2/Drivers/libOniFile.so.0",
                      drivers / "libOniFile.so.0");
-  const fs::path module = program_folder() / "../lib" / module_name;
+  const fs::path module = program_folder() / ECHOFUSE_LIBDIR / module_name;
   std::error_code error;
   fs::copy_file(module, drivers / (std::string(module_name) + ".0"), error);
   if (error)

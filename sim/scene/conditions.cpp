@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "sim/scene/mesh.hpp"
+#include "sim/scene/room.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -25,7 +26,7 @@ void bind_scene(Settings& s, Conditions& c) {
   s.add("object_up", c.object_up, "which of the mesh's axes points up", {"y", "z"});
   s.add("object_albedo", c.object_albedo, 0, 1, "of the object");
   s.add("object_yaw_deg", c.object_yaw_deg, 0, 180, "objects turn up to this much");
-  s.add("background", c.background, "what stands behind", {"none", "room"});
+  s.add("background", c.background, "what stands behind", room_names());
 }
 
 void bind_people(Settings& s, Conditions& c) {

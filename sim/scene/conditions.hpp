@@ -24,7 +24,7 @@ struct Conditions {
   double target_scale = 1.0;        // size of people and letters
   double person_yaw_deg = 60;       // people turn up to this much from facing -z
   double letter_yaw_deg = 30;       // letters turn up to this much from facing the sensors
-  std::string background = "none";  // none, room
+  std::string background = "none";  // or a room (room.hpp)
   std::string object;           // file of a triangle mesh (sim/scene/mesh.hpp) for object scenes
   double object_scale = 1;      // metres to one of its units
   std::string object_up = "y";  // y, z

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "sim/scene/room.hpp"
 
+#include <algorithm>
+
 namespace echofuse::sim {
 namespace {
 
@@ -29,25 +31,62 @@ void add_box(std::vector<Plate>& plates, double x, double front_z, double width,
   plates.push_back(rectangle(middle + (height / 2) * up, right, away, width, depth, albedo));
 }
 
-std::vector<Plate> build() {
-  std::vector<Plate> plates{wall(-3.0, 4.654, 0.1, 5.01, 0.5), wall(-0.3, 5.225, 3.4, 5.531, 0.7)};
-  add_box(plates, -1.6, 4.62, 0.45, 1.7, 0.10, 0.8);
-  add_box(plates, -0.45, 4.64, 0.40, 1.3, 0.15, 0.4);
-  add_box(plates, 0.85, 4.80, 0.40, 1.6, 0.25, 0.7);
-  add_box(plates, 1.9, 5.02, 0.50, 1.4, 0.20, 0.9);
-  return plates;
+struct Box {
+  double x, front_z, width, height, depth, albedo;
+};
+
+Room make_room(std::string name, std::vector<Plate> walls, const std::vector<Box>& boxes) {
+  for (const Box& b : boxes) add_box(walls, b.x, b.front_z, b.width, b.height, b.depth, b.albedo);
+  return {std::move(name), std::move(walls)};
+}
+
+std::vector<Room> build() {
+  const Plate left = wall(-3.0, 4.654, 0.1, 5.01, 0.5), right = wall(-0.3, 5.225, 3.4, 5.531, 0.7);
+  const std::vector<Box> boxes{{-1.6, 4.62, 0.45, 1.7, 0.10, 0.8},
+                               {-0.45, 4.64, 0.40, 1.3, 0.15, 0.4},
+                               {0.85, 4.80, 0.40, 1.6, 0.25, 0.7},
+                               {1.9, 5.02, 0.50, 1.4, 0.20, 0.9}};
+  std::vector<Box> moved = boxes, with_somebody = boxes;
+  moved[0].x = -0.9, moved[1].x = -1.9, moved[2].x = 1.35, moved[3].x = 0.45;
+  moved[3].front_z = 4.85;
+  with_somebody.push_back({-2.15, 4.3, 0.45, 1.75, 0.25, 0.45});
+  // The door is 0.9 m wide and as high as the wall is seen.
+  const std::vector<Plate> open{left, wall(-0.3, 5.225, 1.1, 5.341, 0.7),
+                                wall(2.0, 5.415, 3.4, 5.531, 0.7), wall(0.6, 6.3, 2.6, 6.4, 0.5)};
+  const std::vector<Plate> other{wall(-3.4, 5.45, -0.2, 5.2, 0.3),
+                                 wall(-0.4, 5.05, 3.2, 4.75, 0.8)};
+  return {make_room("room", {left, right}, boxes), make_room("moved", {left, right}, moved),
+          make_room("door", open, boxes), make_room("bystander", {left, right}, with_somebody),
+          make_room("other", other,
+                    {{-1.9, 4.95, 0.60, 1.0, 0.30, 0.5},
+                     {-0.7, 4.90, 0.35, 1.9, 0.20, 0.9},
+                     {1.2, 4.62, 0.70, 1.2, 0.15, 0.3}})};
 }
 
 }  // namespace
 
-const std::vector<Plate>& room() {
-  static const std::vector<Plate> plates = build();
-  return plates;
+const std::vector<Room>& rooms() {
+  static const std::vector<Room> all = build();
+  return all;
 }
 
-Scene empty_room() {
+const Room& room() { return rooms().front(); }
+
+const Room* room_named(const std::string& background) {
+  const auto found = std::find_if(rooms().begin(), rooms().end(),
+                                  [&](const Room& r) { return r.name == background; });
+  return found == rooms().end() ? nullptr : &*found;
+}
+
+std::vector<std::string> room_names() {
+  std::vector<std::string> out{"none"};
+  for (const Room& r : rooms()) out.push_back(r.name);
+  return out;
+}
+
+Scene empty_room(const Room& of) {
   Scene scene;
-  scene.room = true;
+  scene.room = &of;
   return scene;
 }
 

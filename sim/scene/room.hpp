@@ -1,16 +1,29 @@
 // SPDX-License-Identifier: MIT
-// The fixed background of the single-sensor baseline (Turpin et al., Optica 7, 900, 2020).
+// What stands still behind people: the fixed background of the single-sensor baseline (Turpin et
+// al., Optica 7, 900, 2020), and rooms to take a model to.
 #pragma once
+#include <string>
 #include <vector>
 
 #include "sim/scene/scene.hpp"
 
 namespace echofuse::sim {
 
-// Two slanted walls and four boxes behind the people, all at z > 4.6 m and within 7.0 m slant range
-// over the base field of view. Left and right differ in range everywhere, so the range of the light
-// that a person takes away tells the person's direction.
-const std::vector<Plate>& room();
-Scene empty_room();
+struct Room {
+  std::string name;
+  std::vector<Plate> plates;
+};
+
+// "room": two slanted walls and four boxes behind the people, all at z > 4.6 m and within 7.0 m
+// slant range over the base field of view. Left and right differ in range everywhere, so the range
+// of the light that a person takes away tells the person's direction.
+// "moved": its boxes stand elsewhere. "door": a door in its right wall is open, on a wall 1 m
+// behind. "bystander": somebody stands still at its left wall. "other": other walls, boxes and
+// colours.
+const std::vector<Room>& rooms();
+const Room& room();
+const Room* room_named(const std::string& background);  // nullptr: none, or unknown
+std::vector<std::string> room_names();                  // "none" first
+Scene empty_room(const Room& of = room());
 
 }  // namespace echofuse::sim

@@ -10,6 +10,7 @@
 #include "sim/scene/draw.hpp"
 #include "sim/scene/mesh.hpp"
 #include "sim/scene/person.hpp"
+#include "sim/scene/room.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -104,7 +105,7 @@ Scene make_scene(const Conditions& c, const SceneSpec& spec, std::uint64_t seed,
 
 Scene make_scene(const Conditions& c, const SceneSpec& spec, SceneSampler& sampler) {
   Scene scene;
-  scene.room = c.background == "room";
+  scene.room = room_named(c.background);
   switch (spec.kind) {
     case SceneKind::person:
       add_person(scene, c, chosen(spec, random_stand(c, c.person_yaw_deg, sampler)), sampler);
@@ -125,7 +126,7 @@ Scene make_scene(const Conditions& c, const SceneSpec& spec, SceneSampler& sampl
       const double half = 0.006 * c.reflector_m;
       scene.plates.push_back(
           {{0, 0, c.reflector_m}, {1, 0, 0}, {0, 1, 0}, {{-half, 0, half, 0, 2 * half}}, 11});
-      scene.room = false;
+      scene.room = nullptr;
       scene.label = "reflector";
       break;
     }

@@ -40,12 +40,14 @@ struct Triangle {
   double albedo = 0;
 };
 
+struct Room;  // room.hpp
+
 struct Scene {
   std::vector<Capsule> capsules;
   std::vector<Plate> plates;
   std::vector<Triangle> triangles;
-  bool room = false;  // the fixed room stands behind everything
-  std::string label;  // person, letter:A, two_people, empty, object:chair
+  const Room* room = nullptr;  // stands behind everything
+  std::string label;           // person, letter:A, two_people, empty, object:chair
 };
 
 // reflector: a small white plate at reflector_m straight ahead of the SPD. object: the mesh of

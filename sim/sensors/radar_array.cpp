@@ -311,7 +311,7 @@ void ArrayEcho::frame(double later_s, Rng& rng, std::span<std::complex<float>> s
 
 std::vector<float> room_echo(const ArrayRadar& radar, const Conditions& c) {
   std::vector<float> planes(blocks_of(radar.axis) * Layout(radar.antennas.size()).planes());
-  add_still(radar_returns(empty_room(), c), radar, planes);
+  add_still(radar_returns(empty_room(*room_named(c.background)), c), radar, planes);
   return planes;
 }
 

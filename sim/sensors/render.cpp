@@ -90,7 +90,7 @@ void look(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Ro
   std::shared_ptr<const Image> behind;
   std::vector<std::int32_t> no_shape;
   if (scene.room && room == RoomIs::subtracted) {
-    behind = Scanner::room_image(gaze.sensor_x_m, x, y, sampling);
+    behind = Scanner::room_image(*scene.room, gaze.sensor_x_m, x, y, sampling);
     no_shape.assign(x.count, nothing);
   }
   Scanner(scene, gaze.sensor_x_m, x, y, sampling, room).scan(Shading::on, [&](const Row& row) {

@@ -13,10 +13,11 @@ RoomAlone room_alone(const Conditions& conditions, const ArrayRadar& radar) {
   Conditions c = conditions;
   c.background_counts = 0;
   c.radar_leakage = 0;
+  const Scene scene = empty_room(*room_named(c.background));
   RoomAlone room;
-  room.light = spd_rate(spd_returns(empty_room(), c), c);
+  room.light = spd_rate(spd_returns(scene, c), c);
   if (c.radar_sum != "coherent")
-    room.power = radar_power(radar_returns(empty_room(), c), radar.axis, c);
+    room.power = radar_power(radar_returns(scene, c), radar.axis, c);
   else if (!radar.antennas.empty())
     room.echo = room_echo(radar, c);
   return room;

@@ -3,29 +3,26 @@
 
 #include <map>
 #include <mutex>
+#include <utility>
 
 #include "sim/scene/room.hpp"
 
 namespace echofuse::sim {
 
-// The room never moves: its image is made once for each sensor. Safe from any thread.
-std::shared_ptr<const Image> Scanner::room_image(double sensor_x_m, const Axis& x, const Axis& y,
-                                                 Sampling sampling) {
+// A room never moves: its image is made once for each sensor. Safe from any thread.
+std::shared_ptr<const Image> Scanner::room_image(const Room& room, double sensor_x_m, const Axis& x,
+                                                 const Axis& y, Sampling sampling) {
   static std::mutex mutex;
-  static std::map<std::vector<double>, std::shared_ptr<const Image>> images;
+  using Key = std::pair<const Room*, std::vector<double>>;
+  static std::map<Key, std::shared_ptr<const Image>> images;
   constexpr std::size_t most = 8;  // three belong to a data set
-  const std::vector<double> key{sensor_x_m,
-                                static_cast<double>(sampling),
-                                x.start,
-                                x.step,
-                                y.start,
-                                y.step,
-                                static_cast<double>(x.count),
-                                static_cast<double>(y.count)};
+  const Key key{&room,
+                {sensor_x_m, static_cast<double>(sampling), x.start, x.step, y.start, y.step,
+                 static_cast<double>(x.count), static_cast<double>(y.count)}};
   const std::lock_guard lock(mutex);
   if (const auto known = images.find(key); known != images.end()) return known->second;
   Scene alone;
-  alone.plates = room();
+  alone.plates = room.plates;
   if (images.size() == most) images.clear();
   const std::size_t size = std::size_t{x.count} * y.count;
   auto image = std::make_shared<Image>(Image{std::vector<double>(size, INFINITY),

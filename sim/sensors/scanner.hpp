@@ -102,7 +102,8 @@ class Scanner {
     for (const auto& t : scene.triangles) triangles_.emplace_back(TriangleShape(t, sensor), x, y);
     std::sort(triangles_.begin(), triangles_.end(),
               [](const auto& a, const auto& b) { return a.y0 < b.y0; });
-    if (scene.room && room == RoomIs::seen) background_ = room_image(sensor_x_m, x, y, sampling);
+    if (scene.room && room == RoomIs::seen)
+      background_ = room_image(*scene.room, sensor_x_m, x, y, sampling);
   }
 
   // visit(row) for every row in which something can be met.
@@ -120,8 +121,8 @@ class Scanner {
     }
   }
 
-  static std::shared_ptr<const Image> room_image(double sensor_x_m, const Axis& x, const Axis& y,
-                                                 Sampling sampling);
+  static std::shared_ptr<const Image> room_image(const Room& room, double sensor_x_m, const Axis& x,
+                                                 const Axis& y, Sampling sampling);
 
  private:
   // use(shape, number) of every shape that reaches into the row.

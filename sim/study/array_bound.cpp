@@ -142,16 +142,17 @@ class Slopes {
     };
     add((echoes.covariance(antennas, step_rad, 0) - echoes.covariance(antennas, -step_rad, 0)) /
         (2 * step_rad));
-    add(r);
+    const CMatrix eigenvalues = solver.eigenvalues().cast<Complex>().asDiagonal();
+    slopes_.push_back(eigenvalues);
     add((echoes.covariance(antennas, 0, step_m) - echoes.covariance(antennas, 0, -step_m)) /
         (2 * step_m));
+    // i (D R - R D), where D keeps the rows of one antenna.
     for (int m = 0; m < antennas; ++m) {
-      CMatrix slope = CMatrix::Zero(r.rows(), r.cols());
-      for (Eigen::Index i = m; i < r.rows(); i += antennas) {
-        slope.row(i) += Complex(0, 1) * r.row(i);
-        slope.col(i) -= Complex(0, 1) * r.col(i);
-      }
-      add(slope);
+      CMatrix rows(r.rows() / antennas, r.cols());
+      for (Eigen::Index i = 0; i < rows.rows(); ++i) rows.row(i) = v.row(i * antennas + m);
+      const CMatrix kept = rows.adjoint() * rows;
+      slopes_.push_back(Complex(0, 1) * (kept * eigenvalues.diagonal().asDiagonal() -
+                                         eigenvalues.diagonal().asDiagonal() * kept));
     }
   }
 

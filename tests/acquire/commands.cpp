@@ -48,8 +48,9 @@ TEST_CASE("no run without a required device") {
 }
 
 TEST_CASE("help, version and usage errors") {
-  for (const char* command : {"", "run", "devices", "doctor", "config", "config check",
-                              "config show", "info", "export", "recover", "replay", "mark"}) {
+  for (const char* command :
+       {"", "run", "devices", "doctor", "config", "config check", "config show", "info", "export",
+        "recover", "replay", "mark", "note", "list"}) {
     const Outcome o = acquire(std::string(command) + " --help");
     CHECK(o.code == 0);
     CHECK(has(o.text, "exit codes"));
@@ -58,7 +59,6 @@ TEST_CASE("help, version and usage errors") {
   refuses("", 2, "command is required");
   refuses("config", 2, "subcommand is required");
   refuses("fly", 2, "fly");
-  refuses("run", 2, "--out");
   refuses("run --out a --resume b", 2, "--resume");
   refuses("run --out a --count 0", 2, "--count");
   refuses("run --out a --count 3 --duration 2h", 2, "excludes");

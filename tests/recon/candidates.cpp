@@ -132,7 +132,7 @@ TEST_CASE("crossvalidate says which model could not be fitted, and why") {
 
 TEST_CASE("train says that a network never beat the mean map") {
   const Folder dir;
-  write_run(dir / "run", 240);
+  write_run(dir / "run", 160);
   const auto train = [&](const std::string& how) {
     return recon_program("train --force --model mlp-64 --out " + (dir / "m") + " " + (dir / "run") +
                          how);

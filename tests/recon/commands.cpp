@@ -212,7 +212,7 @@ TEST_CASE("the nearest neighbour depends on the records, not on the model that i
 
 TEST_CASE("the report takes what evaluate takes, and says what it did about it") {
   const Folder dir;
-  write_run(dir / "run", 600);
+  write_run(dir / "run", 400);
   std::string models;
   for (const std::string inputs : {"fused", "spd", "radar"}) {
     REQUIRE(recon_program("train -q --model ridge --inputs " + inputs + " " + (dir / "run") +
@@ -240,7 +240,7 @@ TEST_CASE("the report takes what evaluate takes, and says what it did about it")
                  Catch::Contains("5 records: radar lost: SPD alone"));
 
   // Live: the radar's ranges have a bias of 30 cm.
-  write_run(dir / "biased", 300, 9, [&](record::FusedRecord& r) {
+  write_run(dir / "biased", 200, 9, [&](record::FusedRecord& r) {
     r.radar = recon::Shift(-0.3 / radar_axis().step).apply(r.radar);
   });
   const Outcome biased = recon_program("report " + (dir / "out") + models + " --run " +

@@ -111,8 +111,10 @@ TEST_CASE("peculiar sets of records make finite maps or are refused in one line"
           CHECK(all_finite(model.predict(*judged, rows).values));
           const Records records = prepare_records(model, *judged, RangeBiasAction::warn);
           const Evaluation e = evaluate(model, records, rows);
-          const Rows seen = model.rows_of(data, Part::train);
-          CHECK(score_baselines(*judged, rows, model.scene, data, seen).size() == 3);
+          if (name == "ridge") {  // the same for every model
+            const Rows seen = model.rows_of(data, Part::train);
+            CHECK(score_baselines(*judged, rows, model.scene, data, seen).size() == 3);
+          }
           CHECK(std::isfinite(e.metrics[metric_rmse_m].mean));
         }
       } catch (const Error& error) {

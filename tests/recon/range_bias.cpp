@@ -328,9 +328,9 @@ TEST_CASE("a few records tell nothing, a dead radar neither") {
 
 TEST_CASE("reconstruct and evaluate warn of a range bias, or correct it") {
   const Folder dir;
-  write_run(dir / "train", 600);
-  write_run(dir / "fresh", 300, 2);
-  write_run(dir / "biased", 300, 2, longer_by(0.06));
+  write_run(dir / "train", 400);
+  write_run(dir / "fresh", 200, 2);
+  write_run(dir / "biased", 200, 2, longer_by(0.06));
   REQUIRE(recon_program("train " + dir / "train" + " --out " + dir / "m.h5" +
                         " --model factorised-4 --no-fallback -q")
               .code == 0);
@@ -355,7 +355,7 @@ TEST_CASE("reconstruct and evaluate warn of a range bias, or correct it") {
   CHECK_THAT(maps("correct").text, Catch::Contains(": corrected"));
   CHECK_THAT(contents(dir / "maps-correct/records.csv"), Catch::Contains(",0.06"));
   CHECK_THAT(maps("warn").text, Catch::Contains("not corrected"));
-  CHECK(count_of(",0.0000,", contents(dir / "maps-warn/records.csv")) == 300);
+  CHECK(count_of(",0.0000,", contents(dir / "maps-warn/records.csv")) == 200);
   CHECK_THAT(maps("ignore").text, !Catch::Contains("corrected"));
 
   write_run(dir / "short", 30, 2);
@@ -367,13 +367,13 @@ TEST_CASE("reconstruct and evaluate warn of a range bias, or correct it") {
 
 TEST_CASE("while following, a range bias that comes late is told once, and not corrected") {
   const Folder dir;
-  write_run(dir / "train", 600);
+  write_run(dir / "train", 400);
   REQUIRE(recon_program("train " + dir / "train" + " --out " + dir / "m.h5" +
                         " --model factorised-4 --no-fallback -q")
               .code == 0);
   const auto shift = longer_by(0.06);
-  write_run(dir / "live", 1800, 2, [&](record::FusedRecord& r) {
-    if (r.index >= 1000) shift(r);
+  write_run(dir / "live", 1300, 2, [&](record::FusedRecord& r) {
+    if (r.index >= 700) shift(r);
   });
   const auto follow = [&](const std::string& how) {
     return recon_program("reconstruct " + dir / "m.h5" + " " + dir / "live" +
@@ -381,6 +381,6 @@ TEST_CASE("while following, a range bias that comes late is told once, and not c
         .text;
   };
   CHECK(count_of("longer than in training", follow("correct")) == 1);
-  CHECK(count_of(",0.0000,", contents(dir / "correct/records.csv")) == 1800);
+  CHECK(count_of(",0.0000,", contents(dir / "correct/records.csv")) == 1300);
   CHECK(count_of("longer than in training", follow("ignore")) == 0);
 }

@@ -246,9 +246,9 @@ TEST_CASE("study stability: a small one, cut and continued, and refused with oth
   const Folder dir;
   const std::string out = dir / "out", table = out + "/stability.csv";
   const std::string study =
-      "study stability -q --quick --seeds 2 --test-records 40 --out " + out +
+      "study stability -q --quick --seeds 2 --test-records 24 --out " + out +
       " --axes matched-side,shifted-radar_offset --models silhouette,nearest" + " --records ";
-  const Outcome first = recon_program(study + "260");
+  const Outcome first = recon_program(study + "160");
   CAPTURE(first.text);
   REQUIRE(first.code == 0);
   const auto lines = lines_of(table);
@@ -266,14 +266,14 @@ TEST_CASE("study stability: a small one, cut and continued, and refused with oth
 
   const std::string whole = text_of(table);
   sql(out + "/study.sqlite", "DELETE FROM measurement WHERE rowid > 27 * 7");  // metrics
-  const Outcome second = recon_program(study + "260");
+  const Outcome second = recon_program(study + "160");
   CHECK(second.code == 0);
   CHECK(second.text == first.text);
   CHECK(text_of(table) == whole);
 
-  const Outcome other = recon_program(study + "270");
+  const Outcome other = recon_program(study + "170");
   CHECK(other.code == 3);
-  CHECK_THAT(other.text, Contains("study.sqlite: was measured with records 260 (now: 270); "));
+  CHECK_THAT(other.text, Contains("study.sqlite: was measured with records 160 (now: 170); "));
   CHECK(text_of(table) == whole);
 }
 

@@ -95,6 +95,12 @@ TEST_CASE("one row of the table alone is fitted if asked") {
              Catch::Contains("magic: not tried"));
 }
 
+TEST_CASE("what is tried has names that a table of a study can hold") {
+  CHECK(choice_names().size() >= 5);
+  for (const std::string& name : choice_names())
+    CHECK(name.find_first_of(",\"\n") == std::string::npos);
+}
+
 TEST_CASE("tuning again gives the same model, bit by bit") {
   const Dataset data = plates(20, 5, true);
   const TrainedModel& old = old_model("factorised");

@@ -11,6 +11,7 @@
 #include "sim/fit/regression.hpp"
 #include "sim/fit/sensor_fit.hpp"
 #include "sim/scene/draw.hpp"
+#include "sim/scene/room.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
 #include "sim/sensors/render.hpp"
@@ -77,9 +78,9 @@ TEST_CASE("a letter is parted from who holds it, and the room from people") {
   CHECK(s.plate_area > 0.02);
   const record::MapGrid grid = map_grid(c);
   Scene room;
-  room.room = true;
+  room.room = &sim::room();
   Scene both = scene;
-  both.room = true;
+  both.room = &sim::room();
   const auto empty = render_depth_mm(room, grid.x(), grid.y());
   const Surface there = surface_of(render_depth_mm(both, grid.x(), grid.y()), empty, grid, true);
   CHECK(there.patches.size() == s.patches.size());

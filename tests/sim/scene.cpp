@@ -103,5 +103,5 @@ TEST_CASE("the room fills the view behind the people and inside the histogram") 
       std::minmax_element(returns.range_m.begin(), returns.range_m.end());
   CHECK(*nearest > 4.6);
   CHECK(*farthest < 7.0);
-  for (const auto& plate : room()) CHECK(plate.centre.z > 4.6);
+  for (const auto& plate : room().plates) CHECK(plate.centre.z > 4.6);
 }

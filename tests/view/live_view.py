@@ -15,9 +15,29 @@ import unittest
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "system"))
 import live
 from live import WINDOW_S, bin_dir, wait_for
-from websocket import Client
+from websocket import Browser, Client
 
+RECORDS = 40
 SCRIPTS = pathlib.Path(__file__).resolve().parent.parent.parent / "scripts"
+
+
+def processor_s(process):
+    with open(f"/proc/{process.pid}/stat", encoding="ascii") as stat:
+        ticks = sum(map(int, stat.read().rsplit(")", 1)[1].split()[11:13]))
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+def viewers_of(folder):
+    """Those that show a run in this folder. Not by their port: another test's viewer takes it at once."""
+    out = []
+    for process in pathlib.Path("/proc").glob("[0-9]*"):
+        try:
+            words = (process / "cmdline").read_text(encoding="utf-8", errors="replace").split("\0")
+        except OSError:
+            continue  # is gone
+        if pathlib.Path(words[0]).name == "echofuse-view" and words[1].startswith(f"{folder}/"):
+            out.append(int(process.name))
+    return out
 
 
 class LiveView(live.Live):
@@ -26,9 +46,24 @@ class LiveView(live.Live):
         return (*live.Live.lab_options, "--log", self.dir / "sent.jsonl")
 
     def view(self, *options):
+        if "--listen" not in options:
+            options += ("--listen", "127.0.0.1:0")
         process = self.start([bin_dir / "echofuse-view", self.run, *options], stdout=subprocess.PIPE,
                              stderr=subprocess.DEVNULL, text=True)
         return process.stdout.readline().strip()
+
+    def open_again(self, *lab_options):
+        (self.dir / "lab/lab.toml").unlink()
+        self.lab = self.start([bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--scene", "mixed", "--window",
+                               WINDOW_S, *self.lab_options, *lab_options], stdout=subprocess.DEVNULL,
+                              stderr=subprocess.DEVNULL)
+        wait_for("lab.toml", (self.dir / "lab/lab.toml").exists)
+
+    def go_on(self):
+        """Resumes the run."""
+        return self.start([bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--resume", self.run],
+                          env=os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}, stderr=subprocess.PIPE,
+                          text=True)
 
     def status(self):
         return json.loads(subprocess.run([bin_dir / "echofuse-acquire", "status", "--json"], check=True,
@@ -36,17 +71,18 @@ class LiveView(live.Live):
 
     def test_life(self):
         """Waits for the run, moves with it, marks it, shows lost devices, the daemon's end and a resumed run."""
-        client = Client(self.view())
+        client = Browser(self.view())
         self.assertIn("no run yet", client.until("trouble")["text"])
         daemon = self.record("--label", "empty")
         self.assertTrue(client.until("run")["may_write"])
-        first = client.until("record")["index"]
-        self.assertGreater(client.until("record", lambda m: m["live"])["index"], first)
-        here = [run for run in self.status() if run["run"] == str(self.run)]
-        self.assertEqual(len(here), 1)
-        self.assertGreater(here[0]["records"], 1)
-        self.assertEqual(here[0]["sensors"]["spd"]["verdict"].split(":")[0] in ("ok", "weak", "saturated"), True, here)
-        self.assertIn(f"pid {daemon.pid}", here[0]["who"])
+        first = client.until("record", lambda m: m["live"])["index"]
+        client.until("record", lambda m: m["live"] and m["index"] > first)
+        def here():
+            return [run for run in self.status() if run["run"] == str(self.run)]
+        self.assertEqual(len(here()), 1)
+        wait_for("ok of the SPD", lambda: here()[0]["sensors"]["spd"]["verdict"] == "ok")
+        self.assertGreater(here()[0]["records"], 1)
+        self.assertIn(f"pid {daemon.pid}", here()[0]["who"])
         text = subprocess.run([bin_dir / "echofuse-acquire", "status"], check=True, stdout=subprocess.PIPE, text=True)
         self.assertIn(f"{self.run}: ", text.stdout)
         client.ask({"label": "person"})
@@ -58,39 +94,37 @@ class LiveView(live.Live):
         client.until("state", lambda m: m["sensors"]["radar"]["valid"])
         self.close_lab()
         closed = time.monotonic()
-        state = client.until("state", lambda m: all(m["sensors"][s]["stale"] for s in ("spd", "radar", "depth")))
+        # On a busy machine the slots' records come late: the lamp is red before it can say why.
+        client.until("state", lambda m: all(m["sensors"][s]["stale"] for s in ("spd", "radar", "depth")))
         # Two slots, the acquisition's grace of half a second, and a second until the next state.
         self.assertLess(time.monotonic() - closed, 2 * WINDOW_S + 3)
-        self.assertEqual(state["sensors"]["radar"]["verdict"], "no frames")
+        client.until("state", lambda m: m["sensors"]["radar"]["verdict"] == "no frames")
         daemon.kill()
         daemon.wait()
         self.assertEqual(client.until("state", lambda m: m["status"] != "open")["status"], "crashed")
         records = client.until("state")["records"]
-        self.lab = self.start([bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--scene", "mixed", "--window",
-                               str(WINDOW_S), *self.lab_options], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        time.sleep(1)
-        wait_for("lab.toml", (self.dir / "lab/lab.toml").exists)
-        again = self.start([bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--resume", self.run],
-                           env=os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}, stderr=subprocess.PIPE,
-                           text=True)
+        self.open_again()
+        again = self.go_on()
         client.until("state", lambda m: m["status"] == "open" and m["records"] > records)
         again.send_signal(signal.SIGINT)
         self.finish(again)
         self.assertEqual(client.until("state", lambda m: m["status"] != "open")["status"], "complete")
+        client.close()
 
     def test_run_view(self):
         """`run --view` prints an address; the viewer ends by itself when the run is over and nobody looks."""
         daemon = self.record("--count", "8", "--view", stdout=subprocess.PIPE)
         address = daemon.stdout.readline().strip()
         self.assertRegex(address, r"^http://127.0.0.1:\d+/\?token=\w+$")
-        client = Client(address)
+        client = Browser(address)
         state = client.until("state")
         self.assertEqual(state["planned"], 8)
         client.until("state", lambda m: m["status"] == "complete")
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 0, log)
-        client.socket.close()
-        wait_for("end of the viewer", lambda: not self.listens(address), 15)
+        self.assertEqual(len(viewers_of(self.dir)), 1)
+        client.close()
+        wait_for("end of the viewer", lambda: not viewers_of(self.dir), 15)
 
     def test_align(self):
         """Slots of 0.1 s in a run that is gone at the end, and its view."""
@@ -98,7 +132,7 @@ class LiveView(live.Live):
                             env=os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}, stdout=subprocess.PIPE,
                             stderr=subprocess.PIPE, text=True)
         address = daemon.stdout.readline().strip()
-        client = Client(address)
+        client = Browser(address)
         self.assertEqual(client.until("run")["window_s"], 0.1)
         for _ in range(5):
             client.until("record")
@@ -107,13 +141,20 @@ class LiveView(live.Live):
         self.assertEqual(daemon.returncode, 0, log)
         folder = pathlib.Path(re.search(r"recording into (\S+)/align.sqlite", log)[1])
         self.assertFalse(folder.exists())
-        client.socket.close()
-        wait_for("end of the viewer", lambda: not self.listens(address), 15)
+        self.assertEqual(len(viewers_of(folder)), 1)
+        client.close()
+        wait_for("end of the viewer", lambda: not viewers_of(folder), 15)
 
     def test_fifty(self):
-        """50 viewers, and one that never reads: the same slots and no loss that the laboratory cannot explain."""
-        daemon = self.record("--count", "40")
+        """A run beside 50 viewers and one that never reads has the slots and the losses of a run without any, and of
+        both no loss is without an explanation."""
+        log = self.finish(self.record("--count", str(RECORDS)), 60)
+        alone = self.account(log)
+        self.open_again()
+        self.run = self.dir / "beside.sqlite"
+        daemon = self.record("--count", str(RECORDS))
         address = self.view()
+        viewer = self.processes[-1]
         silent = Client(address)
         frames = [0] * 50
         clients = [Client(address) for _ in frames]
@@ -124,35 +165,30 @@ class LiveView(live.Live):
                     frames[k] += clients[k].message()["kind"] == "record"
             except (OSError, EOFError):
                 pass
-        threads = [threading.Thread(target=look, args=(k,), daemon=True) for k in range(50)]
-        for thread in threads:
-            thread.start()
+        for k in range(50):
+            threading.Thread(target=look, args=(k,), daemon=True).start()
         log = self.finish(daemon, 60)
-        self.assertEqual(daemon.returncode, 0, log)
         time.sleep(1)
-        viewer = self.processes[-1]
-        with open(f"/proc/{viewer.pid}/stat", encoding="ascii") as stat:
-            ticks = sum(map(int, stat.read().rsplit(")", 1)[1].split()[11:13]))
-        cpu_s = ticks / os.sysconf("SC_CLK_TCK")
-        print(f"viewer {cpu_s:.1f} s of a core in {40 * WINDOW_S:.0f} s, records a client {min(frames)} to {max(frames)}",
-              file=sys.stderr)
+        print(f"without viewers {alone}, viewer {processor_s(viewer):.1f} s of a core in {RECORDS * WINDOW_S:.0f} s, records a client {min(frames)} to "
+              f"{max(frames)}", file=sys.stderr)
         for client in clients:
             client.socket.close()
         silent.socket.close()
-        self.close_lab()
-        self.assertEqual(len(self.rows()), 40)
-        self.check_slots(self.rows())
         self.assertGreater(min(frames), 10)
+        self.assertEqual(self.account(log), alone)
+
+    def account(self, log):
+        """Records, verdicts, and what was lost or late, of a run whose every difference to what the laboratory sent is
+        explained."""
+        self.close_lab()
+        self.check_slots(self.rows())
         audit = subprocess.run([sys.executable, SCRIPTS / "audit_run.py", self.run, self.dir / "sent.jsonl"],
                                stdout=subprocess.PIPE, text=True)
-        self.assertEqual(audit.returncode, 0, audit.stdout)
-
-    def listens(self, address):
-        try:
-            Client(address).socket.close()
-        except ConnectionRefusedError:
-            return False
-        return True
+        self.assertEqual(audit.returncode, 0, audit.stdout + log)
+        info = self.info()
+        self.assertEqual(info["records"], RECORDS, log)
+        late = {sensor: info["counters"][0][sensor]["late"] for sensor in ("spd", "radar", "depth")}
+        return {what: info[what] for what in ("valid", "lost", "verdicts")} | {"late": late}
 
 
 if __name__ == "__main__":

@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """tests/view/page.py BIN_DIR: the page in Chromium, beside a live simulated run. Exit code 77 without Chromium."""
+import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -47,6 +49,9 @@ class Page(live_view.LiveView):
 
     def lamp(self, sensor):
         return self.js("return document.getElementById('lamp-' + arguments[0]).dataset.lamp", sensor)
+
+    def verdict(self, sensor):
+        return self.js("return document.querySelector(`#lamp-${arguments[0]} .verdict`).textContent", sensor)
 
     def wait(self, what, condition):
         wait_for(what, condition, PATIENCE_S)
@@ -105,8 +110,10 @@ class Page(live_view.LiveView):
         self.key("m")
         self.js("document.getElementById('ask-text').value = 'door opened'; document.getElementById('ask-ok').click()")
         self.wait("mark", lambda: "door opened" in self.text("events"))
-        for key in "ghdft":
-            self.key(key)
+        self.key("l")
+        self.js("document.getElementById('ask-text').value = 'two'; document.getElementById('ask-ok').click()")
+        self.wait("label", lambda: self.text("label") == "two")
+        self.looks()
 
         # The laboratory goes away: each lamp is red, in words as well, two slots later.
         self.wait("green lamp", lambda: self.lamp("radar") in ("ok", "look"))
@@ -128,11 +135,73 @@ class Page(live_view.LiveView):
         self.wait("word of it", lambda: "no connection" in self.text("status"))
         self.view("--listen", address.split("/")[2])
         self.wait("page of the viewer started again", lambda: self.text("status") == "crashed")
+
+        # The run goes on, with a laser that is five hundred times too weak: the page says so by itself.
+        before = int(self.text("records"))
+        self.open_again("--set", "signal_photons=100")
+        daemon = self.go_on()
+        self.wait("resumed run", lambda: self.text("status") == "recording" and int(self.text("records")) > before + 1)
+        self.wait("verdict of the weak laser", lambda: self.verdict("spd").startswith("weak: "))
+        self.assertEqual(self.lamp("spd"), "look")
+        self.assertIn("LOOK", self.text("lamp-spd"))
+        self.wait("green lamp of the radar", lambda: self.lamp("radar") == "ok")
+        self.wait("event of it", lambda: "spd: record" in self.text("events") and "weak: " in self.text("events"))
+        self.wait("maps of the contact sheet", lambda: self.js(
+            "return +document.querySelector('#sheet button:last-child').dataset.index") > before)
+        daemon.send_signal(signal.SIGINT)
+        log = self.finish(daemon)
+        self.assertEqual(daemon.returncode, 0, log)
+        self.wait("its end", lambda: self.text("status") == "complete")
+        self.assertIn("run is over", self.text("lamp-spd"))
+        self.assertEqual(self.lamp("spd"), "look")
+        # A run that is over has a first minute, however short.
+        self.wait("difference", lambda: not self.js("return document.getElementById('difference').disabled"))
+        before = self.text("histogram-readout")
+        self.key("d")
+        self.assertNotEqual(self.text("histogram-readout"), before)
         faults = [entry["message"] for entry in self.browser.get_log("browser")
                   if entry["level"] == "SEVERE" and "/live" not in entry["message"]]
         self.assertEqual(faults, [])
         asked = self.js("return performance.getEntriesByType('resource').map(e => new URL(e.name).host)")
         self.assertEqual(set(asked), {address.split("/")[2]})
+
+    def looks(self):
+        """What the keys do to the histogram, the points and the type."""
+        peaks = (("histogram-readout", r"peak \d+\.\d\d m, [\d.]+[kM]? clicks"),
+                 ("profile-readout", r"peak \d+\.\d\d m, [\d.]+ dB"))
+
+        def hold():  # so that nothing but the keys changes what is seen
+            self.key(" ")
+            self.wait("record that stays", lambda: "held" in self.text("shown"))
+            whole = all(re.fullmatch(words, self.text(at)) for at, words in peaks)
+            if not whole:
+                self.key(" ")
+            return whole
+        self.wait("record with both peaks", hold)
+        for key, button in ("g", "log"), ("h", "hold"):
+            for pressed in "true", "false":
+                self.key(key)
+                self.assertEqual(self.js("return document.getElementById(arguments[0]).getAttribute('aria-pressed')", button),
+                                 pressed)
+        picture = "return document.getElementById('cloud').toDataURL()"
+        for key in "ArrowLeft", "+":
+            before = self.js(picture)
+            self.js("document.getElementById('cloud').dispatchEvent(new KeyboardEvent('keydown', {key: arguments[0]}))", key)
+            self.assertNotEqual(self.js(picture), before, key)
+        self.key("f")
+        for width in 1280, 390:
+            self.size(width, 800)
+            time.sleep(0.2)
+            self.assertLessEqual(self.js("return document.documentElement.scrollWidth"), width)
+        self.assertGreaterEqual(self.js("return parseFloat(getComputedStyle(document.querySelector('#lamp-spd strong')).fontSize)"), 44)
+        self.key("f")
+        self.size(1280, 800)
+        before = self.js("return getComputedStyle(document.body).backgroundColor")
+        self.key("t")
+        self.assertNotEqual(self.js("return getComputedStyle(document.body).backgroundColor"), before)
+        self.key("t")
+        self.key(" ")
+        self.wait("live record", lambda: "held" not in self.text("shown"))
 
     def contrast_faults(self):
         """Texts with less contrast than WCAG 2.1 AA asks for: 4.5, of large ones 3."""

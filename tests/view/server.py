@@ -42,6 +42,8 @@ class Server(unittest.TestCase):
 
     @staticmethod
     def start(*arguments):
+        if "--listen" not in arguments:
+            arguments += ("--listen", "127.0.0.1:0")
         process = subprocess.Popen([bin_dir / "echofuse-view", *arguments], stdout=subprocess.PIPE, text=True)
         return process, process.stdout.readline().strip()
 
@@ -137,6 +139,26 @@ class Server(unittest.TestCase):
             process.terminate()
             process.wait(10)
             process.stdout.close()
+
+    def test_ports(self):
+        """With the usual ports taken there is another."""
+        taken = []
+        for port in range(8410, 8420):
+            taken.append(socket.socket())
+            try:
+                taken[-1].bind(("127.0.0.1", port))
+                taken[-1].listen()
+            except OSError:
+                pass  # somebody has it
+        with subprocess.Popen([bin_dir / "echofuse-view", self.folder.name], stdout=subprocess.PIPE, text=True) as process:
+            address = process.stdout.readline().strip()
+            for each in taken:
+                each.close()
+            try:
+                self.assertNotIn(urllib.parse.urlsplit(address).port, range(8410, 8420))
+                self.assertEqual(Client(address).until("state")["records"], RECORDS)
+            finally:
+                process.terminate()
 
     def test_sizes(self):
         for request in (b"GET / HTTP/1.1\r\nHost: localhost\r\nX: " + b"a" * 100_000 + b"\r\n\r\n",

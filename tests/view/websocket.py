@@ -3,8 +3,10 @@
 import base64
 import json
 import os
+import queue
 import socket
 import struct
+import threading
 import urllib.parse
 
 TYPES = {"u8": "B", "u16": "H", "u32": "I", "f32": "f", "f64": "d"}
@@ -17,6 +19,7 @@ class Refused(Exception):
 class Client:
     def __init__(self, address, path="/live", token=True, headers=(), timeout_s=20):
         url = urllib.parse.urlsplit(address)
+        self.sending = threading.Lock()
         self.socket = socket.create_connection((url.hostname, url.port), timeout_s)
         query = f"?{url.query}" if token else ""
         lines = [f"GET {path}{query} HTTP/1.1", "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13",
@@ -47,7 +50,8 @@ class Client:
     def frame(self, opcode, payload):
         mask = os.urandom(4)
         size = bytes([0x80 | len(payload)]) if len(payload) < 126 else b"\xfe" + struct.pack(">H", len(payload))
-        self.socket.sendall(bytes([0x80 | opcode]) + size + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(payload)))
+        with self.sending:
+            self.socket.sendall(bytes([0x80 | opcode]) + size + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(payload)))
 
     def ask(self, what):
         self.frame(1, json.dumps(what).encode())
@@ -74,6 +78,35 @@ class Client:
             message = self.message()
             if message["kind"] == kind and condition(message):
                 return message
+
+
+class Browser(Client):
+    """Reads all the time, as a browser does: pings are answered while a test waits for something else."""
+
+    def __init__(self, address):
+        super().__init__(address)
+        self.messages = queue.Queue()
+        threading.Thread(target=self.read, daemon=True).start()
+
+    def read(self):
+        try:
+            while True:
+                self.messages.put(super().message())
+        except (OSError, EOFError) as end:
+            self.messages.put(end)
+
+    def message(self):
+        try:
+            message = self.messages.get(timeout=self.socket.gettimeout())
+        except queue.Empty:
+            raise TimeoutError("no message") from None
+        if isinstance(message, Exception):
+            raise message
+        return message
+
+    def close(self):
+        self.socket.shutdown(socket.SHUT_RDWR)  # or else the thread would keep it open
+        self.socket.close()
 
 
 def decode(payload):

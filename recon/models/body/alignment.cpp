@@ -125,6 +125,20 @@ Alignment::Alignment(const Layout& layout, const Matrix& raw_inputs, const Rows&
   learn_brightness(raw_inputs, rows);
 }
 
+std::vector<float> Alignment::background() const {
+  std::vector<float> out = spd_background_;
+  out.insert(out.end(), radar_background_.begin(), radar_background_.end());
+  out.insert(out.end(), array_background_.begin(), array_background_.end());
+  return out;
+}
+
+void Alignment::set_background(std::span<const float> raw_inputs) {
+  for (std::vector<float>* part : {&spd_background_, &radar_background_, &array_background_}) {
+    std::copy_n(raw_inputs.begin(), part->size(), part->begin());
+    raw_inputs = raw_inputs.subspan(part->size());
+  }
+}
+
 void Alignment::learn_brightness(const Matrix& raw_inputs, const Rows& rows) {
   brightness_ = Brightness{};
   Matrix seen(0, 2);

@@ -79,6 +79,9 @@ class Alignment {
   double displacement_m(std::span<const float> features) const;
   // The lags that are always there; all zero without antennas.
   const std::vector<float>& array_background() const { return array_background_; }
+  // What is always there, as raw inputs have it; set from an empty room, it needs no learning.
+  std::vector<float> background() const;
+  void set_background(std::span<const float> raw_inputs);
   // How much of the radar's power comes from what is always there.
   double radar_background_share(const Matrix& powers, const Rows& rows) const;
 

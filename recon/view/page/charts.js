@@ -3,10 +3,13 @@
 /* global uPlot */
 export const metresPerPs = 299792458 / 2e12;
 export const colour = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-const text = () => `13px ${getComputedStyle(document.body).fontFamily}`;
+// Large type (the page's key f) is for the charts' words as well.
+export const textSize = () => parseFloat(colour('--chart-text'));
+export const text = () => `${textSize()}px ${getComputedStyle(document.body).fontFamily}`;
 
 const axis = (label, more = {}) => ({
-  label, font: text(), labelFont: text(), stroke: colour('--ink'), labelSize: label ? 18 : 0, labelGap: 0, size: 26, gap: 3,
+  label, font: text(), labelFont: text(), stroke: colour('--ink'), labelSize: label ? textSize() + 5 : 0, labelGap: 0,
+  size: 2 * textSize(), gap: 3,
   grid: {stroke: colour('--grid'), width: 1}, ticks: {stroke: colour('--grid'), width: 1, size: 4}, ...more,
 });
 const siNumber = v => Math.abs(v) >= 1e6 ? `${+(v / 1e6).toPrecision(3)}M`
@@ -19,19 +22,31 @@ class Chart {
     this.at = document.getElementById(id);
     this.height = height;
     this.data = null;
+    this.readout = document.getElementById(`${id}-readout`);
     new ResizeObserver(() => this.plot?.setSize(this.size())).observe(this.at);
   }
   size() {
-    return {width: Math.max(this.at.clientWidth, 200), height: this.height};
+    return {width: Math.max(this.at.clientWidth, 200), height: Math.round(this.height * (0.5 + textSize() / 26))};
   }
   renew() {
     this.plot?.destroy();
-    this.plot = new uPlot({...this.size(), legend: {show: false}, ...this.options()}, this.data ?? [[]], this.at);
+    const hooks = this.readout ? {setCursor: [u => this.tell(u.cursor.idx)]} : {};
+    this.plot = new uPlot({...this.size(), legend: {show: false}, cursor: {y: false}, hooks, ...this.options()},
+                          this.data ?? [[]], this.at);
   }
   set(data) {
     this.data = data;
     if (this.plot) this.plot.setData(data);
     else this.renew();
+    if (this.readout) this.tell(this.plot.cursor.idx);
+  }
+  // What stands under the cursor; without one, the highest.
+  tell(index) {
+    const [x, y] = this.data ?? [[], []];
+    let at = index ?? 0;
+    if (index == null) for (let i = 1; i < x.length; ++i) if (y[i] > y[at]) at = i;
+    const words = y[at] == null ? 'nothing in this record' : `${index == null ? 'peak ' : ''}${this.words(x[at], y[at])}`;
+    if (this.readout.textContent !== words) this.readout.textContent = words;
   }
 }
 
@@ -42,6 +57,7 @@ function calmTop(before, values, least) {
   return Math.max(top * 1.05, (before ?? 0) * 0.97);
 }
 
+const ofTen = v => Number.isInteger(+Math.log10(v).toFixed(9)) ? v : null;
 const floor = 0.5;  // where nothing is drawn on a logarithmic axis
 
 export class Histogram extends Chart {
@@ -52,7 +68,7 @@ export class Histogram extends Chart {
   }
   axes(a) {
     this.x = Float64Array.from({length: a.count}, (_, i) => (a.start + (i + 0.5) * a.step) * metresPerPs);
-    this.binPs = a.step;
+    this.binPs = +a.step.toPrecision(3);
     this.held = this.reference = this.counts = this.top = null;
     this.show();
   }
@@ -66,12 +82,16 @@ export class Histogram extends Chart {
           return [-most, most];
         }} : {distr: this.log ? 3 : 1, range: () => [this.log ? floor : 0, this.top ?? 10]},
       },
-      axes: [axis('range, m'), axis(this.difference ? 'clicks a bin, minus first minute' : 'clicks a bin',
-                                    {values: short, size: 52})],
+      axes: [axis('range, m'), axis(`clicks in ${this.binPs} ps${this.difference ? ', minus first minute' : ''}`, {
+        values: short, size: 4 * textSize(),
+        grid: {stroke: colour('--grid'), width: 1, filter: (_, at) => this.log && !this.difference ? at.map(ofTen) : at},
+      })],
       series: [{}, {stroke: colour('--spd'), fill: colour('--spd-fill'), width: 1.5, paths: stepped, points: {show: false}},
                {stroke: colour('--ink'), width: 1, dash: [4, 3], paths: stepped, points: {show: false}}],
-      cursor: {y: false},
     };
+  }
+  words(range, clicks) {
+    return `${range.toFixed(2)} m, ${siNumber(clicks)} clicks`;
   }
   take(counts) {
     this.counts = counts;
@@ -100,10 +120,12 @@ export class Profile extends Chart {
   options() {
     return {
       scales: {x: {time: false}, y: {range: () => [-10, this.top ?? 30]}},
-      axes: [axis('range, m'), axis('dB over the median', {size: 52})],
+      axes: [axis('range, m'), axis('dB over the median', {size: 4 * textSize()})],
       series: [{}, {stroke: colour('--radar'), width: 2, points: {show: false}}],
-      cursor: {y: false},
     };
+  }
+  words(range, db) {
+    return `${range.toFixed(2)} m, ${db.toFixed(1)} dB`;
   }
   take(db) {
     if (!this.x) return;
@@ -131,10 +153,10 @@ class Strip extends Chart {
              axis('', {values: short, size: 52, splits: (u, i, low, high) => [0, high / 1.1]})],
       series: [{}, {stroke: colour(`--${this.sensor}`), width: 2, points: {show: false}},
                {scale: 'lost', stroke: colour('--bad'), fill: colour('--bad'), paths: bars, points: {show: false}}],
-      cursor: {y: false},
     };
   }
 }
+const wholeSteps = Array.from({length: 8}, (_, power) => [1, 2, 5].map(n => n * 10 ** power)).flat();
 class Clocks extends Chart {
   constructor() {
     super('strip-clock', 104);
@@ -143,10 +165,9 @@ class Clocks extends Chart {
     const line = sensor => ({stroke: colour(`--${sensor}`), width: 2, points: {show: false}});
     return {
       scales: {x: {time: false}, y: {range: (_, low, high) => [0, Math.max(high, 1) * 1.1]}},
-      axes: [axis('record'), axis('', {values: short, size: 52, splits: (u, i, low, high) => [0, high / 1.1]})],
+      axes: [axis('record', {incrs: wholeSteps}), axis('', {values: short, size: 52, splits: (u, i, low, high) => [0, high / 1.1]})],
       padding: [6, 14, 4, 0],
       series: [{}, line('spd'), line('radar'), line('depth')],
-      cursor: {y: false},
     };
   }
 }

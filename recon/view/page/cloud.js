@@ -60,20 +60,39 @@ export class Cloud {
       this.turn -= x, this.tilt = Math.min(Math.max(this.tilt + y, -1.5), 1.5);
       this.draw();
     };
-    this.canvas.addEventListener('pointerdown', e => this.canvas.setPointerCapture(e.pointerId));
+    const zoomBy = factor => {
+      this.away = Math.min(Math.max(this.away * factor, 0.5), 20);
+      this.draw();
+    };
+    const fingers = new Map();
+    const spread = () => {
+      const [a, b] = fingers.values();
+      return Math.hypot(a[0] - b[0], a[1] - b[1]) + 1;
+    };
+    this.canvas.addEventListener('pointerdown', e => {
+      this.canvas.setPointerCapture(e.pointerId);
+      fingers.set(e.pointerId, [e.clientX, e.clientY]);
+    });
+    for (const end of ['pointerup', 'pointercancel']) this.canvas.addEventListener(end, e => fingers.delete(e.pointerId));
     this.canvas.addEventListener('pointermove', e => {
-      if (e.buttons) turnBy(e.movementX * 0.008, e.movementY * 0.008);
+      const last = fingers.get(e.pointerId);
+      if (!last) return;
+      const before = fingers.size === 2 ? spread() : 0;
+      fingers.set(e.pointerId, [e.clientX, e.clientY]);
+      if (before) zoomBy(before / spread());
+      else turnBy((e.clientX - last[0]) * 0.008, (e.clientY - last[1]) * 0.008);
     });
     this.canvas.addEventListener('wheel', e => {
       e.preventDefault();
-      this.away = Math.min(Math.max(this.away * Math.exp(e.deltaY * 0.001), 0.5), 20);
-      this.draw();
+      zoomBy(Math.exp(e.deltaY * 0.001));
     }, {passive: false});
     this.canvas.addEventListener('keydown', e => {
       const by = {ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1]}[e.key];
-      if (!by) return;
+      const zoom = {'+': 0.9, '=': 0.9, '-': 1 / 0.9}[e.key];
+      if (!by && !zoom) return;
       e.preventDefault(), e.stopPropagation();
-      turnBy(...by);
+      if (by) turnBy(...by);
+      else zoomBy(zoom);
     });
   }
   // A square map in metres over +-halfTangent.
@@ -89,7 +108,7 @@ export class Cloud {
       tints.push(...rgbOf(z, span, tables.near).map(v => v / 255));
     }
     this.points = places.length / 3;
-    const grey = isDark() ? 0.42 : 0.62;
+    const grey = isDark() ? 0.75 : 0.5;
     for (let x = -2; x <= 2; x += 0.5) places.push(x, -1.3, 1.5, x, -1.3, 5.5);
     for (let z = 1.5; z <= 5.5; z += 0.5) places.push(-2, -1.3, z, 2, -1.3, z);
     this.lines = places.length / 3 - this.points;

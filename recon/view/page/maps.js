@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Depth maps as pictures: viridis over the scene's own span, near is bright, grey is no return;
 // degrees at the edges, metres at the bar.
-import {colour} from './charts.js';
+import {colour, text, textSize} from './charts.js';
 
 const viridis = ['440154', '482475', '414487', '355f8d', '2a788e', '21918c', '22a884', '44bf70', '7ad151', 'bddf26', 'fde725'];
 const inferno = ['000004', '1b0c41', '4a0c6b', '781c6d', 'a52c60', 'cf4446', 'ed6925', 'fb9b06', 'f7d13d', 'fcffa4'];
@@ -46,7 +46,9 @@ export function picture(values, rows, columns, span, map, scale = 1, zero = fals
   return canvas;
 }
 
-const bottom = 36, left = 54, barRoom = 82, top = 8;
+// Room round a picture for words of this size: elevation at the left, azimuth below, the bar at the right.
+const top = 8;
+const roomOf = size => ({left: 3.9 * size, bottom: 2.8 * size, bar: 4.8 * size});
 
 export class MapView {
   // ratio: height over width of the picture; kind: 'near' or 'sure'.
@@ -63,14 +65,15 @@ export class MapView {
     this.draw();
   }
   draw() {
-    const ratio = devicePixelRatio, width = Math.min(this.canvas.parentElement.clientWidth, 620);
-    const inner = width - left - barRoom, high = inner * Math.abs(this.ratio), height = high + bottom + top;
+    const ratio = devicePixelRatio, width = Math.min(this.canvas.parentElement.clientWidth, 620), size = textSize();
+    const {left, bottom, bar} = roomOf(size);
+    const inner = width - left - bar, high = inner * Math.abs(this.ratio), height = high + bottom + top;
     if (inner < 40) return;
     this.canvas.width = width * ratio, this.canvas.height = height * ratio;
     this.canvas.style.width = `${width}px`, this.canvas.style.height = `${height}px`;
     const c = this.canvas.getContext('2d');
     c.scale(ratio, ratio);
-    c.font = `13px ${getComputedStyle(document.body).fontFamily}`;
+    c.font = text();
     c.fillStyle = colour('--ink');
     if (!this.image) {
       c.fillStyle = colour('--grid');
@@ -82,11 +85,12 @@ export class MapView {
     }
     c.imageSmoothingEnabled = false;
     c.drawImage(this.image, left, top, inner, high);
-    this.ticks(c, inner, high);
-    this.bar(c, left + inner + 14, high);
+    this.ticks(c, inner, high, left, size);
+    this.bar(c, left + inner + 12, high, size);
   }
-  ticks(c, inner, high) {
-    const [x0, x1, y0, y1] = this.tangents, step = x1 - x0 > 0.8 ? 20 : 10;
+  ticks(c, inner, high, left, size) {
+    const [x0, x1, y0, y1] = this.tangents;
+    const step = [10, 20].find(s => Math.tan(s * Math.PI / 180) / (x1 - x0) * inner > 3.2 * size) ?? 40;
     c.strokeStyle = colour('--ink');
     c.textAlign = 'center';
     for (let degrees = -80; degrees <= 80; degrees += step) {
@@ -94,23 +98,23 @@ export class MapView {
       const y = top + (y1 - t) / (y1 - y0) * high;
       if (t > x0 && t < x1) {
         c.strokeRect(x, top + high, 0, 4);
-        c.fillText(`${degrees}°`, x, top + high + 17);
+        c.fillText(`${degrees}°`, x, top + high + 4 + size);
       }
       if (t > Math.min(y0, y1) && t < Math.max(y0, y1)) {
         c.strokeRect(left - 4, y, 4, 0);
         c.textAlign = 'right';
-        c.fillText(`${degrees}°`, left - 7, y + 4);
+        c.fillText(`${degrees}°`, left - 6, y + size / 3);
         c.textAlign = 'center';
       }
     }
-    c.fillText('azimuth', left + inner / 2, top + high + 32);
+    c.fillText('azimuth', left + inner / 2, top + high + 2.45 * size);
     c.save();
-    c.translate(12, top + high / 2);
+    c.translate(0.9 * size, top + high / 2);
     c.rotate(-Math.PI / 2);
     c.fillText('elevation', 0, 0);
     c.restore();
   }
-  bar(c, x, high) {
+  bar(c, x, high, size) {
     const map = tables[this.kind], steps = 128;
     for (let k = 0; k < steps; ++k) {
       c.fillStyle = `rgb(${map[Math.round(255 * (1 - k / (steps - 1)))]})`;
@@ -118,10 +122,10 @@ export class MapView {
     }
     c.fillStyle = colour('--ink');
     c.textAlign = 'left';
-    const [low, far] = this.span, step = far - low > 3 ? 1 : far - low > 1 ? 0.5 : 0.25;
+    const [low, far] = this.span, step = [0.25, 0.5, 1].find(s => s / (far - low) * high > 2.6 * size) ?? 2;
     for (let v = Math.ceil(low / step) * step; v <= far + 1e-9; v += step) {
       const y = top + (1 - (v - low) / (far - low)) * high;
-      c.fillText(`${+v.toFixed(2)} ${this.unit}`, x + 17, Math.min(Math.max(y + 4, top + 10), top + high));
+      c.fillText(v + step > far + 1e-9 ? `${+v.toFixed(2)} ${this.unit}` : `${+v.toFixed(2)}`, x + 16, Math.min(Math.max(y + size / 3, top + 0.8 * size), top + high));
     }
   }
 }

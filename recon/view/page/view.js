@@ -23,7 +23,9 @@ const clock = s => {
 };
 const age = s => s < 10 ? `${s.toFixed(1)} s ago` : s < 600 ? `${Math.round(s)} s ago` : `${clock(s)} ago`;
 const count = n => n >= 1e6 ? `${(n / 1e6).toPrecision(4)} M` : n >= 1e4 ? `${(n / 1e3).toPrecision(4)} k` : `${n}`;
+const shortTime = s => s < 1e-3 ? `${+(s * 1e6).toPrecision(3)} µs` : s < 1 ? `${+(s * 1e3).toPrecision(3)} ms` : `${+s.toPrecision(3)} s`;
 const bytes = n => n >= 1e9 ? `${(n / 1e9).toPrecision(3)} GB` : `${(n / 1e6).toPrecision(3)} MB`;
+const names = {spd: 'SPD', radar: 'radar', depth: 'depth camera'};
 const say = (id, text) => {
   if ($(id).textContent !== text) $(id).textContent = text;
 };
@@ -62,9 +64,8 @@ function drawNumbers() {
   document.title = `${s.status === 'open' ? '● ' : ''}${run?.file ?? ''} ${s.records} – echofuse`;
   $('losses').replaceChildren(...sensors.map(name => {
     const row = document.createElement('tr'), x = s.sensors[name];
-    const cells = [{spd: 'SPD', radar: 'radar', depth: 'depth camera'}[name],
-                   `${count(x.used)} ${name === 'spd' ? 'clicks' : x.used === 1 ? 'frame' : 'frames'}`, count(x.lost), count(x.late),
-                   x.residual_s == null ? '–' : `${(x.residual_s * 1e6).toPrecision(3)} µs`];
+    const cells = [names[name], `${count(x.used)} ${name === 'spd' ? 'clicks' : x.used === 1 ? 'frame' : 'frames'}`, count(x.lost), count(x.late),
+                   x.residual_s == null ? '–' : shortTime(x.residual_s)];
     cells.forEach((text, i) => {
       const cell = document.createElement(i ? 'td' : 'th');
       cell.textContent = text;
@@ -73,13 +74,16 @@ function drawNumbers() {
     });
     return row;
   }));
-  $('events').replaceChildren(...s.events.slice(-12).reverse().map(e => {
+  const nothing = document.createElement('li');
+  nothing.textContent = 'none yet';
+  const items = s.events.slice(-12).reverse().map(e => {
     const item = document.createElement('li'), when = document.createElement('time');
     item.className = e.level;
     when.textContent = e.utc.slice(11, 19);
     item.append(when, ` ${e.level} ${e.source}: ${e.text}`);
     return item;
-  }));
+  });
+  $('events').replaceChildren(...(items.length ? items : [nothing]));
 }
 
 function drawRecord() {
@@ -102,15 +106,18 @@ function drawRecord() {
   if (run.model) {
     put(views.reconstruction, square(a.reconstruction, made.half_tangent));
     put(views.deviation, square(a.deviation, made.half_tangent, 'sure', [0, 1]));
-    say('said', made.fault ? `No reconstruction: ${made.fault}` : [made.lateral_interval_90_m == null ? ''
+    const nobody = a.reconstruction && !a.reconstruction.some(v => v > 0);
+    say('said', made.fault ? `No reconstruction: ${made.fault}` : [nobody ? 'the reconstruction has no body'
+      : made.lateral_interval_90_m == null ? ''
       : `body within ±${(made.lateral_interval_90_m * 100).toFixed(0)} cm sideways (90 %)`, made.note].filter(Boolean).join('; '));
     $('said').className = made.fault || made.note ? 'look' : '';
   }
   const points = cloudOf === 'reconstruction' && a.reconstruction ? a.reconstruction : a.map;
   cloud.set(points, cloudOf === 'reconstruction' && made ? made.half_tangent : grid, span);
   const words = sensors.filter(name => record.sensors[name].verdict !== 'ok' && record.sensors[name].verdict !== 'not configured')
-    .map(name => `${name}: ${record.sensors[name].verdict}`);
-  say('shown', `record ${record.index}, ${record.utc.slice(11, 23)} UTC${record.label ? `, ${record.label}` : ''}${words.length ? `; ${words.join('; ')}` : ''}`);
+    .map(name => `${names[name]}: ${record.sensors[name].verdict}`);
+  // Of the newest record the lamps tell the verdicts.
+  say('shown', [`record ${record.index}`, `${record.utc.slice(11, 21)} UTC`, record.label, ...(live ? [] : ['held', ...words])].filter(Boolean).join(', '));
   sheet.point(record.index);
 }
 
@@ -120,6 +127,7 @@ const take = {
     run = message;
     say('file', run.file);
     say('model', run.model ?? '');
+    say('about', [`records of ${run.window_s} s`, run.host, run.operator].filter(Boolean).join(', '));
     for (const id of ['box-reconstruction', 'box-deviation', 'cloud-of']) $(id).hidden = !run.model;
     for (const id of ['mark', 'relabel']) $(id).disabled = !run.may_write;
     $('mark').title = run.may_write ? '' : 'for a live run, with the token of the address';
@@ -135,7 +143,7 @@ const take = {
       scrubber.min = state.first_index, scrubber.max = state.last_index;
       if (live) scrubber.value = state.last_index;
       else if (wanted != null) scrubber.value = wanted;
-      if (sheetAt < 0 || (!spanKnown && state.last_index > sheetAt)) collect();
+      if (sheetAt < 0 || state.last_index > sheetAt + (spanKnown ? (sheetAt - state.first_index) / 8 + 3 : 0)) collect();
     }
     drawNumbers();
     drawLamps();
@@ -220,7 +228,10 @@ const actions = {
   },
   m: () => ask('mark', 'mark the running record with'),
   l: () => ask('label', 'label of the records from now on'),
-  f: () => $('far').setAttribute('aria-pressed', document.body.classList.toggle('far')),
+  f: () => {
+    $('far').setAttribute('aria-pressed', document.documentElement.classList.toggle('far'));
+    redraw();
+  },
   t: () => {
     const root = document.documentElement.dataset, dark = root.theme ? root.theme === 'dark' : matchMedia('(prefers-color-scheme: dark)').matches;
     root.theme = dark ? 'light' : 'dark';

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/options.hpp"
+
+#include <map>
+
+namespace echofuse::acquire {
+namespace {
+
+constexpr const char* footer =
+    "exit codes: 0 ok, 1 failed, 2 usage, 3 config, 4 device, 5 partial (some records "
+    "unreadable;\n"
+    "            run --strict: of some a sensor was not ok),\n"
+    "            6 disk, 130 interrupted (second Ctrl-C, or before the first slot)";
+
+constexpr const char* out_help =
+    "run file to make; .sqlite is appended if it has no extension, and %Y%m%d-%H%M%S is the time "
+    "(UTC; strftime's fields); default: DATE-NNN in run.folder";
+
+void add_config_options(CLI::App& command, Options& o) {
+  command.add_option("--config", o.config,
+                     "configuration (TOML); default: $ECHOFUSE_CONFIG, ./lab.toml, "
+                     "~/.config/echofuse/lab.toml or /etc/echofuse/lab.toml, whichever is first");
+  command.add_option("--set", o.assignments, "key=value, overrides the file; may be repeated")
+      ->allow_extra_args(false);
+}
+
+void add_output_options(CLI::App& command, Options& o) {
+  command.add_flag("-q,--quiet", o.quiet, "print errors only");
+  command.add_flag("-v,--verbose", o.verbose, "one line for every record on stderr");
+}
+
+void add_length_options(CLI::App& command, Options& o) {
+  auto* count = command.add_option("--count", o.run.count, "stop after this many slots")
+                    ->check(CLI::PositiveNumber);
+  const std::map<std::string, double> units{{"h", 3600}, {"m", 60}, {"min", 60}, {"s", 1}};
+  command.add_option("--duration", o.duration_s, "stop after this time: 2h, 30m, 10s")
+      ->transform(CLI::AsNumberWithUnit(units, CLI::AsNumberWithUnit::UNIT_REQUIRED))
+      ->check(CLI::PositiveNumber)
+      ->excludes(count);
+}
+
+void add_run(CLI::App& app, Options& o) {
+  auto* c = app.add_subcommand("run", "record fused records, one a slot, until Ctrl-C");
+  add_config_options(*c, o);
+  add_output_options(*c, o);
+  auto* target = c->add_option_group("target");
+  target->add_option("--out", o.run.out, out_help);
+  auto* resume = target->add_option("--resume", o.resume,
+                                    "run to continue, with the configuration it was begun with");
+  target->require_option(0, 1);
+  add_length_options(*c, o);
+  c->add_option("--keep-raw", o.run.keep_raw,
+                "new folder for the devices' bytes as they came, for `replay`");
+  c->add_option("--label", o.label, "label of every record, instead of run.label");
+  c->add_option("--operator", o.operator_name,
+                "who records, instead of run.operator; default: who is logged in");
+  c->add_flag("--view", o.view, "start echofuse-view beside, which prints its address");
+  c->add_flag("--strict", o.run.strict, "exit code 5 if any record has a sensor that is not ok");
+  c->add_option("--meta", o.meta, "key=value, kept in the run; may be repeated")
+      ->allow_extra_args(false)
+      ->excludes(resume);
+}
+
+void add_align(CLI::App& app, Options& o) {
+  auto* c = app.add_subcommand(
+      "align",
+      "point laser and sensors: slots of 0.1 s in a run that is thrown away, and its view");
+  add_config_options(*c, o);
+  add_output_options(*c, o);
+  add_length_options(*c, o);
+}
+
+void add_calibrate(CLI::App& app, Options& o) {
+  auto* c = app.add_subcommand(
+      "calibrate", "measure a reflector at a known distance: by how much each range is too long");
+  add_config_options(*c, o);
+  auto& k = o.calibrate;
+  c->add_option("--distance", k.search.distance_m, "of the reflector from each sensor, m")
+      ->check(CLI::Range(0.1, 100.0))
+      ->capture_default_str();
+  c->add_option("--window", k.search.window_m, "where its echo may lie, m, centred on the distance")
+      ->check(CLI::Range(0.01, 30.0))
+      ->capture_default_str();
+  c->add_option("--repeat", k.repeats, "how often to measure")
+      ->check(CLI::Range(std::int64_t{1}, std::int64_t{100'000}))
+      ->capture_default_str();
+  c->add_option("--time", k.time_s, "s of each measurement")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->capture_default_str();
+  auto* out = c->add_option("--out", k.out, "file to write, instead of run.calibration");
+  c->add_flag("--check", k.check, "measure and compare with run.calibration; write nothing")
+      ->excludes(out);
+  c->add_flag("--json", o.json);
+}
+
+void add_file_commands(CLI::App& app, Options& o) {
+  auto* info = app.add_subcommand("info", "what is in a run file");
+  info->add_option("FILE", o.file)->required();
+  info->add_flag("--json", o.json);
+
+  auto* exporter = app.add_subcommand("export", "a run as HDF5, or one record as CSV");
+  exporter->add_option("FILE", o.file)->required();
+  exporter->add_option("--to", o.to, "NAME.h5, or NAME.csv with --record")->required();
+  exporter->add_option("--record", o.record, "index of the record for CSV");
+  exporter->add_flag("-q,--quiet", o.quiet, "no progress on stderr");
+
+  app.add_subcommand("status", "the runs that are being recorded on this machine")
+      ->add_flag("--json", o.json);
+
+  app.add_subcommand("recover", "check a run that a crash left open, and mark it as crashed")
+      ->add_option("FILE", o.file)
+      ->required();
+
+  auto* merger = app.add_subcommand("merge", "one run of the parts of a simulated data set");
+  merger->add_option("PART", o.parts, "of `echofuse-sim dataset --part`, in any order")->required();
+  merger->add_option("--out", o.to, "run file to make (never overwritten)")->required();
+
+  auto* marker = app.add_subcommand("mark", "a remark, or another label, into a run that is live");
+  marker->add_option("FILE", o.file)->required();
+  marker->add_option("TEXT", o.text, "kept as an event, with the time");
+  marker->add_option("--label", o.label, "label of the records from the running slot on");
+
+  auto* note = app.add_subcommand("note", "a note into a run, while it is recorded or later");
+  note->add_option("RUN", o.file)->required();
+  note->add_option("TEXT", o.text, "kept with the time and who wrote it")->required();
+
+  auto* list = app.add_subcommand("list", "the runs of a folder: date, length, labels, notes");
+  list->add_option("FOLDER", o.folder, "default: run.folder of the configuration, or this folder");
+  add_config_options(*list, o);
+  list->add_flag("--json", o.json, "all of it; the table shortens long texts");
+
+  auto* replay = app.add_subcommand("replay", "recorded device bytes through the live parser");
+  auto* kind = replay->add_option_group("device");
+  kind->add_option("--radar", o.radar, "recordings of the radar's data port");
+  kind->add_option("--tdc", o.tdc, "blocks of a tagger behind a bridge, or NAME.usb");
+  kind->add_option("--depth", o.depth, "blocks of a depth camera");
+  kind->require_option(1);
+  replay->add_flag("--json", o.json);
+}
+
+void add_doctor(CLI::App& app, Options& o) {
+  auto* c = app.add_subcommand("doctor", "would a run go well? Checks machine, disk and devices");
+  add_config_options(*c, o);
+  c->add_option("--out", o.run.out, "of the run to come; default: in run.folder");
+  add_length_options(*c, o);
+  c->add_flag("--json", o.json);
+  c->footer(
+      "exit codes: 0 ok or warnings only, 3 configuration, 4 a configured device fails,\n"
+      "            6 the disk is too slow or too full (4 if both), 130 interrupted");
+}
+
+void add_config_commands(CLI::App& app, Options& o) {
+  auto* config = app.add_subcommand("config", "look at the configuration");
+  config->require_subcommand(1);
+  add_config_options(*config->add_subcommand("check", "print all faults, or that there are none"),
+                     o);
+  add_config_options(
+      *config->add_subcommand("show", "check it and print every key with value and origin"), o);
+}
+
+void add_devices(CLI::App& app, Options& o) {
+  auto* c =
+      app.add_subcommand("devices", "what is attached, and which of the configured devices answer");
+  add_config_options(*c, o);
+  c->add_flag("--json", o.json);
+}
+
+}  // namespace
+
+void add_commands(CLI::App& app, Options& o) {
+  app.require_subcommand(0, 1);
+  app.footer(footer);
+  add_run(app, o);
+  add_align(app, o);
+  add_calibrate(app, o);
+  add_devices(app, o);
+  add_doctor(app, o);
+  add_config_commands(app, o);
+  add_file_commands(app, o);
+}
+
+std::string command_of(const CLI::App& app) {
+  const auto* command = app.get_subcommands()[0];
+  const auto below = command->get_subcommands();
+  return command->get_name() + (below.empty() ? "" : " " + below[0]->get_name());
+}
+
+}  // namespace echofuse::acquire

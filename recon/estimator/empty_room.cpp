@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: MIT
+#include "recon/estimator/empty_room.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numeric>
+
+#include "drivers/core/printable.hpp"
+#include "recon/numbers/statistics.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr double most_scatter = 100;  // of photons alone it is 1
+
+std::vector<float> mean_of_rows(const Matrix& table, const Rows& rows) {
+  const std::vector<double> means = column_means(table, rows);
+  return {means.begin(), means.end()};
+}
+
+std::vector<float> less(const std::vector<float>& a, const std::vector<float>& b) {
+  std::vector<float> out(a.size());
+  std::transform(a.begin(), a.end(), b.begin(), out.begin(), std::minus<float>());
+  return out;
+}
+
+void take(TrainedModel& model, const std::string& path, Dataset empty) {
+  model.match(empty);
+  EmptyRoom now = empty_room_of(empty, path);
+  if (model.features.radar_count() == 0) now.radar.clear();
+  const std::vector<float> then = model.alignment.background();
+  const auto radar_at = std::ssize(now.spd), array_at = radar_at + std::ssize(now.radar);
+  const EmptyRoom before{{then.begin(), then.begin() + radar_at},
+                         {then.begin() + radar_at, then.begin() + array_at},
+                         {then.begin() + array_at, then.end()}};
+  EmptyRoom change{{}, less(before.radar, now.radar), {}};
+  if (before.array.size() == now.array.size()) change.array = less(before.array, now.array);
+  std::vector<float> background = then;
+  std::copy(now.spd.begin(), now.spd.end(), background.begin());
+  model.alignment.set_background(background);
+  model.room_change = std::move(change);
+  model.range_bias.forget_echoes();
+}
+
+// The variance of the counts over that of photons alone. The laser's power may drift.
+double scatter(const Matrix& counts, const Rows& rows, const std::vector<float>& mean) {
+  const double usual = std::accumulate(mean.begin(), mean.end(), 0.0);
+  double sum = 0, terms = 0;
+  for (const std::size_t row : rows) {
+    const auto found = counts.row(row);
+    const double scale = std::accumulate(found.begin(), found.end(), 0.0) / std::max(usual, 1.0);
+    for (std::size_t c = 0; c < mean.size(); ++c) {
+      const double expected = scale * double{mean[c]};
+      sum += std::pow(double{found[c]} - expected, 2) / std::max(expected, 1.0), ++terms;
+    }
+  }
+  return sum / std::max(terms, 1.0);
+}
+
+}  // namespace
+
+EmptyRoom empty_room_of(const Dataset& empty, const std::string& path) {
+  Rows rows;
+  for (std::size_t row = 0; row < empty.size(); ++row)
+    if ((empty.spd_axis.count == 0 || empty.has(row, Sensor::spd)) &&
+        (empty.radar_axis.count == 0 || empty.has(row, Sensor::radar)))
+      rows.push_back(row);
+  if (rows.empty())
+    throw Error(ExitCode::failed,
+                printable(path) + ": no record has all sensors; expected a run of the empty room");
+  EmptyRoom out{mean_of_rows(empty.spd, rows), mean_of_rows(empty.radar, rows),
+                mean_of_rows(empty.array, rows)};
+  if (scatter(empty.spd, rows, out.spd) > most_scatter)
+    throw Error(ExitCode::failed, printable(path) +
+                                      ": its histograms differ by more than photons do: people "
+                                      "are in it? expected a run of the empty room");
+  return out;
+}
+
+void state_empty_room(Dataset& data, const std::string& path) {
+  const Dataset empty = load({path});
+  const auto same = [](const Axis& a, const Axis& b) {
+    return a.count == b.count && (a.count == 0 || same_axis(a, b));
+  };
+  if (!same(empty.spd_axis, data.spd_axis) || !same(empty.radar_axis, data.radar_axis) ||
+      !same(empty.array_axis, data.array_axis))
+    throw Error(ExitCode::failed,
+                printable(path) + ": its axes are not those of the training runs");
+  data.empty_room = empty_room_of(empty, path);
+}
+
+std::string take_to_room(TrainedModel& model, const std::string& path) {
+  Dataset empty = load_recorded({path});
+  subtract_range_offset(empty, 0);
+  Rows seen;
+  for (std::size_t row = 0; row < empty.size(); ++row)
+    if (empty.has(row, Sensor::depth)) seen.push_back(row);
+  if (!seen.empty()) require_map(empty, model.scene.grid, "the model");
+  std::string text =
+      seen.empty() ? printable(path) + ": no depth maps: the maps show the walls of the training"
+                   : "";
+  const std::vector<float> walls =
+      seen.empty() ? model.scene.background : column_quantile(empty.depth, seen, 0.5);
+  if (!model.alignment.known() || !model.model->show_background(walls))
+    throw Error(ExitCode::failed, model.name +
+                                      " does not place a body: it cannot be taken to another "
+                                      "room; expected a factorised model or a silhouette");
+  for (TrainedModel* m = &model; m; m = m->fallback.get()) {
+    m->scene.background = walls;
+    take(*m, path, empty);
+    if (!m->fallback ||
+        (m->fallback->alignment.known() && m->fallback->model->show_background(walls)))
+      continue;
+    m->fallback.reset();
+    text += std::string(text.empty() ? "" : "; ") +
+            "records without a radar get no map: what was " +
+            "learnt for them belongs to the training's room";
+  }
+  return text;
+}
+
+void exchange_room(const EmptyRoom& change, Dataset& data, bool with_array) {
+  const auto add = [](Matrix& table, const std::vector<float>& by) {
+    if (table.cols != by.size()) return;
+    for (std::size_t row = 0; row < table.rows; ++row)
+      std::transform(by.begin(), by.end(), table.row(row).begin(), table.row(row).begin(),
+                     std::plus<float>());
+  };
+  add(data.radar, change.radar);
+  if (with_array) add(data.array, change.array);
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: MIT
+# Sourced by check_fresh and package: a bare Debian 12 in $root (debootstrap), with the package mirror of this
+# machine's own apt configuration. Needs root and ~4 GB; the folder goes when the script ends.
+
+# fresh_mirror: sets $mirror; false, and why on stderr, if there is none or no root.
+fresh_mirror() {
+  if [ "$(id -u)" != 0 ]; then
+    echo "$(basename "$0"): needs root (debootstrap, chroot)" >&2
+    return 1
+  fi
+  command -v debootstrap >/dev/null || apt-get install -q -y debootstrap >&2 || return 1
+  mirror=$(apt-get indextargets --format '$(REPO_URI) $(CODENAME) $(ORIGIN)' 'Created-By: Packages' |
+    awk '$2 == "bookworm" && $3 == "Debian" {print $1; exit}')
+  [ -n "$mirror" ] && return
+  echo "$(basename "$0"): this machine's apt knows no Debian 12 (bookworm) mirror" >&2
+  return 1
+}
+
+fresh_cleanup() {
+  for place in proc dev/pts dev ccache; do umount "$root/$place" 2>/dev/null || true; done
+  mountpoint -q "$root/dev" || mountpoint -q "$root/ccache" || rm -rf --one-file-system "$root"
+}
+
+# fresh_root PACKAGE...: makes $root, from $mirror, with these packages.
+fresh_root() {
+  root=$(mktemp -d "${TMPDIR:-/tmp}/echofuse-fresh.XXXXXX")
+  trap fresh_cleanup EXIT
+  trap 'exit 130' INT TERM
+  debootstrap --variant=minbase bookworm "$root" "$mirror" >"$root.log" 2>&1 ||
+    { tail "$root.log" >&2; rm "$root.log"; exit 1; }
+  rm -f "$root.log"
+  chmod 755 "$root"  # as / is elsewhere: mktemp lets nobody but root in
+  mount -t proc proc "$root/proc"
+  mount --bind /dev "$root/dev"
+  mount --bind /dev/pts "$root/dev/pts"
+  cp /etc/resolv.conf "$root/etc/resolv.conf"
+  cp /etc/apt/apt.conf.d/* "$root/etc/apt/apt.conf.d/"
+  in_root "apt-get update -q && apt-get install -q -y --no-install-recommends ca-certificates $*" >/dev/null
+}
+
+# in_root COMMAND: a shell command in there.
+in_root() {
+  chroot "$root" env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin LANG=C.UTF-8 DEBIAN_FRONTEND=noninteractive \
+    sh -c "$1"
+}
+
+# timed COMMAND...: says what and how long.
+timed() {
+  echo "== $*" >&2
+  began=$(date +%s)
+  "$@"
+  echo "== $*: ok after $(($(date +%s) - began)) s" >&2
+}

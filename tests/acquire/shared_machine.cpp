@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: MIT
+// A measuring PC that several people share: where configurations and runs are, who may read them,
+// what the catalogue says.
+#include <sys/stat.h>
+
+#include <nlohmann/json.hpp>
+
+#include "acquire/record/run_names.hpp"
+#include "acquire/resume.hpp"
+#include "drivers/core/program.hpp"
+#include "testing.hpp"
+
+using namespace testing;
+namespace record = echofuse::record;
+
+namespace {
+
+using Json = nlohmann::json;
+
+const std::string tdc = "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n";
+
+// A user at home in the folder, who has no configuration elsewhere.
+Outcome at_home(const Folder& folder, const std::string& environment,
+                const std::string& arguments) {
+  return shell("cd " + folder / "" +
+               " && env -u ECHOFUSE_CONFIG -u XDG_CONFIG_HOME HOME=" + folder / "" + " " +
+               environment + " " + echofuse::test::bin_dir + "/echofuse-acquire " + arguments);
+}
+
+unsigned mode_of(const std::string& path) {
+  struct stat file {};
+  REQUIRE(::stat(path.c_str(), &file) == 0);
+  return file.st_mode & 0777;
+}
+
+}  // namespace
+
+TEST_CASE("a configuration is found where it stands, the nearest first") {
+  const Folder folder;
+  if (fs::exists("/etc/echofuse/lab.toml")) return;  // of this machine: always found
+  const Outcome none = at_home(folder, "", "config check");
+  CHECK(none.code == 3);
+  CHECK(has(none.text, "there is none of ./lab.toml, ~/.config/echofuse/lab.toml, /etc/echofuse"));
+  CHECK(at_home(folder, "", "run --count 1").code == 3);
+  const auto first_line = [&](const std::string& environment, const std::string& more = "") {
+    const Outcome o = at_home(folder, environment, "config show" + more);
+    CAPTURE(o.text);
+    CHECK(o.code == 0);
+    return o.text.substr(0, o.text.find('\n'));
+  };
+  fs::create_directories(folder / ".config/echofuse");
+  fs::create_directories(folder / "xdg/echofuse");
+  for (const char* name : {".config/echofuse/lab.toml", "xdg/echofuse/lab.toml", "other.toml"})
+    write_file(folder / name, tdc);
+  CHECK(has(first_line(""), "/.config/echofuse/lab.toml (~/.config/echofuse/lab.toml)"));
+  const std::string xdg = "XDG_CONFIG_HOME=" + folder / "xdg";
+  CHECK(has(first_line(xdg), "/xdg/echofuse/lab.toml ($XDG_CONFIG_HOME/echofuse/lab.toml)"));
+  write_file(folder / "lab.toml", tdc);
+  CHECK(first_line(xdg) == "# lab.toml (./lab.toml)");
+  CHECK(first_line("ECHOFUSE_CONFIG=other.toml") == "# other.toml ($ECHOFUSE_CONFIG)");
+  CHECK(first_line("ECHOFUSE_CONFIG=none", " --config lab.toml") == "# lab.toml (--config)");
+  const Outcome wrong = at_home(folder, "ECHOFUSE_CONFIG=none.toml", "doctor");
+  CHECK(wrong.code == 3);
+  CHECK(has(wrong.text, "none.toml: cannot read"));
+}
+
+TEST_CASE("a radar cfg that is not beside the configuration is an installed one") {
+  const Folder folder;
+  const std::string radar = "[radar]\ncli = \"serial:/dev/a\"\ndata = \"serial:/dev/b\"\ncfg = ";
+  write_file(folder / "lab.toml", tdc + radar + "\"radar/xwr68xx_paper_50cm.cfg\"\n");
+  CHECK(at_home(folder, "", "config check").text == "lab.toml: ok\n");
+  write_file(folder / "lab.toml", tdc + radar + "\"radar/mine.cfg\"\n");
+  CHECK(has(at_home(folder, "", "config check").text, "radar/mine.cfg: cannot read"));
+}
+
+TEST_CASE("a run without a name is the next of its day, in the configured folder") {
+  const Folder folder;
+  const std::string first = record::next_run(folder / "");
+  CHECK(first.starts_with(folder / "20"));
+  CHECK(first.ends_with("-001.sqlite"));
+  const std::string day = first.substr(0, first.size() - std::string("001.sqlite").size());
+  write_file(day + "008.sqlite", "");
+  write_file(day + "009.rescued.sqlite", "");
+  write_file(folder / "19990101-500.sqlite", "");
+  CHECK(record::next_run(folder / "") == day + "010.sqlite");
+  CHECK_THROWS_WITH(record::next_run(folder / "none"),
+                    Catch::Contains("run.folder: ") && Catch::Contains("No such file"));
+  write_file(folder / "lab.toml", "[run]\nfolder = \"runs\"\n" + tdc);
+  const auto config = echofuse::acquire::load_config(folder / "lab.toml");
+  CHECK(config.run_folder == folder / "runs");
+}
+
+TEST_CASE("who is logged in has made the run, unless the configuration names another") {
+  const Folder folder;
+  echofuse::acquire::Config config;
+  const auto operator_of = [&](const std::string& name) {
+    echofuse::acquire::make_run(config, folder / name, {})->close("complete");
+    return record::RunReader(folder / name).info().operator_name;
+  };
+  CHECK(operator_of("a.sqlite") == echofuse::login_name());
+  CHECK_FALSE(echofuse::login_name().empty());
+  config.operator_name = "Ada";
+  CHECK(operator_of("b.sqlite") == "Ada");
+}
+
+TEST_CASE("the group reads a run and sees that it is live, whatever the umask") {
+  const Folder folder;
+  const mode_t before = ::umask(0077);
+  {
+    record::RunWriter run(folder / "a.sqlite", {});
+    for (const char* name : {"a.sqlite", "a.sqlite-wal", "a.sqlite-shm", "a.sqlite-lock"})
+      CHECK(mode_of(folder / name) == 0640);
+    run.close("complete");
+  }
+  ::umask(before);
+  CHECK(mode_of(folder / "a.sqlite") == 0640);
+}
+
+TEST_CASE("the catalogue of a folder, with notes from during a run and after it") {
+  const Folder folder;
+  write_run(folder / "monday.sqlite", 2);
+  write_run(folder / "tuesday.sqlite", 3);
+  sql(folder / "monday.sqlite", "UPDATE run SET started_utc = '2026-11-23T08:00:00.000Z'");
+  sql(folder / "tuesday.sqlite", "UPDATE run SET started_utc = '2026-11-24T08:00:00.000Z'");
+  write_file(folder / "other.sqlite", "no database");
+  write_file(folder / "text.txt", "no run");
+  const auto note = [&](const std::string& text) {
+    return acquire("note " + folder / "monday" + " '" + text + "'").code;
+  };
+  CHECK(note("first light") == 0);
+  CHECK(note("the lens was dirty") == 0);
+  CHECK(acquire("note " + folder / "other" + " text").code == 1);
+  const Outcome text = acquire("list " + folder / "");
+  CAPTURE(text.text);
+  CHECK(text.code == 0);
+  CHECK(has(text.text, "monday   2026-11-23T08:00"));
+  CHECK(has(text.text, "first light; the lens was dirty\n"));
+  CHECK(text.text.find("monday") < text.text.find("tuesday"));
+  CHECK(has(text.text, "left out: " + folder / "other.sqlite: not an echofuse run file"));
+  CHECK_FALSE(has(text.text, "text.txt"));
+  const std::string program = echofuse::test::bin_dir + "/echofuse-acquire";
+  const Json all =
+      Json::parse(shell("(" + program + " list --json " + folder / "" + " 2>/dev/null)").text);
+  REQUIRE(all.size() == 2);
+  CHECK(all[0]["name"] == "monday");
+  CHECK(all[0]["records"] == 2);
+  CHECK(all[0]["notes"] == Json::array({"a test", "first light", "the lens was dirty"}));
+  CHECK(all[1]["notes"] == Json::array({"a test"}));
+  CHECK(all[1]["valid"]["spd"] == 3);
+  CHECK(has(acquire("info " + folder / "monday").text, "  note      20"));
+  CHECK(acquire("list " + folder / "none").code == 1);
+  // A note leaves one file, as the run's end did.
+  CHECK_FALSE(fs::exists(folder / "monday.sqlite-wal"));
+}

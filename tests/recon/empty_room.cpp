@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: MIT
+// A model that was trained in front of one wall, in front of another one.
+#include "recon/estimator/empty_room.hpp"
+
+#include "recon/estimator/evaluate.hpp"
+#include "recon/estimator/predict.hpp"
+#include "recon/estimator/train.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using namespace echofuse::testing;
+
+namespace {
+
+const Axis longer{"spd", "counts", "ps", 60, 16000, 400, 1};
+
+// A wall in histogram, profile and maps.
+struct Wall {
+  std::size_t spd_bin, radar_bin;
+  std::uint16_t mm;
+};
+constexpr Wall here{42, 20, 5000}, elsewhere{50, 22, 5600};
+
+void write_room(const std::string& path, const Wall& wall, std::int64_t count, std::uint64_t seed,
+                bool people = true) {
+  Rng rng = make_rng(seed, 9);
+  write_run(
+      path, count, seed,
+      [=](record::FusedRecord& r) mutable {
+        if (!people) {
+          std::fill(r.spd.begin(), r.spd.end(), 0u);
+          std::fill(r.radar.begin(), r.radar.end(), 0.f);
+          std::fill(r.depth_mm.begin(), r.depth_mm.end(), std::uint16_t{0});
+        }
+        std::poisson_distribution<std::uint32_t> light(30'000);
+        std::normal_distribution<float> echo(2, 0.002f);
+        for (std::size_t i = 0; i < 3; ++i) r.spd[wall.spd_bin + i] += light(rng);
+        r.radar[wall.radar_bin] += echo(rng);
+        for (std::uint16_t& mm : r.depth_mm)
+          if (mm == 0) mm = wall.mm;
+      },
+      radar_axis(), longer);
+}
+
+double iou_of(const TrainedModel& model, const std::string& path) {
+  const Records records = prepare_records(model, load_recorded({path}), RangeBiasAction::ignore);
+  return evaluate(model, records, all_rows(records.data.size()), "own").metrics[metric_iou].mean;
+}
+
+TrainedModel trained(const std::string& path, const std::string& empty, const std::string& name) {
+  TrainOptions options;
+  options.model = name, options.uncertainty = false;
+  options.fit.epochs = 60, options.fit.quiet = true;
+  Dataset data = load({path});
+  if (!empty.empty()) state_empty_room(data, empty);
+  return train(data, options);
+}
+
+}  // namespace
+
+TEST_CASE("a model that knows its empty room keeps its accuracy in another one, given that") {
+  const Folder dir;
+  write_room(dir / "here", here, 200, 1), write_room(dir / "here empty", here, 20, 2, false);
+  write_room(dir / "there", elsewhere, 60, 3), write_room(dir / "again", here, 60, 3);
+  write_room(dir / "there empty", elsewhere, 20, 4, false);
+  TrainedModel model = trained(dir / "here", dir / "here empty", "silhouette");
+  const double at_home = iou_of(model, dir / "again"), lost = iou_of(model, dir / "there");
+  CHECK(model.range_bias.knows_bodies());  // in front of a wall that is known
+  CHECK(at_home > 0.5);
+  CHECK(lost < 0.5 * at_home);
+  CHECK(take_to_room(model, dir / "there empty").empty());
+  CHECK(iou_of(model, dir / "there") > 0.95 * at_home);
+  const std::string error = error_of([&] { take_to_room(model, dir / "there"); });
+  CHECK(error == (dir / "there") +
+                     ": its histograms differ by more than photons do: people are in it? expected "
+                     "a run of the empty room");
+}
+
+TEST_CASE("a network that does not place a body stays in its room") {
+  const Folder dir;
+  write_room(dir / "here", here, 60, 1), write_room(dir / "empty", here, 20, 2, false);
+  TrainedModel model = trained(dir / "here", "", "mlp-16");
+  CHECK(error_of([&] { take_to_room(model, dir / "empty"); }) ==
+        "mlp does not place a body: it cannot be taken to another room; expected a factorised "
+        "model or a silhouette");
+}
+
+TEST_CASE("an empty room of other axes is refused before a training") {
+  const Folder dir;
+  write_room(dir / "here", here, 20, 1);
+  write_run(dir / "other", 5);
+  Dataset data = load({dir / "here"});
+  CHECK(error_of([&] { state_empty_room(data, dir / "other"); }) ==
+        (dir / "other") + ": its axes are not those of the training runs");
+}

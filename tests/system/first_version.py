@@ -1,0 +1,58 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/system/first_version.py BIN_DIR: the run and the model of the first packaged version, 0.1.0
+(tests/golden/run-0.1.0.sqlite.gz, model-0.1.0.h5.gz: three slots of 0.2 s from a simulated laboratory, and a
+silhouette model of 200 simulated records), open with this version, say the same, and take a note. The two files are
+never made anew."""
+import csv
+import gzip
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+bin_dir = pathlib.Path(sys.argv[1]).resolve()
+golden = pathlib.Path(__file__).resolve().parents[1] / "golden"
+
+
+class FirstVersion(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory(prefix="echofuse-first-")
+        self.dir = pathlib.Path(self.folder.name)
+        self.run_file, self.model = self.dir / "first.sqlite", self.dir / "first.h5"
+        self.run_file.write_bytes(gzip.decompress((golden / "run-0.1.0.sqlite.gz").read_bytes()))
+        self.model.write_bytes(gzip.decompress((golden / "model-0.1.0.h5.gz").read_bytes()))
+
+    def tearDown(self):
+        self.folder.cleanup()
+
+    def call(self, program, *words):
+        done = subprocess.run([bin_dir / f"echofuse-{program}", *map(str, words)], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return done.stdout
+
+    def test_run(self):
+        info = json.loads(self.call("acquire", "info", "--json", self.run_file))
+        self.assertEqual((info["version"], info["records"], info["status"], info["operator"], info["host"]),
+                         ("0.1.0", 3, "complete", "Ada", "laboratory"))
+        self.assertEqual((info["valid"], info["tags"]), ({"spd": 3, "radar": 3, "depth": 3}, 224836))
+        self.assertEqual({axis["name"]: axis["count"] for axis in info["axes"]},
+                         {"map_x": 64, "map_y": 64, "spd": 336, "radar": 64, "depth_x": 320, "depth_y": 240})
+        self.call("acquire", "export", self.run_file, "--to", self.dir / "first.h5x.h5")
+        self.call("acquire", "note", self.run_file, "opened again")
+        [entry] = json.loads(self.call("acquire", "list", "--json", self.dir))
+        self.assertEqual(entry["notes"], ["opened again"])
+
+    def test_model(self):
+        scores = json.loads(self.call("recon", "evaluate", self.model, self.run_file, "--all", "--json", "-q"))["metrics"]
+        for name, value in {"rmse_m": 0.8193, "iou": 0.1058, "lateral_m": 0.4147, "ssim": 0.7553}.items():
+            self.assertAlmostEqual(scores[name]["mean"], value, delta=2e-3, msg=name)
+        self.call("recon", "reconstruct", self.model, self.run_file, "--out", self.dir / "maps", "-q")
+        with open(self.dir / "maps/records.csv", newline="") as file:
+            self.assertEqual([row["status"] for row in csv.DictReader(file)], ["ok"] * 3)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])

@@ -1,0 +1,98 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/system/installed.py BIN_DIR: what `cmake --install` puts into a folder works there: a simulated laboratory,
+a live run, a data set, the bridges, manual pages and completion. Nothing installed knows the build folder or the
+source tree, which are hidden from the programs where this process may do so (root, unshare)."""
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+build = pathlib.Path(sys.argv[1]).resolve().parent
+source = pathlib.Path(__file__).resolve().parents[2]
+
+
+def run(*words, **how):
+    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=60, **how)
+    assert done.returncode == 0, f"{words}: {done.returncode}\n{done.stdout}{done.stderr}"
+    return done.stdout
+
+
+class Installed(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-installed-")
+        cls.dir = pathlib.Path(cls.folder.name)
+        # First elsewhere, as packages are made, then moved there.
+        run("cmake", "--install", build, "--prefix", cls.dir / "opt", env=os.environ | {"DESTDIR": str(cls.dir / "stage")})
+        shutil.move(str(cls.dir / "stage") + str(cls.dir / "opt"), cls.dir)
+        cls.prefix = cls.dir / "opt"
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def files(self):
+        return [path for path in self.prefix.rglob("*") if path.is_file()]
+
+    def test_knows_no_other_folder(self):
+        names = {str(build).encode(), str(source).encode(), b"/stage/"}
+        for path in self.files():
+            content = path.read_bytes()
+            for name in names:
+                self.assertNotIn(name, content, path)
+
+    def test_laboratory_run_data_set(self):
+        """With an empty folder mounted over the build, if that is allowed."""
+        script = f"""set -e
+            {f"mount -t tmpfs none {build}" if hide else ":"}
+            cd {self.dir}
+            echofuse-sim lab --scene person --hold 0.2 --window 0.2 --laser-rate-hz 2e7 --set signal_photons=5e4 -- \\
+              echofuse-acquire run --config lab/lab.toml --count 3 --out live -q || [ $? = 5 ]
+            echofuse-acquire info --json live >info.json
+            echofuse-sim dataset --people 20 --letters 20 --out scenes.sqlite -q
+            echofuse-recon train scenes.sqlite --model mean --out mean.h5 -q
+            mkdir -p home/.config/echofuse
+            cp {self.prefix}/share/echofuse/lab.toml home/.config/echofuse
+            HOME=$PWD/home echofuse-acquire config check
+            echofuse-bridge-timetagger --help"""
+        words = ["unshare", "--mount", "sh", "-c", script] if hide else ["sh", "-c", script]
+        said = run(*words, cwd=self.dir, env=os.environ | {"PATH": f"{self.prefix}/bin:{os.environ['PATH']}"})
+        self.assertIn("home/.config/echofuse/lab.toml: ok", said)
+        self.assertIn("--conditional-filter", said)
+        self.assertIn('"records": 3', (self.dir / "info.json").read_text())
+        self.assertTrue((self.dir / "mean.h5").stat().st_size > 0)
+
+    def test_unit_names_the_program(self):
+        unit = (self.prefix / "lib/systemd/system/echofuse-acquire.service").read_text()
+        self.assertIn(f"\nExecStart={self.prefix}/bin/echofuse-acquire run ", unit)
+
+    def test_manual_pages(self):
+        pages = {path.name for path in (self.prefix / "share/man/man1").iterdir()}
+        for name in ("acquire", "acquire-run", "acquire-config-show", "recon-study-stability", "view", "sim-lab",
+                     "bridge-timetagger"):
+            self.assertIn(f"echofuse-{name}.1", pages)
+        run_page = (self.prefix / "share/man/man1/echofuse-acquire-run.1").read_text()
+        self.assertIn(".SH NAME\nechofuse\\-acquire\\-run \\- record fused records", run_page)
+        self.assertIn(".TP\n\\fB\\-\\-out\\fR \\fITEXT\\fR\nrun file to make", run_page)
+        self.assertIn(".SH EXIT STATUS\n0 ok, 1 failed, 2 usage", run_page)
+
+    def test_completion(self):
+        def offered(*words):
+            script = f""". {self.prefix}/share/bash-completion/completions/{words[0]}
+                COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)); _echofuse; echo "${{COMPREPLY[@]}}" """
+            return run("bash", "-c", script, "bash", *words, cwd=self.prefix / "lib",
+                       env=os.environ | {"PATH": f"{self.prefix}/bin:{os.environ['PATH']}"}).split()
+        self.assertEqual(offered("echofuse-acquire", "re"), ["recover", "replay"])
+        self.assertEqual(offered("echofuse-acquire", "config", "s"), ["show", "systemd", "sysusers.d"])
+        self.assertEqual(offered("echofuse-sim", "lab", "--lase"), ["--laser-rate-hz"])
+        self.assertEqual(offered("echofuse-recon", "study", "--q"), ["--quiet"])
+        self.assertEqual(offered("echofuse-view", "--mod"), ["--model"])
+
+
+hide = subprocess.run(["unshare", "--mount", "true"], capture_output=True).returncode == 0
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])
