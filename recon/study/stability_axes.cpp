@@ -203,7 +203,7 @@ void add_weather(Axes& all, const BaseCondition& base) {
     all.push_back(numbers(base, there, "fog", "visibility in fog (m), 0: clear", "fog_visibility_m",
                           {0, 1000, 300, 100, 50, 20, 10, 5}, {100, 20}));
     all.push_back(numbers(base, there, "smoke", "visibility in smoke (m), 0: clear",
-                          "smoke_visibility_m", {0, 100, 20, 10, 5}, {}));
+                          "smoke_visibility_m", {0, 100, 20, 10, 5}, {20}));
     all.push_back(
         numbers(base, there, "rain", "rain (mm/h)", "rain_mm_h", {0, 1, 10, 50, 100}, {100}));
   }

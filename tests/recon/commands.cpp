@@ -227,7 +227,7 @@ TEST_CASE("a report of a run alone, and of two models record by record") {
                             Catch::Contains("difference +0.0000 (95 %: +0.0000 to +0.0000)"));
   refuses("report " + (dir / "no") + " --run " + (dir / "fresh"), 2,
           "--run needs --fused or --compare");
-  refuses("report " + (dir / "no") + " --fused " + (dir / "ridge"), 2, "nothing to report on");
+  refuses("report " + (dir / "no") + " --fused " + (dir / "ridge"), 2, "models need --run");
   refuses("report " + (dir / "no") + " --live " + (dir / "fresh") + " --fused " + (dir / "ridge"),
           2, "models need --run");
 }
