@@ -191,6 +191,14 @@ ExitCode recover(const Options& o) {
   return ExitCode::ok;
 }
 
+ExitCode merge(const Options& o) {
+  std::vector<std::string> parts;
+  for (const auto& part : o.parts) parts.push_back(record::old_run(part));
+  const std::string out = record::new_run(o.to);
+  std::printf("%lld records\n", static_cast<long long>(record::merge(parts, out)));
+  return ExitCode::ok;
+}
+
 ExitCode export_run(const Options& o) {
   const record::RunReader reader(o.file);
   const std::string kind = std::filesystem::path(o.to).extension().string();
@@ -230,6 +238,7 @@ ExitCode dispatch(const std::string& command, Options& o) {
   if (command == "note") return note(o);
   if (command == "list") return list(o);
   if (command == "recover") return recover(o);
+  if (command == "merge") return merge(o);
   return replay(o);
 }
 

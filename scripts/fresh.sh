@@ -18,6 +18,7 @@ fresh_mirror() {
 
 fresh_cleanup() {
   for place in proc dev/pts dev ccache; do umount "$root/$place" 2>/dev/null || true; done
+  rm -f "$root.log"
   mountpoint -q "$root/dev" || mountpoint -q "$root/ccache" || rm -rf --one-file-system "$root"
 }
 

@@ -48,7 +48,7 @@ struct Counted {
 // throw Error(disk), and close() keeps all that was committed in a copy that its Error names.
 class RunWriter {
  public:
-  // Refuses a path that exists.
+  // Refuses a path that exists. A run that has no uuid gets one.
   RunWriter(const std::string& path, const RunInfo& info);
   // Continues a run that is not being written: complete, stopped or crashed.
   explicit RunWriter(const std::string& path);
@@ -169,7 +169,9 @@ class RunReader {
  public:
   // Throws Error(failed): not there, not a run file, written by a newer version, damaged, or with
   // anything in it but the tables of a run. What a file may cost is bounded by its size.
+  // On a network file system only a closed run is read, which nobody changes.
   explicit RunReader(const std::string& path);
+  RunReader(const std::string& path, const std::string& network);  // as network_of(path) says
   ~RunReader();
   RunReader(const RunReader&) = delete;
   RunReader& operator=(const RunReader&) = delete;
@@ -205,7 +207,7 @@ class RunReader {
 
  private:
   bool has_table(const char* name) const;
-  void open();
+  void open(const std::string& network);
   void check_identity() const;
   void summarise_sync(RunSummary& sum) const;
   void check_axis(const Axis& axis, std::int64_t points) const;
@@ -221,6 +223,11 @@ class RunReader {
 // Throws Error(failed) if nobody is recording this run; a "note" is taken by every run.
 void mark(const std::string& path, const std::string& level, const std::string& text,
           const std::string& source = "mark");
+
+// One run of the parts of a data set, with the same records as if it had been made as a whole.
+// Throws Error(failed) for what is no part, parts of several data sets, records that are there
+// twice or missing, and an `out` that exists; disk.
+std::int64_t merge(const std::vector<std::string>& parts, const std::string& out);
 
 // Marks a run that a crash left "open" as "crashed" after checking it, and folds back a WAL that
 // was left beside it; returns the record count.

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "acquire/record/network.hpp"
 #include "acquire/record/png.hpp"
 #include "acquire/record/read_rows.hpp"
 #include "acquire/record/run_file.hpp"
@@ -123,14 +124,16 @@ int look(sqlite3* db) {
 
 }  // namespace
 
-RunReader::RunReader(const std::string& path)
+RunReader::RunReader(const std::string& path) : RunReader(path, network_of(path)) {}
+
+RunReader::RunReader(const std::string& path, const std::string& network)
     : path_(path), shown_(printable(path)), budget_(std::make_unique<Budget>()) {
   if (::access(path.c_str(), R_OK) != 0)
     throw Error(ExitCode::failed, shown_ + ": no such file, or not readable; expected a run file");
   bytes_ = bytes_of(path) + bytes_of(path + "-wal");
   *budget_ = Budget::of_file(bytes_);
   try {
-    open();
+    open(network);
     check_identity();
     check_tables(db_, path_, schema, "a run");
   } catch (...) {
@@ -139,7 +142,7 @@ RunReader::RunReader(const std::string& path)
   }
 }
 
-void RunReader::open() {
+void RunReader::open(const std::string& network) {
   const auto try_to_open = [&](const std::string& name, int flags) {
     sqlite3_close(db_);
     db_ = nullptr;
@@ -149,6 +152,17 @@ void RunReader::open() {
     limit(db_, *budget_);
     return look(db_);
   };
+  const auto unchanging = [&] {
+    std::string uri = "file:";
+    for (const char c : path_)
+      uri += c == '%' ? "%25" : c == '?' ? "%3f" : c == '#' ? "%23" : std::string(1, c);
+    uri += "?immutable=1";
+    try_to_open(uri, SQLITE_OPEN_READONLY | SQLITE_OPEN_URI);
+  };
+  if (!network.empty()) {
+    require_closed(path_, network);
+    return unchanging();
+  }
   // Read-only, but a WAL left by a live or crashed writer needs its shared-memory file beside it;
   // on a read-only medium there is no writer, and `immutable` reads without one.
   int first = try_to_open(path_, SQLITE_OPEN_READONLY);
@@ -159,11 +173,7 @@ void RunReader::open() {
     if (bytes_of(path_ + "-wal") > 0)
       throw Error(ExitCode::failed, shown_ + ": was not closed, and its last records are in " +
                                         shown_ + "-wal; copy both to a folder that can be written");
-    std::string uri = "file:";
-    for (const char c : path_)
-      uri += c == '%' ? "%25" : c == '?' ? "%3f" : c == '#' ? "%23" : std::string(1, c);
-    uri += "?immutable=1";
-    try_to_open(uri, SQLITE_OPEN_READONLY | SQLITE_OPEN_URI);
+    unchanging();
   }
   sqlite3_busy_timeout(db_, 5000);
 }

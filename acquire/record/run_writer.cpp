@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "acquire/record/file_watch.hpp"
+#include "acquire/record/network.hpp"
 #include "acquire/record/record_rows.hpp"
 #include "acquire/record/rescue.hpp"
 #include "acquire/record/run_file.hpp"
@@ -98,7 +99,7 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info)
   };
   Inserts rows(db_, path_);
   rows.into("run")
-      .set("uuid", make_uuid())
+      .set("uuid", given_or(info.uuid, make_uuid()))
       .set("started_utc", given_or(info.started_utc, iso8601(clock.utc())))
       .set("ended_utc", "")
       .set("status", "open")
@@ -206,6 +207,9 @@ bool RunWriter::move_if_held() {
 }
 
 void RunWriter::use_wal() {
+  if (const std::string network = network_of(path_); !network.empty())
+    throw Error(ExitCode::disk, path_ + ": is on a network file system (" + network +
+                                    "), which SQLite's WAL cannot use; record to a local disk");
   Statement mode(db_, path_, "PRAGMA journal_mode=WAL");
   const std::string answer = mode.step() ? mode.text() : "";
   if (answer != "wal")

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/core/console.hpp"
+#include "drivers/core/crc32c.hpp"
 #include "drivers/core/printable.hpp"
 #include "recon/cli/options.hpp"
 #include "recon/data/turpin.hpp"
@@ -18,12 +19,14 @@
 #include "recon/estimator/evaluate.hpp"
 #include "recon/estimator/predict.hpp"
 #include "recon/estimator/train.hpp"
+#include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/output/export_model.hpp"
 #include "recon/output/map_files.hpp"
 #include "recon/output/reconstruct.hpp"
 #include "recon/output/report.hpp"
+#include "recon/study/fold_file.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -199,8 +202,11 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
   app.add_flag("--follow", a->follow,
                "of a run that is being recorded: new records as they come, until it is closed");
   app.add_flag("--force", a->force, "write into a folder that holds maps of another run");
-  return [a, &common] {
+  const auto part = add_part_option(app);
+  return [a, part, &common] {
     a->quiet = common.quiet;
+    a->part = part_of(*part);
+    a->model_hash = crc32c(read_file(a->model));
     ReconstructReport talk(a->run, a->follow, common.quiet);
     a->on_record = [&](const RecordStatus& r) { talk.add(r); };
     a->range_bias = range_bias_action_of(a->range_bias_action);
@@ -221,7 +227,7 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
 Command add_crossvalidate(CLI::App& app, const Common& common) {
   struct Arguments : CrossvalidateOptions {
     std::vector<std::string> runs;
-    std::string published;
+    std::string published, out;
   };
   const auto a = std::make_shared<Arguments>();
   app.add_option("run", a->runs, "run files whose axes agree, in the order of time")->required();
@@ -239,11 +245,29 @@ Command add_crossvalidate(CLI::App& app, const Common& common) {
   add_inputs_option(app, a->inputs);
   add_fit_options(app, a->scaling, a->fit);
   app.add_option("--seed", a->fit.seed, "of weights and order")->capture_default_str();
-  return [a, &common] {
+  app.add_option("--out", a->out, "folder for study.sqlite, which keeps what is measured");
+  const auto part = add_part_option(app);
+  return [a, part, &common] {
     a->fit.quiet = common.quiet, a->letters = true;
+    const auto which = part_of(*part);
+    if (which && a->out.empty())
+      throw Error(ExitCode::usage, "--part: name the folder of the parts with --out");
     const Dataset data = load(a->runs);
-    const auto rows = crossvalidate(data, rows_to_train(data, inputs_of(a->inputs)), *a,
-                                    a->published.empty() ? Dataset{} : load({a->published}));
+    std::unique_ptr<FoldFile> file;
+    if (!a->out.empty()) {
+      StudyOptions options;
+      options.out = a->out, options.part = which;
+      const StudySettings settings =
+          fold_settings(data, a->scaling, a->fit,
+                        {{"gap", std::to_string(a->gap)}, {"of", std::to_string(a->folds)}});
+      file = std::make_unique<FoldFile>(options, settings, a->inputs, a->models, a->folds);
+      a->shared = &file->shared();
+    }
+    const auto rows =
+        crossvalidate(data, rows_to_train(data, inputs_of(a->inputs)), *a,
+                      which || a->published.empty() ? Dataset{} : load({a->published}));
+    if (file) file->finish();
+    if (which) return all_fitted(rows) ? ExitCode::ok : ExitCode::partial;
     std::printf("%zu folds, gap %zu; mean over maps +- standard error over folds\n%s%s", a->folds,
                 a->gap, to_table({rows.begin(), rows.end()}).c_str(),
                 to_span_table({rows.begin(), rows.end()}).c_str());

@@ -14,6 +14,16 @@ void add_inputs_option(CLI::App& app, std::string& inputs) {
       ->capture_default_str();
 }
 
+std::shared_ptr<std::string> add_part_option(CLI::App& app) {
+  auto out = std::make_shared<std::string>();
+  app.add_option("--part", *out, part_help);
+  return out;
+}
+
+std::optional<JobPart> part_of(const std::string& text) {
+  return text.empty() ? std::nullopt : std::optional(JobPart::of(text));
+}
+
 std::string is_candidate(const std::string& text) {
   try {
     candidate_of(text, {});

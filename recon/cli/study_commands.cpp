@@ -4,12 +4,21 @@
 
 #include "drivers/core/printable.hpp"
 #include "recon/cli/commands.hpp"
+#include "recon/cli/options.hpp"
 #include "recon/study/pareto.hpp"
 #include "recon/study/stability_summary.hpp"
 #include "recon/study/transfer.hpp"
 
 namespace echofuse::recon {
 namespace {
+
+// What a part leaves: its file, which the same command without --part takes.
+ExitCode part_done(const StudyOptions& options, bool quiet) {
+  if (!quiet)
+    std::fprintf(stderr, "%s/%s.sqlite: written\n", printable(options.out).c_str(),
+                 options.part->name().c_str());
+  return ExitCode::ok;
+}
 
 void add_common(CLI::App& app, StudyOptions& options) {
   app.add_option("--seeds", options.seeds)->check(CLI::Range(1, 1000))->capture_default_str();
@@ -24,6 +33,7 @@ void add_common(CLI::App& app, StudyOptions& options) {
 
 Command add_pareto(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<ParetoOptions>();
+  const auto part = add_part_option(app);
   app.add_option("train", a->train, "run file to train on")->required();
   app.add_option("test", a->test, "run file to judge by")->required();
   app.add_option("--out", a->out,
@@ -55,10 +65,12 @@ Command add_pareto(CLI::App& app, const Common& common) {
       ->delimiter(',')
       ->expected(2)
       ->check(CLI::PositiveNumber);
-  return [a, bound, &common] {
+  return [a, bound, part, &common] {
+    a->part = part_of(*part);
     a->quiet = common.quiet;
     a->threads = common.threads;
     const auto rows = study_pareto(*a);
+    if (a->part) return part_done(*a, common.quiet);
     std::fputs(printable_lines(to_text(rows)).c_str(), stdout);
     write_pareto(rows, a->out, *bound);
     return ExitCode::ok;
@@ -67,6 +79,7 @@ Command add_pareto(CLI::App& app, const Common& common) {
 
 Command add_stability(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<StabilityOptions>();
+  const auto part = add_part_option(app);
   app.add_option("--out", a->out,
                  "folder for study.sqlite, stability.html, stability.csv and a chart an axis")
       ->required();
@@ -93,12 +106,14 @@ Command add_stability(CLI::App& app, const Common& common) {
   app.add_option("--set", a->set, "key=value of the simulator, of the base condition")
       ->allow_extra_args(false);
   app.add_option("--sim", a->sim, "the simulator; default: echofuse-sim beside this program");
-  return [a, range_bias, &common] {
+  return [a, range_bias, part, &common] {
+    a->part = part_of(*part);
     StabilityOptions options = complete(*a);
     options.range_bias = range_bias_action_of(*range_bias);
     options.quiet = common.quiet;
     options.threads = common.threads;
     const auto rows = study_stability(options);
+    if (a->part) return part_done(options, common.quiet);
     const auto results = summarise_stability(options, rows);
     std::fputs(to_text(results).c_str(), stdout);
     write_stability(options, rows, results);
@@ -108,6 +123,7 @@ Command add_stability(CLI::App& app, const Common& common) {
 
 Command add_transfer(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<TransferOptions>();
+  const auto part = add_part_option(app);
   app.add_option("--out", a->out,
                  "folder for study.sqlite, transfer.csv and transfer.svg; goes on there")
       ->required();
@@ -125,11 +141,14 @@ Command add_transfer(CLI::App& app, const Common& common) {
       ->check(CLI::Range(10, 1'000'000));
   add_common(app, *a);
   app.add_option("--sim", a->sim, "the simulator; default: echofuse-sim beside this program");
-  return [a, &common] {
+  return [a, part, &common] {
+    a->part = part_of(*part);
     TransferOptions options = complete(*a);
     options.quiet = common.quiet;
     options.threads = common.threads;
-    const auto rows = summarise_transfer(study_transfer(options));
+    const auto measured = study_transfer(options);
+    if (a->part) return part_done(options, common.quiet);
+    const auto rows = summarise_transfer(measured);
     std::fputs(to_text(rows).c_str(), stdout);
     write_transfer(rows, options.out);
     return ExitCode::ok;

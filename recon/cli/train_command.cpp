@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <filesystem>
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
@@ -11,6 +12,8 @@
 #include "recon/estimator/empty_room.hpp"
 #include "recon/estimator/train.hpp"
 #include "recon/estimator/tune.hpp"
+#include "recon/files/text.hpp"
+#include "recon/study/fold_file.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -58,12 +61,57 @@ TrainedModel tune_model(const CLI::App& app, const Arguments& a) {
   return std::move(tuned.model);
 }
 
-TrainedModel train_model(const Arguments& a) {
+Dataset load_to_train(Arguments& a) {
   Dataset data = load(a.runs);
   if (!a.empty.empty() && a.radar_bin_m > 0)
     throw Error(ExitCode::usage, "--empty does not go with --radar-bin: give runs of such bins");
   if (!a.empty.empty()) state_empty_room(data, a.empty);
+  a.validate_on.clear();
+  if (a.validate_on_runs.empty()) a.validate_on = {data.sources.size() - 1};
+  for (const std::size_t run : a.validate_on_runs) a.validate_on.push_back(run - 1);
   if (a.radar_bin_m > 0) rebin_radar(data, radar_bins(a.radar_bin_m));
+  return data;
+}
+
+// Of auto: the folder of the parts of its cross-validation.
+std::string folds_folder(const Arguments& a) { return a.out + ".folds"; }
+
+FoldFile folds_of(const Arguments& a, const Dataset& data, const std::optional<JobPart>& part) {
+  std::string runs;
+  for (const std::size_t run : a.validate_on) runs += " " + std::to_string(run + 1);
+  const SplitOptions& split = a.split;
+  const StudySettings settings =
+      fold_settings(data, a.scaling, a.fit,
+                    {{"validate-on", runs},
+                     {"empty", a.empty},
+                     {"radar-bin", formatted("%.9g", a.radar_bin_m)},
+                     {"split", split.kind + formatted(" %.9g %.9g %zu", split.test_share,
+                                                      split.validation_share, split.gap)}});
+  StudyOptions options;
+  options.out = folds_folder(a), options.part = part;
+  return {options, settings, a.inputs,
+          a.candidates.empty() ? candidates(inputs_of(a.inputs)) : a.candidates, auto_folds};
+}
+
+void measure_part(Arguments& a, const JobPart& part) {
+  if (a.model != "auto" || !a.from.empty())
+    throw Error(ExitCode::usage,
+                "--part: only what --model auto tries is shared between processes");
+  const Dataset data = load_to_train(a);
+  FoldFile file = folds_of(a, data, part);
+  a.folds = &file.shared();
+  measure_folds(data, a);
+  file.finish();
+  if (!a.fit.quiet)
+    std::fprintf(stderr, "%s/%s.sqlite: written\n", printable(folds_folder(a)).c_str(),
+                 part.name().c_str());
+}
+
+TrainedModel train_model(Arguments& a) {
+  const Dataset data = load_to_train(a);
+  if (a.model != "auto" || !std::filesystem::is_directory(folds_folder(a))) return train(data, a);
+  const FoldFile file = folds_of(a, data, {});
+  a.folds = &file.shared();
   return train(data, a);
 }
 
@@ -143,14 +191,12 @@ Command add_train(CLI::App& app, const Common& common) {
       ->allow_extra_args(false)
       ->check(CLI::IsMember(augment_names));
   app.add_flag("--force", a->force, "replace the model that OUT is");
+  const auto part = add_part_option(app);
   a->fallback = true;
   app.add_flag("!--no-fallback", a->fallback,
                "train no network beside a fused model for records whose radar is lost");
-  return [a, &app, &common] {
+  return [a, part, &app, &common] {
     a->split.seed = a->fit.seed;
-    if (a->validate_on_runs.empty()) a->validate_on_runs = {a->runs.size()};
-    a->validate_on.clear();
-    for (const std::size_t run : a->validate_on_runs) a->validate_on.push_back(run - 1);
     a->fit.quiet = common.quiet;
     const bool tuning = !a->from.empty();
     if (tuning) check_from(app);
@@ -159,6 +205,10 @@ Command add_train(CLI::App& app, const Common& common) {
         kind_of(candidate_of(a->model, {}).model).size != ModelKind::Size::hidden)
       throw Error(ExitCode::usage,
                   "--hidden: " + a->model + " has no such layers; mlp and pca-mlp have");
+    if (const auto which = part_of(*part)) {
+      measure_part(*a, *which);
+      return ExitCode::ok;
+    }
     const Existing existing = a->force ? Existing::replace : Existing::keep;
     check_can_save(a->out, existing);
     const TrainedModel model = tuning ? tune_model(app, *a) : train_model(*a);

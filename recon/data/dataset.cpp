@@ -10,6 +10,7 @@
 #include "drivers/core/printable.hpp"
 #include "recon/data/lags.hpp"
 #include "recon/data/pile_up.hpp"
+#include "recon/data/run_order.hpp"
 #include "recon/data/shift.hpp"
 #include "recon/data/source_facts.hpp"
 
@@ -69,14 +70,10 @@ class Appender {
         spd_shift_.emplace(c.offset_m * ps_per_m / data.spd_axis.step);
       if (c.sensor == Sensor::radar && data.radar_axis.unit == "m") radar_offset_m = c.offset_m;
     }
-    const std::string uuid = run.info().uuid;
-    for (const auto& source : data.sources)
-      if (source.uuid == uuid)
-        throw Error(ExitCode::failed,
-                    printable(path_) + ": the same run as " + printable(source.path) +
-                        "; give each run once, or its records leak into the test");
-    data.sources.push_back(
-        {path_, uuid, data.size(), 0, radar_offset_m, calibrated_days(run), laboratories_of(run)});
+    const record::RunInfo info = run.info();
+    if (goes_on(data, path_, info)) return;
+    data.sources.push_back({path_, info.uuid, data.size(), 0, radar_offset_m, calibrated_days(run),
+                            laboratories_of(run)});
   }
 
   // For so many records: a table that grows would be there twice. Of many runs not for each anew.
@@ -266,7 +263,7 @@ SensorSet sensors_of(Inputs inputs) {
 
 Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
   Dataset data;
-  for (const auto& path : paths) {
+  for (const auto& path : in_order_of_records(paths)) {
     const record::RunReader run(path);
     append(data, run, 0, static_cast<std::size_t>(run.count()),
            {Sensor::spd, Sensor::radar, Sensor::depth}, on_bad);

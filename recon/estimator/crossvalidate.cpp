@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <optional>
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/exit_code.hpp"
@@ -73,22 +74,38 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
   const bool aligned =
       std::any_of(options.models.begin(), options.models.end(),
                   [&](const auto& name) { return wants_alignment(candidate_of(name, fit).model); });
+  std::vector<double> measured(out.size());
   for (std::size_t fold = 0; fold < options.folds && !interrupted(); ++fold) {
     const Split split = make_fold(rows, fold, options.folds, options.gap);
-    const Preprocessing preprocessing(data, split.train, inputs,
-                                      learn_scene(data.depth, split.train, data.map), aligned);
-    const Plates plates =
-        options.letters ? find_plates(data, split.test, preprocessing.scene) : Plates{};
-    const auto add = [&](Folds& to, const Matrix& maps) {
-      to.push_back(score_maps(maps, data, split.test, preprocessing.scene, plates));
+    std::optional<Preprocessing> made;  // takes a while, and not every process needs it
+    std::optional<Plates> plates;
+    const auto preprocessing = [&]() -> const Preprocessing& {
+      if (!made)
+        made.emplace(data, split.train, inputs, learn_scene(data.depth, split.train, data.map),
+                     aligned);
+      return *made;
+    };
+    const auto scores_of = [&](const Matrix& maps) {
+      const Scene& scene = preprocessing().scene;
+      if (!plates) plates = options.letters ? find_plates(data, split.test, scene) : Plates{};
+      return score_maps(maps, data, split.test, scene, *plates);
+    };
+    const auto measure = [&](std::size_t m) {
+      const TrainedModel model =
+          fit_model(data, split, preprocessing(), options.models[m], inputs, options.scaling, fit);
+      out[m].train_s += model.train_s, ++measured[m];
+      return FoldScores{scores_of(model.predict(data, split.test)), model.cost()};
     };
     for (std::size_t m = 0; m < out.size() && !interrupted(); ++m) {
       if (out[m].fault.empty()) try {
-          const TrainedModel model = fit_model(data, split, preprocessing, options.models[m],
-                                               inputs, options.scaling, fit);
-          add(scores[m], model.predict(data, split.test));
-          out[m].cost = model.cost();
-          out[m].train_s += model.train_s / static_cast<double>(options.folds);
+          const SharedFolds* const shared = options.shared;
+          const FoldScores* const known = shared ? shared->known(fold, m) : nullptr;
+          const bool fits = known && known->maps.size() == split.test.size();
+          if (!fits && shared && !shared->mine(fold, m)) continue;
+          const FoldScores found = fits ? *known : measure(m);
+          if (!fits && shared) shared->keep(fold, m, found);
+          scores[m].push_back(found.maps);
+          out[m].cost = found.cost;
         } catch (const Error& error) {
           if (error.code() != ExitCode::failed) throw;
           out[m].fault = error.what();
@@ -96,11 +113,14 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
         }
       progress.update(fold * out.size() + m + 1, out[m].name);
     }
-    if (published.size() > 0) add(published_scores, published_maps(data, split.test, published));
+    if (published.size() > 0)
+      published_scores.push_back(scores_of(published_maps(data, split.test, published)));
   }
   if (interrupted()) throw Error(ExitCode::interrupted, "interrupted during the cross-validation");
-  for (std::size_t m = 0; m < out.size(); ++m)
+  for (std::size_t m = 0; m < out.size(); ++m) {
+    out[m].train_s = measured[m] > 0 ? out[m].train_s / measured[m] : std::nan("");
     out[m].metrics = summarise(scores[m], options.sequence);
+  }
   if (published.size() > 0)
     out.push_back({{"published", summarise(published_scores, options.sequence)}, {}, 0, {}});
   return out;

@@ -2,12 +2,27 @@
 // How well each kind of model does on records that it has not seen, by blocked cross-validation: in
 // a sequence no record is judged by a model that has seen its neighbours in time.
 #pragma once
+#include <functional>
 #include <string>
 #include <vector>
 
 #include "recon/estimator/evaluate.hpp"
 
 namespace echofuse::recon {
+
+// What one model scored on one fold that it had not seen.
+struct FoldScores {
+  std::vector<MapScores> maps;
+  Cost cost;
+};
+
+// Of folds that several processes measure, or that were measured before: by the numbers of the fold
+// and of the model.
+struct SharedFolds {
+  std::function<bool(std::size_t fold, std::size_t model)> mine;  // else it is left out
+  std::function<const FoldScores*(std::size_t fold, std::size_t model)> known;  // nullptr: not yet
+  std::function<void(std::size_t fold, std::size_t model, const FoldScores&)> keep;
+};
 
 struct CrossvalidateOptions {
   std::string inputs = "fused", scaling = "record";
@@ -20,11 +35,12 @@ struct CrossvalidateOptions {
   bool sequence = true;
   FitOptions fit;
   bool letters = false;  // read them off the maps as well, for their metrics
+  const SharedFolds* shared = nullptr;
 };
 
 struct CrossvalidatedRow : ScoredRow {
   Cost cost;
-  double train_s = 0;  // of one fold
+  double train_s = 0;  // of one fold that this process measured; NaN: of none
   std::string fault;   // why it cannot be fitted here; its metrics are NaN then
 };
 

@@ -18,13 +18,13 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t auto_folds = 4;
 // In front of a room the SPD alone sees nearly everything, but only a network learns it.
 constexpr const char* fallback_candidate = "pca-mlp-256-256";
 constexpr std::uint64_t fold_stream = 0x666f6c64;  // "fold"
 
 // Judged on the training records alone: the test records choose nothing.
-std::string choose(const Dataset& data, const Split& split, const TrainOptions& options) {
+std::vector<CrossvalidatedRow> try_candidates(const Dataset& data, const Split& split,
+                                              const TrainOptions& options) {
   Rows rows = split.train;
   rows.insert(rows.end(), split.validation.begin(), split.validation.end());
   std::sort(rows.begin(), rows.end());
@@ -38,9 +38,14 @@ std::string choose(const Dataset& data, const Split& split, const TrainOptions& 
                              blocked ? options.split.gap : 0,
                              blocked,
                              options.fit,
-                             false};
+                             false,
+                             options.folds};
   if (cross.models.empty()) cross.models = candidates(inputs_of(options.inputs));
-  const auto table = crossvalidate(data, rows, cross);
+  return crossvalidate(data, rows, cross);
+}
+
+std::string choose(const Dataset& data, const Split& split, const TrainOptions& options) {
+  const auto table = try_candidates(data, split, options);
   const std::size_t chosen = cheapest_within_one_se(table);
   if (!options.fit.quiet) std::fputs(to_choice_table(table, chosen).c_str(), stderr);
   return table[chosen].name;
@@ -248,9 +253,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
   return model;
 }
 
-}  // namespace
-
-TrainedModel train(const Dataset& data, const TrainOptions& options) {
+Split split_of(const Dataset& data, const TrainOptions& options) {
   const Inputs inputs = inputs_of(options.inputs);
   if (!options.augment.empty() && inputs == Inputs::spd)
     throw Error(ExitCode::usage, "--augment: its kinds are of the radar, --inputs spd has none");
@@ -258,14 +261,24 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   const bool one_antenna = options.model != "auto" && !looks_at_body(options.model, options);
   SplitOptions how = options.split;
   if (data.sources.size() > 1) how.validate_on = of_use(data, options);
-  const Split split =
-      make_split(rows_to_train(data, one_antenna ? without_antennas(inputs) : inputs), how);
   if (inputs == Inputs::fused && !one_antenna && data.arrays_differ && !options.fit.quiet)
     std::fputs("the runs differ in the radar's antennas: of the radar, the profile is taken\n",
                stderr);
+  return make_split(rows_to_train(data, one_antenna ? without_antennas(inputs) : inputs), how);
+}
+
+}  // namespace
+
+void measure_folds(const Dataset& data, const TrainOptions& options) {
+  try_candidates(data, split_of(data, options), options);
+}
+
+TrainedModel train(const Dataset& data, const TrainOptions& options) {
+  const Split split = split_of(data, options);
   const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
   TrainOptions with_weights = options;
-  if (looks_at_body(name, options)) with_weights.weights = weights_of(data, split, inputs, options);
+  if (looks_at_body(name, options))
+    with_weights.weights = weights_of(data, split, inputs_of(options.inputs), options);
   return train_split(data, split, name, with_weights);
 }
 

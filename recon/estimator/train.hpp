@@ -8,11 +8,14 @@
 
 namespace echofuse::recon {
 
+struct SharedFolds;
+
 struct TrainOptions {
   // A candidate (models/model.hpp), or "auto": the cheapest candidate within one standard error of
   // the best, by cross-validation on the training records.
   std::string model = "mlp", inputs = "fused", scaling = "record";
   std::vector<std::string> candidates;  // auto: what to try; empty: what makes sense
+  const SharedFolds* folds = nullptr;   // auto: of its cross-validation (crossvalidate.hpp)
   SplitOptions split;
   FitOptions fit;
   Gains gains = Gains::unknown;      // stable: of models that look at the body
@@ -33,6 +36,11 @@ Rows rows_to_train(const Dataset& data, Inputs inputs);
 
 // Whether a range bias of these data can be found (range_bias.hpp).
 bool shows_range_bias(const Dataset& data, Inputs inputs);
+
+inline constexpr std::size_t auto_folds = 4;
+// Of the model "auto" the candidates, and only as much of their cross-validation as options.folds
+// says that this process measures. Throws as train().
+void measure_folds(const Dataset& data, const TrainOptions& options);
 
 // Splits the usable records, fits, and returns the model with what it has seen. Throws
 // Error(failed) if there are too few records.

@@ -11,13 +11,14 @@
 #include "drivers/core/random.hpp"
 #include "recon/estimator/fit_uncertainty.hpp"
 #include "recon/files/text.hpp"
+#include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
 namespace {
 
 constexpr std::size_t folds = 4;
 constexpr std::array pulls{100., 30., 10.};
-constexpr double turned_pull = 30;
+constexpr double usual_pull = 30, turned_pull = 30;
 constexpr std::uint64_t fold_stream = 0x74756e65;  // "tune"
 // Of the pixels of the median map. People alone fill less of it, where they stand in half of few
 // records.
@@ -142,19 +143,23 @@ class Choice {
       if (interrupted()) throw Error(ExitCode::interrupted, "interrupted while choosing");
     }
     entry.row.metrics = summarise(scores, sequence_);
+    for (const auto& fold : scores)
+      for (const MapScores& map : fold) entry.iou.push_back(map[metric_iou]);
     entry.row.cost = entry.models.front().cost();
     entry.row.train_s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count() / folds;
   }
 
-  double iou(std::size_t i) const {
-    const double found = entries_[i].row.metrics[metric_iou].mean;
-    return std::isnan(found) ? -1 : found;
-  }
-  std::size_t best() const {
-    std::size_t out = 0;
-    for (std::size_t i = 1; i < entries_.size(); ++i)
-      if (iou(i) > iou(out)) out = i;
+  // The best of those that are better than the usual one beyond the chance of these few records;
+  // else that one.
+  std::size_t best(const std::string& usual) const {
+    const auto named = std::find_if(entries_.begin(), entries_.end(),
+                                    [&](const Entry& e) { return e.row.name == usual; });
+    const Entry& compared = named == entries_.end() ? entries_.front() : *named;
+    auto out = static_cast<std::size_t>(&compared - entries_.data());
+    double most = 0;
+    for (std::size_t i = 0; i < entries_.size(); ++i)
+      if (const double gain = gain_of(entries_[i], compared); gain > most) out = i, most = gain;
     return out;
   }
   TrainedModel fit(std::size_t i) const { return entries_[i].fit(split_.train); }
@@ -175,7 +180,18 @@ class Choice {
     CrossvalidatedRow row;
     Fit fit;
     std::vector<TrainedModel> models;
+    std::vector<double> iou = {};  // of each record
   };
+  // In IoU, 0 if it is less than a standard error of the records' paired differences.
+  static double gain_of(const Entry& entry, const Entry& than) {
+    std::vector<double> gains;
+    for (std::size_t i = 0; i < entry.iou.size(); ++i)
+      if (const double gain = entry.iou[i] - than.iou[i]; !std::isnan(gain)) gains.push_back(gain);
+    if (gains.size() < 2) return 0;
+    const double error =
+        standard_deviation(gains) / std::sqrt(static_cast<double>(gains.size() - 1));
+    return mean_of(gains) > error ? mean_of(gains) : 0;
+  }
   const Dataset& data_;
   const Split& split_;
   Scene judged_by_;
@@ -212,7 +228,7 @@ void try_all(Choice& choice, const TrainedModel& from, const Dataset& data, cons
     choice.add(room_learnt, [&, untouched](const Rows& rows) {
       return adapt(from, data, rows, Room::learnt, untouched);
     });
-    if (choice.best() > 0 && options.only.empty()) room = Room::learnt;
+    if (choice.best(as_it_was) > 0 && options.only.empty()) room = Room::learnt;
   }
   const bool many = split.train.size() >= TuneOptions::least_alone;
   const auto add_tuned = [&](double pull, bool turn) {
@@ -331,7 +347,7 @@ TunedModel tune(const TrainedModel& from, const Dataset& data, const TuneOptions
   try_all(choice, from, data, split, options);
   if (choice.table().empty())
     throw Error(ExitCode::failed, options.only + ": not tried with these records and this model");
-  const std::size_t chosen = choice.best();
+  const std::size_t chosen = choice.best(tuned_name(usual_pull, false));
   TunedModel out{choice.fit(chosen), choice.table(), chosen};
   TrainedModel& model = out.model;
   model.split = options.split;
@@ -345,10 +361,10 @@ TunedModel tune(const TrainedModel& from, const Dataset& data, const TuneOptions
 }
 
 std::string to_text(const TunedModel& tuned) {
-  std::string out = formatted("%-22s %15s %15s %8s\n", "model", "IoU", "lateral m", "train s");
+  std::string out = formatted("%-34s %15s %15s %8s\n", "model", "IoU", "lateral m", "train s");
   for (std::size_t i = 0; i < tuned.table.size(); ++i) {
     const auto& m = tuned.table[i].metrics;
-    out += formatted("%-22s %15s %15s %8.2f%s\n", tuned.table[i].name.c_str(),
+    out += formatted("%-34s %15s %15s %8.2f%s\n", tuned.table[i].name.c_str(),
                      formatted(m[metric_iou], " +-").c_str(),
                      formatted(m[metric_lateral_m], " +-").c_str(), tuned.table[i].train_s,
                      i == tuned.chosen ? "  <- chosen" : "");

@@ -75,13 +75,14 @@ std::string map_format_help() {
 }
 
 MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene,
-                   double zoom_m, bool calibrated)
+                   double zoom_m, bool calibrated, const MapParts* parts)
     : folder_(std::move(folder)),
       formats_(formats),
       scene_(scene),
       span_(span_of(scene)),
       zoom_m_(zoom_m),
-      calibrated_(calibrated) {
+      calibrated_(calibrated),
+      parts_(parts) {
   for (const char* film : {"mp4", "gif"})
     if (wants(film)) films_.push_back(std::make_unique<Film>(folder_ + "/maps." + film));
   if (!wants("npz")) return;
@@ -102,21 +103,23 @@ void MapFiles::write(std::int64_t index, std::span<const float> prediction,
   const record::MapGrid& grid = scene_.grid;
   Window window{grid.x(), grid.y()};
   std::vector<float> map = within_span(prediction), deviations(deviation.begin(), deviation.end());
-  const auto name = [&](const char* end) {
-    return folder_ + formatted("/%06lld%s", static_cast<long long>(index), end);
+  const auto picture = [&](const char* end, const auto& make) {
+    const std::string name = formatted("%06lld%s", static_cast<long long>(index), end);
+    if (!parts_ || !parts_->take(name)) write_file(folder_ + "/" + name, make());
   };
   std::vector<float> there = hard_map(map, scene_);
-  if (wants("ply")) write_file(name(".ply"), point_cloud(there, grid));
+  if (wants("ply")) picture(".ply", [&] { return point_cloud(there, grid); });
   if (zoom_m_ > 0) {
     window = window_about_body(prediction, scene_, zoom_m_);
     map = cut(map, grid, window), there = cut(there, grid, window);
     if (!deviations.empty()) deviations = cut(deviations, grid, window);
   }
-  if (wants("colour")) write_file(name(".png"), depth_picture(there, span_, picture_zoom));
+  if (wants("colour")) picture(".png", [&] { return depth_picture(there, span_, picture_zoom); });
   for (const auto& film : films_)
     film->add(enlarged(chart::depth_raster(there, grid.size, span_.near, span_.far), film_zoom));
-  if (wants("mm")) write_file(name("_mm.png"), millimetre_picture(map, grid.size));
-  if (wants("uncertainty")) write_file(name("_sd.png"), millimetre_picture(deviations, grid.size));
+  if (wants("mm")) picture("_mm.png", [&] { return millimetre_picture(map, grid.size); });
+  if (wants("uncertainty"))
+    picture("_sd.png", [&] { return millimetre_picture(deviations, grid.size); });
   if (!arrays_) return;
   arrays_->append(map);
   indices_.push_back(index);

@@ -12,6 +12,7 @@
 #include "recon/files/npz.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/output/film.hpp"
+#include "recon/output/map_parts.hpp"
 
 namespace echofuse::recon {
 
@@ -35,9 +36,10 @@ std::string map_format_help();  // each with what it is
 class MapFiles {
  public:
   // zoom_m: not the whole map but a window of so many metres (window.hpp), but for the points; 0:
-  // the whole one. `calibrated`: whether the model states its uncertainty.
+  // the whole one. `calibrated`: whether the model states its uncertainty. `parts`: nullptr, or
+  // whose pictures are taken instead of made.
   MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene,
-           double zoom_m, bool calibrated);
+           double zoom_m, bool calibrated, const MapParts* parts = nullptr);
   // `deviation`: of every pixel; may be empty unless uncertainty is wanted.
   void write(std::int64_t index, std::span<const float> prediction,
              std::span<const float> deviation);
@@ -51,6 +53,7 @@ class MapFiles {
   chart::Span span_;
   double zoom_m_;
   bool calibrated_;
+  const MapParts* parts_;
   std::vector<std::unique_ptr<Film>> films_;
   std::optional<NpzFile> arrays_;
   std::vector<std::int64_t> indices_;

@@ -68,11 +68,12 @@ class StatusTable {
 // Of a run, from records to files.
 class Reconstruction {
  public:
-  Reconstruction(const TrainedModel& model, const ReconstructOptions& options)
+  Reconstruction(const TrainedModel& model, const ReconstructOptions& options,
+                 const MapParts* parts)
       : model_(model),
         options_(options),
         files_(options.out, options.formats, model.scene, options.zoom_m,
-               model.uncertainty.has_value()),
+               model.uncertainty.has_value(), parts),
         table_(options.out + "/records.csv"),
         started_(clock_.now()) {}
 
@@ -85,6 +86,7 @@ class Reconstruction {
 
  private:
   Dataset read(const record::RunReader& run, std::size_t at_most);
+  std::pair<std::size_t, std::size_t> own_rows(const Dataset& data);
   Records prepare_new(Dataset data);
   // Records [first, first + count), of which `rows` have maps.
   struct Part {
@@ -126,16 +128,16 @@ void Reconstruction::take_all(const record::RunReader& run) {
   const auto count = static_cast<std::size_t>(run.count());
   Progress progress("reconstructing", count, options_.quiet);
   const Records records = prepare_records(model_, read(run, count), options_.range_bias);
-  const std::size_t size = records.data.size();
+  const auto [begin, last] = own_rows(records.data);
   std::future<Part> next;
   // While this thread judges the run, and then writes a part, another makes the maps of the next.
   const auto start = [&](std::size_t first) {
-    if (first < size)
+    if (first < last)
       next = std::async(std::launch::async, [&, first] {
-        return make(records, first, std::min(part_records, size - first));
+        return make(records, first, std::min(part_records, last - first));
       });
   };
-  start(0);
+  start(begin);
   tell_run(records.antennas);
   const DomainShift shift = domain_shift_of(model_, records);
   if (shift.tested() && (shift.found() || !options_.quiet)) tell_run(shift.text());
@@ -143,14 +145,27 @@ void Reconstruction::take_all(const record::RunReader& run) {
       options_.quiet && records.range_bias.status == RangeBias::Status::too_few_records;
   if (!silent) tell_run(records.text);
   if (!options_.quiet) tell_run(records.gains.text());
-  for (std::size_t first = 0; first < size && !interrupted(); first += part_records) {
+  for (std::size_t first = begin; first < last && !interrupted(); first += part_records) {
     Part part = next.get();
     start(first + part_records);
     write(records, std::move(part));
-    progress.update(std::min(first + part_records, size));
+    progress.update(std::min(first + part_records, last));
   }
   if (!interrupted()) tell_bad(std::numeric_limits<std::int64_t>::max());
   table_.flush();
+}
+
+// Of a part. It forgets bad records of other parts; those between two are of the first one.
+std::pair<std::size_t, std::size_t> Reconstruction::own_rows(const Dataset& data) {
+  if (!options_.part) return {0, data.size()};
+  const JobPart::Range range = options_.part->range(static_cast<std::int64_t>(data.size()));
+  const auto begin = static_cast<std::size_t>(range.begin),
+             end = static_cast<std::size_t>(range.end);
+  std::erase_if(bad_, [&](const RecordStatus& r) {
+    return (begin > 0 && r.index < data.index[begin]) ||
+           (end < data.size() && r.index > data.index[end]);
+  });
+  return {begin, end};
 }
 
 bool Reconstruction::take_new(const record::RunReader& run) {
@@ -232,34 +247,40 @@ void Reconstruction::time(RecordStatus& status, HostTime slot_end) const {
   status.after_reading_s = seconds(clock_.now() - read_);
 }
 
-// Maps of another run must not stay among those of this one unnoticed.
-void take_folder(const ReconstructOptions& options, const std::string& path,
-                 const std::string& uuid, const std::string& calibration) {
-  const std::string marker = options.out + "/run.txt",
-                    own = uuid + "\n" + printable(path) + "\n" + calibration + "\n";
-  const bool known = std::filesystem::exists(marker);
-  const std::string before = known ? read_text(marker) : "";
-  if (!options.force && !before.starts_with(uuid + "\n") &&
-      (known || std::filesystem::exists(options.out + "/records.csv"))) {
-    const auto line = before.find('\n');
-    const std::string whose = line < 64
-                                  ? before.substr(line + 1, before.find('\n', line + 1) - line - 1)
-                                  : "an unknown one";
-    throw Error(ExitCode::usage, options.out + ": holds maps of another run, " + printable(whose) +
-                                     "; give another --out, or --force to write among them");
-  }
-  make_folder(options.out);
-  write_text(marker, own);
+// Whose maps they are, in OUT/run.txt.
+std::string marker_of(const std::string& path, const std::string& uuid, const TrainedModel& model) {
+  return uuid + "\n" + printable(path) + "\n" + calibration_of(model) + "\n";
 }
 
-}  // namespace
+// Maps of another run must not stay among those of this one unnoticed.
+void require_folder(const ReconstructOptions& options, const std::string& uuid) {
+  const std::string marker = options.out + "/run.txt";
+  const bool known = std::filesystem::exists(marker);
+  const std::string before = known ? read_text(marker) : "";
+  if (options.force || before.starts_with(uuid + "\n") ||
+      (!known && !std::filesystem::exists(options.out + "/records.csv")))
+    return;
+  const auto line = before.find('\n');
+  const std::string whose = line < 64
+                                ? before.substr(line + 1, before.find('\n', line + 1) - line - 1)
+                                : "an unknown one";
+  throw Error(ExitCode::usage, options.out + ": holds maps of another run, " + printable(whose) +
+                                   "; give another --out, or --force to write among them");
+}
 
-void reconstruct(const TrainedModel& model, const std::string& path,
-                 const ReconstructOptions& options) {
-  if (options.output == "mean" || wants_uncertainty(options)) require_uncertainty(model);
-  take_folder(options, path, record::RunReader(path).info().uuid,
-              calibration_of(model));  // refused before it changes
-  Reconstruction work(model, options);
+// All that a part's pictures depend on.
+std::string what_of(const std::string& marker, const ReconstructOptions& options) {
+  return marker + formatted("echofuse %s, model %08x, output %s, zoom %.9g m, range bias %s\n",
+                            version(), options.model_hash, options.output.c_str(), options.zoom_m,
+                            options.range_bias == RangeBiasAction::correct ? "corrected" : "left");
+}
+
+void run_whole(const TrainedModel& model, const std::string& path,
+               const ReconstructOptions& options, const std::string& marker,
+               const MapParts& parts) {
+  make_folder(options.out);
+  write_text(options.out + "/run.txt", marker);
+  Reconstruction work(model, options, &parts);
   if (!options.follow) work.take_all(record::RunReader(path));
   while (options.follow && !interrupted()) {
     // Opened anew for each look: a run's writer leaves one single file only if nobody holds it.
@@ -273,6 +294,36 @@ void reconstruct(const TrainedModel& model, const std::string& path,
     std::this_thread::sleep_for(pause_between_looks);
   }
   work.close();
+  if (!interrupted()) parts.remove();
+}
+
+void run_part(const TrainedModel& model, const std::string& path, ReconstructOptions options,
+              const std::string& what) {
+  std::erase(options.formats, "npz");
+  if (options.follow || options.formats.empty())
+    throw Error(ExitCode::usage, options.follow
+                                     ? "--part: a run that is followed is not shared"
+                                     : "--part: npz is written at once; only pictures and points "
+                                       "are shared");
+  const std::string out = options.out;
+  make_folder(out);
+  options.out = begin_map_part(out, *options.part, what);
+  Reconstruction work(model, options, nullptr);
+  work.take_all(record::RunReader(path));
+  work.close();
+  if (!interrupted()) end_map_part(out, *options.part);
+}
+
+}  // namespace
+
+void reconstruct(const TrainedModel& model, const std::string& path,
+                 const ReconstructOptions& options) {
+  if (options.output == "mean" || wants_uncertainty(options)) require_uncertainty(model);
+  const std::string uuid = record::RunReader(path).info().uuid;
+  require_folder(options, uuid);  // refused before it changes
+  const std::string marker = marker_of(path, uuid, model), what = what_of(marker, options);
+  if (options.part) return run_part(model, path, options, what);
+  run_whole(model, path, options, marker, MapParts(options.out, what));
 }
 
 }  // namespace echofuse::recon

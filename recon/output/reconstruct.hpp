@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "drivers/core/job_part.hpp"
 #include "recon/estimator/trained_model.hpp"
 
 namespace echofuse::recon {
@@ -28,7 +29,9 @@ struct ReconstructOptions {
   double zoom_m = 0;    // a window of so many metres about the body (window.hpp); 0: the whole map
   bool follow = false;  // take records as they come, until the run is closed
   bool force = false;   // also into a folder that holds maps of another run
-  bool quiet = false;   // no progress bar, no word on runs too short to tell a range bias
+  std::optional<JobPart> part = {};  // only its share of the records, into a folder of its own
+  std::uint32_t model_hash = 0;      // of its file: parts of another one are refused
+  bool quiet = false;  // no progress bar, no word on runs too short to tell a range bias
   RangeBiasAction range_bias = RangeBiasAction::warn;  // correct: not while following
   // What there is to say of the run: of its antennas, of a range bias, of its gains (Records), and
   // of a whole run, whether it is unlike the training (DomainShift::text).
@@ -41,7 +44,9 @@ struct ReconstructOptions {
 // is noted and left out. Ends early at an interrupt, with what it has finished. Throws
 // Error(failed) if the run's axes are not the model's, and Error(disk). OUT/run.txt tells whose
 // maps they are (uuid, path, whether calibrated); Error(usage) if there are maps of another run,
-// unless forced.
+// unless forced. A part writes pictures into OUT/part-K-of-N, which a later call without part
+// takes; it has no part in arrays, and Error(usage) if nothing else is wanted, or if it is to
+// follow.
 void reconstruct(const TrainedModel& model, const std::string& run,
                  const ReconstructOptions& options);
 

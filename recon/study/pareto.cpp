@@ -10,6 +10,7 @@
 #include "drivers/core/console.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/random.hpp"
+#include "drivers/core/staged_file.hpp"
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
 #include "recon/numbers/parallel.hpp"
@@ -62,11 +63,11 @@ void keep_records(Dataset& data, double share, std::uint64_t seed) {
 
 void mark_front(std::vector<ParetoRow>& rows) {
   for (auto& row : rows)
-    row.front =
-        row.sweep == "model" && std::none_of(rows.begin(), rows.end(), [&](const ParetoRow& other) {
-          return other.sweep == "model" && other.infer_us_median < row.infer_us_median &&
-                 other.mean[metric_iou] >= row.mean[metric_iou];
-        });
+    row.front = row.sweep == "model" && !row.machine.empty() &&
+                std::none_of(rows.begin(), rows.end(), [&](const ParetoRow& other) {
+                  return other.sweep == "model" && other.infer_us_median < row.infer_us_median &&
+                         other.mean[metric_iou] >= row.mean[metric_iou];
+                });
 }
 
 // In the order of their first measurements.
@@ -87,6 +88,8 @@ std::vector<ParetoRow> rows_of(const std::vector<Measurement>& all) {
     for (std::size_t i = 0; i < metric_count; ++i) scores[i] = m.metric(metric_names[i]);
     found[at].push_back(scores);
     rows[at].multiply_adds = m.metric("multiply_adds");
+    if (m.machine.empty()) continue;
+    rows[at].machine = m.machine;
     rows[at].infer_us_median = m.metric("infer_us_median");
     rows[at].infer_us_p99 = m.metric("infer_us_p99");
     rows[at].train_s = m.metric("train_s");
@@ -94,6 +97,8 @@ std::vector<ParetoRow> rows_of(const std::vector<Measurement>& all) {
   for (std::size_t at = 0; at < rows.size(); ++at) {
     const Summaries over_seeds = summarise(found[at]);
     rows[at].seeds = found[at].size();
+    if (rows[at].machine.empty())
+      rows[at].infer_us_median = rows[at].infer_us_p99 = rows[at].train_s = std::nan("");
     for (std::size_t i = 0; i < metric_count; ++i) {
       rows[at].mean[i] = over_seeds[i].mean;
       rows[at].spread[i] = over_seeds[i].se * std::sqrt(static_cast<double>(over_seeds[i].maps));
@@ -125,17 +130,23 @@ class Study {
 
   std::vector<ParetoRow> run() {
     StudyFile file(options_, settings(), ExitCode::usage);
-    for (const Job& job : jobs_of(options_))
-      for (std::size_t i = 0; i < options_.seeds; ++i) {
+    const auto jobs = jobs_of(options_);
+    const std::vector<bool> mine = my_rows(jobs);
+    std::size_t piece = 0;
+    for (const Job& job : jobs)
+      for (std::size_t i = 0; i < options_.seeds; ++i, ++piece) {
         Measurement m{job.sweep, formatted("%g", job.share), job.model.candidate, job.model.inputs,
                       options_.first_seed + i};
-        if (!file.has(m)) {
+        const bool known = file.has(m, is_timed(i) && !options_.part ? "train_s" : "");
+        if (known) file.keep(m);
+        if (!known && mine[piece]) {
           measure(job, m);
           file.add({&m, 1});
         }
         progress_.update(++done_, job.model.name);
       }
-    return rows_of(file.all());
+    file.finish();
+    return options_.part ? std::vector<ParetoRow>{} : rows_of(file.all());
   }
 
  private:
@@ -147,6 +158,27 @@ class Study {
         {"study", "pareto"}, {"echofuse", version()}, {"train", run(train_)}, {"test", run(test_)}};
   }
 
+  // Times of one machine can be compared: if there are parts, the run that takes them trains all
+  // models once, with the last seed.
+  bool is_timed(std::size_t i) const { return i + 1 == options_.seeds; }
+
+  std::vector<bool> my_rows(const std::vector<Job>& jobs) const {
+    if (options_.part && options_.seeds < 2)
+      throw Error(ExitCode::usage,
+                  "--part with --seeds 1: nothing to share; the run that takes the parts measures "
+                  "the times, and trains each model with the last seed for that");
+    std::vector<RowOfWork> rows;
+    for (const Job& job : jobs)
+      for (std::size_t i = 0; i < options_.seeds; ++i) {
+        const bool network = candidate_of(job.model.candidate, {}).fit.hidden.has_value();
+        rows.push_back({std::to_string(rows.size()), is_timed(i) ? 0. : network ? 5. : 1.});
+      }
+    std::vector<bool> out = share_of(options_.part, rows);
+    for (std::size_t row = 0; row < out.size(); ++row)
+      if (options_.part && rows[row].work == 0) out[row] = false;
+    return out;
+  }
+
   void measure(const Job& job, Measurement& m) const {
     Dataset train_data = train_, test_data = test_;
     if (job.sweep == "photons") thin(train_data, job.share, m.seed);
@@ -156,13 +188,20 @@ class Study {
     const Rows rows = test_data.usable(model.features.inputs);
     const MapScores scores =
         mean_scores(model.predict(test_data, rows), test_data, rows, model.scene);
-    const TemporaryFile file{options_.out + "/.study-" + std::to_string(::getpid()) + ".h5"};
+    for (std::size_t i = 0; i < metric_count; ++i) m.metrics[metric_names[i]] = scores[i];
+    m.metrics["multiply_adds"] = static_cast<double>(model.cost().multiply_adds);
+    if (!options_.part) measure_times(model, test_data, rows, m);
+  }
+
+  void measure_times(const TrainedModel& model, const Dataset& test_data, const Rows& rows,
+                     Measurement& m) const {
+    const TemporaryFile file{scratch_folder(options_.out) + "/.study-" + machine_name() + "-" +
+                             std::to_string(::getpid()) + ".h5"};
     save_model(model, file.path);
     set_threads(1);
     const RunningCost cost = measure_cost(model, test_data, rows, file.path);
     set_threads(options_.threads);
-    for (std::size_t i = 0; i < metric_count; ++i) m.metrics[metric_names[i]] = scores[i];
-    m.metrics["multiply_adds"] = static_cast<double>(cost.cost.multiply_adds);
+    m.machine = machine_name();
     m.metrics["infer_us_median"] = cost.infer_us_median;
     m.metrics["infer_us_p99"] = cost.infer_us_p99;
     m.metrics["train_s"] = cost.train_s;

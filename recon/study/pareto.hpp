@@ -34,12 +34,14 @@ struct ParetoRow {
   std::string sweep, share, model;  // sweep: model, photons, records
   std::size_t seeds = 0;
   std::array<double, metric_count> mean{}, spread{};
-  // Of the last measurement; maps are timed on one thread.
+  // Of the last measurement with times, which was on this machine; maps are timed on one thread.
   double multiply_adds = 0, infer_us_median = 0, infer_us_p99 = 0, train_s = 0;
+  std::string machine = {};
   bool front = false;  // of the models: none is both faster and more accurate (IoU)
 };
 
-// Measures what out/study.sqlite does not have yet; the rows are of all that it has then. Throws
+// Measures what out/study.sqlite does not have yet; the rows are of all that it has then. A part
+// takes no times, returns nothing, and leaves the last seed to the run that takes the parts. Throws
 // Error(usage) for a model that is not known and for a study of other runs, Error(failed) if the
 // runs do not fit, and as StudyFile.
 std::vector<ParetoRow> study_pareto(const ParetoOptions& options);

@@ -18,12 +18,12 @@ std::string to_csv(const std::vector<ParetoRow>& rows) {
   std::ostringstream csv;
   csv << "sweep,share,model,seeds";
   for (const Metric m : shown) csv << ',' << metric_names[m] << ',' << metric_names[m] << "_spread";
-  csv << ",multiply_adds,infer_us_median,infer_us_p99,train_s,front\n";
+  csv << ",multiply_adds,infer_us_median,infer_us_p99,train_s,front,machine\n";
   for (const ParetoRow& r : rows) {
     csv << r.sweep << ',' << r.share << ',' << r.model << ',' << r.seeds;
     for (const Metric m : shown) csv << ',' << r.mean[m] << ',' << r.spread[m];
     csv << formatted(",%.0f,", r.multiply_adds) << r.infer_us_median << ',' << r.infer_us_p99 << ','
-        << r.train_s << ',' << r.front << '\n';
+        << r.train_s << ',' << r.front << ',' << r.machine << '\n';
   }
   return csv.str();
 }

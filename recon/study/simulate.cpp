@@ -10,6 +10,7 @@
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/program.hpp"
+#include "drivers/core/staged_file.hpp"
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
 
@@ -49,7 +50,8 @@ Simulator::Simulator(std::string program, std::string folder, int threads,
       set_(std::move(set)) {}
 
 std::string Simulator::stem() const {
-  return folder_ + "/.simulated-" + std::to_string(::getpid());
+  return scratch_folder(folder_) + "/.simulated-" + machine_name() + "-" +
+         std::to_string(::getpid());
 }
 
 BaseCondition Simulator::base_condition() const {

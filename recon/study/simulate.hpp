@@ -11,9 +11,9 @@ namespace echofuse::recon {
 
 class Simulator {
  public:
-  // `program`: the simulator; empty: echofuse-sim beside this program, or else from PATH. `folder`
-  // is for the run files, which are removed once they are read. threads 0: as it likes. `set`:
-  // KEY=VALUE of the base condition, before what a world has.
+  // `program`: the simulator; empty: echofuse-sim beside this program, or else from PATH. $TMPDIR
+  // or `folder` is for the run files, which are removed once they are read. threads 0: as it likes.
+  // `set`: KEY=VALUE of the base condition, before what a world has.
   Simulator(std::string program, std::string folder, int threads,
             std::vector<std::string> set = {});
   // Throws Error(failed) if it does not do it, Error(interrupted).

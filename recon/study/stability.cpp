@@ -39,11 +39,14 @@ std::vector<Place> places_of(const StabilityOptions& options) {
   return places;
 }
 
+bool is_shifted(const Place& place) { return place.axis.starts_with("shifted"); }
+
 // Trainings take most of the time, those of a network most of that.
 std::size_t work_of(const Place& place, const StudyModel& model) {
-  if (place.axis.starts_with("shifted") || ignores_inputs(model.name)) return 1;
+  if (is_shifted(place) || ignores_inputs(model.name)) return 1;
   const bool network = candidate_of(model.candidate, {}).fit.hidden.has_value();
-  return network ? 20 : 4;
+  const double records = std::max(1., place.train.records);  // a factor
+  return static_cast<std::size_t>(std::lround((network ? 20 : 4) * records));
 }
 
 class Study {
@@ -56,11 +59,16 @@ class Study {
         progress_("study", work(), options.quiet) {}
 
   std::vector<Measurement> run() {
+    std::size_t first = 0;  // row of a place
     for (std::size_t i = 0; i < options_.seeds; ++i) {
       trained_.clear(), train_data_.reset(), test_data_.reset();
-      for (const Place& place : places_) measure(place, options_.first_seed + i);
+      for (const Place& place : places_) {
+        measure(place, options_.first_seed + i, first);
+        first += models_.size();
+      }
     }
-    return file_.all();
+    file_.finish();
+    return options_.part ? std::vector<Measurement>{} : file_.all();
   }
 
  private:
@@ -85,21 +93,41 @@ class Study {
             ignores_inputs(model.candidate) ? "-" : model.inputs, seed};
   }
 
+  // What one process measures: a model and a seed with all shifted conditions, so that the model of
+  // the base condition is trained once; of matched ones each by itself. The constant models, for
+  // which alone nobody should make records, go with the first other one.
+  std::vector<bool> my_rows() const {
+    std::vector<RowOfWork> rows;
+    for (std::size_t i = 0; i < options_.seeds; ++i)
+      for (const Place& place : places_)
+        for (std::size_t m = 0; m < models_.size(); ++m) {
+          const std::size_t model =
+              std::min(std::max(m, constant_models.size()), models_.size() - 1);
+          const bool matched = place.axis.starts_with("matched");
+          rows.push_back({models_[model].name + "/" + std::to_string(i) +
+                              (matched ? "/" + place.axis + "/" + place.value : ""),
+                          static_cast<double>(work_of(place, models_[m]))});
+        }
+    return share_of(options_.part, rows);
+  }
+
   std::size_t work() {
-    std::size_t sum = 0;
-    for (const Place& place : places_)
-      for (const StudyModel& model : models_)
-        for (std::size_t i = 0; i < options_.seeds; ++i)
-          if (!file_.has(row_of(place, model, options_.first_seed + i)))
+    std::size_t sum = 0, row = 0;
+    for (std::size_t i = 0; i < options_.seeds; ++i)
+      for (const Place& place : places_)
+        for (const StudyModel& model : models_)
+          if (mine_[row++] && !file_.has(row_of(place, model, options_.first_seed + i)))
             sum += work_of(place, model);
     return sum;
   }
 
-  void measure(const Place& place, std::size_t seed) {
+  void measure(const Place& place, std::size_t seed, std::size_t at) {
     std::optional<Dataset> train_data, test_data;
     for (const StudyModel& model : models_) {
       Measurement row = row_of(place, model, seed);
-      if (file_.has(row)) continue;
+      const bool known = file_.has(row), mine = mine_[at++];
+      if (known) file_.keep(row);
+      if (known || !mine) continue;
       if (!test_data) test_data = test_records(place.test, seed);
       const bool own = place.axis.starts_with("matched");
       if (own && !train_data) train_data = training_records(place.train, seed);
@@ -169,6 +197,7 @@ class Study {
   const StabilityOptions& options_;
   const std::vector<StudyModel> models_ = models_of(options_);
   std::vector<Place> places_;
+  const std::vector<bool> mine_ = my_rows();  // by seed, place, model
   StudyFile file_;
   Simulator simulator_;
   Progress progress_;

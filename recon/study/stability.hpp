@@ -45,7 +45,8 @@ std::vector<StabilityAxis> axes_of(const StabilityOptions& options);
 
 // Measures what OUT/study.sqlite does not have yet: all that it has then, by the id of its axis
 // ("base": the base value of every axis); inputs of a constant model: "-"; NaN also where there is
-// no map. Throws Error(config) if what is there was measured otherwise, and as StudyFile.
+// no map. Of a part: nothing. Throws Error(config) if what is there was measured otherwise, and as
+// StudyFile.
 std::vector<Measurement> study_stability(const StabilityOptions& options);
 
 }  // namespace echofuse::recon

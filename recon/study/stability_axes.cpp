@@ -122,7 +122,7 @@ void add_sensors(Axes& all, const BaseCondition& base) {
   all.push_back(numbers(base, matched, "snr", "radar's SNR (dB)", "radar_snr_db",
                         {30, 20, 10, 5, 0}, {10, 0}));
   all.push_back(numbers(base, matched, "photons", "photons a record", "signal_photons",
-                        {1e6, 1e5, 1e4, 1e3, 1e2, 10}, {1e3, 1e2}));
+                        {1e6, 1e5, 1e4, 1e3, 1e2}, {1e3, 1e2}));
   all.push_back(numbers(base, matched, "background", "SPD's background (counts to a signal photon)",
                         "background_counts", {0, 0.1, 1, 10, 100}, {1, 10}, photons));
   all.push_back(numbers(matched, "pile_up", "pile-up (photons to a laser pulse, the first is seen)",
@@ -203,7 +203,7 @@ void add_weather(Axes& all, const BaseCondition& base) {
     all.push_back(numbers(base, there, "fog", "visibility in fog (m), 0: clear", "fog_visibility_m",
                           {0, 1000, 300, 100, 50, 20, 10, 5}, {100, 20}));
     all.push_back(numbers(base, there, "smoke", "visibility in smoke (m), 0: clear",
-                          "smoke_visibility_m", {0, 100, 20, 10, 5}, {}));
+                          "smoke_visibility_m", {0, 100, 20, 10, 5}, {20}));
     all.push_back(
         numbers(base, there, "rain", "rain (mm/h)", "rain_mm_h", {0, 1, 10, 50, 100}, {100}));
   }

@@ -2,6 +2,7 @@
 #include "recon/study/study.hpp"
 
 #include <algorithm>
+#include <map>
 
 #include "drivers/core/exit_code.hpp"
 #include "recon/estimator/train.hpp"
@@ -14,6 +15,21 @@ StudyModel::StudyModel(const std::string& text)
   const Inputs wanted = inputs_of(inputs);
   if (wants_alignment(candidate_of(candidate, {}).model) && !both_sensors(wanted))
     throw Error(ExitCode::usage, "model \"" + text + "\": needs both sensors");
+}
+
+std::vector<bool> share_of(const std::optional<JobPart>& part, const std::vector<RowOfWork>& rows) {
+  if (!part) return std::vector<bool>(rows.size(), true);
+  std::map<std::string, std::size_t> numbers;  // of the pieces, in the order of their first rows
+  std::vector<double> work;
+  for (const RowOfWork& row : rows) {
+    const auto [piece, added] = numbers.emplace(row.piece, work.size());
+    if (added) work.push_back(0);
+    work[piece->second] += row.work;
+  }
+  const std::vector<bool> mine = part->share(work);
+  std::vector<bool> out;
+  for (const RowOfWork& row : rows) out.push_back(mine[numbers.at(row.piece)]);
+  return out;
 }
 
 std::vector<std::string> with_profiles(const std::vector<std::string>& models) {

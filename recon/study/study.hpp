@@ -2,9 +2,11 @@
 // What the studies have in common: models by name, trained on one run and judged on another.
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "drivers/core/job_part.hpp"
 #include "recon/estimator/evaluate.hpp"
 
 namespace echofuse::recon {
@@ -12,6 +14,7 @@ namespace echofuse::recon {
 struct StudyOptions {
   std::string out;                        // folder
   std::vector<std::string> merge;         // study files, of parts measured elsewhere
+  std::optional<JobPart> part;            // measure only its share, into a file of its own
   std::size_t first_seed = 1, seeds = 3;  // first_seed, first_seed + 1 ...
   int threads = 0;
   bool quiet = false;
@@ -23,6 +26,15 @@ struct StudyModel {
   explicit StudyModel(const std::string& text);
   std::string name, candidate, inputs = "fused";
 };
+
+// A row of a study's table: rows of one piece are measured by one process, which trains for them
+// once.
+struct RowOfWork {
+  std::string piece;
+  double work = 1;  // of the row, in any unit
+};
+// Which of the rows this process measures: all, or those of its part.
+std::vector<bool> share_of(const std::optional<JobPart>& part, const std::vector<RowOfWork>& rows);
 
 // Behind each model that takes the radar's antennas the same with the range profile alone.
 std::vector<std::string> with_profiles(const std::vector<std::string>& models);

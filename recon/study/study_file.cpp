@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <utility>
 
 #include "acquire/record/rescue.hpp"
 #include "acquire/record/sqlite.hpp"
@@ -18,6 +19,8 @@ constexpr int longest_wait_ms = 30'000;  // for a reader, or a second study in t
 
 constexpr const char* schema = R"(
 CREATE TABLE IF NOT EXISTS setting (key TEXT PRIMARY KEY, value TEXT);
+CREATE TABLE IF NOT EXISTS machine (axis TEXT, value TEXT, model TEXT, inputs TEXT,
+  seed INTEGER, name TEXT, PRIMARY KEY (axis, value, model, inputs, seed));
 CREATE TABLE IF NOT EXISTS measurement (axis TEXT, value TEXT, model TEXT, inputs TEXT,
   seed INTEGER, metric TEXT, score REAL,
   PRIMARY KEY (axis, value, model, inputs, seed, metric));
@@ -25,7 +28,9 @@ CREATE TABLE IF NOT EXISTS measurement (axis TEXT, value TEXT, model TEXT, input
 
 constexpr const char* all_settings = "SELECT key, value FROM setting";
 constexpr const char* all_measurements =
-    "SELECT axis, value, model, inputs, metric, seed, score FROM measurement ORDER BY rowid";
+    "SELECT axis, value, model, inputs, metric, ifnull((SELECT name FROM machine x WHERE x.axis = "
+    "m.axis AND x.value = m.value AND x.model = m.model AND x.inputs = m.inputs AND x.seed = "
+    "m.seed), ''), seed, score FROM measurement m ORDER BY rowid";
 
 // Names go into tables, and into a script that a shell reads.
 bool is_name(const std::string& text) {
@@ -50,19 +55,39 @@ std::string path_in(const std::string& folder, const std::string& study) {
 
 }  // namespace
 
+StudyFile::Place StudyFile::place_of(const StudyOptions& options, const std::string& study) {
+  if (!options.part) return {path_in(options.out, study), nullptr};
+  make_folder(options.out);
+  auto staged = std::make_unique<StagedFile>(options.out + "/" + options.part->name() + ".sqlite");
+  return {staged->path(), std::move(staged)};
+}
+
 StudyFile::StudyFile(const StudyOptions& options, const StudySettings& settings, ExitCode refusal)
-    : StudyFile(path_in(options.out, settings[0].second), settings, refusal, SQLITE_OPEN_CREATE) {
-  for (const std::string& part : options.merge) {
+    : StudyFile(place_of(options, settings[0].second), settings, refusal, SQLITE_OPEN_CREATE) {
+  std::vector<std::string> files = options.merge;
+  for (const std::string& part : files)
     if (!std::filesystem::is_regular_file(part))
       throw Error(ExitCode::failed,
                   printable(part) + ": no such file; expected the study.sqlite of another folder");
-    add(StudyFile(part, settings, refusal, 0).all());
+  if (const std::string whole = options.out + "/study.sqlite";
+      place_.staged && std::filesystem::exists(whole))
+    files.push_back(whole);
+  for (const auto& part : part_files(options.out, "", ".sqlite")) files.push_back(part);
+  for (const std::string& path : files) {
+    StudyFile part(Place{path, nullptr}, settings, refusal, 0);
+    // A part that is measured again, as with more models, keeps what it has.
+    if (place_.staged &&
+        std::filesystem::path(path) == std::filesystem::path(place_.staged->place()))
+      add(part.stored());
+    for (Measurement& m : part.stored()) {
+      const Key key = m.key();
+      if (elsewhere_.emplace(key, std::move(m)).second) order_.push_back(key);
+    }
   }
 }
 
-StudyFile::StudyFile(const std::string& path, const StudySettings& settings, ExitCode refusal,
-                     int flags)
-    : path_(path), db_(nullptr, sqlite3_close) {
+StudyFile::StudyFile(Place place, const StudySettings& settings, ExitCode refusal, int flags)
+    : place_(std::move(place)), db_(nullptr, sqlite3_close) {
   try {
     db_ = record::open_database(path_, "cannot open", flags);
     sqlite3* const db = db_.get();
@@ -126,23 +151,45 @@ record::Statement StudyFile::ask(const char* sql) {
   return {db_.get(), path_, sql, budget_.bytes};
 }
 
-bool StudyFile::has(const Measurement& m) {
+bool StudyFile::has(const Measurement& m, const std::string& metric) {
   record::Statement found =
       ask("SELECT 1 FROM measurement WHERE axis = ? AND value = ? AND model = ? AND inputs = ? AND "
-          "seed = ?");
-  found.bind(m.axis).bind(m.value).bind(m.model).bind(m.inputs).bind(m.seed);
-  return found.step();
+          "seed = ? AND (?6 = '' OR metric = ?6)");
+  found.bind(m.axis).bind(m.value).bind(m.model).bind(m.inputs).bind(m.seed).bind(metric);
+  if (found.step()) return true;
+  const auto other = elsewhere_.find(m.key());
+  return other != elsewhere_.end() && (metric.empty() || other->second.metrics.contains(metric));
+}
+
+void StudyFile::keep(const Measurement& m) {
+  const auto found = elsewhere_.find(m.key());
+  if (!place_.staged && found != elsewhere_.end()) kept_.push_back(found->second);
+}
+
+void StudyFile::finish() {
+  if (!place_.staged) return;
+  db_.reset();
+  place_.staged->publish();
 }
 
 void StudyFile::add(std::span<const Measurement> measurements) {
+  std::vector<Measurement> all = std::exchange(kept_, {});
+  all.insert(all.end(), measurements.begin(), measurements.end());
   if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; the same command goes on");
   limit();
   record::execute(db_.get(), path_, "BEGIN IMMEDIATE", "cannot keep a measurement");
   record::Statement row =
       ask("INSERT OR IGNORE INTO measurement (axis, value, model, inputs, seed, metric, score) "
           "VALUES (?, ?, ?, ?, ?, ?, ?)");
-  for (const Measurement& m : measurements) {
+  record::Statement machine =
+      ask("INSERT OR IGNORE INTO machine (axis, value, model, inputs, seed, name) VALUES (?, ?, ?, "
+          "?, ?, ?)");
+  for (const Measurement& m : all) {
     limit();
+    if (!m.machine.empty()) {
+      machine.bind(m.axis).bind(m.value).bind(m.model).bind(m.inputs).bind(m.seed);
+      machine.bind(m.machine).run();
+    }
     for (const auto& [name, score] : m.metrics) {
       row.bind(m.axis).bind(m.value).bind(m.model).bind(m.inputs).bind(m.seed);
       row.bind(name).bind(score).run();
@@ -152,13 +199,20 @@ void StudyFile::add(std::span<const Measurement> measurements) {
 }
 
 std::vector<Measurement> StudyFile::all() {
+  for (const Key& key : order_) keep(elsewhere_.at(key));
+  if (!kept_.empty()) add({});
+  return stored();
+}
+
+std::vector<Measurement> StudyFile::stored() {
   record::Statement rows = ask(all_measurements);
   std::vector<Measurement> out;
   while (rows.step()) {
     Measurement m;
     std::string metric;
-    for (std::string* text : {&m.axis, &m.value, &m.model, &m.inputs, &metric}) {
+    for (std::string* text : {&m.axis, &m.value, &m.model, &m.inputs, &metric, &m.machine}) {
       *text = rows.text();
+      if (text == &m.machine && text->empty()) continue;
       if (!is_name(*text))
         throw Error(ExitCode::failed, printable(path_) + ": damaged: \"" + printable(*text, 100) +
                                           "\" is no name of a study");

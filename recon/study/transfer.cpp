@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "drivers/core/console.hpp"
+#include "drivers/core/staged_file.hpp"
 #include "recon/estimator/train.hpp"
 #include "recon/files/text.hpp"
 #include "recon/study/simulate.hpp"
@@ -78,22 +79,45 @@ class Study {
         progress_("study", jobs_.size() * options.seeds, options.quiet) {}
 
   std::vector<Measurement> run() {
+    const std::vector<bool> mine = my_rows();
+    std::size_t row = 0;
     for (std::size_t i = 0; i < options_.seeds; ++i) {
       seed_ = options_.first_seed + i;
       of_a_.clear(), models_.clear(), b_.reset();
       for (const Job& job : jobs_) {
         Measurement m{job.from, std::to_string(job.records), job.model, "fused", seed_};
-        if (!file_.has(m)) {
+        const bool known = file_.has(m);
+        if (known) file_.keep(m);
+        if (mine[row++] && !known) {
           measure(job, m);
+          if (!options_.part && m.metrics.contains("train_s")) m.machine = machine_name();
+          if (options_.part) m.metrics.erase("train_s");
           file_.add({&m, 1});
         }
         progress_.update(++done_, job.model);
       }
     }
-    return file_.all();
+    file_.finish();
+    return options_.part ? std::vector<Measurement>{} : file_.all();
   }
 
  private:
+  // What one process measures: all that comes from one model of one world A, which is then trained
+  // once; each other training by itself.
+  std::vector<bool> my_rows() const {
+    std::vector<RowOfWork> rows;
+    for (std::size_t i = 0; i < options_.seeds; ++i)
+      for (const Job& job : jobs_) {
+        const bool pooled = job.model.starts_with("pooled"), alone = job.model == "alone";
+        const bool constant = job.from == "none" && !alone;
+        rows.push_back(
+            {(constant ? worlds_a.front() : job.from) + "/" + std::to_string(i) +
+                 (pooled || alone ? "/" + job.model + "/" + std::to_string(job.records) : ""),
+             pooled || job.model == "as it was" ? 5. : 1.});
+      }
+    return share_of(options_.part, rows);
+  }
+
   StudySettings settings() const {
     return {{"study", "transfer"},
             {"echofuse", version()},

@@ -30,15 +30,17 @@ inline constexpr std::array transfer_metrics = {metric_iou, metric_lateral_m, me
 // Axis: "base" or "twin", where the model comes from, or "none"; value: records of B; model: what
 // was done. Further metrics where a model states its uncertainty: "within_90" (share of B's records
 // within their intervals); and "train_s".
-// Measures what OUT/study.sqlite does not have yet: all that it has then. Throws Error(config) if
-// what is there was measured otherwise, and as StudyFile and Simulator.
+// Measures what OUT/study.sqlite does not have yet: all that it has then; of a part: nothing.
+// Throws Error(config) if what is there was measured otherwise, and as StudyFile and Simulator.
 std::vector<Measurement> study_transfer(const TransferOptions& options);
 
 struct TransferRow {
   std::string from, model;
   std::size_t records = 0, seeds = 0;
   std::array<double, transfer_metrics.size()> mean{}, spread{};  // spread: NaN of one seed
-  double within_90 = 0, train_s = 0;                             // means; NaN if not stated
+  double within_90 = 0;                                          // mean; NaN if not stated
+  double train_s = 0;        // mean of what was timed; NaN if nothing was, as by parts
+  std::string machine = {};  // which timed it; "a+b" of several
 };
 std::vector<TransferRow> summarise_transfer(const std::vector<Measurement>& all);
 std::string to_text(const std::vector<TransferRow>& rows);

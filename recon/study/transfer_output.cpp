@@ -2,6 +2,7 @@
 // The table and the chart of a transfer study.
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <sstream>
 
 #include "drivers/chart/chart.hpp"
@@ -73,8 +74,14 @@ std::vector<TransferRow> summarise_transfer(const std::vector<Measurement>& all)
       rows[at].spread[i] =
           n > 1 ? standard_deviation(found) * std::sqrt(n / (n - 1)) : std::nan("");
     }
-    rows[at].within_90 = mean_of(values("within_90")),
-    rows[at].train_s = mean_of(values("train_s"));
+    rows[at].within_90 = mean_of(values("within_90"));
+    std::set<std::string> machines;
+    double sum = 0, timed = 0;
+    for (const Measurement* m : of_row[at])
+      if (!m->machine.empty()) machines.insert(m->machine), sum += m->metric("train_s"), ++timed;
+    rows[at].train_s = sum / timed;
+    for (const auto& name : machines)
+      rows[at].machine += (rows[at].machine.empty() ? "" : "+") + name;
   }
   std::stable_sort(rows.begin(), rows.end(), [](const TransferRow& a, const TransferRow& b) {
     return a.records < b.records;
@@ -97,14 +104,14 @@ void write_transfer(const std::vector<TransferRow>& rows, const std::string& fol
   csv << "from,model,records,seeds";
   for (const Metric m : transfer_metrics)
     csv << ',' << metric_names[m] << ',' << metric_names[m] << "_spread";
-  csv << ",within_90,train_s\n";
+  csv << ",within_90,train_s,machine\n";
   for (const TransferRow& r : rows) {
     std::string model = r.model;
     std::replace(model.begin(), model.end(), ',', ';');
     csv << r.from << ',' << model << ',' << r.records << ',' << r.seeds;
     for (std::size_t i = 0; i < transfer_metrics.size(); ++i)
       csv << ',' << r.mean[i] << ',' << r.spread[i];
-    csv << ',' << r.within_90 << ',' << r.train_s << '\n';
+    csv << ',' << r.within_90 << ',' << r.train_s << ',' << r.machine << '\n';
   }
   chart::write_chart(folder, "transfer", csv.str(),
                      chart::stand_alone("From one world to another",

@@ -33,7 +33,7 @@ using sim::PlanArguments;
 
 struct DatasetArguments : PlanArguments {
   sim::DatasetOptions options;
-  std::string mirror_of;
+  std::string mirror_of, part;
   std::optional<std::int64_t> records, people, letters, two_people, empty, objects, seed;
   bool json = false;
 };
@@ -94,6 +94,7 @@ ExitCode run_dataset(DatasetArguments& a) {
   catch_interrupts();
   const sim::Plan plan = make_plan(a);
   const auto start = Clock::now();
+  if (!a.part.empty()) a.options.part = JobPart::of(a.part);
   const std::int64_t written = sim::write_dataset(plan, a.options);
   const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
   if (a.json)
@@ -107,7 +108,8 @@ ExitCode run_dataset(DatasetArguments& a) {
   else if (!a.options.quiet)
     std::cout << printable(a.options.out) << ": " << written << " records in "
               << human_duration(seconds) << "\n";
-  const auto wanted = static_cast<std::int64_t>(scenes_of(plan).size());
+  const auto all = static_cast<std::int64_t>(scenes_of(plan).size());
+  const std::int64_t wanted = a.options.part ? a.options.part->range(all).size() : all;
   return written == wanted ? ExitCode::ok : ExitCode::interrupted;
 }
 
@@ -132,6 +134,7 @@ void add_dataset(CLI::App& app, Command& command) {
   sub->add_option("--laboratories", a->laboratories,
                   "record i is of the twin's laboratory i modulo this")
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000}));
+  sub->add_option("--part", a->part, part_help);
   sub->add_option("--threads", a->options.threads)->check(CLI::Range(1, 256));
   sub->add_flag("-q,--quiet", a->options.quiet, "no progress, no summary");
   sub->add_flag("--json", a->json, "summary as one JSON object");

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "drivers/core/console.hpp"
+#include "drivers/core/printable.hpp"
 #include "sim/study/array_bound.hpp"
 #include "sim/study/bound.hpp"
 #include "sim/study/fidelity.hpp"
@@ -18,11 +19,27 @@ namespace {
 template <class Options>
 struct StudyArguments : PlanArguments {
   Options options;
-  std::string out;
+  std::string out, part;
 };
 
+template <class Options>
+concept Parted = requires(Options options) {
+  options.parts;
+};
+
+// What a part leaves: its files, which the same command without --part takes.
+template <class Options>
+ExitCode part_done(const StudyArguments<Options>& a) {
+  if (!a.options.quiet)
+    std::fprintf(stderr, "%s: %s is written\n", printable(a.out).c_str(),
+                 a.options.parts.part->name().c_str());
+  return ExitCode::ok;
+}
+
 ExitCode run_fidelity(StudyArguments<FidelityOptions>& a) {
+  catch_interrupts();
   const auto rows = study_fidelity(a.options);
+  if (a.options.parts.part) return part_done(a);
   for (const auto& r : rows)
     std::printf("%-10s %-10s %9.4f +- %.4f of the noise's variance%s\n", r.axis.c_str(),
                 r.value.c_str(), r.error, r.standard_error,
@@ -37,6 +54,10 @@ ExitCode run_fidelity(StudyArguments<FidelityOptions>& a) {
 ExitCode run_bound(StudyArguments<BoundOptions>& a) {
   catch_interrupts();
   const auto rows = study_bound(a.options);
+  if (a.options.parts.part) {
+    study_array_bound(a.options);
+    return part_done(a);
+  }
   std::printf("%-12s %8s %-6s %32s %21s\n", "axis", "value", "known",
               "sigma of x: median (quartiles)", "mean error: x lateral");
   for (const auto& r : rows)
@@ -74,6 +95,7 @@ void add_one_study(CLI::App& study, Command& command, const std::string& name,
       ->check(CLI::Range(std::int64_t{2}, std::int64_t{10'000}))
       ->capture_default_str();
   sub->add_option("--seed", a->options.seed)->capture_default_str();
+  if constexpr (Parted<Options>) sub->add_option("--part", a->part, part_help);
   add_plan_options(*sub, *a);
   sub->add_flag("-q,--quiet", a->options.quiet, "no progress");
   sub->callback([&command, a, run] {
@@ -88,6 +110,13 @@ void add_one_study(CLI::App& study, Command& command, const std::string& name,
                                             ": a study draws its own scenes; --scenes says how "
                                             "many, --seed which");
       a->options.conditions = plan.conditions;
+      if constexpr (Parted<Options>) {
+        auto& parts = a->options.parts;
+        if (!a->part.empty()) parts.part = JobPart::of(a->part);
+        parts.folder = a->out;
+        parts.settings =
+            "scenes of seed " + std::to_string(a->options.seed) + "\n" + settings.resolved();
+      }
       std::error_code error;
       std::filesystem::create_directories(a->out, error);
       if (error) throw Error(ExitCode::disk, a->out + ": " + error.message());

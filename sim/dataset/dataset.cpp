@@ -5,13 +5,17 @@
 
 #include <algorithm>
 #include <atomic>
+#include <filesystem>
+#include <fstream>
 #include <future>
 #include <thread>
 #include <utility>
 
+#include "acquire/record/data_set_part.hpp"
 #include "acquire/record/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/console.hpp"
+#include "drivers/core/staged_file.hpp"
 #include "sim/scene/scene_list.hpp"
 #include "sim/sensors/depth_camera.hpp"
 #include "sim/sensors/optics.hpp"
@@ -116,6 +120,27 @@ record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
     info.meta.push_back(detector.meta());
   info.window_s = dataset_window_s;
   return info;
+}
+
+// What is in the files that a plan names.
+std::string files_of(const Plan& plan) {
+  std::string out;
+  for (const std::string& path : {plan.scenes, plan.conditions.object}) {
+    std::ifstream in(path, std::ios::binary);
+    if (!path.empty()) out.append(std::istreambuf_iterator<char>(in), {});
+  }
+  return out;
+}
+
+// A run that has these records already, as of a job that was queued again.
+bool is_there(const std::string& path, const record::RunInfo& info, JobPart::Range records) {
+  if (!std::filesystem::exists(path)) return false;
+  const record::RunReader run(path);
+  const record::RunInfo found = run.info();
+  std::int64_t first = records.begin;
+  run.for_each([&](const record::FusedRecord& r) { return first = r.index, false; }, 0, {}, {});
+  return found.uuid == info.uuid && found.status == "complete" && run.count() == records.size() &&
+         first == records.begin;
 }
 
 void check_object(const std::vector<SceneSpec>& scenes, const Conditions& conditions) {
@@ -297,10 +322,45 @@ std::vector<double> Generator::look_through_array(std::int64_t index, const Retu
   return std::move(looks.power);
 }
 
+namespace {
+
+// Returns how many were written.
+std::int64_t write_records(const Generator& generator, JobPart::Range range,
+                           record::RunWriter& writer, const DatasetOptions& options) {
+  Progress progress("records", static_cast<std::size_t>(range.size()), options.quiet);
+  const auto start_batch = [&](std::int64_t first) {
+    return std::async(std::launch::async, make_batch, std::cref(generator), first,
+                      std::min(first + batch_records, range.end), options.threads);
+  };
+  // One batch is written while the next is made.
+  auto pending = start_batch(range.begin);
+  while (writer.records() < range.size() && !interrupted()) {
+    const auto batch = pending.get();
+    pending = start_batch(range.begin + writer.records() + static_cast<std::int64_t>(batch.size()));
+    writer.append(batch);
+    progress.update(static_cast<std::size_t>(writer.records()));
+  }
+  return writer.records();
+}
+
+}  // namespace
+
 std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
   validate(plan.conditions);
   const Generator generator(plan);
-  record::RunWriter writer(options.out, run_info(plan, options));
+  record::RunInfo info = run_info(plan, options);
+  JobPart::Range range{0, generator.records()};
+  std::optional<StagedFile> staged;
+  if (options.part) {
+    range = options.part->range(generator.records());
+    info.uuid = record::data_set_uuid(info, files_of(plan));
+    info.meta.emplace_back(record::part_of_key, std::to_string(generator.records()));
+    if (is_there(options.out, info, range)) return range.size();
+    if (std::filesystem::exists(options.out))
+      throw Error(ExitCode::failed, options.out + ": exists already, and is not this part");
+    staged.emplace(options.out);
+  }
+  record::RunWriter writer(staged ? staged->path() : options.out, info);
   writer.put_axis(spd_axis(plan.conditions));
   writer.put_axis(radar_axis(plan.conditions));
   for (const Axis& axis : map_grid(plan.conditions).run_axes()) writer.put_axis(axis);
@@ -308,22 +368,11 @@ std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
     writer.put_axis(record::array_axis(radar_axis(plan.conditions), antennas.size()));
     writer.put_antennas(antennas);
   }
-  Progress progress("records", static_cast<std::size_t>(generator.records()), options.quiet);
-  const auto start_batch = [&](std::int64_t first) {
-    const std::int64_t last = std::min(first + batch_records, generator.records());
-    return std::async(std::launch::async, make_batch, std::cref(generator), first, last,
-                      options.threads);
-  };
-  // One batch is written while the next is made.
-  auto pending = start_batch(0);
-  while (writer.records() < generator.records() && !interrupted()) {
-    const auto batch = pending.get();
-    pending = start_batch(writer.records() + static_cast<std::int64_t>(batch.size()));
-    writer.append(batch);
-    progress.update(static_cast<std::size_t>(writer.records()));
-  }
-  writer.close(writer.records() == generator.records() ? "complete" : "stopped:interrupted");
-  return writer.records();
+  const std::int64_t written = write_records(generator, range, writer, options);
+  const bool whole = written == range.size();
+  writer.close(whole ? "complete" : "stopped:interrupted");
+  if (staged && whole) staged->publish();
+  return written;
 }
 
 }  // namespace echofuse::sim

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "acquire/record/record.hpp"
+#include "drivers/core/job_part.hpp"
 #include "sim/scene/conditions.hpp"
 #include "sim/scene/scene.hpp"
 #include "sim/sensors/room_alone.hpp"
@@ -82,9 +83,11 @@ struct DatasetOptions {
   std::string config_text;  // kept verbatim in the run
   int threads = 2;
   bool quiet = false;
+  std::optional<JobPart> part = {};  // only its records
 };
 
-// Writes the run file; returns the number of records written (fewer if interrupted).
+// Writes the run file; returns the number of records written (fewer if interrupted). A part is
+// there only when it is whole, and one that is there already is left as it is.
 std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options);
 
 }  // namespace echofuse::sim

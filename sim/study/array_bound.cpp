@@ -12,7 +12,6 @@
 #include "drivers/core/atomic_write.hpp"
 #include "sim/scene/scene.hpp"
 #include "sim/sensors/radar_echo.hpp"
-#include "sim/study/each_scene.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -240,12 +239,14 @@ std::vector<ArrayBound> study_array_bound(const BoundOptions& options) {
   const std::vector<Conditions> all = radars(options.conditions);
   std::vector<double> mean_peak;
   for (const Conditions& c : all) mean_peak.push_back(mean_peak_power(radar_response(c), c));
-  const auto found = each_scene<std::vector<double>>(
-      "bound of the antennas", options.scenes, options.quiet, [&](std::size_t i) {
+  const auto found = rows_of_scenes(
+      options.parts, "bound_array", "bound of the antennas", options.scenes, options.quiet,
+      [&](std::size_t i) {
         return bounds_of(make_scene(options.conditions, study_kind(i), options.seed, i), all,
                          mean_peak, options.rays);
       });
   std::vector<ArrayBound> rows;
+  if (options.parts.part) return rows;
   for_each_row(all, [&](std::size_t radar, bool coherent, const Point& p, ArrayUse use) {
     double sum = 0;
     for (const auto& scene : found) sum += scene[rows.size()];

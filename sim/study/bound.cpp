@@ -2,6 +2,7 @@
 #include "sim/study/bound.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -9,7 +10,6 @@
 #include "sim/scene/shapes.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
-#include "sim/study/each_scene.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -161,9 +161,6 @@ class Laboratory {
   std::vector<Point> points_;
 };
 
-struct Deviations {
-  double x, lateral;
-};
 constexpr std::array known_names{"shape", "pose"};
 
 // The bounds of one scene, a row a point and knowledge, as study_bound's.
@@ -192,10 +189,12 @@ class SceneBounds {
       keep_symmetry(sampler.draws(), spec.kind == SceneKind::letter);
   }
 
-  std::vector<Deviations> all() const {
-    std::vector<Deviations> out;
+  // For each point and knowledge the deviations of x and of the centroid.
+  Row all() const {
+    Row out;
     for (const Point& p : laboratory_.points())
-      for (const Known known : {Known::shape, Known::pose}) out.push_back(at(p, known));
+      for (const Known known : {Known::shape, Known::pose})
+        for (const double deviation : at(p, known)) out.push_back(deviation);
     return out;
   }
 
@@ -213,7 +212,7 @@ class SceneBounds {
           ranges_[0] / z * (x / ranges_[1] * slopes_[1][i] + radian / ranges_[2] * slopes_[2][i]);
   }
 
-  Deviations at(const Point& p, Known known) const {
+  std::array<double, 2> at(const Point& p, Known known) const {
     Matrix rows;
     Values x, lateral;
     for (std::size_t i = 0; i < slopes_.size(); ++i) {
@@ -260,14 +259,13 @@ double quantile(std::vector<double> values, double share) {
   return values[k];
 }
 
-Bound summary(const Point& p, const char* known, const std::vector<std::vector<Deviations>>& found,
-              std::size_t row) {
+Bound summary(const Point& p, const char* known, const std::vector<Row>& found, std::size_t row) {
   std::vector<double> x;
   double x_sum = 0, lateral_sum = 0;
   for (const auto& scene : found) {
-    x.push_back(scene[row].x);
-    x_sum += scene[row].x;
-    lateral_sum += scene[row].lateral;
+    x.push_back(scene[2 * row]);
+    x_sum += scene[2 * row];
+    lateral_sum += scene[2 * row + 1];
   }
   const double mean_error = std::sqrt(2 / std::numbers::pi) / static_cast<double>(found.size());
   return {p.axis,
@@ -294,10 +292,11 @@ Seen seen_by_radar(const Scene& scene, const Conditions& c, std::int64_t rays) {
 std::vector<Bound> study_bound(const BoundOptions& options) {
   check(options.conditions);
   const Laboratory laboratory(options);
-  const auto found = each_scene<std::vector<Deviations>>(
-      "bound", options.scenes, options.quiet,
+  const auto found = rows_of_scenes(
+      options.parts, "bound", "bound", options.scenes, options.quiet,
       [&](std::size_t i) { return SceneBounds(laboratory, options, study_kind(i), i).all(); });
   std::vector<Bound> rows;
+  if (options.parts.part) return rows;
   for (const Point& p : laboratory.points())
     for (const char* known : known_names) rows.push_back(summary(p, known, found, rows.size()));
   return rows;

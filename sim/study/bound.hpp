@@ -9,6 +9,7 @@
 #include "sim/scene/conditions.hpp"
 #include "sim/sensors/render.hpp"
 #include "sim/study/information.hpp"
+#include "sim/study/scene_parts.hpp"
 
 namespace echofuse::sim {
 
@@ -40,10 +41,11 @@ struct BoundOptions {
   std::int64_t rays = 512;  // both ways across the body, from each sensor
   double step = 0.0025;  // of the numerical derivatives, in ranges that a parameter is drawn from
   bool quiet = false;
+  SceneParts parts = {};
 };
 
-// Throws Error(config) for conditions whose noise is another: pile-up, a coherent sum; Error(
-// interrupted).
+// Of a part: nothing. Throws, beside what rows_of_scenes throws, Error(config) for conditions whose
+// noise is another: pile-up, a coherent sum; Error( interrupted).
 std::vector<Bound> study_bound(const BoundOptions& options);
 
 // bound.csv and bound.svg in `folder`, which exists. Throws Error(disk).

@@ -8,7 +8,7 @@
 #include <sstream>
 
 #include "drivers/chart/chart.hpp"
-#include "drivers/core/console.hpp"
+#include "drivers/core/staged_file.hpp"
 #include "sim/scene/scene.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
@@ -31,139 +31,130 @@ Scene without(Scene scene, const std::vector<std::size_t>& capsules) {
   return scene;
 }
 
-class Study {
- public:
-  explicit Study(const FidelityOptions& o)
-      : options_(o), progress_("fidelity", 4 * static_cast<std::size_t>(o.scenes), o.quiet) {
-    for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(o.scenes); ++i)
-      scenes_.push_back(make_scene(o.conditions, study_kind(i), o.seed, i));
-  }
+using Model = std::function<Profile(const Scene&)>;
 
-  std::vector<Fidelity> run() {
-    rays();
-    body();
-    bin_widths();
-    radar();
-    return std::move(rows_);
-  }
-
- private:
-  using Model = std::function<Profile(const Scene&)>;
-  struct Candidate {
-    std::string value;
-    Model model;
-    bool timed = true;
-  };
-
-  // `variance`: of the noise, from the fine profile's value; 0: the bin does not count.
-  void compare(const std::string& axis, const Model& fine, const std::vector<Candidate>& candidates,
-               const std::function<double(double)>& variance) {
-    std::vector<std::vector<double>> errors(candidates.size());
-    std::vector<double> used(candidates.size());
-    for (const Scene& scene : scenes_) {
-      const Profile truth = fine(scene);
-      for (std::size_t c = 0; c < candidates.size(); ++c) {
-        const std::clock_t begin = std::clock();
-        const Profile seen = candidates[c].model(scene);
-        used[c] += 1e6 * static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
-        double sum = 0, bins = 0;
-        for (std::size_t k = 0; k < truth.size(); ++k) {
-          const double v = variance(truth[k]);
-          if (v <= 0) continue;
-          sum += (seen[k] - truth[k]) * (seen[k] - truth[k]) / v;
-          ++bins;
-        }
-        errors[c].push_back(bins > 0 ? sum / bins : 0);
-      }
-      progress_.update(++done_);
-    }
-    const auto n = static_cast<double>(scenes_.size());
-    for (std::size_t c = 0; c < candidates.size(); ++c) {
-      double mean = 0, squares = 0;
-      for (const double e : errors[c]) mean += e / n;
-      for (const double e : errors[c]) squares += (e - mean) * (e - mean);
-      rows_.push_back({axis, candidates[c].value, mean,
-                       n > 1 ? std::sqrt(squares / (n - 1) / n) : 0,
-                       candidates[c].timed ? used[c] / n : 0});
-    }
-  }
-
-  static double shot_noise(double counts) { return counts >= 1 ? counts : 0; }
-  Conditions with_rays(std::int64_t count) const {
-    Conditions c = options_.conditions;
-    c.spd_rays = count;
-    return c;
-  }
-  static Model histogram(const Conditions& c) {
-    return [c](const Scene& scene) { return spd_rate(spd_returns(scene, c), c); };
-  }
-
-  void rays() {
-    std::vector<Candidate> all;
-    for (const int n : {48, 64, 96, 128, 192, 256, 320, 384, 512, 768})
-      all.push_back({std::to_string(n), histogram(with_rays(n))});
-    compare("rays", histogram(with_rays(2048)), all, shot_noise);
-  }
-
-  void body() {
-    const Model whole = histogram(with_rays(1024));
-    std::vector<Candidate> all;
-    for (const auto& [name, capsules] : parts)
-      all.push_back(
-          {name,
-           [&whole, which = capsules](const Scene& scene) { return whole(without(scene, which)); },
-           false});
-    compare("part", whole, all, shot_noise);
-  }
-
-  void bin_widths() {
-    constexpr std::int64_t finest = 25;
-    for (const std::int64_t width : {25, 50, 100, 200, 400, 800}) {
-      Conditions coarse = with_rays(1024);
-      coarse.bin_width_ps = static_cast<double>(width);
-      coarse.bins = std::max<std::int64_t>(
-          1, static_cast<std::int64_t>(std::lround(static_cast<double>(options_.conditions.bins) *
-                                                   options_.conditions.bin_width_ps /
-                                                   coarse.bin_width_ps)));
-      Conditions fine = coarse;
-      fine.bin_width_ps /= 4;
-      fine.bins *= 4;
-      const Model model = histogram(coarse);
-      const Model spread = [model](const Scene& scene) {
-        Profile out;
-        for (const double counts : model(scene)) out.insert(out.end(), 4, counts / 4);
-        return out;
-      };
-      const bool first = width == finest;
-      const auto done = done_;
-      compare("bin_ps", histogram(fine), {{std::to_string(width), spread, false}}, shot_noise);
-      if (!first) done_ = done;  // one step of the bar for all widths
-    }
-  }
-
-  void radar() {
-    const Conditions& c = options_.conditions;
-    const RadarAxis axis = radar_response(c);
-    const double sigma = radar_noise_power(c, mean_peak_power(axis, c));
-    const auto profile = [&](std::int64_t count) -> Model {
-      Conditions changed = c;
-      changed.radar_rays = count;
-      return [changed, axis](const Scene& scene) {
-        return radar_power(radar_returns(scene, changed), axis, changed);
-      };
-    };
-    std::vector<Candidate> all;
-    for (const int n : {48, 96, 192, 288, 384, 576, 768})
-      all.push_back({std::to_string(n), profile(n)});
-    compare("radar_rays", profile(1536), all, [&](double) { return sigma * sigma; });
-  }
-
-  const FidelityOptions& options_;
-  Progress progress_;
-  std::size_t done_ = 0;
-  std::vector<Scene> scenes_;
-  std::vector<Fidelity> rows_;
+struct Candidate {
+  std::string value;
+  Model model;
+  bool timed = true;
 };
+
+// Approximations against the same finer one. `variance`: of the noise, from the fine profile's
+// value; 0: the bin does not count.
+struct Comparison {
+  std::string axis;
+  Model fine;
+  std::vector<Candidate> candidates;
+  std::function<double(double)> variance;
+};
+
+double shot_noise(double counts) { return counts >= 1 ? counts : 0; }
+
+Conditions with_rays(Conditions c, std::int64_t count) {
+  c.spd_rays = count;
+  return c;
+}
+
+Model histogram(const Conditions& c) {
+  return [c](const Scene& scene) { return spd_rate(spd_returns(scene, c), c); };
+}
+
+Comparison rays(const Conditions& c) {
+  std::vector<Candidate> all;
+  for (const int n : {48, 64, 96, 128, 192, 256, 320, 384, 512, 768})
+    all.push_back({std::to_string(n), histogram(with_rays(c, n))});
+  return {"rays", histogram(with_rays(c, 2048)), all, shot_noise};
+}
+
+Comparison body(const Conditions& c) {
+  const Model whole = histogram(with_rays(c, 1024));
+  std::vector<Candidate> all;
+  for (const auto& [name, capsules] : parts)
+    all.push_back(
+        {name,
+         [whole, which = capsules](const Scene& scene) { return whole(without(scene, which)); },
+         false});
+  return {"part", whole, all, shot_noise};
+}
+
+Comparison bin_width(const Conditions& base, std::int64_t width) {
+  Conditions coarse = with_rays(base, 1024);
+  coarse.bin_width_ps = static_cast<double>(width);
+  const double span_ps = static_cast<double>(base.bins) * base.bin_width_ps;
+  coarse.bins = std::max<std::int64_t>(1, std::lround(span_ps / coarse.bin_width_ps));
+  Conditions fine = coarse;
+  fine.bin_width_ps /= 4;
+  fine.bins *= 4;
+  const Model model = histogram(coarse);
+  const Model spread = [model](const Scene& scene) {
+    Profile out;
+    for (const double counts : model(scene)) out.insert(out.end(), 4, counts / 4);
+    return out;
+  };
+  return {"bin_ps", histogram(fine), {{std::to_string(width), spread, false}}, shot_noise};
+}
+
+Comparison radar(const Conditions& c) {
+  const RadarAxis axis = radar_response(c);
+  const double sigma = radar_noise_power(c, mean_peak_power(axis, c));
+  const auto profile = [&](std::int64_t count) -> Model {
+    Conditions changed = c;
+    changed.radar_rays = count;
+    return [changed, axis](const Scene& scene) {
+      return radar_power(radar_returns(scene, changed), axis, changed);
+    };
+  };
+  std::vector<Candidate> all;
+  for (const int n : {48, 96, 192, 288, 384, 576, 768})
+    all.push_back({std::to_string(n), profile(n)});
+  return {"radar_rays", profile(1536), all, [sigma](double) { return sigma * sigma; }};
+}
+
+std::vector<Comparison> comparisons(const Conditions& c) {
+  std::vector<Comparison> out = {rays(c), body(c)};
+  for (const std::int64_t width : {25, 50, 100, 200, 400, 800}) out.push_back(bin_width(c, width));
+  out.push_back(radar(c));
+  return out;
+}
+
+double error_of(const Profile& seen, const Profile& truth, const Comparison& how) {
+  double sum = 0, bins = 0;
+  for (std::size_t k = 0; k < truth.size(); ++k) {
+    const double v = how.variance(truth[k]);
+    if (v <= 0) continue;
+    sum += (seen[k] - truth[k]) * (seen[k] - truth[k]) / v;
+    ++bins;
+  }
+  return bins > 0 ? sum / bins : 0;
+}
+
+// Of every candidate, in the order of the comparisons.
+Row errors_of(const Scene& scene, const std::vector<Comparison>& all) {
+  Row out;
+  for (const Comparison& how : all) {
+    const Profile truth = how.fine(scene);
+    for (const Candidate& candidate : how.candidates)
+      out.push_back(error_of(candidate.model(scene), truth, how));
+  }
+  return out;
+}
+
+// Microseconds of processor time a scene, one after the other, as nothing else may run beside.
+double time_of(const Candidate& candidate, const std::vector<Scene>& scenes) {
+  const std::clock_t begin = std::clock();
+  for (const Scene& scene : scenes) candidate.model(scene);
+  return 1e6 * static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC /
+         static_cast<double>(scenes.size());
+}
+
+Fidelity row_of(const std::string& axis, const Candidate& candidate, const std::vector<Row>& found,
+                std::size_t column) {
+  const auto n = static_cast<double>(found.size());
+  double mean = 0, squares = 0;
+  for (const Row& scene : found) mean += scene[column] / n;
+  for (const Row& scene : found) squares += (scene[column] - mean) * (scene[column] - mean);
+  return {axis, candidate.value, mean, n > 1 ? std::sqrt(squares / (n - 1) / n) : 0, 0};
+}
 
 constexpr double enough = 0.1;  // of the noise's variance
 
@@ -203,15 +194,29 @@ chart::Panel parts_panel(const std::vector<Fidelity>& rows) {
 }  // namespace
 
 std::vector<Fidelity> study_fidelity(const FidelityOptions& options) {
-  return Study(options).run();
+  std::vector<Scene> scenes;
+  for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(options.scenes); ++i)
+    scenes.push_back(make_scene(options.conditions, study_kind(i), options.seed, i));
+  const auto all = comparisons(options.conditions);
+  const auto found =
+      rows_of_scenes(options.parts, "fidelity", "fidelity", options.scenes, options.quiet,
+                     [&](std::size_t i) { return errors_of(scenes[i], all); });
+  std::vector<Fidelity> rows;
+  if (options.parts.part) return rows;
+  for (const Comparison& how : all)
+    for (const Candidate& candidate : how.candidates) {
+      rows.push_back(row_of(how.axis, candidate, found, rows.size()));
+      if (candidate.timed) rows.back().us = time_of(candidate, scenes);
+    }
+  return rows;
 }
 
 void write_fidelity(const std::vector<Fidelity>& rows, const std::string& folder) {
   std::ostringstream csv;
-  csv << "axis,value,error_over_noise_variance,standard_error,us\n";
+  csv << "axis,value,error_over_noise_variance,standard_error,us,machine\n";
   for (const Fidelity& r : rows)
     csv << r.axis << ',' << r.value << ',' << r.error << ',' << r.standard_error << ',' << r.us
-        << '\n';
+        << ',' << (r.us > 0 ? machine_name() : "") << '\n';
   const std::string time = "processor time of one scene (\u00b5s)";
   chart::write_chart(
       folder, "fidelity", csv.str(),

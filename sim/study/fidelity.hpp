@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "sim/scene/conditions.hpp"
+#include "sim/study/scene_parts.hpp"
 
 namespace echofuse::sim {
 
@@ -18,7 +19,7 @@ struct Fidelity {
   // counts in bins of at least one expected count, the stated white noise of the radar.
   double error = 0;
   double standard_error = 0;  // over scenes
-  double us = 0;              // processor time of one scene; 0 where it is not the point
+  double us = 0;  // processor time of one scene on this machine; 0 where it is not the point
 };
 
 struct FidelityOptions {
@@ -26,8 +27,10 @@ struct FidelityOptions {
   std::int64_t scenes = 40;
   std::uint64_t seed = 1;
   bool quiet = false;
+  SceneParts parts = {};
 };
 
+// Of a part: nothing. Throws as rows_of_scenes.
 //   rays        of the SPD, against 2048
 //   part        the body without it, against the whole body, at 1024 rays
 //   bin_ps      the histogram with this bin, spread evenly over bins a quarter as wide

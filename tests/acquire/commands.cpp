@@ -260,19 +260,6 @@ TEST_CASE("a run goes by its file and by the name that --out gave it") {
   refuses("mark " + folder / "m2" + " door", 1, "m2.sqlite: ");
 }
 
-TEST_CASE("the script in plain Python reads a run") {
-  const Folder folder;
-  write_run(folder / "a.sqlite", 3);
-  const Outcome o = shell("python3 " + echofuse::test::source_dir + "/scripts/read_run.py " +
-                          folder / "a.sqlite" + " 1");
-  CAPTURE(o.text);
-  CHECK(o.code == 0);
-  CHECK(has(o.text, "record 1  valid mask 7  label 'letter:A'"));
-  CHECK(has(o.text, "spd    828 counts in 8 bins, peak at 1.404e+04 ps: ok"));
-  CHECK(has(o.text, "radar  4 bins, peak at 1.5 m: ok"));
-  CHECK(has(o.text, "depth  3 x 2 pixels: ok"));
-}
-
 TEST_CASE("replay takes kept transfers of a USB tagger") {
   const Folder folder;
   const auto u32 = [](std::uint32_t v) { return std::string(reinterpret_cast<char*>(&v), 4); };

@@ -9,6 +9,7 @@
 #include <limits>
 #include <memory>
 
+#include "acquire/record/network.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -366,4 +367,24 @@ TEST_CASE("a record that does not fit its axes is not written") {
   CHECK(has(error_of([&] { run.append(record); }).second, "spd has 7 values, its axis 8"));
   run.append(small_record(0));
   CHECK(run.records() == 1);
+}
+
+TEST_CASE("on a network file system only a closed run is read") {
+  CHECK(network_of_type(0x6969) == "NFS");
+  CHECK(network_of_type(0xff534d42) == "SMB");
+  CHECK(network_of_type(0x0bd00bd0) == "Lustre");
+  CHECK(network_of_type(0xef53).empty());  // ext4
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  CHECK(network_of(path).empty());
+  CHECK(network_of("/nowhere/at/all").empty());
+  write_run(path, 3);
+  CHECK(RunReader(path, "NFS").count() == 3);
+  CHECK_FALSE(std::filesystem::exists(path + "-shm"));
+  const RunWriter live(path);
+  CHECK(RunReader(path).count() == 3);
+  CHECK_THROWS_WITH(RunReader(path, "NFS"),
+                    Catch::Contains("is on a network file system (NFS) and is being written, or "
+                                    "was not closed: its last records are in ") &&
+                        Catch::Contains("copy both to a local disk"));
 }

@@ -25,7 +25,7 @@ TEST_CASE(
   std::getline(csv, line);
   CHECK(line ==
         "from,model,records,seeds,iou,iou_spread,lateral_m,lateral_m_spread,ssim_hard,"
-        "ssim_hard_spread,within_90,train_s");
+        "ssim_hard_spread,within_90,train_s,machine");
   std::vector<std::string> begins;
   while (std::getline(csv, line)) begins.push_back(line.substr(0, line.find(",1,")));
   CHECK(begins == std::vector<std::string>{"base,as it was,0", "twin,as it was,0",

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "sim/dataset/dataset.hpp"
 
+#include <sqlite3.h>
+
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <filesystem>
+#include <functional>
 
 #include "acquire/record/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
@@ -193,4 +196,97 @@ TEST_CASE("contradictory conditions and taken names are refused") {
   plan.letters = plan.two_people = plan.empty = 0;
   CHECK(write_dataset(plan, {path, "", 1, true}) == 1);
   CHECK_THROWS_AS(write_dataset(plan, {path, "", 1, true}), Error);
+}
+
+namespace {
+
+void make_parts(const Plan& plan, const Folder& folder, int count) {
+  for (int k = 1; k <= count; ++k) {
+    const std::string path = folder.file("part-" + std::to_string(k) + ".sqlite");
+    const JobPart part = JobPart::of(std::to_string(k) + "/" + std::to_string(count));
+    CHECK(write_dataset(plan, {path, "", 1, true, part}) ==
+          part.range(static_cast<std::int64_t>(scenes_of(plan).size())).size());
+  }
+}
+
+std::string error_of(const std::function<void()>& body) {
+  try {
+    body();
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "no error";
+}
+
+// Every column of the tables that are by record, as a text.
+std::string records_of(const std::string& path) {
+  sqlite3* db = nullptr;
+  REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
+  std::string out;
+  const auto add = [](void* text, int columns, char** values, char**) {
+    for (int i = 0; i < columns; ++i)
+      static_cast<std::string*>(text)->append(values[i] ? values[i] : "-").append("|");
+    return 0;
+  };
+  CHECK(sqlite3_exec(db,
+                     "SELECT *, hex(spd), hex(radar), hex(depth) FROM record; SELECT * FROM slot; "
+                     "SELECT * FROM signal; SELECT *, hex(array) FROM radar_array; SELECT * FROM "
+                     "axis; SELECT * FROM antenna; SELECT * FROM incomplete; SELECT * FROM meta",
+                     add, &out, nullptr) == SQLITE_OK);
+  sqlite3_close(db);
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("the parts of a data set are merged to the whole one, byte by byte of its records") {
+  const Folder folder;
+  Plan plan = small_plan();
+  plan.people = 11, plan.letters = 6, plan.two_people = plan.empty = 1;
+  plan.conditions.radar_antennas = 2;
+  const std::string whole = folder.file("whole.sqlite"), merged = folder.file("merged.sqlite");
+  write_dataset(plan, {whole, "", 2, true});
+  make_parts(plan, folder, 3);
+  const auto part = [&](int k) { return folder.file("part-" + std::to_string(k) + ".sqlite"); };
+  CHECK(record::RunReader(part(2)).count() == 6);
+  CHECK(record::RunReader(part(1)).info().uuid == record::RunReader(part(3)).info().uuid);
+  CHECK(record::merge({part(3), part(1), part(2)}, merged) == 19);
+  CHECK(records_of(merged) == records_of(whole));
+  const record::RunReader run(merged);
+  CHECK(run.check().empty());
+  CHECK(run.info().status == "complete");
+  CHECK(run.info().uuid == record::RunReader(part(1)).info().uuid);
+  CHECK_FALSE(std::filesystem::exists(merged + "-wal"));
+
+  const std::string out = folder.file("no.sqlite");
+  const auto refused = [&](const std::vector<std::string>& parts) {
+    return error_of([&] { record::merge(parts, out); });
+  };
+  using Catch::Contains;
+  CHECK_THAT(refused({part(1), part(3)}), Contains("records 6 to 11 are missing"));
+  CHECK_THAT(refused({part(1), part(2)}), Contains("records 12 to 18 are missing"));
+  CHECK_THAT(refused({part(1), part(2), part(2), part(3)}), Contains("are in another part, too"));
+  CHECK_THAT(refused({whole, part(1)}), Contains("is no part of a data set"));
+  CHECK_THAT(error_of([&] { record::merge({part(1)}, merged); }), Contains("exists already"));
+  const std::string other = folder.file("other.sqlite");
+  plan.seed = 12;
+  write_dataset(plan, {other, "", 1, true, JobPart::of("2/3")});
+  CHECK_THAT(refused({part(1), other, part(3)}), Contains("is of another data set than"));
+  CHECK_FALSE(std::filesystem::exists(out));
+}
+
+TEST_CASE("a part that is there is left, and another run in its place refused") {
+  const Folder folder;
+  Plan plan = small_plan();
+  plan.people = 4, plan.letters = plan.two_people = plan.empty = 0;
+  const std::string path = folder.file("a.sqlite");
+  CHECK(write_dataset(plan, {path, "", 1, true, JobPart::of("1/2")}) == 2);
+  const auto before = std::filesystem::last_write_time(path);
+  CHECK(write_dataset(plan, {path, "", 1, true, JobPart::of("1/2")}) == 2);
+  CHECK(std::filesystem::last_write_time(path) == before);
+  for (const char* other : {"2/2", "1/1"})
+    CHECK_THAT(error_of([&] {
+                 write_dataset(plan, {path, "", 1, true, JobPart::of(other)});
+               }),
+               Catch::Contains("exists already, and is not this part"));
 }

@@ -332,7 +332,7 @@ class HostileRuns(unittest.TestCase):
     def test_picture_runs_no_command(self):
         run = self.make("UPDATE record SET label = 'a' || char(10) || '!touch owned' || char(10) || 'system(\"touch owned\")';"
                         "UPDATE axis SET quantity = char(10) || '!touch owned' || char(10) WHERE name = 'radar'")
-        code, _, said = self.command("sim", "preview", run, "--record", 3, "--out", self.dir / "x.png")
+        code, _, said = self.command("sim", "preview", run, "--record", 3, "--out", self.dir / "x.svg")
         self.assertEqual(code, 0, said)
         self.assertFalse((self.dir / "owned").exists())
 

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: MIT
+// File systems on a network: SQLite's WAL needs memory that all who have the file open share, and
+// locks of another machine may not be seen here.
+#pragma once
+#include <cstdint>
+#include <string>
+
+namespace echofuse::record {
+
+// "NFS" and the like, by the type that statfs(2) gives; empty for any other.
+std::string network_of_type(std::uint64_t type);
+// Of the file, or of the folder that it will be in; empty also if that is not known.
+std::string network_of(const std::string& path);
+
+// What is written on one machine is not seen whole on another: throws Error(failed) if a run on
+// such a network is being written, or was not closed.
+void require_closed(const std::string& path, const std::string& network);
+
+}  // namespace echofuse::record

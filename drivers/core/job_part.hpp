@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: MIT
+// One of several parts of a work, as the tasks of a cluster's job array share it. Which pieces a
+// part has follows from its number alone, so that no part need know of another.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace echofuse {
+
+class JobPart {
+ public:
+  // "K/N", 1 <= K <= N <= 100000, or "auto": the task of a Slurm array that this process is, from
+  // SLURM_ARRAY_TASK_ID, _COUNT and _MIN; its indices follow each other. Throws Error(usage).
+  static JobPart of(const std::string& text);
+
+  std::string name() const;  // "part-2-of-4", of files
+
+  // Of pieces in a row: [begin, end).
+  struct Range {
+    std::int64_t begin, end;
+    std::int64_t size() const { return end - begin; }
+  };
+  Range range(std::int64_t pieces) const;
+
+  // Of pieces that each take so long, in any unit: which are this part's. They follow each other,
+  // as neighbours may need the same records, and each part has about as much to do.
+  std::vector<bool> share(const std::vector<double>& work) const;
+
+ private:
+  JobPart(std::int64_t number, std::int64_t count) : number_(number), count_(count) {}
+  std::int64_t number_, count_;  // from 1
+};
+
+// Of the option --part.
+inline constexpr const char* part_help =
+    "K/N: only the K-th of N parts of the work; auto: that of this task of a Slurm array";
+
+// The files FOLDER/STEMpart-K-of-N.EXTENSION, in the order of their names; none of a folder that is
+// not there.
+std::vector<std::string> part_files(const std::string& folder, const std::string& stem,
+                                    const std::string& extension);
+
+}  // namespace echofuse

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: MIT
+#include "recon/data/run_order.hpp"
+
+#include <algorithm>
+
+#include "acquire/record/data_set_part.hpp"
+#include "acquire/record/run_file.hpp"
+#include "drivers/core/printable.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+struct Run {
+  std::string path, data_set;  // data_set: its uuid; empty: no part
+  std::size_t place = 0;       // of its data set among the paths
+  std::int64_t first = 0, end = 0;
+};
+
+Run look_at(const std::string& path, std::size_t place) {
+  const record::RunReader run(path);
+  const record::RunInfo info = run.info();
+  Run out{path, {}, place};
+  if (!record::part_of_records(info)) return out;
+  out.data_set = info.uuid;
+  run.for_each([&](const record::FusedRecord& r) { return out.first = r.index, false; }, 0, {}, {});
+  out.end = out.first + run.count();
+  return out;
+}
+
+}  // namespace
+
+std::vector<std::string> in_order_of_records(const std::vector<std::string>& paths) {
+  if (paths.size() < 2) return paths;
+  std::vector<Run> runs;
+  for (const auto& path : paths) {
+    runs.push_back(look_at(path, runs.size()));
+    Run& last = runs.back();
+    for (const Run& run : runs)
+      if (!last.data_set.empty() && run.data_set == last.data_set) {
+        last.place = run.place;
+        break;
+      }
+  }
+  std::stable_sort(runs.begin(), runs.end(), [](const Run& a, const Run& b) {
+    return a.place != b.place ? a.place < b.place : a.first < b.first;
+  });
+  std::vector<std::string> out;
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    if (i > 0 && runs[i].place == runs[i - 1].place && runs[i].first < runs[i - 1].end)
+      throw Error(ExitCode::failed, printable(runs[i].path) + ": has records of " +
+                                        printable(runs[i - 1].path) +
+                                        ", too; give each part once, or they leak into the test");
+    out.push_back(runs[i].path);
+  }
+  return out;
+}
+
+bool goes_on(const Dataset& data, const std::string& path, const record::RunInfo& info) {
+  for (const auto& source : data.sources) {
+    if (source.uuid != info.uuid) continue;
+    if (&source == &data.sources.back() && record::part_of_records(info)) return true;
+    throw Error(ExitCode::failed, printable(path) + ": the same run as " + printable(source.path) +
+                                      "; give each run once, or its records leak into the test");
+  }
+  return false;
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: MIT
+// Parts of a work, and files that appear when they are whole.
+#include "drivers/core/job_part.hpp"
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <numeric>
+
+#include "drivers/core/exit_code.hpp"
+#include "drivers/core/staged_file.hpp"
+
+using namespace echofuse;
+using Catch::Contains;
+namespace fs = std::filesystem;
+
+namespace {
+
+struct Folder {
+  fs::path path;
+  Folder() {
+    std::string name = (fs::temp_directory_path() / "echofuse-XXXXXX").string();
+    REQUIRE(mkdtemp(name.data()));
+    path = name;
+  }
+  ~Folder() { fs::remove_all(path); }
+  std::string operator/(const std::string& name) const { return (path / name).string(); }
+};
+
+// An environment variable for the time of a test.
+struct Variable {
+  std::string name, before;
+  Variable(const char* key, const std::string& value)
+      : name(key), before(std::getenv(key) ? std::getenv(key) : "") {
+    ::setenv(key, value.c_str(), 1);
+  }
+  ~Variable() {
+    before.empty() ? ::unsetenv(name.c_str()) : ::setenv(name.c_str(), before.c_str(), 1);
+  }
+  Variable(const Variable&) = delete;
+  Variable& operator=(const Variable&) = delete;
+};
+
+std::string contents(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+int files_in(const fs::path& folder) {
+  return static_cast<int>(std::distance(fs::directory_iterator(folder), {}));
+}
+
+}  // namespace
+
+TEST_CASE("a part is K/N, and what is none is refused") {
+  CHECK(JobPart::of("2/4").name() == "part-2-of-4");
+  for (const char* text : {"", "2", "0/4", "5/4", "1/0", "-1/4", "1/4x", "x/4", "1/", "/4",
+                           "1/100001", "1/99999999999999999999", "AUTO"})
+    CHECK_THROWS_WITH(JobPart::of(text), Contains("expected K/N with 1 <= K <= N"));
+}
+
+TEST_CASE("a part may be that of a task of a Slurm array") {
+  CHECK_THROWS_WITH(JobPart::of("auto"), Contains("SLURM_ARRAY_TASK_ID is not set"));
+  const Variable id("SLURM_ARRAY_TASK_ID", "7"), count("SLURM_ARRAY_TASK_COUNT", "4");
+  {
+    const Variable first("SLURM_ARRAY_TASK_MIN", "5");
+    CHECK(JobPart::of("auto").name() == "part-3-of-4");
+  }
+  const Variable first("SLURM_ARRAY_TASK_MIN", "1");  // as of --array=1,3,5,7
+  CHECK_THROWS_WITH(JobPart::of("auto"), Contains("do not follow each other"));
+}
+
+TEST_CASE("each piece is of exactly one part, and the parts have alike to do") {
+  for (const std::int64_t parts : {1, 3, 7, 50}) {
+    std::int64_t next = 0;
+    std::vector<double> work = {20, 20, 20, 4, 4, 4, 4, 4, 1, 1, 1, 1, 1, 1, 1, 1, 30};
+    std::vector<int> owners(work.size());
+    std::vector<double> busy;
+    for (std::int64_t k = 1; k <= parts; ++k) {
+      const JobPart part = JobPart::of(std::to_string(k) + "/" + std::to_string(parts));
+      const auto range = part.range(17);
+      CHECK(range.begin == next);
+      next = range.end;
+      const auto mine = part.share(work);
+      busy.push_back(0);
+      for (std::size_t i = 0; i < work.size(); ++i)
+        if (mine[i]) ++owners[i], busy.back() += work[i];
+    }
+    CHECK(next == 17);
+    CHECK(std::ranges::all_of(owners, [](int n) { return n == 1; }));
+    if (parts == 3) CHECK(*std::ranges::max_element(busy) - *std::ranges::min_element(busy) <= 2);
+  }
+}
+
+TEST_CASE("the files of parts are found by their names") {
+  const Folder dir;
+  for (const char* name : {"part-2-of-3.sqlite", "part-10-of-30.sqlite", "x-part-1-of-3.sqlite",
+                           "part-1-of-3.sqlite.unfinished", "part-1-of-3xsqlite", "part-1.sqlite"})
+    std::ofstream(dir / name) << "x";
+  CHECK(part_files(dir.path.string(), "", ".sqlite") ==
+        std::vector<std::string>{dir / "part-10-of-30.sqlite", dir / "part-2-of-3.sqlite"});
+  CHECK(part_files(dir.path.string(), "x-", ".sqlite").size() == 1);
+  CHECK(part_files(dir / "nowhere", "", ".sqlite").empty());
+}
+
+TEST_CASE("a staged file appears when it is whole, and debris is begun anew") {
+  const Folder dir, scratch;
+  const std::string place = dir / "a.sqlite";
+  for (const bool elsewhere : {false, true}) {
+    const Variable tmp("TMPDIR", elsewhere ? scratch.path.string() : dir.path.string());
+    std::ofstream(place) << "old";
+    {
+      const StagedFile cut(place);
+      std::ofstream(cut.path()) << "half";
+      CHECK_THROWS_WITH(StagedFile(place), Contains("another process is making it"));
+    }
+    CHECK(contents(place) == "old");
+    std::string left;
+    {
+      StagedFile file(place);
+      left = file.path();
+      std::ofstream(left) << "new";
+      CHECK(fs::path(left).parent_path() == (elsewhere ? scratch.path : dir.path));
+      file.publish();
+    }
+    CHECK(contents(place) == "new");
+    CHECK(files_in(dir.path) == 1);
+    CHECK(files_in(scratch.path) == 0);
+    std::ofstream(left) << "of a process that was killed";
+    std::ofstream(left + "-wal") << "too";
+    {
+      const StagedFile again(place);
+      CHECK(again.path() == left);
+      CHECK_FALSE(fs::exists(left));
+      CHECK_FALSE(fs::exists(left + "-wal"));
+    }
+  }
+}

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: MIT
+"""The Python package (recon/python) on simulated runs. ECHOFUSE_BIN is the folder of the programs."""
+import os
+import pathlib
+import sqlite3
+import subprocess
+
+import numpy as np
+import pytest
+
+import echofuse
+
+BIN = pathlib.Path(os.environ["ECHOFUSE_BIN"])
+
+
+def program(name, *words):
+    subprocess.run([BIN / name, *map(str, words)], check=True, stdout=subprocess.DEVNULL)
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("runs")
+    program("echofuse-sim", "dataset", "-q", "--out", made / "monday.sqlite", "--records", 60)
+    program("echofuse-recon", "train", "-q", made / "monday.sqlite", "--model", "nearest", "--out", made / "m.h5")
+    program("echofuse-acquire", "export", "-q", made / "monday.sqlite", "--to", made / "monday.h5")
+    return made
+
+
+def test_a_run_by_its_name(folder):
+    run = echofuse.open(folder / "monday")
+    assert len(run) == 60 and run.index.tolist() == list(range(60))
+    assert run.info["status"] == "complete"
+    assert sorted(set(label.split(":")[0] for label in run.labels)) == ["letter", "person"]
+    assert run.time.dtype == np.dtype("datetime64[ns]") and (np.diff(run.time) > np.timedelta64(0)).all()
+    assert all(mask.all() for mask in run.valid.values())
+    assert run.axes["spd"].unit == "ps" and run.axes["radar"].unit == "m"
+    assert run.axes["radar"].values[1] == run.axes["radar"].start + run.axes["radar"].step
+
+
+def test_the_arrays_are_those_of_the_hdf5_export(folder):
+    h5py = pytest.importorskip("h5py")
+    run = echofuse.open(folder / "monday")
+    with h5py.File(folder / "monday.h5") as file:
+        assert np.array_equal(file["entry/data/spd"][:], run.spd)
+        assert np.allclose(file["entry/data/radar"][:], run.radar)
+        depth = file["entry/data/depth"][:]
+    assert np.array_equal(np.where(depth > 0, depth / np.float32(1000), np.nan), run.depth, equal_nan=True)
+
+
+def test_a_sensor_that_a_record_lacks(folder, tmp_path):
+    path = tmp_path / "lost.sqlite"
+    path.write_bytes((folder / "monday.sqlite").read_bytes())
+    with sqlite3.connect(path) as db:
+        db.execute("UPDATE record SET valid = 4, spd = NULL, radar = NULL WHERE idx = 7")
+    run = echofuse.open(path)
+    assert not run.valid["radar"][7] and run.valid["radar"].sum() == 59
+    assert np.isnan(run.radar[7]).all() and not np.isnan(run.radar[8]).any()
+    assert (run.spd[7] == 0).all()
+    with sqlite3.connect(path) as db:
+        db.execute("UPDATE record SET radar = x'00' WHERE idx = 8")
+    with pytest.raises(ValueError, match="record 8: radar has"):
+        echofuse.open(path).radar  # noqa: B018
+
+
+def test_codes_of_the_radar_become_power(folder, tmp_path):
+    path = tmp_path / "codes.sqlite"
+    path.write_bytes((folder / "monday.sqlite").read_bytes())
+    with sqlite3.connect(path) as db:
+        db.execute("UPDATE axis SET quantity = 'log2_q8', scale = 12 WHERE name = 'radar'")
+        db.execute("UPDATE record SET radar = ?", (np.full(echofuse.open(path).axes["radar"].count, 768, "<f4").tobytes(),))
+    assert echofuse.open(path).radar[0, 0] == pytest.approx(2 ** (768 * 2 / 256 * 16 / 12))
+
+
+def test_maps_are_those_of_the_program(folder, tmp_path):
+    run = echofuse.open(folder / "monday")
+    maps = echofuse.load_model(folder / "m.h5", str(BIN / "echofuse-recon")).predict(run)
+    assert maps.depth_m.shape == (60, 64, 64) and maps.index.tolist() == list(range(60))
+    assert not maps.calibrated or len(maps.records) == 60
+    assert {row["status"] for row in maps.records} == {"ok"}
+    truth = np.nan_to_num(run.depth)
+    seen = [i for i in range(60) if np.abs(maps.depth_m[i] - truth[i]).max() < 0.001]
+    assert len(seen) > 45  # those it was trained on are their own nearest neighbours
+
+
+def test_what_is_no_run_or_model_is_refused(folder, tmp_path):
+    with pytest.raises(FileNotFoundError, match="no such run"):
+        echofuse.open(tmp_path / "nothing")
+    (tmp_path / "text.sqlite").write_text("no database, but long enough to be read as one " * 20)
+    with pytest.raises(ValueError, match="not a run of echofuse"):
+        echofuse.open(tmp_path / "text")
+    with pytest.raises(FileNotFoundError, match="no such model"):
+        echofuse.load_model(tmp_path / "m.h5", "echofuse-recon")
+    (tmp_path / "m.h5").write_text("no model")
+    with pytest.raises(RuntimeError, match="m.h5"):
+        echofuse.load_model(tmp_path / "m.h5", str(BIN / "echofuse-recon")).predict(folder / "monday")
+
+
+def test_xarray(folder):
+    pytest.importorskip("xarray")
+    data = echofuse.open(folder / "monday").to_xarray()
+    assert data.spd.dims == ("record", "spd_bin") and data.spd_bin.attrs["units"] == "ps"
+    assert data.depth.sizes["depth_y"] == 64
+    assert int((data.label == "person").sum()) == 15

@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: MIT
+// Work in parts: each command with --part in turn, and then without, does what it does at once.
+#include <algorithm>
+#include <sstream>
+
+#include "recon/estimator/trained_model.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using namespace echofuse::testing;
+using Catch::Contains;
+
+namespace {
+
+// The command as parts 1/N to N/N, in any order.
+void in_parts(const std::string& command, int parts) {
+  for (int k = parts; k > 0; --k) {
+    const Outcome o =
+        recon_program(command + " --part " + std::to_string(k) + "/" + std::to_string(parts));
+    CAPTURE(o.text);
+    REQUIRE(o.code == 0);
+  }
+}
+
+// Of a table, without the columns from `first` on.
+std::string columns(const std::string& path, std::ptrdiff_t first) {
+  std::istringstream in(contents(path));
+  std::string out;
+  for (std::string line; std::getline(in, line);) {
+    auto end = line.begin();
+    for (std::ptrdiff_t i = 0; i < first && end != line.end(); ++i)
+      end = std::find(end + (i > 0), line.end(), ',');
+    out += std::string(line.begin(), end) + "\n";
+  }
+  return out;
+}
+
+void simulate(const std::string& words) {
+  REQUIRE(std::system((echofuse::test::bin_dir + "/echofuse-sim dataset -q " + words).c_str()) ==
+          0);
+}
+
+// All that is in a model file but for the time that it took.
+std::string model_text(const std::string& path) {
+  const TrainedModel model = load_model(path);
+  std::ostringstream out;
+  for (const auto& layer : model.model->layers())
+    for (const float w : layer.weights.values) out << w << ' ';
+  for (const auto& run : model.seen.runs) out << run << ' ';
+  for (const auto index : model.seen.index) out << index << ' ';
+  for (const auto part : model.seen.part) out << int{part} << ' ';
+  out << model.data_hash << ' ' << model.name;
+  return out.str();
+}
+
+}  // namespace
+
+TEST_CASE("a training on the parts of a data set, in any order, is that on the merged one") {
+  const Folder dir;
+  std::string parts;
+  for (const char* k : {"3", "1", "10", "2", "4", "5", "6", "7", "8", "9"}) {
+    const std::string part = dir / (std::string("part-") + k + ".sqlite");
+    simulate("--records 120 --part " + std::string(k) + "/10 --out " + part);
+    parts += " " + part;
+  }
+  REQUIRE(std::system((echofuse::test::bin_dir + "/echofuse-acquire merge" + parts + " --out " +
+                       (dir / "merged") + " >" + (dir / "said"))
+                          .c_str()) == 0);
+  CHECK(contents(dir / "said") == "120 records\n");
+  const std::string train = "train -q --model mlp --hidden 8 --epochs 2 ";
+  REQUIRE(recon_program(train + parts + " --out " + (dir / "a.h5")).code == 0);
+  REQUIRE(recon_program(train + (dir / "merged.sqlite") + " --out " + (dir / "b.h5")).code == 0);
+  CHECK(model_text(dir / "a.h5") == model_text(dir / "b.h5"));
+  // A part is known to the model that was trained on all of them.
+  const Outcome known = recon_program("evaluate " + (dir / "b.h5") + " " + (dir / "part-3.sqlite"));
+  CHECK(known.code == 0);
+  const Outcome twice =
+      recon_program(train + parts + " " + (dir / "part-3.sqlite") + " --out " + (dir / "c.h5"));
+  CHECK(twice.code == 1);
+  CHECK_THAT(twice.text, Contains("part-3.sqlite: has records of "));
+}
+
+TEST_CASE("study stability in parts is that in one, byte by byte") {
+  const Folder dir;
+  const std::string study =
+      "study stability -q --quick --seeds 2 --records 120 --test-records 20 --axes "
+      "matched-side,shifted-radar_offset --models nearest,silhouette --out ";
+  REQUIRE(recon_program(study + (dir / "whole")).code == 0);
+  in_parts(study + (dir / "parts"), 3);
+  // No row is measured twice.
+  std::string rows;
+  for (const char* k : {"1", "2", "3"})
+    rows += sql(dir / ("parts/part-" + std::string(k) + "-of-3.sqlite"),
+                "SELECT count(DISTINCT axis || value || model || seed) FROM measurement");
+  std::istringstream counts(rows);
+  int sum = 0;
+  for (int n = 0; counts >> n;) {
+    CHECK(n > 0);
+    sum += n;
+  }
+  CHECK(sum == 2 * (1 + 1 + 3) * 4);
+  CHECK_FALSE(std::filesystem::exists(dir / "parts/study.sqlite"));
+  REQUIRE(recon_program(study + (dir / "parts")).code == 0);
+  for (const char* name : {"stability.csv", "stability.html"})
+    CHECK(contents(dir / ("parts/" + std::string(name))) ==
+          contents(dir / ("whole/" + std::string(name))));
+  // What no part has is measured.
+  std::filesystem::create_directory(dir / "two");
+  for (const char* name : {"/part-1-of-3.sqlite", "/part-3-of-3.sqlite"})
+    std::filesystem::copy(dir / ("parts" + std::string(name)), dir / ("two" + std::string(name)));
+  REQUIRE(recon_program(study + (dir / "two")).code == 0);
+  CHECK(contents(dir / "two/stability.csv") == contents(dir / "whole/stability.csv"));
+  const Outcome other =
+      recon_program(study + (dir / "parts") + " --set radar_snr_db=10 --part 2/3");
+  CHECK(other.code == 3);
+  CHECK_THAT(other.text, Contains(".sqlite: was measured with set "));
+  CHECK(recon_program(study + (dir / "parts") + " --part 4/3").code == 2);
+}
+
+TEST_CASE("study pareto in parts: accuracy from them, times from the run that takes them") {
+  const Folder dir;
+  write_run(dir / "train", 100);
+  write_run(dir / "test", 40, 5);
+  const std::string study = "study pareto " + (dir / "train") + " " + (dir / "test") +
+                            " -q --models empty,silhouette --photons 0.1 --records 0.5 "
+                            "--sweep-models mean --out ";
+  REQUIRE(recon_program(study + (dir / "whole")).code == 0);
+  in_parts(study + (dir / "parts"), 2);
+  CHECK(sql(dir / "parts/part-1-of-2.sqlite",
+            "SELECT count(*) FROM measurement WHERE metric IN ('train_s', 'infer_us_median') OR "
+            "seed = 3") == "0\n");
+  REQUIRE(recon_program(study + (dir / "parts")).code == 0);
+  CHECK(columns(dir / "parts/pareto.csv", 21) == columns(dir / "whole/pareto.csv", 21));
+  CHECK_THAT(contents(dir / "parts/pareto.csv"), Contains(",front,machine\n"));
+  const Outcome one = recon_program(study + (dir / "one") + " --seeds 1 --part 1/2");
+  CHECK(one.code == 2);
+  CHECK_THAT(one.text, Contains("nothing to share"));
+}
+
+TEST_CASE("study transfer in parts") {
+  const Folder dir;
+  const std::string study =
+      "study transfer -q --quick --seeds 1 --model silhouette --sizes 12 --records 120 "
+      "--test-records 20 --out ";
+  REQUIRE(recon_program(study + (dir / "whole")).code == 0);
+  in_parts(study + (dir / "parts"), 2);
+  REQUIRE(recon_program(study + (dir / "parts")).code == 0);
+  CHECK(columns(dir / "parts/transfer.csv", 11) == columns(dir / "whole/transfer.csv", 11));
+}
+
+TEST_CASE("crossvalidate and train --model auto in parts") {
+  const Folder dir;
+  write_run(dir / "run", 90);
+  const std::string cross =
+      "crossvalidate -q " + (dir / "run") + " --models mean,nearest,ridge --folds 3";
+  const Outcome whole = recon_program(cross);
+  REQUIRE(whole.code == 0);
+  in_parts(cross + " --out " + (dir / "cross"), 4);
+  const Outcome merged = recon_program(cross + " --out " + (dir / "cross"));
+  CHECK(merged.code == 0);
+  CHECK(merged.text == whole.text);
+  CHECK(recon_program(cross + " --out " + (dir / "cross")).text == whole.text);  // known by now
+  CHECK(recon_program(cross + " --part 1/4").code == 2);
+  const Outcome other = recon_program(cross + " --gap 5 --out " + (dir / "cross"));
+  CHECK(other.code == 3);
+  CHECK_THAT(other.text, Contains("was measured with gap 10 (now: 5)"));
+
+  const std::string train =
+      "train -q " + (dir / "run") + " --model auto --candidates mean,nearest,silhouette --out ";
+  REQUIRE(recon_program(train + (dir / "whole.h5")).code == 0);
+  in_parts(train + (dir / "parts.h5"), 2);
+  CHECK_FALSE(std::filesystem::exists(dir / "parts.h5"));
+  REQUIRE(recon_program(train + (dir / "parts.h5")).code == 0);
+  CHECK(model_text(dir / "parts.h5") == model_text(dir / "whole.h5"));
+  CHECK(recon_program("train -q " + (dir / "run") + " --part 1/2 --out " + (dir / "x.h5")).code ==
+        2);
+}
+
+TEST_CASE("reconstruct in parts: the same files as in one") {
+  const Folder dir;
+  write_run(dir / "train", 60);
+  write_run(dir / "run", 50, 2, [](record::FusedRecord& r) {  // some that cannot be used
+    if (r.index == 0 || r.index == 17 || r.index == 49) r.valid = SensorSet{Sensor::depth};
+  });
+  REQUIRE(recon_program("train -q --model nearest " + (dir / "train") + " --out " + (dir / "m.h5"))
+              .code == 0);
+  const std::string command = "reconstruct -q --format colour,mm,ply,npz " + (dir / "m.h5") + " " +
+                              (dir / "run") + " --out ";
+  const Outcome whole = recon_program(command + (dir / "whole"));
+  CHECK(whole.code == 5);
+  for (const char* part : {"3/3", "1/3", "2/3"}) {
+    const Outcome o = recon_program(command + (dir / "parts") + " --part " + part);
+    CAPTURE(o.text);
+    CHECK((o.code == 0 || o.code == 5));
+  }
+  CHECK_FALSE(std::filesystem::exists(dir / "parts/records.csv"));
+  std::filesystem::remove_all(dir / "parts/part-2-of-3");  // what no part has is made
+  const auto made = std::filesystem::last_write_time(dir / "parts/part-1-of-3/000003.png");
+  CHECK(recon_program(command + (dir / "parts")).text == whole.text);
+  CHECK(std::filesystem::last_write_time(dir / "parts/000003.png") == made);
+  int files = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(dir / "whole")) {
+    CAPTURE(entry.path().filename());
+    CHECK(contents(entry.path().string()) ==
+          contents(dir / ("parts/" + entry.path().filename().string())));
+    ++files;
+  }
+  CHECK(files == 47 * 3 + 3);
+  CHECK(std::distance(std::filesystem::directory_iterator(dir / "parts"), {}) == files);
+  REQUIRE(recon_program(command + (dir / "parts") + " --part 1/2").code != 1);
+  const Outcome other = recon_program(command + (dir / "parts") + " --zoom 1");
+  CHECK(other.code == 2);
+  CHECK_THAT(other.text, Contains("part-1-of-2: holds maps of another run, model or options"));
+  CHECK(recon_program("reconstruct -q --format npz " + (dir / "m.h5") + " " + (dir / "run") +
+                      " --part 1/2 --out " + (dir / "x"))
+            .code == 2);
+}

@@ -1,0 +1,178 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/system/slurm.py BIN_DIR: data set and study spread by scripts/slurm over an emulated Slurm cluster of two
+nodes on this machine, one of which dies amid the array. The result is that of one process, byte by byte. Needs root
+and Debian's slurmctld, slurmd, slurm-client and munge; else it is skipped."""
+import hashlib
+import os
+import pathlib
+import shutil
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+bin_dir = pathlib.Path(sys.argv.pop(1)).resolve()
+scripts = pathlib.Path(__file__).resolve().parents[2] / "scripts/slurm"
+NEEDED = ("slurmctld", "slurmd", "munged", "sbatch", "squeue", "scontrol")
+
+CONF = """ClusterName=test
+SlurmctldHost={host}(127.0.0.1)
+SlurmUser=root
+SlurmdUser=root
+AuthType=auth/munge
+AuthInfo=socket={dir}/munge.sock,cred_expire=10
+SlurmctldPort={ports[0]}
+SlurmctldPidFile={dir}/ctld.pid
+SlurmdPidFile={dir}/slurmd.%n.pid
+SlurmdSpoolDir={dir}/spool.%n
+StateSaveLocation={dir}/state
+SlurmctldLogFile={dir}/ctld.log
+SlurmdLogFile={dir}/slurmd.%n.log
+ProctrackType=proctrack/pgid
+TaskPlugin=task/none
+SelectType=select/cons_tres
+SelectTypeParameters=CR_Core
+SlurmdParameters=config_overrides
+SchedulerParameters=sched_interval=1,batch_sched_delay=0
+JobAcctGatherType=jobacct_gather/none
+AccountingStorageType=accounting_storage/none
+ReturnToService=2
+MpiDefault=none
+KillWait=2
+MinJobAge=300
+NodeName=n1 NodeHostname={host} NodeAddr=127.0.0.1 Port={ports[1]} CPUs=1 RealMemory=1000 State=UNKNOWN
+NodeName=n2 NodeHostname={host} NodeAddr=127.0.0.1 Port={ports[2]} CPUs=1 RealMemory=1000 State=UNKNOWN
+PartitionName=all Nodes=n1,n2 Default=YES MaxTime=INFINITE State=UP
+"""
+
+
+def wait_for(what, condition, seconds=120):
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            raise AssertionError(f"{what() if callable(what) else what}: not within {seconds} s")
+        time.sleep(0.1)
+
+
+def free_ports(count):
+    sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
+    try:
+        return [s.getsockname()[1] for s in sockets]
+    finally:
+        for s in sockets:
+            s.close()
+
+
+class Slurm(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="slurm-")
+        self.addCleanup(folder.cleanup)
+        self.dir = pathlib.Path(folder.name)
+        self.host = socket.gethostname().split(".")[0]
+        for name in ("state", "spool.n1", "spool.n2", "tmp", "work"):
+            (self.dir / name).mkdir()
+        (self.dir / "slurm.conf").write_text(CONF.format(dir=self.dir, host=self.host, ports=free_ports(3)))
+        (self.dir / "cgroup.conf").write_text("CgroupPlugin=cgroup/v1\n")
+        key = self.dir / "munge.key"
+        key.write_bytes(os.urandom(128))
+        key.chmod(0o400)
+        os.environ |= {"SLURM_CONF": str(self.dir / "slurm.conf"), "TMPDIR": str(self.dir / "tmp"),
+                       "PATH": f"{bin_dir}:{os.environ['PATH']}"}
+        self.addCleanup(self.stop)
+        munge = ["munged", "--force", f"--key-file={key}", f"--socket={self.dir}/munge.sock",
+                 f"--pid-file={self.dir}/munged.pid", f"--log-file={self.dir}/munged.log",
+                 f"--seed-file={self.dir}/munge.seed"]
+        for command in (munge, ["slurmctld"], ["slurmd", "-N", "n1"], ["slurmd", "-N", "n2"]):
+            subprocess.run(command, check=True, stdout=subprocess.DEVNULL, cwd=self.dir)
+        wait_for("two idle nodes", lambda: self.ask("sinfo", "-h", "-t", "idle", "-o", "%D") == "2", 60)
+
+    def ask(self, *words):
+        return subprocess.run(words, text=True, capture_output=True).stdout.strip()
+
+    def processes_of(self, *names):
+        """What this cluster has started, by process id: by the environment that its daemons were given."""
+        mark = f"SLURM_CONF={self.dir}/slurm.conf".encode()
+        for process in pathlib.Path("/proc").glob("[0-9]*"):
+            try:
+                variables = (process / "environ").read_bytes().split(b"\0")
+                if mark in variables and int(process.name) != os.getpid() and all(n.encode() in variables for n in names):
+                    yield int(process.name)
+            except OSError:
+                continue
+
+    def stop(self):
+        for name in ("slurmd.n1", "slurmd.n2", "ctld", "munged"):
+            try:
+                os.kill(int((self.dir / f"{name}.pid").read_text()), signal.SIGKILL)
+            except (OSError, ValueError):
+                pass
+        for process in self.processes_of():
+            os.kill(process, signal.SIGKILL)
+
+    def node_dies(self, node):
+        """Its daemon and all of its jobs at once, as when the power fails."""
+        os.kill(int((self.dir / f"slurmd.{node}.pid").read_text()), signal.SIGKILL)
+        jobs = list(self.processes_of(f"SLURMD_NODENAME={node}"))
+        parents = {int(pathlib.Path(f"/proc/{job}/stat").read_text().rpartition(")")[2].split()[1]) for job in jobs}
+        keepers = [pid for pid in parents if pathlib.Path(f"/proc/{pid}/comm").read_text().startswith("slurmstepd")]
+        for process in [*keepers, *jobs]:  # first who would tell of the others' end
+            os.kill(process, signal.SIGKILL)
+        subprocess.run(["scontrol", "update", f"nodename={node}", "state=down", "reason=test"], check=True)
+
+    def submit(self, script, *words):
+        done = subprocess.run([scripts / script, *map(str, words)], cwd=self.dir / "work", text=True,
+                              capture_output=True)
+        self.assertEqual(done.returncode, 0, done.stderr)
+
+    def finish(self):
+        said = lambda: "".join(path.read_text() for path in (self.dir / "work").glob("*.out"))
+        wait_for(lambda: self.ask("squeue", "-l") + said(), lambda: not self.ask("squeue", "-h"), 200)
+        said = said()
+        self.assertNotIn("error", said.lower())
+        return said
+
+    def records(self, path):
+        db = sqlite3.connect(path)
+        try:
+            rows = db.execute("SELECT * FROM record ORDER BY idx").fetchall()
+        finally:
+            db.close()
+        return len(rows), hashlib.sha256(repr(rows).encode()).hexdigest()
+
+    def test_dataset_with_a_node_that_dies(self):
+        settings = ["--records", "2400", "--set", "spd_rays=512"]
+        self.submit("dataset.sbatch", 6, "base.sqlite", *settings)
+        running = lambda: self.ask("squeue", "-h", "-t", "running", "-w", "n2", "-o", "%A")
+        parts = self.dir / "work/base.sqlite.parts"
+        wait_for("a part on the node", lambda: running() and any(parts.glob("part-*.sqlite")))
+        self.node_dies("n2")
+        wait_for("the job in the queue again", lambda: self.ask("squeue", "-h", "-r", "-t", "pending", "-o", "%A"), 30)
+        subprocess.run(["slurmd", "-N", "n2"], check=True, cwd=self.dir)
+        self.finish()
+        self.assertIn("Restarts=1", self.ask("scontrol", "show", "job"))
+        subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", self.dir / "whole.sqlite", *settings],
+                       check=True)
+        self.assertEqual(self.records(self.dir / "work/base.sqlite"), self.records(self.dir / "whole.sqlite"))
+        self.assertFalse(parts.exists())
+
+    def test_study(self):
+        study = ["echofuse-recon", "study", "stability", "-q", "--quick", "--seeds", "2", "--records", "260",
+                 "--test-records", "40", "--axes", "matched-side,shifted-radar_offset", "--models", "silhouette,nearest",
+                 "--out"]
+        self.submit("study.sbatch", 4, *study, "spread")
+        self.finish()
+        subprocess.run([*study, self.dir / "whole"], check=True, stdout=subprocess.DEVNULL)
+        for table in ("stability.csv", "stability.html"):
+            self.assertEqual((self.dir / "work/spread" / table).read_bytes(), (self.dir / "whole" / table).read_bytes())
+        self.assertEqual(len(list((self.dir / "work/spread").glob("part-*-of-4.sqlite"))), 4)
+
+
+if os.geteuid() != 0 or not all(shutil.which(name) for name in NEEDED):
+    print("skipped: needs root, and", ", ".join(NEEDED))
+    sys.exit(77)
+unittest.main()
