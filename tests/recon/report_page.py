@@ -59,13 +59,14 @@ with tempfile.TemporaryDirectory() as folder:
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     browser = webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
     try:
+        browser.set_page_load_timeout(90)
+        browser.get((folder / "page/report.html").as_uri())
         for width in (1280, 390):
             for scheme in ("light", "dark"):
                 browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
                     "width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 600})
                 browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {
                     "features": [{"name": "prefers-color-scheme", "value": scheme}]})
-                browser.get((folder / "page/report.html").as_uri())
                 name = f"{width} px, {scheme}"
                 outside, cut = browser.execute_script(OUTSIDE), browser.execute_script(CUT)
                 check(f"{name}: out of the page: {outside[:3]}", not outside)
@@ -75,9 +76,9 @@ with tempfile.TemporaryDirectory() as folder:
                 asked = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name)"
                                                ".filter(n => !n.startsWith('data:'))")
                 check(f"{name}: asks for {asked}", not asked)
-                check(f"{name}: no points in space", browser.execute_script(DRAWN) != 0)
                 paper = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
                 check(f"{name}: {paper}", (max(map(int, paper[4:-1].split(","))) < 60) == (scheme == "dark"))
+        check("no points in space", browser.execute_script(DRAWN) != 0)
         check("the browser complains", not [m for m in browser.get_log("browser") if m["level"] == "SEVERE"])
     finally:
         browser.quit()
