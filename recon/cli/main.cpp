@@ -38,7 +38,8 @@ int run(int argc, char** argv) {
   add("evaluate", "score a model on a run", add_evaluate);
   add("reconstruct", "depth maps of a run as pictures", add_reconstruct);
   add("crossvalidate", "score kinds of models on a sequence, in blocks", add_crossvalidate);
-  add("report", "models side by side, two compared, or a recorded run, as one HTML page", add_report);
+  add("report", "models side by side, two compared, or a recorded run, as one HTML page",
+      add_report);
   add("study", "accuracy against cost, or stability: tables and charts", add_study);
   add("export", "a network as ONNX, or records as NumPy arrays", add_export);
   add("import", "recordings of others as run files", add_import);
