@@ -157,9 +157,7 @@ std::string record_html(const ShownRecord& r) {
          chart::figure(svgs(blur_of(r)),
                        "How far each pixel has come from the room (0) to a body (1); above a half "
                        "it is shown as "
-                       "one. A sensor alone leaves open on which side the body is: two faint ones, "
-                       "none of them "
-                       "shown. File: " +
+                       "one. A sensor alone leaves open on which side the body is: a blur. File: " +
                            r.file + "_blur.svg");
 }
 
