@@ -206,7 +206,6 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
   return [a, part, &common] {
     a->quiet = common.quiet;
     a->part = part_of(*part);
-    a->model_hash = crc32c(read_file(a->model));
     ReconstructReport talk(a->run, a->follow, common.quiet);
     a->on_record = [&](const RecordStatus& r) { talk.add(r); };
     a->range_bias = range_bias_action_of(a->range_bias_action);
@@ -214,6 +213,8 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
       std::fprintf(stderr, "%s: %s\n", printable(a->run).c_str(), printable(text).c_str());
     };
     const TrainedModel model = model_for_room(a->model, a->empty);
+    a->model_hash = crc32c(read_file(a->model));  // which is sound: loading looked
+    if (!a->empty.empty()) a->model_hash = crc32c(read_file(a->empty), a->model_hash);
     reconstruct(model, a->run, *a);
     if (!model.uncertainty && !common.quiet)
       std::fprintf(stderr, "%s: %s: too few training records to say how far off the maps are\n",

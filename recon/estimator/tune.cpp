@@ -28,7 +28,7 @@ const char* const as_it_was = "as it was";
 const char* const room_learnt = "the room learnt";
 const char* const alone = "these records alone";
 std::string tuned_name(double pull, bool turn) {
-  return formatted("%s with pull %g / N", turn ? "tuned and turned" : "tuned", pull);
+  return formatted("%s with pull %g over N", turn ? "tuned and turned" : "tuned", pull);
 }
 
 bool can_be_tuned(const std::string& kind) {

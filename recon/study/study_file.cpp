@@ -175,6 +175,9 @@ void StudyFile::finish() {
 void StudyFile::add(std::span<const Measurement> measurements) {
   std::vector<Measurement> all = std::exchange(kept_, {});
   all.insert(all.end(), measurements.begin(), measurements.end());
+  for (const Measurement& m : all)  // what cannot be read again is not measured for hours
+    for (const std::string& name : {m.axis, m.value, m.model, m.inputs})
+      if (!is_name(name)) throw Error(ExitCode::failed, "\"" + name + "\" is no name of a study");
   if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; the same command goes on");
   limit();
   record::execute(db_.get(), path_, "BEGIN IMMEDIATE", "cannot keep a measurement");

@@ -81,7 +81,7 @@ TEST_CASE("a training on the parts of a data set, in any order, is that on the m
   CHECK_THAT(twice.text, Contains("part-3.sqlite: has records of "));
 }
 
-TEST_CASE("study stability in parts is that in one, byte by byte") {
+TEST_CASE("study stability in parts is that in one, byte by byte", "[.]") {
   const Folder dir;
   const std::string study =
       "study stability -q --quick --seeds 2 --records 120 --test-records 20 --axes "
@@ -138,7 +138,7 @@ TEST_CASE("study pareto in parts: accuracy from them, times from the run that ta
   CHECK_THAT(one.text, Contains("nothing to share"));
 }
 
-TEST_CASE("study transfer in parts") {
+TEST_CASE("study transfer in parts", "[.]") {
   const Folder dir;
   const std::string study =
       "study transfer -q --quick --seeds 1 --model silhouette --sizes 12 --records 120 "

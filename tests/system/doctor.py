@@ -19,6 +19,7 @@ class Doctor(live.Live):
                               capture_output=True, timeout=50)
         if not json_wanted:
             return done
+        self.assertTrue(done.stdout, done.stderr)
         report = json.loads(done.stdout)
         self.assertEqual(report["exit_code"], done.returncode)
         checks = {}
