@@ -9,11 +9,20 @@
 #include "recon/numbers/blas_kernels.hpp"
 #include "recon/numbers/parallel.hpp"
 
-// Only OpenBLAS has it; with another BLAS the call is left out.
+// Only OpenBLAS has these; with another BLAS the calls are left out.
 extern "C" void openblas_set_num_threads(int) __attribute__((weak));
+extern "C" int blas_thread_shutdown_() __attribute__((weak));
 
 namespace echofuse::recon {
 namespace {
+
+// Parts are for our own threads (parallel.hpp). OpenBLAS starts some when it is loaded, which wait
+// busily for work: 30 ms of a processor in each run of a program.
+const bool one_thread = [] {
+  if (openblas_set_num_threads) openblas_set_num_threads(1);
+  if (blas_thread_shutdown_) blas_thread_shutdown_();
+  return true;
+}();
 
 // The part of the product that one call makes: `rows` x `cols` of C from row `row`, column `col`
 // on.
@@ -56,12 +65,8 @@ void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, double alpha, const double* b,
 
 template <class T>
 void multiply_parts(const Product<T>& p, const T* a, const T* b, T* c) {
-  static const bool one_thread = [] {
-    blas_kernels();
-    if (openblas_set_num_threads) openblas_set_num_threads(1);
-    return true;
-  }();
-  static_cast<void>(one_thread);
+  static const bool chosen = one_thread && !blas_kernels().empty();
+  static_cast<void>(chosen);
   const bool ta = p.a_transposed == Transpose::yes, tb = p.b_transposed == Transpose::yes;
   // One row reads each of B once; as a product of matrices B would be repacked first, for 5 times
   // as long as reading it takes.
