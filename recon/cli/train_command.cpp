@@ -3,7 +3,9 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "drivers/core/bytes.hpp"
 #include "drivers/core/console.hpp"
+#include "drivers/core/crc32c.hpp"
 #include "drivers/core/printable.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/cli/options.hpp"
@@ -83,7 +85,7 @@ FoldFile folds_of(const Arguments& a, const Dataset& data, const std::optional<J
   const StudySettings settings =
       fold_settings(data, a.scaling, a.fit,
                     {{"validate-on", runs},
-                     {"empty", a.empty},
+                     {"empty", formatted("%08x", crc32c(as_bytes(data.empty_room.spd)))},
                      {"radar-bin", formatted("%.9g", a.radar_bin_m)},
                      {"split", split.kind + formatted(" %.9g %.9g %zu", split.test_share,
                                                       split.validation_share, split.gap)}});

@@ -95,8 +95,8 @@ class Appender {
     double a_pulse = clicks_a_pulse(r);
     if (pile_up_.known() && a_pulse > 0) {
       const std::uint64_t clicks = r.spd_counts.in_range + r.spd_counts.out_of_range;
-      pile_up_.correct(spd, static_cast<double>(clicks) / a_pulse);
-      a_pulse = 0;
+      constexpr double hardly_any = 0.03;  // pulses, of which scatter alone is left
+      if (pile_up_.correct(spd, static_cast<double>(clicks) / a_pulse) > hardly_any) a_pulse = 0;
     }
     if (spd_shift_ && !spd.empty()) spd = spd_shift_->apply(spd);
     if (r.has(Sensor::radar)) radar = linear(r);

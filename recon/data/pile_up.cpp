@@ -16,8 +16,8 @@ PileUp::PileUp(const record::RunReader& run, const Axis& spd) {
   *this = PileUp(detector->dead_time_ps, info.window_s, spd.step);
 }
 
-void PileUp::correct(std::span<float> counts, double pulses) const {
-  if (!known() || !(pulses > 0)) return;
+double PileUp::correct(std::span<float> counts, double pulses) const {
+  if (!known() || !(pulses > 0)) return 1;
   // Clicks before the left edge of bin i.
   std::vector<double> before(counts.size() + 1);
   for (std::size_t i = 0; i < counts.size(); ++i) before[i + 1] = before[i] + double{counts[i]};
@@ -30,6 +30,7 @@ void PileUp::correct(std::span<float> counts, double pulses) const {
   const double period = window_ps_ / pulses / bin_width_ps_, dead = dead_time_ps_ / bin_width_ps_;
   const double whole = std::isinf(dead) ? 0 : std::floor(dead / period);
   const double rest = dead - whole * period;
+  double least = 1;
   for (std::size_t i = 0; i < counts.size(); ++i) {
     const double middle = static_cast<double>(i) + 0.5, since = middle - rest;
     // Of this pulse, of the one before as far as the dead time reaches, and of all within it.
@@ -38,7 +39,9 @@ void PileUp::correct(std::span<float> counts, double pulses) const {
     const auto found = double{counts[i]};
     const double ready = std::max(pulses - blocked, found + 0.5);
     counts[i] = static_cast<float>(-pulses * std::log1p(-found / ready));
+    least = std::min(least, (pulses - blocked) / pulses);
   }
+  return least;
 }
 
 }  // namespace echofuse::recon

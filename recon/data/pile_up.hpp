@@ -26,8 +26,9 @@ class PileUp {
 
   bool known() const { return dead_time_ps_ > 0; }
   // In place: counts a bin become photons a bin, of `pulses` laser pulses in the slot (0: not
-  // known, nothing is done).
-  void correct(std::span<float> counts, double pulses) const;
+  // known, nothing is done). Returns the least share of the pulses that found the detector ready:
+  // where it is hardly any, the photons are a guess.
+  double correct(std::span<float> counts, double pulses) const;
 
  private:
   double dead_time_ps_ = 0;

@@ -12,7 +12,9 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double most_scatter = 100;  // of photons alone it is 1
+constexpr std::size_t least_records = 5;
+// Of the variance over that of photons alone, 1: beyond it by so much, and by so much a count.
+constexpr double most_scatter = 4, most_scatter_a_count = 0.002;
 
 std::vector<float> mean_of_rows(const Matrix& table, const Rows& rows) {
   const std::vector<double> means = column_means(table, rows);
@@ -29,6 +31,10 @@ void take(TrainedModel& model, const std::string& path, Dataset empty) {
   model.match(empty);
   EmptyRoom now = empty_room_of(empty, path);
   if (model.features.radar_count() == 0) now.radar.clear();
+  if (model.features.array_count() > 0 && now.array.empty())
+    throw Error(ExitCode::failed, printable(path) +
+                                      ": has no samples of the radar's antennas, which the model "
+                                      "takes; expected a run with them");
   const std::vector<float> then = model.alignment.background();
   const auto radar_at = std::ssize(now.spd), array_at = radar_at + std::ssize(now.radar);
   const EmptyRoom before{{then.begin(), then.begin() + radar_at},
@@ -62,16 +68,22 @@ double scatter(const Matrix& counts, const Rows& rows, const std::vector<float>&
 
 EmptyRoom empty_room_of(const Dataset& empty, const std::string& path) {
   Rows rows;
+  const Inputs all = empty.radar_axis.count == 0   ? Inputs::spd
+                     : empty.spd_axis.count == 0   ? Inputs::radar
+                     : empty.array_axis.count == 0 ? Inputs::fused_profile
+                                                   : Inputs::fused;
   for (std::size_t row = 0; row < empty.size(); ++row)
-    if ((empty.spd_axis.count == 0 || empty.has(row, Sensor::spd)) &&
-        (empty.radar_axis.count == 0 || empty.has(row, Sensor::radar)))
-      rows.push_back(row);
-  if (rows.empty())
-    throw Error(ExitCode::failed,
-                printable(path) + ": no record has all sensors; expected a run of the empty room");
+    if (empty.has_inputs(row, all)) rows.push_back(row);
+  if (rows.size() < least_records)
+    throw Error(ExitCode::failed, printable(path) + ": " + std::to_string(rows.size()) +
+                                      " records have all sensors; expected at least 5 of the empty "
+                                      "room");
   EmptyRoom out{mean_of_rows(empty.spd, rows), mean_of_rows(empty.radar, rows),
                 mean_of_rows(empty.array, rows)};
-  if (scatter(empty.spd, rows, out.spd) > most_scatter)
+  const double counts = out.spd.empty() ? 0
+                                        : std::accumulate(out.spd.begin(), out.spd.end(), 0.0) /
+                                              static_cast<double>(out.spd.size());
+  if (scatter(empty.spd, rows, out.spd) > most_scatter + most_scatter_a_count * counts)
     throw Error(ExitCode::failed, printable(path) +
                                       ": its histograms differ by more than photons do: people "
                                       "are in it? expected a run of the empty room");
@@ -121,14 +133,19 @@ std::string take_to_room(TrainedModel& model, const std::string& path) {
 }
 
 void exchange_room(const EmptyRoom& change, Dataset& data, bool with_array) {
-  const auto add = [](Matrix& table, const std::vector<float>& by) {
-    if (table.cols != by.size()) return;
-    for (std::size_t row = 0; row < table.rows; ++row)
-      std::transform(by.begin(), by.end(), table.row(row).begin(), table.row(row).begin(),
-                     std::plus<float>());
+  const auto add = [](std::span<float> row, const std::vector<float>& by) {
+    std::transform(by.begin(), by.end(), row.begin(), row.begin(), std::plus<float>());
   };
-  add(data.radar, change.radar);
-  if (with_array) add(data.array, change.array);
+  // A dead sensor stays one.
+  const auto dead = [](std::span<const float> row) {
+    return std::ranges::adjacent_find(row, std::not_equal_to<>()) == row.end();
+  };
+  for (std::size_t row = 0; row < data.size(); ++row) {
+    if (data.radar.cols == change.radar.size() && !dead(data.radar.row(row)))
+      add(data.radar.row(row), change.radar);
+    if (with_array && data.array.cols == change.array.size() && !data.lacks_array(row))
+      add(data.array.row(row), change.array);
+  }
 }
 
 }  // namespace echofuse::recon

@@ -9,8 +9,8 @@
 
 namespace echofuse::recon {
 
-// Of a run without people, on its own axes: the mean of its records. Throws Error(failed) if no
-// record has all sensors that these data have, or people are in it.
+// Of a run without people, on its own axes: the mean of its records. Throws Error(failed) if
+// fewer than five have all sensors that these data have, or people are in it.
 EmptyRoom empty_room_of(const Dataset& empty, const std::string& path);
 
 // `path`: a run without people. Changes the model and its fallbacks; returns what there is to say,

@@ -228,7 +228,7 @@ void try_all(Choice& choice, const TrainedModel& from, const Dataset& data, cons
     choice.add(room_learnt, [&, untouched](const Rows& rows) {
       return adapt(from, data, rows, Room::learnt, untouched);
     });
-    if (choice.best(as_it_was) > 0 && options.only.empty()) room = Room::learnt;
+    if (options.only.empty() && choice.best(as_it_was) > 0) room = Room::learnt;
   }
   const bool many = split.train.size() >= TuneOptions::least_alone;
   const auto add_tuned = [&](double pull, bool turn) {

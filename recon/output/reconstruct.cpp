@@ -299,12 +299,13 @@ void run_whole(const TrainedModel& model, const std::string& path,
 
 void run_part(const TrainedModel& model, const std::string& path, ReconstructOptions options,
               const std::string& what) {
-  std::erase(options.formats, "npz");
+  for (const char* whole : {"npz", "mp4", "gif"}) std::erase(options.formats, whole);
   if (options.follow || options.formats.empty())
-    throw Error(ExitCode::usage, options.follow
-                                     ? "--part: a run that is followed is not shared"
-                                     : "--part: npz is written at once; only pictures and points "
-                                       "are shared");
+    throw Error(ExitCode::usage,
+                options.follow
+                    ? "--part: a run that is followed is not shared"
+                    : "--part: npz and films are written at once; only pictures and points "
+                      "are shared");
   const std::string out = options.out;
   make_folder(out);
   options.out = begin_map_part(out, *options.part, what);

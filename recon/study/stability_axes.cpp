@@ -177,16 +177,17 @@ void add_shifted_conditions(Axes& all, const BaseCondition& base) {
                         {0.4, 0.45, 0.5, 0.55, 0.6}, {0.4, 0.6}));
   all.push_back(numbers(base, shifted, "background", "SPD's background (counts to a signal photon)",
                         "background_counts", {0, 0.1, 1, 10}, {0.1, 1, 10}, photons));
-  all.push_back({"pile_up",
-                 "pile-up (photons to a laser pulse), corrected or not",
-                 shifted,
-                 {{"none", {}},
-                  {"0.1", pile_up(base, 0.1, true), false},
-                  {"0.1 uncorrected", pile_up(base, 0.1, false), false},
-                  {"0.5", pile_up(base, 0.5, true), false},
-                  {"0.5 uncorrected", pile_up(base, 0.5, false), false},
-                  {"2", pile_up(base, 2, true)},
-                  {"2 uncorrected", pile_up(base, 2, false)}}});
+  if (value_of(base, "pulses_per_window") == 0)
+    all.push_back({"pile_up",
+                   "pile-up (photons to a laser pulse), corrected or not",
+                   shifted,
+                   {{"none", {}},
+                    {"0.1", pile_up(base, 0.1, true), false},
+                    {"0.1 uncorrected", pile_up(base, 0.1, false), false},
+                    {"0.5", pile_up(base, 0.5, true), false},
+                    {"0.5 uncorrected", pile_up(base, 0.5, false), false},
+                    {"2", pile_up(base, 2, true)},
+                    {"2 uncorrected", pile_up(base, 2, false)}}});
   all.push_back({"speckle", "radar's sum of echoes", shifted, speckles(base)});
   if (!has_array(base)) return;
   all.push_back({"antennas",

@@ -117,20 +117,29 @@ void look(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Ro
 
 // What the air takes, and what it sends back on its own: per solid angle a Lambertian patch sends
 // albedo cos(theta) / (pi R^2), a slice of air backscatter dR / R^2. Bodies hide none of it.
-void see_through_air(const Conditions& c, double extra_m, RoomIs room, Returns& returns) {
+void see_through_air(const Conditions& c, const Gaze& gaze, RoomIs room, Returns& returns) {
   const Weather weather = weather_of(c);
   if (weather.clear()) return;
   const auto left = [&](double range_m) {
     return std::exp(-2 * weather.extinction_per_m * range_m);
   };
   for (std::size_t k = 0; k < returns.range_m.size(); ++k)
-    returns.weight[k] *= left(std::max(0.0, returns.range_m[k] - extra_m));
+    returns.weight[k] *= left(std::max(0.0, returns.range_m[k] - gaze.extra_m));
   if (room == RoomIs::subtracted) return;  // the air is in the room's part
   constexpr double nearest_m = 1, farthest_m = 15, step_m = 0.01;
-  const double sine = 1 / (1 + 1 / (c.half_tangent * c.half_tangent));
-  const double solid_angle_sr = 4 * std::asin(sine);  // of the square field of view
+  // Of the square field of view, as far as the light falls off towards its edges.
+  constexpr int cells = 32;  // a quarter of it, each way
+  const double cell = gaze.half_tangent / cells;
+  double solid_angle_sr = 0;
+  for (int i = 0; i < cells; ++i)
+    for (int k = 0; k < cells; ++k) {
+      const double tangent2 = cell * cell * ((i + 0.5) * (i + 0.5) + (k + 0.5) * (k + 0.5));
+      solid_angle_sr +=
+          4 * cell * cell * std::pow(1 + tangent2, -1.5) *
+          std::exp(-gaze.falloff * tangent2 / (gaze.half_tangent * gaze.half_tangent));
+    }
   for (double r = nearest_m; r < farthest_m; r += step_m) {
-    returns.range_m.push_back(r + extra_m);
+    returns.range_m.push_back(r + gaze.extra_m);
     returns.weight.push_back(std::numbers::pi * weather.backscatter_per_m_sr * step_m *
                              solid_angle_sr * left(r) / (r * r) / mean_scene_weight);
   }
@@ -199,7 +208,7 @@ void spd_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs r
   const Gaze gaze = spd_gaze(c);
   look(scene, gaze, moved(x_rays(rays, gaze.half_tangent), gaze.middle_x),
        moved(y_rays(rays, gaze.half_tangent), gaze.middle_y), room, out);
-  see_through_air(c, gaze.extra_m, room, out);
+  see_through_air(c, gaze, room, out);
 }
 
 void radar_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs room) {

@@ -77,6 +77,20 @@ TEST_CASE("a model that knows its empty room keeps its accuracy in another one, 
                      "a run of the empty room");
 }
 
+TEST_CASE("a dead radar stays dead in another room, and a few records make no empty room") {
+  const Folder dir;
+  write_room(dir / "here", here, 60, 1);
+  Dataset data = load({dir / "here"});
+  std::ranges::fill(data.radar.row(3), 0.f);
+  const std::vector<float> wall(data.radar.cols, 0.5f);
+  exchange_room({{}, wall, {}}, data, true);
+  CHECK(data.fault_of(3, Inputs::fused) == "radar is the same in every bin");
+  CHECK(data.radar.row(4)[0] != 0);
+  write_room(dir / "four", here, 4, 2, false);
+  CHECK(error_of([&] { state_empty_room(data, dir / "four"); }) ==
+        (dir / "four") + ": 4 records have all sensors; expected at least 5 of the empty room");
+}
+
 TEST_CASE("a network that does not place a body stays in its room") {
   const Folder dir;
   write_room(dir / "here", here, 60, 1), write_room(dir / "empty", here, 20, 2, false);

@@ -81,6 +81,13 @@ TEST_CASE("pile-up is undone: the photons of every bin, within their known scatt
   if (all > 1) CHECK(raw_chi2 > 10);
 }
 
+TEST_CASE("where hardly any pulse finds the detector ready, that is told") {
+  const PileUp pile_up(std::numeric_limits<double>::infinity(), 1, 100);
+  std::vector<float> some{0, 500, 0}, nearly_all{0, 990, 0};
+  CHECK(pile_up.correct(some, 1000) == Approx(0.5));
+  CHECK(pile_up.correct(nearly_all, 1000) == Approx(0.01));
+}
+
 TEST_CASE("counts stay where the detector or the pulses are not known") {
   std::vector<float> counts{5, 700, 3};
   const auto before = counts;

@@ -106,6 +106,19 @@ TEST_CASE("light fades on its way through fog, and the fog sends some back, with
   CHECK(between(2, z_m) == Approx(closed_form).epsilon(0.01));
 }
 
+TEST_CASE("fog is seen in the detector's field alone, where the light falls") {
+  const auto fog_alone = [](double field, double falloff) {
+    Conditions c = with_fog(30);
+    c.spd_field = field, c.spd_falloff = falloff;
+    Returns returns;
+    spd_returns({}, c, returns);
+    return sum(returns);
+  };
+  const double all = fog_alone(1, 0);
+  CHECK(fog_alone(0.5, 0) / all == Approx(0.30).epsilon(0.05));  // edges are seen at a slant
+  CHECK(fog_alone(1, 3) / all < 0.4);
+}
+
 TEST_CASE("clear air changes nothing, and rain hardly a radar's echo within a room") {
   const Conditions clear;
   const Scene scene = make_scene(clear, SceneSpec{SceneKind::person}, 1, 0);
