@@ -17,6 +17,9 @@ inline constexpr const char* part_of_key = "part_of_records";
 // what is in the files that the configuration names.
 std::string data_set_uuid(const RunInfo& info, const std::string& files);
 
+// Of its first record; 0 if it has none.
+std::int64_t first_index(const RunReader& run);
+
 // Of how many records the data set is that this run is a part of; none if it is no part.
 std::optional<std::int64_t> part_of_records(const RunInfo& info);
 

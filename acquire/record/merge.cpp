@@ -8,6 +8,7 @@
 #include "acquire/record/data_set_part.hpp"
 #include "acquire/record/schema.hpp"
 #include "acquire/record/sqlite.hpp"
+#include "acquire/record/uuid.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/staged_file.hpp"
 
@@ -29,7 +30,7 @@ Input look_at(const std::string& path) {
                                       (whole ? out.info.status : "no part of a data set") +
                                       "; expected a whole part, of `echofuse-sim dataset --part`");
   out.whole = *whole;
-  run.for_each([&](const FusedRecord& r) { return out.first = r.index, false; }, 0, {}, {});
+  out.first = first_index(run);
   if (out.count > 0 && run.summary().last_index != out.first + out.count - 1)
     throw Error(ExitCode::failed,
                 printable(path) + ": damaged: its records do not follow each other");
@@ -110,14 +111,15 @@ std::string data_set_uuid(const RunInfo& info, const std::string& files) {
   const std::string text = info.version + "\n" + info.config_resolved + "\n" + files;
   std::uint64_t mixed = 0xcbf29ce484222325;
   for (const char c : text) mixed = (mixed ^ static_cast<std::uint8_t>(c)) * 0x100000001b3;
-  std::uint32_t w[4] = {static_cast<std::uint32_t>(mixed >> 32), static_cast<std::uint32_t>(mixed),
-                        crc32c({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}),
-                        static_cast<std::uint32_t>(text.size())};
-  w[1] = (w[1] & 0xffff0fffU) | 0x8000U;
-  w[2] = (w[2] & 0x3fffffffU) | 0x80000000U;
-  char out[40];
-  std::snprintf(out, sizeof out, "%08x-%04x-%04x-%04x-%04x%08x", w[0], w[1] >> 16, w[1] & 0xffff,
-                w[2] >> 16, w[2] & 0xffff, w[3]);
+  return uuid_text({static_cast<std::uint32_t>(mixed >> 32), static_cast<std::uint32_t>(mixed),
+                    crc32c({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}),
+                    static_cast<std::uint32_t>(text.size())},
+                   8);
+}
+
+std::int64_t first_index(const RunReader& run) {
+  std::int64_t out = 0;
+  run.for_each([&](const FusedRecord& r) { return out = r.index, false; }, 0, {}, {});
   return out;
 }
 

@@ -19,28 +19,19 @@
 #include "acquire/record/run_tables.hpp"
 #include "acquire/record/schema.hpp"
 #include "acquire/record/sqlite.hpp"
+#include "acquire/record/uuid.hpp"
 #include "acquire/record/writer_lock.hpp"
 #include "drivers/core/atomic_write.hpp"
+#include "drivers/core/program.hpp"
 
 namespace echofuse::record {
 namespace {
 
-std::string make_uuid() {  // RFC 4122 version 4
+std::string make_uuid() {
   std::random_device device;
-  std::uint32_t w[4];
-  for (auto& v : w) v = device();
-  w[1] = (w[1] & 0xffff0fffU) | 0x4000U;
-  w[2] = (w[2] & 0x3fffffffU) | 0x80000000U;
-  char text[40];
-  std::snprintf(text, sizeof text, "%08x-%04x-%04x-%04x-%04x%08x", w[0], w[1] >> 16, w[1] & 0xffff,
-                w[2] >> 16, w[2] & 0xffff, w[3]);
-  return text;
-}
-
-std::string host_name() {
-  char name[256] = {};
-  gethostname(name, sizeof name - 1);
-  return name;
+  std::array<std::uint32_t, 4> words{};
+  for (auto& word : words) word = device();
+  return uuid_text(words, 4);
 }
 
 [[noreturn]] void refuse_existing(const std::string& path) {
@@ -108,7 +99,7 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info)
       .set("config_resolved", info.config_resolved)
       .set("radar_cfg", info.radar_cfg)
       .set("version", info.version)
-      .set("host", given_or(info.host, host_name()))
+      .set("host", given_or(info.host, machine_name()))
       .set("operator", info.operator_name)
       .set("notes", info.notes)
       .run();

@@ -18,6 +18,12 @@ std::filesystem::path program_folder() {
 
 std::filesystem::path data_folder() { return program_folder().parent_path() / "share/echofuse"; }
 
+std::string machine_name() {
+  char name[256] = {};
+  gethostname(name, sizeof name - 1);
+  return name;
+}
+
 std::string login_name() {
   const char* caller = ::getuid() == 0 ? std::getenv("SUDO_USER") : nullptr;
   if (caller && *caller) return caller;

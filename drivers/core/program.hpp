@@ -22,6 +22,8 @@ std::filesystem::path program_folder();
 std::filesystem::path data_folder();
 // Who is logged in: the name of the effective user, under sudo that of who called it.
 std::string login_name();
+// This machine's name on the network.
+std::string machine_name();
 // One of our programs as the first word to start it by: beside this one, else as PATH has it.
 std::string program_beside(const std::string& name);
 

@@ -14,6 +14,7 @@
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/printable.hpp"
+#include "drivers/core/program.hpp"
 
 namespace echofuse {
 namespace {
@@ -51,12 +52,6 @@ std::string scratch_folder(const std::string& beside) {
   const char* const given = std::getenv("TMPDIR");
   if (given && *given) return given;
   return beside.empty() ? "." : beside;
-}
-
-std::string machine_name() {
-  char name[256] = {};
-  gethostname(name, sizeof name - 1);
-  return name;
 }
 
 StagedFile::StagedFile(const std::string& place)

@@ -32,7 +32,4 @@ class StagedFile {
 // Where files that are soon removed belong: $TMPDIR, else this folder.
 std::string scratch_folder(const std::string& beside);
 
-// This machine's name on the network.
-std::string machine_name();
-
 }  // namespace echofuse

@@ -10,7 +10,6 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/core/console.hpp"
-#include "drivers/core/crc32c.hpp"
 #include "drivers/core/printable.hpp"
 #include "recon/cli/options.hpp"
 #include "recon/data/turpin.hpp"
@@ -19,7 +18,6 @@
 #include "recon/estimator/evaluate.hpp"
 #include "recon/estimator/predict.hpp"
 #include "recon/estimator/train.hpp"
-#include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/output/export_model.hpp"
@@ -213,8 +211,8 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
       std::fprintf(stderr, "%s: %s\n", printable(a->run).c_str(), printable(text).c_str());
     };
     const TrainedModel model = model_for_room(a->model, a->empty);
-    a->model_hash = crc32c(read_file(a->model));  // which is sound: loading looked
-    if (!a->empty.empty()) a->model_hash = crc32c(read_file(a->empty), a->model_hash);
+    a->files = {a->model};
+    if (!a->empty.empty()) a->files.push_back(a->empty);
     reconstruct(model, a->run, *a);
     if (!model.uncertainty && !common.quiet)
       std::fprintf(stderr, "%s: %s: too few training records to say how far off the maps are\n",

@@ -13,6 +13,7 @@
 #include "recon/data/run_order.hpp"
 #include "recon/data/shift.hpp"
 #include "recon/data/source_facts.hpp"
+#include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -38,10 +39,6 @@ Error map_error(const std::string& path, const record::MapGrid& found,
 
 bool agree(const Axis& a, const Axis& b) {
   return a.count == b.count && (!a.count || same_axis(a, b));
-}
-
-bool is_dead(std::span<const float> values) {
-  return std::equal(values.begin() + 1, values.end(), values.begin());
 }
 
 // One run being appended to a Dataset.
@@ -249,9 +246,9 @@ std::string Dataset::fault_of(std::size_t row, Inputs inputs) const {
     return "lacks the samples of the radar's antennas, which the model needs";
   if (!has_inputs(row, inputs))
     return std::string("lacks a sensor that the model needs: ") + name_of(inputs);
-  if (inputs != Inputs::radar && spd.cols > 1 && is_dead(spd.row(row)))
+  if (inputs != Inputs::radar && spd.cols > 1 && all_same(spd.row(row)))
     return "spd is the same in every bin";
-  if (inputs != Inputs::spd && radar.cols > 1 && is_dead(radar.row(row)))
+  if (inputs != Inputs::spd && radar.cols > 1 && all_same(radar.row(row)))
     return "radar is the same in every bin";
   return {};
 }
@@ -330,7 +327,7 @@ void rebin_radar(Dataset& data, const Axis& bins) {
   Matrix table(data.size(), bins.count);
   std::vector<double> sums(bins.count);
   for (std::size_t row = 0; row < data.size(); ++row) {
-    if (is_dead(data.radar.row(row))) {
+    if (all_same(data.radar.row(row))) {
       std::fill_n(table.row(row).begin(), bins.count, data.radar.row(row)[0]);
       continue;
     }

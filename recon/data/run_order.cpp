@@ -22,7 +22,7 @@ Run look_at(const std::string& path, std::size_t place) {
   Run out{path, {}, place};
   if (!record::part_of_records(info)) return out;
   out.data_set = info.uuid;
-  run.for_each([&](const record::FusedRecord& r) { return out.first = r.index, false; }, 0, {}, {});
+  out.first = record::first_index(run);
   out.end = out.first + run.count();
   return out;
 }

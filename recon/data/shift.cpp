@@ -7,6 +7,8 @@
 #include <numbers>
 #include <numeric>
 
+#include "recon/numbers/statistics.hpp"
+
 namespace echofuse::recon {
 namespace {
 
@@ -32,8 +34,7 @@ Shift::Shift(double steps) {
 }
 
 std::vector<float> Shift::apply(const std::vector<float>& values) const {
-  if (std::adjacent_find(values.begin(), values.end(), std::not_equal_to<>()) == values.end())
-    return values;
+  if (all_same(values)) return values;
   std::vector<float> out(values.size());
   const auto count = static_cast<std::ptrdiff_t>(values.size());
   for (std::ptrdiff_t i = 0; i < count; ++i) {

@@ -137,11 +137,8 @@ void exchange_room(const EmptyRoom& change, Dataset& data, bool with_array) {
     std::transform(by.begin(), by.end(), row.begin(), row.begin(), std::plus<float>());
   };
   // A dead sensor stays one.
-  const auto dead = [](std::span<const float> row) {
-    return std::ranges::adjacent_find(row, std::not_equal_to<>()) == row.end();
-  };
   for (std::size_t row = 0; row < data.size(); ++row) {
-    if (data.radar.cols == change.radar.size() && !dead(data.radar.row(row)))
+    if (data.radar.cols == change.radar.size() && !all_same(data.radar.row(row)))
       add(data.radar.row(row), change.radar);
     if (with_array && data.array.cols == change.array.size() && !data.lacks_array(row))
       add(data.array.row(row), change.array);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numeric>
 #include <random>
 
@@ -27,6 +28,10 @@ ColumnStatistics column_statistics(const Matrix& table, const Rows& rows) {
       out.variance[c] += off * off / n;
     }
   return out;
+}
+
+bool all_same(std::span<const float> values) {
+  return std::adjacent_find(values.begin(), values.end(), std::not_equal_to<>()) == values.end();
 }
 
 double mean_of(std::span<const double> values) {

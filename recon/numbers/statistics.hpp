@@ -18,6 +18,9 @@ struct ColumnStatistics {
 std::vector<double> column_means(const Matrix& table, const Rows& rows);
 ColumnStatistics column_statistics(const Matrix& table, const Rows& rows);
 
+// As of a sensor that is dead.
+bool all_same(std::span<const float> values);
+
 double mean_of(std::span<const double> values);
 
 // Divided by their number (at least one).

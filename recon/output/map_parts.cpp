@@ -6,7 +6,7 @@
 
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/printable.hpp"
-#include "drivers/core/staged_file.hpp"
+#include "drivers/core/program.hpp"
 #include "recon/files/files.hpp"
 
 namespace echofuse::recon {
@@ -21,10 +21,11 @@ std::string unfinished(const std::string& folder, const JobPart& part) {
 
 }  // namespace
 
-MapParts::MapParts(std::string folder, const std::string& what)
+MapParts::MapParts(std::string folder, const std::function<std::string()>& what)
     : folder_(std::move(folder)), parts_(part_files(folder_, "", "")) {
+  const std::string wanted = parts_.empty() ? "" : what();
   for (const auto& part : parts_)
-    if (!fs::exists(part + what_file) || read_text(part + what_file) != what)
+    if (!fs::exists(part + what_file) || read_text(part + what_file) != wanted)
       throw Error(ExitCode::usage, printable(part) +
                                        ": holds maps of another run, model or options; remove it, "
                                        "or give another --out");

@@ -2,6 +2,7 @@
 // Pictures of a run that parts of a reconstruction have made, in OUT/part-K-of-N. Maps take
 // microseconds and pictures milliseconds, so it is these that are worth sharing.
 #pragma once
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -12,9 +13,9 @@ namespace echofuse::recon {
 // Of the run that takes the parts.
 class MapParts {
  public:
-  // `what`: a text of all that pictures depend on. Throws Error(usage) for a part of something
-  // else.
-  MapParts(std::string folder, const std::string& what);
+  // `what`: a text of all that pictures depend on, asked for if there are parts. Throws
+  // Error(usage) for a part of something else.
+  MapParts(std::string folder, const std::function<std::string()>& what);
   // Moves a file of this name, which a part has made, into the folder; false if none has.
   bool take(const std::string& name) const;
   void remove() const;  // what is left of the parts

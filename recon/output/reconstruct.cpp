@@ -14,6 +14,7 @@
 
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/console.hpp"
+#include "drivers/core/crc32c.hpp"
 #include "drivers/core/csv.hpp"
 #include "drivers/core/printable.hpp"
 #include "recon/estimator/predict.hpp"
@@ -270,8 +271,10 @@ void require_folder(const ReconstructOptions& options, const std::string& uuid) 
 
 // All that a part's pictures depend on.
 std::string what_of(const std::string& marker, const ReconstructOptions& options) {
+  std::uint32_t files = 0;
+  for (const auto& path : options.files) files = crc32c(read_file(path), files);
   return marker + formatted("echofuse %s, model %08x, output %s, zoom %.9g m, range bias %s\n",
-                            version(), options.model_hash, options.output.c_str(), options.zoom_m,
+                            version(), files, options.output.c_str(), options.zoom_m,
                             options.range_bias == RangeBiasAction::correct ? "corrected" : "left");
 }
 
@@ -322,8 +325,9 @@ void reconstruct(const TrainedModel& model, const std::string& path,
   if (options.output == "mean" || wants_uncertainty(options)) require_uncertainty(model);
   const std::string uuid = record::RunReader(path).info().uuid;
   require_folder(options, uuid);  // refused before it changes
-  const std::string marker = marker_of(path, uuid, model), what = what_of(marker, options);
-  if (options.part) return run_part(model, path, options, what);
+  const std::string marker = marker_of(path, uuid, model);
+  const auto what = [&] { return what_of(marker, options); };
+  if (options.part) return run_part(model, path, options, what());
   run_whole(model, path, options, marker, MapParts(options.out, what));
 }
 

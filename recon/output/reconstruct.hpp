@@ -30,7 +30,8 @@ struct ReconstructOptions {
   bool follow = false;  // take records as they come, until the run is closed
   bool force = false;   // also into a folder that holds maps of another run
   std::optional<JobPart> part = {};  // only its share of the records, into a folder of its own
-  std::uint32_t model_hash = 0;      // of its file: parts of another one are refused
+  // Of the model and the empty room, if any: parts that were made of other files are refused.
+  std::vector<std::string> files = {};
   bool quiet = false;  // no progress bar, no word on runs too short to tell a range bias
   RangeBiasAction range_bias = RangeBiasAction::warn;  // correct: not while following
   // What there is to say of the run: of its antennas, of a range bias, of its gains (Records), and

@@ -9,6 +9,7 @@
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/exit_code.hpp"
+#include "drivers/core/program.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/core/staged_file.hpp"
 #include "recon/files/files.hpp"

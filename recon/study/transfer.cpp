@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "drivers/core/console.hpp"
-#include "drivers/core/staged_file.hpp"
+#include "drivers/core/program.hpp"
 #include "recon/estimator/train.hpp"
 #include "recon/files/text.hpp"
 #include "recon/study/simulate.hpp"

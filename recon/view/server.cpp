@@ -13,6 +13,7 @@
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
+#include "drivers/core/program.hpp"
 #include "recon/view/session.hpp"
 
 namespace echofuse::view {
@@ -48,11 +49,6 @@ tcp::endpoint endpoint_of(const std::string& text) {
   return {address, static_cast<unsigned short>(number)};
 }
 
-std::string name_of_machine() {
-  std::array<char, 256> name{};
-  return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
-}
-
 }  // namespace
 
 class Server::Loop final : public SessionOwner {
@@ -63,7 +59,7 @@ class Server::Loop final : public SessionOwner {
     listen();
     access_.loopback = acceptor_.local_endpoint().address().is_loopback();
     access_.token_asked = !access_.loopback;
-    access_.host_name = name_of_machine();
+    access_.host_name = machine_name();
   }
 
   std::string address() const {

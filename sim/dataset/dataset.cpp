@@ -15,6 +15,7 @@
 #include "acquire/record/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/console.hpp"
+#include "drivers/core/program.hpp"
 #include "drivers/core/staged_file.hpp"
 #include "sim/scene/scene_list.hpp"
 #include "sim/sensors/depth_camera.hpp"
@@ -101,14 +102,12 @@ record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
   Plan copy = plan;
   Settings settings;
   bind(settings, copy);
-  char host[256] = {};
-  gethostname(host, sizeof host - 1);
   record::RunInfo info;
   info.started_utc = iso8601(SystemClock().utc());
   info.config_text = options.config_text;
   info.config_resolved = settings.resolved();
   info.version = version();
-  info.host = host;
+  info.host = machine_name();
   info.notes = "simulated data set";
   if (!plan.twin.empty() && plan.laboratories > 0)
     info.notes += " of " + std::to_string(plan.laboratories) + " virtual laboratories",

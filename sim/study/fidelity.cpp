@@ -8,7 +8,7 @@
 #include <sstream>
 
 #include "drivers/chart/chart.hpp"
-#include "drivers/core/staged_file.hpp"
+#include "drivers/core/program.hpp"
 #include "sim/scene/scene.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"

@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "../folder.hpp"
 #include "../paths.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/exit_code.hpp"
@@ -21,21 +22,7 @@ namespace testing {
 
 namespace fs = std::filesystem;
 
-class Folder {
- public:
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "echofuse-XXXXXX").string();
-    REQUIRE(mkdtemp(name.data()));
-    path_ = name;
-  }
-  ~Folder() { fs::remove_all(path_); }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-  std::string operator/(const std::string& name) const { return (path_ / name).string(); }
-
- private:
-  fs::path path_;
-};
+using echofuse::test::Folder;
 
 inline void write_file(const std::string& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <numeric>
 
+#include "../folder.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/staged_file.hpp"
 
@@ -18,16 +19,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-struct Folder {
-  fs::path path;
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "echofuse-XXXXXX").string();
-    REQUIRE(mkdtemp(name.data()));
-    path = name;
-  }
-  ~Folder() { fs::remove_all(path); }
-  std::string operator/(const std::string& name) const { return (path / name).string(); }
-};
+using test::Folder;
 
 // An environment variable for the time of a test.
 struct Variable {

@@ -3,20 +3,12 @@
 """tests/recon/report_page.py BIN_DIR: a report in Chromium: nothing overflows, nothing is asked of others, the points in
 space are drawn, light and dark, wide and narrow. Exit code 77 without Chromium."""
 import pathlib
-import shutil
 import subprocess
 import sys
 import tempfile
 
-try:
-    from selenium import webdriver
-    from selenium.webdriver.chrome.options import Options
-    from selenium.webdriver.chrome.service import Service
-except ImportError:
-    webdriver = None
-if not (webdriver and shutil.which("chromium") and shutil.which("chromedriver")):
-    print("chromium, chromium-driver and python3-selenium are not installed: scripts/test --all")
-    sys.exit(77)
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+import chromium
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 faults = []
@@ -51,20 +43,13 @@ with tempfile.TemporaryDirectory() as folder:
             folder / f"{inputs}.h5")
     run("echofuse-recon", "report", folder / "page", "--run", folder / "run.sqlite", "--fused", folder / "fused.h5",
         "--spd", folder / "spd.h5", "--live", folder / "run.sqlite")
-    options = Options()
-    for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--enable-unsafe-swiftshader",
-                     "--disable-background-networking", "--disable-component-update", "--no-first-run"):
-        options.add_argument(argument)
-    options.binary_location = shutil.which("chromium")
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    browser = webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
+    browser = chromium.start()
     try:
         browser.set_page_load_timeout(90)
         browser.get((folder / "page/report.html").as_uri())
         for width in (1280, 390):
             for scheme in ("light", "dark"):
-                browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
-                    "width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 600})
+                chromium.resize(browser, width, 900)
                 browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {
                     "features": [{"name": "prefers-color-scheme", "value": scheme}]})
                 name = f"{width} px, {scheme}"

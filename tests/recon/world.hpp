@@ -20,6 +20,7 @@
 #include <string>
 #include <vector>
 
+#include "../folder.hpp"
 #include "../paths.hpp"
 #include "acquire/record/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
@@ -28,16 +29,7 @@
 
 namespace echofuse::testing {
 
-struct Folder {
-  std::filesystem::path path;
-  Folder() {
-    std::string name = (std::filesystem::temp_directory_path() / "echofuse-XXXXXX").string();
-    REQUIRE(mkdtemp(name.data()));
-    path = name;
-  }
-  ~Folder() { std::filesystem::remove_all(path); }
-  std::string operator/(const std::string& name) const { return (path / name).string(); }
-};
+using test::Folder;
 
 // What `body` throws; "no error" if it does not.
 inline std::string error_of(const std::function<void()>& body) {

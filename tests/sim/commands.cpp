@@ -12,6 +12,7 @@
 #include <sstream>
 #include <string>
 
+#include "../folder.hpp"
 #include "../paths.hpp"
 
 namespace {
@@ -35,16 +36,7 @@ Outcome sim(const std::string& arguments) {
   return outcome;
 }
 
-struct Folder {
-  fs::path path;
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "echofuse-XXXXXX").string();
-    REQUIRE(mkdtemp(name.data()));
-    path = name;
-  }
-  ~Folder() { fs::remove_all(path); }
-  std::string operator/(const std::string& name) const { return (path / name).string(); }
-};
+using echofuse::test::Folder;
 
 bool has(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;

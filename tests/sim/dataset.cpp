@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <functional>
 
+#include "../folder.hpp"
 #include "acquire/record/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 
@@ -26,17 +27,7 @@ Plan small_plan() {
   return plan;
 }
 
-// A fresh folder that goes with the test.
-struct Folder {
-  std::filesystem::path path;
-  Folder() {
-    std::string name = (std::filesystem::temp_directory_path() / "echofuse-XXXXXX").string();
-    REQUIRE(mkdtemp(name.data()));
-    path = name;
-  }
-  ~Folder() { std::filesystem::remove_all(path); }
-  std::string file(const std::string& name) const { return (path / name).string(); }
-};
+using test::Folder;
 
 void check_equal(const record::FusedRecord& a, const record::FusedRecord& b) {
   REQUIRE(a.index == b.index);
@@ -65,7 +56,7 @@ TEST_CASE("a data set reads back as the records its plan makes, in any order, on
   const Plan plan = small_plan();
   const Generator generator(plan);
   for (const int threads : {1, 3}) {
-    const std::string path = folder.file(std::to_string(threads) + ".sqlite");
+    const std::string path = folder / (std::to_string(threads) + ".sqlite");
     CHECK(write_dataset(plan, {path, "# mine\n", threads, true}) ==
           static_cast<std::int64_t>(scenes_of(plan).size()));
     const auto records = read_all(path);
@@ -86,7 +77,7 @@ TEST_CASE("a data set with antennas reads back as made, on any threads") {
   const Generator generator(plan);
   check_equal(generator.make(4), plain);  // incoherent: nothing else is another
   for (const int threads : {1, 3}) {
-    const std::string path = folder.file(std::to_string(threads) + ".sqlite");
+    const std::string path = folder / (std::to_string(threads) + ".sqlite");
     write_dataset(plan, {path, "", threads, true});
     const record::RunReader run(path);
     CHECK(run.antennas() == generator.stated_antennas());
@@ -113,7 +104,7 @@ TEST_CASE("a data set describes itself") {
   plan.conditions.irf_fwhm_ps = 50;
   plan.conditions.background = "room";
   plan.conditions.half_tangent = 0.4;
-  const std::string path = folder.file("run.sqlite");
+  const std::string path = folder / "run.sqlite";
   write_dataset(plan, {path, "# mine\n", 2, true});
   const record::RunReader run(path);
   CHECK(run.info().status == "complete");
@@ -187,7 +178,7 @@ TEST_CASE("the mirrored set has the mirrored maps, and noise of its own") {
 TEST_CASE("contradictory conditions and taken names are refused") {
   const Folder folder;
   Plan plan = small_plan();
-  const std::string path = folder.file("run.sqlite");
+  const std::string path = folder / "run.sqlite";
   plan.conditions.target_z_min_m = 5;
   CHECK_THROWS_AS(write_dataset(plan, {path, "", 1, true}), Error);
   CHECK_FALSE(std::filesystem::exists(path));
@@ -202,7 +193,7 @@ namespace {
 
 void make_parts(const Plan& plan, const Folder& folder, int count) {
   for (int k = 1; k <= count; ++k) {
-    const std::string path = folder.file("part-" + std::to_string(k) + ".sqlite");
+    const std::string path = folder / ("part-" + std::to_string(k) + ".sqlite");
     const JobPart part = JobPart::of(std::to_string(k) + "/" + std::to_string(count));
     CHECK(write_dataset(plan, {path, "", 1, true, part}) ==
           part.range(static_cast<std::int64_t>(scenes_of(plan).size())).size());
@@ -244,10 +235,10 @@ TEST_CASE("the parts of a data set are merged to the whole one, byte by byte of 
   Plan plan = small_plan();
   plan.people = 11, plan.letters = 6, plan.two_people = plan.empty = 1;
   plan.conditions.radar_antennas = 2;
-  const std::string whole = folder.file("whole.sqlite"), merged = folder.file("merged.sqlite");
+  const std::string whole = folder / "whole.sqlite", merged = folder / "merged.sqlite";
   write_dataset(plan, {whole, "", 2, true});
   make_parts(plan, folder, 3);
-  const auto part = [&](int k) { return folder.file("part-" + std::to_string(k) + ".sqlite"); };
+  const auto part = [&](int k) { return folder / ("part-" + std::to_string(k) + ".sqlite"); };
   CHECK(record::RunReader(part(2)).count() == 6);
   CHECK(record::RunReader(part(1)).info().uuid == record::RunReader(part(3)).info().uuid);
   CHECK(record::merge({part(3), part(1), part(2)}, merged) == 19);
@@ -258,7 +249,7 @@ TEST_CASE("the parts of a data set are merged to the whole one, byte by byte of 
   CHECK(run.info().uuid == record::RunReader(part(1)).info().uuid);
   CHECK_FALSE(std::filesystem::exists(merged + "-wal"));
 
-  const std::string out = folder.file("no.sqlite");
+  const std::string out = folder / "no.sqlite";
   const auto refused = [&](const std::vector<std::string>& parts) {
     return error_of([&] { record::merge(parts, out); });
   };
@@ -268,7 +259,7 @@ TEST_CASE("the parts of a data set are merged to the whole one, byte by byte of 
   CHECK_THAT(refused({part(1), part(2), part(2), part(3)}), Contains("are in another part, too"));
   CHECK_THAT(refused({whole, part(1)}), Contains("is no part of a data set"));
   CHECK_THAT(error_of([&] { record::merge({part(1)}, merged); }), Contains("exists already"));
-  const std::string other = folder.file("other.sqlite");
+  const std::string other = folder / "other.sqlite";
   plan.seed = 12;
   write_dataset(plan, {other, "", 1, true, JobPart::of("2/3")});
   CHECK_THAT(refused({part(1), other, part(3)}), Contains("is of another data set than"));
@@ -279,7 +270,7 @@ TEST_CASE("a part that is there is left, and another run in its place refused") 
   const Folder folder;
   Plan plan = small_plan();
   plan.people = 4, plan.letters = plan.two_people = plan.empty = 0;
-  const std::string path = folder.file("a.sqlite");
+  const std::string path = folder / "a.sqlite";
   CHECK(write_dataset(plan, {path, "", 1, true, JobPart::of("1/2")}) == 2);
   const auto before = std::filesystem::last_write_time(path);
   CHECK(write_dataset(plan, {path, "", 1, true, JobPart::of("1/2")}) == 2);

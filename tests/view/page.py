@@ -1,24 +1,16 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """tests/view/page.py BIN_DIR: the page in Chromium, beside a live simulated run. Exit code 77 without Chromium."""
+import pathlib
 import re
-import shutil
 import signal
 import subprocess
 import sys
 import time
 import unittest
 
-try:
-    from selenium import webdriver
-    from selenium.webdriver.chrome.options import Options
-    from selenium.webdriver.chrome.service import Service
-    from selenium.webdriver.common.by import By
-except ImportError:
-    webdriver = None
-if not (webdriver and shutil.which("chromium") and shutil.which("chromedriver")):
-    print("chromium, chromium-driver and python3-selenium are not installed: scripts/test --all")
-    sys.exit(77)
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+import chromium
 
 import live_view
 from live import WINDOW_S, bin_dir, wait_for
@@ -29,13 +21,7 @@ PATIENCE_S = 60  # a busy machine draws slowly
 class Page(live_view.LiveView):
     def setUp(self):
         super().setUp()
-        options = Options()
-        for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--enable-unsafe-swiftshader",
-                         "--disable-background-networking", "--disable-component-update", "--no-first-run"):
-            options.add_argument(argument)
-        options.binary_location = shutil.which("chromium")
-        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-        self.browser = webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
+        self.browser = chromium.start()
 
     def tearDown(self):
         self.browser.quit()
@@ -60,8 +46,7 @@ class Page(live_view.LiveView):
         self.js("document.dispatchEvent(new KeyboardEvent('keydown', {key: arguments[0], bubbles: true}))", key)
 
     def size(self, width, height):
-        self.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
-            "width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600})
+        chromium.resize(self.browser, width, height)
 
     def canvas_is_drawn(self, canvas):
         return self.js("""const c = document.getElementById(arguments[0]), p = c.getContext('2d').getImageData(0, 0, c.width,
