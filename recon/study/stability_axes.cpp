@@ -13,6 +13,7 @@ namespace {
 constexpr bool matched = true, shifted = false;  // trained there as well, or at the base
 
 using Numbers = std::vector<double>;
+using Words = std::vector<std::string>;
 using ToWorld = std::function<World(double)>;
 using Axes = std::vector<StabilityAxis>;
 
@@ -210,6 +211,32 @@ void add_weather(Axes& all, const BaseCondition& base) {
   }
 }
 
+// A room's people, and with echoes by its walls what one sensor may see of them: the study's radar,
+// one of 4.4 cm, or sound of 2 cm, whose power walls keep. In the corridor people stand nearer to
+// the middle.
+void add_rooms(Axes& all, const BaseCondition& base) {
+  StabilityAxis axis{"rooms", "rooms, and echoes by their walls", matched, {{"open", {}}}};
+  const auto add = [&](const std::string& label, const std::string& room, Words more, bool quick) {
+    more.push_back("background=" + room);
+    if (room == "corridor") more.push_back("target_x_m=0.7");
+    axis.values.push_back({room + label, World{.set = std::move(more)}, quick});
+  };
+  Words rf = resolution(base, 0.044), sound = resolution(base, 0.02);
+  rf.push_back("multipath_order=2");
+  sound.insert(sound.end(), {"multipath_order=2", "radar_wall_reflectivity=0.97"});
+  for (const char* room : {"room", "corridor", "closed"}) {
+    const bool quick = room != std::string("room");
+    add("", room, {}, quick);
+    add(" echoes", room, {"multipath_order=2"}, quick);
+    if (!quick) continue;
+    add(" RF 4.4 cm", room, rf, false);
+    add(" sound 2 cm", room, sound, false);
+  }
+  axis.values.insert(axis.values.begin() + 1,
+                     {"open narrow", World{.set = {"target_x_m=0.7"}}, false});
+  all.push_back(std::move(axis));
+}
+
 void add_surprises(Axes& all, const BaseCondition& base) {
   for (const bool radar : {true, false})
     all.push_back({radar ? "lost_radar" : "lost_spd",
@@ -265,7 +292,7 @@ std::size_t StabilityAxis::base() const {
 
 std::vector<StabilityAxis> stability_axes(const BaseCondition& base, bool quick) {
   Axes all;
-  add_sensors(all, base), add_scenes(all, base);
+  add_sensors(all, base), add_scenes(all, base), add_rooms(all, base);
   add_shifted_conditions(all, base), add_weather(all, base), add_surprises(all, base);
   for (auto& axis : all)
     if (quick) std::erase_if(axis.values, [](const AxisValue& v) { return !v.quick; });
