@@ -25,9 +25,9 @@ struct Conditions {
   double person_yaw_deg = 60;       // people turn up to this much from facing -z
   double letter_yaw_deg = 30;       // letters turn up to this much from facing the sensors
   std::string background = "none";  // or a room (room.hpp)
-  // Reflections by walls, floor and ceiling on an echo's way there and back, beside the body's:
-  // 0 to 2 of the radar's echoes (sim/sensors/multipath_radar.hpp), 0 or 1 of the light
-  // (multipath_light.hpp).
+  // At most so many reflections by the room's walls, floor and ceiling on a way there and back,
+  // beside the body's: of light (sim/sensors/multipath_light.hpp) and of the radar
+  // (multipath_radar.hpp). 0: none.
   std::int64_t multipath_order = 0;
   std::string object;           // file of a triangle mesh (sim/scene/mesh.hpp) for object scenes
   double object_scale = 1;      // metres to one of its units

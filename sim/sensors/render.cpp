@@ -215,7 +215,7 @@ void spd_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs r
   const Gaze gaze = spd_gaze(c);
   look(scene, gaze, moved(x_rays(rays, gaze.half_tangent), gaze.middle_x),
        moved(y_rays(rays, gaze.half_tangent), gaze.middle_y), room, out);
-  if (c.multipath_order > 0) add_light_by_walls(scene, gaze, room, out);
+  add_light_by_walls(scene, gaze, c.multipath_order, room, out);
   see_through_air(c, gaze, room, out);
 }
 

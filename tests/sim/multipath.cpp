@@ -223,8 +223,8 @@ TEST_CASE("light by a wall is the integral over that wall, there and back") {
   Conditions c;
   const Gaze gaze = spd_gaze(c);
   Returns by_wall, fine;
-  add_light_by_walls(scene, gaze, RoomIs::subtracted, by_wall, {40, 512});
-  add_light_by_walls(scene, gaze, RoomIs::subtracted, fine, {160, 512});
+  add_light_by_walls(scene, gaze, 1, RoomIs::subtracted, by_wall, {24, 512});
+  add_light_by_walls(scene, gaze, 1, RoomIs::subtracted, fine, {160, 512});
   const Vec3 facing{0, 0, -1};
   double integral = 0;
   for (const Patch& p : tiles(room.plates[0], 400, at)) {
@@ -244,6 +244,47 @@ TEST_CASE("light by a wall is the integral over that wall, there and back") {
   // Fermat: no way by the wall is shorter than the mirror's.
   const double shortest = (length(at - Vec3{-2.4, 0, 0}) + length(at)) / 2;
   CHECK(*std::min_element(fine.range_m.begin(), fine.range_m.end()) > shortest - 0.06);
+}
+
+TEST_CASE("light by two reflections is the sum over all pairs of patches") {
+  const Vec3 at{0.1, 0.1, 4};
+  const Gaze gaze = spd_gaze({});
+  const auto light = [&](const Room& room, std::int64_t order) {
+    Returns out;
+    add_light_by_walls(plate_before(room, at), gaze, order, RoomIs::subtracted, out, {40, 512});
+    return out;
+  };
+  const double r2 = dot(at, at), area = 0.01, cosine = at.z / std::sqrt(r2);
+  const double direct = 0.6 * area * cosine * cosine / (r2 * r2) / mean_scene_weight;
+  // One flat wall does not light itself: there and back by it, w = A E^2, and w1 = 2 A E cos / R^2.
+  const Room one = room_of({side_wall(-1.2, 0.7)});
+  const double first = total(light(one, 1).weight);
+  CHECK(total(light(one, 2).weight) - first == Approx(first * first / (4 * direct)).epsilon(0.02));
+
+  const Room two = room_of({side_wall(-1.2, 0.7), side_wall(0.9, 0.5)});
+  Patch body;
+  body.at = at, body.normal = {0, 0, -1}, body.range_m = body.cosine = 1,
+  body.solid_angle_sr = area;
+  std::vector<Patch> lit;
+  for (const Plate& plate : two.plates)
+    for (Patch p : tiles(plate, 60, at))
+      if (p.at.z > 0 && std::abs(p.at.x / p.at.z) < gaze.half_tangent &&
+          std::abs(p.at.y / p.at.z) < gaze.half_tangent)
+        p.albedo = plate.albedo, lit.push_back(p);
+  const auto exitance = [](const Patch& p) {
+    return p.albedo * -dot(p.normal, p.at) / std::pow(length(p.at), 3);
+  };
+  double by_one = 0, by_two = 0;
+  for (const Patch& q : lit) {
+    const double share = form_factor(body, q);
+    by_one += share * exitance(q);
+    for (const Patch& p : lit)
+      if (share > 0) by_two += share * q.albedo * form_factor(q, p) * exitance(p);
+  }
+  const double expected =
+      0.6 * area * (2 * cosine / r2 * by_two + by_one * by_one) / mean_scene_weight;
+  const double second = total(light(two, 2).weight) - total(light(two, 1).weight);
+  CHECK(second == Approx(expected).epsilon(0.03));
 }
 
 TEST_CASE("walls that differ tell left from right, to light as to the radar") {
@@ -269,7 +310,7 @@ TEST_CASE("walls that differ tell left from right, to light as to the radar") {
   scene.room = &bright;
   const auto by_walls = [&](const Scene& s) {
     Returns out;
-    add_light_by_walls(s, spd_gaze(c), RoomIs::subtracted, out);
+    add_light_by_walls(s, spd_gaze(c), 1, RoomIs::subtracted, out);
     return spd_rate(out, c);
   };
   const auto seen = by_walls(scene);
@@ -279,7 +320,7 @@ TEST_CASE("walls that differ tell left from right, to light as to the radar") {
 
 TEST_CASE("echoes by walls come on top of the empty room and go with air") {
   Conditions c;
-  c.background = "closed", c.multipath_order = 1, c.spd_rays = 64;
+  c.background = "closed", c.multipath_order = 2, c.spd_rays = 64;
   const Scene scene = make_scene(c, {SceneKind::person}, 3, 0);
   const auto rate = [&](const Scene& of, RoomIs room) {
     Returns out;
