@@ -211,29 +211,34 @@ void add_weather(Axes& all, const BaseCondition& base) {
   }
 }
 
-// A room's people, and with echoes by its walls what one sensor may see of them: the study's radar,
-// one of 4.4 cm, or sound of 2 cm, whose power walls keep. In the corridor people stand nearer to
-// the middle.
+// People before walls, and with echoes by these. RF and sound: one sensor as in Turpin et al., PRL
+// 126, 174301 (2021), whose walls mirror and scatter little; direct: without these echoes. In the
+// corridor people stand nearer to the middle.
 void add_rooms(Axes& all, const BaseCondition& base) {
   StabilityAxis axis{"rooms", "rooms, and echoes by their walls", matched, {{"open", {}}}};
-  const auto add = [&](const std::string& label, const std::string& room, Words more, bool quick) {
-    more.push_back("background=" + room);
-    if (room == "corridor") more.push_back("target_x_m=0.7");
-    axis.values.push_back({room + label, World{.set = std::move(more)}, quick});
+  const Words echoes{"multipath_order=2"};
+  Words direct = resolution(base, 0.044), sound = resolution(base, 0.02);
+  direct.push_back("radar_wall_scatter=0.1");
+  Words rf = direct;
+  rf.insert(rf.end(), echoes.begin(), echoes.end());
+  sound.insert(sound.end(),
+               {"multipath_order=2", "radar_wall_reflectivity=0.97", "radar_wall_scatter=0.03"});
+  const auto add = [&](const std::string& room, const std::string& label, Words set, bool quick) {
+    set.push_back("background=" + room);
+    if (room != "room" && room != "closed") set.push_back("target_x_m=0.7");
+    axis.values.push_back({room + label, World{.set = std::move(set)}, quick});
   };
-  Words rf = resolution(base, 0.044), sound = resolution(base, 0.02);
-  rf.push_back("multipath_order=2");
-  sound.insert(sound.end(), {"multipath_order=2", "radar_wall_reflectivity=0.97"});
-  for (const char* room : {"room", "corridor", "closed"}) {
-    const bool quick = room != std::string("room");
-    add("", room, {}, quick);
-    add(" echoes", room, {"multipath_order=2"}, quick);
-    if (!quick) continue;
-    add(" RF 4.4 cm", room, rf, false);
-    add(" sound 2 cm", room, sound, false);
+  add("none", " narrow", {}, false);
+  axis.values.back().label = "open narrow";
+  add("room", "", {}, false);
+  add("room", " echoes", echoes, false);
+  for (const char* room : {"corridor", "closed"}) {
+    add(room, "", {}, true);
+    add(room, " echoes", echoes, true);
+    add(room, " RF 4.4 cm direct", direct, false);
+    add(room, " RF 4.4 cm", rf, false);
+    add(room, " sound 2 cm", sound, false);
   }
-  axis.values.insert(axis.values.begin() + 1,
-                     {"open narrow", World{.set = {"target_x_m=0.7"}}, false});
   all.push_back(std::move(axis));
 }
 

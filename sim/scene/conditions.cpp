@@ -117,7 +117,9 @@ void bind_radar(Settings& s, Conditions& c) {
         "power of the transmitter's own echo at range 0, in mean scenes");
   s.add("radar_ground", c.radar_ground, 0, 1, "power that comes by the floor, of what is direct");
   s.add("radar_wall_reflectivity", c.radar_wall_reflectivity, 0, 1,
-        "power that walls reflect, for multipath_order");
+        "power that walls mirror, for multipath_order");
+  s.add("radar_wall_scatter", c.radar_wall_scatter, 0, 1,
+        "what walls and furniture scatter, of their optical albedo");
   s.add("baseline_error_m", c.baseline_error_m, -1, 1, "true baseline minus baseline_m");
   s.add("radar_falloff", c.radar_falloff, 0, 10, "echo exp(-falloff) at its field's edges");
   s.add("radar_yaw_deg", c.radar_yaw_deg, -45, 45, "points to +x; the daemon does not know it");

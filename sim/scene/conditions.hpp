@@ -112,9 +112,12 @@ struct Conditions {
   std::string radar_sum = "incoherent";  // incoherent, coherent
   double radar_roughness_m = 0.001;      // rms height of surfaces, for the coherent sum
   double radar_leakage = 0;  // power of transmitter in receiver, at range 0, as of radar_power
-  // Share of the power that a wall reflects. 0.15: concrete, upright (permittivity 5.24 at 60 GHz,
-  // ITU-R P.2040-3). Plaster reflects 0.97 of sound.
+  // Share of the power that a wall mirrors (multipath_order). 0.15: concrete, upright (permittivity
+  // 5.24 at 60 GHz, ITU-R P.2040-3). Plaster mirrors 0.97 of sound.
   double radar_wall_reflectivity = 0.15;
+  // What the radar gets straight back from walls and furniture, of what Lambert's law gives for
+  // their optical albedo. Smooth walls scatter little.
+  double radar_wall_scatter = 1;
   // By the floor, one way, of what comes straight: over the longer path, from between both.
   double radar_ground = 0;
   double baseline_error_m = 0;  // by which the true baseline is longer than baseline_m

@@ -11,7 +11,7 @@ struct Gaze;
 
 // Rays across the field of view whose patches exchange light, both ways.
 struct PatchRays {
-  std::int64_t wall = 24, body = 64;
+  std::int64_t wall = 24, body = 40;
 };
 
 // Adds the returns of 1 to `order` reflections by the room (walls, floor, ceiling, boxes) beside

@@ -333,4 +333,18 @@ TEST_CASE("echoes by walls come on top of the empty room and go with air") {
     CHECK(whole[i] == Approx(empty[i] + change[i]).epsilon(1e-6).margin(1e-3));
   c.radar_ground = 0.1;
   CHECK_THROWS(validate(c));
+
+  // Of the radar's echoes of the walls themselves so much is left, whether somebody is there or
+  // not.
+  c.radar_ground = 0, c.multipath_order = 0;
+  Conditions smooth = c;
+  smooth.radar_wall_scatter = 0.25;
+  const Scene nobody = empty_room(*scene.room);
+  CHECK(total(radar_returns(nobody, smooth).weight) ==
+        Approx(0.25 * total(radar_returns(nobody, c).weight)));
+  Returns all, quarter;
+  radar_returns(scene, c, all, RoomIs::subtracted);
+  radar_returns(scene, smooth, quarter, RoomIs::subtracted);
+  for (std::size_t k = 0; k < all.weight.size(); ++k)
+    if (all.weight[k] < 0 && quarter.weight[k] != Approx(0.25 * all.weight[k])) FAIL(k);
 }
