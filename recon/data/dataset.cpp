@@ -244,8 +244,12 @@ std::size_t Dataset::source_of(std::size_t row) const {
 std::string Dataset::fault_of(std::size_t row, Inputs inputs) const {
   if (inputs == Inputs::fused && has_inputs(row, Inputs::fused_profile) && lacks_array(row))
     return "lacks the samples of the radar's antennas, which the model needs";
-  if (!has_inputs(row, inputs))
-    return std::string("lacks a sensor that the model needs: ") + name_of(inputs);
+  std::string missing;
+  const SensorSet needed = sensors_of(inputs);
+  for (const Sensor s : all_sensors)
+    if (needed.contains(s) && !has(row, s))
+      missing += (missing.empty() ? "" : " and ") + std::string(name_of(s));
+  if (!missing.empty()) return "lacks " + missing + ", which the model needs";
   if (inputs != Inputs::radar && spd.cols > 1 && all_same(spd.row(row)))
     return "spd is the same in every bin";
   if (inputs != Inputs::spd && radar.cols > 1 && all_same(radar.row(row)))
