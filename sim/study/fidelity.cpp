@@ -100,9 +100,8 @@ Comparison bin_width(const Conditions& base, std::int64_t width) {
   return {"bin_ps", histogram(fine), {{std::to_string(width), spread, false}}, shot_noise};
 }
 
-Comparison radar(const Conditions& c) {
+Comparison radar(const Conditions& c, double sigma) {
   const RadarAxis axis = radar_response(c);
-  const double sigma = radar_noise_power(c, mean_peak_power(axis, c));
   const auto profile = [&](std::int64_t count) -> Model {
     Conditions changed = c;
     changed.radar_rays = count;
@@ -153,9 +152,8 @@ Comparison light_by_walls(const Conditions& base, const std::string& room) {
           shot_noise};
 }
 
-Comparison radar_by_walls(const Conditions& base, const std::string& room) {
+Comparison radar_by_walls(const Conditions& base, const std::string& room, double sigma) {
   const RadarAxis axis = radar_response(base);
-  const double sigma = radar_noise_power(base, mean_peak_power(axis, base));
   const auto profile = [=](std::int64_t order) {
     return before(room, [=, how = in_room(base, room, order)](const Scene& scene) {
       Returns returns;
@@ -172,9 +170,10 @@ Comparison radar_by_walls(const Conditions& base, const std::string& room) {
 std::vector<Comparison> comparisons(const Conditions& c) {
   std::vector<Comparison> out = {rays(c), body(c)};
   for (const std::int64_t width : {25, 50, 100, 200, 400, 800}) out.push_back(bin_width(c, width));
-  out.push_back(radar(c));
+  const double sigma = radar_noise_power(c, mean_peak_power(radar_response(c), c));
+  out.push_back(radar(c, sigma));
   for (const char* room : rooms_of_echoes) out.push_back(light_by_walls(c, room));
-  for (const char* room : rooms_of_echoes) out.push_back(radar_by_walls(c, room));
+  for (const char* room : rooms_of_echoes) out.push_back(radar_by_walls(c, room, sigma));
   return out;
 }
 
@@ -235,7 +234,7 @@ chart::Panel panel_of(const std::vector<Fidelity>& rows, const std::string& axis
 chart::Panel ranked_panel(const std::string& title, std::vector<Fidelity> shown) {
   chart::Panel panel{
       title, {"error / noise variance", true}, {""}, {{"", {}, 0, chart::Look::markers}}};
-  std::erase_if(shown, [](const Fidelity& r) { return r.error <= 0; });
+  std::erase_if(shown, [](const Fidelity& r) { return r.error < 1e-3; });
   std::sort(shown.begin(), shown.end(),
             [](const auto& a, const auto& b) { return a.error < b.error; });
   for (const Fidelity& r : shown) {
@@ -257,7 +256,7 @@ chart::Panel parts_panel(std::vector<Fidelity> rows) {
 chart::Panel multipath_panel(const std::vector<Fidelity>& rows) {
   std::vector<Fidelity> shown;
   for (Fidelity r : rows)
-    if (r.axis.starts_with("light-") || r.axis.starts_with("radar-")) {
+    if ((r.axis.starts_with("light-") || r.axis.starts_with("radar-")) && r.value.size() == 1) {
       const auto dash = r.axis.find('-');
       r.value = r.axis.substr(0, dash) + ", " + r.axis.substr(dash + 1) + ": " + r.value;
       shown.push_back(std::move(r));
