@@ -34,7 +34,7 @@ struct StabilityOptions : StudyOptions {  // each seed makes its own records, an
 
 inline constexpr std::array stability_metrics = {
     metric_iou,   metric_ssim_fg,     metric_ssim_hard, metric_lateral_m,
-    metric_ghost, metric_depth_mae_m, metric_rmse_m};
+    metric_ghost, metric_depth_mae_m, metric_rmse_m,    metric_left_right};
 // The models that every other must beat; they look at no sensor.
 inline const std::vector<std::string> constant_models = {"empty", "mean"};
 

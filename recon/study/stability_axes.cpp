@@ -13,6 +13,7 @@ namespace {
 constexpr bool matched = true, shifted = false;  // trained there as well, or at the base
 
 using Numbers = std::vector<double>;
+using Words = std::vector<std::string>;
 using ToWorld = std::function<World(double)>;
 using Axes = std::vector<StabilityAxis>;
 
@@ -210,6 +211,37 @@ void add_weather(Axes& all, const BaseCondition& base) {
   }
 }
 
+// People before walls, and with echoes by these. RF and sound: one sensor as in Turpin et al., PRL
+// 126, 174301 (2021), whose walls mirror and scatter little; direct: without these echoes. In the
+// corridor people stand nearer to the middle.
+void add_rooms(Axes& all, const BaseCondition& base) {
+  StabilityAxis axis{"rooms", "rooms, and echoes by their walls", matched, {{"open", {}}}};
+  const Words echoes{"multipath_order=2"};
+  Words direct = resolution(base, 0.044), sound = resolution(base, 0.02);
+  direct.push_back("radar_wall_scatter=0.1");
+  Words rf = direct;
+  rf.insert(rf.end(), echoes.begin(), echoes.end());
+  sound.insert(sound.end(),
+               {"multipath_order=2", "radar_wall_reflectivity=0.97", "radar_wall_scatter=0.03"});
+  const auto add = [&](const std::string& room, const std::string& label, Words set, bool quick) {
+    set.push_back("background=" + room);
+    if (room != "room" && room != "closed") set.push_back("target_x_m=0.7");
+    axis.values.push_back({room + label, World{.set = std::move(set)}, quick});
+  };
+  add("none", " narrow", {}, false);
+  axis.values.back().label = "open narrow";
+  add("room", "", {}, false);
+  add("room", " echoes", echoes, false);
+  for (const char* room : {"corridor", "closed"}) {
+    add(room, "", {}, true);
+    add(room, " echoes", echoes, true);
+    add(room, " RF 4.4 cm direct", direct, false);
+    add(room, " RF 4.4 cm", rf, false);
+    add(room, " sound 2 cm", sound, false);
+  }
+  all.push_back(std::move(axis));
+}
+
 void add_surprises(Axes& all, const BaseCondition& base) {
   for (const bool radar : {true, false})
     all.push_back({radar ? "lost_radar" : "lost_spd",
@@ -265,7 +297,7 @@ std::size_t StabilityAxis::base() const {
 
 std::vector<StabilityAxis> stability_axes(const BaseCondition& base, bool quick) {
   Axes all;
-  add_sensors(all, base), add_scenes(all, base);
+  add_sensors(all, base), add_scenes(all, base), add_rooms(all, base);
   add_shifted_conditions(all, base), add_weather(all, base), add_surprises(all, base);
   for (auto& axis : all)
     if (quick) std::erase_if(axis.values, [](const AxisValue& v) { return !v.quick; });

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The conditions under which a study of stability tries the models: one axis a condition, from easy
 // to broken. A room behind bodies after training without one is not among them: the truth would
-// need another background than the model's.
+// need another background than the model's; "rooms" has them in training, too.
 #pragma once
 #include <cstdint>
 #include <map>

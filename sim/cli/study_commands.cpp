@@ -41,7 +41,7 @@ ExitCode run_fidelity(StudyArguments<FidelityOptions>& a) {
   const auto rows = study_fidelity(a.options);
   if (a.options.parts.part) return part_done(a);
   for (const auto& r : rows)
-    std::printf("%-10s %-10s %9.4f +- %.4f of the noise's variance%s\n", r.axis.c_str(),
+    std::printf("%-14s %-12s %9.4f +- %.4f of the noise's variance%s\n", r.axis.c_str(),
                 r.value.c_str(), r.error, r.standard_error,
                 r.us > 0 ? ("  " + std::to_string(std::lround(r.us)) + " us").c_str() : "");
   std::printf("chosen: %lld rays for %g photons\n",

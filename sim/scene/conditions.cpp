@@ -27,6 +27,7 @@ void bind_scene(Settings& s, Conditions& c) {
   s.add("object_albedo", c.object_albedo, 0, 1, "of the object");
   s.add("object_yaw_deg", c.object_yaw_deg, 0, 180, "objects turn up to this much");
   s.add("background", c.background, "what stands behind", room_names());
+  s.add("multipath_order", c.multipath_order, 0, 2, "reflections by the room's walls on a way");
 }
 
 void bind_people(Settings& s, Conditions& c) {
@@ -115,6 +116,10 @@ void bind_radar(Settings& s, Conditions& c) {
   s.add("radar_leakage", c.radar_leakage, 0, 1e6,
         "power of the transmitter's own echo at range 0, in mean scenes");
   s.add("radar_ground", c.radar_ground, 0, 1, "power that comes by the floor, of what is direct");
+  s.add("radar_wall_reflectivity", c.radar_wall_reflectivity, 0, 1,
+        "power that walls mirror, for multipath_order");
+  s.add("radar_wall_scatter", c.radar_wall_scatter, 0, 1,
+        "what walls and furniture scatter, of their optical albedo");
   s.add("baseline_error_m", c.baseline_error_m, -1, 1, "true baseline minus baseline_m");
   s.add("radar_falloff", c.radar_falloff, 0, 10, "echo exp(-falloff) at its field's edges");
   s.add("radar_yaw_deg", c.radar_yaw_deg, -45, 45, "points to +x; the daemon does not know it");
@@ -184,6 +189,9 @@ void validate(const Conditions& c) {
   if (c.radar_antennas > 8 && c.radar_antennas != 12)
     throw Error(ExitCode::config, "radar_antennas is " + std::to_string(c.radar_antennas) +
                                       "; expected 0 to 8, or 12");
+  if (c.multipath_order > 0 && c.radar_ground > 0)
+    throw Error(ExitCode::config,
+                "radar_ground and multipath_order: both are echoes by the floor; give one of them");
   if (c.target_z_min_m > c.target_z_max_m)
     throw Error(ExitCode::config, "target_z_min_m is greater than target_z_max_m");
   if (c.height_min_m > c.height_max_m)

@@ -25,6 +25,10 @@ struct Conditions {
   double person_yaw_deg = 60;       // people turn up to this much from facing -z
   double letter_yaw_deg = 30;       // letters turn up to this much from facing the sensors
   std::string background = "none";  // or a room (room.hpp)
+  // At most so many reflections by the room's walls, floor and ceiling on a way there and back,
+  // beside the body's: of light (sim/sensors/multipath_light.hpp) and of the radar
+  // (multipath_radar.hpp). 0: none.
+  std::int64_t multipath_order = 0;
   std::string object;           // file of a triangle mesh (sim/scene/mesh.hpp) for object scenes
   double object_scale = 1;      // metres to one of its units
   std::string object_up = "y";  // y, z
@@ -108,6 +112,12 @@ struct Conditions {
   std::string radar_sum = "incoherent";  // incoherent, coherent
   double radar_roughness_m = 0.001;      // rms height of surfaces, for the coherent sum
   double radar_leakage = 0;  // power of transmitter in receiver, at range 0, as of radar_power
+  // Share of the power that a wall mirrors (multipath_order). 0.15: concrete, upright (permittivity
+  // 5.24 at 60 GHz, ITU-R P.2040-3). Plaster mirrors 0.97 of sound.
+  double radar_wall_reflectivity = 0.15;
+  // What the radar gets straight back from walls and furniture, of what Lambert's law gives for
+  // their optical albedo. Smooth walls scatter little.
+  double radar_wall_scatter = 1;
   // By the floor, one way, of what comes straight: over the longer path, from between both.
   double radar_ground = 0;
   double baseline_error_m = 0;  // by which the true baseline is longer than baseline_m

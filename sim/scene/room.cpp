@@ -6,7 +6,7 @@
 namespace echofuse::sim {
 namespace {
 
-constexpr double floor_y_m = -1.1;
+constexpr double floor_y_m = -1.1, ceiling_y_m = 1.5;
 constexpr Vec3 up{0, 1, 0};
 
 Plate rectangle(Vec3 centre, Vec3 u, Vec3 v, double width_m, double height_m, double albedo) {
@@ -18,6 +18,17 @@ Plate wall(double x0, double z0, double x1, double z1, double albedo) {
   const Vec3 from{x0, 0, z0}, to{x1, 0, z1};
   const double width = length(to - from);
   return rectangle(0.5 * (from + to), (1 / width) * (to - from), up, width, 7, albedo);
+}
+
+// The two side walls, from floor to ceiling, floor and ceiling, as long as that.
+std::vector<Plate> tube(double left_x, double right_x, double length_m) {
+  const Vec3 right{1, 0, 0}, away{0, 0, 1};
+  const double middle_x = (left_x + right_x) / 2, middle_y = (floor_y_m + ceiling_y_m) / 2;
+  const double width = right_x - left_x, height = ceiling_y_m - floor_y_m, z = length_m / 2;
+  return {rectangle({left_x, middle_y, z}, away, up, length_m, height, 0.5),
+          rectangle({right_x, middle_y, z}, away, up, length_m, height, 0.7),
+          rectangle({middle_x, floor_y_m, z}, right, away, width, length_m, 0.3),
+          rectangle({middle_x, ceiling_y_m, z}, right, away, width, length_m, 0.8)};
 }
 
 // On the floor; the faces that can be seen from the front: front, both sides, top.
@@ -36,8 +47,9 @@ struct Box {
 };
 
 Room make_room(std::string name, std::vector<Plate> walls, const std::vector<Box>& boxes) {
+  const std::size_t count = walls.size();
   for (const Box& b : boxes) add_box(walls, b.x, b.front_z, b.width, b.height, b.depth, b.albedo);
-  return {std::move(name), std::move(walls)};
+  return {std::move(name), std::move(walls), count};
 }
 
 std::vector<Room> build() {
@@ -55,12 +67,20 @@ std::vector<Room> build() {
                                 wall(2.0, 5.415, 3.4, 5.531, 0.7), wall(0.6, 6.3, 2.6, 6.4, 0.5)};
   const std::vector<Plate> other{wall(-3.4, 5.45, -0.2, 5.2, 0.3),
                                  wall(-0.4, 5.05, 3.2, 4.75, 0.8)};
-  return {make_room("room", {left, right}, boxes), make_room("moved", {left, right}, moved),
-          make_room("door", open, boxes), make_room("bystander", {left, right}, with_somebody),
+  // What of the room's own walls is between the sides.
+  std::vector<Plate> closed = tube(-2.2, 2.9, 5.6);
+  closed.push_back(wall(-2.2, 4.746, 0.1, 5.01, 0.5));
+  closed.push_back(wall(-0.3, 5.225, 2.9, 5.490, 0.7));
+  return {make_room("room", {left, right}, boxes),
+          make_room("moved", {left, right}, moved),
+          make_room("door", open, boxes),
+          make_room("bystander", {left, right}, with_somebody),
           make_room("other", other,
                     {{-1.9, 4.95, 0.60, 1.0, 0.30, 0.5},
                      {-0.7, 4.90, 0.35, 1.9, 0.20, 0.9},
-                     {1.2, 4.62, 0.70, 1.2, 0.15, 0.3}})};
+                     {1.2, 4.62, 0.70, 1.2, 0.15, 0.3}}),
+          make_room("closed", closed, boxes),
+          make_room("corridor", tube(-1.25, 0.95, 9), {})};
 }
 
 }  // namespace

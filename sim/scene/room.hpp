@@ -12,6 +12,9 @@ namespace echofuse::sim {
 struct Room {
   std::string name;
   std::vector<Plate> plates;
+  // The first so many are walls, floor and ceiling, which mirror a radar's echoes; the rest are
+  // faces of boxes.
+  std::size_t walls = 0;
 };
 
 // "room": two slanted walls and four boxes behind the people, all at z > 4.6 m and within 7.0 m
@@ -20,6 +23,9 @@ struct Room {
 // "moved": its boxes stand elsewhere. "door": a door in its right wall is open, on a wall 1 m
 // behind. "bystander": somebody stands still at its left wall. "other": other walls, boxes and
 // colours.
+// "closed": the walls and boxes of "room" between side walls at x = -2.2 and 2.9 m, with floor and
+// ceiling. "corridor": walls at x = -1.25 and 0.95 m, floor and ceiling, without an end. In these
+// two waves come back by the sides (multipath_order).
 const std::vector<Room>& rooms();
 const Room& room();
 const Room* room_named(const std::string& background);  // nullptr: none, or unknown

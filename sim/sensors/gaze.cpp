@@ -21,6 +21,8 @@ void Gaze::dim(const Rays& rays, std::int32_t capsules, double* weight, std::siz
     const double dx = rays.x[i] - middle_x, dy = rays.y[i] - middle_y;
     weight[i] *= std::exp(-per_tangent2 * (dx * dx + dy * dy));
   }
+  for (std::size_t i = 0; room != 1 && i < count; ++i)
+    if (rays.shape[i] < 0) weight[i] *= room;
   if (lobe == 1 && plate_lobe == 1) return;
   for (std::size_t i = 0; i < count; ++i) {
     const double n = rays.shape[i] < 0 ? 1 : rays.shape[i] < capsules ? lobe : plate_lobe;
@@ -60,6 +62,7 @@ Gaze radar_gaze(const Conditions& c) {
   gaze.middle_x = tangent_of(c.radar_yaw_deg);
   gaze.lobe = c.radar_lobe;
   gaze.plate_lobe = c.radar_plate_lobe;
+  gaze.room = c.radar_wall_scatter;
   return gaze;
 }
 

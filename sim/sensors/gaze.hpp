@@ -21,6 +21,7 @@ struct Gaze {
   double falloff = 0, middle_x = 0, middle_y = 0, half_tangent = 1;
   double lobe = 1, plate_lobe = 1;  // powers of the cosine; 1: Lambert
   double sway_m = 0;
+  double room = 1;                   // factor of what the room sends back
   std::optional<double> height_m{};  // of the sensor above the floor: places are kept
 
   // Weights of Lambert's law become those of the lobes, and fall off from the middle:

@@ -12,19 +12,12 @@
 #include "sim/scene/shapes.hpp"
 #include "sim/scene/weather.hpp"
 #include "sim/sensors/gaze.hpp"
+#include "sim/sensors/multipath_light.hpp"
+#include "sim/sensors/multipath_radar.hpp"
 #include "sim/sensors/scanner.hpp"
 
 namespace echofuse::sim {
 namespace {
-
-// To whom shape `number` belongs. People are the capsules, in their order, and hold the plates.
-std::int32_t person_of(const Scene& scene, std::int32_t number) {
-  const auto capsules = static_cast<std::int32_t>(scene.capsules.size());
-  const auto plates = static_cast<std::int32_t>(scene.plates.size());
-  if (number == nothing || number >= capsules + plates) return Returns::still;
-  if (capsules == 0) return Returns::reflector;
-  return number < capsules ? number / capsules_of_person : 0;
-}
 
 // Of ray i of the row, which met something at this range.
 Returns::Place place_of(const Scene& scene, const Row& row, std::size_t i, double range_m,
@@ -174,7 +167,21 @@ Axis moved(Axis axis, double by) {
   return axis;
 }
 
+void see_with_radar(const Scene& scene, const Conditions& c, const Gaze& gaze, const Axis& x,
+                    const Axis& y, RoomIs room, Returns& out) {
+  look(scene, gaze, x, y, room, out);
+  add_echoes_by_walls(scene, c, gaze, x, y, out);
+}
+
 }  // namespace
+
+std::int32_t person_of(const Scene& scene, std::int32_t number) {
+  const auto capsules = static_cast<std::int32_t>(scene.capsules.size());
+  const auto plates = static_cast<std::int32_t>(scene.plates.size());
+  if (number == nothing || number >= capsules + plates) return Returns::still;
+  if (capsules == 0) return Returns::reflector;
+  return number < capsules ? number / capsules_of_person : 0;
+}
 
 std::vector<Hit> cast(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y,
                       Sampling sampling) {
@@ -208,6 +215,7 @@ void spd_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs r
   const Gaze gaze = spd_gaze(c);
   look(scene, gaze, moved(x_rays(rays, gaze.half_tangent), gaze.middle_x),
        moved(y_rays(rays, gaze.half_tangent), gaze.middle_y), room, out);
+  add_light_by_walls(scene, gaze, c.multipath_order, room, out);
   see_through_air(c, gaze, room, out);
 }
 
@@ -218,9 +226,9 @@ void radar_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs
   const Axis x = x_rays(c.radar_rays, c.radar_half_tangent);
   const Axis y = y_rays(c.radar_rays / 2, c.radar_half_tangent / 2);
   if (radar_sees_apart(scene))
-    look(as_radar_sees(scene), gaze, x, y, room, out);
+    see_with_radar(as_radar_sees(scene), c, gaze, x, y, room, out);
   else
-    look(scene, gaze, x, y, room, out);
+    see_with_radar(scene, c, gaze, x, y, room, out);
   if (const double db_m = weather_of(c).radar_attenuation_db_m; db_m > 0)
     for (std::size_t k = 0; k < out.range_m.size(); ++k)
       out.weight[k] *= std::pow(10, -0.2 * db_m * std::max(0.0, out.range_m[k] - c.radar_bias_m));

@@ -47,13 +47,18 @@ struct Returns {
   std::vector<Place> place{};
 };
 
+// To whom shape `number` of a scene (scanner.hpp) belongs. People are the capsules, in their order,
+// and hold the plates.
+std::int32_t person_of(const Scene& scene, std::int32_t number);
+
 // Sum of albedo cos(theta) dOmega / R^2 over the mean scene (1000 people to 3000 letters of the
 // base condition): that of a calibration target, a white plate of 0.24 m^2 at 3.5 m, A / R^4. A
 // constant, so that nearer, larger or darker targets keep their own brightness.
 inline constexpr double mean_scene_weight = 0.24 / (3.5 * 3.5 * 3.5 * 3.5);
 
 // From the origin and from the radar's place, each with its own occlusion; ranges as the sensor
-// shows them, with spd_delay_ps and radar_bias_m. Behind the radar's come their echoes by the floor
+// shows them, with spd_delay_ps and radar_bias_m. Behind them come those by walls (multipath_order,
+// range: half of the way), and behind the radar's their echoes by the floor
 // (radar_ground: one way straight, the other by the floor, so that range and direction are the mean
 // of patch and mirror image) and its own leakage.
 // Or without the room, but for those of its patches that something hides: they have the negative of

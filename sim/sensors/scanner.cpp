@@ -9,6 +9,22 @@
 
 namespace echofuse::sim {
 
+Vec3 Scanner::normal(std::int32_t shape, Vec3 at) const {
+  auto number = static_cast<std::size_t>(shape);
+  Vec3 out;
+  if (number < capsules_.size()) {
+    const CapsuleShape& c = capsules_[number].shape;
+    const double along =
+        c.axis2 > 0 ? std::clamp((dot(at, c.axis) - c.axis_a) / c.axis2, 0.0, 1.0) : 0;
+    out = (1 / c.radius) * (at - c.a - along * c.axis);
+  } else if (number -= capsules_.size(); number < plates_.size()) {
+    out = plates_[number].shape.normal;
+  } else {
+    out = triangles_[number - plates_.size()].shape.normal;
+  }
+  return dot(out, at) > 0 ? -1 * out : out;
+}
+
 // A room never moves: its image is made once for each sensor. Safe from any thread.
 std::shared_ptr<const Image> Scanner::room_image(const Room& room, double sensor_x_m, const Axis& x,
                                                  const Axis& y, Sampling sampling) {

@@ -121,6 +121,9 @@ class Scanner {
     }
   }
 
+  // Of what a ray met there, relative to the sensor: of unit length, towards the sensor.
+  Vec3 normal(std::int32_t shape, Vec3 at) const;
+
   static std::shared_ptr<const Image> room_image(const Room& room, double sensor_x_m, const Axis& x,
                                                  const Axis& y, Sampling sampling);
 

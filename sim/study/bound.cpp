@@ -245,6 +245,8 @@ void check(const Conditions& c) {
   };
   if (c.pulses_per_window > 0) refuse("counts must be Poisson; leave out pulses_per_window");
   if (c.radar_sum != "incoherent") refuse("speckle is not Gaussian; radar_sum must be incoherent");
+  if (c.multipath_order > 0 || c.radar_wall_scatter != 1)
+    refuse("it knows no multipath_order and radar_wall_scatter");
   if (c.signal_photons <= 0) refuse("signal_photons is 0; expected some");
   if (c.baseline_error_m != 0 || c.spd_falloff > 0 || c.radar_falloff > 0 || c.spd_yaw_deg != 0 ||
       c.spd_pitch_deg != 0 || c.slot_sway_m > 0 || c.radar_lobe != 1 || c.radar_plate_lobe != 1 ||

@@ -2,6 +2,7 @@
 #include "sim/study/fidelity.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <ctime>
 #include <functional>
@@ -9,7 +10,10 @@
 
 #include "drivers/chart/chart.hpp"
 #include "drivers/core/program.hpp"
+#include "sim/scene/room.hpp"
 #include "sim/scene/scene.hpp"
+#include "sim/sensors/gaze.hpp"
+#include "sim/sensors/multipath_light.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
 #include "sim/sensors/render.hpp"
@@ -30,6 +34,8 @@ Scene without(Scene scene, const std::vector<std::size_t>& capsules) {
     scene.capsules.erase(scene.capsules.begin() + static_cast<std::ptrdiff_t>(*i));
   return scene;
 }
+
+constexpr std::array rooms_of_echoes{"room", "corridor", "closed"};
 
 using Model = std::function<Profile(const Scene&)>;
 
@@ -94,9 +100,8 @@ Comparison bin_width(const Conditions& base, std::int64_t width) {
   return {"bin_ps", histogram(fine), {{std::to_string(width), spread, false}}, shot_noise};
 }
 
-Comparison radar(const Conditions& c) {
+Comparison radar(const Conditions& c, double sigma) {
   const RadarAxis axis = radar_response(c);
-  const double sigma = radar_noise_power(c, mean_peak_power(axis, c));
   const auto profile = [&](std::int64_t count) -> Model {
     Conditions changed = c;
     changed.radar_rays = count;
@@ -110,10 +115,65 @@ Comparison radar(const Conditions& c) {
   return {"radar_rays", profile(1536), all, [sigma](double) { return sigma * sigma; }};
 }
 
+// The scene before a room, with `look`'s order of echoes by its walls.
+Model before(const std::string& room, const std::function<Profile(const Scene&)>& look) {
+  return [room, look](const Scene& bodies) {
+    Scene scene = bodies;
+    scene.room = room_named(room);
+    return look(scene);
+  };
+}
+
+Conditions in_room(Conditions c, const std::string& room, std::int64_t order) {
+  c.background = room, c.multipath_order = order;
+  return c;
+}
+
+// With the light of the empty room: that stands still, and only its noise is there.
+Comparison light_by_walls(const Conditions& base, const std::string& room) {
+  const Conditions c = in_room(base, room, 2);
+  const Profile still = spd_rate(spd_returns(empty_room(*room_named(room)), c), c);
+  const auto histogram = [=](std::int64_t order, const PatchRays& rays) {
+    return before(room, [=, how = in_room(base, room, 0)](const Scene& scene) {
+      Returns returns;
+      spd_returns(scene, how, returns, RoomIs::subtracted);
+      add_light_by_walls(scene, spd_gaze(how), order, RoomIs::subtracted, returns, rays);
+      Profile out = spd_rate(returns, how);
+      for (std::size_t i = 0; i < out.size(); ++i) out[i] = std::max(0.0, out[i] + still[i]);
+      return out;
+    });
+  };
+  return {"light-" + room,
+          histogram(2, {64, 96}),
+          {{"0", histogram(0, {})},
+           {"1", histogram(1, {})},
+           {"2", histogram(2, {})},
+           {"2 by 16 x 16", histogram(2, {16, 64})}},
+          shot_noise};
+}
+
+Comparison radar_by_walls(const Conditions& base, const std::string& room, double sigma) {
+  const RadarAxis axis = radar_response(base);
+  const auto profile = [=](std::int64_t order) {
+    return before(room, [=, how = in_room(base, room, order)](const Scene& scene) {
+      Returns returns;
+      radar_returns(scene, how, returns, RoomIs::subtracted);
+      return radar_power(returns, axis, how);
+    });
+  };
+  return {"radar-" + room,
+          profile(2),
+          {{"0", profile(0)}, {"1", profile(1)}, {"2", profile(2)}},
+          [sigma](double) { return sigma * sigma; }};
+}
+
 std::vector<Comparison> comparisons(const Conditions& c) {
   std::vector<Comparison> out = {rays(c), body(c)};
   for (const std::int64_t width : {25, 50, 100, 200, 400, 800}) out.push_back(bin_width(c, width));
-  out.push_back(radar(c));
+  const double sigma = radar_noise_power(c, mean_peak_power(radar_response(c), c));
+  out.push_back(radar(c, sigma));
+  for (const char* room : rooms_of_echoes) out.push_back(light_by_walls(c, room));
+  for (const char* room : rooms_of_echoes) out.push_back(radar_by_walls(c, room, sigma));
   return out;
 }
 
@@ -170,15 +230,11 @@ chart::Panel panel_of(const std::vector<Fidelity>& rows, const std::string& axis
   return panel;
 }
 
-// A row a part, those that matter most on top.
-chart::Panel parts_panel(const std::vector<Fidelity>& rows) {
-  chart::Panel panel{"Parts of the body, left out",
-                     {"error / shot-noise variance", true},
-                     {""},
-                     {{"", {}, 0, chart::Look::markers}}};
-  std::vector<Fidelity> shown;
-  for (const Fidelity& r : rows)
-    if (r.axis == "part") shown.push_back(r);
+// A row each, those that matter most on top.
+chart::Panel ranked_panel(const std::string& title, std::vector<Fidelity> shown) {
+  chart::Panel panel{
+      title, {"error / noise variance", true}, {""}, {{"", {}, 0, chart::Look::markers}}};
+  std::erase_if(shown, [](const Fidelity& r) { return r.error < 1e-3; });
   std::sort(shown.begin(), shown.end(),
             [](const auto& a, const auto& b) { return a.error < b.error; });
   for (const Fidelity& r : shown) {
@@ -189,6 +245,23 @@ chart::Panel parts_panel(const std::vector<Fidelity>& rows) {
   panel.rules = {{enough, "a tenth", true}};
   panel.width = 500;
   return panel;
+}
+
+chart::Panel parts_panel(std::vector<Fidelity> rows) {
+  std::erase_if(rows, [](const Fidelity& r) { return r.axis != "part"; });
+  return ranked_panel("Parts of the body, left out", std::move(rows));
+}
+
+// What the order leaves out.
+chart::Panel multipath_panel(const std::vector<Fidelity>& rows) {
+  std::vector<Fidelity> shown;
+  for (Fidelity r : rows)
+    if ((r.axis.starts_with("light-") || r.axis.starts_with("radar-")) && r.value.size() == 1) {
+      const auto dash = r.axis.find('-');
+      r.value = r.axis.substr(0, dash) + ", " + r.axis.substr(dash + 1) + ": " + r.value;
+      shown.push_back(std::move(r));
+    }
+  return ranked_panel("Reflections by walls, up to order", std::move(shown));
 }
 
 }  // namespace
@@ -225,7 +298,7 @@ void write_fidelity(const std::vector<Fidelity>& rows, const std::string& folder
           {panel_of(rows, "rays", "Rays of the detector", time, "shot-noise"),
            panel_of(rows, "radar_rays", "Rays of the radar", time, "noise"),
            panel_of(rows, "bin_ps", "Structure finer than the bin", "bin width (ps)", "shot-noise"),
-           parts_panel(rows)},
+           parts_panel(rows), multipath_panel(rows)},
           2));
 }
 

@@ -117,7 +117,7 @@ TEST_CASE("preview draws a record, and the study its chart") {
   std::ifstream csv(folder / "study/fidelity.csv");
   int rows = 0;
   for (std::string line; std::getline(csv, line);) ++rows;
-  CHECK(rows == 1 + 10 + 11 + 6 + 7);
+  CHECK(rows == 1 + 10 + 11 + 6 + 7 + 3 * 4 + 3 * 3);
 }
 
 TEST_CASE("study bound: a table, a chart, and no answer for another noise") {

@@ -1,0 +1,350 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <numbers>
+
+#include "scenes.hpp"
+#include "sim/scene/room.hpp"
+#include "sim/sensors/gaze.hpp"
+#include "sim/sensors/multipath_light.hpp"
+#include "sim/sensors/multipath_patches.hpp"
+#include "sim/sensors/multipath_radar.hpp"
+#include "sim/sensors/optics.hpp"
+#include "sim/sensors/radar_echo.hpp"
+
+namespace {
+
+using namespace echofuse;
+using namespace echofuse::sim;
+constexpr double pi = std::numbers::pi;
+
+// u and v along the plane's sides, whole lengths.
+Plate wall(Vec3 centre, Vec3 u, Vec3 v, double width_m, double height_m, double albedo) {
+  return {centre, u, v, {{-width_m / 2, 0, width_m / 2, 0, height_m}}, albedo};
+}
+Plate side_wall(double x, double albedo) {
+  return wall({x, 0, 5}, {0, 0, 1}, {0, 1, 0}, 10, 6, albedo);
+}
+Room room_of(std::vector<Plate> plates) {
+  const std::size_t walls = plates.size();
+  return {"test", std::move(plates), walls};
+}
+// 4 x 3 x 5 m about (0.3, 0.2, 1).
+Room box() {
+  const Vec3 x{1, 0, 0}, y{0, 1, 0}, z{0, 0, 1}, middle{0.3, 0.2, 1};
+  std::vector<Plate> all;
+  for (const double side : {-1., 1.}) {
+    all.push_back(wall(middle + (2 * side) * x, z, y, 5, 3, 0.5));
+    all.push_back(wall(middle + (1.5 * side) * y, x, z, 4, 5, 0.5));
+    all.push_back(wall(middle + (2.5 * side) * z, x, y, 4, 3, 0.5));
+  }
+  return room_of(std::move(all));
+}
+
+// A wall's middle points, on n x n equal parts, towards `inside`.
+std::vector<Patch> tiles(const Plate& plate, int n, Vec3 inside) {
+  const Stroke& s = plate.strokes.front();
+  const double width = s.u1 - s.u0, height = s.width_m;
+  const Vec3 normal = cross(plate.u, plate.v);
+  std::vector<Patch> out;
+  for (int i = 0; i < n; ++i)
+    for (int k = 0; k < n; ++k) {
+      Patch p;
+      p.at = plate.centre + (width * ((i + 0.5) / n - 0.5)) * plate.u +
+             (height * ((k + 0.5) / n - 0.5)) * plate.v;
+      p.normal = dot(normal, inside - p.at) > 0 ? normal : -1 * normal;
+      p.range_m = p.cosine = 1;
+      p.solid_angle_sr = width * height / (n * n);  // its area
+      out.push_back(p);
+    }
+  return out;
+}
+
+// A small plate across the line of sight, before this room.
+Scene plate_before(const Room& room, Vec3 at, double size_m = 0.1) {
+  Scene scene;
+  scene.plates.push_back(wall(at, {1, 0, 0}, {0, 1, 0}, size_m, size_m, 0.6));
+  scene.room = &room;
+  return scene;
+}
+
+Conditions with_echoes(std::int64_t order, double reflectivity) {
+  Conditions c;
+  c.baseline_m = 0;
+  c.radar_rays = 1024;
+  c.multipath_order = order;
+  c.radar_wall_reflectivity = reflectivity;
+  return c;
+}
+
+// What multipath adds to the radar's returns.
+Returns echoes_by_walls(const Scene& scene, const Conditions& c) {
+  Returns all = radar_returns(scene, c);
+  Conditions direct = c;
+  direct.multipath_order = 0;
+  const auto seen = static_cast<std::ptrdiff_t>(radar_returns(scene, direct).range_m.size());
+  all.range_m.erase(all.range_m.begin(), all.range_m.begin() + seen);
+  all.weight.erase(all.weight.begin(), all.weight.begin() + seen);
+  return all;
+}
+
+double difference(const std::vector<double>& a, const std::vector<double>& b) {
+  double most = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) most = std::max(most, std::abs(a[i] - b[i]));
+  return most;
+}
+
+std::vector<double> profile(const Scene& scene, const Conditions& c) {
+  return radar_power(radar_returns(scene, c), radar_response(c), c);
+}
+
+}  // namespace
+
+TEST_CASE("an echo by one wall comes from the mirror image") {
+  const Room room = room_of({side_wall(-1.25, 0)});
+  const Vec3 sensor{-0.5, 0, 0}, place{0.3, 0.2, 3};
+  const auto images = image_sources(room, sensor, 2);
+  REQUIRE(images.size() == 2);  // the same wall twice is the sensor itself
+  CHECK(length(images[1].at - Vec3{-2, 0, 0}) < 1e-12);
+  const auto way = way_to(images[1], sensor, place);
+  REQUIRE(way);
+  CHECK(way->length_m == Approx(std::sqrt(2.3 * 2.3 + 0.2 * 0.2 + 9)));
+  // It leaves as it arrives, but for the turned x.
+  CHECK(length(way->departure - Vec3{-way->arrival.x, way->arrival.y, way->arrival.z}) < 1e-12);
+  CHECK_FALSE(way_to(images[1], sensor, {-2, 0, 3}));      // behind the wall
+  CHECK_FALSE(way_to(images[1], sensor, {0.3, 0.2, 40}));  // it meets no wall there
+}
+
+TEST_CASE("one mirror gives the power of |1 + r|^4 over all phases, and none without order") {
+  const Room room = room_of({side_wall(-1.5, 0)});
+  const Vec3 at{0.4, 0, 3};
+  const Scene scene = plate_before(room, at);
+  const double rho = 0.6;
+  Conditions direct = with_echoes(0, rho);
+  const double d = length(at), mirrored_m = length(at - Vec3{-3, 0, 0});
+  // cos / d^2 of the image, of that of the sensor.
+  const double q = std::pow(d / mirrored_m, 3);
+  const double whole = total(radar_returns(scene, direct).weight);
+  const Returns once = echoes_by_walls(scene, with_echoes(1, rho));
+  const Returns twice = echoes_by_walls(scene, with_echoes(2, rho));
+  CHECK(total(once.weight) == Approx(4 * rho * q * whole).epsilon(0.01));
+  CHECK(total(twice.weight) == Approx((4 * rho * q + rho * rho * q * q) * whole).epsilon(0.01));
+  for (const double range : once.range_m) CHECK(range == Approx((d + mirrored_m) / 2).margin(0.06));
+  // Bit by bit as without.
+  Scene open = scene;
+  open.room = nullptr;
+  CHECK(radar_returns(open, with_echoes(2, rho)).weight == radar_returns(open, direct).weight);
+}
+
+TEST_CASE("a corner mirrors twice, each place over one of its two orders") {
+  const Room room = room_of({side_wall(-1, 0), wall({0, -1.1, 5}, {1, 0, 0}, {0, 0, 1}, 6, 10, 0)});
+  const Vec3 sensor{0.2, 0, 0};
+  const auto images = image_sources(room, sensor, 2);
+  REQUIRE(images.size() == 5);
+  for (const auto& image : {images[2], images[4]}) {
+    CHECK(image.reflections == 2);
+    CHECK(length(image.at - Vec3{-2.2, -2.2, 0}) < 1e-12);
+  }
+  Rng rng = make_rng(1, 1);
+  std::uniform_real_distribution<double> side(-0.9, 0.9);
+  for (int i = 0; i < 100; ++i) {
+    const Vec3 place{side(rng), side(rng), 3 + side(rng)};
+    const auto one = way_to(images[2], sensor, place), other = way_to(images[4], sensor, place);
+    CHECK(one.has_value() != other.has_value());
+    const Way& way = one ? *one : *other;
+    CHECK(way.length_m == Approx(length(place - images[2].at)));
+    CHECK(length(way.departure - Vec3{-way.arrival.x, -way.arrival.y, way.arrival.z}) < 1e-12);
+  }
+}
+
+TEST_CASE("in a closed box all that leaves a sensor meets a wall again and again") {
+  const Room room = box();
+  const Vec3 sensor{-0.4, 0.1, 0.3};
+  std::vector<double> met(3);
+  for (const Plate& plate : room.plates)
+    for (const Patch& p : tiles(plate, 60, sensor))
+      for (const ImageSource& image : image_sources(room, sensor, 2))
+        if (const auto way = way_to(image, sensor, p.at))
+          met[static_cast<std::size_t>(image.reflections)] +=
+              -dot(p.normal, way->arrival) * p.area_m2() / (4 * pi * way->length_m * way->length_m);
+  for (const double share : met) CHECK(share == Approx(1).margin(0.005));
+  // So of the power 1 - rho is absorbed each time, and rho^3 is on its way after two reflections.
+  const double rho = 0.7;
+  double power = std::pow(rho, 3);
+  for (std::size_t n = 0; n < 3; ++n) power += (1 - rho) * std::pow(rho, n) * met[n];
+  CHECK(power == Approx(1).margin(0.005));
+}
+
+TEST_CASE("a Lambertian wall lights a patch by the closed form of the form factor") {
+  // Howell B-3: a patch parallel to a rectangle, above its corner.
+  Patch patch;
+  patch.at = {0, 0, 0}, patch.normal = {0, 0, 1};
+  patch.range_m = patch.cosine = 1, patch.solid_angle_sr = 1e-4;
+  for (const double h : {0.5, 1., 3.}) {
+    const double a = 1.5, b = 2, x = a / h, y = b / h;
+    const double sx = std::sqrt(1 + x * x), sy = std::sqrt(1 + y * y);
+    const double expected = (x / sx * std::atan(y / sx) + y / sy * std::atan(x / sy)) / (2 * pi);
+    double sum = 0;
+    for (const Patch& p :
+         tiles(wall({a / 2, b / 2, h}, {1, 0, 0}, {0, 1, 0}, a, b, 1), 12, patch.at))
+      sum += form_factor(patch, p);
+    CHECK(sum == Approx(expected).epsilon(0.02));
+  }
+  patch.normal = {0, 0, -1};
+  CHECK(form_factor(patch, tiles(screen(2, 1), 1, {}).front()) == 0);
+}
+
+TEST_CASE("light in a closed box fades by the albedo at each reflection") {
+  std::vector<Patch> all;
+  for (const Plate& plate : box().plates)
+    for (const Patch& p : tiles(plate, 16, {0.3, 0.2, 1})) all.push_back(p);
+  const double rho = 0.5;
+  std::vector<double> exitance(all.size());
+  exitance[5] = 1 / all[5].area_m2();  // all power leaves one patch
+  for (int n = 1; n <= 3; ++n) {
+    std::vector<double> next(all.size());
+    double power = 0;
+    for (std::size_t k = 0; k < all.size(); ++k) {
+      for (std::size_t p = 0; p < all.size(); ++p)
+        if (exitance[p] > 0) next[k] += rho * exitance[p] * form_factor(all[k], all[p]);
+      power += next[k] * all[k].area_m2();
+    }
+    CHECK(power == Approx(std::pow(rho, n)).epsilon(0.03 * n));
+    exitance = next;
+  }
+}
+
+TEST_CASE("light by a wall is the integral over that wall, there and back") {
+  const double albedo = 0.7;
+  const Room room = room_of({side_wall(-1.2, albedo)});
+  const Vec3 at{0.1, 0.1, 4};
+  const Scene scene = plate_before(room, at);
+  Conditions c;
+  const Gaze gaze = spd_gaze(c);
+  Returns by_wall, fine;
+  add_light_by_walls(scene, gaze, 1, RoomIs::subtracted, by_wall, {24, 512});
+  add_light_by_walls(scene, gaze, 1, RoomIs::subtracted, fine, {160, 512});
+  const Vec3 facing{0, 0, -1};
+  double integral = 0;
+  for (const Patch& p : tiles(room.plates[0], 400, at)) {
+    const double r = length(p.at);
+    if (p.at.z <= 0 || std::abs(p.at.x / p.at.z) > c.half_tangent ||
+        std::abs(p.at.y / p.at.z) > c.half_tangent)
+      continue;
+    const Vec3 way = p.at - at;
+    const double d = length(way);
+    integral += std::max(0.0, dot(facing, way)) * std::max(0.0, -dot(p.normal, way)) /
+                (pi * d * d * d * d) * -dot(p.normal, p.at) / (r * r * r) * p.area_m2();
+  }
+  const double r2 = dot(at, at), solid_angle = 0.01 * at.z / (r2 * std::sqrt(r2));
+  const double expected = 2 * 0.6 * solid_angle * albedo * integral / mean_scene_weight;
+  CHECK(total(fine.weight) == Approx(expected).epsilon(0.02));
+  CHECK(total(by_wall.weight) == Approx(expected).epsilon(0.05));
+  // Fermat: no way by the wall is shorter than the mirror's.
+  const double shortest = (length(at - Vec3{-2.4, 0, 0}) + length(at)) / 2;
+  CHECK(*std::min_element(fine.range_m.begin(), fine.range_m.end()) > shortest - 0.06);
+}
+
+TEST_CASE("light by two reflections is the sum over all pairs of patches") {
+  const Vec3 at{0.1, 0.1, 4};
+  const Gaze gaze = spd_gaze({});
+  const auto light = [&](const Room& room, std::int64_t order) {
+    Returns out;
+    add_light_by_walls(plate_before(room, at), gaze, order, RoomIs::subtracted, out, {40, 512});
+    return out;
+  };
+  const double r2 = dot(at, at), area = 0.01, cosine = at.z / std::sqrt(r2);
+  const double direct = 0.6 * area * cosine * cosine / (r2 * r2) / mean_scene_weight;
+  // One flat wall does not light itself: there and back by it, w = A E^2, and w1 = 2 A E cos / R^2.
+  const Room one = room_of({side_wall(-1.2, 0.7)});
+  const double first = total(light(one, 1).weight);
+  CHECK(total(light(one, 2).weight) - first == Approx(first * first / (4 * direct)).epsilon(0.02));
+
+  const Room two = room_of({side_wall(-1.2, 0.7), side_wall(0.9, 0.5)});
+  Patch body;
+  body.at = at, body.normal = {0, 0, -1}, body.range_m = body.cosine = 1,
+  body.solid_angle_sr = area;
+  std::vector<Patch> lit;
+  for (const Plate& plate : two.plates)
+    for (Patch p : tiles(plate, 60, at))
+      if (p.at.z > 0 && std::abs(p.at.x / p.at.z) < gaze.half_tangent &&
+          std::abs(p.at.y / p.at.z) < gaze.half_tangent)
+        p.albedo = plate.albedo, lit.push_back(p);
+  const auto exitance = [](const Patch& p) {
+    return p.albedo * -dot(p.normal, p.at) / std::pow(length(p.at), 3);
+  };
+  double by_one = 0, by_two = 0;
+  for (const Patch& q : lit) {
+    const double share = form_factor(body, q);
+    by_one += share * exitance(q);
+    for (const Patch& p : lit)
+      if (share > 0) by_two += share * q.albedo * form_factor(q, p) * exitance(p);
+  }
+  const double expected =
+      0.6 * area * (2 * cosine / r2 * by_two + by_one * by_one) / mean_scene_weight;
+  const double second = total(light(two, 2).weight) - total(light(two, 1).weight);
+  CHECK(second == Approx(expected).epsilon(0.03));
+}
+
+TEST_CASE("walls that differ tell left from right, to light as to the radar") {
+  Conditions c = with_echoes(2, 0.9);
+  c.radar_rays = 288, c.radar_resolution_m = 0.1, c.radar_step_m = 0.05, c.radar_bins = 140;
+  Conditions direct = c;
+  direct.multipath_order = 0;
+  const Room alike = room_of({side_wall(-1.2, 0), side_wall(1.2, 0)});
+  const Room differ = room_of({side_wall(-1.2, 0), side_wall(0.9, 0)});
+  Scene scene = make_scene(c, {SceneKind::person}, 3, 0);
+  // Walls of albedo 0 echo nothing themselves.
+  const auto sides = [&](const Room& room, const Conditions& how) {
+    scene.room = &room;
+    const auto seen = profile(scene, how);
+    return difference(seen, profile(mirrored(scene), how)) /
+           *std::max_element(seen.begin(), seen.end());
+  };
+  CHECK(sides(differ, direct) < 1e-3);
+  CHECK(sides(alike, c) < 1e-3);
+  CHECK(sides(differ, c) > 0.03);
+
+  const Room bright = room_of({side_wall(-1.2, 0.8), side_wall(1.2, 0.2)});
+  scene.room = &bright;
+  const auto by_walls = [&](const Scene& s) {
+    Returns out;
+    add_light_by_walls(s, spd_gaze(c), 1, RoomIs::subtracted, out);
+    return spd_rate(out, c);
+  };
+  const auto seen = by_walls(scene);
+  CHECK(difference(seen, by_walls(mirrored(scene))) >
+        0.1 * *std::max_element(seen.begin(), seen.end()));
+}
+
+TEST_CASE("echoes by walls come on top of the empty room and go with air") {
+  Conditions c;
+  c.background = "closed", c.multipath_order = 2, c.spd_rays = 64;
+  const Scene scene = make_scene(c, {SceneKind::person}, 3, 0);
+  const auto rate = [&](const Scene& of, RoomIs room) {
+    Returns out;
+    spd_returns(of, c, out, room);
+    return spd_rate(out, c);
+  };
+  const auto whole = rate(scene, RoomIs::seen), empty = rate(empty_room(*scene.room), RoomIs::seen);
+  const auto change = rate(scene, RoomIs::subtracted);
+  for (std::size_t i = 0; i < whole.size(); ++i)
+    CHECK(whole[i] == Approx(empty[i] + change[i]).epsilon(1e-6).margin(1e-3));
+  c.radar_ground = 0.1;
+  CHECK_THROWS(validate(c));
+
+  // Of the radar's echoes of the walls themselves so much is left, whether somebody is there or
+  // not.
+  c.radar_ground = 0, c.multipath_order = 0;
+  Conditions smooth = c;
+  smooth.radar_wall_scatter = 0.25;
+  const Scene nobody = empty_room(*scene.room);
+  CHECK(total(radar_returns(nobody, smooth).weight) ==
+        Approx(0.25 * total(radar_returns(nobody, c).weight)));
+  Returns all, quarter;
+  radar_returns(scene, c, all, RoomIs::subtracted);
+  radar_returns(scene, smooth, quarter, RoomIs::subtracted);
+  for (std::size_t k = 0; k < all.weight.size(); ++k)
+    if (all.weight[k] < 0 && quarter.weight[k] != Approx(0.25 * all.weight[k])) FAIL(k);
+}
