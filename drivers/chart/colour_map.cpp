@@ -36,7 +36,7 @@ Rgb colour_of(ColourMap map, double share) {
                       : map == ColourMap::signed_error ? two_ends
                                                        : viridis;
   double at = std::clamp(std::isnan(share) ? 0 : share, 0.0, 1.0);
-  if (map == ColourMap::near) at = 1 - at;
+  if (map == ColourMap::near || map == ColourMap::spread) at = 1 - at;
   at *= static_cast<double>(table.size() - 1);
   const auto i = std::min(static_cast<std::size_t>(at), table.size() - 2);
   const Rgb a = rgb_of(table[i]), b = rgb_of(table[i + 1]);
