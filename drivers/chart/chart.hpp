@@ -73,7 +73,8 @@ struct Drawing {
 };
 Drawing draw(const Panel& panel);
 Drawing stacked(const std::vector<Drawing>& drawings);  // one above the other
-// Two SVG elements, of which a page shows one: as wide as it is, and for a telephone.
+// Two SVG elements, of which a page shows one: as wide as it is, and for a telephone. On paper
+// charts are as on a telephone, other drawings as wide as the paper.
 std::string for_both_widths(const Panel& panel);
 std::string for_both_widths(const Drawing& wide, const Drawing& narrow);
 inline constexpr double narrow_px = 350;

@@ -55,7 +55,7 @@ Drawing stacked(const std::vector<Drawing>& drawings) {
 std::string for_both_widths(const Drawing& wide, const Drawing& narrow) {
   constexpr std::string_view plain = "class=\"drawing\"";
   std::string a = wide.svg, b = narrow.svg;
-  a.replace(a.find(plain), plain.size(), "class=\"drawing wide-only\"");
+  a.replace(a.find(plain), plain.size(), "class=\"drawing wide-only across\"");
   b.replace(b.find(plain), plain.size(), "class=\"drawing narrow-only\"");
   return a + b;
 }
@@ -64,7 +64,8 @@ std::string for_both_widths(const Panel& panel) {
   if (panel.width <= 1.1 * narrow_px) return draw(panel).svg;
   Panel narrow = panel;
   narrow.width = narrow_px;
-  return for_both_widths(draw(panel), draw(narrow));
+  std::string out = for_both_widths(draw(panel), draw(narrow));
+  return out.erase(out.find(" across"), 7);  // on paper two in a row
 }
 
 void write_chart(const std::string& folder, const std::string& name, const std::string& csv,

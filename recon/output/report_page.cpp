@@ -36,8 +36,10 @@ std::string origin(const Report& report) {
     out += " Recorded run " + report.story->path.substr(report.story->path.rfind('/') + 1) + ".";
   std::istringstream words(of_made(report, "command"));
   std::string command;
-  for (std::string word; words >> word;)
-    command += (command.empty() ? "" : " ") + word.substr(word.rfind('/') + 1);
+  for (std::string word; words >> word;) {
+    if (!command.empty()) command += ' ';
+    command += word.substr(word.rfind('/') + 1);
+  }
   return out + " Command: " + shortened(command, 160);
 }
 
@@ -86,11 +88,11 @@ std::string made_html(const Report& report) {
 
 std::string live_html(const Report& report) {
   if (!report.story) return {};
-  std::string out = story_html(*report.story);
-  if (!report.live) return out;
+  if (!report.live) return story_html(*report.story);
+  std::string out;
   for (const Problem& p : problems_of(report))
     if (p.live) out += chart::fail(p.text);
-  return out + live_table(report);
+  return story_html(*report.story, out + live_table(report));
 }
 
 std::string records_html(const Report& report) {
@@ -144,7 +146,8 @@ constexpr const char* cloud_style =
     "font-size:13px;pointer-events:none}button{font:inherit;color:inherit;background:var(--paper);"
     "border:1px solid var(--edge);border-radius:6px;padding:4px "
     "12px;min-height:34px;cursor:pointer}"
-    "button[aria-pressed=true]{background:var(--ink);color:var(--paper)}</style>";
+    "button[aria-pressed=true]{background:var(--ink);color:var(--paper)}@media "
+    "print{section[aria-labelledby=space]{display:none}}</style>";
 
 void add_models(chart::Page& page, const Report& report) {
   if (!report.main.empty()) page.first(first_html(report.main.front(), report.span));

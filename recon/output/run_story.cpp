@@ -243,15 +243,13 @@ chart::Drawing timeline(const RunStory& story, double width) {
   return chart::stacked(drawings);
 }
 
-std::string story_html(const RunStory& story) {
-  std::string out = chart::paragraph(story.path + ": " + verdict_of(story));
+std::string story_html(const RunStory& story, const std::string& between) {
+  std::string out =
+      chart::paragraph(story.path + ": " + verdict_of(story)) + between + sensor_table(story);
   if (!story.outlines.empty())
-    if (const auto wide = timeline(story, 1100); wide.height > 0) {
-      std::string both = chart::for_both_widths(wide, timeline(story, chart::narrow_px));
-      both.replace(both.find("wide-only"), 9, "wide-only across");
-      out += chart::figure({both}, "");
-    }
-  return out + sensor_table(story) + label_table(story) + event_table(story);
+    if (const auto wide = timeline(story, 1100); wide.height > 0)
+      out += chart::figure({chart::for_both_widths(wide, timeline(story, chart::narrow_px))}, "");
+  return out + label_table(story) + event_table(story);
 }
 
 }  // namespace echofuse::recon

@@ -24,6 +24,7 @@ std::string verdict_of(const RunStory& story);
 std::vector<std::string> gone_sensors(const RunStory& story);
 // Strips over one axis of time: samples a record, losses, clock residuals. Of a run with records.
 chart::Drawing timeline(const RunStory& story, double width);
-std::string story_html(const RunStory& story);  // timeline and tables
+// Tables and timeline; `between`: HTML after the verdict.
+std::string story_html(const RunStory& story, const std::string& between = {});
 
 }  // namespace echofuse::recon
