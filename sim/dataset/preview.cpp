@@ -34,7 +34,13 @@ std::vector<float> depths_of(const record::FusedRecord& r) {
 
 // One scale for all scenes, if they lie on it.
 chart::Span span_of(const std::vector<float>& metres) {
-  const chart::Span own = chart::span_of(metres), usual;
+  chart::Span own = chart::span_of(metres);
+  const chart::Span usual;
+  std::vector<float> there = metres;
+  std::erase_if(there, [](float z) { return !(z > 0); });
+  std::sort(there.begin(), there.end());
+  if (!there.empty())  // a person before a room is few of its returns
+    own.near = std::min(own.near, std::floor(2 * double{there[there.size() / 500]}) / 2);
   return own.near >= usual.near && own.far <= usual.far ? usual : own;
 }
 
