@@ -82,7 +82,10 @@ std::string marker(int colour, double x, double y, double r) {
 
 class Plot {
  public:
-  explicit Plot(const Panel& panel) : p_(panel) {
+  explicit Plot(const Panel& panel)
+      : p_(panel),
+        title_(panel.title.empty() ? Lines{} : wrapped(panel.title, panel.width - 8)),
+        notes_(panel.note.empty() ? Lines{} : wrapped(panel.note, panel.width - 8)) {
     span(p_.x, x_, true);
     span(p_.y, y_, false);
     lay_out();
@@ -90,6 +93,7 @@ class Plot {
 
   std::string svg() {
     for (const Series& s : p_.series) keep_clear_of(s);
+    for (const Band& b : p_.bands) draw(b);
     draw_frame();
     for (const Rule& r : p_.rules) draw(r);
     for (const Series& s : p_.series) draw(s);
@@ -102,6 +106,7 @@ class Plot {
   }
 
  private:
+  using Lines = std::vector<std::string>;
   std::string spoken() const {
     return (p_.title.empty() ? "" : p_.title + ": ") + p_.y.title + " against " + p_.x.title;
   }
@@ -116,6 +121,8 @@ class Plot {
         take(across ? point.x : point.y);
         if (!across) take(point.low), take(point.high);
       }
+    for (const Series& s : p_.series)
+      if (s.look == Look::stems && !across) take(0);
     for (const Rule& r : p_.rules)
       if (r.vertical == across) take(r.at);
     for (const auto& tick : scale.ticks) take(tick.first);
@@ -139,6 +146,9 @@ class Plot {
     const auto values = round_ticks(map.first, map.last, map.log, length);
     for (const double v : values)
       out.emplace_back(v, short_number(v, map.log ? 0 : std::abs(values.back())));
+    if (map.log && map.last < 1e3 * map.first)  // lines without names between
+      for (double d = std::pow(10, std::floor(std::log10(map.first))); d < map.last; d *= 10)
+        for (int k = 2; k < 10; ++k) out.emplace_back(k * d, "");
     return out;
   }
 
@@ -155,21 +165,23 @@ class Plot {
       if (named_at_end(s)) right = std::max(right, text_width(s.name) + 18), names_right_ = true;
     for (const Rule& r : p_.rules)
       if (names_right_ && !r.vertical) right = std::max(right, text_width(r.name) + 18);
-    box_ = {widest + 34, p_.title.empty() ? 12.0 : 32.0,
-            p_.width - std::min(right, p_.width * 0.42),
-            p_.height - 42 - (p_.note.empty() ? 0 : line_px)};
+    box_ = {std::max(widest + 34, p_.left),
+            title_.empty() ? 12 : 16 + line_px * static_cast<double>(title_.size()),
+            p_.width - std::max(std::min(right, p_.width * 0.42), p_.right),
+            p_.height - (p_.bare ? 8 : 42) - line_px * static_cast<double>(notes_.size())};
     x_.at_first = box_.left, x_.at_last = box_.right;
     y_.at_first = box_.bottom, y_.at_last = box_.top;
   }
 
   void draw_frame() {
-    if (!p_.title.empty()) out_ += text("title", 4, 18, p_.title);
+    for (std::size_t i = 0; i < title_.size(); ++i)
+      out_ += text("title", 4, 17 + line_px * static_cast<double>(i), title_[i]);
     double after = -1e9;
     for (const auto& [at, name] : ticks(p_.x, x_, box_.right - box_.left)) {
       if (!x_.within(at)) continue;
       const double x = x_(at), half = text_width(name) / 2;
       out_ += line("grid", x, box_.top, x, box_.bottom);
-      if (name.empty() || x - half < after) continue;
+      if (name.empty() || p_.bare || x - half < after) continue;
       out_ += text("tick", x, box_.bottom + 17, name, "middle");
       after = x + half + 6;
     }
@@ -189,10 +201,28 @@ class Plot {
                         {"height", box_.bottom - box_.top}}) +
             "/>";
     const double middle = (box_.top + box_.bottom) / 2;
-    out_ += text("quiet", (box_.left + box_.right) / 2, box_.bottom + 35, p_.x.title, "middle");
+    if (!p_.bare)
+      out_ += text("quiet", (box_.left + box_.right) / 2, box_.bottom + 35, p_.x.title, "middle");
     out_ += "<text class=\"quiet\" text-anchor=\"middle\" transform=\"translate(14 " +
             number(middle) + ") rotate(-90)\">" + escaped(p_.y.title) + "</text>";
-    if (!p_.note.empty()) out_ += text("quiet", 4, p_.height - 6, p_.note);
+    for (std::size_t i = 0; i < notes_.size(); ++i)
+      out_ += text("quiet", 4, p_.height - 5 - line_px * static_cast<double>(notes_.size() - 1 - i),
+                   notes_[i]);
+  }
+
+  void draw(const Band& b) {
+    const double left = std::clamp(x_(b.first), box_.left, box_.right);
+    const double right = std::clamp(x_(b.last), box_.left, box_.right);
+    if (!(right > left)) return;
+    out_ += "<rect class=\"band\"" +
+            attributes({{"x", left},
+                        {"y", box_.top},
+                        {"width", right - left},
+                        {"height", box_.bottom - box_.top}}) +
+            "/>";
+    if (!b.name.empty() && text_width(b.name) + 4 < right - left)
+      out_ +=
+          text("band-name", (left + right) / 2, (box_.top + box_.bottom) / 2 + 5, b.name, "middle");
   }
 
   void draw(const Rule& r) {
@@ -203,8 +233,14 @@ class Plot {
                        : line("edge dash", box_.left, at, box_.right, at);
     if (r.name.empty() || (names_right_ && !r.vertical)) return;
     const bool left = at + width + 8 > box_.right;
-    const double x = r.vertical ? (left ? at - width - 5 : at + 5) : box_.left + 6;
+    double x = r.vertical ? (left ? at - width - 5 : at + 5) : box_.left + 6;
     const double y = r.vertical ? box_.top + 14 : at - 5 < box_.top + 12 ? at + 14 : at - 5;
+    const auto over = [&] {  // something that is drawn
+      const Box own{x, y - 11, x + width, y + 3};
+      return std::any_of(taken_.begin(), taken_.end(), [&](const Box& b) { return own.meets(b); });
+    };
+    if (!r.vertical)
+      while (over() && x + width + 24 < box_.right) x += 12;
     out_ += text("quiet halo", x, y, r.name);
     taken_.push_back({x, y - 11, x + width, y + 3});
   }
@@ -219,10 +255,23 @@ class Plot {
   }
 
   void keep_clear_of(const Series& s) {
-    Spot at{};
-    if (s.look == Look::both || s.look == Look::markers)
-      for (const Point& point : s.points)
-        if (spot(point, at)) taken_.push_back({at.x - 5, at.y - 5, at.x + 5, at.y + 5});
+    Spot at{}, before{};
+    bool pen = false;
+    const bool markers = s.look == Look::both || s.look == Look::markers;
+    const bool lines = s.look == Look::both || s.look == Look::line;
+    for (const Point& point : s.points) {
+      const bool shown = spot(point, at);
+      if (shown && markers) taken_.push_back({at.x - 5, at.y - 5, at.x + 5, at.y + 5});
+      if (shown && lines && pen) {
+        const double steps = std::min(std::hypot(at.x - before.x, at.y - before.y) / 6, 60.0);
+        for (double k = 1; k < steps; ++k) {
+          const double x = before.x + (at.x - before.x) * k / steps;
+          const double y = before.y + (at.y - before.y) * k / steps;
+          taken_.push_back({x - 1, y - 1, x + 1, y + 1});
+        }
+      }
+      pen = shown, before = at;
+    }
   }
 
   void draw_line(const Series& s) {
@@ -245,11 +294,16 @@ class Plot {
   }
 
   void draw(const Series& s) {
-    if (s.look != Look::markers && s.look != Look::cloud) draw_line(s);
+    if (s.look != Look::markers && s.look != Look::cloud && s.look != Look::stems) draw_line(s);
     const std::string stroke = classed('s', s.colour);
-    for (const Point& point : s.points) {
+    const std::size_t every =
+        s.marked > 0 ? std::max<std::size_t>(s.points.size() / s.marked, 1) : s.points.size() + 1;
+    for (std::size_t i = 0; i < s.points.size(); ++i) {
+      const Point& point = s.points[i];
       Spot at{};
       if (!spot(point, at)) continue;
+      if (s.look == Look::stems)
+        out_ += line("e " + stroke, at.x, at.y, at.x, std::min(y_(0), box_.bottom));
       if (shows(p_.y, point.low) && shows(p_.y, point.high)) {
         const double top = std::clamp(y_(point.high), box_.top, box_.bottom);
         const double bottom = std::clamp(y_(point.low), box_.top, box_.bottom);
@@ -259,7 +313,8 @@ class Plot {
       }
       if (s.look == Look::cloud)
         out_ += "<g class=\"cloud\">" + marker(s.colour, at.x, at.y, 2.4) + "</g>";
-      else if (s.look == Look::both || s.look == Look::markers)
+      else if (s.look == Look::both || s.look == Look::markers || s.look == Look::stems ||
+               (s.marked > 0 && i % every == every / 2))
         out_ += marker(s.colour, at.x, at.y, 3.6);
       if (point.crossed)
         for (const double up : {-7.0, 7.0})
@@ -306,6 +361,7 @@ class Plot {
   }
 
   const Panel& p_;
+  Lines title_, notes_;
   Mapping x_, y_;
   Box box_{};
   bool names_right_ = false;

@@ -7,12 +7,13 @@
 namespace echofuse::chart {
 namespace {
 
-// Eleven of matplotlib's 256 colours each (CC0), and a map of two ends with even lightness.
+// Eleven of matplotlib's 256 colours each (CC0), inferno with white as its end, and a map of two
+// ends with even lightness.
 constexpr std::array<std::uint32_t, 11> viridis{0x440154, 0x482475, 0x414487, 0x355f8d,
                                                 0x2a788e, 0x21918c, 0x22a884, 0x44bf70,
                                                 0x7ad151, 0xbddf26, 0xfde725},
     inferno{0x000004, 0x160b39, 0x420a68, 0x6a176e, 0x932667, 0xbc3754,
-            0xdd513a, 0xf37819, 0xfca50a, 0xf6d746, 0xfcffa4},
+            0xdd513a, 0xf37819, 0xfca50a, 0xf6d746, 0xffffff},
     two_ends{0x08306b, 0x1c5a9c, 0x4585bf, 0x84b0d8, 0xc5d8ec, 0xf7f7f7,
              0xf5d5b8, 0xeaa96c, 0xd37b2c, 0xa95308, 0x6e3003};
 
@@ -36,7 +37,7 @@ Rgb colour_of(ColourMap map, double share) {
                       : map == ColourMap::signed_error ? two_ends
                                                        : viridis;
   double at = std::clamp(std::isnan(share) ? 0 : share, 0.0, 1.0);
-  if (map == ColourMap::near) at = 1 - at;
+  if (map == ColourMap::near || map == ColourMap::spread) at = 1 - at;
   at *= static_cast<double>(table.size() - 1);
   const auto i = std::min(static_cast<std::size_t>(at), table.size() - 2);
   const Rgb a = rgb_of(table[i]), b = rgb_of(table[i + 1]);

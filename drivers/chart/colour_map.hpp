@@ -12,14 +12,16 @@ namespace echofuse::chart {
 
 using Rgb = std::array<std::uint8_t, 3>;
 
-// near: viridis, the low end bright; level: viridis, the high end bright; spread: inferno;
+// near: viridis, the low end bright; level: viridis, the high end bright; spread: inferno, the
+// high end dark, so that nothing is light;
 // signed_error: blue below, orange above, white between.
 enum class ColourMap : std::uint8_t { near, level, spread, signed_error };
 
 Rgb colour_of(ColourMap map, double share);  // share: within 0..1, or taken to its ends
 
-inline constexpr Rgb no_return{178, 182, 188};
-inline constexpr Rgb missed{122, 20, 30}, invented{24, 24, 24};  // of an error map
+inline constexpr Rgb no_return{232, 235, 239};
+// Grounds of an error map, to be hatched and dotted (Picture): colours there mean metres.
+inline constexpr Rgb missed{255, 255, 255}, invented{255, 250, 228};
 
 struct Raster {
   std::size_t columns = 0, rows = 0;

@@ -13,6 +13,8 @@ class Page {
   explicit Page(std::string title) : title_(std::move(title)) {}
   // What stands before the contents; HTML, as everything that is added.
   void lead(const std::string& html) { lead_ += html; }
+  // What stands after them, before the first section.
+  void first(const std::string& html) { first_ += html; }
   // One without any html is left out.
   void section(const std::string& id, const std::string& heading, const std::string& html);
   // A script for the end of the page.
@@ -23,7 +25,7 @@ class Page {
   struct Section {
     std::string id, heading, html;
   };
-  std::string title_, lead_, script_;
+  std::string title_, lead_, first_, script_;
   std::vector<Section> sections_;
 };
 
@@ -31,11 +33,12 @@ struct TableRow {
   std::vector<std::string> cells;  // HTML; the first is the row's head
   std::string classes = {};        // "baseline", "best"
 };
-// Scrolls by itself where the page is too narrow. `caption` may be empty.
+// Scrolls by itself where the page is too narrow, its first column stays. `caption` may be empty.
 std::string table(const std::string& caption, const std::vector<std::string>& head,
                   const std::vector<TableRow>& rows);
 std::string paragraph(const std::string& text);  // of plain text
 std::string note(const std::string& text);       // the same, set off: what must be known
+std::string fail(const std::string& text);       // the same, in red: what fails
 // Drawings (chart.hpp, picture.hpp) side by side as far as there is room; the caption is plain
 // text.
 std::string figure(const std::vector<std::string>& drawings, const std::string& caption,

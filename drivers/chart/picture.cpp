@@ -2,14 +2,16 @@
 #include "drivers/chart/picture.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cstdio>
+#include <tuple>
 
 #include "drivers/chart/style.hpp"
 
 namespace echofuse::chart {
 namespace {
 
-constexpr double left_room = 52, bar_room = 74, top_room = 28, bottom_room = 40, key_px = 17;
+constexpr double left_room = 52, bar_room = 74, top_room = 28, bottom_room = 40, line_px = 17;
 
 std::string rect(const std::string& style, double x, double y, double w, double h) {
   return "<rect " + style + " x=\"" + number(x) + "\" y=\"" + number(y) + "\" width=\"" +
@@ -21,11 +23,13 @@ std::string text(const std::string& attributes, double x, double y, const std::s
          escaped(words) + "</text>";
 }
 
-std::string fill(const Rgb& c) {
-  char text[24];
-  std::snprintf(text, sizeof text, "fill=\"#%02x%02x%02x\"", c[0], c[1], c[2]);
+std::string hex(const Rgb& c) {
+  char text[8];
+  std::snprintf(text, sizeof text, "#%02x%02x%02x", c[0], c[1], c[2]);
   return text;
 }
+
+std::string fill(const Rgb& c) { return "fill=\"" + hex(c) + "\""; }
 
 std::string open_svg(double width, double height, const std::string& spoken) {
   const std::string w = number(width), h = number(height);
@@ -51,12 +55,21 @@ std::vector<std::pair<double, std::string>> edge_ticks(double first, double last
   return out;
 }
 
-std::string draw_bar(const Bar& bar, double x, double height) {
+// An arrow at either end beyond which there is something.
+std::string draw_bar(const Picture& p, double x, double height) {
   constexpr int steps = 64;
+  const Bar& bar = p.bar;
   std::string out;
   for (int k = 0; k < steps; ++k)
     out += rect(fill(colour_of(bar.map, 1 - (k + 0.5) / steps)), x, top_room + height * k / steps,
                 12, height / steps + 0.6);
+  for (const auto& [share, end, way] : {std::tuple{p.above, 1.0, -1}, {p.below, 0.0, 1}}) {
+    if (!(share > 0)) continue;
+    const double y = top_room + height * (1 - end);
+    out += "<polygon class=\"edge\" style=\"fill:" + hex(colour_of(bar.map, end)) + "\" points=\"" +
+           number(x) + "," + number(y) + " " + number(x + 12) + "," + number(y) + " " +
+           number(x + 6) + "," + number(y + way * 9) + "\"/>";
+  }
   for (const double v : round_ticks(bar.first, bar.last, false, height * 1.2)) {
     const double y = top_room + height * (1 - (v - bar.first) / (bar.last - bar.first));
     out += text("", x + 17, std::clamp(y + 4.5, top_room + 10, top_room + height),
@@ -65,20 +78,72 @@ std::string draw_bar(const Bar& bar, double x, double height) {
   return out;
 }
 
+struct Cells {
+  double left, top, width, height;  // of one
+  std::string move(double column, double row) const {
+    return "M" + number(left + column * width) + " " + number(top + row * height);
+  }
+};
+
+std::string path(const char* classes, const std::string& d) {
+  return d.empty() ? "" : std::string("<path class=\"") + classes + "\" d=\"" + d + "\"/>";
+}
+
+// A diagonal through each cell.
+std::string hatch(const std::vector<bool>& cells, std::size_t columns, const Cells& at) {
+  std::string d;
+  for (std::size_t i = 0; i < cells.size(); ++i)
+    if (cells[i])
+      d += at.move(static_cast<double>(i % columns), static_cast<double>(i / columns) + 1) + "l" +
+           number(at.width) + " " + number(-at.height);
+  return path("hatch", d);
+}
+
+std::string dots(const std::vector<bool>& cells, std::size_t columns, const Cells& at) {
+  std::string d;
+  for (std::size_t i = 0; i < cells.size(); ++i)
+    if (cells[i])
+      d += at.move(static_cast<double>(i % columns) + 0.5, static_cast<double>(i / columns) + 0.5) +
+           "h.01";
+  return path("dots", d);
+}
+
+// Where a cell that is meant has a neighbour that is not.
+std::string outline(const std::vector<bool>& cells, std::size_t columns, const Cells& at) {
+  std::string d;
+  for (std::size_t i = columns; i < cells.size(); ++i) {
+    const auto column = static_cast<double>(i % columns), row = static_cast<double>(i / columns);
+    if (cells[i] != cells[i - columns]) d += at.move(column, row) + "h" + number(at.width);
+    if (i % columns > 0 && cells[i] != cells[i - 1])
+      d += at.move(column, row) + "v" + number(at.height);
+  }
+  return path("outline", d);
+}
+
+std::string draw(const Marks& m, double left, double top, double width, double height) {
+  const std::size_t all = std::max({m.hatched.size(), m.dotted.size(), m.outlined.size()});
+  if (m.columns == 0 || all == 0) return {};
+  const auto columns = static_cast<double>(m.columns);
+  const Cells at{left, top, width / columns, height / (static_cast<double>(all) / columns)};
+  return hatch(m.hatched, m.columns, at) + dots(m.dotted, m.columns, at) +
+         outline(m.outlined, m.columns, at);
+}
+
 }  // namespace
 
 Drawing draw(const Picture& p) {
   const double inner = p.width - left_room - bar_room;
   const double ratio = p.ratio > 0 ? p.ratio : std::abs((p.top - p.bottom) / (p.right - p.left));
   const double high = inner * ratio, bottom = top_room + high;
-  const double notes = p.note.empty() ? 0 : key_px,
-               keys = key_px * static_cast<double>(p.bar.keys.size());
-  const double height = bottom + bottom_room + notes + keys;
+  const auto notes =
+      p.note.empty() ? std::vector<std::string>{} : wrapped(p.note, p.width - left_room);
+  const double height = bottom + bottom_room + line_px * static_cast<double>(notes.size());
   std::string out = open_svg(p.width, height, p.title);
-  out += text("class=\"title\"", left_room, 18, p.title);
+  out += text("class=\"title\"", 4, 16, p.title);
   out += "<image preserveAspectRatio=\"none\" x=\"" + number(left_room) + "\" y=\"" +
          number(top_room) + "\" width=\"" + number(inner) + "\" height=\"" + number(high) +
          "\" href=\"" + data_uri("image/png", p.png) + "\"/>";
+  out += draw(p.marks, left_room, top_room, inner, high);
   out += rect("class=\"edge\"", left_room, top_room, inner, high);
   for (const auto& [at, name] :
        edge_ticks(p.left, p.right, p.degrees, p.degrees ? 1.5 * inner : inner)) {
@@ -96,37 +161,63 @@ Drawing draw(const Picture& p) {
       text("class=\"quiet\" text-anchor=\"middle\"", left_room + inner / 2, bottom + 34, p.x_title);
   out += "<text class=\"quiet\" text-anchor=\"middle\" transform=\"translate(13 " +
          number(top_room + high / 2) + ") rotate(-90)\">" + escaped(p.y_title) + "</text>";
-  out += draw_bar(p.bar, left_room + inner + 12, high);
+  out += draw_bar(p, left_room + inner + 12, high);
   double y = bottom + bottom_room;
-  if (!p.note.empty()) out += text("class=\"quiet\"", left_room, y + 12, p.note), y += key_px;
-  for (const auto& [colour, name] : p.bar.keys) {
-    out += rect(fill(colour), left_room, y + 2, 14, 11) +
-           rect("class=\"edge\"", left_room, y + 2, 14, 11) +
-           text("class=\"quiet\"", left_room + 20, y + 12, name);
-    y += key_px;
-  }
+  for (const std::string& note : notes)
+    out += text("class=\"quiet\"", left_room, y + 12, note), y += line_px;
   return {out + "</svg>", p.width, height};
+}
+
+Drawing map_legend(double width, std::size_t columns) {
+  struct Key {
+    Rgb ground;
+    bool hatched, dotted, outlined;
+    const char* name;
+  };
+  constexpr std::array keys{Key{no_return, false, false, false, "no return"},
+                            Key{no_return, false, false, true, "line: edge of what the map shows"},
+                            Key{missed, true, false, false, "hatched: missed by the map"},
+                            Key{invented, false, true, false, "dotted: invented by the map"},
+                            Key{{}, false, false, false, "arrow on a bar: values beyond its end"}};
+  constexpr double row_px = 22, cell = 5;
+  const double column_px = width / static_cast<double>(columns);
+  const auto rows = static_cast<double>((keys.size() + columns - 1) / columns);
+  std::string out = open_svg(width, rows * row_px + 4, "What the marks in maps mean");
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    const Key& k = keys[i];
+    const double x = 2 + column_px * static_cast<double>(i % columns);
+    const double y = 3 + row_px * static_cast<double>(i / columns);
+    if (i + 1 == keys.size()) {
+      out += "<polygon class=\"quiet\" points=\"" + number(x + 4) + "," + number(y + 13) + " " +
+             number(x + 16) + "," + number(y + 13) + " " + number(x + 10) + "," + number(y + 4) +
+             "\"/>";
+    } else {
+      out += rect(fill(k.ground), x, y, 4 * cell, 3 * cell);
+      Marks marks{4};
+      if (k.hatched) marks.hatched.assign(12, true);
+      if (k.dotted) marks.dotted.assign(12, true);
+      if (k.outlined)
+        marks.outlined = {false, false, false, false, false, true,
+                          true,  false, false, true,  true,  false};
+      out += draw(marks, x, y, 4 * cell, 3 * cell);
+      out += rect("class=\"edge\"", x, y, 4 * cell, 3 * cell);
+    }
+    out += text("class=\"quiet\"", x + 27, y + 12, k.name);
+  }
+  return {out + "</svg>", width, rows * row_px + 4};
 }
 
 Drawing no_picture(const std::string& title, const std::string& why, double width) {
   const double inner = width - left_room - bar_room, height = top_room + inner + bottom_room;
-  return {open_svg(width, height, title) + text("class=\"title\"", left_room, 18, title) +
+  return {open_svg(width, height, title) + text("class=\"title\"", 4, 16, title) +
               rect("class=\"void\"", left_room, top_room, inner, inner) +
               text("text-anchor=\"middle\"", left_room + inner / 2, top_room + inner / 2, why) +
               "</svg>",
           width, height};
 }
 
-Bar depth_bar(double near_m, double far_m) {
-  return {ColourMap::near, near_m, far_m, "m", {{no_return, "no return"}}};
-}
+Bar depth_bar(double near_m, double far_m) { return {ColourMap::near, near_m, far_m, "m"}; }
 
-Bar error_bar(double most_m) {
-  return {ColourMap::signed_error,
-          -most_m,
-          most_m,
-          "m",
-          {{missed, "missed by the map"}, {invented, "invented by the map"}}};
-}
+Bar error_bar(double most_m) { return {ColourMap::signed_error, -most_m, most_m, "m"}; }
 
 }  // namespace echofuse::chart

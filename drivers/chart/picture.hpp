@@ -14,7 +14,12 @@ struct Bar {
   ColourMap map = ColourMap::near;
   double first = 0, last = 1;
   std::string unit;
-  std::vector<std::pair<Rgb, std::string>> keys = {};  // of pixels that the bar does not have
+};
+
+// Cells of a raster by their number, row after row: what has no place on the bar.
+struct Marks {
+  std::size_t columns = 0;
+  std::vector<bool> hatched = {}, dotted = {}, outlined = {};  // as many as the raster has, or none
 };
 
 struct Picture {
@@ -25,7 +30,9 @@ struct Picture {
   bool degrees = true;
   std::string x_title = "azimuth", y_title = "elevation";
   Bar bar = {};
-  std::string note = {};
+  Marks marks = {};
+  double below = 0, above = 0;  // shares of what is shown that lie beyond the bar's ends: arrows
+  std::string note = {};        // broken into lines
   double width = 340;
   double ratio = 0;  // height over width of the picture; 0: as the spans are
 };
@@ -34,6 +41,8 @@ Drawing draw(const Picture& picture);
 // In place of one, as wide and high as it: a grey field that says why.
 Drawing no_picture(const std::string& title, const std::string& why, double width = 340);
 
+// What the marks of depth and error maps mean: once for a page or a file.
+Drawing map_legend(double width, std::size_t columns);
 // Bars of the pictures that colour_map.hpp makes.
 Bar depth_bar(double near_m, double far_m);
 Bar error_bar(double most_m);

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <sstream>
 
 #include "drivers/core/printable.hpp"
 
@@ -14,9 +15,9 @@ struct Colour {
   const char *name, *light, *dark;
 };
 constexpr std::array colours{
-    Colour{"c0", "#0b4a9e", "#5a9bff"},         Colour{"c1", "#b84a00", "#ff8a3c"},
-    Colour{"c2", "#00796b", "#3dd2b7"},         Colour{"c3", "#a0218f", "#d794dc"},
-    Colour{"c4", "#5a4300", "#d9dc3a"},         Colour{"c5", "#5f666d", "#b3bac2"},
+    Colour{"c0", "#0f56c9", "#7093f4"},         Colour{"c1", "#a34d00", "#ee974c"},
+    Colour{"c2", "#006b45", "#01e9a3"},         Colour{"c3", "#16191d", "#ffffff"},
+    Colour{"c4", "#5b0f75", "#f4d006"},         Colour{"c5", "#50565c", "#818890"},
     Colour{"paper", "#ffffff", "#191d21"},      Colour{"ink", "#16191d", "#eceff2"},
     Colour{"quiet", "#4a5058", "#b3bac2"},      Colour{"grid", "#dfe2e6", "#343a41"},
     Colour{"edge", "#8a9098", "#767d85"},       Colour{"back", "#f4f5f7", "#101316"},
@@ -65,6 +66,21 @@ std::string escaped(std::string_view text) {
   return out;
 }
 
+std::vector<std::string> wrapped(const std::string& text, double width_px) {
+  std::vector<std::string> lines(1);
+  std::istringstream words(text);
+  for (std::string word; words >> word;) {
+    std::string& line = lines.back();
+    if (line.empty())
+      line = word;
+    else if (text_width(line + ' ' + word) <= width_px)
+      line += ' ' + word;
+    else
+      lines.push_back(word);
+  }
+  return lines;
+}
+
 std::string base64(ByteView bytes) {
   constexpr char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   std::string out;
@@ -111,6 +127,12 @@ std::string drawing_style(bool variables) {
   out +=
       ".l{stroke-width:2;stroke-linejoin:round}.e{stroke-width:1.2}.dash{stroke-dasharray:6 4}\n";
   out += ".lead{stroke-width:1;opacity:.6}.cloud{opacity:.45}.area{opacity:.18;stroke:none}\n";
+  // Over pictures, whose ground is light in the dark too.
+  out +=
+      ".hatch{stroke:#16191d;stroke-width:1;fill:none}.dots{stroke:#16191d;stroke-width:2.4;stroke-"
+      "linecap:round;fill:none}.outline{stroke:#3c4148;stroke-width:1;fill:none}\n";
+  out += ".band{fill:" + colour("bad-paper") + "}.drawing text.band-name{fill:" + colour("bad") +
+         "}\n";
   for (const char* name : {"good", "look", "bad"})
     out += std::string(".") + name + "{fill:" + colour(name) + "}";
   return out + "\nimage{image-rendering:pixelated}\n";

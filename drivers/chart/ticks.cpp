@@ -11,7 +11,8 @@ namespace {
 
 std::vector<double> decades(double first, double last, double length_px) {
   std::vector<double> out;
-  const bool fine = std::log10(last / first) < 1.7 && length_px > 90;
+  const double span = std::log10(last / first);
+  const bool fine = (span < 1.7 && length_px > 90) || (span < 2.7 && length_px > 260);
   const auto from = static_cast<int>(std::floor(std::log10(first)));
   const auto to = static_cast<int>(std::ceil(std::log10(last)));
   for (int d = from; d <= to; ++d)

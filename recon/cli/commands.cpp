@@ -287,6 +287,7 @@ Command add_report(CLI::App& app, const Common&) {
       ->expected(2);
   app.add_option("--live", a->live,
                  "a recorded run: its story, also without any model; with --fused also its maps");
+  add_empty_option(app, a->empty);
   app.add_flag("--force", a->force, "write over a report of another run");
   return [a] {
     a->command = command_line();

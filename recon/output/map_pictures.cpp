@@ -6,6 +6,7 @@
 
 #include "acquire/record/png.hpp"
 #include "drivers/core/exit_code.hpp"
+#include "recon/files/text.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -21,6 +22,21 @@ chart::Picture over_tangents(const std::string& title, const chart::Raster& rast
   p.top = f.tangent_top, p.bottom = f.tangent_top - f.tangent;
   p.width = 370;
   return p;
+}
+
+// What has the colour of the bar's end only because there is no other; the note says it.
+void note_beyond(chart::Picture& p, const std::vector<double>& values, const std::string& below,
+                 const std::string& above) {
+  if (values.empty()) return;
+  for (const double v : values) p.below += v<p.bar.first, p.above += v> p.bar.last;
+  p.below /= static_cast<double>(values.size()), p.above /= static_cast<double>(values.size());
+  std::string out;
+  for (const auto& [share, words] : {std::pair{p.below, below}, {p.above, above}})
+    if (share > 0)
+      out += (out.empty() ? "" : ", ") +
+             (share < 0.01 ? std::string("below 1 %") : formatted("%.0f %%", 100 * share)) + " " +
+             words;
+  if (!out.empty()) p.note += (p.note.empty() ? "" : " ") + out + ".";
 }
 
 }  // namespace
@@ -53,7 +69,16 @@ chart::Raster enlarged(const chart::Raster& small, int by) {
 }
 
 Bytes depth_picture(std::span<const float> map, const chart::Span& span, int zoom) {
-  return png_of(enlarged(chart::depth_raster(map, side_of(map), span.near, span.far), zoom));
+  constexpr chart::Rgb line{60, 65, 72};
+  const std::size_t side = side_of(map), z = static_cast<std::size_t>(zoom);
+  chart::Raster out = enlarged(chart::depth_raster(map, side, span.near, span.far), zoom);
+  const auto there = [&](std::size_t x, std::size_t y) { return map[y / z * side + x / z] > 0; };
+  for (std::size_t y = 1; z >= 3 && y + 1 < out.rows; ++y)
+    for (std::size_t x = 1; x + 1 < out.columns; ++x)
+      if (!there(x, y) &&
+          (there(x - 1, y) || there(x + 1, y) || there(x, y - 1) || there(x, y + 1)))
+        std::copy(line.begin(), line.end(), &out.rgb[3 * (y * out.columns + x)]);
+  return png_of(out);
 }
 
 std::vector<float> Frame::cut(std::span<const float> map) const {
@@ -95,18 +120,57 @@ Frame frame_about(std::span<const float> a, std::span<const float> b, double hal
 
 chart::Picture map_picture(const std::string& title, std::span<const float> map, const Frame& frame,
                            const chart::Span& span) {
-  chart::Picture p = over_tangents(
-      title, chart::depth_raster(frame.cut(map), frame.size, span.near, span.far), frame);
+  const std::vector<float> part = frame.cut(map);
+  chart::Picture p =
+      over_tangents(title, chart::depth_raster(part, frame.size, span.near, span.far), frame);
   p.bar = chart::depth_bar(span.near, span.far);
+  p.marks = {frame.size};
+  std::vector<double> depths;
+  for (const float z : part) {
+    p.marks.outlined.push_back(z > 0);
+    if (z > 0) depths.push_back(double{z});
+  }
+  note_beyond(p, depths, "nearer than the scale", "farther");
   return p;
 }
 
 chart::Picture error_picture(std::span<const float> map, std::span<const float> truth,
                              const Frame& frame) {
-  chart::Picture p = over_tangents(
-      "Error: map minus truth",
-      chart::error_raster(frame.cut(map), frame.cut(truth), frame.size, most_error_m), frame);
+  const std::vector<float> own = frame.cut(map), real = frame.cut(truth);
+  chart::Picture p = over_tangents("Error: map minus truth",
+                                   chart::error_raster(own, real, frame.size, most_error_m), frame);
   p.bar = chart::error_bar(most_error_m);
+  p.marks = {frame.size};
+  std::vector<double> errors;
+  std::size_t missed = 0, invented = 0;
+  for (std::size_t i = 0; i < own.size(); ++i) {
+    const bool seen = own[i] > 0, there = real[i] > 0;
+    p.marks.hatched.push_back(there && !seen), missed += there && !seen;
+    p.marks.dotted.push_back(seen && !there), invented += seen && !there;
+    if (seen && there) errors.push_back(double{own[i]} - double{real[i]});
+  }
+  if (missed + invented > 0)
+    p.note = formatted("%zu of %zu pixels missed, %zu invented.", missed, missed + errors.size(),
+                       invented);
+  note_beyond(p, errors, formatted("nearer by more than %g m", most_error_m),
+              "farther by more than that");
+  return p;
+}
+
+chart::Picture relief_picture(const std::string& title, std::span<const float> map, double depth_m,
+                              const Frame& frame) {
+  const std::vector<float> part = frame.cut(map);
+  std::vector<float> plane;
+  std::vector<double> depths;
+  for (const float z : part) {
+    plane.push_back(z > 0 ? static_cast<float>(depth_m) : 0);
+    if (z > 0) depths.push_back(double{z} - depth_m);
+  }
+  chart::Picture p =
+      over_tangents(title, chart::error_raster(part, plane, frame.size, most_error_m), frame);
+  p.bar = chart::error_bar(most_error_m);
+  note_beyond(p, depths, formatted("nearer by more than %g m", most_error_m),
+              "farther by more than that");
   return p;
 }
 
@@ -119,11 +183,12 @@ chart::Picture share_picture(const std::string& title, std::span<const float> sh
 }
 
 chart::Picture deviation_picture(std::span<const float> deviation, const Frame& frame) {
-  chart::Picture p = over_tangents("Its own uncertainty (standard deviation)",
-                                   chart::raster(frame.cut(deviation), frame.size,
-                                                 chart::ColourMap::spread, 0, most_deviation_m),
-                                   frame);
+  const std::vector<float> part = frame.cut(deviation);
+  chart::Picture p = over_tangents(
+      "Stated uncertainty of a pixel's depth",
+      chart::raster(part, frame.size, chart::ColourMap::spread, 0, most_deviation_m), frame);
   p.bar = {chart::ColourMap::spread, 0, most_deviation_m, "m"};
+  note_beyond(p, {part.begin(), part.end()}, "", formatted("above %g m", most_deviation_m));
   return p;
 }
 

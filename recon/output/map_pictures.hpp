@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Depth maps as pictures: near is bright, grey is no return (drivers/chart/colour_map.hpp).
+// Depth maps as pictures: near is bright, light grey is no return (drivers/chart/colour_map.hpp).
 #pragma once
 #include <span>
 #include <string>
@@ -18,7 +18,8 @@ chart::Span span_of(const Scene& scene);
 
 chart::Raster enlarged(const chart::Raster& small, int by);
 
-// A square map, row-major, metres; each pixel `zoom` x `zoom`. PNG.
+// A square map, row-major, metres; each pixel `zoom` x `zoom`, from 3 on with a line about what is
+// there. PNG.
 Bytes depth_picture(std::span<const float> map, const chart::Span& span, int zoom);
 
 inline constexpr double most_error_m = 0.5;      // of a picture of errors, both ways
@@ -34,11 +35,14 @@ Frame whole_frame(std::size_t side, double half_tangent);
 // A square about what the maps show, with room about it; the whole if that is most of it.
 Frame frame_about(std::span<const float> a, std::span<const float> b, double half_tangent);
 
-// With scales.
+// With scales, what lies beyond them in words, and marks (chart::map_legend).
 chart::Picture map_picture(const std::string& title, std::span<const float> map, const Frame& frame,
                            const chart::Span& span);
 chart::Picture error_picture(std::span<const float> map, std::span<const float> truth,
                              const Frame& frame);
+// Of a part of a map: how far each pixel is behind or before a depth.
+chart::Picture relief_picture(const std::string& title, std::span<const float> map, double depth_m,
+                              const Frame& frame);
 chart::Picture share_picture(const std::string& title, std::span<const float> share,
                              const Frame& frame);
 chart::Picture deviation_picture(std::span<const float> deviation, const Frame& frame);

@@ -7,11 +7,14 @@
 #include <functional>
 #include <utility>
 
+#include "acquire/record/h5.hpp"
 #include "drivers/core/exit_code.hpp"
+#include "recon/estimator/empty_room.hpp"
 #include "recon/estimator/predict.hpp"
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
 #include "recon/numbers/statistics.hpp"
+#include "recon/output/map_pictures.hpp"
 #include "recon/output/report_page.hpp"
 
 namespace echofuse::recon {
@@ -59,8 +62,13 @@ RecordFacts facts_of(const Dataset& data, std::size_t row, const Scene& scene) {
 }
 
 ModelFacts model_facts(const std::string& file, const TrainedModel& model) {
-  ModelFacts out{file, model.name, model.fit.seed, model.split.seed, model.data_hash, 0,
-                 0,    0,          model.log};
+  ModelFacts out{file, model.name, model.fit.seed, model.split.seed, model.data_hash, 0, 0,
+                 0,    model.log,  false};
+  const Candidate paper = candidate_of("paper", {});
+  const auto widths = record::H5File::open_sealed(file).read<std::uint64_t>("training/hidden");
+  out.papers =
+      model.name == paper.model &&
+      std::equal(widths.begin(), widths.end(), paper.fit.hidden->begin(), paper.fit.hidden->end());
   for (const std::uint8_t part : model.seen.part)
     ++(part == static_cast<std::uint8_t>(Part::train)        ? out.train
        : part == static_cast<std::uint8_t>(Part::validation) ? out.validation
@@ -68,12 +76,24 @@ ModelFacts model_facts(const std::string& file, const TrainedModel& model) {
   return out;
 }
 
+// Answers every record with the same map.
+bool is_constant(const TrainedModel& model) {
+  return model.name == "mean" || model.name == "empty";
+}
+
+TrainedModel model_for(const std::string& path, const ReportOptions& options, Report& report) {
+  TrainedModel model = load_model(path);
+  if (!options.empty.empty()) report.room = take_to_room(model, options.empty);
+  return model;
+}
+
 // Each model brings a copy of the data onto its own axes.
-LoadedMode score_mode(const std::string& name, Inputs inputs, std::optional<double> paper_ssim,
-                      const std::vector<std::string>& paths, const Dataset& data) {
+LoadedMode score_mode(const std::string& name, Inputs inputs, double paper_ssim,
+                      const std::vector<std::string>& paths, const Dataset& data,
+                      const ReportOptions& options, Report& report) {
   LoadedMode mode{{name, inputs, paper_ssim, {}, {}, {}, {}}, {}};
   for (const auto& path : paths) {
-    TrainedModel model = load_model(path);
+    TrainedModel model = model_for(path, options, report);
     const Features& f = model.features;
     if (f.inputs != inputs && !(both_sensors(f.inputs) && both_sensors(inputs)))
       throw Error(ExitCode::failed,
@@ -132,9 +152,8 @@ void add_records(Report& report, const std::vector<const TrainedModel*>& models,
     if (rows.empty()) continue;
     ShownRecord shown = show_record(models, names, data, rows[rows.size() / 2]);
     shown.file = person ? "figure_person" : "figure_letter";
-    shown.caption =
-        formatted("Of all %zu held-out records of this kind the one whose map has the median IoU.",
-                  rows.size());
+    shown.caption = formatted(
+        "Of all %zu records of this kind the one whose map has the median IoU.", rows.size());
     report.main.push_back(std::move(shown));
   }
   const Rows rows = by_quality(subject, [](std::size_t) { return true; });
@@ -151,7 +170,7 @@ void add_live(Report& report, const TrainedModel& model, const std::string& name
   const Dataset data = load({path});
   const Records records = prepare_records(model, data, RangeBiasAction::warn);
   const Rows rows = rows_to_evaluate(model, records.data, false);
-  ModeResult live{"live", model.features.inputs, {}, {evaluate(model, records, rows)}, {}, {}, {}};
+  ModeResult live{"live", model.features.inputs, 0, {evaluate(model, records, rows)}, {}, {}, {}};
   report.live = live.evaluations.front();
   report.live->baselines = score_baselines(data, rows, model.scene, data, {});
   const Rows order = by_quality(live, [](std::size_t) { return true; });
@@ -177,16 +196,23 @@ void add_comparison(Report& report) {
 
 void add_models(Report& report, const ReportOptions& options, const Dataset& data) {
   std::vector<LoadedMode> modes;
-  const auto add = [&](const std::string& name, Inputs inputs, std::optional<double> paper,
-                       const std::vector<std::string>& paths) {
-    if (!paths.empty()) modes.push_back(score_mode(name, inputs, paper, paths, data));
+  const auto add = [&](const std::string& name, Inputs inputs, double paper,
+                       std::vector<std::string> paths) {
+    if (name == "spd" || name == "radar")  // they would stand for a sensor that they do not ask
+      std::erase_if(paths, [&](const std::string& path) {
+        if (!is_constant(load_model(path))) return false;
+        report.constants.push_back(path);
+        return true;
+      });
+    if (!paths.empty())
+      modes.push_back(score_mode(name, inputs, paper, paths, data, options, report));
   };
   add("fused", Inputs::fused, 0.6576, options.fused);
   add("paper", Inputs::fused, 0.6576, options.paper);
   add("spd", Inputs::spd, 0.6389, options.spd);
   add("radar", Inputs::radar, 0.5266, options.radar);
   for (const std::string& path : options.compare)
-    add(path, load_model(path).features.inputs, {}, {path});
+    add(path, load_model(path).features.inputs, 0, {path});
   std::vector<const TrainedModel*> first;
   std::vector<std::string> names;
   for (auto& mode : modes) {
@@ -198,6 +224,7 @@ void add_models(Report& report, const ReportOptions& options, const Dataset& dat
   report.baselines = score_baselines(data, rows_of_both(subject, data), subject.scene, data,
                                      subject.rows_of(data, Part::train));
   report.records = report.modes.front().evaluations.front().records;
+  report.span = span_of(subject.scene), report.new_run = !subject.knows(data);
   add_records(report, first, names, data);
   report.letters = show_letters(subject, data, report.modes.front().evaluations.front());
   if (!options.compare.empty()) add_comparison(report);
@@ -221,6 +248,7 @@ void check_report(const ReportOptions& o) {
   if (models && !o.compare.empty()) fault = "--compare takes the place of the other models";
   if (models && o.fused.empty()) fault = "--fused is missing: the model that the report is about";
   if (!o.compare.empty() && o.compare.size() != 2) fault = "--compare takes two models";
+  if (!o.empty.empty() && o.run.empty()) fault = "--empty is for the models of --run";
   if (!fault.empty()) throw Error(ExitCode::usage, fault);
   if (o.force) return;
   const std::string page = o.dir + "/report.html";
@@ -246,7 +274,9 @@ Report make_report(const ReportOptions& options) {
     add_models(report, options, *data);
   }
   if (!options.live.empty()) report.story = story_of(options.live);
-  report.run_uuid = record::RunReader(report.run).info().uuid;
+  const record::RunInfo info = record::RunReader(report.run).info();
+  report.run_uuid = info.uuid;
+  report.simulated = info.notes.starts_with("simulated");
   report.made = how_made(options, report, data ? &*data : nullptr);
   return report;
 }
@@ -254,11 +284,12 @@ Report make_report(const ReportOptions& options) {
 std::string write_report(const Report& report, const std::string& dir) {
   make_folder(dir);
   for (const ShownRecord& shown : report.main)
-    write_text(dir + "/" + shown.file + ".svg", stand_alone(shown)),
-        write_text(dir + "/" + shown.file + "_blur.svg", blur_alone(shown));
-  if (report.story)
-    if (const auto panels = timeline(*report.story); !panels.empty())
-      write_text(dir + "/timeline.svg", chart::stand_alone(report.story->path, panels, 2));
+    write_text(dir + "/" + shown.file + ".svg", stand_alone(shown, report.span)),
+        write_text(dir + "/" + shown.file + "_blur.svg", blur_alone(shown, report.span)),
+        write_text(dir + "/" + shown.file + "_maps.svg", maps_alone(shown, report.span));
+  if (report.story && !report.story->outlines.empty())
+    write_text(dir + "/timeline.svg",
+               chart::stand_alone(report.story->path, {timeline(*report.story, 1100)}, 1));
   const std::string path = dir + "/report.html";
   write_text(path, to_html(report));
   return path;

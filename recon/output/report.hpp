@@ -23,6 +23,7 @@ struct ReportOptions {
   std::string run;                   // its held-out records with both sensors are scored
   std::vector<std::string> compare;  // two model files, in place of those above
   std::string live;                  // a recorded run: its story, and its maps by the fused model
+  std::string empty;                 // a run of nobody in the room of these runs; may be left out
   std::string command;               // as it was typed; for the page
   bool force = false;                // also over a report of another run
 };
@@ -34,6 +35,7 @@ struct ModelFacts {
   std::uint32_t data_hash = 0;
   std::size_t train = 0, validation = 0, test = 0;  // records of its split
   TrainingLog log;
+  bool papers = false;  // the network that the paper's values are of
 };
 
 // Where the true map of a record has its body.
@@ -46,7 +48,7 @@ struct RecordFacts {
 struct ModeResult {
   std::string name;
   Inputs inputs{};
-  std::optional<double> paper_ssim;     // Lai et al., Chin. Opt. Lett. 22, 022701 (2024)
+  double paper_ssim = 0;  // of these inputs: Lai et al., Chin. Opt. Lett. 22, 022701 (2024)
   std::vector<Evaluation> evaluations;  // one a model
   Summaries metrics;  // of a single model: as evaluated; of several: mean and SE over the models
   std::vector<ModelFacts> models;
@@ -65,7 +67,6 @@ struct ShownMap {
 struct ShownRecord {
   std::string file, title, caption;  // file: without folder and ending; may be empty
   std::vector<float> truth;
-  chart::Span span;
   double half_tangent = 0;
   std::vector<chart::Panel> measured;  // histogram, profile
   std::vector<ShownMap> maps;
@@ -76,8 +77,7 @@ struct ShownLetter {
   std::string title;
   std::size_t letter = 0;  // of record::letters
   std::vector<float> truth, map;
-  chart::Span span;
-  double width_m = 0;  // of both, and their height
+  double width_m = 0, depth_m = 0;  // width of both, and their height; where the plate is
   std::array<double, letters.size()> truth_scores{}, map_scores{};
 };
 
@@ -90,8 +90,12 @@ struct PairedDifference {
 
 struct Report {
   std::string run, run_uuid;
+  bool simulated = false, new_run = false;                // new: no model was trained on it
+  chart::Span span;                                       // of all its maps
   std::vector<std::pair<std::string, std::string>> made;  // how: name and value
-  std::vector<ModeResult> modes;                          // the first is the subject
+  std::vector<std::string> constants;  // model files that were left out as they ask no sensor
+  std::string room;                    // what was done about another room
+  std::vector<ModeResult> modes;       // the first is the subject
   std::vector<ScoredRow> baselines;
   std::size_t records = 0;
   std::vector<ShownRecord> main;     // person, letter: by all modes

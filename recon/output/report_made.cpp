@@ -10,7 +10,7 @@
 #include "drivers/core/console.hpp"
 #include "recon/files/text.hpp"
 #include "recon/numbers/statistics.hpp"
-#include "recon/output/report.hpp"
+#include "recon/output/report_page.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -31,6 +31,12 @@ std::string host() {
                             : "unknown";
 }
 
+// "2026-11-22T23:31:02.536Z" as now() writes it.
+std::string minutes_of(const std::string& iso) {
+  return iso.size() > 16 && iso[10] == 'T' ? iso.substr(0, 10) + " " + iso.substr(11, 5) + " UTC"
+                                           : iso;
+}
+
 std::string photons_of(const Dataset& data) {
   std::vector<float> counts;
   for (std::size_t i = 0; i < data.size(); ++i)
@@ -41,15 +47,13 @@ std::string photons_of(const Dataset& data) {
   if (counts.empty()) return "no detector";
   const auto at = [&](double share) { return static_cast<double>(quantile(counts, share)); };
   const double low = at(0.05), middle = at(0.5), high = at(0.95);
-  return formatted("%s (median; 90 %% of the records: %s to %s)",
-                   chart::short_number(std::round(middle)).c_str(),
-                   chart::short_number(std::round(low)).c_str(),
-                   chart::short_number(std::round(high)).c_str());
+  return three_digits(middle) + " (median; 90 % of the records: " + three_digits(low) + " to " +
+         three_digits(high) + ")";
 }
 
 std::string split_of(const ModelFacts& m) {
   return formatted(
-      "%s; seed %llu, split seed %llu; %zu training, %zu validation, %zu held-out records "
+      "%s; seed %llu, split seed %llu; its training: %zu records, %zu of validation, %zu held out "
       "(data CRC-32C %08x)",
       m.name.c_str(), static_cast<unsigned long long>(m.seed),
       static_cast<unsigned long long>(m.split_seed), m.train, m.validation, m.test, m.data_hash);
@@ -101,19 +105,23 @@ std::vector<std::pair<std::string, std::string>> how_made(const ReportOptions& o
   out.emplace_back("run",
                    report.run + formatted(", %lld records", static_cast<long long>(run.count())));
   out.emplace_back("run's uuid", info.uuid);
-  std::string recorded = info.started_utc;
+  std::string recorded = minutes_of(info.started_utc);
   if (!info.version.empty()) recorded += ", echofuse " + info.version;
   if (!info.host.empty()) recorded += ", on " + info.host;
-  out.emplace_back("recorded", recorded);
+  out.emplace_back("recorded", recorded + (report.simulated ? "; simulated" : ""));
   if (info.window_s > 0) out.emplace_back("length of a record", formatted("%g s", info.window_s));
   if (!info.operator_name.empty()) out.emplace_back("operator", info.operator_name);
   if (!info.notes.empty()) out.emplace_back("notes", info.notes);
   for (const auto& [key, value] : info.meta) out.emplace_back(key, value);
   if (data) {
-    out.emplace_back("photons a record", photons_of(*data));
-    out.emplace_back("maps", data->map.text());
+    out.emplace_back("clicks a record", photons_of(*data));
+    out.emplace_back(
+        "maps", formatted("%u x %u pixels over \u00b1%.1f\u00b0", data->map.size, data->map.size,
+                          180 / M_PI * std::atan(data->map.half_tangent)));
     out.emplace_back("data CRC-32C", formatted("%08x", data->hash));
   }
+  if (!options.empty.empty()) out.emplace_back("empty room", options.empty);
+  if (!report.room.empty()) out.emplace_back("another room", report.room);
   for (const ModeResult& mode : report.modes)
     for (const ModelFacts& m : mode.models) out.emplace_back("model " + m.file, split_of(m));
   return out;

@@ -2,7 +2,7 @@
 // The page and the text of a report.
 #include "recon/output/report_page.hpp"
 
-#include <array>
+#include <algorithm>
 #include <cmath>
 #include <sstream>
 
@@ -14,211 +14,68 @@
 namespace echofuse::recon {
 namespace {
 
-struct Column {
-  Metric metric;
-  const char *title, *format;
-  double unit;
-  bool less_is_better;
-};
-// Of the first screen.
-constexpr Column first_columns[] = {
-    {metric_iou, "IoU of the outline", "%.3f", 1, false},
-    {metric_lateral_m, "lateral error (cm)", "%.1f", 100, true},
-    {metric_depth_mae_m, "depth error (cm)", "%.1f", 100, true},
-};
-constexpr Column all_columns[] = {
-    {metric_iou, "IoU", "%.3f", 1, false},
-    {metric_lateral_m, "lateral error (m)", "%.3f", 1, true},
-    {metric_depth_mae_m, "depth error where both show a body (m)", "%.3f", 1, true},
-    {metric_ghost, "ghost", "%.3f", 1, true},
-    {metric_left_right, "on the right side", "%.3f", 1, false},
-    {metric_rmse_m, "RMSE (m)", "%.3f", 1, true},
-    {metric_ssim, "SSIM", "%.3f", 1, false},
-    {metric_ssim_hard, "SSIM, hard map", "%.3f", 1, false},
-    {metric_ssim_fg, "SSIM near the body", "%.3f", 1, false},
-};
-
-struct NamedScores {
-  std::string name;
-  const Summaries* metrics;
-  bool baseline;
-};
-
-const char* baseline_title(const std::string& name) {
-  if (name == "empty") return "empty room";
-  if (name == "mean") return "mean map";
-  return "nearest training record";
+std::string of_made(const Report& report, const std::string& name) {
+  for (const auto& [key, text] : report.made)
+    if (key == name) return text;
+  return {};
 }
 
-std::vector<NamedScores> scored(const Report& report) {
-  std::vector<NamedScores> out;
-  for (const auto& mode : report.modes) out.push_back({title_of(mode), &mode.metrics, false});
-  for (const auto& row : report.baselines)
-    out.push_back({baseline_title(row.name), &row.metrics, true});
-  return out;
+std::string shortened(const std::string& text, std::size_t most) {
+  return text.size() <= most ? text : text.substr(0, most) + " ...";
 }
 
-// `best`: what the best of the column reads; who reads the same is as good.
-std::string value(const Summary& s, const Column& c, const std::string& best) {
-  if (std::isnan(s.mean)) return "-";
-  const std::string mean = formatted(c.format, c.unit * s.mean);
-  std::string out = mean == best ? "<b class=\"best\">" + mean + "</b>" : mean;
-  if (!std::isnan(s.se))
-    out += " <small>&plusmn;" + formatted(c.format, c.unit * s.se) + "</small>";
-  return out;
-}
-
-std::string best_of(const std::vector<NamedScores>& rows, const Column& c) {
-  std::size_t best = rows.size();
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const double mean = (*rows[i].metrics)[c.metric].mean;
-    if (std::isnan(mean)) continue;
-    const double before = best < rows.size() ? (*rows[best].metrics)[c.metric].mean : 0;
-    if (best == rows.size() || (c.less_is_better ? mean < before : mean > before)) best = i;
+// When, where and by what, in one line.
+std::string origin(const Report& report) {
+  std::string host = of_made(report, "host");
+  host = host.substr(0, host.find(' '));
+  std::string out = of_made(report, "date") + ", " + host + ", echofuse " + version() + ". Run " +
+                    report.run.substr(report.run.rfind('/') + 1) +
+                    (report.simulated ? " (simulated)" : "") + " of " +
+                    of_made(report, "recorded").substr(0, 20) + ".";
+  if (report.story && report.story->path != report.run)
+    out += " Recorded run " + report.story->path.substr(report.story->path.rfind('/') + 1) + ".";
+  std::istringstream words(of_made(report, "command"));
+  std::string command;
+  for (std::string word; words >> word;) {
+    if (!command.empty()) command += ' ';
+    command += word.substr(word.rfind('/') + 1);
   }
-  return best < rows.size() ? formatted(c.format, c.unit * (*rows[best].metrics)[c.metric].mean)
-                            : "";
+  return out + " Command: " + shortened(command, 160);
 }
 
-std::string first_table(const Report& report) {
-  const auto rows = scored(report);
-  std::vector<std::string> head{"made from"};
-  for (const Column& c : first_columns)
-    head.push_back(std::string(c.title) + (c.less_is_better ? "<br><small>less is better</small>"
-                                                            : "<br><small>1 is perfect</small>"));
-  head.push_back("n of the depth error<br><small>maps where body meets body</small>");
-  std::vector<chart::TableRow> table;
-  for (const NamedScores& row : rows)
-    table.push_back({{chart::escaped(row.name)}, row.baseline ? "baseline" : ""});
-  for (const Column& c : first_columns) {
-    const std::string best = best_of(rows, c);
-    for (std::size_t i = 0; i < rows.size(); ++i)
-      table[i].cells.push_back(value((*rows[i].metrics)[c.metric], c, best));
-  }
-  for (std::size_t i = 0; i < rows.size(); ++i)
-    table[i].cells.push_back(std::to_string((*rows[i].metrics)[metric_depth_mae_m].maps));
-  const std::size_t seeds = report.modes.front().evaluations.size();
-  return chart::table(formatted("%zu held-out records; mean \u00b1 standard error over %s",
-                                report.records, seeds > 1 ? "trainings; n: trainings" : "maps"),
-                      head, table);
-}
-
-// Metrics down, models across: it fits beside seven.
-std::string all_table(const Report& report) {
-  const auto rows = scored(report);
-  std::vector<std::string> head{""};
-  for (const NamedScores& row : rows) head.push_back(chart::escaped(row.name));
-  std::vector<chart::TableRow> table;
-  for (const Column& c : all_columns) {
-    const std::string best = best_of(rows, c);
-    table.push_back({{c.title}});
-    for (std::size_t i = 0; i < rows.size(); ++i)
-      table.back().cells.push_back(value((*rows[i].metrics)[c.metric], c, best));
-  }
-  chart::TableRow paper{{"SSIM in the paper"}, "baseline"};
-  for (const auto& mode : report.modes)
-    paper.cells.push_back(mode.paper_ssim ? formatted("%.4f", *mode.paper_ssim) : "-");
-  paper.cells.resize(rows.size() + 1);
-  table.push_back(paper);
-  return "<div class=\"wide\">" + chart::table("", head, table) + "</div>";
-}
-
-std::string cost_table(const Report& report) {
-  std::vector<chart::TableRow> rows;
-  for (const auto& mode : report.modes) {
-    const RunningCost& c = mode.evaluations.front().cost;
-    rows.push_back({{chart::escaped(title_of(mode)), formatted("%.0f", c.infer_us_median),
-                     formatted("%.0f", c.infer_us_p99),
-                     chart::short_number(static_cast<double>(c.cost.multiply_adds)),
-                     chart::short_number(static_cast<double>(c.cost.parameters)),
-                     formatted("%.1f", static_cast<double>(c.model_bytes) / 1e6),
-                     formatted("%.1f", c.train_s)}});
-  }
-  return chart::table("One map on one thread of this host",
-                      {"", "time of a map (\u00b5s, median)", "99 % (\u00b5s)", "multiply-adds",
-                       "parameters", "file (MB)", "training (s)"},
-                      rows);
+// The gravest of either run; the others are in their section.
+std::string first_failures(const Report& report) {
+  constexpr std::size_t most = 4;
+  const auto problems = problems_of(report);
+  if (problems.empty()) return {};
+  std::string out = "<div class=\"fail\"><b>What fails</b><ul>";
+  for (std::size_t i = 0; i < std::min(most, problems.size()); ++i)
+    out += "<li>" + chart::escaped(problems[i].text) + "</li>";
+  out += "</ul>";
+  if (!report.modes.empty())
+    out += "<a href=\"#failures\">" +
+           (problems.size() > most ? formatted("%zu more, and", problems.size() - most)
+                                   : std::string("Numbers, and")) +
+           " which records</a>";
+  return out + "</div>\n";
 }
 
 // What the numbers of this very table say about whole-map SSIM.
 std::string ssim_note(const Report& report) {
-  const Summaries& fused = report.modes.front().metrics;
-  return "<p class=\"note\"><b>Do not read the SSIM column alone.</b> " +
+  const Summaries& own = report.modes.front().metrics;
+  const double raw = own[metric_ssim].mean, hard = own[metric_ssim_hard].mean;
+  std::string scores = formatted("%.3f", raw);
+  if (std::abs(raw - hard) >= 5e-4) scores += formatted(" raw and %.3f as a hard map", hard);
+  return "<p class=\"note\"><b>Do not read the SSIM row alone.</b> " +
          chart::escaped(
              "Most of a depth map is empty room, and SSIM over the whole map mostly rewards "
              "leaving it empty: " +
              formatted(
-                 "answering every record with the empty room, without having looked, scores %.3f; "
-                 "the first model scores %.3f raw and %.3f as a hard map. ",
-                 report.baselines.front().metrics[metric_ssim].mean, fused[metric_ssim].mean,
-                 fused[metric_ssim_hard].mean) +
-             "The paper states neither window nor data range of its SSIM, so its values cannot be "
-             "met as "
-             "absolutes; what can be compared is the gap between both sensors and either one "
-             "alone. IoU, "
-             "lateral error and ghost say whether the body is found, and on the right side.") +
-         "</p>\n" +
-         chart::paragraph(
-             "Ghost: of the predicted foreground beside the truth or beside its mirror image, the "
-             "share at the "
-             "mirror image (0: none, 0.5: as much on either side). Right side: share of bodies "
-             "more than 0.3 m "
-             "off the axis that are put on their true side. Hard map: what is nearer to the "
-             "background than to "
-             "the mean body depth is set to the background. A detector on the axis sees the same "
-             "histogram of a "
-             "scene and of its mirror image; the radar beside it does not, but cannot resolve the "
-             "body.");
-}
-
-std::string notes_html(const std::string& of, const Evaluation& e) {
-  std::string out;
-  std::istringstream lines(notes(e));
-  for (std::string line; std::getline(lines, line);)
-    out +=
-        line.starts_with("this run is like") ? chart::paragraph(of + line) : chart::note(of + line);
-  return out;
-}
-
-// How much better than the best of what needs no training.
-std::string against_baselines(const Report& report) {
-  const Summaries& own = report.modes.front().metrics;
-  double best = 0;
-  std::string name;
-  for (const auto& row : report.baselines)
-    if (row.metrics[metric_iou].mean > best || name.empty())
-      best = row.metrics[metric_iou].mean, name = baseline_title(row.name);
-  const double se = std::isnan(own[metric_iou].se) ? 0 : own[metric_iou].se;
-  const double ahead = own[metric_iou].mean - best;
-  if (ahead > 2 * se)
-    return formatted("better than every baseline (the best, %s: %.2f)", name.c_str(), best);
-  return formatted("%s the best baseline (%s: %.2f)",
-                   ahead < -2 * se ? "worse than" : "not better than", name.c_str(), best);
-}
-
-std::string verdict(const Report& report) {
-  if (report.modes.empty()) return "The run is " + verdict_of(*report.story);
-  const Summaries& own = report.modes.front().metrics;
-  if (!report.differences.empty()) {
-    const PairedDifference& d = report.differences.front();
-    const bool open = d.low <= 0 && d.high >= 0;
-    return formatted(
-        "On %zu records %s: IoU %.3f and %.3f, difference %+.3f (95 %%: %+.3f to %+.3f).",
-        d.records,
-        open         ? "the two models cannot be told apart"
-        : d.mean > 0 ? "the second model is better"
-                     : "the first model is better",
-        d.first, d.second, d.mean, d.low, d.high);
-  }
-  std::string out =
-      "From " + title_of(report.modes.front()) +
-      formatted(": IoU %.2f, %s", own[metric_iou].mean, against_baselines(report).c_str());
-  if (!std::isnan(own[metric_lateral_m].mean))
-    out += formatted("; bodies stand %.1f cm off to the side in the mean",
-                     100 * own[metric_lateral_m].mean);
-  if (!std::isnan(own[metric_left_right].mean))
-    out += formatted(", %.0f %% on their true side", 100 * own[metric_left_right].mean);
-  return out + ".";
+                 "the empty room, as the answer to every record, scores %.3f; the first model "
+                 "scores %s. ",
+                 report.baselines.front().metrics[metric_ssim].mean, scores.c_str()) +
+             "IoU, lateral error and ghost say whether the body is found, and on its side.") +
+         "</p>\n";
 }
 
 std::string made_html(const Report& report) {
@@ -231,32 +88,54 @@ std::string made_html(const Report& report) {
 
 std::string live_html(const Report& report) {
   if (!report.story) return {};
-  std::string out = story_html(*report.story);
-  if (!report.live) return out;
-  out += notes_html("", *report.live);
-  std::vector<NamedScores> rows{{title_of(report.modes.front()), &report.live->metrics, false}};
-  for (const auto& row : report.live->baselines)
-    rows.push_back({baseline_title(row.name), &row.metrics, true});
-  std::vector<std::string> head{"made from"};
-  std::vector<chart::TableRow> table;
-  for (const NamedScores& row : rows)
-    table.push_back({{chart::escaped(row.name)}, row.baseline ? "baseline" : ""});
-  for (const Column& c : first_columns) {
-    head.push_back(c.title);
-    const std::string best = best_of(rows, c);
-    for (std::size_t i = 0; i < rows.size(); ++i)
-      table[i].cells.push_back(value((*rows[i].metrics)[c.metric], c, best));
-  }
-  return out + chart::table(
-                   formatted("%zu live records against their depth camera", report.live->records),
-                   head, table);
+  if (!report.live) return story_html(*report.story);
+  std::string out;
+  for (const Problem& p : problems_of(report))
+    if (p.live) out += chart::fail(p.text);
+  return story_html(*report.story, out + live_table(report));
 }
 
-// The text about a record that the operator needs beside its picture.
 std::string records_html(const Report& report) {
+  const bool one_sensor = std::any_of(report.modes.begin(), report.modes.end(),
+                                      [](const auto& m) { return !both_sensors(m.inputs); });
   std::string out;
-  for (const ShownRecord& shown : report.main) out += record_html(shown);
+  for (const ShownRecord& shown : report.main) out += record_html(shown, report.span, one_sensor);
   return out;
+}
+
+std::string constants_note(const Report& report) {
+  if (report.constants.empty()) return {};
+  std::string files;
+  for (const std::string& path : report.constants) files += (files.empty() ? "" : ", ") + path;
+  return chart::note("Left out: " + files +
+                     ". Such a model asks no sensor; its answer is always the mean of the training "
+                     "maps, which is among the baselines.");
+}
+
+std::string terms_html() {
+  constexpr std::pair<const char*, const char*> terms[] = {
+      {"SPD", "single-photon detector of one pixel; its clicks are counted by time of flight."},
+      {"record",
+       "what the sensors saw in one time slot, with the map of the depth camera: the truth."},
+      {"IoU", "intersection over union of the pixels of the body, in map and truth; 1 is perfect."},
+      {"lateral error", "distance of the body's middle in the map from the true one, sideways."},
+      {"depth error", "mean, over the pixels that are body in both maps."},
+      {"ghost",
+       "of the body that is drawn, beside the truth and beside its mirror image about the "
+       "SPD's axis, how much is at the mirror image: 0 none, 0.5 as much; a little below "
+       "0 by chance."},
+      {"on the true side", "of the bodies more than 0.3 m off the axis."},
+      {"hard map",
+       "what is nearer to the background than to the mean body is set to the background."},
+      {"domain shift",
+       "how far a run as a whole is from runs like the training; above 1 is unusual."},
+      {"flagged", "a single record that is unlike the training records."},
+      {"SSIM, RMSE",
+       "similarity of structure; root of the mean squared depth error, over the map."}};
+  std::string out = "<dl>";
+  for (const auto& [name, text] : terms)
+    out += std::string("<dt>") + name + "</dt><dd>" + chart::escaped(text) + "</dd>";
+  return out + "</dl>\n";
 }
 
 constexpr const char* cloud_style =
@@ -267,7 +146,27 @@ constexpr const char* cloud_style =
     "font-size:13px;pointer-events:none}button{font:inherit;color:inherit;background:var(--paper);"
     "border:1px solid var(--edge);border-radius:6px;padding:4px "
     "12px;min-height:34px;cursor:pointer}"
-    "button[aria-pressed=true]{background:var(--ink);color:var(--paper)}</style>";
+    "button[aria-pressed=true]{background:var(--ink);color:var(--paper)}@media "
+    "print{section[aria-labelledby=space]{display:none}}</style>";
+
+void add_models(chart::Page& page, const Report& report) {
+  if (!report.main.empty()) page.first(first_html(report.main.front(), report.span));
+  page.first(first_table(report) + constants_note(report));
+  page.section("failures", "What fails", failures_html(report));
+  page.section("difference", "The difference", comparison_html(report));
+  page.section("gallery", "Worst, median, best", gallery_html(report.gallery, report.span));
+  page.section("errors", "Where the errors are", errors_html(report));
+  page.section("letters", "Letters", letters_html(report));
+  page.section("labels", "By label", labels_html(report.modes.front()));
+  page.section("metrics", "All metrics",
+               all_table(report) + ssim_note(report) + paper_html(report));
+  page.section("cost", "Cost", cost_table(report));
+  page.section("records", "Records and their maps", records_html(report));
+  if (!report.main.empty()) {
+    page.section("space", "In space", cloud_style + cloud_html(report.main.front()));
+    page.script(cloud_script(report.main.front(), report.span));
+  }
+}
 
 }  // namespace
 
@@ -276,18 +175,24 @@ std::string short_name(const ModeResult& mode) {
   return mode.name.substr(mode.name.rfind('/') + 1);
 }
 
+std::string name_for_charts(const ModeResult& mode) {
+  if (mode.name == "fused") return "both sensors";
+  if (mode.name == "paper") return "the paper's network";
+  if (mode.name == "spd") return "SPD alone";
+  if (mode.name == "radar") return "radar alone";
+  return short_name(mode);
+}
+
 std::string title_of(const ModeResult& mode) {
-  const std::string model = mode.evaluations.empty() ? "" : mode.evaluations.front().model;
+  std::string model = mode.evaluations.empty() ? "" : mode.evaluations.front().model;
+  if (!mode.models.empty() && mode.models.front().papers) model = "the paper's network";
+  if (model == "mean") model = "mean of the training maps";
   const std::string seeds =
       mode.evaluations.size() > 1 ? formatted(" (%zu trainings)", mode.evaluations.size()) : "";
-  const bool compared = mode.name != "fused" && mode.name != "spd" && mode.name != "radar" &&
-                        mode.name != "paper" && mode.name != "live";
-  if (compared) return short_name(mode) + " (" + model + ")";
+  const std::string name = name_for_charts(mode);
   if (mode.name == "paper") return "both sensors, the paper's network" + seeds;
-  const char* what = both_sensors(mode.inputs)    ? "both sensors"
-                     : mode.inputs == Inputs::spd ? "detector alone"
-                                                  : "radar alone";
-  return std::string(what) + ", " + model + seeds;
+  if (name == short_name(mode)) return name + " (" + model + ")" + seeds;
+  return name + ", " + model + seeds;
 }
 
 std::string to_html(const Report& report) {
@@ -295,43 +200,23 @@ std::string to_html(const Report& report) {
   chart::Page page(report.modes.empty() ? "A recorded run"
                    : compare            ? "Two models on the same records"
                                         : "Depth maps from one pixel and one radar");
-  page.lead("<p class=\"verdict\">" + chart::escaped(verdict(report)) + "</p>\n");
-  page.lead("<p class=\"quiet\">" +
-            (report.modes.empty() ? "" : std::to_string(report.records) + " held-out records of ") +
-            chart::escaped(report.run) + " (run " + chart::escaped(report.run_uuid) +
-            "), echofuse " + version() + "</p>\n");
-  if (!report.modes.empty()) {
-    if (!report.main.empty()) page.lead(first_html(report.main.front()));
-    page.lead(first_table(report));
-    std::string all_notes;
-    for (const auto& mode : report.modes) {
-      const std::string of = report.modes.size() > 1 ? title_of(mode) + ": " : "";
-      all_notes += notes_html(of, mode.evaluations.front());
-      if (!compare) break;  // the same records: the others say the same
-    }
-    page.section("difference", "The difference", comparison_html(report));
-    page.section("cost", "Cost", cost_table(report));
-    page.section("failures", "What fails", all_notes + failures_html(report));
-    page.section("gallery", "Worst, median, best", gallery_html(report.gallery));
-    page.section("errors", "Where the errors are", errors_html(report));
-    page.section("labels", "By label", labels_html(report.modes.front()));
-    page.section("letters", "Letters", letters_html(report.letters));
-    page.section("metrics", "All metrics", all_table(report) + ssim_note(report));
-    page.section("records", "Records and their maps", records_html(report));
-    if (!report.main.empty()) {
-      page.section("space", "In space", cloud_style + cloud_html(report.main.front()));
-      page.script(cloud_script(report.main.front()));
-    }
-    page.section("training", "Training", losses_html(report));
-  }
+  page.lead("<p class=\"verdict\">" + chart::escaped(verdict(report)) + "</p>\n" +
+            first_failures(report) + "<p class=\"quiet\">" + chart::escaped(origin(report)) +
+            "</p>\n");
+  if (!report.modes.empty()) add_models(page, report);
   page.section("live", "The recorded run", live_html(report));
+  page.section("training", "Training", losses_html(report));
   page.section("made", "How this was made", made_html(report));
+  if (!report.modes.empty()) page.section("terms", "Terms", terms_html());
   return page.html();
 }
 
 std::string to_text(const Report& report) {
   std::string out = verdict(report) + "\n";
+  for (const Problem& p : problems_of(report)) out += p.text + "\n";
   if (report.modes.empty()) return out;
+  for (const std::string& path : report.constants)
+    out += path + ": left out, its answer is always the mean of the training maps\n";
   out += formatted("%-10s %10s %16s %16s %16s %16s %16s\n", "mode", "paper SSIM", "SSIM", "IoU",
                    "lateral (m)", "ghost", "left/right");
   const auto line = [&](const std::string& name, const std::string& paper,
@@ -343,16 +228,19 @@ std::string to_text(const Report& report) {
     out += '\n';
   };
   for (const auto& mode : report.modes)
-    line(short_name(mode), mode.paper_ssim ? formatted("%.4f", *mode.paper_ssim) : "",
-         mode.metrics);
+    line(
+        short_name(mode),
+        mode.paper_ssim > 0 && mode.models.front().papers ? formatted("%.4f", mode.paper_ssim) : "",
+        mode.metrics);
   for (const auto& row : report.baselines) line(row.name, "", row.metrics);
-  out += notes(report.modes.front().evaluations.front());
+  for (const std::string& text : remarks_of(report.modes.front().evaluations.front()))
+    out += text + "\n";
   for (const PairedDifference& d : report.differences)
     out += formatted("%-12s %6zu records: %.4f, %.4f; difference %+.4f (95 %%: %+.4f to %+.4f)\n",
                      metric_names[d.metric], d.records, d.first, d.second, d.mean, d.low, d.high);
   if (report.live) {
     line("live", "", report.live->metrics);
-    out += notes(*report.live);
+    for (const std::string& text : remarks_of(*report.live)) out += text + "\n";
   }
   return out;
 }

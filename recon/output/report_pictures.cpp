@@ -17,10 +17,10 @@ namespace {
 std::string scores_of(const ShownMap& m) {
   std::string out = formatted("IoU %.2f", m.scores[metric_iou]);
   if (!std::isnan(m.scores[metric_lateral_m]))
-    out += formatted(", side %.1f cm", 100 * m.scores[metric_lateral_m]);
+    out += formatted(", lateral error %.1f cm", 100 * m.scores[metric_lateral_m]);
   if (!std::isnan(m.scores[metric_depth_mae_m]))
-    out += formatted(", depth %.1f cm off", 100 * m.scores[metric_depth_mae_m]);
-  return out;
+    out += formatted(", depth error %.1f cm", 100 * m.scores[metric_depth_mae_m]);
+  return out + ".";
 }
 
 // One for all maps of a record.
@@ -31,18 +31,28 @@ Frame frame_of(const ShownRecord& r) {
   return frame_about(r.truth, any, r.half_tangent);
 }
 
-chart::Drawing truth_of(const ShownRecord& r) {
-  return chart::draw(map_picture("Truth (depth camera)", r.truth, frame_of(r), r.span));
+chart::Drawing truth_of(const ShownRecord& r, const chart::Span& span) {
+  return chart::draw(map_picture("Truth (depth camera)", r.truth, frame_of(r), span));
 }
 
-std::vector<chart::Drawing> map_of(const ShownRecord& r, const ShownMap& m, bool deviation) {
-  chart::Picture map = map_picture("Map: " + m.name, m.map, frame_of(r), r.span);
-  map.note = scores_of(m);
-  std::vector<chart::Drawing> out{chart::draw(map),
-                                  chart::draw(error_picture(m.map, r.truth, frame_of(r)))};
-  if (deviation && !m.deviation.empty()) {
+chart::Drawing map_of(const ShownRecord& r, const ShownMap& m, const std::string& title,
+                      const chart::Span& span) {
+  chart::Picture map = map_picture(title, m.map, frame_of(r), span);
+  map.note = scores_of(m) + (map.note.empty() ? "" : " " + map.note);
+  return chart::draw(map);
+}
+
+chart::Drawing error_of(const ShownRecord& r, const ShownMap& m) {
+  return chart::draw(error_picture(m.map, r.truth, frame_of(r)));
+}
+
+// Map, error and stated uncertainty.
+std::vector<chart::Drawing> all_of(const ShownRecord& r, const ShownMap& m,
+                                   const chart::Span& span) {
+  std::vector<chart::Drawing> out{map_of(r, m, "Map: " + m.name, span), error_of(r, m)};
+  if (!m.deviation.empty()) {
     chart::Picture sd = deviation_picture(m.deviation, frame_of(r));
-    sd.note = m.stated;
+    sd.note = "Place of the body: " + m.stated + "." + (sd.note.empty() ? "" : " " + sd.note);
     out.push_back(chart::draw(sd));
   }
   return out;
@@ -58,11 +68,11 @@ std::vector<chart::Drawing> measured_of(const ShownRecord& r) {
 }
 
 // The whole field, as a mirror image may be on its other side.
-std::vector<chart::Drawing> blur_of(const ShownRecord& r) {
+std::vector<chart::Drawing> blur_of(const ShownRecord& r, const chart::Span& span) {
   const Frame whole = whole_frame(
       static_cast<std::size_t>(std::lround(std::sqrt(static_cast<double>(r.truth.size())))),
       r.half_tangent);
-  chart::Picture truth = map_picture("Truth (depth camera)", r.truth, whole, r.span);
+  chart::Picture truth = map_picture("Truth (depth camera)", r.truth, whole, span);
   truth.width = 320;
   std::vector<chart::Drawing> out{chart::draw(truth)};
   for (const ShownMap& m : r.maps) {
@@ -88,22 +98,22 @@ std::string words_of(const ShownMap& m, bool named) {
   return out;
 }
 
+// How far before and behind the plate's middle: a letter is a matter of centimetres.
 chart::Picture letter_picture(const ShownLetter& l, const std::string& title,
                               const std::vector<float>& map) {
-  chart::Picture p = map_picture(
-      title, map,
+  chart::Picture p = relief_picture(
+      title, map, l.depth_m,
       whole_frame(static_cast<std::size_t>(std::lround(std::sqrt(static_cast<double>(map.size())))),
-                  l.width_m / 2),
-      l.span);
+                  l.width_m / 2));
   p.degrees = false, p.x_title = "x from the plate's middle (m)", p.y_title = "y (m)";
   return p;
 }
 
 // How alike what is seen is to each letter; the true one is marked.
 chart::Panel candidates(const ShownLetter& l) {
-  chart::Panel out{"How alike to each letter", {"correlation"}, {"letter"}, {}};
+  chart::Panel out{"Likeness to each letter", {"correlation"}, {"letter"}, {}};
   chart::Series truth{"", {}, chart::grey, chart::Look::markers},
-      map{"", {}, 0, chart::Look::markers};
+      map{"", {}, chart::of_both, chart::Look::markers};
   for (std::size_t k = 0; k < letters.size(); ++k) {
     const double y = static_cast<double>(letters.size() - 1 - k);
     const bool is = k == l.letter;
@@ -119,76 +129,106 @@ chart::Panel candidates(const ShownLetter& l) {
 
 }  // namespace
 
-std::string stand_alone(const ShownRecord& r) {
-  std::vector<chart::Drawing> drawings{truth_of(r)};
+std::string stand_alone(const ShownRecord& r, const chart::Span& span) {
+  std::vector<chart::Drawing> drawings{truth_of(r, span)};
   for (auto& d : measured_of(r)) drawings.push_back(std::move(d));
   for (const ShownMap& m : r.maps) {
-    for (auto& d : map_of(r, m, true)) drawings.push_back(std::move(d));
+    for (auto& d : all_of(r, m, span)) drawings.push_back(std::move(d));
     if (drawings.size() % 3 != 0)
-      drawings.push_back(chart::no_picture("Its own uncertainty", "not stated", 370));
+      drawings.push_back(chart::no_picture("Stated uncertainty", "not stated", 370));
   }
+  drawings.push_back(chart::map_legend(1140, 4));
   return chart::stand_alone(r.title, drawings, 3);
 }
 
-std::string blur_alone(const ShownRecord& r) {
-  const auto drawings = blur_of(r);
+std::string maps_alone(const ShownRecord& r, const chart::Span& span) {
+  std::vector<chart::Drawing> drawings{truth_of(r, span)};
+  for (const ShownMap& m : r.maps) drawings.push_back(map_of(r, m, m.name, span));
+  return chart::stand_alone("", drawings, drawings.size());
+}
+
+std::string blur_alone(const ShownRecord& r, const chart::Span& span) {
+  const auto drawings = blur_of(r, span);
   return chart::stand_alone(
       r.title + ": how far each pixel has come from the room (0) to a body (1)", drawings,
       drawings.size());
 }
 
-std::string first_html(const ShownRecord& r) {
-  std::vector<chart::Drawing> drawings{truth_of(r)};
-  for (auto& d : map_of(r, r.maps.front(), false)) drawings.push_back(std::move(d));
-  return chart::figure(svgs(drawings),
-                       r.title + ". " + r.caption + " " + words_of(r.maps.front(), false));
+std::string first_html(const ShownRecord& r, const chart::Span& span) {
+  const ShownMap& m = r.maps.front();
+  std::vector<std::string> drawings =
+      svgs({truth_of(r, span), map_of(r, m, "Map: " + m.name, span), error_of(r, m)});
+  drawings.push_back(
+      chart::for_both_widths(chart::map_legend(1140, 4), chart::map_legend(chart::narrow_px, 1)));
+  return chart::figure(drawings, r.title + ". " + r.caption + " " + words_of(m, false) +
+                                     formatted("All maps of this page have the depths of this "
+                                               "one, %g to %g m.",
+                                               span.near, span.far));
 }
 
-std::string record_html(const ShownRecord& r) {
+std::string record_html(const ShownRecord& r, const chart::Span& span, bool one_sensor) {
   std::vector<chart::Drawing> drawings = measured_of(r);
   std::string said;
   for (const ShownMap& m : r.maps) {
-    for (auto& d : map_of(r, m, true)) drawings.push_back(std::move(d));
+    for (auto& d : all_of(r, m, span)) drawings.push_back(std::move(d));
     said += words_of(m, r.maps.size() > 1);
   }
-  drawings.insert(drawings.begin(), truth_of(r));
-  return "<h3>" + chart::escaped(r.title) + "</h3>\n" +
-         chart::figure(svgs(drawings), r.caption + " " + said + "File: " + r.file + ".svg") +
-         chart::figure(svgs(blur_of(r)),
-                       "How far each pixel has come from the room (0) to a body (1); above a half "
-                       "it is shown as "
-                       "one. A sensor alone leaves open on which side the body is: a blur. File: " +
-                           r.file + "_blur.svg");
+  drawings.insert(drawings.begin(), truth_of(r, span));
+  return chart::details(
+      r.title,
+      chart::figure(svgs(drawings), r.caption + " " + said +
+                                        "Stated uncertainty: standard deviation of the "
+                                        "depth; most of it is whether there is body or "
+                                        "wall. File: " +
+                                        r.file + ".svg") +
+          chart::figure(svgs(blur_of(r, span)),
+                        "How far each pixel has come from the room (0) to a body (1); above a half "
+                        "it is shown as one. " +
+                            std::string(one_sensor ? "A sensor alone leaves open on which side the "
+                                                     "body is: a blur. "
+                                                   : "") +
+                            "File: " + r.file + "_blur.svg"));
 }
 
-std::string gallery_html(const std::vector<ShownRecord>& gallery) {
+// A column each.
+std::string gallery_html(const std::vector<ShownRecord>& gallery, const chart::Span& span) {
   std::string out;
   for (const ShownRecord& r : gallery) {
-    std::vector<chart::Drawing> drawings{truth_of(r)};
-    for (auto& d : map_of(r, r.maps.front(), false)) drawings.push_back(std::move(d));
-    out += "<h3>" + chart::escaped(r.title) + "</h3>\n" +
-           chart::figure(svgs(drawings), words_of(r.maps.front(), false));
+    const ShownMap& m = r.maps.front();
+    out += "<div><h3>" + chart::escaped(r.title) + "</h3><div class=\"drawings\">" +
+           map_of(r, m, "Map", span).svg + error_of(r, m).svg + "</div>" +
+           chart::paragraph(words_of(m, false)) + "</div>";
   }
-  return out;
+  return out.empty() ? out : "<figure><div class=\"groups\">" + out + "</div></figure>\n";
 }
 
-std::string letters_html(const std::vector<ShownLetter>& all) {
-  std::string out;
-  for (const ShownLetter& l : all) {
-    const auto best = static_cast<std::size_t>(
-        std::max_element(l.map_scores.begin(), l.map_scores.end()) - l.map_scores.begin());
-    const std::string read = std::string("The map reads as ") + letters[best] +
-                             (best == l.letter ? ", which is right." : ", which is wrong.");
-    out += "<h3>" + chart::escaped(l.title) + "</h3>\n" +
-           chart::figure({chart::draw(letter_picture(l, "Truth, zoomed", l.truth)).svg,
-                          chart::draw(letter_picture(l, "Map, zoomed", l.map)).svg,
-                          chart::draw(candidates(l)).svg},
-                         read);
+std::string letters_html(const Report& report) {
+  if (report.letters.empty()) return {};
+  const Evaluation& e = report.modes.front().evaluations.front();
+  const CountOf read = letters_read(e);
+  const auto [low, high] = read.interval();
+  std::string out = chart::paragraph(formatted(
+      "The letter is read in %s records (95 %% interval %.0f to %.0f %%); by chance it is %.1f. "
+      "Shown are records at the quartiles of IoU, whatever was read.",
+      read.text().c_str(), 100 * low, 100 * high,
+      static_cast<double>(read.of) / static_cast<double>(letters.size())));
+  for (const ShownLetter& l : report.letters) {
+    std::array<std::size_t, letters.size()> order{};
+    for (std::size_t k = 0; k < order.size(); ++k) order[k] = k;
+    std::stable_sort(order.begin(), order.end(),
+                     [&](auto a, auto b) { return l.map_scores[a] > l.map_scores[b]; });
+    const std::string said =
+        formatted("The map is most like %c (%.2f), then %c (%.2f): %s.", letters[order[0]],
+                  l.map_scores[order[0]], letters[order[1]], l.map_scores[order[1]],
+                  order[0] == l.letter ? "right" : "wrong");
+    out += chart::details(
+        l.title,
+        chart::figure({chart::draw(letter_picture(l, "Truth, about the plate", l.truth)).svg,
+                       chart::draw(letter_picture(l, "Map, about the plate", l.map)).svg,
+                       chart::draw(candidates(l)).svg},
+                      said + " Depth before (below 0) and behind the plate's middle."));
   }
-  return out.empty()
-             ? out
-             : chart::paragraph("Of all records with a letter those at the quartiles of IoU.") +
-                   out;
+  return out;
 }
 
 std::string cloud_html(const ShownRecord& r) {
@@ -201,7 +241,7 @@ std::string cloud_html(const ShownRecord& r) {
 }
 
 // Depths in millimetres.
-std::string cloud_script(const ShownRecord& r) {
+std::string cloud_script(const ShownRecord& r, const chart::Span& span) {
   const auto list = [](const std::vector<float>& map) {
     std::string out;
     for (const float z : map) out += std::to_string(std::lround(1000 * double{z})) + ",";
@@ -211,7 +251,7 @@ std::string cloud_script(const ShownRecord& r) {
   return "(()=>{\n" + std::string(cloud_code) + "\nconst shown={map:" + list(r.maps.front().map) +
          ",truth:" + list(r.truth) +
          "};const cloud=new Cloud();\nconst show=which=>{cloud.set(shown[which]," +
-         formatted("%g,[%g,%g]", r.half_tangent, r.span.near, r.span.far) +
+         formatted("%g,[%g,%g]", r.half_tangent, span.near, span.far) +
          ");for(const w of ['map','truth'])document.getElementById('cloud-'+w)"
          ".setAttribute('aria-pressed',w===which);};\n"
          "for(const w of ['map','truth'])document.getElementById('cloud-'+w)"

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "drivers/chart/style.hpp"
 #include "recon/estimator/predict.hpp"
 #include "recon/files/text.hpp"
 #include "recon/output/report.hpp"
@@ -13,10 +14,10 @@ namespace echofuse::recon {
 namespace {
 
 chart::Panel histogram(const Dataset& data, std::size_t row) {
-  chart::Panel out{"Detector: photons by range",
+  chart::Panel out{"SPD: clicks by range",
                    {"range (m)"},
-                   {"counts a bin", false, 0},
-                   {{"", {}, 0, chart::Look::steps}}};
+                   {"clicks a bin", false, 0},
+                   {{"", {}, chart::of_spd, chart::Look::steps}}};
   const auto counts = data.spd.row(row);
   for (std::size_t i = 0; i < counts.size(); ++i)
     out.series[0].points.push_back(
@@ -28,16 +29,32 @@ chart::Panel profile(const Dataset& data, std::size_t row) {
   constexpr double least_db = -40;
   chart::Panel out{"Radar: power by range",
                    {"range (m)"},
-                   {"dB of the strongest"},
-                   {{"", {}, 1, chart::Look::line}}};
+                   {"power (dB, 0: the strongest bin)"},
+                   {{"", {}, chart::of_radar, chart::Look::line}}};
+  out.y.first = least_db, out.y.last = 2;
   const auto power = data.radar.row(row);
   const double most = power.empty() ? 0 : double{*std::max_element(power.begin(), power.end())};
-  for (std::size_t i = 0; i < power.size(); ++i)
+  for (std::size_t i = 0; i < power.size(); ++i) {
+    const double db = 10 * std::log10(std::max(double{power[i]} / std::max(most, 1e-300), 1e-300));
     out.series[0].points.push_back(
-        {data.radar_axis.at(static_cast<double>(i)),
-         std::max(least_db,
-                  10 * std::log10(std::max(double{power[i]} / std::max(most, 1e-300), 1e-300)))});
+        {data.radar_axis.at(static_cast<double>(i)), db < least_db ? chart::nan : db});
+  }
+  out.note = formatted("Bins of %.2g m; a gap: below %g dB.", data.radar_axis.step, least_db);
   return out;
+}
+
+// One axis for both sensors, as wide as the detector's, and where the camera sees the body.
+void share_ranges(std::vector<chart::Panel>& panels, std::span<const float> truth,
+                  const Scene& scene) {
+  double last = 0, range = 0, pixels = 0;
+  for (const auto& point : panels.front().series[0].points) last = std::max(last, point.x);
+  for (std::size_t p = 0; p < truth.size(); ++p)
+    if (true_foreground(truth[p], scene.background[p])) range += double{truth[p]}, ++pixels;
+  for (chart::Panel& panel : panels) {
+    panel.x.first = 0;
+    if (last > 0) panel.x.last = std::ceil(last);
+    if (pixels > 0) panel.rules.push_back({range / pixels, "body (camera)", true});
+  }
 }
 
 void state(ShownMap& out, const PredictionUncertainty& stated) {
@@ -69,9 +86,9 @@ ShownRecord show_record(const std::vector<const TrainedModel*>& models,
   out.title =
       formatted("%s, record %lld", data.label[row].empty() ? "no label" : data.label[row].c_str(),
                 static_cast<long long>(data.index[row]));
-  out.span = chart::span_of(truth);
   out.half_tangent = data.map.half_tangent;
   out.measured = {histogram(data, row), profile(data, row)};
+  share_ranges(out.measured, truth, models.front()->scene);
   for (std::size_t i = 0; i < models.size(); ++i) {
     const TrainedModel& model = *models[i];
     const Records seen = prepare_records(model, part_of(data, {row}), RangeBiasAction::ignore);
@@ -99,6 +116,7 @@ ShownRecord show_record(const std::vector<const TrainedModel*>& models,
 std::vector<ShownLetter> show_letters(const TrainedModel& model, const Dataset& data,
                                       const Evaluation& e) {
   constexpr double width_m = 0.8;
+  constexpr std::array quartiles{"lower", "middle", "upper"};
   std::vector<std::pair<double, std::size_t>> order;
   for (std::size_t i = 0; i < e.rows.size(); ++i)
     if (letter_of(data.label[e.rows[i]])) order.emplace_back(e.scores[i][metric_iou], e.rows[i]);
@@ -109,7 +127,7 @@ std::vector<ShownLetter> show_letters(const TrainedModel& model, const Dataset& 
   std::vector<ShownLetter> out;
   const auto count = std::min<std::size_t>(order.size(), 3);
   for (std::size_t k = 0; k < count; ++k) {  // at the quartiles: no picked cherries
-    const std::size_t row = order[(k + 1) * order.size() / (count + 1)].second;
+    const std::size_t at = (k + 1) * order.size() / (count + 1), row = order[at].second;
     const auto letter = letter_of(data.label[row]);
     const auto truth = data.depth.row(row);
     const LetterReader& reader = LetterReader::of(model.scene.grid);
@@ -120,12 +138,12 @@ std::vector<ShownLetter> show_letters(const TrainedModel& model, const Dataset& 
     const auto map = hard_map(within_span(made.maps.row(0)), model.scene);
     const Window window = about(*plate, model.scene.grid, width_m);
     ShownLetter shown;
-    shown.title = formatted("%s, record %lld", data.label[row].c_str(),
-                            static_cast<long long>(data.index[row]));
-    shown.letter = *letter, shown.width_m = width_m;
+    shown.title = formatted("%s, record %lld: IoU %.2f, the %s quartile of all %zu with a letter",
+                            data.label[row].c_str(), static_cast<long long>(data.index[row]),
+                            order[at].first, count < 3 ? "nearest" : quartiles[k], order.size());
+    shown.letter = *letter, shown.width_m = width_m, shown.depth_m = plate->depth_m;
     shown.truth = cut(truth, model.scene.grid, window),
     shown.map = cut(map, model.scene.grid, window);
-    shown.span = chart::span_of(truth);
     shown.truth_scores = reader.read(truth, model.scene, *plate).similarity;
     shown.map_scores = reader.read(made.maps.row(0), model.scene, *plate).similarity;
     out.push_back(std::move(shown));

@@ -20,8 +20,11 @@ struct RunStory {
 RunStory story_of(const std::string& path);  // throws as RunReader
 // "complete: 20 records, of which 19 have all three sensors".
 std::string verdict_of(const RunStory& story);
-// Sensors over time, samples a record, losses, clock residuals; none of a run without records.
-std::vector<chart::Panel> timeline(const RunStory& story);
-std::string story_html(const RunStory& story);  // timeline and tables
+// Which sensors are missing for good, or in many records: a sentence each.
+std::vector<std::string> gone_sensors(const RunStory& story);
+// Strips over one axis of time: samples a record, losses, clock residuals. Of a run with records.
+chart::Drawing timeline(const RunStory& story, double width);
+// Tables and timeline; `between`: HTML after the verdict.
+std::string story_html(const RunStory& story, const std::string& between = {});
 
 }  // namespace echofuse::recon

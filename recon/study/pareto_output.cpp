@@ -6,6 +6,7 @@
 #include "drivers/chart/chart.hpp"
 #include "drivers/chart/style.hpp"
 #include "recon/files/text.hpp"
+#include "recon/study/model_colours.hpp"
 #include "recon/study/pareto.hpp"
 
 namespace echofuse::recon {
@@ -36,26 +37,45 @@ chart::Point point_of(const ParetoRow& r, double x, Metric metric, double unit =
   return {x, mean, mean - spread, mean + spread};
 }
 
+// Of an IoU of 0 there is no body to be seen: such models would only press the others together.
+bool draws_a_body(const ParetoRow& r) { return r.mean[metric_iou] >= 0.01; }
+
+std::string without_a_body(const std::vector<ParetoRow>& rows) {
+  std::string out;
+  for (const ParetoRow& r : rows)
+    if (r.sweep == "model" && !draws_a_body(r))
+      out += (out.empty() ? "" : "; ") + name_in_charts(r.model);
+  return out.empty() ? out : " Not shown, IoU 0: " + out + ".";
+}
+
 // A point a model, with its name.
 void add_models(chart::Panel& panel, const std::vector<ParetoRow>& rows, Metric metric, double unit,
                 double ParetoRow::*cost) {
-  chart::Series models{"", {}, 0, chart::Look::markers}, paper = models;
-  paper.colour = 1;
+  std::size_t seeds = 0;
   for (const ParetoRow& r : rows) {
-    if (r.sweep != "model" || !(r.*cost > 0)) continue;
-    chart::Point point = point_of(r, r.*cost, metric, unit);
+    if (r.sweep != "model" || !(r.*cost > 0) || !draws_a_body(r)) continue;
     const bool papers = r.model == papers_network;
-    point.label = r.model + (papers ? ", the paper's network" : "");
-    (papers ? paper : models).points.push_back(point);
+    const int colour = papers                              ? chart::of_paper
+                       : r.model.ends_with(":spd")         ? chart::of_spd
+                       : r.model.ends_with(":radar")       ? chart::of_radar
+                       : r.model.starts_with("factorised") ? chart::of_both
+                                                           : chart::grey;
+    chart::Series one{"", {point_of(r, r.*cost, metric, unit)}, colour, chart::Look::markers};
+    one.points[0].label = name_in_charts(r.model) + (papers ? ", the paper's network" : "");
+    panel.series.push_back(one);
+    seeds = std::max(seeds, r.seeds);
   }
-  panel.series.push_back(models), panel.series.push_back(paper);
+  panel.note =
+      (seeds > 1 ? formatted("Bars: spread over %zu seeds, mostly within the marker.", seeds)
+                 : std::string("One seed: no bars.")) +
+      without_a_body(rows);
 }
 
 // What no model is both faster and better than.
 chart::Series front_of(const std::vector<ParetoRow>& rows) {
   chart::Series front{"", {}, chart::grey, chart::Look::steps};
   for (const ParetoRow& r : rows)
-    if (r.front) front.points.push_back({r.infer_us_median, r.mean[metric_iou]});
+    if (r.front && draws_a_body(r)) front.points.push_back({r.infer_us_median, r.mean[metric_iou]});
   std::sort(front.points.begin(), front.points.end(),
             [](const auto& a, const auto& b) { return a.x < b.x; });
   return front;
@@ -66,10 +86,8 @@ chart::Panel sweep_panel(const std::vector<ParetoRow>& rows, const std::string& 
   const bool photons = sweep == "photons";
   const std::string what =
       photons ? "share of the record's photons" : "share of the training records";
-  chart::Panel panel{photons ? "Fewer photons" : "Fewer training records",
-                     {what, true},
-                     {"IoU of the foreground"},
-                     {}};
+  chart::Panel panel{
+      photons ? "Fewer photons" : "Fewer training records", {what, true}, {"IoU"}, {}};
   for (const ParetoRow& r : rows) {
     if (r.sweep != sweep && r.sweep != "model") continue;
     const auto known = std::find_if(panel.series.begin(), panel.series.end(),
@@ -80,10 +98,10 @@ chart::Panel sweep_panel(const std::vector<ParetoRow>& rows, const std::string& 
       panel.series.push_back({r.model, {point_of(r, std::stod(r.share), metric_iou)}});
   }
   std::erase_if(panel.series, [](const auto& s) { return s.points.size() < 2; });
-  int colour = 0;
+  ModelColours colours;
   for (auto& s : panel.series) {
-    if (colour == 1) ++colour;  // the paper's, as above
-    s.colour = s.name == papers_network ? 1 : std::min(colour++, chart::grey);
+    s.colour = colours.of(s.name);
+    s.name = name_in_charts(s.name);
     std::sort(s.points.begin(), s.points.end(),
               [](const auto& a, const auto& b) { return a.x < b.x; });
   }
@@ -95,7 +113,7 @@ std::vector<chart::Panel> panels_of(const std::vector<ParetoRow>& rows,
   constexpr double width = 560, height = 400;
   chart::Panel time{"Outline against the time of a map; the line is the Pareto front",
                     {"time of one map on one thread (\u00b5s, median)", true},
-                    {"IoU of the foreground"},
+                    {"IoU"},
                     {front_of(rows)},
                     {},
                     {},
@@ -111,11 +129,11 @@ std::vector<chart::Panel> panels_of(const std::vector<ParetoRow>& rows,
                      width,
                      height};
   if (!bound.empty())
-    place.rules = {{100 * bound[0], formatted("bound: pose unknown, %g cm", 100 * bound[0])},
-                   {100 * bound[1], formatted("bound: shape known, %g cm", 100 * bound[1])}};
+    place.rules = {{100 * bound[0], formatted("least possible: %g cm", 100 * bound[0])},
+                   {100 * bound[1], formatted("with known shape: %g cm", 100 * bound[1])}};
   if (bound.size() == 2 && bound[0] == bound[1])
     place.rules = {
-        {100 * bound[0], formatted("bound: %g cm, pose unknown or shape known", 100 * bound[0])}};
+        {100 * bound[0], formatted("least possible (Cram\u00e9r-Rao): %g cm", 100 * bound[0])}};
   add_models(place, rows, metric_lateral_m, 100, &ParetoRow::multiply_adds);
   std::vector<chart::Panel> out{time, place};
   for (const char* sweep : {"photons", "records"}) {

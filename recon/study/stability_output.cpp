@@ -11,6 +11,7 @@
 #include "drivers/core/console.hpp"
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
+#include "recon/study/model_colours.hpp"
 #include "recon/study/stability_summary.hpp"
 
 namespace echofuse::recon {
@@ -62,7 +63,7 @@ std::string table(const std::vector<StabilityResult>& results) {
 }
 
 std::string capitalised(std::string text);
-std::vector<chart::Panel> panels_of(const StabilityResult& result);
+std::vector<chart::Panel> panels_of(const StabilityOptions& o, const StabilityResult& result);
 
 std::string to_html(const StabilityOptions& o, const std::vector<StabilityResult>& results) {
   chart::Page page("What fails first");
@@ -86,10 +87,10 @@ std::string to_html(const StabilityOptions& o, const std::vector<StabilityResult
           table(results));
   for (const auto& result : results) {
     std::vector<std::string> drawings;
-    for (const chart::Panel& p : panels_of(result)) drawings.push_back(chart::draw(p).svg);
+    for (const chart::Panel& p : panels_of(o, result))
+      drawings.push_back(chart::for_both_widths(p));
     page.section(result.axis.id(), capitalised(result.axis.title) + ", " + result.axis.kind(),
-                 chart::figure(drawings, "A cross: here the model begins to fail. As a file: " +
-                                             result.axis.id() + ".svg"));
+                 chart::figure(drawings, "As a file: " + result.axis.id() + ".svg"));
   }
   return page.html();
 }
@@ -150,11 +151,9 @@ std::string capitalised(std::string text) {
   return text;
 }
 
-constexpr int most_colours = chart::grey;  // models beyond are grey, and have their names
-
 chart::Series series_of(const StabilityCurve& curve, const Positions& x, const StabilityAxis& axis,
                         Metric metric) {
-  chart::Series line{curve.name, {}};
+  chart::Series line{name_in_charts(curve.name), {}};
   for (std::size_t i = 0; i < curve.points.size(); ++i) {
     const double mean = curve.points[i].mean[metric], spread = curve.points[i].spread[metric];
     chart::Point point{x.at[i], mean};
@@ -167,17 +166,28 @@ chart::Series series_of(const StabilityCurve& curve, const Positions& x, const S
   return line;
 }
 
-std::vector<chart::Panel> panels_of(const StabilityResult& result) {
+std::string meaning_of(const StabilityAxis& axis) {
+  return axis.kind() == std::string("matched") ? "trained and tested under each condition"
+                                               : "trained at the base, tested under each condition";
+}
+
+std::vector<chart::Panel> panels_of(const StabilityOptions& o, const StabilityResult& result) {
   const Positions x = positions_of(result.axis);
   std::vector<chart::Panel> out;
   for (const Metric metric : {metric_iou, metric_ssim_hard}) {
     chart::Panel panel{"",
                        {result.axis.title, x.log},
-                       {metric == metric_iou ? "IoU of the foreground" : "SSIM of the hard map"},
+                       {metric == metric_iou ? "IoU" : "SSIM of the hard map", false,
+                        metric == metric_iou ? 0 : 0.5, metric == metric_iou ? chart::nan : 1},
                        {},
                        {{x.at[result.axis.base()], "base", true}}};
-    panel.width = 560, panel.height = 320;
-    if (x.zero) panel.note = "The scale is logarithmic; 0 stands a decade left of the least value.";
+    panel.width = 560, panel.height = 380;
+    panel.note = formatted(
+        "Means of %zu seed%s, bars: their spread; %zu records to train, %zu to "
+        "judge by. Cross: from here on the model fails, its map is no better "
+        "than no map; it may do so at the base.",
+        o.seeds, o.seeds == 1 ? " (no bars)" : "s", o.records, o.test_records);
+    if (x.zero) panel.note += " 0 stands a decade left of the least value.";
     for (std::size_t i = 0; i < x.at.size(); ++i) {
       const std::string& label = result.axis.values[i].label;
       char* end = nullptr;
@@ -192,10 +202,10 @@ std::vector<chart::Panel> panels_of(const StabilityResult& result) {
       for (auto& point : panel.series.back().points)
         point.low = point.high = chart::nan, point.crossed = false;
     }
-    int colour = 0;
+    ModelColours colours;
     for (const auto& curve : result.curves) {
       panel.series.push_back(series_of(curve, x, result.axis, metric));
-      panel.series.back().colour = std::min(colour++, most_colours);
+      panel.series.back().colour = colours.of(curve.name);
     }
     out.push_back(panel);
   }
@@ -211,8 +221,8 @@ void write_stability(const StabilityOptions& options, const std::vector<Measurem
   for (const auto& result : results)
     write_text(options.out + "/" + result.axis.id() + ".svg",
                chart::stand_alone(capitalised(result.axis.title) + ", " + result.axis.kind() +
-                                      "; a cross: the model begins to fail",
-                                  panels_of(result), 2));
+                                      ": " + meaning_of(result.axis),
+                                  panels_of(options, result), 2));
 }
 
 std::string to_text(const std::vector<StabilityResult>& results) {

@@ -18,24 +18,30 @@ struct Way {
   const char *from, *model, *name;
   int colour;
   bool dashed;
+  double aside;  // points of one size stand side by side
 };
 // Where a model comes from by colour, what was done with the new records by the line.
-constexpr std::array ways{Way{"none", "alone", "new records alone", chart::grey, false},
-                          Way{"base", "pooled", "base, pooled", 0, true},
-                          Way{"base", "tuned", "base, tuned", 0, false},
-                          Way{"twin", "pooled", "laboratories, pooled", 1, true},
-                          Way{"twin", "tuned", "laboratories, tuned", 1, false}};
+constexpr std::array ways{Way{"none", "alone", "new records alone", chart::grey, false, 1},
+                          Way{"base", "pooled", "base, pooled", chart::of_camera, true, 0.92},
+                          Way{"base", "tuned", "base, tuned", chart::of_camera, false, 0.96},
+                          Way{"twin", "pooled", "laboratories, pooled", chart::of_both, true, 1.04},
+                          Way{"twin", "tuned", "laboratories, tuned", chart::of_both, false, 1.08}};
 
 chart::Panel panel_of(const std::vector<TransferRow>& rows, std::size_t metric, double unit,
                       const std::string& title, const std::string& y) {
   chart::Panel panel{title, {"records of the new world", true}, {y}, {}};
-  panel.width = 540, panel.height = 360;
+  panel.width = 560, panel.height = 420;
+  panel.note =
+      "Points of one number of records stand side by side; bars: spread over draws. Base: on top "
+      "of "
+      "a model of one world; laboratories: of many. As it was: without any new record.";
   for (const Way& way : ways) {
     chart::Series line{way.name, {}, way.colour, chart::Look::both, way.dashed};
     for (const TransferRow& r : rows)
       if (r.from == way.from && r.model == way.model) {
         const double mean = unit * r.mean[metric], spread = unit * r.spread[metric];
-        line.points.push_back({static_cast<double>(r.records), mean, mean - spread, mean + spread});
+        line.points.push_back(
+            {way.aside * static_cast<double>(r.records), mean, mean - spread, mean + spread});
       }
     panel.series.push_back(line);
   }
@@ -115,7 +121,7 @@ void write_transfer(const std::vector<TransferRow>& rows, const std::string& fol
   }
   chart::write_chart(folder, "transfer", csv.str(),
                      chart::stand_alone("From one world to another",
-                                        {panel_of(rows, 0, 1, "Outline", "IoU of the foreground"),
+                                        {panel_of(rows, 0, 1, "IoU", "IoU"),
                                          panel_of(rows, 1, 100, "Place", "lateral error (cm)")},
                                         2));
 }

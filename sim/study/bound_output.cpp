@@ -25,7 +25,8 @@ chart::Panel panel_of(const std::vector<Bound>& rows, const BoundAxis& axis) {
   panel.width = 500, panel.height = 300;
   for (const char* known : {"shape", "pose"}) {
     const bool shape = known == std::string("shape");
-    chart::Series line{shape ? "shape known" : "pose unknown", {}, shape ? 0 : 1};
+    chart::Series line{
+        shape ? "shape known" : "pose unknown", {}, shape ? chart::grey : chart::of_both};
     for (const Bound& r : rows)
       if (r.axis == axis.name && r.known == known)
         line.points.push_back({r.value, 100 * r.x_median_m, 100 * r.x_lower_m, 100 * r.x_upper_m});

@@ -8,6 +8,7 @@
 
 #include "acquire/record/letter.hpp"
 #include "drivers/chart/chart.hpp"
+#include "drivers/chart/style.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "sim/scene/draw.hpp"
 #include "sim/sensors/optics.hpp"
@@ -146,7 +147,8 @@ chart::Panel panel_of(const std::vector<LettersRow>& rows, const std::string& ax
   panel.width = 440;
   for (const char* known : known_names) {
     const bool brightness = known == std::string("brightness");
-    chart::Series line{brightness ? "brightness known" : "unknown", {}, brightness ? 0 : 1};
+    chart::Series line{
+        brightness ? "brightness known" : "unknown", {}, brightness ? chart::grey : chart::of_spd};
     for (const LettersRow& r : rows)
       if (r.axis == axis && r.known == known)
         line.points.push_back({r.value, r.top1, r.top1 - r.se, r.top1 + r.se});

@@ -2,6 +2,7 @@
 // What charts, pictures and pages have in common.
 #include "drivers/chart/chart.hpp"
 
+#include <array>
 #include <catch2/catch.hpp>
 #include <sstream>
 
@@ -36,7 +37,51 @@ std::string colour(const std::string& name, bool dark) {
   return all.substr(at + wanted.size(), 7);
 }
 
+// L*a*b* of a colour as protanopes or deuteranopes see it (Machado, Oliveira and Fernandes 2009),
+// or as it is.
+std::array<double, 3> lab_of(const std::string& hex, int seen_by) {
+  using Matrix = std::array<std::array<double, 3>, 3>;
+  constexpr std::array<Matrix, 3> eyes{Matrix{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}},
+                                       Matrix{{{0.152286, 1.052583, -0.204868},
+                                               {0.114503, 0.786281, 0.099216},
+                                               {-0.003882, -0.048116, 1.051998}}},
+                                       Matrix{{{0.367322, 0.860646, -0.227968},
+                                               {0.280085, 0.672501, 0.047413},
+                                               {-0.011820, 0.042940, 0.968881}}}};
+  constexpr Matrix xyz{
+      {{0.4339, 0.3763, 0.1899}, {0.2126, 0.7152, 0.0722}, {0.0177, 0.1095, 0.8727}}};
+  const auto times = [](const Matrix& m, const std::array<double, 3>& v) {
+    std::array<double, 3> out{};
+    for (std::size_t i = 0; i < 3; ++i)
+      for (std::size_t k = 0; k < 3; ++k) out[i] += m[i][k] * v[k];
+    return out;
+  };
+  std::array<double, 3> rgb{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double c = std::stoi(hex.substr(1 + 2 * i, 2), nullptr, 16) / 255.0;
+    rgb[i] = c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4);
+  }
+  auto seen = times(eyes[static_cast<std::size_t>(seen_by)], rgb);
+  for (double& c : seen) c = std::clamp(c, 0.0, 1.0);
+  auto f = times(xyz, seen);
+  for (double& c : f) c = c > 0.008856 ? std::cbrt(c) : 7.787 * c + 16.0 / 116;
+  return {116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])};
+}
+
 }  // namespace
+
+TEST_CASE("any two colours of series are told apart, by the colour-blind too") {
+  constexpr std::array<const char*, colour_count> names{"c0", "c1", "c2", "c3", "c4", "c5"};
+  for (const bool dark : {false, true})
+    for (int eyes = 0; eyes < 3; ++eyes)
+      for (int i = 0; i < colour_count; ++i)
+        for (int k = 0; k < i; ++k) {
+          CAPTURE(dark, eyes, i, k);
+          const auto a = lab_of(colour(names[static_cast<std::size_t>(i)], dark), eyes);
+          const auto b = lab_of(colour(names[static_cast<std::size_t>(k)], dark), eyes);
+          CHECK(std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]) > 15);
+        }
+}
 
 TEST_CASE("texts and lines of charts and pages have the contrast that WCAG asks for") {
   for (const bool dark : {false, true})
@@ -96,7 +141,7 @@ TEST_CASE("a chart leaves out what is no number, and draws a point of one seed")
 }
 
 TEST_CASE(
-    "maps: near is bright, nothing is grey, errors are told from what is missed or invented") {
+    "maps: near is bright, nothing is light, errors are told from what is missed or invented") {
   const auto light = [](const Rgb& c) { return 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]; };
   double before = 256;
   for (int i = 0; i <= 20; ++i) {
@@ -119,6 +164,27 @@ TEST_CASE(
   for (std::size_t i = 0; i < 60; ++i) room[i] = 3.1F + static_cast<float>(i) / 100;
   CHECK(span_of(room).near == 3);
   CHECK(span_of(room).far == 4);
+}
+
+TEST_CASE("strips, stems, bands and marks along a line; a page shows one of two widths") {
+  Panel stems{"losses of a sensor with a title that is wider than a telephone",
+              {"time (s)", false, 0, 10},
+              {"frames"},
+              {{"", {{2, 3}}, 0, Look::stems}}};
+  stems.bands = {{6, 10, "no data"}}, stems.bare = true, stems.width = 560;
+  CHECK(draw(stems).svg.find("time (s)</text>") == std::string::npos);
+  CHECK(draw(stems).svg.find("no data") != std::string::npos);
+  Panel line{"", {"x"}, {"y"}, {{"", {{0, 0}, {1, 1}, {2, 2}, {3, 3}}, 0, Look::line}}};
+  CHECK(draw(line).svg.find("<circle") == std::string::npos);
+  line.series[0].marked = 2;
+  CHECK(draw(line).svg.find("<circle") != std::string::npos);
+  const Drawing both = stacked({draw(stems), draw(line)});
+  CHECK(both.height == 600);
+  const std::string widths = for_both_widths(stems);
+  CHECK(widths.find("wide-only") != std::string::npos);
+  CHECK(widths.find("narrow-only") != std::string::npos);
+  CHECK(wrapped("one two three", text_width("one two") + 1) ==
+        std::vector<std::string>{"one two", "three"});
 }
 
 TEST_CASE("a page lists its sections, and leaves out empty ones") {

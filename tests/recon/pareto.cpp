@@ -82,8 +82,8 @@ TEST_CASE("study pareto goes on where it stopped, and draws the bound") {
   CHECK_THAT(all, Catch::Contains("\nmodel,1,empty,1,0.0625,"));
   CHECK_THAT(all, Catch::Contains("\nphotons,0.1,silhouette,1,"));
   CHECK(std::count(all.begin(), all.end(), '\n') == 1 + 5);
-  CHECK_THAT(contents(dir / "out/pareto.svg"), Catch::Contains("bound: pose unknown, 3.75 cm") &&
-                                                   Catch::Contains("bound: shape known, 1.25 cm"));
+  CHECK_THAT(contents(dir / "out/pareto.svg"), Catch::Contains("least possible: 3.75 cm") &&
+                                                   Catch::Contains("with known shape: 1.25 cm"));
   CHECK(study("empty", " --bound 0.0375").code == 2);
   CHECK(study("empty", " --bound 0.0375,0").code == 2);
 

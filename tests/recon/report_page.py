@@ -30,6 +30,13 @@ OUTSIDE = """return [...document.querySelectorAll('main *, header *')].filter(e 
 CUT = """return [...document.querySelectorAll('svg text')].filter(t => {
   const box = t.getBoundingClientRect(), svg = t.closest('svg').getBoundingClientRect();
   return box.right > svg.right + 1.5 || box.left < svg.left - 1.5 || box.bottom > svg.bottom + 1.5; }).map(t => t.textContent)"""
+# Tables that are cut off: their first column must stay, and the edge must show it.
+SCROLLED = """return [...document.querySelectorAll('.scroll')].filter(s => s.scrollWidth > s.clientWidth + 1 && !(
+  getComputedStyle(s.querySelector('tbody th')).position == 'sticky' && getComputedStyle(s).backgroundImage.includes('gradient')))
+  .map(s => s.textContent.slice(0, 60))"""
+# The least letters of a drawing as it is shown, in pixels.
+LETTERS = """return Math.min(...[...document.querySelectorAll('svg.drawing:not(svg svg)')].filter(s => s.getBoundingClientRect().width)
+  .map(s => 13 * s.getBoundingClientRect().width / s.viewBox.baseVal.width))"""
 DRAWN = """const gl = document.getElementById('cloud').getContext('webgl'); if (!gl) return -1;
 const p = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
 gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.UNSIGNED_BYTE, p);
@@ -56,6 +63,9 @@ with tempfile.TemporaryDirectory() as folder:
                 outside, cut = browser.execute_script(OUTSIDE), browser.execute_script(CUT)
                 check(f"{name}: out of the page: {outside[:3]}", not outside)
                 check(f"{name}: cut off: {cut[:5]}", not cut)
+                scrolled, letters = browser.execute_script(SCROLLED), browser.execute_script(LETTERS)
+                check(f"{name}: tables cut without a sign: {scrolled}", not scrolled)
+                check(f"{name}: letters of {letters} px", letters >= 11)
                 check(f"{name}: it is wider than the window",
                       browser.execute_script("return document.documentElement.scrollWidth") <= width)
                 asked = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name)"

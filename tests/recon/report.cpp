@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: MIT
+// What a report says: honest first, and only what was measured.
+#include "recon/output/map_pictures.hpp"
+#include "recon/output/report_page.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using namespace echofuse::testing;
+
+namespace {
+
+// Of 20 records that vary a little about these scores.
+Evaluation evaluation_of(const std::string& model, double iou, double rmse_m) {
+  Evaluation e;
+  e.model = model, e.records = 20;
+  for (std::size_t i = 0; i < e.records; ++i) {
+    MapScores s;
+    s.fill(std::nan(""));
+    const double wobble = 0.001 * static_cast<double>(i % 3);
+    s[metric_iou] = iou + wobble, s[metric_rmse_m] = rmse_m + wobble;
+    s[metric_lateral_m] = 0.03 + wobble, s[metric_depth_mae_m] = 0.1 + wobble;
+    s[metric_letter_top1] = i == 0;
+    e.rows.push_back(i), e.scores.push_back(s);
+    e.uncertainties.push_back({0.1, {}});
+  }
+  e.metrics = summarise(e.scores);
+  return e;
+}
+
+Report report_of(const std::vector<std::pair<std::string, Evaluation>>& modes) {
+  Report out;
+  out.records = 20, out.simulated = out.new_run = true;
+  for (const auto& [name, e] : modes) {
+    ModeResult mode;
+    mode.name = name, mode.evaluations = {e}, mode.metrics = e.metrics;
+    mode.models.emplace_back();
+    for (std::size_t i = 0; i < e.records; ++i)
+      mode.records.push_back({static_cast<std::int64_t>(i), "letter:A", 3, 0.1});
+    out.modes.push_back(mode);
+  }
+  out.baselines = {{"empty", evaluation_of("empty", 0, 0.6).metrics}};
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("the verdict names an opponent that draws a body, and what is worse") {
+  Report report = report_of({{"fused", evaluation_of("factorised", 0.6, 0.46)},
+                             {"paper", evaluation_of("mlp", 0.5, 0.42)}});
+  const std::string alone = verdict(report);
+  CHECK_THAT(alone, Catch::Contains("IoU 0.60 \u00b1 0.00 (the paper's network: 0.50") &&
+                        Catch::Contains("no baseline draws a body") &&
+                        Catch::Contains("20 simulated records of a new run") &&
+                        Catch::Contains("lateral error 3.1") && !Catch::Contains("empty room"));
+  CHECK_THAT(alone,
+             Catch::Contains("Worse than the paper's network in RMSE (0.46 against 0.42 m)"));
+  report.baselines.push_back({"nearest", evaluation_of("nearest", 0.3, 0.5).metrics});
+  report.simulated = report.new_run = false;
+  CHECK_THAT(verdict(report), Catch::Contains("nearest training record: 0.30") &&
+                                  Catch::Contains("20 recorded records that training held out"));
+}
+
+TEST_CASE("what fails stands first, of the live run before all") {
+  Report report = report_of({{"fused", evaluation_of("factorised", 0.6, 0.46)}});
+  CHECK(problems_of(report).size() == 1);
+  CHECK(problems_of(report).front().text ==
+        "Letters cannot be read: 1 of 20 right, by chance 2.0.");
+  report.live = evaluation_of("factorised", 0.6, 0.46);
+  for (auto& u : report.live->uncertainties) u.lateral_interval_90_m = 0.01;
+  report.live->domain_shift.records = 20, report.live->domain_shift.distance = 30;
+  report.live->domain_shift.p = 1e-4;
+  const auto problems = problems_of(report);
+  REQUIRE(problems.size() == 3);
+  CHECK_THAT(problems[0].text, Catch::Contains("Recorded run: this run is unlike the training"));
+  CHECK_THAT(problems[1].text, Catch::Contains("only 0 of 20 records; it is stated for 90 % (18)"));
+  report.baselines.push_back({"mean", evaluation_of("mean", 0, 0.6).metrics});
+  const std::string page = to_html(report);
+  const auto first = page.find("unlike the training");
+  CHECK(first < page.find("<nav"));
+  CHECK(page.find("id=\"failures\"") < page.find("id=\"errors\""));
+  CHECK_THAT(page, Catch::Contains("20 simulated records"));
+}
+
+TEST_CASE("among equals all are best, a ghost is best near 0, and counts are counts") {
+  Evaluation better = evaluation_of("factorised", 0.6, 0.46),
+             worse = evaluation_of("mlp", 0.5, 0.42);
+  for (std::size_t i = 0; i < 20; ++i) {
+    better.scores[i][metric_ghost] = 0, worse.scores[i][metric_ghost] = -0.1;
+    better.scores[i][metric_left_right] = worse.scores[i][metric_left_right] = i > 0;
+  }
+  better.metrics = summarise(better.scores), worse.metrics = summarise(worse.scores);
+  const std::string all = all_table(report_of({{"fused", better}, {"paper", worse}}));
+  CHECK_THAT(all, Catch::Contains("<td><b class=\"best\">0</b></td><td>-0.10 <small>") &&
+                      Catch::Contains("<td><b class=\"best\">19 of 20</b></td><td><b "
+                                      "class=\"best\">19 of 20</b></td>") &&
+                      Catch::Contains("0 is best"));
+  CHECK(CountOf{0, 10}.interval().first == 0);
+  CHECK(CountOf{5, 10}.interval().first == Approx(0.2366).epsilon(0.001));  // Wilson, by hand
+}
+
+TEST_CASE("a model that asks no sensor does not stand for one") {
+  const Folder dir;
+  write_run(dir / "run", 80);
+  for (const std::string how : {"ridge --inputs fused", "mean --inputs spd"})
+    REQUIRE(recon_program("train -q --no-fallback --model " + how + " " + (dir / "run") +
+                          " --out " + (dir / how.substr(0, how.find(' '))))
+                .code == 0);
+  const std::string report = "report " + (dir / "out") + " --run " + (dir / "run") + " --fused " +
+                             (dir / "ridge") + " --spd " + (dir / "mean");
+  const Outcome o = recon_program(report);
+  REQUIRE(o.code == 0);
+  CHECK_THAT(o.text,
+             Catch::Contains("left out, its answer is always the mean of the training maps"));
+  const std::string page = contents(dir / "out/report.html");
+  for (const char* claim : {"0.6389", "A sensor alone leaves open", "SPD alone"})
+    CHECK(page.find(claim) == std::string::npos);
+  // To another room only what places a body can be taken.
+  const Outcome room = recon_program(report + " --empty " + (dir / "run"));
+  CHECK(room.code == 1);
+  CHECK_THAT(room.text,
+             Catch::Contains("ridge does not place a body: it cannot be taken to another room"));
+}
+
+TEST_CASE("what lies beyond a scale is said, and missed and invented are told apart") {
+  const std::vector<float> map{1, 3, 9, 0}, truth{3, 3, 0, 3};
+  const Frame frame = whole_frame(2, 0.5);
+  const chart::Picture depth = map_picture("", map, frame, {2, 4});
+  CHECK(depth.below == Approx(1. / 3));
+  CHECK_THAT(depth.note, Catch::Contains("33 % nearer than the scale, 33 % farther"));
+  const std::string svg = chart::draw(depth).svg;
+  CHECK_THAT(svg, Catch::Contains("<polygon") && Catch::Contains("class=\"outline\""));
+  const chart::Picture error = error_picture(map, truth, frame);
+  CHECK_THAT(error.note, Catch::Contains("1 of 3 pixels missed, 1 invented"));
+  CHECK_THAT(chart::draw(error).svg,
+             Catch::Contains("class=\"hatch\"") && Catch::Contains("class=\"dots\""));
+}
