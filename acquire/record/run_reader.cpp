@@ -63,6 +63,10 @@ constexpr const char* array_columns =
     ", (SELECT frames FROM radar_array a WHERE a.idx = record.idx), (SELECT array FROM radar_array "
     "a "
     "WHERE a.idx = record.idx)";
+// What is not known is below 0 here.
+constexpr const char* speckle_columns =
+    ", ifnull((SELECT over_frames FROM speckle s WHERE s.idx = record.idx), -1), "
+    "ifnull((SELECT over_carriers FROM speckle s WHERE s.idx = record.idx), -1)";
 constexpr const char* record_rows = " FROM record WHERE idx >= ? ORDER BY idx";
 
 // Fills `r` from the row; returns what is wrong with it, or nothing.
@@ -82,6 +86,9 @@ std::string decode(Statement& row, const Shapes& shapes, std::uint32_t sensors, 
   if (const double clicks = row.real(); clicks >= 0) r.signal.clicks_a_pulse = clicks;
   const std::int64_t frames = row.integer();
   const ByteView array = row.blob();
+  const double over_frames = row.real(), over_carriers = row.real();
+  if (over_frames >= 0) r.speckle.emplace().over_frames = over_frames;
+  if (over_frames >= 0 && over_carriers >= 0) r.speckle->over_carriers = over_carriers;
   const auto sizes = [](const char* what, std::size_t got, std::size_t wanted) {
     return std::string(what) + " has " + std::to_string(got) + " bytes, its axis asks for " +
            std::to_string(wanted);
@@ -349,7 +356,8 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
                          const std::function<void(std::int64_t, const std::string&)>& on_bad,
                          SensorSet sensors) const {
   const std::string sql = record_columns + std::string(has_table("signal") ? signal_column : "-1") +
-                          (has_table("radar_array") ? array_columns : ", 0, NULL") + record_rows;
+                          (has_table("radar_array") ? array_columns : ", 0, NULL") +
+                          (has_table("speckle") ? speckle_columns : ", -1, -1") + record_rows;
   Statement row = ask(sql.c_str());
   row.bind(first);
   std::optional<Shapes> known;
