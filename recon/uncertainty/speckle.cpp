@@ -13,6 +13,9 @@ namespace echofuse::recon {
 namespace {
 
 constexpr double false_alarms = 0.001;
+// The median of many records scatters less than one.
+constexpr std::size_t many = 20;
+constexpr double most_of_run = 0.5;
 constexpr double least = 1e-4;      // variation, below which nothing is told apart
 constexpr double least_off = 0.25;  // of logarithms: so much differs from laboratory to laboratory
 
@@ -46,8 +49,10 @@ SpeckleReference::SpeckleReference(const Dataset& data, const Matrix& aligned, c
 }
 
 double SpeckleReference::share(const record::Speckle& found, std::size_t kind) const {
+  constexpr double missing = 2;
   const auto value = log_of(found, kind);
   const Usual& usual = usual_[kind];
+  if (!value && usual.most_off > 0) return missing;
   return value && usual.most_off > 0 ? std::abs(*value - usual.median) / usual.most_off : 0;
 }
 
@@ -61,9 +66,9 @@ double SpeckleReference::share(const record::Speckle& found) const {
 
 std::string SpeckleReference::text(const record::Speckle& found, std::size_t kind) const {
   const double usual = std::exp(usual_[kind].median);
-  return formatted("%.2g from %s to the next, %.2g in training",
-                   std::exp(log_of(found, kind).value_or(0)), kind == 0 ? "frame" : "carrier",
-                   usual);
+  if (!log_of(found, kind)) return "one carrier, several in training";
+  return formatted("%.2g from %s, %.2g in training", std::exp(log_of(found, kind).value_or(0)),
+                   kind == 0 ? "frame to frame" : "carrier to carrier", usual);
 }
 
 std::string SpeckleReference::text(const record::Speckle& found) const {
@@ -80,18 +85,15 @@ std::string SpeckleReference::of_run(const Dataset& data, const Matrix& aligned)
   if (!known() || frames.empty()) return {};
   record::Speckle middle{double{quantile(frames, 0.5)}, {}};
   if (!carriers.empty()) middle.over_carriers = double{quantile(carriers, 0.5)};
-  const bool hops = usual_[1].most_off > 0;
-  const std::string so = "; places are known otherwise than stated";
-  if (share(middle) > 1)
-    return "the radar's power varies otherwise than in training: by " + text(middle) +
-           (middle.over_frames > std::exp(usual_[0].median)
-                ? " (echoes that interfere, fewer carriers, or noise)"
-                : " (fewer independent looks, or none that are needed)") +
-           so;
-  if (hops != !carriers.empty())
-    return std::string("the radar's frames are of ") + (hops ? "one carrier" : "several carriers") +
-           ", in training of " + (hops ? "several" : "one") + so;
-  return {};
+  if (share(middle) <= (frames.size() < many ? 1 : most_of_run)) return {};
+  constexpr const char* places = "; places are known otherwise than stated";
+  const std::string by = "the radar's power varies otherwise than in training: " + text(middle);
+  if (hops() && carriers.empty()) return by + " (fewer independent looks)" + places;
+  return by +
+         (middle.over_frames > std::exp(usual_[0].median)
+              ? " (echoes that interfere, fewer carriers, or noise)"
+              : " (people who move less, more carriers, or echoes that do not interfere)") +
+         places;
 }
 
 void SpeckleReference::save(record::H5File& file, const std::string& group) const {

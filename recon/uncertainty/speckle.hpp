@@ -24,6 +24,7 @@ class SpeckleReference {
   SpeckleReference(const Dataset& data, const Matrix& aligned, const Rows& rows);
   bool known() const { return records_ > 0; }
   // Above 1: unusual; one in a thousand records like the training ones is. 0 if nothing is known.
+  // One carrier after a training with several is unusual.
   double share(const record::Speckle& found) const;
   // "0.71 from frame to frame, 0.02 in training"
   std::string text(const record::Speckle& found) const;
@@ -42,6 +43,7 @@ class SpeckleReference {
   double share(const record::Speckle& found, std::size_t kind) const;
   std::string text(const record::Speckle& found, std::size_t kind) const;
   std::size_t clearest(const record::Speckle& found) const;
+  bool hops() const { return usual_[1].most_off > 0; }
 
   std::size_t records_ = 0;
   std::array<Usual, kinds> usual_;
