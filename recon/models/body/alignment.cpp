@@ -341,7 +341,7 @@ void Alignment::correlate(std::span<float> inputs) const {
   const auto features = inputs.last(size());
   correlation_(features.first(histogram_bins()),
                features.subspan(histogram_bins(), profile_points()),
-               inputs.last(this->inputs()).first(correlation_.values()));
+               inputs.last(this->inputs()).first(correlation_.shifts()));
 }
 
 Matrix Alignment::with_correlations(const Matrix& aligned) const {

@@ -58,7 +58,7 @@ class Alignment {
   Matrix operator()(const Matrix& raw_inputs) const;  // the features of every row
   // What models take: [correlations ++ features] of every row of features. The correlations are all
   // zero if there is no body.
-  std::size_t inputs() const { return correlation_.values() + size(); }
+  std::size_t inputs() const { return correlation_.shifts() + size(); }
   Matrix with_correlations(const Matrix& aligned) const;
   // Puts into such a row of a body the same record's profile, moved to longer ranges, so many times
   // as strong.

@@ -40,7 +40,7 @@ ShiftCorrelation::ShiftCorrelation(const Points& histogram, const Points& profil
 }
 
 std::size_t ShiftCorrelation::cost() const {
-  return blur_.values.size() + 2 * (blur_.cols - shifts_ + 1) * shifts_;
+  return blur_.values.size() + (blur_.cols - shifts_ + 1) * shifts_;
 }
 
 void ShiftCorrelation::operator()(std::span<const float> histogram, std::span<const float> profile,
@@ -50,30 +50,17 @@ void ShiftCorrelation::operator()(std::span<const float> histogram, std::span<co
     const auto weights = blur_.row(i);
     for (std::size_t g = 0; g < expected.size(); ++g) expected[g] += weights[g] * histogram[i];
   }
-  std::fill(out.begin(), out.end(), 0.f);
-  const auto cosines = out.first(shifts_), affinities = out.last(shifts_);
-  std::vector<float> powers(blur_.cols + 1), roots(blur_.cols);
-  for (std::size_t g = 0; g < expected.size(); ++g) {
-    const float power = std::max(expected[g], 0.f);
+  for (std::size_t g = 0; g < expected.size(); ++g)
     squares[g + 1] = squares[g] + expected[g] * expected[g];
-    powers[g + 1] = powers[g] + power;
-    roots[g] = std::sqrt(power);
-  }
-  float own = 0, own_power = 0;
+  std::fill(out.begin(), out.end(), 0.f);
+  float own = 0;
   for (std::size_t j = 0; j < profile.size(); ++j) {
-    const float power = std::max(profile[j], 0.f), root = std::sqrt(power);
-    own += profile[j] * profile[j], own_power += power;
-    for (std::size_t s = 0; s < shifts_; ++s) {
-      cosines[s] += expected[s + j] * profile[j];
-      affinities[s] += roots[s + j] * root;
-    }
+    own += profile[j] * profile[j];
+    for (std::size_t s = 0; s < shifts_; ++s) out[s] += expected[s + j] * profile[j];
   }
-  const auto divide = [](float& value, float square) {
-    value = square > 0 ? value / std::sqrt(square) : 0;
-  };
   for (std::size_t s = 0; s < shifts_; ++s) {
-    divide(cosines[s], own * (squares[s + profile.size()] - squares[s]));
-    divide(affinities[s], own_power * (powers[s + profile.size()] - powers[s]));
+    const float norm = std::sqrt(own * (squares[s + profile.size()] - squares[s]));
+    out[s] = norm > 0 ? out[s] / norm : 0;
   }
 }
 

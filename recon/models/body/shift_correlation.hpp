@@ -2,10 +2,7 @@
 // How well a radar profile fits a histogram at each shift between them. The profile that a body
 // would have is its histogram, blurred by the radar's point spread; its correlation with the
 // profile over shifts has the most information where the side is, as a product of both inputs that
-// a small network would have to learn. Twice: the cosine of both is best where noise is the same
-// everywhere; where it grows with the power, as speckle does, the affinity of both as distributions
-// (Bhattacharyya, Bull. Calcutta Math. Soc. 35, 99, 1943): a square root gives every power nearly
-// the same noise.
+// a small network would have to learn.
 #pragma once
 #include <cstddef>
 #include <span>
@@ -25,10 +22,10 @@ class ShiftCorrelation {
   // resolution_m: of the radar, c/2B.
   ShiftCorrelation(const Points& histogram, const Points& profile, double resolution_m);
 
-  std::size_t values() const { return 2 * shifts_; }
+  std::size_t shifts() const { return shifts_; }
   std::size_t cost() const;  // multiply-adds
-  // Cosine between the profile and the histogram's, for each shift, from the longest to the
-  // shortest; then the affinities, from 0 to 1.
+  // Cosine between the profile and the histogram's, for each shift, from the
+  // longest to the shortest.
   void operator()(std::span<const float> histogram, std::span<const float> profile,
                   std::span<float> out) const;
 
