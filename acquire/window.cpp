@@ -204,8 +204,14 @@ void Windows::take_profile(Slot& slot, const RadarFrame& frame, HostTime taken) 
     slot.radar_fault = "frames of " + std::to_string(bins) + " bins do not fit the axis";
   } else {
     slot.power.resize(bins);
-    for (std::size_t i = 0; i < bins; ++i)
-      slot.power[i] += power_from_code(frame.range_profile[i], axis->second.scale);
+    std::vector<float> power(bins);
+    for (std::size_t i = 0; i < bins; ++i) {
+      const double p = power_from_code(frame.range_profile[i], axis->second.scale);
+      slot.power[i] += p, power[i] = static_cast<float>(p);
+    }
+    if (!slot.speckle) slot.speckle.emplace(frame.subframes);
+    if (frame.subframe < frame.subframes)
+      slot.speckle->add(frame.frame_number, frame.subframe, power);
     if (slot.radar_times.count == 0) slot.first_codes = frame.range_profile;
     take_array(slot, frame);
     slot.radar_times.add(taken, taken, grid_.centre(grid_.slot_of(taken)));
@@ -222,7 +228,7 @@ void Windows::take_array(Slot& slot, const RadarFrame& frame) const {
     samples[i] = {static_cast<float>(frame.array[2 * i + 1]),
                   static_cast<float>(frame.array[2 * i])};
   if (!slot.array) slot.array.emplace(bins, antennas);
-  if (frame.frame_number != slot.array_last + 1) slot.array->skip();
+  if (frame.subframes > 1 || frame.frame_number != slot.array_last + 1) slot.array->skip();
   slot.array->add(samples);
   slot.array_last = frame.frame_number;
 }
@@ -308,6 +314,7 @@ void Windows::fill_radar(Slot& slot, record::FusedRecord& record) const {
     record.array_frames = slot.array->frames();
     record.array = slot.array->take();
   }
+  if (slot.speckle) record.speckle = slot.speckle->take();
   if (frames == 1) {
     record.radar.assign(slot.first_codes.begin(), slot.first_codes.end());
     return;

@@ -23,6 +23,10 @@ constexpr const char* array_columns =
     ", (SELECT frames FROM radar_array a WHERE a.idx = record.idx), (SELECT array FROM radar_array "
     "a "
     "WHERE a.idx = record.idx)";
+// What is not known is below 0 here.
+constexpr const char* speckle_columns =
+    ", ifnull((SELECT over_frames FROM speckle s WHERE s.idx = record.idx), -1), "
+    "ifnull((SELECT over_carriers FROM speckle s WHERE s.idx = record.idx), -1)";
 constexpr const char* record_rows = " FROM record WHERE idx >= ? ORDER BY idx";
 
 // Fills `r` from the row, but for the depth picture; returns what is wrong with it, or nothing.
@@ -43,6 +47,9 @@ std::string decode(Statement& row, const Shapes& shapes, std::uint32_t sensors, 
   if (const double clicks = row.real(); clicks >= 0) r.signal.clicks_a_pulse = clicks;
   const std::int64_t frames = row.integer();
   const ByteView array = row.blob();
+  const double over_frames = row.real(), over_carriers = row.real();
+  if (over_frames >= 0) r.speckle.emplace().over_frames = over_frames;
+  if (over_frames >= 0 && over_carriers >= 0) r.speckle->over_carriers = over_carriers;
   const auto sizes = [](const char* what, std::size_t got, std::size_t wanted) {
     return std::string(what) + " has " + std::to_string(got) + " bytes, its axis asks for " +
            std::to_string(wanted);
@@ -81,9 +88,10 @@ std::size_t Shapes::records_at_once() const {
   return static_cast<std::size_t>(std::clamp<std::uint64_t>(most_pixels / pixels, 1, most));
 }
 
-std::string record_query(bool has_signal, bool has_array) {
+std::string record_query(bool has_signal, bool has_array, bool has_speckle) {
   return record_columns + std::string(has_signal ? signal_column : "-1") +
-         (has_array ? array_columns : ", 0, NULL") + record_rows;
+         (has_array ? array_columns : ", 0, NULL") + (has_speckle ? speckle_columns : ", -1, -1") +
+         record_rows;
 }
 
 void HalfRead::read(Statement& row, const Shapes& shapes, SensorSet sensors) {

@@ -24,7 +24,7 @@ struct Shapes {
 };
 
 // The records from index ? on, in order, as HalfRead takes them. Older files lack the tables.
-std::string record_query(bool has_signal, bool has_array);
+std::string record_query(bool has_signal, bool has_array, bool has_speckle);
 
 struct HalfRead {
   FusedRecord record;

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "acquire/record/speckle.hpp"
 #include "drivers/core/driver.hpp"
 #include "drivers/core/sample.hpp"
 
@@ -80,6 +81,7 @@ struct FusedRecord {
   // Of the virtual antennas (radar_array.hpp) over so many frames; empty if the radar sends none.
   std::vector<float> array;
   std::uint64_t array_frames = 0;
+  std::optional<Speckle> speckle;       // table speckle; older runs are without
   std::vector<std::uint16_t> depth_mm;  // z, row-major on the run's depth axes, 0 = no return
   SpdCounts spd_counts;
   PerSensor<SensorSync> sync;

@@ -117,6 +117,15 @@ void insert_array(Inserts& rows, const std::string& path, const FusedRecord& r,
       .run();
 }
 
+void insert_speckle(Inserts& rows, const FusedRecord& r) {
+  if (!r.speckle || !r.has(Sensor::radar)) return;
+  rows.into("speckle")
+      .set("idx", r.index)
+      .set("over_frames", r.speckle->over_frames)
+      .set("over_carriers", r.speckle->over_carriers)
+      .run();
+}
+
 }  // namespace
 
 void insert_record(Inserts& rows, const std::string& path, const FusedRecord& r,
@@ -178,6 +187,7 @@ void insert_record(Inserts& rows, const std::string& path, const FusedRecord& r,
   insert_slot(rows, r);
   insert_signal(rows, r);
   insert_array(rows, path, r, axes);
+  insert_speckle(rows, r);
 }
 
 }  // namespace echofuse::record

@@ -61,6 +61,8 @@ struct RadarFrame {
   std::uint32_t frame_number = 0;            // since power-up
   std::uint32_t time_cpu_cycles = 0;         // 200 MHz, wraps every 21.47 s
   std::uint32_t lost_before = 0;             // frame numbers missing before this one
+  std::uint32_t subframe = 0;                // those of a frame have the same number,
+  std::uint32_t subframes = 1;               // and the cfg asks for so many
   std::vector<std::uint16_t> range_profile;  // log2_q8 codes; empty if the frame had no TLV 2
   // TLV 4 (azimuth antennas) or 8 (all of them): for each range bin and virtual antenna the
   // imaginary, then the real part; empty if the frame had neither.

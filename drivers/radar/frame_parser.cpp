@@ -184,6 +184,7 @@ void FrameParser::deliver(ByteView packet, const Header& header, HostTime receiv
   frame.received = received;
   frame.frame_number = header.frame_number;
   frame.time_cpu_cycles = header.cpu_cycles;
+  frame.subframe = header.subframe;
   if (!read_tlvs(packet.subspan(header_bytes), header.tlvs, frame)) return;
   frame.lost_before = lost_before(header.frame_number) + std::exchange(owed_, 0);
   ++counts_.frames;

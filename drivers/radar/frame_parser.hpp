@@ -11,7 +11,7 @@
 //    24 u32     time, cpu cycles   200 MHz, wraps every 21.47 s
 //    28 u32     detected objects
 //    32 u32     number of TLVs
-//    36 u32     subframe
+//    36 u32     subframe           from 0; those of a frame have the same frame number
 //    40 TLV...  { u32 type, u32 length of the payload, payload }, not aligned
 //       padding 0..31 bytes of uninitialised memory
 //

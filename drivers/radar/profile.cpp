@@ -7,6 +7,7 @@
 #include <cmath>
 #include <map>
 #include <sstream>
+#include <tuple>
 
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/printable.hpp"
@@ -32,7 +33,7 @@ class Cfg {
   }
   // Faults come together: those of one attempt do not hide the next one's.
   template <class Body>
-  void attempt(Body body) {
+  void attempt(Body body) const {
     try {
       body();
     } catch (const Error& e) {
@@ -51,6 +52,10 @@ class Cfg {
   // The last one counts, as in the firmware.
   const Command& last(const std::string& command) const { return all(command).back(); }
   bool has(const std::string& command) const { return commands_.count(command) != 0; }
+  // Frames of subframes (advFrameCfg), as dfeDataOutputMode says.
+  bool advanced() const {
+    return has("dfeDataOutputMode") && number(last("dfeDataOutputMode"), 1) == 3;
+  }
 
   // The i-th argument, from 1.
   double number(const Command& c, std::size_t i) const {
@@ -101,7 +106,8 @@ class Cfg {
     commands_[std::string(c.words[0])].push_back(c);
   }
 
-  std::string name_, faults_;
+  std::string name_;
+  mutable std::string faults_;
   std::map<std::string, std::vector<Command>> commands_;
 };
 
@@ -114,12 +120,43 @@ struct Antennas {
   }
 };
 
+// A frame, or one of its subframes.
+struct Frame {
+  Command line;
+  std::uint32_t first_chirp = 0, last_chirp = 0, loops = 1;
+  double period_s = 0;
+};
+
+// subFrameCfg <number> <forced profile> <first chirp> <chirps> <loops> <burst's period, ms>
+//   <chirps' offset> <bursts> <loops of bursts> <period, ms>
+Frame read_subframe(const Cfg& cfg, const Command& c) {
+  const auto first = cfg.integer(c, 3, 0, 511), chirps = cfg.integer(c, 4, 1, 512);
+  return {c, first, std::min(first + chirps - 1, 511u), cfg.integer(c, 5, 1, 1 << 15),
+          cfg.positive(c, 10, "the subframe's period") * 1e-3};
+}
+
+std::vector<Frame> read_frames(const Cfg& cfg) {
+  if (!cfg.advanced()) {
+    const Command& c = cfg.last("frameCfg");
+    return {{c, cfg.integer(c, 1, 0, 511), cfg.integer(c, 2, 0, 511), cfg.integer(c, 3, 1, 1 << 15),
+             cfg.positive(c, 5, "the frame period") * 1e-3}};
+  }
+  const auto subframes = cfg.integer(cfg.last("advFrameCfg"), 1, 1, 4);
+  std::vector<Frame> frames(subframes);
+  for (const Command& c : cfg.all("subFrameCfg"))
+    frames[cfg.integer(c, 1, 0, subframes - 1)] = read_subframe(cfg, c);
+  for (std::size_t k = 0; k < frames.size(); ++k)
+    if (frames[k].line.words.empty())
+      cfg.fail(cfg.last("advFrameCfg"), "has no subFrameCfg " + std::to_string(k));
+  return frames;
+}
+
 // As SDK, mmwdemo_rfparser.c.
-Antennas read_antennas(const Cfg& cfg) {
+Antennas read_antennas(const Cfg& cfg, const Frame& of) {
   const Command& channels = cfg.last("channelCfg");
-  const Command& frame = cfg.last("frameCfg");
+  const Command& frame = of.line;
   const auto enabled = cfg.integer(channels, 2, 1, 7);
-  const auto first = cfg.integer(frame, 1, 0, 511), last = cfg.integer(frame, 2, 0, 511);
+  const auto first = of.first_chirp, last = of.last_chirp;
   std::multimap<std::uint32_t, std::uint32_t> used;  // masks, by the chirp at which they begin
   for (const Command& chirp : cfg.all("chirpCfg")) {
     const auto begin = cfg.integer(chirp, 1, 0, 511), end = cfg.integer(chirp, 2, 0, 511);
@@ -133,6 +170,52 @@ Antennas read_antennas(const Cfg& cfg) {
         out.transmitters.push_back(t);
   if (out.transmitters.empty()) cfg.fail(frame, "uses no chirp with an enabled transmitter");
   return out;
+}
+
+// What the range axis follows from.
+struct Sampling {
+  std::uint32_t samples = 0;
+  double slope_hz_per_s = 0, rate_hz = 0;
+  bool operator==(const Sampling&) const = default;
+};
+
+// Of subframes the profile of their first chirp, else the last one, as in the firmware.
+const Command& profile_of(const Cfg& cfg, const Frame& frame) {
+  const Command* found = &cfg.last("profileCfg");
+  if (!cfg.advanced()) return *found;
+  for (const Command& chirp : cfg.all("chirpCfg")) {
+    if (cfg.integer(chirp, 1, 0, 511) > frame.first_chirp ||
+        cfg.integer(chirp, 2, 0, 511) < frame.first_chirp)
+      continue;
+    for (const Command& c : cfg.all("profileCfg"))
+      if (cfg.number(c, 1) == cfg.number(chirp, 3)) found = &c;
+  }
+  return *found;
+}
+
+Sampling read_sampling(const Cfg& cfg, const Frame& frame) {
+  const Command& chirp = profile_of(cfg, frame);
+  Sampling out;
+  cfg.attempt([&] { out.samples = cfg.integer(chirp, 10, 2, 2048); });
+  cfg.attempt([&] { out.slope_hz_per_s = cfg.positive(chirp, 8, "the frequency slope") * 1e12; });
+  cfg.attempt([&] { out.rate_hz = cfg.positive(chirp, 11, "the sample rate") * 1e3; });
+  return out;
+}
+
+// A record is the mean over them.
+void require_alike(const Cfg& cfg, const std::vector<Frame>& frames) {
+  const auto of = [&](const Frame& f) {
+    const Antennas antennas = read_antennas(cfg, f);
+    return std::tuple(read_sampling(cfg, f), antennas.receivers, antennas.transmitters);
+  };
+  for (const Frame& f : frames)
+    if (of(f) != of(frames.front()))
+      cfg.fail(f.line,
+               "has another range axis, or other antennas, than subframe 0; a record is "
+               "the mean of all subframes");
+  const Command& gui = cfg.last("guiMonitor");
+  if (cfg.advanced() && cfg.number(gui, 1) != -1)
+    cfg.fail(gui, "is of one subframe; expected -1, for all of them");
 }
 
 void read_gui_monitor(const Cfg& cfg, RadarProfile& profile) {
@@ -168,12 +251,11 @@ void read_heat_map(const Cfg& cfg, const Antennas& antennas, Board board, RadarP
 }
 
 // The parts of a frame as SDK's MmwDemo_transmitProcessedOutput sends them.
-std::uint32_t frame_bytes(const Cfg& cfg, const RadarProfile& profile) {
+std::uint32_t frame_bytes(const Cfg& cfg, const RadarProfile& profile, std::uint32_t loops) {
   const std::uint32_t bins = profile.bins;
   const auto samples = static_cast<std::uint32_t>(profile.array.size()) * bins;
   const Command& gui = cfg.last("guiMonitor");
-  const std::uint32_t doppler_bins =
-      std::bit_ceil(cfg.integer(cfg.last("frameCfg"), 3, 1, 1 << 15));
+  const std::uint32_t doppler_bins = std::bit_ceil(loops);
   const auto on = [&](std::size_t flag) { return cfg.number(gui, flag) != 0; };
   constexpr std::uint32_t header = 40, tlv = 8, unit = 32;
   std::uint32_t bytes = header;
@@ -205,10 +287,11 @@ void warn_of_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_bau
         std::to_string(baud) + " baud, radar.data_baud is " + std::to_string(data_baud));
   const double transmit_s = profile.frame_bytes * 10.0 / baud;
   if (transmit_s < profile.frame_period_s) return;
-  profile.warnings.push_back(
-      cfg.where(cfg.last("frameCfg").line) + "frameCfg wants a frame every " +
-      milliseconds(profile.frame_period_s) + ", but one of " + std::to_string(profile.frame_bytes) +
-      " bytes takes " + milliseconds(transmit_s) + " at " + std::to_string(baud) + " baud");
+  const std::string command = cfg.advanced() ? "subFrameCfg" : "frameCfg";
+  profile.warnings.push_back(cfg.where(cfg.last(command).line) + command + " wants a frame every " +
+                             milliseconds(profile.frame_period_s) + ", but one of " +
+                             std::to_string(profile.frame_bytes) + " bytes takes " +
+                             milliseconds(transmit_s) + " at " + std::to_string(baud) + " baud");
 }
 
 void read_warnings(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud) {
@@ -246,29 +329,34 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
                            std::uint32_t data_baud, Board board) {
   const auto lines = command_lines(cfg_text);
   Cfg cfg(lines, name);
-  for (const char* command :
-       {"profileCfg", "frameCfg", "channelCfg", "chirpCfg", "guiMonitor", "sensorStart"})
-    cfg.attempt([&] { cfg.all(command); });
+  std::vector<const char*> needed = {"profileCfg", "frameCfg",   "channelCfg",
+                                     "chirpCfg",   "guiMonitor", "sensorStart"};
+  if (cfg.advanced()) needed[1] = "advFrameCfg", needed.push_back("subFrameCfg");
+  for (const char* command : needed) cfg.attempt([&] { cfg.all(command); });
   cfg.stop_if_faulty();
-  const Command& chirp = cfg.last("profileCfg");
   RadarProfile profile;
+  std::vector<Frame> frames;
   Antennas antennas;
-  double slope_hz_per_s = 0, sample_rate_hz = 0;
-  cfg.attempt([&] { antennas = read_antennas(cfg); });
-  cfg.attempt([&] { profile.adc_samples = cfg.integer(chirp, 10, 2, 2048); });
-  cfg.attempt([&] { slope_hz_per_s = cfg.positive(chirp, 8, "the frequency slope") * 1e12; });
-  cfg.attempt([&] { sample_rate_hz = cfg.positive(chirp, 11, "the sample rate") * 1e3; });
-  cfg.attempt([&] {
-    profile.frame_period_s = cfg.positive(cfg.last("frameCfg"), 5, "the frame period") * 1e-3;
-  });
+  cfg.attempt([&] { frames = read_frames(cfg); });
+  cfg.stop_if_faulty();
+  cfg.attempt([&] { antennas = read_antennas(cfg, frames.front()); });
+  const Sampling sampling = read_sampling(cfg, frames.front());
   cfg.attempt([&] { read_gui_monitor(cfg, profile); });
   cfg.stop_if_faulty();
+  cfg.attempt([&] { require_alike(cfg, frames); });
+  cfg.stop_if_faulty();
+  profile.subframes = static_cast<std::uint32_t>(frames.size());
+  profile.frame_period_s = frames.front().period_s;
+  for (const Frame& f : frames)
+    profile.frame_period_s = std::min(profile.frame_period_s, f.period_s);
   read_heat_map(cfg, antennas, board, profile);
   profile.antennas = antennas.virtuals();
-  const std::uint32_t fft = std::bit_ceil(profile.adc_samples);
+  profile.adc_samples = sampling.samples;
+  const std::uint32_t fft = std::bit_ceil(sampling.samples);
   profile.bins = fft == 1024 && profile.antennas == 12 ? 1022 : fft;
-  profile.range_step_m = firmware_speed_of_light_m_s * sample_rate_hz / (2 * slope_hz_per_s * fft);
-  profile.frame_bytes = frame_bytes(cfg, profile);
+  profile.range_step_m =
+      firmware_speed_of_light_m_s * sampling.rate_hz / (2 * sampling.slope_hz_per_s * fft);
+  profile.frame_bytes = frame_bytes(cfg, profile, frames.front().loops);
   read_warnings(cfg, profile, data_baud);
   return profile;
 }

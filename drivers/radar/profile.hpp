@@ -26,7 +26,10 @@ struct RadarProfile {
   // 3.0e8 * sample rate / (2 * slope * FFT size); the firmware's own c is exactly 3.0e8.
   double range_step_m = 0;
   std::uint32_t antennas = 0;  // virtual: Rx enabled * Tx used by the frame's chirps
-  double frame_period_s = 0;
+  // From 1 to 4 (advFrameCfg), each with a packet of its own. They differ in their start frequency
+  // alone.
+  std::uint32_t subframes = 1;
+  double frame_period_s = 0;  // of a subframe, the shortest
   // What guiMonitor asks for, without the points that the firmware detects; rounded up to 32.
   std::uint32_t frame_bytes = 0;
   bool range_profile_on = false;  // guiMonitor sends TLV 2
@@ -37,7 +40,8 @@ struct RadarProfile {
 };
 
 // Throws Error(config) with a line "NAME:LINE: ..." for each fault: a command with too few numbers,
-// one that is missing, a line longer than the firmware's buffer (255 characters, 40 words).
+// one that is missing, a line longer than the firmware's buffer (255 characters, 40 words),
+// subframes whose profiles do not have the same range axis and antennas.
 // `data_baud` is the rate at which the data port will be read: the warnings need it. The board says
 // which antennas a heat map has: the same cfg runs on all of them.
 RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,

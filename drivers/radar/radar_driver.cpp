@@ -166,6 +166,7 @@ void RadarDriver::on_frame(RadarFrame frame) {
   }
   check_array(frame);
   if (!running_) return;
+  frame.subframes = profile_.subframes;
   frame.lost_before += std::exchange(discarded_, 0);
   sink_->on_radar(std::move(frame));
 }

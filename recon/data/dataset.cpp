@@ -109,6 +109,7 @@ class Appender {
     data_.valid.push_back(r.valid.bits());
     data_.index.push_back(r.index);
     data_.slot_end.push_back(r.slot_end);
+    data_.speckle.push_back(r.speckle);
     data_.clicks_a_pulse.push_back(a_pulse);
     data_.label.push_back(r.label);
     ++data_.sources.back().count;

@@ -52,6 +52,7 @@ struct Dataset {
   std::vector<std::uint32_t> valid;  // bit 0 SPD, 1 radar, 2 depth
   std::vector<std::int64_t> index;   // the record's number in its run
   std::vector<HostTime> slot_end;
+  std::vector<std::optional<record::Speckle>> speckle;  // of older runs not known
   std::vector<double> clicks_a_pulse;  // of the laser; 0: not known, or what they hide is put back
   std::vector<std::string> label;
   std::vector<Source> sources;

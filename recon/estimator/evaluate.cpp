@@ -162,7 +162,7 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   out.output = output;
   out.records = rows.size(), out.rows = rows;
   out.antennas = records.antennas, out.range_bias = records.text;
-  out.gains = records.gains.text();
+  out.gains = records.gains.text(), out.speckle = records.speckle;
   out.domain_shift = domain_shift_of(model, records);
   for (const std::size_t row : rows)
     if (const std::string note = model.note_of(data, row); !note.empty()) ++out.fallbacks[note];

@@ -70,6 +70,7 @@ json to_json(const Evaluation& e) {
               {"left_out", e.left_out},
               {"fallback_records", fallback_records},
               {"antennas", e.antennas},
+              {"speckle", e.speckle},
               {"range_bias", e.range_bias},
               {"gains", e.gains},
               {"metrics", metrics_json(e.metrics)},
@@ -140,7 +141,7 @@ std::string to_text(const std::optional<UncertaintyCalibration>& c) {
 
 std::string notes(const Evaluation& e) {
   std::string out = e.domain_shift.tested() ? e.domain_shift.text() + '\n' : "";
-  for (const std::string& text : {e.antennas, e.range_bias, e.gains})
+  for (const std::string& text : {e.antennas, e.speckle, e.range_bias, e.gains})
     if (!text.empty()) out += text + '\n';
   for (const auto& [note, records] : e.fallbacks)
     out += formatted("%zu records: %s\n", records, note.c_str());

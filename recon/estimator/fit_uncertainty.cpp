@@ -54,6 +54,7 @@ UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
   UncertaintyModel out;
   const Inputs inputs = model.features.inputs;
   out.detector = OutOfDistributionDetector(model.alignment, data, aligned, usual, inputs, seed);
+  if (inputs != Inputs::spd) out.speckle = SpeckleReference(data, aligned, usual);
   Rng rng = make_rng(seed, noise_stream);
   Matrix predictors, maps, truth(0, data.depth.cols);
   SoftMaps soft;

@@ -48,8 +48,10 @@ Prediction predict_aligned(const TrainedModel& model, const Dataset& data, const
   for (std::size_t i = 0; i < rows.size(); ++i)
     lateral_interval_90_m.push_back(uncertainty.lateral(predictors.row(i)));
   auto out_of_distribution = uncertainty.detector.judge(aligned, data, rows);
-  for (std::size_t i = 0; i < rows.size(); ++i)
+  for (std::size_t i = 0; i < rows.size(); ++i) {
     out.uncertainties.push_back({lateral_interval_90_m[i], std::move(out_of_distribution[i])});
+    uncertainty.judge_speckle(aligned.row(i), data.speckle[rows[i]], out.uncertainties.back());
+  }
   if (detail == PredictionDetail::uncertainty) return out;
   soft = soft_of(std::move(soft), out.maps, model.scene, lateral_interval_90_m);
   PixelMaps pixels = uncertainty.pixels(soft, model.scene);
@@ -127,6 +129,7 @@ Records prepare_records(const TrainedModel& whole, Dataset recorded, RangeBiasAc
     if (!out.gains.stable) forget_brightness(model.alignment, out.aligned);
   };
   align(0);
+  if (model.uncertainty) out.speckle = model.uncertainty->speckle.of_run(data, out.aligned);
   if (!asked) return out;
   out.range_bias = model.range_bias.judge(model.alignment, data, out.aligned, out.gains);
   using Says = RangeBiasEvidence::Says;

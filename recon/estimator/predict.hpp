@@ -13,13 +13,14 @@ namespace echofuse::recon {
 
 // Records as the model takes them.
 struct Records {
-  Dataset data;             // on the model's axes
-  Matrix aligned;           // of every record (TrainedModel::align)
-  RangeBias range_bias;     // what the records show of one; no records if nobody asked
-  double range_bias_m = 0;  // taken off the radar's ranges
-  std::string text;         // what there is to say of it, or nothing
-  std::string antennas;     // the same of a run that does not have the model's antennas
-  GainCheck gains;          // of a model of stable gains; not stable: brightness is forgotten
+  Dataset data;              // on the model's axes
+  Matrix aligned;            // of every record (TrainedModel::align)
+  RangeBias range_bias;      // what the records show of one; no records if nobody asked
+  double range_bias_m = 0;   // taken off the radar's ranges
+  std::string text;          // what there is to say of it, or nothing
+  std::string antennas;      // the same of a run that does not have the model's antennas
+  GainCheck gains;           // of a model of stable gains; not stable: brightness is forgotten
+  std::string speckle = {};  // of a run whose radar's power varies otherwise than in training
 };
 
 // Whether the records as a whole are unlike the model's training records.

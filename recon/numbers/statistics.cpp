@@ -61,6 +61,15 @@ void draw_blocks(std::size_t of, std::size_t count, Rng& rng, std::size_t block,
 
 }  // namespace
 
+double upper_limit(std::vector<float> values, double share_above) {
+  constexpr double tail = 0.05;
+  const double start = double{quantile(values, 1 - tail)};
+  double excess = 0, count = 0;
+  for (const float v : values)
+    if (double{v} > start) excess += double{v} - start, ++count;
+  return start + (count > 0 ? excess / count : 0) * std::log(tail / share_above);
+}
+
 Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng, std::size_t block) {
   Rows out;
   out.reserve(count);

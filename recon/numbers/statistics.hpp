@@ -29,6 +29,10 @@ double standard_deviation(std::span<const double> values);
 // The value that this share of all is below: 0.5 for the median. Reorders them.
 float quantile(std::span<float> values, double share);
 
+// The value that this share of all is above: the largest twentieth is taken to fall off
+// exponentially, so that a few hundred values place it.
+double upper_limit(std::vector<float> values, double share_above);
+
 inline constexpr std::size_t pose_records = 10;  // half a minute, for which a pose may be held
 
 // Which of `of` records in their order a resample of `count` takes: circular blocks (Politis and

@@ -140,6 +140,7 @@ void Reconstruction::take_all(const record::RunReader& run) {
   };
   start(begin);
   tell_run(records.antennas);
+  tell_run(records.speckle);
   const DomainShift shift = domain_shift_of(model_, records);
   if (shift.tested() && (shift.found() || !options_.quiet)) tell_run(shift.text());
   const bool silent =

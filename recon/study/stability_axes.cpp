@@ -75,13 +75,27 @@ World fine_speckle(const BaseCondition& base) {
   return world;
 }
 
+bool is_coherent(const BaseCondition& base) { return base.contains("radar_sum=coherent"); }
+
 // With both kinds of echoes, one of them the base.
 std::vector<AxisValue> speckles(const BaseCondition& base) {
-  const bool coherent = base.contains("radar_sum=coherent");
+  const bool coherent = is_coherent(base);
+  const std::vector<std::string> set = {"radar_sum=coherent"};
   const double cm = 100 * value_of(base, "radar_resolution_m");
-  return {
+  std::vector<AxisValue> out = {
       {"incoherent", coherent ? World{.set = {"radar_sum=incoherent"}} : World{}},
-      {formatted("coherent %g cm", cm), coherent ? World{} : World{.set = {"radar_sum=coherent"}}}};
+      {formatted("coherent %g cm", cm), coherent ? World{} : World{.set = set}}};
+  if (!coherent)
+    out.push_back({"coherent 4 carriers", World{.set = {set[0], "radar_carriers=4"}}, false});
+  return out;
+}
+
+// People who move by this share of what is usual.
+World moving(const BaseCondition& base, double share) {
+  World out;
+  for (const char* key : {"radar_sway_m", "radar_twist_deg", "radar_breath_m"})
+    out.set.push_back(assignment(key, share * value_of(base, key)));
+  return out;
 }
 
 // So many photons to a pulse that the first one hides later ones.
@@ -136,9 +150,12 @@ void add_sensors(Axes& all, const BaseCondition& base) {
   if (antennas_of(base) > 8) counts.push_back(antennas_of(base));
   all.push_back(numbers(matched, "antennas", "radar's antennas", antennas_of(base), counts,
                         {1, 2, 8}, antennas));
-  if (has_array(base))
+  if (has_array(base) || is_coherent(base))
     all.push_back(numbers(base, matched, "looks", "radar's frames a record", "radar_frames",
                           {15, 60, 240}, {15}));
+  if (is_coherent(base))
+    all.push_back(numbers(base, matched, "carriers", "radar's carriers", "radar_carriers",
+                          {1, 2, 4, 8}, {1, 4}));
 }
 
 void add_scenes(Axes& all, const BaseCondition& base) {
@@ -190,6 +207,12 @@ void add_shifted_conditions(Axes& all, const BaseCondition& base) {
                     {"2", pile_up(base, 2, true)},
                     {"2 uncorrected", pile_up(base, 2, false)}}});
   all.push_back({"speckle", "radar's sum of echoes", shifted, speckles(base)});
+  if (is_coherent(base)) {
+    all.push_back(numbers(base, shifted, "carriers", "radar's carriers", "radar_carriers",
+                          {1, 2, 4, 8}, {1, 4}));
+    all.push_back(numbers(shifted, "motion", "people's motion (factor)", 1, {1, 0.5, 0.2, 0}, {0},
+                          [&](double share) { return moving(base, share); }));
+  }
   if (!has_array(base)) return;
   all.push_back({"antennas",
                  "radar's antennas",

@@ -38,7 +38,8 @@ Dataset joined(Dataset a, const Dataset& b) {
   append_rows(a.spd, b.spd), append_rows(a.radar, b.radar);
   append_rows(a.depth, b.depth), append_rows(a.array, b.array);
   append(a.valid, b.valid), append(a.index, b.index), append(a.slot_end, b.slot_end);
-  append(a.clicks_a_pulse, b.clicks_a_pulse), append(a.label, b.label);
+  append(a.speckle, b.speckle), append(a.clicks_a_pulse, b.clicks_a_pulse);
+  append(a.label, b.label);
   a.sources.push_back(source);
   return a;
 }

@@ -29,17 +29,6 @@ constexpr double range_reserve = 0.05;       // of the span of the training reco
 constexpr double clicks_reserve = 1.25;      // against the brightest training record
 constexpr double nearly_all_records = 0.99;  // of the training records show a body
 
-// The value that this share of all is above: the largest twentieth is taken to fall off
-// exponentially, so that a few hundred values place it.
-double upper_limit(std::vector<float> values, double share_above) {
-  constexpr double tail = 0.05;
-  const double start = double{quantile(values, 1 - tail)};
-  double excess = 0, count = 0;
-  for (const float v : values)
-    if (double{v} > start) excess += double{v} - start, ++count;
-  return start + (count > 0 ? excess / count : 0) * std::log(tail / share_above);
-}
-
 // Those of the rows that show a body, in order, if these are enough; `with_body` is sorted.
 Rows with_bodies(Rows rows, const Rows& with_body) {
   std::sort(rows.begin(), rows.end());

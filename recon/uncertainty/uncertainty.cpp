@@ -103,10 +103,23 @@ void LateralError::load(const record::H5File& file, const std::string& group,
                   "a spread above 0, and least below most");
 }
 
+void UncertaintyModel::judge_speckle(std::span<const float> aligned,
+                                     const std::optional<record::Speckle>& found,
+                                     PredictionUncertainty& stated) const {
+  if (!found || (!aligned.empty() && !shows_body(aligned))) return;
+  const double share = speckle.share(*found);
+  OutOfDistributionScore& score = stated.out_of_distribution;
+  score.distance = std::max(score.distance, share);
+  if (share <= 1) return;
+  stated.lateral_interval_90_m = std::numeric_limits<double>::quiet_NaN();
+  score.reason = "unusual variation of the radar's power", score.details = speckle.text(*found);
+}
+
 void UncertaintyModel::save(record::H5File& file) const {
   detector.save(file, "uncertainty/out_of_distribution");
   pixels.save(file, "uncertainty/pixels");
   lateral.save(file, "uncertainty/lateral");
+  speckle.save(file, "uncertainty/speckle");
 }
 
 void UncertaintyModel::load(const record::H5File& file, const Features& of_model,
@@ -114,6 +127,7 @@ void UncertaintyModel::load(const record::H5File& file, const Features& of_model
   detector.load(file, "uncertainty/out_of_distribution", of_model, alignment);
   lateral.load(file, "uncertainty/lateral", predictor_count(of_model.inputs));
   pixels.load(file, "uncertainty/pixels");
+  speckle.load(file, "uncertainty/speckle");
 }
 
 }  // namespace echofuse::recon

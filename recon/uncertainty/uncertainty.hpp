@@ -8,6 +8,7 @@
 
 #include "recon/uncertainty/out_of_distribution.hpp"
 #include "recon/uncertainty/pixel_error.hpp"
+#include "recon/uncertainty/speckle.hpp"
 
 namespace echofuse::recon {
 
@@ -40,7 +41,8 @@ class LateralError {
 // What is stated of one reconstruction.
 struct PredictionUncertainty {
   double lateral_interval_90_m = 0;  // the body is within so much of where it is shown in 90 % of
-                                     // the records like the training ones; NaN: not known
+                                     // the records like the training ones; NaN: not known,
+                                     // as where the radar's power varies otherwise
   OutOfDistributionScore out_of_distribution;
 };
 
@@ -48,7 +50,12 @@ struct UncertaintyModel {
   OutOfDistributionDetector detector;
   LateralError lateral;
   PixelError pixels;
+  SpeckleReference speckle;
 
+  // Of a record's aligned features: what its radar's power, varying otherwise than in training,
+  // adds to what is stated.
+  void judge_speckle(std::span<const float> aligned, const std::optional<record::Speckle>& found,
+                     PredictionUncertainty& stated) const;
   void save(record::H5File& file) const;  // below "uncertainty/"
   void load(const record::H5File& file, const Features& of_model, const Alignment& alignment);
 };

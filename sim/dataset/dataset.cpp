@@ -19,6 +19,7 @@
 #include "drivers/core/staged_file.hpp"
 #include "sim/scene/scene_list.hpp"
 #include "sim/sensors/depth_camera.hpp"
+#include "sim/sensors/gaussian.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
 #include "sim/twin/twin.hpp"
@@ -39,7 +40,9 @@ enum class Stream : std::uint64_t {
   array,
   mirror_array,
   depth,
-  mirror_depth
+  mirror_depth,
+  frames,
+  mirror_frames
 };
 std::uint64_t seed_of(const Plan& plan, Stream stream) {
   return mix(static_cast<std::uint64_t>(plan.seed) + mix(static_cast<std::uint64_t>(stream)));
@@ -238,9 +241,18 @@ Generator::Generator(Plan plan)
       y_(map_grid(plan_.conditions).y()),
       mean_peak_(mean_peak_power(radar_response(plan_.conditions), plan_.conditions)),
       antennas_(simulated_antennas(conditions(0), seed_of(plan_, Stream::antennas))) {
+  keeps_array_ = !antennas_.empty();
+  if (antennas_.empty()) antennas_ = antennas_in_layout(1);
   if (laboratories_.size() == 1 && plan_.conditions.background != "none")
-    room_ = room_alone(conditions(0),
-                       {radar_response(conditions(0)), antennas_, seed_of(plan_, Stream::room)});
+    room_ = room_alone(conditions(0), radar_of(conditions(0)));
+}
+
+ArrayRadar Generator::radar_of(const Conditions& c) const {
+  ArrayRadar radar{radar_response(c), antennas_, seed_of(plan_, Stream::room)};
+  radar.chirp_s = 1e-6 * c.radar_chirp_us;
+  radar.chirps = c.radar_chirps;
+  radar.carriers_hz = carriers_hz(c);
+  return radar;
 }
 
 Scene Generator::scene(std::int64_t index) const {
@@ -284,23 +296,46 @@ std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& sc
                                              record::FusedRecord& r, Rng& rng) const {
   const Conditions& c = conditions(index);
   const bool coherent = c.radar_sum == "coherent";
-  ArrayRadar radar{radar_response(c), antennas_, seed_of(plan_, Stream::room)};
-  radar.chirp_s = 1e-6 * c.radar_chirp_us;
-  radar.chirps = c.radar_chirps;
-  // New speckle of one antenna, and a covariance's roots, need all patches.
-  const RoomAlone* room = coherent == !antennas_.empty() ? room_behind(scene) : nullptr;
+  ArrayRadar radar = radar_of(c);
+  // A covariance's roots need all patches.
+  const RoomAlone* room = coherent || !keeps_array_ ? room_behind(scene) : nullptr;
   thread_local Returns returns;
   radar_returns(scene, c, returns, room ? RoomIs::subtracted : RoomIs::seen);
   if (room) radar.room = room->echo;
-  if (!antennas_.empty()) {
+  if (coherent || keeps_array_) {
     auto looks = look_through_array(index, returns, radar, r);
     if (coherent) return looks;
   }
-  roughen(returns, c, rng);
   auto power = radar_power(returns, radar.axis, c);
   if (room) add_room(room->power, power);
+  if (!r.speckle) r.speckle = speckle_of_noise(index, power, c);
   add_radar_noise(power, mean_peak_, c, rng);
   return power;
+}
+
+// Echoes that do not interfere are the same in every frame and carrier.
+std::optional<record::Speckle> Generator::speckle_of_noise(std::int64_t index,
+                                                           const std::vector<double>& power,
+                                                           const Conditions& c) const {
+  const auto stream = plan_.mirrored ? Stream::mirror_frames : Stream::frames;
+  Rng rng = make_rng(seed_of(plan_, stream), static_cast<std::uint64_t>(index));
+  GaussianNoise noise(rng);
+  const auto rms = static_cast<float>(std::sqrt(radar_noise_power(c, mean_peak_) / 2));
+  // Filled up to whole vectors.
+  const std::size_t points = (power.size() + lanes - 1) / lanes * lanes;
+  std::vector<float> echo(2 * points), samples, powers(power.size());
+  for (std::size_t i = 0; i < power.size(); ++i)
+    echo[i] = static_cast<float>(std::sqrt(std::max(power[i], 0.0)));
+  const auto carriers = static_cast<std::size_t>(c.radar_carriers);
+  record::SpeckleStatistics speckle(carriers);
+  for (std::size_t f = 0; f < static_cast<std::size_t>(c.radar_frames) * carriers; ++f) {
+    samples = echo;
+    noise.add(samples, rms);
+    for (std::size_t i = 0; i < powers.size(); ++i)
+      powers[i] = samples[i] * samples[i] + samples[points + i] * samples[points + i];
+    speckle.add(f / carriers, f % carriers, powers);
+  }
+  return speckle.take();
 }
 
 // From random numbers of its own, so that the rest of the record (with coherent echoes: but the
@@ -316,8 +351,11 @@ std::vector<double> Generator::look_through_array(std::int64_t index, const Retu
       sim::look_through_array(returns, radar, kept, c, radar_noise_power(c, mean_peak_), rng,
                               antenna_drift(c, antennas_.size(), seed_of(plan_, Stream::antennas),
                                             static_cast<double>(index) * dataset_window_s));
-  r.array = std::move(looks.array);
-  r.array_frames = static_cast<std::uint64_t>(c.radar_frames);
+  if (keeps_array_) {
+    r.array = std::move(looks.array);
+    r.array_frames = static_cast<std::uint64_t>(c.radar_frames * c.radar_carriers);
+  }
+  r.speckle = looks.speckle;
   return std::move(looks.power);
 }
 

@@ -52,7 +52,7 @@ class Generator {
   Scene scene(std::int64_t index) const;
   record::FusedRecord make(std::int64_t index) const;
   record::Antennas stated_antennas() const {
-    return sim::stated_antennas(antennas_, plan_.conditions);
+    return keeps_array_ ? sim::stated_antennas(antennas_, plan_.conditions) : record::Antennas{};
   }
 
  private:
@@ -61,6 +61,10 @@ class Generator {
                                     Rng& rng) const;
   std::vector<double> look_through_array(std::int64_t index, const Returns& returns,
                                          const ArrayRadar& radar, record::FusedRecord& r) const;
+  ArrayRadar radar_of(const Conditions& c) const;
+  std::optional<record::Speckle> speckle_of_noise(std::int64_t index,
+                                                  const std::vector<double>& power,
+                                                  const Conditions& c) const;
   const RoomAlone* room_behind(const Scene& scene) const {
     return room_ && scene.room ? &*room_ : nullptr;
   }
@@ -74,7 +78,8 @@ class Generator {
   std::vector<SceneSpec> scenes_;
   Axis x_, y_;
   double mean_peak_ = 0;
-  record::Antennas antennas_;      // with their errors
+  record::Antennas antennas_;  // with their errors; one, if their samples are not kept
+  bool keeps_array_ = false;
   std::optional<RoomAlone> room_;  // if all records are before it, in one laboratory
 };
 

@@ -22,10 +22,12 @@ class RadarAntennas {
  public:
   RadarAntennas(const Conditions& conditions, std::uint64_t seed);
 
-  // The board starts with this chirp. The noise is that of range_profile_codes.
-  void start(const Chirp& chirp, double mean_peak);
-  // The samples of a frame at this time, of all antennas, `gain` times as strong as they are.
-  void look(const RenderedScene& rendered, double time_s, double gain, Rng& rng);
+  // The board starts with these chirps, one for each subframe, which differ in their start
+  // frequency alone. The noise is that of range_profile_codes.
+  void start(const std::vector<Chirp>& subframes, double mean_peak);
+  // The samples of a subframe at this time, of all antennas, `gain` times as strong as they are.
+  void look(const RenderedScene& rendered, std::size_t subframe, double time_s, double gain,
+            Rng& rng);
   // Of this frame. The profile is that of coherent echoes only: the sum of the same samples.
   std::vector<std::uint16_t> profile_codes() const;
   RadarTlv tlv() const;
@@ -47,6 +49,7 @@ class RadarAntennas {
   std::size_t receivers_used_ = receivers;
   std::vector<std::size_t> numbers_;  // of used_ among channels_
   double noise_power_ = 0, seen_s_ = 0;
+  std::vector<double> carriers_hz_;
   std::int64_t scene_ = -1;
   std::optional<ArrayEcho> echo_;
   std::vector<std::complex<float>> samples_;  // in the firmware's integers

@@ -23,6 +23,8 @@ struct Chirp {
   unsigned frames = 0;  // 0: endless
   double frame_period_ms = 0;
 
+  bool operator==(const Chirp&) const = default;
+
   // Samples within the ramp, sweep within the band, chirps within the frame.
   bool possible() const;
   double active_us() const;  // of a frame

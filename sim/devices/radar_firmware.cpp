@@ -31,6 +31,8 @@ const std::map<std::string, Command> configuring = {
     {"profileCfg", {15, false, true, false}},
     {"chirpCfg", {9, false, true, false}},
     {"frameCfg", {8, false, true, false}},
+    {"advFrameCfg", {6, false, true, false}},
+    {"subFrameCfg", {11, false, true, false}},
     {"guiMonitor", {8, true, true, false}},
     {"cfarCfg", {10, true, true, true}},
     {"multiObjBeamForming", {4, true, true, false}},
@@ -171,11 +173,13 @@ int RadarFirmware::configure(const Arguments& words, const std::string& key) {
     return -1;
   }
   if (name == "flushCfg") {
-    chirps_.clear();
-    for (const char* chirp_part : {"profileCfg", "frameCfg"}) config_.erase(chirp_part);
+    chirps_.clear(), profiles_.clear(), subframe_cfgs_.clear(), last_profile_.clear();
+    for (const char* part : {"frameCfg", "advFrameCfg", "dfeDataOutputMode"}) config_.erase(part);
     for (const char* part : latched_commands) config_.erase(part);
   }
   if (name == "chirpCfg") chirps_.push_back(words);
+  if (name == "profileCfg") profiles_[whole(words, 1)] = last_profile_ = words;
+  if (name == "subFrameCfg") subframe_cfgs_[whole(words, 1)] = words;
   config_[key] = words;
   return name == "guiMonitor" ? gui_monitor(words) : 0;
 }
@@ -272,15 +276,16 @@ std::optional<int> RadarFirmware::sensor_start(const Arguments& words) {
   }
   if (refuse_start(reconfigure)) return -1;
   if (changed_latched()) return {};
-  const auto configured = chirp();
+  const auto configured = subframes_configured();
   if (state_ == State::init) state_ = State::opened;
-  if (!configured) return -1;
+  if (configured.empty()) return -1;
   pending_.clear();
   const Arguments& gui = config_["guiMonitor"];
   const Arguments& bias = config_["measureRangeBiasAndRxChanPhase"];
   outputs_ = {whole(gui, 2) != 0,  whole(gui, 3) != 0, whole(gui, 5) != 0, whole(gui, 7) != 0,
               whole(bias, 1) != 0, number(bias, 2),    number(bias, 3)};
-  running_ = configured;
+  subframes_ = configured;
+  running_ = configured.front();
   state_ = State::started;
   return 0;
 }
@@ -302,19 +307,46 @@ void RadarFirmware::between_frames() {
   answer(0);
 }
 
-// Nothing if a part is missing or the front end would refuse it.
-std::optional<Chirp> RadarFirmware::chirp() const {
-  const auto find = [&](const char* name) {
-    const auto it = config_.find(name);
-    return it == config_.end() ? Arguments{} : it->second;
-  };
-  const Arguments profile = find("profileCfg"), frame = find("frameCfg");
-  const Arguments channel = find("channelCfg");
+// The frame as one, or its subframes. Nothing if a part is missing or the front end would refuse
+// it, and of subframes whose chirps differ in more than their start: those are not simulated.
+std::vector<Chirp> RadarFirmware::subframes_configured() {
+  constexpr unsigned advanced = 3, most = 4;
+  if (whole(config_["dfeDataOutputMode"], 1) != advanced) {
+    const Arguments& f = config_["frameCfg"];
+    const auto one = chirp({whole(f, 1), whole(f, 2), whole(f, 3), whole(f, 4), number(f, 5)}, {});
+    return one ? std::vector{*one} : std::vector<Chirp>{};
+  }
+  std::vector<Chirp> out;
+  const Arguments& frame = config_["advFrameCfg"];
+  for (unsigned k = 0; k < std::min(whole(frame, 1), most); ++k) {
+    const Arguments& s = subframe_cfgs_[k];
+    const unsigned first = whole(s, 3);
+    const auto one = chirp(
+        {first, first + std::max(1u, whole(s, 4)) - 1, whole(s, 5), whole(frame, 3), number(s, 10)},
+        first);
+    if (!one) return {};
+    Chirp like_first = *one;
+    if (!out.empty()) like_first.start_ghz = out.front().start_ghz;
+    if (!out.empty() && like_first != out.front()) {
+      say("Error: subframes of other chirps are not simulated\n");
+      return {};
+    }
+    out.push_back(*one);
+  }
+  return out;
+}
+
+// With the profile of a chirp, or the last one.
+std::optional<Chirp> RadarFirmware::chirp(const FramePart& frame,
+                                          std::optional<unsigned> of_chirp) {
+  const Arguments channel = config_["channelCfg"];
+  Arguments profile = last_profile_;
   Chirp chirp;
   unsigned chirps = 0;
-  for (unsigned i = whole(frame, 1); i <= std::min(whole(frame, 2), last_chirp); ++i)
+  for (unsigned i = frame.first; i <= std::min(frame.last, last_chirp); ++i)
     for (const Arguments& c : chirps_)
       if (whole(c, 1) <= i && i <= whole(c, 2)) {
+        if (of_chirp == i) profile = profiles_[whole(c, 3)];
         add_transmitters(whole(c, 8) & whole(channel, 2), chirp.transmitters);
         ++chirps;
         break;
@@ -329,9 +361,9 @@ std::optional<Chirp> RadarFirmware::chirp() const {
   chirp.receivers = whole(channel, 1) & 0xf;
   chirp.antennas = static_cast<unsigned>(static_cast<std::size_t>(std::popcount(chirp.receivers)) *
                                          chirp.transmitters.size());
-  chirp.chirps_per_frame = chirps * whole(frame, 3);
-  chirp.frames = whole(frame, 4);
-  chirp.frame_period_ms = number(frame, 5);
+  chirp.chirps_per_frame = chirps * frame.loops;
+  chirp.frames = frame.frames;
+  chirp.frame_period_ms = frame.period_ms;
   if (!chirp.possible()) return {};
   return chirp;
 }

@@ -41,6 +41,8 @@ class RadarFirmware {
 
   // Set from sensorStart to the end of the frame in which sensorStop came.
   const std::optional<Chirp>& running() const { return running_; }
+  // Of each of the frame's subframes, which follow one another: one, unless advFrameCfg says so.
+  const std::vector<Chirp>& subframes() const { return subframes_; }
   const RadarOutputs& outputs() const { return outputs_; }
   unsigned data_baud() const { return data_baud_; }
   // No frame is under way: a pending sensorStop completes.
@@ -66,7 +68,12 @@ class RadarFirmware {
   bool all_pending() const;
   bool refuse_start(bool reconfigure);
   bool changed_latched();
-  std::optional<Chirp> chirp() const;
+  struct FramePart {
+    unsigned first, last, loops, frames;  // chirps from first to last
+    double period_ms;
+  };
+  std::vector<Chirp> subframes_configured();
+  std::optional<Chirp> chirp(const FramePart& frame, std::optional<unsigned> of_chirp);
 
   Write cli_, data_;
   unsigned sdk_;
@@ -77,8 +84,11 @@ class RadarFirmware {
   std::map<std::string, Arguments> config_;   // last good words of each command
   std::map<std::string, Arguments> latched_;  // as they were at the first start
   std::vector<Arguments> chirps_;
+  std::map<unsigned, Arguments> profiles_, subframe_cfgs_;  // by their numbers
+  Arguments last_profile_;
   std::set<std::string> pending_;  // configured since the last start
   std::optional<Chirp> running_;
+  std::vector<Chirp> subframes_;
   RadarOutputs outputs_;
 };
 

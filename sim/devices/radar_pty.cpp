@@ -79,26 +79,29 @@ class RadarBoard final : public Device {
     frames_of_start_ = 0;
     axis_ = chirp().axis();
     mean_peak_ = mean_peak_power(axis_, player_.conditions());
-    antennas_.start(chirp(), mean_peak_);
+    antennas_.start(firmware_.subframes(), mean_peak_);
+    subframe_ = 0;
     last_profile_.clear();
     next_frame_ = std::chrono::steady_clock::now();
     frame();
   }
 
   void frame() {
-    firmware_.between_frames();
+    if (subframe_ == 0) firmware_.between_frames();
     framing_ = firmware_.running().has_value();
     if (!framing_) return;
-    if (chirp().frames == 0 || frames_of_start_ < chirp().frames) {
-      ++frame_number_;
-      ++frames_of_start_;
+    if (subframe_ > 0 || chirp().frames == 0 || frames_of_start_ < chirp().frames) {
+      frame_number_ += subframe_ == 0;  // the subframes have their frame's
+      frames_of_start_ += subframe_ == 0;
       seen_s_ = player_.now_s();
+      seen_subframe_ = subframe_;
       const double ready_us = std::min(chirp().active_us() + processing_us, 0.8 * period_us());
       output_timer_.expires_at(next_frame_ + microseconds(ready_us));
       output_timer_.async_wait([this](const boost::system::error_code& error) {
         if (!error) output();
       });
     }
+    subframe_ = (subframe_ + 1) % firmware_.subframes().size();
     next_frame_ += microseconds(period_us());
     frame_timer_.expires_at(next_frame_);
     frame_timer_.async_wait([this](const boost::system::error_code& error) {
@@ -127,8 +130,9 @@ class RadarBoard final : public Device {
     const double now_s = player_.now_s();
     const auto cycles =
         static_cast<std::int64_t>((now_s + injector_.clock_error_s(now_s)) * cpu_hz);
-    const Bytes wire =
-        radar_frame({frame_number_, static_cast<std::uint32_t>(cycles), 0}, tlvs, rng_);
+    const Bytes wire = radar_frame({frame_number_, static_cast<std::uint32_t>(cycles), 0,
+                                    static_cast<std::uint32_t>(seen_subframe_)},
+                                   tlvs, rng_);
     put_on_line(wire);
     ++frames_;
     transmit_us_ = static_cast<double>(wire.size()) * 1e7 / firmware_.data_baud();
@@ -141,15 +145,14 @@ class RadarBoard final : public Device {
     return power;
   }
 
-  // Antennas that nobody asks for are not simulated: their speckle would be another one.
+  // Echoes that interfere are the antennas' in any case, as people move before them.
   void look() {
     const Conditions& c = player_.conditions();
-    const bool heat_map = firmware_.outputs().heat_map;
-    if (heat_map) {
-      antennas_.look(player_.at(seen_s_), seen_s_, injector_.gain(), rng_);
-      last_heat_map_ = antennas_.tlv();
-    }
-    last_profile_ = heat_map && c.radar_sum == "coherent"
+    const bool heat_map = firmware_.outputs().heat_map, coherent = c.radar_sum == "coherent";
+    if (heat_map || coherent)
+      antennas_.look(player_.at(seen_s_), seen_subframe_, seen_s_, injector_.gain(), rng_);
+    if (heat_map) last_heat_map_ = antennas_.tlv();
+    last_profile_ = coherent
                         ? antennas_.profile_codes()
                         : range_profile_codes(power_seen(), mean_peak_, chirp().antennas, c, rng_);
   }
@@ -240,6 +243,7 @@ class RadarBoard final : public Device {
   double mean_peak_ = 0, seen_s_ = 0, transmit_us_ = 0;
   bool framing_ = false;
   std::uint32_t frame_number_ = 0;
+  std::size_t subframe_ = 0, seen_subframe_ = 0;  // that begins next; that is sent next
   std::uint64_t frames_of_start_ = 0, frames_ = 0, skipped_ = 0;
   std::deque<Frame> line_;  // delayed
   std::function<void(bool in)> plug_;

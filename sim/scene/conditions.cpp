@@ -128,12 +128,15 @@ void bind_radar(Settings& s, Conditions& c) {
 
 void bind_array(Settings& s, Conditions& c) {
   s.add("radar_antennas", c.radar_antennas, 0, 12,
-        "virtual antennas: 1 to 8 in a row, 12 in a plane; 0: not kept");
+        "virtual antennas: 1 to 8 in a row, 12 in a plane; 0: one, not kept");
   s.add("radar_frames", c.radar_frames, 13, 10'000,
-        "of the antennas, in a record; more than there are antennas");
+        "of the radar, in a record; more than there are antennas");
   s.add("radar_phase_error_rad", c.radar_phase_error_rad, 0, 10, "rms over the antennas");
   s.add("radar_gain_error_db", c.radar_gain_error_db, 0, 20, "rms over the antennas");
   s.add("radar_array_calibrated", c.radar_array_calibrated, "the run knows these errors");
+  s.add("radar_carriers", c.radar_carriers, 1, 64, "frequencies at which each frame is taken");
+  s.add("radar_carrier_step_mhz", c.radar_carrier_step_mhz, 0, 4000,
+        "from one to the next; 0: as far apart as 4 GHz permit");
   s.add("radar_sway_m", c.radar_sway_m, 0, 1, "rms each way, of a standing person's head");
   s.add("radar_twist_deg", c.radar_twist_deg, 0, 90, "rms, of a person about the upright axis");
   s.add("radar_breath_m", c.radar_breath_m, 0, 0.1, "amplitude of a person's chest");
@@ -156,6 +159,16 @@ void bind_depth(Settings& s, Conditions& c) {
   s.add("depth_offset_m", c.depth_offset_m, -1, 1, "by which it reads too far");
   s.add("depth_step_m", c.depth_step_m, 0, 0.1, "quantisation at 1 m, grows as the noise");
   s.add("depth_holes", c.depth_holes, 0, 0.9, "share of the surface lost in holes");
+}
+
+}  // namespace
+
+namespace {
+
+// What a sweep of c / 2 resolution leaves.
+double free_band_hz(const Conditions& c) {
+  constexpr double band_hz = 4e9;
+  return band_hz - speed_of_light_m_s / (2 * c.radar_resolution_m);
 }
 
 }  // namespace
@@ -192,6 +205,10 @@ void validate(const Conditions& c) {
   if (c.multipath_order > 0 && c.radar_ground > 0)
     throw Error(ExitCode::config,
                 "radar_ground and multipath_order: both are echoes by the floor; give one of them");
+  if (c.radar_carriers > 1 && (free_band_hz(c) <= 0 || carriers_hz(c).back() > free_band_hz(c)))
+    throw Error(ExitCode::config, std::to_string(c.radar_carriers) +
+                                      " carriers of this resolution and step do not "
+                                      "fit into 4 GHz");
   if (c.target_z_min_m > c.target_z_max_m)
     throw Error(ExitCode::config, "target_z_min_m is greater than target_z_max_m");
   if (c.height_min_m > c.height_max_m)
@@ -220,6 +237,17 @@ RadarAxis radar_response(const Conditions& c) {
   return {c.radar_start_m, c.radar_step_m, static_cast<std::uint32_t>(c.radar_bins),
           c.radar_resolution_m * c.radar_psf_width,
           c.radar_psf == "sinc" ? Psf::sinc : Psf::blackman};
+}
+
+std::vector<double> carriers_hz(const Conditions& c) {
+  const double steps = static_cast<double>(c.radar_carriers - 1);
+  const double step_hz = c.radar_carrier_step_mhz > 0 ? 1e6 * c.radar_carrier_step_mhz
+                         : steps > 0                  ? free_band_hz(c) / steps
+                                                      : 0;
+  std::vector<double> out;
+  for (std::int64_t k = 0; k < c.radar_carriers; ++k)
+    out.push_back(static_cast<double>(k) * step_hz);
+  return out;
 }
 
 double radar_x_m(const Conditions& c) { return -(c.baseline_m + c.baseline_error_m); }

@@ -5,6 +5,7 @@
 #pragma once
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "acquire/record/depth_map.hpp"
 #include "drivers/core/axis.hpp"
@@ -126,12 +127,16 @@ struct Conditions {
   double radar_psf_width = 1;  // true width of its response, of that of radar_resolution_m
 
   // The radar's virtual antennas (sim/sensors/radar_array.hpp): 1 to 8 in a row, 12 as the AOP
-  // board has them; 0: their samples are not kept.
+  // board has them; 0: as 1, whose samples are not kept.
   std::int64_t radar_antennas = 0;
   std::int64_t radar_frames = 60;    // in a record
   double radar_phase_error_rad = 0;  // rms over the antennas
   double radar_gain_error_db = 0;
   bool radar_array_calibrated = true;  // the run knows these errors
+  // Each frame is of so many carriers, one after the other (carriers_hz), the first of which is
+  // radar_carrier_hz. 0 MHz: as far apart as 4 GHz permit.
+  std::int64_t radar_carriers = 1;
+  double radar_carrier_step_mhz = 0;
   // What makes a standing person's echoes change from frame to frame (sim/sensors/body_motion.hpp):
   double radar_sway_m = 0.005;    // rms each way, at head height
   double radar_twist_deg = 0.3;   // rms, about the upright axis
@@ -176,6 +181,9 @@ Axis spd_axis(const Conditions& conditions);
 record::MapGrid map_grid(const Conditions& conditions);
 Axis radar_axis(const Conditions& conditions);
 RadarAxis radar_response(const Conditions& conditions);
+// By how much each carrier is above the first one. What they sweep lies within 4 GHz, as the band
+// of 60 to 64 GHz is wide.
+std::vector<double> carriers_hz(const Conditions& conditions);
 double radar_x_m(const Conditions& conditions);  // where the radar truly is
 
 }  // namespace echofuse::sim

@@ -54,11 +54,24 @@ std::vector<double> antenna_drift(const Conditions& c, std::size_t antennas, std
   return phases;
 }
 
+namespace {
+
+// Sum over the antennas of each of the bins, of planes.
+void put_powers(std::span<const float> re, std::span<const float> im, std::size_t bins,
+                std::span<float> out) {
+  for (std::size_t at = 0; at < re.size(); at += lanes)
+    for (std::size_t i = 0; i < bins; ++i)
+      out[i] += re[at + i] * re[at + i] + im[at + i] * im[at + i];
+}
+
+}  // namespace
+
 ArrayLooks look_through_array(const Returns& returns, const ArrayRadar& radar,
                               std::size_t kept_bins, const Conditions& c, double noise_power,
                               Rng& rng, std::span<const double> drift) {
   const std::size_t antennas = radar.antennas.size(), points = radar.axis.count;
-  const auto frames = static_cast<std::size_t>(c.radar_frames);
+  const std::size_t carriers = radar.carriers_hz.size();
+  const std::size_t frames = static_cast<std::size_t>(c.radar_frames) * carriers;
   const double later_s = dataset_window_s / static_cast<double>(frames);
   const auto rms = static_cast<float>(std::sqrt(noise_power / 2));
   ArrayEcho echo(returns, radar, c, rng);
@@ -69,8 +82,12 @@ ArrayLooks look_through_array(const Returns& returns, const ArrayRadar& radar,
   const auto state = [&](std::size_t f) {
     return std::span(states).subspan(f * echo.state_size(), echo.state_size());
   };
-  for (std::size_t f = 0; f < frames; ++f) echo.advance(later_s, rng, state(f));
+  for (std::size_t f = 0; f < frames; ++f) {
+    echo.set_carrier(f % carriers);
+    echo.advance(later_s, rng, state(f));
+  }
   GaussianNoise noise(rng);
+  std::vector<float> of_frames(frames * points);  // power of each point
   ArrayLooks looks;
   looks.array.reserve(kept_bins * record::values_of_bin(antennas));
   std::vector<float> planes(echo.planes_size());
@@ -81,10 +98,13 @@ ArrayLooks look_through_array(const Returns& returns, const ArrayRadar& radar,
     const std::size_t bins = std::min(lanes, points - block * lanes);
     record::ArrayStatistics sums(bins, antennas);
     for (std::size_t f = 0; f < frames; ++f) {
+      echo.set_carrier(f % carriers);
       echo.look(block, state(f), planes);
       noise.add(re, rms);
       noise.add(im, rms);
+      if (carriers > 1) sums.skip();  // the frame before was of another carrier
       sums.add_planes(re.data(), im.data());
+      put_powers(re, im, bins, std::span(of_frames).subspan(f * points + block * lanes, bins));
     }
     const auto array = sums.take();
     for (std::size_t i = 0; i < bins; ++i) {
@@ -94,6 +114,10 @@ ArrayLooks look_through_array(const Returns& returns, const ArrayRadar& radar,
         looks.array.insert(looks.array.end(), bin.values.begin(), bin.values.end());
     }
   }
+  record::SpeckleStatistics speckle(carriers);
+  for (std::size_t f = 0; f < frames; ++f)
+    speckle.add(f / carriers, f % carriers, std::span(of_frames).subspan(f * points, points));
+  looks.speckle = speckle.take();
   return looks;
 }
 

@@ -66,9 +66,12 @@ void add_points(const Returns& returns, const ArrayRadar& radar, std::vector<flo
     for (std::size_t i = 0; i < psf.size(); ++i)
       for (std::size_t m = 0; m < wave.size(); ++m) {
         const Complex value = std::sqrt(cell.weight) * psf[i] * wave[m];
-        float* out = &planes[i / lanes * layout.planes() + i % lanes];
-        out[m * lanes] += static_cast<float>(value.real());
-        out[(layout.padded + m) * lanes] += static_cast<float>(value.imag());
+        for (std::size_t carrier = 0; carrier < radar.carriers_hz.size(); ++carrier) {
+          const std::size_t block = carrier * blocks_of(radar.axis) + i / lanes;
+          float* out = &planes[block * layout.planes() + i % lanes];
+          out[m * lanes] += static_cast<float>(value.real());
+          out[(layout.padded + m) * lanes] += static_cast<float>(value.imag());
+        }
       }
   }
 }
@@ -84,22 +87,27 @@ void add_still(const Returns& returns, const ArrayRadar& radar, std::vector<floa
     last = std::max(last, slot_of(returns.range_m[k], radar.axis));
   }
   if (patches.empty()) return;
-  std::vector<float> slots((last - first + 1) * layout.row);
   Waves waves(radar.antennas, layout);
-  for (const std::size_t k : patches) {
-    const auto& place = returns.place[k];
-    const double weight = returns.weight[k];
-    waves.add(place.x, place.y,
-              static_cast<float>(std::copysign(std::sqrt(std::abs(weight)), weight)),
-              turns_of_patch(returns, k, radar.still_seed),
-              &slots[(slot_of(returns.range_m[k], radar.axis) - first) * layout.row]);
-  }
   const RangeNodes range(radar.axis, first, last);
-  std::vector<float> nodes(range.count() * layout.row);
-  for (std::size_t slot = first; slot <= last; ++slot)
-    range.share(slot, &slots[(slot - first) * layout.row], layout.row, nodes.data());
-  for (std::size_t block = 0; block < blocks_of(radar.axis); ++block)
-    range.respond(block, nodes.data(), layout.row, &planes[block * layout.planes()]);
+  const std::size_t blocks = blocks_of(radar.axis);
+  for (std::size_t carrier = 0; carrier < radar.carriers_hz.size(); ++carrier) {
+    std::vector<float> slots((last - first + 1) * layout.row);
+    for (const std::size_t k : patches) {
+      const auto& place = returns.place[k];
+      const double weight = returns.weight[k], range_m = returns.range_m[k];
+      waves.add(place.x, place.y,
+                static_cast<float>(std::copysign(std::sqrt(std::abs(weight)), weight)),
+                turns_of_patch(returns, k, radar.still_seed) +
+                    static_cast<float>(turns_of_carrier(range_m, radar.carriers_hz[carrier])),
+                &slots[(slot_of(range_m, radar.axis) - first) * layout.row]);
+    }
+    std::vector<float> nodes(range.count() * layout.row);
+    for (std::size_t slot = first; slot <= last; ++slot)
+      range.share(slot, &slots[(slot - first) * layout.row], layout.row, nodes.data());
+    for (std::size_t block = 0; block < blocks; ++block)
+      range.respond(block, nodes.data(), layout.row,
+                    &planes[(carrier * blocks + block) * layout.planes()]);
+  }
 }
 
 }  // namespace echofuse::sim

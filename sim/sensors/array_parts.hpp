@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "drivers/core/axis.hpp"
 #include "drivers/core/clones.hpp"
 #include "sim/sensors/radar_array.hpp"
 #include "sim/sensors/range_nodes.hpp"
@@ -42,9 +43,14 @@ inline std::size_t slot_of(double range_m, const RadarAxis& axis) {
   return static_cast<std::size_t>(range_m / axis.resolution_m * RangeNodes::slots_per_cell);
 }
 
-// Planes of all blocks. The reflector and the leakage are points; the room and objects are
-// coherent, and what is hidden of them has a negative weight and is taken away.
+// Planes of all blocks, at one carrier after the other. The reflector and the leakage are points;
+// the room and objects are coherent, and what is hidden of them has a negative weight and is taken
+// away.
 void add_points(const Returns& returns, const ArrayRadar& radar, std::vector<float>& planes);
 void add_still(const Returns& returns, const ArrayRadar& radar, std::vector<float>& planes);
+// By how much less the phase of an echo is at a carrier so much higher, in turns.
+inline double turns_of_carrier(double range_m, double carrier_hz) {
+  return -2 * range_m * carrier_hz / speed_of_light_m_s;
+}
 
 }  // namespace echofuse::sim

@@ -33,9 +33,9 @@ class Speckle {
       : layout_(radar.antennas.size()),
         receivers_(radar.chirp_s > 0 ? radar.receivers : layout_.antennas),
         chirp_s_(radar.chirp_s),
-        chirps_(radar.chirps) {
-    const double slot_m = radar.axis.resolution_m / RangeNodes::slots_per_cell;
-    const ArrayCells all = cells_of(returns, {slot_m}, Echoes::of_people);
+        chirps_(radar.chirps),
+        carriers_(radar.carriers_hz.size()) {
+    const ArrayCells all = cells_of(returns, {slot_of_cells_m(radar)}, Echoes::of_people);
     motion_ = BodyMotion(c, all.people, rng);
     cells_ = all.cells.size();
     if (cells_ == 0) return;
@@ -44,6 +44,7 @@ class Speckle {
     slot_begin_.assign(slots_.size() + 1, cells_);
     rows_.resize(cells_ * layout_.row);
     turns_per_mode_.resize(all.people * BodyMotion::modes * cells_);
+    turns_of_carriers_.resize(cells_ * carriers_);
     turns_.resize(cells_), re_.resize(cells_), im_.resize(cells_);
     const auto axes = axes_of(all);
     Waves waves(radar.antennas, layout_);
@@ -56,8 +57,15 @@ class Speckle {
                 static_cast<float>(std::sqrt(power)), static_cast<float>(uniform(rng, 0, 1)),
                 &rows_[k * layout_.row]);
       set_motion(k, cell, axes[static_cast<std::size_t>(cell.person)], c);
+      for (std::size_t i = 0; i < carriers_; ++i)
+        turns_of_carriers_[k * carriers_ + i] =
+            static_cast<float>(turns_of_carrier(cell.range_m, radar.carriers_hz[i]));
     }
+    for (const double carrier_hz : radar.carriers_hz)
+      faster_.push_back(static_cast<float>(1 + carrier_hz / c.radar_carrier_hz));
   }
+
+  void set_carrier(std::size_t carrier) { carrier_ = carrier; }
 
   std::size_t state_size() const { return range_ ? range_->count() * layout_.row : 0; }
 
@@ -70,6 +78,7 @@ class Speckle {
     if (chirp_s_ > 0)
       by_modes(
           [&](std::size_t person) -> auto& { return motion_.speeds_of(person); }, speeds_);
+    if (carriers_ > 1) turn_to_carrier();
     const std::size_t transmitters = (layout_.antennas + receivers_ - 1) / receivers_;
     for (std::size_t t = 0; t < transmitters; ++t) {
       turn(turns_.data(), re_.data(), im_.data(), cells_);
@@ -96,6 +105,21 @@ class Speckle {
     for (std::size_t i = 0; i < turns_per_mode_.size() / cells_; ++i)
       add_scaled(of(i / BodyMotion::modes)[i % BodyMotion::modes], &turns_per_mode_[i * cells_],
                  cells_, cells.data());
+  }
+
+  // Half a resolution's eighth (RangeNodes); with carriers so that the phases within a cell differ
+  // by 1 rad at most from one carrier to the next.
+  static double slot_of_cells_m(const ArrayRadar& radar) {
+    const double slot_m = radar.axis.resolution_m / RangeNodes::slots_per_cell;
+    if (radar.carriers_hz.size() < 2) return slot_m;
+    const double step_hz = radar.carriers_hz[1] - radar.carriers_hz[0];
+    return std::min(slot_m, speed_of_light_m_s / (4 * pi * std::max(step_hz, 1.0)));
+  }
+
+  void turn_to_carrier() {
+    for (std::size_t k = 0; k < cells_; ++k)
+      turns_[k] = turns_[k] * faster_[carrier_] + turns_of_carriers_[k * carriers_ + carrier_];
+    for (float& speed : speeds_) speed *= faster_[carrier_];
   }
 
   // As seen by antennas first..end-1.
@@ -140,12 +164,16 @@ class Speckle {
   std::size_t receivers_;
   double chirp_s_;
   std::int64_t chirps_;
+  std::size_t carriers_, carrier_ = 0;
   BodyMotion motion_;
   std::size_t cells_ = 0;
   std::vector<std::size_t> slots_, slot_begin_;  // numbers; first cells, and the end
   std::optional<RangeNodes> range_;
   // Of each cell: its row, and for each mode of each person by how much it turns.
   std::vector<float> rows_, turns_per_mode_, turns_, speeds_, re_, im_;
+  // Of each cell and carrier: by how much it is ahead. Of each carrier: by how much faster it
+  // turns.
+  std::vector<float> turns_of_carriers_, faster_;
 };
 
 // People and the room, incoherent: x = L q with L L^H the covariance and q over any `frames` frames
@@ -153,7 +181,8 @@ class Speckle {
 class Expectation {
  public:
   Expectation(const Returns& returns, const ArrayRadar& radar, const Conditions& c)
-      : layout_(radar.antennas.size()), frames_(c.radar_frames) {
+      : layout_(radar.antennas.size()),
+        frames_(c.radar_frames * static_cast<std::int64_t>(radar.carriers_hz.size())) {
     const std::size_t n = layout_.antennas;
     const double slot_m = radar.axis.resolution_m / RangeNodes::slots_per_cell;
     const ArrayCells all = cells_of(returns, {slot_m}, Echoes::of_people_and_room);
@@ -236,10 +265,11 @@ class Expectation {
 struct ArrayEcho::State {
   Layout layout;
   std::size_t points, blocks;
-  std::vector<float> still;  // planes of all blocks
+  std::vector<float> still;  // planes of all blocks, for each carrier
   std::variant<Speckle, Expectation> moving;
   std::vector<float> now, planes;  // of frame()
   std::vector<std::complex<float>> drift{};
+  std::size_t carrier = 0;
 };
 
 ArrayEcho::ArrayEcho(const Returns& returns, const ArrayRadar& radar, const Conditions& c,
@@ -247,7 +277,7 @@ ArrayEcho::ArrayEcho(const Returns& returns, const ArrayRadar& radar, const Cond
   const Layout layout(radar.antennas.size());
   const std::size_t blocks = blocks_of(radar.axis);
   std::vector<float> still(radar.room.begin(), radar.room.end());
-  still.resize(blocks * layout.planes());
+  still.resize(radar.carriers_hz.size() * blocks * layout.planes());
   add_points(returns, radar, still);
   const bool coherent = c.radar_sum == "coherent";
   if (coherent) add_still(returns, radar, still);
@@ -283,13 +313,19 @@ void ArrayEcho::advance(double later_s, Rng& rng, std::span<float> state) {
 
 void ArrayEcho::look(std::size_t block, std::span<const float> state,
                      std::span<float> planes) const {
-  const auto still = state_->still.begin() + static_cast<std::ptrdiff_t>(block * planes.size());
+  const std::size_t at = (state_->carrier * state_->blocks + block) * planes.size();
+  const auto still = state_->still.begin() + static_cast<std::ptrdiff_t>(at);
   std::copy_n(still, planes.size(), planes.begin());
   std::visit([&](const auto& moving) { moving.add(block, state, planes.data()); }, state_->moving);
   const auto& drift = state_->drift;
   for (std::size_t m = 0; m < drift.size(); ++m)
     turn_planes(drift[m].real(), drift[m].imag(), &planes[m * lanes],
                 &planes[imaginary_plane() + m * lanes]);
+}
+
+void ArrayEcho::set_carrier(std::size_t carrier) {
+  state_->carrier = carrier;
+  if (auto* speckle = std::get_if<Speckle>(&state_->moving)) speckle->set_carrier(carrier);
 }
 
 void ArrayEcho::set_drift(std::span<const double> phases) {
@@ -310,7 +346,8 @@ void ArrayEcho::frame(double later_s, Rng& rng, std::span<std::complex<float>> s
 }
 
 std::vector<float> room_echo(const ArrayRadar& radar, const Conditions& c) {
-  std::vector<float> planes(blocks_of(radar.axis) * Layout(radar.antennas.size()).planes());
+  std::vector<float> planes(radar.carriers_hz.size() * blocks_of(radar.axis) *
+                            Layout(radar.antennas.size()).planes());
   add_still(radar_returns(empty_room(*room_named(c.background)), c), radar, planes);
   return planes;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What the radar's virtual antennas receive, frame by frame:
+// What the radar's virtual antennas receive, frame by frame and carrier by carrier:
 //   x_m = gain_m exp(i phase_m) sum_k a_k psf(R - R_k) exp(i pi (x_m u_k + y_m v_k)) + noise
 // with places x, y in half wavelengths and direction cosines u (right) and v (up). In units in
 // which the mean scene as a single point has power 1 (radar_power).
@@ -7,8 +7,13 @@
 //               Gaussian (fully developed speckle), and its phase turns by 4 pi / wavelength times
 //               the way that sway, twist and breath take it (body_motion.hpp). The room and objects
 //               stand still: their phases belong to the seed, and the mean of all frames is theirs.
-//   incoherent  As if there were infinitely many looks: over any radar_frames successive frames the
-//               covariance is exactly sum_k w_k psf^2 a a^H. Successive frames are uncorrelated.
+//               At another carrier, df higher, what is at range R has a phase 4 pi R df / c less:
+//               the speckle of a body of depth L is another one from c / 2L on (Goodman, Speckle
+//               Phenomena in Optics, 2007, 5.3). Antennas stand in half wavelengths of each
+//               carrier.
+//   incoherent  As if there were infinitely many looks: over any radar_frames successive frames (of
+//               each carrier) the covariance is exactly sum_k w_k psf^2 a a^H. Successive ones are
+//               uncorrelated.
 // Leakage and the calibration reflector are points that stand still. What moves at v m/s while the
 // transmitters send in turn, chirp_s apart and `chirps` times each, has at transmitter t of T
 //   exp(-4 pi i v t chirp_s / wavelength) sin(pi f C) / (C sin(pi f)),
@@ -17,10 +22,12 @@
 #include <complex>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "acquire/record/radar_array.hpp"
+#include "acquire/record/speckle.hpp"
 #include "drivers/core/random.hpp"
 #include "sim/scene/conditions.hpp"
 #include "sim/scene/radar_axis.hpp"
@@ -49,6 +56,8 @@ struct ArrayRadar {
   std::int64_t chirps = 1;
   // room_echo(), where the room is subtracted from the returns (render.hpp); else empty.
   std::span<const float> room{};
+  // Above the first one (carriers_hz).
+  std::vector<double> carriers_hz{0};
 };
 
 // Of radar_warming_k after this time: each antenna's phase.
@@ -68,6 +77,8 @@ class ArrayEcho {
   // frame.
   void frame(double later_s, Rng& rng, std::span<std::complex<float>> samples);
 
+  // The next frame is of this one of ArrayRadar::carriers_hz; the first of all, unless said.
+  void set_carrier(std::size_t carrier);
   // From now on the antennas' phases are ahead by this (rad; as many as there are antennas).
   void set_drift(std::span<const double> phases);
 
@@ -86,13 +97,15 @@ class ArrayEcho {
   std::unique_ptr<State> state_;
 };
 
-// Of the room alone, coherent (ArrayRadar::room).
+// Of the room alone, coherent, at each carrier (ArrayRadar::room).
 std::vector<float> room_echo(const ArrayRadar& radar, const Conditions& conditions);
 
-// A record's: radar_frames frames over dataset_window_s, with noise of this power in each sample.
+// A record's: radar_frames frames over dataset_window_s, each of all carriers, with noise of this
+// power in each sample.
 struct ArrayLooks {
   std::vector<float> array;   // of the first `kept_bins` points (ArrayStatistics)
-  std::vector<double> power;  // of each point, mean over frames and antennas
+  std::vector<double> power;  // of each point, mean over frames, carriers and antennas
+  std::optional<record::Speckle> speckle;
 };
 ArrayLooks look_through_array(const Returns& returns, const ArrayRadar& radar,
                               std::size_t kept_bins, const Conditions& conditions,

@@ -220,7 +220,7 @@ void spd_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs r
 }
 
 void radar_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs room) {
-  const bool places = c.radar_antennas > 0 || c.radar_ground > 0;
+  const bool places = c.radar_antennas > 0 || c.radar_ground > 0 || c.radar_sum == "coherent";
   Gaze gaze = radar_gaze(c);
   if (places) gaze.height_m = c.camera_height_m;
   const Axis x = x_rays(c.radar_rays, c.radar_half_tangent);

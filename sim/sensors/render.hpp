@@ -36,8 +36,9 @@ std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, co
 struct Returns {
   std::vector<double> range_m;
   std::vector<double> weight;
-  // Of the radar's, if it has antennas (radar_antennas > 0): direction cosines x/R and y/R, height
-  // above the floor, and to whom the patch belongs: person 0, 1..., or something that stands still.
+  // Of the radar's, if it has antennas (radar_antennas > 0) or its echoes interfere: direction
+  // cosines x/R and y/R, height above the floor, and to whom the patch belongs: person 0, 1..., or
+  // something that stands still.
   struct Place {
     float x = 0, y = 0, height_m = 0;
     std::int32_t person = still;

@@ -63,7 +63,7 @@ Bytes radar_frame(const RadarHeader& header, const std::vector<RadarTlv>& tlvs, 
   put(out, header.time_cpu_cycles);
   put(out, header.detected_objects);
   put(out, static_cast<std::uint32_t>(tlvs.size()));
-  put<std::uint32_t>(out, 0);  // sub-frame
+  put(out, header.subframe);
   for (const auto& tlv : tlvs) {
     put(out, tlv.type);
     put(out, static_cast<std::uint32_t>(tlv.payload.size()));

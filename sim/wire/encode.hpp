@@ -31,6 +31,7 @@ struct RadarHeader {
   std::uint32_t frame_number = 0;
   std::uint32_t time_cpu_cycles = 0;
   std::uint32_t detected_objects = 0;
+  std::uint32_t subframe = 0;
 };
 struct RadarTlv {
   std::uint32_t type = 0;

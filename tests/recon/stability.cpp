@@ -142,7 +142,8 @@ TEST_CASE("with antennas in the base condition there are axes of them, and rows 
   StabilityOptions options;
   options.sim = echofuse::test::bin_dir + "/echofuse-sim";
   options.set = {"radar_antennas=8", "radar_sum=coherent"};
-  options.axes = {"matched-antennas", "shifted-antennas", "shifted-phase", "shifted-speckle"};
+  options.axes = {"matched-antennas", "shifted-antennas", "shifted-phase",
+                  "shifted-speckle",  "matched-carriers", "shifted-motion"};
   options = complete(options);
   CHECK(options.models.at(1) == options.models.at(0) + ":fused-profile");
   const auto axes = axes_of(options);
@@ -150,6 +151,9 @@ TEST_CASE("with antennas in the base condition there are axes of them, and rows 
   CHECK(axes.at(1).values.at(1).world.set == Labels{"radar_antennas=1"});
   CHECK(axes.at(2).values.at(axes.at(2).base()).label == "0");
   CHECK(axes.at(3).values.at(axes.at(3).base()).label == "coherent 50 cm");
+  CHECK(axes.at(4).values.at(2).world.set == Labels{"radar_carriers=4"});
+  CHECK(axes.at(5).values.back().world.set ==
+        Labels{"radar_sway_m=0", "radar_twist_deg=0", "radar_breath_m=0"});
   options.set.clear(), options.models.clear();
   CHECK_THAT(error_of([&] { complete(options); }), Contains("axis \"shifted-antennas\""));
 }

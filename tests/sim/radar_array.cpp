@@ -358,6 +358,7 @@ TEST_CASE("patches know to whom they belong, and plain conditions do not ask") {
                       [&](const Returns::Place& p) { return p.person == person; }));
   const Returns target = radar_returns(make_scene(c, SceneKind::reflector, 3, 0), c);
   CHECK(target.place.at(0).person == Returns::reflector);
+  c = of_sum("incoherent");
   c.radar_antennas = 0;
   CHECK(radar_returns(make_scene(c, SceneKind::person, 3, 0), c).place.empty());
 }

@@ -96,6 +96,23 @@ TEST_CASE("a line of more than 255 characters is cut there") {
   CHECK_THAT(reply, Catch::EndsWith("is not recognized as a CLI command\n\rmmwDemo:/>"));
 }
 
+TEST_CASE("subframes start one after the other, each with its own profile") {
+  Console console;
+  configure(console, "none", "xwr68xx_hopping_50cm.cfg");
+  CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
+  const auto& subframes = console.firmware().subframes();
+  REQUIRE(subframes.size() == 4);
+  for (std::size_t k = 0; k < 4; ++k) {
+    CHECK(subframes[k].start_ghz == Approx(60 + 1.08 * static_cast<double>(k)));
+    CHECK(subframes[k].antennas == 12);
+    CHECK(subframes[k].frame_period_ms == 12.5);
+    CHECK(subframes[k].axis().step_m == 0.25);
+  }
+  Console other;
+  configure(other, "subFrameCfg 3", "xwr68xx_hopping_50cm.cfg");
+  CHECK_THAT(other.send("sensorStart\n"), Catch::Contains("Error -1"));
+}
+
 TEST_CASE("a complete configuration starts, and gives the axis") {
   Console console;
   SECTION("50 cm") {

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: MIT
+#include "recon/uncertainty/speckle.hpp"
+
+#include <algorithm>
+#include <vector>
+
+#include "recon/files/text.hpp"
+#include "recon/models/body/alignment.hpp"
+#include "recon/numbers/matrix_file.hpp"
+#include "recon/numbers/statistics.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr double false_alarms = 0.001;
+// The median of many records scatters less than one.
+constexpr std::size_t many = 20;
+constexpr double most_of_run = 0.5;
+constexpr double least = 1e-4;      // variation, below which nothing is told apart
+constexpr double least_off = 0.25;  // of logarithms: so much differs from laboratory to laboratory
+
+std::optional<double> log_of(const record::Speckle& found, std::size_t kind) {
+  if (kind == 0) return std::log(found.over_frames + least);
+  if (!found.over_carriers) return {};
+  return std::log(*found.over_carriers + least);
+}
+
+bool has_body(const Matrix& aligned, std::size_t row) {
+  return aligned.cols == 0 || shows_body(aligned.row(row));
+}
+
+}  // namespace
+
+SpeckleReference::SpeckleReference(const Dataset& data, const Matrix& aligned, const Rows& rows) {
+  std::array<std::vector<float>, kinds> seen;
+  for (const std::size_t row : rows)
+    for (std::size_t k = 0; k < kinds && data.speckle[row] && has_body(aligned, row); ++k)
+      if (const auto value = log_of(*data.speckle[row], k))
+        seen[k].push_back(static_cast<float>(*value));
+  if (seen[0].size() < least_records) return;
+  records_ = seen[0].size();
+  for (std::size_t k = 0; k < kinds; ++k) {
+    if (seen[k].size() < least_records) continue;
+    const float median = quantile(seen[k], 0.5);
+    for (float& v : seen[k]) v = std::abs(v - median);
+    usual_[k] = {double{median},
+                 std::max(upper_limit(std::move(seen[k]), false_alarms), least_off)};
+  }
+}
+
+double SpeckleReference::share(const record::Speckle& found, std::size_t kind) const {
+  constexpr double missing = 2;
+  const auto value = log_of(found, kind);
+  const Usual& usual = usual_[kind];
+  if (!value && usual.most_off > 0) return missing;
+  return value && usual.most_off > 0 ? std::abs(*value - usual.median) / usual.most_off : 0;
+}
+
+std::size_t SpeckleReference::clearest(const record::Speckle& found) const {
+  return share(found, 1) > share(found, 0) ? 1 : 0;
+}
+
+double SpeckleReference::share(const record::Speckle& found) const {
+  return share(found, clearest(found));
+}
+
+std::string SpeckleReference::text(const record::Speckle& found, std::size_t kind) const {
+  const double usual = std::exp(usual_[kind].median);
+  if (!log_of(found, kind)) return "one carrier, several in training";
+  return formatted("%.2g from %s, %.2g in training", std::exp(log_of(found, kind).value_or(0)),
+                   kind == 0 ? "frame to frame" : "carrier to carrier", usual);
+}
+
+std::string SpeckleReference::text(const record::Speckle& found) const {
+  return text(found, clearest(found));
+}
+
+std::string SpeckleReference::of_run(const Dataset& data, const Matrix& aligned) const {
+  std::vector<float> frames, carriers;
+  for (std::size_t row = 0; row < data.size(); ++row) {
+    if (!data.speckle[row] || !has_body(aligned, row)) continue;
+    frames.push_back(static_cast<float>(data.speckle[row]->over_frames));
+    if (const auto v = data.speckle[row]->over_carriers) carriers.push_back(static_cast<float>(*v));
+  }
+  if (!known() || frames.empty()) return {};
+  record::Speckle middle{double{quantile(frames, 0.5)}, {}};
+  if (!carriers.empty()) middle.over_carriers = double{quantile(carriers, 0.5)};
+  if (share(middle) <= (frames.size() < many ? 1 : most_of_run)) return {};
+  constexpr const char* places = "; places are known otherwise than stated";
+  const std::string by = "the radar's power varies otherwise than in training: " + text(middle);
+  if (hops() && carriers.empty()) return by + " (fewer independent looks)" + places;
+  return by +
+         (middle.over_frames > std::exp(usual_[0].median)
+              ? " (echoes that interfere, fewer carriers, or noise)"
+              : " (people who move less, more carriers, or echoes that do not interfere)") +
+         places;
+}
+
+void SpeckleReference::save(record::H5File& file, const std::string& group) const {
+  std::vector<double> values{static_cast<double>(records_)};
+  for (const Usual& u : usual_) values.insert(values.end(), {u.median, u.most_off});
+  file.write(group, values, {values.size()});
+}
+
+void SpeckleReference::load(const record::H5File& file, const std::string& group) {
+  if (!file.has(group)) return;  // a model of before
+  const auto values = file.read<double>(group, {1 + 2 * kinds});
+  for (const double v : values) require_sound(file, std::abs(v) < 1e9, group, "less than 1e9");
+  require_sound(file, values[0] >= 0 && values[2] >= 0 && values[4] >= 0, group,
+                "no limit below 0");
+  records_ = static_cast<std::size_t>(values[0]);
+  for (std::size_t k = 0; k < kinds; ++k) usual_[k] = {values[1 + 2 * k], values[2 + 2 * k]};
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: MIT
+#include "recon/uncertainty/speckle.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <random>
+
+#include "../folder.hpp"
+#include "drivers/core/random.hpp"
+#include "recon/uncertainty/uncertainty.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+
+namespace {
+
+// Records whose power varies log-normally about these.
+Dataset records_of(std::size_t count, double over_frames, std::optional<double> over_carriers,
+                   std::uint64_t seed) {
+  Dataset data;
+  Rng rng = make_rng(seed, 0);
+  std::normal_distribution<double> unit(0, 0.3);
+  for (std::size_t i = 0; i < count; ++i) {
+    record::Speckle s{over_frames * std::exp(unit(rng)), {}};
+    if (over_carriers) s.over_carriers = *over_carriers * std::exp(unit(rng));
+    data.speckle.emplace_back(s);
+    data.valid.push_back(7);
+  }
+  return data;
+}
+
+SpeckleReference learnt(const Dataset& data) {
+  return {data, Matrix(data.size(), 0), all_rows(data.size())};
+}
+
+double flagged(const SpeckleReference& reference, const Dataset& data) {
+  double count = 0;
+  for (const auto& s : data.speckle) count += reference.share(s.value()) > 1;
+  return count / static_cast<double>(data.size());
+}
+
+std::string said(const SpeckleReference& reference, const Dataset& data) {
+  return reference.of_run(data, Matrix(data.size(), 0));
+}
+
+}  // namespace
+
+TEST_CASE("power that varies otherwise than in training is unusual, more and less") {
+  const auto reference = learnt(records_of(2000, 0.02, {}, 1));
+  CHECK(flagged(reference, records_of(1000, 0.02, {}, 2)) < 0.01);
+  CHECK(flagged(reference, records_of(1000, 0.5, {}, 3)) > 0.98);
+  CHECK(said(reference, records_of(50, 0.02, {}, 2)).empty());
+  CHECK_THAT(said(reference, records_of(50, 0.5, {}, 3)),
+             Catch::Contains("varies otherwise than in training: 0.5") &&
+                 Catch::Contains("0.02 in training (echoes that interfere"));
+  // A run shows less than a record does.
+  CHECK(flagged(reference, records_of(1000, 0.04, {}, 6)) < 0.3);
+  CHECK_FALSE(said(reference, records_of(50, 0.04, {}, 6)).empty());
+  const auto moving = learnt(records_of(2000, 0.5, {}, 4));
+  CHECK(flagged(moving, records_of(1000, 0.02, {}, 5)) > 0.98);
+  CHECK_THAT(said(moving, records_of(50, 0.02, {}, 5)),
+             Catch::Contains("(people who move less, more carriers"));
+}
+
+TEST_CASE("carriers count by themselves, and a run without them says so") {
+  const auto reference = learnt(records_of(2000, 0.1, 0.8, 1));
+  CHECK(flagged(reference, records_of(1000, 0.1, 0.8, 2)) < 0.01);
+  CHECK(flagged(reference, records_of(1000, 0.1, 0.05, 3)) > 0.98);
+  CHECK_THAT(said(reference, records_of(50, 0.1, 0.05, 3)),
+             Catch::Contains("from carrier to carrier"));
+  CHECK_THAT(said(reference, records_of(50, 0.1, {}, 3)),
+             Catch::Contains("one carrier, several in training (fewer independent looks)"));
+  CHECK(flagged(reference, records_of(100, 0.1, {}, 3)) == 1);
+  CHECK(flagged(learnt(records_of(2000, 0.1, {}, 1)), records_of(1000, 0.1, 0.8, 2)) < 0.01);
+}
+
+TEST_CASE("of runs from before nothing is said") {
+  Dataset old = records_of(100, 0.1, {}, 1);
+  for (auto& s : old.speckle) s.reset();
+  const auto nothing = learnt(old);
+  CHECK_FALSE(nothing.known());
+  CHECK(nothing.share({0.5, {}}) == 0);
+  CHECK(said(nothing, records_of(50, 0.5, {}, 1)).empty());
+  CHECK(said(learnt(records_of(2000, 0.5, {}, 1)), old).empty());
+}
+
+TEST_CASE("a flagged record has no interval, and its reason says by how much") {
+  UncertaintyModel model;
+  model.speckle = learnt(records_of(2000, 0.02, {}, 1));
+  PredictionUncertainty stated{0.1, {}};
+  model.judge_speckle({}, record::Speckle{0.02, {}}, stated);
+  CHECK(stated.lateral_interval_90_m == 0.1);
+  CHECK(stated.out_of_distribution.reason.empty());
+  model.judge_speckle({}, {}, stated);
+  CHECK(stated.out_of_distribution.reason.empty());
+  model.judge_speckle({}, record::Speckle{0.7, {}}, stated);
+  CHECK(std::isnan(stated.lateral_interval_90_m));
+  CHECK(stated.out_of_distribution.distance > 1);
+  CHECK_THAT(stated.out_of_distribution.text(),
+             Catch::StartsWith("unusual variation of the radar's power (0.7 from frame to frame"));
+  // Nobody is there: that is another matter.
+  PredictionUncertainty empty{0.1, {0, 0, "empty", {}}};
+  const std::vector<float> nobody(5, 0.f);
+  model.judge_speckle(nobody, record::Speckle{0.7, {}}, empty);
+  CHECK(empty.out_of_distribution.reason == "empty");
+}
+
+TEST_CASE("what is known of the variation goes into the model's file") {
+  const test::Folder folder;
+  const auto reference = learnt(records_of(500, 0.1, 0.8, 1));
+  const std::string path = folder / "a.h5";
+  {
+    auto file = record::H5File::create(path);
+    reference.save(file, "speckle");
+  }
+  const auto file = record::H5File::open(path);
+  SpeckleReference read, missing;
+  read.load(file, "speckle");
+  CHECK(read.share({0.3, 0.2}) == reference.share({0.3, 0.2}));
+  missing.load(file, "of a model of before");
+  CHECK_FALSE(missing.known());
+}
