@@ -78,6 +78,7 @@ class ReconstructReport {
     if (r.after_slot_s) after_slot_s_.push_back(*r.after_slot_s);
     (r.fault.empty() ? good_ : left_out_) += 1;
     if (!r.note.empty()) ++notes_[r.note];
+    if (r.uncertainty && !r.uncertainty->note.empty()) ++bodies_[r.uncertainty->note];
     if (!r.fault.empty() && !follow_) faults_.push_back(r);
     if (r.uncertainty && !r.uncertainty->out_of_distribution.reason.empty())
       ++reasons_[r.uncertainty->out_of_distribution.reason];
@@ -97,8 +98,9 @@ class ReconstructReport {
     if (quiet_) return;
     std::fprintf(stderr, "%s: %zu records reconstructed, %zu left out", printable(out).c_str(),
                  good_, left_out_);
-    for (const auto& [note, count] : notes_)
-      std::fprintf(stderr, "; %zu with %s", count, note.c_str());
+    for (const auto* counts : {&notes_, &bodies_})
+      for (const auto& [note, count] : *counts)
+        std::fprintf(stderr, "; %zu with %s", count, note.c_str());
     std::sort(after_slot_s_.begin(), after_slot_s_.end());
     if (!after_slot_s_.empty())
       std::fprintf(stderr, "; maps %.3f s after their slot's end (median; longest %.3f s)",
@@ -128,7 +130,7 @@ class ReconstructReport {
   std::size_t good_ = 0, left_out_ = 0;
   std::vector<RecordStatus> faults_;
   std::vector<double> after_slot_s_;
-  std::map<std::string, std::size_t> notes_, reasons_;  // records for each
+  std::map<std::string, std::size_t> notes_, bodies_, reasons_;  // records for each
 };
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "drivers/core/exit_code.hpp"
+#include "recon/maps/people.hpp"
 #include "recon/numbers/parallel.hpp"
 
 namespace echofuse::recon {
@@ -59,6 +60,7 @@ struct StatedUncertainty {
         squares += std::pow(double{own.mean.row(i)[p]} - double{truth[p]}, 2);
         variance += std::pow(double{own.deviation.row(i)[p]}, 2);
       }
+      if (!own.uncertainties[i].bodies.empty()) continue;  // one interval each
       const double error = lateral_error(own.maps.row(i), truth, scene);
       const double interval_m = own.uncertainties[i].lateral_interval_90_m;
       if (std::isnan(error) || std::isnan(interval_m)) continue;
@@ -146,12 +148,34 @@ std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const
   for_each_part(rows.size(), [&](std::size_t i) {
     out[i] = score(maps.row(i), data.depth.row(rows[i]), scene);
     if (!plates.empty() && plates[i]) read[i] = read_letter(maps.row(i), scene, *plates[i], out[i]);
+    if (data.label[rows[i]] != two_people_label) return;
+    if (const auto people = find_people(data.depth.row(rows[i]), scene))
+      out[i][metric_iou_person] = iou_per_person(maps.row(i), *people, scene);
   });
   if (tally && !plates.empty())
     for (std::size_t i = 0; i < rows.size(); ++i)
       if (plates[i]) ++tally->confusion[plates[i]->letter][read[i]];
   return out;
 }
+
+namespace {
+
+TwoPeopleSeen count_two_people(const Evaluation& e, const Dataset& data) {
+  TwoPeopleSeen out;
+  for (std::size_t i = 0; i < e.uncertainties.size(); ++i) {
+    const PredictionUncertainty& stated = e.uncertainties[i];
+    const bool separated = !stated.bodies.empty();
+    if (data.label[e.rows[i]] != two_people_label) {
+      ++out.others, out.others_separated += separated;
+      continue;
+    }
+    ++out.records, out.separated += separated;
+    out.flagged += !stated.out_of_distribution.reason.empty();
+  }
+  return out;
+}
+
+}  // namespace
 
 Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
                     const std::string& output) {
@@ -170,6 +194,7 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
     for (const std::size_t row : with_depth(data))
       out.left_out += !model.fault_of(data, row).empty();
   score_predictions(model, records, rows, out);
+  out.two_people = count_two_people(out, data);
   return out;
 }
 

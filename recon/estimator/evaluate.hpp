@@ -41,6 +41,12 @@ struct LettersRead {
   Summaries truth;  // of the true maps themselves: what the maps' resolution allows
 };
 
+// What became of the records whose label says two people (maps/people.hpp), and of the others.
+struct TwoPeopleSeen {
+  std::size_t records = 0, separated = 0, flagged = 0;
+  std::size_t others = 0, others_separated = 0;
+};
+
 struct Evaluation {
   std::string model;
   Inputs inputs{};
@@ -57,6 +63,7 @@ struct Evaluation {
   Summaries metrics;
   std::vector<ScoredRow> baselines;  // empty room, mean map, nearest neighbour
   RunningCost cost;
+  TwoPeopleSeen two_people;                 // of a model that states how sure it is
   std::optional<LettersRead> letters_read;  // none: no record has a letter
   // None: the model states no uncertainty; NaN: of no record.
   std::optional<UncertaintyCalibration> calibration;

@@ -15,14 +15,13 @@ using nlohmann::json;
 
 json number(double value) { return std::isnan(value) ? json(nullptr) : json(value); }
 
-bool is_of_letters(std::size_t metric) {
-  return metric == metric_letter_top1 || metric == metric_letter_top3;
-}
+// Only records of some labels define it.
+bool is_of_labels(std::size_t metric) { return metric >= metric_letter_top1; }
 
 json metrics_json(const Summaries& metrics) {
   json out = json::object();
   for (std::size_t m = 0; m < metric_count; ++m) {
-    if (is_of_letters(m) && metrics[m].maps == 0) continue;
+    if (is_of_labels(m) && metrics[m].maps == 0) continue;
     out[metric_names[m]] = {{"mean", number(metrics[m].mean)},
                             {"se", number(metrics[m].se)},
                             {"maps", metrics[m].maps}};
@@ -83,6 +82,12 @@ json to_json(const Evaluation& e) {
                 {"train_s", e.cost.train_s},
                 {"model_bytes", e.cost.model_bytes}}}};
   if (e.letters_read) out["letters"] = letters_json(*e.letters_read);
+  if (const TwoPeopleSeen& two = e.two_people; two.records + two.others_separated > 0)
+    out["two_people"] = {{"records", two.records},
+                         {"separated", two.separated},
+                         {"flagged", two.flagged},
+                         {"others", two.others},
+                         {"others_separated", two.others_separated}};
   if (e.domain_shift.tested())
     out["domain_shift"] = {{"distance", e.domain_shift.distance},
                            {"p", e.domain_shift.p},
@@ -103,7 +108,7 @@ std::string to_table(const std::vector<ScoredRow>& rows) {
   for (const auto& row : rows) out += formatted(" %15s", row.name.c_str());
   out += '\n';
   for (std::size_t m = 0; m < metric_count; ++m) {
-    if (is_of_letters(m) && std::all_of(rows.begin(), rows.end(), [&](const ScoredRow& row) {
+    if (is_of_labels(m) && std::all_of(rows.begin(), rows.end(), [&](const ScoredRow& row) {
           return row.metrics[m].maps == 0;
         }))
       continue;
@@ -139,6 +144,13 @@ std::string to_text(const std::optional<UncertaintyCalibration>& c) {
                        100 * c->flagged, c->error_m, c->deviation_m);
 }
 
+std::string to_text(const TwoPeopleSeen& two) {
+  if (two.records + two.others_separated == 0) return "";
+  return formatted(
+      "%zu records of two people: %zu separated, %zu flagged; of %zu others %zu separated\n",
+      two.records, two.separated, two.flagged, two.others, two.others_separated);
+}
+
 std::string notes(const Evaluation& e) {
   std::string out = e.domain_shift.tested() ? e.domain_shift.text() + '\n' : "";
   for (const std::string& text : {e.antennas, e.speckle, e.range_bias, e.gains})
@@ -162,7 +174,8 @@ std::string to_text(const Evaluation& e) {
              e.cost.infer_us_p99) +
          formatted("trained in %.1f s, model file %.1f MB\n", e.cost.train_s,
                    static_cast<double>(e.cost.model_bytes) / 1e6) +
-         to_text(e.calibration) + (e.letters_read ? to_text(*e.letters_read) : "");
+         to_text(e.calibration) + to_text(e.two_people) +
+         (e.letters_read ? to_text(*e.letters_read) : "");
 }
 
 }  // namespace echofuse::recon

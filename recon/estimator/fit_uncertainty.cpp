@@ -53,7 +53,8 @@ UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
                                  const std::vector<Judged>& judged, std::uint64_t seed) {
   UncertaintyModel out;
   const Inputs inputs = model.features.inputs;
-  out.detector = OutOfDistributionDetector(model.alignment, data, aligned, usual, inputs, seed);
+  out.detector =
+      OutOfDistributionDetector(model.alignment, data, aligned, usual, inputs, model.scene, seed);
   if (inputs != Inputs::spd) out.speckle = SpeckleReference(data, aligned, usual);
   Rng rng = make_rng(seed, noise_stream);
   Matrix predictors, maps, truth(0, data.depth.cols);

@@ -18,7 +18,7 @@ namespace {
 using record::H5File;
 
 constexpr const char* format = "echofuse model";
-constexpr std::int64_t format_version = 7;
+constexpr std::int64_t format_version = 8;
 constexpr const char* fallback_group = "fallback";
 constexpr std::int64_t most_bins = 1 << 20;
 constexpr float farthest_m = 100;

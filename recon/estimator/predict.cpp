@@ -8,6 +8,7 @@
 
 #include "drivers/core/clones.hpp"
 #include "recon/estimator/empty_room.hpp"
+#include "recon/estimator/separate.hpp"
 #include "recon/uncertainty/predictors.hpp"
 
 namespace echofuse::recon {
@@ -49,9 +50,12 @@ Prediction predict_aligned(const TrainedModel& model, const Dataset& data, const
     lateral_interval_90_m.push_back(uncertainty.lateral(predictors.row(i)));
   auto out_of_distribution = uncertainty.detector.judge(aligned, data, rows);
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    out.uncertainties.push_back({lateral_interval_90_m[i], std::move(out_of_distribution[i])});
+    out.uncertainties.push_back(
+        {lateral_interval_90_m[i], {}, {}, std::move(out_of_distribution[i])});
     uncertainty.judge_speckle(aligned.row(i), data.speckle[rows[i]], out.uncertainties.back());
   }
+  separate_bodies(model, data, rows, out, detail == PredictionDetail::pixels ? &soft : nullptr);
+  require_finite(out.maps);
   if (detail == PredictionDetail::uncertainty) return out;
   soft = soft_of(std::move(soft), out.maps, model.scene, lateral_interval_90_m);
   PixelMaps pixels = uncertainty.pixels(soft, model.scene);

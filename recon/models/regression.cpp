@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "drivers/core/console.hpp"
+#include "recon/models/network_file.hpp"
 #include "recon/numbers/blas.hpp"
 #include "recon/numbers/statistics.hpp"
 
@@ -257,33 +258,14 @@ std::vector<AffineLayer> Regression::layers() const {
 void Regression::save(record::H5File& file, const std::string& group) const {
   file.write(group + "/centre", centre_, {centre_.size()});
   file.write(group + "/spread", spread_, {spread_.size()});
-  for (std::size_t l = 0; l < network_.layers.size(); ++l) {
-    const Layer& layer = network_.layers[l];
-    const std::string name = group + "/layer" + std::to_string(l);
-    const std::span<const float> all(parameters_);
-    file.write(name + "/weights", all.subspan(layer.weights, layer.inputs * layer.outputs),
-               {layer.inputs, layer.outputs});
-    file.write(name + "/biases", all.subspan(layer.biases, layer.outputs), {layer.outputs});
-  }
+  save_network(file, group, network_, parameters_);
 }
 
 void Regression::load(const record::H5File& file, const std::string& group, std::size_t inputs,
                       std::size_t outputs) {
   centre_ = file.read<float>(group + "/centre", {outputs});
   spread_ = file.read<float>(group + "/spread", {outputs});
-  const auto name = [&](std::size_t l) { return group + "/layer" + std::to_string(l); };
-  std::vector<std::size_t> widths{inputs};
-  parameters_.clear();
-  for (std::size_t l = 0; l == 0 || file.has(name(l)); ++l) {
-    const std::size_t width = file.has(name(l + 1)) ? record::H5File::any : outputs;
-    const Matrix weights = read_matrix(file, name(l) + "/weights", widths.back(), width);
-    require_sound(file, weights.cols > 0, name(l) + "/weights", "one output at least");
-    const auto biases = file.read<float>(name(l) + "/biases", {weights.cols});
-    widths.push_back(weights.cols);
-    parameters_.insert(parameters_.end(), weights.values.begin(), weights.values.end());
-    parameters_.insert(parameters_.end(), biases.begin(), biases.end());
-  }
-  network_ = make_network(widths);
+  network_ = load_network(file, group, inputs, outputs, parameters_);
 }
 
 }  // namespace echofuse::recon

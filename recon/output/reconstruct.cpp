@@ -38,17 +38,24 @@ class StatusTable {
   explicit StatusTable(const std::string& path)
       : path_(path), out_(path, std::ios::binary | std::ios::trunc) {
     out_ << "record,status,after_slot_s,lateral_interval_90_m,distance,two_bodies,"
-            "out_of_distribution,radar_shift_m,uncertainty\n";
+            "out_of_distribution,radar_shift_m,uncertainty,"
+            "bodies,second_x_m,second_z_m,second_lateral_interval_90_m\n";
     flush();
   }
   void add(const RecordStatus& r) {
-    const std::string status = !r.fault.empty() ? r.fault : !r.note.empty() ? r.note : "ok";
+    const std::string of_bodies = r.uncertainty ? r.uncertainty->note : "";
+    const std::string status = !r.fault.empty()     ? r.fault
+                               : !r.note.empty()    ? r.note
+                               : !of_bodies.empty() ? of_bodies
+                                                    : "ok";
     out_ << r.index << "," << csv_text(status) << ","
          << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "") << ",";
     if (r.uncertainty) add(*r.uncertainty);
     out_ << (r.uncertainty ? "," : ",,,,")
          << (r.fault.empty() ? formatted("%.4f", r.radar_shift_m) : "") << ","
-         << (r.fault.empty() ? calibration_name(r.uncertainty.has_value()) : "") << "\n";
+         << (r.fault.empty() ? calibration_name(r.uncertainty.has_value()) : "") << ",";
+    if (r.uncertainty) add_bodies(*r.uncertainty);
+    out_ << (r.uncertainty ? "\n" : ",,,\n");
   }
   void flush() {
     out_.flush();
@@ -61,6 +68,15 @@ class StatusTable {
          << formatted(",%.3f,%.3f,\"", c.out_of_distribution.distance,
                       c.out_of_distribution.two_bodies)
          << c.out_of_distribution.text() << "\"";
+  }
+  void add_bodies(const PredictionUncertainty& c) {
+    if (c.bodies.empty())
+      return void(out_ << (c.out_of_distribution.reason == "empty" ? 0 : 1) << ",,,");
+    const FoundBody& second = c.bodies[1];
+    out_ << formatted("2,%.3f,%.3f,", second.x_m, second.z_m)
+         << (std::isnan(second.lateral_interval_90_m)
+                 ? ""
+                 : formatted("%.3f", second.lateral_interval_90_m));
   }
   std::string path_;
   std::ofstream out_;

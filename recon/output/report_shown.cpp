@@ -62,6 +62,7 @@ void state(ShownMap& out, const PredictionUncertainty& stated) {
       std::isnan(stated.lateral_interval_90_m)
           ? "the place is not known"
           : formatted("within %.0f cm sideways (90 %%)", 100 * stated.lateral_interval_90_m);
+  if (!stated.note.empty()) out.stated += ", " + stated.note;
   if (!stated.out_of_distribution.reason.empty())
     out.warning = "unlike the training: " + stated.out_of_distribution.text();
 }

@@ -159,7 +159,7 @@ class Study {
                                   bool fallback) {
     try {
       return train_on_all(data, model, seed,
-                          {options_.range_bias == RangeBiasAction::correct, fallback});
+                          {options_.range_bias == RangeBiasAction::correct, fallback, fallback});
     } catch (const Error& error) {
       if (error.code() != ExitCode::failed) throw;
       const std::string reason = model.name + ": " + error.what();

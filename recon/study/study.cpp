@@ -56,14 +56,18 @@ TrainedModel train_on_all(const Dataset& data, const StudyModel& model, std::uin
   how.fit.quiet = true;
   how.range_bias = parts.range_bias && !ignores_inputs(model.candidate);
   how.fallback = parts.fallback;
-  how.uncertainty = false;  // no study reads it, and it takes long to learn
+  // It takes long to learn.
+  how.uncertainty = parts.two_bodies && wants_alignment(candidate_of(model.candidate, {}).model);
   return train(data, how);
 }
 
 Matrix predict_or_empty_room(const TrainedModel& model, const Records& records, const Rows& rows) {
   Matrix maps(0, model.scene.background.size());
   for (std::size_t row = 0; row < records.data.size(); ++row) maps.add_row(model.scene.background);
-  const Matrix made = predict(model, records, rows, PredictionDetail::maps).maps;
+  const Matrix made =
+      predict(model, records, rows,
+              model.uncertainty ? PredictionDetail::uncertainty : PredictionDetail::maps)
+          .maps;
   for (std::size_t i = 0; i < rows.size(); ++i)
     std::copy_n(made.row(i).begin(), maps.cols, maps.row(rows[i]).begin());
   return maps;

@@ -40,9 +40,9 @@ std::vector<bool> share_of(const std::optional<JobPart>& part, const std::vector
 std::vector<std::string> with_profiles(const std::vector<std::string>& models);
 
 // What a fused model that looks at its inputs has beside it, if asked: the range bias's reference,
-// or that and a fallback for a lost radar.
+// or that and a fallback for a lost radar; what a model that places a body needs to see two.
 struct OptionalParts {
-  bool range_bias = false, fallback = false;
+  bool range_bias = false, fallback = false, two_bodies = false;
 };
 
 // On all usable records but the validation share: there is another run to judge by.

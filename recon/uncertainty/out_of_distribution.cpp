@@ -9,20 +9,16 @@
 #include "drivers/core/random.hpp"
 #include "recon/data/split.hpp"
 #include "recon/files/text.hpp"
-#include "recon/numbers/linear_fit.hpp"
 #include "recon/numbers/matrix_file.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
 namespace {
 
-constexpr std::uint64_t pair_stream = 0x70616972;  // "pair"
 constexpr std::uint64_t held_stream = 0x68656c64;  // "held"
-constexpr std::size_t most_components = 36, rows_a_component = 60, most_pairs = 4000;
+constexpr std::size_t most_components = 36, rows_a_component = 60;
 constexpr double held_out_share = 0.25;
 constexpr std::size_t few_records = 400;
-constexpr double background_quantile = 0.05;
-constexpr double discriminant_penalty = 2e-2;
 // Of records like the training ones, above each limit.
 constexpr std::array<double, 3> false_alarms = {0.002, 0.002, 0.003};
 constexpr double range_reserve = 0.05;       // of the span of the training records' ranges
@@ -48,6 +44,7 @@ const char* unusual(std::ptrdiff_t sensor) {
 }  // namespace
 
 void OutOfDistributionDetector::use(const Features& of_model, const Alignment& alignment) {
+  raw_ = of_model, two_bodies_.use(of_model, alignment);
   profile_ = of_model.radar_count(), spd_bins_ = of_model.spd_count();
   if (spd_bins_ == 0) return;
   histogram_bins_ = alignment.histogram_bins(), array_ = alignment.array_features();
@@ -57,7 +54,7 @@ void OutOfDistributionDetector::use(const Features& of_model, const Alignment& a
 OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
                                                      const Dataset& data, const Matrix& aligned,
                                                      const Rows& rows, Inputs inputs,
-                                                     std::uint64_t seed) {
+                                                     const Scene& scene, std::uint64_t seed) {
   const bool by_array = alignment.array_features() > 0;
   const Features raw =
       fit_features(data, rows, by_array ? inputs : without_antennas(inputs), raw_scaling);
@@ -69,12 +66,14 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   std::shuffle(order.begin(), order.end(), rng);
   Rows with_body;
   Matrix all;
+  std::vector<std::optional<Place>> places;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto features = aligned.row(rows[i]);
     const auto one = describe(features, raw_inputs.row(i).subspan(spd_bins_, profile_));
     all.cols = one.size();
     all.add_row(one);
     if (aligned_ == 0 || shows_body(features)) with_body.push_back(i);
+    places.push_back(place_of(data.depth.row(rows[i]), scene.background, scene.grid));
   }
   share_with_body_ = static_cast<double>(with_body.size()) / static_cast<double>(rows.size());
   for (const std::size_t row : rows)
@@ -85,16 +84,22 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   std::array<std::vector<float>, 6> held_statistics;
   for (std::size_t part = few ? 0 : parts - 1; part < parts; ++part) {
     const Split fold = make_fold(order, part, parts, 0);
-    learn(all, raw_inputs, with_bodies(fold.train, with_body), alignment, seed);
+    const Rows usual = with_bodies(fold.train, with_body);
+    learn(all, usual, seed);
+    two_bodies_.learn(raw_inputs, usual, places, seed);
     for (const std::size_t i : fold.test) {
       std::vector<float> one(all.row(i).begin(), all.row(i).end());
       for (std::size_t c = 0; c < one.size(); ++c) one[c] *= scale_[c];
-      const auto found = statistics(one);
+      const auto found = statistics(one, raw_inputs.row(i));
       for (std::size_t s = 0; s < found.size(); ++s)
         held_statistics[s].push_back(static_cast<float>(found[s]));
     }
   }
-  if (few) learn(all, raw_inputs, with_bodies(order, with_body), alignment, seed);
+  if (few) {
+    const Rows usual = with_bodies(order, with_body);
+    learn(all, usual, seed);
+    two_bodies_.learn(raw_inputs, usual, places, seed);
+  }
   set_limits(std::move(held_statistics));
   if (inputs == Inputs::radar || with_body.empty()) return;
   const std::size_t at = aligned_ - 1;
@@ -107,8 +112,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   nearest_m_ -= reserve_m, farthest_m_ += reserve_m;
 }
 
-void OutOfDistributionDetector::learn(const Matrix& descriptions, const Matrix& raw_inputs,
-                                      const Rows& rows, const Alignment& alignment,
+void OutOfDistributionDetector::learn(const Matrix& descriptions, const Rows& rows,
                                       std::uint64_t seed) {
   scale_.clear();
   learn_scale(take_rows(descriptions, rows));
@@ -119,7 +123,6 @@ void OutOfDistributionDetector::learn(const Matrix& descriptions, const Matrix& 
       std::clamp<std::size_t>(rows.size() / rows_a_component, 2, most_components);
   components_ = principal_components(one_body, count, seed);
   for (float& d : components_.deviation) d = std::max(d, 1e-6f);
-  learn_pairs(raw_inputs, rows, one_body, alignment, seed);
 }
 
 std::vector<float> OutOfDistributionDetector::describe(std::span<const float> aligned,
@@ -157,47 +160,8 @@ void OutOfDistributionDetector::learn_scale(const Matrix& descriptions) {
   }
 }
 
-void OutOfDistributionDetector::learn_pairs(const Matrix& raw_inputs, const Rows& rows,
-                                            const Matrix& one_body, const Alignment& alignment,
-                                            std::uint64_t seed) {
-  std::vector<float> background = column_quantile(raw_inputs, rows, background_quantile);
-  if (array_ > 0)
-    std::copy(alignment.array_background().begin(), alignment.array_background().end(),
-              background.end() - std::ssize(alignment.array_background()));
-  Rng rng = make_rng(seed, pair_stream);
-  std::uniform_int_distribution<std::size_t> any(0, rows.size() - 1);
-  const std::size_t pairs = std::min(most_pairs, 2 * rows.size());
-  Matrix sums(pairs, raw_inputs.cols);
-  for (std::size_t i = 0; i < pairs; ++i) {
-    const auto a = raw_inputs.row(rows[any(rng)]), b = raw_inputs.row(rows[any(rng)]);
-    for (std::size_t c = 0; c < sums.cols; ++c) sums.row(i)[c] = a[c] + b[c] - background[c];
-  }
-  Matrix terms;
-  std::vector<float> targets, counts;
-  terms.values.reserve((rows.size() + pairs) * (components_.basis.rows + 1) *
-                       (components_.basis.rows + 2) / 2);
-  const auto add = [&](const Matrix& described, float target) {
-    Matrix amounts = coordinates(components_, described);
-    for (std::size_t i = 0; i < amounts.rows; ++i) {
-      for (std::size_t k = 0; k < amounts.cols; ++k) amounts.row(i)[k] /= components_.deviation[k];
-      const auto row = quadratic_terms(amounts.row(i));
-      terms.cols = row.size();
-      terms.add_row(row);
-      targets.push_back(target);
-      counts.push_back(1.f / static_cast<float>(amounts.rows));
-    }
-  };
-  add(one_body, -1);
-  const Matrix aligned = aligned_ > 0 ? alignment(sums) : Matrix(pairs, 0);
-  Matrix described(0, one_body.cols);
-  for (std::size_t i = 0; i < pairs; ++i)
-    described.add_row(describe(aligned.row(i), sums.row(i).subspan(spd_bins_, profile_)));
-  add(described, 1);
-  discriminant_ = linear_fit(terms, targets, counts, discriminant_penalty);
-}
-
 OutOfDistributionDetector::Statistics OutOfDistributionDetector::statistics(
-    std::span<const float> description) const {
+    std::span<const float> description, std::span<const float> raw_inputs) const {
   constexpr double tiny = 1e-12;
   std::vector<float> off(description.begin(), description.end()), amounts(components_.basis.rows);
   for (std::size_t c = 0; c < off.size(); ++c) off[c] -= components_.mean[c];
@@ -218,12 +182,10 @@ OutOfDistributionDetector::Statistics OutOfDistributionDetector::statistics(
     residual[radar && c >= array_at && c < range_at ? 2 : std::size_t{radar}] +=
         double{off[c]} * double{off[c]};
   }
-  return {std::log(along + tiny),
-          std::log(residual[0] + residual[1] + residual[2] + tiny),
-          product(quadratic_terms(amounts), discriminant_),
-          residual[0] / usual_residual_[0],
-          residual[1] / usual_residual_[1],
-          residual[2] / usual_residual_[2]};
+  return {
+      std::log(along + tiny),           std::log(residual[0] + residual[1] + residual[2] + tiny),
+      two_bodies_(raw_inputs),          residual[0] / usual_residual_[0],
+      residual[1] / usual_residual_[1], residual[2] / usual_residual_[2]};
 }
 
 void OutOfDistributionDetector::set_limits(std::array<std::vector<float>, 6> all) {
@@ -239,10 +201,12 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
                                                                      const Dataset& data,
                                                                      const Rows& rows) const {
   const bool spd = aligned_ > 0;
+  const Matrix raw_inputs = raw_.raw_inputs(data, rows);
   std::vector<OutOfDistributionScore> out;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto features = aligned.row(i);
-    const auto found = statistics(describe(features, data.radar.row(rows[i]).first(profile_)));
+    const auto raw = raw_inputs.row(i);
+    const auto found = statistics(describe(features, raw.subspan(spd_bins_, profile_)), raw);
     OutOfDistributionScore s{std::max(limits_[0].share(found[0]), limits_[1].share(found[1])),
                              limits_[2].share(found[2]),
                              {},
@@ -258,9 +222,10 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
     else if (has_range && (range_m < nearest_m_ || range_m > farthest_m_))
       s.reason = "outside the training records' distances",
       s.details = formatted("%.2f m", range_m);
-    else if (s.two_bodies > 1 && s.two_bodies > s.distance)
+    s.may_be_two = s.reason.empty() && s.two_bodies > 1;
+    if (s.may_be_two && s.two_bodies > s.distance)
       s.reason = "two bodies, or one unlike the training records'";
-    else if (s.distance > 1)
+    else if (s.reason.empty() && s.distance > 1)
       s.reason = unusual(std::max_element(found.begin() + 3, found.end()) - found.begin() - 3);
     out.push_back(std::move(s));
   }
@@ -270,7 +235,7 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
 void OutOfDistributionDetector::save(record::H5File& file, const std::string& group) const {
   file.write(group + "/scale", scale_, {scale_.size()});
   save_components(file, group + "/components", components_);
-  file.write(group + "/discriminant", discriminant_, {discriminant_.size()});
+  two_bodies_.save(file, group + "/two_bodies");
   std::vector<double> limits;
   for (const Limit& l : limits_) limits.insert(limits.end(), {l.usual, l.most});
   limits.insert(limits.end(), usual_residual_.begin(), usual_residual_.end());
@@ -291,8 +256,7 @@ void OutOfDistributionDetector::load(const record::H5File& file, const std::stri
                 std::all_of(components_.deviation.begin(), components_.deviation.end(),
                             [](float d) { return d > 0; }),
                 group + "/components/deviation", "all above 0");
-  const std::size_t k = components_.basis.rows;
-  discriminant_ = file.read<double>(group + "/discriminant", {(k + 1) * (k + 2) / 2});
+  two_bodies_.load(file, group + "/two_bodies");
   const auto limits =
       file.read<double>(group + "/limits", {2 * limits_.size() + usual_residual_.size()});
   for (std::size_t s = 0; s < limits_.size(); ++s) limits_[s] = {limits[2 * s], limits[2 * s + 1]};

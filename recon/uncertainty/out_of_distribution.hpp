@@ -5,9 +5,7 @@
 // as it is; none depends on gains; then
 //   distance    from the training records in their principal components: T^2 along the components,
 //               Q off them (Jackson and Mudholkar, Technometrics 21, 341, 1979), the greater one
-//   two bodies  a quadratic discriminant between training records and sums of two of them, which
-//               is what two bodies measure when neither hides the other (training on made-up
-//               outliers: Hendrycks et al., ICLR 2019)
+//   two bodies  two_bodies.hpp
 // Each is given as a share of its limit, so that above 1 is unusual; the limits are such that about
 // one of 140 records like the training ones is above one of them. Beside these, checks with a name:
 // no body, a body farther or nearer than in any training record, a saturated detector.
@@ -17,8 +15,10 @@
 #include <vector>
 
 #include "recon/data/features.hpp"
+#include "recon/maps/scene.hpp"
 #include "recon/models/body/alignment.hpp"
 #include "recon/numbers/components.hpp"
+#include "recon/uncertainty/two_bodies.hpp"
 
 namespace echofuse::recon {
 
@@ -26,6 +26,7 @@ struct OutOfDistributionScore {
   double distance = 0, two_bodies = 0;  // above 1: unusual
   std::string reason;                   // empty: like the training records
   std::string details;                  // to it, if there are any
+  bool may_be_two = false;              // two_bodies is above 1, and no check with a name fails
   std::string text() const { return details.empty() ? reason : reason + " (" + details + ")"; }
 };
 
@@ -35,9 +36,11 @@ class OutOfDistributionDetector {
 
   OutOfDistributionDetector() = default;
   // Learns from the given rows, at least least_records. Part of them only sets the limits. Row i of
-  // the aligned features is of record i of the data; without a detector there are none.
+  // the aligned features is of record i of the data; without a detector there are none. The scene
+  // tells where bodies are.
   OutOfDistributionDetector(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
-                            const Rows& rows, Inputs inputs, std::uint64_t seed);
+                            const Rows& rows, Inputs inputs, const Scene& scene,
+                            std::uint64_t seed);
   // Row i of the aligned features belongs to rows[i] of the data.
   std::vector<OutOfDistributionScore> judge(const Matrix& aligned, const Dataset& data,
                                             const Rows& rows) const;
@@ -56,22 +59,21 @@ class OutOfDistributionDetector {
   std::vector<float> describe(std::span<const float> aligned, std::span<const float> radar) const;
   void use(const Features& of_model, const Alignment& alignment);
   void learn_scale(const Matrix& descriptions);
-  void learn_pairs(const Matrix& raw_inputs, const Rows& rows, const Matrix& one_body,
-                   const Alignment& alignment, std::uint64_t seed);
-  // log T^2, log Q, discriminant; residuals of histogram, radar and its antennas in units of their
+  // log T^2, log Q, two bodies; residuals of histogram, radar and its antennas in units of their
   // usual size.
   using Statistics = std::array<double, 6>;
-  Statistics statistics(std::span<const float> description) const;
-  // Scale, components and discriminant, of descriptions that are not scaled yet.
-  void learn(const Matrix& descriptions, const Matrix& raw_inputs, const Rows& rows,
-             const Alignment& alignment, std::uint64_t seed);
+  Statistics statistics(std::span<const float> description,
+                        std::span<const float> raw_inputs) const;
+  // Scale and components, of descriptions that are not scaled yet.
+  void learn(const Matrix& descriptions, const Rows& rows, std::uint64_t seed);
   void set_limits(std::array<std::vector<float>, 6> statistics);
 
   // 0 without the sensor. Raw inputs have the profile behind so many bins of the SPD.
   std::size_t histogram_bins_ = 0, array_ = 0, aligned_ = 0, profile_ = 0, spd_bins_ = 0;
   std::vector<float> scale_;
   Components components_;
-  std::vector<double> discriminant_;
+  Features raw_;  // what raw inputs are made of
+  TwoBodies two_bodies_;
   std::array<Limit, 3> limits_;
   std::array<double, 3> usual_residual_{1, 1, 1};
   double nearest_m_ = 0, farthest_m_ = 0, most_clicks_per_start_ = 0, share_with_body_ = 0;

@@ -112,6 +112,7 @@ void UncertaintyModel::judge_speckle(std::span<const float> aligned,
   score.distance = std::max(score.distance, share);
   if (share <= 1) return;
   stated.lateral_interval_90_m = std::numeric_limits<double>::quiet_NaN();
+  score.may_be_two = false;  // whatever else it shows, its places are not to be trusted
   score.reason = "unusual variation of the radar's power", score.details = speckle.text(*found);
 }
 

@@ -38,11 +38,20 @@ class LateralError {
   double factor_ = 0;
 };
 
+// One of the two bodies of a map.
+struct FoundBody {
+  double x_m, z_m;  // of its middle
+  double lateral_interval_90_m;
+};
+
 // What is stated of one reconstruction.
 struct PredictionUncertainty {
   double lateral_interval_90_m = 0;  // the body is within so much of where it is shown in 90 % of
                                      // the records like the training ones; NaN: not known,
-                                     // as where the radar's power varies otherwise
+                                     // as where the radar's power varies otherwise; of two
+                                     // bodies, the nearer one
+  std::vector<FoundBody> bodies;     // of a map of two, the nearer first; else empty
+  std::string note;                  // then what the status says
   OutOfDistributionScore out_of_distribution;
 };
 

@@ -44,8 +44,8 @@ Reconstruction made(const TrainedModel& whole, const record::RunReader& run, std
   if (p.uncertainties.empty()) return out;
   const PredictionUncertainty& u = p.uncertainties[0];
   if (std::isfinite(u.lateral_interval_90_m)) out.lateral_interval_90_m = u.lateral_interval_90_m;
-  const std::string odd = u.out_of_distribution.text();
-  if (!odd.empty()) out.note += (out.note.empty() ? "" : "; ") + odd;
+  for (const std::string& more : {u.note, u.out_of_distribution.text()})
+    if (!more.empty()) out.note += (out.note.empty() ? "" : "; ") + more;
   return out;
 }
 

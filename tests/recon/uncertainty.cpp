@@ -142,9 +142,10 @@ TEST_CASE("the order of the training records says nothing: near ones may come be
   Rows rows = all_rows(600);
   std::sort(rows.begin(), rows.end(),
             [&](std::size_t a, std::size_t b) { return nearest_m(data, a) < nearest_m(data, b); });
-  const Preprocessing preprocessing(data, rows, Inputs::fused, {}, true);
+  const Preprocessing preprocessing(data, rows, Inputs::fused,
+                                    learn_scene(data.depth, rows, data.map), true);
   const OutOfDistributionDetector detector(preprocessing.alignment, data, preprocessing.aligned,
-                                           rows, Inputs::fused, 1);
+                                           rows, Inputs::fused, preprocessing.scene, 1);
   const auto judge = [&](const Dataset& of) {
     const Features raw = fit_features(data, rows, Inputs::fused, raw_scaling);
     const Matrix aligned = preprocessing.alignment(raw.raw_inputs(of, all_rows(of.size())));
@@ -290,7 +291,7 @@ TEST_CASE("few records state their uncertainty by cross-fitting, too few say tha
   const auto o = recon_program("reconstruct " + (dir / "fewer.h5") + " " + (dir / "fresh") +
                                " --out " + (dir / "o") + " --format npz");
   CHECK_THAT(o.text, Catch::Contains("not calibrated: too few training records"));
-  CHECK_THAT(contents(dir / "o/records.csv"), Catch::Contains(",0.0000,not calibrated\n"));
+  CHECK_THAT(contents(dir / "o/records.csv"), Catch::Contains(",0.0000,not calibrated,,,,\n"));
   CHECK_THAT(contents(dir / "o/run.txt"), Catch::EndsWith("not calibrated\n"));
   CHECK_THAT(contents(dir / "o/maps.npz"), Catch::Contains("calibrated.npy"));
   CHECK_THAT(recon_program("evaluate " + (dir / "fewer.h5") + " " + (dir / "fresh")).text,
@@ -311,9 +312,10 @@ TEST_CASE("reconstruct and evaluate say how sure the model is") {
   const std::string table = contents(dir / "o/records.csv");
   CHECK_THAT(table,
              Catch::StartsWith("record,status,after_slot_s,lateral_interval_90_m,distance,"
-                               "two_bodies,out_of_distribution,radar_shift_m,uncertainty\n"));
-  CHECK_THAT(table,
-             Catch::Contains("\n5,\"ok\",,,") && Catch::Contains(",\"empty\",0.0000,calibrated\n"));
+                               "two_bodies,out_of_distribution,radar_shift_m,uncertainty,bodies,"
+                               "second_x_m,second_z_m,second_lateral_interval_90_m\n"));
+  CHECK_THAT(table, Catch::Contains("\n5,\"ok\",,,") &&
+                        Catch::Contains(",\"empty\",0.0000,calibrated,0,,,\n"));
   const std::string png = contents(dir / "o/000007_sd.png");
   const auto mm = record::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
   const auto most = *std::max_element(mm.begin(), mm.end());

@@ -16,15 +16,10 @@ namespace {
 
 constexpr double background_quantile = 0.05;  // of the training records: nobody stands everywhere
 constexpr float steadiness = 4;               // standard deviations of a Poisson count
-constexpr double reach_m = 0.8;               // half the depth of a body with outstretched arms
 constexpr int centroid_passes = 3;
 constexpr double significance = 5;
-constexpr double histogram_reach_m = 0.7, histogram_step_m = 0.04;
-// Of the radar profile against the body: a target at x shifts it by b x / r.
-constexpr double profile_from_m = -0.8, profile_to_m = 1.1, least_profile_step_m = 0.02;
+constexpr double histogram_step_m = 0.04, least_profile_step_m = 0.02;
 constexpr double coarse_step_m = 0.08;  // of a radar whose profile is read halfway between as well
-constexpr std::ptrdiff_t taps = 8;      // of the sinc series, on either side
-constexpr double farthest_steps = 1e9;  // from a radar's first point
 // As the base condition has. A chirp that is sampled once a resolution and then has a Blackman
 // window is as wide.
 constexpr double steps_a_resolution = 2;
@@ -71,36 +66,6 @@ std::vector<float> background_of(std::span<const float> low, std::span<const flo
   for (std::size_t c = 0; c < out.size(); ++c) {
     const bool steady = median[c] - low[c] < steadiness * std::sqrt(poisson ? median[c] : 0);
     out[c] = steady ? median[c] : std::max(2 * low[c] - median[c], 0.f);
-  }
-  return out;
-}
-
-// Weights of the points from taps - 1 before to taps behind a place that lies `part` of a step
-// behind a point. The points differ by whole steps: three sines do for all.
-std::array<float, 2 * taps> lanczos(double part) {
-  struct Turn {
-    double sine, cosine;
-  };
-  static const auto turns = [] {
-    std::array<Turn, 2 * taps> out;
-    for (std::size_t k = 0; k < out.size(); ++k) {
-      const double turn = M_PI * static_cast<double>(k) / static_cast<double>(taps);
-      out[k] = {std::sin(turn), std::cos(turn)};
-    }
-    return out;
-  }();
-  const double before = part + static_cast<double>(taps - 1);
-  const double first = M_PI * before / static_cast<double>(taps);
-  const double sine = std::sin(first), cosine = std::cos(first);
-  double of_series = std::sin(M_PI * part) * (taps % 2 ? 1 : -1);
-  std::array<float, 2 * taps> out;
-  for (std::size_t k = 0; k < out.size(); ++k, of_series = -of_series) {
-    const double x = before - static_cast<double>(k);
-    const double of_window = sine * turns[k].cosine - cosine * turns[k].sine;
-    out[k] =
-        static_cast<float>(std::abs(x) < 1e-6 ? 1
-                                              : of_series * of_window * static_cast<double>(taps) /
-                                                    (M_PI * M_PI * x * x));
   }
   return out;
 }
@@ -182,19 +147,31 @@ void Alignment::set_axes(const Layout& layout) {
       radar_step_m_ * static_cast<double>(steps_a_point_) / static_cast<double>(points_a_step_);
   array_ = ArrayView(layout.array), lag_values_ = layout.lag_values();
   correlation_ = {};
-  if (layout.radar.count == 0) return;
+  if (layout.radar.count > 0) set_window({});
+}
+
+void Alignment::set_window(const AlignmentWindow& window) {
+  window_ = window;
   correlation_ = ShiftCorrelation(
-      {-histogram_reach_m + histogram_step_m / 2, histogram_step_m, histogram_bins()},
-      {profile_from_m, profile_step_m_, points_with_radar()}, steps_a_resolution * radar_step_m_);
+      {-window_.histogram_m + histogram_step_m / 2, histogram_step_m, histogram_bins()},
+      {window_.profile_from_m, profile_step_m_, points_with_radar()}, resolution_m());
+}
+
+Alignment Alignment::through(const AlignmentWindow& window) const {
+  Alignment out = *this;
+  out.brightness_.reset();
+  out.window_ = window;
+  if (profile_points() > 0) out.set_window(window);
+  return out;
 }
 
 std::size_t Alignment::cost() const {
-  return spd_background_.size() * 4 + profile_points() * 2 * taps + correlation_.cost() +
+  return spd_background_.size() * 4 + profile_points() * 2 * profile_taps + correlation_.cost() +
          array_.cost();
 }
 
 std::size_t Alignment::histogram_bins() const {
-  return static_cast<std::size_t>(std::lround(2 * histogram_reach_m / histogram_step_m));
+  return static_cast<std::size_t>(std::lround(2 * window_.histogram_m / histogram_step_m));
 }
 
 std::size_t Alignment::profile_points() const {
@@ -202,18 +179,28 @@ std::size_t Alignment::profile_points() const {
 }
 
 std::size_t Alignment::points_with_radar() const {
-  return 1 + static_cast<std::size_t>((profile_to_m - profile_from_m) / profile_step_m_);
+  return 1 + static_cast<std::size_t>((window_.profile_to_m - window_.profile_from_m) /
+                                      profile_step_m_);
 }
 
-Body Alignment::operator()(std::span<const float> raw_inputs, std::span<float> features) const {
+double Alignment::resolution_m() const { return steps_a_resolution * radar_step_m_; }
+
+void Alignment::subtract_background(std::span<const float> raw_inputs, std::vector<float>& clicks,
+                                    std::vector<float>& power) const {
   const std::size_t bins = spd_background_.size();
-  std::vector<float> clicks(bins), power(radar_background_.size());
+  clicks.resize(bins), power.resize(radar_background_.size());
   for (std::size_t i = 0; i < bins; ++i) clicks[i] = raw_inputs[i] - spd_background_[i];
   std::vector<float> sorted = clicks;
   const float level = quantile(sorted, 0.5);
   for (float& v : clicks) v -= level;
   for (std::size_t i = 0; i < power.size(); ++i)
     power[i] = raw_inputs[bins + i] - radar_background_[i];
+}
+
+Body Alignment::operator()(std::span<const float> raw_inputs, std::span<float> features) const {
+  const std::size_t bins = spd_background_.size();
+  std::vector<float> clicks, power;
+  subtract_background(raw_inputs, clicks, power);
   std::fill(features.begin(), features.end(), 0.f);
   const Body body = find_body(clicks, raw_inputs.first(bins));
   if (!body.detected) return body;
@@ -245,8 +232,8 @@ Body Alignment::find_body(std::span<const float> clicks, std::span<const float> 
                   static_cast<std::size_t>(to), pass == 0 ? 0.f : any);
     if (in.clicks <= 0) return {};
     centre = in.moment / in.clicks;
-    from = std::clamp(centre - reach_m / spd_step_m_, 0.0, bins);
-    to = std::clamp(centre + reach_m / spd_step_m_ + 1, 0.0, bins);
+    from = std::clamp(centre - window_.body_m / spd_step_m_, 0.0, bins);
+    to = std::clamp(centre + window_.body_m / spd_step_m_ + 1, 0.0, bins);
   }
   const auto range_m = static_cast<float>(spd_first_m_ + centre * spd_step_m_);
   return {in.clicks > significance * std::sqrt(in.counts) && range_m != 0, range_m};
@@ -264,7 +251,7 @@ float Alignment::align_histogram(std::span<const float> clicks, float range_m,
     const auto part = static_cast<float>(x - static_cast<double>(i));
     return running[i] + part * (running[i + 1] - running[i]);
   };
-  const double start = (double{range_m} - histogram_reach_m - spd_first_m_) / spd_step_m_ + 0.5;
+  const double start = (double{range_m} - window_.histogram_m - spd_first_m_) / spd_step_m_ + 0.5;
   const double step = histogram_step_m / spd_step_m_;
   const float first = up_to(start);
   float before = first;
@@ -276,45 +263,6 @@ float Alignment::align_histogram(std::span<const float> clicks, float range_m,
   if (before - first > 0)
     for (float& v : out) v /= before - first;
   return before - first;
-}
-
-// Of profiles as they are recorded, not of bins added up: a power profile has twice the bandwidth
-// of its amplitude, which is c/2B wide: sampled at half of that (as the base condition is) it is
-// whole, and the sinc series gives it between its points. Lanczos's window ends the series. All
-// points that lie the same part of a step behind a recorded one have the same weights.
-float Alignment::align_profile(std::span<const float> power, double range_m,
-                               std::span<float> out) const {
-  std::fill(out.begin(), out.end(), 0.f);
-  for (std::ptrdiff_t kind = 0; kind < points_a_step_; ++kind) {
-    const double metres = range_m + profile_from_m + static_cast<double>(kind) * profile_step_m_;
-    const double a =
-        std::clamp((metres - radar_first_m_) / radar_step_m_, -farthest_steps, farthest_steps);
-    const auto weights = lanczos(a - std::floor(a));
-    const auto first = static_cast<std::ptrdiff_t>(std::floor(a)) - taps + 1;
-    for (std::ptrdiff_t k = 0; k < 2 * taps; ++k) {
-      const float weight = weights[static_cast<std::size_t>(k)];
-      std::ptrdiff_t i = first + k;
-      for (auto j = kind; j < std::ssize(out); j += points_a_step_, i += steps_a_point_)
-        if (i >= 0 && i < std::ssize(power))
-          out[static_cast<std::size_t>(j)] += weight * power[static_cast<std::size_t>(i)];
-    }
-  }
-  float all = 0;
-  for (const float v : out) all += std::max(v, 0.f);
-  if (all > 0)
-    for (float& v : out) v /= all;
-  return all;
-}
-
-void Alignment::move_profile(std::span<const float> raw_power, double farther_m, double times,
-                             std::span<float> inputs) const {
-  std::vector<float> power(raw_power.begin(), raw_power.end());
-  for (std::size_t i = 0; i < power.size(); ++i) power[i] -= radar_background_[i];
-  const auto features = inputs.last(size());
-  align_profile(power, double{features.back()} - farther_m,
-                features.subspan(histogram_bins(), profile_points()));
-  if (brightness_) Brightness::strengthen(brightness_of(features), times);
-  correlate(inputs);
 }
 
 void Alignment::view(std::span<const float> raw_lags, double range_m, std::span<float> out) const {
@@ -352,16 +300,6 @@ Matrix Alignment::with_correlations(const Matrix& aligned) const {
     if (shows_body(features)) correlate(out.row(i));
   }
   return out;
-}
-
-double Alignment::displacement_m(std::span<const float> features) const {
-  const auto profile = features.subspan(histogram_bins(), profile_points());
-  double sum = 0, moment = 0;
-  for (std::size_t j = 0; j < profile.size(); ++j) {
-    const double square = double{profile[j]} * double{profile[j]};
-    sum += square, moment += square * static_cast<double>(j);
-  }
-  return profile_from_m + (sum > 0 ? moment / sum : 0) * profile_step_m_;
 }
 
 double Alignment::radar_background_share(const Matrix& powers, const Rows& rows) const {

@@ -21,10 +21,25 @@
 
 namespace echofuse::recon {
 
+// Slant range of a sensor's values: first + i * step. Of the SPD: of its bins' centres.
+struct AlignmentRanges {
+  double first_m, step_m;
+};
+
+inline constexpr std::ptrdiff_t profile_taps = 8;  // of the sinc series, on either side
+
 struct Body {
   // More clicks above the background than five standard deviations of all clicks.
   bool detected = false;
   float range_m = 0;  // slant range of the histogram's centroid
+};
+
+// How far about the body's range is looked, metres.
+struct AlignmentWindow {
+  double histogram_m = 0.7;  // on either side
+  double profile_from_m = -0.8,
+         profile_to_m = 1.1;  // of the radar: a target at x shifts it by b x / r
+  double body_m = 0.8;        // for its centroid: half the depth of a body with outstretched arms
 };
 
 // Aligned features, one row a record. Where nobody is, all of a row is zero.
@@ -39,11 +54,20 @@ class Alignment {
   Alignment(const Layout& layout, const Matrix& raw_inputs, const Rows& rows,
             Gains gains = Gains::unknown);
 
+  // The same background, seen through another window, whatever the gains.
+  Alignment through(const AlignmentWindow& window) const;
+
   bool known() const { return !spd_background_.empty(); }
   Gains gains() const { return brightness_ ? Gains::stable : Gains::unknown; }
   // Of stable gains: what brightness is usual at a range, of records in which bodies are.
   void learn_brightness(const Matrix& raw_inputs, const Rows& rows);
   std::size_t cost() const;  // multiply-adds of one record
+  AlignmentRanges spd_ranges() const { return {spd_first_m_, spd_step_m_}; }
+  AlignmentRanges radar_ranges() const { return {radar_first_m_, radar_step_m_}; }
+  double resolution_m() const;  // of the radar, c/2B
+  // Clicks and power above what is always there; the median of the clicks is 0.
+  void subtract_background(std::span<const float> raw_inputs, std::vector<float>& clicks,
+                           std::vector<float>& power) const;
   std::size_t histogram_bins() const;
   std::size_t profile_points() const;                           // 0 without a radar
   std::size_t array_features() const { return array_.size(); }  // 0 without its antennas
@@ -64,6 +88,12 @@ class Alignment {
   // as strong.
   void move_profile(std::span<const float> raw_power, double farther_m, double times,
                     std::span<float> inputs) const;
+  // Puts into features of a body the sum of profiles, each moved to longer ranges.
+  struct MovedProfile {
+    std::span<const float> raw_power;
+    double farther_m;
+  };
+  void add_profiles(std::span<const MovedProfile> profiles, std::span<float> features) const;
   // Of features, or inputs; empty unless gains are stable.
   template <class T>
   std::span<T> brightness_of(std::span<T> features) const {
@@ -90,10 +120,12 @@ class Alignment {
 
  private:
   void set_axes(const Layout& layout);
+  void set_window(const AlignmentWindow& window);
   Body find_body(std::span<const float> clicks, std::span<const float> counts) const;
   // Both return what they divide by.
   float align_histogram(std::span<const float> clicks, float range_m, std::span<float> out) const;
   float align_profile(std::span<const float> power, double range_m, std::span<float> out) const;
+  void add_profile(std::span<const float> power, double range_m, std::span<float> out) const;
   void correlate(std::span<float> inputs) const;
   // Of features that end with the range.
   template <class T>
@@ -104,6 +136,7 @@ class Alignment {
   void learn_array_background(const Matrix& raw_inputs, const Rows& rows);
   std::size_t points_with_radar() const;
 
+  AlignmentWindow window_;
   // Slant range of a point of each axis: first + i * step. Of the SPD: of the bins' centres.
   double spd_first_m_ = 0, spd_step_m_ = 1, radar_first_m_ = 0, radar_step_m_ = 1;
   double profile_step_m_ = 1;

@@ -78,6 +78,12 @@ double TurnedBodies::answer() const {
   return sum_m / (2 * probe_m * count);
 }
 
+double TurnedBodies::farther_m(std::size_t k, std::size_t as) const {
+  const auto range_m = double{inputs_.row(rows_[k]).back()};
+  return radar_range_m(range_m, baseline_m_, sine_of(places_[as])) -
+         radar_range_m(range_m, baseline_m_, sine_of(places_[k]));
+}
+
 Place TurnedBodies::turn(std::size_t k, Rng& rng, std::span<float> inputs) const {
   std::uniform_int_distribution<std::size_t> any(0, places_.size() - 1);
   const bool turned = turns_ && (share_ == 1 || std::bernoulli_distribution(share_)(rng));

@@ -36,6 +36,8 @@ class TurnedBodies {
   bool turns() const { return turns_; }  // else nobody is to be turned
   // turn() does anything at all.
   bool changes() const { return turns_ || has_array_ || has_brightness_; }
+  // How much farther the radar would see the body of rows[k] in the azimuth of that of rows[as].
+  double farther_m(std::size_t k, std::size_t as) const;
   // Writes the inputs of the record rows[k] turned to the azimuth of any of them, so that these
   // keep their distribution, and returns its place there.
   Place turn(std::size_t k, Rng& rng, std::span<float> inputs) const;

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: MIT
+// The radar's profile about a body's range.
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "recon/models/body/alignment.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr double farthest_steps = 1e9;  // from a radar's first point
+
+// Weights of the points from profile_taps - 1 before to profile_taps behind a place that lies
+// `part` of a step behind a point. The points differ by whole steps: three sines do for all.
+std::array<float, 2 * profile_taps> lanczos(double part) {
+  struct Turn {
+    double sine, cosine;
+  };
+  static const auto turns = [] {
+    std::array<Turn, 2 * profile_taps> out;
+    for (std::size_t k = 0; k < out.size(); ++k) {
+      const double turn = M_PI * static_cast<double>(k) / static_cast<double>(profile_taps);
+      out[k] = {std::sin(turn), std::cos(turn)};
+    }
+    return out;
+  }();
+  const double before = part + static_cast<double>(profile_taps - 1);
+  const double first = M_PI * before / static_cast<double>(profile_taps);
+  const double sine = std::sin(first), cosine = std::cos(first);
+  double of_series = std::sin(M_PI * part) * (profile_taps % 2 ? 1 : -1);
+  std::array<float, 2 * profile_taps> out;
+  for (std::size_t k = 0; k < out.size(); ++k, of_series = -of_series) {
+    const double x = before - static_cast<double>(k);
+    const double of_window = sine * turns[k].cosine - cosine * turns[k].sine;
+    out[k] = static_cast<float>(std::abs(x) < 1e-6
+                                    ? 1
+                                    : of_series * of_window * static_cast<double>(profile_taps) /
+                                          (M_PI * M_PI * x * x));
+  }
+  return out;
+}
+
+// Divides by what is above zero, and returns that.
+float share_out(std::span<float> values) {
+  float all = 0;
+  for (const float v : values) all += std::max(v, 0.f);
+  if (all > 0)
+    for (float& v : values) v /= all;
+  return all;
+}
+
+}  // namespace
+
+// Of profiles as they are recorded, not of bins added up: a power profile has twice the bandwidth
+// of its amplitude, which is c/2B wide: sampled at half of that (as the base condition is) it is
+// whole, and the sinc series gives it between its points. Lanczos's window ends the series. All
+// points that lie the same part of a step behind a recorded one have the same weights.
+float Alignment::align_profile(std::span<const float> power, double range_m,
+                               std::span<float> out) const {
+  std::fill(out.begin(), out.end(), 0.f);
+  add_profile(power, range_m, out);
+  return share_out(out);
+}
+
+void Alignment::add_profile(std::span<const float> power, double range_m,
+                            std::span<float> out) const {
+  for (std::ptrdiff_t kind = 0; kind < points_a_step_; ++kind) {
+    const double metres =
+        range_m + window_.profile_from_m + static_cast<double>(kind) * profile_step_m_;
+    const double a =
+        std::clamp((metres - radar_first_m_) / radar_step_m_, -farthest_steps, farthest_steps);
+    const auto weights = lanczos(a - std::floor(a));
+    const auto first = static_cast<std::ptrdiff_t>(std::floor(a)) - profile_taps + 1;
+    for (std::ptrdiff_t k = 0; k < 2 * profile_taps; ++k) {
+      const float weight = weights[static_cast<std::size_t>(k)];
+      std::ptrdiff_t i = first + k;
+      for (auto j = kind; j < std::ssize(out); j += points_a_step_, i += steps_a_point_)
+        if (i >= 0 && i < std::ssize(power))
+          out[static_cast<std::size_t>(j)] += weight * power[static_cast<std::size_t>(i)];
+    }
+  }
+}
+
+void Alignment::add_profiles(std::span<const MovedProfile> profiles,
+                             std::span<float> features) const {
+  const auto out = features.subspan(histogram_bins(), profile_points());
+  std::fill(out.begin(), out.end(), 0.f);
+  for (const auto& [raw_power, farther_m] : profiles) {
+    std::vector<float> power(raw_power.begin(), raw_power.end());
+    for (std::size_t i = 0; i < power.size(); ++i) power[i] -= radar_background_[i];
+    add_profile(power, double{features.back()} - farther_m, out);
+  }
+  share_out(out);
+}
+
+void Alignment::move_profile(std::span<const float> raw_power, double farther_m, double times,
+                             std::span<float> inputs) const {
+  std::vector<float> power(raw_power.begin(), raw_power.end());
+  for (std::size_t i = 0; i < power.size(); ++i) power[i] -= radar_background_[i];
+  const auto features = inputs.last(size());
+  align_profile(power, double{features.back()} - farther_m,
+                features.subspan(histogram_bins(), profile_points()));
+  if (brightness_) Brightness::strengthen(brightness_of(features), times);
+  correlate(inputs);
+}
+
+double Alignment::displacement_m(std::span<const float> features) const {
+  const auto profile = features.subspan(histogram_bins(), profile_points());
+  double sum = 0, moment = 0;
+  for (std::size_t j = 0; j < profile.size(); ++j) {
+    const double square = double{profile[j]} * double{profile[j]};
+    sum += square, moment += square * static_cast<double>(j);
+  }
+  return window_.profile_from_m + (sum > 0 ? moment / sum : 0) * profile_step_m_;
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: MIT
+#include "recon/uncertainty/two_bodies.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <random>
+
+#include "drivers/core/random.hpp"
+#include "recon/models/body/turned.hpp"
+#include "recon/numbers/parallel.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+// Two bodies, each as deep as its outstretched arms.
+constexpr AlignmentWindow window{
+    .histogram_m = 1.4, .profile_from_m = -1.4, .profile_to_m = 1.7, .body_m = 1.3};
+constexpr double least_apart_m = 0.4;  // sideways
+constexpr int most_tries = 20;         // to draw two bodies that are
+constexpr std::uint64_t pair_stream = 0x70616972, turn_stream = 0x7475726e;  // "pair", "turn"
+constexpr std::size_t most_pairs = 48'000, pairs_a_record = 16;
+constexpr std::size_t most_turned = 24'000, turned_a_record = 8;
+const std::vector<std::size_t> hidden = {48, 48};
+constexpr std::size_t batch = 256, draws_a_record = 500, most_draws = 1'500'000;
+constexpr double learning_rate = 4e-3;
+constexpr double nobody = -30;  // log odds
+
+void share_out(std::span<float> values) {
+  float all = 0;
+  for (const float v : values) all += std::max(v, 0.f);
+  if (all > 0)
+    for (float& v : values) v /= all;
+}
+
+}  // namespace
+
+void TwoBodies::use(const Features& of_model, const Alignment& alignment) {
+  spd_bins_ = of_model.spd_count(), profile_ = of_model.radar_count();
+  alignment_ = spd_bins_ > 0 ? alignment.through(window) : Alignment{};
+}
+
+std::vector<float> TwoBodies::describe(std::span<const float> raw_inputs) const {
+  std::vector<float> out;
+  if (alignment_.known()) {
+    out.resize(alignment_.size());
+    alignment_(raw_inputs, out);
+  } else {
+    const auto radar = radar_of(raw_inputs);
+    out.assign(radar.begin(), radar.end());
+    share_out(out);
+  }
+  return out;
+}
+
+void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
+                      const std::vector<std::optional<Place>>& places, std::uint64_t seed) {
+  Matrix ones, pairs;
+  std::vector<float> background =
+      alignment_.known() ? alignment_.background() : std::vector<float>(raw_inputs.cols);
+  // Records with a body, and where it is.
+  Rows seen, usable;
+  std::vector<Place> known;
+  for (const std::size_t row : rows) {
+    const auto one = describe(raw_inputs.row(row));
+    if (alignment_.known() && !shows_body(one)) continue;
+    ones.cols = one.size();
+    ones.add_row(one);
+    seen.push_back(row);
+    if (places[row]) usable.push_back(seen.size() - 1), known.push_back(*places[row]);
+  }
+  if (seen.size() < 2) return;
+  if (usable.size() < 2) usable.clear();
+  std::optional<TurnedBodies> turned;
+  Matrix inputs, radar;
+  const Matrix no_array;
+  if (alignment_.profile_points() > 0 && alignment_.array_features() == 0 && !usable.empty()) {
+    inputs = alignment_.with_correlations(ones);
+    radar = Matrix(0, profile_);
+    for (const std::size_t row : seen) radar.add_row(radar_of(raw_inputs.row(row)));
+    turned.emplace(alignment_, inputs, radar, no_array, usable, known);
+    if (!turned->turns()) turned.reset();
+  }
+  const Rows everybody = usable.empty() ? all_rows(seen.size()) : usable;
+  const auto any = [&](Rng& rng) {
+    return std::uniform_int_distribution<std::size_t>(0, everybody.size() - 1)(rng);
+  };
+  // As the body k would stand in the azimuth of the body `as`.
+  const auto side_m = [&](std::size_t k, std::size_t as) {
+    const auto tangent = double{known[as].tangent};
+    const double range_m =
+        alignment_.known() ? double{ones.row(usable[k]).back()} : double{known[k].depth_m};
+    return range_m * tangent / std::hypot(1.0, tangent);
+  };
+  pairs = Matrix(std::min(most_pairs, pairs_a_record * seen.size()), ones.cols);
+  for_each_part(pairs.rows, [&](std::size_t i) {
+    Rng rng = make_rng(mix(seed ^ pair_stream), i);
+    std::size_t a, b, as_a, as_b;
+    int tries = 0;
+    do {
+      a = any(rng), b = any(rng);
+      as_a = turned ? any(rng) : a, as_b = turned ? any(rng) : b;
+    } while (!usable.empty() && std::abs(side_m(a, as_a) - side_m(b, as_b)) < least_apart_m &&
+             ++tries < most_tries);
+    const auto first = raw_inputs.row(seen[everybody[a]]),
+               second = raw_inputs.row(seen[everybody[b]]);
+    std::vector<float> sum(first.size());
+    for (std::size_t c = 0; c < sum.size(); ++c) sum[c] = first[c] + second[c] - background[c];
+    const auto described = describe(sum);
+    std::copy(described.begin(), described.end(), pairs.row(i).begin());
+    if (!turned || !shows_body(described)) return;
+    const std::array<Alignment::MovedProfile, 2> moved{
+        {{radar_of(first), turned->farther_m(a, as_a)},
+         {radar_of(second), turned->farther_m(b, as_b)}}};
+    alignment_.add_profiles(moved, pairs.row(i));
+  });
+  if (turned) {
+    const std::size_t plain = ones.rows, more = std::min(most_turned, turned_a_record * plain);
+    ones.values.resize((plain + more) * ones.cols);
+    ones.rows += more;
+    for_each_part(more, [&](std::size_t i) {
+      Rng rng = make_rng(mix(seed ^ turn_stream), i);
+      const std::size_t k = any(rng), as = any(rng);
+      const auto out = ones.row(plain + i), from = ones.row(usable[k]);
+      std::copy(from.begin(), from.end(), out.begin());
+      const std::array<Alignment::MovedProfile, 1> moved{
+          {{radar_of(raw_inputs.row(seen[usable[k]])), turned->farther_m(k, as)}}};
+      alignment_.add_profiles(moved, out);
+    });
+  }
+  classifier_.fit(ones, pairs,
+                  {hidden, std::min(most_draws, draws_a_record * seen.size()) / batch + 1, batch,
+                   learning_rate, seed});
+}
+
+double TwoBodies::operator()(std::span<const float> raw_inputs) const {
+  const auto described = describe(raw_inputs);
+  if (!classifier_.known() || (alignment_.known() && !shows_body(described))) return nobody;
+  return classifier_(described);
+}
+
+void TwoBodies::save(record::H5File& file, const std::string& group) const {
+  if (classifier_.known()) classifier_.save(file, group);
+}
+
+void TwoBodies::load(const record::H5File& file, const std::string& group) {
+  if (file.has(group))
+    classifier_.load(file, group, alignment_.known() ? alignment_.size() : profile_);
+}
+
+}  // namespace echofuse::recon

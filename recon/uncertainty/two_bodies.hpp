@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: MIT
+// Whether a record shows two bodies. No training record does; but the sum of two of them is what
+// two bodies measure when neither hides the other (training on made-up outliers: Hendrycks et al.,
+// ICLR 2019). A small network tells such sums from single records, by histogram, profile and view
+// of the radar's antennas about the centroid of all that is there. The bodies of a sum stand apart
+// sideways, as two bodies cannot stand in one place. With both sensors and a baseline all are
+// turned about the SPD (models/body/turned.hpp), so that few records make many.
+#pragma once
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "recon/data/features.hpp"
+#include "recon/models/body/alignment.hpp"
+#include "recon/models/body/body_frame.hpp"
+#include "recon/models/classifier.hpp"
+
+namespace echofuse::recon {
+
+class TwoBodies {
+ public:
+  // What a model of these features is given; the alignment is not looked at without a detector.
+  void use(const Features& of_model, const Alignment& alignment);
+  // From the given rows of the raw inputs. places: where the body of every row is, if it is known.
+  void learn(const Matrix& raw_inputs, const Rows& rows,
+             const std::vector<std::optional<Place>>& places, std::uint64_t seed);
+  // Logarithm of the odds of two bodies against one; very small where nobody is.
+  double operator()(std::span<const float> raw_inputs) const;
+
+  void save(record::H5File& file, const std::string& group) const;
+  void load(const record::H5File& file, const std::string& group);
+
+ private:
+  std::vector<float> describe(std::span<const float> raw_inputs) const;
+  std::span<const float> radar_of(std::span<const float> raw_inputs) const {
+    return raw_inputs.subspan(spd_bins_, profile_);
+  }
+
+  std::size_t spd_bins_ = 0, profile_ = 0;
+  Alignment alignment_;  // not known without a detector
+  Classifier classifier_;
+};
+
+}  // namespace echofuse::recon

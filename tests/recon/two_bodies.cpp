@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: MIT
+#include "recon/uncertainty/two_bodies.hpp"
+
+#include "recon/estimator/evaluate.hpp"
+#include "recon/estimator/predict.hpp"
+#include "recon/estimator/train.hpp"
+#include "recon/maps/people.hpp"
+#include "recon/models/body/split_bodies.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using echofuse::testing::contents;
+using echofuse::testing::Folder;
+using echofuse::testing::plate_record;
+using echofuse::testing::recon_program;
+using echofuse::testing::write_run;
+
+namespace {
+
+struct Plate {
+  double x, z;
+};
+constexpr Plate near_left{-0.6, 3.05}, far_right{0.5, 3.85};
+
+// What both measure if neither hides the other; of the map, what the nearer one leaves.
+void add(record::FusedRecord& to, const record::FusedRecord& other) {
+  for (std::size_t i = 0; i < to.spd.size(); ++i) to.spd[i] += other.spd[i];
+  for (std::size_t i = 0; i < to.radar.size(); ++i) to.radar[i] += other.radar[i];
+  for (std::size_t p = 0; p < to.depth_mm.size(); ++p)
+    if (to.depth_mm[p] == 0 || (other.depth_mm[p] > 0 && other.depth_mm[p] < to.depth_mm[p]))
+      to.depth_mm[p] = other.depth_mm[p];
+  to.label = two_people_label;
+}
+
+// One plate in every other record; in the others two, one behind the other or side by side.
+void write_mixed(const std::string& path, std::int64_t count, bool behind) {
+  Rng rng = make_rng(9, 9);
+  std::uniform_real_distribution<double> off(-0.1, 0.1);
+  write_run(path, count, 5, [&](record::FusedRecord& r) {
+    if (r.index % 2) return;
+    const std::int64_t index = r.index;
+    const double far_z = behind ? far_right.z : near_left.z;
+    r = plate_record(index, near_left.x + off(rng), near_left.z + off(rng) / 4, rng);
+    add(r, plate_record(index, far_right.x + off(rng), far_z + off(rng) / 4, rng));
+  });
+}
+
+Dataset mixed(std::int64_t count, bool behind) {
+  const Folder dir;
+  write_mixed(dir / "run", count, behind);
+  return load({dir / "run"});
+}
+
+const TrainedModel& trained() {
+  static const TrainedModel model = [] {
+    TrainOptions options;
+    options.model = "factorised-4";
+    options.split.validation_share = 0.3;
+    options.fit.quiet = true;
+    options.fallback = false;
+    return train(testing::load_plates(600), options);
+  }();
+  return model;
+}
+
+std::vector<float> raw_of(const std::vector<Plate>& plates) {
+  Rng rng = make_rng(3, 3);
+  record::FusedRecord sum = plate_record(0, plates[0].x, plates[0].z, rng);
+  for (std::size_t i = 1; i < plates.size(); ++i)
+    add(sum, plate_record(0, plates[i].x, plates[i].z, rng));
+  std::vector<float> raw(sum.spd.begin(), sum.spd.end());
+  raw.insert(raw.end(), sum.radar.begin(), sum.radar.end());
+  return raw;
+}
+
+double shift_m(const Plate& p) { return std::hypot(p.x + 0.5, p.z) - std::hypot(p.x, p.z); }
+
+}  // namespace
+
+TEST_CASE("the sum of two records comes apart, nearer first, with a range and a shift each") {
+  const auto split = split_bodies(trained().alignment, raw_of({far_right, near_left}));
+  REQUIRE(split);
+  const std::array truth{near_left, far_right};
+  for (std::size_t k = 0; k < 2; ++k) {
+    CAPTURE(k);
+    CHECK(split->parts[k].range_m == Approx(std::hypot(truth[k].x, truth[k].z)).margin(0.03));
+    CHECK(split->parts[k].shift_m == Approx(shift_m(truth[k])).margin(0.06));
+  }
+  CHECK_FALSE(split_bodies(trained().alignment, raw_of({far_right})));
+  // Nearer to each other than the radar resolves.
+  CHECK_FALSE(split_bodies(trained().alignment, raw_of({far_right, {-0.6, 3.5}})));
+}
+
+TEST_CASE("two people are told from one, and both are in the map where range separates them") {
+  const Dataset data = mixed(120, true);
+  const Rows rows = all_rows(data.size());
+  const Prediction made = predict(trained(), data, rows);
+  std::size_t separated = 0, others = 0;
+  for (const std::size_t i : rows) {
+    const PredictionUncertainty& stated = made.uncertainties[i];
+    (i % 2 ? others : separated) += stated.bodies.size() == 2;
+    if (i % 2 || stated.bodies.empty()) continue;
+    CHECK(stated.note == "two bodies");
+    CHECK(stated.out_of_distribution.text().empty());
+    const std::array truth{near_left, far_right};
+    for (std::size_t k = 0; k < 2; ++k) {
+      CAPTURE(i, k);
+      CHECK(stated.bodies[k].x_m == Approx(truth[k].x).margin(0.3));
+      CHECK(stated.bodies[k].z_m == Approx(truth[k].z).margin(0.1));
+      CHECK(stated.bodies[k].lateral_interval_90_m > 0);
+    }
+  }
+  CHECK(separated >= 57);
+  CHECK(others == 0);
+  const Evaluation e =
+      evaluate(trained(), prepare_records(trained(), data, RangeBiasAction::ignore), rows);
+  CHECK(e.two_people.records == 60);
+  CHECK(e.two_people.separated == separated);
+  CHECK(e.metrics[metric_iou_person].maps == 60);
+  CHECK(e.metrics[metric_iou_person].mean > 0.5);
+}
+
+TEST_CASE("side by side they are flagged, and one body's map stays as it is bit by bit") {
+  const Dataset data = mixed(120, false);
+  const Rows rows = all_rows(data.size());
+  const Prediction made = predict(trained(), data, rows);
+  const Prediction plain = predict(trained(), data, rows, PredictionDetail::maps);
+  CHECK(made.maps.values == plain.maps.values);
+  std::vector<double> one, two;
+  std::size_t refused = 0;
+  for (const std::size_t i : rows) {
+    const OutOfDistributionScore& s = made.uncertainties[i].out_of_distribution;
+    (i % 2 ? one : two).push_back(s.two_bodies);
+    if (i % 2 == 0) refused += s.text() == "two bodies, not separable";
+  }
+  CHECK(refused > 50);
+  double right = 0;
+  for (const double a : one)
+    for (const double b : two) right += b > a;
+  CHECK(right / static_cast<double>(one.size() * two.size()) > 0.98);
+}
+
+TEST_CASE("each person of a map has an IoU of his own") {
+  const Scene scene{std::vector<float>(64 * 64), std::vector<float>(64 * 64), 3.5f, {}};
+  std::vector<float> truth(64 * 64), left(64 * 64);
+  for (std::size_t row = 20; row < 40; ++row)
+    for (std::size_t c = 0; c < 20; ++c) {
+      truth[row * 64 + 12 + c] = left[row * 64 + 12 + c] = 3.2f;
+      if (c < 10) truth[row * 64 + 32 + c] = 3.9f;  // they touch in the picture
+    }
+  const auto people = find_people(truth, scene);
+  REQUIRE(people);
+  CHECK(std::count(people->person.begin(), people->person.end(), 1) == 400);
+  CHECK(std::count(people->person.begin(), people->person.end(), 2) == 200);
+  CHECK(people->middle[1].z_m == Approx(3.9));
+  CHECK(iou_per_person(truth, *people, scene) == 1);
+  CHECK(iou_per_person(left, *people, scene) == 0.5);
+  std::vector<float> half = truth;
+  std::fill(half.begin(), half.begin() + 30 * 64, 0.f);
+  CHECK(iou_per_person(half, *people, scene) == 0.5);
+  CHECK(iou_per_person(scene.background, *people, scene) == 0);
+  CHECK_FALSE(find_people(scene.background, scene));
+}
+
+TEST_CASE("reconstruct and evaluate say which records show two bodies, and where the second is") {
+  const Folder dir;
+  save_model(trained(), dir / "m");
+  write_mixed(dir / "run", 20, true);
+  const auto o = recon_program("reconstruct " + (dir / "m") + " " + (dir / "run") + " --out " +
+                               (dir / "o") + " --format npz");
+  CHECK(o.code == 0);
+  CHECK_THAT(o.text, Catch::Contains("10 with two bodies"));
+  const std::string table = contents(dir / "o/records.csv");
+  CHECK_THAT(table, Catch::Contains("uncertainty,bodies,second_x_m,second_z_m,"
+                                    "second_lateral_interval_90_m\n") &&
+                        Catch::Contains("\n0,\"two bodies\",") &&
+                        Catch::Contains(",calibrated,2,0.") &&
+                        Catch::Contains(",calibrated,1,,,\n"));
+  const auto e = recon_program("evaluate " + (dir / "m") + " " + (dir / "run"));
+  CHECK_THAT(e.text, Catch::Contains("10 records of two people: 10 separated, 0 flagged; of 10 "
+                                     "others 0 separated") &&
+                         Catch::Contains("iou_person"));
+}
