@@ -50,8 +50,7 @@ Prediction predict_aligned(const TrainedModel& model, const Dataset& data, const
     lateral_interval_90_m.push_back(uncertainty.lateral(predictors.row(i)));
   auto out_of_distribution = uncertainty.detector.judge(aligned, data, rows);
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    out.uncertainties.push_back(
-        {lateral_interval_90_m[i], {}, {}, std::move(out_of_distribution[i])});
+    out.uncertainties.push_back({lateral_interval_90_m[i], std::move(out_of_distribution[i])});
     uncertainty.judge_speckle(aligned.row(i), data.speckle[rows[i]], out.uncertainties.back());
   }
   separate_bodies(model, data, rows, out, detail == PredictionDetail::pixels ? &soft : nullptr);

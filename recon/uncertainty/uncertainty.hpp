@@ -50,9 +50,9 @@ struct PredictionUncertainty {
                                      // the records like the training ones; NaN: not known,
                                      // as where the radar's power varies otherwise; of two
                                      // bodies, the nearer one
-  std::vector<FoundBody> bodies;     // of a map of two, the nearer first; else empty
-  std::string note;                  // then what the status says
   OutOfDistributionScore out_of_distribution;
+  std::vector<FoundBody> bodies{};  // of a map of two, the nearer first; else empty
+  std::string note{};               // then what the status says
 };
 
 struct UncertaintyModel {
