@@ -3,6 +3,7 @@
 """tests/system/slurm.py BIN_DIR: data set and study spread by scripts/slurm over an emulated Slurm cluster of two
 nodes on this machine, one of which dies amid the array. The result is that of one process, byte by byte. Needs root
 and Debian's slurmctld, slurmd, slurm-client and munge; else it is skipped."""
+import contextlib
 import hashlib
 import os
 import pathlib
@@ -111,8 +112,23 @@ class Slurm(unittest.TestCase):
                 os.kill(int((self.dir / f"{name}.pid").read_text()), signal.SIGKILL)
             except (OSError, ValueError):
                 pass
-        for process in self.processes_of():
-            os.kill(process, signal.SIGKILL)
+        self.kill(self.processes_of())
+
+    def kill(self, processes):
+        for process in processes:
+            with contextlib.suppress(ProcessLookupError):  # it ended with another
+                os.kill(process, signal.SIGKILL)
+
+    def halted(self, node, program):
+        """Whether a job of this node runs this program, which then goes no further."""
+        for process in self.processes_of(f"SLURMD_NODENAME={node}"):
+            try:
+                if pathlib.Path(f"/proc/{process}/comm").read_text().strip() == program:
+                    os.kill(process, signal.SIGSTOP)
+                    return pathlib.Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "T"
+            except OSError:
+                continue
+        return False
 
     def node_dies(self, node):
         """Its daemon and all of its jobs at once, as when the power fails."""
@@ -120,8 +136,7 @@ class Slurm(unittest.TestCase):
         jobs = list(self.processes_of(f"SLURMD_NODENAME={node}"))
         parents = {int(pathlib.Path(f"/proc/{job}/stat").read_text().rpartition(")")[2].split()[1]) for job in jobs}
         keepers = [pid for pid in parents if pathlib.Path(f"/proc/{pid}/comm").read_text().startswith("slurmstepd")]
-        for process in [*keepers, *jobs]:  # first who would tell of the others' end
-            os.kill(process, signal.SIGKILL)
+        self.kill([*keepers, *jobs])  # first who would tell of the others' end
         subprocess.run(["scontrol", "update", f"nodename={node}", "state=down", "reason=test"], check=True)
 
     def submit(self, script, *words):
@@ -147,9 +162,7 @@ class Slurm(unittest.TestCase):
     def test_dataset_with_a_node_that_dies(self):
         settings = ["--records", "2400", "--set", "spd_rays=512"]
         self.submit("dataset.sbatch", 6, "base.sqlite", *settings)
-        running = lambda: self.ask("squeue", "-h", "-t", "running", "-w", "n2", "-o", "%A")
-        parts = self.dir / "work/base.sqlite.parts"
-        wait_for("a part on the node", lambda: running() and any(parts.glob("part-*.sqlite")))
+        wait_for("a part being made on the node", lambda: self.halted("n2", "echofuse-sim"))
         self.node_dies("n2")
         wait_for("the job in the queue again", lambda: self.ask("squeue", "-h", "-r", "-t", "pending", "-o", "%A"), 30)
         subprocess.run(["slurmd", "-N", "n2"], check=True, cwd=self.dir)
@@ -158,7 +171,7 @@ class Slurm(unittest.TestCase):
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", self.dir / "whole.sqlite", *settings],
                        check=True)
         self.assertEqual(self.records(self.dir / "work/base.sqlite"), self.records(self.dir / "whole.sqlite"))
-        self.assertFalse(parts.exists())
+        self.assertFalse((self.dir / "work/base.sqlite.parts").exists())
 
     def test_study(self):
         study = ["echofuse-recon", "study", "stability", "-q", "--quick", "--seeds", "2", "--records", "260",
