@@ -13,6 +13,7 @@
 #include "recon/data/run_order.hpp"
 #include "recon/data/shift.hpp"
 #include "recon/data/source_facts.hpp"
+#include "recon/numbers/parallel.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
@@ -189,7 +190,8 @@ class Appender {
 };
 
 void append(Dataset& data, const record::RunReader& run, std::int64_t first, std::size_t at_most,
-            SensorSet sensors, const OnBadRecord& on_bad) {
+            SensorSet sensors, const OnBadRecord& on_bad,
+            const record::RunReader::InParallel& in_parallel = {}) {
   // Made within the reading, as a run that is being recorded may get an axis with its next record.
   std::optional<Appender> appender;
   const auto to = [&]() -> Appender& {
@@ -208,7 +210,7 @@ void append(Dataset& data, const record::RunReader& run, std::int64_t first, std
         if (!fault.empty()) on_bad(r.index, fault);
         return --left > 0;
       },
-      first, on_bad, sensors);
+      first, on_bad, sensors, in_parallel);
   to();
 }
 
@@ -267,7 +269,7 @@ Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& 
   for (const auto& path : in_order_of_records(paths)) {
     const record::RunReader run(path);
     append(data, run, 0, static_cast<std::size_t>(run.count()),
-           {Sensor::spd, Sensor::radar, Sensor::depth}, on_bad);
+           {Sensor::spd, Sensor::radar, Sensor::depth}, on_bad, for_each_part);
   }
   return data;
 }
