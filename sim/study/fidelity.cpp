@@ -144,7 +144,7 @@ Comparison light_by_walls(const Conditions& base, const std::string& room) {
     });
   };
   return {"light-" + room,
-          histogram(2, {64, 96}),
+          histogram(2, {40, 56}),
           {{"0", histogram(0, {})},
            {"1", histogram(1, {})},
            {"2", histogram(2, {})},

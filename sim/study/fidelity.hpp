@@ -36,7 +36,7 @@ struct FidelityOptions {
 //   bin_ps      the histogram with this bin, spread evenly over bins a quarter as wide
 //   radar_rays  against 1536 rays of the radar
 //   light-ROOM  before this room; reflections by walls up to this order, with 24 x 24 patches of
-//               walls or as said, against 2 with 64 x 64
+//               walls or as said, against 2 with 40 x 40
 //   radar-ROOM  up to this order, against 2
 std::vector<Fidelity> study_fidelity(const FidelityOptions& options);
 
