@@ -164,7 +164,7 @@ std::string failures_html(const Report& report) {
   if (!out.empty()) out = "<div class=\"fail\"><ul>" + out + "</ul></div>\n";
   out += failures_table(report.modes.front()) + stated_table(report);
   for (const std::string& text : remarks_of(report.modes.front().evaluations.front()))
-    out += chart::paragraph(text + ".");
+    out += chart::paragraph("Scored run: " + text + ".");
   if (report.live)
     for (const std::string& text : remarks_of(*report.live))
       out += chart::paragraph("Recorded run: " + text + ".");

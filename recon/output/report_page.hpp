@@ -44,7 +44,7 @@ std::string failures_html(const Report& report);
 std::string comparison_html(const Report& report);
 
 std::string stand_alone(const ShownRecord& shown, const chart::Span& span);  // as a file
-std::string maps_alone(const ShownRecord& shown, const chart::Span& span);  // truth and maps only
+std::string maps_alone(const ShownRecord& shown, const chart::Span& span);   // truth and maps only
 // What the models leave open: from one sensor a body and its mirror image.
 std::string blur_alone(const ShownRecord& shown, const chart::Span& span);  // as a file
 // Truth, the subject's map and its error, and what marks in maps mean.

@@ -17,8 +17,9 @@ class ModelColours {
                        : model.ends_with(":radar")       ? chart::of_radar
                        : model.find("mlp") == 0          ? chart::of_paper
                        : model.starts_with("factorised") ? chart::of_both
+                       : model == "nearest"              ? chart::grey
                                                          : chart::of_camera;
-    for (const int colour : {wanted, chart::of_camera, chart::of_spd, chart::of_radar,
+    for (const int colour : {wanted, chart::of_camera, chart::grey, chart::of_radar, chart::of_spd,
                              chart::of_paper, chart::of_both})
       if (!used_[static_cast<std::size_t>(colour)]) {
         used_[static_cast<std::size_t>(colour)] = true;
