@@ -48,8 +48,9 @@ std::string decode(Statement& row, const Shapes& shapes, std::uint32_t sensors, 
   const std::int64_t frames = row.integer();
   const ByteView array = row.blob();
   const double over_frames = row.real(), over_carriers = row.real();
-  if (over_frames >= 0) r.speckle.emplace().over_frames = over_frames;
-  if (over_frames >= 0 && over_carriers >= 0) r.speckle->over_carriers = over_carriers;
+  const auto known = [](double variation) { return variation >= 0 && variation < 1e9; };
+  if (known(over_frames)) r.speckle.emplace().over_frames = over_frames;
+  if (r.speckle && known(over_carriers)) r.speckle->over_carriers = over_carriers;
   const auto sizes = [](const char* what, std::size_t got, std::size_t wanted) {
     return std::string(what) + " has " + std::to_string(got) + " bytes, its axis asks for " +
            std::to_string(wanted);

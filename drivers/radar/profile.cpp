@@ -120,33 +120,33 @@ struct Antennas {
   }
 };
 
-// A frame, or one of its subframes.
-struct Frame {
-  Command line;
-  std::uint32_t first_chirp = 0, last_chirp = 0, loops = 1;
-  double period_s = 0;
-};
-
+// frameCfg <first chirp> <last chirp> <loops> <frames> <period, ms> ...
 // subFrameCfg <number> <forced profile> <first chirp> <chirps> <loops> <burst's period, ms>
 //   <chirps' offset> <bursts> <loops of bursts> <period, ms>
-Frame read_subframe(const Cfg& cfg, const Command& c) {
-  const auto first = cfg.integer(c, 3, 0, 511), chirps = cfg.integer(c, 4, 1, 512);
-  return {c, first, std::min(first + chirps - 1, 511u), cfg.integer(c, 5, 1, 1 << 15),
-          cfg.positive(c, 10, "the subframe's period") * 1e-3};
-}
+struct Frame {
+  Command line;
+  bool sub = false;
+
+  std::uint32_t first_chirp(const Cfg& cfg) const { return cfg.integer(line, sub ? 3 : 1, 0, 511); }
+  std::uint32_t last_chirp(const Cfg& cfg) const {
+    return sub ? std::min(first_chirp(cfg) + cfg.integer(line, 4, 1, 512) - 1, 511u)
+               : cfg.integer(line, 2, 0, 511);
+  }
+  std::uint32_t loops(const Cfg& cfg) const { return cfg.integer(line, sub ? 5 : 3, 1, 1 << 15); }
+  double period_s(const Cfg& cfg) const {
+    return cfg.positive(line, sub ? 10 : 5, sub ? "the subframe's period" : "the frame period") *
+           1e-3;
+  }
+};
 
 std::vector<Frame> read_frames(const Cfg& cfg) {
-  if (!cfg.advanced()) {
-    const Command& c = cfg.last("frameCfg");
-    return {{c, cfg.integer(c, 1, 0, 511), cfg.integer(c, 2, 0, 511), cfg.integer(c, 3, 1, 1 << 15),
-             cfg.positive(c, 5, "the frame period") * 1e-3}};
-  }
+  if (!cfg.advanced()) return {{cfg.last("frameCfg")}};
   const auto subframes = cfg.integer(cfg.last("advFrameCfg"), 1, 1, 4);
   std::vector<Frame> frames(subframes);
   for (const Command& c : cfg.all("subFrameCfg"))
-    frames[cfg.integer(c, 1, 0, subframes - 1)] = read_subframe(cfg, c);
+    frames[cfg.integer(c, 1, 0, subframes - 1)] = {c, true};
   for (std::size_t k = 0; k < frames.size(); ++k)
-    if (frames[k].line.words.empty())
+    if (!frames[k].sub)
       cfg.fail(cfg.last("advFrameCfg"), "has no subFrameCfg " + std::to_string(k));
   return frames;
 }
@@ -156,7 +156,7 @@ Antennas read_antennas(const Cfg& cfg, const Frame& of) {
   const Command& channels = cfg.last("channelCfg");
   const Command& frame = of.line;
   const auto enabled = cfg.integer(channels, 2, 1, 7);
-  const auto first = of.first_chirp, last = of.last_chirp;
+  const auto first = of.first_chirp(cfg), last = of.last_chirp(cfg);
   std::multimap<std::uint32_t, std::uint32_t> used;  // masks, by the chirp at which they begin
   for (const Command& chirp : cfg.all("chirpCfg")) {
     const auto begin = cfg.integer(chirp, 1, 0, 511), end = cfg.integer(chirp, 2, 0, 511);
@@ -183,10 +183,9 @@ struct Sampling {
 const Command& profile_of(const Cfg& cfg, const Frame& frame) {
   const Command* found = &cfg.last("profileCfg");
   if (!cfg.advanced()) return *found;
+  const std::uint32_t first = frame.first_chirp(cfg);
   for (const Command& chirp : cfg.all("chirpCfg")) {
-    if (cfg.integer(chirp, 1, 0, 511) > frame.first_chirp ||
-        cfg.integer(chirp, 2, 0, 511) < frame.first_chirp)
-      continue;
+    if (cfg.integer(chirp, 1, 0, 511) > first || cfg.integer(chirp, 2, 0, 511) < first) continue;
     for (const Command& c : cfg.all("profileCfg"))
       if (cfg.number(c, 1) == cfg.number(chirp, 3)) found = &c;
   }
@@ -340,15 +339,18 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
   cfg.attempt([&] { frames = read_frames(cfg); });
   cfg.stop_if_faulty();
   cfg.attempt([&] { antennas = read_antennas(cfg, frames.front()); });
-  const Sampling sampling = read_sampling(cfg, frames.front());
+  Sampling sampling;
+  cfg.attempt([&] { sampling = read_sampling(cfg, frames.front()); });
+  cfg.attempt([&] {
+    profile.frame_period_s = frames.front().period_s(cfg);
+    for (const Frame& f : frames)
+      profile.frame_period_s = std::min(profile.frame_period_s, f.period_s(cfg));
+  });
   cfg.attempt([&] { read_gui_monitor(cfg, profile); });
   cfg.stop_if_faulty();
   cfg.attempt([&] { require_alike(cfg, frames); });
   cfg.stop_if_faulty();
   profile.subframes = static_cast<std::uint32_t>(frames.size());
-  profile.frame_period_s = frames.front().period_s;
-  for (const Frame& f : frames)
-    profile.frame_period_s = std::min(profile.frame_period_s, f.period_s);
   read_heat_map(cfg, antennas, board, profile);
   profile.antennas = antennas.virtuals();
   profile.adc_samples = sampling.samples;
@@ -356,7 +358,7 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
   profile.bins = fft == 1024 && profile.antennas == 12 ? 1022 : fft;
   profile.range_step_m =
       firmware_speed_of_light_m_s * sampling.rate_hz / (2 * sampling.slope_hz_per_s * fft);
-  profile.frame_bytes = frame_bytes(cfg, profile, frames.front().loops);
+  profile.frame_bytes = frame_bytes(cfg, profile, frames.front().loops(cfg));
   read_warnings(cfg, profile, data_baud);
   return profile;
 }

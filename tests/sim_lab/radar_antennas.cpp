@@ -143,6 +143,8 @@ TEST_CASE("a new scene has new speckle, the same one goes on") {
 
 TEST_CASE("a subframe at another carrier sees another phase") {
   CoherentBoard board;
+  Conditions& c = board.conditions;
+  c.radar_sway_m = c.radar_twist_deg = c.radar_breath_m = 0;
   Chirp first = chirp_of({0, 2});
   first.start_ghz = 60;
   Chirp second = first;
