@@ -57,6 +57,9 @@ struct UncertaintyModel {
   OutOfDistributionDetector detector;
   LateralError lateral;
   PixelError pixels;
+  // How many times as long the lateral interval of a body is that was taken apart from another one;
+  // 0: not known.
+  double of_two = 0;
 
   void save(record::H5File& file) const;  // below "uncertainty/"
   void load(const record::H5File& file, const Features& of_model, const Alignment& alignment);
