@@ -6,6 +6,7 @@
 #include <random>
 
 #include "drivers/core/console.hpp"
+#include "recon/estimator/separate.hpp"
 #include "recon/maps/metrics.hpp"
 #include "recon/uncertainty/predictors.hpp"
 
@@ -80,7 +81,14 @@ UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
       append_rows(soft.depth, own.depth);
     }
   out.lateral.fit(predictors, errors, maps.rows);
-  std::vector<double> lateral_interval_90_m;
+  std::vector<double> lateral_interval_90_m, of_two;
+  for (const Judged& part : judged)
+    for (const double e : errors_of_separated(part.model, out.lateral, data, part.rows, seed))
+      of_two.push_back(e);
+  std::sort(of_two.begin(), of_two.end());
+  if (of_two.size() >= LateralError::least_records)
+    out.of_two = of_two[static_cast<std::size_t>(LateralError::share_within *
+                                                 static_cast<double>(of_two.size()))];
   for (std::size_t i = 0; i < maps.rows; ++i)
     lateral_interval_90_m.push_back(out.lateral(predictors.row(i)));
   out.pixels.fit(soft_of(std::move(soft), maps, model.scene, lateral_interval_90_m), truth,

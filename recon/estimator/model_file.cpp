@@ -19,6 +19,8 @@ using record::H5File;
 
 constexpr const char* format = "echofuse model";
 constexpr std::int64_t format_version = 8;
+// Since when a file is read: models of 7 know nothing of two bodies.
+constexpr std::int64_t oldest_version = 7;
 constexpr const char* fallback_group = "fallback";
 constexpr std::int64_t most_bins = 1 << 20;
 constexpr float farthest_m = 100;
@@ -196,7 +198,7 @@ void check_format(const H5File& file) {
   if (!file.has_attribute(".", "format") || file.get<std::string>(".", "format") != format)
     file.refuse(".@format", std::string("expected \"") + format + "\": this is no model file");
   const auto found = file.get<std::int64_t>(".", "format_version");
-  if (found != format_version)
+  if (found < oldest_version || found > format_version)
     file.refuse(
         ".@format_version",
         "is " + std::to_string(found) + "; expected " + std::to_string(format_version) +

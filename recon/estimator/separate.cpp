@@ -2,13 +2,19 @@
 #include "recon/estimator/separate.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <random>
 
 #include "recon/models/body/split_bodies.hpp"
 #include "recon/uncertainty/predictors.hpp"
 
 namespace echofuse::recon {
 namespace {
+
+constexpr std::uint64_t sum_stream = 0x73756d73;  // "sums"
+constexpr std::size_t most_sums = 200, most_draws = 20'000;
+constexpr double least_apart_m = 0.4;  // sideways
 
 // Records of one body each: rows 2 k and 2 k + 1 are the bodies of the record places[k].
 struct Halves {
@@ -66,7 +72,75 @@ FoundBody body_of(std::span<const float> map, const Scene& scene, double lateral
   return {double{place->tangent} * z, z, lateral_interval_90_m};
 }
 
+bool takes_apart(const TrainedModel& model) {
+  return wants_alignment(model.name) && model.features.array_count() == 0;
+}
+
+// Pairs of rows whose bodies stand apart, as sums; the nearer body's place comes first.
+struct Sums {
+  Dataset data;
+  std::vector<std::array<Place, 2>> places;
+};
+
+Sums sums_of(const TrainedModel& model, const Dataset& data, const Rows& rows, std::uint64_t seed) {
+  Rows seen;
+  std::vector<Place> places;
+  for (const std::size_t row : rows)
+    if (const auto place = place_of(data.depth.row(row), model.scene.background, model.scene.grid))
+      seen.push_back(row), places.push_back(*place);
+  Sums out;
+  Rows first, second;
+  if (!seen.empty()) {
+    Rng rng = make_rng(seed, sum_stream);
+    std::uniform_int_distribution<std::size_t> any(0, seen.size() - 1);
+    for (std::size_t draw = 0; draw < most_draws && first.size() < most_sums; ++draw) {
+      const std::size_t a = any(rng), b = any(rng);
+      const auto x_m = [&](std::size_t i) { return places[i].tangent * places[i].depth_m; };
+      if (double{places[b].depth_m - places[a].depth_m} < model.alignment.resolution_m() ||
+          std::abs(x_m(a) - x_m(b)) < least_apart_m)
+        continue;
+      first.push_back(seen[a]), second.push_back(seen[b]);
+      out.places.push_back({places[a], places[b]});
+    }
+  }
+  out.data = part_of(data, first);
+  const std::vector<float> background = model.alignment.background();
+  const std::size_t bins = model.features.spd_count();
+  for (std::size_t i = 0; i < first.size(); ++i) {
+    const auto spd = out.data.spd.row(i), radar = out.data.radar.row(i);
+    for (std::size_t c = 0; c < spd.size(); ++c)
+      spd[c] += data.spd.row(second[i])[c] - background[c];
+    for (std::size_t c = 0; c < radar.size(); ++c)
+      radar[c] += data.radar.row(second[i])[c] - background[bins + c];
+  }
+  return out;
+}
+
 }  // namespace
+
+std::vector<double> errors_of_separated(const TrainedModel& model, const LateralError& lateral,
+                                        const Dataset& data, const Rows& rows, std::uint64_t seed) {
+  std::vector<double> out;
+  if (!takes_apart(model)) return out;
+  const Sums sums = sums_of(model, data, rows, seed);
+  const Rows every = all_rows(sums.places.size());
+  const Halves halves = halves_of(model, sums.data, every, every);
+  if (halves.places.empty()) return out;
+  const Rows all = all_rows(halves.data.size());
+  const Matrix maps = model.model->predict(
+      model.inputs(halves.data, all, model.align(halves.data, all, true)), nullptr);
+  const Matrix predictors =
+      predictors_of(maps, model.scene, halves.data, all, model.features.inputs);
+  for (std::size_t i = 0; i < maps.rows; ++i) {
+    const auto found = place_of(maps.row(i), model.scene.background, model.scene.grid);
+    const double interval_m = lateral(predictors.row(i));
+    if (!found || std::isnan(interval_m)) continue;
+    const Place& truth = sums.places[halves.places[i / 2]][i % 2];
+    const auto off = double{found->tangent - truth.tangent};
+    out.push_back(std::abs(off) * double{truth.depth_m} / interval_m);
+  }
+  return out;
+}
 
 void separate_bodies(const TrainedModel& model, const Dataset& data, const Rows& rows,
                      Prediction& made, SoftMaps* soft) {
@@ -74,7 +148,7 @@ void separate_bodies(const TrainedModel& model, const Dataset& data, const Rows&
   const TrainedModel& by =
       antennas && model.fallback && both_sensors(model.fallback->features.inputs) ? *model.fallback
                                                                                   : model;
-  if (!wants_alignment(by.name) || !by.uncertainty || by.features.array_count() > 0) return;
+  if (!takes_apart(by) || !by.uncertainty) return;
   Rows places;
   for (std::size_t i = 0; i < rows.size(); ++i)
     if (made.uncertainties[i].out_of_distribution.may_be_two) places.push_back(i);
@@ -89,13 +163,15 @@ void separate_bodies(const TrainedModel& model, const Dataset& data, const Rows&
   const Matrix maps =
       by.model->predict(by.inputs(halves.data, all, aligned), soft ? &soft_halves : nullptr);
   const Matrix predictors = predictors_of(maps, by.scene, halves.data, all, by.features.inputs);
-  const auto judged = by.uncertainty->detector.judge(aligned, halves.data, all);
   for (std::size_t k = 0; k < halves.places.size(); ++k) {
     const std::size_t place = halves.places[k];
     PredictionUncertainty& stated = made.uncertainties[place];
     for (std::size_t i = 2 * k; i < 2 * k + 2; ++i)
       stated.bodies.push_back(
-          body_of(maps.row(i), by.scene, by.uncertainty->lateral(predictors.row(i))));
+          body_of(maps.row(i), by.scene,
+                  by.uncertainty->of_two > 0
+                      ? by.uncertainty->of_two * by.uncertainty->lateral(predictors.row(i))
+                      : NAN));
     if (std::isnan(stated.bodies[0].z_m) || std::isnan(stated.bodies[1].z_m)) {
       stated.bodies.clear();
       continue;

@@ -17,8 +17,8 @@ namespace {
 
 constexpr std::uint64_t held_stream = 0x68656c64;  // "held"
 constexpr std::size_t most_components = 36, rows_a_component = 60;
-constexpr double held_out_share = 0.25;
-constexpr std::size_t few_records = 400;
+constexpr std::size_t folds_of_few = 4, folds_of_many = 10;  // one of which sets the limits
+constexpr std::size_t few_records = 400, many_records = 3000;
 // Of records like the training ones, above each limit.
 constexpr std::array<double, 3> false_alarms = {0.002, 0.002, 0.003};
 constexpr double range_reserve = 0.05;       // of the span of the training records' ranges
@@ -79,8 +79,8 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   for (const std::size_t row : rows)
     most_clicks_per_start_ = std::max(most_clicks_per_start_, data.clicks_a_pulse[row]);
   // Of so few records none is spared for the limits alone: each is judged by what the others say.
-  const std::size_t parts = static_cast<std::size_t>(std::lround(1 / held_out_share));
   const bool few = rows.size() < few_records;
+  const std::size_t parts = few || rows.size() < many_records ? folds_of_few : folds_of_many;
   std::array<std::vector<float>, 6> held_statistics;
   for (std::size_t part = few ? 0 : parts - 1; part < parts; ++part) {
     const Split fold = make_fold(order, part, parts, 0);

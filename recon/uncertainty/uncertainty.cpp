@@ -121,12 +121,16 @@ void UncertaintyModel::save(record::H5File& file) const {
   pixels.save(file, "uncertainty/pixels");
   lateral.save(file, "uncertainty/lateral");
   speckle.save(file, "uncertainty/speckle");
+  file.set("uncertainty/lateral", "of_two", of_two);
 }
 
 void UncertaintyModel::load(const record::H5File& file, const Features& of_model,
                             const Alignment& alignment) {
   detector.load(file, "uncertainty/out_of_distribution", of_model, alignment);
   lateral.load(file, "uncertainty/lateral", predictor_count(of_model.inputs));
+  if (file.has_attribute("uncertainty/lateral", "of_two"))  // else a model of before
+    of_two = file.get<double>("uncertainty/lateral", "of_two");
+  require_sound(file, of_two >= 0, "uncertainty/lateral@of_two", "0 or more");
   pixels.load(file, "uncertainty/pixels");
   speckle.load(file, "uncertainty/speckle");
 }

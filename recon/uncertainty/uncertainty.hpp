@@ -60,6 +60,9 @@ struct UncertaintyModel {
   LateralError lateral;
   PixelError pixels;
   SpeckleReference speckle;
+  // How many times as long the lateral interval of a body is that was taken apart from another one;
+  // 0: not known.
+  double of_two = 0;
 
   // Of a record's aligned features: what its radar's power, varying otherwise than in training,
   // adds to what is stated.

@@ -12,7 +12,6 @@ using namespace echofuse;
 using namespace echofuse::recon;
 using echofuse::testing::contents;
 using echofuse::testing::Folder;
-using echofuse::testing::plate_record;
 using echofuse::testing::recon_program;
 using echofuse::testing::write_run;
 
@@ -21,6 +20,18 @@ namespace {
 struct Plate {
   double x, z;
 };
+// Longer than the plates need: else two of them fill half of the bins, and there is no background.
+Axis long_axis() {
+  Axis axis = testing::spd_axis();
+  axis.count *= 3;
+  return axis;
+}
+record::FusedRecord record_of(std::int64_t index, const Plate& p, Rng& rng) {
+  record::FusedRecord out = testing::plate_record(index, p.x, p.z, rng);
+  out.spd.resize(long_axis().count);
+  return out;
+}
+
 constexpr Plate near_left{-0.6, 3.05}, far_right{0.5, 3.85};
 
 // What both measure if neither hides the other; of the map, what the nearer one leaves.
@@ -37,13 +48,16 @@ void add(record::FusedRecord& to, const record::FusedRecord& other) {
 void write_mixed(const std::string& path, std::int64_t count, bool behind) {
   Rng rng = make_rng(9, 9);
   std::uniform_real_distribution<double> off(-0.1, 0.1);
-  write_run(path, count, 5, [&](record::FusedRecord& r) {
-    if (r.index % 2) return;
-    const std::int64_t index = r.index;
-    const double far_z = behind ? far_right.z : near_left.z;
-    r = plate_record(index, near_left.x + off(rng), near_left.z + off(rng) / 4, rng);
-    add(r, plate_record(index, far_right.x + off(rng), far_z + off(rng) / 4, rng));
-  });
+  write_run(
+      path, count, 5,
+      [&](record::FusedRecord& r) {
+        if (r.index % 2) return;
+        const std::int64_t index = r.index;
+        const double far_z = behind ? far_right.z : near_left.z;
+        r = record_of(index, {near_left.x + off(rng), near_left.z + off(rng) / 4}, rng);
+        add(r, record_of(index, {far_right.x + off(rng), far_z + off(rng) / 4}, rng));
+      },
+      testing::radar_axis(), long_axis());
 }
 
 Dataset mixed(std::int64_t count, bool behind) {
@@ -59,16 +73,17 @@ const TrainedModel& trained() {
     options.split.validation_share = 0.3;
     options.fit.quiet = true;
     options.fallback = false;
-    return train(testing::load_plates(600), options);
+    const Folder dir;
+    write_run(dir / "plates", 600, 1, {}, testing::radar_axis(), long_axis());
+    return train(load({dir / "plates"}), options);
   }();
   return model;
 }
 
 std::vector<float> raw_of(const std::vector<Plate>& plates) {
   Rng rng = make_rng(3, 3);
-  record::FusedRecord sum = plate_record(0, plates[0].x, plates[0].z, rng);
-  for (std::size_t i = 1; i < plates.size(); ++i)
-    add(sum, plate_record(0, plates[i].x, plates[i].z, rng));
+  record::FusedRecord sum = record_of(0, plates[0], rng);
+  for (std::size_t i = 1; i < plates.size(); ++i) add(sum, record_of(0, plates[i], rng));
   std::vector<float> raw(sum.spd.begin(), sum.spd.end());
   raw.insert(raw.end(), sum.radar.begin(), sum.radar.end());
   return raw;
