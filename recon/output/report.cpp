@@ -275,7 +275,7 @@ Report make_report(const ReportOptions& options) {
   }
   if (!options.live.empty()) report.story = story_of(options.live);
   const record::RunInfo info = record::RunReader(report.run).info();
-  report.run_uuid = info.uuid;
+  report.run_uuid = info.uuid, report.window_s = info.window_s;
   report.simulated = info.notes.starts_with("simulated");
   report.made = how_made(options, report, data ? &*data : nullptr);
   return report;

@@ -91,6 +91,7 @@ struct PairedDifference {
 struct Report {
   std::string run, run_uuid;
   bool simulated = false, new_run = false;                // new: no model was trained on it
+  double window_s = 0;                                    // of a record; 0: not stated
   chart::Span span;                                       // of all its maps
   std::vector<std::pair<std::string, std::string>> made;  // how: name and value
   std::vector<std::string> constants;  // model files that were left out as they ask no sensor

@@ -184,6 +184,12 @@ std::vector<Problem> problems_of(const Report& report) {
   if (report.story)
     for (const std::string& text : gone_sensors(*report.story))
       out.push_back({"Recorded run: " + text, true});
+  if (report.live && report.story && report.window_s > 0 &&
+      report.story->info.window_s != report.window_s)
+    out.push_back(
+        {formatted("Recorded run: its records are %g s long, those of the scored run %g s.",
+                   report.story->info.window_s, report.window_s),
+         true});
   if (report.modes.empty()) return out;
   const Evaluation& e = report.modes.front().evaluations.front();
   add_letters(out, e);

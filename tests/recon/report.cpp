@@ -70,8 +70,10 @@ TEST_CASE("what fails stands first, of the live run before all") {
   for (auto& u : report.live->uncertainties) u.lateral_interval_90_m = 0.01;
   report.live->domain_shift.records = 20, report.live->domain_shift.distance = 30;
   report.live->domain_shift.p = 1e-4;
+  report.story.emplace(), report.story->info.window_s = 0.2, report.window_s = 3;
   const auto problems = problems_of(report);
-  REQUIRE(problems.size() == 3);
+  REQUIRE(problems.size() == 4);
+  CHECK_THAT(problems[2].text, Catch::Contains("0.2 s long, those of the scored run 3 s"));
   CHECK_THAT(problems[0].text, Catch::Contains("Recorded run: this run is unlike the training"));
   CHECK_THAT(problems[1].text, Catch::Contains("only 0 of 20 records; it is stated for 90 % (18)"));
   report.baselines.push_back({"mean", evaluation_of("mean", 0, 0.6).metrics});
