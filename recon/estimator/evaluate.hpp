@@ -59,7 +59,7 @@ struct Evaluation {
   std::map<std::string, std::size_t> fallbacks;  // records of each TrainedModel::note_of
   std::size_t left_out = 0;  // of a fresh run: had depth, but no map can be made of them
   std::string antennas, speckle, range_bias, gains;  // what there is to say of them (Records)
-  DomainShift domain_shift;                 // of all records of the run
+  DomainShift domain_shift;                          // of all records of the run
   Summaries metrics;
   std::vector<ScoredRow> baselines;  // empty room, mean map, nearest neighbour
   RunningCost cost;

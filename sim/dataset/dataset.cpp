@@ -154,64 +154,6 @@ void check_object(const std::vector<SceneSpec>& scenes, const Conditions& condit
 
 }  // namespace
 
-void bind(Settings& settings, Plan& plan) {
-  settings.add("seed", plan.seed, 0, INT64_MAX, "the same seed makes the same records");
-  settings.add("people", plan.people, 0, 10'000'000, "records of one person");
-  settings.add("letters", plan.letters, 0, 10'000'000, "records of a person holding a letter");
-  settings.add("two_people", plan.two_people, 0, 10'000'000, "records of two people");
-  settings.add("empty", plan.empty, 0, 10'000'000, "records of nobody");
-  settings.add("objects", plan.objects, 0, 10'000'000, "records of the object");
-  settings.add("scenes", plan.scenes, "TOML file of [[scene]] tables, instead of these numbers");
-  settings.add("mirrored", plan.mirrored, "mirror every scene, x -> -x");
-  settings.add("twin", plan.twin,
-               "ranges of what laboratories differ in: default, a file, or their text");
-  settings.add("laboratory", plan.laboratory, 0, INT64_MAX, "which of the twin's laboratories");
-  settings.add("laboratories", plan.laboratories, 0, 1'000'000,
-               "record i is of laboratory i modulo this; 0: all are of one");
-  bind(settings, plan.conditions);
-}
-
-void resolve_twin(const Settings& settings, Plan& plan) {
-  if (plan.twin.empty()) {
-    for (const char* key : {"laboratory", "laboratories"})
-      if (settings.given(key) && (plan.laboratory > 0 || plan.laboratories > 0))
-        throw Error(ExitCode::config, std::string(key) + " needs a twin, from which it draws");
-    return;
-  }
-  if (plan.laboratories > 0 && plan.laboratory > 0)
-    throw Error(ExitCode::config, "laboratory and laboratories: give one of them");
-  Twin twin = twin_named(plan.twin);
-  twin.ranges.erase(std::remove_if(twin.ranges.begin(), twin.ranges.end(),
-                                   [&](const Range& range) { return settings.given(range.key); }),
-                    twin.ranges.end());
-  plan.twin = to_text(twin);
-}
-
-std::vector<Conditions> laboratories_of(const Plan& plan) {
-  if (plan.twin.empty()) return {plan.conditions};
-  const Twin twin = twin_named(plan.twin);
-  if (plan.laboratories == 0) return {conditions_of(twin, plan.laboratory, plan.conditions)};
-  std::vector<Conditions> all;
-  for (std::int64_t k = 0; k < plan.laboratories; ++k)
-    all.push_back(conditions_of(twin, k, plan.conditions));
-  return all;
-}
-
-Plan plan_of(const std::string& run_path) {
-  const std::string config = record::RunReader(run_path).info().config_resolved;
-  Plan plan;
-  Settings settings;
-  bind(settings, plan);
-  try {
-    settings.read_text(config, run_path);
-  } catch (const Error&) {
-    throw Error(ExitCode::failed, run_path + ": was not made by `echofuse-sim dataset`");
-  }
-  if (!settings.given("seed") || !settings.given("mirrored"))
-    throw Error(ExitCode::failed, run_path + ": was not made by `echofuse-sim dataset`");
-  return plan;
-}
-
 std::vector<SceneSpec> scenes_of(const Plan& plan) {
   std::vector<SceneSpec> scenes;
   const auto add = [&](std::int64_t count, SceneKind kind) {
