@@ -39,10 +39,18 @@ fresh_root() {
   in_root "apt-get update -q && apt-get install -q -y --no-install-recommends ca-certificates $*" >/dev/null
 }
 
+# fresh_ccache: if CCACHE_DIR is set, commands in $root keep the compiler's results there (package: ccache).
+fresh_ccache() {
+  [ -n "${CCACHE_DIR:-}" ] || return 0
+  mkdir -p "$CCACHE_DIR" "$root/ccache"
+  mount --bind "$CCACHE_DIR" "$root/ccache"
+  cached="CCACHE_DIR=/ccache CMAKE_CXX_COMPILER_LAUNCHER=ccache"
+}
+
 # in_root COMMAND: a shell command in there.
 in_root() {
   chroot "$root" env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin LANG=C.UTF-8 DEBIAN_FRONTEND=noninteractive \
-    sh -c "$1"
+    ${cached:-} sh -c "$1"
 }
 
 # timed COMMAND...: says what and how long.

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "acquire/record/run_file.hpp"
 
@@ -12,6 +13,17 @@ namespace echofuse::record {
 
 // The key of the metadata: of how many records a part's data set is.
 inline constexpr const char* part_of_key = "part_of_records";
+
+// What ranges and angles of a run are corrected by. Of the parts of a data set it is one and the
+// same, as the whole has it once.
+struct Corrections {
+  explicit Corrections(const RunReader& run)
+      : offsets(run.calibrations()), antennas(run.antennas()) {}
+  bool operator==(const Corrections&) const = default;
+
+  std::vector<CalibrationEntry> offsets;
+  Antennas antennas;
+};
 
 // The uuid (RFC 9562 version 8) of the data set that this configuration and version make; `files`:
 // what is in the files that the configuration names.

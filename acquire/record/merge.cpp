@@ -18,12 +18,13 @@ namespace {
 struct Input {
   std::string path;
   RunInfo info;
+  Corrections corrections;
   std::int64_t first = 0, count = 0, whole = 0;
 };
 
 Input look_at(const std::string& path) {
   const RunReader run(path);  // what is in it is what a run may hold
-  Input out{path, run.info(), 0, run.count(), 0};
+  Input out{path, run.info(), Corrections(run), 0, run.count(), 0};
   const auto whole = part_of_records(out.info);
   if (!whole || out.info.status != "complete")
     throw Error(ExitCode::failed, printable(path) + ": is " +
@@ -49,6 +50,9 @@ std::vector<Input> inputs_of(const std::vector<std::string>& paths) {
   for (const Input& part : out)
     if (part.info.uuid != out[0].info.uuid || part.whole != out[0].whole)
       refuse(printable(part.path) + ": is of another data set than " + printable(paths[0]));
+  for (const Input& part : out)
+    if (part.corrections != out[0].corrections)
+      refuse(printable(part.path) + ": has another calibration than " + printable(paths[0]));
   std::erase_if(out, [](const Input& part) { return part.count == 0; });
   std::sort(out.begin(), out.end(),
             [](const Input& a, const Input& b) { return a.first < b.first; });

@@ -198,9 +198,13 @@ class RunReader {
   // Records in index order from `first` on; the callback returns false to stop. A record whose
   // blobs do not fit the axes or hold non-finite values throws Error naming the record, or, with
   // `on_bad`, is handed there and skipped. Of other `sensors` nothing is decoded: not valid.
+  // in_parallel(n, work) calls work(0) ... work(n - 1), in any order: with it, depth pictures of
+  // some records at a time are decoded on its threads; callbacks still come in order, on this one.
+  using InParallel = std::function<void(std::size_t, const std::function<void(std::size_t)>&)>;
   void for_each(const std::function<bool(const FusedRecord&)>& visit, std::int64_t first = 0,
                 const std::function<void(std::int64_t, const std::string&)>& on_bad = {},
-                SensorSet sensors = {Sensor::spd, Sensor::radar, Sensor::depth}) const;
+                SensorSet sensors = {Sensor::spd, Sensor::radar, Sensor::depth},
+                const InParallel& in_parallel = {}) const;
   FusedRecord read(std::int64_t index) const;
   // SQLite's own integrity check; empty if sound.
   std::string check() const;

@@ -3,11 +3,11 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
+#include <utility>
 
+#include "acquire/record/half_read.hpp"
 #include "acquire/record/network.hpp"
-#include "acquire/record/png.hpp"
 #include "acquire/record/read_rows.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_tables.hpp"
@@ -31,81 +31,6 @@ Sensor sensor_of(const std::string& name, const std::string& path) {
 }
 
 constexpr std::int64_t most_points = 1 << 24;
-
-// The axes that decode one record, looked up once per pass.
-struct Shapes {
-  std::size_t spd = 0, radar = 0;
-  std::uint32_t width = 0, height = 0;
-  std::size_t array = 0, antennas = 0;
-};
-
-Shapes shapes_of(const std::vector<Axis>& axes) {
-  Shapes out;
-  for (const auto& a : axes) {
-    if (a.name == "spd") out.spd = a.count;
-    if (a.name == "radar") out.radar = a.count;
-    if (a.name == "depth_x") out.width = a.count;
-    if (a.name == "depth_y") out.height = a.count;
-    if (a.name == "array") out.array = a.count, out.antennas = antennas_of(a);
-  }
-  return out;
-}
-
-constexpr const char* record_columns =
-    "SELECT idx, slot_start_ns, slot_end_ns, slot_utc_ns, valid, label, spd, radar, depth, tags, "
-    "starts, in_range, out_of_range, without_start, other, tags_lost, spd_offset_s, spd_span_s, "
-    "spd_used, spd_lost, spd_verdict, radar_offset_s, radar_span_s, radar_used, radar_lost, "
-    "radar_verdict, depth_offset_s, depth_span_s, depth_used, depth_lost, depth_verdict, ";
-// Older files are without the table; an unknown share of the laser's pulses is -1 here.
-constexpr const char* signal_column =
-    "ifnull((SELECT clicks_a_pulse FROM signal WHERE signal.idx = record.idx), -1)";
-constexpr const char* array_columns =
-    ", (SELECT frames FROM radar_array a WHERE a.idx = record.idx), (SELECT array FROM radar_array "
-    "a "
-    "WHERE a.idx = record.idx)";
-constexpr const char* record_rows = " FROM record WHERE idx >= ? ORDER BY idx";
-
-// Fills `r` from the row; returns what is wrong with it, or nothing.
-std::string decode(Statement& row, const Shapes& shapes, std::uint32_t sensors, FusedRecord& r) {
-  r.index = row.integer();
-  r.slot_start = HostTime(row.integer());
-  r.slot_end = HostTime(row.integer());
-  r.slot_utc = UtcTime(row.integer());
-  r.valid = SensorSet::from_bits(static_cast<std::uint32_t>(row.integer()) & sensors);
-  r.label = row.text();
-  const ByteView spd = row.blob(), radar = row.blob(), depth = row.blob();
-  SpdCounts& c = r.spd_counts;
-  for (std::uint64_t* v :
-       {&c.tags, &c.starts, &c.in_range, &c.out_of_range, &c.without_start, &c.other, &c.lost})
-    *v = static_cast<std::uint64_t>(row.integer());
-  read_sync(row, r.sync);
-  if (const double clicks = row.real(); clicks >= 0) r.signal.clicks_a_pulse = clicks;
-  const std::int64_t frames = row.integer();
-  const ByteView array = row.blob();
-  const auto sizes = [](const char* what, std::size_t got, std::size_t wanted) {
-    return std::string(what) + " has " + std::to_string(got) + " bytes, its axis asks for " +
-           std::to_string(wanted);
-  };
-  if (r.has(Sensor::spd) && spd.size() != shapes.spd * 4)
-    return sizes("spd", spd.size(), shapes.spd * 4);
-  if (r.has(Sensor::radar) && radar.size() != shapes.radar * 4)
-    return sizes("radar", radar.size(), shapes.radar * 4);
-  if (r.has(Sensor::spd)) r.spd = to_values<std::uint32_t>(spd);
-  if (r.has(Sensor::radar)) r.radar = to_values<float>(radar);
-  const auto bad = std::ranges::find_if_not(r.radar, [](float v) { return std::isfinite(v); });
-  if (r.has(Sensor::radar) && bad != r.radar.end())
-    return "radar bin " + std::to_string(bad - r.radar.begin()) + " is not a finite number";
-  if (r.has(Sensor::depth)) {
-    r.depth_mm = decode_png16(depth, shapes.width, shapes.height);
-    if (r.depth_mm.empty())
-      return "depth is not a 16-bit grey PNG of " + std::to_string(shapes.width) + " x " +
-             std::to_string(shapes.height);
-  }
-  if (frames < 0) return "array is of " + std::to_string(frames) + " frames";
-  r.array_frames = static_cast<std::uint64_t>(frames);
-  if (frames == 0 || shapes.array == 0 || !r.has(Sensor::radar)) return {};
-  return unpack_array(array, shapes.array, shapes.antennas, r.array);
-}
 
 std::string short_text(double value) {
   char text[32];
@@ -347,33 +272,55 @@ std::int64_t RunReader::count() const {
 
 void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, std::int64_t first,
                          const std::function<void(std::int64_t, const std::string&)>& on_bad,
-                         SensorSet sensors) const {
-  const std::string sql = record_columns + std::string(has_table("signal") ? signal_column : "-1") +
-                          (has_table("radar_array") ? array_columns : ", 0, NULL") + record_rows;
-  Statement row = ask(sql.c_str());
+                         SensorSet sensors, const InParallel& in_parallel) const {
+  Statement row = ask(record_query(has_table("signal"), has_table("radar_array")).c_str());
   row.bind(first);
   std::optional<Shapes> known;
   std::optional<std::int64_t> before;
-  while (row.step()) {
-    // Read while the records are, so that a live run's new axis is not missed by its first record.
-    if (!known) known = shapes_of(axes());
-    const Shapes& shapes = *known;
-    FusedRecord r;
-    const std::string fault = decode(row, shapes, sensors.bits(), r);
-    if (r.index < first || r.index > max_index || (before && r.index <= *before))
-      throw Error(ExitCode::failed, shown_ + ": damaged: a record has the index " +
-                                        std::to_string(r.index) + ", after " +
-                                        (before ? std::to_string(*before) : "none"));
-    before = r.index;
-    if (!fault.empty()) {
-      if (!on_bad)
+  std::vector<HalfRead> some;
+  // Returns whether more are wanted.
+  const auto hand_over = [&] {
+    const auto decode_one = [&](std::size_t i) { some[i].decode_depth(*known); };
+    if (in_parallel && some.size() > 1)
+      in_parallel(some.size(), decode_one);
+    else
+      for (std::size_t i = 0; i < some.size(); ++i) decode_one(i);
+    for (const HalfRead& one : std::exchange(some, {})) {
+      const std::int64_t index = one.record.index;
+      if (!one.fault.empty() && !on_bad)
         throw Error(ExitCode::failed,
-                    shown_ + ": record " + std::to_string(r.index) + ": " + fault);
-      on_bad(r.index, fault);
-    } else if (!visit(r)) {
-      return;
+                    shown_ + ": record " + std::to_string(index) + ": " + one.fault);
+      if (!one.fault.empty()) on_bad(index, one.fault);
+      if (one.fault.empty() && !visit(one.record)) return false;
     }
+    return true;
+  };
+  // What is wrong with the file comes after the records before it.
+  const auto step = [&] {
+    try {
+      return row.step();
+    } catch (const Error&) {
+      hand_over();
+      throw;
+    }
+  };
+  while (step()) {
+    // Read while the records are, so that a live run's new axis is not missed by its first record.
+    if (!known) known.emplace(axes());
+    HalfRead one;
+    one.read(row, *known, sensors);
+    const std::int64_t index = one.record.index;
+    if (index < first || index > max_index || (before && index <= *before)) {
+      if (!hand_over()) return;
+      throw Error(ExitCode::failed, shown_ + ": damaged: a record has the index " +
+                                        std::to_string(index) + ", after " +
+                                        (before ? std::to_string(*before) : "none"));
+    }
+    before = index;
+    some.push_back(std::move(one));
+    if (some.size() >= (in_parallel ? known->records_at_once() : 1) && !hand_over()) return;
   }
+  hand_over();
 }
 
 FusedRecord RunReader::read(std::int64_t index) const {

@@ -173,16 +173,16 @@ Command add_train(CLI::App& app, const Common& common) {
          "that brightness tells the side, too")
       ->check(CLI::IsMember({"unknown", "stable"}))
       ->default_str("unknown");
-  app.add_option(
-         "--weight", a->weights,
-         "how often each run's records count, one number a run; default: once, but if the runs "
-         "that stand for the use are unlike the others: as half of these")
+  app.add_option("--weight", a->weights,
+                 "how often each run's records count, one number a run (the parts of a data set "
+                 "are one); default: once, but if the runs "
+                 "that stand for the use are unlike the others: as half of these")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->check(CLI::Range(0.0, 1000.0));
   app.add_option("--validate-on", a->validate_on_runs,
-                 "the runs that stand for the use, 1 for the first: they give the validation "
-                 "records; default: the last")
+                 "the runs that stand for the use, 1 for the first (the parts of a data set are "
+                 "one): they give the validation records; default: the last")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->check(CLI::Range(1, 10000));
@@ -203,6 +203,11 @@ Command add_train(CLI::App& app, const Common& common) {
     const bool tuning = !a->from.empty();
     if (tuning) check_from(app);
     if (a->model.empty()) a->model = usual_model(inputs_of(a->inputs));
+    if (!a->empty.empty() && a->model != "auto" &&
+        !wants_alignment(candidate_of(a->model, {}).model))
+      throw Error(ExitCode::usage, "--empty: " + a->model +
+                                       " takes the records as they are; a factorised model or the "
+                                       "silhouette knows what stands still");
     if (a->fit.hidden && a->model != "auto" &&
         kind_of(candidate_of(a->model, {}).model).size != ModelKind::Size::hidden)
       throw Error(ExitCode::usage,

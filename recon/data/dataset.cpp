@@ -13,6 +13,7 @@
 #include "recon/data/run_order.hpp"
 #include "recon/data/shift.hpp"
 #include "recon/data/source_facts.hpp"
+#include "recon/numbers/parallel.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
@@ -189,7 +190,8 @@ class Appender {
 };
 
 void append(Dataset& data, const record::RunReader& run, std::int64_t first, std::size_t at_most,
-            SensorSet sensors, const OnBadRecord& on_bad) {
+            SensorSet sensors, const OnBadRecord& on_bad,
+            const record::RunReader::InParallel& in_parallel = {}) {
   // Made within the reading, as a run that is being recorded may get an axis with its next record.
   std::optional<Appender> appender;
   const auto to = [&]() -> Appender& {
@@ -208,7 +210,7 @@ void append(Dataset& data, const record::RunReader& run, std::int64_t first, std
         if (!fault.empty()) on_bad(r.index, fault);
         return --left > 0;
       },
-      first, on_bad, sensors);
+      first, on_bad, sensors, in_parallel);
   to();
 }
 
@@ -244,8 +246,12 @@ std::size_t Dataset::source_of(std::size_t row) const {
 std::string Dataset::fault_of(std::size_t row, Inputs inputs) const {
   if (inputs == Inputs::fused && has_inputs(row, Inputs::fused_profile) && lacks_array(row))
     return "lacks the samples of the radar's antennas, which the model needs";
-  if (!has_inputs(row, inputs))
-    return std::string("lacks a sensor that the model needs: ") + name_of(inputs);
+  std::string missing;
+  const SensorSet needed = sensors_of(inputs);
+  for (const Sensor s : all_sensors)
+    if (needed.contains(s) && !has(row, s))
+      missing += (missing.empty() ? "" : " and ") + std::string(name_of(s));
+  if (!missing.empty()) return "lacks " + missing + ", which the model needs";
   if (inputs != Inputs::radar && spd.cols > 1 && all_same(spd.row(row)))
     return "spd is the same in every bin";
   if (inputs != Inputs::spd && radar.cols > 1 && all_same(radar.row(row)))
@@ -263,7 +269,7 @@ Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& 
   for (const auto& path : in_order_of_records(paths)) {
     const record::RunReader run(path);
     append(data, run, 0, static_cast<std::size_t>(run.count()),
-           {Sensor::spd, Sensor::radar, Sensor::depth}, on_bad);
+           {Sensor::spd, Sensor::radar, Sensor::depth}, on_bad, for_each_part);
   }
   return data;
 }

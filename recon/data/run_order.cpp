@@ -2,6 +2,7 @@
 #include "recon/data/run_order.hpp"
 
 #include <algorithm>
+#include <optional>
 
 #include "acquire/record/data_set_part.hpp"
 #include "acquire/record/run_file.hpp"
@@ -14,6 +15,7 @@ struct Run {
   std::string path, data_set;  // data_set: its uuid; empty: no part
   std::size_t place = 0;       // of its data set among the paths
   std::int64_t first = 0, end = 0;
+  std::optional<record::Corrections> corrections = {};  // of a part
 };
 
 Run look_at(const std::string& path, std::size_t place) {
@@ -24,6 +26,7 @@ Run look_at(const std::string& path, std::size_t place) {
   out.data_set = info.uuid;
   out.first = record::first_index(run);
   out.end = out.first + run.count();
+  out.corrections.emplace(run);
   return out;
 }
 
@@ -37,6 +40,9 @@ std::vector<std::string> in_order_of_records(const std::vector<std::string>& pat
     Run& last = runs.back();
     for (const Run& run : runs)
       if (!last.data_set.empty() && run.data_set == last.data_set) {
+        if (last.corrections != run.corrections)
+          throw Error(ExitCode::failed, printable(path) + ": has another calibration than " +
+                                            printable(run.path) + ", a part of the same data set");
         last.place = run.place;
         break;
       }

@@ -10,7 +10,8 @@
 namespace echofuse::recon {
 
 // The run files in the order given, but the parts of a data set together where its first one was,
-// in the order of their records. Throws Error(failed) for records that two parts have.
+// in the order of their records. Throws Error(failed) for records that two parts have,
+// and for parts of one data set with different calibrations.
 std::vector<std::string> in_order_of_records(const std::vector<std::string>& paths);
 
 // Whether the run is another part of the data set that was loaded last. Throws Error(failed) for a

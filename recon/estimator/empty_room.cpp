@@ -118,6 +118,11 @@ std::string take_to_room(TrainedModel& model, const std::string& path) {
     throw Error(ExitCode::failed, model.name +
                                       " does not place a body: it cannot be taken to another "
                                       "room; expected a factorised model or a silhouette");
+  const std::vector<float>& home = model.scene.background;
+  if (!model.knows_empty_room &&
+      std::any_of(home.begin(), home.end(), [](float depth_m) { return depth_m > 0; }))
+    text += std::string(text.empty() ? "" : "; ") +
+            "the model was trained without --empty: what it learnt of its own walls may mislead it";
   for (TrainedModel* m = &model; m; m = m->fallback.get()) {
     m->scene.background = walls;
     take(*m, path, empty);

@@ -82,6 +82,7 @@ void save_head(H5File& file, const TrainedModel& m) {
   file.set(".", "seed", static_cast<std::int64_t>(m.split.seed));
   file.set(".", "test_share", m.split.test_share);
   file.set(".", "validation_share", m.split.validation_share);
+  file.set(".", "knows_empty_room", std::int64_t{m.knows_empty_room});
 }
 
 bool is_one_of(const std::vector<std::string>& names, const std::string& name) {
@@ -119,6 +120,8 @@ void load_head(const H5File& file, TrainedModel& m) {
   m.split.kind = load_choice(file, "split", {"random", "blocked"});
   m.split.gap = load_count<std::size_t>(file, ".", "gap");
   m.split.seed = static_cast<std::uint64_t>(file.get<std::int64_t>(".", "seed"));
+  m.knows_empty_room = file.has_attribute(".", "knows_empty_room") &&
+                       file.get<std::int64_t>(".", "knows_empty_room") != 0;
 }
 
 void save_training(H5File& file, const TrainedModel& m) {

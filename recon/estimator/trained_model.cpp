@@ -167,6 +167,7 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const Preprocess
                 "the silhouette and factorised models need both sensors: --inputs fused");
   out.scene = preprocessing.scene;
   if (aligned) out.alignment = preprocessing.alignment, out.context = preprocessing.context;
+  out.knows_empty_room = aligned && data.empty_room.known();
   out.model = kind_of(candidate.model).make();
   const Matrix taken =
       out.context.size() > 0

@@ -5,7 +5,7 @@
 //   /            attributes: format, format_version, model, inputs, scaling, version, data_crc32c,
 //                train_s, uncertainty (calibrated, or not calibrated: then it states none),
 //                foreground_depth_m, map_size, map_half_tangent, split, gap, seed, test_share,
-//                validation_share
+//                validation_share, knows_empty_room (0 or 1)
 //   axes/NAME    attributes of spd and radar as in drivers/core/axis.hpp; of array, if the model
 //                needs the samples of the radar's antennas
 //   features/    centre, with attributes spd_gain and radar_gain
@@ -64,6 +64,8 @@ struct TrainedModel {
   RangeBiasReference range_bias;           // of a fused model
   DomainReference domain;                  // what its training records are like
   std::unique_ptr<TrainedModel> fallback;  // of a fused model; may be null
+  // Trained with a run of nobody (state_empty_room); files of older versions do not say so.
+  bool knows_empty_room = false;
   // Of a model that was taken to another room: what is added to its records' radar.
   std::optional<EmptyRoom> room_change;
   std::uint32_t data_hash = 0;

@@ -111,13 +111,17 @@ void FollowedRun::take(const record::RecordOutline& o) {
     sensor.configured = sensor.verdict != "not configured";
     sensor.valid = o.valid.contains(s);
     if (sensor.valid) sensor.last_valid = out.end;
+    sensor.missing += sensor.configured && !sensor.valid ? 1 : 0;
     sensor.used = static_cast<double>(o.sync[s].used);
     sensor.lost += o.sync[s].lost;
-    sensor.residual_s = o.clock_residual_s[s];
+    // Of a sensor that is gone nothing is measured: the fit of its clock only lives on.
+    const std::optional<double> residual_s =
+        sensor.valid ? o.clock_residual_s[s] : std::optional<double>();
+    sensor.residual_s = residual_s;
     out.used[s] = static_cast<float>(o.sync[s].used);
     out.lost[s] = static_cast<float>(o.sync[s].lost);
-    out.residual_s[s] = static_cast<float>(
-        o.clock_residual_s[s].value_or(std::numeric_limits<double>::quiet_NaN()));
+    out.residual_s[s] =
+        static_cast<float>(residual_s.value_or(std::numeric_limits<double>::quiet_NaN()));
   }
 }
 

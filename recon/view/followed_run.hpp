@@ -28,6 +28,7 @@ struct SensorState {
   std::optional<UtcTime> last_valid;  // the end of its last valid slot
   double used = 0;                    // in the last record
   std::uint64_t lost = 0, late = 0;   // of the whole run
+  std::uint64_t missing = 0;          // records of the run without it
   std::optional<double> residual_s;
 };
 

@@ -6,6 +6,7 @@
 
 #include "drivers/core/printable.hpp"
 #include "recon/estimator/predict.hpp"
+#include "recon/maps/metrics.hpp"
 
 namespace echofuse::view {
 namespace {
@@ -62,6 +63,28 @@ Reconstruction LiveModel::reconstruct(const record::RunReader& run, std::int64_t
     Reconstruction out;
     out.fault = e.what();
     return out;
+  }
+}
+
+void LiveModel::compare(Reconstruction& made, std::span<const float> camera_map_m) const {
+  if (made.map_m.empty() || made.map_m.size() != camera_map_m.size()) return;
+  const MapScores scores = score(made.map_m, camera_map_m, model_.scene);
+  if (std::isfinite(scores[metric_iou])) made.iou = scores[metric_iou];
+  if (std::isfinite(scores[metric_lateral_m])) made.lateral_error_m = scores[metric_lateral_m];
+}
+
+std::string LiveModel::doubt(const record::RunReader& run, std::int64_t first,
+                             std::int64_t count) const {
+  try {
+    Dataset data =
+        load_part(run, first, static_cast<std::size_t>(count), sensors_of(model_.features.inputs),
+                  [](std::int64_t, const std::string&) {});
+    if (data.size() == 0) return {};
+    const Records records = prepare_records(model_, std::move(data), RangeBiasAction::ignore);
+    const DomainShift shift = domain_shift_of(model_, records);
+    return shift.found() ? shift.text() : std::string();
+  } catch (const Error&) {
+    return {};  // each record says why
   }
 }
 

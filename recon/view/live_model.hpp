@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,7 @@ struct Reconstruction {
   std::string fault;  // why there is none; or empty
   std::string note;   // what the model had to do without, or what is odd about the record
   std::optional<double> lateral_interval_90_m;
+  std::optional<double> iou, lateral_error_m;  // against the depth camera
 };
 
 class LiveModel {
@@ -26,6 +28,11 @@ class LiveModel {
   const std::string& name() const { return name_; }
   // Never throws for what a record or a run is like: that is a fault.
   Reconstruction reconstruct(const record::RunReader& run, std::int64_t index) const;
+  // How well it meets what the camera sees, if that is on the same grid.
+  void compare(Reconstruction& made, std::span<const float> camera_map_m) const;
+  // Why maps of these records are not to be trusted as a whole (recon::DomainShift); empty if
+  // nothing speaks against it, or too few records tell.
+  std::string doubt(const record::RunReader& run, std::int64_t first, std::int64_t count) const;
 
  private:
   recon::TrainedModel model_;

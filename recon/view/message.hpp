@@ -12,14 +12,19 @@
 //              the model's name, may_write
 //   state      every second, and with each record: status, records, first_index, last_index,
 //              elapsed_s, remaining_s, label, disk, events, and sensors: {NAME: {verdict, valid,
-//              age_s (since the end of its last valid slot), used, lost, late, residual_s}}
+//              age_s (since the end of its last valid slot), used, lost, late, missing (records
+//              without it), residual_s}}; with a model doubt: why the newest maps as a whole are
+//              not to be trusted, or null
 //   record     index, utc, label, live, sensors, and spd (counts), radar (dB), camera (mm), map (m,
 //              what the camera sees on the grid of the maps); with a model reconstruction (m) and
-//              deviation (m), or the reason why there is none, and how far to trust it
+//              deviation (m), or the reason why there is none, how far to trust it, and how well it
+//              meets what the camera sees (iou, lateral_error_m)
 //   reference  spd: mean histogram of the first minute
 //   strip      of the whole run in at most strip_columns columns: first (index), used, lost and
 //              residual_s of each sensor, and the share of its records that are valid
-//   sheet      small maps of records spread over the run: index, and maps (m) of sheet_side pixels
+//   sheet      small maps of records spread over the run: index, and maps (m) of sheet_side pixels,
+//   and which
+//              of them lack a depth picture (lacks)
 //   answer     what became of a mark or a label: ok, text
 //   trouble    why there is nothing to see: text
 // From the client, text, at most 1024 bytes: one of

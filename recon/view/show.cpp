@@ -17,6 +17,8 @@ namespace {
 using Json = nlohmann::json;
 constexpr double first_minute_s = 60;
 constexpr std::size_t most_reference_records = 200;
+constexpr std::int64_t judged_records = 100;
+constexpr double judge_pause_s = 10;
 
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 
@@ -112,6 +114,7 @@ Json Show::sensors() const {
                        {"used", sensor.used},
                        {"lost", sensor.lost},
                        {"late", sensor.late},
+                       {"missing", sensor.missing},
                        {"residual_s", sensor.residual_s ? number(*sensor.residual_s) : Json()}};
   }
   return out;
@@ -129,7 +132,7 @@ Json Show::disk() const {
   return out;
 }
 
-Message Show::state() const {
+Message Show::state() {
   Json events = Json::array();
   for (const record::Event& e : run_.events())
     events.push_back({{"utc", e.utc},
@@ -150,7 +153,10 @@ Message Show::state() const {
            {"first_index", nullptr},
            {"last_index", nullptr},
            {"elapsed_s", 0},
+           {"doubt", nullptr},
            {"remaining_s", nullptr}};
+  judge_maps();
+  if (!doubt_.empty()) out["doubt"] = doubt_;
   if (records > 0) {
     out["first_index"] = outlines.front().index;
     out["last_index"] = outlines.back().index;
@@ -196,18 +202,37 @@ Message Show::make_record(std::int64_t index, bool live) const {
       out.add<float>("map", map_of(r, axes, grid), {grid.size, grid.size});
     }
     if (!model_) return;
-    const Reconstruction made = model_->reconstruct(run, index);
-    head["reconstruction"] = {
-        {"fault", made.fault},
-        {"note", made.note},
-        {"half_tangent", made.grid.half_tangent},
-        {"lateral_interval_90_m",
-         made.lateral_interval_90_m ? number(*made.lateral_interval_90_m) : Json()}};
+    Reconstruction made = model_->reconstruct(run, index);
+    if (r.has(Sensor::depth) && x && y) model_->compare(made, map_of(r, axes, made.grid));
+    const auto given = [](const std::optional<double>& v) { return v ? number(*v) : Json(); };
+    head["reconstruction"] = {{"fault", made.fault},
+                              {"note", made.note},
+                              {"half_tangent", made.grid.half_tangent},
+                              {"lateral_interval_90_m", given(made.lateral_interval_90_m)},
+                              {"iou", given(made.iou)},
+                              {"lateral_error_m", given(made.lateral_error_m)}};
     const std::size_t side = made.grid.size;
     if (!made.map_m.empty()) out.add<float>("reconstruction", made.map_m, {side, side});
     if (!made.deviation_m.empty()) out.add<float>("deviation", made.deviation_m, {side, side});
   });
   return out.finish(std::move(head));
+}
+
+// What a run is like changes slowly, and to ask costs some milliseconds.
+void Show::judge_maps() {
+  const auto last = run_.last();
+  if (!model_ || !last || *last == judged_last_) return;
+  const HostTime now = clock_.now();
+  if (*last > judged_last_ && judged_last_ >= 0 && seconds(now - judged_) < judge_pause_s) return;
+  judged_last_ = *last, judged_ = now;
+  const std::int64_t first = std::max(run_.outlines().front().index, *last - judged_records + 1);
+  try {
+    run_.with_reader([&](const record::RunReader& run) {
+      doubt_ = model_->doubt(run, first, *last - first + 1);
+    });
+  } catch (const Error&) {
+    doubt_.clear();  // the run cannot be read: that is said elsewhere
+  }
 }
 
 Message Show::strip() const {
@@ -248,7 +273,7 @@ Message Show::sheet(std::int64_t first, std::int64_t last) const {
     if (o.index >= first && o.index <= last) within.push_back(o.index);
   const std::size_t count = std::min(sheet_maps, within.size());
   MessageWriter out;
-  Json indices = Json::array(), labels = Json::array();
+  Json indices = Json::array(), labels = Json::array(), lacks = Json::array();
   std::vector<float> maps;
   if (count > 0)
     run_.with_reader([&](const record::RunReader& run) {
@@ -259,19 +284,22 @@ Message Show::sheet(std::int64_t first, std::int64_t last) const {
         const std::int64_t index = within[count > 1 ? k * (within.size() - 1) / (count - 1) : 0];
         std::vector<float> map;
         std::string label;
+        bool has_map = false;
         run.for_each(
             [&](const record::FusedRecord& r) {
-              if (r.index == index) map = map_of(r, axes, small), label = r.label;
+              if (r.index != index) return false;
+              map = map_of(r, axes, small), label = r.label;
+              has_map = !map.empty();
               return false;
             },
             index, [](std::int64_t, const std::string&) {}, {Sensor::depth});
         map.resize(small.pixels());
         maps.insert(maps.end(), map.begin(), map.end());
-        indices.push_back(index), labels.push_back(label);
+        indices.push_back(index), labels.push_back(label), lacks.push_back(!has_map);
       }
     });
   out.add<float>("maps", maps, {indices.size(), sheet_side, sheet_side});
-  return out.finish({{"kind", "sheet"}, {"index", indices}, {"label", labels}});
+  return out.finish({{"kind", "sheet"}, {"index", indices}, {"label", labels}, {"lacks", lacks}});
 }
 
 Message Show::reference() {

@@ -24,7 +24,7 @@ class Show {
 
   FollowedRun& run() { return run_; }
   Message about_run(bool may_write) const;
-  Message state() const;
+  Message state();
   Message record(std::int64_t index, bool live);  // the last one is kept
   Message strip() const;
   Message sheet(std::int64_t first, std::int64_t last) const;
@@ -36,6 +36,7 @@ class Show {
   nlohmann::json sensors() const;
   nlohmann::json disk() const;
   Message make_record(std::int64_t index, bool live) const;
+  void judge_maps();
   FollowedRun& run_;
   const LiveModel* model_;
   std::optional<std::int64_t> planned_;
@@ -44,6 +45,10 @@ class Show {
   std::int64_t last_index_ = -1;
   int last_edition_ = -1, reference_edition_ = -1;
   bool last_live_ = false;
+  // Of the newest records' maps as a whole.
+  std::string doubt_;
+  HostTime judged_{};
+  std::int64_t judged_last_ = -1;
 };
 
 Message answer(bool ok, const std::string& text);

@@ -347,15 +347,22 @@ TEST_CASE("a record that makes no sense is named") {
   const RunReader run(path);
   const auto visit_all = [](const FusedRecord&) { return true; };
   CHECK(has(error_of([&] { run.for_each(visit_all); }).second, expected));
-  std::vector<std::int64_t> good, bad;
-  run.for_each(
-      [&](const FusedRecord& r) {
-        good.push_back(r.index);
-        return true;
-      },
-      0, [&](std::int64_t index, const std::string&) { bad.push_back(index); });
-  CHECK(good == std::vector<std::int64_t>{0, 1, 3});
-  CHECK(bad == std::vector<std::int64_t>{2});
+  const RunReader::InParallel backwards = [](std::size_t count, const auto& work) {
+    while (count-- > 0) work(count);
+  };
+  for (const auto& in_parallel : {RunReader::InParallel(), backwards}) {
+    std::vector<std::int64_t> good, bad;
+    run.for_each(
+        [&](const FusedRecord& r) {
+          CHECK(r.depth_mm == small_record(r.index).depth_mm);
+          good.push_back(r.index);
+          return true;
+        },
+        0, [&](std::int64_t index, const std::string&) { bad.push_back(index); },
+        {Sensor::spd, Sensor::radar, Sensor::depth}, in_parallel);
+    CHECK(good == std::vector<std::int64_t>{0, 1, 3});
+    CHECK(bad == std::vector<std::int64_t>{2});
+  }
 }
 
 TEST_CASE("a record that does not fit its axes is not written") {

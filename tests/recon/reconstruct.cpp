@@ -175,7 +175,7 @@ TEST_CASE("a run is followed while it is recorded, until it is closed") {
   REQUIRE(WIFEXITED(status));
   CHECK(WEXITSTATUS(status) == 5);  // record 0
   const std::string text = contents(log);
-  CHECK_THAT(text, Catch::Contains("record 0: lacks a sensor") &&
+  CHECK_THAT(text, Catch::Contains("record 0: lacks radar, which the model needs") &&
                        Catch::Contains("record 3: map 0.") &&
                        Catch::Contains("3 records reconstructed, 1 left out; maps 0."));
   CHECK(numpy("print(n.load('" + out + "/maps.npz')['index'].tolist())") == "[1, 2, 3]\n");

@@ -259,6 +259,17 @@ TEST_CASE("the parts of a data set are merged to the whole one, byte by byte of 
   CHECK_THAT(refused({part(1), part(2), part(2), part(3)}), Contains("are in another part, too"));
   CHECK_THAT(refused({whole, part(1)}), Contains("is no part of a data set"));
   CHECK_THAT(error_of([&] { record::merge({part(1)}, merged); }), Contains("exists already"));
+  const std::string moved = folder / "moved.sqlite";
+  std::filesystem::copy_file(part(2), moved);
+  sqlite3* db = nullptr;
+  REQUIRE(sqlite3_open(moved.c_str(), &db) == SQLITE_OK);
+  CHECK(sqlite3_exec(db,
+                     "INSERT INTO calibration VALUES ('radar', '2026-01-01T00:00:00Z', "
+                     "'reflector', 1, 0.05, 0.001)",
+                     nullptr, nullptr, nullptr) == SQLITE_OK);
+  sqlite3_close(db);
+  CHECK_THAT(refused({part(1), moved, part(3)}),
+             Contains("moved.sqlite: has another calibration than "));
   const std::string other = folder / "other.sqlite";
   plan.seed = 12;
   write_dataset(plan, {other, "", 1, true, JobPart::of("2/3")});

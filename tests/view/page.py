@@ -67,7 +67,7 @@ class Page(live_view.LiveView):
         self.wait("record on the page", lambda: self.js("return window.framesSeen") > 1)
         before = int(self.text("records"))
         self.wait("next record", lambda: int(self.text("records")) > before)
-        self.assertEqual(self.text("status"), "recording")
+        self.assertRegex(self.text("status"), "^recording")
         for canvas in ("map", "camera"):
             self.wait(f"drawing in {canvas}", lambda: self.canvas_is_drawn(canvas))
         self.assertFalse(self.js("return document.getElementById('box-reconstruction').hidden"))
@@ -102,12 +102,19 @@ class Page(live_view.LiveView):
 
         # The laboratory goes away: each lamp is red, in words as well, two slots later.
         self.wait("green lamp", lambda: self.lamp("radar") in ("ok", "look"))
+        self.wait("lamp of the maps", lambda: self.lamp("maps") in ("ok", "look"))
         self.close_lab()
         closed = time.monotonic()
         for sensor in ("spd", "radar", "depth"):
             self.wait(f"red lamp of {sensor}", lambda: self.lamp(sensor) == "bad")
         self.assertLess(time.monotonic() - closed, 2 * WINDOW_S + 10)
         self.assertIn("LOST", self.js("return document.getElementById('lamp-spd').textContent"))
+        self.wait("word of it at the top", lambda: self.text("status") == "NO DATA from any sensor")
+        self.wait("lamp of the maps", lambda: self.lamp("maps") == "bad" and self.verdict("maps") ==
+                  "lacks SPD and radar, which the model needs")
+        self.assertRegex(self.text("histogram-readout"), r"^no data; last in record \d+$")
+        self.assertIn("old", self.js("return document.getElementById('histogram').className"))
+        self.assertGreater(self.js("return +document.querySelector('#losses tr td:nth-child(3)').textContent"), 0)
         daemon.kill()
         daemon.wait()
         self.wait("crash on the page", lambda: self.text("status") == "crashed")
@@ -125,12 +132,12 @@ class Page(live_view.LiveView):
         before = int(self.text("records"))
         self.open_again("--set", "signal_photons=100")
         daemon = self.go_on()
-        self.wait("resumed run", lambda: self.text("status") == "recording" and int(self.text("records")) > before + 1)
+        self.wait("resumed run", lambda: self.text("status").startswith("recording") and int(self.text("records")) > before + 1)
         self.wait("verdict of the weak laser", lambda: self.verdict("spd").startswith("weak: "))
         self.assertEqual(self.lamp("spd"), "look")
         self.assertIn("LOOK", self.text("lamp-spd"))
         self.wait("green lamp of the radar", lambda: self.lamp("radar") == "ok")
-        self.wait("event of it", lambda: "spd: record" in self.text("events") and "weak: " in self.text("events"))
+        self.wait("event of it", lambda: "SPD: record" in self.text("events") and "weak: " in self.text("events"))
         self.wait("maps of the contact sheet", lambda: self.js(
             "return +document.querySelector('#sheet button:last-child').dataset.index") > before)
         daemon.send_signal(signal.SIGINT)

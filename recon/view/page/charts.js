@@ -40,12 +40,19 @@ class Chart {
     else this.renew();
     if (this.readout) this.tell(this.plot.cursor.idx);
   }
+  // What the newest record lacks stays as it was, dimmed; of a record that is held nothing is shown.
+  lack(why, live) {
+    this.lacks = why;
+    this.at.classList.toggle('old', !!why && live);
+    return why && live && this.data;
+  }
   // What stands under the cursor; without one, the highest.
   tell(index) {
+    if (this.lacks) return void (this.readout.textContent = this.lacks);
     const [x, y] = this.data ?? [[], []];
     let at = index ?? 0;
     if (index == null) for (let i = 1; i < x.length; ++i) if (y[i] > y[at]) at = i;
-    const words = y[at] == null ? 'nothing in this record' : `${index == null ? 'peak ' : ''}${this.words(x[at], y[at])}`;
+    const words = y[at] == null ? 'no data' : `${index == null ? 'peak ' : ''}${this.words(x[at], y[at])}`;
     if (this.readout.textContent !== words) this.readout.textContent = words;
   }
 }
@@ -76,7 +83,7 @@ export class Histogram extends Chart {
     const stepped = uPlot.paths.stepped({align: 1});
     return {
       scales: {
-        x: {time: false},
+        x: {time: false, range: () => [0, this.farthest ?? 1]},
         y: this.difference ? {range: (_, low, high) => {
           const most = Math.max(Math.abs(low), Math.abs(high), 5) * 1.05;
           return [-most, most];
@@ -93,7 +100,8 @@ export class Histogram extends Chart {
   words(range, clicks) {
     return `${range.toFixed(2)} m, ${siNumber(clicks)} clicks`;
   }
-  take(counts) {
+  take(counts, lack, live) {
+    if (this.lack(lack, live)) return this.tell(null);
     this.counts = counts;
     this.show();
   }
@@ -119,7 +127,7 @@ export class Profile extends Chart {
   }
   options() {
     return {
-      scales: {x: {time: false}, y: {range: () => [-10, this.top ?? 30]}},
+      scales: {x: {time: false, range: () => [0, this.farthest ?? 1]}, y: {range: () => [-10, this.top ?? 30]}},
       axes: [axis('range, m'), axis('dB over the median', {size: 4 * textSize()})],
       series: [{}, {stroke: colour('--radar'), width: 2, points: {show: false}}],
     };
@@ -127,8 +135,9 @@ export class Profile extends Chart {
   words(range, db) {
     return `${range.toFixed(2)} m, ${db.toFixed(1)} dB`;
   }
-  take(db) {
+  take(db, lack, live) {
     if (!this.x) return;
+    if (this.lack(lack, live)) return this.tell(null);
     const n = this.x.length;
     if (db?.length !== n) return this.set([this.x, new Array(n).fill(null)]);
     const median = Float32Array.from(db).sort()[n >> 1];
@@ -138,6 +147,15 @@ export class Profile extends Chart {
   }
 }
 
+// The next round number: the upper end of an axis.
+const niceTop = most => {
+  const ten = 10 ** Math.floor(Math.log10(Math.max(most, 1)));
+  return [1, 1.5, 2, 3, 4, 5, 6, 8, 10].map(n => n * ten).find(v => v >= most);
+};
+const fromZero = {range: (_, low, high) => [0, niceTop(Math.max(high, 1))]};
+const endsOnly = {values: short, size: 52, splits: (u, i, low, high) => [0, high]};
+
+// A rate, and marks at its upper edge where something was lost: how much is said in words.
 class Strip extends Chart {
   constructor(sensor) {
     super(`strip-${sensor}`, 64);
@@ -146,13 +164,11 @@ class Strip extends Chart {
   options() {
     const bars = uPlot.paths.bars({size: [0.9, 6]});
     return {
-      scales: {x: {time: false}, y: {range: (_, low, high) => [0, Math.max(high, 1) * 1.1]},
-               lost: {range: (_, low, high) => [0, Math.max(high, 1)]}},
+      scales: {x: {time: false}, y: fromZero, lost: {range: () => [0, 1]}},
       padding: [6, 14, 4, 0],
-      axes: [axis('', {show: false}),
-             axis('', {values: short, size: 52, splits: (u, i, low, high) => [0, high / 1.1]})],
+      axes: [axis('', {show: false}), axis('', endsOnly)],
       series: [{}, {stroke: colour(`--${this.sensor}`), width: 2, points: {show: false}},
-               {scale: 'lost', stroke: colour('--bad'), fill: colour('--bad'), paths: bars, points: {show: false}}],
+               {scale: 'lost', stroke: colour('--bad'), fill: colour('--bad'), paths: bars, points: {show: false}, fillTo: () => 0.72}],
     };
   }
 }
@@ -164,8 +180,8 @@ class Clocks extends Chart {
   options() {
     const line = sensor => ({stroke: colour(`--${sensor}`), width: 2, points: {show: false}});
     return {
-      scales: {x: {time: false}, y: {range: (_, low, high) => [0, Math.max(high, 1) * 1.1]}},
-      axes: [axis('record', {incrs: wholeSteps}), axis('', {values: short, size: 52, splits: (u, i, low, high) => [0, high / 1.1]})],
+      scales: {x: {time: false}, y: fromZero},
+      axes: [axis('record', {incrs: wholeSteps}), axis('', endsOnly)],
       padding: [6, 14, 4, 0],
       series: [{}, line('spd'), line('radar'), line('depth')],
     };
@@ -181,8 +197,10 @@ export class Strips {
     const x = arrays.first;
     for (const strip of this.rates) {
       const used = Array.from(arrays[`used_${strip.sensor}`], v => v / windowS);
-      const lost = Array.from(arrays[`lost_${strip.sensor}`], v => v > 0 ? v : null);
-      strip.set([x, used, lost]);
+      const lost = Array.from(arrays[`lost_${strip.sensor}`]), all = lost.reduce((sum, v) => sum + v, 0);
+      strip.set([x, used, lost.map(v => v > 0 ? 1 : null)]);
+      const words = all > 0 ? `, ${siNumber(all)} ${strip.sensor === 'spd' ? 'tags' : 'frames'} lost where marked` : '';
+      document.getElementById(`lost-${strip.sensor}`).textContent = words;
     }
     this.clocks.set([x, ...['spd', 'radar', 'depth'].map(sensor =>
       Array.from(arrays[`residual_s_${sensor}`], v => Number.isNaN(v) ? null : v * 1e6))]);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Depth maps as pictures: viridis over the scene's own span, near is bright, grey is no return;
-// degrees at the edges, metres at the bar.
+// Depth maps as pictures: viridis over the scene's own span, near is bright; no return is the paper, with a line about
+// what returns, as some colours are near it; degrees at the edges, metres at the bar.
 import {colour, text, textSize} from './charts.js';
 
 const viridis = ['440154', '482475', '414487', '355f8d', '2a788e', '21918c', '22a884', '44bf70', '7ad151', 'bddf26', 'fde725'];
@@ -17,7 +17,7 @@ export const isDark = () => {
   const chosen = document.documentElement.dataset.theme;
   return chosen ? chosen === 'dark' : matchMedia('(prefers-color-scheme: dark)').matches;
 };
-export const noReturn = () => isDark() ? [112, 116, 122] : [178, 182, 188];
+const noReturn = () => isDark() ? [38, 43, 48] : [232, 234, 237];
 
 export function rgbOf(value, span, map) {
   const share = (value - span[0]) / (span[1] - span[0]);
@@ -43,12 +43,30 @@ export function picture(values, rows, columns, span, map, scale = 1, zero = fals
   }
   const canvas = new OffscreenCanvas(columns, rows);
   canvas.getContext('2d').putImageData(image, 0, 0);
+  if (!zero) canvas.returns = Uint8Array.from(values, v => v > 0);
   return canvas;
+}
+
+// A line about all that returns, in a picture whose pixels are this wide and high on the canvas.
+export function outline(c, image, left, top, width, height) {
+  if (!image.returns || width < image.width) return;
+  const {width: columns, height: rows, returns} = image, dx = width / columns, dy = height / rows;
+  const there = (x, y) => x >= 0 && y >= 0 && x < columns && y < rows && returns[y * columns + x];
+  c.beginPath();
+  for (let y = 0; y < rows; ++y)
+    for (let x = 1; x < columns; ++x)
+      if (there(x, y) !== there(x - 1, y)) c.moveTo(left + x * dx, top + y * dy), c.lineTo(left + x * dx, top + (y + 1) * dy);
+  for (let y = 1; y < rows; ++y)
+    for (let x = 0; x < columns; ++x)
+      if (there(x, y) !== there(x, y - 1)) c.moveTo(left + x * dx, top + y * dy), c.lineTo(left + (x + 1) * dx, top + y * dy);
+  c.strokeStyle = colour('--ink');
+  c.lineWidth = 1;
+  c.stroke();
 }
 
 // Room round a picture for words of this size: elevation at the left, azimuth below, the bar at the right.
 const top = 8;
-const roomOf = size => ({left: 3.9 * size, bottom: 2.8 * size, bar: 4.8 * size});
+const roomOf = size => ({left: 3.9 * size, bottom: 2.8 * size, bar: 6.2 * size});
 
 export class MapView {
   // ratio: height over width of the picture; kind: 'near' or 'sure'.
@@ -59,13 +77,20 @@ export class MapView {
     new ResizeObserver(() => this.draw()).observe(this.canvas.parentElement);
   }
   // tangents: [left, right, bottom, top] of the picture's edges.
-  set(image, tangents, span, unit = 'm') {
-    Object.assign(this, {image, tangents, span, unit});
-    if (image) this.ratio = (tangents[3] - tangents[2]) / (tangents[1] - tangents[0]);
+  set(image, tangents, span) {
+    Object.assign(this, {image, tangents, span, why: ''});
+    this.ratio = (tangents[3] - tangents[2]) / (tangents[1] - tangents[0]);
+    this.draw();
+  }
+  // There is none: the last one stays, dimmed, if `keep`.
+  lack(why, keep) {
+    this.why = why;
+    if (!keep) this.image = null;
     this.draw();
   }
   draw() {
-    const ratio = devicePixelRatio, width = Math.min(this.canvas.parentElement.clientWidth, 620), size = textSize();
+    const ratio = devicePixelRatio, size = textSize(), far = document.documentElement.classList.contains('far');
+    const width = Math.min(this.canvas.parentElement.clientWidth, far ? 0.4 * innerHeight + 6 * size : 620);
     const {left, bottom, bar} = roomOf(size);
     const inner = width - left - bar, high = inner * Math.abs(this.ratio), height = high + bottom + top;
     if (inner < 40) return;
@@ -80,11 +105,18 @@ export class MapView {
       c.fillRect(left, top, inner, high);
       c.fillStyle = colour('--ink');
       c.textAlign = 'center';
-      c.fillText('nothing in this record', left + inner / 2, top + high / 2);
+      c.fillText(this.why || 'no data', left + inner / 2, top + high / 2, inner);
       return;
     }
     c.imageSmoothingEnabled = false;
+    c.globalAlpha = this.why ? 0.35 : 1;
     c.drawImage(this.image, left, top, inner, high);
+    outline(c, this.image, left, top, inner, high);
+    c.globalAlpha = 1;
+    if (this.why) {
+      c.textAlign = 'center';
+      c.fillText(this.why, left + inner / 2, top + 1.6 * size, inner);
+    }
     this.ticks(c, inner, high, left, size);
     this.bar(c, left + inner + 12, high, size);
   }
@@ -120,12 +152,16 @@ export class MapView {
       c.fillStyle = `rgb(${map[Math.round(255 * (1 - k / (steps - 1)))]})`;
       c.fillRect(x, top + k / steps * high, 12, high / steps + 0.7);
     }
+    c.strokeStyle = colour('--edge');
+    c.strokeRect(x + 0.5, top + 0.5, 11, high - 1);
     c.fillStyle = colour('--ink');
     c.textAlign = 'left';
     const [low, far] = this.span, step = [0.25, 0.5, 1].find(s => s / (far - low) * high > 2.6 * size) ?? 2;
     for (let v = Math.ceil(low / step) * step; v <= far + 1e-9; v += step) {
       const y = top + (1 - (v - low) / (far - low)) * high;
-      c.fillText(v + step > far + 1e-9 ? `${+v.toFixed(2)} ${this.unit}` : `${+v.toFixed(2)}`, x + 16, Math.min(Math.max(y + size / 3, top + 0.8 * size), top + high));
+      // The ends hold what lies beyond them.
+      const last = v + step > far + 1e-9, end = Math.abs(v - far) < 1e-9 ? '≥ ' : Math.abs(v - low) < 1e-9 && this.kind === 'near' ? '≤ ' : '';
+      c.fillText(`${end}${+v.toFixed(2)}${last ? ' m' : ''}`, x + 16, Math.min(Math.max(y + size / 3, top + 0.8 * size), top + high));
     }
   }
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The contact sheet: small maps of records spread over the run; a click shows the record.
-import {picture, tables} from './maps.js';
+import {colour} from './charts.js';
+import {outline, picture, tables} from './maps.js';
 
 export class Sheet {
   constructor(choose) {
@@ -12,14 +13,24 @@ export class Sheet {
   }
   draw(span) {
     if (!this.message) return;
-    const {index, label, arrays: {maps}} = this.message, side = maps.shape[1];
+    const {index, label, lacks, arrays: {maps}} = this.message, side = maps.shape[1], shown = 3 * side;
+    const step = index.length > 1 ? (index.at(-1) - index[0]) / (index.length - 1) : 1;
+    document.getElementById('sheet-of').textContent = index.length ? `what the camera saw in ${index.length} records`
+      + (step > 1.01 ? `, one in ${+step.toFixed(1)}` : '') : '';
     this.box.replaceChildren(...index.map((at, i) => {
       const button = document.createElement('button'), canvas = document.createElement('canvas');
       const words = document.createElement('span');
       button.type = 'button', button.dataset.index = at;
-      canvas.width = canvas.height = side;
-      canvas.getContext('2d').drawImage(picture(maps.subarray(i * side * side, (i + 1) * side * side), side, side, span, tables.near), 0, 0);
-      words.textContent = label[i] ? `${at} ${label[i]}` : `${at}`;
+      canvas.width = canvas.height = shown;
+      const c = canvas.getContext('2d'), image = picture(maps.subarray(i * side * side, (i + 1) * side * side), side, side, span, tables.near);
+      c.imageSmoothingEnabled = false;
+      c.drawImage(image, 0, 0, shown, shown);
+      outline(c, image, 0, 0, shown, shown);
+      if (lacks[i]) {
+        c.strokeStyle = colour('--bad'), c.lineWidth = 3;
+        c.beginPath(), c.moveTo(0, 0), c.lineTo(shown, shown), c.moveTo(shown, 0), c.lineTo(0, shown), c.stroke();
+      }
+      words.textContent = [at, lacks[i] ? 'no data' : label[i] !== label[i - 1] && label[i]].filter(v => v || v === 0).join(' ');
       button.append(canvas, words);
       button.addEventListener('click', () => this.choose(at));
       return button;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The page: what the server sends goes where it belongs; keys and buttons ask for more.
-import {Histogram, Profile, Strips} from './charts.js';
+import {Histogram, Profile, Strips, metresPerPs} from './charts.js';
 import {Cloud} from './cloud.js';
 import {Link} from './link.js';
 import {MapView, picture, spanOf, tables} from './maps.js';
@@ -11,6 +11,7 @@ const sensors = ['spd', 'radar', 'depth'];
 const histogram = new Histogram(), profile = new Profile(), strips = new Strips(), cloud = new Cloud();
 const views = {map: new MapView('map'), camera: new MapView('camera'), reconstruction: new MapView('reconstruction'),
                deviation: new MapView('deviation', 'sure')};
+const seen = {};  // the newest record that has it
 const sheet = new Sheet(index => show(index));
 let run = null, state = null, record = null, strip = null, span = [2.5, 5], spanKnown = false;
 let received = 0, connected = false, live = true, wanted = null, cloudOf = 'map', sheetAt = -1;
@@ -30,6 +31,8 @@ const say = (id, text) => {
   if ($(id).textContent !== text) $(id).textContent = text;
 };
 
+const rate = (n, name) => `${count(Math.round(n))} ${name === 'spd' ? 'clicks' : 'frames'}/s`;
+
 // Lamps: the word says it, the colour repeats it.
 function lampOf(sensor, over, old) {
   if (!sensor.configured) return ['off', 'OFF'];
@@ -37,50 +40,78 @@ function lampOf(sensor, over, old) {
   if (!sensor.valid) return [over ? 'bad' : 'look', over ? 'LOST' : 'LOOK'];
   return sensor.verdict === 'ok' ? ['ok', 'OK'] : ['look', 'LOOK'];
 }
+function light(name, [lamp, word], verdict, note) {
+  const at = $(`lamp-${name}`);
+  at.dataset.lamp = lamp;
+  for (const [part, text] of [['strong', word], ['.verdict', verdict], ['.age', note]]) {
+    const box = at.querySelector(part);
+    if (box.textContent !== text) box.textContent = text;
+  }
+}
 function drawLamps() {
   if (!state || !run) return;
-  const old = (performance.now() - received) / 1000, over = state.status !== 'open';
+  const old = (performance.now() - received) / 1000, over = state.status !== 'open', lost = [], look = [];
   for (const name of sensors) {
-    const at = $(`lamp-${name}`), sensor = state.sensors[name];
-    const [lamp, word] = connected ? lampOf(sensor, over, old) : ['off', '?'];
-    at.dataset.lamp = lamp;
-    at.querySelector('strong').textContent = word;
-    at.querySelector('.verdict').textContent = !connected ? 'no connection' : sensor.verdict === 'ok' ? '' : sensor.verdict;
-    at.querySelector('.age').textContent = !sensor.configured ? '' : over ? 'run is over'
-      : sensor.age_s == null ? 'never valid' : age(sensor.age_s + old);
+    const sensor = state.sensors[name], lamp = connected ? lampOf(sensor, over, old) : ['off', '?'];
+    if (lamp[1] === 'LOST') lost.push(name);
+    if (lamp[1] === 'LOOK') look.push(name);
+    light(name, lamp, !connected ? 'no connection' : !sensor.configured ? 'not configured' : sensor.verdict !== 'ok' ? sensor.verdict
+            : rate(sensor.used / run.window_s, name),
+          !sensor.configured ? '' : over ? 'run is over' : sensor.age_s == null ? 'never any data' : `last data ${age(sensor.age_s + old)}`);
   }
+  drawStatus(over ? [] : lost, over ? [] : look);
+  drawMapsLamp();
+}
+// The worst of the run and its sensors.
+function drawStatus(lost, look) {
+  const of = list => list.map(name => names[name]).join(', '), words = {open: 'recording', complete: 'complete'};
+  const all = sensors.filter(name => state.sensors[name].configured);
+  const text = !connected ? 'no connection to the viewer' : lost.length === all.length && lost.length ? 'NO DATA from any sensor'
+    : lost.length ? `recording without ${of(lost)}` : look.length ? `recording; look at ${of(look)}` : words[state.status] ?? state.status;
+  say('status', text);
+  $('status').dataset.status = !connected || lost.length ? 'lost' : look.length ? 'look' : state.status.split(':')[0];
+}
+// Whether the maps can be believed.
+function drawMapsLamp() {
+  $('lamp-maps').hidden = !run.model;
+  const made = record?.reconstruction;
+  if (!made) return light('maps', ['off', '–'], run.model ? 'none yet' : '', '');
+  const met = made.iou == null ? '' : `camera: IoU ${made.iou.toFixed(2)}` +
+    (made.lateral_error_m == null ? '' : `, ${(made.lateral_error_m * 100).toFixed(0)} cm off`);
+  const why = made.fault.replace(/\bspd\b/, 'SPD') || made.note || (state?.doubt ? 'run unlike the training' : '');
+  light('maps', made.fault ? ['bad', 'NONE'] : why ? ['look', 'DOUBT'] : ['ok', 'OK'],
+        why || (made.lateral_interval_90_m == null ? '' : `±${(made.lateral_interval_90_m * 100).toFixed(0)} cm sideways (90 %)`), met);
 }
 
 function drawNumbers() {
-  const s = state, words = {open: 'recording', complete: 'complete'};
-  say('status', connected ? words[s.status] ?? s.status : 'no connection to the viewer');
-  $('status').dataset.status = connected ? s.status.split(':')[0] : 'lost';
+  const s = state;
   say('live', s.status === 'open' ? 'live' : 'newest');
   say('records', s.planned ? `${s.records} / ${s.planned}` : `${s.records}`);
-  say('remaining', s.remaining_s == null ? '–' : clock(s.remaining_s));
+  say('remaining', clock(s.remaining_s));
+  $('box-remaining').hidden = s.remaining_s == null;
   const lasts = s.disk?.lasts_s;
-  say('disk', !s.disk ? '–' : `${bytes(s.disk.free_bytes)}` + (lasts == null ? '' : lasts > 172800 ? `, ${Math.floor(lasts / 86400)} days` : `, ${clock(lasts)}`));
+  say('disk', !s.disk ? '–' : `${bytes(s.disk.free_bytes)}` + (lasts == null || s.status !== 'open' ? '' : lasts > 172800 ? ` (${Math.round(lasts / 86400)} days)` : ` (${clock(lasts)})`));
   say('label', s.label || '–');
   document.title = `${s.status === 'open' ? '● ' : ''}${run?.file ?? ''} ${s.records} – echofuse`;
   $('losses').replaceChildren(...sensors.map(name => {
     const row = document.createElement('tr'), x = s.sensors[name];
-    const cells = [names[name], `${count(x.used)} ${name === 'spd' ? 'clicks' : x.used === 1 ? 'frame' : 'frames'}`, count(x.lost), count(x.late),
+    const cells = [names[name], `${count(x.used)} ${name === 'spd' ? 'clicks' : x.used === 1 ? 'frame' : 'frames'}`, count(x.missing), count(x.lost), count(x.late),
                    x.residual_s == null ? '–' : shortTime(x.residual_s)];
     cells.forEach((text, i) => {
       const cell = document.createElement(i ? 'td' : 'th');
       cell.textContent = text;
-      if ((i === 2 && x.lost) || (i === 3 && x.late)) cell.className = 'bad';
+      if (i > 1 && i < 5 && text !== '0') cell.className = 'bad';
       row.append(cell);
     });
     return row;
   }));
   const nothing = document.createElement('li');
   nothing.textContent = 'none yet';
-  const items = s.events.slice(-12).reverse().map(e => {
+  const items = s.events.slice(-40).reverse().map(e => {
     const item = document.createElement('li'), when = document.createElement('time');
     item.className = e.level;
     when.textContent = e.utc.slice(11, 19);
-    item.append(when, ` ${e.level} ${e.source}: ${e.text}`);
+    item.append(when, ` ${e.level === 'info' || e.level === 'mark' ? '' : '⚠ '}${names[e.source] ?? e.source}: ${e.text}`);
     return item;
   });
   $('events').replaceChildren(...(items.length ? items : [nothing]));
@@ -89,35 +120,41 @@ function drawNumbers() {
 function drawRecord() {
   if (!record || !run) return;
   const a = record.arrays, grid = run.map.half_tangent, made = record.reconstruction;
-  histogram.take(a.spd ?? null);
-  profile.take(a.radar ?? null);
+  // What the newest record lacks stays as it was last, dimmed.
+  const here = (at, has) => {
+    if (has) seen[at] = record.index;
+    return has ? '' : live && seen[at] != null ? `no data; last in record ${seen[at]}` : 'no data in this record';
+  };
+  histogram.take(a.spd ?? null, here('spd', a.spd), live);
+  profile.take(a.radar ?? null, here('radar', a.radar), live);
   const square = (values, half, kind = 'near', of = span) => values &&
     [picture(values, ...values.shape, of, tables[kind], 1, kind === 'sure'), [-half, half, -half, half], of];
-  const put = (view, all, unit) => all ? view.set(...all, unit) : view.set(null, [-1, 1, -1, 1], span);
-  put(views.map, square(a.map, grid));
+  const put = (at, all) => all ? (here(at, true), views[at].set(...all)) : views[at].lack(here(at, false), live);
+  put('map', square(a.map, grid));
   if (a.camera) {
     const {depth_x: x, depth_y: y} = run.axes, [rows, columns] = a.camera.shape;
     const edges = axis => [axis.start - axis.step / 2, axis.start + (axis.count - 0.5) * axis.step];
     const [top, low] = edges(y);
-    views.camera.set(picture(a.camera, rows, columns, span, tables.near, 1e-3), [...edges(x), low, top], span);
+    put('camera', [picture(a.camera, rows, columns, span, tables.near, 1e-3), [...edges(x), low, top], span]);
   } else {
-    views.camera.set(null, [-1, 1, -1, 1], span);
+    put('camera', null);
   }
   if (run.model) {
-    put(views.reconstruction, square(a.reconstruction, made.half_tangent));
-    put(views.deviation, square(a.deviation, made.half_tangent, 'sure', [0, 1]));
+    put('reconstruction', square(a.reconstruction, made.half_tangent));
+    put('deviation', square(a.deviation, made.half_tangent, 'sure', [0, 2]));
     const nobody = a.reconstruction && !a.reconstruction.some(v => v > 0);
-    say('said', made.fault ? `No reconstruction: ${made.fault}` : [nobody ? 'the reconstruction has no body'
-      : made.lateral_interval_90_m == null ? ''
-      : `body within ±${(made.lateral_interval_90_m * 100).toFixed(0)} cm sideways (90 %)`, made.note].filter(Boolean).join('; '));
-    $('said').className = made.fault || made.note ? 'look' : '';
+    const fault = made.fault.replace(/\bspd\b/, 'SPD');
+    say('said', fault ? `No reconstruction: this record ${fault}`
+      : [nobody && 'the reconstruction has no body', made.note, state?.doubt].filter(Boolean).join('; '));
+    $('said').className = made.fault || made.note || state?.doubt ? 'look' : '';
+    drawMapsLamp();
   }
   const points = cloudOf === 'reconstruction' && a.reconstruction ? a.reconstruction : a.map;
-  cloud.set(points, cloudOf === 'reconstruction' && made ? made.half_tangent : grid, span);
+  if (points || !live) cloud.set(points, cloudOf === 'reconstruction' && made ? made.half_tangent : grid, span);
   const words = sensors.filter(name => record.sensors[name].verdict !== 'ok' && record.sensors[name].verdict !== 'not configured')
     .map(name => `${names[name]}: ${record.sensors[name].verdict}`);
   // Of the newest record the lamps tell the verdicts.
-  say('shown', [`record ${record.index}`, `${record.utc.slice(11, 21)} UTC`, record.label, ...(live ? [] : ['held', ...words])].filter(Boolean).join(', '));
+  say('shown', [`record ${record.index}${live ? ' (newest)' : ''}`, `${record.utc.slice(11, 21)} UTC`, record.label, ...(live ? [] : ['held', ...words])].filter(Boolean).join(', '));
   sheet.point(record.index);
 }
 
@@ -127,11 +164,19 @@ const take = {
     run = message;
     say('file', run.file);
     say('model', run.model ?? '');
-    say('about', [`records of ${run.window_s} s`, run.host, run.operator].filter(Boolean).join(', '));
+    say('about', [`records of ${run.window_s} s`, run.host && `on ${run.host}`, run.operator && `by ${run.operator}`].filter(Boolean).join(' '));
+    document.body.classList.toggle('with-model', !!run.model);
     for (const id of ['box-reconstruction', 'box-deviation', 'cloud-of']) $(id).hidden = !run.model;
     for (const id of ['mark', 'relabel']) $(id).disabled = !run.may_write;
     $('mark').title = run.may_write ? '' : 'for a live run, with the token of the address';
-    if (other) spanKnown = false, sheetAt = -1, strip = null;
+    if (other) {
+      spanKnown = false, sheetAt = -1, strip = null;
+      for (const at in seen) delete seen[at];
+      for (const at in views) views[at].image = null;
+    }
+    const {spd, radar} = run.axes;
+    const end = spd ? (spd.start + spd.count * spd.step) * metresPerPs : radar ? radar.start + radar.count * radar.step : 1;
+    histogram.farthest = profile.farthest = end;  // one axis for both: peaks stand one above the other
     if (run.axes.spd && (other || histogram.x?.length !== run.axes.spd.count)) histogram.axes(run.axes.spd);
     if (run.axes.radar) profile.axes(run.axes.radar);
     trouble('');
