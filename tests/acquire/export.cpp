@@ -94,6 +94,7 @@ void write_full_run(const std::string& path) {
     FusedRecord r = small_record(i);
     r.spd_counts.overflows = 2;
     if (i > 0) r.array.assign(values_of_bin(2), 1), r.array_frames = 4;
+    r.speckle = record::Speckle{0.4, 0.2};
     if (i > 0) r.radar_stats = RadarStats{1, 2, 3, 4, 5, 6};
     if (i == 1) r.radar_temperature = RadarTemperature{0, 9, {-1, 2, 3, 4, 5, 6, 7, 8, 9, 10}};
     if (i == 2) r.missing = SensorSet::from_bits(1), r.valid = SensorSet::from_bits(6);

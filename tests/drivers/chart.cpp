@@ -166,7 +166,7 @@ TEST_CASE(
   CHECK(span_of(room).far == 4);
 }
 
-TEST_CASE("strips, stems, bands and marks along a line; a page shows one of two widths") {
+TEST_CASE("strips, stems, bands and marks along a line, and one of two widths") {
   Panel stems{"losses of a sensor with a title that is wider than a telephone",
               {"time (s)", false, 0, 10},
               {"frames"},
