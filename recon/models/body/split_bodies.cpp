@@ -31,13 +31,14 @@ struct Cut {
 
 Values smoothed(std::span<const float> clicks, double bins) {
   const auto reach = static_cast<std::ptrdiff_t>(std::ceil(3 * bins));
-  Values out(clicks.size());
+  Values out(clicks.size()), weights;
+  for (std::ptrdiff_t k = -reach; k <= reach; ++k)
+    weights.push_back(std::exp(-0.5 * static_cast<double>(k * k) / (bins * bins)));
   for (std::ptrdiff_t i = 0; i < std::ssize(clicks); ++i)
     for (std::ptrdiff_t k = -reach; k <= reach; ++k)
       if (i + k >= 0 && i + k < std::ssize(clicks))
-        out[static_cast<std::size_t>(i)] +=
-            double{clicks[static_cast<std::size_t>(i + k)]} *
-            std::exp(-0.5 * static_cast<double>(k * k) / (bins * bins));
+        out[static_cast<std::size_t>(i)] += double{clicks[static_cast<std::size_t>(i + k)]} *
+                                            weights[static_cast<std::size_t>(k + reach)];
   return out;
 }
 
@@ -131,12 +132,22 @@ struct Fit {
 
 std::optional<Fit> fit(const Values& power, const std::vector<Values>& near,
                        const std::vector<Values>& far) {
+  struct Own {
+    double square, with_power;
+  };
+  const auto own = [&](const std::vector<Values>& profiles) {
+    std::vector<Own> out;
+    for (const Values& p : profiles) out.push_back({dot(p, p), dot(power, p)});
+    return out;
+  };
+  const std::vector<Own> of_near = own(near), of_far = own(far);
   std::optional<Fit> out;
   double best = 0;
   for (std::size_t a = 0; a < near.size(); ++a)
     for (std::size_t b = 0; b < far.size(); ++b) {
-      const double aa = dot(near[a], near[a]), bb = dot(far[b], far[b]), ab = dot(near[a], far[b]);
-      const double pa = dot(power, near[a]), pb = dot(power, far[b]), of = aa * bb - ab * ab;
+      const auto [aa, pa] = of_near[a];
+      const auto [bb, pb] = of_far[b];
+      const double ab = dot(near[a], far[b]), of = aa * bb - ab * ab;
       if (!(of > 1e-9 * aa * bb)) continue;
       const double x = (pa * bb - pb * ab) / of, y = (pb * aa - pa * ab) / of;
       const double explained = x * pa + y * pb;

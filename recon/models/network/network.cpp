@@ -66,8 +66,9 @@ void backward(const Network& network, const std::vector<T>& parameters, const T*
     typename Activations<T>::value_type below(batch * layer.inputs);
     multiply({batch, layer.inputs, layer.outputs, Transpose::no, Transpose::yes, T{1}, T{0}},
              slope.data(), parameters.data() + layer.weights, below.data());
-    for (std::size_t i = 0; i < below.size(); ++i)
-      if (x[i] <= 0) below[i] = 0;
+    // Written whatever it is: a branch on such signs costs more than it saves.
+    T* const slopes = below.data();
+    for (std::size_t i = 0, n = below.size(); i < n; ++i) slopes[i] = x[i] <= 0 ? T{0} : slopes[i];
     activations[l - 1] = std::move(below);
   }
 }
