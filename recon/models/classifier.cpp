@@ -56,11 +56,18 @@ void Classifier::fit(const Matrix& usual, const Matrix& other, const Options& op
   Activations<float> activations;
   std::vector<float> gradient;
   Matrix batch(options.batch, usual.cols);
+  // Each is drawn many times.
+  const auto standardised = [&](Matrix rows) {
+    for (std::size_t i = 0; i < rows.rows; ++i) standardise(rows.row(i), rows.row(i));
+    return rows;
+  };
+  const Matrix ones = standardised(usual), others = standardised(other);
   std::uniform_int_distribution<std::size_t> any_usual(0, usual.rows - 1),
       any_other(0, other.rows - 1);
   for (std::size_t step = 0; step < options.steps && !interrupted(); ++step) {
     for (std::size_t i = 0; i < batch.rows; ++i)
-      standardise(i % 2 ? other.row(any_other(draw)) : usual.row(any_usual(draw)), batch.row(i));
+      std::ranges::copy(i % 2 ? others.row(any_other(draw)) : ones.row(any_usual(draw)),
+                        batch.row(i).begin());
     forward(network_, parameters_, batch.values.data(), batch.rows, activations);
     auto& slope = activations.back();
     for (std::size_t i = 0; i < batch.rows; ++i)
