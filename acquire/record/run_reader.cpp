@@ -301,7 +301,7 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
     try {
       return row.step();
     } catch (const Error&) {
-      hand_over();
+      if (!hand_over()) return false;
       throw;
     }
   };

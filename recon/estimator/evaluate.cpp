@@ -165,6 +165,7 @@ TwoPeopleSeen count_two_people(const Evaluation& e, const Dataset& data) {
   for (std::size_t i = 0; i < e.uncertainties.size(); ++i) {
     const PredictionUncertainty& stated = e.uncertainties[i];
     const bool separated = !stated.bodies.empty();
+    if (data.label[e.rows[i]].empty()) continue;  // nobody says how many
     if (data.label[e.rows[i]] != two_people_label) {
       ++out.others, out.others_separated += separated;
       continue;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <random>
 
+#include "recon/maps/people.hpp"
 #include "recon/models/body/split_bodies.hpp"
 #include "recon/uncertainty/predictors.hpp"
 
@@ -86,7 +87,10 @@ Sums sums_of(const TrainedModel& model, const Dataset& data, const Rows& rows, s
   Rows seen;
   std::vector<Place> places;
   for (const std::size_t row : rows)
-    if (const auto place = place_of(data.depth.row(row), model.scene.background, model.scene.grid))
+    if (const auto place =
+            data.label[row] == two_people_label
+                ? std::nullopt
+                : place_of(data.depth.row(row), model.scene.background, model.scene.grid))
       seen.push_back(row), places.push_back(*place);
   Sums out;
   Rows first, second;
@@ -151,7 +155,9 @@ void separate_bodies(const TrainedModel& model, const Dataset& data, const Rows&
   if (!takes_apart(by) || !by.uncertainty) return;
   Rows places;
   for (std::size_t i = 0; i < rows.size(); ++i)
-    if (made.uncertainties[i].out_of_distribution.may_be_two) places.push_back(i);
+    if (const OutOfDistributionScore& score = made.uncertainties[i].out_of_distribution;
+        score.may_be_two && score.reason.find("antennas") == std::string::npos)
+      places.push_back(i);
   if (places.empty()) return;
   for (const std::size_t i : places)
     made.uncertainties[i].out_of_distribution.reason = "two bodies, not separable";

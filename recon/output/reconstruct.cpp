@@ -65,9 +65,11 @@ class StatusTable {
  private:
   void add(const PredictionUncertainty& c) {
     out_ << (std::isnan(c.lateral_interval_90_m) ? "" : formatted("%.3f", c.lateral_interval_90_m))
-         << formatted(",%.3f,%.3f,\"", c.out_of_distribution.distance,
-                      c.out_of_distribution.two_bodies)
-         << c.out_of_distribution.text() << "\"";
+         << formatted(",%.3f,", c.out_of_distribution.distance)
+         << (std::isnan(c.out_of_distribution.two_bodies)
+                 ? ""
+                 : formatted("%.3f", c.out_of_distribution.two_bodies))
+         << ",\"" << c.out_of_distribution.text() << "\"";
   }
   void add_bodies(const PredictionUncertainty& c) {
     if (c.bodies.empty())

@@ -29,7 +29,7 @@ std::string against_baselines(const Report& report) {
   const auto iou = [](const ScoredRow& row) { return row.metrics[metric_iou].mean; };
   for (const ScoredRow& row : report.baselines)
     if (iou(row) > 0.01 && (best == nullptr || iou(row) > iou(*best))) best = &row;
-  if (best == nullptr) return "no baseline draws a body";
+  if (best == nullptr) return "none of the baselines scored here draws a body";
   return std::string("the best baseline that draws a body, ") + baseline_title(best->name) + ": " +
          plus_minus(best->metrics[metric_iou], 1, 2);
 }
@@ -95,6 +95,7 @@ std::string worst_interval(const Report& report) {
   std::size_t worst = e.scores.size();
   double most = 1;
   for (std::size_t i = 0; i < e.uncertainties.size(); ++i) {
+    if (!e.uncertainties[i].bodies.empty()) continue;
     const double ratio = e.scores[i][metric_lateral_m] / e.uncertainties[i].lateral_interval_90_m;
     if (ratio > most) most = ratio, worst = i;
   }
@@ -155,6 +156,7 @@ CountOf letters_read(const Evaluation& e) {
 CountOf kept_intervals(const Evaluation& e) {
   CountOf out;
   for (std::size_t i = 0; i < e.uncertainties.size(); ++i) {
+    if (!e.uncertainties[i].bodies.empty()) continue;  // one interval each
     const double stated = e.uncertainties[i].lateral_interval_90_m;
     const double error = e.scores[i][metric_lateral_m];
     if (!std::isnan(stated) && !std::isnan(error)) ++out.of, out.count += error <= stated;
@@ -202,7 +204,7 @@ std::vector<Problem> problems_of(const Report& report) {
 std::vector<std::string> remarks_of(const Evaluation& e) {
   std::vector<std::string> out;
   if (e.domain_shift.tested() && !e.domain_shift.found()) out.push_back(e.domain_shift.text());
-  for (const std::string& text : {e.antennas, e.range_bias, e.gains})
+  for (const std::string& text : {e.antennas, e.speckle, e.range_bias, e.gains})
     if (!text.empty()) out.push_back(text);
   return out;
 }

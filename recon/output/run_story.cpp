@@ -61,6 +61,8 @@ std::vector<chart::Band> gaps(const RunStory& story, const Clock& clock, Sensor 
       return a.last - a.first > b.last - b.first;
     });
     out.resize(most_points);
+    std::stable_sort(out.begin(), out.end(),
+                     [](const auto& a, const auto& b) { return a.first < b.first; });
   }
   return out;
 }

@@ -9,6 +9,7 @@
 #include "drivers/core/random.hpp"
 #include "recon/data/split.hpp"
 #include "recon/files/text.hpp"
+#include "recon/maps/people.hpp"
 #include "recon/numbers/matrix_file.hpp"
 #include "recon/numbers/statistics.hpp"
 
@@ -39,6 +40,12 @@ const char* unusual(std::ptrdiff_t sensor) {
   constexpr std::array names{"unusual histogram", "unusual radar profile",
                              "unusual samples of the radar's antennas"};
   return names[static_cast<std::size_t>(sensor)];
+}
+
+// Records that are said to show two do not tell what one looks like.
+Rows of_one_body(const Dataset& data, Rows rows) {
+  std::erase_if(rows, [&](std::size_t row) { return data.label[row] == two_people_label; });
+  return rows;
 }
 
 }  // namespace
@@ -86,7 +93,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
     const Split fold = make_fold(order, part, parts, 0);
     const Rows usual = with_bodies(fold.train, with_body);
     learn(all, usual, seed);
-    two_bodies_.learn(raw_inputs, usual, places, seed);
+    two_bodies_.learn(raw_inputs, of_one_body(data, usual), places, seed);
     for (const std::size_t i : fold.test) {
       std::vector<float> one(all.row(i).begin(), all.row(i).end());
       for (std::size_t c = 0; c < one.size(); ++c) one[c] *= scale_[c];
@@ -98,7 +105,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   if (few) {
     const Rows usual = with_bodies(order, with_body);
     learn(all, usual, seed);
-    two_bodies_.learn(raw_inputs, usual, places, seed);
+    two_bodies_.learn(raw_inputs, of_one_body(data, usual), places, seed);
   }
   set_limits(std::move(held_statistics));
   if (inputs == Inputs::radar || with_body.empty()) return;
@@ -208,7 +215,7 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
     const auto raw = raw_inputs.row(i);
     const auto found = statistics(describe(features, raw.subspan(spd_bins_, profile_)), raw);
     OutOfDistributionScore s{std::max(limits_[0].share(found[0]), limits_[1].share(found[1])),
-                             limits_[2].share(found[2]),
+                             two_bodies_.known() ? limits_[2].share(found[2]) : NAN,
                              {},
                              {}};
     const bool has_range = spd && shows_body(features);

@@ -16,7 +16,8 @@ constexpr double false_alarms = 0.001;
 // The median of many records scatters less than one.
 constexpr std::size_t many = 20;
 constexpr double most_of_run = 0.5;
-constexpr double least = 1e-4;      // variation, below which nothing is told apart
+// Variation that plain noise may make, and which differs with it: below, little is told apart.
+constexpr double least = 0.3;
 constexpr double least_off = 0.25;  // of logarithms: so much differs from laboratory to laboratory
 
 std::optional<double> log_of(const record::Speckle& found, std::size_t kind) {
@@ -65,9 +66,10 @@ double SpeckleReference::share(const record::Speckle& found) const {
 }
 
 std::string SpeckleReference::text(const record::Speckle& found, std::size_t kind) const {
-  const double usual = std::exp(usual_[kind].median);
+  const auto variation = [](double log) { return std::max(std::exp(log) - least, 0.0); };
+  const double usual = variation(usual_[kind].median);
   if (!log_of(found, kind)) return "one carrier, several in training";
-  return formatted("%.2g from %s, %.2g in training", std::exp(log_of(found, kind).value_or(0)),
+  return formatted("%.2g from %s, %.2g in training", variation(log_of(found, kind).value_or(0)),
                    kind == 0 ? "frame to frame" : "carrier to carrier", usual);
 }
 
@@ -90,7 +92,7 @@ std::string SpeckleReference::of_run(const Dataset& data, const Matrix& aligned)
   const std::string by = "the radar's power varies otherwise than in training: " + text(middle);
   if (hops() && carriers.empty()) return by + " (fewer independent looks)" + places;
   return by +
-         (middle.over_frames > std::exp(usual_[0].median)
+         (middle.over_frames + least > std::exp(usual_[0].median)
               ? " (echoes that interfere, fewer carriers, or noise)"
               : " (people who move less, more carriers, or echoes that do not interfere)") +
          places;

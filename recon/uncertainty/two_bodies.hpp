@@ -22,6 +22,7 @@ class TwoBodies {
  public:
   // What a model of these features is given; the alignment is not looked at without a detector.
   void use(const Features& of_model, const Alignment& alignment);
+  bool known() const { return classifier_.known(); }
   // From the given rows of the raw inputs. places: where the body of every row is, if it is known.
   void learn(const Matrix& raw_inputs, const Rows& rows,
              const std::vector<std::optional<Place>>& places, std::uint64_t seed);

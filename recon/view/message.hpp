@@ -22,9 +22,8 @@
 //   reference  spd: mean histogram of the first minute
 //   strip      of the whole run in at most strip_columns columns: first (index), used, lost and
 //              residual_s of each sensor, and the share of its records that are valid
-//   sheet      small maps of records spread over the run: index, and maps (m) of sheet_side pixels,
-//   and which
-//              of them lack a depth picture (lacks)
+//   sheet      small maps of records spread over the run: index, maps (m) of sheet_side pixels, and
+//              which of them lack a depth picture (lacks)
 //   answer     what became of a mark or a label: ok, text
 //   trouble    why there is nothing to see: text
 // From the client, text, at most 1024 bytes: one of

@@ -297,7 +297,8 @@ std::vector<double> Generator::look_through_array(std::int64_t index, const Retu
     r.array = std::move(looks.array);
     r.array_frames = static_cast<std::uint64_t>(c.radar_frames * c.radar_carriers);
   }
-  r.speckle = looks.speckle;
+  // Incoherent echoes are drawn per frame, but stand for such as do not vary.
+  if (c.radar_sum == "coherent") r.speckle = looks.speckle;
   return std::move(looks.power);
 }
 

@@ -205,7 +205,8 @@ void validate(const Conditions& c) {
   if (c.multipath_order > 0 && c.radar_ground > 0)
     throw Error(ExitCode::config,
                 "radar_ground and multipath_order: both are echoes by the floor; give one of them");
-  if (c.radar_carriers > 1 && (free_band_hz(c) <= 0 || carriers_hz(c).back() > free_band_hz(c)))
+  if (c.radar_carriers > 1 &&
+      (free_band_hz(c) <= 0 || carriers_hz(c).back() > (1 + 1e-9) * free_band_hz(c)))
     throw Error(ExitCode::config, std::to_string(c.radar_carriers) +
                                       " carriers of this resolution and step do not "
                                       "fit into 4 GHz");

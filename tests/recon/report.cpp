@@ -50,7 +50,7 @@ TEST_CASE("the verdict names an opponent that draws a body, and what is worse") 
                              {"paper", evaluation_of("mlp", 0.5, 0.42)}});
   const std::string alone = verdict(report);
   CHECK_THAT(alone, Catch::Contains("IoU 0.60 \u00b1 0.00 (the paper's network: 0.50") &&
-                        Catch::Contains("no baseline draws a body") &&
+                        Catch::Contains("none of the baselines scored here draws a body") &&
                         Catch::Contains("20 simulated records of a new run") &&
                         Catch::Contains("lateral error 3.1") && !Catch::Contains("empty room"));
   CHECK_THAT(alone,

@@ -144,7 +144,7 @@ function drawRecord() {
     put('deviation', square(a.deviation, made.half_tangent, 'sure', [0, 2]));
     const nobody = a.reconstruction && !a.reconstruction.some(v => v > 0);
     const fault = made.fault.replace(/\bspd\b/, 'SPD');
-    say('said', fault ? `No reconstruction: this record ${fault}`
+    say('said', fault ? `No reconstruction: ${fault}`
       : [nobody && 'the reconstruction has no body', made.note, state?.doubt].filter(Boolean).join('; '));
     $('said').className = made.fault || made.note || state?.doubt ? 'look' : '';
     drawMapsLamp();
