@@ -31,7 +31,7 @@ const say = (id, text) => {
   if ($(id).textContent !== text) $(id).textContent = text;
 };
 
-const rate = (n, name) => `${count(Math.round(n))} ${name === 'spd' ? 'clicks' : 'frames'}/s`;
+const rate = (n, name) => `${n < 10 ? +n.toPrecision(2) : count(Math.round(n))} ${name === 'spd' ? 'clicks' : 'frames'}/s`;
 
 // Lamps: the word says it, the colour repeats it.
 function lampOf(sensor, over, old) {
