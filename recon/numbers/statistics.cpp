@@ -34,6 +34,14 @@ bool all_same(std::span<const float> values) {
   return std::adjacent_find(values.begin(), values.end(), std::not_equal_to<>()) == values.end();
 }
 
+float share_out(std::span<float> values) {
+  float all = 0;
+  for (const float v : values) all += std::max(v, 0.f);
+  if (all > 0)
+    for (float& v : values) v /= all;
+  return all;
+}
+
 double mean_of(std::span<const double> values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }

@@ -21,6 +21,9 @@ ColumnStatistics column_statistics(const Matrix& table, const Rows& rows);
 // As of a sensor that is dead.
 bool all_same(std::span<const float> values);
 
+// Divides by the sum of what is above zero, if anything is, and returns that.
+float share_out(std::span<float> values);
+
 double mean_of(std::span<const double> values);
 
 // Divided by their number (at least one).

@@ -31,7 +31,8 @@ struct CountOf {
   std::string text() const;                    // "5 of 40"
   std::pair<double, double> interval() const;  // of 95 % (Wilson 1927)
 };
-CountOf letters_read(const Evaluation& evaluation);
+// Of the records that define the metric, those of which it is true.
+CountOf count_of(const std::vector<MapScores>& scores, Metric metric);
 CountOf kept_intervals(const Evaluation& evaluation);  // bodies within what was stated
 
 std::string first_table(const Report& report);

@@ -205,7 +205,7 @@ std::string gallery_html(const std::vector<ShownRecord>& gallery, const chart::S
 std::string letters_html(const Report& report) {
   if (report.letters.empty()) return {};
   const Evaluation& e = report.modes.front().evaluations.front();
-  const CountOf read = letters_read(e);
+  const CountOf read = count_of(e.scores, metric_letter_top1);
   const auto [low, high] = read.interval();
   std::string out = chart::paragraph(formatted(
       "The letter is read in %s records (95 %% interval %.0f to %.0f %%); by chance it is %.1f. "

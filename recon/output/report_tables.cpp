@@ -149,9 +149,7 @@ std::string summary(const Summary& s, double unit, const char* format) {
 }
 
 std::string counted(const std::vector<MapScores>& scores, Metric metric) {
-  CountOf out;
-  for (const MapScores& s : scores)
-    if (!std::isnan(s[metric])) ++out.of, out.count += s[metric] > 0.5;
+  const CountOf out = count_of(scores, metric);
   return out.of > 0 ? out.text() : "\u2013";
 }
 

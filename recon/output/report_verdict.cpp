@@ -122,7 +122,7 @@ void add_run(std::vector<Problem>& out, const Evaluation& e, const std::string& 
 }
 
 void add_letters(std::vector<Problem>& out, const Evaluation& e) {
-  const CountOf read = letters_read(e);
+  const CountOf read = count_of(e.scores, metric_letter_top1);
   if (read.of == 0 || read.interval().first > 0.5) return;
   const double chance = static_cast<double>(read.of) / static_cast<double>(letters.size());
   const bool by_chance = read.interval().first <= 1.0 / static_cast<double>(letters.size());
@@ -146,10 +146,10 @@ std::pair<double, double> CountOf::interval() const {
   return {std::max(0.0, middle - half), std::min(1.0, middle + half)};
 }
 
-CountOf letters_read(const Evaluation& e) {
+CountOf count_of(const std::vector<MapScores>& scores, Metric metric) {
   CountOf out;
-  for (const MapScores& s : e.scores)
-    if (!std::isnan(s[metric_letter_top1])) ++out.of, out.count += s[metric_letter_top1] > 0.5;
+  for (const MapScores& s : scores)
+    if (!std::isnan(s[metric])) ++out.of, out.count += s[metric] > 0.5;
   return out;
 }
 

@@ -9,6 +9,7 @@
 #include "drivers/core/random.hpp"
 #include "recon/models/body/turned.hpp"
 #include "recon/numbers/parallel.hpp"
+#include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -25,13 +26,6 @@ const std::vector<std::size_t> hidden = {64, 64};
 constexpr std::size_t batch = 256, draws_a_record = 500, most_draws = 1'500'000;
 constexpr double learning_rate = 4e-3;
 constexpr double nobody = -30;  // log odds
-
-void share_out(std::span<float> values) {
-  float all = 0;
-  for (const float v : values) all += std::max(v, 0.f);
-  if (all > 0)
-    for (float& v : values) v /= all;
-}
 
 }  // namespace
 

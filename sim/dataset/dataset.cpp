@@ -139,10 +139,8 @@ bool is_there(const std::string& path, const record::RunInfo& info, JobPart::Ran
   if (!std::filesystem::exists(path)) return false;
   const record::RunReader run(path);
   const record::RunInfo found = run.info();
-  std::int64_t first = records.begin;
-  run.for_each([&](const record::FusedRecord& r) { return first = r.index, false; }, 0, {}, {});
   return found.uuid == info.uuid && found.status == "complete" && run.count() == records.size() &&
-         first == records.begin;
+         (records.size() == 0 || record::first_index(run) == records.begin);
 }
 
 void check_object(const std::vector<SceneSpec>& scenes, const Conditions& conditions) {
@@ -297,8 +295,7 @@ std::vector<double> Generator::look_through_array(std::int64_t index, const Retu
     r.array = std::move(looks.array);
     r.array_frames = static_cast<std::uint64_t>(c.radar_frames * c.radar_carriers);
   }
-  // Incoherent echoes are drawn per frame, but stand for such as do not vary.
-  if (c.radar_sum == "coherent") r.speckle = looks.speckle;
+  r.speckle = looks.speckle;
   return std::move(looks.power);
 }
 

@@ -161,10 +161,6 @@ void bind_depth(Settings& s, Conditions& c) {
   s.add("depth_holes", c.depth_holes, 0, 0.9, "share of the surface lost in holes");
 }
 
-}  // namespace
-
-namespace {
-
 // What a sweep of c / 2 resolution leaves.
 double free_band_hz(const Conditions& c) {
   constexpr double band_hz = 4e9;

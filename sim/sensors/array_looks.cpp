@@ -87,7 +87,9 @@ ArrayLooks look_through_array(const Returns& returns, const ArrayRadar& radar,
     echo.advance(later_s, rng, state(f));
   }
   GaussianNoise noise(rng);
-  std::vector<float> of_frames(frames * points);  // power of each point
+  // Incoherent echoes are drawn per frame, but stand for such as do not vary.
+  const bool varies = c.radar_sum == "coherent";
+  std::vector<float> of_frames(varies ? frames * points : 0);  // power of each point
   ArrayLooks looks;
   looks.array.reserve(kept_bins * record::values_of_bin(antennas));
   std::vector<float> planes(echo.planes_size());
@@ -104,7 +106,8 @@ ArrayLooks look_through_array(const Returns& returns, const ArrayRadar& radar,
       noise.add(im, rms);
       if (carriers > 1) sums.skip();  // the frame before was of another carrier
       sums.add_planes(re.data(), im.data());
-      put_powers(re, im, bins, std::span(of_frames).subspan(f * points + block * lanes, bins));
+      if (varies)
+        put_powers(re, im, bins, std::span(of_frames).subspan(f * points + block * lanes, bins));
     }
     const auto array = sums.take();
     for (std::size_t i = 0; i < bins; ++i) {
@@ -114,6 +117,7 @@ ArrayLooks look_through_array(const Returns& returns, const ArrayRadar& radar,
         looks.array.insert(looks.array.end(), bin.values.begin(), bin.values.end());
     }
   }
+  if (!varies) return looks;
   record::SpeckleStatistics speckle(carriers);
   for (std::size_t f = 0; f < frames; ++f)
     speckle.add(f / carriers, f % carriers, std::span(of_frames).subspan(f * points, points));

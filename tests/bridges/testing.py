@@ -27,7 +27,8 @@ sys.dont_write_bytecode = True
 # The library of the build that is tested; without it, the tests of the product without it.
 library = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "").resolve().parent / "lib/libechofuse_bridge_pack.so"
 os.environ.setdefault("ECHOFUSE_BRIDGE_LIBRARY", str(library))
-sys.path[:0] = [str(root / "scripts/bridges"), str(here / "stand_in")]
+sys.path[:0] = [str(root / "scripts/bridges"), str(here / "stand_in"), str(here.parent)]
+from waiting import wait_for
 
 
 def golden():
@@ -45,14 +46,6 @@ def golden():
 
 
 Block = types.SimpleNamespace
-
-
-def wait_for(what, condition, timeout_s=20):
-    end = time.monotonic() + timeout_s
-    while not condition():
-        if time.monotonic() > end:
-            raise AssertionError(f"no {what} within {timeout_s} s")
-        time.sleep(0.01)
 
 
 class Client:

@@ -16,16 +16,11 @@ import tempfile
 import time
 import unittest
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
+from waiting import wait_for
+
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 WINDOW_S = float(os.environ.get("ECHOFUSE_TEST_WINDOW_S", "0.2"))  # longer where sanitizers slow everything down
-
-
-def wait_for(what, condition, timeout_s=20):
-    end = time.monotonic() + timeout_s
-    while not condition():
-        if time.monotonic() > end:
-            raise AssertionError(f"no {what} within {timeout_s} s")
-        time.sleep(0.02)
 
 
 class Live(unittest.TestCase):

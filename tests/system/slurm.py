@@ -17,6 +17,9 @@ import tempfile
 import time
 import unittest
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
+from waiting import wait_for
+
 bin_dir = pathlib.Path(sys.argv.pop(1)).resolve()
 scripts = pathlib.Path(__file__).resolve().parents[2] / "scripts/slurm"
 NEEDED = ("slurmctld", "slurmd", "munged", "sbatch", "squeue", "scontrol")
@@ -50,14 +53,6 @@ NodeName=n1 NodeHostname={host} NodeAddr=127.0.0.1 Port={ports[1]} CPUs=1 RealMe
 NodeName=n2 NodeHostname={host} NodeAddr=127.0.0.1 Port={ports[2]} CPUs=1 RealMemory=1000 State=UNKNOWN
 PartitionName=all Nodes=n1,n2 Default=YES MaxTime=INFINITE State=UP
 """
-
-
-def wait_for(what, condition, seconds=120):
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            raise AssertionError(f"{what() if callable(what) else what}: not within {seconds} s")
-        time.sleep(0.1)
 
 
 def free_ports(count):
@@ -162,7 +157,7 @@ class Slurm(unittest.TestCase):
     def test_dataset_with_a_node_that_dies(self):
         settings = ["--records", "2400", "--set", "spd_rays=512"]
         self.submit("dataset.sbatch", 6, "base.sqlite", *settings)
-        wait_for("a part being made on the node", lambda: self.halted("n2", "echofuse-sim"))
+        wait_for("a part being made on the node", lambda: self.halted("n2", "echofuse-sim"), 120)
         self.node_dies("n2")
         wait_for("the job in the queue again", lambda: self.ask("squeue", "-h", "-r", "-t", "pending", "-o", "%A"), 30)
         subprocess.run(["slurmd", "-N", "n2"], check=True, cwd=self.dir)

@@ -124,6 +124,7 @@ class Alignment {
   Body find_body(std::span<const float> clicks, std::span<const float> counts) const;
   // Both return what they divide by.
   float align_histogram(std::span<const float> clicks, float range_m, std::span<float> out) const;
+  std::vector<float> above_background(std::span<const float> raw_power) const;
   float align_profile(std::span<const float> power, double range_m, std::span<float> out) const;
   void add_profile(std::span<const float> power, double range_m, std::span<float> out) const;
   void correlate(std::span<float> inputs) const;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "recon/models/body/alignment.hpp"
+#include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -41,15 +42,6 @@ std::array<float, 2 * profile_taps> lanczos(double part) {
   return out;
 }
 
-// Divides by what is above zero, and returns that.
-float share_out(std::span<float> values) {
-  float all = 0;
-  for (const float v : values) all += std::max(v, 0.f);
-  if (all > 0)
-    for (float& v : values) v /= all;
-  return all;
-}
-
 }  // namespace
 
 // Of profiles as they are recorded, not of bins added up: a power profile has twice the bandwidth
@@ -82,24 +74,26 @@ void Alignment::add_profile(std::span<const float> power, double range_m,
   }
 }
 
+std::vector<float> Alignment::above_background(std::span<const float> raw_power) const {
+  std::vector<float> out(raw_power.begin(), raw_power.end());
+  for (std::size_t i = 0; i < out.size(); ++i) out[i] -= radar_background_[i];
+  return out;
+}
+
 void Alignment::add_profiles(std::span<const MovedProfile> profiles,
                              std::span<float> features) const {
   const auto out = features.subspan(histogram_bins(), profile_points());
   std::fill(out.begin(), out.end(), 0.f);
   for (const auto& [raw_power, farther_m] : profiles) {
-    std::vector<float> power(raw_power.begin(), raw_power.end());
-    for (std::size_t i = 0; i < power.size(); ++i) power[i] -= radar_background_[i];
-    add_profile(power, double{features.back()} - farther_m, out);
+    add_profile(above_background(raw_power), double{features.back()} - farther_m, out);
   }
   share_out(out);
 }
 
 void Alignment::move_profile(std::span<const float> raw_power, double farther_m, double times,
                              std::span<float> inputs) const {
-  std::vector<float> power(raw_power.begin(), raw_power.end());
-  for (std::size_t i = 0; i < power.size(); ++i) power[i] -= radar_background_[i];
   const auto features = inputs.last(size());
-  align_profile(power, double{features.back()} - farther_m,
+  align_profile(above_background(raw_power), double{features.back()} - farther_m,
                 features.subspan(histogram_bins(), profile_points()));
   if (brightness_) Brightness::strengthen(brightness_of(features), times);
   correlate(inputs);

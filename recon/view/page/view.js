@@ -31,6 +31,7 @@ const say = (id, text) => {
   if ($(id).textContent !== text) $(id).textContent = text;
 };
 
+const faultOf = made => made.fault.replace(/\bspd\b/, names.spd);
 const rate = (n, name) => `${n < 10 ? +n.toPrecision(2) : count(Math.round(n))} ${name === 'spd' ? 'clicks' : 'frames'}/s`;
 
 // Lamps: the word says it, the colour repeats it.
@@ -78,7 +79,7 @@ function drawMapsLamp() {
   if (!made) return light('maps', ['off', '–'], run.model ? 'none yet' : '', '');
   const met = made.iou == null ? '' : `camera: IoU ${made.iou.toFixed(2)}` +
     (made.lateral_error_m == null ? '' : `, ${(made.lateral_error_m * 100).toFixed(0)} cm off`);
-  const why = made.fault.replace(/\bspd\b/, 'SPD') || made.note || (state?.doubt ? 'run unlike the training' : '');
+  const why = faultOf(made) || made.note || (state?.doubt ? 'run unlike the training' : '');
   light('maps', made.fault ? ['bad', 'NONE'] : why ? ['look', 'DOUBT'] : ['ok', 'OK'],
         why || (made.lateral_interval_90_m == null ? '' : `±${(made.lateral_interval_90_m * 100).toFixed(0)} cm sideways (90 %)`), met);
 }
@@ -143,7 +144,7 @@ function drawRecord() {
     put('reconstruction', square(a.reconstruction, made.half_tangent));
     put('deviation', square(a.deviation, made.half_tangent, 'sure', [0, 2]));
     const nobody = a.reconstruction && !a.reconstruction.some(v => v > 0);
-    const fault = made.fault.replace(/\bspd\b/, 'SPD');
+    const fault = faultOf(made);
     say('said', fault ? `No reconstruction: ${fault}`
       : [nobody && 'the reconstruction has no body', made.note, state?.doubt].filter(Boolean).join('; '));
     $('said').className = made.fault || made.note || state?.doubt ? 'look' : '';
