@@ -42,12 +42,6 @@ const char* unusual(std::ptrdiff_t sensor) {
   return names[static_cast<std::size_t>(sensor)];
 }
 
-// Records that are said to show two do not tell what one looks like.
-Rows of_one_body(const Dataset& data, Rows rows) {
-  std::erase_if(rows, [&](std::size_t row) { return data.label[row] == two_people_label; });
-  return rows;
-}
-
 }  // namespace
 
 void OutOfDistributionDetector::use(const Features& of_model, const Alignment& alignment) {
@@ -88,12 +82,17 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   // Of so few records none is spared for the limits alone: each is judged by what the others say.
   const bool few = rows.size() < few_records;
   const std::size_t parts = few || rows.size() < many_records ? folds_of_few : folds_of_many;
+  const auto learn_from = [&](const Rows& part) {
+    Rows usual = with_bodies(part, with_body);
+    learn(all, usual, seed);
+    // Records that are said to show two do not tell what one looks like.
+    std::erase_if(usual, [&](std::size_t i) { return data.label[rows[i]] == two_people_label; });
+    two_bodies_.learn(raw_inputs, usual, places, seed);
+  };
   std::array<std::vector<float>, 6> held_statistics;
   for (std::size_t part = few ? 0 : parts - 1; part < parts; ++part) {
     const Split fold = make_fold(order, part, parts, 0);
-    const Rows usual = with_bodies(fold.train, with_body);
-    learn(all, usual, seed);
-    two_bodies_.learn(raw_inputs, of_one_body(data, usual), places, seed);
+    learn_from(fold.train);
     for (const std::size_t i : fold.test) {
       std::vector<float> one(all.row(i).begin(), all.row(i).end());
       for (std::size_t c = 0; c < one.size(); ++c) one[c] *= scale_[c];
@@ -102,11 +101,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
         held_statistics[s].push_back(static_cast<float>(found[s]));
     }
   }
-  if (few) {
-    const Rows usual = with_bodies(order, with_body);
-    learn(all, usual, seed);
-    two_bodies_.learn(raw_inputs, of_one_body(data, usual), places, seed);
-  }
+  if (few) learn_from(order);
   set_limits(std::move(held_statistics));
   if (inputs == Inputs::radar || with_body.empty()) return;
   const std::size_t at = aligned_ - 1;

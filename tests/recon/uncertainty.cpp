@@ -8,6 +8,7 @@
 #include "recon/estimator/fit_uncertainty.hpp"
 #include "recon/estimator/predict.hpp"
 #include "recon/estimator/train.hpp"
+#include "recon/maps/people.hpp"
 #include "recon/numbers/linear_fit.hpp"
 #include "world.hpp"
 
@@ -162,6 +163,24 @@ TEST_CASE("the order of the training records says nothing: near ones may come be
   flagged = 0;
   for (const auto& s : judge(two)) flagged += !s.reason.empty();
   CHECK(flagged / 300 > 0.5);
+}
+
+TEST_CASE("records beside the training rows say nothing of what one body looks like") {
+  Dataset data = testing::load_plates(300);
+  std::fill_n(data.label.begin(), 100, two_people_label);
+  Rows rows = all_rows(300);
+  rows.erase(rows.begin(), rows.begin() + 100);
+  const Dataset alone = part_of(data, rows);
+  const auto score = [&](const Dataset& from, const Rows& training) {
+    const Preprocessing p(from, training, Inputs::fused,
+                          learn_scene(from.depth, training, from.map), true);
+    const OutOfDistributionDetector detector(p.alignment, from, p.aligned, training, Inputs::fused,
+                                             p.scene, 1);
+    std::vector<double> out;
+    for (const auto& s : detector.judge(p.aligned, from, training)) out.push_back(s.two_bodies);
+    return out;
+  };
+  CHECK(score(data, rows) == score(alone, all_rows(200)));
 }
 
 TEST_CASE("counts that are not whole lose photons like any others") {
