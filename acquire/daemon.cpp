@@ -36,6 +36,20 @@ constexpr auto settle_time = std::chrono::milliseconds(100);
 // Leaves a second for the devices and the disk: SIGTERM closes a run within 5 s.
 constexpr auto close_limit = std::chrono::seconds(4);
 
+std::string event_text(DeviceState state, const std::string& address) {
+  switch (state) {
+    case DeviceState::connecting:
+      return "connecting to " + address;
+    case DeviceState::streaming:
+      return "receiving from " + address;
+    case DeviceState::faulted:
+      return "no data from " + address + ", trying again";
+    case DeviceState::ended:
+      break;
+  }
+  return address + " has ended";
+}
+
 // Threading: everything runs on the thread that calls run(); drivers and the writer have threads of
 // their own behind their interfaces.
 class Daemon final : private SampleSink {
@@ -242,7 +256,7 @@ void Daemon::on_depth(DepthFrame frame) {
 
 void Daemon::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
   log(state == DeviceState::faulted ? Severity::warning : Severity::info, name_of(sensor),
-      std::string(name_of(state)) + " " + info.address);
+      event_text(state, info.address));
   // What a sender kept and sends now stands where the clock that it had places it. A clock that
   // began anew shows by itself, but not one that wraps after seconds.
   if (state != DeviceState::streaming && sensor == Sensor::radar) clocks_.reset(sensor);
