@@ -20,10 +20,10 @@ constexpr AlignmentWindow window{
 constexpr double least_apart_m = 0.4;  // sideways
 constexpr int most_tries = 20;         // to draw two bodies that are
 constexpr std::uint64_t pair_stream = 0x70616972, turn_stream = 0x7475726e;  // "pair", "turn"
-constexpr std::size_t most_pairs = 48'000, pairs_a_record = 16;
-constexpr std::size_t most_turned = 24'000, turned_a_record = 8;
-const std::vector<std::size_t> hidden = {64, 64};
-constexpr std::size_t batch = 256, draws_a_record = 500, most_draws = 1'500'000;
+constexpr std::size_t most_pairs = 96'000, pairs_a_record = 32;
+constexpr std::size_t most_turned = 48'000, turned_a_record = 16;
+const std::vector<std::size_t> hidden = {128, 64};
+constexpr std::size_t batch = 256, draws_a_record = 500, most_draws = 3'000'000;
 constexpr double learning_rate = 4e-3;
 constexpr double nobody = -30;  // log odds
 
