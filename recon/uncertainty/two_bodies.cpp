@@ -25,7 +25,8 @@ constexpr std::size_t most_turned = 48'000, turned_a_record = 16;
 const std::vector<std::size_t> hidden = {128, 64};
 constexpr std::size_t batch = 256, draws_a_record = 500, most_draws = 3'000'000;
 constexpr double learning_rate = 4e-3;
-constexpr double nobody = -30;  // log odds
+constexpr double nobody = -30;                // log odds
+constexpr double background_quantile = 0.05;  // of the radar's power, without an alignment
 
 }  // namespace
 
@@ -50,8 +51,10 @@ std::vector<float> TwoBodies::describe(std::span<const float> raw_inputs) const 
 void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
                       const std::vector<std::optional<Place>>& places, std::uint64_t seed) {
   Matrix ones, pairs;
-  std::vector<float> background =
-      alignment_.known() ? alignment_.background() : std::vector<float>(raw_inputs.cols);
+  // A sum has it once, as a record has.
+  const std::vector<float> background =
+      alignment_.known() ? alignment_.background()
+                         : column_quantile(raw_inputs, rows, background_quantile);
   // Records with a body, and where it is.
   Rows seen, usable;
   std::vector<Place> known;

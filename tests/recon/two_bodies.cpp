@@ -157,6 +157,32 @@ TEST_CASE("side by side they are flagged, and one body's map stays as it is bit 
   CHECK(right / static_cast<double>(one.size() * two.size()) > 0.98);
 }
 
+TEST_CASE("of a radar alone, the room is in a record of two people once") {
+  constexpr std::size_t count = 300, wall_bin = 22;
+  const auto with_wall = [](Dataset data) {
+    for (std::size_t i = 0; i < data.size(); ++i) data.radar.row(i)[wall_bin] += 3;
+    return data;
+  };
+  const Dataset bare = testing::load_plates(2 * count), all = with_wall(bare);
+  Rows rows = all_rows(count);
+  const Preprocessing p(all, rows, Inputs::radar, learn_scene(all.depth, rows, all.map), false);
+  const OutOfDistributionDetector detector(p.alignment, all, p.aligned, rows, Inputs::radar,
+                                           p.scene, 1);
+  for (std::size_t& row : rows) row += count;
+  const Dataset fresh = part_of(all, rows);
+  Dataset two = fresh;
+  for (std::size_t i = 0; i < count; ++i)
+    for (std::size_t c = 0; c < two.radar.cols; ++c)
+      two.radar.row(i)[c] += bare.radar.row(count + (i + 7) % count)[c];
+  double right = 0;
+  const auto one_scores = detector.judge(p.aligned, fresh, all_rows(count)),
+             two_scores = detector.judge(p.aligned, two, all_rows(count));
+  for (const auto& a : one_scores)
+    for (const auto& b : two_scores) right += b.two_bodies > a.two_bodies;
+  INFO(right / double{count * count});
+  CHECK(right / double{count * count} > 0.8);
+}
+
 TEST_CASE("each person of a map has an IoU of his own") {
   const Scene scene{std::vector<float>(64 * 64), std::vector<float>(64 * 64), 3.5f, {}};
   std::vector<float> truth(64 * 64), left(64 * 64);
