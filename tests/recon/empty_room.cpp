@@ -57,6 +57,15 @@ TrainedModel trained(const std::string& path, const std::string& empty, const st
   return train(data, options);
 }
 
+// What the first sentence of a report says.
+double reported_iou(const std::string& folder, const std::string& options) {
+  const Outcome o = recon_program("report -q " + folder + options);
+  INFO(o.text);
+  REQUIRE(o.code == 0);
+  const std::string page = contents(folder + "/report.html");
+  return std::stod(page.substr(page.find("IoU ") + 4));
+}
+
 }  // namespace
 
 TEST_CASE("a model that knows its empty room keeps its accuracy in another one, given that") {
@@ -69,12 +78,17 @@ TEST_CASE("a model that knows its empty room keeps its accuracy in another one, 
   CHECK(model.range_bias.knows_bodies());  // in front of a wall that is known
   CHECK(at_home > 0.5);
   CHECK(lost < 0.5 * at_home);
+  save_model(model, dir / "model");
   CHECK(take_to_room(model, dir / "there empty").empty());
   CHECK(iou_of(model, dir / "there") > 0.95 * at_home);
   const std::string error = error_of([&] { take_to_room(model, dir / "there"); });
   CHECK(error == (dir / "there") +
                      ": its histograms differ by more than photons do: people are in it? expected "
                      "a run of the empty room");
+  const std::string there = " --run " + (dir / "there") + " --fused " + (dir / "model");
+  CHECK(reported_iou(dir / "without", there) < 0.5 * at_home);
+  CHECK(reported_iou(dir / "report", there + " --empty '" + (dir / "there empty") + "'") >
+        0.9 * at_home);
 }
 
 TEST_CASE("a dead radar stays dead in another room, and a few records make no empty room") {
