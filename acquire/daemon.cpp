@@ -36,18 +36,11 @@ constexpr auto settle_time = std::chrono::milliseconds(100);
 // Leaves a second for the devices and the disk: SIGTERM closes a run within 5 s.
 constexpr auto close_limit = std::chrono::seconds(4);
 
+// scripts/audit_run.py looks for "not connected to".
 std::string event_text(DeviceState state, const std::string& address) {
-  switch (state) {
-    case DeviceState::connecting:
-      return "connecting to " + address;
-    case DeviceState::streaming:
-      return "receiving from " + address;
-    case DeviceState::faulted:
-      return "no data from " + address + ", trying again";
-    case DeviceState::ended:
-      break;
-  }
-  return address + " has ended";
+  if (state == DeviceState::ended) return address + " has ended";
+  return std::string(name_of(state)) + " to " + address +
+         (state == DeviceState::faulted ? ", trying again" : "");
 }
 
 // Threading: everything runs on the thread that calls run(); drivers and the writer have threads of

@@ -43,8 +43,8 @@ class Run:
             self.counters[source, name] += value
         mono, utc = db.execute("SELECT mono_ns, utc_ns FROM anchor ORDER BY mono_ns LIMIT 1").fetchone()
         self.breaks = collections.defaultdict(list)  # sensor -> host times at which its driver gave a connection up
-        for text_utc, source in db.execute(
-                "SELECT utc, source FROM event WHERE text LIKE 'no data from %, trying again' ORDER BY id"):
+        for text_utc, source in db.execute("SELECT utc, source FROM event WHERE text LIKE 'not connected to %'"
+                                           " OR text LIKE 'faulted %' ORDER BY id"):  # runs from before
             then = datetime.datetime.fromisoformat(text_utc.replace("Z", "+00:00"))
             self.breaks[source].append(int(then.timestamp() * 1e9) - utc + mono)
 

@@ -170,7 +170,25 @@ class Plot {
             p_.width - std::max(std::min(right, p_.width * 0.42), p_.right),
             p_.height - (p_.bare ? 8 : 42) - line_px * static_cast<double>(notes_.size())};
     x_.at_first = box_.left, x_.at_last = box_.right;
+    if (words_meet()) {
+      constexpr double slant_rad = 35 * M_PI / 180;
+      for (const auto& tick : p_.x.ticks)
+        slant_px_ = std::max(slant_px_, std::sin(slant_rad) * text_width(tick.second));
+      box_.bottom -= slant_px_;
+    }
     y_.at_first = box_.bottom, y_.at_last = box_.top;
+  }
+
+  // Numbers between others may be left out; words may not.
+  bool words_meet() const {
+    double after = -1e9;
+    for (const auto& [at, name] : p_.x.ticks) {
+      if (name.empty() || p_.bare) continue;
+      const double half = text_width(name) / 2;
+      if (x_(at) - half < after && name.find_first_of("0123456789") != 0) return true;
+      after = x_(at) + half + 6;
+    }
+    return false;
   }
 
   void draw_frame() {
@@ -181,8 +199,12 @@ class Plot {
       if (!x_.within(at)) continue;
       const double x = x_(at), half = text_width(name) / 2;
       out_ += line("grid", x, box_.top, x, box_.bottom);
-      if (name.empty() || p_.bare || x - half < after) continue;
-      out_ += text("tick", x, box_.bottom + 17, name, "middle");
+      if (name.empty() || p_.bare || (slant_px_ == 0 && x - half < after)) continue;
+      if (slant_px_ > 0)
+        out_ += "<text class=\"tick\" text-anchor=\"end\" transform=\"translate(" + number(x + 4) +
+                " " + number(box_.bottom + 14) + ") rotate(-35)\">" + escaped(name) + "</text>";
+      else
+        out_ += text("tick", x, box_.bottom + 17, name, "middle");
       after = x + half + 6;
     }
     double above = 1e9;
@@ -202,7 +224,8 @@ class Plot {
             "/>";
     const double middle = (box_.top + box_.bottom) / 2;
     if (!p_.bare)
-      out_ += text("quiet", (box_.left + box_.right) / 2, box_.bottom + 35, p_.x.title, "middle");
+      out_ += text("quiet", (box_.left + box_.right) / 2, box_.bottom + 35 + slant_px_, p_.x.title,
+                   "middle");
     out_ += "<text class=\"quiet\" text-anchor=\"middle\" transform=\"translate(14 " +
             number(middle) + ") rotate(-90)\">" + escaped(p_.y.title) + "</text>";
     for (std::size_t i = 0; i < notes_.size(); ++i)
@@ -364,6 +387,7 @@ class Plot {
   Lines title_, notes_;
   Mapping x_, y_;
   Box box_{};
+  double slant_px_ = 0;  // height of names of x that would meet, and are slanted
   bool names_right_ = false;
   std::vector<Box> taken_;
   std::string out_;

@@ -56,6 +56,12 @@ Prediction predict_aligned(const TrainedModel& model, const Dataset& data, const
   separate_bodies(model, data, rows, out, detail == PredictionDetail::pixels ? &soft : nullptr);
   require_finite(out.maps);
   if (detail == PredictionDetail::uncertainty) return out;
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    if (const auto& two = out.uncertainties[i].bodies; !two.empty())
+      if (const double widest_m =
+              std::fmax(two[0].lateral_interval_90_m, two[1].lateral_interval_90_m);
+          !std::isnan(widest_m))
+        lateral_interval_90_m[i] = widest_m;
   soft = soft_of(std::move(soft), out.maps, model.scene, lateral_interval_90_m);
   PixelMaps pixels = uncertainty.pixels(soft, model.scene);
   require_finite(pixels.mean), require_finite(pixels.deviation);

@@ -22,6 +22,7 @@ constexpr std::size_t folds_of_few = 4, folds_of_many = 10;  // one of which set
 constexpr std::size_t few_records = 400, many_records = 3000;
 // Of records like the training ones, above each limit.
 constexpr std::array<double, 3> false_alarms = {0.002, 0.002, 0.003};
+constexpr std::size_t of_two = 2;            // of the statistics
 constexpr double range_reserve = 0.05;       // of the span of the training records' ranges
 constexpr double clicks_reserve = 1.25;      // against the brightest training record
 constexpr double nearly_all_records = 0.99;  // of the training records show a body
@@ -82,11 +83,12 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   // Of so few records none is spared for the limits alone: each is judged by what the others say.
   const bool few = rows.size() < few_records;
   const std::size_t parts = few || rows.size() < many_records ? folds_of_few : folds_of_many;
+  // Records that are said to show two do not tell what is usual of one.
+  const auto shows_two = [&](std::size_t i) { return data.label[rows[i]] == two_people_label; };
   const auto learn_from = [&](const Rows& part) {
     Rows usual = with_bodies(part, with_body);
     learn(all, usual, seed);
-    // Records that are said to show two do not tell what one looks like.
-    std::erase_if(usual, [&](std::size_t i) { return data.label[rows[i]] == two_people_label; });
+    std::erase_if(usual, shows_two);
     two_bodies_.learn(raw_inputs, usual, places, seed);
   };
   std::array<std::vector<float>, 6> held_statistics;
@@ -98,7 +100,8 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
       for (std::size_t c = 0; c < one.size(); ++c) one[c] *= scale_[c];
       const auto found = statistics(one, raw_inputs.row(i));
       for (std::size_t s = 0; s < found.size(); ++s)
-        held_statistics[s].push_back(static_cast<float>(found[s]));
+        if (s != of_two || !shows_two(i))
+          held_statistics[s].push_back(static_cast<float>(found[s]));
     }
   }
   if (few) learn_from(order);
@@ -192,6 +195,7 @@ OutOfDistributionDetector::Statistics OutOfDistributionDetector::statistics(
 
 void OutOfDistributionDetector::set_limits(std::array<std::vector<float>, 6> all) {
   for (std::size_t s = 0; s < limits_.size(); ++s) {
+    if (all[s].empty()) continue;  // of records of two alone
     limits_[s].usual = double{quantile(all[s], 0.5)};
     limits_[s].most = std::max(upper_limit(all[s], false_alarms[s]), limits_[s].usual + 1e-6);
   }

@@ -51,10 +51,6 @@ std::vector<float> TwoBodies::describe(std::span<const float> raw_inputs) const 
 void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
                       const std::vector<std::optional<Place>>& places, std::uint64_t seed) {
   Matrix ones, pairs;
-  // A sum has it once, as a record has.
-  const std::vector<float> background =
-      alignment_.known() ? alignment_.background()
-                         : column_quantile(raw_inputs, rows, background_quantile);
   // Records with a body, and where it is.
   Rows seen, usable;
   std::vector<Place> known;
@@ -67,6 +63,10 @@ void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
     if (places[row]) usable.push_back(seen.size() - 1), known.push_back(*places[row]);
   }
   if (seen.size() < 2) return;
+  // A sum has it once, as a record has.
+  const std::vector<float> background =
+      alignment_.known() ? alignment_.background()
+                         : column_quantile(raw_inputs, seen, background_quantile);
   if (usable.size() < 2) usable.clear();
   std::optional<TurnedBodies> turned;
   Matrix inputs, radar;

@@ -166,6 +166,33 @@ TEST_CASE(
   CHECK(span_of(room).far == 4);
 }
 
+TEST_CASE(
+    "words below an axis are all written, slanted where they would meet; numbers are left out") {
+  const auto with = [](const std::vector<std::string>& names) {
+    Panel panel{"", {"room"}, {"IoU"}, {{"model", {}}}};
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      panel.x.ticks.emplace_back(static_cast<double>(i), names[i]);
+      panel.series[0].points.push_back({static_cast<double>(i), 0.5});
+    }
+    return draw(panel).svg;
+  };
+  const auto written = [](const std::string& svg, const std::string& name) {
+    return svg.find(">" + name + "</text>") != std::string::npos;
+  };
+  std::vector<std::string> words, numbers;
+  for (int i = 0; i < 9; ++i) {
+    words.push_back("a corridor, RF " + std::to_string(i));
+    numbers.push_back(std::to_string(1'234'567'890 + i));
+  }
+  const std::string slanted = with(words), thinned = with(numbers), level = with({"open", "room"});
+  for (const std::string& word : words) CHECK(written(slanted, word));
+  CHECK(slanted.find("rotate(-35)") != std::string::npos);
+  CHECK_FALSE(std::all_of(numbers.begin(), numbers.end(),
+                          [&](const std::string& n) { return written(thinned, n); }));
+  for (const std::string& svg : {thinned, level})
+    CHECK(svg.find("rotate(-35)") == std::string::npos);
+}
+
 TEST_CASE("strips, stems, bands and marks along a line, and one of two widths") {
   Panel stems{"losses of a sensor with a title that is wider than a telephone",
               {"time (s)", false, 0, 10},

@@ -183,6 +183,36 @@ TEST_CASE("of a radar alone, the room is in a record of two people once") {
   CHECK(right / double{count * count} > 0.8);
 }
 
+TEST_CASE("records of two among the training records do not raise the limit, or are all of them") {
+  const std::size_t count = 400;
+  Dataset data = testing::load_plates(count);
+  const Dataset bare = data;
+  const auto add_other = [&](Dataset& to, std::size_t i) {
+    for (const auto& [table, from] : {std::pair(&to.spd, &bare.spd), {&to.radar, &bare.radar}})
+      for (std::size_t c = 0; c < table->cols; ++c)
+        table->row(i)[c] += from->row((i + 7) % count)[c];
+  };
+  for (std::size_t i = 0; i < count; i += 5) add_other(data, i), data.label[i] = two_people_label;
+  const Rows rows = all_rows(count);
+  const auto judged = [&](const Dataset& training, Inputs inputs, const Dataset& of) {
+    const Preprocessing p(training, rows, inputs, learn_scene(training.depth, rows, training.map),
+                          inputs == Inputs::fused);
+    const OutOfDistributionDetector detector(p.alignment, training, p.aligned, rows, inputs,
+                                             p.scene, 1);
+    const Matrix raw = fit_features(training, rows, inputs, raw_scaling).raw_inputs(of, rows);
+    return detector.judge(inputs == Inputs::fused ? p.alignment(raw) : p.aligned, of, rows);
+  };
+  Dataset two = bare;
+  for (std::size_t i = 0; i < count; ++i) add_other(two, i);
+  const auto scores = judged(data, Inputs::fused, two);
+  const auto flagged =
+      std::count_if(scores.begin(), scores.end(), [](const auto& s) { return !s.reason.empty(); });
+  INFO(flagged);
+  CHECK(flagged > 200);
+  std::fill(two.label.begin(), two.label.end(), two_people_label);
+  for (const auto& s : judged(two, Inputs::radar, two)) CHECK(std::isnan(s.two_bodies));
+}
+
 TEST_CASE("each person of a map has an IoU of his own") {
   const Scene scene{std::vector<float>(64 * 64), std::vector<float>(64 * 64), 3.5f, {}};
   std::vector<float> truth(64 * 64), left(64 * 64);

@@ -143,7 +143,7 @@ class Lock(live.Live):
                              "run.connect_timeout_s=2")
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 4, log)
-        self.assertIn("radar: receiving from", log)
+        self.assertIn("radar: connected to", log)
         if "did not confirm" in log:
             time.sleep(2)  # on a busy machine the laboratory reads the command later
         self.assertEqual(self.close_lab()["radar"]["radiates"], 0)
