@@ -36,11 +36,12 @@ constexpr auto settle_time = std::chrono::milliseconds(100);
 // Leaves a second for the devices and the disk: SIGTERM closes a run within 5 s.
 constexpr auto close_limit = std::chrono::seconds(4);
 
-// scripts/audit_run.py looks for "not connected to".
+// scripts/audit_run.py looks for the third.
 std::string event_text(DeviceState state, const std::string& address) {
-  if (state == DeviceState::ended) return address + " has ended";
-  return std::string(name_of(state)) + " to " + address +
-         (state == DeviceState::faulted ? ", trying again" : "");
+  if (state == DeviceState::connecting) return "connecting to " + address;
+  if (state == DeviceState::streaming) return "connected to " + address;
+  if (state == DeviceState::faulted) return "not connected to " + address + ", trying again";
+  return address + " has ended";
 }
 
 // Threading: everything runs on the thread that calls run(); drivers and the writer have threads of

@@ -15,7 +15,7 @@ namespace echofuse {
 
 enum class DeviceState : std::uint8_t { connecting, streaming, faulted, ended };
 inline const char* name_of(DeviceState s) {
-  constexpr const char* names[] = {"connecting", "connected", "not connected", "ended"};
+  constexpr const char* names[] = {"connecting", "streaming", "faulted", "ended"};
   return names[static_cast<std::size_t>(s)];
 }
 

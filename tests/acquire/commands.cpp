@@ -200,8 +200,8 @@ TEST_CASE("no device answers: one clear line each, and no file") {
   const Outcome o = acquire("run -q --out " + folder / "a" + config);
   CAPTURE(o.text);
   CHECK(o.code == 4);
-  CHECK(has(o.text, "\nspd " + nowhere + ": not connected: "));
-  CHECK(has(o.text, "\nradar serial:" + folder / "cli" + ": not connected: "));
+  CHECK(has(o.text, "\nspd " + nowhere + ": faulted: "));
+  CHECK(has(o.text, "\nradar serial:" + folder / "cli" + ": faulted: "));
   CHECK_FALSE(fs::exists(folder / "a.sqlite"));
   const Outcome devices = acquire("devices --json" + config);
   CHECK(devices.code == 4);
