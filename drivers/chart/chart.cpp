@@ -91,6 +91,10 @@ class Plot {
     lay_out();
   }
 
+  Drawing drawing() { return {svg(), p_.width, height()}; }
+
+ private:
+  double height() const { return p_.height + slant_px_; }  // the axes stay as high as they were
   std::string svg() {
     for (const Series& s : p_.series) keep_clear_of(s);
     for (const Band& b : p_.bands) draw(b);
@@ -100,12 +104,11 @@ class Plot {
     name_series();
     return "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"drawing\" role=\"img\" viewBox=\"0 "
            "0 " +
-           number(p_.width) + " " + number(p_.height) + "\"" +
-           attributes({{"width", p_.width}, {"height", p_.height}}) + "><title>" +
+           number(p_.width) + " " + number(height()) + "\"" +
+           attributes({{"width", p_.width}, {"height", height()}}) + "><title>" +
            escaped(spoken()) + "</title>" + out_ + "</svg>";
   }
 
- private:
   using Lines = std::vector<std::string>;
   std::string spoken() const {
     return (p_.title.empty() ? "" : p_.title + ": ") + p_.y.title + " against " + p_.x.title;
@@ -170,12 +173,9 @@ class Plot {
             p_.width - std::max(std::min(right, p_.width * 0.42), p_.right),
             p_.height - (p_.bare ? 8 : 42) - line_px * static_cast<double>(notes_.size())};
     x_.at_first = box_.left, x_.at_last = box_.right;
-    if (words_meet()) {
-      constexpr double slant_rad = 35 * M_PI / 180;
+    if (words_meet())
       for (const auto& tick : p_.x.ticks)
-        slant_px_ = std::max(slant_px_, std::sin(slant_rad) * text_width(tick.second));
-      box_.bottom -= slant_px_;
-    }
+        slant_px_ = std::max(slant_px_, std::sin(35 * M_PI / 180) * text_width(tick.second));
     y_.at_first = box_.bottom, y_.at_last = box_.top;
   }
 
@@ -229,7 +229,7 @@ class Plot {
     out_ += "<text class=\"quiet\" text-anchor=\"middle\" transform=\"translate(14 " +
             number(middle) + ") rotate(-90)\">" + escaped(p_.y.title) + "</text>";
     for (std::size_t i = 0; i < notes_.size(); ++i)
-      out_ += text("quiet", 4, p_.height - 5 - line_px * static_cast<double>(notes_.size() - 1 - i),
+      out_ += text("quiet", 4, height() - 5 - line_px * static_cast<double>(notes_.size() - 1 - i),
                    notes_[i]);
   }
 
@@ -395,6 +395,6 @@ class Plot {
 
 }  // namespace
 
-Drawing draw(const Panel& panel) { return {Plot(panel).svg(), panel.width, panel.height}; }
+Drawing draw(const Panel& panel) { return Plot(panel).drawing(); }
 
 }  // namespace echofuse::chart

@@ -56,6 +56,7 @@ Prediction predict_aligned(const TrainedModel& model, const Dataset& data, const
   separate_bodies(model, data, rows, out, detail == PredictionDetail::pixels ? &soft : nullptr);
   require_finite(out.maps);
   if (detail == PredictionDetail::uncertainty) return out;
+  // The blur of a record taken apart goes with what is stated of its less certain body.
   for (std::size_t i = 0; i < rows.size(); ++i)
     if (const auto& two = out.uncertainties[i].bodies; !two.empty())
       if (const double widest_m =

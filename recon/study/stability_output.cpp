@@ -193,7 +193,6 @@ std::vector<chart::Panel> panels_of(const StabilityOptions& o, const StabilityRe
       char* end = nullptr;
       const double value = std::strtod(label.c_str(), &end);
       panel.x.ticks.emplace_back(x.at[i], *end == 0 ? chart::short_number(value) : label);
-      if (*end != 0 && label.size() > 12) panel.height = 460;  // slanted, they want room
     }
     std::sort(panel.x.ticks.begin(), panel.x.ticks.end());
     for (const auto& curve : result.baselines) {

@@ -214,7 +214,7 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
     const auto raw = raw_inputs.row(i);
     const auto found = statistics(describe(features, raw.subspan(spd_bins_, profile_)), raw);
     OutOfDistributionScore s{std::max(limits_[0].share(found[0]), limits_[1].share(found[1])),
-                             two_bodies_.known() ? limits_[2].share(found[2]) : NAN,
+                             two_bodies_.known() ? limits_[of_two].share(found[of_two]) : NAN,
                              {},
                              {}};
     const bool has_range = spd && shows_body(features);

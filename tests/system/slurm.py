@@ -4,6 +4,7 @@
 nodes on this machine, one of which dies amid the array. The result is that of one process, byte by byte. Needs root
 and Debian's slurmctld, slurmd, slurm-client and munge; else it is skipped."""
 import contextlib
+import functools
 import hashlib
 import os
 import pathlib
@@ -14,11 +15,12 @@ import sqlite3
 import subprocess
 import sys
 import tempfile
-import time
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
-from waiting import wait_for
+import waiting
+
+wait_for = functools.partial(waiting.wait_for, pause_s=0.1)  # each look starts a program
 
 bin_dir = pathlib.Path(sys.argv.pop(1)).resolve()
 scripts = pathlib.Path(__file__).resolve().parents[2] / "scripts/slurm"
@@ -85,7 +87,7 @@ class Slurm(unittest.TestCase):
                  f"--seed-file={self.dir}/munge.seed"]
         for command in (munge, ["slurmctld"], ["slurmd", "-N", "n1"], ["slurmd", "-N", "n2"]):
             subprocess.run(command, check=True, stdout=subprocess.DEVNULL, cwd=self.dir)
-        wait_for("two idle nodes", lambda: self.ask("sinfo", "-h", "-t", "idle", "-o", "%D") == "2", 60, 0.1)
+        wait_for("two idle nodes", lambda: self.ask("sinfo", "-h", "-t", "idle", "-o", "%D") == "2", 60)
 
     def ask(self, *words):
         return subprocess.run(words, text=True, capture_output=True).stdout.strip()
@@ -141,7 +143,7 @@ class Slurm(unittest.TestCase):
 
     def finish(self):
         said = lambda: "".join(path.read_text() for path in (self.dir / "work").glob("*.out"))
-        wait_for(lambda: self.ask("squeue", "-l") + said(), lambda: not self.ask("squeue", "-h"), 200, 0.1)
+        wait_for(lambda: self.ask("squeue", "-l") + said(), lambda: not self.ask("squeue", "-h"), 200)
         said = said()
         self.assertNotIn("error", said.lower())
         return said
@@ -157,9 +159,9 @@ class Slurm(unittest.TestCase):
     def test_dataset_with_a_node_that_dies(self):
         settings = ["--records", "2400", "--set", "spd_rays=512"]
         self.submit("dataset.sbatch", 6, "base.sqlite", *settings)
-        wait_for("a part being made on the node", lambda: self.halted("n2", "echofuse-sim"), 120, 0.1)
+        wait_for("a part being made on the node", lambda: self.halted("n2", "echofuse-sim"), 120)
         self.node_dies("n2")
-        wait_for("the job in the queue again", lambda: self.ask("squeue", "-h", "-r", "-t", "pending", "-o", "%A"), 30, 0.1)
+        wait_for("the job in the queue again", lambda: self.ask("squeue", "-h", "-r", "-t", "pending", "-o", "%A"), 30)
         subprocess.run(["slurmd", "-N", "n2"], check=True, cwd=self.dir)
         self.finish()
         self.assertIn("Restarts=1", self.ask("scontrol", "show", "job"))

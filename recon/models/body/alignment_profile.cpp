@@ -84,9 +84,8 @@ void Alignment::add_profiles(std::span<const MovedProfile> profiles,
                              std::span<float> features) const {
   const auto out = features.subspan(histogram_bins(), profile_points());
   std::fill(out.begin(), out.end(), 0.f);
-  for (const auto& [raw_power, farther_m] : profiles) {
+  for (const auto& [raw_power, farther_m] : profiles)
     add_profile(above_background(raw_power), double{features.back()} - farther_m, out);
-  }
   share_out(out);
 }
 
