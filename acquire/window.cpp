@@ -211,7 +211,7 @@ void Windows::take_profile(Slot& slot, const RadarFrame& frame, HostTime taken) 
     }
     if (!slot.speckle) slot.speckle.emplace(frame.subframes);
     if (frame.subframe < frame.subframes)
-      slot.speckle->add(frame.frame_number, frame.subframe, power);
+      slot.speckle->add(frame.frame_number, frame.subframe, seconds(taken), power);
     if (slot.radar_times.count == 0) slot.first_codes = frame.range_profile;
     take_array(slot, frame);
     slot.radar_times.add(taken, taken, grid_.centre(grid_.slot_of(taken)));

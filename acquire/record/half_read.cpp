@@ -27,6 +27,8 @@ constexpr const char* array_columns =
 constexpr const char* speckle_columns =
     ", ifnull((SELECT over_frames FROM speckle s WHERE s.idx = record.idx), -1), "
     "ifnull((SELECT over_carriers FROM speckle s WHERE s.idx = record.idx), -1)";
+constexpr const char* lag_column =
+    ", ifnull((SELECT over_150_ms FROM speckle s WHERE s.idx = record.idx), -1)";
 constexpr const char* record_rows = " FROM record WHERE idx >= ? ORDER BY idx";
 
 // Fills `r` from the row, but for the depth picture; returns what is wrong with it, or nothing.
@@ -47,10 +49,11 @@ std::string decode(Statement& row, const Shapes& shapes, std::uint32_t sensors, 
   if (const double clicks = row.real(); clicks >= 0) r.signal.clicks_a_pulse = clicks;
   const std::int64_t frames = row.integer();
   const ByteView array = row.blob();
-  const double over_frames = row.real(), over_carriers = row.real();
+  const double over_frames = row.real(), over_carriers = row.real(), over_150_ms = row.real();
   const auto known = [](double variation) { return variation >= 0 && variation < 1e9; };
   if (known(over_frames)) r.speckle.emplace().over_frames = over_frames;
   if (r.speckle && known(over_carriers)) r.speckle->over_carriers = over_carriers;
+  if (r.speckle && known(over_150_ms)) r.speckle->over_150_ms = over_150_ms;
   const auto sizes = [](const char* what, std::size_t got, std::size_t wanted) {
     return std::string(what) + " has " + std::to_string(got) + " bytes, its axis asks for " +
            std::to_string(wanted);
@@ -89,10 +92,10 @@ std::size_t Shapes::records_at_once() const {
   return static_cast<std::size_t>(std::clamp<std::uint64_t>(most_pixels / pixels, 1, most));
 }
 
-std::string record_query(bool has_signal, bool has_array, bool has_speckle) {
-  return record_columns + std::string(has_signal ? signal_column : "-1") +
-         (has_array ? array_columns : ", 0, NULL") + (has_speckle ? speckle_columns : ", -1, -1") +
-         record_rows;
+std::string record_query(const Extras& has) {
+  return record_columns + std::string(has.signal ? signal_column : "-1") +
+         (has.array ? array_columns : ", 0, NULL") + (has.speckle ? speckle_columns : ", -1, -1") +
+         (has.lag ? lag_column : ", -1") + record_rows;
 }
 
 void HalfRead::read(Statement& row, const Shapes& shapes, SensorSet sensors) {

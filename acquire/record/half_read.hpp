@@ -23,8 +23,12 @@ struct Shapes {
   std::size_t records_at_once() const;
 };
 
-// The records from index ? on, in order, as HalfRead takes them. Older files lack the tables.
-std::string record_query(bool has_signal, bool has_array, bool has_speckle);
+// What the tables of a file have beside its records; older files lack it.
+struct Extras {
+  bool signal, array, speckle, lag;  // lag: of the speckle, over_150_ms
+};
+// The records from index ? on, in order, as HalfRead takes them.
+std::string record_query(const Extras& has);
 
 struct HalfRead {
   FusedRecord record;

@@ -123,6 +123,7 @@ void insert_speckle(Inserts& rows, const FusedRecord& r) {
       .set("idx", r.index)
       .set("over_frames", r.speckle->over_frames)
       .set("over_carriers", r.speckle->over_carriers)
+      .set("over_150_ms", r.speckle->over_150_ms)
       .run();
 }
 

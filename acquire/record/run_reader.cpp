@@ -273,8 +273,10 @@ std::int64_t RunReader::count() const {
 void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, std::int64_t first,
                          const std::function<void(std::int64_t, const std::string&)>& on_bad,
                          SensorSet sensors, const InParallel& in_parallel) const {
-  Statement row = ask(
-      record_query(has_table("signal"), has_table("radar_array"), has_table("speckle")).c_str());
+  Statement row =
+      ask(record_query({has_table("signal"), has_table("radar_array"), has_table("speckle"),
+                        has_column(db_, path_, "speckle", "over_150_ms")})
+              .c_str());
   row.bind(first);
   std::optional<Shapes> known;
   std::optional<std::int64_t> before;

@@ -5,8 +5,9 @@
 // records that lack a required sensor), clock_fit (NULL where a sensor's samples were placed by
 // their receipt), slot (all frames that arrived in a record's slot, the number of the last one, how
 // late the slot was closed), radar_array and antenna (radar_array.hpp; of a radar that
-// sends its antennas' samples), speckle (speckle.hpp; over_carriers NULL with one carrier), late
-// (of records whose slot samples came for after it was closed: tags and frames, in no record),
+// sends its antennas' samples), speckle (speckle.hpp; over_carriers NULL with one carrier; its
+// column over_150_ms came later still), late (of records whose slot samples came for after it
+// was closed: tags and frames, in no record),
 // signal (how strong each sensor's signal was, NULL where that is not known), counter (at each
 // part's end: what the drivers counted, and samples that are in no record; its column part came
 // later still), part (0 is the run as it was begun, then one a resume, from its first record on)
@@ -49,7 +50,8 @@ CREATE TABLE IF NOT EXISTS signal (idx INTEGER PRIMARY KEY, clicks_a_pulse REAL,
   spd_peak_m REAL, radar_snr_db REAL, radar_peak_m REAL, depth_share REAL);
 CREATE TABLE IF NOT EXISTS antenna (antenna INTEGER PRIMARY KEY, x REAL, y REAL, gain REAL, phase_rad REAL);
 CREATE TABLE IF NOT EXISTS radar_array (idx INTEGER PRIMARY KEY, frames INTEGER, array BLOB);
-CREATE TABLE IF NOT EXISTS speckle (idx INTEGER PRIMARY KEY, over_frames REAL, over_carriers REAL);
+CREATE TABLE IF NOT EXISTS speckle (idx INTEGER PRIMARY KEY, over_frames REAL, over_carriers REAL,
+  over_150_ms REAL);
 CREATE TABLE IF NOT EXISTS late (idx INTEGER PRIMARY KEY, spd INTEGER, radar INTEGER, depth INTEGER);
 CREATE TABLE IF NOT EXISTS counter (source TEXT, name TEXT, value INTEGER, part INTEGER DEFAULT 0);
 CREATE TABLE IF NOT EXISTS part (part INTEGER PRIMARY KEY, first_idx INTEGER, started_utc TEXT);

@@ -130,4 +130,10 @@ inline void execute(sqlite3* db, const std::string& path, const char* sql, const
   if (sqlite3_exec(db, sql, nullptr, nullptr, nullptr) != SQLITE_OK) sqlite_fail(db, path, doing);
 }
 
+inline bool has_column(sqlite3* db, const std::string& path, std::string_view table,
+                       std::string_view column) {
+  Statement s(db, path, "SELECT 1 FROM pragma_table_info(?) WHERE name = ?");
+  return s.bind(table).bind(column).step();
+}
+
 }  // namespace echofuse::record

@@ -20,10 +20,20 @@ constexpr double most_of_run = 0.5;
 constexpr double least = 0.3;
 constexpr double least_off = 0.25;  // of logarithms: so much differs from laboratory to laboratory
 
+// Over 150 ms, where noise makes nothing.
+constexpr double least_over_150_ms = 0.02;
+
+std::optional<double> variation_of(const record::Speckle& found, std::size_t kind) {
+  if (kind == 0) return found.over_frames;
+  return kind == 1 ? found.over_carriers : found.over_150_ms;
+}
+
+double least_of(std::size_t kind) { return kind == 2 ? least_over_150_ms : least; }
+
 std::optional<double> log_of(const record::Speckle& found, std::size_t kind) {
-  if (kind == 0) return std::log(found.over_frames + least);
-  if (!found.over_carriers) return {};
-  return std::log(*found.over_carriers + least);
+  const auto variation = variation_of(found, kind);
+  if (!variation) return {};
+  return std::log(*variation + least_of(kind));
 }
 
 bool has_body(const Matrix& aligned, std::size_t row) {
@@ -43,7 +53,7 @@ SpeckleReference::SpeckleReference(const Dataset& data, const Matrix& aligned, c
   for (std::size_t k = 0; k < kinds; ++k) {
     if (seen[k].size() < least_records) continue;
     const float median = quantile(seen[k], 0.5);
-    for (float& v : seen[k]) v = std::abs(v - median);
+    for (float& v : seen[k]) v = k == of_150_ms ? median - v : std::abs(v - median);
     usual_[k] = {double{median},
                  std::max(upper_limit(std::move(seen[k]), false_alarms), least_off)};
   }
@@ -53,12 +63,17 @@ double SpeckleReference::share(const record::Speckle& found, std::size_t kind) c
   constexpr double missing = 2;
   const auto value = log_of(found, kind);
   const Usual& usual = usual_[kind];
-  if (!value && usual.most_off > 0) return missing;
-  return value && usual.most_off > 0 ? std::abs(*value - usual.median) / usual.most_off : 0;
+  if (usual.most_off == 0) return 0;
+  if (!value) return kind == of_carriers ? missing : 0;  // older runs say nothing of 150 ms
+  const double more = *value - usual.median;
+  return (kind == of_150_ms ? std::max(-more, 0.0) : std::abs(more)) / usual.most_off;
 }
 
 std::size_t SpeckleReference::clearest(const record::Speckle& found) const {
-  return share(found, 1) > share(found, 0) ? 1 : 0;
+  std::size_t out = 0;
+  for (std::size_t k = 1; k < kinds; ++k)
+    if (share(found, k) > share(found, out)) out = k;
+  return out;
 }
 
 double SpeckleReference::share(const record::Speckle& found) const {
@@ -66,11 +81,11 @@ double SpeckleReference::share(const record::Speckle& found) const {
 }
 
 std::string SpeckleReference::text(const record::Speckle& found, std::size_t kind) const {
-  const auto variation = [](double log) { return std::max(std::exp(log) - least, 0.0); };
-  const double usual = variation(usual_[kind].median);
-  if (!log_of(found, kind)) return "one carrier, several in training";
-  return formatted("%.2g from %s, %.2g in training", variation(log_of(found, kind).value_or(0)),
-                   kind == 0 ? "frame to frame" : "carrier to carrier", usual);
+  constexpr std::array names{"from frame to frame", "from carrier to carrier", "within 150 ms"};
+  const auto variation = variation_of(found, kind);
+  if (!variation) return "one carrier, several in training";
+  return formatted("%.2g %s, %.2g in training", *variation, names[kind],
+                   std::max(std::exp(usual_[kind].median) - least_of(kind), 0.0));
 }
 
 std::string SpeckleReference::text(const record::Speckle& found) const {
@@ -78,19 +93,23 @@ std::string SpeckleReference::text(const record::Speckle& found) const {
 }
 
 std::string SpeckleReference::of_run(const Dataset& data, const Matrix& aligned) const {
-  std::vector<float> frames, carriers;
+  std::vector<float> frames, carriers, lagged;
   for (std::size_t row = 0; row < data.size(); ++row) {
     if (!data.speckle[row] || !has_body(aligned, row)) continue;
     frames.push_back(static_cast<float>(data.speckle[row]->over_frames));
     if (const auto v = data.speckle[row]->over_carriers) carriers.push_back(static_cast<float>(*v));
+    if (const auto v = data.speckle[row]->over_150_ms) lagged.push_back(static_cast<float>(*v));
   }
   if (!known() || frames.empty()) return {};
-  record::Speckle middle{double{quantile(frames, 0.5)}, {}};
+  record::Speckle middle{double{quantile(frames, 0.5)}, {}, {}};
   if (!carriers.empty()) middle.over_carriers = double{quantile(carriers, 0.5)};
+  if (!lagged.empty()) middle.over_150_ms = double{quantile(lagged, 0.5)};
   if (share(middle) <= (frames.size() < many ? 1 : most_of_run)) return {};
   constexpr const char* places = "; places are known otherwise than stated";
   const std::string by = "the radar's power varies otherwise than in training: " + text(middle);
   if (hops() && carriers.empty()) return by + " (fewer independent looks)" + places;
+  if (clearest(middle) == of_150_ms)
+    return by + " (people who move less, or echoes that do not interfere)" + places;
   return by +
          (middle.over_frames + least > std::exp(usual_[0].median)
               ? " (echoes that interfere, fewer carriers, or noise)"
@@ -106,10 +125,15 @@ void SpeckleReference::save(record::H5File& file, const std::string& group) cons
 
 void SpeckleReference::load(const record::H5File& file, const std::string& group) {
   if (!file.has(group)) return;  // a model of before
-  const auto values = file.read<double>(group, {1 + 2 * kinds});
+  auto values = file.read<double>(group);
+  // Of a model of before without the last kind.
+  require_sound(file, values.size() == 1 + 2 * kinds || values.size() == 1 + 2 * of_150_ms, group,
+                "a number, and two of each kind of variation");
+  values.resize(1 + 2 * kinds);
   for (const double v : values) require_sound(file, std::abs(v) < 1e9, group, "less than 1e9");
-  require_sound(file, values[0] >= 0 && values[2] >= 0 && values[4] >= 0, group,
-                "no limit below 0");
+  require_sound(file, values[0] >= 0, group, "a number of records");
+  for (std::size_t k = 0; k < kinds; ++k)
+    require_sound(file, values[2 + 2 * k] >= 0, group, "no limit below 0");
   records_ = static_cast<std::size_t>(values[0]);
   for (std::size_t k = 0; k < kinds; ++k) usual_[k] = {values[1 + 2 * k], values[2 + 2 * k]};
 }

@@ -113,7 +113,9 @@ void UncertaintyModel::judge_speckle(std::span<const float> aligned,
   if (share <= 1) return;
   // Noise of 10 dB makes so much; the profile shows that, and the interval grows with it.
   constexpr double most_of_noise = 0.7;
-  if (score.reason == "unusual radar profile" && found->over_frames < most_of_noise) return;
+  if (score.reason == "unusual radar profile" && found->over_frames < most_of_noise &&
+      !speckle.less_motion(*found))
+    return;
   stated.lateral_interval_90_m = std::numeric_limits<double>::quiet_NaN();
   score.may_be_two = false;  // whatever else it shows, its places are not to be trusted
   // What has a name of its own stays, as it can be mended.

@@ -268,12 +268,14 @@ std::optional<record::Speckle> Generator::speckle_of_noise(std::int64_t index,
     echo[i] = static_cast<float>(std::sqrt(std::max(power[i], 0.0)));
   const auto carriers = static_cast<std::size_t>(c.radar_carriers);
   record::SpeckleStatistics speckle(carriers);
-  for (std::size_t f = 0; f < static_cast<std::size_t>(c.radar_frames) * carriers; ++f) {
+  const std::size_t frames = static_cast<std::size_t>(c.radar_frames) * carriers;
+  const double later_s = dataset_window_s / static_cast<double>(frames);
+  for (std::size_t f = 0; f < frames; ++f) {
     samples = echo;
     noise.add(samples, rms);
     for (std::size_t i = 0; i < powers.size(); ++i)
       powers[i] = samples[i] * samples[i] + samples[points + i] * samples[points + i];
-    speckle.add(f / carriers, f % carriers, powers);
+    speckle.add(f / carriers, f % carriers, static_cast<double>(f) * later_s, powers);
   }
   return speckle.take();
 }

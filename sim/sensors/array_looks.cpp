@@ -120,7 +120,8 @@ ArrayLooks look_through_array(const Returns& returns, const ArrayRadar& radar,
   if (!varies) return looks;
   record::SpeckleStatistics speckle(carriers);
   for (std::size_t f = 0; f < frames; ++f)
-    speckle.add(f / carriers, f % carriers, std::span(of_frames).subspan(f * points, points));
+    speckle.add(f / carriers, f % carriers, static_cast<double>(f) * later_s,
+                std::span(of_frames).subspan(f * points, points));
   looks.speckle = speckle.take();
   return looks;
 }

@@ -26,7 +26,7 @@ TEST_CASE("speckle: exponential powers vary by 1 over carriers, by 1 / N over fr
       for (std::size_t k = 0; k < carriers; ++k) {
         std::vector<float> profile(40);
         for (float& p : profile) p = power(rng);
-        statistics.add(frame, k, profile);
+        statistics.add(frame, k, 0.05 * static_cast<double>(frame), profile);
       }
     const auto found = statistics.take();
     REQUIRE(found);
@@ -40,7 +40,7 @@ TEST_CASE("speckle: by hand, without frames that lack a carrier") {
   SpeckleStatistics statistics(2);
   CHECK_FALSE(statistics.take());
   const auto add = [&](std::uint64_t frame, std::size_t carrier, float power) {
-    statistics.add(frame, carrier, std::vector<float>{power, 0});
+    statistics.add(frame, carrier, 0, std::vector<float>{power, 0});
   };
   add(1, 0, 1), add(1, 1, 3);  // mean 2, variance 2
   add(2, 0, 100);              // its other one was lost
@@ -50,8 +50,44 @@ TEST_CASE("speckle: by hand, without frames that lack a carrier") {
   CHECK(found->over_frames == Approx(2.0 / 9));     // 2 over 3^2
   CHECK(*found->over_carriers == Approx(1.0 / 9));  // the mean of 2 and 0
   SpeckleStatistics dark;
-  for (std::uint64_t frame = 0; frame < 3; ++frame) dark.add(frame, 0, std::vector<float>{0, 0});
+  for (std::uint64_t frame = 0; frame < 3; ++frame) dark.add(frame, 0, 0, std::vector<float>{0, 0});
   CHECK_FALSE(dark.take());
+}
+
+namespace {
+
+// Of a power of mean 2 that varies as cos(2 pi t / period_s), and noise.
+std::optional<double> lagged(double period_s, double frame_s, float noise, int frames) {
+  Rng rng(5);
+  std::normal_distribution<float> unit(0, noise);
+  SpeckleStatistics statistics;
+  for (int i = 0; i < frames; ++i) {
+    if (i % 7 == 3) continue;  // lost
+    const double time_s = 7 + i * frame_s;
+    const auto power = static_cast<float>(2 + std::cos(2 * M_PI * time_s / period_s));
+    statistics.add(static_cast<std::uint64_t>(i), 0, time_s,
+                   std::vector{power + (noise > 0 ? unit(rng) : 0)});
+  }
+  const auto found = statistics.take();
+  return found ? found->over_150_ms : std::nullopt;
+}
+
+}  // namespace
+
+TEST_CASE("speckle: frames 150 ms apart, whatever the frame rate and the noise") {
+  // Half the mean squared difference of a cosine is (1 - cos(2 pi lag / period)) / 2.
+  constexpr double lag_s = 0.15;
+  for (const double frame_s : {0.05, 0.0125})
+    for (const double period_s : {0.5, 2.0, 10.0}) {
+      CAPTURE(frame_s, period_s);
+      const double expected =
+          (std::cos(2 * M_PI * frame_s / period_s) - std::cos(2 * M_PI * lag_s / period_s)) / 2 / 4;
+      CHECK(lagged(period_s, frame_s, 0, 4000).value() == Approx(expected).epsilon(0.02));
+      CHECK(lagged(period_s, frame_s, 0.3f, 4000).value() ==
+            Approx(expected).epsilon(0.03).margin(2e-3));
+    }
+  CHECK_FALSE(lagged(1, 0.05, 0, 3));
+  CHECK_FALSE(lagged(1, 0, 0, 50));
 }
 
 namespace {
@@ -87,7 +123,7 @@ TEST_CASE("a record's profile is the mean power over frames and their subframes"
       windows.add(one);  // what comes twice counts once
       const double power = power_from_code(code, axis.scale);
       sum += power, ++count;
-      expected.add(frame, k, std::vector{static_cast<float>(power), 1.f});
+      expected.add(frame, k, seconds(one.received), std::vector{static_cast<float>(power), 1.f});
     }
   const auto r = windows.close({0, false});
   REQUIRE(r.has(Sensor::radar));
@@ -111,7 +147,7 @@ TEST_CASE("a run keeps how the power varied, and older runs are without") {
       r.valid.insert(Sensor::radar);
       r.radar = {1, 2};
       if (i == 1) r.speckle = record::Speckle{0.5, {}};
-      if (i == 2) r.speckle = record::Speckle{0.25, 0.75};
+      if (i == 2) r.speckle = record::Speckle{0.25, 0.75, 0.125};
       writer.append(r);
     }
     writer.close("complete");
@@ -120,8 +156,22 @@ TEST_CASE("a run keeps how the power varied, and older runs are without") {
     const record::RunReader run(path);
     CHECK_FALSE(run.read(0).speckle);
     CHECK(run.read(1).speckle == record::Speckle{0.5, {}});
-    CHECK(run.read(2).speckle == record::Speckle{0.25, 0.75});
+    CHECK(run.read(2).speckle == record::Speckle{0.25, 0.75, 0.125});
   }
+  sql(path, "ALTER TABLE speckle DROP COLUMN over_150_ms");
+  CHECK(record::RunReader(path).read(2).speckle == record::Speckle{0.25, 0.75, {}});
+  {
+    record::RunWriter resumed(path);
+    record::FusedRecord r;
+    r.index = 3;
+    r.valid.insert(Sensor::radar);
+    r.radar = {1, 2};
+    r.speckle = record::Speckle{0.5, {}, 0.25};
+    resumed.append(r);
+    resumed.close("complete");
+  }
+  CHECK(record::RunReader(path).read(2).speckle == record::Speckle{0.25, 0.75, {}});
+  CHECK(record::RunReader(path).read(3).speckle == record::Speckle{0.5, {}, 0.25});
   sql(path, "DROP TABLE speckle");
   const record::RunReader old(path);
   CHECK_FALSE(old.read(2).speckle);

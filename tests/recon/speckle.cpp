@@ -16,13 +16,14 @@ namespace {
 
 // Records whose power varies log-normally about these.
 Dataset records_of(std::size_t count, double over_frames, std::optional<double> over_carriers,
-                   std::uint64_t seed) {
+                   std::uint64_t seed, std::optional<double> over_150_ms = {}) {
   Dataset data;
   Rng rng = make_rng(seed, 0);
   std::normal_distribution<double> unit(0, 0.3);
   for (std::size_t i = 0; i < count; ++i) {
     record::Speckle s{over_frames * std::exp(unit(rng)), {}};
     if (over_carriers) s.over_carriers = *over_carriers * std::exp(unit(rng));
+    if (over_150_ms) s.over_150_ms = *over_150_ms * std::exp(unit(rng));
     data.speckle.emplace_back(s);
     data.valid.push_back(7);
   }
@@ -80,6 +81,21 @@ TEST_CASE("carriers count by themselves, and a run without them says so") {
   CHECK(flagged(learnt(records_of(2000, 0.1, {}, 1)), records_of(1000, 0.1, 0.8, 2)) < 0.01);
 }
 
+TEST_CASE("who moves less than in training is unusual, who moves more is not") {
+  const auto reference = learnt(records_of(2000, 0.5, {}, 1, 0.3));
+  CHECK(flagged(reference, records_of(1000, 0.5, {}, 2, 0.3)) < 0.01);
+  CHECK(flagged(reference, records_of(1000, 0.5, {}, 3, 0.03)) > 0.98);
+  CHECK(flagged(reference, records_of(1000, 0.5, {}, 4, 3)) < 0.01);
+  CHECK_THAT(said(reference, records_of(50, 0.5, {}, 3, 0.03)),
+             Catch::Contains("within 150 ms, 0.3 in training (people who move less"));
+  CHECK(said(reference, records_of(50, 0.5, {}, 4, 3)).empty());
+  CHECK(reference.less_motion({0.5, {}, 0.01}));
+  CHECK_FALSE(reference.less_motion({0.5, {}, 0.3}));
+  // Of older runs it is not known.
+  CHECK(flagged(reference, records_of(1000, 0.5, {}, 2)) < 0.01);
+  CHECK(flagged(learnt(records_of(2000, 0.5, {}, 1)), records_of(1000, 0.5, {}, 2, 0.01)) < 0.01);
+}
+
 TEST_CASE("of runs from before nothing is said") {
   Dataset old = records_of(100, 0.1, {}, 1);
   for (auto& s : old.speckle) s.reset();
@@ -113,7 +129,7 @@ TEST_CASE("a flagged record has no interval, and its reason says by how much") {
 
 TEST_CASE("what is known of the variation goes into the model's file") {
   const test::Folder folder;
-  const auto reference = learnt(records_of(500, 0.1, 0.8, 1));
+  const auto reference = learnt(records_of(500, 0.1, 0.8, 1, 0.3));
   const std::string path = folder / "a.h5";
   {
     auto file = record::H5File::create(path);
@@ -122,7 +138,7 @@ TEST_CASE("what is known of the variation goes into the model's file") {
   const auto file = record::H5File::open(path);
   SpeckleReference read, missing;
   read.load(file, "speckle");
-  CHECK(read.share({0.3, 0.2}) == reference.share({0.3, 0.2}));
+  CHECK(read.share({0.3, 0.2, 0.1}) == reference.share({0.3, 0.2, 0.1}));
   missing.load(file, "of a model of before");
   CHECK_FALSE(missing.known());
 }
