@@ -14,12 +14,12 @@ constexpr double near_m = 0.05;
 constexpr Interval everything{-INFINITY, INFINITY}, none{INFINITY, -INFINITY};
 
 // The tangents under which a disc of this radius at (s, z) appears in its plane: the exact
-// silhouette of a sphere along one axis.
+// silhouette of a sphere along one axis, (s - t z)^2 = radius^2 (1 + t^2).
 Interval disc_tangents(double s, double z, double radius) {
   if (z - radius < near_m) return everything;
-  const double middle = std::atan2(s, z);
-  const double half = std::asin(radius / std::hypot(s, z));
-  return {std::tan(middle - half), std::tan(middle + half)};
+  const double square = z * z - radius * radius;
+  const double middle = s * z, half = radius * std::sqrt(s * s + square);
+  return {(middle - half) / square, (middle + half) / square};
 }
 
 template <class Corners, class Coordinate>
@@ -45,15 +45,15 @@ ECHOFUSE_CLONES void meet_capsule(const CapsuleShape& c, const double* x, const 
     const double square = s.axis2 * ray2 - along * along;  // 0: parallel, or the axis is a point
     const double half = s.axis2 * to_a - s.axis_a * along;
     const double root = half * half - square * s.outside;
-    const double on_side = (half - std::sqrt(root)) / square;
-    const double foot = on_side * along - s.axis_a;
+    const double on_side = half - std::sqrt(root);            // times square
+    const double foot = on_side * along - s.axis_a * square;  // times square
     const bool parallel = square <= 1e-12 * s.axis2 * ray2;
     const bool at_a = parallel ? along > 0 : foot <= 0;
     const double to_end = at_a ? to_a : to_b;
     const double end_root = to_end * to_end - ray2 * (at_a ? s.end_a : s.end_b);
-    const double on_end = (to_end - std::sqrt(end_root)) / ray2;
-    const bool beside = !parallel & (foot > 0) & (foot < s.axis2);
-    const double met = beside ? on_side : on_end;
+    const double on_end = to_end - std::sqrt(end_root);  // times ray2
+    const bool beside = !parallel & (foot > 0) & (foot < s.axis2 * square);
+    const double met = (beside ? on_side : on_end) / (beside ? square : ray2);
     z[i] = (!parallel & (root < 0)) ? 0 : met;
   }
 }
@@ -85,6 +85,45 @@ ECHOFUSE_CLONES void meet_triangle(const TriangleShape& t, const double* x, cons
     const bool inside = ((a >= 0) & (b >= 0) & (c >= 0)) | ((a <= 0) & (b <= 0) & (c <= 0));
     const double met = distance / (n.x * x[i] + n.y * y[i] + n.z);
     z[i] = inside ? met : 0;
+  }
+}
+
+// Where rays cross the plate's plane, and where that is on the plate.
+ECHOFUSE_CLONES void cross_plane(const PlateShape& p, const double* x, const double* y,
+                                 double* __restrict met, double* __restrict along_u,
+                                 double* __restrict along_v, std::size_t count) {
+  const Vec3 normal = p.normal, centre = p.centre, u = p.u, v = p.v;
+  const double distance = p.distance;
+  for (std::size_t i = 0; i < count; ++i) {
+    const Vec3 ray{x[i], y[i], 1};
+    const double towards = dot(normal, ray), z = distance / towards;
+    const Vec3 at = z * ray - centre;
+    met[i] = towards == 0 ? 0 : z;
+    along_u[i] = dot(at, u), along_v[i] = dot(at, v);
+  }
+}
+
+ECHOFUSE_CLONES void meet_band(const PlateShape::Band& band, const double* met, const double* u,
+                               const double* v, double* __restrict z, std::size_t count) {
+  const PlateShape::Band b = band;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double along = (u[i] - b.u) * b.eu + (v[i] - b.v) * b.ev;
+    const double across = (v[i] - b.v) * b.eu - (u[i] - b.u) * b.ev;
+    const bool inside = (along >= 0) & (along <= b.length) & (std::abs(across) <= b.half_width);
+    const double before = z[i];
+    z[i] = inside ? met[i] : before;
+  }
+}
+
+ECHOFUSE_CLONES void aim_rays(const double* columns, const double* sides, const double* dy,
+                              double dx, double row_y, double* __restrict x, double* __restrict y,
+                              double* __restrict z, std::int32_t* __restrict shape,
+                              std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) {
+    x[i] = columns[i] + dx * sides[i];
+    y[i] = row_y + dy[i];
+    z[i] = INFINITY;
+    shape[i] = -1;
   }
 }
 
@@ -157,11 +196,19 @@ void CapsuleShape::cosines(const double* x, const double* y, const double* z, do
                            std::size_t count) const {
   shade_capsule(*this, x, y, z, cosine, count);
 }
+std::array<CapsuleShape::Box, 2> CapsuleShape::ends() const {
+  const auto box = [&](Vec3 end) {
+    return Box{disc_tangents(end.x, end.z, radius), disc_tangents(end.y, end.z, radius)};
+  };
+  return {box(a), box(b)};
+}
 Interval CapsuleShape::tangents_x() const {
-  return hull(disc_tangents(a.x, a.z, radius), disc_tangents(b.x, b.z, radius));
+  const auto [of_a, of_b] = ends();
+  return hull(of_a.x, of_b.x);
 }
 Interval CapsuleShape::tangents_y() const {
-  return hull(disc_tangents(a.y, a.z, radius), disc_tangents(b.y, b.z, radius));
+  const auto [of_a, of_b] = ends();
+  return hull(of_a.y, of_b.y);
 }
 
 PlateShape::PlateShape(const Plate& p, Vec3 sensor)
@@ -182,21 +229,14 @@ PlateShape::PlateShape(const Plate& p, Vec3 sensor)
   }
 }
 void PlateShape::meet(const double* x, const double* y, double* z, std::size_t count) const {
-  for (std::size_t i = 0; i < count; ++i) {
-    const Vec3 ray{x[i], y[i], 1};
-    const double towards = dot(normal, ray);
-    z[i] = 0;
-    if (towards == 0) continue;
-    const double met = distance / towards;
-    const Vec3 p = met * ray - centre;
-    const double pu = dot(p, u), pv = dot(p, v);
-    for (const auto& band : bands) {
-      const double along = (pu - band.u) * band.eu + (pv - band.v) * band.ev;
-      const double across = (pv - band.v) * band.eu - (pu - band.u) * band.ev;
-      if (along < 0 || along > band.length || std::abs(across) > band.half_width) continue;
-      z[i] = met;
-      break;
-    }
+  constexpr std::size_t some = 64;
+  std::array<double, some> met, pu, pv;
+  for (std::size_t first = 0; first < count; first += some) {
+    const std::size_t rays = std::min(some, count - first);
+    cross_plane(*this, x + first, y + first, met.data(), pu.data(), pv.data(), rays);
+    std::fill_n(z + first, rays, 0.0);
+    for (const Band& band : bands)
+      meet_band(band, met.data(), pu.data(), pv.data(), z + first, rays);
   }
 }
 void PlateShape::cosines(const double* x, const double* y, const double*, double* cosine,
@@ -232,6 +272,11 @@ void TriangleShape::cosines(const double* x, const double* y, const double*, dou
 }
 Interval TriangleShape::tangents_x() const { return corner_tangents(std::array{a, b, c}, x_of); }
 Interval TriangleShape::tangents_y() const { return corner_tangents(std::array{a, b, c}, y_of); }
+
+void aim(const double* columns, const double* sides, const double* dy, double dx, double y,
+         double* ray_x, double* ray_y, double* z, std::int32_t* shape, std::size_t count) {
+  aim_rays(columns, sides, dy, dx, y, ray_x, ray_y, z, shape, count);
+}
 
 void light_back(const double* x, const double* y, const double* z, const double* cosine,
                 const double* albedo, double factor, double* range, double* weight,

@@ -34,6 +34,11 @@ struct CapsuleShape {
                std::size_t count) const;
   Interval tangents_x() const;
   Interval tangents_y() const;
+  // Of the spheres at its ends; what lies between is met within the hull of both.
+  struct Box {
+    Interval x, y;
+  };
+  std::array<Box, 2> ends() const;
 };
 
 struct PlateShape {
@@ -67,6 +72,10 @@ struct TriangleShape {
   Interval tangents_x() const;
   Interval tangents_y() const;
 };
+
+// Rays of a row, off their columns by dx to either side, that have met nothing.
+void aim(const double* columns, const double* sides, const double* dy, double dx, double y,
+         double* ray_x, double* ray_y, double* z, std::int32_t* shape, std::size_t count);
 
 // Slant range and weight = factor albedo cos / |(x, y, 1)|^3 / range^2 of each ray; 0 where z is
 // infinite.

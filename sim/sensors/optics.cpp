@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
+#include <utility>
 
 #include "sim/scene/draw.hpp"
 
@@ -21,6 +23,7 @@ class Irf {
         tail_(c.irf_tail_ps),
         share_(c.irf_tail_share) {}
 
+  bool operator==(const Irf&) const = default;
   double sigma() const { return sigma_; }
   // Outside [begin, end] less than 1e-9 of the energy is left.
   double begin() const { return -6.2 * sigma_; }
@@ -70,13 +73,19 @@ class FineSignal {
     const std::int64_t first = -whole_up(-irf.begin() / width_ps) - 1;
     const std::int64_t last = whole_up(irf.end() / width_ps) + 1;
     const auto length = static_cast<std::size_t>(last - first);
-    std::vector<double> shares(static_cast<std::size_t>(phases_) * length);
-    for (std::int64_t p = 0; p < phases_; ++p)
-      for (std::size_t j = 0; j < length; ++j) {
-        const double t = (static_cast<double>(first) + static_cast<double>(j)) * width_ps -
-                         static_cast<double>(p) * step_;
-        shares[static_cast<std::size_t>(p) * length + j] = irf.cdf(t + width_ps) - irf.cdf(t);
-      }
+    // One record after the other has the same.
+    thread_local std::vector<double> shares;
+    thread_local std::optional<std::pair<Irf, double>> of;
+    if (of != std::pair{irf, width_ps}) {
+      of = {irf, width_ps};
+      shares.resize(static_cast<std::size_t>(phases_) * length);
+      for (std::int64_t p = 0; p < phases_; ++p)
+        for (std::size_t j = 0; j < length; ++j) {
+          const double t = (static_cast<double>(first) + static_cast<double>(j)) * width_ps -
+                           static_cast<double>(p) * step_;
+          shares[static_cast<std::size_t>(p) * length + j] = irf.cdf(t + width_ps) - irf.cdf(t);
+        }
+    }
     for (std::size_t i = 0; i < weights_.size(); ++i) {
       if (weights_[i] == 0) continue;
       const auto point = static_cast<std::int64_t>(i);
@@ -129,8 +138,15 @@ std::vector<std::uint32_t> count_running_free(const std::vector<double>& rate, c
 std::vector<double> spd_rate(const Returns& returns, const Conditions& c) {
   const Irf irf(c);
   FineSignal signal(c, irf);
-  for (std::size_t k = 0; k < returns.range_m.size(); ++k)
+  const auto add = [&](std::size_t k) {
     signal.add(ps_per_m * returns.range_m[k], c.signal_photons * returns.weight[k]);
+  };
+  // Neighbours come at the same time, and would wait for each other's sums.
+  constexpr std::size_t parts = 4;
+  const std::size_t count = returns.range_m.size(), part = count / parts;
+  for (std::size_t k = 0; k < part; ++k)
+    for (std::size_t p = 0; p < parts; ++p) add(p * part + k);
+  for (std::size_t k = parts * part; k < count; ++k) add(k);
   std::vector<double> rate(static_cast<std::size_t>(c.bins),
                            c.background_counts / static_cast<double>(c.bins));
   signal.spread(irf, c.bin_width_ps, rate);

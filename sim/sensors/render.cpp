@@ -41,6 +41,31 @@ class Patches {
     returns.place.clear();
   }
 
+  // All that met something.
+  void add_met(const Row& row) {
+    auto& ranges = returns_.range_m;
+    if (ranges.size() < seen_ + (row.to - row.from)) {
+      ranges.resize(2 * (seen_ + row.to - row.from));
+      returns_.weight.resize(ranges.size());
+    }
+    for (auto run = row.runs.begin(); run != row.runs.end();) {
+      const std::size_t first = run->first;
+      std::size_t last = run->last;
+      while (++run != row.runs.end() && run->first == last) last = run->last;
+      const std::size_t count = last - first;
+      double *range = &ranges[seen_], *weight = &returns_.weight[seen_];
+      light_back(row.x + first, row.y + first, row.z + first, row.cosine + first,
+                 row.albedo + first, pixel_, range, weight, count);
+      gaze_.dim({row.x + first, row.y + first, row.cosine + first, row.shape + first},
+                static_cast<std::int32_t>(scene_.capsules.size()), weight, count);
+      if (gaze_.height_m)
+        for (std::size_t i = 0; i < count; ++i)
+          returns_.place.push_back(place_of(scene_, row, first + i, range[i], *gaze_.height_m));
+      for (std::size_t i = 0; gaze_.extra_m != 0 && i < count; ++i) range[i] += gaze_.extra_m;
+      for (std::size_t i = 0; gaze_.sway_m > 0 && i < count; ++i) range[i] += gaze_.sway(seen_ + i);
+      seen_ += count;
+    }
+  }
   // Those with keep(ray); weights times `sign`.
   template <class Keep>
   void add(const Row& row, double sign, Keep keep) {
@@ -87,10 +112,8 @@ void look(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Ro
     no_shape.assign(x.count, nothing);
   }
   Scanner(scene, gaze.sensor_x_m, x, y, sampling, room).scan(Shading::on, [&](const Row& row) {
-    if (!behind) {
-      patches.add(row, 1, [&](std::size_t i) { return row.z[i] < INFINITY; });
-      return;
-    }
+    if (!scene.room) return patches.add_met(row);
+    if (!behind) return patches.add(row, 1, [&](std::size_t i) { return row.z[i] < INFINITY; });
     const std::size_t at = std::size_t{row.iy} * x.count;
     const Row wall{row.iy,
                    row.from,

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <memory>
 #include <numbers>
+#include <span>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -52,6 +53,8 @@ struct Offsets {
   }
 };
 
+using Points = std::pair<std::uint32_t, std::uint32_t>;  // [first, last) of an axis
+
 // A shape and the points of the axes between which it can be met.
 template <class Shape>
 struct Placed {
@@ -62,7 +65,67 @@ struct Placed {
     std::tie(x0, x1) = points_within(x, shape.tangents_x());
     std::tie(y0, y1) = points_within(y, shape.tangents_y());
   }
-  bool in_row(std::uint32_t iy) const { return iy >= y0 && iy < y1 && x0 < x1; }
+  // Of a row from y0 to y1.
+  Points columns(std::uint32_t) const { return {x0, x1}; }
+};
+
+// A tilted limb fills little of its box. Between its ends it is (1 - t) times the one and t times
+// the other, of which a row cuts some t.
+template <>
+struct Placed<CapsuleShape> {
+  CapsuleShape shape;
+  std::uint32_t x0 = 0, x1 = 0, y0 = 0, y1 = 0;
+
+  Placed(const CapsuleShape& s, const Axis& x, const Axis& y) : shape(s) {
+    const auto [a, b] = s.ends();
+    std::tie(x0, x1) = points_within(x, hull(a.x, b.x));
+    std::tie(y0, y1) = points_within(y, hull(a.y, b.y));
+    left_ = {place(x, a.x).low, place(x, b.x).low};
+    right_ = {place(x, a.x).high, place(x, b.x).high};
+    top_ = {place(y, a.y).low, place(y, b.y).low};
+    bottom_ = {place(y, a.y).high, place(y, b.y).high};
+    for (const Ends& e : {left_, right_, top_, bottom_}) bounded_ &= std::isfinite(e.a + e.by);
+  }
+  Points columns(std::uint32_t iy) const {
+    if (!bounded_ || x1 - x0 < worth_it) return {x0, x1};
+    double from = 0, to = 1;
+    const auto y = static_cast<double>(iy);
+    top_.keep_below(y, from, to), bottom_.keep_above(y, from, to);
+    if (from > to) return {0, 0};
+    const double low = std::floor(std::min(left_.at(from), left_.at(to))),
+                 high = std::ceil(std::max(right_.at(from), right_.at(to))) + 1;
+    return {std::max(x0, static_cast<std::uint32_t>(std::max(low, 0.0))),
+            std::min(x1, static_cast<std::uint32_t>(std::max(high, 0.0)))};
+  }
+
+ private:
+  // A bound at either end.
+  struct Ends {
+    Ends(double of_a, double of_b) : a(of_a), by(of_b - of_a), per(by == 0 ? 0 : 1 / by) {}
+    double at(double t) const { return a + t * by; }
+    // Of t in [from, to] keeps those where the bound is not above y, or not below.
+    void keep_below(double y, double& from, double& to) const { keep(by > 0, a > y, y, from, to); }
+    void keep_above(double y, double& from, double& to) const { keep(by < 0, a < y, y, from, to); }
+    void keep(bool first, bool none, double y, double& from, double& to) const {
+      const double t = (y - a) * per;
+      if (by == 0)
+        to = none ? -1 : to;
+      else if (first)
+        to = std::min(to, t);
+      else
+        from = std::max(from, t);
+    }
+    double a, by, per;
+  };
+  // In points, with the half step that a ray may be off, and more than rounding.
+  static Interval place(const Axis& axis, Interval t) {
+    constexpr double off = 0.5 + 1e-6;
+    const double a = (t.low - axis.start) / axis.step, b = (t.high - axis.start) / axis.step;
+    return {std::min(a, b) - off, std::max(a, b) + off};
+  }
+  Ends left_{0, 0}, right_{0, 0}, top_{0, 0}, bottom_{0, 0};
+  static constexpr std::uint32_t worth_it = 16;  // points
+  bool bounded_ = true;
 };
 
 inline constexpr std::int32_t nothing = -1;
@@ -71,12 +134,17 @@ struct Image {
   std::vector<double> z, cosine, albedo;
 };
 
+// Rays first..last-1 of a row that met one shape.
+struct Run {
+  std::uint32_t first, last;
+};
 // Rays from..to-1 of a row: (x, y, 1) met something at z, infinite where it did not.
 struct Row {
   std::uint32_t iy, from, to;
   const double *x, *y, *z;
-  const double *cosine, *albedo;  // for Shading::on
-  const std::int32_t* shape;      // nothing: the room
+  const double *cosine, *albedo;   // for Shading::on
+  const std::int32_t* shape;       // nothing: the room
+  std::span<const Run> runs = {};  // for Shading::on, without a room: all that met something
 };
 enum class Shading : std::uint8_t { off, on };
 
@@ -109,15 +177,16 @@ class Scanner {
   // visit(row) for every row in which something can be met.
   template <class Visit>
   void scan(Shading shading, Visit visit) {
-    for (std::uint32_t iy = 0; iy < y_.count; ++iy) {
-      find_extent(iy);
+    const auto [first, last] = rows();
+    for (std::uint32_t iy = first; iy < last; ++iy) {
+      find_shapes(iy);
       if (from_ >= to_) continue;
-      aim(iy);
-      draw_row(iy);
+      aim_row(iy);
+      draw_row();
       if (shading == Shading::on) shade_row();
       if (background_) add_background(iy);
       visit(Row{iy, from_, to_, ray_x_.data(), ray_y_.data(), z_.data(), cosine_.data(),
-                albedo_.data(), shape_.data()});
+                albedo_.data(), shape_.data(), runs_});
     }
   }
 
@@ -128,68 +197,75 @@ class Scanner {
                                                  const Axis& y, Sampling sampling);
 
  private:
-  // use(shape, number) of every shape that reaches into the row.
-  template <class Use>
-  void for_each_in_row(std::uint32_t iy, Use use) const {
-    std::int32_t number = 0;
-    for (const auto& capsule : capsules_) {
-      if (capsule.in_row(iy)) use(capsule, number);
-      ++number;
-    }
-    for (const auto& plate : plates_) {
-      if (plate.in_row(iy)) use(plate, number);
-      ++number;
-    }
-    for (const auto& triangle : triangles_) {
-      if (triangle.y0 > iy) break;
-      if (triangle.in_row(iy)) use(triangle, number);
-      ++number;
-    }
+  // In which something can be met.
+  Points rows() const {
+    if (background_) return {0, y_.count};
+    Points out{y_.count, 0};
+    const auto add = [&](const auto& shapes) {
+      for (const auto& s : shapes) out = {std::min(out.first, s.y0), std::max(out.second, s.y1)};
+    };
+    add(capsules_), add(plates_), add(triangles_);
+    return out;
   }
 
-  void find_extent(std::uint32_t iy) {
+  // That reach into the row, and how far it can be met by them.
+  void find_shapes(std::uint32_t iy) {
     from_ = background_ ? 0 : x_.count;
     to_ = background_ ? x_.count : 0;
-    for_each_in_row(iy, [&](const auto& placed, std::int32_t) {
-      from_ = std::min(from_, placed.x0);
-      to_ = std::max(to_, placed.x1);
-    });
-  }
-
-  void aim(std::uint32_t iy) {
-    const double dx = offsets_.dx_of_row[iy], y = y_.at(iy);
-    for (std::uint32_t ix = from_; ix < to_; ++ix) {
-      ray_x_[ix] = offsets_.x_of_column[ix] + dx * offsets_.side_of_column[ix];
-      ray_y_[ix] = y + offsets_.dy_of_column[ix];
-      z_[ix] = INFINITY;
-      shape_[ix] = nothing;
+    in_row_.clear();
+    const auto look_at = [&](const auto& placed, std::int32_t number) {
+      if (iy < placed.y0 || iy >= placed.y1) return;
+      const auto [first, last] = placed.columns(iy);
+      if (first >= last) return;
+      in_row_.push_back({number, first, last});
+      from_ = std::min(from_, first);
+      to_ = std::max(to_, last);
+    };
+    std::int32_t number = 0;
+    for (const auto& capsule : capsules_) look_at(capsule, number++);
+    for (const auto& plate : plates_) look_at(plate, number++);
+    for (const auto& triangle : triangles_) {
+      if (triangle.y0 > iy) break;
+      look_at(triangle, number++);
     }
   }
 
-  void draw_row(std::uint32_t iy) {
-    for_each_in_row(iy, [&](const auto& placed, std::int32_t number) {
-      const std::size_t first = placed.x0, count = placed.x1 - placed.x0;
-      placed.shape.meet(&ray_x_[first], &ray_y_[first], met_.data(), count);
-      keep_nearer(met_.data(), number, &z_[first], &shape_[first], count);
-    });
+  // use(the shape of this number)
+  template <class Use>
+  void with_shape(std::int32_t shape, Use use) const {
+    auto number = static_cast<std::size_t>(shape);
+    if (number < capsules_.size()) return use(capsules_[number].shape);
+    if (number -= capsules_.size(); number < plates_.size()) return use(plates_[number].shape);
+    use(triangles_[number - plates_.size()].shape);
+  }
+
+  void aim_row(std::uint32_t iy) {
+    aim(&offsets_.x_of_column[from_], &offsets_.side_of_column[from_],
+        &offsets_.dy_of_column[from_], offsets_.dx_of_row[iy], y_.at(iy), &ray_x_[from_],
+        &ray_y_[from_], &z_[from_], &shape_[from_], to_ - from_);
+  }
+
+  void draw_row() {
+    for (const auto& [number, first, last] : in_row_)
+      with_shape(number, [&](const auto& shape) {
+        shape.meet(&ray_x_[first], &ray_y_[first], met_.data(), last - first);
+        keep_nearer(met_.data(), number, &z_[first], &shape_[first], last - first);
+      });
   }
 
   void shade_row() {
+    runs_.clear();
     for (std::size_t first = from_, last = first; first < to_; first = last) {
       while (last < to_ && shape_[last] == shape_[first]) ++last;
-      const auto shade = [&](const auto& shape) {
+      if (shape_[first] == nothing) {
+        std::fill(&cosine_[first], &cosine_[first] + (last - first), 0.0);
+        continue;
+      }
+      runs_.push_back({static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(last)});
+      with_shape(shape_[first], [&](const auto& shape) {
         shape.cosines(&ray_x_[first], &ray_y_[first], &z_[first], &cosine_[first], last - first);
         std::fill(&albedo_[first], &albedo_[first] + (last - first), shape.albedo);
-      };
-      auto number = static_cast<std::size_t>(shape_[first]);
-      if (shape_[first] == nothing)
-        std::fill(&cosine_[first], &cosine_[first] + (last - first), 0.0);
-      else if (number < capsules_.size())
-        shade(capsules_[number].shape);
-      else if (number -= capsules_.size(); number < plates_.size())
-        shade(plates_[number].shape);
-      else
-        shade(triangles_[number - plates_.size()].shape);
+      });
     }
   }
 
@@ -201,11 +277,18 @@ class Scanner {
                z_.data(), cosine_.data(), albedo_.data(), x_.count);
   }
 
+  struct InRow {
+    std::int32_t number;
+    std::uint32_t first, last;
+  };
+
   const Axis& x_;
   const Axis& y_;
   Offsets offsets_;
   std::vector<double> ray_x_, ray_y_, met_, z_, cosine_, albedo_;  // of one row
   std::vector<std::int32_t> shape_;
+  std::vector<InRow> in_row_;
+  std::vector<Run> runs_;
   std::uint32_t from_ = 0, to_ = 0;  // where the row may hold something
   std::vector<Placed<CapsuleShape>> capsules_;
   std::vector<Placed<PlateShape>> plates_;
