@@ -107,11 +107,14 @@ void MapFiles::write(std::int64_t index, std::span<const float> prediction,
     const std::string name = formatted("%06lld%s", static_cast<long long>(index), end);
     if (!parts_ || !parts_->take(name)) write_file(folder_ + "/" + name, make());
   };
-  std::vector<float> there = hard_map(map, scene_);
+  // An array alone does without.
+  std::vector<float> there;
+  if (wants("ply") || wants("colour") || !films_.empty()) there = hard_map(map, scene_);
   if (wants("ply")) picture(".ply", [&] { return point_cloud(there, grid); });
   if (zoom_m_ > 0) {
     window = window_about_body(prediction, scene_, zoom_m_);
-    map = cut(map, grid, window), there = cut(there, grid, window);
+    map = cut(map, grid, window);
+    if (!there.empty()) there = cut(there, grid, window);
     if (!deviations.empty()) deviations = cut(deviations, grid, window);
   }
   if (wants("colour")) picture(".png", [&] { return depth_picture(there, span_, picture_zoom); });

@@ -148,15 +148,17 @@ void Reconstruction::take_all(const record::RunReader& run) {
   Progress progress("reconstructing", count, options_.quiet);
   const Records records = prepare_records(model_, read(run, count), options_.range_bias);
   const auto [begin, last] = own_rows(records.data);
-  std::future<Part> next;
-  // While this thread judges the run, and then writes a part, another makes the maps of the next.
-  const auto start = [&](std::size_t first) {
-    if (first < last)
-      next = std::async(std::launch::async, [&, first] {
-        return make(records, first, std::min(part_records, last - first));
-      });
+  // While this thread judges the run, and then writes a part, others make the maps of the next.
+  constexpr std::size_t ahead = 2;
+  std::deque<std::future<Part>> next;
+  auto start = [&, first = begin]() mutable {
+    if (first >= last) return;
+    next.push_back(std::async(std::launch::async, [&, first] {
+      return make(records, first, std::min(part_records, last - first));
+    }));
+    first += part_records;
   };
-  start(begin);
+  for (std::size_t i = 0; i < ahead; ++i) start();
   tell_run(records.antennas);
   tell_run(records.speckle);
   const DomainShift shift = domain_shift_of(model_, records);
@@ -165,11 +167,12 @@ void Reconstruction::take_all(const record::RunReader& run) {
       options_.quiet && records.range_bias.status == RangeBias::Status::too_few_records;
   if (!silent) tell_run(records.text);
   if (!options_.quiet) tell_run(records.gains.text());
-  for (std::size_t first = begin; first < last && !interrupted(); first += part_records) {
-    Part part = next.get();
-    start(first + part_records);
+  for (; !next.empty() && !interrupted(); next.pop_front()) {
+    Part part = next.front().get();
+    start();
+    const std::size_t done = part.first + part.statuses.size();
     write(records, std::move(part));
-    progress.update(std::min(first + part_records, last));
+    progress.update(done);
   }
   if (!interrupted()) tell_bad(std::numeric_limits<std::int64_t>::max());
   table_.flush();
