@@ -16,6 +16,7 @@ namespace {
 constexpr std::uint64_t noise_stream = 0x6e6f6973;  // "nois"
 constexpr std::uint64_t fold_stream = 0x756e6366;   // "uncf"
 constexpr std::size_t worse_copies = 3;
+constexpr std::size_t sums_of_two = 600;
 constexpr double fewest_photons_log10 = -2.5;  // share of a worse copy's photons
 constexpr double least_noise_log10 = -2, most_noise_log10 = -0.3;  // radar, against its peak
 
@@ -81,14 +82,14 @@ UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
       append_rows(soft.depth, own.depth);
     }
   out.lateral.fit(predictors, errors, maps.rows);
-  std::vector<double> lateral_interval_90_m, of_two;
-  for (const Judged& part : judged)
-    for (const double e : errors_of_separated(part.model, out.lateral, data, part.rows, seed))
-      of_two.push_back(e);
-  std::sort(of_two.begin(), of_two.end());
-  if (of_two.size() >= LateralError::least_records)
-    out.of_two = of_two[static_cast<std::size_t>(LateralError::share_within *
-                                                 static_cast<double>(of_two.size()))];
+  std::vector<double> lateral_interval_90_m;
+  std::vector<SeparatedError::Sum> sums;
+  for (const Judged& part : judged) {
+    const auto more = errors_of_separated(part.model, out.lateral, data, part.rows,
+                                          sums_of_two / judged.size(), seed);
+    sums.insert(sums.end(), more.begin(), more.end());
+  }
+  out.separated.fit(std::move(sums));
   for (std::size_t i = 0; i < maps.rows; ++i)
     lateral_interval_90_m.push_back(out.lateral(predictors.row(i)));
   out.pixels.fit(soft_of(std::move(soft), maps, model.scene, lateral_interval_90_m), truth,

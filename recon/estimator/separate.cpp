@@ -14,13 +14,14 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::uint64_t sum_stream = 0x73756d73;  // "sums"
-constexpr std::size_t most_sums = 200, most_draws = 20'000;
+constexpr std::size_t most_draws = 20'000;
 constexpr double least_apart_m = 0.4;  // sideways
 
 // Records of one body each: rows 2 k and 2 k + 1 are the bodies of the record places[k].
 struct Halves {
   Dataset data;
   Rows places;
+  std::vector<double> apart_m;  // in range
 };
 
 // Of the given ones of the rows, those that can be taken apart.
@@ -34,7 +35,9 @@ Halves halves_of(const TrainedModel& by, const Dataset& data, const Rows& rows,
     auto split = split_bodies(by.alignment, by.features.raw_inputs(data, {rows[place]}).row(0));
     if (!split) continue;
     twice.insert(twice.end(), 2, rows[place]);
-    out.places.push_back(place), found.push_back(std::move(*split));
+    out.places.push_back(place);
+    out.apart_m.push_back(split->parts[1].range_m - split->parts[0].range_m);
+    found.push_back(std::move(*split));
   }
   out.data = part_of(data, twice);
   for (std::size_t i = 0; i < twice.size(); ++i) {
@@ -83,7 +86,8 @@ struct Sums {
   std::vector<std::array<Place, 2>> places;
 };
 
-Sums sums_of(const TrainedModel& model, const Dataset& data, const Rows& rows, std::uint64_t seed) {
+Sums sums_of(const TrainedModel& model, const Dataset& data, const Rows& rows, std::size_t most,
+             std::uint64_t seed) {
   Rows seen;
   std::vector<Place> places;
   for (const std::size_t row : rows)
@@ -97,7 +101,7 @@ Sums sums_of(const TrainedModel& model, const Dataset& data, const Rows& rows, s
   if (!seen.empty()) {
     Rng rng = make_rng(seed, sum_stream);
     std::uniform_int_distribution<std::size_t> any(0, seen.size() - 1);
-    for (std::size_t draw = 0; draw < most_draws && first.size() < most_sums; ++draw) {
+    for (std::size_t draw = 0; draw < most_draws && first.size() < most; ++draw) {
       const std::size_t a = any(rng), b = any(rng);
       const auto x_m = [&](std::size_t i) { return places[i].tangent * places[i].depth_m; };
       if (double{places[b].depth_m - places[a].depth_m} < model.alignment.resolution_m() ||
@@ -122,11 +126,13 @@ Sums sums_of(const TrainedModel& model, const Dataset& data, const Rows& rows, s
 
 }  // namespace
 
-std::vector<double> errors_of_separated(const TrainedModel& model, const LateralError& lateral,
-                                        const Dataset& data, const Rows& rows, std::uint64_t seed) {
-  std::vector<double> out;
+std::vector<SeparatedError::Sum> errors_of_separated(const TrainedModel& model,
+                                                     const LateralError& lateral,
+                                                     const Dataset& data, const Rows& rows,
+                                                     std::size_t most, std::uint64_t seed) {
+  std::vector<SeparatedError::Sum> out;
   if (!takes_apart(model)) return out;
-  const Sums sums = sums_of(model, data, rows, seed);
+  const Sums sums = sums_of(model, data, rows, most, seed);
   const Rows every = all_rows(sums.places.size());
   const Halves halves = halves_of(model, sums.data, every, every);
   if (halves.places.empty()) return out;
@@ -141,7 +147,7 @@ std::vector<double> errors_of_separated(const TrainedModel& model, const Lateral
     if (!found || std::isnan(interval_m)) continue;
     const Place& truth = sums.places[halves.places[i / 2]][i % 2];
     const auto off = double{found->tangent - truth.tangent};
-    out.push_back(std::abs(off) * double{truth.depth_m} / interval_m);
+    out.push_back({halves.apart_m[i / 2], std::abs(off) * double{truth.depth_m} / interval_m});
   }
   return out;
 }
@@ -173,11 +179,9 @@ void separate_bodies(const TrainedModel& model, const Dataset& data, const Rows&
     const std::size_t place = halves.places[k];
     PredictionUncertainty& stated = made.uncertainties[place];
     for (std::size_t i = 2 * k; i < 2 * k + 2; ++i)
-      stated.bodies.push_back(
-          body_of(maps.row(i), by.scene,
-                  by.uncertainty->of_two > 0
-                      ? by.uncertainty->of_two * by.uncertainty->lateral(predictors.row(i))
-                      : NAN));
+      stated.bodies.push_back(body_of(maps.row(i), by.scene,
+                                      by.uncertainty->separated(halves.apart_m[k]) *
+                                          by.uncertainty->lateral(predictors.row(i))));
     if (std::isnan(stated.bodies[0].z_m) || std::isnan(stated.bodies[1].z_m)) {
       stated.bodies.clear();
       continue;

@@ -14,10 +14,12 @@ namespace echofuse::recon {
 void separate_bodies(const TrainedModel& model, const Dataset& data, const Rows& rows,
                      Prediction& made, SoftMaps* soft);
 
-// By how much the places of bodies that are taken apart are off: errors of sums of two of the rows,
-// which the model has not seen, over the lateral intervals stated of each. None of a model that
-// takes none apart.
-std::vector<double> errors_of_separated(const TrainedModel& model, const LateralError& lateral,
-                                        const Dataset& data, const Rows& rows, std::uint64_t seed);
+// By how much the places of bodies that are taken apart are off: errors of `most` sums of two of
+// the rows, which the model has not seen, over the lateral intervals stated of each. None of a
+// model that takes none apart.
+std::vector<SeparatedError::Sum> errors_of_separated(const TrainedModel& model,
+                                                     const LateralError& lateral,
+                                                     const Dataset& data, const Rows& rows,
+                                                     std::size_t most, std::uint64_t seed);
 
 }  // namespace echofuse::recon

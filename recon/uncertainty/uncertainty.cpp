@@ -103,6 +103,42 @@ void LateralError::load(const record::H5File& file, const std::string& group,
                   "a spread above 0, and least below most");
 }
 
+// Least squares of the logarithms; errors never grow with the distance.
+void SeparatedError::fit(std::vector<Sum> sums) {
+  if (sums.size() < LateralError::least_records) return;
+  constexpr double least_times = 0.01, steepest = -3;
+  const auto n = static_cast<double>(sums.size());
+  double x = 0, y = 0, xx = 0, xy = 0;
+  for (const Sum& s : sums) {
+    const double apart = std::log(s.apart_m), times = std::log(std::max(s.times, least_times));
+    x += apart / n, y += times / n, xx += apart * apart / n, xy += apart * times / n;
+  }
+  const double variance = xx - x * x;
+  exponent_ = variance > 1e-6 ? std::clamp((xy - x * y) / variance, steepest, 0.0) : 0;
+  for (Sum& s : sums) s.times /= std::pow(s.apart_m, exponent_);
+  std::sort(sums.begin(), sums.end(), [](const Sum& a, const Sum& b) { return a.times < b.times; });
+  factor_ = sums[static_cast<std::size_t>(LateralError::share_within * n)].times;
+}
+
+double SeparatedError::operator()(double apart_m) const {
+  return factor_ > 0 ? factor_ * std::pow(apart_m, exponent_)
+                     : std::numeric_limits<double>::quiet_NaN();
+}
+
+void SeparatedError::save(record::H5File& file, const std::string& group) const {
+  file.set(group, "of_two", factor_);
+  file.set(group, "of_two_exponent", exponent_);
+}
+
+// Models of before have no exponent, or neither.
+void SeparatedError::load(const record::H5File& file, const std::string& group) {
+  if (file.has_attribute(group, "of_two")) factor_ = file.get<double>(group, "of_two");
+  if (file.has_attribute(group, "of_two_exponent"))
+    exponent_ = file.get<double>(group, "of_two_exponent");
+  require_sound(file, factor_ >= 0, group + "@of_two", "0 or more");
+  require_sound(file, std::abs(exponent_) <= 3, group + "@of_two_exponent", "from -3 to 3");
+}
+
 void UncertaintyModel::judge_speckle(std::span<const float> aligned,
                                      const std::optional<record::Speckle>& found,
                                      PredictionUncertainty& stated) const {
@@ -130,16 +166,14 @@ void UncertaintyModel::save(record::H5File& file) const {
   pixels.save(file, "uncertainty/pixels");
   lateral.save(file, "uncertainty/lateral");
   speckle.save(file, "uncertainty/speckle");
-  file.set("uncertainty/lateral", "of_two", of_two);
+  separated.save(file, "uncertainty/lateral");
 }
 
 void UncertaintyModel::load(const record::H5File& file, const Features& of_model,
                             const Alignment& alignment) {
   detector.load(file, "uncertainty/out_of_distribution", of_model, alignment);
   lateral.load(file, "uncertainty/lateral", predictor_count(of_model.inputs));
-  if (file.has_attribute("uncertainty/lateral", "of_two"))  // else a model of before
-    of_two = file.get<double>("uncertainty/lateral", "of_two");
-  require_sound(file, of_two >= 0, "uncertainty/lateral@of_two", "0 or more");
+  separated.load(file, "uncertainty/lateral");
   pixels.load(file, "uncertainty/pixels");
   speckle.load(file, "uncertainty/speckle");
 }

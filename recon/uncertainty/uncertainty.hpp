@@ -38,6 +38,25 @@ class LateralError {
   double factor_ = 0;
 };
 
+// How many times as long as of one body the lateral interval is of a body that was taken apart from
+// another one: what is left of the other disturbs it, the more the nearer they are. A power of how
+// far apart their ranges are, times the factor that holds 90 % of sums of two records.
+class SeparatedError {
+ public:
+  struct Sum {
+    double apart_m, times;  // error over the interval of one body
+  };
+  // Learns nothing from fewer than LateralError::least_records.
+  void fit(std::vector<Sum> sums);
+  double operator()(double apart_m) const;  // NaN if nothing was learnt
+
+  void save(record::H5File& file, const std::string& group) const;
+  void load(const record::H5File& file, const std::string& group);
+
+ private:
+  double factor_ = 0, exponent_ = 0;
+};
+
 // One of the two bodies of a map.
 struct FoundBody {
   double x_m, z_m;  // of its middle
@@ -60,9 +79,7 @@ struct UncertaintyModel {
   LateralError lateral;
   PixelError pixels;
   SpeckleReference speckle;
-  // How many times as long the lateral interval of a body is that was taken apart from another one;
-  // 0: not known.
-  double of_two = 0;
+  SeparatedError separated;
 
   // Of a record's aligned features: what its radar's power, varying otherwise than in training,
   // adds to what is stated.

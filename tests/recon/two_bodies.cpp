@@ -258,3 +258,37 @@ TEST_CASE("reconstruct and evaluate say which records show two bodies, and where
                                      "others 0 separated") &&
                          Catch::Contains("iou_person"));
 }
+
+TEST_CASE("the interval of a body taken apart grows as the other one comes nearer") {
+  Rng rng = make_rng(4, 0);
+  std::uniform_real_distribution<double> apart(0.5, 2.5);
+  std::exponential_distribution<double> error(1);
+  const auto draw = [&](std::size_t count) {
+    std::vector<SeparatedError::Sum> out;
+    for (std::size_t i = 0; i < count; ++i) {
+      const double apart_m = apart(rng);
+      out.push_back({apart_m, error(rng) / apart_m});
+    }
+    return out;
+  };
+  SeparatedError learnt;
+  CHECK(std::isnan(learnt(1)));
+  learnt.fit(draw(LateralError::least_records - 1));
+  CHECK(std::isnan(learnt(1)));
+  learnt.fit(draw(2000));
+  // 90 % of an exponential distribution of mean 1 are below ln 10.
+  for (const double apart_m : {0.5, 1.0, 2.0})
+    CHECK(learnt(apart_m) == Approx(std::log(10) / apart_m).epsilon(0.12));
+  const test::Folder folder;
+  {
+    auto file = record::H5File::create(folder / "a.h5");
+    file.write("group", std::vector<double>{1}, {1});
+    learnt.save(file, "group");
+    file.write("before", std::vector<double>{1}, {1});
+  }
+  const auto file = record::H5File::open(folder / "a.h5");
+  SeparatedError read, of_before;
+  read.load(file, "group"), of_before.load(file, "before");
+  CHECK(read(0.7) == learnt(0.7));
+  CHECK(std::isnan(of_before(0.7)));
+}

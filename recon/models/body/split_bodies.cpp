@@ -19,8 +19,14 @@ constexpr double psf_step_m = 0.01;
 
 using Values = std::vector<double>;
 
+// Some sums beside each other: each addition to one alone waits for the last.
 double dot(std::span<const double> a, std::span<const double> b) {
-  return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
+  std::array<double, 4> sums{};
+  const std::size_t whole = a.size() / sums.size() * sums.size();
+  for (std::size_t i = 0; i < whole; i += sums.size())
+    for (std::size_t k = 0; k < sums.size(); ++k) sums[k] += a[i + k] * b[i + k];
+  for (std::size_t i = whole; i < a.size(); ++i) sums[0] += a[i] * b[i];
+  return (sums[0] + sums[1]) + (sums[2] + sums[3]);
 }
 
 // Bins [from, cut) are the nearer body's, [cut, to) the other's.
@@ -108,18 +114,29 @@ Values point_spread(double resolution_m, double farthest_m) {
 std::vector<Values> expected(std::span<const float> clicks, const Cut& cut, std::size_t side,
                              const AlignmentRanges& spd, const AlignmentRanges& radar,
                              std::size_t points, const Values& psf) {
-  std::vector<Values> out;
+  // At any distance, in the steps of the psf; a shift reads it elsewhere.
+  const double start_m = radar.first_m - to_shift_m;
+  const double span_m = to_shift_m - from_shift_m + static_cast<double>(points) * radar.step_m;
+  Values unshifted(static_cast<std::size_t>(span_m / psf_step_m) + 2);
+  const auto reach = std::ssize(psf) - 1, size = std::ssize(unshifted);
   const std::size_t first = side ? cut.cut : cut.from, last = side ? cut.to : cut.cut;
+  for (std::size_t i = first; i < last; ++i) {
+    const double range_m = spd.first_m + static_cast<double>(i) * spd.step_m;
+    const auto middle = static_cast<std::ptrdiff_t>(std::lround((range_m - start_m) / psf_step_m));
+    for (auto k = std::max<std::ptrdiff_t>(0, middle - reach);
+         k < std::min(size, middle + reach + 1); ++k)
+      unshifted[static_cast<std::size_t>(k)] +=
+          double{clicks[i]} * psf[static_cast<std::size_t>(std::abs(k - middle))];
+  }
+  std::vector<Values> out;
   for (double shift_m = from_shift_m; shift_m < to_shift_m; shift_m += shift_step_m) {
     Values& profile = out.emplace_back(points);
-    for (std::size_t i = first; i < last; ++i) {
-      const double range_m = spd.first_m + static_cast<double>(i) * spd.step_m + shift_m;
-      for (std::size_t j = 0; j < points; ++j) {
-        const double off_m =
-            std::abs(radar.first_m + static_cast<double>(j) * radar.step_m - range_m);
-        const auto k = static_cast<std::size_t>(off_m / psf_step_m + 0.5);
-        if (k < psf.size()) profile[j] += double{clicks[i]} * psf[k];
-      }
+    for (std::size_t j = 0; j < points; ++j) {
+      const double at =
+          (radar.first_m + static_cast<double>(j) * radar.step_m - shift_m - start_m) / psf_step_m;
+      const auto k = std::min(static_cast<std::size_t>(at), unshifted.size() - 2);
+      const double part = at - static_cast<double>(k);
+      profile[j] = (1 - part) * unshifted[k] + part * unshifted[k + 1];
     }
   }
   return out;
