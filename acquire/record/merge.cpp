@@ -71,7 +71,7 @@ std::vector<Input> inputs_of(const std::vector<std::string>& paths) {
   return out;
 }
 
-// Names of the schema's tables that are by record, and "column, column" of each.
+// Names of the schema's tables that are by record, and "column, column" of each that a part has.
 std::vector<std::pair<std::string, std::string>> tables_by_record(sqlite3* db,
                                                                   const std::string& path) {
   std::vector<std::pair<std::string, std::string>> out;
@@ -81,8 +81,10 @@ std::vector<std::pair<std::string, std::string>> tables_by_record(sqlite3* db,
       "pragma_table_info(s.name) WHERE name = 'idx')");
   while (tables.step()) {
     const std::string name = tables.text();
-    Statement columns(db, path, "SELECT group_concat(name, ', ') FROM pragma_table_info(?)");
-    columns.bind(name).step();
+    Statement columns(db, path,
+                      "SELECT group_concat(name, ', ') FROM pragma_table_info(?) WHERE name IN "
+                      "(SELECT name FROM pragma_table_info(?, 'part'))");
+    columns.bind(name).bind(name).step();
     out.emplace_back(name, columns.text());
   }
   return out;
@@ -150,6 +152,7 @@ std::int64_t merge(const std::vector<std::string>& paths, const std::string& out
     const std::string& path = staged.path();
     // Nothing is lost by a crash: what is not published is begun anew.
     execute(db, path, "PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF", "cannot set up");
+    add_columns(db, path);
     for (std::size_t i = 1; i < parts.size(); ++i) append(db, path, parts[i].path);
     Statement run(db, path, "UPDATE run SET host = ?");
     run.bind(hosts_of(parts)).run();

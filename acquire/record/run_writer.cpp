@@ -118,10 +118,7 @@ RunWriter::RunWriter(const std::string& path) : path_(path), handle_(nullptr, sq
   use_wal();
   execute(db_, path_, "BEGIN IMMEDIATE", "cannot reopen");
   execute(db_, path_, schema, "cannot add the tables of this version");
-  if (!has_column(db_, path_, "counter", "part"))
-    execute(db_, path_, "ALTER TABLE counter ADD COLUMN part INTEGER DEFAULT 0", "cannot reopen");
-  if (!has_column(db_, path_, "speckle", "over_150_ms"))
-    execute(db_, path_, "ALTER TABLE speckle ADD COLUMN over_150_ms REAL", "cannot reopen");
+  add_columns(db_, path_);
   execute(db_, path_, "UPDATE run SET status = 'open', ended_utc = ''", "cannot reopen");
   Statement state(db_, path_,
                   "SELECT count(*), ifnull(max(idx) + 1, 0), (SELECT ifnull(max(id), 0) FROM "

@@ -14,6 +14,10 @@
 // and meta came later: older files of version 1 are without them until they are resumed. Times:
 // *_ns are host monotonic nanoseconds, utc is ISO 8601.
 #pragma once
+#include <array>
+#include <string>
+
+#include "acquire/record/sqlite.hpp"
 
 namespace echofuse::record {
 
@@ -65,5 +69,20 @@ CREATE TABLE IF NOT EXISTS record (idx INTEGER PRIMARY KEY, slot_start_ns INTEGE
   depth_offset_s REAL, depth_span_s REAL, depth_used INTEGER, depth_lost INTEGER,
   depth_verdict TEXT, spd BLOB, radar BLOB, depth BLOB);
 )";
+
+// What a table of an older file lacks.
+inline void add_columns(sqlite3* db, const std::string& path) {
+  struct Later {
+    const char *table, *name, *type;
+  };
+  constexpr std::array<Later, 2> later{
+      {{"counter", "part", "INTEGER DEFAULT 0"}, {"speckle", "over_150_ms", "REAL"}}};
+  for (const Later& c : later) {
+    if (has_column(db, path, c.table, c.name)) continue;
+    const std::string sql =
+        "ALTER TABLE " + std::string(c.table) + " ADD COLUMN " + c.name + " " + c.type;
+    execute(db, path, sql.c_str(), "cannot add a column of this version");
+  }
+}
 
 }  // namespace echofuse::record

@@ -2,11 +2,13 @@
 // How the radar's power varies within a record. Echoes that interfere (speckle) make it vary from
 // frame to frame, as a body moves, and from one carrier to the next; the power of fully developed
 // speckle is exponential, and varies by its mean (Goodman, Speckle Phenomena in Optics, 2007, 3.2).
-// Noise alone hardly varies it. So both numbers tell how many independent looks there are. How fast
-// it varies tells how fast a body moves, which a slot of a few looks shows better than how much.
+// Noise alone hardly varies it. So both numbers tell how many independent looks there are. How far
+// it changes within a short time tells how fast a body moves, which a slot of a few looks shows
+// better than how much it varies.
 #pragma once
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <span>
 #include <vector>
@@ -18,9 +20,9 @@ namespace echofuse::record {
 struct Speckle {
   double over_frames = 0;               // of the mean over the carriers
   std::optional<double> over_carriers;  // within a frame; none with one carrier
-  // By how much more frames 150 ms apart differ than neighbouring ones, of half the
-  // mean squared differences (von Neumann, Ann. Math. Stat. 12, 367, 1941); noise makes both alike.
-  // None where no frames are so far apart.
+  // Half the mean squared difference of frames 150 ms apart (von Neumann, Ann. Math. Stat. 12, 367,
+  // 1941) in place of the variance: the less a body moves, the smaller. Noise adds to it. None
+  // where no two frames are 140 to 250 ms apart.
   std::optional<double> over_150_ms = {};
   bool operator==(const Speckle&) const = default;
 };
@@ -30,26 +32,26 @@ struct Speckle {
 class SpeckleStatistics {
  public:
   explicit SpeckleStatistics(std::size_t carriers = 1) : carriers_(carriers) {}
-  // Of equal length, linear.
+  // Of equal length, linear. time_s: of any clock; a frame has that of the last carrier to come.
   void add(std::uint64_t frame, std::size_t carrier, double time_s, std::span<const float> power);
   // Nothing of fewer than two frames, or without power.
   std::optional<Speckle> take() const;
 
  private:
   struct Frame {
-    std::uint64_t number;
     double time_s;
     std::vector<double> power;  // mean over the carriers
   };
-  std::optional<double> apart(std::uint64_t frames) const;
-  std::optional<double> over_150_ms(double power) const;
+  void compare(double time_s);
 
-  std::size_t carriers_;
+  std::size_t carriers_, frames_ = 0;
   std::optional<std::uint64_t> frame_;
   std::uint64_t seen_ = 0;                 // carriers of this frame, by bits
   std::vector<double> now_, squares_now_;  // over this frame's carriers
-  std::vector<Frame> frames_;              // that are whole
+  std::vector<double> sum_, squares_;      // over frames, of their means
   double within_ = 0;                      // variances over carriers
+  std::deque<Frame> recent_;               // frames that the next ones are compared with
+  double apart_ = 0, pairs_ = 0;           // half the squared differences, of so many pairs
 };
 
 }  // namespace echofuse::record

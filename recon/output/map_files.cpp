@@ -107,7 +107,7 @@ void MapFiles::write(std::int64_t index, std::span<const float> prediction,
     const std::string name = formatted("%06lld%s", static_cast<long long>(index), end);
     if (!parts_ || !parts_->take(name)) write_file(folder_ + "/" + name, make());
   };
-  // An array alone does without.
+  // Only colours, points and films show it.
   std::vector<float> there;
   if (wants("ply") || wants("colour") || !films_.empty()) there = hard_map(map, scene_);
   if (wants("ply")) picture(".ply", [&] { return point_cloud(there, grid); });

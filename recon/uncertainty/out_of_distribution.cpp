@@ -98,7 +98,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
     for (const std::size_t i : fold.test) {
       std::vector<float> one(all.row(i).begin(), all.row(i).end());
       for (std::size_t c = 0; c < one.size(); ++c) one[c] *= scale_[c];
-      const auto found = statistics(one, raw_inputs.row(i));
+      const auto found = statistics(one, raw_inputs.row(i), true);
       for (std::size_t s = 0; s < found.size(); ++s)
         if (s != of_two || !shows_two(i))
           held_statistics[s].push_back(static_cast<float>(found[s]));
@@ -166,7 +166,7 @@ void OutOfDistributionDetector::learn_scale(const Matrix& descriptions) {
 }
 
 OutOfDistributionDetector::Statistics OutOfDistributionDetector::statistics(
-    std::span<const float> description, std::span<const float> raw_inputs) const {
+    std::span<const float> description, std::span<const float> raw_inputs, bool known_gains) const {
   constexpr double tiny = 1e-12;
   std::vector<float> off(description.begin(), description.end()), amounts(components_.basis.rows);
   for (std::size_t c = 0; c < off.size(); ++c) off[c] -= components_.mean[c];
@@ -187,10 +187,12 @@ OutOfDistributionDetector::Statistics OutOfDistributionDetector::statistics(
     residual[radar && c >= array_at && c < range_at ? 2 : std::size_t{radar}] +=
         double{off[c]} * double{off[c]};
   }
-  return {
-      std::log(along + tiny),           std::log(residual[0] + residual[1] + residual[2] + tiny),
-      two_bodies_(raw_inputs),          residual[0] / usual_residual_[0],
-      residual[1] / usual_residual_[1], residual[2] / usual_residual_[2]};
+  return {std::log(along + tiny),
+          std::log(residual[0] + residual[1] + residual[2] + tiny),
+          two_bodies_(raw_inputs, known_gains),
+          residual[0] / usual_residual_[0],
+          residual[1] / usual_residual_[1],
+          residual[2] / usual_residual_[2]};
 }
 
 void OutOfDistributionDetector::set_limits(std::array<std::vector<float>, 6> all) {
@@ -212,7 +214,11 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto features = aligned.row(i);
     const auto raw = raw_inputs.row(i);
-    const auto found = statistics(describe(features, raw.subspan(spd_bins_, profile_)), raw);
+    const bool known_gains =
+        features.size() > aligned_ && spd &&
+        Brightness::known(features.subspan(aligned_ - 1, Brightness::features));
+    const auto found =
+        statistics(describe(features, raw.subspan(spd_bins_, profile_)), raw, known_gains);
     OutOfDistributionScore s{std::max(limits_[0].share(found[0]), limits_[1].share(found[1])),
                              two_bodies_.known() ? limits_[of_two].share(found[of_two]) : NAN,
                              {},

@@ -62,8 +62,8 @@ class OutOfDistributionDetector {
   // log T^2, log Q, two bodies; residuals of histogram, radar and its antennas in units of their
   // usual size.
   using Statistics = std::array<double, 6>;
-  Statistics statistics(std::span<const float> description,
-                        std::span<const float> raw_inputs) const;
+  Statistics statistics(std::span<const float> description, std::span<const float> raw_inputs,
+                        bool known_gains) const;
   // Scale and components, of descriptions that are not scaled yet.
   void learn(const Matrix& descriptions, const Rows& rows, std::uint64_t seed);
   void set_limits(std::array<std::vector<float>, 6> statistics);

@@ -19,21 +19,30 @@ constexpr double most_of_run = 0.5;
 // Variation that plain noise may make, and which differs with it: below, little is told apart.
 constexpr double least = 0.3;
 constexpr double least_off = 0.25;  // of logarithms: so much differs from laboratory to laboratory
+// Of the variation from frame to frame what comes within 150 ms: of noise all, and of who moves
+// fast. Then it tells nothing of slow motion.
+constexpr double most_within_150_ms = 0.75;
 
-// Over 150 ms, where noise makes nothing.
-constexpr double least_over_150_ms = 0.02;
-
-std::optional<double> variation_of(const record::Speckle& found, std::size_t kind) {
-  if (kind == 0) return found.over_frames;
-  return kind == 1 ? found.over_carriers : found.over_150_ms;
-}
-
-double least_of(std::size_t kind) { return kind == 2 ? least_over_150_ms : least; }
+enum Kind : std::size_t { of_frames, of_carriers, of_150_ms };
+struct KindOf {
+  std::optional<double> (*value)(const record::Speckle&);
+  double least;  // added before the logarithm
+  const char* name;
+};
+constexpr std::array kinds_of{
+    KindOf{[](const record::Speckle& s) { return std::optional(s.over_frames); }, least,
+           "from frame to frame"},
+    KindOf{[](const record::Speckle& s) { return s.over_carriers; }, least,
+           "from carrier to carrier"},
+    KindOf{[](const record::Speckle& s) { return s.over_150_ms; }, 0.02, "within 150 ms"}};
 
 std::optional<double> log_of(const record::Speckle& found, std::size_t kind) {
-  const auto variation = variation_of(found, kind);
-  if (!variation) return {};
-  return std::log(*variation + least_of(kind));
+  const auto value = kinds_of[kind].value(found);
+  return value ? std::optional(std::log(*value + kinds_of[kind].least)) : std::nullopt;
+}
+
+double variation_of(double log, std::size_t kind) {
+  return std::max(std::exp(log) - kinds_of[kind].least, 0.0);
 }
 
 bool has_body(const Matrix& aligned, std::size_t row) {
@@ -57,6 +66,9 @@ SpeckleReference::SpeckleReference(const Dataset& data, const Matrix& aligned, c
     usual_[k] = {double{median},
                  std::max(upper_limit(std::move(seen[k]), false_alarms), least_off)};
   }
+  if (variation_of(usual_[of_150_ms].median, of_150_ms) >
+      most_within_150_ms * variation_of(usual_[of_frames].median, of_frames))
+    usual_[of_150_ms] = {};
 }
 
 double SpeckleReference::share(const record::Speckle& found, std::size_t kind) const {
@@ -68,6 +80,12 @@ double SpeckleReference::share(const record::Speckle& found, std::size_t kind) c
   const double more = *value - usual.median;
   return (kind == of_150_ms ? std::max(-more, 0.0) : std::abs(more)) / usual.most_off;
 }
+
+bool SpeckleReference::less_motion(const record::Speckle& found) const {
+  return share(found, of_150_ms) > 1;
+}
+
+bool SpeckleReference::hops() const { return usual_[of_carriers].most_off > 0; }
 
 std::size_t SpeckleReference::clearest(const record::Speckle& found) const {
   std::size_t out = 0;
@@ -81,11 +99,10 @@ double SpeckleReference::share(const record::Speckle& found) const {
 }
 
 std::string SpeckleReference::text(const record::Speckle& found, std::size_t kind) const {
-  constexpr std::array names{"from frame to frame", "from carrier to carrier", "within 150 ms"};
-  const auto variation = variation_of(found, kind);
-  if (!variation) return "one carrier, several in training";
-  return formatted("%.2g %s, %.2g in training", *variation, names[kind],
-                   std::max(std::exp(usual_[kind].median) - least_of(kind), 0.0));
+  const auto value = kinds_of[kind].value(found);
+  if (!value) return "one carrier, several in training";
+  return formatted("%.2g %s, %.2g in training", *value, kinds_of[kind].name,
+                   variation_of(usual_[kind].median, kind));
 }
 
 std::string SpeckleReference::text(const record::Speckle& found) const {
@@ -102,16 +119,18 @@ std::string SpeckleReference::of_run(const Dataset& data, const Matrix& aligned)
   }
   if (!known() || frames.empty()) return {};
   record::Speckle middle{double{quantile(frames, 0.5)}, {}, {}};
-  if (!carriers.empty()) middle.over_carriers = double{quantile(carriers, 0.5)};
-  if (!lagged.empty()) middle.over_150_ms = double{quantile(lagged, 0.5)};
+  // Of a run that was resumed by a newer version some records have them.
+  const auto most_have = [&](const std::vector<float>& v) { return 2 * v.size() > frames.size(); };
+  if (most_have(carriers)) middle.over_carriers = double{quantile(carriers, 0.5)};
+  if (most_have(lagged)) middle.over_150_ms = double{quantile(lagged, 0.5)};
   if (share(middle) <= (frames.size() < many ? 1 : most_of_run)) return {};
   constexpr const char* places = "; places are known otherwise than stated";
   const std::string by = "the radar's power varies otherwise than in training: " + text(middle);
-  if (hops() && carriers.empty()) return by + " (fewer independent looks)" + places;
+  if (hops() && !middle.over_carriers) return by + " (fewer independent looks)" + places;
   if (clearest(middle) == of_150_ms)
     return by + " (people who move less, or echoes that do not interfere)" + places;
   return by +
-         (middle.over_frames + least > std::exp(usual_[0].median)
+         (middle.over_frames + least > std::exp(usual_[of_frames].median)
               ? " (echoes that interfere, fewer carriers, or noise)"
               : " (people who move less, more carriers, or echoes that do not interfere)") +
          places;
@@ -125,8 +144,8 @@ void SpeckleReference::save(record::H5File& file, const std::string& group) cons
 
 void SpeckleReference::load(const record::H5File& file, const std::string& group) {
   if (!file.has(group)) return;  // a model of before
-  auto values = file.read<double>(group);
-  // Of a model of before without the last kind.
+  auto values = file.read<double>(group, {record::H5File::any});
+  // Older models lack the last kind.
   require_sound(file, values.size() == 1 + 2 * kinds || values.size() == 1 + 2 * of_150_ms, group,
                 "a number, and two of each kind of variation");
   values.resize(1 + 2 * kinds);

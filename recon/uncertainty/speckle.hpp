@@ -3,7 +3,8 @@
 // (acquire/record/speckle.hpp). Echoes that interfere where they did not, fewer independent looks
 // (who hardly moves, fewer carriers) or more noise than in training leave the mean profile of a
 // single record much as it was, but place it worse than the training says. Who moves less than in
-// training gives fewer looks: over 150 ms its power changes less. That it changes more is no fault.
+// training gives fewer looks: within 150 ms the power changes less. That it changes more is no
+// fault.
 #pragma once
 #include <array>
 #include <cmath>
@@ -27,8 +28,8 @@ class SpeckleReference {
   // Above 1: unusual; one in a thousand records like the training ones is. 0 if nothing is known.
   // One carrier after a training with several is unusual.
   double share(const record::Speckle& found) const;
-  // Less motion than in training; noise makes none.
-  bool less_motion(const record::Speckle& found) const { return share(found, of_150_ms) > 1; }
+  // Less motion than in training, which noise does not feign.
+  bool less_motion(const record::Speckle& found) const;
   // "0.71 from frame to frame, 0.02 in training"
   std::string text(const record::Speckle& found) const;
   // What there is to say of a run, or nothing. The data must be on the model's axes.
@@ -40,14 +41,13 @@ class SpeckleReference {
  private:
   // Logarithms: over frames, over carriers, over 150 ms.
   static constexpr std::size_t kinds = 3;
-  static constexpr std::size_t of_carriers = 1, of_150_ms = 2;
   struct Usual {
     double median = 0, most_off = 0;  // 0: not known
   };
   double share(const record::Speckle& found, std::size_t kind) const;
   std::string text(const record::Speckle& found, std::size_t kind) const;
   std::size_t clearest(const record::Speckle& found) const;
-  bool hops() const { return usual_[of_carriers].most_off > 0; }
+  bool hops() const;
 
   std::size_t records_ = 0;
   std::array<Usual, kinds> usual_;

@@ -136,7 +136,8 @@ void SeparatedError::load(const record::H5File& file, const std::string& group) 
   if (file.has_attribute(group, "of_two_exponent"))
     exponent_ = file.get<double>(group, "of_two_exponent");
   require_sound(file, factor_ >= 0, group + "@of_two", "0 or more");
-  require_sound(file, std::abs(exponent_) <= 3, group + "@of_two_exponent", "from -3 to 3");
+  require_sound(file, exponent_ >= -3 && exponent_ <= 0, group + "@of_two_exponent",
+                "from -3 to 0");
 }
 
 void UncertaintyModel::judge_speckle(std::span<const float> aligned,

@@ -73,11 +73,12 @@ class FineSignal {
     const std::int64_t first = -whole_up(-irf.begin() / width_ps) - 1;
     const std::int64_t last = whole_up(irf.end() / width_ps) + 1;
     const auto length = static_cast<std::size_t>(last - first);
-    // One record after the other has the same.
+    // One record after the other has the same: phases and their step go with the response and the
+    // bins' width.
     thread_local std::vector<double> shares;
     thread_local std::optional<std::pair<Irf, double>> of;
     if (of != std::pair{irf, width_ps}) {
-      of = {irf, width_ps};
+      of.reset();
       shares.resize(static_cast<std::size_t>(phases_) * length);
       for (std::int64_t p = 0; p < phases_; ++p)
         for (std::size_t j = 0; j < length; ++j) {
@@ -85,6 +86,7 @@ class FineSignal {
                            static_cast<double>(p) * step_;
           shares[static_cast<std::size_t>(p) * length + j] = irf.cdf(t + width_ps) - irf.cdf(t);
         }
+      of = {irf, width_ps};
     }
     for (std::size_t i = 0; i < weights_.size(); ++i) {
       if (weights_[i] == 0) continue;

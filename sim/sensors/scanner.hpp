@@ -94,8 +94,8 @@ struct Placed<CapsuleShape> {
     if (from > to) return {0, 0};
     const double low = std::floor(std::min(left_.at(from), left_.at(to))),
                  high = std::ceil(std::max(right_.at(from), right_.at(to))) + 1;
-    return {std::max(x0, static_cast<std::uint32_t>(std::max(low, 0.0))),
-            std::min(x1, static_cast<std::uint32_t>(std::max(high, 0.0)))};
+    return {static_cast<std::uint32_t>(std::clamp<double>(low, x0, x1)),
+            static_cast<std::uint32_t>(std::clamp<double>(high, x0, x1))};
   }
 
  private:

@@ -57,37 +57,44 @@ TEST_CASE("speckle: by hand, without frames that lack a carrier") {
 namespace {
 
 // Of a power of mean 2 that varies as cos(2 pi t / period_s), and noise.
-std::optional<double> lagged(double period_s, double frame_s, float noise, int frames) {
+std::optional<double> within_150_ms(double period_s, double frame_s, float noise, int frames,
+                                    bool loses = false) {
   Rng rng(5);
-  std::normal_distribution<float> unit(0, noise);
+  std::normal_distribution<float> unit(0, 1);
   SpeckleStatistics statistics;
   for (int i = 0; i < frames; ++i) {
-    if (i % 7 == 3) continue;  // lost
+    if (loses && i % 7 == 3) continue;
     const double time_s = 7 + i * frame_s;
     const auto power = static_cast<float>(2 + std::cos(2 * M_PI * time_s / period_s));
     statistics.add(static_cast<std::uint64_t>(i), 0, time_s,
-                   std::vector{power + (noise > 0 ? unit(rng) : 0)});
+                   std::vector{power + noise * unit(rng)});
   }
   const auto found = statistics.take();
   return found ? found->over_150_ms : std::nullopt;
 }
 
+// Half the mean squared difference of a cosine, over the squared mean of the power.
+double of_cosine(double period_s, double lag_s) {
+  return (1 - std::cos(2 * M_PI * lag_s / period_s)) / 2 / 4;
+}
+
 }  // namespace
 
-TEST_CASE("speckle: frames 150 ms apart, whatever the frame rate and the noise") {
-  // Half the mean squared difference of a cosine is (1 - cos(2 pi lag / period)) / 2.
-  constexpr double lag_s = 0.15;
+TEST_CASE("speckle: frames 150 ms apart, whatever the frame rate; noise adds its variance") {
   for (const double frame_s : {0.05, 0.0125})
     for (const double period_s : {0.5, 2.0, 10.0}) {
       CAPTURE(frame_s, period_s);
-      const double expected =
-          (std::cos(2 * M_PI * frame_s / period_s) - std::cos(2 * M_PI * lag_s / period_s)) / 2 / 4;
-      CHECK(lagged(period_s, frame_s, 0, 4000).value() == Approx(expected).epsilon(0.02));
-      CHECK(lagged(period_s, frame_s, 0.3f, 4000).value() ==
-            Approx(expected).epsilon(0.03).margin(2e-3));
+      const double expected = of_cosine(period_s, 0.15);
+      CHECK(within_150_ms(period_s, frame_s, 0, 4000).value() == Approx(expected).epsilon(0.01));
+      CHECK(within_150_ms(period_s, frame_s, 0.3f, 4000).value() ==
+            Approx(expected + 0.3 * 0.3 / 4).epsilon(0.05));
     }
-  CHECK_FALSE(lagged(1, 0.05, 0, 3));
-  CHECK_FALSE(lagged(1, 0, 0, 50));
+  // Of slow radars, and where frames are lost, they are a little farther apart.
+  CHECK(within_150_ms(2, 0.1, 0, 1000).value() == Approx(of_cosine(2, 0.2)).epsilon(0.01));
+  const double lossy = within_150_ms(2, 0.05, 0, 1000, true).value();
+  CHECK((lossy > of_cosine(2, 0.15) && lossy < of_cosine(2, 0.2)));
+  for (const double frame_s : {0.0, 0.3, -0.05}) CHECK_FALSE(within_150_ms(1, frame_s, 0, 50));
+  CHECK_FALSE(within_150_ms(1, 0.05, 0, 3));
 }
 
 namespace {

@@ -161,6 +161,37 @@ TEST_CASE("side by side they are flagged, and one body's map stays as it is bit 
   CHECK(area_under_roc(one, two) > 0.98);
 }
 
+TEST_CASE("where gains are stable, twice the light tells of a second body in the same place") {
+  const Folder dir;
+  write_run(dir / "plates", 400, 1, {}, testing::radar_axis(), long_axis());
+  write_run(
+      dir / "doubled", 120, 5,
+      [](record::FusedRecord& r) {
+        if (r.index % 2 == 0) add(r, record::FusedRecord(r));
+      },
+      testing::radar_axis(), long_axis());
+  const Dataset data = load({dir / "doubled"});
+  const Rows rows = all_rows(data.size());
+  const auto area = [&](Gains gains, bool forgotten) {
+    TrainOptions options;
+    options.model = "factorised-4";
+    options.split.validation_share = 0.3;
+    options.fit.quiet = true, options.fit.epochs = 2;
+    options.fallback = false, options.gains = gains;
+    TrainedModel model = train(load({dir / "plates"}), options);
+    save_model(model, dir / "a.h5"), model = load_model(dir / "a.h5");
+    Matrix aligned = model.align(data, rows, true);
+    if (forgotten) forget_brightness(model.alignment, aligned);
+    std::vector<double> one, two;
+    const auto scores = model.uncertainty->detector.judge(aligned, data, rows);
+    for (const std::size_t i : rows) (i % 2 ? one : two).push_back(scores[i].two_bodies);
+    return area_under_roc(one, two);
+  };
+  CHECK(area(Gains::unknown, false) < 0.7);
+  CHECK(area(Gains::stable, true) < 0.7);
+  CHECK(area(Gains::stable, false) > 0.95);
+}
+
 TEST_CASE("of a radar alone, the room is in a record of two people once") {
   constexpr std::size_t count = 300, wall_bin = 22;
   const auto with_wall = [](Dataset data) {

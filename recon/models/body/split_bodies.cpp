@@ -19,7 +19,7 @@ constexpr double psf_step_m = 0.01;
 
 using Values = std::vector<double>;
 
-// Some sums beside each other: each addition to one alone waits for the last.
+// In four sums, as an addition to one has to wait for the last one.
 double dot(std::span<const double> a, std::span<const double> b) {
   std::array<double, 4> sums{};
   const std::size_t whole = a.size() / sums.size() * sums.size();
