@@ -80,7 +80,7 @@ double of_cosine(double period_s, double lag_s) {
 
 }  // namespace
 
-TEST_CASE("speckle: frames 150 ms apart, whatever the frame rate; noise adds its variance") {
+TEST_CASE("speckle: frames 150 ms apart, whatever the frame rate, and noise adds its variance") {
   for (const double frame_s : {0.05, 0.0125})
     for (const double period_s : {0.5, 2.0, 10.0}) {
       CAPTURE(frame_s, period_s);
