@@ -2,6 +2,7 @@
 #include "recon/uncertainty/uncertainty.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -107,17 +108,20 @@ void LateralError::load(const record::H5File& file, const std::string& group,
 void SeparatedError::fit(std::vector<Sum> sums) {
   if (sums.size() < LateralError::least_records) return;
   constexpr double least_times = 0.01, steepest = -3;
-  const auto n = static_cast<double>(sums.size());
-  double x = 0, y = 0, xx = 0, xy = 0;
+  constexpr double least_penalty = 1e-6;  // for sums that are all as far apart
+  Matrix terms(0, 2);
+  std::vector<float> targets;
   for (const Sum& s : sums) {
-    const double apart = std::log(s.apart_m), times = std::log(std::max(s.times, least_times));
-    x += apart / n, y += times / n, xx += apart * apart / n, xy += apart * times / n;
+    terms.add_row(std::array{1.f, static_cast<float>(std::log(s.apart_m))});
+    targets.push_back(static_cast<float>(std::log(std::max(s.times, least_times))));
   }
-  const double variance = xx - x * x;
-  exponent_ = variance > 1e-6 ? std::clamp((xy - x * y) / variance, steepest, 0.0) : 0;
+  const std::vector<float> counts(sums.size(), 1.f);
+  exponent_ = std::clamp(linear_fit(terms, targets, counts, least_penalty)[1], steepest, 0.0);
   for (Sum& s : sums) s.times /= std::pow(s.apart_m, exponent_);
   std::sort(sums.begin(), sums.end(), [](const Sum& a, const Sum& b) { return a.times < b.times; });
-  factor_ = sums[static_cast<std::size_t>(LateralError::share_within * n)].times;
+  factor_ =
+      sums[static_cast<std::size_t>(LateralError::share_within * static_cast<double>(sums.size()))]
+          .times;
 }
 
 double SeparatedError::operator()(double apart_m) const {

@@ -35,57 +35,23 @@ class Patches {
         gaze_(gaze),
         // dOmega = dtx dty / |(tx, ty, 1)|^3
         pixel_(std::abs(x.step * y.step) / mean_scene_weight),
-        returns_(returns),
-        range_(x.count),
-        weight_(x.count) {
+        returns_(returns) {
     returns.place.clear();
   }
 
-  // All that met something.
-  void add_met(const Row& row) {
+  // Those with keep(ray), of neighbours all at once; weights times `sign`.
+  template <class Keep>
+  void add(const Row& row, double sign, Keep keep) {
     auto& ranges = returns_.range_m;
     if (ranges.size() < seen_ + (row.to - row.from)) {
       ranges.resize(2 * (seen_ + row.to - row.from));
       returns_.weight.resize(ranges.size());
     }
-    for (auto run = row.runs.begin(); run != row.runs.end();) {
-      const std::size_t first = run->first;
-      std::size_t last = run->last;
-      while (++run != row.runs.end() && run->first == last) last = run->last;
-      const std::size_t count = last - first;
-      double *range = &ranges[seen_], *weight = &returns_.weight[seen_];
-      light_back(row.x + first, row.y + first, row.z + first, row.cosine + first,
-                 row.albedo + first, pixel_, range, weight, count);
-      gaze_.dim({row.x + first, row.y + first, row.cosine + first, row.shape + first},
-                static_cast<std::int32_t>(scene_.capsules.size()), weight, count);
-      if (gaze_.height_m)
-        for (std::size_t i = 0; i < count; ++i)
-          returns_.place.push_back(place_of(scene_, row, first + i, range[i], *gaze_.height_m));
-      for (std::size_t i = 0; gaze_.extra_m != 0 && i < count; ++i) range[i] += gaze_.extra_m;
-      for (std::size_t i = 0; gaze_.sway_m > 0 && i < count; ++i) range[i] += gaze_.sway(seen_ + i);
-      seen_ += count;
+    for (std::size_t first = row.from, last = first; first < row.to; first = last) {
+      while (first < row.to && !keep(first)) ++first;
+      for (last = first; last < row.to && keep(last);) ++last;
+      if (first < last) add(row, sign, first, last);
     }
-  }
-  // Those with keep(ray); weights times `sign`.
-  template <class Keep>
-  void add(const Row& row, double sign, Keep keep) {
-    const std::size_t first = row.from, count = row.to - row.from;
-    light_back(row.x + first, row.y + first, row.z + first, row.cosine + first, row.albedo + first,
-               sign * pixel_, range_.data(), weight_.data(), count);
-    gaze_.dim({row.x + first, row.y + first, row.cosine + first, row.shape + first},
-              static_cast<std::int32_t>(scene_.capsules.size()), weight_.data(), count);
-    auto& ranges = returns_.range_m;
-    ranges.resize(std::max(ranges.size(), seen_ + count));
-    returns_.weight.resize(ranges.size());
-    for (std::size_t i = 0; i < count; ++i) {
-      ranges[seen_] = range_[i] + gaze_.extra_m;
-      if (gaze_.sway_m > 0 && row.shape[first + i] != nothing) ranges[seen_] += gaze_.sway(seen_);
-      returns_.weight[seen_] = weight_[i];
-      seen_ += keep(first + i);
-    }
-    for (std::size_t i = 0; gaze_.height_m && i < count; ++i)
-      if (keep(first + i))
-        returns_.place.push_back(place_of(scene_, row, first + i, range_[i], *gaze_.height_m));
   }
   void end() {
     returns_.range_m.resize(seen_);
@@ -93,11 +59,25 @@ class Patches {
   }
 
  private:
+  void add(const Row& row, double sign, std::size_t first, std::size_t last) {
+    const std::size_t count = last - first;
+    double *range = &returns_.range_m[seen_], *weight = &returns_.weight[seen_];
+    light_back(row.x + first, row.y + first, row.z + first, row.cosine + first, row.albedo + first,
+               sign * pixel_, range, weight, count);
+    gaze_.dim({row.x + first, row.y + first, row.cosine + first, row.shape + first},
+              static_cast<std::int32_t>(scene_.capsules.size()), weight, count);
+    for (std::size_t i = 0; gaze_.height_m && i < count; ++i)
+      returns_.place.push_back(place_of(scene_, row, first + i, range[i], *gaze_.height_m));
+    for (std::size_t i = 0; gaze_.extra_m != 0 && i < count; ++i) range[i] += gaze_.extra_m;
+    for (std::size_t i = 0; gaze_.sway_m > 0 && i < count; ++i)
+      if (row.shape[first + i] != nothing) range[i] += gaze_.sway(seen_ + i);
+    seen_ += count;
+  }
+
   const Scene& scene_;
   const Gaze& gaze_;
   double pixel_;
   Returns& returns_;
-  std::vector<double> range_, weight_;
   std::size_t seen_ = 0;
 };
 
@@ -112,7 +92,6 @@ void look(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Ro
     no_shape.assign(x.count, nothing);
   }
   Scanner(scene, gaze.sensor_x_m, x, y, sampling, room).scan(Shading::on, [&](const Row& row) {
-    if (!scene.room) return patches.add_met(row);
     if (!behind) return patches.add(row, 1, [&](std::size_t i) { return row.z[i] < INFINITY; });
     const std::size_t at = std::size_t{row.iy} * x.count;
     const Row wall{row.iy,

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <memory>
 #include <numbers>
-#include <span>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -17,14 +16,20 @@
 
 namespace echofuse::sim {
 
-// Points of the axis inside the interval, widened by the half step that a ray may be off and by
-// rounding: [first, last).
-inline std::pair<std::uint32_t, std::uint32_t> points_within(const Axis& axis, Interval t) {
-  double a = (t.low - axis.start) / axis.step, b = (t.high - axis.start) / axis.step;
-  if (a > b) std::swap(a, b);
+using Points = std::pair<std::uint32_t, std::uint32_t>;  // [first, last) of an axis
+
+// In points, widened by the half step that a ray may be off.
+inline Interval in_points(const Axis& axis, Interval t) {
+  const double a = (t.low - axis.start) / axis.step, b = (t.high - axis.start) / axis.step;
+  return {std::min(a, b) - 0.5, std::max(a, b) + 0.5};
+}
+
+// Points of the axis inside the interval, widened by rounding, too.
+inline Points points_within(const Axis& axis, Interval t) {
+  const auto [low, high] = in_points(axis, t);
   const double n = axis.count;
-  return {static_cast<std::uint32_t>(std::clamp(std::floor(a - 0.5), 0.0, n)),
-          static_cast<std::uint32_t>(std::clamp(std::ceil(b + 0.5) + 1, 0.0, n))};
+  return {static_cast<std::uint32_t>(std::clamp(std::floor(low), 0.0, n)),
+          static_cast<std::uint32_t>(std::clamp(std::ceil(high) + 1, 0.0, n))};
 }
 
 // Steps that spread evenly over (-0.5, 0.5) for any run of k: multiples of the golden ratio.
@@ -53,8 +58,6 @@ struct Offsets {
   }
 };
 
-using Points = std::pair<std::uint32_t, std::uint32_t>;  // [first, last) of an axis
-
 // A shape and the points of the axes between which it can be met.
 template <class Shape>
 struct Placed {
@@ -80,17 +83,18 @@ struct Placed<CapsuleShape> {
     const auto [a, b] = s.ends();
     std::tie(x0, x1) = points_within(x, hull(a.x, b.x));
     std::tie(y0, y1) = points_within(y, hull(a.y, b.y));
-    left_ = {place(x, a.x).low, place(x, b.x).low};
-    right_ = {place(x, a.x).high, place(x, b.x).high};
-    top_ = {place(y, a.y).low, place(y, b.y).low};
-    bottom_ = {place(y, a.y).high, place(y, b.y).high};
+    constexpr double more = 1e-6;  // than rounding
+    const Interval ax = in_points(x, a.x), bx = in_points(x, b.x);
+    const Interval ay = in_points(y, a.y), by = in_points(y, b.y);
+    left_ = {ax.low - more, bx.low - more}, right_ = {ax.high + more, bx.high + more};
+    top_ = {ay.low - more, by.low - more}, bottom_ = {-ay.high - more, -by.high - more};
     for (const Ends& e : {left_, right_, top_, bottom_}) bounded_ &= std::isfinite(e.a + e.by);
   }
   Points columns(std::uint32_t iy) const {
     if (!bounded_ || x1 - x0 < worth_it) return {x0, x1};
     double from = 0, to = 1;
     const auto y = static_cast<double>(iy);
-    top_.keep_below(y, from, to), bottom_.keep_above(y, from, to);
+    top_.keep_below(y, from, to), bottom_.keep_below(-y, from, to);
     if (from > to) return {0, 0};
     const double low = std::floor(std::min(left_.at(from), left_.at(to))),
                  high = std::ceil(std::max(right_.at(from), right_.at(to))) + 1;
@@ -103,28 +107,17 @@ struct Placed<CapsuleShape> {
   struct Ends {
     Ends(double of_a, double of_b) : a(of_a), by(of_b - of_a), per(by == 0 ? 0 : 1 / by) {}
     double at(double t) const { return a + t * by; }
-    // Of t in [from, to] keeps those where the bound is not above y, or not below.
-    void keep_below(double y, double& from, double& to) const { keep(by > 0, a > y, y, from, to); }
-    void keep_above(double y, double& from, double& to) const { keep(by < 0, a < y, y, from, to); }
-    void keep(bool first, bool none, double y, double& from, double& to) const {
+    // Of t in [from, to] keeps those where the bound is not above y.
+    void keep_below(double y, double& from, double& to) const {
       const double t = (y - a) * per;
-      if (by == 0)
-        to = none ? -1 : to;
-      else if (first)
-        to = std::min(to, t);
-      else
-        from = std::max(from, t);
+      if (by > 0) to = std::min(to, t);
+      if (by < 0) from = std::max(from, t);
+      if (by == 0 && a > y) to = -1;
     }
     double a, by, per;
   };
-  // In points, with the half step that a ray may be off, and more than rounding.
-  static Interval place(const Axis& axis, Interval t) {
-    constexpr double off = 0.5 + 1e-6;
-    const double a = (t.low - axis.start) / axis.step, b = (t.high - axis.start) / axis.step;
-    return {std::min(a, b) - off, std::max(a, b) + off};
-  }
-  Ends left_{0, 0}, right_{0, 0}, top_{0, 0}, bottom_{0, 0};
-  static constexpr std::uint32_t worth_it = 16;  // points
+  Ends left_{0, 0}, right_{0, 0}, top_{0, 0}, bottom_{0, 0};  // bottom_ is negative
+  static constexpr std::uint32_t worth_it = 16;               // points
   bool bounded_ = true;
 };
 
@@ -134,17 +127,12 @@ struct Image {
   std::vector<double> z, cosine, albedo;
 };
 
-// Rays first..last-1 of a row that met one shape.
-struct Run {
-  std::uint32_t first, last;
-};
 // Rays from..to-1 of a row: (x, y, 1) met something at z, infinite where it did not.
 struct Row {
   std::uint32_t iy, from, to;
   const double *x, *y, *z;
-  const double *cosine, *albedo;   // for Shading::on
-  const std::int32_t* shape;       // nothing: the room
-  std::span<const Run> runs = {};  // for Shading::on, without a room: all that met something
+  const double *cosine, *albedo;  // for Shading::on
+  const std::int32_t* shape;      // nothing: the room
 };
 enum class Shading : std::uint8_t { off, on };
 
@@ -186,7 +174,7 @@ class Scanner {
       if (shading == Shading::on) shade_row();
       if (background_) add_background(iy);
       visit(Row{iy, from_, to_, ray_x_.data(), ray_y_.data(), z_.data(), cosine_.data(),
-                albedo_.data(), shape_.data(), runs_});
+                albedo_.data(), shape_.data()});
     }
   }
 
@@ -254,14 +242,12 @@ class Scanner {
   }
 
   void shade_row() {
-    runs_.clear();
     for (std::size_t first = from_, last = first; first < to_; first = last) {
       while (last < to_ && shape_[last] == shape_[first]) ++last;
       if (shape_[first] == nothing) {
         std::fill(&cosine_[first], &cosine_[first] + (last - first), 0.0);
         continue;
       }
-      runs_.push_back({static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(last)});
       with_shape(shape_[first], [&](const auto& shape) {
         shape.cosines(&ray_x_[first], &ray_y_[first], &z_[first], &cosine_[first], last - first);
         std::fill(&albedo_[first], &albedo_[first] + (last - first), shape.albedo);
@@ -288,7 +274,6 @@ class Scanner {
   std::vector<double> ray_x_, ray_y_, met_, z_, cosine_, albedo_;  // of one row
   std::vector<std::int32_t> shape_;
   std::vector<InRow> in_row_;
-  std::vector<Run> runs_;
   std::uint32_t from_ = 0, to_ = 0;  // where the row may hold something
   std::vector<Placed<CapsuleShape>> capsules_;
   std::vector<Placed<PlateShape>> plates_;
