@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """House rules that a script can check: one SPDX line a file, files of at most 400 lines, layout by
-clang-format 14 where it is installed; every command and option that a text names exists."""
+clang-format 14 where it is installed; every command and option that a text names exists;
+one type a name."""
 import pathlib
 import re
 import shutil
@@ -20,6 +21,7 @@ def tracked():
 
 
 sources = []
+types = {}  # their full name, and the files that define one
 for path in tracked():
     name = path.relative_to(root)
     code = path.suffix in (".cpp", ".hpp", ".py", ".sh") or path.name == "CMakeLists.txt" or (
@@ -33,9 +35,21 @@ for path in tracked():
         faults.append(f"{name}: {len(lines)} lines; at most 400")
     if path.suffix in (".cpp", ".hpp"):
         sources.append(str(path))
+        namespaces = []
+        for line in lines:
+            if opened := re.match(r"(?:inline )?namespace ?([\w:]*) \{", line):
+                namespaces.append(opened[1])
+            elif re.match(r"\}  // namespace", line):
+                namespaces.pop()
+            elif type_name := re.match(r"(?:struct|class|union|enum|enum class) (\w+)(?: final)?(?: :[^:].*)? \{", line):
+                if "" not in namespaces:
+                    types.setdefault("::".join([*namespaces, type_name[1]]), set()).add(str(name))
     # CMake splits a list there, and Catch takes it for an option.
     for case in re.findall(r'TEST_CASE\(\s*"(-|[^"]*;)', "\n".join(lines)):
         faults.append(f"{name}: a test case's name has a ; or begins with -, and CTest cannot call it")
+
+# The linker merges their functions, whatever they hold.
+faults += [f"{name} is defined in {' and '.join(sorted(files))}" for name, files in types.items() if len(files) > 1]
 
 formatter = shutil.which("clang-format-14")
 if formatter:

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "drivers/core/clones.hpp"
 #include "recon/numbers/blas_kernels.hpp"
 #include "recon/numbers/parallel.hpp"
 
@@ -53,6 +54,21 @@ void gemm(CBLAS_TRANSPOSE ta, CBLAS_TRANSPOSE tb, int m, int n, int k, double al
   cblas_dgemm(CblasRowMajor, ta, tb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc);
 }
 
+// y += alpha x B; B is k x n. It is read once as it lies, and a call of BLAS costs as much as the
+// product with a small one does.
+ECHOFUSE_CLONES void add_row_times(std::size_t k, std::size_t n, float alpha, const float* x,
+                                   const float* b, float* __restrict__ y) {
+  std::size_t i = 0;
+  for (; i + 4 <= k; i += 4, b += 4 * n) {
+    const float x0 = alpha * x[i], x1 = alpha * x[i + 1], x2 = alpha * x[i + 2],
+                x3 = alpha * x[i + 3];
+    for (std::size_t c = 0; c < n; ++c)
+      y[c] += (x0 * b[c] + x1 * b[n + c]) + (x2 * b[2 * n + c] + x3 * b[3 * n + c]);
+  }
+  for (; i < k; ++i, b += n)
+    for (std::size_t c = 0; c < n; ++c) y[c] += alpha * x[i] * b[c];
+}
+
 // y = alpha op(B) x + beta y; B is rows x cols as it lies in memory.
 void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, float alpha, const float* b, const float* x,
           float beta, float* y) {
@@ -71,6 +87,8 @@ void multiply_parts(const Product<T>& p, const T* a, const T* b, T* c) {
   // One row reads each of B once; as a product of matrices B would be repacked first, for 5 times
   // as long as reading it takes.
   if (p.m == 1) {
+    if constexpr (std::is_same_v<T, float>)
+      if (!tb && p.beta == 1) return add_row_times(p.k, p.n, p.alpha, a, b, c);
     const std::size_t rows = tb ? p.n : p.k, cols = tb ? p.k : p.n;
     gemv(tb ? CblasNoTrans : CblasTrans, static_cast<int>(rows), static_cast<int>(cols), p.alpha, b,
          a, p.beta, c);

@@ -85,16 +85,21 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   const std::size_t parts = few || rows.size() < many_records ? folds_of_few : folds_of_many;
   // Records that are said to show two do not tell what is usual of one.
   const auto shows_two = [&](std::size_t i) { return data.label[rows[i]] == two_people_label; };
-  const auto learn_from = [&](const Rows& part) {
+  const auto learn_one = [&](const Rows& part) { learn(all, with_bodies(part, with_body), seed); };
+  const auto learn_two = [&](const Rows& part) {
     Rows usual = with_bodies(part, with_body);
-    learn(all, usual, seed);
     std::erase_if(usual, shows_two);
     two_bodies_.learn(raw_inputs, usual, places, seed);
   };
   std::array<std::vector<float>, 6> held_statistics;
   for (std::size_t part = few ? 0 : parts - 1; part < parts; ++part) {
     const Split fold = make_fold(order, part, parts, 0);
-    learn_from(fold.train);
+    learn_one(fold.train);
+    // The classifier costs most by far: it judges two of few records' parts at a time.
+    if (!few)
+      learn_two(fold.train);
+    else if (part % 2 == 0)
+      learn_two(make_fold(order, part / 2, parts / 2, 0).train);
     for (const std::size_t i : fold.test) {
       std::vector<float> one(all.row(i).begin(), all.row(i).end());
       for (std::size_t c = 0; c < one.size(); ++c) one[c] *= scale_[c];
@@ -104,7 +109,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
           held_statistics[s].push_back(static_cast<float>(found[s]));
     }
   }
-  if (few) learn_from(order);
+  if (few) learn_one(order), learn_two(order);
   set_limits(std::move(held_statistics));
   if (inputs == Inputs::radar || with_body.empty()) return;
   const std::size_t at = aligned_ - 1;

@@ -130,17 +130,23 @@ void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
         alignment_.known() ? double{ones.row(usable[k]).back()} : double{known[k].depth_m};
     return range_m * tangent / std::hypot(1.0, tangent);
   };
-  pairs = Matrix(std::min(most_pairs, pairs_a_record * seen.size()), ones.cols);
-  of_pairs.resize(pairs.rows);
-  for_each_part(pairs.rows, [&](std::size_t i) {
-    Rng rng = make_rng(mix(seed ^ pair_stream), i);
-    std::size_t a, b, as_a, as_b;
+  struct Pair {
+    std::size_t a, b, as_a, as_b;  // each body, and the one in whose azimuth it stands
+  };
+  std::vector<Pair> drawn(std::min(most_pairs, pairs_a_record * seen.size()));
+  Rng pair_rng = make_rng(seed, pair_stream);
+  for (auto& [a, b, as_a, as_b] : drawn) {
     int tries = 0;
     do {
-      a = any(rng), b = any(rng);
-      as_a = turned ? any(rng) : a, as_b = turned ? any(rng) : b;
+      a = any(pair_rng), b = any(pair_rng);
+      as_a = turned ? any(pair_rng) : a, as_b = turned ? any(pair_rng) : b;
     } while (!usable.empty() && std::abs(side_m(a, as_a) - side_m(b, as_b)) < least_apart_m &&
              ++tries < most_tries);
+  }
+  pairs = Matrix(drawn.size(), ones.cols);
+  of_pairs.resize(pairs.rows);
+  for_each_part(pairs.rows, [&](std::size_t i) {
+    const auto [a, b, as_a, as_b] = drawn[i];
     const auto first = raw_inputs.row(seen[everybody[a]]),
                second = raw_inputs.row(seen[everybody[b]]);
     std::vector<float> sum(first.size());
@@ -159,9 +165,11 @@ void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
     ones.values.resize((plain + more) * ones.cols);
     ones.rows += more;
     of_ones.resize(ones.rows);
+    Rng turn_rng = make_rng(seed, turn_stream);
+    std::vector<std::array<std::size_t, 2>> turns(more);  // a body, and whose azimuth it gets
+    for (auto& [k, as] : turns) k = any(turn_rng), as = any(turn_rng);
     for_each_part(more, [&](std::size_t i) {
-      Rng rng = make_rng(mix(seed ^ turn_stream), i);
-      const std::size_t k = any(rng), as = any(rng);
+      const auto [k, as] = turns[i];
       const auto out = ones.row(plain + i), from = ones.row(usable[k]);
       std::copy(from.begin(), from.end(), out.begin());
       of_ones[plain + i] = of_ones[usable[k]];

@@ -25,7 +25,7 @@ VectorXd least_squares(const MatrixXd& columns, const VectorXd& y) {
 // Counts by bin of the patches of one kind.
 VectorXd histogram_of(const Surface& surface, Zone zone, const Conditions& c) {
   VectorXd out = VectorXd::Zero(c.bins);
-  for (const Patch& p : surface.patches) {
+  for (const SurfacePatch& p : surface.patches) {
     if (p.zone != zone) continue;
     const double range = length_of(p.x, p.y, p.z);
     const double place = (ps_per_m * range - c.first_bin_ps) / c.bin_width_ps - 0.5;
@@ -120,7 +120,7 @@ EchoFit fit_echo(const Surface& surface, const std::vector<double>& power, const
   FineRanges fine;
   EchoFit fit;
   double nearest = 1e9, farthest = 0, sine = 0;
-  for (const Patch& p : surface.patches) {
+  for (const SurfacePatch& p : surface.patches) {
     const double range = length_of(p.x + c.baseline_m, p.y, p.z);
     const double from_spd = length_of(p.x, p.y, p.z);
     const double w = p.weight / (range * range);

@@ -159,7 +159,7 @@ class Summary {
   // Counts per bin before the nearest patch, by half a metre and the response.
   double background(const Values& counts, const Surface& s) const {
     double nearest = 1e9;
-    for (const Patch& p : s.patches) nearest = std::min(nearest, p.z);
+    for (const SurfacePatch& p : s.patches) nearest = std::min(nearest, p.z);
     const double to = (ps_per_m * (nearest - 0.3) - c_.first_bin_ps) / c_.bin_width_ps;
     const auto n =
         static_cast<std::size_t>(std::clamp(to, 0.0, static_cast<double>(counts.size())));
@@ -170,7 +170,7 @@ class Summary {
   // What is far behind is the room and its shadow.
   void cut(Values& counts, const Surface& s) const {
     double farthest = 0;
-    for (const Patch& p : s.patches)
+    for (const SurfacePatch& p : s.patches)
       farthest = std::max(farthest, std::sqrt(p.x * p.x + p.y * p.y + p.z * p.z));
     const double from = (ps_per_m * (farthest + 0.5) - c_.first_bin_ps) / c_.bin_width_ps;
     for (std::size_t i = static_cast<std::size_t>(std::max(0.0, from)); i < counts.size(); ++i)

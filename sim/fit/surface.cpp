@@ -83,7 +83,7 @@ class Builder {
       s.plate_gap = body_z / body - plate_z / plate;
       s.plate_drop = s.top - plate_y / plate;
     }
-    for (Patch& p : s.patches) {
+    for (SurfacePatch& p : s.patches) {
       const double height = (p.y - s.foot) / std::max(0.1, s.top - s.foot);
       if (p.zone == Zone::torso && height > 0.87) p.zone = Zone::head;
       if (p.zone == Zone::torso && height < 0.5) p.zone = Zone::legs;
@@ -105,7 +105,7 @@ class Builder {
     return after ? z_[i + stride] - z_[i] : 0;
   }
 
-  void add_patches(std::size_t i, bool plate, std::vector<Patch>& out) const {
+  void add_patches(std::size_t i, bool plate, std::vector<SurfacePatch>& out) const {
     const std::size_t column = i % n_, row = i / n_;
     const double per_x = slope(i, 1, column > 0, column + 1 < n_);
     const double per_y = slope(i, n_, row > 0, row + 1 < n_);

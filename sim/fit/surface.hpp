@@ -13,14 +13,14 @@ namespace echofuse::sim {
 enum class Zone : std::uint8_t { torso, legs, head, plate };
 inline constexpr int zones = 4;
 
-struct Patch {
+struct SurfacePatch {
   double x = 0, y = 0, z = 0;  // m
   double weight = 0;           // cos(theta) dOmega, both as seen from the origin
   Zone zone = Zone::torso;
 };
 
 struct Surface {
-  std::vector<Patch> patches;
+  std::vector<SurfacePatch> patches;
   // In metres. Centroid and rms width of the silhouette, its area, its ends.
   double x = 0, z = 0, width = 0, area = 0, top = 0, foot = 0;
   double roughness = 0;  // mean |second difference| of z along rows, where it is below 10 cm

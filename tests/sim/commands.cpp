@@ -146,8 +146,8 @@ TEST_CASE("study bound: a table, a chart, and no answer for another noise") {
 
 TEST_CASE("studies in parts: the same table as in one, and what cannot be is refused") {
   const Folder folder;
-  const std::string bound = "study bound --scenes 3 -q --set bins=80 --out ",
-                    fidelity = "study fidelity --scenes 3 -q --out ";
+  const std::string bound = "study bound --scenes 2 -q --set bins=80 --out ",
+                    fidelity = "study fidelity --scenes 2 -q --out ";
   const auto table = [&](const std::string& path) {
     std::ifstream in(folder / path);
     std::string out;

@@ -58,7 +58,7 @@ TEST_CASE("patches of a depth map send back what a wall does") {
   scene.plates = {{{0, 0, 4}, {0.8, 0, 0.6}, {0, 1, 0}, {{-0.5, 0, 0.5, 0, 1}}, 1}};
   const Surface s = seen(scene, c, false);
   double light = 0;
-  for (const Patch& p : s.patches) light += p.weight / (p.x * p.x + p.y * p.y + p.z * p.z);
+  for (const SurfacePatch& p : s.patches) light += p.weight / (p.x * p.x + p.y * p.y + p.z * p.z);
   const Returns exact = spd_returns(scene, c);
   double expected = 0;
   for (const double w : exact.weight) expected += w * mean_scene_weight;

@@ -57,6 +57,7 @@ float Alignment::align_profile(std::span<const float> power, double range_m,
 
 void Alignment::add_profile(std::span<const float> power, double range_m,
                             std::span<float> out) const {
+  std::vector<float> sums;  // of one kind
   for (std::ptrdiff_t kind = 0; kind < points_a_step_; ++kind) {
     const double metres =
         range_m + window_.profile_from_m + static_cast<double>(kind) * profile_step_m_;
@@ -64,13 +65,20 @@ void Alignment::add_profile(std::span<const float> power, double range_m,
         std::clamp((metres - radar_first_m_) / radar_step_m_, -farthest_steps, farthest_steps);
     const auto weights = lanczos(a - std::floor(a));
     const auto first = static_cast<std::ptrdiff_t>(std::floor(a)) - profile_taps + 1;
+    const auto count = (std::ssize(out) - kind + points_a_step_ - 1) / points_a_step_;
+    sums.assign(static_cast<std::size_t>(std::max(count, std::ptrdiff_t{0})), 0.f);
     for (std::ptrdiff_t k = 0; k < 2 * profile_taps; ++k) {
       const float weight = weights[static_cast<std::size_t>(k)];
-      std::ptrdiff_t i = first + k;
-      for (auto j = kind; j < std::ssize(out); j += points_a_step_, i += steps_a_point_)
-        if (i >= 0 && i < std::ssize(power))
-          out[static_cast<std::size_t>(j)] += weight * power[static_cast<std::size_t>(i)];
+      // Points first + k + j * step that were recorded.
+      const std::ptrdiff_t at = first + k, step = steps_a_point_;
+      const auto from = at < 0 ? (step - 1 - at) / step : 0;
+      const auto to = std::min(count, (std::ssize(power) - at + step - 1) / step);
+      for (auto j = from; j < to; ++j)
+        sums[static_cast<std::size_t>(j)] +=
+            weight * power[static_cast<std::size_t>(at + j * step)];
     }
+    for (std::size_t j = 0; j < sums.size(); ++j)
+      out[static_cast<std::size_t>(kind) + j * static_cast<std::size_t>(points_a_step_)] += sums[j];
   }
 }
 
