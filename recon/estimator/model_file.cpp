@@ -134,7 +134,7 @@ void save_training(H5File& file, const TrainedModel& m) {
   file.write("training/hidden", hidden, {hidden.size()});
   file.set("training", "best_epoch", static_cast<std::int64_t>(m.log.best_epoch));
   file.set("training", "epochs", static_cast<std::int64_t>(m.fit.epochs.value_or(0)));
-  file.set("training", "batch", static_cast<std::int64_t>(m.fit.batch));
+  file.set("training", "batch", static_cast<std::int64_t>(m.fit.batch.value_or(0)));
   file.set("training", "patience", static_cast<std::int64_t>(m.fit.patience.value_or(0)));
   file.set("training", "learning_rate", m.fit.learning_rate.value_or(0));
   file.set("training", "weight_decay", m.fit.weight_decay.value_or(0));

@@ -158,7 +158,7 @@ TrainedModel fit_model(const Dataset& data, const Split& split, const Preprocess
                        const FitOptions& options) {
   const auto started = std::chrono::steady_clock::now();
   TrainedModel out;
-  const Candidate candidate = candidate_of(name, options);
+  const Candidate candidate = candidate_of(name, options, split.train.size());
   const bool aligned = wants_alignment(candidate.model);
   out.name = candidate.model;
   out.features = fit_features(data, split.train, inputs, aligned ? raw_scaling : scaling);

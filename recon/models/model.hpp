@@ -42,7 +42,7 @@ struct FitOptions {
   std::optional<double> learning_rate = {}, weight_decay = {};
   // Epochs without a better validation loss before stopping.
   std::optional<std::size_t> patience = {};
-  std::size_t batch = 64;
+  std::optional<std::size_t> batch = {};
   std::uint64_t seed = 1;
   bool quiet = false;
 };
@@ -140,8 +140,9 @@ struct Candidate {
   std::string name, model;
   FitOptions fit;
 };
-// With every option of its kind; those of `base` override. Throws Error(usage).
-Candidate candidate_of(const std::string& name, const FitOptions& base);
+// With every option of its kind, for so many training records; those of `base` override. Throws
+// Error(usage).
+Candidate candidate_of(const std::string& name, const FitOptions& base, std::size_t records = 0);
 
 // Of a kind's name. The empty room and the mean map answer the same to every record; models that
 // place a body take aligned inputs, with the radar's profile.

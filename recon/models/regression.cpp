@@ -48,7 +48,7 @@ Training training_of(const FitOptions& o) {
           o.patience.value(),
           o.learning_rate.value(),
           o.weight_decay.value(),
-          o.batch,
+          o.batch.value(),
           o.seed,
           o.quiet,
           {},

@@ -19,11 +19,11 @@ std::string text_of(const FitOptions& fit) {
   if (fit.hidden)
     for (const std::size_t width : *fit.hidden) hidden += std::to_string(width) + ",";
   return formatted(
-      "hidden %s basis %s epochs %s learning-rate %s weight-decay %s patience %s batch %zu seed "
+      "hidden %s basis %s epochs %s learning-rate %s weight-decay %s patience %s batch %s seed "
       "%llu",
       fit.hidden ? hidden.c_str() : "-", text_of(fit.basis).c_str(), text_of(fit.epochs).c_str(),
       text_of(fit.learning_rate).c_str(), text_of(fit.weight_decay).c_str(),
-      text_of(fit.patience).c_str(), fit.batch, static_cast<unsigned long long>(fit.seed));
+      text_of(fit.patience).c_str(), text_of(fit.batch).c_str(), static_cast<unsigned long long>(fit.seed));
 }
 
 }  // namespace

@@ -36,6 +36,11 @@ TEST_CASE("a model's name may carry its size, and options fill the rest") {
   CHECK(candidate_of("paper", {}).name == "mlp-512-256");
   CHECK(candidate_of("factorised-64", {}).fit.basis.value() == 64);
   CHECK(candidate_of("pca-mlp-32-16", {}).fit.basis.value() == 128);
+  CHECK(candidate_of("pca-mlp", {}, 2999).fit.batch.value() == 64);
+  CHECK(candidate_of("pca-mlp", {}, 3000).fit.batch.value() == 128);
+  CHECK(candidate_of("factorised", {}, 3000).fit.batch.value() == 64);
+  given.learning_rate = 0.001;
+  CHECK(candidate_of("mlp", given, 3000).fit.batch.value() == 64);
   for (const char* name :
        {"oracle", "mlp-", "mlp-0", "mlp-12x", "mlp512", "factorised-8-8", "ridge-5", "mlp_8",
         "mlp-8-", "factorised-9999", "oracle-5", "512", ""}) {
