@@ -36,19 +36,23 @@ for path in tracked():
     if path.suffix in (".cpp", ".hpp"):
         sources.append(str(path))
         namespaces = []
-        for line in lines:
-            if opened := re.match(r"(?:inline )?namespace ?([\w:]*) \{", line):
-                namespaces.append(opened[1])
-            elif re.match(r"\}  // namespace", line):
+        for number, line in enumerate(lines):
+            if opened := re.match(r"(?:inline )?namespace ?([\w:]*) \{(?!.*\})", line):
+                if lines[number + 2] != "}":  # of a single line clang-format leaves the comment out
+                    namespaces.append(opened[1])
+            elif re.match(r"\}  // namespace", line) and namespaces:
                 namespaces.pop()
-            elif type_name := re.match(r"(?:struct|class|union|enum|enum class) (\w+)(?: final)?(?: :[^:].*)? \{", line):
+            elif defined := re.match(r"(?:template <.*> )?(?:struct|class|union|enum|enum class) (?:\[\[\w+\]\] )?"
+                                     r"([\w<>, ]+?)(?: final)?(?: : .*[^;]| \{.*)$", line):
                 if "" not in namespaces:
-                    types.setdefault("::".join([*namespaces, type_name[1]]), set()).add(str(name))
+                    types.setdefault("::".join([*namespaces, defined[1]]), set()).add(str(name))
+        if namespaces:
+            faults.append(f"{name}: no `}}  // namespace` ends {namespaces[-1]}")
     # CMake splits a list there, and Catch takes it for an option.
     for case in re.findall(r'TEST_CASE\(\s*"(-|[^"]*;)', "\n".join(lines)):
         faults.append(f"{name}: a test case's name has a ; or begins with -, and CTest cannot call it")
 
-# The linker merges their functions, whatever they hold.
+# The linker merges the functions of both, and one type's are called with the other's memory.
 faults += [f"{name} is defined in {' and '.join(sorted(files))}" for name, files in types.items() if len(files) > 1]
 
 formatter = shutil.which("clang-format-14")

@@ -47,11 +47,14 @@ void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit) {
       ->check(CLI::Range(1, 1024));
   app.add_option("--epochs", fit.epochs, "default: 60 (mlp), 100 (factorised)")
       ->check(CLI::Range(1, 100000));
-  app.add_option("--batch", fit.batch, "default: 64; mlp: 128 from 3000 training records on")
+  app.add_option(
+         "--batch", fit.batch,
+         "default: 64; mlp and pca-mlp: 128 from 3000 training records on (factorised: four "
+         "times as many as said from 10,000 bodies on)")
       ->check(CLI::Range(1, 65536));
   app.add_option("--learning-rate", fit.learning_rate,
-                 "at the beginning; default: 0.002 (mlp; 0.003 from 3000 training records "
-                 "on), 0.003 (factorised)")
+                 "at the beginning; default: 0.002 (mlp; times the root of batch / 64 above that), "
+                 "0.003 (factorised)")
       ->check(CLI::Range(1e-9, 10.0));
   app.add_option("--weight-decay", fit.weight_decay, "default: 0.7 (mlp), 0.3 (factorised)")
       ->check(CLI::Range(0.0, 10.0));

@@ -77,7 +77,8 @@ Split make_fold(const Rows& rows, std::size_t fold, std::size_t folds, std::size
   if (split.train.size() < 2 || split.test.empty())
     throw Error(ExitCode::failed, std::to_string(rows.size()) + " usable records cannot make " +
                                       std::to_string(folds) + " folds with a gap of " +
-                                      std::to_string(gap));
+                                      std::to_string(gap) +
+                                      ": give more records, or a smaller --folds or --gap");
   return split;
 }
 

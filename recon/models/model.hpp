@@ -140,8 +140,8 @@ struct Candidate {
   std::string name, model;
   FitOptions fit;
 };
-// With every option of its kind, for so many training records; those of `base` override. Throws
-// Error(usage).
+// With every option of its kind, for so many training records (copies and repetitions count); those
+// of `base` override. Throws Error(usage).
 Candidate candidate_of(const std::string& name, const FitOptions& base, std::size_t records = 0);
 
 // Of a kind's name. The empty room and the mean map answer the same to every record; models that

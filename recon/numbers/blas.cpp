@@ -4,6 +4,7 @@
 #include <cblas.h>
 
 #include <algorithm>
+#include <type_traits>
 #include <vector>
 
 #include "drivers/core/clones.hpp"

@@ -23,7 +23,8 @@ std::string text_of(const FitOptions& fit) {
       "%llu",
       fit.hidden ? hidden.c_str() : "-", text_of(fit.basis).c_str(), text_of(fit.epochs).c_str(),
       text_of(fit.learning_rate).c_str(), text_of(fit.weight_decay).c_str(),
-      text_of(fit.patience).c_str(), text_of(fit.batch).c_str(), static_cast<unsigned long long>(fit.seed));
+      text_of(fit.patience).c_str(), text_of(fit.batch).c_str(),
+      static_cast<unsigned long long>(fit.seed));
 }
 
 }  // namespace

@@ -95,7 +95,8 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   for (std::size_t part = few ? 0 : parts - 1; part < parts; ++part) {
     const Split fold = make_fold(order, part, parts, 0);
     learn_one(fold.train);
-    // The classifier costs most by far: it judges two of few records' parts at a time.
+    // The classifier costs most by far: of few records it learns one half, and judges both parts of
+    // the other.
     if (!few)
       learn_two(fold.train);
     else if (part % 2 == 0)

@@ -85,7 +85,7 @@ void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
                       const std::vector<std::optional<Place>>& places, std::uint64_t seed) {
   Matrix ones, pairs;
   std::vector<Light> of_ones, of_pairs;
-  light_level_ = 0;
+  classifier_ = {}, light_level_ = 0;
   // Records with a body, and where it is.
   Rows seen, usable;
   std::vector<Place> known;

@@ -123,7 +123,9 @@ void add_dataset(CLI::App& app, Command& command) {
   sub->add_option("--people", a->people, "records of one person")->check(count);
   sub->add_option("--letters", a->letters, "records of a person holding a letter")->check(count);
   sub->add_option("--two-people", a->two_people, "records of two people")->check(count);
-  sub->add_option("--empty", a->empty, "records of nobody")->check(count);
+  sub->add_option("--empty", a->empty,
+                  "records of nobody (to train with they need --set background_counts)")
+      ->check(count);
   sub->add_option("--objects", a->objects, "records of the object (--set object=FILE)")
       ->check(count);
   sub->add_option("--mirror-of", a->mirror_of, "the mirrored scenes of this run");

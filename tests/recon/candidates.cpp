@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Which model: sizes by name, and the one-standard-error rule.
+#include <cmath>
+
 #include "recon/estimator/crossvalidate.hpp"
 #include "recon/estimator/train.hpp"
 #include "world.hpp"
@@ -39,8 +41,15 @@ TEST_CASE("a model's name may carry its size, and options fill the rest") {
   CHECK(candidate_of("pca-mlp", {}, 2999).fit.batch.value() == 64);
   CHECK(candidate_of("pca-mlp", {}, 3000).fit.batch.value() == 128);
   CHECK(candidate_of("factorised", {}, 3000).fit.batch.value() == 64);
+  CHECK(candidate_of("mlp", {}, 2999).fit.learning_rate.value() == 0.002);
+  CHECK(candidate_of("mlp", {}, 3000).fit.learning_rate.value() == Approx(0.002 * std::sqrt(2)));
+  given.batch = 32;  // smaller batches are slow enough
+  CHECK(candidate_of("mlp", given, 3000).fit.batch.value() == 32);
+  CHECK(candidate_of("mlp", given, 3000).fit.learning_rate.value() == 0.002);
+  given.batch = 256;
+  CHECK(candidate_of("mlp", given, 3000).fit.learning_rate.value() == Approx(0.004));
   given.learning_rate = 0.001;
-  CHECK(candidate_of("mlp", given, 3000).fit.batch.value() == 64);
+  CHECK(candidate_of("mlp", given, 3000).fit.learning_rate.value() == 0.001);
   for (const char* name :
        {"oracle", "mlp-", "mlp-0", "mlp-12x", "mlp512", "factorised-8-8", "ridge-5", "mlp_8",
         "mlp-8-", "factorised-9999", "oracle-5", "512", ""}) {

@@ -81,6 +81,22 @@ TEST_CASE("a product of matrices equals its sums, transposed or not, for one row
     }
 }
 
+// What one map is made of.
+TEST_CASE("a row times a matrix is added to what is there, however few rows the matrix has") {
+  const std::size_t n = GENERATE(1, 2, 7, 48), k = GENERATE(1, 3, 4, 7, 61);
+  const float beta = GENERATE(0.f, 1.f, -2.f);
+  Rng rng = make_rng(9, 0);
+  const auto a = normal(k, rng), b = normal(k * n, rng), before = normal(n, rng);
+  const std::vector<float> x(a.begin(), a.end()), w(b.begin(), b.end());
+  std::vector<float> y(before.begin(), before.end());
+  multiply({1, n, k, Transpose::no, Transpose::no, 1.5f, beta}, x.data(), w.data(), y.data());
+  for (std::size_t j = 0; j < n; ++j) {
+    double sum = double{beta} * before[j];
+    for (std::size_t l = 0; l < k; ++l) sum += 1.5 * a[l] * b[l * n + j];
+    CHECK(double{y[j]} == Approx(sum).margin(1e-4));
+  }
+}
+
 TEST_CASE("single precision follows double precision") {
   const Problem q(5);
   Activations<double> a;

@@ -170,17 +170,18 @@ TEST_CASE("studies in parts: the same table as in one, and what cannot be is ref
   }
   CHECK(table("bound-parts/bound_array.csv") == table("bound-whole/bound_array.csv"));
   // One part is measured again where it is missing; another setting is refused.
-  fs::remove(folder / "bound-parts/bound-part-2-of-2.csv");
-  CHECK(sim(bound + folder / "bound-parts").code == 0);
-  CHECK(table("bound-parts/bound.csv") == table("bound-whole/bound.csv"));
-  const Outcome other = sim(bound + folder / "bound-parts" + " --seed 2");
+  fs::remove(folder / "fidelity-parts/fidelity-part-2-of-2.csv");
+  CHECK(sim(fidelity + folder / "fidelity-parts").code == 0);
+  CHECK(table("fidelity-parts/fidelity.csv") == table("fidelity-whole/fidelity.csv"));
+  const Outcome other = sim(fidelity + folder / "fidelity-parts" + " --seed 2");
   CHECK(other.code == 3);
   CHECK(has(other.text, "was measured with \"# scenes of seed 1\" (now: \"# scenes of seed 2\")"));
-  std::ofstream(folder / "bound-parts/bound-part-1-of-2.csv", std::ios::app) << "7,nonsense\n";
-  const Outcome damaged = sim(bound + folder / "bound-parts");
+  std::ofstream(folder / "fidelity-parts/fidelity-part-1-of-2.csv", std::ios::app)
+      << "7,nonsense\n";
+  const Outcome damaged = sim(fidelity + folder / "fidelity-parts");
   CHECK(damaged.code == 1);
   CHECK(has(damaged.text, "damaged: no row of numbers"));
-  const Outcome none = sim(bound + folder / "none" + " --part 3/2");
+  const Outcome none = sim(fidelity + folder / "none" + " --part 3/2");
   CHECK(none.code == 2);
   CHECK(none.text ==
         "echofuse-sim: --part 3/2: expected K/N with 1 <= K <= N <= 100000, or auto\n");

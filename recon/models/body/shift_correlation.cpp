@@ -5,6 +5,9 @@
 #include <cmath>
 #include <vector>
 
+#include "drivers/core/clones.hpp"
+#include "recon/numbers/blas.hpp"
+
 namespace echofuse::recon {
 namespace {
 
@@ -16,6 +19,11 @@ double power_of(double in_resolutions) {
   const double x = M_PI * in_resolutions;
   const double amplitude = std::abs(x) < 1e-6 ? 1 : std::sin(x) / x;
   return amplitude * amplitude;
+}
+
+ECHOFUSE_CLONES void add_times(const float* __restrict in, float factor, float* __restrict out,
+                               std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) out[i] += factor * in[i];
 }
 
 }  // namespace
@@ -46,17 +54,15 @@ std::size_t ShiftCorrelation::cost() const {
 void ShiftCorrelation::operator()(std::span<const float> histogram, std::span<const float> profile,
                                   std::span<float> out) const {
   std::vector<float> expected(blur_.cols), squares(blur_.cols + 1);
-  for (std::size_t i = 0; i < histogram.size(); ++i) {
-    const auto weights = blur_.row(i);
-    for (std::size_t g = 0; g < expected.size(); ++g) expected[g] += weights[g] * histogram[i];
-  }
+  multiply({1, blur_.cols, histogram.size(), Transpose::no, Transpose::no, 1.f, 1.f},
+           histogram.data(), blur_.values.data(), expected.data());
   for (std::size_t g = 0; g < expected.size(); ++g)
     squares[g + 1] = squares[g] + expected[g] * expected[g];
   std::fill(out.begin(), out.end(), 0.f);
   float own = 0;
   for (std::size_t j = 0; j < profile.size(); ++j) {
     own += profile[j] * profile[j];
-    for (std::size_t s = 0; s < shifts_; ++s) out[s] += expected[s + j] * profile[j];
+    add_times(&expected[j], profile[j], out.data(), shifts_);
   }
   for (std::size_t s = 0; s < shifts_; ++s) {
     const float norm = std::sqrt(own * (squares[s + profile.size()] - squares[s]));
