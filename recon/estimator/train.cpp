@@ -135,9 +135,10 @@ Rows rows_to_train(const Dataset& data, Inputs inputs) {
   for (const std::size_t row : rows) {
     const std::string fault = data.fault_of(row, inputs);
     if (fault.empty()) continue;
-    throw Error(ExitCode::failed, data.sources[data.source_of(row)].path + ": record " +
-                                      std::to_string(data.index[row]) + ": " + fault +
-                                      ": a dead sensor, of which nothing can be learned");
+    throw Error(ExitCode::failed,
+                data.sources[data.source_of(row)].path + ": record " +
+                    std::to_string(data.index[row]) + ": " + fault +
+                    ": a dead sensor, or nobody and no light: nothing can be learned of it");
   }
   return rows;
 }

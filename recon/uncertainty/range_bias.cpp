@@ -90,8 +90,10 @@ std::string RangeBias::text(bool corrected, bool other_shapes) const {
             "%zu records show what stands still not well enough to tell whether the ranges have a "
             "bias (standard error %.1f cm)",
             records, standard_error_m * 100);
-      return formatted("%zu records with a body are too few to tell whether the ranges have a bias",
-                       records) +
+      return formatted(
+                 "%zu records with a body, and those of the training, are too few to tell whether "
+                 "the ranges have a bias",
+                 records) +
              (standard_error_m > 0 ? formatted(" (standard error %.1f cm)", standard_error_m * 100)
                                    : "");
     case Status::not_detected:
