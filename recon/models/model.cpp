@@ -34,8 +34,7 @@ const FitOptions network{.hidden = {{512, 256}},
                          .patience = 15,
                          .batch = 64};
 // From so many records on: twice the batch. The maps are as good, and the network is fitted in
-// three quarters of the time; fewer records need the smaller steps. The rate goes with the root of
-// it.
+// three quarters of the time; fewer records need the smaller steps.
 constexpr std::size_t many_records = 3000;
 const FitOptions placed{.basis = 32,
                         .epochs = 100,
@@ -109,14 +108,14 @@ Candidate candidate_of(const std::string& name, const FitOptions& base, std::siz
   const bool sized = digit != std::string::npos && digit > 1 && name[digit - 1] == '-';
   if (sized) out.model = name.substr(0, digit - 1);
   const ModelKind& kind = kind_of(out.model);
+  const bool hidden = kind.size == ModelKind::Size::hidden;
+  const bool basis = kind.size == ModelKind::Size::basis;
   FitOptions own = kind.own;
-  if (kind.size == ModelKind::Size::hidden) {
-    const std::size_t few = own.batch.value();
-    const std::size_t batch = base.batch.value_or(records >= many_records ? 2 * few : few);
-    own.batch = batch;
-    if (batch > few)
-      own.learning_rate = own.learning_rate.value() *
-                          std::sqrt(static_cast<double>(batch) / static_cast<double>(few));
+  if (hidden) {  // the rate goes with the root of the batch
+    if (records >= many_records) *own.batch *= 2;
+    const double times =
+        static_cast<double>(base.batch.value_or(*own.batch)) / static_cast<double>(*kind.own.batch);
+    *own.learning_rate *= std::sqrt(std::max(times, 1.0));
   }
   fill(out.fit.hidden, own.hidden), fill(out.fit.basis, own.basis);
   fill(out.fit.epochs, own.epochs), fill(out.fit.patience, own.patience);
@@ -125,8 +124,6 @@ Candidate candidate_of(const std::string& name, const FitOptions& base, std::siz
   if (!sized) return out;
   const auto numbers =
       name.back() == '-' ? std::vector<std::size_t>{} : numbers_of(name.substr(digit));
-  const bool hidden = kind.size == ModelKind::Size::hidden;
-  const bool basis = kind.size == ModelKind::Size::basis;
   if (numbers.empty() || !(hidden || (basis && numbers.size() == 1 && numbers[0] <= 1024)))
     throw Error(ExitCode::usage,
                 "model \"" + name + "\": sizes follow as in mlp-512-256 or factorised-16");

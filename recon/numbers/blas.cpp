@@ -4,7 +4,6 @@
 #include <cblas.h>
 
 #include <algorithm>
-#include <type_traits>
 #include <vector>
 
 #include "drivers/core/clones.hpp"
@@ -73,6 +72,9 @@ ECHOFUSE_CLONES void add_row_times(std::size_t k, std::size_t n, float alpha, co
 // y = alpha op(B) x + beta y; B is rows x cols as it lies in memory.
 void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, float alpha, const float* b, const float* x,
           float beta, float* y) {
+  if (tb == CblasTrans && beta == 1)
+    return add_row_times(static_cast<std::size_t>(rows), static_cast<std::size_t>(cols), alpha, x,
+                         b, y);
   cblas_sgemv(CblasRowMajor, tb, rows, cols, alpha, b, cols, x, 1, beta, y, 1);
 }
 void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, double alpha, const double* b, const double* x,
@@ -88,8 +90,6 @@ void multiply_parts(const Product<T>& p, const T* a, const T* b, T* c) {
   // One row reads each of B once; as a product of matrices B would be repacked first, for 5 times
   // as long as reading it takes.
   if (p.m == 1) {
-    if constexpr (std::is_same_v<T, float>)
-      if (!tb && p.beta == 1) return add_row_times(p.k, p.n, p.alpha, a, b, c);
     const std::size_t rows = tb ? p.n : p.k, cols = tb ? p.k : p.n;
     gemv(tb ? CblasNoTrans : CblasTrans, static_cast<int>(rows), static_cast<int>(cols), p.alpha, b,
          a, p.beta, c);

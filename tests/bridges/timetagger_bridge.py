@@ -307,8 +307,7 @@ class Process(unittest.TestCase):
         with Program("timetagger.py", STAND_IN_PULSES_PER_S="inf") as program, Client(program.address) as client:
             client.block()
             time.sleep(1)  # in which more comes than waits for a client
-            while not client.block().dropped:
-                pass
+            testing.wait_for("drops", lambda: client.block().dropped > 0, pause_s=0)
             self.assertEqual(program.stop(), 0)
 
 

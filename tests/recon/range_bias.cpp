@@ -320,7 +320,7 @@ TEST_CASE("a few records tell nothing, a dead radar neither") {
   const RangeBias range_bias = range_bias_of(run_of(30, 2, longer_by(0.05)));
   CHECK(range_bias.status == RangeBias::Status::too_few_records);
   CHECK_THAT(range_bias.text(true),
-             Catch::Contains("30 records with a body, and those of the training"));
+             Catch::Contains("30 records with a body, and those of the training, are too few"));
   Dataset dead = run_of(100, 2);
   std::fill(dead.radar.values.begin(), dead.radar.values.end(), 0.f);
   CHECK(range_bias_of(dead).records == 0);
@@ -363,7 +363,7 @@ TEST_CASE("reconstruct and evaluate warn of a range bias, or correct it") {
   const std::string brief =
       "reconstruct " + dir / "m.h5" + " " + dir / "short" + " --out " + dir / "short-maps";
   CHECK_THAT(recon_program(brief).text,
-             Catch::Contains("30 records with a body, and those of the training"));
+             Catch::Contains("30 records with a body, and those of the training, are too few"));
   CHECK(recon_program(brief + " -q").text.empty());
 }
 

@@ -66,7 +66,7 @@ void Alignment::add_profile(std::span<const float> power, double range_m,
     const auto weights = lanczos(a - std::floor(a));
     const auto first = static_cast<std::ptrdiff_t>(std::floor(a)) - profile_taps + 1;
     const auto count = (std::ssize(out) - kind + points_a_step_ - 1) / points_a_step_;
-    sums.assign(static_cast<std::size_t>(std::max(count, std::ptrdiff_t{0})), 0.f);
+    sums.assign(static_cast<std::size_t>(count), 0.f);
     for (std::ptrdiff_t k = 0; k < 2 * profile_taps; ++k) {
       const float weight = weights[static_cast<std::size_t>(k)];
       // Points first + k + j * step that were recorded.

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <vector>
 
-#include "drivers/core/clones.hpp"
 #include "recon/numbers/blas.hpp"
 
 namespace echofuse::recon {
@@ -19,11 +18,6 @@ double power_of(double in_resolutions) {
   const double x = M_PI * in_resolutions;
   const double amplitude = std::abs(x) < 1e-6 ? 1 : std::sin(x) / x;
   return amplitude * amplitude;
-}
-
-ECHOFUSE_CLONES void add_times(const float* __restrict in, float factor, float* __restrict out,
-                               std::size_t count) {
-  for (std::size_t i = 0; i < count; ++i) out[i] += factor * in[i];
 }
 
 }  // namespace
@@ -62,7 +56,7 @@ void ShiftCorrelation::operator()(std::span<const float> histogram, std::span<co
   float own = 0;
   for (std::size_t j = 0; j < profile.size(); ++j) {
     own += profile[j] * profile[j];
-    add_times(&expected[j], profile[j], out.data(), shifts_);
+    for (std::size_t s = 0; s < shifts_; ++s) out[s] += expected[s + j] * profile[j];
   }
   for (std::size_t s = 0; s < shifts_; ++s) {
     const float norm = std::sqrt(own * (squares[s + profile.size()] - squares[s]));
