@@ -37,14 +37,15 @@ std::size_t mirrored(std::size_t pixel, std::size_t size) {
   return pixel - pixel % size + (size - 1 - pixel % size);
 }
 
-// x/z of the foreground's centroid; `mass`: of each pixel, most of which have none.
+// x/z of the foreground's centroid; `mass`: of each pixel.
 template <class Masses>
 double centroid_tangent(const Masses& mass, const record::MapGrid& grid) {
   const Axis x = grid.x();
+  std::vector<double> of_column(x.count);
+  for (std::size_t first = 0; first < mass.size(); first += x.count)
+    for (std::size_t c = 0; c < x.count; ++c) of_column[c] += static_cast<double>(mass[first + c]);
   Mean tangent;
-  for (std::size_t p = 0; p < mass.size(); ++p)
-    if (mass[p] != 0)
-      tangent.add(x.at(static_cast<double>(p % x.count)), static_cast<double>(mass[p]));
+  for (std::size_t c = 0; c < x.count; ++c) tangent.add(x.at(static_cast<double>(c)), of_column[c]);
   return tangent.value(least_mass);
 }
 

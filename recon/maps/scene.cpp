@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "drivers/core/clones.hpp"
 #include "recon/numbers/matrix_file.hpp"
 #include "recon/numbers/statistics.hpp"
 
@@ -66,15 +67,24 @@ record::MapGrid load_grid(const record::H5File& file) {
   return {static_cast<std::uint32_t>(size), half};
 }
 
-std::vector<float> foreground_share(std::span<const float> prediction, const Scene& scene) {
-  std::vector<float> out(prediction.size());
-  const float depth_m = scene.foreground_depth_m;
-  for (std::size_t p = 0; p < out.size(); ++p) {
-    const float off = prediction[p] - scene.background[p], way = depth_m - scene.background[p];
+namespace {
+
+ECHOFUSE_CLONES void share_of(const float* prediction, const float* background, float depth_m,
+                              std::size_t count, float* __restrict__ out) {
+  for (std::size_t p = 0; p < count; ++p) {
+    const float off = prediction[p] - background[p], way = depth_m - background[p];
     // A background at the very depth of the foreground leaves nothing to tell them apart by.
     const bool tells = std::abs(way) > foreground_step_m;
     out[p] = (tells ? off : 0.f) / (tells ? way : 1.f);
   }
+}
+
+}  // namespace
+
+std::vector<float> foreground_share(std::span<const float> prediction, const Scene& scene) {
+  std::vector<float> out(prediction.size());
+  share_of(prediction.data(), scene.background.data(), scene.foreground_depth_m, out.size(),
+           out.data());
   return out;
 }
 

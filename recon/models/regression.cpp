@@ -6,9 +6,11 @@
 #include <cmath>
 #include <numeric>
 
+#include "drivers/core/clones.hpp"
 #include "drivers/core/console.hpp"
 #include "recon/models/network_file.hpp"
 #include "recon/numbers/blas.hpp"
+#include "recon/numbers/parallel.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
@@ -23,17 +25,43 @@ double annealed(double rate, double progress) {
 
 double square(double v) { return v * v; }
 
-// In some sums beside each other, as one adds up four times as slowly.
-float sum_of_squares(std::span<const float> values) {
-  std::array<float, 16> sums{};
-  const std::size_t whole = values.size() / sums.size() * sums.size();
-  for (std::size_t first = 0; first < whole; first += sums.size())
-    for (std::size_t k = 0; k < sums.size(); ++k) sums[k] += values[first + k] * values[first + k];
-  for (std::size_t i = whole; i < values.size(); ++i) sums[i - whole] += values[i] * values[i];
-  return std::accumulate(sums.begin(), sums.end(), 0.f);
+// What makes errors of outputs, from a column on; `per_spread` is 1 / spread, `times` what makes
+// slopes of errors.
+struct Wanted {
+  const float *truth, *centre, *per_spread;
+  float times;
+};
+
+[[gnu::always_inline]] inline void to_slopes(const Wanted& wanted, std::size_t from, float* outputs,
+                                             Eight& squares) {
+  Eight output, truth, centre, per_spread;
+  load(output, outputs + from), load(truth, wanted.truth + from);
+  load(centre, wanted.centre + from), load(per_spread, wanted.per_spread + from);
+  const Eight error = output - (truth - centre) * per_spread;
+  squares += error * error;
+  store(outputs + from, wanted.times * error);
 }
 
-constexpr double most = 1e18;  // that a model file takes
+// Of a row; returns the sum of the squared errors. In sums beside each other, as one alone waits
+// for each addition.
+ECHOFUSE_CLONES double to_slopes(const Wanted& wanted, std::size_t columns, float* outputs) {
+  Eight some{}, others{};
+  std::size_t c = 0;
+  for (; c + 2 * lanes <= columns; c += 2 * lanes)
+    to_slopes(wanted, c, outputs, some), to_slopes(wanted, c + lanes, outputs, others);
+  some += others;
+  double sum = 0;
+  for (std::size_t k = 0; k < lanes; ++k) sum += double{some[k]};
+  for (; c < columns; ++c) {
+    const float error = outputs[c] - (wanted.truth[c] - wanted.centre[c]) * wanted.per_spread[c];
+    sum += double{error * error};
+    outputs[c] = wanted.times * error;
+  }
+  return sum;
+}
+
+constexpr std::size_t rows_at_once = 16;  // a part of a batch
+constexpr double most = 1e18;             // that a model file takes
 
 bool sound(const std::vector<float>& values) {
   return std::all_of(values.begin(), values.end(),
@@ -198,18 +226,21 @@ double Regression::train_batch(const Examples& train, std::span<const std::size_
   auto& output = activations_.back();
   const std::size_t columns = centre_.size();
   const float per_value = 1.f / static_cast<float>(rows.size() * columns);
-  double sum = 0;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const auto truth = training.redraw ? batch_targets_.row(i) : train.targets.row(rows[i]);
-    float* slope = output.data() + i * columns;
-    for (std::size_t c = 0; c < columns; ++c) slope[c] -= (truth[c] - centre_[c]) / spread_[c];
-    sum += double{sum_of_squares({slope, columns})};
-    for (std::size_t c = 0; c < columns; ++c) slope[c] *= 2 * per_value;
-  }
+  std::vector<float> per_spread(columns);
+  for (std::size_t c = 0; c < columns; ++c) per_spread[c] = 1 / spread_[c];
+  std::vector<double> squares(rows.size());
+  for_each_part((rows.size() + rows_at_once - 1) / rows_at_once, [&](std::size_t part) {
+    for (std::size_t i = part * rows_at_once; i < std::min((part + 1) * rows_at_once, rows.size());
+         ++i) {
+      const auto truth = training.redraw ? batch_targets_.row(i) : train.targets.row(rows[i]);
+      squares[i] = to_slopes({truth.data(), centre_.data(), per_spread.data(), 2 * per_value},
+                             columns, output.data() + i * columns);
+    }
+  });
   backward(network_, s.parameters, x, rows.size(), activations_, gradient_);
   if (training.pull > 0) pull_back(s.parameters, static_cast<float>(training.pull));
   s.adam.step(s.parameters, gradient_, learning_rate);
-  return sum;
+  return std::accumulate(squares.begin(), squares.end(), 0.0);
 }
 
 Matrix Regression::predict(const Matrix& inputs) const { return outputs_of(inputs, parameters_); }

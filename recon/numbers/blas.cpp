@@ -31,12 +31,13 @@ struct Part {
   std::size_t row, col, rows, cols;
 };
 
-// At most 8 strips across the longer side of C.
+// Strips across the longer side of C. Each packs the other factor anew: few for little work.
 std::vector<Part> parts_of(std::size_t m, std::size_t n, std::size_t k) {
-  constexpr std::size_t small = 4'000'000, narrowest = 128, most = 8;
-  if (m * n * k < small) return {{0, 0, m, n}};
-  const std::size_t side = std::max(m, n);
-  const std::size_t width = std::max(narrowest, ((side + most - 1) / most + 63) / 64 * 64);
+  constexpr std::size_t small = 4'000'000, narrowest = 128, few = 2, most = 8;
+  const std::size_t work = m * n * k;
+  if (work < small) return {{0, 0, m, n}};
+  const std::size_t side = std::max(m, n), strips = work < 8 * small ? few : most;
+  const std::size_t width = std::max(narrowest, ((side + strips - 1) / strips + 63) / 64 * 64);
   std::vector<Part> out;
   for (std::size_t first = 0; first < side; first += width) {
     const std::size_t count = std::min(width, side - first);

@@ -7,14 +7,21 @@
 #include <numeric>
 #include <random>
 
+#include "drivers/core/clones.hpp"
+
 namespace echofuse::recon {
+
+namespace {
+
+ECHOFUSE_CLONES void add(const float* values, std::size_t count, double* sums) {
+  for (std::size_t i = 0; i < count; ++i) sums[i] += double{values[i]};
+}
+
+}  // namespace
 
 std::vector<double> column_means(const Matrix& table, const Rows& rows) {
   std::vector<double> out(table.cols);
-  for (const std::size_t row : rows) {
-    const float* const values = table.row(row).data();
-    for (std::size_t c = 0; c < out.size(); ++c) out[c] += double{values[c]};
-  }
+  for (const std::size_t row : rows) add(table.row(row).data(), out.size(), out.data());
   for (double& mean : out) mean /= static_cast<double>(rows.size());
   return out;
 }

@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "drivers/core/clones.hpp"
 #include "sim/scene/draw.hpp"
 
 namespace echofuse::sim {
@@ -44,6 +45,15 @@ class Irf {
   }
   double sigma_, tail_, share_;
 };
+
+// Of points of one bin: each adds its weight times a row of shares, of which rows have `stride`.
+ECHOFUSE_CLONES void add_shares(const double* weights, std::size_t points, const double* shares,
+                                std::size_t stride, std::size_t count, double* __restrict__ bins) {
+  for (std::size_t i = 0; i < points; ++i, shares += stride) {
+    if (weights[i] == 0) continue;
+    for (std::size_t j = 0; j < count; ++j) bins[j] += weights[i] * shares[j];
+  }
+}
 
 // The signal at a resolution finer than bin and IRF: weights on a grid of `phases` points a bin,
 // each return shared linearly by its two neighbours. With points a sixteenth of sigma apart this
@@ -88,16 +98,16 @@ class FineSignal {
         }
       of = {irf, width_ps};
     }
-    for (std::size_t i = 0; i < weights_.size(); ++i) {
-      if (weights_[i] == 0) continue;
-      const auto point = static_cast<std::int64_t>(i);
-      const std::int64_t bin = point / phases_ - bins_before_ + first;
-      const double* share = shares.data() + static_cast<std::size_t>(point % phases_) * length;
+    const auto count = static_cast<std::int64_t>(bins.size());
+    const auto phases = static_cast<std::size_t>(phases_);
+    for (std::size_t i = 0; i < weights_.size(); i += phases) {
+      const std::int64_t bin = static_cast<std::int64_t>(i / phases) - bins_before_ + first;
       const std::int64_t from = std::max<std::int64_t>(0, -bin);
-      const std::int64_t to =
-          std::min(static_cast<std::int64_t>(length), static_cast<std::int64_t>(bins.size()) - bin);
-      for (std::int64_t j = from; j < to; ++j)
-        bins[static_cast<std::size_t>(bin + j)] += weights_[i] * share[j];
+      const std::int64_t to = std::min(static_cast<std::int64_t>(length), count - bin);
+      if (from < to)
+        add_shares(&weights_[i], phases, shares.data() + from, length,
+                   static_cast<std::size_t>(to - from),
+                   &bins[static_cast<std::size_t>(bin + from)]);
     }
   }
 

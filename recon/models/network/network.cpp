@@ -4,9 +4,30 @@
 #include <algorithm>
 #include <cmath>
 
+#include "drivers/core/clones.hpp"
 #include "recon/numbers/blas.hpp"
 
 namespace echofuse::recon {
+
+namespace {
+
+ECHOFUSE_CLONES void add(const float* row, std::size_t count, float* __restrict__ sums) {
+  for (std::size_t i = 0; i < count; ++i) sums[i] += row[i];
+}
+void add(const double* row, std::size_t count, double* __restrict__ sums) {
+  for (std::size_t i = 0; i < count; ++i) sums[i] += row[i];
+}
+
+// Where the rectifier gave nothing. Written whatever it is: a branch on such signs costs more than
+// it saves.
+ECHOFUSE_CLONES void stop_slopes(const float* x, std::size_t count, float* __restrict__ slopes) {
+  for (std::size_t i = 0; i < count; ++i) slopes[i] = x[i] <= 0 ? 0 : slopes[i];
+}
+void stop_slopes(const double* x, std::size_t count, double* __restrict__ slopes) {
+  for (std::size_t i = 0; i < count; ++i) slopes[i] = x[i] <= 0 ? 0 : slopes[i];
+}
+
+}  // namespace
 
 Network make_network(const std::vector<std::size_t>& widths) {
   Network out;
@@ -59,16 +80,13 @@ void backward(const Network& network, const std::vector<T>& parameters, const T*
     const T* x = l > 0 ? activations[l - 1].data() : inputs;
     multiply({layer.inputs, layer.outputs, batch, Transpose::yes, Transpose::no, T{1}, T{1}}, x,
              slope.data(), gradient.data() + layer.weights);
-    T* bias = gradient.data() + layer.biases;
     for (std::size_t i = 0; i < batch; ++i)
-      for (std::size_t o = 0; o < layer.outputs; ++o) bias[o] += slope[i * layer.outputs + o];
+      add(slope.data() + i * layer.outputs, layer.outputs, gradient.data() + layer.biases);
     if (l == 0) return;
     typename Activations<T>::value_type below(batch * layer.inputs);
     multiply({batch, layer.inputs, layer.outputs, Transpose::no, Transpose::yes, T{1}, T{0}},
              slope.data(), parameters.data() + layer.weights, below.data());
-    // Written whatever it is: a branch on such signs costs more than it saves.
-    T* const slopes = below.data();
-    for (std::size_t i = 0, n = below.size(); i < n; ++i) slopes[i] = x[i] <= 0 ? T{0} : slopes[i];
+    stop_slopes(x, below.size(), below.data());
     activations[l - 1] = std::move(below);
   }
 }
