@@ -13,6 +13,11 @@
 // Only OpenBLAS has these; with another BLAS the calls are left out.
 extern "C" void openblas_set_num_threads(int) __attribute__((weak));
 extern "C" int blas_thread_shutdown_() __attribute__((weak));
+// LAPACK's, which comes with BLAS.
+extern "C" void sgeqrf_(const int* m, const int* n, float* a, const int* lda, float* tau,
+                        float* work, const int* work_size, int* info);
+extern "C" void sorgqr_(const int* m, const int* n, const int* k, float* a, const int* lda,
+                        const float* tau, float* work, const int* work_size, int* info);
 
 namespace echofuse::recon {
 namespace {
@@ -83,10 +88,15 @@ void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, double alpha, const double* b,
   cblas_dgemv(CblasRowMajor, tb, rows, cols, alpha, b, cols, x, 1, beta, y, 1);
 }
 
-template <class T>
-void multiply_parts(const Product<T>& p, const T* a, const T* b, T* c) {
+// Before the first call of BLAS.
+void choose_kernels() {
   static const bool chosen = one_thread && !blas_kernels().empty();
   static_cast<void>(chosen);
+}
+
+template <class T>
+void multiply_parts(const Product<T>& p, const T* a, const T* b, T* c) {
+  choose_kernels();
   const bool ta = p.a_transposed == Transpose::yes, tb = p.b_transposed == Transpose::yes;
   // One row reads each of B once; as a product of matrices B would be repacked first, for 5 times
   // as long as reading it takes.
@@ -115,6 +125,18 @@ void multiply(const Product<float>& p, const float* a, const float* b, float* c)
 
 void multiply(const Product<double>& p, const double* a, const double* b, double* c) {
   multiply_parts(p, a, b, c);
+}
+
+// As columns, which is how LAPACK reads rows.
+void orthonormalise_rows(std::size_t rows, std::size_t cols, float* values) {
+  constexpr std::size_t at_once = 64;  // columns that LAPACK works on, at most
+  choose_kernels();
+  const int m = static_cast<int>(cols), n = static_cast<int>(rows);
+  std::vector<float> scales(rows), work(rows * at_once);
+  const int work_size = static_cast<int>(work.size());
+  int info = 0;  // not 0 for wrong arguments only
+  sgeqrf_(&m, &n, values, &m, scales.data(), work.data(), &work_size, &info);
+  sorgqr_(&m, &n, &n, values, &m, scales.data(), work.data(), &work_size, &info);
 }
 
 }  // namespace echofuse::recon

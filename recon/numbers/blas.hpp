@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// The matrix product, from the machine's BLAS. OpenBLAS's kernels are chosen at run time
-// (blas_kernels.hpp), so a portable build still uses AVX2 or AVX-512 (compiled for plain x86-64,
-// Eigen's own product is 5 x slower). Each call of it uses one thread; large products are cut into
-// parts (parallel.hpp) by their shape, as OpenBLAS's own threads add up in another order than one
-// does.
+// The matrix product, from the machine's BLAS, and QR from its LAPACK. OpenBLAS's kernels are
+// chosen at run time (blas_kernels.hpp), so a portable build still uses AVX2 or AVX-512 (compiled
+// for plain x86-64, Eigen's own product is 5 x slower). Each call of it uses one thread; large
+// products are cut into parts (parallel.hpp) by their shape, as OpenBLAS's own threads add up in
+// another order than one does.
 #pragma once
 #include <cstddef>
 
@@ -20,5 +20,7 @@ struct Product {
 };
 void multiply(const Product<float>& p, const float* a, const float* b, float* c);
 void multiply(const Product<double>& p, const double* a, const double* b, double* c);
+// Rows that span the same, at right angles and of length 1 (QR); rows <= cols.
+void orthonormalise_rows(std::size_t rows, std::size_t cols, float* values);
 
 }  // namespace echofuse::recon

@@ -2,7 +2,6 @@
 #include "recon/numbers/components.hpp"
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <random>
@@ -23,15 +22,6 @@ using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::Row
 
 Eigen::Map<RowMajor> as_eigen(Matrix& m) {
   return {m.values.data(), static_cast<Eigen::Index>(m.rows), static_cast<Eigen::Index>(m.cols)};
-}
-
-// Rows of q, made orthonormal.
-void orthonormalise(Matrix& q) {
-  const auto map = as_eigen(q);
-  const Eigen::HouseholderQR<Eigen::MatrixXf> qr(map.transpose());
-  const Eigen::MatrixXf thin =
-      qr.householderQ() * Eigen::MatrixXf::Identity(map.cols(), map.rows());
-  as_eigen(q) = thin.transpose();
 }
 
 Matrix times(const Matrix& a, const Matrix& b, Transpose a_t, Transpose b_t) {
@@ -62,10 +52,10 @@ Components principal_components(Matrix table, std::size_t count, std::uint64_t s
   for (float& v : q.values) v = normal(rng);
   out.basis = Matrix(0, table.cols);
   if (count == 0) return out;
-  orthonormalise(q);
+  orthonormalise_rows(q.rows, q.cols, q.values.data());
   for (int i = 0; i < iterations; ++i) {
     q = times(times(table, q, Transpose::no, Transpose::yes), table, Transpose::yes, Transpose::no);
-    orthonormalise(q);
+    orthonormalise_rows(q.rows, q.cols, q.values.data());
   }
   Matrix seen = times(table, q, Transpose::no, Transpose::yes);
   const Eigen::MatrixXd in = as_eigen(seen).cast<double>();
