@@ -2,7 +2,6 @@
 #include "recon/models/regression.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -25,15 +24,14 @@ double annealed(double rate, double progress) {
 
 double square(double v) { return v * v; }
 
-// What makes errors of outputs, from a column on; `per_spread` is 1 / spread, `times` what makes
-// slopes of errors.
+// What makes errors of a row of outputs, and slopes of errors (`times`); per_spread: 1 / spread.
 struct Wanted {
   const float *truth, *centre, *per_spread;
   float times;
 };
 
-[[gnu::always_inline]] inline void to_slopes(const Wanted& wanted, std::size_t from, float* outputs,
-                                             Eight& squares) {
+[[gnu::always_inline]] inline void eight_to_slopes(const Wanted& wanted, std::size_t from,
+                                                   float* outputs, Eight& squares) {
   Eight output, truth, centre, per_spread;
   load(output, outputs + from), load(truth, wanted.truth + from);
   load(centre, wanted.centre + from), load(per_spread, wanted.per_spread + from);
@@ -42,13 +40,13 @@ struct Wanted {
   store(outputs + from, wanted.times * error);
 }
 
-// Of a row; returns the sum of the squared errors. In sums beside each other, as one alone waits
-// for each addition.
+// Slopes in place of a row of outputs; returns the sum of the squared errors. In sums beside each
+// other, as one alone waits for each addition.
 ECHOFUSE_CLONES double to_slopes(const Wanted& wanted, std::size_t columns, float* outputs) {
   Eight some{}, others{};
   std::size_t c = 0;
   for (; c + 2 * lanes <= columns; c += 2 * lanes)
-    to_slopes(wanted, c, outputs, some), to_slopes(wanted, c + lanes, outputs, others);
+    eight_to_slopes(wanted, c, outputs, some), eight_to_slopes(wanted, c + lanes, outputs, others);
   some += others;
   double sum = 0;
   for (std::size_t k = 0; k < lanes; ++k) sum += double{some[k]};

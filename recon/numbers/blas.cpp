@@ -4,6 +4,7 @@
 #include <cblas.h>
 
 #include <algorithm>
+#include <cassert>
 #include <vector>
 
 #include "drivers/core/clones.hpp"
@@ -13,7 +14,7 @@
 // Only OpenBLAS has these; with another BLAS the calls are left out.
 extern "C" void openblas_set_num_threads(int) __attribute__((weak));
 extern "C" int blas_thread_shutdown_() __attribute__((weak));
-// LAPACK's, which comes with BLAS.
+// LAPACK's, which OpenBLAS brings along.
 extern "C" void sgeqrf_(const int* m, const int* n, float* a, const int* lda, float* tau,
                         float* work, const int* work_size, int* info);
 extern "C" void sorgqr_(const int* m, const int* n, const int* k, float* a, const int* lda,
@@ -36,7 +37,8 @@ struct Part {
   std::size_t row, col, rows, cols;
 };
 
-// Strips across the longer side of C. Each packs the other factor anew: few for little work.
+// Strips across the longer side of C. Each packs the other factor anew: few for little work, which
+// would gain from two threads at most.
 std::vector<Part> parts_of(std::size_t m, std::size_t n, std::size_t k) {
   constexpr std::size_t small = 4'000'000, narrowest = 128, few = 2, most = 8;
   const std::size_t work = m * n * k;
@@ -134,9 +136,10 @@ void orthonormalise_rows(std::size_t rows, std::size_t cols, float* values) {
   const int m = static_cast<int>(cols), n = static_cast<int>(rows);
   std::vector<float> scales(rows), work(rows * at_once);
   const int work_size = static_cast<int>(work.size());
-  int info = 0;  // not 0 for wrong arguments only
+  int info = 0;
   sgeqrf_(&m, &n, values, &m, scales.data(), work.data(), &work_size, &info);
   sorgqr_(&m, &n, &n, values, &m, scales.data(), work.data(), &work_size, &info);
+  assert(info == 0);  // else an argument is wrong
 }
 
 }  // namespace echofuse::recon

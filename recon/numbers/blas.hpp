@@ -20,7 +20,7 @@ struct Product {
 };
 void multiply(const Product<float>& p, const float* a, const float* b, float* c);
 void multiply(const Product<double>& p, const double* a, const double* b, double* c);
-// Rows that span the same, at right angles and of length 1 (QR); rows <= cols.
+// Rows that span the same, at right angles and of length 1 (QR); 1 <= rows <= cols.
 void orthonormalise_rows(std::size_t rows, std::size_t cols, float* values);
 
 }  // namespace echofuse::recon

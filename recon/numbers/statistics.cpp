@@ -13,7 +13,7 @@ namespace echofuse::recon {
 
 namespace {
 
-ECHOFUSE_CLONES void add(const float* values, std::size_t count, double* sums) {
+ECHOFUSE_CLONES void add_row(const float* values, std::size_t count, double* sums) {
   for (std::size_t i = 0; i < count; ++i) sums[i] += double{values[i]};
 }
 
@@ -21,7 +21,7 @@ ECHOFUSE_CLONES void add(const float* values, std::size_t count, double* sums) {
 
 std::vector<double> column_means(const Matrix& table, const Rows& rows) {
   std::vector<double> out(table.cols);
-  for (const std::size_t row : rows) add(table.row(row).data(), out.size(), out.data());
+  for (const std::size_t row : rows) add_row(table.row(row).data(), out.size(), out.data());
   for (double& mean : out) mean /= static_cast<double>(rows.size());
   return out;
 }

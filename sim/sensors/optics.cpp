@@ -46,12 +46,12 @@ class Irf {
   double sigma_, tail_, share_;
 };
 
-// Of points of one bin: each adds its weight times a row of shares, of which rows have `stride`.
+// Of points of one bin: each adds its weight times its row of shares; rows are `stride` apart.
 ECHOFUSE_CLONES void add_shares(const double* weights, std::size_t points, const double* shares,
                                 std::size_t stride, std::size_t count, double* __restrict__ bins) {
-  for (std::size_t i = 0; i < points; ++i, shares += stride) {
+  for (std::size_t i = 0; i < points; ++i) {
     if (weights[i] == 0) continue;
-    for (std::size_t j = 0; j < count; ++j) bins[j] += weights[i] * shares[j];
+    for (std::size_t j = 0; j < count; ++j) bins[j] += weights[i] * shares[i * stride + j];
   }
 }
 

@@ -130,3 +130,23 @@ TEST_CASE("Adam's first step has the length of the learning rate, whatever the g
   decaying.step(weight, none, 0.1);
   CHECK(weight[0] == Approx(2 * (1 - 0.1 * 0.5)));
 }
+
+TEST_CASE("Adam's moments are never subnormal, with which processors work slowly, and NaN stays") {
+  for (const float first : {1e-3f, 1e-16f, 1e-18f, 3e-20f, 1e-22f, 1e-38f}) {
+    std::vector<float> p = {1}, gradient;
+    Adam adam(1, 0);
+    for (int step = 0; step < 200'000; ++step) {
+      gradient = {step == 0 ? first : 0};
+      adam.step(p, gradient, 1e-3);
+      if (std::fpclassify(adam.first[0]) == FP_SUBNORMAL ||
+          std::fpclassify(adam.second[0]) == FP_SUBNORMAL) {
+        FAIL("gradient " << first << ", step " << step);
+      }
+    }
+    CHECK(adam.first[0] == 0);
+    CHECK(adam.second[0] == 0);
+  }
+  std::vector<float> p = {1}, gradient = {NAN};
+  Adam(1, 0).step(p, gradient, 1e-3);
+  CHECK(std::isnan(p[0]));
+}

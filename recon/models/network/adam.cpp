@@ -11,17 +11,19 @@ namespace echofuse::recon {
 namespace {
 
 constexpr float b1 = 0.9f, b2 = 0.999f, epsilon = 1e-8f;
-// Of a moment. Where gradients have ended it would soon be subnormal, with which processors work
-// slowly.
-constexpr float least = 1e-30f;
+// Smaller gradients and moments count as 0: they move no weight, as epsilon is so much larger, but
+// their products are subnormal, with which processors work slowly. NaN stays.
+constexpr float least_gradient = 1e-16f, least_moment = 1e-30f;
 
 // A function of its own, as the compiler vectorises over plain arguments only.
 inline __attribute__((always_inline)) void step_each(std::size_t n, float* p, float* m, float* v,
                                                      float* g, float keep, float rate) {
   for (std::size_t i = 0; i < n; ++i) {
-    const float mean = b1 * m[i] + (1 - b1) * g[i];
-    m[i] = std::abs(mean) > least ? mean : 0;
-    v[i] = b2 * v[i] + (1 - b2) * g[i] * g[i];
+    const float slope = std::abs(g[i]) < least_gradient ? 0 : g[i];
+    const float mean = b1 * m[i] + (1 - b1) * slope;
+    const float square = b2 * v[i] + (1 - b2) * slope * slope;
+    m[i] = std::abs(mean) < least_moment ? 0 : mean;
+    v[i] = square < least_moment ? 0 : square;
     p[i] = keep * p[i] - rate * m[i] / (std::sqrt(v[i]) + epsilon);
     g[i] = 0;
   }

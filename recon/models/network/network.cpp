@@ -11,21 +11,26 @@ namespace echofuse::recon {
 
 namespace {
 
-ECHOFUSE_CLONES void add(const float* row, std::size_t count, float* __restrict__ sums) {
+template <class T>
+[[gnu::always_inline]] inline void add_each(const T* row, std::size_t count, T* __restrict__ sums) {
   for (std::size_t i = 0; i < count; ++i) sums[i] += row[i];
 }
-void add(const double* row, std::size_t count, double* __restrict__ sums) {
-  for (std::size_t i = 0; i < count; ++i) sums[i] += row[i];
+ECHOFUSE_CLONES void add_row(const float* row, std::size_t count, float* sums) {
+  add_each(row, count, sums);
 }
+void add_row(const double* row, std::size_t count, double* sums) { add_each(row, count, sums); }
 
-// Where the rectifier gave nothing. Written whatever it is: a branch on such signs costs more than
-// it saves.
-ECHOFUSE_CLONES void stop_slopes(const float* x, std::size_t count, float* __restrict__ slopes) {
-  for (std::size_t i = 0; i < count; ++i) slopes[i] = x[i] <= 0 ? 0 : slopes[i];
+// The rectifier passes no slope where its output is 0. Written whatever it is: a branch on such
+// signs costs more than it saves.
+template <class T>
+[[gnu::always_inline]] inline void rectify_each(const T* x, std::size_t count,
+                                                T* __restrict__ slopes) {
+  for (std::size_t i = 0; i < count; ++i) slopes[i] = x[i] <= 0 ? T{0} : slopes[i];
 }
-void stop_slopes(const double* x, std::size_t count, double* __restrict__ slopes) {
-  for (std::size_t i = 0; i < count; ++i) slopes[i] = x[i] <= 0 ? 0 : slopes[i];
+ECHOFUSE_CLONES void rectify(const float* x, std::size_t count, float* slopes) {
+  rectify_each(x, count, slopes);
 }
+void rectify(const double* x, std::size_t count, double* slopes) { rectify_each(x, count, slopes); }
 
 }  // namespace
 
@@ -81,12 +86,12 @@ void backward(const Network& network, const std::vector<T>& parameters, const T*
     multiply({layer.inputs, layer.outputs, batch, Transpose::yes, Transpose::no, T{1}, T{1}}, x,
              slope.data(), gradient.data() + layer.weights);
     for (std::size_t i = 0; i < batch; ++i)
-      add(slope.data() + i * layer.outputs, layer.outputs, gradient.data() + layer.biases);
+      add_row(slope.data() + i * layer.outputs, layer.outputs, gradient.data() + layer.biases);
     if (l == 0) return;
     typename Activations<T>::value_type below(batch * layer.inputs);
     multiply({batch, layer.inputs, layer.outputs, Transpose::no, Transpose::yes, T{1}, T{0}},
              slope.data(), parameters.data() + layer.weights, below.data());
-    stop_slopes(x, below.size(), below.data());
+    rectify(x, below.size(), below.data());
     activations[l - 1] = std::move(below);
   }
 }
