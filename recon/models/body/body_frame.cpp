@@ -143,6 +143,11 @@ ECHOFUSE_CLONES void draw_rows(const Drawing& d, float* map, float* share) {
   const float* const part = &d.across.part[first];
   const std::int32_t nearest = low[0];  // cell
   const auto cells = static_cast<std::size_t>(low[count - 1] + 2 - nearest);
+  std::array<std::size_t, most_cells + 1> from;  // of a cell: the first point at or behind it
+  std::size_t cell = 0;
+  for (std::size_t c = 0; c < count; ++c)
+    while (cell <= static_cast<std::size_t>(low[c] - nearest)) from[cell++] = c;
+  while (cell <= cells) from[cell++] = count;
   std::array<float, most_cells> mask_row, relief_row;
   for (std::size_t r = d.map_rows.first; r < d.map_rows.last; ++r) {
     const std::size_t upper =
@@ -154,8 +159,16 @@ ECHOFUSE_CLONES void draw_rows(const Drawing& d, float* map, float* share) {
       mask_row[c] = mask_above[c] + down * (mask_below[c] - mask_above[c]);
       relief_row[c] = relief_above[c] + down * (relief_below[c] - relief_above[c]);
     }
+    std::size_t begin = 0, end = count;
+    if (!share) {  // only between cells with something to paint
+      std::size_t some = 0, last = cells;
+      while (some < cells && mask_row[some] <= d.least) ++some;
+      while (last > some && mask_row[last - 1] <= d.least) --last;
+      if (some == last) continue;
+      begin = some > 0 ? from[some - 1] : 0, end = from[last];
+    }
     const std::size_t start = r * d.side + first;
-    for (std::size_t c = 0; c < count; ++c) {
+    for (std::size_t c = begin; c < end; ++c) {
       const std::int32_t at = low[c] - nearest;
       const float body = mask_row[at] + part[c] * (mask_row[at + 1] - mask_row[at]);
       const float ahead = relief_row[at] + part[c] * (relief_row[at + 1] - relief_row[at]);
@@ -165,11 +178,6 @@ ECHOFUSE_CLONES void draw_rows(const Drawing& d, float* map, float* share) {
       if (share) share[start + c] = std::clamp(body, 0.f, 1.f);
     }
   }
-}
-
-// The larger of both, column by column.
-ECHOFUSE_CLONES void keep_larger(float* most, const float* row, std::size_t columns) {
-  for (std::size_t c = 0; c < columns; ++c) most[c] = row[c] > most[c] ? row[c] : most[c];
 }
 
 }  // namespace
@@ -188,17 +196,6 @@ void BodyFrame::draw_onto(std::span<const float> mask, std::span<const float> re
   place_along(y.start * cells_a_tangent - top_m_ / pitch_m_, y.step * cells_a_tangent, side,
               d.down);
   d.map_columns = within(d.across, side, columns_), d.map_rows = within(d.down, side, rows_);
-  if (share.empty()) {  // only columns with something to paint
-    std::array<float, most_cells> most{};
-    for (std::size_t r = 0; r < rows_; ++r) keep_larger(most.data(), &mask[r * columns_], columns_);
-    const auto empty = [&](std::size_t c) {
-      const auto low = static_cast<std::size_t>(d.across.low[c]);
-      return std::max(most[low], most[low + 1]) <= least;
-    };
-    auto& [first, last] = d.map_columns;
-    while (first < last && empty(first)) ++first;
-    while (first < last && empty(last - 1)) --last;
-  }
   if (d.map_columns.first >= d.map_columns.last) return;
   draw_rows(d, map.data(), share.empty() ? nullptr : share.data());
 }
