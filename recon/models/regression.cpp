@@ -58,8 +58,8 @@ ECHOFUSE_CLONES double to_slopes(const Wanted& wanted, std::size_t columns, floa
   return sum;
 }
 
-constexpr std::size_t rows_at_once = 16;  // a part of a batch
-constexpr double most = 1e18;             // that a model file takes
+constexpr std::size_t values_at_once = 1 << 16;  // of a batch, in one part
+constexpr double most = 1e18;                    // that a model file takes
 
 bool sound(const std::vector<float>& values) {
   return std::all_of(values.begin(), values.end(),
@@ -227,9 +227,10 @@ double Regression::train_batch(const Examples& train, std::span<const std::size_
   std::vector<float> per_spread(columns);
   for (std::size_t c = 0; c < columns; ++c) per_spread[c] = 1 / spread_[c];
   std::vector<double> squares(rows.size());
-  for_each_part((rows.size() + rows_at_once - 1) / rows_at_once, [&](std::size_t part) {
-    for (std::size_t i = part * rows_at_once; i < std::min((part + 1) * rows_at_once, rows.size());
-         ++i) {
+  const std::size_t at_once = std::max<std::size_t>(1, values_at_once / columns);
+  for_each_part((rows.size() + at_once - 1) / at_once, [&](std::size_t part) {
+    const std::size_t first = part * at_once, last = std::min(first + at_once, rows.size());
+    for (std::size_t i = first; i < last; ++i) {
       const auto truth = training.redraw ? batch_targets_.row(i) : train.targets.row(rows[i]);
       squares[i] = to_slopes({truth.data(), centre_.data(), per_spread.data(), 2 * per_value},
                              columns, output.data() + i * columns);

@@ -37,8 +37,8 @@ struct Part {
   std::size_t row, col, rows, cols;
 };
 
-// Strips across the longer side of C. Each packs the other factor anew: few for little work, which
-// would gain from two threads at most.
+// Strips across the longer side of C. Each packs the other factor anew: few of them for little
+// work, which then is for two threads at most.
 std::vector<Part> parts_of(std::size_t m, std::size_t n, std::size_t k) {
   constexpr std::size_t small = 4'000'000, narrowest = 128, few = 2, most = 8;
   const std::size_t work = m * n * k;

@@ -10,7 +10,6 @@
 #include "drivers/core/clones.hpp"
 
 namespace echofuse::recon {
-
 namespace {
 
 ECHOFUSE_CLONES void add_row(const float* values, std::size_t count, double* sums) {

@@ -47,9 +47,9 @@ class Patches {
       ranges.resize(2 * (seen_ + row.to - row.from));
       returns_.weight.resize(ranges.size());
     }
-    for (std::size_t first = row.from, last = first, end = row.to; first < end; first = last) {
-      while (first < end && !keep(first)) ++first;
-      for (last = first; last < end && keep(last);) ++last;
+    for (std::size_t first = row.from, last = first; first < row.to; first = last) {
+      while (first < row.to && !keep(first)) ++first;
+      for (last = first; last < row.to && keep(last);) ++last;
       if (first < last) add(row, sign, first, last);
     }
   }
@@ -92,8 +92,7 @@ void look(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Ro
     no_shape.assign(x.count, nothing);
   }
   Scanner(scene, gaze.sensor_x_m, x, y, sampling, room).scan(Shading::on, [&](const Row& row) {
-    const double* const z = row.z;
-    if (!behind) return patches.add(row, 1, [z](std::size_t i) { return z[i] < INFINITY; });
+    if (!behind) return patches.add(row, 1, [&](std::size_t i) { return row.z[i] < INFINITY; });
     const std::size_t at = std::size_t{row.iy} * x.count;
     const Row wall{row.iy,
                    row.from,
@@ -104,10 +103,9 @@ void look(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Ro
                    &behind->cosine[at],
                    &behind->albedo[at],
                    no_shape.data()};
-    const double* const wall_z = wall.z;
-    patches.add(row, 1, [z, wall_z](std::size_t i) { return z[i] < wall_z[i]; });
+    patches.add(row, 1, [&](std::size_t i) { return row.z[i] < wall.z[i]; });
     patches.add(wall, -1,
-                [z, wall_z](std::size_t i) { return z[i] < wall_z[i] && wall_z[i] < INFINITY; });
+                [&](std::size_t i) { return row.z[i] < wall.z[i] && wall.z[i] < INFINITY; });
   });
   patches.end();
 }

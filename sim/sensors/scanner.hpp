@@ -242,15 +242,13 @@ class Scanner {
   }
 
   void shade_row() {
-    const std::int32_t* const shapes = shape_.data();
-    for (std::size_t first = from_, last = first, end = to_; first < end; first = last) {
-      const std::int32_t number = shapes[first];
-      while (last < end && shapes[last] == number) ++last;
-      if (number == nothing) {
+    for (std::size_t first = from_, last = first; first < to_; first = last) {
+      while (last < to_ && shape_[last] == shape_[first]) ++last;
+      if (shape_[first] == nothing) {
         std::fill(&cosine_[first], &cosine_[first] + (last - first), 0.0);
         continue;
       }
-      with_shape(number, [&](const auto& shape) {
+      with_shape(shape_[first], [&](const auto& shape) {
         shape.cosines(&ray_x_[first], &ray_y_[first], &z_[first], &cosine_[first], last - first);
         std::fill(&albedo_[first], &albedo_[first] + (last - first), shape.albedo);
       });

@@ -8,7 +8,6 @@
 #include "recon/numbers/blas.hpp"
 
 namespace echofuse::recon {
-
 namespace {
 
 template <class T>
@@ -23,14 +22,16 @@ void add_row(const double* row, std::size_t count, double* sums) { add_each(row,
 // The rectifier passes no slope where its output is 0. Written whatever it is: a branch on such
 // signs costs more than it saves.
 template <class T>
-[[gnu::always_inline]] inline void rectify_each(const T* x, std::size_t count,
-                                                T* __restrict__ slopes) {
+[[gnu::always_inline]] inline void pass_slopes_each(const T* x, std::size_t count,
+                                                    T* __restrict__ slopes) {
   for (std::size_t i = 0; i < count; ++i) slopes[i] = x[i] <= 0 ? T{0} : slopes[i];
 }
-ECHOFUSE_CLONES void rectify(const float* x, std::size_t count, float* slopes) {
-  rectify_each(x, count, slopes);
+ECHOFUSE_CLONES void pass_slopes(const float* x, std::size_t count, float* slopes) {
+  pass_slopes_each(x, count, slopes);
 }
-void rectify(const double* x, std::size_t count, double* slopes) { rectify_each(x, count, slopes); }
+void pass_slopes(const double* x, std::size_t count, double* slopes) {
+  pass_slopes_each(x, count, slopes);
+}
 
 }  // namespace
 
@@ -91,7 +92,7 @@ void backward(const Network& network, const std::vector<T>& parameters, const T*
     typename Activations<T>::value_type below(batch * layer.inputs);
     multiply({batch, layer.inputs, layer.outputs, Transpose::no, Transpose::yes, T{1}, T{0}},
              slope.data(), parameters.data() + layer.weights, below.data());
-    rectify(x, below.size(), below.data());
+    pass_slopes(x, below.size(), below.data());
     activations[l - 1] = std::move(below);
   }
 }
