@@ -158,7 +158,8 @@ TEST_CASE("with antennas in the base condition there are axes of them, and rows 
   CHECK_THAT(error_of([&] { complete(options); }), Contains("axis \"shifted-antennas\""));
 }
 
-TEST_CASE("study stability with the radar's antennas: fewer, lost, and their profile beside") {
+TEST_CASE("study stability with the radar's antennas: fewer, lost, and their profile beside",
+          "[.]") {
   const Folder dir;
   const Outcome study = recon_program(
       "study stability -q --quick --set radar_antennas=8 --set radar_sum=coherent --seeds 1 "
@@ -281,7 +282,7 @@ TEST_CASE("study stability: a small one, cut and continued, and refused with oth
   CHECK(text_of(table) == whole);
 }
 
-TEST_CASE("study stability: a range bias corrected if asked, a lost radar replaced") {
+TEST_CASE("study stability: a range bias corrected if asked, a lost radar replaced", "[.]") {
   const Folder dir;
   const std::string out = dir / "out";
   const Outcome study = recon_program(

@@ -144,47 +144,62 @@ TEST_CASE("study bound: a table, a chart, and no answer for another noise") {
   CHECK(sim("study bound -q --out " + folder / "file").code == 6);
 }
 
-TEST_CASE("studies in parts: the same table as in one, and what cannot be is refused") {
-  const Folder folder;
-  const std::string bound = "study bound --scenes 2 -q --set bins=80 --out ",
-                    fidelity = "study fidelity --scenes 2 -q --out ";
-  const auto table = [&](const std::string& path) {
-    std::ifstream in(folder / path);
-    std::string out;
-    for (std::string line; std::getline(in, line);)  // but for times and machine
-      out += line.substr(0, path[0] == 'f' ? line.rfind(',', line.rfind(',') - 1) : line.size()) +
-             "\n";
-    return out;
-  };
-  for (const auto& [study, name] : {std::pair(bound, "bound"), std::pair(fidelity, "fidelity")}) {
-    const std::string whole = std::string(name) + "-whole", parts = std::string(name) + "-parts";
-    REQUIRE(sim(study + folder / whole).code == 0);
-    for (const char* part : {"1/2", "2/2"}) {
-      const Outcome o = sim(study + folder / parts + " --part " + part);
-      CAPTURE(o.text);
-      CHECK(o.code == 0);
-      CHECK_FALSE(fs::exists(folder / parts + "/" + name + ".csv"));
-    }
-    CHECK(sim(study + folder / parts).code == 0);
-    CHECK(table(parts + "/" + name + ".csv") == table(whole + "/" + name + ".csv"));
+namespace {
+
+// A study's table without the times and the machine, which end a row of study fidelity.
+std::string table_of(const std::string& path, bool times) {
+  std::ifstream in(path);
+  std::string out;
+  for (std::string line; std::getline(in, line);)
+    out += (times ? line.substr(0, line.rfind(',', line.rfind(',') - 1)) : line) + "\n";
+  return out;
+}
+
+// Runs a study whole and in two parts, into folder/whole and folder/parts.
+void run_in_parts(const std::string& study, const std::string& name, const Folder& folder) {
+  REQUIRE(sim(study + folder / "whole").code == 0);
+  for (const char* part : {"1/2", "2/2"}) {
+    const Outcome o = sim(study + folder / "parts" + " --part " + part);
+    CAPTURE(o.text);
+    CHECK(o.code == 0);
+    CHECK_FALSE(fs::exists(folder / "parts/" + name + ".csv"));
   }
-  CHECK(table("bound-parts/bound_array.csv") == table("bound-whole/bound_array.csv"));
+  CHECK(sim(study + folder / "parts").code == 0);
+}
+
+}  // namespace
+
+TEST_CASE("study fidelity in parts: the same table as in one, and what cannot be is refused") {
+  const Folder folder;
+  const std::string study = "study fidelity --scenes 2 -q --out ";
+  run_in_parts(study, "fidelity", folder);
+  const auto same = [&] {
+    return table_of(folder / "parts/fidelity.csv", true) ==
+           table_of(folder / "whole/fidelity.csv", true);
+  };
+  CHECK(same());
   // One part is measured again where it is missing; another setting is refused.
-  fs::remove(folder / "fidelity-parts/fidelity-part-2-of-2.csv");
-  CHECK(sim(fidelity + folder / "fidelity-parts").code == 0);
-  CHECK(table("fidelity-parts/fidelity.csv") == table("fidelity-whole/fidelity.csv"));
-  const Outcome other = sim(fidelity + folder / "fidelity-parts" + " --seed 2");
+  fs::remove(folder / "parts/fidelity-part-2-of-2.csv");
+  CHECK(sim(study + folder / "parts").code == 0);
+  CHECK(same());
+  const Outcome other = sim(study + folder / "parts" + " --seed 2");
   CHECK(other.code == 3);
   CHECK(has(other.text, "was measured with \"# scenes of seed 1\" (now: \"# scenes of seed 2\")"));
-  std::ofstream(folder / "fidelity-parts/fidelity-part-1-of-2.csv", std::ios::app)
-      << "7,nonsense\n";
-  const Outcome damaged = sim(fidelity + folder / "fidelity-parts");
+  std::ofstream(folder / "parts/fidelity-part-1-of-2.csv", std::ios::app) << "7,nonsense\n";
+  const Outcome damaged = sim(study + folder / "parts");
   CHECK(damaged.code == 1);
   CHECK(has(damaged.text, "damaged: no row of numbers"));
-  const Outcome none = sim(fidelity + folder / "none" + " --part 3/2");
+  const Outcome none = sim(study + folder / "none" + " --part 3/2");
   CHECK(none.code == 2);
   CHECK(none.text ==
         "echofuse-sim: --part 3/2: expected K/N with 1 <= K <= N <= 100000, or auto\n");
+}
+
+TEST_CASE("study bound in parts: the same tables as in one", "[.]") {
+  const Folder folder;
+  run_in_parts("study bound --scenes 2 -q --set bins=80 --out ", "bound", folder);
+  for (const char* name : {"/bound.csv", "/bound_array.csv"})
+    CHECK(table_of(folder / "parts" + name, false) == table_of(folder / "whole" + name, false));
 }
 
 TEST_CASE("study letters: more light and a shorter response tell more, and a known brightness") {
