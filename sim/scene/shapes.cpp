@@ -45,15 +45,19 @@ ECHOFUSE_CLONES void meet_capsule(const CapsuleShape& c, const double* x, const 
     const double square = s.axis2 * ray2 - along * along;  // 0: parallel, or the axis is a point
     const double half = s.axis2 * to_a - s.axis_a * along;
     const double root = half * half - square * s.outside;
-    const double on_side = half - std::sqrt(root);            // times square
-    const double foot = on_side * along - s.axis_a * square;  // times square
+    // Where the ray is nearest to the axis: foot = from_a - sqrt(root) along, from 0 at a to axis2
+    // square at b. Signed squares tell as much, without the root.
+    const double from_a = half * along - s.axis_a * square, from_b = from_a - s.axis2 * square;
+    const double bound = along * std::abs(along) * root;
+    const bool after_a = from_a * std::abs(from_a) > bound;
+    const bool before_b = from_b * std::abs(from_b) < bound;
     const bool parallel = square <= 1e-12 * s.axis2 * ray2;
-    const bool at_a = parallel ? along > 0 : foot <= 0;
-    const double to_end = at_a ? to_a : to_b;
-    const double end_root = to_end * to_end - ray2 * (at_a ? s.end_a : s.end_b);
-    const double on_end = to_end - std::sqrt(end_root);  // times ray2
-    const bool beside = !parallel & (foot > 0) & (foot < s.axis2 * square);
-    const double met = (beside ? on_side : on_end) / (beside ? square : ray2);
+    const bool at_b = parallel ? along <= 0 : after_a;
+    const double to_end = at_b ? to_b : to_a;
+    const double end_root = to_end * to_end - ray2 * (at_b ? s.end_b : s.end_a);
+    const bool beside = !parallel & after_a & before_b;
+    const double met =
+        ((beside ? half : to_end) - std::sqrt(beside ? root : end_root)) / (beside ? square : ray2);
     z[i] = (!parallel & (root < 0)) ? 0 : met;
   }
 }

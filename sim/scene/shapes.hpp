@@ -20,6 +20,13 @@ inline Interval hull(Interval a, Interval b) {
   return {std::min(a.low, b.low), std::max(a.high, b.high)};
 }
 
+// So many rays are worked on at once where the processor can. A rest costs as much as several
+// steps: rows have rays to spare, so that counts can be made whole at either end.
+inline constexpr std::size_t rays_at_once = 4, spare_rays = 2 * rays_at_once;
+constexpr std::size_t whole_steps(std::size_t rays) {
+  return (rays + rays_at_once - 1) / rays_at_once * rays_at_once;
+}
+
 // Every shape has
 //   meet     z at which ray i, (x[i], y[i], 1), meets it; NaN or not above 0: it passes by
 //   cosines  |cos| between normal and ray where ray i met it at z[i]

@@ -39,31 +39,16 @@ class Patches {
     returns.place.clear();
   }
 
-  // Those with keep(ray), of neighbours all at once; weights times `sign`.
-  template <class Keep>
-  void add(const Row& row, double sign, Keep keep) {
-    auto& ranges = returns_.range_m;
-    if (ranges.size() < seen_ + (row.to - row.from)) {
-      ranges.resize(2 * (seen_ + row.to - row.from));
-      returns_.weight.resize(ranges.size());
-    }
-    for (std::size_t first = row.from, last = first; first < row.to; first = last) {
-      while (first < row.to && !keep(first)) ++first;
-      for (last = first; last < row.to && keep(last);) ++last;
-      if (first < last) add(row, sign, first, last);
-    }
-  }
-  void end() {
-    returns_.range_m.resize(seen_);
-    returns_.weight.resize(seen_);
-  }
-
- private:
+  // Rays first..last-1 of the row; weights times `sign`.
   void add(const Row& row, double sign, std::size_t first, std::size_t last) {
-    const std::size_t count = last - first;
+    const std::size_t count = last - first, most = seen_ + count + spare_rays;
+    if (returns_.range_m.size() < most) {
+      returns_.range_m.resize(2 * most);
+      returns_.weight.resize(2 * most);
+    }
     double *range = &returns_.range_m[seen_], *weight = &returns_.weight[seen_];
     light_back(row.x + first, row.y + first, row.z + first, row.cosine + first, row.albedo + first,
-               sign * pixel_, range, weight, count);
+               sign * pixel_, range, weight, whole_steps(count));
     gaze_.dim({row.x + first, row.y + first, row.cosine + first, row.shape + first},
               static_cast<std::int32_t>(scene_.capsules.size()), weight, count);
     for (std::size_t i = 0; gaze_.height_m && i < count; ++i)
@@ -73,7 +58,12 @@ class Patches {
       if (row.shape[first + i] != nothing) range[i] += gaze_.sway(seen_ + i);
     seen_ += count;
   }
+  void end() {
+    returns_.range_m.resize(seen_);
+    returns_.weight.resize(seen_);
+  }
 
+ private:
   const Scene& scene_;
   const Gaze& gaze_;
   double pixel_;
@@ -89,10 +79,13 @@ void look(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Ro
   std::vector<std::int32_t> no_shape;
   if (scene.room && room == RoomIs::subtracted) {
     behind = Scanner::room_image(*scene.room, gaze.sensor_x_m, x, y, sampling);
-    no_shape.assign(x.count, nothing);
+    no_shape.assign(x.count + spare_rays, nothing);
   }
   Scanner(scene, gaze.sensor_x_m, x, y, sampling, room).scan(Shading::on, [&](const Row& row) {
-    if (!behind) return patches.add(row, 1, [&](std::size_t i) { return row.z[i] < INFINITY; });
+    if (!behind) {
+      for (const auto& [first, last] : row.met) patches.add(row, 1, first, last);
+      return;
+    }
     const std::size_t at = std::size_t{row.iy} * x.count;
     const Row wall{row.iy,
                    row.from,
@@ -102,10 +95,14 @@ void look(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Ro
                    &behind->z[at],
                    &behind->cosine[at],
                    &behind->albedo[at],
-                   no_shape.data()};
-    patches.add(row, 1, [&](std::size_t i) { return row.z[i] < wall.z[i]; });
-    patches.add(wall, -1,
-                [&](std::size_t i) { return row.z[i] < wall.z[i] && wall.z[i] < INFINITY; });
+                   no_shape.data(),
+                   row.met};
+    const auto in_front = [&](std::size_t i) { return row.z[i] < wall.z[i]; };
+    const auto hidden = [&](std::size_t i) { return in_front(i) && wall.z[i] < INFINITY; };
+    for_each_run(row.from, row.to, in_front,
+                 [&](std::size_t first, std::size_t last) { patches.add(row, 1, first, last); });
+    for_each_run(row.from, row.to, hidden,
+                 [&](std::size_t first, std::size_t last) { patches.add(wall, -1, first, last); });
   });
   patches.end();
 }

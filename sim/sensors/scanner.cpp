@@ -40,7 +40,7 @@ std::shared_ptr<const Image> Scanner::room_image(const Room& room, double sensor
   Scene alone;
   alone.plates = room.plates;
   if (images.size() == most) images.clear();
-  const std::size_t size = std::size_t{x.count} * y.count;
+  const std::size_t size = std::size_t{x.count} * y.count + spare_rays;
   auto image = std::make_shared<Image>(Image{std::vector<double>(size, INFINITY),
                                              std::vector<double>(size), std::vector<double>(size)});
   Scanner(alone, sensor_x_m, x, y, sampling).scan(Shading::on, [&](const Row& row) {

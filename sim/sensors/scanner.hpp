@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <memory>
 #include <numbers>
 #include <tuple>
@@ -45,7 +46,10 @@ struct Offsets {
   std::vector<double> side_of_column;  // -1 left of the middle, 1 right of it
 
   Offsets(const Axis& x, const Axis& y, Sampling sampling)
-      : dx_of_row(y.count), x_of_column(x.count), dy_of_column(x.count), side_of_column(x.count) {
+      : dx_of_row(y.count),
+        x_of_column(x.count + spare_rays),
+        dy_of_column(x_of_column.size()),
+        side_of_column(x_of_column.size()) {
     const bool staggered = sampling == Sampling::staggered;
     for (std::uint32_t iy = 0; staggered && iy < y.count; ++iy)
       dx_of_row[iy] = x.step * golden_offset(iy);
@@ -122,18 +126,29 @@ struct Placed<CapsuleShape> {
 };
 
 inline constexpr std::int32_t nothing = -1;
-// z infinite where there is nothing.
+// z infinite where there is nothing. With rays to spare at the end.
 struct Image {
   std::vector<double> z, cosine, albedo;
 };
 
-// Rays from..to-1 of a row: (x, y, 1) met something at z, infinite where it did not.
+// Rays from..to-1 of a row: (x, y, 1) met something at z, infinite where it did not. All arrays
+// have rays to spare.
 struct Row {
   std::uint32_t iy, from, to;
   const double *x, *y, *z;
-  const double *cosine, *albedo;  // for Shading::on
-  const std::int32_t* shape;      // nothing: the room
+  const double *cosine, *albedo;   // for Shading::on
+  const std::int32_t* shape;       // nothing: the room
+  const std::vector<Points>& met;  // neighbours that met something; for Shading::on
 };
+// use(first, last): neighbours in [from, to) with keep(i), all at once.
+template <class Keep, class Use>
+void for_each_run(std::size_t from, std::size_t to, Keep keep, Use use) {
+  for (std::size_t first = from, last = from; first < to; first = last) {
+    while (first < to && !keep(first)) ++first;
+    for (last = first; last < to && keep(last);) ++last;
+    if (first < last) use(first, last);
+  }
+}
 enum class Shading : std::uint8_t { off, on };
 
 // Goes through the image row by row, so that one row is all it holds. Shapes are numbered:
@@ -145,13 +160,13 @@ class Scanner {
       : x_(x),
         y_(y),
         offsets_(x, y, sampling),
-        ray_x_(x.count),
-        ray_y_(x.count),
-        met_(x.count),
-        z_(x.count),
-        cosine_(x.count),
-        albedo_(x.count),
-        shape_(x.count) {
+        ray_x_(x.count + spare_rays),
+        ray_y_(ray_x_.size()),
+        met_(ray_x_.size()),
+        z_(ray_x_.size()),
+        cosine_(ray_x_.size()),
+        albedo_(ray_x_.size()),
+        shape_(ray_x_.size()) {
     const Vec3 sensor{sensor_x_m, 0, 0};
     for (const auto& c : scene.capsules) capsules_.emplace_back(CapsuleShape(c, sensor), x, y);
     for (const auto& p : scene.plates) plates_.emplace_back(PlateShape(p, sensor), x, y);
@@ -174,7 +189,7 @@ class Scanner {
       if (shading == Shading::on) shade_row();
       if (background_) add_background(iy);
       visit(Row{iy, from_, to_, ray_x_.data(), ray_y_.data(), z_.data(), cosine_.data(),
-                albedo_.data(), shape_.data()});
+                albedo_.data(), shape_.data(), runs_});
     }
   }
 
@@ -205,9 +220,10 @@ class Scanner {
       if (iy < placed.y0 || iy >= placed.y1) return;
       const auto [first, last] = placed.columns(iy);
       if (first >= last) return;
-      in_row_.push_back({number, first, last});
+      const std::uint32_t end = first + static_cast<std::uint32_t>(whole_steps(last - first));
+      in_row_.push_back({number, first, end});
       from_ = std::min(from_, first);
-      to_ = std::max(to_, last);
+      to_ = std::max(to_, end);
     };
     std::int32_t number = 0;
     for (const auto& capsule : capsules_) look_at(capsule, number++);
@@ -230,7 +246,7 @@ class Scanner {
   void aim_row(std::uint32_t iy) {
     aim(&offsets_.x_of_column[from_], &offsets_.side_of_column[from_],
         &offsets_.dy_of_column[from_], offsets_.dx_of_row[iy], y_.at(iy), &ray_x_[from_],
-        &ray_y_[from_], &z_[from_], &shape_[from_], to_ - from_);
+        &ray_y_[from_], &z_[from_], &shape_[from_], whole_steps(to_ - from_));
   }
 
   void draw_row() {
@@ -239,20 +255,39 @@ class Scanner {
         shape.meet(&ray_x_[first], &ray_y_[first], met_.data(), last - first);
         keep_nearer(met_.data(), number, &z_[first], &shape_[first], last - first);
       });
+    to_ = std::min(to_, x_.count);
   }
 
   void shade_row() {
+    runs_.clear();
     for (std::size_t first = from_, last = first; first < to_; first = last) {
-      while (last < to_ && shape_[last] == shape_[first]) ++last;
+      last = end_of_shape(first);
       if (shape_[first] == nothing) {
         std::fill(&cosine_[first], &cosine_[first] + (last - first), 0.0);
         continue;
       }
+      if (runs_.empty() || runs_.back().second != first)
+        runs_.emplace_back(static_cast<std::uint32_t>(first), 0);
+      runs_.back().second = static_cast<std::uint32_t>(last);
       with_shape(shape_[first], [&](const auto& shape) {
-        shape.cosines(&ray_x_[first], &ray_y_[first], &z_[first], &cosine_[first], last - first);
+        shape.cosines(&ray_x_[first], &ray_y_[first], &z_[first], &cosine_[first],
+                      whole_steps(last - first));
         std::fill(&albedo_[first], &albedo_[first] + (last - first), shape.albedo);
       });
     }
+  }
+
+  // Of neighbours that met the same, two at a time.
+  std::size_t end_of_shape(std::size_t first) const {
+    const auto word = [&](std::size_t i) {
+      std::uint64_t both;
+      std::memcpy(&both, &shape_[i], sizeof both);
+      return both;
+    };
+    const auto same = static_cast<std::uint32_t>(shape_[first]) * 0x1'0000'0001u;
+    std::size_t last = first + 1;
+    while (last + 1 < to_ && word(last) == same) last += 2;
+    return last < to_ && shape_[last] == shape_[first] ? last + 1 : last;
   }
 
   void add_background(std::uint32_t iy) {
@@ -261,6 +296,12 @@ class Scanner {
       if (background_->z[row + ix] < z_[ix]) shape_[ix] = nothing;
     put_behind(&background_->z[row], &background_->cosine[row], &background_->albedo[row],
                z_.data(), cosine_.data(), albedo_.data(), x_.count);
+    runs_.clear();
+    for_each_run(
+        0, x_.count, [&](std::size_t i) { return z_[i] < INFINITY; },
+        [&](std::size_t first, std::size_t last) {
+          runs_.emplace_back(static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(last));
+        });
   }
 
   struct InRow {
@@ -271,9 +312,11 @@ class Scanner {
   const Axis& x_;
   const Axis& y_;
   Offsets offsets_;
-  std::vector<double> ray_x_, ray_y_, met_, z_, cosine_, albedo_;  // of one row
+  // Of one row, with rays to spare.
+  std::vector<double> ray_x_, ray_y_, met_, z_, cosine_, albedo_;
   std::vector<std::int32_t> shape_;
   std::vector<InRow> in_row_;
+  std::vector<Points> runs_;
   std::uint32_t from_ = 0, to_ = 0;  // where the row may hold something
   std::vector<Placed<CapsuleShape>> capsules_;
   std::vector<Placed<PlateShape>> plates_;
