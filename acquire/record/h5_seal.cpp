@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Sealed files: the checksum in front, and the structure behind it (h5.hpp).
 #include <fcntl.h>
+#include <libdeflate.h>
 #include <sys/stat.h>
 #include <unistd.h>
-#include <zlib.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -60,7 +60,7 @@ class Descriptor {
 };
 
 std::uint32_t checksum(ByteView bytes, std::uint32_t before = 0) {
-  return static_cast<std::uint32_t>(::crc32_z(before, bytes.data(), bytes.size()));
+  return ::libdeflate_crc32(before, bytes.data(), bytes.size());
 }
 
 Bytes make_seal(std::uint32_t crc, std::size_t length) {

@@ -164,7 +164,7 @@ struct RecordOutline {
   PerSensor<std::optional<double>> clock_residual_s;  // none: its clock was not fitted
 };
 
-// Reads closed, live and crashed runs alike.
+// Reads closed, live and crashed runs alike. Threading: one thread at a time.
 class RunReader {
  public:
   // Throws Error(failed): not there, not a run file, written by a newer version, damaged, or with

@@ -71,7 +71,7 @@ void RunReader::open(const std::string& network) {
   const auto try_to_open = [&](const std::string& name, int flags) {
     sqlite3_close(db_);
     db_ = nullptr;
-    const int code = sqlite3_open_v2(name.c_str(), &db_, flags, nullptr);
+    const int code = sqlite3_open_v2(name.c_str(), &db_, flags | SQLITE_OPEN_NOMUTEX, nullptr);
     if (code != SQLITE_OK) return code;
     harden(db_);
     limit(db_, *budget_);

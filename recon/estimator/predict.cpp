@@ -25,15 +25,6 @@ ECHOFUSE_CLONES bool all_finite(const float* values, std::size_t count) {
   return beyond == 0;
 }
 
-// Throws Error(failed) if they are not: a file may hold any weights.
-void require_finite(const Matrix& maps) {
-  if (all_finite(maps.values.data(), maps.values.size())) return;
-  throw Error(
-      ExitCode::failed,
-      "the model's maps are not finite numbers: its weights are none that a training makes; "
-      "train it again");
-}
-
 // Of one model without its fallbacks; row i of `aligned` belongs to rows[i].
 Prediction predict_aligned(const TrainedModel& model, const Dataset& data, const Rows& rows,
                            const Matrix& aligned, PredictionDetail detail) {
@@ -54,7 +45,6 @@ Prediction predict_aligned(const TrainedModel& model, const Dataset& data, const
     uncertainty.judge_speckle(aligned.row(i), data.speckle[rows[i]], out.uncertainties.back());
   }
   separate_bodies(model, data, rows, out, detail == PredictionDetail::pixels ? &soft : nullptr);
-  require_finite(out.maps);
   if (detail == PredictionDetail::uncertainty) return out;
   // The blur of a record taken apart goes with what is stated of its less certain body.
   for (std::size_t i = 0; i < rows.size(); ++i)
@@ -109,6 +99,14 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
 }
 
 }  // namespace
+
+void require_finite(const Matrix& maps) {
+  if (all_finite(maps.values.data(), maps.values.size())) return;
+  throw Error(
+      ExitCode::failed,
+      "the model's maps are not finite numbers: its weights are none that a training makes; "
+      "train it again");
+}
 
 void forget_brightness(const Alignment& alignment, Matrix& aligned) {
   if (alignment.gains() == Gains::unknown) return;

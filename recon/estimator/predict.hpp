@@ -33,6 +33,9 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, RangeBiasAc
 // Of gains that cannot be checked: the maps are made without what they tell.
 void forget_brightness(const Alignment& alignment, Matrix& aligned);
 
+// Throws Error(failed) if maps are not finite: a file may hold any weights.
+void require_finite(const Matrix& maps);
+
 // own: the map as the model makes it; mean: the mean over what may be there, which has the least
 // squared error.
 inline const std::vector<std::string> output_names = {"own", "mean"};

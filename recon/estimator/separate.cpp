@@ -174,6 +174,7 @@ void separate_bodies(const TrainedModel& model, const Dataset& data, const Rows&
   SoftMaps soft_halves;
   const Matrix maps =
       by.model->predict(by.inputs(halves.data, all, aligned), soft ? &soft_halves : nullptr);
+  require_finite(maps);
   const Matrix predictors = predictors_of(maps, by.scene, halves.data, all, by.features.inputs);
   for (std::size_t k = 0; k < halves.places.size(); ++k) {
     const std::size_t place = halves.places[k];

@@ -54,18 +54,25 @@ void put_facts(Bytes& out, std::uint32_t crc, std::uint64_t size, const std::str
 NpzFile::NpzFile(const std::string& path)
     : path_(path),
       out_(path + ".part", std::ios::binary | std::ios::in | std::ios::out | std::ios::trunc) {
-  write({});
+  flush();
 }
 
 void NpzFile::write(ByteView bytes) {
-  out_.write(reinterpret_cast<const char*>(bytes.data()),
-             static_cast<std::streamsize>(bytes.size()));
+  constexpr std::size_t at_once = std::size_t{1} << 18;
+  waiting_.insert(waiting_.end(), bytes.begin(), bytes.end());
+  if (waiting_.size() >= at_once) flush();
+}
+
+void NpzFile::flush() {
+  out_.write(reinterpret_cast<const char*>(waiting_.data()),
+             static_cast<std::streamsize>(waiting_.size()));
+  waiting_.clear();
   if (!out_) throw Error(ExitCode::disk, path_ + ": cannot write: " + std::strerror(errno));
 }
 
 void NpzFile::begin(const std::string& name, const std::string& type,
                     const std::vector<std::size_t>& row_shape) {
-  finish();
+  finish(), flush();
   Member m{name + ".npy", type, row_shape, static_cast<std::uint64_t>(out_.tellp()), 0, 0};
   write(Bytes(local_header_bytes + m.name.size() + npy_header_bytes));
   members_.push_back(std::move(m));
@@ -96,15 +103,17 @@ void NpzFile::finish() {
   Bytes head;
   put(head, std::uint32_t{0x04034b50});
   put_facts(head, m.crc, m.bytes, m.name);
+  flush();
   out_.seekp(static_cast<std::streamoff>(m.offset));
   write(head);
   write(view(m.name));
   write(view(npy));
+  flush();
   out_.seekp(0, std::ios::end);
 }
 
 void NpzFile::close() {
-  finish();
+  finish(), flush();
   const auto first = static_cast<std::uint32_t>(out_.tellp());
   Bytes tail;
   for (const Member& m : members_) {
@@ -125,6 +134,7 @@ void NpzFile::close() {
   put(tail, first);
   put(tail, std::uint16_t{0});
   write(tail);
+  flush();
   out_.close();
   if (!out_ || std::rename((path_ + ".part").c_str(), path_.c_str()) != 0)
     throw Error(ExitCode::disk, path_ + ": cannot write: " + std::strerror(errno));

@@ -45,9 +45,11 @@ class NpzFile {
   void append_bytes(ByteView bytes);
   void finish();
   void write(ByteView bytes);
+  void flush();
 
   std::string path_;
   std::fstream out_;
+  Bytes waiting_;  // to be written, as each system call for a single map takes as long as the map
   std::vector<Member> members_;
   bool finished_ = true;  // the last member
 };

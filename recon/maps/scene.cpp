@@ -22,6 +22,15 @@ std::vector<float> median_map(const Matrix& depth, const Rows& rows) {
   return column_quantile(depth, some, 0.5);
 }
 
+// To [0, most].
+ECHOFUSE_CLONES void clamp(const float* values, float most, float* __restrict out,
+                           std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const float v = values[i], low = v < 0 ? 0 : v;
+    out[i] = low > most ? most : low;
+  }
+}
+
 }  // namespace
 
 bool true_foreground(float depth_m, float background_m) {
@@ -90,8 +99,8 @@ std::vector<float> foreground_share(std::span<const float> prediction, const Sce
 
 std::vector<float> within_span(std::span<const float> prediction) {
   constexpr auto farthest = static_cast<float>(record::max_depth_m);
-  std::vector<float> out(prediction.begin(), prediction.end());
-  for (float& v : out) v = std::clamp(v, 0.f, farthest);
+  std::vector<float> out(prediction.size());
+  clamp(prediction.data(), farthest, out.data(), out.size());
   return out;
 }
 

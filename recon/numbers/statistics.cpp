@@ -93,6 +93,25 @@ Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng, std::size_t b
   return out;
 }
 
+ResampledMeans::ResampledMeans(const Matrix& table)
+    : rows_(table.rows), columns_(table.cols), sums_((rows_ + 1) * columns_) {
+  for (std::size_t i = 0; i < table.values.size(); ++i)
+    sums_[i + columns_] = sums_[i] + double{table.values[i]};
+}
+
+std::vector<double> ResampledMeans::draw(std::size_t count, Rng& rng) const {
+  std::vector<double> out(columns_);
+  draw_blocks(rows_, count, rng, pose_records, [&](std::size_t first, std::size_t some) {
+    for (std::size_t n; some > 0; some -= n, first = 0) {
+      n = std::min(some, rows_ - first);
+      const double *begin = &sums_[first * columns_], *end = begin + n * columns_;
+      for (std::size_t c = 0; c < columns_; ++c) out[c] += end[c] - begin[c];
+    }
+  });
+  for (double& mean : out) mean /= static_cast<double>(count);
+  return out;
+}
+
 ResampledQuantiles::ResampledQuantiles(std::span<const float> values) : taken_(values.size(), 1) {
   for (std::size_t i = 0; i < values.size(); ++i) sorted_.emplace_back(values[i], i);
   std::sort(sorted_.begin(), sorted_.end());

@@ -43,6 +43,17 @@ inline constexpr std::size_t pose_records = 10;  // half a minute, for which a p
 Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng,
                       std::size_t block = pose_records);
 
+// Means of the columns in such resamples: of blocks, not of rows.
+class ResampledMeans {
+ public:
+  explicit ResampledMeans(const Matrix& table);  // at least one row
+  std::vector<double> draw(std::size_t count, Rng& rng) const;
+
+ private:
+  std::size_t rows_, columns_;
+  std::vector<double> sums_;  // of the rows before each, and of all
+};
+
 // Quantiles of such resamples, as many values as there are.
 //   ResampledQuantiles resampled(values);
 //   resampled.draw(rng);

@@ -25,7 +25,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t part_records = 256;  // predicted at once; while following, read at once
+constexpr std::size_t part_records = 64;  // predicted at once; while following, read at once
 constexpr std::chrono::milliseconds pause_between_looks(20);
 
 bool wants_uncertainty(const ReconstructOptions& options) {

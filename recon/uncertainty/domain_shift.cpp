@@ -163,9 +163,9 @@ class Test {
         least_error_(
             0.7 * std::sqrt(1. / static_cast<double>(run) + 1. / static_cast<double>(table.rows))) {
     Rng rng = make_rng(run, resample_stream);
+    const ResampledMeans means(table);
     for (int i = 0; i < resamples; ++i) {
-      const auto a = column_means(table, resampled_blocks(table.rows, run, rng));
-      const auto b = column_means(table, resampled_blocks(table.rows, table.rows, rng));
+      const auto a = means.draw(run, rng), b = means.draw(table.rows, rng);
       for (std::size_t c = 0; c < columns_; ++c) chance_.push_back(a[c] - b[c]);
     }
     learn_covariance();

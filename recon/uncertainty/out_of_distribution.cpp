@@ -6,6 +6,7 @@
 #include <iterator>
 #include <random>
 
+#include "drivers/core/clones.hpp"
 #include "drivers/core/random.hpp"
 #include "recon/data/split.hpp"
 #include "recon/files/text.hpp"
@@ -41,6 +42,26 @@ const char* unusual(std::ptrdiff_t sensor) {
   constexpr std::array names{"unusual histogram", "unusual radar profile",
                              "unusual samples of the radar's antennas"};
   return names[static_cast<std::size_t>(sensor)];
+}
+
+// The part of `off` along a direction of length 1, which is taken away. Sums side by side: each
+// addition to one alone waits for the last.
+ECHOFUSE_CLONES float take_along(const float* direction, float* off, std::size_t count) {
+  constexpr std::size_t at_once = 2 * lanes;
+  Eight first{}, second{}, a, b;
+  std::size_t c = 0;
+  for (; c + at_once <= count; c += at_once) {
+    echofuse::load(a, off + c), echofuse::load(b, direction + c);
+    first += a * b;
+    echofuse::load(a, off + c + lanes), echofuse::load(b, direction + c + lanes);
+    second += a * b;
+  }
+  first += second;
+  float amount = 0;
+  for (std::size_t k = 0; k < lanes; ++k) amount += first[k];
+  for (; c < count; ++c) amount += off[c] * direction[c];
+  for (c = 0; c < count; ++c) off[c] -= amount * direction[c];
+  return amount;
 }
 
 }  // namespace
@@ -178,10 +199,7 @@ OutOfDistributionDetector::Statistics OutOfDistributionDetector::statistics(
   for (std::size_t c = 0; c < off.size(); ++c) off[c] -= components_.mean[c];
   double along = 0;
   for (std::size_t k = 0; k < amounts.size(); ++k) {
-    const auto direction = components_.basis.row(k);
-    float amount = 0;
-    for (std::size_t c = 0; c < off.size(); ++c) amount += off[c] * direction[c];
-    for (std::size_t c = 0; c < off.size(); ++c) off[c] -= amount * direction[c];
+    const float amount = take_along(components_.basis.row(k).data(), off.data(), off.size());
     amounts[k] = amount / components_.deviation[k];
     along += double{amounts[k]} * double{amounts[k]};
   }

@@ -100,10 +100,12 @@ struct Placed<CapsuleShape> {
     const auto y = static_cast<double>(iy);
     top_.keep_below(y, from, to), bottom_.keep_below(-y, from, to);
     if (from > to) return {0, 0};
-    const double low = std::floor(std::min(left_.at(from), left_.at(to))),
-                 high = std::ceil(std::max(right_.at(from), right_.at(to))) + 1;
-    return {static_cast<std::uint32_t>(std::clamp<double>(low, x0, x1)),
-            static_cast<std::uint32_t>(std::clamp<double>(high, x0, x1))};
+    // Cut, not rounded: what is left of the axis is at its start anyway.
+    const auto cut = [&](double point) {
+      return static_cast<std::uint32_t>(std::clamp<double>(point, x0, x1));
+    };
+    return {cut(std::min(left_.at(from), left_.at(to))),
+            cut(std::max(right_.at(from), right_.at(to)) + 2)};
   }
 
  private:

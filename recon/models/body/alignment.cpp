@@ -9,6 +9,7 @@
 
 #include "drivers/core/clones.hpp"
 #include "drivers/core/exit_code.hpp"
+#include "recon/numbers/parallel.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
@@ -216,7 +217,11 @@ Body Alignment::operator()(std::span<const float> raw_inputs, std::span<float> f
 
 Matrix Alignment::operator()(const Matrix& raw_inputs) const {
   Matrix out(raw_inputs.rows, size());
-  for (std::size_t i = 0; i < raw_inputs.rows; ++i) (*this)(raw_inputs.row(i), out.row(i));
+  constexpr std::size_t part = 64;
+  for_each_part((out.rows + part - 1) / part, [&](std::size_t k) {
+    for (std::size_t i = k * part; i < std::min((k + 1) * part, out.rows); ++i)
+      (*this)(raw_inputs.row(i), out.row(i));
+  });
   return out;
 }
 
