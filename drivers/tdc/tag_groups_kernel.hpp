@@ -106,8 +106,9 @@ std::size_t take_groups(const Tag* tags, std::size_t count, const ClickBins& bin
     const std::size_t end = taken + HWY_MIN(chunk, (count - taken) / group * group);
     for (; taken < end; taken += group) {
       // Tags come from memory, where the processor's own prefetching stops at each page's end.
-      const char* const ahead = reinterpret_cast<const char*>(tags + taken) + 4096;
-      for (std::size_t i = 0; i < group * sizeof(Tag); i += 64) __builtin_prefetch(ahead + i);
+      const auto ahead = reinterpret_cast<std::uintptr_t>(tags + taken) + 4096;
+      for (std::size_t i = 0; i < group * sizeof(Tag); i += 64)
+        __builtin_prefetch(reinterpret_cast<const void*>(ahead + i));
       hn::Vec<Times> word, time;
       hn::LoadInterleaved2(d, reinterpret_cast<const std::uint64_t*>(tags + taken), word, time);
       sound = hn::AllTrue(d, hn::Eq(hn::And(word, head_bits), hn::Zero(d)));
