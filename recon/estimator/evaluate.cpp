@@ -15,13 +15,6 @@
 namespace echofuse::recon {
 namespace {
 
-// The given map as the answer to every record.
-Matrix constant_maps(const std::vector<float>& map, std::size_t rows) {
-  Matrix out(0, map.size());
-  for (std::size_t i = 0; i < rows; ++i) out.add_row(map);
-  return out;
-}
-
 // Those of which both hold the same; none at all may be.
 std::optional<Inputs> common_inputs(const Dataset& data, const Dataset& other) {
   const bool spd = other.spd_axis.count > 0 && covers(data.spd_axis, other.spd_axis);
@@ -205,8 +198,8 @@ std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows, co
   const auto scored = [&](const Matrix& maps) {
     return summarise(score_maps(maps, data, rows, scene, plates));
   };
-  std::vector<ScoredRow> out = {{"empty", scored(constant_maps(scene.background, rows.size()))},
-                                {"mean", scored(constant_maps(scene.mean_map, rows.size()))}};
+  std::vector<ScoredRow> out = {{"empty", scored(repeated_row(scene.background, rows.size()))},
+                                {"mean", scored(repeated_row(scene.mean_map, rows.size()))}};
   const auto inputs = common_inputs(data, neighbours_data);
   if (!neighbours.empty() && inputs)
     out.push_back(

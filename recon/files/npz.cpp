@@ -72,7 +72,7 @@ void NpzFile::flush() {
 
 void NpzFile::begin(const std::string& name, const std::string& type,
                     const std::vector<std::size_t>& row_shape) {
-  finish(), flush();
+  finish();
   Member m{name + ".npy", type, row_shape, static_cast<std::uint64_t>(out_.tellp()), 0, 0};
   write(Bytes(local_header_bytes + m.name.size() + npy_header_bytes));
   members_.push_back(std::move(m));
@@ -89,7 +89,8 @@ void NpzFile::append_bytes(ByteView bytes) {
   m.crc = crc_of(bytes, m.crc);
 }
 
-// Goes back to fill in what is known only now: the number of rows, sizes and checksum.
+// Goes back to fill in what is known only now: the number of rows, sizes and checksum. Nothing
+// waits to be written then.
 void NpzFile::finish() {
   if (finished_) return;
   finished_ = true;
@@ -113,7 +114,7 @@ void NpzFile::finish() {
 }
 
 void NpzFile::close() {
-  finish(), flush();
+  finish();
   const auto first = static_cast<std::uint32_t>(out_.tellp());
   Bytes tail;
   for (const Member& m : members_) {

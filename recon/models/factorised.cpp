@@ -279,9 +279,7 @@ Matrix Factorised::look(const Matrix& aligned, Rows& with_body) const {
 
 // Place, shape, then the map, and if wanted its foreground probability and depth.
 Matrix Factorised::predict(const Matrix& aligned, SoftMaps* soft) const {
-  Matrix out(0, background_.size());
-  out.values.reserve(aligned.rows * out.cols);
-  for (std::size_t i = 0; i < aligned.rows; ++i) out.add_row(background_);
+  Matrix out = repeated_row(background_, aligned.rows);
   if (soft) *soft = {Matrix(out.rows, out.cols), out};
   Rows with_body;
   const Matrix features = look(aligned, with_body);

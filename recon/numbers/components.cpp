@@ -88,9 +88,7 @@ Matrix coordinates(const Components& components, const Matrix& table) {
 }
 
 Matrix from_coordinates(const Components& components, const Matrix& amounts) {
-  Matrix out(0, components.mean.size());
-  out.values.reserve(amounts.rows * out.cols);
-  for (std::size_t i = 0; i < amounts.rows; ++i) out.add_row(components.mean);
+  Matrix out = repeated_row(components.mean, amounts.rows);
   if (amounts.cols > 0)
     multiply({out.rows, out.cols, amounts.cols, Transpose::no, Transpose::no, 1.f, 1.f},
              amounts.values.data(), components.basis.values.data(), out.values.data());

@@ -37,6 +37,13 @@ inline Rows all_rows(std::size_t count) {
   return out;
 }
 
+inline Matrix repeated_row(std::span<const float> row, std::size_t count) {
+  Matrix out(0, row.size());
+  out.values.reserve(count * row.size());
+  for (std::size_t i = 0; i < count; ++i) out.add_row(row);
+  return out;
+}
+
 inline Matrix take_rows(const Matrix& from, const Rows& rows) {
   Matrix out(rows.size(), from.cols);
   for (std::size_t i = 0; i < rows.size(); ++i) {

@@ -87,16 +87,9 @@ void look(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Ro
       return;
     }
     const std::size_t at = std::size_t{row.iy} * x.count;
-    const Row wall{row.iy,
-                   row.from,
-                   row.to,
-                   row.x,
-                   row.y,
-                   &behind->z[at],
-                   &behind->cosine[at],
-                   &behind->albedo[at],
-                   no_shape.data(),
-                   row.met};
+    Row wall = row;
+    wall.z = &behind->z[at], wall.cosine = &behind->cosine[at], wall.albedo = &behind->albedo[at];
+    wall.shape = no_shape.data();
     const auto in_front = [&](std::size_t i) { return row.z[i] < wall.z[i]; };
     const auto hidden = [&](std::size_t i) { return in_front(i) && wall.z[i] < INFINITY; };
     for_each_run(row.from, row.to, in_front,

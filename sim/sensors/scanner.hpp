@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <memory>
 #include <numbers>
 #include <tuple>
@@ -188,6 +187,7 @@ class Scanner {
       if (from_ >= to_) continue;
       aim_row(iy);
       draw_row();
+      to_ = std::min(to_, x_.count);  // without the rays to spare
       if (shading == Shading::on) shade_row();
       if (background_) add_background(iy);
       visit(Row{iy, from_, to_, ray_x_.data(), ray_y_.data(), z_.data(), cosine_.data(),
@@ -257,13 +257,12 @@ class Scanner {
         shape.meet(&ray_x_[first], &ray_y_[first], met_.data(), last - first);
         keep_nearer(met_.data(), number, &z_[first], &shape_[first], last - first);
       });
-    to_ = std::min(to_, x_.count);
   }
 
   void shade_row() {
     runs_.clear();
     for (std::size_t first = from_, last = first; first < to_; first = last) {
-      last = end_of_shape(first);
+      while (last < to_ && shape_[last] == shape_[first]) ++last;
       if (shape_[first] == nothing) {
         std::fill(&cosine_[first], &cosine_[first] + (last - first), 0.0);
         continue;
@@ -277,19 +276,6 @@ class Scanner {
         std::fill(&albedo_[first], &albedo_[first] + (last - first), shape.albedo);
       });
     }
-  }
-
-  // Of neighbours that met the same, two at a time.
-  std::size_t end_of_shape(std::size_t first) const {
-    const auto word = [&](std::size_t i) {
-      std::uint64_t both;
-      std::memcpy(&both, &shape_[i], sizeof both);
-      return both;
-    };
-    const auto same = static_cast<std::uint32_t>(shape_[first]) * 0x1'0000'0001u;
-    std::size_t last = first + 1;
-    while (last + 1 < to_ && word(last) == same) last += 2;
-    return last < to_ && shape_[last] == shape_[first] ? last + 1 : last;
   }
 
   void add_background(std::uint32_t iy) {
