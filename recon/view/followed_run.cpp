@@ -48,10 +48,11 @@ std::string FollowedRun::find() const {
   }
   std::string newest;
   std::int64_t newest_ns = 0;
-  for (const auto& entry : fs::directory_iterator(target_, none)) {
-    if (entry.path().extension() != ".sqlite") continue;
-    const std::int64_t ns = stamp_of(entry.path().string()).changed_ns;
-    if (ns > newest_ns) newest = entry.path().string(), newest_ns = ns;
+  for (fs::directory_iterator it(target_, none), end; it != end; it.increment(none)) {
+    const fs::path& path = it->path();
+    if (path.extension() != ".sqlite") continue;
+    const std::int64_t ns = stamp_of(path.string()).changed_ns;
+    if (ns > newest_ns) newest = path.string(), newest_ns = ns;
   }
   return newest;
 }
@@ -70,7 +71,7 @@ bool FollowedRun::refresh() {
       trouble_ = printable(target_) + ": no run yet";
     else
       read();
-  } catch (const Error& e) {
+  } catch (const std::exception& e) {
     trouble_ = e.what();
   }
   return trouble_.empty() || trouble_ != before;

@@ -51,6 +51,8 @@ Caller caller_of(const HttpRequest& request, const Access& access, bool socket) 
     return refuse(http::status::method_not_allowed, "expected GET");
   if (!access.takes_origin(field(request, http::field::origin), host))
     return refuse(http::status::forbidden, "not for pages of others");
+  if (!out.path.starts_with('/'))
+    return refuse(http::status::bad_request, "expected a path that begins with /");
   const PageFile* part = page_file(out.path == "/" ? "index.html" : out.path.substr(1));
   const bool open = part && out.path != "/";  // programs that everybody may have
   if (!open && !access.may_look(asked.token))

@@ -139,12 +139,13 @@ void Server::Loop::listen() {
 void Server::Loop::accept() {
   acceptor_.async_accept([this](Error_code error, tcp::socket socket) {
     if (error == net::error::operation_aborted) return;
-    if (!error && open_ < most_connections) {
-      Error_code none;
-      socket.set_option(net::socket_base::send_buffer_size(256 << 10), none);
-      socket.set_option(tcp::no_delay(true), none);
-      std::make_shared<Session>(std::move(socket), *this, open_)->start();
-    }
+    if (!error && open_ < most_connections)
+      guarded([&] {
+        Error_code none;
+        socket.set_option(net::socket_base::send_buffer_size(256 << 10), none);
+        socket.set_option(tcp::no_delay(true), none);
+        std::make_shared<Session>(std::move(socket), *this, open_)->start();
+      });
     if (!error) return accept();
     retry_.expires_after(longest_pause);
     retry_.async_wait([this](Error_code) { accept(); });
@@ -152,7 +153,9 @@ void Server::Loop::accept() {
 }
 
 void Server::Loop::pulse() {
-  if (interrupted() || over()) return io_.stop();
+  bool ends = interrupted();
+  guarded([&] { ends = ends || over(); });
+  if (ends) return io_.stop();
   pulse_.expires_after(pulse_pause);
   pulse_.async_wait([this](Error_code) { pulse(); });
 }
@@ -179,7 +182,7 @@ template <class Make>
 Message Server::Loop::attempt(Make make) {
   try {
     return make();
-  } catch (const Error& e) {
+  } catch (const std::exception& e) {
     return trouble(printable(e.what(), 300));
   }
 }
@@ -193,9 +196,9 @@ void Server::Loop::greet(Session& session) {
   if (const std::string& why = show_.run().trouble(); !why.empty())
     return session.send(Kind::trouble, trouble(why));
   session.send(Kind::run, attempt([&] { return show_.about_run(session.may_write()); }));
-  session.send(Kind::state, show_.state());
+  session.send(Kind::state, attempt([&] { return show_.state(); }));
   session.send(Kind::reference, attempt([&] { return show_.reference(); }));
-  session.send(Kind::strip, show_.strip());
+  session.send(Kind::strip, attempt([&] { return show_.strip(); }));
   if (session.live) session.send(Kind::record, newest());
 }
 
@@ -206,7 +209,7 @@ void Server::Loop::arm() {
   look_.async_wait([this](Error_code) {
     armed_ = false;
     if (sessions_.empty()) return;
-    look();
+    guarded([this] { look(); });
     arm();
   });
 }
@@ -235,7 +238,7 @@ void Server::Loop::tell_all(bool news) {
     return is;
   };
   if (due(state_, state_pause_s) || news) {
-    const Message state = show_.state();
+    const Message state = attempt([&] { return show_.state(); });
     for (const auto& s : sessions_) s->send(Kind::state, state);
   }
   if (!news) return;
@@ -245,7 +248,7 @@ void Server::Loop::tell_all(bool news) {
     for (const auto& s : sessions_)
       if (s->live) s->send(Kind::record, record);
   if (!due(strip_, strip_pause_s)) return;
-  const Message strip = show_.strip();
+  const Message strip = attempt([&] { return show_.strip(); });
   for (const auto& s : sessions_) s->send(Kind::strip, strip);
   if (has_reference_) return;
   const Message reference = attempt([&] { return show_.reference(); });
@@ -272,7 +275,7 @@ Message Server::Loop::mark(const Session& session, const Mark& mark) {
   try {
     record::mark(show_.run().path(), mark.label ? "label" : "mark", mark.text);
     return answer(true, mark.label ? "label set: " + mark.text : "marked: " + mark.text);
-  } catch (const Error& e) {
+  } catch (const std::exception& e) {
     return answer(false, printable(e.what(), 300));
   }
 }

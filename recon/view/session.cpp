@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "recon/view/session.hpp"
 
+#include <cstdio>
+#include <exception>
+
+#include "drivers/core/printable.hpp"
+
 namespace echofuse::view {
 namespace {
 
@@ -11,6 +16,21 @@ constexpr std::size_t most_marks = 8;  // waiting
 
 }  // namespace
 
+bool guarded(const std::function<void()>& body) {
+  try {
+    body();
+    return true;
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "echofuse-view: %s\n", printable(e.what(), 300).c_str());
+    return false;
+  }
+}
+
+// What a handler throws ends this session only.
+void Session::handle(const std::function<void()>& body) {
+  if (!guarded(body)) close();
+}
+
 void Session::start() {
   parser_.emplace();
   parser_->header_limit(most_header_bytes);
@@ -18,7 +38,7 @@ void Session::start() {
   beast::get_lowest_layer(stream_).expires_after(patience);
   http::async_read(stream_.next_layer(), buffer_, *parser_,
                    [self = shared_from_this()](beast::error_code error, std::size_t) {
-                     if (!error) self->on_request();
+                     if (!error) self->handle([&] { self->on_request(); });
                    });
 }
 
@@ -48,16 +68,20 @@ void Session::upgrade() {
   stream_.auto_fragment(false);  // a message is a frame
   stream_.async_accept(request_, [self = shared_from_this()](beast::error_code error) {
     if (error) return;
-    self->owner_.opened(self);
-    self->read();
+    self->handle([&] {
+      self->owner_.opened(self);
+      self->read();
+    });
   });
 }
 
 void Session::read() {
   stream_.async_read(buffer_, [self = shared_from_this()](beast::error_code error, std::size_t) {
     if (error) return self->close();
-    self->on_message();
-    self->read();
+    self->handle([&] {
+      self->on_message();
+      self->read();
+    });
   });
 }
 
@@ -107,7 +131,7 @@ void Session::write_next() {
                       [self = shared_from_this()](beast::error_code error, std::size_t) {
                         self->writing_.reset();
                         if (error) return self->close();
-                        self->write_next();
+                        self->handle([&] { self->write_next(); });
                       });
 }
 

@@ -32,6 +32,10 @@ class SessionOwner {
   virtual Message answer_to(Session& session, const Request& request) = 0;  // null: none
 };
 
+// Runs the body of a handler. What it throws would end the whole program: it is written to stderr,
+// and the answer is false.
+bool guarded(const std::function<void()>& body);
+
 // Threading: that of its owner, which outlives it.
 class Session : public std::enable_shared_from_this<Session> {
  public:
@@ -51,6 +55,7 @@ class Session : public std::enable_shared_from_this<Session> {
   bool live = true;  // shown the newest record
 
  private:
+  void handle(const std::function<void()>& body);
   void on_request();
   void upgrade();
   void read();

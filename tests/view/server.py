@@ -112,6 +112,10 @@ class Server(unittest.TestCase):
         for path, method, status in (("/", "GET", 200), ("/", "HEAD", 200), ("/", "POST", 405), ("/../etc/passwd", "GET", 404),
                                      ("/live", "GET", 426), ("/nothing", "GET", 404), ("/index.html/", "GET", 404)):
             self.assertEqual(self.get(path, method=method)[0].status, status, path)
+        # A target that is no path is refused, and nobody else notices.
+        for target in (b"?", b"?token=1", b"live", b"http://localhost/", b"*"):
+            self.assertIn(b" 400 ", self.raw(b"GET " + target + b" HTTP/1.1\r\nHost: localhost\r\n\r\n")[:40], target)
+        self.assertEqual(self.get("/")[0].status, 200)
         # On this machine anybody may look, and nobody may mark without the token.
         client = Client(self.address, token=False)
         client.until("run")
