@@ -45,6 +45,11 @@ TEST_CASE("to look needs the token where others can, to write always") {
   CHECK_FALSE(access.may_write(""));
   CHECK_FALSE(access.may_write(access.token.substr(1)));
   CHECK(access.may_write(access.token));
+  for (std::size_t i = 0; i < access.token.size(); ++i) {
+    std::string other = access.token;
+    other[i] = other[i] == '0' ? '1' : '0';
+    CHECK_FALSE(access.may_write(other));
+  }
   access.token_asked = true;
   CHECK_FALSE(access.may_look("0"));
   CHECK(access.may_look(access.token));
