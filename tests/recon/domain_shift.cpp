@@ -70,6 +70,21 @@ TEST_CASE(
   CHECK(shift_of(model, plates(15, 11)).text().empty());
 }
 
+TEST_CASE("radar power before the body is what is nearer than half of its range") {
+  const TrainedModel model = trained("ridge", "radar");
+  // The plates stand in the bins from 12 on.
+  const auto said = [&](std::size_t from, std::size_t to) {
+    const DomainShift shift = shift_of(model, plates(100, 10, [=](record::FusedRecord& r) {
+                                         for (std::size_t i = from; i < to; ++i) r.radar[i] += 0.3f;
+                                       }));
+    CHECK(shift.found());
+    return shift.text();
+  };
+  const std::string name = "radar power before the body";
+  CHECK_THAT(said(0, 6), Catch::Contains(name));
+  CHECK_THAT(said(9, 11), !Catch::Contains(name));
+}
+
 TEST_CASE("what the training was like stays in its file") {
   const Folder dir;
   const TrainedModel model = trained("silhouette", "fused");

@@ -120,6 +120,11 @@ TEST_CASE("an axis may lie within a bin of the model's, no further") {
   CHECK(tuned.table.front().name == "the room learnt");
   CHECK_THAT(error_of([&] { match_for_tuning(old, "m", far); }),
              Catch::Contains("further apart than a bin"));
+  // One whose steps are others begins where the model's does, and ends elsewhere.
+  Dataset longer = plates(20, 5, false);
+  longer.radar_axis.step *= 1 + 1.5 / longer.radar_axis.count;
+  CHECK_THAT(error_of([&] { match_for_tuning(old, "m", longer); }),
+             Catch::Contains("further apart than a bin"));
 }
 
 TEST_CASE("what cannot be tuned is refused in one line") {
