@@ -123,6 +123,13 @@ TEST_CASE("a link or another's file in the lock's place is refused and stays as 
     fs::create_hard_link(precious, lock);
     refused("is not a file that");
   }
+  SECTION("hard link to what begins like a lock") {
+    std::ofstream(precious).flush();
+    fs::create_hard_link(precious, lock);
+    CHECK_THROWS_WITH(LockFile(folder.path, "x.lock", first), Contains("is not a file that"));
+    CHECK(fs::exists(lock));
+    CHECK(text_of(precious).empty());
+  }
   SECTION("a file of other content") {
     fs::copy_file(precious, lock);
     refused("is not a file that");

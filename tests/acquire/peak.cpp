@@ -142,13 +142,18 @@ TEST_CASE("frames that are all alike: the codes' steps are the error") {
   Rng rng = make_rng(4, 0);
   // Of two bins one must be higher: alike in every frame, they would be a lobe that is cut off.
   std::uniform_real_distribution<double> place(22.6 * fine.step_m, 23.4 * fine.step_m);
-  for (int i = 0; i < 100; ++i) {
+  constexpr int count = 100;
+  double squares = 0;
+  for (int i = 0; i < count; ++i) {
     const double true_m = place(rng);
     const Peak peak = fit_echo(frames({{true_m, 1}}, -100, 8, rng), fine, {});
     CAPTURE(true_m, peak.refusal, peak.range_m, peak.standard_error_m);
-    CHECK(std::abs(peak.range_m - true_m) < 3 * peak.standard_error_m);
+    const double pull = (peak.range_m - true_m) / peak.standard_error_m;
+    CHECK(std::abs(pull) < 3);
     CHECK(peak.standard_error_m < 2e-4);
+    squares += pull * pull;
   }
+  CHECK(squares / count == Approx(1).margin(0.4));
 }
 
 TEST_CASE("another reflector in the radar's lobe is noticed, or moves the peak by less than 1 cm") {

@@ -169,6 +169,39 @@ TEST_CASE("a block that comes out of order is no loss, and no click refers acros
   CHECK(windows.unassigned().found == 1);
 }
 
+TEST_CASE("a slot whose tags come in two parts has the counts of both") {
+  auto settings = tdc_settings;
+  settings.dead_time_ps = 100;
+  Windows windows(grid, settings, no_clocks, {Sensor::spd});
+  const auto marker = [](TagType type, std::uint16_t missed = 0) {
+    return Tag{.type = type, .missed_events = missed, .channel = 2, .time_ps = 9'000};
+  };
+  const auto part = [&](HostTime received, std::uint16_t missed) {
+    Tag unknown = start_at(9'000);
+    unknown.reserved = 1;
+    feed(windows, received,
+         {click_at(0), start_at(1'000), click_at(1'020), click_at(1'050), click_at(8'000),
+          start_at(9'000), unknown, marker(TagType::missed_events, missed), marker(TagType::error),
+          marker(TagType::overflow_begin), marker(TagType::overflow_end)});
+  };
+  part(10s, 20);
+  part(11s, 500);
+  part(10s + 900ms, 3);  // a block that was found late
+  const record::SpdCounts c = windows.close({0, false}).spd_counts;
+  CHECK(c.tags == 22);
+  CHECK(c.starts == 4);
+  CHECK(c.in_range == 2);
+  CHECK(c.out_of_range == 2);
+  CHECK(c.removed == 2);
+  CHECK(c.bad_tags == 2);
+  CHECK(c.missed == 23);
+  CHECK(c.overflows == 2);
+  CHECK(c.errors == 2);
+  CHECK(c.lost == 23);
+  CHECK(parts(c) == c.tags);
+  CHECK(windows.close({1, false}).spd_counts.missed == 500);
+}
+
 TEST_CASE("radar frames are averaged in linear power") {
   Windows windows = make_windows({Sensor::radar});
   const std::vector<std::vector<std::uint16_t>> frames = {
