@@ -132,6 +132,7 @@ class Daemon final : private SampleSink {
 };
 
 ExitCode Daemon::run() {
+  refuse_late_clock(clock_.utc());
   if (options_.resume)
     refuse_resuming(record::RunReader(options_.out), config_);
   else
@@ -278,7 +279,7 @@ void Daemon::tick() {
   const HostTime now = clock_.now();
   if (interrupted() && !std::exchange(ending_, true)) interrupt(now);
   close_due(now);
-  r.journal.refresh_anchor(now);
+  r.journal.refresh_anchor(log_);
   report_raw_trouble();
   devices_.release_absent_ports();
   const std::int64_t written = r.writer.written();

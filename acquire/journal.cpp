@@ -7,13 +7,16 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr auto anchor_pause = std::chrono::minutes(1);
+// What a program that sets the clock sets it by; the program itself may stand still for less
+// between asking for both times.
+constexpr auto least_step = std::chrono::milliseconds(500);
 
 }  // namespace
 
 Journal::Journal(Writer& writer, const Clock& clock, const std::vector<Axis>& begun_axes)
     : writer_(writer), clock_(clock) {
   for (const Axis& axis : begun_axes) axes_.insert(axis.name);
-  put_anchor();
+  anchors_.push_back(put_anchor());
 }
 
 void Journal::put_config(const Config& config, bool resumed) {
@@ -46,16 +49,32 @@ void Journal::put_axes(const std::vector<Axis>& axes) {
       writer_.put([axis](record::RunWriter& run) { run.put_axis(axis); });
 }
 
-void Journal::put_anchor() {
-  anchor_mono_ = clock_.now();
-  anchor_utc_ = clock_.utc();
-  writer_.put([mono = anchor_mono_, utc = anchor_utc_](record::RunWriter& run) {
-    run.put_anchor(mono, utc);
-  });
+Journal::Anchor Journal::put_anchor() {
+  const HostTime mono = clock_.now();
+  const UtcTime utc = clock_.utc();
+  writer_.put([mono, utc](record::RunWriter& run) { run.put_anchor(mono, utc); });
+  return {mono, utc - mono, mono};
 }
 
-void Journal::refresh_anchor(HostTime now) {
-  if (now - anchor_mono_ >= anchor_pause) put_anchor();
+void Journal::refresh_anchor(RunLog& log) {
+  Anchor& last = anchors_.back();
+  const HostTime now = clock_.now();
+  const UtcTime before = now + last.utc_offset, utc = clock_.utc();
+  if (std::chrono::abs(utc - before) >= least_step) {
+    log.put(Severity::warning, "clock",
+            "the machine's clock was set, or the machine slept: from " + iso8601(before) + " to " +
+                iso8601(utc) + "; slots that begin from now on bear the new time");
+    anchors_.push_back(put_anchor());
+  } else if (now - last.mono >= anchor_pause) {
+    const HostTime from = last.from;
+    last = put_anchor();
+    last.from = from;
+  }
+}
+
+UtcTime Journal::utc_of(HostTime slot_start) {
+  while (anchors_.size() > 1 && anchors_[1].from <= slot_start) anchors_.pop_front();
+  return slot_start + anchors_.front().utc_offset;
 }
 
 void Journal::put_late(std::int64_t first, record::LateCounts late) {

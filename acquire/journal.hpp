@@ -2,7 +2,9 @@
 // What a run file holds beside its records: devices, axes, clock anchors, policies, calibration,
 // late samples and counters.
 #pragma once
+#include <chrono>
 #include <cstdint>
+#include <deque>
 #include <set>
 #include <string>
 #include <vector>
@@ -24,8 +26,11 @@ class Journal {
   void put_config(const Config& config, bool resumed);
   void put_device(const DeviceInfo& device);     // one row a device, not one a reconnection
   void put_axes(const std::vector<Axis>& axes);  // those that the file does not have
-  void refresh_anchor(HostTime now);             // once a minute
-  UtcTime utc_of(HostTime time) const { return anchor_utc_ + (time - anchor_mono_); }
+  // A new one once a minute, and at once, with a warning, when the machine's clock was set or the
+  // machine slept.
+  void refresh_anchor(RunLog& log);
+  // For slots in their order. Those that began before the clock was set keep the time of before.
+  UtcTime utc_of(HostTime slot_start);
   // `first`: the record of slot 0.
   void put_late(std::int64_t first, record::LateCounts late);
   // At the run's end: the drivers' counters and the samples that are in no record, all of them or
@@ -33,14 +38,18 @@ class Journal {
   void put_counters(PerSensor<std::vector<Counter>> counters, const UnassignedSamples& unassigned);
 
  private:
-  void put_anchor();
+  struct Anchor {
+    HostTime mono{};
+    std::chrono::nanoseconds utc_offset{};  // UTC minus monotonic time
+    HostTime from{};                        // the first slot start that it stands for
+  };
+  Anchor put_anchor();
 
   Writer& writer_;
   const Clock& clock_;
   std::set<std::string> axes_;         // by name
   PerSensor<std::string> identities_;  // of the devices written
-  HostTime anchor_mono_{};
-  UtcTime anchor_utc_{};
+  std::deque<Anchor> anchors_;  // the last one, and before it those that open slots began with
 };
 
 // A warning for each kind of unassigned samples that matters.

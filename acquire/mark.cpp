@@ -14,12 +14,13 @@ namespace {
 // since the run began or was resumed.
 std::optional<std::int64_t> running_record(const record::RunReader& run, UtcTime now) {
   const record::RunSummary sum = run.summary();
-  const auto window = from_seconds(run.info().window_s);
-  if (sum.records == 0 || window.count() <= 0) return std::nullopt;
+  const double window_s = run.info().window_s;
+  if (sum.records == 0 || !(window_s > 0)) return std::nullopt;
   const std::string last = iso8601(sum.last_utc);
   for (const record::Event& e : run.events())
     if (e.source == "run" && e.text.starts_with("resumed") && e.utc > last) return std::nullopt;
-  return sum.records + std::max(HostTime(0), now - sum.last_utc) / window;
+  const double since = seconds(now - sum.last_utc) / window_s;
+  return sum.records + static_cast<std::int64_t>(std::clamp(since, 0.0, 1e15));
 }
 
 }  // namespace

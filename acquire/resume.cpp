@@ -141,6 +141,14 @@ void refuse_bad_target(const std::filesystem::path& out) {
   refuse_read_only(out, out.parent_path(), "its folder");
 }
 
+void refuse_late_clock(UtcTime now) {
+  constexpr UtcTime last = UtcTime::max() - std::chrono::years(3);
+  if (now > last)
+    throw Error(ExitCode::failed, "the machine's clock is at " + iso8601(now) +
+                                      " or later; a run begins before " + iso8601(last) +
+                                      ": set the clock");
+}
+
 void refuse_resuming(const record::RunReader& begun, const Config& config) {
   const record::RunInfo info = begun.info();
   if (info.status == "open")

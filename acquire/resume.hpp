@@ -31,6 +31,8 @@ void refuse_other_axes(const std::vector<Axis>& begun, const DeviceInfo& device)
 
 // Throws Error: `out` exists (failed), its folder does not or cannot be written (disk).
 void refuse_bad_target(const std::filesystem::path& out);
+// Throws Error(failed): a run that begins at this time comes too near to 2262, where UtcTime ends.
+void refuse_late_clock(UtcTime now);
 // Throws Error: it is being recorded (failed) or cannot be written (disk), or refuse_other_config
 // or refuse_other_antennas does.
 void refuse_resuming(const record::RunReader& begun, const Config& config);

@@ -41,12 +41,13 @@ class Run:
         self.counters = collections.Counter()
         for source, name, value in db.execute("SELECT source, name, value FROM counter"):
             self.counters[source, name] += value
-        mono, utc = db.execute("SELECT mono_ns, utc_ns FROM anchor ORDER BY mono_ns LIMIT 1").fetchone()
+        anchors = db.execute("SELECT mono_ns, utc_ns FROM anchor ORDER BY mono_ns").fetchall()
         self.breaks = collections.defaultdict(list)  # sensor -> host times at which its driver gave a connection up
         for text_utc, source in db.execute("SELECT utc, source FROM event WHERE text LIKE 'not connected to %'"
                                            " OR text LIKE 'faulted %' ORDER BY id"):  # runs from before
-            then = datetime.datetime.fromisoformat(text_utc.replace("Z", "+00:00"))
-            self.breaks[source].append(int(then.timestamp() * 1e9) - utc + mono)
+            then = int(datetime.datetime.fromisoformat(text_utc.replace("Z", "+00:00")).timestamp() * 1e9)
+            mono, utc = min(anchors, key=lambda anchor: abs(anchor[1] - then))  # the clock may have been set
+            self.breaks[source].append(then - utc + mono)
 
 
 def read_log(path):

@@ -35,9 +35,8 @@ constexpr const char* record_rows = " FROM record WHERE idx >= ? ORDER BY idx";
 std::string decode(Statement& row, const Shapes& shapes, std::uint32_t sensors, FusedRecord& r,
                    Bytes& png) {
   r.index = row.integer();
-  r.slot_start = HostTime(row.integer());
-  r.slot_end = HostTime(row.integer());
-  r.slot_utc = UtcTime(row.integer());
+  std::string fault = read_slot(row, r.slot_start, r.slot_end, r.slot_utc);
+  if (!fault.empty()) return fault;
   r.valid = SensorSet::from_bits(static_cast<std::uint32_t>(row.integer()) & sensors);
   r.label = row.text();
   const ByteView spd = row.blob(), radar = row.blob(), depth = row.blob();

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Parts of rows that more than one question asks for.
 #pragma once
+#include <chrono>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -18,6 +20,23 @@ inline void read_sync(Statement& row, PerSensor<SensorSync>& sync) {
     y.lost = static_cast<std::uint64_t>(row.integer());
     y.verdict = row.text();
   }
+}
+
+// A slot ends a year at least before the last time that UtcTime holds, in 2262: what is within a
+// year of it can be computed.
+inline constexpr UtcTime last_slot_end = UtcTime::max() - std::chrono::years(1);
+
+// The next columns: slot_start_ns, slot_end_ns and slot_utc_ns. Returns what is wrong with them, or
+// nothing: sums and differences of what is not wrong do not overflow.
+inline std::string read_slot(Statement& row, HostTime& start, HostTime& end, UtcTime& utc) {
+  constexpr std::chrono::nanoseconds zero{0};
+  for (std::chrono::nanoseconds* t : {&start, &end, &utc}) *t = HostTime(row.integer());
+  const bool sound = start >= zero && end >= start && utc >= zero && utc <= last_slot_end &&
+                     end - start <= last_slot_end - utc;
+  if (sound) return {};
+  return "its slot is from " + std::to_string(start.count()) + " to " +
+         std::to_string(end.count()) + " ns, at " + std::to_string(utc.count()) +
+         " ns of UTC; expected an end after the start, and the years 1970 to 2261";
 }
 
 // All rows, of utc, level, source and text.

@@ -6,6 +6,20 @@
 #include "acquire/record/sqlite.hpp"
 
 namespace echofuse::record {
+namespace {
+
+// The next columns: idx, and those of the other read_slot. Throws Error for a slot that cannot be.
+void read_slot(Statement& row, const std::string& shown_path, RecordOutline& r) {
+  r.index = row.integer();
+  HostTime start{}, end{};
+  const std::string fault = read_slot(row, start, end, r.slot_utc);
+  if (!fault.empty())
+    throw Error(ExitCode::failed,
+                shown_path + ": record " + std::to_string(r.index) + ": " + fault);
+  r.length = end - start;
+}
+
+}  // namespace
 
 bool RunReader::has_table(const char* name) const {
   Statement s = ask("SELECT 1 FROM sqlite_schema WHERE name = ?");
@@ -17,18 +31,24 @@ RunSummary RunReader::summary() const {
   Statement totals = ask(
       "SELECT count(idx), total(valid & 7 = 7), total(valid & 1), total(valid >> 1 & 1), "
       "total(valid >> 2 & 1), total(spd_lost), total(radar_lost), total(depth_lost), total(tags), "
-      "ifnull(min(slot_utc_ns), 0), ifnull(max(slot_utc_ns + slot_end_ns - slot_start_ns), 0), "
-      "ifnull(max(idx), -1) "
-      "FROM record");
+      "ifnull(max(idx), -1) FROM record");
   if (totals.step()) {
     sum.records = totals.integer();
     sum.all_valid = totals.integer();
     for (auto* three : {&sum.valid, &sum.lost})
       for (auto& n : *three) n = totals.integer();
     sum.tags = totals.integer();
-    sum.first_utc = UtcTime(totals.integer());
-    sum.last_utc = UtcTime(totals.integer());
     sum.last_index = totals.integer();
+  }
+  // Not the earliest and the latest: the clock may have been set back between them.
+  Statement ends =
+      ask("SELECT idx, slot_start_ns, slot_end_ns, slot_utc_ns FROM record WHERE idx IN ((SELECT "
+          "min(idx) FROM record), (SELECT max(idx) FROM record)) ORDER BY idx");
+  for (bool first = true; ends.step(); first = false) {
+    RecordOutline r;
+    read_slot(ends, shown_, r);
+    if (first) sum.first_utc = r.slot_utc;
+    sum.last_utc = r.slot_utc + r.length;
   }
   // Not by GROUP BY, which sorts a copy of them all.
   const auto count_by = [&](const char* sql, std::map<std::string, std::int64_t>& into) {
@@ -97,7 +117,7 @@ void RunReader::summarise_sync(RunSummary& sum) const {
 }
 
 std::vector<RecordOutline> RunReader::outlines(std::int64_t first) const {
-  std::string sql = "SELECT idx, slot_utc_ns, slot_end_ns - slot_start_ns, valid, label";
+  std::string sql = "SELECT idx, slot_start_ns, slot_end_ns, slot_utc_ns, valid, label";
   for (const std::string s : {"spd", "radar", "depth"})
     sql +=
         ", " + s + "_offset_s, " + s + "_span_s, " + s + "_used, " + s + "_lost, " + s + "_verdict";
@@ -110,9 +130,7 @@ std::vector<RecordOutline> RunReader::outlines(std::int64_t first) const {
   std::vector<RecordOutline> out;
   while (row.step()) {
     RecordOutline& r = out.emplace_back();
-    r.index = row.integer();
-    r.slot_utc = UtcTime(row.integer());
-    r.length = std::chrono::nanoseconds(row.integer());
+    read_slot(row, shown_, r);
     r.valid = SensorSet::from_bits(static_cast<std::uint32_t>(row.integer()));
     r.label = row.text();
     read_sync(row, r.sync);

@@ -1,13 +1,23 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/core/clock.hpp"
 
+#include <algorithm>
 #include <cstdio>
 #include <ctime>
 
 namespace echofuse {
 
 HostTime SystemClock::now() const { return std::chrono::steady_clock::now().time_since_epoch(); }
-UtcTime SystemClock::utc() const { return std::chrono::system_clock::now().time_since_epoch(); }
+
+// Not by system_clock, which overflows in 2262: this clock stands still from 2260 on.
+UtcTime SystemClock::utc() const {
+  using Seconds = std::chrono::seconds;
+  constexpr Seconds last =
+      std::chrono::floor<Seconds>(UtcTime::max()) - Seconds(std::chrono::years(2));
+  timespec now{};
+  ::clock_gettime(CLOCK_REALTIME, &now);
+  return std::min(Seconds(now.tv_sec), last) + std::chrono::nanoseconds(now.tv_nsec);
+}
 
 std::string iso8601(UtcTime time) {
   // Not by floor<seconds>, which overflows for the first times that the type holds.

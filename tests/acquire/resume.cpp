@@ -56,6 +56,15 @@ TEST_CASE("a run is resumed with its own configuration only") {
   CHECK(has(verdict({}).second, "radar.cfg has another text"));
 }
 
+TEST_CASE("no run begins so late that its times do not fit into the file") {
+  using std::chrono::years;
+  CHECK(error_of([] { refuse_late_clock(UtcTime::max() - years(10)); }).first == ExitCode::ok);
+  const auto [code, text] = error_of([] { refuse_late_clock(UtcTime::max() - years(2)); });
+  CHECK(code == ExitCode::failed);
+  CHECK(has(text, "the machine's clock is at 2260-"));
+  CHECK(has(text, "set the clock"));
+}
+
 TEST_CASE("a run is resumed with its own calibration only, whatever its file is called") {
   const Folder folder;
   const std::string path = folder / "lab.toml";

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: MIT
+// Times of slots: UTC while the machine's clock is set, and what cannot be in a file that is read.
+#include <cmath>
+#include <limits>
+
+#include "acquire/journal.hpp"
+#include "acquire/mark.hpp"
+#include "testing.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+using namespace std::chrono_literals;
+using namespace testing;
+
+namespace {
+
+// Its UTC can be set.
+class SetClock final : public Clock {
+ public:
+  HostTime now() const override { return mono; }
+  UtcTime utc() const override { return mono + offset; }
+  HostTime mono = 1000s;
+  std::chrono::nanoseconds offset = 1'700'000'000s;
+};
+
+std::vector<std::string> events_of(const std::string& path) {
+  std::vector<std::string> out;
+  for (const record::Event& e : record::RunReader(path).events())
+    out.push_back(e.utc + " " + e.level + " " + e.source + ": " + e.text);
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE(
+    "a clock that is set during a run makes an event, an anchor, and the right UTC after it") {
+  const auto step = GENERATE(24h, -24h);
+  const Folder folder;
+  const std::string path = folder / "run.sqlite";
+  SetClock clock;
+  const auto before = clock.offset;
+  Writer writer(std::make_unique<record::RunWriter>(path, record::RunInfo{}));
+  RunLog log(clock);
+  log.attach(writer);
+  Journal journal(writer, clock, {});
+  for (int second = 0; second < 60; ++second, clock.mono += 1s) journal.refresh_anchor(log);
+  clock.offset += 10ms;  // is no event; the next anchor has it
+  journal.refresh_anchor(log);
+  CHECK(journal.utc_of(1050s) == 1050s + before + 10ms);
+  clock.mono = 1070s + 200ms;
+  clock.offset = before + step;
+  journal.refresh_anchor(log);
+  journal.refresh_anchor(log);
+  CHECK(journal.utc_of(1069s) == 1069s + before + 10ms);
+  CHECK(journal.utc_of(1070s) == 1070s + before + 10ms);  // it had begun
+  CHECK(journal.utc_of(1071s) == 1071s + before + step);
+  clock.mono = 1140s;
+  clock.offset = before + step + 20ms;
+  journal.refresh_anchor(log);
+  CHECK(journal.utc_of(1140s) == 1140s + before + step + 20ms);
+  writer.finish("complete");
+
+  const std::string day = step > 0h ? "2023-11-15" : "2023-11-13";
+  CHECK(events_of(path) ==
+        std::vector{day +
+                    "T22:31:10.200Z warning clock: the machine's clock was set, or the "
+                    "machine slept: from 2023-11-14T22:31:10.210Z to " +
+                    day + "T22:31:10.200Z; slots that begin from now on bear the new time"});
+  std::vector<std::int64_t> offsets;
+  for (const record::Column& c : record::RunReader(path).table("anchor")) {
+    const auto& values = std::get<std::vector<std::int64_t>>(c.values);
+    offsets.resize(values.size());
+    for (std::size_t i = 0; i < values.size(); ++i)
+      offsets[i] += c.name == "utc_ns" ? values[i] : -values[i];
+  }
+  CHECK(offsets == std::vector<std::int64_t>{before.count(), (before + 10ms).count(),
+                                             (before + step).count(),
+                                             (before + step + 20ms).count()});
+}
+
+TEST_CASE("times of slots that would overflow are refused in one line, wherever they are read") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  write_run(path, 4);
+  const std::string most = std::to_string(std::numeric_limits<std::int64_t>::max()),
+                    least = "-" + most + " - 1";
+  const std::string change =
+      GENERATE_COPY("slot_utc_ns = " + most, "slot_utc_ns = " + least, "slot_utc_ns = 1e300",
+                    "slot_start_ns = " + least + ", slot_end_ns = " + most,
+                    "slot_start_ns = " + most + ", slot_end_ns = " + least,
+                    "slot_start_ns = 0, slot_end_ns = " + most);
+  CAPTURE(change);
+  sql(path, "UPDATE record SET " + change + " WHERE idx = 3");
+  const record::RunReader run(path);
+  const std::string expected = "a.sqlite: record 3: its slot is from ";
+  CHECK(has(error_of([&] { run.read(3); }).second, expected));
+  CHECK(has(error_of([&] { run.outlines(0); }).second, expected));
+  CHECK(has(error_of([&] { run.summary(); }).second, expected));
+  std::vector<std::int64_t> good, bad;
+  run.for_each([&](const record::FusedRecord& r) { return good.push_back(r.index), true; }, 0,
+               [&](std::int64_t index, const std::string&) { bad.push_back(index); });
+  CHECK(good == std::vector<std::int64_t>{0, 1, 2});
+  CHECK(bad == std::vector<std::int64_t>{3});
+}
+
+TEST_CASE("a run whose clock was set back ends with its last slot") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  write_run(path, 4);
+  sql(path, "UPDATE record SET slot_utc_ns = slot_utc_ns - 86400000000000 WHERE idx > 1");
+  const record::RunSummary sum = record::RunReader(path).summary();
+  CHECK(sum.first_utc == small_record(0).slot_utc);
+  CHECK(sum.last_utc == small_record(4).slot_utc - std::chrono::hours(24));
+}
+
+TEST_CASE("a mark into a run whose slots are of no length that can be says what it can") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  record::RunInfo info;
+  info.window_s = GENERATE(1e300, INFINITY, -1, 0, NAN);
+  record::RunWriter run(path, info);
+  for (const Axis& axis : small_axes()) run.put_axis(axis);
+  run.append(small_record(0));
+  const std::string number = info.window_s > 0 ? "record 1" : "the running record";
+  CHECK(has(mark_run(path, "hello", {}), "noted in " + number));
+}
