@@ -151,11 +151,11 @@ void Reconstruction::take_all(const record::RunReader& run) {
   // While this thread judges the run, and then writes a part, others make the maps of the next.
   constexpr std::size_t ahead = 2;
   std::deque<std::future<Part>> next;
-  auto start = [&, first = begin]() mutable {
-    if (first >= last) return;
-    next.push_back(std::async(std::launch::async, [&, first] {
-      return make(records, first, std::min(part_records, last - first));
-    }));
+  auto start = [&, first = begin, end = last]() mutable {
+    if (first >= end) return;
+    const std::size_t size = std::min(part_records, end - first);
+    next.push_back(
+        std::async(std::launch::async, [&, first, size] { return make(records, first, size); }));
     first += part_records;
   };
   for (std::size_t i = 0; i < ahead; ++i) start();

@@ -252,10 +252,10 @@ class Scanner {
   }
 
   void draw_row() {
-    for (const auto& [number, first, last] : in_row_)
-      with_shape(number, [&](const auto& shape) {
-        shape.meet(&ray_x_[first], &ray_y_[first], met_.data(), last - first);
-        keep_nearer(met_.data(), number, &z_[first], &shape_[first], last - first);
+    for (const InRow& in : in_row_)
+      with_shape(in.number, [&](const auto& shape) {
+        shape.meet(&ray_x_[in.first], &ray_y_[in.first], met_.data(), in.last - in.first);
+        keep_nearer(met_.data(), in.number, &z_[in.first], &shape_[in.first], in.last - in.first);
       });
   }
 

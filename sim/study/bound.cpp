@@ -190,8 +190,8 @@ class SceneBounds {
   }
 
   // For each point and knowledge the deviations of x and of the centroid.
-  Row all() const {
-    Row out;
+  SceneRow all() const {
+    SceneRow out;
     for (const Point& p : laboratory_.points())
       for (const Known known : {Known::shape, Known::pose})
         for (const double deviation : at(p, known)) out.push_back(deviation);
@@ -261,7 +261,8 @@ double quantile(std::vector<double> values, double share) {
   return values[k];
 }
 
-Bound summary(const Point& p, const char* known, const std::vector<Row>& found, std::size_t row) {
+Bound summary(const Point& p, const char* known, const std::vector<SceneRow>& found,
+              std::size_t row) {
   std::vector<double> x;
   double x_sum = 0, lateral_sum = 0;
   for (const auto& scene : found) {

@@ -189,8 +189,8 @@ double error_of(const Profile& seen, const Profile& truth, const Comparison& how
 }
 
 // Of every candidate, in the order of the comparisons.
-Row errors_of(const Scene& scene, const std::vector<Comparison>& all) {
-  Row out;
+SceneRow errors_of(const Scene& scene, const std::vector<Comparison>& all) {
+  SceneRow out;
   for (const Comparison& how : all) {
     const Profile truth = how.fine(scene);
     for (const Candidate& candidate : how.candidates)
@@ -208,12 +208,12 @@ double time_of(const Candidate& candidate, const std::vector<Scene>& scenes) {
          static_cast<double>(scenes.size());
 }
 
-Fidelity row_of(const std::string& axis, const Candidate& candidate, const std::vector<Row>& found,
-                std::size_t column) {
+Fidelity row_of(const std::string& axis, const Candidate& candidate,
+                const std::vector<SceneRow>& found, std::size_t column) {
   const auto n = static_cast<double>(found.size());
   double mean = 0, squares = 0;
-  for (const Row& scene : found) mean += scene[column] / n;
-  for (const Row& scene : found) squares += (scene[column] - mean) * (scene[column] - mean);
+  for (const SceneRow& scene : found) mean += scene[column] / n;
+  for (const SceneRow& scene : found) squares += (scene[column] - mean) * (scene[column] - mean);
   return {axis, candidate.value, mean, n > 1 ? std::sqrt(squares / (n - 1) / n) : 0, 0};
 }
 

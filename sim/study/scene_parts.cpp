@@ -15,7 +15,7 @@
 namespace echofuse::sim {
 namespace {
 
-using Rows = std::map<std::size_t, Row>;
+using Rows = std::map<std::size_t, SceneRow>;
 
 std::string head_of(const SceneParts& parts, const std::string& name) {
   std::istringstream settings(parts.settings);
@@ -25,8 +25,8 @@ std::string head_of(const SceneParts& parts, const std::string& name) {
 }
 
 // Of one line; nothing if it is none.
-std::optional<std::pair<std::size_t, Row>> parse(const std::string& line) {
-  std::pair<std::size_t, Row> out;
+std::optional<std::pair<std::size_t, SceneRow>> parse(const std::string& line) {
+  std::pair<std::size_t, SceneRow> out;
   const char* at = line.data();
   const char* const end = at + line.size();
   const auto scene = std::from_chars(at, end, out.first);
@@ -82,9 +82,9 @@ void write_part(const std::string& path, const std::string& head, const Rows& ro
 
 }  // namespace
 
-std::vector<Row> rows_of_scenes(const SceneParts& parts, const std::string& name,
-                                const std::string& title, std::int64_t scenes, bool quiet,
-                                const std::function<Row(std::size_t)>& work) {
+std::vector<SceneRow> rows_of_scenes(const SceneParts& parts, const std::string& name,
+                                     const std::string& title, std::int64_t scenes, bool quiet,
+                                     const std::function<SceneRow(std::size_t)>& work) {
   const auto count = static_cast<std::size_t>(scenes);
   const std::string head = head_of(parts, name);
   Rows known, own;
@@ -96,9 +96,9 @@ std::vector<Row> rows_of_scenes(const SceneParts& parts, const std::string& name
   std::vector<std::size_t> left;
   for (std::size_t i = 0; i < count; ++i)
     if (mine[i] && !known.contains(i)) left.push_back(i);
-  const auto measured = each_of<Row>(title, left, quiet, work);
+  const auto measured = each_of<SceneRow>(title, left, quiet, work);
   for (std::size_t k = 0; k < left.size(); ++k) known[left[k]] = measured[k];
-  std::vector<Row> out;
+  std::vector<SceneRow> out;
   for (std::size_t i = 0; i < count; ++i)
     if (mine[i]) own[i] = known.at(i);
   if (parts.part) {

@@ -17,14 +17,14 @@ struct SceneParts {
   std::optional<JobPart> part = {};  // only its scenes
 };
 
-using Row = std::vector<double>;
+using SceneRow = std::vector<double>;
 
 // work(i) of each scene i that no part in the folder has, on all processors; the rows of all scenes
 // in their order. Of a part: its file is written, and nothing is returned. Throws Error:
 // interrupted; config for a part of other settings or another version; failed for a damaged one;
 // disk.
-std::vector<Row> rows_of_scenes(const SceneParts& parts, const std::string& name,
-                                const std::string& title, std::int64_t scenes, bool quiet,
-                                const std::function<Row(std::size_t)>& work);
+std::vector<SceneRow> rows_of_scenes(const SceneParts& parts, const std::string& name,
+                                     const std::string& title, std::int64_t scenes, bool quiet,
+                                     const std::function<SceneRow(std::size_t)>& work);
 
 }  // namespace echofuse::sim
