@@ -200,6 +200,7 @@ ExitCode merge(const Options& o) {
 }
 
 ExitCode export_run(const Options& o) {
+  catch_interrupts();
   const record::RunReader reader(o.file);
   const std::string kind = std::filesystem::path(o.to).extension().string();
   if (kind == ".csv" && o.record) {
@@ -211,6 +212,7 @@ ExitCode export_run(const Options& o) {
                 "--to " + o.to + ": expected NAME.h5, or NAME.csv with --record N");
   Progress progress("export", static_cast<std::size_t>(reader.count()), o.quiet);
   const auto bad = record::export_h5(reader, o.to, [&](std::int64_t done, std::int64_t) {
+    if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing is exported");
     progress.update(static_cast<std::size_t>(done));
   });
   if (bad == 0) return ExitCode::ok;

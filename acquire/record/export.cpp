@@ -10,6 +10,7 @@
 #include "acquire/record/h5.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/printable.hpp"
+#include "drivers/core/staged_file.hpp"
 
 namespace echofuse::record {
 namespace {
@@ -253,17 +254,21 @@ std::int64_t write_h5(H5File& out, const RunReader& run,
   return bad;
 }
 
+void refuse_existing(const std::string& path) {
+  if (::access(path.c_str(), F_OK) == 0)
+    throw Error(ExitCode::failed, path + ": exists already; choose another name");
+}
+
 }  // namespace
 
 std::int64_t export_h5(const RunReader& run, const std::string& path,
                        const std::function<void(std::int64_t, std::int64_t)>& progress) {
-  H5File out = H5File::create(path);
-  try {
-    return write_h5(out, run, progress);
-  } catch (...) {
-    ::unlink(path.c_str());
-    throw;
-  }
+  refuse_existing(path);
+  StagedFile staged(path);
+  H5File out = H5File::create(staged.path());
+  const std::int64_t bad = write_h5(out, run, progress);
+  staged.publish();
+  return bad;
 }
 
 namespace {
@@ -283,9 +288,9 @@ std::string in_comment(const std::string& text) {
 
 void export_csv(const RunReader& run, std::int64_t index, const std::string& path) {
   const FusedRecord r = run.read(index);
-  if (::access(path.c_str(), F_OK) == 0)
-    throw Error(ExitCode::failed, path + ": exists already; choose another name");
-  std::ofstream out(path);
+  refuse_existing(path);
+  StagedFile staged(path);
+  std::ofstream out(staged.path());
   out.precision(std::numeric_limits<float>::max_digits10);
   out << "# record " << r.index << " of " << in_comment(run.path()) << ", label "
       << in_comment(r.label)
@@ -317,7 +322,9 @@ void export_csv(const RunReader& run, std::int64_t index, const std::string& pat
   for (std::size_t i = 0; i < r.depth_mm.size(); ++i)
     out << "depth," << x->at(static_cast<double>(i % x->count)) << ","
         << y->at(static_cast<double>(i / x->count)) << "," << r.depth_mm[i] << "\n";
-  if (!out.flush()) throw Error(ExitCode::disk, path + ": cannot write");
+  out.close();
+  if (!out) throw Error(ExitCode::disk, staged.path() + ": cannot write");
+  staged.publish();
 }
 
 }  // namespace echofuse::record

@@ -26,8 +26,9 @@
 
 namespace echofuse::record {
 
-// Refuses a path that exists; leaves no file behind if it fails. A record that cannot be read is
-// exported without valid sensors, with the reason as its verdicts; returns how many there were.
+// Both refuse a path that exists; the file is there when it is whole, and not if they fail. A
+// record that cannot be read is exported without valid sensors, with the reason as its verdicts;
+// returns how many there were.
 std::int64_t export_h5(
     const RunReader& run, const std::string& path,
     const std::function<void(std::int64_t done, std::int64_t total)>& progress = {});

@@ -15,7 +15,7 @@ namespace {
 constexpr std::size_t smallest_compressed_row =
     64;  // bytes; a filter costs more than it saves below
 
-// The innermost reason of the last failed call.
+// The innermost reason of the last failed call; that of the system alone, if it has one.
 std::string reason() {
   std::string text;
   H5Ewalk2(
@@ -25,7 +25,11 @@ std::string reason() {
         return 1;
       },
       &text);
-  return text;
+  const std::string begin = "error message = '";
+  const std::size_t at = text.find(begin);
+  if (at == text.npos) return text;
+  text.erase(0, at + begin.size());
+  return text.substr(0, text.find('\''));
 }
 
 herr_t release(hid_t file) {

@@ -61,8 +61,12 @@ hid_t native() {
     return H5T_NATIVE_UINT64;
 }
 
-// HDF5 prints every failed call otherwise; ours are reported once, as Error.
-inline void quiet() { H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr); }
+// Before any other call. HDF5 prints every failed call otherwise; ours are reported once, as Error.
+// At the end of the process it would try again to write what a full disk did not take, and crash.
+inline void quiet() {
+  H5dont_atexit();
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+}
 
 inline std::size_t product(const H5Shape& shape) {
   return std::accumulate(shape.begin(), shape.end(), std::size_t{1}, std::multiplies<>());

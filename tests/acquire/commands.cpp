@@ -1,10 +1,15 @@
 // SPDX-License-Identifier: MIT
 // echofuse-acquire as a user meets it: exit codes, one line of error, what it prints.
+#include <signal.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <chrono>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "../paths.hpp"
+#include "drivers/core/program.hpp"
 #include "testing.hpp"
 
 using namespace testing;
@@ -244,6 +249,52 @@ TEST_CASE("info, recover and export of a run") {
   refuses("export " + run + " --to " + folder / "a.txt", 2, "expected NAME.h5, or NAME.csv");
   refuses("export " + run + " --to " + folder / "b.csv", 2, "with --record N");
   refuses("export " + run + " --record 6 --to " + folder / "b.csv", 1, "no record 6");
+}
+
+TEST_CASE("an export that the disk does not take says so in one line, and leaves nothing") {
+  const Folder folder;
+  write_run(folder / "a.sqlite", 500);
+  const std::string out = folder / GENERATE("a.h5", "a.csv");
+  const std::string blocks = out.ends_with("csv") ? "0" : GENERATE("0", "40");  // of 512 bytes
+  const std::string command = " export -q " + folder / "a.sqlite" + " --to " + out;
+  const Outcome o = shell("export TMPDIR=" + folder.path.string() + "; ulimit -f " + blocks + "; " +
+                          echofuse::test::bin_dir + "/echofuse-acquire" + command +
+                          (out.ends_with("csv") ? " --record 1" : ""));
+  CHECK(o.code == 6);
+  CHECK(std::count(o.text.begin(), o.text.end(), '\n') == 1);
+  CHECK(o.text.starts_with("echofuse-acquire: " + folder / "."));
+  CHECK(has(o.text, out.ends_with("csv") ? "cannot write" : " (File too large)\n"));
+  CHECK(std::distance(fs::directory_iterator(folder.path), {}) == 2);  // the run and its lock
+}
+
+TEST_CASE("an export that is interrupted or killed is not there, and is made anew") {
+  const Folder folder;
+  const std::string run = folder / "a.sqlite", out = folder / "a.h5";
+  {
+    echofuse::record::RunWriter writer(run, {});
+    for (const auto& axis : small_axes()) writer.put_axis(axis);
+    std::vector<echofuse::record::FusedRecord> records;
+    for (std::int64_t i = 0; i < 20'000; ++i) records.push_back(small_record(i));
+    writer.append(records);
+    writer.close("complete");
+  }
+  const auto files = [&] { return std::distance(fs::directory_iterator(folder.path), {}); };
+  const int signal = GENERATE(SIGINT, SIGKILL);
+  const auto program = echofuse::start_program({"env", "TMPDIR=" + folder.path.string(),
+                                                echofuse::test::bin_dir + "/echofuse-acquire",
+                                                "export", "-q", run, "--to", out});
+  REQUIRE(static_cast<bool>(program));
+  for (int i = 0; i < 10'000 && files() < 4; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  REQUIRE(::kill(*program, signal) == 0);
+  CHECK(echofuse::wait_for_program(*program) == (signal == SIGINT ? 130 : 128 + SIGKILL));
+  CHECK_FALSE(fs::exists(out));
+  if (signal == SIGINT) CHECK(files() == 2);
+  CHECK(shell("TMPDIR=" + folder.path.string() + " " + echofuse::test::bin_dir +
+              "/echofuse-acquire export -q " + run + " --to " + out)
+            .code == 0);
+  CHECK(files() == 3);
 }
 
 TEST_CASE("a run goes by its file and by the name that --out gave it") {

@@ -180,7 +180,10 @@ TEST_CASE("an export never overwrites, and leaves nothing behind if it fails") {
   write_file(folder / "a.h5", "precious");
   CHECK(has(error_of([&] { export_h5(run, folder / "a.h5"); }).second, "exists already"));
   CHECK(fs::file_size(folder / "a.h5") == 8);
-  const auto stop = [](std::int64_t, std::int64_t) { throw Error(ExitCode::failed, "stop"); };
+  const auto stop = [&](std::int64_t, std::int64_t) {
+    CHECK_FALSE(fs::exists(folder / "b.h5"));  // as a killed process leaves it
+    throw Error(ExitCode::failed, "stop");
+  };
   CHECK(error_of([&] { export_h5(run, folder / "b.h5", stop); }).second == "stop");
   CHECK_FALSE(fs::exists(folder / "b.h5"));
 }
