@@ -18,6 +18,7 @@ FileWatch::FileWatch(std::string path) : path_(std::move(path)) {
     file.inode = now.st_ino;
   }
   note();
+  note_commit();
 }
 
 std::string FileWatch::lost() const {
@@ -41,7 +42,7 @@ int FileWatch::fault_of(const File& file) const {
 bool FileWatch::touched() const {
   struct stat now {};
   if (::stat(path_.c_str(), &now) != 0) return true;
-  return now.st_size != size_ || now.st_mtim.tv_sec != written_.tv_sec ||
+  return now.st_size != files_[0].size || now.st_mtim.tv_sec != written_.tv_sec ||
          now.st_mtim.tv_nsec != written_.tv_nsec;
 }
 
@@ -49,7 +50,25 @@ void FileWatch::note() {
   struct stat now {};
   if (::stat(path_.c_str(), &now) != 0) return;
   written_ = now.st_mtim;
-  size_ = now.st_size;
+  files_[0].size = now.st_size;
+  files_[1].size = 0;
+}
+
+void FileWatch::note_commit() {
+  for (File* file : {&files_[1], &files_[2]}) file->size = size_of(*file);
+}
+
+bool FileWatch::wal_shortened() const { return size_of(files_[1]) < files_[1].size; }
+
+void FileWatch::restore_index() const {
+  const File& index = files_[2];
+  if (fault_of(index) == 0 && size_of(index) < index.size)
+    static_cast<void>(::truncate((path_ + index.suffix).c_str(), index.size));
+}
+
+off_t FileWatch::size_of(const File& file) const {
+  struct stat now {};
+  return ::stat((path_ + file.suffix).c_str(), &now) == 0 ? now.st_size : 0;
 }
 
 void FileWatch::remove_wal() const {

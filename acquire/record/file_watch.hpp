@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Whether the files that SQLite has open are still those that their names mean, and whether
-// somebody else wrote into the database. What is removed or replaced is written on without an
-// error, and gone at the end.
+// Whether the files that SQLite has open are still those that their names mean and as long as they
+// were, and whether somebody else wrote into the database. What is removed, replaced or shortened
+// is written on without an error, and gone at the end.
 #pragma once
 #include <sys/types.h>
 
@@ -16,9 +16,18 @@ class FileWatch {
 
   // What happened to the database, its WAL or the WAL's index; empty if they are still the same.
   std::string lost() const;
-  // The database was written to since note(), which we say after each of our checkpoints.
+  // The database was written to since note(), which we say after each of our checkpoints. After one
+  // that took over the whole WAL nothing is lost with it.
   bool touched() const;
   void note();
+  // After each of our commits: the WAL and its index are not shorter than now any more.
+  void note_commit();
+  // The WAL is shorter than at note_commit(). Another program's checkpoint shortens it, too, but
+  // touches the database before.
+  bool wal_shortened() const;
+  // Gives the index its length again, before SQLite reads it in memory and is killed by SIGBUS.
+  // SQLite finds zeros there and makes the index anew, from the WAL.
+  void restore_index() const;
 
   // The database's name means the file that it meant.
   bool same_database() const { return fault_of(files_[0]) == 0; }
@@ -31,12 +40,13 @@ class FileWatch {
     const char* suffix;
     dev_t device = 0;
     ino_t inode = 0;
+    off_t size = 0;  // of the WAL and its index: at note_commit()
   };
   int fault_of(const File& file) const;
+  off_t size_of(const File& file) const;
   std::string path_;
   File files_[3] = {{""}, {"-wal"}, {"-shm"}};
   timespec written_{};
-  off_t size_ = 0;
 };
 
 }  // namespace echofuse::record

@@ -87,7 +87,14 @@ std::string damage(sqlite3* db, const std::string& path) {
   }
 }
 
-Rescue rescue(sqlite3* db, const std::string& path, const std::string& status) {
+std::int64_t count_records(sqlite3* db, const std::string& path) {
+  Statement count(db, path, "SELECT count(*) FROM record");
+  count.step();
+  return count.integer();
+}
+
+Rescue rescue(sqlite3* db, const std::string& path, const std::string& status,
+              std::int64_t records) {
   std::string name;
   try {
     name = make_beside(path);
@@ -97,9 +104,9 @@ Rescue rescue(sqlite3* db, const std::string& path, const std::string& status) {
       return {false, "what can still be read is in " + name + ", which is damaged: " + fault};
     execute(raw, name, "PRAGMA journal_mode=DELETE", "cannot close");
     put_end(raw, name, status);
-    Statement count(raw, name, "SELECT count(*) FROM record");
-    count.step();
-    return {true, "its " + std::to_string(count.integer()) + " records are in " + name};
+    const std::int64_t found = count_records(raw, name);
+    const std::string of = found == records ? "its " : std::to_string(found) + " of its ";
+    return {found == records, of + std::to_string(records) + " records are in " + name};
   } catch (const std::exception& e) {
     remove_copy(name);
     return {false, std::string("nothing could be kept: ") + e.what()};

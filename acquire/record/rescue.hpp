@@ -4,6 +4,7 @@
 #pragma once
 #include <sqlite3.h>
 
+#include <cstdint>
 #include <string>
 
 namespace echofuse::record {
@@ -14,8 +15,9 @@ struct Rescue {
 };
 
 // Makes NAME.rescued.sqlite (-2, -3 ... if there is one) beside `path`, or in the current folder if
-// that folder is gone, with this status. Never throws.
-Rescue rescue(sqlite3* db, const std::string& path, const std::string& status);
+// that folder is gone, with this status; `records` were committed. Never throws.
+Rescue rescue(sqlite3* db, const std::string& path, const std::string& status,
+              std::int64_t records);
 
 // The run's status and its end, which is now. Throws Error.
 void put_end(sqlite3* db, const std::string& path, const std::string& status);
@@ -25,5 +27,7 @@ std::string copy_beside(sqlite3* db, const std::string& path);
 
 // What SQLite's quick check says of the database as it is on disk now; empty if sound.
 std::string damage(sqlite3* db, const std::string& path);
+
+std::int64_t count_records(sqlite3* db, const std::string& path);
 
 }  // namespace echofuse::record

@@ -5,7 +5,7 @@
 namespace echofuse::record {
 
 void RunWriter::put_axis(const Axis& axis) {
-  statements_->rows.into("axis")
+  into("axis")
       .set("name", axis.name)
       .set("quantity", axis.quantity)
       .set("unit", axis.unit)
@@ -18,7 +18,7 @@ void RunWriter::put_axis(const Axis& axis) {
 }
 
 void RunWriter::put_device(const DeviceInfo& device) {
-  statements_->rows.into("device")
+  into("device")
       .set("sensor", name_of(device.sensor))
       .set("address", device.address)
       .set("model", device.model)
@@ -28,7 +28,7 @@ void RunWriter::put_device(const DeviceInfo& device) {
 }
 
 void RunWriter::put_calibration(const CalibrationEntry& entry) {
-  statements_->rows.into("calibration")
+  into("calibration")
       .set("sensor", name_of(entry.sensor))
       .set("date_utc", entry.date_utc)
       .set("method", entry.method)
@@ -39,7 +39,7 @@ void RunWriter::put_calibration(const CalibrationEntry& entry) {
 }
 
 void RunWriter::put_policy(Sensor sensor, const std::string& policy) {
-  statements_->rows.into("policy", "ON CONFLICT (sensor) DO UPDATE SET policy = excluded.policy")
+  into("policy", "ON CONFLICT (sensor) DO UPDATE SET policy = excluded.policy")
       .set("sensor", name_of(sensor))
       .set("policy", policy)
       .run();
@@ -71,7 +71,7 @@ void RunWriter::put_late(std::int64_t first, const LateCounts& late) {
 }
 
 void RunWriter::put_anchor(HostTime mono, UtcTime utc) {
-  statements_->rows.into("anchor")
+  into("anchor")
       .set("mono_ns", std::int64_t{mono.count()})
       .set("utc_ns", std::int64_t{utc.count()})
       .run();
@@ -80,7 +80,7 @@ void RunWriter::put_anchor(HostTime mono, UtcTime utc) {
 void RunWriter::put_event(UtcTime utc, Severity severity, const std::string& source,
                           const std::string& text) {
   constexpr const char* levels[] = {"info", "warning", "error"};
-  statements_->rows.into("event")
+  into("event")
       .set("utc", iso8601(utc))
       .set("level", levels[static_cast<std::size_t>(severity)])
       .set("source", source)

@@ -26,6 +26,7 @@ struct sqlite3;
 namespace echofuse::record {
 
 class FileWatch;
+class Insert;
 class Statement;
 class WriterLock;
 struct Budget;
@@ -43,9 +44,10 @@ struct Counted {
 };
 
 // Threading: one thread at a time. Every member throws Error (disk for a full disk or a failed
-// write, failed for anything else); after a failed append the file is as it was before it. append()
-// and close() first look whether the file is still there, the same and sound. If it is not, both
-// throw Error(disk), and close() keeps all that was committed in a copy that its Error names.
+// write, failed for anything else); after a failed append the file is as it was before it. Every
+// member first looks whether the file is still there, the same and sound; close() reads all of it
+// for that. If it is not, they throw Error(disk), and close() keeps what was committed in a copy
+// that its Error names.
 class RunWriter {
  public:
   // Refuses a path that exists. A run that has no uuid gets one.
@@ -79,7 +81,8 @@ class RunWriter {
   // just now: close() waits half a second for it, and then the last records stay in the WAL until
   // recover() or a writer folds them back.
   bool close(const std::string& status);
-  bool lost() const { return !harm_.empty(); }  // as append() or close() found
+  void close_as_one_file(const std::string& status);  // throws Error(failed) instead
+  bool lost() const { return !harm_.empty(); }        // as the last call found
 
   // Another program may hold the file by a write transaction. A call waits for its end, for 30 s,
   // or for any time if the writer is patient, until give_up_waiting() plus this time: then it
@@ -104,6 +107,9 @@ class RunWriter {
   void in_transaction(const std::function<void()>& body);
   void checkpoint();
   void require_sound();
+  void require_whole();
+  void throw_harm() const;
+  Insert& into(const std::string& table, const std::string& conflict = {});
   bool fold();
   bool wait_on(int tries);
   void wait_for_others();

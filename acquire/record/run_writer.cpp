@@ -55,9 +55,17 @@ void create_empty(const std::string& path) {
 constexpr std::int64_t longest_wait_ns = 30'000'000'000;
 constexpr auto retry_pause = std::chrono::milliseconds(10);
 constexpr std::int64_t between_waits_ns = 1'000'000'000;  // at most, on a busy machine
-constexpr int checkpoint_pages = 1000;                    // SQLite's own default
+// SQLite's memory for pages, which a run fills in its first minutes. It holds all pages of the WAL,
+// so that there is a second copy of what is not in the database yet.
+constexpr const char* page_cache = "PRAGMA cache_size=-2000";  // KiB
+constexpr int checkpoint_pages = 400;                          // of 4 KiB
 // The status rewrites the row of the run, configuration included, and readers need an index file.
 constexpr int reserve_bytes = 128 << 10;
+
+std::string damage_during_the_run(sqlite3* db, const std::string& path) {
+  const std::string fault = damage(db, path);
+  return fault.empty() ? "" : "was damaged during the run: " + fault;
+}
 
 std::int64_t now_ns() {
   return std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -155,6 +163,7 @@ void RunWriter::open() {
   handle_ = open_database(path_, "cannot open");
   db_ = handle_.get();
   harden(db_);
+  execute(db_, path_, page_cache, "cannot set up");
   wait_for_others();
 }
 
@@ -214,6 +223,7 @@ void RunWriter::ready() {
   statements_ = std::make_unique<Statements>(db_, path_);
   watch_ = std::make_unique<FileWatch>(path_);
   const auto hook = [](void* self, sqlite3*, const char*, int pages) {
+    static_cast<RunWriter*>(self)->watch_->note_commit();
     if (pages >= checkpoint_pages) static_cast<RunWriter*>(self)->checkpoint();
     return SQLITE_OK;
   };
@@ -222,13 +232,22 @@ void RunWriter::ready() {
 
 void RunWriter::checkpoint() {
   touched_ = touched_ || watch_->touched();
-  sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
+  int in_wal = 0, taken_over = 0;
+  sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_PASSIVE, &in_wal, &taken_over);
   watch_->note();
+  if (taken_over != in_wal) watch_->note_commit();
+}
+
+// A row by itself.
+Insert& RunWriter::into(const std::string& table, const std::string& conflict) {
+  require_sound();
+  return statements_->rows.into(table, conflict);
 }
 
 RunWriter::~RunWriter() = default;
 
 void RunWriter::in_transaction(const std::function<void()>& body) {
+  require_sound();
   statements_->begin.run();
   try {
     body();
@@ -247,7 +266,6 @@ void RunWriter::in_transaction(const std::function<void()>& body) {
 void RunWriter::append(const FusedRecord& record) { append(std::span(&record, 1)); }
 
 void RunWriter::append(std::span<const FusedRecord> batch) {
-  require_sound();
   in_transaction([&] {
     for (const auto& r : batch) insert_record(statements_->rows, path_, r, axes_);
   });
@@ -255,6 +273,7 @@ void RunWriter::append(std::span<const FusedRecord> batch) {
 }
 
 std::optional<std::string> RunWriter::new_label(UtcTime before) {
+  require_sound();
   Statement s(db_, path_, "SELECT id, level, utc, text FROM event WHERE id > ? ORDER BY id");
   s.bind(last_event_);
   const std::string end = iso8601(before);  // times of one form are in the order of their texts
@@ -272,18 +291,35 @@ std::optional<std::string> RunWriter::new_label(UtcTime before) {
 // Whoever writes into the file beside us may do so (a checkpoint of another program's own), as long
 // as it stays a database.
 void RunWriter::require_sound() {
+  watch_->restore_index();
   if (harm_.empty()) harm_ = watch_->lost();
-  if (harm_.empty() && (std::exchange(touched_, false) || watch_->touched())) {
+  const bool touched = std::exchange(touched_, false) || watch_->touched();
+  if (harm_.empty() && !touched && watch_->wal_shortened())
+    harm_ = "its -wal file was shortened during the run";
+  if (harm_.empty() && touched) {
     watch_->note();
-    if (const std::string fault = damage(db_, path_); !fault.empty())
-      harm_ = "was damaged during the run: " + fault;
+    harm_ = damage_during_the_run(db_, path_);
   }
+  throw_harm();
+}
+
+// Before the WAL is emptied, as that makes a damage final.
+void RunWriter::require_whole() {
+  harm_ = damage_during_the_run(db_, path_);
+  if (harm_.empty())
+    if (const std::int64_t found = count_records(db_, path_); found != records_)
+      harm_ = "holds " + std::to_string(found) + " records of " + std::to_string(records_);
+  throw_harm();
+}
+
+void RunWriter::throw_harm() const {
   if (!harm_.empty()) throw Error(ExitCode::disk, path_ + ": " + harm_);
 }
 
 bool RunWriter::close(const std::string& status) {
   try {
     require_sound();
+    require_whole();
   } catch (const Error&) {
     leave(status);
   }
@@ -318,6 +354,12 @@ bool RunWriter::close(const std::string& status) {
   return folded;
 }
 
+void RunWriter::close_as_one_file(const std::string& status) {
+  if (!close(status))
+    throw Error(ExitCode::failed, path_ + ": another program reads it, so that its last records " +
+                                      "are not in this file but in " + path_ + "-wal");
+}
+
 // A reader that only follows the run sees its end and goes.
 bool RunWriter::fold() {
   sqlite3_busy_timeout(db_, 0);
@@ -334,7 +376,7 @@ bool RunWriter::fold() {
 void RunWriter::leave(const std::string& status) {
   statements_.reset();
   lock_->release();
-  const Rescue kept = rescue(db_, path_, status);
+  const Rescue kept = rescue(db_, path_, status, records_);
   sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   handle_.reset();
   db_ = nullptr;

@@ -156,6 +156,98 @@ TEST_CASE("a damaged file ends a run, one that is only touched does not") {
   }
 }
 
+TEST_CASE("a run whose WAL is shortened ends at the next record, with all of it in a copy") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite", copy = folder / "a.rescued.sqlite";
+  const std::int64_t records = GENERATE(3, 70);
+  const auto run = begin(path, records);
+  fs::resize_file(path + "-wal", GENERATE(0, 100, 5000));
+  const UtcTime utc = small_record(0).slot_utc;
+  const std::function<void()> next[] = {
+      [&] { run->append(small_record(records)); },
+      [&] { run->put_event(utc, Severity::info, "test", "shortened"); },
+      [&] { run->put_late(0, {}); }, [&] { run->new_label(utc); }};
+  const std::size_t which = GENERATE(0u, 1u, 2u, 3u, 4u);
+  if (which < 4) CHECK(error_of(next[which]).first == ExitCode::disk);
+  const auto [code, text] = error_of([&] { run->close("complete"); });
+  CHECK(code == ExitCode::disk);
+  CHECK(text == path + ": its -wal file was shortened during the run; its " +
+                    std::to_string(records) + " records are in " + copy);
+  check_whole(copy, records, "complete");
+}
+
+TEST_CASE("what others take over from the WAL is not missing in it") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  const auto run = begin(path, 5);
+  std::int64_t records = 5;
+  const auto more = [&] { run->append(small_record(records++)); };
+  SECTION("in two steps") {
+    sql(open(path), "PRAGMA wal_checkpoint");
+    if (GENERATE(false, true)) more();
+    checkpoint(path);
+  }
+  SECTION("of what we took over") {
+    while (fs::file_size(path) == 0 || fs::file_size(path + "-wal") == 0 || records < 300) more();
+    REQUIRE(fs::file_size(path) > 100'000);
+    checkpoint(path);
+    CHECK(fs::file_size(path + "-wal") == 0);
+  }
+  more();
+  CHECK(run->close("complete"));
+  check_whole(path, records, "complete");
+}
+
+TEST_CASE("a run does not need more memory the longer it is") {
+  const Folder folder;
+  const auto before = sqlite3_memory_used();
+  const auto run = begin(folder / "a.sqlite", 0);
+  std::vector<FusedRecord> batch;
+  for (std::int64_t i = 0; i < 20'000; ++i) {
+    batch.push_back(small_record(i));
+    if (batch.size() < 500) continue;
+    run->append(batch);
+    batch.clear();
+    CHECK(sqlite3_memory_used() - before < 2'600'000);
+  }
+  CHECK(fs::file_size(folder / "a.sqlite") > 4'000'000);
+}
+
+TEST_CASE("a run is not closed as complete without all of its records") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  const auto run = begin(path, 6);
+  std::string said;
+  SECTION("some are removed") {
+    sql(open(path), "DELETE FROM record WHERE idx = 4");
+    said = "holds 5 records of 6; 5 of its 6 records are in " + folder / "a.rescued.sqlite";
+  }
+  SECTION("the WAL is overwritten") {
+    overwrite(path + "-wal", 0, fs::file_size(path + "-wal"));
+    said = "was damaged during the run: ";
+  }
+  const auto [code, text] = error_of([&] { run->close("complete"); });
+  CHECK(code == ExitCode::disk);
+  CHECK(has(text, path + ": " + said));
+}
+
+TEST_CASE("a run whose WAL's index is shortened goes on") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  const auto run = begin(path, 6);
+  const auto shorten = [&] { fs::resize_file(path + "-shm", 0); };
+  const UtcTime utc = small_record(0).slot_utc;
+  shorten();
+  CHECK(run->new_label(utc) == std::nullopt);
+  shorten();
+  run->put_event(utc, Severity::info, "test", "shortened");
+  shorten();
+  run->append(small_record(6));
+  shorten();
+  CHECK(run->close("complete"));
+  check_whole(path, 7, "complete");
+}
+
 TEST_CASE("closing does not wait for a reader, who comes later folds the WAL back") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
@@ -165,7 +257,13 @@ TEST_CASE("closing does not wait for a reader, who comes later folds the WAL bac
     sql(reader, "BEGIN; SELECT count(*) FROM record");
     run->append(small_record(5));
     const auto start = std::chrono::steady_clock::now();
-    CHECK_FALSE(run->close("complete"));
+    if (GENERATE(false, true)) {
+      CHECK_FALSE(run->close("complete"));
+    } else {
+      const auto [code, text] = error_of([&] { run->close_as_one_file("complete"); });
+      CHECK(code == ExitCode::failed);
+      CHECK(has(text, "its last records are not in this file but in " + path + "-wal"));
+    }
     CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(3));
     check_whole(path, 6, "complete");
     CHECK(fs::exists(path + "-wal"));
