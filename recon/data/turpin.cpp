@@ -61,7 +61,7 @@ void write_run(const std::string& path, const NpyArray& histograms, const NpyArr
     r.valid.insert(Sensor::depth);
   }
   run.append(records);
-  run.close("complete");
+  run.close_as_one_file("complete");
 }
 
 constexpr const char* notes =

@@ -349,7 +349,7 @@ std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
   }
   const std::int64_t written = write_records(generator, range, writer, options);
   const bool whole = written == range.size();
-  writer.close(whole ? "complete" : "stopped:interrupted");
+  writer.close_as_one_file(whole ? "complete" : "stopped:interrupted");
   if (staged && whole) staged->publish();
   return written;
 }

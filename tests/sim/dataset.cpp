@@ -4,9 +4,13 @@
 #include <sqlite3.h>
 
 #include <algorithm>
+#include <atomic>
 #include <catch2/catch.hpp>
+#include <cstdlib>
 #include <filesystem>
 #include <functional>
+#include <thread>
+#include <utility>
 
 #include "../folder.hpp"
 #include "acquire/record/depth_map.hpp"
@@ -229,6 +233,55 @@ std::string records_of(const std::string& path) {
 }
 
 }  // namespace
+
+namespace {
+
+// Reads a file whose name ends so, from its first moment on, as soon as there is one.
+class Reader {
+ public:
+  Reader(std::filesystem::path folder, std::string end)
+      : thread_([this, folder = std::move(folder), end = std::move(end)] {
+          while (!holds_ && !stop_)
+            for (const auto& file : std::filesystem::directory_iterator(folder))
+              if (file.path().string().ends_with(end)) try_to_hold(file.path().string());
+        }) {}
+  ~Reader() {
+    stop_ = true;
+    thread_.join();
+    sqlite3_close(db_);
+  }
+  bool holds() const { return holds_; }
+
+ private:
+  void try_to_hold(const std::string& path) {
+    sqlite3_open_v2(path.c_str(), &db_, SQLITE_OPEN_READONLY, nullptr);
+    holds_ = sqlite3_exec(db_, "BEGIN; SELECT count(*) FROM record", nullptr, nullptr, nullptr) ==
+             SQLITE_OK;
+    if (!holds_) sqlite3_close(std::exchange(db_, nullptr));
+  }
+  sqlite3* db_ = nullptr;
+  std::atomic<bool> holds_ = false, stop_ = false;
+  std::thread thread_;
+};
+
+}  // namespace
+
+TEST_CASE("a part whose unfinished file somebody reads is not there, rather than there and empty") {
+  const Folder folder;
+  ::setenv("TMPDIR", folder.path.c_str(), 1);
+  Plan plan = small_plan();
+  plan.people = 2000;
+  const std::string place = folder / "part-1.sqlite";
+  std::string said;
+  {
+    const Reader reader(folder.path, ".unfinished");
+    said = error_of([&] { write_dataset(plan, {place, "", 1, true, JobPart::of("1/2")}); });
+    REQUIRE(reader.holds());
+  }
+  ::unsetenv("TMPDIR");
+  CHECK_THAT(said, Catch::Contains("another program reads it"));
+  CHECK(std::filesystem::is_empty(folder.path));
+}
 
 TEST_CASE("the parts of a data set are merged to the whole one, byte by byte of its records") {
   const Folder folder;
