@@ -3,14 +3,11 @@
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
-#include <cstring>
-#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "drivers/core/exit_code.hpp"
 #include "drivers/core/printable.hpp"
+#include "drivers/core/regular_file.hpp"
 #include "drivers/radar/frame_parser.hpp"
 
 namespace echofuse::acquire {
@@ -28,12 +25,9 @@ struct Contents {
 
 template <class Visit>
 void for_each_chunk(const std::string& path, const Visit& visit) {
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw Error(ExitCode::failed, path + ": cannot read: " + std::strerror(errno));
+  const RegularFile in(path, ExitCode::failed);
   std::array<std::uint8_t, chunk_bytes> chunk;
-  while (in.read(reinterpret_cast<char*>(chunk.data()), chunk.size()), in.gcount() > 0)
-    visit(ByteView(chunk.data(), static_cast<std::size_t>(in.gcount())));
-  if (in.bad()) throw Error(ExitCode::failed, path + ": cannot read: " + std::strerror(errno));
+  while (const std::size_t count = in.read(chunk)) visit(ByteView(chunk.data(), count));
 }
 
 Json to_json(const radar::FrameCounts& c, const Contents& contents) {

@@ -4,15 +4,14 @@
 #include <array>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
-#include <cerrno>
 #include <cstring>
-#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "acquire/replay.hpp"
-#include "drivers/core/exit_code.hpp"
+#include "drivers/core/bytes.hpp"
+#include "drivers/core/regular_file.hpp"
 #include "drivers/depth/bridge_camera.hpp"
 #include "drivers/tdc/bridge_tdc.hpp"
 #include "drivers/tdc/usb_protocol.hpp"
@@ -24,22 +23,11 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::size_t chunk_bytes = 64u << 10;
 
-[[noreturn]] void cannot_read(const std::string& path) {
-  throw Error(ExitCode::failed, path + ": cannot read: " + std::strerror(errno));
-}
-
-std::ifstream open_file(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  if (!in) cannot_read(path);
-  return in;
-}
-
 class FilePort final : public port::BytePort {
  public:
   // `at_end` is called once behind the last byte.
   FilePort(boost::asio::io_context& io, const std::string& path, std::function<void()> at_end)
-      : link_(std::make_shared<Link>(
-            Link{io, path, open_file(path), std::move(at_end), {}, false, {}})) {}
+      : link_(new Link{io, path, {path, ExitCode::failed}, std::move(at_end), {}, false, {}}) {}
   ~FilePort() override { link_->closed = true; }
   FilePort(const FilePort&) = delete;
   FilePort& operator=(const FilePort&) = delete;
@@ -57,7 +45,7 @@ class FilePort final : public port::BytePort {
   struct Link {
     boost::asio::io_context& io;
     std::string path;
-    std::ifstream file;
+    RegularFile file;
     std::function<void()> at_end;
     port::PortHandlers handlers;
     bool closed;
@@ -71,9 +59,7 @@ class FilePort final : public port::BytePort {
   }
   static void step(const std::shared_ptr<Link>& link) {
     link->chunk.resize(chunk_bytes);
-    link->file.read(reinterpret_cast<char*>(link->chunk.data()), chunk_bytes);
-    if (link->file.bad()) cannot_read(link->path);
-    const auto count = static_cast<std::size_t>(link->file.gcount());
+    const std::size_t count = link->file.read(link->chunk);
     if (count > 0) link->handlers.bytes(ByteView(link->chunk).first(count));
     if (link->closed) return;
     if (count > 0) return later(link, step);
@@ -144,17 +130,17 @@ Json play_transfers(const std::vector<std::string>& paths) {
   tdc::usb::RecordReader reader;
   std::uint64_t transfers = 0, bytes = 0, cut = 0;
   for (const std::string& path : paths) {
-    std::ifstream in = open_file(path);
-    std::uint32_t head = 0;
+    const RegularFile in(path, ExitCode::failed);
+    std::array<std::uint8_t, sizeof(std::uint32_t)> first{};
     std::vector<Tag> tags;
-    while (in.read(reinterpret_cast<char*>(&head), sizeof head)) {
+    while (in.read(first) == first.size()) {
+      const auto head = ByteReader(first).get<std::uint32_t>();
       const std::size_t size = head & tdc::usb::kept_bytes_mask;
       if (size > (std::size_t{64} << 20))
         throw Error(ExitCode::failed, path + ": a transfer of " + std::to_string(size) +
                                           " bytes: these are no kept USB transfers");
       Bytes transfer(size);
-      in.read(reinterpret_cast<char*>(transfer.data()), static_cast<std::streamsize>(size));
-      if (static_cast<std::size_t>(in.gcount()) < size) {
+      if (in.read(transfer) < size) {
         ++cut;
         break;
       }
@@ -167,7 +153,6 @@ Json play_transfers(const std::vector<std::string>& paths) {
       ++transfers;
       bytes += size;
     }
-    if (in.bad()) cannot_read(path);
   }
   const tdc::usb::RecordCounts& c = reader.counts();
   return {{"bytes", bytes}, {"transfers", transfers},
@@ -176,9 +161,8 @@ Json play_transfers(const std::vector<std::string>& paths) {
 }
 
 bool holds_blocks(const std::string& path) {
-  std::array<char, 4> begin{};
-  std::ifstream in = open_file(path);
-  if (!in.read(begin.data(), begin.size()) && in.bad()) cannot_read(path);
+  std::array<std::uint8_t, 4> begin{};
+  RegularFile(path, ExitCode::failed).read(begin);
   return std::memcmp(begin.data(), "EFBR", begin.size()) == 0 || !path.ends_with(".usb");
 }
 

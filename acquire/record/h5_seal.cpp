@@ -2,7 +2,6 @@
 // Sealed files: the checksum in front, and the structure behind it (h5.hpp).
 #include <fcntl.h>
 #include <libdeflate.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -13,6 +12,7 @@
 #include "acquire/record/h5_handle.hpp"
 #include "drivers/core/bytes.hpp"
 #include "drivers/core/exit_code.hpp"
+#include "drivers/core/regular_file.hpp"
 
 namespace echofuse::record {
 namespace {
@@ -27,37 +27,15 @@ constexpr std::size_t longest_name = 64, longest_attribute = 4096;
   throw Error(ExitCode::failed, path + ": " + why);
 }
 
-class Descriptor {
- public:
-  Descriptor(const std::string& path, int flags) : fd_(::open(path.c_str(), flags | O_CLOEXEC)) {}
-  ~Descriptor() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  bool ok() const { return fd_ >= 0; }
-  // The bytes of a regular file; 0 of any other.
-  std::size_t size() const {
-    struct stat s {};
-    return ::fstat(fd_, &s) == 0 && S_ISREG(s.st_mode) ? static_cast<std::size_t>(s.st_size) : 0;
-  }
-  // False if there are fewer bytes.
-  bool read(std::span<std::uint8_t> out) const {
-    while (!out.empty()) {
-      const ssize_t n = ::read(fd_, out.data(), out.size());
-      if (n < 0 && errno == EINTR) continue;
-      if (n <= 0) return false;
-      out = out.subspan(static_cast<std::size_t>(n));
-    }
-    return true;
-  }
-  bool write_at_start(ByteView bytes) const {
-    return ::pwrite(fd_, bytes.data(), bytes.size(), 0) == static_cast<ssize_t>(bytes.size());
-  }
-
- private:
-  int fd_;
-};
+bool write_at_start(const std::string& path, ByteView bytes) {
+  const int fd = ::open(path.c_str(), O_WRONLY | O_CLOEXEC);
+  const bool good =
+      fd >= 0 && ::pwrite(fd, bytes.data(), bytes.size(), 0) == static_cast<ssize_t>(bytes.size());
+  const int reason = errno;
+  if (fd >= 0) ::close(fd);
+  errno = reason;
+  return good;
+}
 
 std::uint32_t checksum(ByteView bytes, std::uint32_t before = 0) {
   return ::libdeflate_crc32(before, bytes.data(), bytes.size());
@@ -235,8 +213,8 @@ class Inspection {
 }  // namespace
 
 void H5File::seal(const std::string& path) {
-  const Descriptor file(path, O_RDWR);
-  std::size_t left = file.ok() ? file.size() : 0;
+  const RegularFile file(path, ExitCode::disk);
+  std::size_t left = file.size();
   const std::size_t length = left;
   if (length > most_bytes)
     throw Error(ExitCode::failed,
@@ -245,29 +223,26 @@ void H5File::seal(const std::string& path) {
                     " can be read again: use fewer records, or a model that keeps "
                     "none of them");
   Bytes part(std::size_t{1} << 16);
-  bool good = length >= seal_bytes && file.read(std::span(part).first(seal_bytes));
+  bool good = length >= seal_bytes && file.read(std::span(part).first(seal_bytes)) == seal_bytes;
   std::uint32_t crc = 0;
   for (left -= good ? seal_bytes : 0; good && left > 0;) {
     const auto some = std::span(part).first(std::min(left, part.size()));
-    good = file.read(some);
+    good = file.read(some) == some.size();
     crc = checksum(some, crc);
     left -= some.size();
   }
-  if (!good || !file.write_at_start(make_seal(crc, length)))
+  if (!good || !write_at_start(path, make_seal(crc, length)))
     throw Error(ExitCode::disk, path + ": cannot seal: " + std::strerror(errno));
 }
 
 H5File H5File::open_sealed(const std::string& path) {
-  const Descriptor file(path, O_RDONLY | O_NONBLOCK);
-  if (!file.ok()) refuse_file(path, std::string("cannot be read: ") + std::strerror(errno));
-  Bytes contents(seal_bytes);
+  const RegularFile file(path, ExitCode::failed);
   const std::size_t length = file.size();
-  contents.resize(std::min(length, seal_bytes));
-  if (!file.read(contents))
-    refuse_file(path, std::string("cannot be read: ") + std::strerror(errno));
+  Bytes contents(std::min(length, seal_bytes));
+  file.read(contents);
   check_head(contents, length, path);
   contents.resize(length);
-  if (!file.read(std::span(contents).subspan(seal_bytes)))
+  if (file.read(std::span(contents).subspan(seal_bytes)) < length - seal_bytes)
     refuse_file(path, "became shorter while it was read");
   return open_sealed(path, std::move(contents));
 }

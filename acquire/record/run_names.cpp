@@ -29,7 +29,9 @@ std::string with_run_extension(const std::string& name) {
 }
 
 std::string old_run(const std::string& name) {
-  return std::filesystem::is_regular_file(name) ? name : with_run_extension(name);
+  const auto found = std::filesystem::status(name);
+  const bool is_there = std::filesystem::exists(found) && !std::filesystem::is_directory(found);
+  return is_there ? name : with_run_extension(name);
 }
 
 std::string new_run(const std::string& out) {

@@ -2,6 +2,7 @@
 // The few calls of SQLite that we need, with errors as exceptions.
 #pragma once
 #include <sqlite3.h>
+#include <unistd.h>
 
 #include <concepts>
 #include <limits>
@@ -12,6 +13,7 @@
 #include "drivers/core/bytes.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/printable.hpp"
+#include "drivers/core/regular_file.hpp"
 
 namespace echofuse::record {
 
@@ -30,10 +32,18 @@ inline Error damaged(const std::string& path) {
               printable(path) + ": " + doing + ": " + printable(sqlite3_errmsg(db)));
 }
 
+// Of all that SQLite opens for the database of this name.
+inline void require_regular_files(const std::string& path) {
+  for (const char* beside : {"", "-wal", "-shm", "-journal"})
+    if (::access((path + beside).c_str(), F_OK) == 0)
+      require_regular(path + beside, ExitCode::failed);
+}
+
 using DatabaseHandle = std::unique_ptr<sqlite3, int (*)(sqlite3*)>;
 
 // To read and write a file that exists; `flags`: more of SQLITE_OPEN_*. Throws as sqlite_fail().
 inline DatabaseHandle open_database(const std::string& path, const char* doing, int flags = 0) {
+  require_regular_files(path);
   sqlite3* db = nullptr;
   const int code = sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READWRITE | flags, nullptr);
   DatabaseHandle out(db, sqlite3_close);

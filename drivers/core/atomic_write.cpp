@@ -1,38 +1,59 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/core/atomic_write.hpp"
 
+#include <fcntl.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
-#include <fstream>
+#include <random>
+#include <utility>
 
 #include "drivers/core/exit_code.hpp"
+#include "drivers/core/printable.hpp"
 
 namespace echofuse {
-namespace {
 
-[[noreturn]] void fail(const std::string& path) {
-  throw Error(ExitCode::disk, path + ": cannot be written: " + std::strerror(errno));
+UnfinishedFile::UnfinishedFile(const std::string& path) : path_(path) {
+  std::random_device random;
+  do {
+    char name[16];
+    std::snprintf(name, sizeof name, ".%08x.part", random());
+    part_ = path + name;
+    fd_ = ::open(part_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+  } while (fd_ < 0 && errno == EEXIST);
+  if (fd_ < 0) fail();
 }
 
-}  // namespace
+UnfinishedFile::~UnfinishedFile() {
+  if (fd_ >= 0) ::close(fd_);
+  if (!part_.empty()) ::unlink(part_.c_str());
+}
 
-void write_atomically(const std::string& path,
-                      const std::function<void(const std::string& part)>& write) {
-  const std::string part = path + ".part";
-  write(part);
-  if (std::rename(part.c_str(), path.c_str()) != 0) fail(path);
+void UnfinishedFile::append(std::string_view text) const {
+  while (!text.empty()) {
+    const ssize_t n = ::write(fd_, text.data(), text.size());
+    if (n < 0 && errno != EINTR) fail();
+    if (n > 0) text.remove_prefix(static_cast<std::size_t>(n));
+  }
+}
+
+void UnfinishedFile::publish() {
+  if (::close(std::exchange(fd_, -1)) != 0) fail();
+  if (std::rename(part_.c_str(), path_.c_str()) != 0) fail();
+  part_.clear();
+}
+
+void UnfinishedFile::fail() const {
+  throw Error(ExitCode::disk, printable(path_) + ": cannot be written: " + std::strerror(errno));
 }
 
 void write_atomically(const std::string& path, std::string_view text) {
-  write_atomically(path, [&](const std::string& part) {
-    std::ofstream out(part, std::ios::binary);
-    out << text;
-    out.close();
-    if (!out) fail(path);
-  });
+  UnfinishedFile file(path);
+  file.append(text);
+  file.publish();
 }
 
 void let_group_read(int file) {

@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/core/settings.hpp"
 
-#include <sys/stat.h>
 #include <toml++/toml.h>
 
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <fstream>
 #include <sstream>
 
 #include "drivers/core/printable.hpp"
+#include "drivers/core/regular_file.hpp"
 
 namespace echofuse {
 namespace {
@@ -113,23 +112,10 @@ void refuse(const std::vector<std::string>& faults) {
 }
 
 std::string read_config_text(const std::string& path) {
-  const auto fail = [&](const char* why) {
-    throw Error(ExitCode::config, path + ": " + why + "; expected a text file");
-  };
-  struct stat file {};
-  if (::stat(path.c_str(), &file) == 0 && S_ISDIR(file.st_mode)) fail("is a folder");
-  std::ifstream in(path, std::ios::binary);
-  if (!in.is_open()) fail("cannot read");
-  std::string text;
-  constexpr std::size_t longest = 64u << 20, part = 64u << 10;  // a device may have no end
-  while (in && text.size() <= longest) {
-    const std::size_t before = text.size();
-    text.resize(before + part);
-    in.read(text.data() + before, part);
-    text.resize(before + static_cast<std::size_t>(in.gcount()));
-  }
-  if (in.bad()) fail("cannot read");
-  if (text.size() > longest) fail("has more than 64 MiB");
+  constexpr std::size_t longest = 64u << 20;
+  auto text = RegularFile(path, ExitCode::config).rest<std::string>(longest);
+  if (text.size() > longest)
+    throw Error(ExitCode::config, printable(path) + ": has more than 64 MiB; expected a text file");
   return text;
 }
 

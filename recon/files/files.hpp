@@ -7,11 +7,10 @@
 
 namespace echofuse::recon {
 
-Bytes read_file(const std::string& path);                           // throws Error(failed)
-std::string read_text(const std::string& path);                     // throws Error(failed)
-void write_file(const std::string& path, ByteView contents);        // throws Error(disk)
-void write_text(const std::string& path, const std::string& text);  // throws Error(disk)
-void make_folder(const std::string& path);                          // throws Error(disk)
+Bytes read_file(const std::string& path);                     // throws Error(failed)
+std::string read_text(const std::string& path);               // throws Error(failed)
+void write_file(const std::string& path, ByteView contents);  // as write_atomically()
+void make_folder(const std::string& path);                    // throws Error(disk)
 
 // Removed again at the end, with what SQLite and a run's writer keep beside a run file.
 struct TemporaryFile {

@@ -5,7 +5,6 @@
 #include <zlib.h>
 
 #include <cerrno>
-#include <cstdio>
 #include <cstdlib>
 #include <limits>
 
@@ -53,7 +52,8 @@ void put_facts(Bytes& out, std::uint32_t crc, std::uint64_t size, const std::str
 
 NpzFile::NpzFile(const std::string& path)
     : path_(path),
-      out_(path + ".part", std::ios::binary | std::ios::in | std::ios::out | std::ios::trunc) {
+      file_(path),
+      out_(file_.path(), std::ios::binary | std::ios::in | std::ios::out) {
   flush();
 }
 
@@ -137,8 +137,8 @@ void NpzFile::close() {
   write(tail);
   flush();
   out_.close();
-  if (!out_ || std::rename((path_ + ".part").c_str(), path_.c_str()) != 0)
-    throw Error(ExitCode::disk, path_ + ": cannot write: " + std::strerror(errno));
+  if (!out_) throw Error(ExitCode::disk, path_ + ": cannot write: " + std::strerror(errno));
+  file_.publish();
 }
 
 }  // namespace echofuse::recon

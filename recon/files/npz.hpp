@@ -13,12 +13,13 @@
 #include <string>
 #include <vector>
 
+#include "drivers/core/atomic_write.hpp"
 #include "drivers/core/bytes.hpp"
 
 namespace echofuse::recon {
 
 // Every member throws Error(disk) if a write fails, and Error(failed) beyond 4 GiB, which is where
-// plain zip ends. What close() has not finished is left as PATH.part.
+// plain zip ends. What close() has not finished is removed.
 class NpzFile {
  public:
   explicit NpzFile(const std::string& path);
@@ -48,6 +49,7 @@ class NpzFile {
   void flush();
 
   std::string path_;
+  UnfinishedFile file_;
   std::fstream out_;
   Bytes waiting_;  // to be written, as each system call for a single map takes as long as the map
   std::vector<Member> members_;

@@ -26,8 +26,12 @@ void Film::start(const chart::Raster& first) {
       "ffmpeg",   "-v",    "error", "-y", "-f", "rawvideo",
       "-pix_fmt", "rgb24", "-s",    size, "-r", std::to_string(film_frames_per_s),
       "-i",       "-"};
-  if (!path_.ends_with(".gif")) words.insert(words.end(), {"-pix_fmt", "yuv420p"});
-  words.push_back(path_);
+  file_.emplace(path_);
+  if (path_.ends_with(".gif"))
+    words.insert(words.end(), {"-f", "gif"});
+  else
+    words.insert(words.end(), {"-pix_fmt", "yuv420p", "-f", "mp4"});
+  words.push_back(file_->path());
   const auto program = start_program(words, {.folder = {}, .input = ends[0]});
   ::close(ends[0]);
   input_ = ends[1];
@@ -50,8 +54,9 @@ int Film::stop() {
 }
 
 void Film::close() {
-  if (input_ >= 0 && stop() != 0)
-    throw Error(ExitCode::failed, path_ + ": ffmpeg made no film (Debian: ffmpeg)");
+  if (input_ < 0) return;
+  if (stop() != 0) throw Error(ExitCode::failed, path_ + ": ffmpeg made no film (Debian: ffmpeg)");
+  file_->publish();
 }
 
 }  // namespace echofuse::recon

@@ -3,10 +3,12 @@
 #pragma once
 #include <sys/types.h>
 
+#include <optional>
 #include <string>
 #include <utility>
 
 #include "drivers/chart/colour_map.hpp"
+#include "drivers/core/atomic_write.hpp"
 
 namespace echofuse::recon {
 
@@ -27,6 +29,7 @@ class Film {
   void start(const chart::Raster& first);
   int stop();
   std::string path_;
+  std::optional<UnfinishedFile> file_;
   pid_t program_ = 0;
   int input_ = -1;
 };

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "drivers/core/atomic_write.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/printable.hpp"
 #include "drivers/core/program.hpp"
@@ -48,7 +49,7 @@ std::string begin_map_part(const std::string& folder, const JobPart& part,
   std::error_code ignored;
   fs::remove_all(out, ignored);
   make_folder(out);
-  write_text(out + what_file, what);
+  write_atomically(out + what_file, what);
   return out;
 }
 

@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "acquire/record/run_file.hpp"
+#include "drivers/core/atomic_write.hpp"
 #include "drivers/core/console.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/csv.hpp"
@@ -35,12 +36,12 @@ bool wants_uncertainty(const ReconstructOptions& options) {
 
 class StatusTable {
  public:
-  explicit StatusTable(const std::string& path)
-      : path_(path), out_(path, std::ios::binary | std::ios::trunc) {
-    out_ << "record,status,after_slot_s,lateral_interval_90_m,distance,two_bodies,"
-            "out_of_distribution,radar_shift_m,uncertainty,"
-            "bodies,second_x_m,second_z_m,second_lateral_interval_90_m\n";
-    flush();
+  explicit StatusTable(const std::string& path) : path_(path) {
+    write_atomically(path,
+                     "record,status,after_slot_s,lateral_interval_90_m,distance,two_bodies,"
+                     "out_of_distribution,radar_shift_m,uncertainty,"
+                     "bodies,second_x_m,second_z_m,second_lateral_interval_90_m\n");
+    out_.open(path, std::ios::binary | std::ios::app);
   }
   void add(const RecordStatus& r) {
     const std::string of_bodies = r.uncertainty ? r.uncertainty->note : "";
@@ -304,7 +305,7 @@ void run_whole(const TrainedModel& model, const std::string& path,
                const ReconstructOptions& options, const std::string& marker,
                const MapParts& parts) {
   make_folder(options.out);
-  write_text(options.out + "/run.txt", marker);
+  write_atomically(options.out + "/run.txt", marker);
   Reconstruction work(model, options, &parts);
   if (!options.follow) work.take_all(record::RunReader(path));
   while (options.follow && !interrupted()) {

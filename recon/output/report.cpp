@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "acquire/record/h5.hpp"
+#include "drivers/core/atomic_write.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "recon/estimator/empty_room.hpp"
 #include "recon/estimator/predict.hpp"
@@ -284,14 +285,14 @@ Report make_report(const ReportOptions& options) {
 std::string write_report(const Report& report, const std::string& dir) {
   make_folder(dir);
   for (const ShownRecord& shown : report.main)
-    write_text(dir + "/" + shown.file + ".svg", stand_alone(shown, report.span)),
-        write_text(dir + "/" + shown.file + "_blur.svg", blur_alone(shown, report.span)),
-        write_text(dir + "/" + shown.file + "_maps.svg", maps_alone(shown, report.span));
+    write_atomically(dir + "/" + shown.file + ".svg", stand_alone(shown, report.span)),
+        write_atomically(dir + "/" + shown.file + "_blur.svg", blur_alone(shown, report.span)),
+        write_atomically(dir + "/" + shown.file + "_maps.svg", maps_alone(shown, report.span));
   if (report.story && !report.story->outlines.empty())
-    write_text(dir + "/timeline.svg",
-               chart::stand_alone(report.story->path, {timeline(*report.story, 1100)}, 1));
+    write_atomically(dir + "/timeline.svg",
+                     chart::stand_alone(report.story->path, {timeline(*report.story, 1100)}, 1));
   const std::string path = dir + "/report.html";
-  write_text(path, to_html(report));
+  write_atomically(path, to_html(report));
   return path;
 }
 

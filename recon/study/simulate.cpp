@@ -8,6 +8,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "drivers/core/atomic_write.hpp"
 #include "drivers/core/console.hpp"
 #include "drivers/core/program.hpp"
 #include "drivers/core/staged_file.hpp"
@@ -95,7 +96,7 @@ Dataset Simulator::make(const World& world, std::size_t records, std::uint64_t s
   for (const auto* set : {&set_, &world.set})
     for (const auto& assignment : *set) words.insert(words.end(), {"--set", assignment});
   if (world.at_x_m) {
-    write_text(list.path, scene_list(*world.at_x_m, records));
+    write_atomically(list.path, scene_list(*world.at_x_m, records));
     words.insert(words.end(), {"--set", "scenes=" + list.path});
   } else {
     words.insert(words.end(), {"--" + world.scenes, std::to_string(records)});

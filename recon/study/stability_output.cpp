@@ -8,6 +8,7 @@
 #include "drivers/chart/chart.hpp"
 #include "drivers/chart/page.hpp"
 #include "drivers/chart/style.hpp"
+#include "drivers/core/atomic_write.hpp"
 #include "drivers/core/console.hpp"
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
@@ -216,13 +217,13 @@ std::vector<chart::Panel> panels_of(const StabilityOptions& o, const StabilityRe
 
 void write_stability(const StabilityOptions& options, const std::vector<Measurement>& rows,
                      const std::vector<StabilityResult>& results) {
-  write_text(options.out + "/stability.csv", to_csv(rows));
-  write_text(options.out + "/stability.html", to_html(options, results));
+  write_atomically(options.out + "/stability.csv", to_csv(rows));
+  write_atomically(options.out + "/stability.html", to_html(options, results));
   for (const auto& result : results)
-    write_text(options.out + "/" + result.axis.id() + ".svg",
-               chart::stand_alone(capitalised(result.axis.title) + ", " + result.axis.kind() +
-                                      ": " + meaning_of(result.axis),
-                                  panels_of(options, result), 2));
+    write_atomically(options.out + "/" + result.axis.id() + ".svg",
+                     chart::stand_alone(capitalised(result.axis.title) + ", " + result.axis.kind() +
+                                            ": " + meaning_of(result.axis),
+                                        panels_of(options, result), 2));
 }
 
 std::string to_text(const std::vector<StabilityResult>& results) {

@@ -50,7 +50,7 @@ std::string FollowedRun::find() const {
   std::int64_t newest_ns = 0;
   for (fs::directory_iterator it(target_, none), end; it != end; it.increment(none)) {
     const fs::path& path = it->path();
-    if (path.extension() != ".sqlite") continue;
+    if (path.extension() != ".sqlite" || !it->is_regular_file(none)) continue;
     const std::int64_t ns = stamp_of(path.string()).changed_ns;
     if (ns > newest_ns) newest = path.string(), newest_ns = ns;
   }

@@ -2,12 +2,12 @@
 #include "sim/cli/fit_command.hpp"
 
 #include <filesystem>
-#include <fstream>
 #include <iostream>
 #include <memory>
 
 #include "acquire/record/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
+#include "drivers/core/atomic_write.hpp"
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
 #include "sim/fit/fit.hpp"
@@ -67,10 +67,7 @@ ExitCode run_fit(FitArguments& a) {
   });
   const Fit fit = fit_twin(records, a.options);
   std::cout << report_of(fit);
-  std::ofstream out(a.out);
-  out << twin_of(fit, std::filesystem::path(a.run).filename().string());
-  out.close();
-  if (!out) throw Error(ExitCode::disk, a.out + ": cannot be written");
+  write_atomically(a.out, twin_of(fit, std::filesystem::path(a.run).filename().string()));
   return ExitCode::ok;
 }
 

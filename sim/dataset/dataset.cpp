@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <atomic>
 #include <filesystem>
-#include <fstream>
 #include <future>
 #include <thread>
 #include <utility>
@@ -127,10 +126,8 @@ record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
 // What is in the files that a plan names.
 std::string files_of(const Plan& plan) {
   std::string out;
-  for (const std::string& path : {plan.scenes, plan.conditions.object}) {
-    std::ifstream in(path, std::ios::binary);
-    if (!path.empty()) out.append(std::istreambuf_iterator<char>(in), {});
-  }
+  for (const std::string& path : {plan.scenes, plan.conditions.object})
+    if (!path.empty()) out += read_config_text(path);
   return out;
 }
 

@@ -12,7 +12,6 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
@@ -33,23 +32,23 @@ constexpr char first_line[] = "# echofuse-sim lab";
 constexpr char default_radar_cfg[] = "radar/xwr68xx_paper_50cm";
 constexpr char module_name[] = "libechofuse_sim_depth.so";
 // What a laboratory puts into its directory, and of that what a closed one leaves behind.
-const char* const transient[] = {"radar-cli",  "radar-data", "radar-cli.new", "radar-data.new",
-                                 "depth.sock", "openni",     "lab.toml.part"};
+const char* const transient[] = {"radar-cli",      "radar-data", "radar-cli.new",
+                                 "radar-data.new", "depth.sock", "openni"};
 const char* const lasting[] = {"lab.toml", "radar.cfg", "sent.json"};
 
-void write_file(const fs::path& path, const std::string& text) {
-  std::ofstream out(path, std::ios::binary);
-  out << text;
-  out.close();
-  if (!out) throw Error(ExitCode::disk, path.string() + ": cannot write");
+// What a killed laboratory leaves of a file that it was writing.
+bool is_unfinished(const std::string& name) {
+  return name.ends_with(".part") &&
+         std::any_of(std::begin(lasting), std::end(lasting),
+                     [&](const std::string& file) { return name.starts_with(file + "."); });
 }
 
 bool is_ours(const fs::path& dir) {
-  std::ifstream former(dir / "lab.toml");
-  std::string line;
-  if (std::getline(former, line) && line.rfind(first_line, 0) == 0) return true;
+  if (const fs::path former = dir / "lab.toml"; fs::exists(former))
+    if (read_config_text(former).starts_with(first_line)) return true;
   const auto own = [](const std::string& name) {
-    return std::find(std::begin(transient), std::end(transient), name) != std::end(transient) ||
+    return is_unfinished(name) ||
+           std::find(std::begin(transient), std::end(transient), name) != std::end(transient) ||
            std::find(std::begin(lasting), std::end(lasting), name) != std::end(lasting);
   };
   return std::all_of(fs::directory_iterator(dir), {}, [&](const fs::directory_entry& entry) {
@@ -99,14 +98,6 @@ fs::path find_radar_cfg(const LabOptions& options) {
   if (!options.radar_cfg.empty()) return options.radar_cfg;
   return data_folder() /
          (default_radar_cfg + std::string(options.radar_sdk == "3.4" ? "_sdk3.4.cfg" : ".cfg"));
-}
-
-std::string read_cfg(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::ostringstream text;
-  if (!in || !(text << in.rdbuf()))
-    throw Error(ExitCode::config, path.string() + ": cannot read the radar configuration");
-  return text.str();
 }
 
 // Where OpenNI2 is installed, as the build found it.
@@ -200,7 +191,7 @@ struct Lab::Parts {
   }
 
   void start() {
-    const std::string cfg = read_cfg(find_radar_cfg(options));
+    const std::string cfg = read_config_text(find_radar_cfg(options));
     remove(std::begin(transient), std::end(transient));
     remove(std::begin(lasting), std::end(lasting));
     const std::string label = options.schedule.hold_s > 0 ? "" : player.at(0).scene.label;
@@ -216,8 +207,8 @@ struct Lab::Parts {
     depth = make_depth_feed(
         io, player, {.socket_path = (dir / "depth.sock").string(), .seed = seed, .plan = plan});
     make_openni(dir);
-    write_file(dir / "radar.cfg", cfg);
-    write_atomically((dir / "lab.toml").string(), lab_toml(options, dir, tdc_address, label));
+    write_atomically(dir / "radar.cfg", cfg);
+    write_atomically(dir / "lab.toml", lab_toml(options, dir, tdc_address, label));
   }
 
   // Returns its address.
@@ -272,7 +263,7 @@ void Lab::serve(const std::function<bool()>& done) {
   for (Device* device : {parts_->tdc, parts_->radar.get(), parts_->depth.get()}) device->stop();
   parts_->io.run_for(patience);
   parts_->remove(std::begin(transient), std::end(transient));
-  write_file(parts_->dir / "sent.json", sent() + "\n");
+  write_atomically(parts_->dir / "sent.json", sent() + "\n");
   if (parts_->journal) parts_->journal->close();
 }
 

@@ -9,6 +9,7 @@
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
+#include "drivers/core/settings.hpp"
 #include "drivers/core/staged_file.hpp"
 #include "sim/study/each_scene.hpp"
 
@@ -42,8 +43,7 @@ std::optional<std::pair<std::size_t, SceneRow>> parse(const std::string& line) {
 }
 
 void read_part(const std::string& path, const std::string& head, Rows& rows) {
-  std::ifstream in(path);
-  std::istringstream wanted(head);
+  std::istringstream in(read_config_text(path)), wanted(head);
   std::string line, expected;
   while (std::getline(wanted, expected))
     if (!std::getline(in, line) || line != expected)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // echofuse-acquire as a user meets it: exit codes, one line of error, what it prints.
 #include <signal.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -120,9 +121,35 @@ TEST_CASE("config check says ok or all faults, config show prints values with th
   CHECK(has(bad.text, "--set tdc.bins=0: expected a whole number"));
   CHECK(has(bad.text, "--set a=1: unknown key"));
   refuses("config check --config " + folder / "none.toml", 3, "none.toml: cannot read");
-  refuses("config check --config " + folder / "", 3, "is a folder; expected a text file");
-  refuses("config check --config /dev/zero", 3, "/dev/zero: has more than 64 MiB");
+  refuses("config check --config " + folder / "", 3, "is a folder; expected a regular file");
+  refuses("config check --config /dev/zero", 3, "/dev/zero: is a device; expected a regular file");
   CHECK(acquire("config check --config /dev/stdin < " + path).code == 0);
+}
+
+TEST_CASE("a FIFO in place of a file is refused, and nobody waits for its writer") {
+  const Folder folder;
+  write_run(folder / "a.sqlite", 2);
+  REQUIRE(::mkfifo((folder / "f.sqlite").c_str(), 0666) == 0);
+  const std::string fifo = folder / "f.sqlite", why = "f.sqlite: is a FIFO; expected a regular";
+  for (const std::string& command :
+       {"info " + fifo, "note " + fifo + " x", "mark " + fifo + " x", "recover " + fifo,
+        "export " + fifo + " --to " + folder / "x.h5", "replay --radar " + fifo,
+        "replay --tdc " + fifo, "replay --depth " + fifo,
+        "merge " + fifo + " " + folder / "a.sqlite" + " --out " + folder / "m"})
+    refuses(command, 1, why);
+  refuses("info /dev/null", 1, "/dev/null: is a device; expected a regular file");
+  refuses("config check --config " + fifo, 3, why);
+  write_file(folder / "lab.toml", "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n");
+  const std::string set = "config check --config " + folder / "lab.toml" + " --set ";
+  refuses(set + "run.calibration=" + fifo, 3, why);
+  refuses(set + "radar.cli=serial:/x --set radar.data=serial:/y --set radar.cfg=" + fifo, 3, why);
+  for (const char* beside : {"-wal", "-shm", "-journal"}) {
+    const std::string name = folder / "a.sqlite" + beside;
+    REQUIRE(::mkfifo(name.c_str(), 0666) == 0);
+    refuses("info " + folder / "a.sqlite", 1, name + ": is a FIFO");
+    fs::remove(name);
+  }
+  CHECK(acquire("info " + folder / "a.sqlite").code == 0);
 }
 
 TEST_CASE("what cannot be printed is a failure") {

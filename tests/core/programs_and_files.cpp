@@ -1,16 +1,23 @@
 // SPDX-License-Identifier: MIT
 #include <fcntl.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <stdexcept>
+#include <thread>
 
+#include "../full_disk.hpp"
 #include "drivers/core/atomic_write.hpp"
+#include "drivers/core/bytes.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "drivers/core/program.hpp"
+#include "drivers/core/regular_file.hpp"
 
 using namespace echofuse;
 namespace fs = std::filesystem;
@@ -38,15 +45,92 @@ TEST_CASE("a file is replaced as a whole, or stays as it was") {
   const std::string path = folder.path / "a.txt";
   write_atomically(path, "old");
   CHECK(text_of(path) == "old");
-  const auto cut = [](const std::string& part) {
-    std::ofstream(part) << "ha";
-    throw std::runtime_error("no more");
-  };
-  CHECK_THROWS_AS(write_atomically(path, cut), std::runtime_error);
+  {
+    const test::FullDisk disk(2);
+    CHECK_THROWS_WITH(write_atomically(path, "half of it"),
+                      path + ": cannot be written: File too large");
+  }
   CHECK(text_of(path) == "old");
+  CHECK(std::distance(fs::directory_iterator(folder.path), {}) == 1);
   write_atomically(path, "new");
   CHECK(text_of(path) == "new");
   CHECK_THROWS_AS(write_atomically(folder.path / "none" / "a.txt", "new"), Error);
+}
+
+TEST_CASE("what is written follows no link that was put there before") {
+  const Folder folder;
+  const std::string path = folder.path / "a.txt", victim = folder.path / "victim";
+  std::ofstream(victim) << "precious";
+  fs::create_symlink(victim, path);
+  fs::create_symlink(victim, path + ".part");
+  write_atomically(path, "new");
+  CHECK(text_of(victim) == "precious");
+  CHECK(text_of(path) == "new");
+  CHECK_FALSE(fs::is_symlink(path));
+  CHECK(fs::is_symlink(path + ".part"));
+  CHECK(std::distance(fs::directory_iterator(folder.path), {}) == 3);
+}
+
+TEST_CASE("only regular files are read") {
+  const Folder folder;
+  const auto refused = [](const std::string& path, const std::string& why) {
+    CHECK_THROWS_WITH(RegularFile(path, ExitCode::failed), path + ": " + why);
+    CHECK_THROWS_WITH(require_regular(path, ExitCode::failed), path + ": " + why);
+  };
+  REQUIRE(::mkfifo((folder.path / "fifo").c_str(), 0666) == 0);
+  refused(folder.path / "fifo", "is a FIFO; expected a regular file");
+  sockaddr_un address{AF_UNIX, {}};
+  (folder.path / "socket").string().copy(address.sun_path, sizeof address.sun_path - 1);
+  const int socket = ::socket(AF_UNIX, SOCK_STREAM, 0);
+  REQUIRE(::bind(socket, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0);
+  refused(folder.path / "socket", "is a socket; expected a regular file");
+  ::close(socket);
+  refused("/dev/zero", "is a device; expected a regular file");
+  refused(folder.path, "is a folder; expected a regular file");
+  refused(folder.path / "none", "cannot read: No such file or directory");
+  std::ofstream(folder.path / "text") << "12345";
+  fs::create_symlink("text", folder.path / "link");
+  const auto read = [&](std::size_t most) {
+    return RegularFile(folder.path / "link", ExitCode::failed).rest<std::string>(most);
+  };
+  for (const std::size_t most : {5, 6, 100}) CHECK(read(most) == "12345");
+  CHECK(read(4) == "12345");  // one byte more than the most tells that it is longer
+  CHECK(read(1) == "12");
+  CHECK(read(0) == "1");
+  std::ofstream(folder.path / "large") << std::string(100'000, 'x') << "end";
+  const auto large = RegularFile(folder.path / "large", ExitCode::failed).rest<Bytes>();
+  CHECK(large.size() == 100'003);
+  CHECK(large.back() == 'd');
+  // The kernel says that it is empty.
+  CHECK(RegularFile("/proc/self/maps", ExitCode::failed).rest<std::string>().size() > 100);
+}
+
+TEST_CASE("a FIFO that takes a file's place as it is opened is seen") {
+  const Folder folder;
+  const std::string path = folder.path / "a", file = folder.path / "file",
+                    fifo = folder.path / "fifo";
+  std::ofstream(file) << "text";
+  REQUIRE(::mkfifo(fifo.c_str(), 0666) == 0);
+  fs::create_symlink(file, path);
+  std::atomic<bool> done = false;
+  std::thread other([&] {
+    for (int i = 0; !done; ++i) {
+      fs::create_symlink(i % 2 ? file : fifo, path + ".new");
+      fs::rename(path + ".new", path);
+    }
+  });
+  int read = 0;
+  for (int i = 0; i < 20'000; ++i) {
+    try {
+      const RegularFile now(path, ExitCode::failed);
+      read += now.rest<std::string>() == "text" ? 1 : 100'000;
+    } catch (const Error&) {
+    }
+  }
+  done = true;
+  other.join();
+  CHECK(read > 0);
+  CHECK(read <= 20'000);
 }
 
 TEST_CASE("a program is started in its folder with its input and no other file of ours") {

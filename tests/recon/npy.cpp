@@ -83,7 +83,7 @@ TEST_CASE("what is not such an array is refused by name") {
   refused("long", "expected at most 65535");
   std::ofstream(dir / "nine", std::ios::binary) << std::string("\x93NUMPY\x09\x00\x10\x00", 10);
   refused("nine", "version 9");
-  CHECK_THROWS_WITH(read_npy("/dev/zero"), Catch::Contains("/dev/zero: is no file"));
+  CHECK_THROWS_WITH(read_npy("/dev/zero"), Catch::Contains("/dev/zero: is a device"));
   std::ofstream(dir / "cut", std::ios::binary) << std::string("\x93NUMPY\x01\x00\xff\xff", 10);
   refused("cut", "cut off");
 }

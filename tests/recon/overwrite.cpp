@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: MIT
-// What is there already stays, unless it is said that it may go.
+// What is there already stays, unless it is said that it may go, and what is not a file is no file.
+#include <sys/stat.h>
+
+#include "../full_disk.hpp"
 #include "recon/estimator/trained_model.hpp"
 #include "world.hpp"
 
@@ -9,10 +12,10 @@ using namespace echofuse::testing;
 
 namespace {
 
-void refuses(const std::string& arguments, const std::string& saying) {
+void refuses(const std::string& arguments, const std::string& saying, int code = 2) {
   CAPTURE(arguments);
   const Outcome o = recon_program(arguments);
-  CHECK(o.code == 2);
+  CHECK(o.code == code);
   CHECK_THAT(o.text, Catch::Contains(saying));
   CHECK(std::count(o.text.begin(), o.text.end(), '\n') == 1);
 }
@@ -102,4 +105,53 @@ TEST_CASE("a study leaves files that bear its name, and are not its own, alone")
   refuses(study, "stability.html: is of a study whose study.sqlite is missing");
   CHECK(contents(dir / "stability.html") == "mine");
   CHECK_FALSE(std::filesystem::exists(dir / "study.sqlite"));
+}
+
+TEST_CASE("a FIFO in place of a run or a model is refused, and nobody waits for its writer") {
+  const Folder dir;
+  write_run(dir / "run", 60);
+  REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
+          0);
+  REQUIRE(::mkfifo((dir / "f").c_str(), 0666) == 0);
+  for (const std::string& command :
+       {"evaluate " + (dir / "m") + " " + (dir / "f"),
+        "evaluate " + (dir / "f") + " " + (dir / "run"),
+        "reconstruct -q " + (dir / "m") + " " + (dir / "f") + " --out " + (dir / "o"),
+        "reconstruct -q " + (dir / "f") + " " + (dir / "run") + " --out " + (dir / "o"),
+        "train -q " + (dir / "f") + " --out " + (dir / "n"),
+        "export " + (dir / "f") + " --to " + (dir / "x.onnx")})
+    refuses(command, "f: is a FIFO; expected a regular file", 1);
+}
+
+TEST_CASE("a full disk leaves no half picture, and no planted link is followed") {
+  const Folder dir;
+  write_run(dir / "run", 60);
+  REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
+          0);
+  const std::string command =
+      "reconstruct -q " + (dir / "m") + " " + (dir / "run") + " --out " + (dir / "maps");
+  std::filesystem::create_directory(dir / "maps");
+  std::ofstream(dir / "victim") << "precious";
+  for (const char* name : {"000000.png", "000000_mm.png", "records.csv", "run.txt"})
+    std::filesystem::create_symlink(dir / "victim", dir / (std::string("maps/") + name));
+  const auto left = [&] {
+    std::size_t files = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(dir / "maps"))
+      files += entry.is_symlink() ? 0 : 1;
+    return files;
+  };
+  {
+    const test::FullDisk disk(400);  // room for the head of the table, not for a picture
+    const Outcome o = recon_program(command + " --force");
+    CAPTURE(o.text);
+    CHECK(o.code == 6);
+    CHECK_THAT(o.text, Catch::Contains("000000.png: cannot be written: File too large"));
+  }
+  CHECK(contents(dir / "victim") == "precious");
+  CHECK(left() == 2);  // the table and run.txt
+  const Outcome o = recon_program(command);
+  CAPTURE(o.text);
+  CHECK(o.code == 0);
+  CHECK(contents(dir / "victim") == "precious");
+  CHECK(left() == 2 + 2 * 60);
 }

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "../full_disk.hpp"
 #include "drivers/chart/chart.hpp"
 #include "recon/study/study.hpp"
 #include "world.hpp"
@@ -257,7 +258,9 @@ TEST_CASE("nothing of a study file is believed") {
 TEST_CASE("a chart that cannot be written leaves the table that was there") {
   const Folder dir;
   std::ofstream(dir / "x.csv") << "all of it\n";
-  std::filesystem::create_directory(dir / "x.csv.part");
-  CHECK_THROWS_AS(chart::write_chart(dir.path.string(), "x", "new\n", "<svg/>"), Error);
+  {
+    const test::FullDisk disk(2);
+    CHECK_THROWS_AS(chart::write_chart(dir.path.string(), "x", "new\n", "<svg/>"), Error);
+  }
   CHECK(contents(dir / "x.csv") == "all of it\n");
 }

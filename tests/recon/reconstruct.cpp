@@ -68,7 +68,7 @@ TEST_CASE("NumPy reads the arrays that were written row by row") {
   out.append(std::vector<std::int64_t>{-1, 1ll << 40});
   CHECK_FALSE(std::filesystem::exists(dir / "a.npz"));
   out.close();
-  CHECK_FALSE(std::filesystem::exists(dir / "a.npz.part"));
+  CHECK(std::distance(std::filesystem::directory_iterator(dir.path), {}) == 1);
   CHECK(numpy("a = n.load('" + (dir / "a.npz") +
               "'); print(a.files, a['map'].shape, a['map'].dtype, a['map'][2, 1, 2], "
               "a['none'].shape, a['index'].tolist(), a.zip.testzip())") ==

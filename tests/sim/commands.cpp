@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 // echofuse-sim as a user meets it: exit codes, one line of error, what it prints.
+#include <sys/stat.h>
 #include <sys/wait.h>
 
 #include <algorithm>
@@ -58,6 +59,24 @@ TEST_CASE("help and version") {
   CHECK(sim("--version").code == 0);
   CHECK(has(sim("--version").text, "echofuse-sim "));
   CHECK(sim("").code == 2);
+}
+
+TEST_CASE("a FIFO in place of a file is refused, and nobody waits for its writer") {
+  const Folder folder;
+  const std::string fifo = folder / "f.obj", why = "f.obj: is a FIFO; expected a regular file";
+  REQUIRE(::mkfifo(fifo.c_str(), 0666) == 0);
+  const std::string out = "--out " + folder / "a.sqlite" + " ";
+  for (const std::string& options :
+       {"--records 1 --objects 1 --set object=" + fifo, "--config " + fifo, "--twin " + fifo,
+        "--records 1 --part 1/2 --set object=" + fifo, "--set scenes=" + fifo})
+    refuses(out + options, 3, why);
+  refuses(out + "--mirror-of " + fifo, 1, why);
+  for (const char* option : {" --faults ", " --radar-cfg "}) {
+    const Outcome o = sim("lab --dir " + folder / "lab" + option + fifo + " -- true");
+    CAPTURE(o.text);
+    CHECK(o.code == 3);
+    CHECK(has(o.text, why));
+  }
 }
 
 TEST_CASE("dataset writes a run and says so") {

@@ -278,6 +278,17 @@ class Server(unittest.TestCase):
         self.assertRegex(lines[0], rf"^scenes.sqlite +complete .*{RECORDS} records")
         self.assertEqual([line[:6] for line in lines[1:4]], ["[ok  ]"] * 3)
         self.assertIn("█", out)
+        fifo = pathlib.Path(self.folder.name, "newest.sqlite")
+        os.mkfifo(fifo)
+        try:  # in a folder it is no run, and in place of one nobody waits for its writer
+            self.assertRegex(subprocess.run([bin_dir / "echofuse-view", "--text", self.folder.name], check=True,
+                                            capture_output=True, text=True, timeout=20).stdout, "^scenes.sqlite")
+            refused = subprocess.run([bin_dir / "echofuse-view", "--text", fifo], capture_output=True, text=True,
+                                     timeout=20)
+            self.assertEqual(refused.returncode, 1)
+            self.assertIn("newest.sqlite: is a FIFO; expected a regular file", refused.stderr)
+        finally:
+            fifo.unlink()
         nothing = subprocess.run([bin_dir / "echofuse-view", "--text", self.folder.name + "/none"], capture_output=True,
                                  text=True)
         self.assertEqual(nothing.returncode, 1)
