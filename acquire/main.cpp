@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <malloc.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
@@ -85,6 +86,8 @@ ExitCode run(Options& o) {
   o.run.quiet = o.quiet;
   if (!o.run.keep_raw.empty()) o.run.keep_raw = std::filesystem::absolute(o.run.keep_raw).string();
   catch_interrupts();
+  // The allocator would keep what a burst of samples took, and more with each larger burst.
+  mallopt(M_TRIM_THRESHOLD, 256 << 10);
   std::optional<Viewer> viewer;
   if (o.view) viewer.emplace(o.run.out, o.run.count);
   const ExitCode code = record_run(config, o.run, SystemClock());

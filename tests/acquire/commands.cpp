@@ -301,7 +301,7 @@ TEST_CASE("an export that is interrupted or killed is not there, and is made ane
     echofuse::record::RunWriter writer(run, {});
     for (const auto& axis : small_axes()) writer.put_axis(axis);
     std::vector<echofuse::record::FusedRecord> records;
-    for (std::int64_t i = 0; i < 20'000; ++i) records.push_back(small_record(i));
+    for (std::int64_t i = 0; i < 2'000; ++i) records.push_back(small_record(i));
     writer.append(records);
     writer.close("complete");
   }
