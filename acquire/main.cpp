@@ -194,14 +194,6 @@ ExitCode recover(const Options& o) {
   return ExitCode::ok;
 }
 
-ExitCode merge(const Options& o) {
-  std::vector<std::string> parts;
-  for (const auto& part : o.parts) parts.push_back(record::old_run(part));
-  const std::string out = record::new_run(o.to);
-  std::printf("%lld records\n", static_cast<long long>(record::merge(parts, out)));
-  return ExitCode::ok;
-}
-
 ExitCode export_run(const Options& o) {
   catch_interrupts();
   const record::RunReader reader(o.file);
@@ -243,7 +235,6 @@ ExitCode dispatch(const std::string& command, Options& o) {
   if (command == "note") return note(o);
   if (command == "list") return list(o);
   if (command == "recover") return recover(o);
-  if (command == "merge") return merge(o);
   return replay(o);
 }
 

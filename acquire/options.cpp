@@ -111,10 +111,6 @@ void add_file_commands(CLI::App& app, Options& o) {
       ->add_option("FILE", o.file)
       ->required();
 
-  auto* merger = app.add_subcommand("merge", "one run of the parts of a simulated data set");
-  merger->add_option("PART", o.parts, "of `echofuse-sim dataset --part`, in any order")->required();
-  merger->add_option("--out", o.to, "run file to make (never overwritten)")->required();
-
   auto* marker = app.add_subcommand("mark", "a remark, or another label, into a run that is live");
   marker->add_option("FILE", o.file)->required();
   marker->add_option("TEXT", o.text, "kept as an event, with the time");

@@ -22,7 +22,7 @@ struct Options {
   std::string resume;
   double duration_s = 0;
   std::string file, to, folder;
-  std::vector<std::string> radar, tdc, depth, parts;
+  std::vector<std::string> radar, tdc, depth;
   std::optional<std::int64_t> record;
   bool json = false, quiet = false, verbose = false, view = false;
 };

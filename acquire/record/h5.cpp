@@ -32,10 +32,6 @@ std::string reason() {
   return text.substr(0, text.find('\''));
 }
 
-herr_t release(hid_t file) {
-  return H5Iget_type(file) == H5I_GROUP ? H5Gclose(file) : H5Fclose(file);
-}
-
 Handle make_space(const H5Shape& shape) {
   const std::vector<hsize_t> sizes(shape.begin(), shape.end());
   return {shape.empty() ? H5Screate(H5S_SCALAR)
@@ -45,19 +41,12 @@ Handle make_space(const H5Shape& shape) {
 
 }  // namespace
 
-H5File H5File::create(const std::string& path) { return create_with(path, false); }
-
-H5File H5File::create_sealed(const std::string& path) { return create_with(path, true); }
-
-H5File H5File::create_with(const std::string& path, bool sealed) {
+H5File H5File::create(const std::string& path) {
   quiet();
   if (::access(path.c_str(), F_OK) == 0)
     throw Error(ExitCode::failed, path + ": exists already; choose another name");
-  const Handle how(H5Pcreate(H5P_FILE_CREATE), H5Pclose);
-  if (sealed) H5Pset_userblock(how.get(), seal_bytes);
-  H5File made(path, H5Fcreate(path.c_str(), H5F_ACC_EXCL, how.get(), H5P_DEFAULT), sealed);
+  H5File made(path, H5Fcreate(path.c_str(), H5F_ACC_EXCL, H5P_DEFAULT, H5P_DEFAULT));
   if (made.file_ < 0) made.fail("", "cannot create", true);
-  made.sealing_ = sealed;
   return made;
 }
 
@@ -65,55 +54,40 @@ H5File H5File::open(const std::string& path) {
   quiet();
   if (::access(path.c_str(), R_OK) != 0)
     throw Error(ExitCode::failed, path + ": no such file, or not readable; expected an HDF5 file");
-  H5File opened(path, H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), false);
+  H5File opened(path, H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT));
   if (opened.file_ < 0) opened.fail("", "not a readable HDF5 file", false);
   return opened;
 }
 
-H5File H5File::group(const std::string& name) const {
-  const hid_t found = has(name)
-                          ? H5Gopen2(file_, name.c_str(), H5P_DEFAULT)
-                          : H5Gcreate2(file_, name.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
-  if (found < 0) fail(name, "no such group", false);
-  return {path_, found, sealed_, prefix_ + name + "/"};
-}
-
 H5File::~H5File() {
-  if (file_ >= 0) release(file_);
+  if (file_ >= 0) H5Fclose(file_);
 }
 
 H5File::H5File(H5File&& other) noexcept
-    : path_(std::move(other.path_)),
-      file_(std::exchange(other.file_, -1)),
-      sealed_(other.sealed_),
-      sealing_(other.sealing_),
-      prefix_(std::move(other.prefix_)) {}
+    : path_(std::move(other.path_)), file_(std::exchange(other.file_, -1)) {}
 
 void H5File::close() {
   const hid_t file = std::exchange(file_, -1);
   if (file < 0) return;
-  if (release(file) < 0) fail("", "cannot finish writing", true);
-  if (sealing_) seal(path_);
+  if (H5Fclose(file) < 0) fail("", "cannot finish writing", true);
 }
 
-// In a sealed file of fixed length, else the variable-length text that h5py and MATLAB read as a
-// string.
-std::int64_t H5File::text_type(std::size_t length) const {
+// The variable-length text that h5py and MATLAB read as a string.
+std::int64_t H5File::text_type() const {
   const hid_t type = H5Tcopy(H5T_C_S1);
-  H5Tset_size(type, sealed_ ? std::max<std::size_t>(length, 1) : H5T_VARIABLE);
-  if (sealed_) H5Tset_strpad(type, H5T_STR_NULLPAD);
+  H5Tset_size(type, H5T_VARIABLE);
   H5Tset_cset(type, H5T_CSET_UTF8);
   return type;
 }
 
 void H5File::refuse(const std::string& object, const std::string& why) const {
-  throw Error(ExitCode::failed, path_ + ": " + printable(prefix_ + object) + ": " + why);
+  throw Error(ExitCode::failed, path_ + ": " + printable(object) + ": " + why);
 }
 
 void H5File::fail(const std::string& name, const char* what, bool writing) const {
   const std::string why = printable(reason());
   throw Error(writing ? ExitCode::disk : ExitCode::failed,
-              path_ + (name.empty() ? "" : ": " + prefix_ + name) + ": " + what +
+              path_ + (name.empty() ? "" : ": " + name) + ": " + what +
                   (why.empty() ? "" : " (" + why + ")"));
 }
 
@@ -124,7 +98,7 @@ std::int64_t H5File::make_dataset(const std::string& name, std::int64_t type,
   H5Pset_create_intermediate_group(links.get(), 1);
   const Handle layout(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
   const std::size_t values = product(shape);
-  if (!sealed_ && shape.size() >= 2 && values > 0 &&
+  if (shape.size() >= 2 && values > 0 &&
       values / shape[0] * H5Tget_size(type) >= smallest_compressed_row) {
     std::vector<hsize_t> chunk(shape.begin(), shape.end());
     chunk[0] = 1;
@@ -141,7 +115,6 @@ std::int64_t H5File::make_dataset(const std::string& name, std::int64_t type,
 template <class T>
 void H5File::write(const std::string& name, std::span<const T> values, const H5Shape& shape) {
   if (values.size() != product(shape)) fail(name, "shape and number of values differ", false);
-  if (sealed_) require_usable(name, values);
   const Handle set(make_dataset(name, native<T>(), shape), H5Dclose);
   if (H5Dwrite(set.get(), native<T>(), H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0)
     fail(name, "cannot write", true);
@@ -182,19 +155,12 @@ void H5File::write_texts(const std::string& name, const std::vector<std::string>
 
 void H5File::write_strings(const std::string& name, const std::vector<std::string>& texts,
                            const H5Shape& shape) {
-  std::size_t length = 1;
-  for (const auto& t : texts) length = std::max(length, t.size());
-  const Handle type(text_type(length), H5Tclose);
+  const Handle type(text_type(), H5Tclose);
   const Handle set(make_dataset(name, type.get(), shape), H5Dclose);
   if (texts.empty()) return;
   std::vector<const char*> pointers;
-  std::string fixed;
-  for (const auto& t : texts) {
-    pointers.push_back(t.c_str());
-    fixed += t + std::string(length - t.size(), '\0');
-  }
-  const void* raw = sealed_ ? static_cast<const void*>(fixed.data()) : pointers.data();
-  if (H5Dwrite(set.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, raw) < 0)
+  for (const auto& t : texts) pointers.push_back(t.c_str());
+  if (H5Dwrite(set.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, pointers.data()) < 0)
     fail(name, "cannot write", true);
 }
 
@@ -209,16 +175,13 @@ void H5File::make_group(const std::string& name) {
 void H5File::set(const std::string& object, const std::string& attribute, const H5Value& value) {
   const auto* text = std::get_if<std::string>(&value);
   const char* characters = text ? text->c_str() : "";
-  const Handle type(text                                    ? text_type(text->size())
+  const Handle type(text                                    ? text_type()
                     : std::holds_alternative<double>(value) ? H5Tcopy(H5T_NATIVE_DOUBLE)
                                                             : H5Tcopy(H5T_NATIVE_INT64),
                     H5Tclose);
   const void* raw = &characters;
-  if (text && sealed_) raw = characters;
   if (const auto* number = std::get_if<double>(&value)) raw = number;
   if (const auto* number = std::get_if<std::int64_t>(&value)) raw = number;
-  if (const auto* number = std::get_if<double>(&value); number && sealed_)
-    require_usable<double>(object + "@" + attribute, {number, 1});
   const Handle space = make_space({});
   const Handle made(H5Acreate_by_name(file_, object.c_str(), attribute.c_str(), type.get(),
                                       space.get(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),

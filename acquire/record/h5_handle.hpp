@@ -18,8 +18,6 @@
 
 namespace echofuse::record {
 
-inline constexpr std::size_t seal_bytes = 512;  // the user block of a sealed file
-
 static_assert(std::is_same_v<hid_t, std::int64_t>);
 
 // A handle of HDF5 and the call that gives it back.

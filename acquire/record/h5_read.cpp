@@ -5,25 +5,6 @@
 #include "drivers/core/printable.hpp"
 
 namespace echofuse::record {
-namespace {
-
-std::string text_of(const H5Shape& shape) {
-  std::string out;
-  for (const std::size_t n : shape)
-    out += (out.empty() ? "" : " x ") + (n == H5File::any ? "any" : std::to_string(n));
-  return out.empty() ? "of one value" : out;
-}
-
-template <class T>
-std::string type_name() {
-  return std::to_string(8 * sizeof(T)) + "-bit " +
-         (std::is_floating_point_v<T> ? "floating point numbers"
-          : std::is_signed_v<T>       ? "whole numbers"
-                                      : "whole numbers without sign");
-}
-
-}  // namespace
-
 bool H5File::has(const std::string& name) const {
   // HDF5 wants each group on the way asked for first.
   for (std::size_t slash = name.find('/', 1); slash != std::string::npos;
@@ -53,31 +34,6 @@ std::vector<T> H5File::read(const std::string& name) const {
   return values;
 }
 
-template <class T>
-std::vector<T> H5File::read(const std::string& name, const H5Shape& expected) const {
-  const H5Shape found = shape(name);
-  bool fits = found.size() == expected.size();
-  for (std::size_t d = 0; fits && d < found.size(); ++d)
-    fits = expected[d] == any || expected[d] == found[d];
-  if (!fits) refuse(name, "has the shape " + text_of(found) + "; expected " + text_of(expected));
-  const Handle set(dataset(name), H5Dclose);
-  const Handle type(H5Dget_type(set.get()), H5Tclose);
-  if (H5Tequal(type.get(), native<T>()) <= 0)
-    refuse(name, "holds another type than expected: " + type_name<T>());
-  std::vector<T> values = read<T>(name);
-  if (sealed_) require_usable<T>(name, values);
-  return values;
-}
-
-template <class T>
-void H5File::require_usable(const std::string& name, std::span<const T> values) const {
-  if constexpr (std::is_floating_point_v<T>)
-    for (std::size_t i = 0; i < values.size(); ++i)
-      if (!(std::abs(values[i]) <= static_cast<T>(1e18)))
-        refuse(name, "value " + std::to_string(i) +
-                         " is not a usable number; expected a finite one, at most 1e18 in size");
-}
-
 std::vector<std::string> H5File::read_texts(const std::string& name) const {
   const Handle set(dataset(name), H5Dclose);
   const Handle type(H5Dget_type(set.get()), H5Tclose);
@@ -87,7 +43,7 @@ std::vector<std::string> H5File::read_texts(const std::string& name) const {
   if (count == 0) return texts;
   if (H5Tis_variable_str(type.get()) > 0) {
     std::vector<char*> raw(count, nullptr);
-    const Handle memory(text_type(1), H5Tclose);
+    const Handle memory(text_type(), H5Tclose);
     if (H5Dread(set.get(), memory.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, raw.data()) < 0)
       fail(name, "cannot read as texts", false);
     for (char* t : raw) {
@@ -129,7 +85,7 @@ std::string H5File::get(const std::string& object, const std::string& attribute)
   const Handle found(open_attribute(object, attribute, H5T_STRING), H5Aclose);
   const Handle type(H5Aget_type(found.get()), H5Tclose);
   if (H5Tis_variable_str(type.get()) > 0) {
-    const Handle memory(text_type(1), H5Tclose);
+    const Handle memory(text_type(), H5Tclose);
     char* raw = nullptr;
     if (H5Aread(found.get(), memory.get(), &raw) < 0) fail(place, "cannot read as a text", false);
     std::string text = raw ? raw : "";
@@ -148,7 +104,6 @@ double H5File::get(const std::string& object, const std::string& attribute) cons
   double value = 0;
   if (H5Aread(found.get(), H5T_NATIVE_DOUBLE, &value) < 0)
     fail(object + "@" + attribute, "cannot read as a number", false);
-  if (sealed_) require_usable<double>(object + "@" + attribute, {&value, 1});
   return value;
 }
 
@@ -179,10 +134,7 @@ std::int64_t H5File::open_attribute(const std::string& object, const std::string
                                                                   : "one whole number"));
 }
 
-#define ECHOFUSE_H5_TYPE(T)                                                          \
-  template std::vector<T> H5File::read<T>(const std::string&) const;                 \
-  template std::vector<T> H5File::read<T>(const std::string&, const H5Shape&) const; \
-  template void H5File::require_usable<T>(const std::string&, std::span<const T>) const;
+#define ECHOFUSE_H5_TYPE(T) template std::vector<T> H5File::read<T>(const std::string&) const;
 ECHOFUSE_H5_TYPES(ECHOFUSE_H5_TYPE)
 #undef ECHOFUSE_H5_TYPE
 

@@ -234,11 +234,6 @@ class RunReader {
 void mark(const std::string& path, const std::string& level, const std::string& text,
           const std::string& source = "mark");
 
-// One run of the parts of a data set, with the same records as if it had been made as a whole.
-// Throws Error(failed) for what is no part, parts of several data sets, records that are there
-// twice or missing, and an `out` that exists; disk.
-std::int64_t merge(const std::vector<std::string>& parts, const std::string& out);
-
 // Marks a run that a crash left "open" as "crashed" after checking it, and folds back a WAL that
 // was left beside it; returns the record count.
 std::int64_t recover(const std::string& path);

@@ -43,8 +43,6 @@ Result<pid_t> start_program(const std::vector<std::string>& words, const Program
   arguments.push_back(nullptr);
   posix_spawn_file_actions_t actions;
   ::posix_spawn_file_actions_init(&actions);
-  if (options.input != STDIN_FILENO)
-    ::posix_spawn_file_actions_adddup2(&actions, options.input, STDIN_FILENO);
   if (options.output != STDOUT_FILENO)
     ::posix_spawn_file_actions_adddup2(&actions, options.output, STDOUT_FILENO);
   ::posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);

@@ -12,8 +12,8 @@
 namespace echofuse {
 
 struct ProgramOptions {
-  std::string folder{};       // its working directory; empty: this program's
-  int input = 0, output = 1;  // the file descriptors that are its standard input and output
+  std::string folder{};  // its working directory; empty: this program's
+  int output = 1;        // the file descriptor that is its standard output
 };
 
 // The folder of the running program's file.

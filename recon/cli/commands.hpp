@@ -13,8 +13,7 @@ class App;
 namespace echofuse::recon {
 
 struct Common {
-  int threads = 0;       // of the matrix product; 0: one per core
-  double memory_gb = 0;  // of large tables (table_memory.hpp); 0: half of the machine's
+  int threads = 0;  // of the matrix product; 0: one per core
   bool quiet = false;
 };
 
@@ -23,11 +22,7 @@ using Command = std::function<ExitCode()>;
 Command add_train(CLI::App& app, const Common& common);
 Command add_evaluate(CLI::App& app, const Common& common);
 Command add_reconstruct(CLI::App& app, const Common& common);
-Command add_crossvalidate(CLI::App& app, const Common& common);
 Command add_report(CLI::App& app, const Common& common);
 Command add_study(CLI::App& app, const Common& common);
-Command add_export(CLI::App& app, const Common& common);
-Command add_learn(CLI::App& app, const Common& common);
-Command add_import(CLI::App& app, const Common& common);
 
 }  // namespace echofuse::recon

@@ -6,7 +6,6 @@
 #include "recon/cli/commands.hpp"
 #include "recon/numbers/blas_kernels.hpp"
 #include "recon/numbers/parallel.hpp"
-#include "recon/numbers/table_memory.hpp"
 
 namespace {
 using namespace echofuse;
@@ -25,24 +24,16 @@ int run(int argc, char** argv) {
     sub->add_option("--threads", common.threads, "0: one per core")
         ->check(CLI::Range(0, 1024))
         ->capture_default_str();
-    sub->add_option("--memory", common.memory_gb,
-                    "GB for large tables; what goes beyond lies on disk, in TMPDIR (/var/tmp); "
-                    "default: half of the machine's")
-        ->check(CLI::Range(0.001, 1e6));
     sub->add_flag("-q,--quiet", common.quiet, "no progress, no talk");
     const Command command = make(*sub, common);
     sub->callback([&chosen, command] { chosen = command; });
   };
   add("train", "fit a model to runs", add_train);
-  add("learn", "the learning curve of a model in a new room, and its forecast", add_learn);
   add("evaluate", "score a model on a run", add_evaluate);
   add("reconstruct", "depth maps of a run as pictures", add_reconstruct);
-  add("crossvalidate", "score kinds of models on a sequence, in blocks", add_crossvalidate);
   add("report", "models side by side, two compared, or a recorded run, as one HTML page",
       add_report);
   add("study", "accuracy against cost, or stability: tables and charts", add_study);
-  add("export", "a network as ONNX, or records as NumPy arrays", add_export);
-  add("import", "recordings of others as run files", add_import);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -52,7 +43,6 @@ int run(int argc, char** argv) {
   return run_main("echofuse-recon", [&] {
     catch_interrupts();
     set_threads(common.threads);
-    if (common.memory_gb > 0) limit_table_memory(static_cast<std::size_t>(common.memory_gb * 1e9));
     return chosen();
   });
 }

@@ -7,7 +7,6 @@
 #include "recon/cli/options.hpp"
 #include "recon/study/pareto.hpp"
 #include "recon/study/stability_summary.hpp"
-#include "recon/study/transfer.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -22,13 +21,6 @@ ExitCode part_done(const StudyOptions& options, bool quiet) {
 
 void add_common(CLI::App& app, StudyOptions& options) {
   app.add_option("--seeds", options.seeds)->check(CLI::Range(1, 1000))->capture_default_str();
-  app.add_option("--first-seed", options.first_seed, "the others follow it")
-      ->check(CLI::Range(1, 1000))
-      ->capture_default_str();
-  app.add_option("--merge", options.merge,
-                 "study.sqlite of other folders, same settings: takes what they measured")
-      ->delimiter(',')
-      ->allow_extra_args(false);
 }
 
 Command add_pareto(CLI::App& app, const Common& common) {
@@ -99,17 +91,12 @@ Command add_stability(CLI::App& app, const Common& common) {
   app.add_option("--test-records", a->test_records, "default: 1000")
       ->check(CLI::Range(10, 1'000'000));
   add_common(app, *a);
-  const auto range_bias = std::make_shared<std::string>("ignore");
-  app.add_option("--range-bias", *range_bias, "before each test: correct or ignore, as of evaluate")
-      ->check(CLI::IsMember({"correct", "ignore"}))
-      ->capture_default_str();
   app.add_option("--set", a->set, "key=value of the simulator, of the base condition")
       ->allow_extra_args(false);
   app.add_option("--sim", a->sim, "the simulator; default: echofuse-sim beside this program");
-  return [a, range_bias, part, &common] {
+  return [a, part, &common] {
     a->part = part_of(*part);
     StabilityOptions options = complete(*a);
-    options.range_bias = range_bias_action_of(*range_bias);
     options.quiet = common.quiet;
     options.threads = common.threads;
     const auto rows = study_stability(options);
@@ -121,40 +108,6 @@ Command add_stability(CLI::App& app, const Common& common) {
   };
 }
 
-Command add_transfer(CLI::App& app, const Common& common) {
-  const auto a = std::make_shared<TransferOptions>();
-  const auto part = add_part_option(app);
-  app.add_option("--out", a->out,
-                 "folder for study.sqlite, transfer.csv and transfer.svg; goes on there")
-      ->required();
-  app.add_flag("--quick", a->quick, "fewer records and numbers of them, no single choices");
-  app.add_option("--model", a->model, "as train --model")->capture_default_str();
-  app.add_option("--twin", a->twin, "of `echofuse-sim dataset`: what laboratories differ in")
-      ->capture_default_str();
-  app.add_option("--sizes", a->sizes, "numbers of records of the new world")
-      ->delimiter(',')
-      ->allow_extra_args(false)
-      ->check(CLI::Range(10, 100000));
-  app.add_option("--records", a->records, "to pre-train on; default: 4000, quick 2000")
-      ->check(CLI::Range(100, 1'000'000));
-  app.add_option("--test-records", a->test_records, "default: 1000, quick 300")
-      ->check(CLI::Range(10, 1'000'000));
-  add_common(app, *a);
-  app.add_option("--sim", a->sim, "the simulator; default: echofuse-sim beside this program");
-  return [a, part, &common] {
-    a->part = part_of(*part);
-    TransferOptions options = complete(*a);
-    options.quiet = common.quiet;
-    options.threads = common.threads;
-    const auto measured = study_transfer(options);
-    if (a->part) return part_done(options, common.quiet);
-    const auto rows = summarise_transfer(measured);
-    std::fputs(to_text(rows).c_str(), stdout);
-    write_transfer(rows, options.out);
-    return ExitCode::ok;
-  };
-}
-
 }  // namespace
 
 Command add_study(CLI::App& app, const Common& common) {
@@ -162,15 +115,10 @@ Command add_study(CLI::App& app, const Common& common) {
   CLI::App* pareto =
       app.add_subcommand("pareto", "accuracy against the time of a map, photons and records");
   CLI::App* stability = app.add_subcommand("stability", "where models fail, on simulated records");
-  CLI::App* transfer =
-      app.add_subcommand("transfer", "from one simulated world to another with few records of it");
-  for (CLI::App* sub : {pareto, stability, transfer}) sub->fallthrough();  // --threads, --quiet
+  for (CLI::App* sub : {pareto, stability}) sub->fallthrough();  // --threads, --quiet
   const Command run_pareto = add_pareto(*pareto, common);
   const Command run_stability = add_stability(*stability, common);
-  const Command run_transfer = add_transfer(*transfer, common);
-  return [=] {
-    return pareto->parsed() ? run_pareto() : transfer->parsed() ? run_transfer() : run_stability();
-  };
+  return [=] { return pareto->parsed() ? run_pareto() : run_stability(); };
 }
 
 }  // namespace echofuse::recon

@@ -1,12 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <filesystem>
 
-#include "drivers/core/bytes.hpp"
 #include "drivers/core/console.hpp"
-#include "drivers/core/crc32c.hpp"
-#include "drivers/core/printable.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/cli/options.hpp"
 #include "recon/data/augment.hpp"
@@ -14,8 +10,6 @@
 #include "recon/estimator/empty_room.hpp"
 #include "recon/estimator/train.hpp"
 #include "recon/estimator/tune.hpp"
-#include "recon/files/text.hpp"
-#include "recon/study/fold_file.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -29,11 +23,23 @@ struct Arguments : TrainOptions {
 };
 
 // What the model of --from has settled.
-constexpr const char* settled[] = {
-    "--model",       "--candidates", "--radar-bin", "--scaling",          "--hidden",
-    "--basis",       "--epochs",     "--batch",     "--learning-rate",    "--weight-decay",
-    "--patience",    "--augment",    "--gains",     "--validation-share", "--weight",
-    "--validate-on", "--inputs",     "--empty"};
+constexpr const char* settled[] = {"--model",
+                                   "--candidates",
+                                   "--radar-bin",
+                                   "--scaling",
+                                   "--hidden",
+                                   "--basis",
+                                   "--epochs",
+                                   "--batch",
+                                   "--learning-rate",
+                                   "--weight-decay",
+                                   "--patience",
+                                   "--augment",
+                                   "--validation-share",
+                                   "--weight",
+                                   "--validate-on",
+                                   "--inputs",
+                                   "--empty"};
 
 void check_from(const CLI::App& app) {
   for (const char* option : settled)
@@ -57,7 +63,7 @@ TrainedModel tune_model(const CLI::App& app, const Arguments& a) {
   if (!a.fit.quiet)
     std::fprintf(
         stderr, "%s%s", to_text(tuned).c_str(),
-        tuned.model.uncertainty
+        tuned.model->uncertainty
             ? ""
             : "not calibrated: fewer than 50 records do not say how far off the maps are\n");
   return std::move(tuned.model);
@@ -73,48 +79,6 @@ Dataset load_to_train(Arguments& a) {
   for (const std::size_t run : a.validate_on_runs) a.validate_on.push_back(run - 1);
   if (a.radar_bin_m > 0) rebin_radar(data, radar_bins(a.radar_bin_m));
   return data;
-}
-
-// Of auto: the folder of the parts of its cross-validation.
-std::string folds_folder(const Arguments& a) { return a.out + ".folds"; }
-
-FoldFile folds_of(const Arguments& a, const Dataset& data, const std::optional<JobPart>& part) {
-  std::string runs;
-  for (const std::size_t run : a.validate_on) runs += " " + std::to_string(run + 1);
-  const SplitOptions& split = a.split;
-  const StudySettings settings =
-      fold_settings(data, a.scaling, a.fit,
-                    {{"validate-on", runs},
-                     {"empty", formatted("%08x", crc32c(as_bytes(data.empty_room.spd)))},
-                     {"radar-bin", formatted("%.9g", a.radar_bin_m)},
-                     {"split", split.kind + formatted(" %.9g %.9g %zu", split.test_share,
-                                                      split.validation_share, split.gap)}});
-  StudyOptions options;
-  options.out = folds_folder(a), options.part = part;
-  return {options, settings, a.inputs,
-          a.candidates.empty() ? candidates(inputs_of(a.inputs)) : a.candidates, auto_folds};
-}
-
-void measure_part(Arguments& a, const JobPart& part) {
-  if (a.model != "auto" || !a.from.empty())
-    throw Error(ExitCode::usage,
-                "--part: only what --model auto tries is shared between processes");
-  const Dataset data = load_to_train(a);
-  FoldFile file = folds_of(a, data, part);
-  a.folds = &file.shared();
-  measure_folds(data, a);
-  file.finish();
-  if (!a.fit.quiet)
-    std::fprintf(stderr, "%s/%s.sqlite: written\n", printable(folds_folder(a)).c_str(),
-                 part.name().c_str());
-}
-
-TrainedModel train_model(Arguments& a) {
-  const Dataset data = load_to_train(a);
-  if (a.model != "auto" || !std::filesystem::is_directory(folds_folder(a))) return train(data, a);
-  const FoldFile file = folds_of(a, data, {});
-  a.folds = &file.shared();
-  return train(data, a);
 }
 
 }  // namespace
@@ -164,15 +128,6 @@ Command add_train(CLI::App& app, const Common& common) {
   app.add_option("--gap", a->split.gap, "blocked: records dropped between two parts")
       ->check(CLI::Range(0, 1'000'000))
       ->capture_default_str();
-  app.add_option_function<std::string>(
-         "--gains",
-         [a](const std::string& gains) {
-           a->gains = gains == "stable" ? Gains::stable : Gains::unknown;
-         },
-         "unknown, or stable: laser power, exposure and radar gain stay as in these records, so "
-         "that brightness tells the side, too")
-      ->check(CLI::IsMember({"unknown", "stable"}))
-      ->default_str("unknown");
   app.add_option("--weight", a->weights,
                  "how often each run's records count, one number a run (the parts of a data set "
                  "are one); default: once, but if the runs "
@@ -193,11 +148,10 @@ Command add_train(CLI::App& app, const Common& common) {
       ->allow_extra_args(false)
       ->check(CLI::IsMember(augment_names));
   app.add_flag("--force", a->force, "replace the model that OUT is");
-  const auto part = add_part_option(app);
   a->fallback = true;
   app.add_flag("!--no-fallback", a->fallback,
                "train no network beside a fused model for records whose radar is lost");
-  return [a, part, &app, &common] {
+  return [a, &app, &common] {
     a->split.seed = a->fit.seed;
     a->fit.quiet = common.quiet;
     const bool tuning = !a->from.empty();
@@ -212,22 +166,18 @@ Command add_train(CLI::App& app, const Common& common) {
         kind_of(candidate_of(a->model, {}).model).size != ModelKind::Size::hidden)
       throw Error(ExitCode::usage,
                   "--hidden: " + a->model + " has no such layers; mlp and pca-mlp have");
-    if (const auto which = part_of(*part)) {
-      measure_part(*a, *which);
-      return ExitCode::ok;
-    }
     const Existing existing = a->force ? Existing::replace : Existing::keep;
     check_can_save(a->out, existing);
-    const TrainedModel model = tuning ? tune_model(app, *a) : train_model(*a);
+    const TrainedModel model = tuning ? tune_model(app, *a) : train(load_to_train(*a), *a);
     save_model(model, a->out, existing);
     if (!common.quiet)
       std::fprintf(stderr, "%s: %s on %s, trained in %.1f s%s%s\n", a->out.c_str(),
-                   model.name.c_str(), name_of(model.features.inputs).c_str(), model.train_s,
-                   model.log.best_epoch > 0 || model.log.loss.empty()
+                   model->name.c_str(), name_of(model->features.inputs).c_str(), model.train_s(),
+                   model->log.best_epoch > 0 || model->log.loss.empty()
                        ? ""
                        : "; never better than the mean map",
-                   model.log.interrupted ? "; the best so far" : "");
-    return model.log.interrupted ? ExitCode::interrupted : ExitCode::ok;
+                   model->log.interrupted ? "; the best so far" : "");
+    return model->log.interrupted ? ExitCode::interrupted : ExitCode::ok;
   };
 }
 

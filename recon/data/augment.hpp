@@ -12,7 +12,7 @@ namespace echofuse::recon {
 
 //   noise  more radar noise: 20 down to 10 dB below the mean of the records' peaks
 // Gains, impulse response and background have no copies: they hardly change the models' maps. A
-// range bias has none: it is corrected (range_bias.hpp).
+// range offset has none: the operator states it.
 inline const std::vector<std::string> augment_names = {"noise"};
 
 // Appends a perturbed copy of the rows for each kind, and their numbers to `rows`. The data then

@@ -12,7 +12,6 @@
 #include "recon/data/pile_up.hpp"
 #include "recon/data/run_order.hpp"
 #include "recon/data/shift.hpp"
-#include "recon/data/source_facts.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/statistics.hpp"
 
@@ -70,8 +69,7 @@ class Appender {
     }
     const record::RunInfo info = run.info();
     if (goes_on(data, path_, info)) return;
-    data.sources.push_back({path_, info.uuid, data.size(), 0, radar_offset_m, calibrated_days(run),
-                            laboratories_of(run)});
+    data.sources.push_back({path_, info.uuid, data.size(), 0, radar_offset_m});
   }
 
   // For so many records: a table that grows would be there twice. Of many runs not for each anew.
@@ -266,6 +264,7 @@ SensorSet sensors_of(Inputs inputs) {
 }
 
 Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
+  require_memory(paths);
   Dataset data;
   for (const auto& path : in_order_of_records(paths)) {
     const record::RunReader run(path);

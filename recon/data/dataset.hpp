@@ -29,8 +29,6 @@ struct Source {
   std::string path, uuid;
   std::size_t first = 0, count = 0;
   double radar_offset_m = 0;  // by which its profiles are still too long (subtract_range_offset)
-  std::optional<double> calibrated_days = {};  // how long before the run the radar was calibrated
-  std::size_t laboratories = 0;  // record i is of laboratory i modulo this; 0: all are of one
 };
 
 // A sensor that a record lacks has zeros in its row; `has` tells. A run without the sensor at all,
@@ -76,12 +74,16 @@ using OnBadRecord = std::function<void(std::int64_t, const std::string&)>;
 
 SensorSet sensors_of(Inputs inputs);
 
+// Throws Error(failed) if the runs' tables, of 25 kB a record in a training with maps of 64 x 64,
+// are more than the machine's memory holds.
+void require_memory(const std::vector<std::string>& paths);
+
 // Reads runs whose axes and map grids agree into one table, with true ranges. Throws Error(failed)
 // that names the file and, for a bad record (wrong size, not a finite number), its number, unless
-// on_bad takes it.
+// on_bad takes it; and as require_memory.
 Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad = {});
 // The same with the radar's profiles as they were recorded: subtract_range_offset() then takes off
-// what the calibration and a range bias ask for in one interpolation.
+// what the calibration and the operator ask for in one interpolation.
 Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& on_bad = {});
 
 // A run by parts, as recorded: its records from number `first` on, at most `at_most` of them beside
@@ -96,8 +98,6 @@ void subtract_range_offset(Dataset& data, double offset_m);
 
 // The rows of a data set as one of their own, which belong to no source.
 Dataset part_of(const Dataset& data, const Rows& rows);
-// The same of a data set of one run, to which they still belong.
-Dataset part_of_run(const Dataset& data, const Rows& rows);
 
 // The paper's range bins, 0 to 7 m, if the width is 0.5 m: quantity "binned_power".
 Axis radar_bins(double width_m);

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: MIT
+#include <unistd.h>
+
+#include <cmath>
+
+#include "drivers/core/printable.hpp"
 #include "recon/data/dataset.hpp"
 
 namespace echofuse::recon {
@@ -22,12 +27,19 @@ Dataset part_of(const Dataset& data, const Rows& rows) {
   return out;
 }
 
-Dataset part_of_run(const Dataset& data, const Rows& rows) {
-  Dataset out = part_of(data, rows);
-  out.sources = {data.sources.front()};
-  out.sources.front().first = 0, out.sources.front().count = rows.size();
-  out.hash = data.hash;
-  return out;
+void require_memory(const std::vector<std::string>& paths) {
+  constexpr double bytes_a_record = 25e3;
+  double records = 0;
+  for (const auto& path : paths) records += static_cast<double>(record::RunReader(path).count());
+  const double memory =
+      static_cast<double>(sysconf(_SC_PHYS_PAGES)) * static_cast<double>(sysconf(_SC_PAGESIZE));
+  if (records * bytes_a_record <= memory) return;
+  const auto gigabytes = [](double bytes) { return std::to_string(std::lround(bytes / 1e9)); };
+  throw Error(ExitCode::failed, printable(paths.front()) + ": " +
+                                    std::to_string(std::lround(records)) + " records take about " +
+                                    gigabytes(records * bytes_a_record) +
+                                    " GB, and this machine's memory is " + gigabytes(memory) +
+                                    " GB; give fewer records");
 }
 
 }  // namespace echofuse::recon

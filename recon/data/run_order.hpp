@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The parts of a simulated data set (acquire/record/data_set_part.hpp) are one run: a training on
-// them is that on the run that `echofuse-acquire merge` makes of them.
+// them is that on the whole data set.
 #pragma once
 #include <string>
 #include <vector>

@@ -27,10 +27,11 @@ std::vector<float> less(const std::vector<float>& a, const std::vector<float>& b
   return out;
 }
 
-void take(TrainedModel& model, const std::string& path, Dataset empty) {
-  model.match(empty);
+// Returns what is added to the radar of records from there. `empty`: on the model's axes.
+EmptyRoom take(Estimator& model, const std::string& path, const Dataset& empty) {
   EmptyRoom now = empty_room_of(empty, path);
   if (model.features.radar_count() == 0) now.radar.clear();
+  if (model.features.array_count() == 0) now.array.clear();
   if (model.features.array_count() > 0 && now.array.empty())
     throw Error(ExitCode::failed, printable(path) +
                                       ": has no samples of the radar's antennas, which the model "
@@ -45,8 +46,7 @@ void take(TrainedModel& model, const std::string& path, Dataset empty) {
   std::vector<float> background = then;
   std::copy(now.spd.begin(), now.spd.end(), background.begin());
   model.alignment.set_background(background);
-  model.room_change = std::move(change);
-  model.range_bias.forget_echoes();
+  return change;
 }
 
 // The variance of the counts over that of photons alone. The laser's power may drift.
@@ -102,42 +102,46 @@ void state_empty_room(Dataset& data, const std::string& path) {
   data.empty_room = empty_room_of(empty, path);
 }
 
-std::string take_to_room(TrainedModel& model, const std::string& path) {
+std::string take_to_room(TrainedModel& model, const std::string& path, double range_offset_m) {
+  const std::size_t before = model.estimators.size();
   Dataset empty = load_recorded({path});
-  subtract_range_offset(empty, 0);
+  subtract_range_offset(empty, range_offset_m);
   Rows seen;
   for (std::size_t row = 0; row < empty.size(); ++row)
     if (empty.has(row, Sensor::depth)) seen.push_back(row);
-  if (!seen.empty()) require_map(empty, model.scene.grid, "the model");
+  if (!seen.empty()) require_map(empty, model->scene.grid, "the model");
   std::string text =
       seen.empty() ? printable(path) + ": no depth maps: the maps show the walls of the training"
                    : "";
   const std::vector<float> walls =
-      seen.empty() ? model.scene.background : column_quantile(empty.depth, seen, 0.5);
-  if (!model.alignment.known() || !model.model->show_background(walls))
-    throw Error(ExitCode::failed, model.name +
+      seen.empty() ? model->scene.background : column_quantile(empty.depth, seen, 0.5);
+  if (!model->alignment.known() || !model->model->show_background(walls))
+    throw Error(ExitCode::failed, model->name +
                                       " does not place a body: it cannot be taken to another "
                                       "room; expected a factorised model or a silhouette");
-  const std::vector<float>& home = model.scene.background;
-  if (!model.knows_empty_room &&
+  const std::vector<float>& home = model->scene.background;
+  if (!model->knows_empty_room &&
       std::any_of(home.begin(), home.end(), [](float depth_m) { return depth_m > 0; }))
     text += std::string(text.empty() ? "" : "; ") +
             "the model was trained without --empty: what it learnt of its own walls may mislead it";
-  for (TrainedModel* m = &model; m; m = m->fallback.get()) {
-    m->scene.background = walls;
-    take(*m, path, empty);
-    if (!m->fallback ||
-        (m->fallback->alignment.known() && m->fallback->model->show_background(walls)))
-      continue;
-    m->fallback.reset();
+  model.match(empty);
+  // The last ones of the list go if what they learnt belongs to the room of the training.
+  std::erase_if(model.estimators, [&](Estimator& e) {
+    return !e.alignment.known() || !e.model->show_background(walls);
+  });
+  if (model.estimators.size() < before)
     text += std::string(text.empty() ? "" : "; ") +
             "records without a radar get no map: what was " +
             "learnt for them belongs to the training's room";
+  for (Estimator& e : model.estimators) {
+    e.scene.background = walls;
+    EmptyRoom change = take(e, path, empty);
+    if (&e == &model.first()) model.room_change = std::move(change);
   }
   return text;
 }
 
-void exchange_room(const EmptyRoom& change, Dataset& data, bool with_array) {
+void exchange_room(const EmptyRoom& change, Dataset& data) {
   const auto add = [](std::span<float> row, const std::vector<float>& by) {
     std::transform(by.begin(), by.end(), row.begin(), row.begin(), std::plus<float>());
   };
@@ -145,7 +149,7 @@ void exchange_room(const EmptyRoom& change, Dataset& data, bool with_array) {
   for (std::size_t row = 0; row < data.size(); ++row) {
     if (data.radar.cols == change.radar.size() && !all_same(data.radar.row(row)))
       add(data.radar.row(row), change.radar);
-    if (with_array && data.array.cols == change.array.size() && !data.lacks_array(row))
+    if (data.array.cols == change.array.size() && !data.lacks_array(row))
       add(data.array.row(row), change.array);
   }
 }

@@ -53,7 +53,6 @@ struct StatedUncertainty {
         squares += std::pow(double{own.mean.row(i)[p]} - double{truth[p]}, 2);
         variance += std::pow(double{own.deviation.row(i)[p]}, 2);
       }
-      if (!own.uncertainties[i].bodies.empty()) continue;  // one interval each
       const double error = lateral_error(own.maps.row(i), truth, scene);
       const double interval_m = own.uncertainties[i].lateral_interval_90_m;
       if (std::isnan(error) || std::isnan(interval_m)) continue;
@@ -66,47 +65,27 @@ struct StatedUncertainty {
   }
 };
 
-// What is read in the plate's place: a letter, or `letters.size()` if none is.
-std::size_t read_letter(std::span<const float> map, const Scene& scene,
-                        const LetterReader::Plate& plate, MapScores& scores) {
-  const LetterReading reading = LetterReader::of(scene.grid).read(map, scene, plate);
-  scores[metric_letter_top1] = reading.top1, scores[metric_letter_top3] = reading.top3;
-  return reading.read.value_or(letters.size());
-}
-
 // Metrics and calibration, by parts that bound the memory.
 void score_predictions(const TrainedModel& model, const Records& records, const Rows& rows,
                        Evaluation& out) {
   constexpr std::size_t at_once = 512;
   const PredictionDetail detail =
-      model.uncertainty || out.output == "mean" ? PredictionDetail::pixels : PredictionDetail::maps;
-  MapScores no_scores;
-  no_scores.fill(std::numeric_limits<double>::quiet_NaN());
+      model->uncertainty ? PredictionDetail::pixels : PredictionDetail::maps;
   std::vector<MapScores>& scores = out.scores;
-  std::vector<MapScores> of_truth;  // the true maps: how well letters can be read at all
   StatedUncertainty uncertainty;
-  LettersRead read;
   for (std::size_t first = 0; first < rows.size(); first += at_once) {
     const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(first);
     const Rows part(begin, begin + std::min<std::ptrdiff_t>(at_once, rows.end() - begin));
     const Prediction one = predict(model, records, part, detail);
-    if (model.uncertainty) uncertainty.add(one, records.data, part, model.scene);
+    if (model->uncertainty) uncertainty.add(one, records.data, part, model->scene);
     out.uncertainties.insert(out.uncertainties.end(), one.uncertainties.begin(),
                              one.uncertainties.end());
-    const Plates plates = find_plates(records.data, part, model.scene);
-    const auto some =
-        score_maps(one.of(out.output), records.data, part, model.scene, plates, &read);
+    const Plates plates = find_plates(records.data, part, model->scene);
+    const auto some = score_maps(one.maps, records.data, part, model->scene, plates);
     scores.insert(scores.end(), some.begin(), some.end());
-    of_truth.resize(scores.size(), no_scores);
-    for_each_part(part.size(), [&](std::size_t i) {
-      if (plates[i])
-        read_letter(records.data.depth.row(part[i]), model.scene, *plates[i], of_truth[first + i]);
-    });
   }
   out.metrics = summarise(scores);
-  read.truth = summarise(of_truth);
-  if (read.truth[metric_letter_top1].maps > 0) out.letters_read = read;
-  if (model.uncertainty) out.calibration = uncertainty.mean();
+  if (model->uncertainty) out.calibration = uncertainty.mean();
 }
 
 }  // namespace
@@ -122,7 +101,7 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) 
                              ": the model was trained on this run and held none of its records "
                              "out; use --all to score it on what it has seen"
                        : path + ": no record has depth and the live sensors of a \"" +
-                             name_of(model.features.inputs) + "\" model");
+                             name_of(model->features.inputs) + "\" model");
 }
 
 Plates find_plates(const Dataset& data, const Rows& rows, const Scene& scene) {
@@ -135,19 +114,17 @@ Plates find_plates(const Dataset& data, const Rows& rows, const Scene& scene) {
 }
 
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
-                                  const Scene& scene, const Plates& plates, LettersRead* tally) {
+                                  const Scene& scene, const Plates& plates) {
   std::vector<MapScores> out(rows.size());
-  std::vector<std::size_t> read(rows.size());
   for_each_part(rows.size(), [&](std::size_t i) {
     out[i] = score(maps.row(i), data.depth.row(rows[i]), scene);
-    if (!plates.empty() && plates[i]) read[i] = read_letter(maps.row(i), scene, *plates[i], out[i]);
+    if (!plates.empty() && plates[i])
+      out[i][metric_letter_top1] =
+          LetterReader::of(scene.grid).read(maps.row(i), scene, *plates[i]);
     if (data.label[rows[i]] != two_people_label) return;
     if (const auto people = find_people(data.depth.row(rows[i]), scene))
       out[i][metric_iou_person] = iou_per_person(maps.row(i), *people, scene);
   });
-  if (tally && !plates.empty())
-    for (std::size_t i = 0; i < rows.size(); ++i)
-      if (plates[i]) ++tally->confusion[plates[i]->letter][read[i]];
   return out;
 }
 
@@ -156,31 +133,21 @@ namespace {
 TwoPeopleSeen count_two_people(const Evaluation& e, const Dataset& data) {
   TwoPeopleSeen out;
   for (std::size_t i = 0; i < e.uncertainties.size(); ++i) {
-    const PredictionUncertainty& stated = e.uncertainties[i];
-    const bool separated = !stated.bodies.empty();
-    if (data.label[e.rows[i]].empty()) continue;  // nobody says how many
-    if (data.label[e.rows[i]] != two_people_label) {
-      ++out.others, out.others_separated += separated;
-      continue;
-    }
-    ++out.records, out.separated += separated;
-    out.flagged += !stated.out_of_distribution.reason.empty();
+    if (data.label[e.rows[i]] != two_people_label) continue;
+    ++out.records, out.flagged += !e.uncertainties[i].out_of_distribution.reason.empty();
   }
   return out;
 }
 
 }  // namespace
 
-Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
-                    const std::string& output) {
+Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows) {
   const Dataset& data = records.data;
   Evaluation out;
-  out.model = model.name;
+  out.model = model->name;
   out.inputs = model.for_run(data).features.inputs;
-  out.output = output;
   out.records = rows.size(), out.rows = rows;
-  out.antennas = records.antennas, out.range_bias = records.text;
-  out.gains = records.gains.text(), out.speckle = records.speckle;
+  out.antennas = records.antennas, out.speckle = records.speckle;
   out.domain_shift = domain_shift_of(model, records);
   for (const std::size_t row : rows)
     if (const std::string note = model.note_of(data, row); !note.empty()) ++out.fallbacks[note];
@@ -207,21 +174,21 @@ std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows, co
   return out;
 }
 
-RunningCost measure_cost(const TrainedModel& whole, const Dataset& data, const Rows& rows,
+RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,
                          const std::string& model_path) {
-  const TrainedModel& model = whole.for_run(data);
+  const Estimator& by = model.for_run(data);
   using Clock = std::chrono::steady_clock;
   constexpr std::size_t warm_up = 20, repeats = 400;
   std::vector<double> us;
   for (std::size_t i = 0; i < warm_up + repeats; ++i) {
     const Rows one{rows[i % rows.size()]};
     const auto started = Clock::now();
-    model.model->predict(model.inputs(data, one, model.align(data, one, false)));
+    by.maps(data, one);
     const std::chrono::duration<double, std::micro> taken = Clock::now() - started;
     if (i >= warm_up) us.push_back(taken.count());
   }
   std::sort(us.begin(), us.end());
-  return {model.cost(), us[repeats / 2], us[repeats * 99 / 100], model.train_s,
+  return {by.cost(), us[repeats / 2], us[repeats * 99 / 100], by.train_s,
           static_cast<std::size_t>(std::filesystem::file_size(model_path))};
 }
 

@@ -34,37 +34,27 @@ struct UncertaintyCalibration {
   double error_m = 0, deviation_m = 0;  // of pixels, root mean square: of the mean map, as stated
 };
 
-// How the letters of the records that have one were read.
-struct LettersRead {
-  // Records by their letter, and by what was read; the last column: nothing.
-  std::array<std::array<std::size_t, letters.size() + 1>, letters.size()> confusion{};
-  Summaries truth;  // of the true maps themselves: what the maps' resolution allows
-};
-
-// What became of the records whose label says two people (maps/people.hpp), and of the others.
+// What became of the records whose label says two people (maps/people.hpp).
 struct TwoPeopleSeen {
-  std::size_t records = 0, separated = 0, flagged = 0;
-  std::size_t others = 0, others_separated = 0;
+  std::size_t records = 0, flagged = 0;
 };
 
 struct Evaluation {
   std::string model;
   Inputs inputs{};
-  std::string output;  // of output_names, which the metrics are of
   std::size_t records = 0;
   // Of each record that was judged: its row, its scores, and what the model stated (if it does).
   Rows rows;
   std::vector<MapScores> scores;
   std::vector<PredictionUncertainty> uncertainties;
   std::map<std::string, std::size_t> fallbacks;  // records of each TrainedModel::note_of
-  std::size_t left_out = 0;  // of a fresh run: had depth, but no map can be made of them
-  std::string antennas, speckle, range_bias, gains;  // what there is to say of them (Records)
-  DomainShift domain_shift;                          // of all records of the run
+  std::size_t left_out = 0;       // of a fresh run: had depth, but no map can be made of them
+  std::string antennas, speckle;  // what there is to say of them (Records)
+  DomainShift domain_shift;       // of all records of the run
   Summaries metrics;
   std::vector<ScoredRow> baselines;  // empty room, mean map, nearest neighbour
   RunningCost cost;
-  TwoPeopleSeen two_people;                 // of a model that states how sure it is
-  std::optional<LettersRead> letters_read;  // none: no record has a letter
+  TwoPeopleSeen two_people;  // of a model that states how sure it is
   // None: the model states no uncertainty; NaN: of no record.
   std::optional<UncertaintyCalibration> calibration;
 };
@@ -79,14 +69,12 @@ using Plates = std::vector<std::optional<LetterReader::Plate>>;
 Plates find_plates(const Dataset& data, const Rows& rows, const Scene& scene);
 
 // Scores of one map a row against the depth table's rows. Letters are read where there are plates,
-// which takes as long as the other scores; what was read is added to `tally`.
+// which takes as long as the other scores.
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
-                                  const Scene& scene, const Plates& plates = {},
-                                  LettersRead* tally = nullptr);
+                                  const Scene& scene, const Plates& plates = {});
 
-// `output`: which of the model's maps to score (output_names). Without baselines and cost.
-Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
-                    const std::string& output = "own");
+// Without baselines and cost.
+Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows);
 
 // What needs no model: the empty room, the mean map, and of the neighbours' maps that of the
 // nearest one by the sensors that both data sets have on the same axes, in a fixed scaling
@@ -100,10 +88,8 @@ RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const R
 nlohmann::json to_json(const Evaluation& evaluation);
 // Rows of metrics as aligned text; lengths in metres.
 std::string to_table(const std::vector<ScoredRow>& rows);
-// Whole-map SSIM and RMSE in units of the depth span (6 m), for recordings whose depth is relative.
-std::string to_span_table(const std::vector<ScoredRow>& rows);
 std::string to_text(const Evaluation& evaluation);
-// What must be known to read the scores (antennas, range bias, fallbacks, records left out): a line
+// What must be known to read the scores (antennas, fallbacks, records left out): a line
 // each, or nothing.
 std::string notes(const Evaluation& evaluation);
 // One line.

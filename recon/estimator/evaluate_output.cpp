@@ -29,32 +29,6 @@ json metrics_json(const Summaries& metrics) {
   return out;
 }
 
-json letters_json(const LettersRead& read) {
-  json confusion = json::object();
-  for (std::size_t i = 0; i < letters.size(); ++i) {
-    json& row = confusion[std::string(1, letters[i])] = json::object();
-    for (std::size_t k = 0; k <= letters.size(); ++k)
-      row[k < letters.size() ? std::string(1, letters[k]) : "none"] = read.confusion[i][k];
-  }
-  return {{"confusion", confusion}, {"truth", metrics_json(read.truth)}};
-}
-
-std::string to_text(const LettersRead& read) {
-  std::string out = formatted(
-      "letters: of the true maps %.3f are read rightly, %.3f within three; by chance 0.1, "
-      "0.3\nread "
-      "as ",
-      read.truth[metric_letter_top1].mean, read.truth[metric_letter_top3].mean);
-  for (const char letter : letters) out += formatted("%5c", letter);
-  out += "    none\n";
-  for (std::size_t i = 0; i < letters.size(); ++i) {
-    out += formatted("%7c ", letters[i]);
-    for (const std::size_t count : read.confusion[i]) out += formatted("%5zu", count);
-    out += '\n';
-  }
-  return out;
-}
-
 }  // namespace
 
 json to_json(const Evaluation& e) {
@@ -64,14 +38,11 @@ json to_json(const Evaluation& e) {
   for (const auto& [note, records] : e.fallbacks) fallback_records += records;
   json out = {{"model", e.model},
               {"inputs", name_of(e.inputs)},
-              {"output", e.output},
               {"records", e.records},
               {"left_out", e.left_out},
               {"fallback_records", fallback_records},
               {"antennas", e.antennas},
               {"speckle", e.speckle},
-              {"range_bias", e.range_bias},
-              {"gains", e.gains},
               {"metrics", metrics_json(e.metrics)},
               {"trivial", baselines},
               {"cost",
@@ -81,13 +52,8 @@ json to_json(const Evaluation& e) {
                 {"infer_us_p99", e.cost.infer_us_p99},
                 {"train_s", e.cost.train_s},
                 {"model_bytes", e.cost.model_bytes}}}};
-  if (e.letters_read) out["letters"] = letters_json(*e.letters_read);
-  if (const TwoPeopleSeen& two = e.two_people; two.records + two.others_separated > 0)
-    out["two_people"] = {{"records", two.records},
-                         {"separated", two.separated},
-                         {"flagged", two.flagged},
-                         {"others", two.others},
-                         {"others_separated", two.others_separated}};
+  if (const TwoPeopleSeen& two = e.two_people; two.records > 0)
+    out["two_people"] = {{"records", two.records}, {"flagged", two.flagged}};
   if (e.domain_shift.tested())
     out["domain_shift"] = {{"distance", e.domain_shift.distance},
                            {"p", e.domain_shift.p},
@@ -120,15 +86,6 @@ std::string to_table(const std::vector<ScoredRow>& rows) {
   return out;
 }
 
-std::string to_span_table(const std::vector<ScoredRow>& rows) {
-  std::string out = "in units of the depth span (6 m):\n";
-  for (const auto& row : rows)
-    out +=
-        formatted("  %-10s SSIM %.3f  RMSE %.3f\n", row.name.c_str(), row.metrics[metric_ssim].mean,
-                  row.metrics[metric_rmse_m].mean / record::max_depth_m);
-  return out;
-}
-
 std::string to_text(const std::optional<UncertaintyCalibration>& c) {
   if (!c) return "not calibrated: too few training records to say how far off the maps are\n";
   const std::string lateral =
@@ -145,15 +102,13 @@ std::string to_text(const std::optional<UncertaintyCalibration>& c) {
 }
 
 std::string to_text(const TwoPeopleSeen& two) {
-  if (two.records + two.others_separated == 0) return "";
-  return formatted(
-      "%zu records of two people: %zu separated, %zu flagged; of %zu others %zu separated\n",
-      two.records, two.separated, two.flagged, two.others, two.others_separated);
+  if (two.records == 0) return "";
+  return formatted("%zu of %zu records of two people are flagged\n", two.flagged, two.records);
 }
 
 std::string notes(const Evaluation& e) {
   std::string out = e.domain_shift.tested() ? e.domain_shift.text() + '\n' : "";
-  for (const std::string& text : {e.antennas, e.speckle, e.range_bias, e.gains})
+  for (const std::string& text : {e.antennas, e.speckle})
     if (!text.empty()) out += text + '\n';
   for (const auto& [note, records] : e.fallbacks)
     out += formatted("%zu records: %s\n", records, note.c_str());
@@ -174,8 +129,7 @@ std::string to_text(const Evaluation& e) {
              e.cost.infer_us_p99) +
          formatted("trained in %.1f s, model file %.1f MB\n", e.cost.train_s,
                    static_cast<double>(e.cost.model_bytes) / 1e6) +
-         to_text(e.calibration) + to_text(e.two_people) +
-         (e.letters_read ? to_text(*e.letters_read) : "");
+         to_text(e.calibration) + to_text(e.two_people);
 }
 
 }  // namespace echofuse::recon

@@ -6,7 +6,6 @@
 #include <random>
 
 #include "drivers/core/console.hpp"
-#include "recon/estimator/separate.hpp"
 #include "recon/maps/metrics.hpp"
 #include "recon/uncertainty/predictors.hpp"
 
@@ -16,7 +15,6 @@ namespace {
 constexpr std::uint64_t noise_stream = 0x6e6f6973;  // "nois"
 constexpr std::uint64_t fold_stream = 0x756e6366;   // "uncf"
 constexpr std::size_t worse_copies = 3;
-constexpr std::size_t sums_of_two = 600;
 constexpr double fewest_photons_log10 = -2.5;  // share of a worse copy's photons
 constexpr double least_noise_log10 = -2, most_noise_log10 = -0.3;  // radar, against its peak
 
@@ -50,14 +48,14 @@ bool has_enough_records(const Split& split) {
   return split.train.size() + split.validation.size() >= least_cross_fitted;
 }
 
-UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
-                                 const Matrix& aligned, const Rows& usual,
-                                 const std::vector<Judged>& judged, std::uint64_t seed) {
+UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, const Matrix& views,
+                                 const Rows& usual, const std::vector<Judged>& judged,
+                                 std::uint64_t seed) {
   UncertaintyModel out;
   const Inputs inputs = model.features.inputs;
   out.detector =
-      OutOfDistributionDetector(model.alignment, data, aligned, usual, inputs, model.scene, seed);
-  if (inputs != Inputs::spd) out.speckle = SpeckleReference(data, aligned, usual);
+      OutOfDistributionDetector(model.alignment, data, views, usual, inputs, model.scene, seed);
+  if (inputs != Inputs::spd) out.speckle = SpeckleReference(data, views, usual);
   Rng rng = make_rng(seed, noise_stream);
   Matrix predictors, maps, truth(0, data.depth.cols);
   SoftMaps soft;
@@ -70,9 +68,8 @@ UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
       const bool plain = copy == 0;
       if (!plain) degrade(records, rng);
       SoftMaps own;
-      const Matrix made = part.model.model->predict(
-          part.model.inputs(records, all, part.model.align(records, all, false)),
-          plain ? &own : nullptr);
+      const Matrix made = part.model.maps(records, all, part.model.views(records, all, false),
+                                          plain ? &own : nullptr);
       append_rows(predictors, predictors_of(made, model.scene, records, all, inputs));
       const auto more = lateral_errors(made, records.depth, model.scene);
       errors.insert(errors.end(), more.begin(), more.end());
@@ -83,13 +80,6 @@ UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
     }
   out.lateral.fit(predictors, errors, maps.rows);
   std::vector<double> lateral_interval_90_m;
-  std::vector<SeparatedError::Sum> sums;
-  for (const Judged& part : judged) {
-    const auto more = errors_of_separated(part.model, out.lateral, data, part.rows,
-                                          sums_of_two / judged.size(), seed);
-    sums.insert(sums.end(), more.begin(), more.end());
-  }
-  out.separated.fit(std::move(sums));
   for (std::size_t i = 0; i < maps.rows; ++i)
     lateral_interval_90_m.push_back(out.lateral(predictors.row(i)));
   out.pixels.fit(soft_of(std::move(soft), maps, model.scene, lateral_interval_90_m), truth,
@@ -97,17 +87,18 @@ UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
   return out;
 }
 
-std::optional<UncertaintyModel> fit_uncertainty(
-    const TrainedModel& model, const Dataset& data, const Matrix& aligned, const Split& split,
-    const SplitOptions& options, const std::function<TrainedModel(const Split&)>& fit,
-    std::size_t folds) {
+std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Dataset& data,
+                                                const Matrix& views, const Split& split,
+                                                const SplitOptions& options,
+                                                const std::function<Estimator(const Split&)>& fit,
+                                                std::size_t folds) {
   const std::uint64_t seed = options.seed;
   Rows rows = split.train;
   rows.insert(rows.end(), split.validation.begin(), split.validation.end());
   if (split.validation.size() >= LateralError::least_records)
-    return fit_uncertainty(model, data, aligned, rows, {{model, split.validation}}, seed);
+    return fit_uncertainty(model, data, views, rows, {{model, split.validation}}, seed);
   std::sort(rows.begin(), rows.end());
-  std::vector<TrainedModel> models;
+  std::vector<Estimator> models;
   std::vector<Judged> judged;
   models.reserve(folds);
   for (const Split& fold : make_folds(rows, folds, options, fold_stream)) {
@@ -120,7 +111,7 @@ std::optional<UncertaintyModel> fit_uncertainty(
     if (interrupted()) return {};
     judged.push_back({models.back(), fold.test});
   }
-  return fit_uncertainty(model, data, aligned, rows, judged, seed);
+  return fit_uncertainty(model, data, views, rows, judged, seed);
 }
 
 }  // namespace echofuse::recon

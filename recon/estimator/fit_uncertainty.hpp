@@ -8,7 +8,7 @@
 
 #include "drivers/core/random.hpp"
 #include "recon/data/split.hpp"
-#include "recon/estimator/trained_model.hpp"
+#include "recon/estimator/estimator.hpp"
 
 namespace echofuse::recon {
 
@@ -17,22 +17,23 @@ inline constexpr std::size_t least_cross_fitted = 50;
 bool has_enough_records(const Split& split);  // to learn an UncertaintyModel from
 // Records that a model has not seen: it answers for them.
 struct Judged {
-  const TrainedModel& model;
+  const Estimator& model;
   Rows rows;
 };
 // What may be said of the model, by its own answers, or by those of its likes that were trained on
 // part of its records (cross-fitting; Chernozhukov et al., Econometrics Journal 21, C1, 2018). Row
-// i of the aligned features is of record i of the data; `usual`: what is in distribution.
-UncertaintyModel fit_uncertainty(const TrainedModel& model, const Dataset& data,
-                                 const Matrix& aligned, const Rows& usual,
-                                 const std::vector<Judged>& judged, std::uint64_t seed);
+// i of the views is of record i of the data; `usual`: what is in distribution.
+UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, const Matrix& views,
+                                 const Rows& usual, const std::vector<Judged>& judged,
+                                 std::uint64_t seed);
 // By its own answers to the validation records. Where these are too few: by what models of all but
 // one fold of the records, which `fit` makes, say of that fold, in blocks if the split is in
 // blocks. None if interrupted.
-std::optional<UncertaintyModel> fit_uncertainty(
-    const TrainedModel& model, const Dataset& data, const Matrix& aligned, const Split& split,
-    const SplitOptions& options, const std::function<TrainedModel(const Split&)>& fit,
-    std::size_t folds = 4);
+std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Dataset& data,
+                                                const Matrix& views, const Split& split,
+                                                const SplitOptions& options,
+                                                const std::function<Estimator(const Split&)>& fit,
+                                                std::size_t folds = 4);
 
 // Photons are lost at random, up to all but 1/300 of them, and the radar gets more noise.
 void degrade(Dataset& data, Rng& rng);

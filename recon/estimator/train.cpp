@@ -23,56 +23,16 @@ constexpr const char* fallback_candidate = "pca-mlp-256-256";
 constexpr std::uint64_t fold_stream = 0x666f6c64;  // "fold"
 
 // Judged on the training records alone: the test records choose nothing.
-std::vector<CrossvalidatedRow> try_candidates(const Dataset& data, const Split& split,
-                                              const TrainOptions& options) {
+std::string choose(const Dataset& data, const Split& split, const TrainOptions& options) {
   Rows rows = split.train;
   rows.insert(rows.end(), split.validation.begin(), split.validation.end());
   std::sort(rows.begin(), rows.end());
-  const bool blocked = options.split.kind == "blocked";
   Rng rng = make_rng(options.split.seed, fold_stream);
-  if (!blocked) std::shuffle(rows.begin(), rows.end(), rng);
-  CrossvalidateOptions cross{options.inputs,
-                             options.scaling,
-                             options.candidates,
-                             auto_folds,
-                             blocked ? options.split.gap : 0,
-                             blocked,
-                             options.fit,
-                             false,
-                             options.folds};
-  if (cross.models.empty()) cross.models = candidates(inputs_of(options.inputs));
-  return crossvalidate(data, rows, cross);
-}
-
-std::string choose(const Dataset& data, const Split& split, const TrainOptions& options) {
-  const auto table = try_candidates(data, split, options);
+  if (options.split.kind != "blocked") std::shuffle(rows.begin(), rows.end(), rng);
+  const auto table = crossvalidate(data, rows, options);
   const std::size_t chosen = cheapest_within_one_se(table);
   if (!options.fit.quiet) std::fputs(to_choice_table(table, chosen).c_str(), stderr);
   return table[chosen].name;
-}
-
-constexpr std::size_t fallback_folds = 2;  // it is seldom asked
-
-std::unique_ptr<TrainedModel> fit_fallback(const Dataset& data, const Split& split,
-                                           const Split& used,
-                                           const std::function<Split(Split)>& with_others,
-                                           const Scene& scene, const TrainOptions& options,
-                                           bool uncertainties) {
-  FitOptions fit;
-  fit.seed = options.fit.seed, fit.quiet = options.fit.quiet, fit.epochs = options.fit.epochs;
-  const Preprocessing preprocessing(data, split.train, Inputs::spd, scene, uncertainties);
-  const auto fit_to = [&](const Split& part, bool quiet) {
-    FitOptions how = fit;
-    how.quiet |= quiet;
-    return fit_model(data, part, preprocessing, fallback_candidate, Inputs::spd, "record", how);
-  };
-  auto out = std::make_unique<TrainedModel>(fit_to(split, false));
-  out->alignment = preprocessing.alignment;
-  if (uncertainties)
-    out->uncertainty = fit_uncertainty(
-        *out, data, preprocessing.aligned, used, options.split,
-        [&](const Split& part) { return fit_to(with_others(part), true); }, fallback_folds);
-  return out;
 }
 
 constexpr std::uint64_t weight_stream = 0x77656967;  // "weig"
@@ -143,12 +103,6 @@ Rows rows_to_train(const Dataset& data, Inputs inputs) {
   return rows;
 }
 
-// In bins as wide as the paper's an echo has no place to 1 cm.
-bool shows_range_bias(const Dataset& data, Inputs inputs) {
-  return both_sensors(inputs) && data.spd_axis.unit == "ps" && data.radar_axis.unit == "m" &&
-         data.radar_axis.quantity == "power";
-}
-
 namespace {
 
 bool looks_at_body(const std::string& candidate, const TrainOptions& options) {
@@ -173,11 +127,11 @@ std::vector<double> weights_of(const Dataset& data, const Split& split, Inputs i
   if (times <= 1) return {};
   const Preprocessing preprocessing(data, split.train, inputs,
                                     learn_scene(data.depth, split.train, data.map), true);
-  const DomainReference reference(preprocessing.alignment, data, preprocessing.aligned, others,
+  const DomainReference reference(preprocessing.alignment, data, preprocessing.views, others,
                                   inputs);
   if (!reference.known()) return {};
   const DomainShift shift = reference.judge(preprocessing.alignment, part_of(data, few),
-                                            take_rows(preprocessing.aligned, few), {});
+                                            take_rows(preprocessing.views, few));
   if (!shift.found()) return {};
   std::vector<double> weights(data.sources.size(), 1);
   for (const std::size_t run : options.validate_on) weights[run] = times;
@@ -189,41 +143,79 @@ std::vector<double> weights_of(const Dataset& data, const Split& split, Inputs i
   return weights;
 }
 
-// With what is kept beside it. A fallback for the range profile is what a training with
-// --inputs fused-profile would make of these records.
-TrainedModel train_split(const Dataset& data, const Split& split, const std::string& name,
-                         const TrainOptions& options) {
+// One of the estimators of a model.
+struct Wanted {
+  std::string name;  // candidate
+  Inputs inputs;
+  std::string scaling;
+  FitOptions fit;
+  std::size_t folds;  // of what is stated of its errors
+};
+
+// The estimators that a training makes, in the order in which they are asked: as named; of one that
+// takes the radar's antennas, the same of the range profile alone; of both sensors, a network for
+// the SPD alone, for records whose radar is lost.
+std::vector<Wanted> wanted_of(const Dataset& data, const std::string& name,
+                              const TrainOptions& options) {
+  constexpr std::size_t folds = 4, folds_of_spd = 2;  // it is seldom asked
   const Inputs inputs = inputs_of(options.inputs);
   const bool aligned = looks_at_body(name, options);
-  if (options.gains == Gains::stable && !aligned)
-    throw Error(ExitCode::usage,
-                "--gains stable: of silhouette and factorised models, not " + name);
+  std::vector<Wanted> out{{name, inputs, options.scaling, options.fit, folds}};
+  if (!options.fallback || !both_sensors(inputs) ||
+      ignores_inputs(candidate_of(name, options.fit).model))
+    return out;
+  if (inputs == Inputs::fused && aligned && data.array_axis.count > 0)
+    out.push_back({name, Inputs::fused_profile, options.scaling, options.fit, folds});
+  FitOptions of_spd;
+  of_spd.seed = options.fit.seed, of_spd.quiet = options.fit.quiet;
+  of_spd.epochs = options.fit.epochs;
+  out.push_back({fallback_candidate, Inputs::spd, "record", of_spd, folds_of_spd});
+  return out;
+}
+
+// Rows of a training: those that networks learn from, with copies and repetitions, and those that
+// stand for the use, of which the model's errors are stated.
+struct Material {
+  const Dataset& data;  // its first rows are the records; copies of them may follow
+  Split fit, used;
+  std::function<Split(Split)> with_others;  // what part of the used records trains with
+};
+
+Estimator train_one(const Wanted& wanted, const Dataset& records, const Material& material,
+                    const Scene& scene, const TrainOptions& options) {
+  const auto& [name, inputs, scaling, fit, folds] = wanted;
+  const bool aligned = wants_alignment(candidate_of(name, fit).model);
+  const bool uncertainties = options.uncertainty && has_enough_records(material.used);
+  const Preprocessing preprocessing(material.data, material.fit.train,
+                                    aligned ? inputs : without_antennas(inputs), scene,
+                                    uncertainties || aligned, options.config);
+  Estimator out = fit_model(material.data, material.fit, preprocessing, name, inputs, scaling, fit);
+  out.alignment = preprocessing.alignment;
+  if (!uncertainties || out.log.interrupted) return out;
+  if (inputs != Inputs::spd || options.inputs == name_of(Inputs::spd))
+    out.domain = DomainReference(preprocessing.alignment, records, preprocessing.views,
+                                 in_order(material.used.train), inputs);
+  FitOptions quiet = fit;
+  quiet.quiet = true;  // nor are there copies of the records
+  out.uncertainty = fit_uncertainty(
+      out, records, preprocessing.views, material.used, options.split,
+      [&](const Split& part) {
+        return fit_model(records, material.with_others(part), preprocessing, wanted.name,
+                         wanted.inputs, wanted.scaling, quiet);
+      },
+      folds);
+  return out;
+}
+
+TrainedModel train_split(const Dataset& data, const Split& split, const std::string& name,
+                         const TrainOptions& options) {
   // What is said of the model is said of its use.
-  Split used = split;
+  Split used = split, fit_split = split;
   used.train = common(split.train, of_use(data, options));
-  const FitOptions& fit = options.fit;
-  const bool range_bias = options.range_bias && shows_range_bias(data, inputs);
-  const bool uncertainties = options.uncertainty && has_enough_records(used);
-  // Its first rows are the records of the data; copies of them follow.
-  std::optional<Dataset> more;
-  Split fit_split = split;
   fit_split.train = weighted(data, split.train, options);
+  std::optional<Dataset> more;
   if (!options.augment.empty())
-    augment(more.emplace(data), fit_split.train, options.augment, fit.seed);
-  const Dataset& fit_data = more ? *more : data;
-  const Preprocessing preprocessing(
-      fit_data, fit_split.train, aligned ? inputs : without_antennas(inputs),
-      learn_scene(fit_data.depth, fit_split.train, fit_data.map),
-      range_bias || uncertainties || aligned, aligned ? options.gains : Gains::unknown);
-  TrainedModel model =
-      fit_model(fit_data, fit_split, preprocessing, name, inputs, options.scaling, fit);
-  model.alignment = preprocessing.alignment;
-  model.split = options.split;
-  model.seen = seen_records(data, split);
-  if (range_bias)
-    model.range_bias = RangeBiasReference(preprocessing.alignment, data, preprocessing.aligned,
-                                          in_order(split.train));
-  if (model.log.interrupted) return model;
+    augment(more.emplace(data), fit_split.train, options.augment, options.fit.seed);
   // The other runs train whatever part of the use's records is left out.
   const auto with_others = [&](Split part) {
     Rows others = without(split.train, used.train);
@@ -231,26 +223,22 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
     part.train = weighted(data, in_order(std::move(others)), options);
     return part;
   };
-  if (uncertainties) {
-    model.domain = DomainReference(preprocessing.alignment, data, preprocessing.aligned,
-                                   in_order(used.train), inputs);
-    model.uncertainty = fit_uncertainty(
-        model, data, preprocessing.aligned, used, options.split, [&](const Split& part) {
-          FitOptions quiet = fit;
-          quiet.quiet = true;  // nor are there copies of the records
-          return fit_model(data, with_others(part), preprocessing, name, inputs, options.scaling,
-                           quiet);
-        });
+  const Dataset& fit_data = more ? *more : data;
+  const Material material{fit_data, fit_split, used, with_others};
+  const Material plain{data, split, used, with_others};
+  const Scene scene = learn_scene(fit_data.depth, fit_split.train, fit_data.map);
+  TrainedModel model;
+  model.split = options.split;
+  model.seen = seen_records(data, split);
+  model.data_hash = data.hash;
+  for (const Wanted& wanted : wanted_of(data, name, options)) {
+    if (!model.estimators.empty() && interrupted()) break;
+    const bool of_spd = wanted.inputs == Inputs::spd && !model.estimators.empty();
+    Estimator one = train_one(wanted, data, of_spd ? plain : material, scene, options);
+    if (!model.estimators.empty() && interrupted()) break;  // half trained
+    model.estimators.push_back(std::move(one));
   }
-  if (options.fallback && model.features.array_axis.count > 0) {
-    TrainOptions of_profile = options;
-    of_profile.inputs = name_of(Inputs::fused_profile);
-    model.fallback = std::make_unique<TrainedModel>(train_split(data, split, name, of_profile));
-  } else if (options.fallback && both_sensors(inputs) && !ignores_inputs(model.name)) {
-    model.fallback =
-        fit_fallback(data, split, used, with_others, preprocessing.scene, options, uncertainties);
-  }
-  if (interrupted()) model.log.interrupted = true, model.fallback.reset();  // half trained
+  model->log.interrupted |= interrupted();
   return model;
 }
 
@@ -269,10 +257,6 @@ Split split_of(const Dataset& data, const TrainOptions& options) {
 }
 
 }  // namespace
-
-void measure_folds(const Dataset& data, const TrainOptions& options) {
-  try_candidates(data, split_of(data, options), options);
-}
 
 TrainedModel train(const Dataset& data, const TrainOptions& options) {
   const Split split = split_of(data, options);

@@ -8,39 +8,28 @@
 
 namespace echofuse::recon {
 
-struct SharedFolds;
-
 struct TrainOptions {
   // A candidate (models/model.hpp), or "auto": the cheapest candidate within one standard error of
   // the best, by cross-validation on the training records.
   std::string model = "mlp", inputs = "fused", scaling = "record";
   std::vector<std::string> candidates;  // auto: what to try; empty: what makes sense
-  const SharedFolds* folds = nullptr;   // auto: of its cross-validation (crossvalidate.hpp)
   SplitOptions split;
   FitOptions fit;
-  Gains gains = Gains::unknown;      // stable: of models that look at the body
+  MethodConfig config;
   std::vector<std::string> augment;  // kinds of augment.hpp
   // How often the records of each run count in the fit; empty: once. A part of 1 is the chance.
   std::vector<double> weights;
   // Runs that stand for the use, counted from 0: validation records and what is stated of the
   // model's errors are theirs. Empty: all.
   std::vector<std::size_t> validate_on;
-  // What is kept beside the model: of a fused one the range bias's reference, and of one that looks
-  // at its inputs a model for the SPD alone (TrainedModel); of any its uncertainty.
-  bool range_bias = true, fallback = false, uncertainty = true;
+  // What is kept beside the model: of a fused one that looks at its inputs a model for the SPD
+  // alone (TrainedModel); of any its uncertainty.
+  bool fallback = false, uncertainty = true;
 };
 
 // The records with these inputs and depth. Throws Error(failed) that names the first one of a dead
 // sensor (Dataset::fault_of).
 Rows rows_to_train(const Dataset& data, Inputs inputs);
-
-// Whether a range bias of these data can be found (range_bias.hpp).
-bool shows_range_bias(const Dataset& data, Inputs inputs);
-
-inline constexpr std::size_t auto_folds = 4;
-// Of the model "auto" the candidates, and only as much of their cross-validation as options.folds
-// says that this process measures. Throws as train().
-void measure_folds(const Dataset& data, const TrainOptions& options);
 
 // Splits the usable records, fits, and returns the model with what it has seen. Throws
 // Error(failed) if there are too few records.

@@ -2,8 +2,6 @@
 #include "recon/estimator/trained_model.hpp"
 
 #include <algorithm>
-#include <chrono>
-#include <cmath>
 #include <map>
 
 namespace echofuse::recon {
@@ -37,75 +35,57 @@ SeenRecords seen_records(const Dataset& data, const Split& split) {
   return seen;
 }
 
-const TrainedModel& TrainedModel::for_run(const Dataset& data) const {
-  const bool lost = data.radar_axis.count == 0;  // then the SPD answers
-  const bool fits =
-      lost || features.array_axis.count == 0 || covers(data.array_axis, features.array_axis);
-  return !fits && fallback && both_sensors(fallback->features.inputs) ? *fallback : *this;
+double TrainedModel::train_s() const {
+  double out = 0;
+  for (const Estimator& e : estimators) out += e.train_s;
+  return out;
+}
+
+namespace {
+
+bool has_radar(const Dataset& data) { return data.radar_axis.count > 0; }
+
+// The antennas of the run, if it has a radar at all, are those of the estimator.
+bool has_antennas(const Dataset& data, const Estimator& e) {
+  return !has_radar(data) || e.features.array_axis.count == 0 ||
+         covers(data.array_axis, e.features.array_axis);
+}
+
+}  // namespace
+
+const Estimator& TrainedModel::for_run(const Dataset& data) const {
+  for (const Estimator& e : estimators)
+    if (has_antennas(data, e) && (&e == &first() || both_sensors(e.features.inputs))) return e;
+  return first();
 }
 
 void TrainedModel::match(Dataset& data) const {
-  if (const TrainedModel& other = for_run(data); &other != this) return other.match(data);
-  require_map(data, scene.grid, "the model");
-  const bool lost = fallback && data.radar_axis.count == 0;
+  const Features& features = for_run(data).features;
+  require_map(data, first().scene.grid, "the model");
+  const bool lost = !has_radar(data) && estimators.back().features.inputs == Inputs::spd;
   match_axes(data, features.spd_axis, features.radar_axis, lost ? Inputs::spd : features.inputs);
-  if (!lost) return match_array(data, features.array_axis);
+  if (!lost || features.inputs == Inputs::spd) return match_array(data, features.array_axis);
   data.array_axis = features.array_axis;
   data.array = Matrix(data.size(), features.array_count());
   data.radar_axis = features.radar_axis;
   data.radar = Matrix(data.size(), data.radar_axis.count);
 }
 
-bool TrainedModel::falls_back(const Dataset& data, std::size_t row) const {
-  return fallback && !data.fault_of(row, features.inputs).empty() &&
-         fallback->fault_of(data, row).empty();
-}
-
-const TrainedModel& TrainedModel::answering(const Dataset& data, std::size_t row) const {
-  const TrainedModel* by = &for_run(data);
-  while (by->falls_back(data, row)) by = by->fallback.get();
-  return *by;
+const Estimator* TrainedModel::answering(const Dataset& data, std::size_t row) const {
+  for (const Estimator* e = &for_run(data); e <= &estimators.back(); ++e)
+    if (data.fault_of(row, e->features.inputs).empty()) return e;
+  return nullptr;
 }
 
 std::string TrainedModel::note_of(const Dataset& data, std::size_t row) const {
-  const TrainedModel& by = answering(data, row);
-  if (&by == &for_run(data)) return {};
-  return by.features.inputs == Inputs::spd ? "radar lost: SPD alone"
-                                           : "antennas lost: range profile alone";
+  const Estimator* by = answering(data, row);
+  if (!by || by == &for_run(data)) return {};
+  return by->features.inputs == Inputs::spd ? "radar lost: SPD alone"
+                                            : "antennas lost: range profile alone";
 }
 
 std::string TrainedModel::fault_of(const Dataset& data, std::size_t row) const {
-  return falls_back(data, row) ? "" : data.fault_of(row, features.inputs);
-}
-
-std::vector<TrainedModel::Assignment> TrainedModel::assign_rows(const Dataset& data,
-                                                                const Rows& rows) const {
-  std::vector<Assignment> out;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const TrainedModel& by = answering(data, rows[i]);
-    std::size_t part = 0;
-    while (part < out.size() && &out[part].by != &by) ++part;
-    if (part == out.size()) out.push_back({by, {}, {}});
-    out[part].places.push_back(i);
-    out[part].rows.push_back(rows[i]);
-  }
-  return out;
-}
-
-Matrix TrainedModel::align(const Dataset& data, const Rows& rows, bool wanted) const {
-  if (!alignment.known() || !(wanted || wants_alignment(name))) return Matrix(rows.size(), 0);
-  return alignment(features.raw_inputs(data, rows));
-}
-
-Matrix TrainedModel::inputs(const Dataset& data, const Rows& rows, const Matrix& aligned) const {
-  return wants_alignment(name) ? context.before(alignment.with_correlations(aligned))
-                               : features.apply(data, rows);
-}
-
-Cost TrainedModel::cost() const {
-  Cost out = model->cost();
-  if (wants_alignment(name)) out.multiply_adds += alignment.cost();
-  return out;
+  return answering(data, row) ? "" : data.fault_of(row, for_run(data).features.inputs);
 }
 
 bool TrainedModel::knows(const Dataset& data) const {
@@ -128,62 +108,6 @@ Rows TrainedModel::rows_of(const Dataset& data, Part part) const {
     if (found != row_of.end()) rows.push_back(found->second);
   }
   return rows;
-}
-
-Preprocessing::Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene of_rows,
-                             bool wanted, Gains gains)
-    : scene(std::move(of_rows)) {
-  const auto started = std::chrono::steady_clock::now();
-  aligned.rows = data.size();
-  if (!wanted || inputs == Inputs::radar) return;
-  const Features raw = fit_features(data, train, inputs, raw_scaling);
-  const Matrix raw_inputs = raw.raw_inputs(data, all_rows(data.size()));
-  alignment = Alignment(raw.layout(), raw_inputs, train, gains);
-  if (data.empty_room.known()) {
-    const EmptyRoom& room = data.empty_room;
-    std::vector<float> still = room.spd;
-    if (raw.radar_count() > 0) still.insert(still.end(), room.radar.begin(), room.radar.end());
-    if (raw.array_count() > 0) still.insert(still.end(), room.array.begin(), room.array.end());
-    alignment.set_background(still);
-  }
-  aligned = alignment(raw_inputs);
-  if (both_sensors(inputs))
-    context = RunContext(alignment, data, aligned, laboratories_of(data, train), inputs,
-                         train.size(), contexts);
-  elapsed_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
-}
-
-TrainedModel fit_model(const Dataset& data, const Split& split, const Preprocessing& preprocessing,
-                       const std::string& name, Inputs inputs, const std::string& scaling,
-                       const FitOptions& options) {
-  const auto started = std::chrono::steady_clock::now();
-  TrainedModel out;
-  const Candidate candidate = candidate_of(name, options, split.train.size());
-  const bool aligned = wants_alignment(candidate.model);
-  out.name = candidate.model;
-  out.features = fit_features(data, split.train, inputs, aligned ? raw_scaling : scaling);
-  if (aligned && (out.features.spd_count() == 0 || out.features.radar_count() == 0))
-    throw Error(ExitCode::usage,
-                "the silhouette and factorised models need both sensors: --inputs fused");
-  out.scene = preprocessing.scene;
-  if (aligned) out.alignment = preprocessing.alignment, out.context = preprocessing.context;
-  out.knows_empty_room = aligned && data.empty_room.known();
-  out.model = kind_of(candidate.model).make();
-  const Matrix taken =
-      out.context.size() > 0
-          ? RunContext::before(out.alignment.with_correlations(preprocessing.aligned),
-                               preprocessing.contexts)
-          : out.inputs(data, all_rows(data.size()), preprocessing.aligned);
-  const auto samples = [&](const Rows& rows) {
-    return Samples{taken,       data.depth, rows, &preprocessing.scene, &preprocessing.alignment,
-                   &data.radar, &data.array};
-  };
-  out.log = out.model->fit(samples(split.train), samples(split.validation), candidate.fit);
-  out.fit = candidate.fit;
-  out.data_hash = data.hash;
-  out.train_s = preprocessing.elapsed_s +
-                std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
-  return out;
 }
 
 }  // namespace echofuse::recon

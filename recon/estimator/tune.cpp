@@ -53,7 +53,7 @@ std::string describe(const Axis& axis) {
   return formatted("%u x %g %s from %g", axis.count, axis.step, axis.unit.c_str(), axis.start);
 }
 
-bool axes_are(const TrainedModel& model, const Dataset& data) {
+bool axes_are(const Estimator& model, const Dataset& data) {
   const auto same = [](const Axis& a, const Axis& b) { return a.count == 0 || same_axis(a, b); };
   const Layout layout = model.features.layout();
   return same(layout.spd, data.spd_axis) && same(layout.radar, data.radar_axis) &&
@@ -61,7 +61,7 @@ bool axes_are(const TrainedModel& model, const Dataset& data) {
 }
 
 // What the maps show behind people, where that is another place than the model knows.
-Scene scene_for(const TrainedModel& from, const Dataset& data, const Rows& rows) {
+Scene scene_for(const Estimator& from, const Dataset& data, const Rows& rows) {
   Scene scene = learn_scene(data.depth, rows, data.map);
   std::size_t changed = 0;
   for (std::size_t p = 0; p < scene.background.size(); ++p)
@@ -74,72 +74,46 @@ Scene scene_for(const TrainedModel& from, const Dataset& data, const Rows& rows)
 // What the sensors always see: as the model has learnt it, or of the new records.
 enum class Room : bool { kept, learnt };
 
-TrainedModel adapt(const TrainedModel& from, const Dataset& data, const Rows& rows, Room room,
-                   const Tuning& tuning, bool with_scene = true) {
-  TrainedModel out;
+Estimator adapt(const Estimator& from, const Dataset& data, const Rows& rows, Room room,
+                const Tuning& tuning, bool with_scene = true) {
+  Estimator out;
   out.name = from.name;
   out.features = from.features;
   out.features.spd_axis = data.spd_axis, out.features.radar_axis = data.radar_axis;
   if (from.features.array_axis.count > 0) out.features.array_axis = data.array_axis;
   out.scene = with_scene ? scene_for(from, data, rows) : from.scene;
   const Rows all = all_rows(data.size());
-  if (wants_alignment(from.name) && room == Room::learnt) {
-    out.alignment = Alignment(out.features.layout(), out.features.raw_inputs(data, all), rows,
-                              from.alignment.gains());
-  } else {
-    out.alignment = from.alignment;
-    // Gains are stable within a room, and other ones in the next.
-    if (out.alignment.gains() == Gains::stable && with_scene)
-      out.alignment.learn_brightness(out.features.raw_inputs(data, all), rows);
-  }
-  const Matrix aligned = out.align(data, all, false);
-  out.context = from.context;
-  if (with_scene && wants_alignment(from.name))
-    out.context.learn(out.alignment, data, aligned, rows, from.features.inputs);
-  const Matrix taken = out.inputs(data, all, aligned);
+  out.alignment = wants_alignment(from.name) && room == Room::learnt
+                      ? Alignment(out.features.layout(), observe(data, all, out.features), rows,
+                                  from.alignment.config())
+                      : from.alignment;
+  const Matrix views = out.views(data, all, false);
+  Matrix scaled;
+  const Matrix& taken = out.inputs(data, all, views, scaled);
   out.model = from.model->tuned(
       {taken, data.depth, rows, &out.scene, &out.alignment, &data.radar, &data.array}, tuning);
   return out;
 }
 
-// A model of the same size.
-FitOptions sizes_of(const TrainedModel& model) {
-  FitOptions out;
-  if (const auto body = model.model->body_layers()) {
-    const std::size_t amounts = body->masks.weights.rows;  // of masks, and of half as many reliefs
-    if (amounts > 0) out.basis = 2 * amounts / 3;
-    return out;
-  }
-  auto layers = model.model->layers();
-  if (model.name == "pca-mlp") out.basis = layers.back().weights.rows, layers.pop_back();
-  std::vector<std::size_t> hidden;
-  for (std::size_t l = 0; l + 1 < layers.size(); ++l) hidden.push_back(layers[l].weights.cols);
-  out.hidden = hidden;
-  return out;
-}
-
 class Choice {
  public:
-  Choice(const TrainedModel& from, const Dataset& data, const Split& split,
-         const TuneOptions& options)
+  Choice(const Estimator& from, const Dataset& data, const Split& split, const TuneOptions& options)
       : data_(data),
         split_(split),
         judged_by_(scene_for(from, data, split.train)),
         sequence_(options.split.kind == "blocked"),
-        only_(options.only),
         folds_(make_folds(split.train, folds, options.split, fold_stream)) {}
 
-  using Fit = std::function<TrainedModel(const Rows& rows)>;
+  using Fit = std::function<Estimator(const Rows& rows)>;
   // Fits one model a fold, and scores it on the rest.
   void add(const std::string& name, Fit fit) {
-    if (!only_.empty() && name != only_) return;
     Entry& entry = entries_.emplace_back(Entry{{{name, {}}, {}, 0, {}}, std::move(fit), {}});
     Folds scores;
     const auto started = std::chrono::steady_clock::now();
     for (const Split& fold : folds_) {
       entry.models.push_back(entry.fit(fold.train));
-      const TrainedModel& model = entry.models.back();
-      scores.push_back(score_maps(model.predict(data_, fold.test), data_, fold.test, judged_by_));
+      const Estimator& model = entry.models.back();
+      scores.push_back(score_maps(model.maps(data_, fold.test), data_, fold.test, judged_by_));
       if (interrupted()) throw Error(ExitCode::interrupted, "interrupted while choosing");
     }
     entry.row.metrics = summarise(scores, sequence_);
@@ -162,7 +136,7 @@ class Choice {
       if (const double gain = gain_of(entries_[i], compared); gain > most) out = i, most = gain;
     return out;
   }
-  TrainedModel fit(std::size_t i) const { return entries_[i].fit(split_.train); }
+  Estimator fit(std::size_t i) const { return entries_[i].fit(split_.train); }
   std::vector<CrossvalidatedRow> table() const {
     std::vector<CrossvalidatedRow> out;
     for (const Entry& e : entries_) out.push_back(e.row);
@@ -179,7 +153,7 @@ class Choice {
   struct Entry {
     CrossvalidatedRow row;
     Fit fit;
-    std::vector<TrainedModel> models;
+    std::vector<Estimator> models;
     std::vector<double> iou = {};  // of each record
   };
   // In IoU, 0 if it is less than a standard error of the records' paired differences.
@@ -196,25 +170,24 @@ class Choice {
   const Split& split_;
   Scene judged_by_;
   bool sequence_;
-  std::string only_;
   std::vector<Split> folds_;
   std::vector<Entry> entries_;
 };
 
-TrainedModel fit_alone(const TrainedModel& from, const Dataset& data, const Rows& rows,
-                       const TuneOptions& options) {
+Estimator fit_alone(const Estimator& from, const Dataset& data, const Rows& rows,
+                    const TuneOptions& options) {
   const Inputs inputs = from.features.inputs;
   const bool aligned = wants_alignment(from.name);
-  FitOptions fit = sizes_of(from);
+  FitOptions fit = from.model->sizes();
   fit.seed = options.tuning.seed, fit.quiet = true;
   const Preprocessing preprocessing(data, rows, aligned ? inputs : without_antennas(inputs),
                                     learn_scene(data.depth, rows, data.map), aligned,
-                                    from.alignment.gains());
+                                    from.alignment.config());
   const std::string scaling = aligned ? "record" : from.features.scaling;
   return fit_model(data, {rows, {}, {}}, preprocessing, from.name, inputs, scaling, fit);
 }
 
-void try_all(Choice& choice, const TrainedModel& from, const Dataset& data, const Split& split,
+void try_all(Choice& choice, const Estimator& from, const Dataset& data, const Split& split,
              const TuneOptions& options) {
   Tuning untouched = options.tuning;
   untouched.pull = INFINITY;
@@ -228,7 +201,7 @@ void try_all(Choice& choice, const TrainedModel& from, const Dataset& data, cons
     choice.add(room_learnt, [&, untouched](const Rows& rows) {
       return adapt(from, data, rows, Room::learnt, untouched);
     });
-    if (options.only.empty() && choice.best(as_it_was) > 0) room = Room::learnt;
+    if (choice.best(as_it_was) > 0) room = Room::learnt;
   }
   const bool many = split.train.size() >= TuneOptions::least_alone;
   const auto add_tuned = [&](double pull, bool turn) {
@@ -245,39 +218,34 @@ void try_all(Choice& choice, const TrainedModel& from, const Dataset& data, cons
 }
 
 // What belongs to the model of the chosen kind beside itself. Too few records: no uncertainty.
-void finish(TrainedModel& model, const Dataset& data, const Split& split,
+void finish(Estimator& model, const Dataset& data, const Split& split,
             const std::vector<Judged>& judged, std::uint64_t seed) {
   const Rows all = all_rows(data.size());
   const Inputs inputs = model.features.inputs;
   const bool has_spd = inputs != Inputs::radar;
-  const bool range_bias = shows_range_bias(data, inputs);
   const bool uncertainty = split.train.size() >= least_cross_fitted;
   const bool domain = split.train.size() >= DomainReference::least_records;
   if (!wants_alignment(model.name)) {
     model.alignment = {};
-    if (has_spd && (range_bias || domain))
+    if (has_spd && domain)
       model.alignment =
-          Alignment(model.features.layout(), model.features.raw_inputs(data, all), split.train);
+          Alignment(model.features.layout(), observe(data, all, model.features), split.train);
   }
-  const Matrix aligned = model.align(data, all, true);
-  if (range_bias)
-    model.range_bias = RangeBiasReference(model.alignment, data, aligned, split.train);
-  if (domain) model.domain = DomainReference(model.alignment, data, aligned, split.train, inputs);
+  const Matrix views = model.views(data, all, true);
+  if (domain) model.domain = DomainReference(model.alignment, data, views, split.train, inputs);
   if (uncertainty)
-    model.uncertainty = fit_uncertainty(model, data, aligned, split.train, judged, seed);
+    model.uncertainty = fit_uncertainty(model, data, views, split.train, judged, seed);
 }
 
-// The networks for the range profile and the SPD alone, with a pull that nothing was asked about:
+// The estimators for the range profile and the SPD alone, with a pull that nothing was asked about:
 // they are needed seldom.
-std::unique_ptr<TrainedModel> tune_fallback(const TrainedModel& from, const Dataset& data,
-                                            const Split& split, const Tuning& tuning) {
+Estimator tune_other(const Estimator& from, const Dataset& data, const Split& split,
+                     const Tuning& tuning) {
   const auto fit = [&](const Rows& rows) { return adapt(from, data, rows, Room::kept, tuning); };
-  auto out = std::make_unique<TrainedModel>(fit(split.train));
+  Estimator out = fit(split.train);
   const std::array halves{make_fold(split.train, 0, 2, 0), make_fold(split.train, 1, 2, 0)};
   const std::array models{fit(halves[0].train), fit(halves[1].train)};
-  finish(*out, data, split, {{models[0], halves[0].test}, {models[1], halves[1].test}},
-         tuning.seed);
-  if (from.fallback) out->fallback = tune_fallback(*from.fallback, data, split, tuning);
+  finish(out, data, split, {{models[0], halves[0].test}, {models[1], halves[1].test}}, tuning.seed);
   return out;
 }
 
@@ -293,18 +261,10 @@ SeenRecords both(const SeenRecords& old, SeenRecords seen) {
 
 }  // namespace
 
-std::vector<std::string> choice_names() {
-  std::vector<std::string> out{as_it_was, room_learnt};
-  for (const double pull : pulls) out.push_back(tuned_name(pull, false));
-  out.push_back(tuned_name(turned_pull, true));
-  out.emplace_back(alone);
-  return out;
-}
-
 void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset& data) {
-  require_map(data, from.scene.grid, "the model");
+  require_map(data, from->scene.grid, "the model");
   const std::string run = data.sources.empty() ? "run" : printable(data.sources.front().path);
-  const Features& f = from.features;
+  const Features& f = from->features;
   if (f.array_count() == 0) drop_array(data);
   if (f.radar_axis.quantity == "binned_power" && data.radar_axis.quantity == "power")
     rebin_radar(data, f.radar_axis);
@@ -326,37 +286,39 @@ void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset
   match(data.array_axis, data.array, layout.array, "array", layout.lag_values());
   const Layout own{data.spd_axis, layout.radar.count > 0 ? data.radar_axis : Axis{},
                    data.array_axis};
-  if (wants_alignment(from.name) &&
-      Alignment(own, Matrix(1, own.inputs()), {0}).inputs() != from.alignment.inputs())
+  if (wants_alignment(from->name) &&
+      Alignment(own, Matrix(1, own.inputs()), {0}, from->alignment.config()).inputs() !=
+          from->alignment.inputs())
     throw Error(ExitCode::failed, run + ": radar steps of " + formatted("%g", own.radar.step) +
                                       " m make other inputs than those of " + printable(path));
 }
 
 TunedModel tune(const TrainedModel& from, const Dataset& data, const TuneOptions& options) {
   const auto started = std::chrono::steady_clock::now();
-  if (!can_be_tuned(from.name))
+  if (!can_be_tuned(from->name))
     throw Error(ExitCode::failed,
-                "a model of kind " + from.name +
+                "a model of kind " + from->name +
                     " cannot be tuned; silhouette, factorised, mlp and pca-mlp can");
-  const Rows rows = rows_to_train(data, from.features.inputs);
+  const Rows rows = rows_to_train(data, from->features.inputs);
   if (rows.size() < TuneOptions::least_records)
     throw Error(ExitCode::failed, std::to_string(rows.size()) +
                                       " usable records; at least 10 are needed to tune a model");
   const Split split = make_split(rows, options.split);
-  Choice choice(from, data, split, options);
-  try_all(choice, from, data, split, options);
-  if (choice.table().empty())
-    throw Error(ExitCode::failed, options.only + ": not tried with these records and this model");
+  Choice choice(from.first(), data, split, options);
+  try_all(choice, from.first(), data, split, options);
   const std::size_t chosen = choice.best(tuned_name(usual_pull, false));
-  TunedModel out{choice.fit(chosen), choice.table(), chosen};
+  TunedModel out{{}, choice.table(), chosen};
   TrainedModel& model = out.model;
+  model.estimators.push_back(choice.fit(chosen));
   model.split = options.split;
-  model.fit.seed = options.tuning.seed;
+  model->fit.seed = options.tuning.seed;
   model.seen = both(from.seen, seen_records(data, split));
   model.data_hash = data.hash;
-  finish(model, data, split, choice.judged(chosen), options.tuning.seed);
-  if (from.fallback) model.fallback = tune_fallback(*from.fallback, data, split, options.tuning);
-  model.train_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+  finish(model.first(), data, split, choice.judged(chosen), options.tuning.seed);
+  for (std::size_t k = 1; k < from.estimators.size(); ++k)
+    model.estimators.push_back(tune_other(from.estimators[k], data, split, options.tuning));
+  model->train_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
   return out;
 }
 

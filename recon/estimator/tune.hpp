@@ -16,10 +16,7 @@ struct TuneOptions {
   static constexpr std::size_t least_alone = 50;  // fewer make no model of their own
   SplitOptions split;  // without validation records, which nothing asks for
   Tuning tuning;       // its pull is chosen
-  std::string only;    // of the table's rows, by name: nothing else is tried; empty: all
 };
-// Every row that the table may have for models that place a body.
-std::vector<std::string> choice_names();
 
 struct TunedModel {
   TrainedModel model;

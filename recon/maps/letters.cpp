@@ -261,8 +261,8 @@ std::optional<LetterReader::Plate> LetterReader::find_plate(std::span<const floa
   return plate;
 }
 
-LetterReading LetterReader::read(std::span<const float> map, const Scene& scene,
-                                 const Plate& plate) const {
+double LetterReader::read(std::span<const float> map, const Scene& scene,
+                          const Plate& plate) const {
   const auto& candidates = templates_[plate.size];
   const auto reach = 2 * static_cast<std::size_t>(std::lround(most_shift_m / cell_m));
   const Patch patch(near_layer(map, plate.depth_m, scene), scene.grid, plate.depth_m, plate.x,
@@ -271,17 +271,10 @@ LetterReading LetterReader::read(std::span<const float> map, const Scene& scene,
   std::array<double, letters.size()> similarity{};
   for (std::size_t k = 0; k < letters.size(); ++k)
     similarity[k] = best_match(windows, candidates[k].cells).similarity;
-  const auto better = std::count_if(similarity.begin(), similarity.end(),
-                                    [&](double s) { return s > similarity[plate.letter]; });
-  const auto alike = std::count(similarity.begin(), similarity.end(), similarity[plate.letter]);
-  const auto credit = [&](double among) {
-    return std::clamp((among - static_cast<double>(better)) / static_cast<double>(alike), 0.0, 1.0);
-  };
-  LetterReading out{{}, similarity, credit(1), credit(3)};
-  const auto best = std::max_element(similarity.begin(), similarity.end());
-  if (*best > *std::min_element(similarity.begin(), similarity.end()))
-    out.read = static_cast<std::size_t>(best - similarity.begin());
-  return out;
+  const double own = similarity[plate.letter];
+  if (std::any_of(similarity.begin(), similarity.end(), [&](double s) { return s > own; }))
+    return 0;
+  return 1 / static_cast<double>(std::count(similarity.begin(), similarity.end(), own));
 }
 
 }  // namespace echofuse::recon

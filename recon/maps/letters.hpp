@@ -25,12 +25,6 @@ namespace echofuse::recon {
 using record::letter_of;
 using record::letters;
 
-struct LetterReading {
-  std::optional<std::size_t> read;  // the best; none if all are alike, as in a map without anything
-  std::array<double, letters.size()> similarity{};  // of each letter: its best correlation
-  double top1 = 0, top3 = 0;  // 1 if the true one is among the best; of a tie its share
-};
-
 class LetterReader {
  public:
   explicit LetterReader(const record::MapGrid& grid);
@@ -45,7 +39,8 @@ class LetterReader {
   std::optional<Plate> find_plate(std::span<const float> truth, const Scene& scene,
                                   std::size_t letter) const;
   // Of a map that is judged, in the place of that plate.
-  LetterReading read(std::span<const float> map, const Scene& scene, const Plate& plate) const;
+  // 1 if its letter is the most alike; of a tie its share, as in a map without anything.
+  double read(std::span<const float> map, const Scene& scene, const Plate& plate) const;
 
  private:
   // Of one letter and size: rows x columns cells, mean 0, sum of squares 1.

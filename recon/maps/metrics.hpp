@@ -29,15 +29,13 @@ enum Metric : std::size_t {
   metric_left_right,  // 1 if the centroid is on the true side
   // Of records whose label names a letter (letters.hpp); score() leaves them undefined.
   metric_letter_top1,  // 1 if the letter is read
-  metric_letter_top3,  // 1 if it is among the three that are most alike
   // Of records whose label says two people (people.hpp); score() leaves it undefined.
   metric_iou_person,  // mean of both
   metric_count
 };
 inline constexpr std::array<const char*, metric_count> metric_names = {
-    "iou",       "ssim",        "ssim_hard",   "ssim_fg",     "rmse_m",
-    "rmse_fg_m", "depth_mae_m", "abs_rel",     "delta_125",   "lateral_m",
-    "ghost",     "left_right",  "letter_top1", "letter_top3", "iou_person"};
+    "iou",     "ssim",      "ssim_hard", "ssim_fg", "rmse_m",     "rmse_fg_m",   "depth_mae_m",
+    "abs_rel", "delta_125", "lateral_m", "ghost",   "left_right", "letter_top1", "iou_person"};
 static_assert(metric_names.back() != nullptr);  // a name for each, in the order of Metric
 
 using MapScores = std::array<double, metric_count>;

@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "drivers/core/clones.hpp"
-#include "recon/numbers/matrix_file.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
@@ -59,21 +58,20 @@ Scene learn_scene(const Matrix& depth, const Rows& rows, const record::MapGrid& 
   return scene;
 }
 
-void save_grid(record::H5File& file, const record::MapGrid& grid) {
-  file.set(".", "map_size", std::int64_t{grid.size});
-  file.set(".", "map_half_tangent", grid.half_tangent);
-}
-
-record::MapGrid load_grid(const record::H5File& file) {
-  if (!file.has_attribute(".", "map_size")) return {};
-  const auto size = file.get<std::int64_t>(".", "map_size");
-  require_sound(file, size >= record::least_map_size && size <= record::most_map_size, ".@map_size",
-                "16 to 256");
-  const auto half = file.get<double>(".", "map_half_tangent");
-  require_sound(file,
-                half >= record::least_map_half_tangent && half <= record::most_map_half_tangent,
-                ".@map_half_tangent", "0.02 to 3");
-  return {static_cast<std::uint32_t>(size), half};
+void archive(Archive archive, Scene& scene) {
+  constexpr float farthest_m = 100;
+  archive.count("map_size", scene.grid.size, record::least_map_size, record::most_map_size);
+  archive.number("map_half_tangent", scene.grid.half_tangent, record::least_map_half_tangent,
+                 record::most_map_half_tangent);
+  archive.number("foreground_depth_m", scene.foreground_depth_m, 0, double{farthest_m});
+  for (auto& [name, map] :
+       {std::pair<const char*, std::vector<float>&>{"background_m", scene.background},
+        {"mean_map_m", scene.mean_map}}) {
+    archive.values(name, map, scene.grid.pixels());
+    archive.require(std::all_of(map.begin(), map.end(),
+                                [](float depth) { return depth >= 0 && depth <= farthest_m; }),
+                    name, "expected depths of 0 to 100 m");
+  }
 }
 
 namespace {

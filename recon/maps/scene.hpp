@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "acquire/record/depth_map.hpp"
-#include "acquire/record/h5.hpp"
 #include "recon/numbers/matrix.hpp"
+#include "recon/numbers/tensor_file.hpp"
 
 namespace echofuse::recon {
 
@@ -22,10 +22,8 @@ struct Scene {
   record::MapGrid grid;           // of these and of all maps beside them
 };
 
-// The grid as the attributes map_size and map_half_tangent of a model file; without them the
-// default. Throws Error(failed) if they make no grid.
-void save_grid(record::H5File& file, const record::MapGrid& grid);
-record::MapGrid load_grid(const record::H5File& file);
+// Background, mean map and their grid.
+void archive(Archive archive, Scene& scene);
 
 // Mask of a map, one byte a pixel.
 using Mask = std::vector<std::uint8_t>;

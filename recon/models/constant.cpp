@@ -23,9 +23,8 @@ class Constant final : public Model {
     return out;
   }
   Cost cost() const override { return {0, map_.size()}; }
-  void save(record::H5File& file) const override { file.write("model/map_m", map_, {map_.size()}); }
-  void load(const record::H5File& file, std::size_t, std::size_t outputs) override {
-    map_ = file.read<float>("model/map_m", {outputs});
+  void archive(Archive archive, const Shape& shape) override {
+    archive.values("map_m", map_, shape.outputs);
   }
 
  private:

@@ -11,72 +11,59 @@
 #include <span>
 #include <vector>
 
-#include "recon/models/body/body_frame.hpp"
-#include "recon/models/body/turned.hpp"
-#include "recon/models/ensemble.hpp"
-#include "recon/numbers/components.hpp"
+#include "recon/method/method.hpp"
+#include "recon/method/turned.hpp"
+#include "recon/models/model.hpp"
 
 namespace echofuse::recon {
 
 class Factorised final : public Model {
  public:
-  explicit Factorised(bool shapes) : shapes_(shapes) {}
+  explicit Factorised(bool shapes) { model_.has_shapes = shapes; }
   TrainingLog fit(const Samples& train, const Samples& validation,
                   const FitOptions& options) override;
   std::unique_ptr<Model> tuned(const Samples& train, const Tuning& tuning) const override;
   bool show_background(std::span<const float> metres) override {
-    background_.assign(metres.begin(), metres.end());
+    model_.background.assign(metres.begin(), metres.end());
     return true;
   }
-  Matrix predict(const Matrix& aligned, SoftMaps* soft) const override;
-  Cost cost() const override;
-  std::optional<BodyLayers> body_layers() const override;
-  void save(record::H5File& file) const override;
-  void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) override;
+  Matrix predict(const Matrix& views, SoftMaps* soft) const override {
+    return reconstruct(views, model_, soft);
+  }
+  Cost cost() const override { return recon::cost(model_); }
+  FitOptions sizes() const override;
+  void archive(Archive archive, const Shape& shape) override {
+    model_.archive(archive, shape.inputs, shape.grid);
+  }
 
  private:
-  // Records with a body in both the inputs and the map.
-  struct Seen {
-    Matrix features;  // not yet standardised
-    Rows rows;        // of the samples
+  // Records with a body in both the view and the map.
+  struct Bodies {
+    Matrix views;  // not yet standardised
+    Rows rows;     // of the samples
     std::vector<Place> places;
   };
-  struct Shapes {
-    Matrix masks, reliefs;
-  };
-  Seen see(const Samples& samples) const;
-  Matrix look(const Matrix& aligned, Rows& with_body) const;
-  void learn_scale(const Matrix& features);
-  void standardise(std::span<float> features) const;
-  float range_of(std::span<const float> standardised) const;  // metres
+  Bodies bodies_in(const Samples& samples) const;
+  void learn_scale(const Matrix& views, double least_deviation);
   // Of a turned body: its place, its range (metres) and the targets to put in.
   using Retarget = std::function<void(const Place&, float, std::span<float>)>;
   Redraw turning(const TurnedBodies& turned, const Retarget& retarget) const;
   Redraw turning_places(const TurnedBodies& turned) const;
   Redraw turning_shapes(const TurnedBodies& turned) const;
-  Matrix position_targets(const Seen& seen) const;
-  TrainingLog fit_position(const Seen& train, const TurnedBodies& turned, const Seen& validation,
-                           const FitOptions& options);
-  void fit_bodies(const Seen& train, const Samples& samples, const FitOptions& options);
-  bool fit_shape(const Seen& train, const Samples& train_samples, const TurnedBodies& turned,
-                 const Seen& validation, const Samples& validation_samples,
+  Matrix position_targets(const Bodies& bodies) const;
+  TrainingLog fit_position(const Bodies& train, const TurnedBodies& turned,
+                           const Bodies& validation, const FitOptions& options);
+  void fit_components(const Bodies& train, const Samples& samples, const FitOptions& options);
+  bool fit_shape(const Bodies& train, const Samples& train_samples, const TurnedBodies& turned,
+                 const Bodies& validation, const Samples& validation_samples,
                  const FitOptions& options);
-  // Of the given ones of the records seen.
-  Shapes cut(const Seen& seen, const Samples& samples, const Rows& which) const;
-  Matrix amounts(const Seen& seen, const Samples& samples) const;
-  void move_mean_body(const Seen& seen, const Samples& samples);
-  void choose_threshold(const Seen& seen, const Samples& samples);
-  std::vector<Place> find_places(const Matrix& features) const;
-  Shapes find_shapes(const Matrix& features) const;
-  AffineLayer cells_of(const Components& components, std::size_t first) const;
+  // The given ones of the bodies in their frame.
+  Shapes cut(const Bodies& bodies, const Samples& samples, const Rows& which) const;
+  Matrix amounts(const Bodies& bodies, const Samples& samples) const;
+  void move_mean_body(const Bodies& bodies, const Samples& samples);
+  void choose_threshold(const Bodies& bodies, const Samples& samples, const MethodConfig& config);
 
-  bool shapes_;
-  std::vector<float> background_;          // metres
-  std::vector<float> centre_, deviation_;  // of the features
-  Ensemble positions_, shape_networks_;
-  BodyFrame frame_;
-  Components masks_, reliefs_;
-  float threshold_ = 0.5f;
+  BodyModel model_;
 };
 
 }  // namespace echofuse::recon

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The factorised model in another room: its networks go on from what they know, the mean body moves
 // to that of the people there. The components of bodies, the threshold and the scaling stay.
-#include "recon/models/body/alignment.hpp"
+#include "recon/method/method.hpp"
 #include "recon/models/factorised.hpp"
 
 namespace echofuse::recon {
@@ -21,30 +21,30 @@ void move_mean(Components& components, const Matrix& seen, const Matrix& found) 
 
 std::unique_ptr<Model> Factorised::tuned(const Samples& train, const Tuning& tuning) const {
   auto out = std::make_unique<Factorised>(*this);
-  out->background_ = train.scene->background;
+  out->model_.background = train.scene->background;
   if (tuning.networks_stay()) return out;
-  Seen seen = out->see(train);
+  Bodies seen = out->bodies_in(train);
   if (seen.rows.empty()) return out;
-  for (std::size_t i = 0; i < seen.features.rows; ++i) standardise(seen.features.row(i));
+  for (std::size_t i = 0; i < seen.views.rows; ++i) standardise(seen.views.row(i), model_);
   const TurnedBodies turned(*train.alignment, train.inputs, *train.radar, *train.array, seen.rows,
                             seen.places);
   const Rows rows = all_rows(seen.rows.size());
   Training training = training_of(tuning, rows.size());
   if (tuning.turn) training.redraw = out->turning_places(turned);
-  out->positions_.tune({seen.features, position_targets(seen), rows}, training, "position");
+  out->model_.place.tune({seen.views, position_targets(seen), rows}, training, "position");
   out->move_mean_body(seen, train);
-  if (!shapes_) return out;
+  if (!model_.has_shapes) return out;
   if (tuning.turn) training.redraw = out->turning_shapes(turned);
   training.pull *= shape_pull;
-  out->shape_networks_.tune({seen.features, out->amounts(seen, train), rows}, training, "shape");
+  out->model_.shape.tune({seen.views, out->amounts(seen, train), rows}, training, "shape");
   return out;
 }
 
-void Factorised::move_mean_body(const Seen& seen, const Samples& samples) {
+void Factorised::move_mean_body(const Bodies& seen, const Samples& samples) {
   const Shapes bodies = cut(seen, samples, all_rows(seen.rows.size())),
-               found = find_shapes(seen.features);
-  move_mean(masks_, bodies.masks, found.masks);
-  move_mean(reliefs_, bodies.reliefs, found.reliefs);
+               found = shape(seen.views, model_);
+  move_mean(model_.masks, bodies.masks, found.masks);
+  move_mean(model_.depths, bodies.depths, found.depths);
 }
 
 }  // namespace echofuse::recon

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // The paper's plain network: concatenated inputs, two hidden layers, a linear output,
 // squared loss. It predicts the difference to the mean map, in units of the maps' spread.
-#include "recon/models/regression.hpp"
+#include "recon/models/model.hpp"
+#include "recon/models/network/regression.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -26,10 +27,9 @@ class Mlp final : public Model {
     return regression_.predict(inputs);
   }
   Cost cost() const override { return regression_.cost(); }
-  std::vector<AffineLayer> layers() const override { return regression_.layers(); }
-  void save(record::H5File& file) const override { regression_.save(file, "model"); }
-  void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) override {
-    regression_.load(file, "model", inputs, outputs);
+  FitOptions sizes() const override { return {.hidden = regression_.hidden()}; }
+  void archive(Archive archive, const Shape& shape) override {
+    regression_.archive(archive, shape.inputs, shape.outputs);
   }
 
  private:

@@ -9,19 +9,18 @@
 #include <utility>
 #include <vector>
 
-#include "acquire/record/h5.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/maps/soft_maps.hpp"
-#include "recon/models/layers.hpp"
+#include "recon/models/network/training.hpp"
 #include "recon/numbers/matrix.hpp"
-#include "recon/numbers/matrix_file.hpp"
+#include "recon/numbers/tensor_file.hpp"
 
 namespace echofuse::recon {
 
 class Alignment;
 
 // Inputs and depth maps of the same records, and the rows of both to use. Inputs are scaled
-// (features.hpp), or aligned (body/alignment.hpp) for models that want that.
+// (features.hpp), or aligned (method/alignment.hpp) for models that want that.
 struct Samples {
   const Matrix& inputs;
   const Matrix& maps;  // metres
@@ -32,54 +31,6 @@ struct Samples {
   const Alignment* alignment = nullptr;
   const Matrix* radar = nullptr;
   const Matrix* array = nullptr;
-};
-
-// Options that are not given take the kind's own values (ModelKind::own).
-struct FitOptions {
-  std::optional<std::vector<std::size_t>> hidden = {};  // mlp: width of each hidden layer
-  std::optional<std::size_t> basis = {};  // pca, factorised: components; nearest: records
-  std::optional<std::size_t> epochs = {};
-  std::optional<double> learning_rate = {}, weight_decay = {};
-  // Epochs without a better validation loss before stopping.
-  std::optional<std::size_t> patience = {};
-  std::optional<std::size_t> batch = {};
-  std::uint64_t seed = 1;
-  bool quiet = false;
-};
-
-// One entry an epoch; empty for models that are fitted in one step. Root mean square errors: of an
-// mlp in metres, of a pca-mlp in amounts of the components, of a factorised model of the place, in
-// units of its spread.
-struct TrainingLog {
-  std::vector<double> loss, validation_loss;
-  std::size_t best_epoch = 0;  // whose weights were kept, counted from 1; 0: none beat the mean
-  bool interrupted = false;
-};
-
-// How a trained model is taken to the records of another room.
-struct Tuning {
-  // Weight of the mean squared distance from the weights that it came with, times the number of
-  // records; INFINITY: the networks stay as they are.
-  double pull = 1;
-  // Of models that place a body: turn the bodies (body/turned.hpp). Of few records that does harm.
-  bool turn = false;
-  std::size_t steps = 200, batch = 64;  // at most so many records a step
-  double learning_rate = 4e-3;          // at first; it falls to nothing
-  std::uint64_t seed = 1;
-  bool networks_stay() const { return std::isinf(pull); }
-  // Of a mean residual over so many records, how much is believed.
-  static double belief(std::size_t records) {
-    return static_cast<double>(records) / static_cast<double>(records + 10);
-  }
-};
-
-struct Cost {
-  std::size_t multiply_adds = 0;  // for one map
-  std::size_t parameters = 0;
-  Cost& operator+=(const Cost& other) {
-    multiply_adds += other.multiply_adds, parameters += other.parameters;
-    return *this;
-  }
 };
 
 class Model {
@@ -96,20 +47,19 @@ class Model {
   // asked for; others leave it as it is, as their mean map says both.
   virtual Matrix predict(const Matrix& inputs, SoftMaps* soft = nullptr) const = 0;
   virtual Cost cost() const = 0;
-  // The model as a chain from its inputs to metres, for other people's runtimes; none if it is no
-  // such chain.
-  virtual std::vector<AffineLayer> layers() const { return {}; }
-  // Of one that places a body, for the same.
-  virtual std::optional<BodyLayers> body_layers() const { return {}; }
-  virtual void save(record::H5File& file) const = 0;  // below "model/"
-  // Of a sealed file. Throws Error(failed) that names what does not fit to so many inputs and
-  // outputs.
-  virtual void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) = 0;
+  // What fit() takes to make one of the same size.
+  virtual FitOptions sizes() const { return {}; }
+  // Writes the model, or reads and checks one of this shape (numbers/tensor_file.hpp).
+  struct Shape {
+    std::size_t inputs, outputs;  // values of a record, pixels of a map
+    record::MapGrid grid;
+  };
+  virtual void archive(Archive archive, const Shape& shape) = 0;
 };
 
 // All that the rest of the program asks of a kind of model.
 struct ModelKind {
-  enum class Takes : std::uint8_t { nothing, inputs, aligned };  // aligned: body/alignment.hpp
+  enum class Takes : std::uint8_t { nothing, inputs, aligned };  // aligned: method/alignment.hpp
   enum class Size : std::uint8_t { fixed, hidden, basis };       // what a name's numbers mean
   std::string name;
   std::unique_ptr<Model> (*make)();
@@ -117,7 +67,7 @@ struct ModelKind {
   Size size;
   FitOptions own;  // what did best on validation records at the base condition
 };
-// To add one: a row there, its own file, and candidates() in estimator/crossvalidate.hpp if
+// To add one: a row there, its own file, and candidates() in estimator/crossvalidate.cpp if
 // `--model auto` shall try it.
 const std::vector<ModelKind>& model_kinds();        // by increasing cost
 const ModelKind& kind_of(const std::string& name);  // throws Error(usage)

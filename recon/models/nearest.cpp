@@ -7,7 +7,6 @@
 
 #include "recon/models/model.hpp"
 #include "recon/numbers/blas.hpp"
-#include "recon/numbers/matrix_file.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -33,19 +32,11 @@ class Nearest final : public Model {
     const std::size_t blended = neighbours_ > 1 ? neighbours_ * maps_.cols : 0;
     return {inputs_.values.size() + blended, inputs_.values.size() + maps_.values.size()};
   }
-  void save(record::H5File& file) const override {
-    write_matrix(file, "model/inputs", inputs_);
-    write_matrix(file, "model/maps_m", maps_);
-    file.set("model/maps_m", "neighbours", static_cast<std::int64_t>(neighbours_));
-  }
-  void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) override {
-    inputs_ = read_matrix(file, "model/inputs", record::H5File::any, inputs);
-    maps_ = read_matrix(file, "model/maps_m", inputs_.rows, outputs);
-    const auto neighbours = file.get<std::int64_t>("model/maps_m", "neighbours");
-    require_sound(file, neighbours >= 1 && neighbours <= static_cast<std::int64_t>(maps_.rows),
-                  "model/maps_m@neighbours", "1 to " + std::to_string(maps_.rows));
-    neighbours_ = static_cast<std::size_t>(neighbours);
-    measure();
+  void archive(Archive archive, const Shape& shape) override {
+    archive.table("inputs", inputs_, Archive::any, shape.inputs);
+    archive.table("maps_m", maps_, inputs_.rows, shape.outputs);
+    archive.count("neighbours", neighbours_, 1, static_cast<std::int64_t>(maps_.rows));
+    if (archive.reading()) measure();
   }
 
  private:

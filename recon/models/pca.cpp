@@ -41,18 +41,14 @@ class Pca final : public Model {
     const std::size_t basis = components_.basis.values.size();
     return {inner.multiply_adds + basis, inner.parameters + basis + components_.mean.size()};
   }
-  std::vector<AffineLayer> layers() const override {
-    auto out = inner_->layers();
-    out.push_back({components_.basis, components_.mean});
+  FitOptions sizes() const override {
+    FitOptions out = inner_->sizes();
+    out.basis = components_.basis.rows;
     return out;
   }
-  void save(record::H5File& file) const override {
-    inner_->save(file);
-    save_components(file, "model/components", components_);
-  }
-  void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) override {
-    components_ = load_components(file, "model/components", outputs);
-    inner_->load(file, inputs, components_.basis.rows);
+  void archive(Archive archive, const Shape& shape) override {
+    recon::archive(archive.in("components"), components_, shape.outputs);
+    inner_->archive(archive, {shape.inputs, components_.basis.rows, shape.grid});
   }
 
  private:

@@ -11,7 +11,6 @@
 
 #include "recon/models/model.hpp"
 #include "recon/numbers/blas.hpp"
-#include "recon/numbers/matrix_file.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -65,9 +64,11 @@ class Ridge final : public Model {
   Cost cost() const override {
     return {weights_.values.size(), weights_.values.size() + offset_.size()};
   }
-  std::vector<AffineLayer> layers() const override { return {{weights_, offset_}}; }
-  void save(record::H5File& file) const override;
-  void load(const record::H5File& file, std::size_t inputs, std::size_t outputs) override;
+  void archive(Archive archive, const Shape& shape) override {
+    archive.table("weights", weights_, shape.inputs, shape.outputs);
+    archive.values("offset_m", offset_, shape.outputs);
+    archive.number("penalty", penalty_, 0, 1e300);
+  }
 
  private:
   Matrix weights_;             // inputs x pixels
@@ -121,18 +122,6 @@ Matrix Ridge::predict(const Matrix& inputs, SoftMaps*) const {
   multiply({inputs.rows, out.cols, inputs.cols, Transpose::no, Transpose::no, 1.f, 1.f},
            inputs.values.data(), weights_.values.data(), out.values.data());
   return out;
-}
-
-void Ridge::save(record::H5File& file) const {
-  write_matrix(file, "model/weights", weights_);
-  file.write("model/offset_m", offset_, {offset_.size()});
-  file.set("model/weights", "penalty", penalty_);
-}
-
-void Ridge::load(const record::H5File& file, std::size_t inputs, std::size_t outputs) {
-  weights_ = read_matrix(file, "model/weights", inputs, outputs);
-  offset_ = file.read<float>("model/offset_m", {outputs});
-  penalty_ = file.get<double>("model/weights", "penalty");
 }
 
 }  // namespace

@@ -8,7 +8,6 @@
 
 #include "drivers/core/random.hpp"
 #include "recon/numbers/blas.hpp"
-#include "recon/numbers/matrix_file.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
@@ -95,22 +94,17 @@ Matrix from_coordinates(const Components& components, const Matrix& amounts) {
   return out;
 }
 
-void save_components(record::H5File& file, const std::string& group, const Components& c) {
-  file.write(group + "/mean", c.mean, {c.mean.size()});
-  file.write(group + "/deviation", c.deviation, {c.deviation.size()});
-  write_matrix(file, group + "/basis", c.basis);
+float unit_of(const Components& components) {
+  return std::max(components.deviation.front(), 1e-6f);
 }
 
-Components load_components(const record::H5File& file, const std::string& group,
-                           std::size_t columns) {
-  Components c;
-  c.mean = file.read<float>(group + "/mean", {columns});
-  c.basis = read_matrix(file, group + "/basis", record::H5File::any, columns);
-  c.deviation = file.read<float>(group + "/deviation", {c.basis.rows});
-  require_sound(file,
-                std::all_of(c.deviation.begin(), c.deviation.end(), [](float d) { return d >= 0; }),
-                group + "/deviation", "none below 0");
-  return c;
+void archive(Archive archive, Components& c, std::size_t columns) {
+  archive.values("mean", c.mean, columns);
+  archive.table("basis", c.basis, Archive::any, columns);
+  archive.values("deviation", c.deviation, c.basis.rows);
+  archive.require(
+      std::all_of(c.deviation.begin(), c.deviation.end(), [](float d) { return d >= 0; }),
+      "deviation", "expected none below 0");
 }
 
 }  // namespace echofuse::recon

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <string>
 
-#include "acquire/record/h5.hpp"
 #include "recon/numbers/matrix.hpp"
+#include "recon/numbers/tensor_file.hpp"
 
 namespace echofuse::recon {
 
@@ -24,9 +24,10 @@ Matrix coordinates(const Components& components, const Matrix& table);
 // Its inverse, as far as the basis reaches: mean + amounts basis.
 Matrix from_coordinates(const Components& components, const Matrix& amounts);
 
-void save_components(record::H5File& file, const std::string& group, const Components& components);
+// Of the amounts along them, so that neither kind drowns another.
+float unit_of(const Components& components);
+
 // Of a table with so many columns.
-Components load_components(const record::H5File& file, const std::string& group,
-                           std::size_t columns);
+void archive(Archive archive, Components& components, std::size_t columns);
 
 }  // namespace echofuse::recon

@@ -13,7 +13,7 @@ namespace echofuse::recon {
 std::vector<double> linear_fit(const Matrix& inputs, std::span<const float> targets,
                                std::span<const float> counts, double penalty) {
   const std::size_t n = inputs.rows, d = inputs.cols;
-  TableValues x = inputs.values;
+  std::vector<float> x = inputs.values;
   std::vector<float> squares(d * d), scale(d);
   std::vector<double> wanted(d);
   const double all = std::accumulate(counts.begin(), counts.end(), 0.0);

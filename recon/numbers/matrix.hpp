@@ -7,15 +7,11 @@
 #include <span>
 #include <vector>
 
-#include "recon/numbers/table_memory.hpp"
-
 namespace echofuse::recon {
-
-using TableValues = std::vector<float, TableAllocator<float>>;
 
 struct Matrix {
   std::size_t rows = 0, cols = 0;
-  TableValues values;
+  std::vector<float> values;
 
   Matrix() = default;
   Matrix(std::size_t row_count, std::size_t col_count)

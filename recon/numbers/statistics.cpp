@@ -40,12 +40,11 @@ bool all_same(std::span<const float> values) {
   return std::adjacent_find(values.begin(), values.end(), std::not_equal_to<>()) == values.end();
 }
 
-float share_out(std::span<float> values) {
+void share_out(std::span<float> values) {
   float all = 0;
   for (const float v : values) all += std::max(v, 0.f);
   if (all > 0)
     for (float& v : values) v /= all;
-  return all;
 }
 
 double mean_of(std::span<const double> values) {
@@ -62,12 +61,14 @@ double standard_deviation(std::span<const double> values) {
 
 namespace {
 
+constexpr std::size_t pose_records = 10;  // half a minute, for which a pose may be held
+
 // Calls take(first, count) for circular blocks of `of` records, `count` records in all.
 template <class Take>
-void draw_blocks(std::size_t of, std::size_t count, Rng& rng, std::size_t block, const Take& take) {
+void draw_blocks(std::size_t of, std::size_t count, Rng& rng, const Take& take) {
   std::uniform_int_distribution<std::size_t> any(0, of - 1);
   for (std::size_t left = count; left > 0;) {
-    const std::size_t some = std::min(block, left);
+    const std::size_t some = std::min(pose_records, left);
     take(any(rng), some);
     left -= some;
   }
@@ -84,10 +85,10 @@ double upper_limit(std::vector<float> values, double share_above) {
   return start + (count > 0 ? excess / count : 0) * std::log(tail / share_above);
 }
 
-Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng, std::size_t block) {
+Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng) {
   Rows out;
   out.reserve(count);
-  draw_blocks(of, count, rng, block, [&](std::size_t first, std::size_t some) {
+  draw_blocks(of, count, rng, [&](std::size_t first, std::size_t some) {
     for (std::size_t k = 0; k < some; ++k) out.push_back((first + k) % of);
   });
   return out;
@@ -101,7 +102,7 @@ ResampledMeans::ResampledMeans(const Matrix& table)
 
 std::vector<double> ResampledMeans::draw(std::size_t count, Rng& rng) const {
   std::vector<double> out(columns_);
-  draw_blocks(rows_, count, rng, pose_records, [&](std::size_t first, std::size_t some) {
+  draw_blocks(rows_, count, rng, [&](std::size_t first, std::size_t some) {
     for (std::size_t n; some > 0; some -= n, first = 0) {
       n = std::min(some, rows_ - first);
       const double *begin = &sums_[first * columns_], *end = begin + n * columns_;
@@ -110,34 +111,6 @@ std::vector<double> ResampledMeans::draw(std::size_t count, Rng& rng) const {
   });
   for (double& mean : out) mean /= static_cast<double>(count);
   return out;
-}
-
-ResampledQuantiles::ResampledQuantiles(std::span<const float> values) : taken_(values.size(), 1) {
-  for (std::size_t i = 0; i < values.size(); ++i) sorted_.emplace_back(values[i], i);
-  std::sort(sorted_.begin(), sorted_.end());
-}
-
-void ResampledQuantiles::draw(Rng& rng) {
-  const std::size_t n = taken_.size();
-  std::vector<int> begun(n + 1);  // blocks that begin here, less those that end before
-  draw_blocks(n, n, rng, pose_records, [&](std::size_t first, std::size_t some) {
-    ++begun[first];
-    for (first += some; first > n; first -= n) ++begun[0], --begun[n];
-    --begun[first];
-  });
-  std::partial_sum(begun.begin(), begun.end() - 1, taken_.begin());
-}
-
-float ResampledQuantiles::operator()(double share) const {
-  const std::size_t n = taken_.size();
-  const auto at = static_cast<std::size_t>(share * static_cast<double>(n));
-  const auto find = [&](auto first, auto last, std::size_t below) {
-    for (auto left = static_cast<std::ptrdiff_t>(below); first != last; ++first)
-      if ((left -= taken_[first->second]) < 0) return first->first;
-    return std::prev(last)->first;
-  };
-  return share < 0.5 ? find(sorted_.begin(), sorted_.end(), at)
-                     : find(sorted_.rbegin(), sorted_.rend(), n - 1 - at);
 }
 
 float quantile(std::span<float> values, double share) {

@@ -21,8 +21,8 @@ ColumnStatistics column_statistics(const Matrix& table, const Rows& rows);
 // As of a sensor that is dead.
 bool all_same(std::span<const float> values);
 
-// Divides by the sum of what is above zero, if anything is, and returns that.
-float share_out(std::span<float> values);
+// Divides by the sum of what is above zero, if anything is.
+void share_out(std::span<float> values);
 
 double mean_of(std::span<const double> values);
 
@@ -36,12 +36,9 @@ float quantile(std::span<float> values, double share);
 // exponentially, so that a few hundred values place it.
 double upper_limit(std::vector<float> values, double share_above);
 
-inline constexpr std::size_t pose_records = 10;  // half a minute, for which a pose may be held
-
 // Which of `of` records in their order a resample of `count` takes: circular blocks (Politis and
 // Romano 1992). More than some blocks are needed, or all resamples are alike.
-Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng,
-                      std::size_t block = pose_records);
+Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng);
 
 // Means of the columns in such resamples: of blocks, not of rows.
 class ResampledMeans {
@@ -52,21 +49,6 @@ class ResampledMeans {
  private:
   std::size_t rows_, columns_;
   std::vector<double> sums_;  // of the rows before each, and of all
-};
-
-// Quantiles of such resamples, as many values as there are.
-//   ResampledQuantiles resampled(values);
-//   resampled.draw(rng);
-//   const float median = resampled(0.5);
-class ResampledQuantiles {
- public:
-  explicit ResampledQuantiles(std::span<const float> values);  // in their order, at least one
-  void draw(Rng& rng);                                         // another resample
-  float operator()(double share) const;                        // as quantile()
-
- private:
-  std::vector<std::pair<float, std::size_t>> sorted_;  // with their places
-  std::vector<int> taken_;                             // how often, by place
 };
 
 // Of each column, over the given rows (at least one).

@@ -10,7 +10,6 @@
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
 #include "recon/output/map_pictures.hpp"
-#include "recon/output/window.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -50,12 +49,10 @@ std::vector<double> values_of(const Axis& axis) {
 struct MapFormat {
   const char *name, *what;
 };
-constexpr std::array<MapFormat, 7> map_formats = {
+constexpr std::array<MapFormat, 5> map_formats = {
     {{"colour", "PNG"},
      {"mm", "PNG of 16-bit millimetres"},
      {"ply", "points"},
-     {"mp4", "a film, by ffmpeg"},
-     {"gif", "the same"},
      {"npz", "all maps in one file"},
      {"uncertainty", "standard deviations, as mm and npz"}}};
 
@@ -75,16 +72,12 @@ std::string map_format_help() {
 }
 
 MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene,
-                   double zoom_m, bool calibrated, const MapParts* parts)
+                   bool calibrated)
     : folder_(std::move(folder)),
       formats_(formats),
       scene_(scene),
       span_(span_of(scene)),
-      zoom_m_(zoom_m),
-      calibrated_(calibrated),
-      parts_(parts) {
-  for (const char* film : {"mp4", "gif"})
-    if (wants(film)) films_.push_back(std::make_unique<Film>(folder_ + "/maps." + film));
+      calibrated_(calibrated) {
   if (!wants("npz")) return;
   const std::size_t size = scene.grid.size;
   arrays_.emplace(folder_ + "/maps.npz");
@@ -100,52 +93,32 @@ bool MapFiles::wants(const char* format) const {
 
 void MapFiles::write(std::int64_t index, std::span<const float> prediction,
                      std::span<const float> deviation) {
-  const record::MapGrid& grid = scene_.grid;
-  Window window{grid.x(), grid.y()};
-  std::vector<float> map = within_span(prediction), deviations(deviation.begin(), deviation.end());
-  const auto picture = [&](const char* end, const auto& make) {
-    const std::string name = formatted("%06lld%s", static_cast<long long>(index), end);
-    if (!parts_ || !parts_->take(name)) write_file(folder_ + "/" + name, make());
+  const std::vector<float> map = within_span(prediction);
+  const auto picture = [&](const char* end, const Bytes& contents) {
+    write_file(folder_ + formatted("/%06lld", static_cast<long long>(index)) + end, contents);
   };
-  // Only colours, points and films show it.
+  // Only colours and points show it.
   std::vector<float> there;
-  if (wants("ply") || wants("colour") || !films_.empty()) there = hard_map(map, scene_);
-  if (wants("ply")) picture(".ply", [&] { return point_cloud(there, grid); });
-  if (zoom_m_ > 0) {
-    window = window_about_body(prediction, scene_, zoom_m_);
-    map = cut(map, grid, window);
-    if (!there.empty()) there = cut(there, grid, window);
-    if (!deviations.empty()) deviations = cut(deviations, grid, window);
-  }
-  if (wants("colour")) picture(".png", [&] { return depth_picture(there, span_, picture_zoom); });
-  for (const auto& film : films_)
-    film->add(enlarged(chart::depth_raster(there, grid.size, span_.near, span_.far), film_zoom));
-  if (wants("mm")) picture("_mm.png", [&] { return millimetre_picture(map, grid.size); });
-  if (wants("uncertainty"))
-    picture("_sd.png", [&] { return millimetre_picture(deviations, grid.size); });
+  if (wants("ply") || wants("colour")) there = hard_map(map, scene_);
+  if (wants("ply")) picture(".ply", point_cloud(there, scene_.grid));
+  if (wants("colour")) picture(".png", depth_picture(there, span_, picture_zoom));
+  if (wants("mm")) picture("_mm.png", millimetre_picture(map, scene_.grid.size));
+  if (wants("uncertainty")) picture("_sd.png", millimetre_picture(deviation, scene_.grid.size));
   if (!arrays_) return;
   arrays_->append(map);
   indices_.push_back(index);
-  if (zoom_m_ > 0) {
-    const auto x = values_of(window.x), y = values_of(window.y);
-    depth_x_.insert(depth_x_.end(), x.begin(), x.end());
-    depth_y_.insert(depth_y_.end(), y.begin(), y.end());
-  }
-  if (deviations_) deviations_->append(deviations);
+  if (deviations_) deviations_->append(deviation);
 }
 
 void MapFiles::close() {
-  for (const auto& film : films_) film->close();
   if (!arrays_) return;
   arrays_->begin("index", "<i8", {});
   arrays_->append(indices_);
-  if (zoom_m_ <= 0) depth_x_ = values_of(scene_.grid.x()), depth_y_ = values_of(scene_.grid.y());
-  const auto shape =
-      zoom_m_ > 0 ? std::vector<std::size_t>{scene_.grid.size} : std::vector<std::size_t>{};
-  arrays_->begin("depth_x", "<f8", shape);
-  arrays_->append(depth_x_);
-  arrays_->begin("depth_y", "<f8", shape);
-  arrays_->append(depth_y_);
+  for (const auto& [name, axis] :
+       {std::pair("depth_x", scene_.grid.x()), {"depth_y", scene_.grid.y()}}) {
+    arrays_->begin(name, "<f8", {});
+    arrays_->append(values_of(axis));
+  }
   arrays_->begin("calibrated", "|u1", {});
   arrays_->append(std::vector<std::uint8_t>{calibrated_});
   arrays_->close();

@@ -2,7 +2,6 @@
 // Depth maps as files, in the formats that are asked for.
 #pragma once
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -11,8 +10,6 @@
 #include "drivers/chart/colour_map.hpp"
 #include "recon/files/npz.hpp"
 #include "recon/maps/scene.hpp"
-#include "recon/output/film.hpp"
-#include "recon/output/map_parts.hpp"
 
 namespace echofuse::recon {
 
@@ -22,24 +19,20 @@ namespace echofuse::recon {
 //   mm      NNNNNN_mm.png: 16-bit grey, z in millimetres, 0 = no return
 //   ply     NNNNNN.ply: points x (right), y (up), z (away) in metres, of the hard map (scene.hpp),
 //           as the ripple of a least-squares map would be a fog of points
-//   mp4, gif  maps.mp4, maps.gif: the same as a film, by ffmpeg (film.hpp)
 //   npz     maps.npz for all: index i64 [n], depth_m f32 [n, N, N], depth_x and depth_y f64 [N],
-//           the tangents of the pixel centres; of windows [n, N]; calibrated u8 [1]: 0 where the
-//           model cannot say how far off its maps are
+//           the tangents of the pixel centres; calibrated u8 [1]: 0 where the model cannot say how
+//           far off its maps are
 //   uncertainty  NNNNNN_sd.png: 16-bit grey, the standard deviation of z in millimetres; beside npz
 //           also uncertainty.npz: deviation_m f32 [n, N, N]
 std::vector<std::string> map_format_names();
 std::string map_format_help();  // each with what it is
 
-// Writes into an existing folder; every member throws Error(disk), and Error(failed) if
-// ffmpeg makes no film.
+// Writes into an existing folder; every member throws Error(disk).
 class MapFiles {
  public:
-  // zoom_m: not the whole map but a window of so many metres (window.hpp), but for the points; 0:
-  // the whole one. `calibrated`: whether the model states its uncertainty. `parts`: nullptr, or
-  // whose pictures are taken instead of made.
+  // `calibrated`: whether the model states its uncertainty.
   MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene,
-           double zoom_m, bool calibrated, const MapParts* parts = nullptr);
+           bool calibrated);
   // `deviation`: of every pixel; may be empty unless uncertainty is wanted.
   void write(std::int64_t index, std::span<const float> prediction,
              std::span<const float> deviation);
@@ -51,13 +44,9 @@ class MapFiles {
   std::vector<std::string> formats_;
   const Scene& scene_;
   chart::Span span_;
-  double zoom_m_;
   bool calibrated_;
-  const MapParts* parts_;
-  std::vector<std::unique_ptr<Film>> films_;
   std::optional<NpzFile> arrays_;
   std::vector<std::int64_t> indices_;
-  std::vector<double> depth_x_, depth_y_;
   std::optional<NpzFile> deviations_;
 };
 

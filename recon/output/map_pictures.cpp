@@ -157,23 +157,6 @@ chart::Picture error_picture(std::span<const float> map, std::span<const float> 
   return p;
 }
 
-chart::Picture relief_picture(const std::string& title, std::span<const float> map, double depth_m,
-                              const Frame& frame) {
-  const std::vector<float> part = frame.cut(map);
-  std::vector<float> plane;
-  std::vector<double> depths;
-  for (const float z : part) {
-    plane.push_back(z > 0 ? static_cast<float>(depth_m) : 0);
-    if (z > 0) depths.push_back(double{z} - depth_m);
-  }
-  chart::Picture p =
-      over_tangents(title, chart::error_raster(part, plane, frame.size, most_error_m), frame);
-  p.bar = chart::error_bar(most_error_m);
-  note_beyond(p, depths, formatted("nearer by more than %g m", most_error_m),
-              "farther by more than that");
-  return p;
-}
-
 chart::Picture share_picture(const std::string& title, std::span<const float> share,
                              const Frame& frame) {
   chart::Picture p = over_tangents(

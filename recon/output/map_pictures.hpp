@@ -40,9 +40,6 @@ chart::Picture map_picture(const std::string& title, std::span<const float> map,
                            const chart::Span& span);
 chart::Picture error_picture(std::span<const float> map, std::span<const float> truth,
                              const Frame& frame);
-// Of a part of a map: how far each pixel is behind or before a depth.
-chart::Picture relief_picture(const std::string& title, std::span<const float> map, double depth_m,
-                              const Frame& frame);
 chart::Picture share_picture(const std::string& title, std::span<const float> share,
                              const Frame& frame);
 chart::Picture deviation_picture(std::span<const float> deviation, const Frame& frame);

@@ -15,7 +15,6 @@
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/atomic_write.hpp"
 #include "drivers/core/console.hpp"
-#include "drivers/core/crc32c.hpp"
 #include "drivers/core/csv.hpp"
 #include "drivers/core/printable.hpp"
 #include "recon/estimator/predict.hpp"
@@ -39,24 +38,16 @@ class StatusTable {
   explicit StatusTable(const std::string& path) : path_(path) {
     write_atomically(path,
                      "record,status,after_slot_s,lateral_interval_90_m,distance,two_bodies,"
-                     "out_of_distribution,radar_shift_m,uncertainty,"
-                     "bodies,second_x_m,second_z_m,second_lateral_interval_90_m\n");
+                     "out_of_distribution,uncertainty\n");
     out_.open(path, std::ios::binary | std::ios::app);
   }
   void add(const RecordStatus& r) {
-    const std::string of_bodies = r.uncertainty ? r.uncertainty->note : "";
-    const std::string status = !r.fault.empty()     ? r.fault
-                               : !r.note.empty()    ? r.note
-                               : !of_bodies.empty() ? of_bodies
-                                                    : "ok";
+    const std::string status = !r.fault.empty() ? r.fault : !r.note.empty() ? r.note : "ok";
     out_ << r.index << "," << csv_text(status) << ","
          << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "") << ",";
     if (r.uncertainty) add(*r.uncertainty);
     out_ << (r.uncertainty ? "," : ",,,,")
-         << (r.fault.empty() ? formatted("%.4f", r.radar_shift_m) : "") << ","
-         << (r.fault.empty() ? calibration_name(r.uncertainty.has_value()) : "") << ",";
-    if (r.uncertainty) add_bodies(*r.uncertainty);
-    out_ << (r.uncertainty ? "\n" : ",,,\n");
+         << (r.fault.empty() ? calibration_name(r.uncertainty.has_value()) : "") << "\n";
   }
   void flush() {
     out_.flush();
@@ -72,15 +63,6 @@ class StatusTable {
                  : formatted("%.3f", c.out_of_distribution.two_bodies))
          << ",\"" << c.out_of_distribution.text() << "\"";
   }
-  void add_bodies(const PredictionUncertainty& c) {
-    if (c.bodies.empty())
-      return void(out_ << (c.out_of_distribution.reason == "empty" ? 0 : 1) << ",,,");
-    const FoundBody& second = c.bodies[1];
-    out_ << formatted("2,%.3f,%.3f,", second.x_m, second.z_m)
-         << (std::isnan(second.lateral_interval_90_m)
-                 ? ""
-                 : formatted("%.3f", second.lateral_interval_90_m));
-  }
   std::string path_;
   std::ofstream out_;
 };
@@ -88,17 +70,15 @@ class StatusTable {
 // Of a run, from records to files.
 class Reconstruction {
  public:
-  Reconstruction(const TrainedModel& model, const ReconstructOptions& options,
-                 const MapParts* parts)
+  Reconstruction(const TrainedModel& model, const ReconstructOptions& options)
       : model_(model),
         options_(options),
-        files_(options.out, options.formats, model.scene, options.zoom_m,
-               model.uncertainty.has_value(), parts),
+        files_(options.out, options.formats, model->scene, model->uncertainty.has_value()),
         table_(options.out + "/records.csv"),
         started_(clock_.now()) {}
 
-  // Of a run as it is now. All its records are read before the first map, as a range bias shows in
-  // all of them.
+  // Of a run as it is now. All its records are read before the first map, as what is said of the
+  // run is of all of them.
   void take_all(const record::RunReader& run);
   // What has come since the last call; true if there was any record.
   bool take_new(const record::RunReader& run);
@@ -106,7 +86,6 @@ class Reconstruction {
 
  private:
   Dataset read(const record::RunReader& run, std::size_t at_most);
-  std::pair<std::size_t, std::size_t> own_rows(const Dataset& data);
   Records prepare_new(Dataset data);
   // Records [first, first + count), of which `rows` have maps.
   struct Part {
@@ -130,15 +109,14 @@ class Reconstruction {
   HostTime started_, read_{};
   std::int64_t next_ = 0;
   std::deque<RecordStatus> bad_;  // read, and not yet told
-  RangeBiasWatch watch_;
-  std::string antennas_;  // what was said of them
+  std::string antennas_;          // what was said of them
 };
 
 // Without the depth camera, whose pictures no map needs.
 Dataset Reconstruction::read(const record::RunReader& run, std::size_t at_most) {
-  Dataset out = load_part(run, next_, at_most, sensors_of(model_.features.inputs),
+  Dataset out = load_part(run, next_, at_most, sensors_of(model_->features.inputs),
                           [&](std::int64_t index, const std::string& fault) {
-                            bad_.push_back({index, fault, {}, 0, {}, {}, {}});
+                            bad_.push_back({index, fault, {}, {}, {}, {}});
                           });
   read_ = clock_.now();
   return out;
@@ -147,12 +125,12 @@ Dataset Reconstruction::read(const record::RunReader& run, std::size_t at_most) 
 void Reconstruction::take_all(const record::RunReader& run) {
   const auto count = static_cast<std::size_t>(run.count());
   Progress progress("reconstructing", count, options_.quiet);
-  const Records records = prepare_records(model_, read(run, count), options_.range_bias);
-  const auto [begin, last] = own_rows(records.data);
+  const Records records = prepare_records(model_, read(run, count), options_.range_offset_m);
+  const std::size_t last = records.data.size();
   // While this thread judges the run, and then writes a part, others make the maps of the next.
   constexpr std::size_t ahead = 2;
   std::deque<std::future<Part>> next;
-  auto start = [&, first = begin, end = last]() mutable {
+  auto start = [&, first = std::size_t{0}, end = last]() mutable {
     if (first >= end) return;
     const std::size_t size = std::min(part_records, end - first);
     next.push_back(
@@ -164,10 +142,6 @@ void Reconstruction::take_all(const record::RunReader& run) {
   tell_run(records.speckle);
   const DomainShift shift = domain_shift_of(model_, records);
   if (shift.tested() && (shift.found() || !options_.quiet)) tell_run(shift.text());
-  const bool silent =
-      options_.quiet && records.range_bias.status == RangeBias::Status::too_few_records;
-  if (!silent) tell_run(records.text);
-  if (!options_.quiet) tell_run(records.gains.text());
   for (; !next.empty() && !interrupted(); next.pop_front()) {
     Part part = next.front().get();
     start();
@@ -179,19 +153,6 @@ void Reconstruction::take_all(const record::RunReader& run) {
   table_.flush();
 }
 
-// Of a part. It forgets bad records of other parts; those between two are of the first one.
-std::pair<std::size_t, std::size_t> Reconstruction::own_rows(const Dataset& data) {
-  if (!options_.part) return {0, data.size()};
-  const JobPart::Range range = options_.part->range(static_cast<std::int64_t>(data.size()));
-  const auto begin = static_cast<std::size_t>(range.begin),
-             end = static_cast<std::size_t>(range.end);
-  std::erase_if(bad_, [&](const RecordStatus& r) {
-    return (begin > 0 && r.index < data.index[begin]) ||
-           (end < data.size() && r.index > data.index[end]);
-  });
-  return {begin, end};
-}
-
 bool Reconstruction::take_new(const record::RunReader& run) {
   const std::int64_t before = next_;
   const Records records = prepare_new(read(run, part_records));
@@ -201,21 +162,14 @@ bool Reconstruction::take_new(const record::RunReader& run) {
   return next_ != before;
 }
 
-// A range bias is reported when it comes up. It is not corrected: that would be amid the maps.
 Records Reconstruction::prepare_new(Dataset data) {
   const Rows all = all_rows(data.size());
   // A sensor's axis may come after the first records of a run that is being recorded.
   if (std::none_of(all.begin(), all.end(),
                    [&](std::size_t row) { return model_.fault_of(data, row).empty(); }))
-    return {std::move(data), {}, {}, 0, {}, {}, {}};
-  const TrainedModel& model = model_.for_run(data);
-  Records out = prepare_records(model_, std::move(data), RangeBiasAction::ignore);
-  forget_brightness(model.alignment, out.aligned);  // one by one records tell nothing of gains
+    return {std::move(data), {}, {}, {}};
+  Records out = prepare_records(model_, std::move(data), options_.range_offset_m);
   if (out.antennas != antennas_) tell_run(antennas_ = out.antennas);
-  if (options_.range_bias == RangeBiasAction::ignore || !model.range_bias.known()) return out;
-  const auto range_bias = watch_.add(
-      model.range_bias, model.range_bias.measure(model.alignment, out.data, out.aligned));
-  if (range_bias) tell_run(range_bias->text(false));
   return out;
 }
 
@@ -228,18 +182,13 @@ Reconstruction::Part Reconstruction::make(const Records& records, std::size_t fi
   const Dataset& data = records.data;
   Part out{first, {}, {}, {}};
   for (std::size_t row = first; row < first + count; ++row) {
-    out.statuses.push_back({data.index[row],
-                            model_.fault_of(data, row),
-                            model_.note_of(data, row),
-                            records.range_bias_m,
-                            {},
-                            {},
-                            {}});
+    out.statuses.push_back(
+        {data.index[row], model_.fault_of(data, row), model_.note_of(data, row), {}, {}, {}});
     if (out.statuses.back().fault.empty()) out.rows.push_back(row);
   }
-  const bool pixels = wants_uncertainty(options_) || options_.output == "mean";
-  out.made = predict(model_, records, out.rows,
-                     pixels ? PredictionDetail::pixels : PredictionDetail::uncertainty);
+  out.made = predict(
+      model_, records, out.rows,
+      wants_uncertainty(options_) ? PredictionDetail::pixels : PredictionDetail::uncertainty);
   return out;
 }
 
@@ -248,7 +197,7 @@ void Reconstruction::write(const Records& records, Part part) {
   for (std::size_t i = 0; i < part.rows.size(); ++i) {
     RecordStatus& status = part.statuses[part.rows[i] - part.first];
     if (!made.uncertainties.empty()) status.uncertainty = made.uncertainties[i];
-    files_.write(status.index, made.of(options_.output).row(i),
+    files_.write(status.index, made.maps.row(i),
                  wants_uncertainty(options_) ? made.deviation.row(i) : std::span<const float>{});
     time(status, records.data.slot_end[part.rows[i]]);
   }
@@ -272,8 +221,10 @@ void Reconstruction::time(RecordStatus& status, HostTime slot_end) const {
 }
 
 // Whose maps they are, in OUT/run.txt.
-std::string marker_of(const std::string& path, const std::string& uuid, const TrainedModel& model) {
-  return uuid + "\n" + printable(path) + "\n" + calibration_of(model) + "\n";
+std::string marker_of(const std::string& path, const std::string& uuid, const TrainedModel& model,
+                      double range_offset_m) {
+  return uuid + "\n" + printable(path) + "\n" + calibration_of(model) + "\n" +
+         (range_offset_m == 0 ? "" : formatted("range offset %.9g m\n", range_offset_m));
 }
 
 // Maps of another run must not stay among those of this one unnoticed.
@@ -292,21 +243,16 @@ void require_folder(const ReconstructOptions& options, const std::string& uuid) 
                                    "; give another --out, or --force to write among them");
 }
 
-// All that a part's pictures depend on.
-std::string what_of(const std::string& marker, const ReconstructOptions& options) {
-  std::uint32_t files = 0;
-  for (const auto& path : options.files) files = crc32c(read_file(path), files);
-  return marker + formatted("echofuse %s, model %08x, output %s, zoom %.9g m, range bias %s\n",
-                            version(), files, options.output.c_str(), options.zoom_m,
-                            options.range_bias == RangeBiasAction::correct ? "corrected" : "left");
-}
+}  // namespace
 
-void run_whole(const TrainedModel& model, const std::string& path,
-               const ReconstructOptions& options, const std::string& marker,
-               const MapParts& parts) {
+void reconstruct(const TrainedModel& model, const std::string& path,
+                 const ReconstructOptions& options) {
+  if (wants_uncertainty(options)) require_uncertainty(model);
+  const std::string uuid = record::RunReader(path).info().uuid;
+  require_folder(options, uuid);  // refused before it changes
   make_folder(options.out);
-  write_atomically(options.out + "/run.txt", marker);
-  Reconstruction work(model, options, &parts);
+  write_atomically(options.out + "/run.txt", marker_of(path, uuid, model, options.range_offset_m));
+  Reconstruction work(model, options);
   if (!options.follow) work.take_all(record::RunReader(path));
   while (options.follow && !interrupted()) {
     // Opened anew for each look: a run's writer leaves one single file only if nobody holds it.
@@ -320,38 +266,6 @@ void run_whole(const TrainedModel& model, const std::string& path,
     std::this_thread::sleep_for(pause_between_looks);
   }
   work.close();
-  if (!interrupted()) parts.remove();
-}
-
-void run_part(const TrainedModel& model, const std::string& path, ReconstructOptions options,
-              const std::string& what) {
-  for (const char* whole : {"npz", "mp4", "gif"}) std::erase(options.formats, whole);
-  if (options.follow || options.formats.empty())
-    throw Error(ExitCode::usage,
-                options.follow
-                    ? "--part: a run that is followed is not shared"
-                    : "--part: npz and films are written at once; only pictures and points "
-                      "are shared");
-  const std::string out = options.out;
-  make_folder(out);
-  options.out = begin_map_part(out, *options.part, what);
-  Reconstruction work(model, options, nullptr);
-  work.take_all(record::RunReader(path));
-  work.close();
-  if (!interrupted()) end_map_part(out, *options.part);
-}
-
-}  // namespace
-
-void reconstruct(const TrainedModel& model, const std::string& path,
-                 const ReconstructOptions& options) {
-  if (options.output == "mean" || wants_uncertainty(options)) require_uncertainty(model);
-  const std::string uuid = record::RunReader(path).info().uuid;
-  require_folder(options, uuid);  // refused before it changes
-  const std::string marker = marker_of(path, uuid, model);
-  const auto what = [&] { return what_of(marker, options); };
-  if (options.part) return run_part(model, path, options, what());
-  run_whole(model, path, options, marker, MapParts(options.out, what));
 }
 
 }  // namespace echofuse::recon

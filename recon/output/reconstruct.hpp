@@ -6,16 +6,14 @@
 #include <string>
 #include <vector>
 
-#include "drivers/core/job_part.hpp"
 #include "recon/estimator/trained_model.hpp"
 
 namespace echofuse::recon {
 
 struct RecordStatus {
   std::int64_t index = 0;
-  std::string fault;         // empty: reconstructed
-  std::string note;          // of a map: what the model had to do without
-  double radar_shift_m = 0;  // range bias, taken off its ranges
+  std::string fault;  // empty: reconstructed
+  std::string note;   // of a map: what the model had to do without
   // Of a record that came while following: from its slot's end, and from its reading, to its map.
   std::optional<double> after_slot_s, after_reading_s;
   // Of a reconstructed record, if the model states any.
@@ -25,17 +23,12 @@ struct RecordStatus {
 struct ReconstructOptions {
   std::string out;                                      // folder, made if need be
   std::vector<std::string> formats = {"colour", "mm"};  // of map_files.hpp
-  std::string output = "own";                           // of output_names (predict.hpp)
-  double zoom_m = 0;    // a window of so many metres about the body (window.hpp); 0: the whole map
-  bool follow = false;  // take records as they come, until the run is closed
-  bool force = false;   // also into a folder that holds maps of another run
-  std::optional<JobPart> part = {};  // only its share of the records, into a folder of its own
-  // Of the model and the empty room, if any: parts that were made of other files are refused.
-  std::vector<std::string> files = {};
-  bool quiet = false;  // no progress bar, no word on runs too short to tell a range bias
-  RangeBiasAction range_bias = RangeBiasAction::warn;  // correct: not while following
-  // What there is to say of the run: of its antennas, of a range bias, of its gains (Records), and
-  // of a whole run, whether it is unlike the training (DomainShift::text).
+  bool follow = false;        // take records as they come, until the run is closed
+  bool force = false;         // also into a folder that holds maps of another run
+  bool quiet = false;         // no progress bar, and of the run only what is unusual
+  double range_offset_m = 0;  // by how much the radar's ranges are too long (prepare_records)
+  // What there is to say of the run: of its antennas (Records), and of a whole run, whether it is
+  // unlike the training (DomainShift::text).
   std::function<void(const std::string&)> on_run;
   std::function<void(const RecordStatus&)> on_record;  // in the order of the records
 };
@@ -45,9 +38,7 @@ struct ReconstructOptions {
 // is noted and left out. Ends early at an interrupt, with what it has finished. Throws
 // Error(failed) if the run's axes are not the model's, and Error(disk). OUT/run.txt tells whose
 // maps they are (uuid, path, whether calibrated); Error(usage) if there are maps of another run,
-// unless forced. A part writes pictures into OUT/part-K-of-N, which a later call without part
-// takes; it has no part in arrays, and Error(usage) if nothing else is wanted, or if it is to
-// follow.
+// unless forced.
 void reconstruct(const TrainedModel& model, const std::string& run,
                  const ReconstructOptions& options);
 

@@ -7,7 +7,6 @@
 #include <functional>
 #include <utility>
 
-#include "acquire/record/h5.hpp"
 #include "drivers/core/atomic_write.hpp"
 #include "drivers/core/exit_code.hpp"
 #include "recon/estimator/empty_room.hpp"
@@ -63,13 +62,11 @@ RecordFacts facts_of(const Dataset& data, std::size_t row, const Scene& scene) {
 }
 
 ModelFacts model_facts(const std::string& file, const TrainedModel& model) {
-  ModelFacts out{file, model.name, model.fit.seed, model.split.seed, model.data_hash, 0, 0,
-                 0,    model.log,  false};
+  ModelFacts out{
+      file,       model->name, model->fit.seed, model.split.seed, model.data_hash, 0, 0, 0,
+      model->log, false};
   const Candidate paper = candidate_of("paper", {});
-  const auto widths = record::H5File::open_sealed(file).read<std::uint64_t>("training/hidden");
-  out.papers =
-      model.name == paper.model &&
-      std::equal(widths.begin(), widths.end(), paper.fit.hidden->begin(), paper.fit.hidden->end());
+  out.papers = model->name == paper.model && model->model->sizes().hidden == paper.fit.hidden;
   for (const std::uint8_t part : model.seen.part)
     ++(part == static_cast<std::uint8_t>(Part::train)        ? out.train
        : part == static_cast<std::uint8_t>(Part::validation) ? out.validation
@@ -79,7 +76,7 @@ ModelFacts model_facts(const std::string& file, const TrainedModel& model) {
 
 // Answers every record with the same map.
 bool is_constant(const TrainedModel& model) {
-  return model.name == "mean" || model.name == "empty";
+  return model->name == "mean" || model->name == "empty";
 }
 
 TrainedModel model_for(const std::string& path, const ReportOptions& options, Report& report) {
@@ -95,18 +92,18 @@ LoadedMode score_mode(const std::string& name, Inputs inputs, double paper_ssim,
   LoadedMode mode{{name, inputs, paper_ssim, {}, {}, {}, {}}, {}};
   for (const auto& path : paths) {
     TrainedModel model = model_for(path, options, report);
-    const Features& f = model.features;
+    const Features& f = model->features;
     if (f.inputs != inputs && !(both_sensors(f.inputs) && both_sensors(inputs)))
       throw Error(ExitCode::failed,
                   path + ": was trained on " + name_of(f.inputs) + " inputs, given as --" + name);
-    const Records records = prepare_records(model, data, RangeBiasAction::warn);
+    const Records records = prepare_records(model, data);
     const Rows rows = rows_of_both(model, records.data);
     Evaluation e = evaluate(model, records, rows);
     e.left_out += rows_to_evaluate(model, records.data, false).size() - rows.size();
     e.cost = measure_cost(model, records.data, rows, path);
     if (mode.models.empty())
       for (const std::size_t row : rows)
-        mode.result.records.push_back(facts_of(records.data, row, model.scene));
+        mode.result.records.push_back(facts_of(records.data, row, model->scene));
     mode.result.models.push_back(model_facts(path, model));
     mode.result.evaluations.push_back(std::move(e));
     mode.models.push_back(std::move(model));
@@ -169,11 +166,11 @@ void add_records(Report& report, const std::vector<const TrainedModel*>& models,
 void add_live(Report& report, const TrainedModel& model, const std::string& name,
               const std::string& path) {
   const Dataset data = load({path});
-  const Records records = prepare_records(model, data, RangeBiasAction::warn);
+  const Records records = prepare_records(model, data);
   const Rows rows = rows_to_evaluate(model, records.data, false);
-  ModeResult live{"live", model.features.inputs, 0, {evaluate(model, records, rows)}, {}, {}, {}};
+  ModeResult live{"live", model->features.inputs, 0, {evaluate(model, records, rows)}, {}, {}, {}};
   report.live = live.evaluations.front();
-  report.live->baselines = score_baselines(data, rows, model.scene, data, {});
+  report.live->baselines = score_baselines(data, rows, model->scene, data, {});
   const Rows order = by_quality(live, [](std::size_t) { return true; });
   ShownRecord shown = show_record({&model}, {name}, data, order[order.size() / 2]);
   shown.file = "figure_live";
@@ -213,7 +210,7 @@ void add_models(Report& report, const ReportOptions& options, const Dataset& dat
   add("spd", Inputs::spd, 0.6389, options.spd);
   add("radar", Inputs::radar, 0.5266, options.radar);
   for (const std::string& path : options.compare)
-    add(path, load_model(path).features.inputs, 0, {path});
+    add(path, load_model(path)->features.inputs, 0, {path});
   std::vector<const TrainedModel*> first;
   std::vector<std::string> names;
   for (auto& mode : modes) {
@@ -222,12 +219,11 @@ void add_models(Report& report, const ReportOptions& options, const Dataset& dat
     report.modes.push_back(std::move(mode.result));
   }
   const TrainedModel& subject = *first.front();
-  report.baselines = score_baselines(data, rows_of_both(subject, data), subject.scene, data,
+  report.baselines = score_baselines(data, rows_of_both(subject, data), subject->scene, data,
                                      subject.rows_of(data, Part::train));
   report.records = report.modes.front().evaluations.front().records;
-  report.span = span_of(subject.scene), report.new_run = !subject.knows(data);
+  report.span = span_of(subject->scene), report.new_run = !subject.knows(data);
   add_records(report, first, names, data);
-  report.letters = show_letters(subject, data, report.modes.front().evaluations.front());
   if (!options.compare.empty()) add_comparison(report);
   if (!options.live.empty()) add_live(report, subject, names.front(), options.live);
 }

@@ -72,15 +72,6 @@ struct ShownRecord {
   std::vector<ShownMap> maps;
 };
 
-// A letter at the size at which it could be read.
-struct ShownLetter {
-  std::string title;
-  std::size_t letter = 0;  // of record::letters
-  std::vector<float> truth, map;
-  double width_m = 0, depth_m = 0;  // width of both, and their height; where the plate is
-  std::array<double, letters.size()> truth_scores{}, map_scores{};
-};
-
 // Two models on the same records: second minus first.
 struct PairedDifference {
   Metric metric{};
@@ -101,7 +92,6 @@ struct Report {
   std::size_t records = 0;
   std::vector<ShownRecord> main;     // person, letter: by all modes
   std::vector<ShownRecord> gallery;  // best, median, worst of the first mode
-  std::vector<ShownLetter> letters;
   std::vector<PairedDifference> differences;
   std::vector<MapScores> paired;   // of the compared models: second minus first, by record
   std::optional<RunStory> story;   // of a live run
@@ -122,8 +112,6 @@ std::string write_report(const Report& report, const std::string& dir);
 ShownRecord show_record(const std::vector<const TrainedModel*>& models,
                         const std::vector<std::string>& names, const Dataset& data,
                         std::size_t row);
-std::vector<ShownLetter> show_letters(const TrainedModel& model, const Dataset& data,
-                                      const Evaluation& evaluation);
 // Differences of what both define, with intervals by resampled blocks of neighbours.
 std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& first,
                                                  const std::vector<MapScores>& second);

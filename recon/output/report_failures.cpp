@@ -51,9 +51,8 @@ std::vector<Failure> failures_of(const ModeResult& mode) {
     judge(out[4], s[metric_letter_top1], s[metric_letter_top1] <= 0.5, index);
     if (i >= e.uncertainties.size()) continue;
     const PredictionUncertainty& u = e.uncertainties[i];
-    if (u.bodies.empty())
-      judge(out[3], s[metric_lateral_m] + u.lateral_interval_90_m,
-            s[metric_lateral_m] > u.lateral_interval_90_m, index);
+    judge(out[3], s[metric_lateral_m] + u.lateral_interval_90_m,
+          s[metric_lateral_m] > u.lateral_interval_90_m, index);
     if (!u.out_of_distribution.reason.empty())
       flags["flagged as unlike the training: " + u.out_of_distribution.reason].push_back(index);
   }

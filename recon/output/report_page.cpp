@@ -156,7 +156,6 @@ void add_models(chart::Page& page, const Report& report) {
   page.section("difference", "The difference", comparison_html(report));
   page.section("gallery", "Worst, median, best", gallery_html(report.gallery, report.span));
   page.section("errors", "Where the errors are", errors_html(report));
-  page.section("letters", "Letters", letters_html(report));
   page.section("labels", "By label", labels_html(report.modes.front()));
   page.section("metrics", "All metrics",
                all_table(report) + ssim_note(report) + paper_html(report));

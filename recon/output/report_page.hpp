@@ -53,7 +53,6 @@ std::string first_html(const ShownRecord& shown, const chart::Span& span);
 // With all that was measured, and all models.
 std::string record_html(const ShownRecord& shown, const chart::Span& span, bool one_sensor);
 std::string gallery_html(const std::vector<ShownRecord>& gallery, const chart::Span& span);
-std::string letters_html(const Report& report);
 std::string errors_html(const Report& report);     // against range and side; distributions
 std::string losses_html(const Report& report);     // while training
 std::string cloud_html(const ShownRecord& shown);  // the place for the points in space

@@ -98,35 +98,6 @@ std::string words_of(const ShownMap& m, bool named) {
   return out;
 }
 
-// How far before and behind the plate's middle: a letter is a matter of centimetres.
-chart::Picture letter_picture(const ShownLetter& l, const std::string& title,
-                              const std::vector<float>& map) {
-  chart::Picture p = relief_picture(
-      title, map, l.depth_m,
-      whole_frame(static_cast<std::size_t>(std::lround(std::sqrt(static_cast<double>(map.size())))),
-                  l.width_m / 2));
-  p.degrees = false, p.x_title = "x from the plate's middle (m)", p.y_title = "y (m)";
-  return p;
-}
-
-// How alike what is seen is to each letter; the true one is marked.
-chart::Panel candidates(const ShownLetter& l) {
-  chart::Panel out{"Likeness to each letter", {"correlation"}, {"letter"}, {}};
-  chart::Series truth{"", {}, chart::grey, chart::Look::markers},
-      map{"", {}, chart::of_both, chart::Look::markers};
-  for (std::size_t k = 0; k < letters.size(); ++k) {
-    const double y = static_cast<double>(letters.size() - 1 - k);
-    const bool is = k == l.letter;
-    out.y.ticks.emplace_back(y, std::string(1, letters[k]) + (is ? " (true)" : ""));
-    truth.points.push_back({l.truth_scores[k], y});
-    map.points.push_back({l.map_scores[k], y, chart::nan, chart::nan, is ? "map" : ""});
-    if (is) truth.points.back().label = "true map";
-  }
-  out.series = {truth, map};
-  out.width = 370, out.height = 330;
-  return out;
-}
-
 }  // namespace
 
 std::string stand_alone(const ShownRecord& r, const chart::Span& span) {
@@ -200,35 +171,6 @@ std::string gallery_html(const std::vector<ShownRecord>& gallery, const chart::S
            chart::paragraph(words_of(m, false)) + "</div>";
   }
   return out.empty() ? out : "<figure><div class=\"groups\">" + out + "</div></figure>\n";
-}
-
-std::string letters_html(const Report& report) {
-  if (report.letters.empty()) return {};
-  const Evaluation& e = report.modes.front().evaluations.front();
-  const CountOf read = count_of(e.scores, metric_letter_top1);
-  const auto [low, high] = read.interval();
-  std::string out = chart::paragraph(formatted(
-      "The letter is read in %s records (95 %% interval %.0f to %.0f %%); by chance it is %.1f. "
-      "Shown are records at the quartiles of IoU, whatever was read.",
-      read.text().c_str(), 100 * low, 100 * high,
-      static_cast<double>(read.of) / static_cast<double>(letters.size())));
-  for (const ShownLetter& l : report.letters) {
-    std::array<std::size_t, letters.size()> order{};
-    for (std::size_t k = 0; k < order.size(); ++k) order[k] = k;
-    std::stable_sort(order.begin(), order.end(),
-                     [&](auto a, auto b) { return l.map_scores[a] > l.map_scores[b]; });
-    const std::string said =
-        formatted("The map is most like %c (%.2f), then %c (%.2f): %s.", letters[order[0]],
-                  l.map_scores[order[0]], letters[order[1]], l.map_scores[order[1]],
-                  order[0] == l.letter ? "right" : "wrong");
-    out += chart::details(
-        l.title,
-        chart::figure({chart::draw(letter_picture(l, "Truth, about the plate", l.truth)).svg,
-                       chart::draw(letter_picture(l, "Map, about the plate", l.map)).svg,
-                       chart::draw(candidates(l)).svg},
-                      said + " Depth before (below 0) and behind the plate's middle."));
-  }
-  return out;
 }
 
 std::string cloud_html(const ShownRecord& r) {

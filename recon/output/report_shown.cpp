@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Records and letters as a report shows them.
+// Records as a report shows them.
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -8,7 +8,6 @@
 #include "recon/estimator/predict.hpp"
 #include "recon/files/text.hpp"
 #include "recon/output/report.hpp"
-#include "recon/output/window.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -62,18 +61,8 @@ void state(ShownMap& out, const PredictionUncertainty& stated) {
       std::isnan(stated.lateral_interval_90_m)
           ? "the place is not known"
           : formatted("within %.0f cm sideways (90 %%)", 100 * stated.lateral_interval_90_m);
-  if (!stated.note.empty()) out.stated += ", " + stated.note;
   if (!stated.out_of_distribution.reason.empty())
     out.warning = "unlike the training: " + stated.out_of_distribution.text();
-}
-
-// A window of width_m both ways about the plate.
-Window about(const LetterReader::Plate& plate, const record::MapGrid& grid, double width_m) {
-  Window out{grid.x(), grid.y()};
-  const double step = width_m / plate.depth_m / grid.size, half = step * (grid.size - 1) / 2;
-  out.x.start = plate.x - half, out.x.step = step;
-  out.y.start = plate.y + half, out.y.step = -step;
-  return out;
 }
 
 }  // namespace
@@ -89,20 +78,20 @@ ShownRecord show_record(const std::vector<const TrainedModel*>& models,
                 static_cast<long long>(data.index[row]));
   out.half_tangent = data.map.half_tangent;
   out.measured = {histogram(data, row), profile(data, row)};
-  share_ranges(out.measured, truth, models.front()->scene);
+  share_ranges(out.measured, truth, models.front()->first().scene);
   for (std::size_t i = 0; i < models.size(); ++i) {
     const TrainedModel& model = *models[i];
-    const Records seen = prepare_records(model, part_of(data, {row}), RangeBiasAction::ignore);
+    const Records seen = prepare_records(model, part_of(data, {row}));
     const Prediction made = predict(
-        model, seen, {0}, model.uncertainty ? PredictionDetail::pixels : PredictionDetail::maps);
+        model, seen, {0}, model->uncertainty ? PredictionDetail::pixels : PredictionDetail::maps);
     ShownMap map{names[i],
-                 hard_map(within_span(made.maps.row(0)), model.scene),
+                 hard_map(within_span(made.maps.row(0)), model->scene),
                  {},
-                 foreground_share(made.maps.row(0), model.scene),
-                 score(made.maps.row(0), truth, model.scene),
+                 foreground_share(made.maps.row(0), model->scene),
+                 score(made.maps.row(0), truth, model->scene),
                  {},
                  {}};
-    if (model.uncertainty) {
+    if (model->uncertainty) {
       const auto deviation = std::as_const(made.deviation).row(0);
       map.deviation.assign(deviation.begin(), deviation.end());
       state(map, made.uncertainties.front());
@@ -110,44 +99,6 @@ ShownRecord show_record(const std::vector<const TrainedModel*>& models,
       map.stated = "no uncertainty (too few training records)";
     }
     out.maps.push_back(std::move(map));
-  }
-  return out;
-}
-
-std::vector<ShownLetter> show_letters(const TrainedModel& model, const Dataset& data,
-                                      const Evaluation& e) {
-  constexpr double width_m = 0.8;
-  constexpr std::array quartiles{"lower", "middle", "upper"};
-  std::vector<std::pair<double, std::size_t>> order;
-  for (std::size_t i = 0; i < e.rows.size(); ++i)
-    if (letter_of(data.label[e.rows[i]])) order.emplace_back(e.scores[i][metric_iou], e.rows[i]);
-  std::sort(order.begin(), order.end(), [](const auto& a, const auto& b) {
-    return std::pair(std::isnan(a.first) ? -1 : a.first, a.second) <
-           std::pair(std::isnan(b.first) ? -1 : b.first, b.second);
-  });
-  std::vector<ShownLetter> out;
-  const auto count = std::min<std::size_t>(order.size(), 3);
-  for (std::size_t k = 0; k < count; ++k) {  // at the quartiles: no picked cherries
-    const std::size_t at = (k + 1) * order.size() / (count + 1), row = order[at].second;
-    const auto letter = letter_of(data.label[row]);
-    const auto truth = data.depth.row(row);
-    const LetterReader& reader = LetterReader::of(model.scene.grid);
-    const auto plate = reader.find_plate(truth, model.scene, *letter);
-    if (!plate) continue;
-    const Records seen = prepare_records(model, part_of(data, {row}), RangeBiasAction::ignore);
-    const Prediction made = predict(model, seen, {0}, PredictionDetail::maps);
-    const auto map = hard_map(within_span(made.maps.row(0)), model.scene);
-    const Window window = about(*plate, model.scene.grid, width_m);
-    ShownLetter shown;
-    shown.title = formatted("%s, record %lld: IoU %.2f, the %s quartile of all %zu with a letter",
-                            data.label[row].c_str(), static_cast<long long>(data.index[row]),
-                            order[at].first, count < 3 ? "nearest" : quartiles[k], order.size());
-    shown.letter = *letter, shown.width_m = width_m, shown.depth_m = plate->depth_m;
-    shown.truth = cut(truth, model.scene.grid, window),
-    shown.map = cut(map, model.scene.grid, window);
-    shown.truth_scores = reader.read(truth, model.scene, *plate).similarity;
-    shown.map_scores = reader.read(made.maps.row(0), model.scene, *plate).similarity;
-    out.push_back(std::move(shown));
   }
   return out;
 }

@@ -255,11 +255,11 @@ std::string labels_html(const ModeResult& mode) {
         {{label.empty() ? "(none)" : chart::escaped(label), std::to_string(scores.size()),
           summary(s[metric_iou], 1, "%.2f"), summary(s[metric_lateral_m], 100, "%.1f"),
           summary(s[metric_depth_mae_m], 100, "%.1f"), counted(scores, metric_left_right),
-          counted(scores, metric_letter_top1), counted(scores, metric_letter_top3)}});
+          counted(scores, metric_letter_top1)}});
   }
   return chart::table("Means, of five records and more \u00b1 standard error; " + title_of(mode),
                       {"label", "records", "IoU", "lateral error (cm)", "depth error (cm)",
-                       "on the true side", "letter read", "among the best three"},
+                       "on the true side", "letter read"},
                       rows);
 }
 

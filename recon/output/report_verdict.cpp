@@ -95,7 +95,6 @@ std::string worst_interval(const Report& report) {
   std::size_t worst = e.scores.size();
   double most = 1;
   for (std::size_t i = 0; i < e.uncertainties.size(); ++i) {
-    if (!e.uncertainties[i].bodies.empty()) continue;
     const double ratio = e.scores[i][metric_lateral_m] / e.uncertainties[i].lateral_interval_90_m;
     if (ratio > most) most = ratio, worst = i;
   }
@@ -156,7 +155,6 @@ CountOf count_of(const std::vector<MapScores>& scores, Metric metric) {
 CountOf kept_intervals(const Evaluation& e) {
   CountOf out;
   for (std::size_t i = 0; i < e.uncertainties.size(); ++i) {
-    if (!e.uncertainties[i].bodies.empty()) continue;  // one interval each
     const double stated = e.uncertainties[i].lateral_interval_90_m;
     const double error = e.scores[i][metric_lateral_m];
     if (!std::isnan(stated) && !std::isnan(error)) ++out.of, out.count += error <= stated;
@@ -204,7 +202,7 @@ std::vector<Problem> problems_of(const Report& report) {
 std::vector<std::string> remarks_of(const Evaluation& e) {
   std::vector<std::string> out;
   if (e.domain_shift.tested() && !e.domain_shift.found()) out.push_back(e.domain_shift.text());
-  for (const std::string& text : {e.antennas, e.speckle, e.range_bias, e.gains})
+  for (const std::string& text : {e.antennas, e.speckle})
     if (!text.empty()) out.push_back(text);
   return out;
 }

@@ -124,7 +124,8 @@ class Study {
     match_array(test_, train_.array_axis);
     for (const Job& job : jobs_of(options_)) {
       TrainedModel judged;
-      judged.features.inputs = inputs_of(job.model.inputs);
+      judged.estimators.resize(1);
+      judged->features.inputs = inputs_of(job.model.inputs);
       rows_to_evaluate(judged, test_, true);  // are there any?
     }
   }
@@ -137,7 +138,7 @@ class Study {
     for (const Job& job : jobs)
       for (std::size_t i = 0; i < options_.seeds; ++i, ++piece) {
         Measurement m{job.sweep, formatted("%g", job.share), job.model.candidate, job.model.inputs,
-                      options_.first_seed + i};
+                      1 + i};
         const bool known = file.has(m, is_timed(i) && !options_.part ? "train_s" : "");
         if (known) file.keep(m);
         if (!known && mine[piece]) {
@@ -186,11 +187,11 @@ class Study {
     if (job.sweep == "photons") thin(test_data, job.share, 1000 + m.seed);
     if (job.sweep == "records") keep_records(train_data, job.share, m.seed);
     const TrainedModel model = train_on_all(train_data, job.model, m.seed);
-    const Rows rows = test_data.usable(model.features.inputs);
+    const Rows rows = test_data.usable(model->features.inputs);
     const MapScores scores =
-        mean_scores(model.predict(test_data, rows), test_data, rows, model.scene);
+        mean_scores(model.predict(test_data, rows), test_data, rows, model->scene);
     for (std::size_t i = 0; i < metric_count; ++i) m.metrics[metric_names[i]] = scores[i];
-    m.metrics["multiply_adds"] = static_cast<double>(model.cost().multiply_adds);
+    m.metrics["multiply_adds"] = static_cast<double>(model->cost().multiply_adds);
     if (!options_.part) measure_times(model, test_data, rows, m);
   }
 

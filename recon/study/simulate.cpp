@@ -84,12 +84,6 @@ Dataset Simulator::dataset(const std::vector<std::string>& more, std::uint64_t s
   return load({run_file.path});
 }
 
-Dataset Simulator::make_with(std::vector<std::string> words, std::size_t records,
-                             std::uint64_t seed) const {
-  words.insert(words.end(), {"--records", std::to_string(records)});
-  return dataset(words, seed);
-}
-
 Dataset Simulator::make(const World& world, std::size_t records, std::uint64_t seed) const {
   const TemporaryFile list{stem() + ".toml"};
   std::vector<std::string> words;

@@ -19,8 +19,6 @@ class Simulator {
   // Throws Error(failed) if it does not do it, Error(interrupted).
   BaseCondition base_condition() const;
   Dataset make(const World& world, std::size_t records, std::uint64_t seed) const;
-  // With these words of `echofuse-sim dataset`.
-  Dataset make_with(std::vector<std::string> words, std::size_t records, std::uint64_t seed) const;
 
  private:
   std::string stem() const;  // of temporary files

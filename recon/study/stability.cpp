@@ -63,7 +63,7 @@ class Study {
     for (std::size_t i = 0; i < options_.seeds; ++i) {
       trained_.clear(), train_data_.reset(), test_data_.reset();
       for (const Place& place : places_) {
-        measure(place, options_.first_seed + i, first);
+        measure(place, 1 + i, first);
         first += models_.size();
       }
     }
@@ -84,8 +84,7 @@ class Study {
             {"quick", options_.quick ? "yes" : "no"},
             {"records", std::to_string(options_.records)},
             {"test-records", std::to_string(options_.test_records)},
-            {"set", joined(options_.set)},
-            {"range-bias", options_.range_bias == RangeBiasAction::correct ? "correct" : "ignore"}};
+            {"set", joined(options_.set)}};
   }
 
   static Measurement row_of(const Place& place, const StudyModel& model, std::size_t seed) {
@@ -116,8 +115,7 @@ class Study {
     for (std::size_t i = 0; i < options_.seeds; ++i)
       for (const Place& place : places_)
         for (const StudyModel& model : models_)
-          if (mine_[row++] && !file_.has(row_of(place, model, options_.first_seed + i)))
-            sum += work_of(place, model);
+          if (mine_[row++] && !file_.has(row_of(place, model, 1 + i))) sum += work_of(place, model);
     return sum;
   }
 
@@ -158,8 +156,7 @@ class Study {
   std::optional<TrainedModel> fit(const Dataset& data, const StudyModel& model, std::size_t seed,
                                   bool fallback) {
     try {
-      return train_on_all(data, model, seed,
-                          {options_.range_bias == RangeBiasAction::correct, fallback, fallback});
+      return train_on_all(data, model, seed, {fallback, fallback});
     } catch (const Error& error) {
       if (error.code() != ExitCode::failed) throw;
       const std::string reason = model.name + ": " + error.what();
@@ -182,14 +179,14 @@ class Study {
     for (const Metric m : stability_metrics)
       out[metric_names[m]] = std::numeric_limits<double>::quiet_NaN();
     if (!fitted) return out;
-    const Records records = prepare_records(*fitted, tested, options_.range_bias);
+    const Records records = prepare_records(*fitted, tested);
     const Dataset& data = records.data;
     Rows rows = all_rows(data.size());
     if (!ignores_inputs(model.candidate))
       std::erase_if(rows, [&](std::size_t row) { return !fitted->fault_of(data, row).empty(); });
     if (rows.empty()) return out;
     const MapScores scores = mean_scores(predict_or_empty_room(*fitted, records, rows), data,
-                                         all_rows(data.size()), fitted->scene);
+                                         all_rows(data.size()), (*fitted)->scene);
     for (const Metric m : stability_metrics) out[metric_names[m]] = scores[m];
     return out;
   }

@@ -17,7 +17,6 @@
 #include "recon/maps/metrics.hpp"
 #include "recon/study/stability_axes.hpp"
 #include "recon/study/study_file.hpp"
-#include "recon/uncertainty/range_bias.hpp"
 
 namespace echofuse::recon {
 
@@ -29,7 +28,6 @@ struct StabilityOptions : StudyOptions {  // each seed makes its own records, an
   std::vector<std::string> models;            // as StudyModel has them; none: those of the study
   std::vector<std::string> axes;              // ids; none: all
   std::size_t records = 0, test_records = 0;  // 0: those of the study
-  RangeBiasAction range_bias = RangeBiasAction::ignore;  // or corrected before each test
 };
 
 inline constexpr std::array stability_metrics = {

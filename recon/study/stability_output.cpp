@@ -69,10 +69,8 @@ std::vector<chart::Panel> panels_of(const StabilityOptions& o, const StabilityRe
 std::string to_html(const StabilityOptions& o, const std::vector<StabilityResult>& results) {
   chart::Page page("What fails first");
   page.lead(chart::paragraph(
-      formatted(
-          "%zu training records, %zu fresh ones to judge by, %zu seed%s, range bias %s, echofuse ",
-          o.records, o.test_records, o.seeds, o.seeds == 1 ? "" : "s",
-          o.range_bias == RangeBiasAction::correct ? "corrected" : "not corrected") +
+      formatted("%zu training records, %zu fresh ones to judge by, %zu seed%s, echofuse ",
+                o.records, o.test_records, o.seeds, o.seeds == 1 ? "" : "s") +
       version() + "."));
   page.section(
       "table", "All conditions",

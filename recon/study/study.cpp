@@ -54,7 +54,6 @@ TrainedModel train_on_all(const Dataset& data, const StudyModel& model, std::uin
   how.split.test_share = 0;
   how.split.seed = how.fit.seed = seed;
   how.fit.quiet = true;
-  how.range_bias = parts.range_bias && !ignores_inputs(model.candidate);
   how.fallback = parts.fallback;
   // It takes long to learn.
   how.uncertainty = parts.two_bodies && wants_alignment(candidate_of(model.candidate, {}).model);
@@ -62,11 +61,11 @@ TrainedModel train_on_all(const Dataset& data, const StudyModel& model, std::uin
 }
 
 Matrix predict_or_empty_room(const TrainedModel& model, const Records& records, const Rows& rows) {
-  Matrix maps(0, model.scene.background.size());
-  for (std::size_t row = 0; row < records.data.size(); ++row) maps.add_row(model.scene.background);
+  Matrix maps(0, model->scene.background.size());
+  for (std::size_t row = 0; row < records.data.size(); ++row) maps.add_row(model->scene.background);
   const Matrix made =
       predict(model, records, rows,
-              model.uncertainty ? PredictionDetail::uncertainty : PredictionDetail::maps)
+              model->uncertainty ? PredictionDetail::uncertainty : PredictionDetail::maps)
           .maps;
   for (std::size_t i = 0; i < rows.size(); ++i)
     std::copy_n(made.row(i).begin(), maps.cols, maps.row(rows[i]).begin());

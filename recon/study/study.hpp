@@ -12,10 +12,9 @@
 namespace echofuse::recon {
 
 struct StudyOptions {
-  std::string out;                        // folder
-  std::vector<std::string> merge;         // study files, of parts measured elsewhere
-  std::optional<JobPart> part;            // measure only its share, into a file of its own
-  std::size_t first_seed = 1, seeds = 3;  // first_seed, first_seed + 1 ...
+  std::string out;              // folder
+  std::optional<JobPart> part;  // measure only its share, into a file of its own
+  std::size_t seeds = 3;        // 1, 2, 3 ...
   int threads = 0;
   bool quiet = false;
 };
@@ -39,10 +38,10 @@ std::vector<bool> share_of(const std::optional<JobPart>& part, const std::vector
 // Behind each model that takes the radar's antennas the same with the range profile alone.
 std::vector<std::string> with_profiles(const std::vector<std::string>& models);
 
-// What a fused model that looks at its inputs has beside it, if asked: the range bias's reference,
-// or that and a fallback for a lost radar; what a model that places a body needs to see two.
+// What a fused model that looks at its inputs has beside it, if asked: a fallback for a lost radar;
+// what a model that places a body needs to see two.
 struct OptionalParts {
-  bool range_bias = false, fallback = false, two_bodies = false;
+  bool fallback = false, two_bodies = false;
 };
 
 // On all usable records but the validation share: there is another run to judge by.

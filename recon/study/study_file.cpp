@@ -64,11 +64,7 @@ StudyFile::Place StudyFile::place_of(const StudyOptions& options, const std::str
 
 StudyFile::StudyFile(const StudyOptions& options, const StudySettings& settings, ExitCode refusal)
     : StudyFile(place_of(options, settings[0].second), settings, refusal, SQLITE_OPEN_CREATE) {
-  std::vector<std::string> files = options.merge;
-  for (const std::string& part : files)
-    if (!std::filesystem::is_regular_file(part))
-      throw Error(ExitCode::failed,
-                  printable(part) + ": no such file; expected the study.sqlite of another folder");
+  std::vector<std::string> files;
   if (const std::string whole = options.out + "/study.sqlite";
       place_.staged && std::filesystem::exists(whole))
     files.push_back(whole);

@@ -46,15 +46,14 @@ using StudySettings = std::vector<std::pair<std::string, std::string>>;
 // of a part from finish() on.
 class StudyFile {
  public:
-  // Begins the study or goes on with it, beside what its parts and those of `merge` have. Throws
+  // Begins the study or goes on with it, beside what its parts have. Throws
   // Error: config for a file that is no study, `refusal` for one of other settings, usage for a
-  // folder that holds files of the study's name without it, failed for a damaged one or one to
-  // merge that is not there, disk.
+  // folder that holds files of the study's name without it, failed for a damaged one, disk.
   StudyFile(const StudyOptions& options, const StudySettings& settings, ExitCode refusal);
 
   // Whether it is measured: with any metrics, or with this one.
   bool has(const Measurement& measurement, const std::string& metric = {});
-  // What a part or a file to merge has is kept now, so that all() has the order of the asking.
+  // What a part has is kept now, so that all() has the order of the asking.
   void keep(const Measurement& measurement);
   // In one transaction; what is there already stays. Throws Error(interrupted) instead if the user
   // interrupts, who may have cut it short; Error(disk).
@@ -83,7 +82,7 @@ class StudyFile {
   record::Budget budget_;
   std::unique_ptr<sqlite3, int (*)(sqlite3*)> db_;
   using Key = std::tuple<std::string, std::string, std::string, std::string, std::size_t>;
-  std::map<Key, Measurement> elsewhere_;  // in parts and files to merge
+  std::map<Key, Measurement> elsewhere_;  // in parts
   std::vector<Key> order_;                // in which it was found there
   std::vector<Measurement> kept_;         // written with what is added next
 };

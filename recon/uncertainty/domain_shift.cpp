@@ -9,7 +9,6 @@
 
 #include "drivers/core/random.hpp"
 #include "recon/files/text.hpp"
-#include "recon/numbers/matrix_file.hpp"
 #include "recon/numbers/statistics.hpp"
 #include "recon/uncertainty/predictors.hpp"
 
@@ -28,19 +27,18 @@ constexpr double usual = 0.95;
 enum class Kind : std::uint8_t { ratio, length, number };
 struct Observable {
   const char* name;
-  Kind kind;  // ratio: the observable is a logarithm
-  bool of_shape;
+  Kind kind;     // ratio: the observable is a logarithm
   double floor;  // of its deviation: what is constant in a training may vary so much
 };
-constexpr Observable of_spd[] = {{"histogram spread", Kind::ratio, true, 0.02},
-                                 {"histogram skewness", Kind::number, true, 0.05},
-                                 {"background share of the clicks", Kind::number, false, 0.01},
-                                 {"range", Kind::length, false, 0.01}};
-constexpr Observable of_radar[] = {{"radar profile width", Kind::ratio, true, 0.02},
-                                   {"radar skewness", Kind::number, true, 0.05},
-                                   {"radar peak over noise", Kind::ratio, false, 0.02},
-                                   {"radar power before the body", Kind::number, true, 0.01}};
-constexpr Observable of_both[] = {{"radar centroid", Kind::length, false, 0.005}};
+constexpr Observable of_spd[] = {{"histogram spread", Kind::ratio, 0.02},
+                                 {"histogram skewness", Kind::number, 0.05},
+                                 {"background share of the clicks", Kind::number, 0.01},
+                                 {"range", Kind::length, 0.01}};
+constexpr Observable of_radar[] = {{"radar profile width", Kind::ratio, 0.02},
+                                   {"radar skewness", Kind::number, 0.05},
+                                   {"radar peak over noise", Kind::ratio, 0.02},
+                                   {"radar power before the body", Kind::number, 0.01}};
+constexpr Observable of_both[] = {{"radar centroid", Kind::length, 0.005}};
 
 std::vector<Observable> observables(Inputs inputs) {
   std::vector<Observable> out;
@@ -52,8 +50,6 @@ std::vector<Observable> observables(Inputs inputs) {
   if (both_sensors(inputs)) add(of_both);
   return out;
 }
-
-constexpr std::size_t range_column = 3;  // with a detector; the profile's width comes next
 
 struct Moments {
   double centre, deviation, skewness;  // in points
@@ -105,8 +101,8 @@ void observe_radar(std::span<const float> body, std::span<const float> power,
 }
 
 // Of each row that shows a body.
-Matrix observe(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
-               const Rows& rows, Inputs inputs) {
+Matrix observables_of(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
+                      const Rows& rows, Inputs inputs) {
   Matrix out(0, observables(inputs).size());
   for (const std::size_t row : rows) {
     std::span<const float> features;
@@ -114,13 +110,11 @@ Matrix observe(const Alignment& alignment, const Dataset& data, const Matrix& al
     if (inputs != Inputs::radar) {
       features = aligned.row(row);
       if (features.empty() || !shows_body(features)) continue;
-      observe_spd(features.first(alignment.histogram_bins()), data.spd.row(row),
-                  double{features.back()}, one);
+      observe_spd(alignment.columns(features).histogram, data.spd.row(row), double{features.back()},
+                  one);
     }
     if (inputs != Inputs::spd)
-      observe_radar(features.empty()
-                        ? data.radar.row(row)
-                        : features.subspan(alignment.histogram_bins(), alignment.profile_points()),
+      observe_radar(features.empty() ? data.radar.row(row) : alignment.columns(features).profile,
                     data.radar.row(row), one);
     if (both_sensors(inputs)) one.push_back(static_cast<float>(alignment.displacement_m(features)));
     out.add_row(one);
@@ -227,20 +221,6 @@ class Test {
   Eigen::LDLT<Eigen::MatrixXd> covariance_;
 };
 
-// A normal number of standard errors, beyond so many of which 5 % lie.
-constexpr double usual_errors = 1.96;
-
-void add_range_bias(const RangeBias& found, DomainShift& out) {
-  if (!(found.standard_error_m > 0)) return;
-  const double clear = std::abs(found.bias_m) / found.standard_error_m;
-  out.distance = std::max(out.distance, clear / usual_errors);
-  out.p = std::min(1., 2 * std::min(out.p, std::erfc(clear / std::sqrt(2.))));
-  if (clear > clearly)
-    out.differences.push_back(
-        {formatted("radar ranges of the outermost bodies %+.1f cm", 100 * found.bias_m), clear,
-         false});
-}
-
 std::string describe(const Observable& o, double difference) {
   if (o.kind == Kind::ratio) return formatted("%s %.2f times", o.name, std::exp(difference));
   if (o.kind == Kind::length) return formatted("%s %+.1f cm", o.name, 100 * difference);
@@ -248,27 +228,6 @@ std::string describe(const Observable& o, double difference) {
 }
 
 }  // namespace
-
-Matrix observe_shapes(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
-                      const Rows& rows, Inputs inputs) {
-  const Inputs what = without_antennas(inputs);
-  const auto kinds = observables(what);
-  const Matrix all = observe(alignment, data, aligned, rows, what);
-  Matrix out(0, kinds.size() - 1);
-  for (std::size_t i = 0; i < all.rows; ++i) {
-    std::vector<float> row(all.row(i).begin(), all.row(i).end());
-    row.erase(row.begin() + range_column);
-    out.add_row(row);
-  }
-  return out;
-}
-
-Rows columns_of_shape(std::size_t columns) { return {0, range_column, columns - 1}; }
-
-bool DomainShift::changes_shapes() const {
-  return found() && std::any_of(differences.begin(), differences.end(),
-                                [](const Difference& d) { return d.of_shape; });
-}
 
 std::string DomainShift::text() const {
   if (!tested()) return {};
@@ -285,16 +244,16 @@ DomainReference::DomainReference(const Alignment& alignment, const Dataset& data
     : inputs_(without_antennas(inputs)) {
   const Rows first(rows.begin(),
                    rows.begin() + static_cast<std::ptrdiff_t>(std::min(most_records, rows.size())));
-  seen_ = observe(alignment, data, aligned, first, inputs_);
+  seen_ = observables_of(alignment, data, aligned, first, inputs_);
   if (seen_.rows < least_seen) seen_ = {};
 }
 
 DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& data,
-                                   const Matrix& aligned, const RangeBias& range_bias) const {
+                                   const Matrix& aligned) const {
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row)
     if (data.fault_of(row, inputs_).empty()) rows.push_back(row);
-  const Matrix found = observe(alignment, data, aligned, rows, inputs_);
+  const Matrix found = observables_of(alignment, data, aligned, rows, inputs_);
   if (found.rows < least_records || !known()) return {};
   const auto kinds = observables(inputs_);
   const Standard standard(seen_, kinds);
@@ -309,27 +268,18 @@ DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& da
   for (std::size_t c = 0; c < kinds.size(); ++c) {
     const double clear = std::abs(difference[c]) / test.error(c);
     if (clear > clearly && std::abs(difference[c]) > least_share)
-      out.differences.push_back(
-          {describe(kinds[c], difference[c] * standard.deviation[c]), clear, kinds[c].of_shape});
+      out.differences.push_back({describe(kinds[c], difference[c] * standard.deviation[c]), clear});
   }
-  add_range_bias(range_bias, out);
   std::sort(out.differences.begin(), out.differences.end(),
             [](const auto& a, const auto& b) { return a.deviations > b.deviations; });
   return out;
 }
 
-void DomainReference::save(record::H5File& file) const {
-  if (known()) write_matrix(file, "domain/observables", seen_);
-}
-
-void DomainReference::load(const record::H5File& file, Inputs inputs) {
-  if (!file.has("domain")) return;
+void DomainReference::archive(Archive archive, Inputs inputs) {
   inputs_ = without_antennas(inputs);
-  seen_ = read_matrix(file, "domain/observables", record::H5File::any, observables(inputs_).size());
-  require_sound(file, seen_.rows >= least_seen && seen_.rows <= most_records, "domain/observables",
-                "100 to 2000 records");
-  for (const float v : seen_.values)
-    require_sound(file, std::abs(v) < 1e6f, "domain/observables", "less than 1e6");
+  archive.table("observables", seen_, Archive::any, observables(inputs_).size());
+  archive.require(seen_.rows >= least_seen && seen_.rows <= most_records, "observables",
+                  "expected 100 to 2000 records");
 }
 
 }  // namespace echofuse::recon

@@ -14,8 +14,7 @@
 #include <vector>
 
 #include "recon/data/dataset.hpp"
-#include "recon/models/body/alignment.hpp"
-#include "recon/uncertainty/range_bias.hpp"
+#include "recon/method/alignment.hpp"
 
 namespace echofuse::recon {
 
@@ -24,7 +23,6 @@ struct DomainShift {
   struct Difference {
     std::string text;  // "histogram spread 1.2 times"
     double deviations = 0;
-    bool of_shape = false;  // of bodies or sensors, whatever the ranges
   };
   std::size_t records = 0;  // that show a body; too few: not tested
   double distance = 0;      // in units of what 95 % of such runs of the training's kind stay below
@@ -32,16 +30,8 @@ struct DomainShift {
   std::vector<Difference> differences;  // that stand out, the clearest first
   bool tested() const { return records > 0; }
   bool found() const { return tested() && p < most_p; }
-  bool changes_shapes() const;  // so that ranges mean something else than in the training
-  std::string text() const;     // for the user; empty if not tested
+  std::string text() const;  // for the user; empty if not tested
 };
-
-// Of each of the rows that shows a body, what its sensors say of shapes: the histogram's and the
-// profile's, of both sensors together if both are there; not where it stands.
-Matrix observe_shapes(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
-                      const Rows& rows, Inputs inputs);
-// Columns of it that vary with people and poses: spreads of histogram and profile, the centroid.
-Rows columns_of_shape(std::size_t columns);
 
 // What the training records said.
 class DomainReference {
@@ -55,13 +45,9 @@ class DomainReference {
                   const Rows& rows, Inputs inputs);
   bool known() const { return seen_.rows > 0; }
   // Of the rows with live sensors, in their order. The data must be on the model's axes.
-  // What the run shows of a range bias (no records if nobody asked) counts as one more test: where
-  // the outermost bodies are is known better than where the mean one is.
-  DomainShift judge(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
-                    const RangeBias& range_bias) const;
+  DomainShift judge(const Alignment& alignment, const Dataset& data, const Matrix& aligned) const;
 
-  void save(record::H5File& file) const;  // below "domain/"
-  void load(const record::H5File& file, Inputs inputs);
+  void archive(Archive archive, Inputs inputs);
 
  private:
   Inputs inputs_{};

@@ -11,7 +11,6 @@
 #include "recon/data/split.hpp"
 #include "recon/files/text.hpp"
 #include "recon/maps/people.hpp"
-#include "recon/numbers/matrix_file.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
@@ -71,7 +70,7 @@ void OutOfDistributionDetector::use(const Features& of_model, const Alignment& a
   profile_ = of_model.radar_count(), spd_bins_ = of_model.spd_count();
   if (spd_bins_ == 0) return;
   histogram_bins_ = alignment.histogram_bins(), array_ = alignment.array_features();
-  aligned_ = alignment.size() - alignment.brightness_features();
+  aligned_ = alignment.size();
 }
 
 OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
@@ -91,7 +90,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   Matrix all;
   std::vector<std::optional<Place>> places;
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    const auto features = aligned.row(rows[i]);
+    const auto features = features_of(aligned.row(rows[i]));
     const auto one = describe(features, raw_inputs.row(i).subspan(spd_bins_, profile_));
     all.cols = one.size();
     all.add_row(one);
@@ -125,7 +124,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
     for (const std::size_t i : fold.test) {
       std::vector<float> one(all.row(i).begin(), all.row(i).end());
       for (std::size_t c = 0; c < one.size(); ++c) one[c] *= scale_[c];
-      const auto found = statistics(one, raw_inputs.row(i), true);
+      const auto found = statistics(one, raw_inputs.row(i));
       for (std::size_t s = 0; s < found.size(); ++s)
         if (s != of_two || !shows_two(i))
           held_statistics[s].push_back(static_cast<float>(found[s]));
@@ -193,7 +192,7 @@ void OutOfDistributionDetector::learn_scale(const Matrix& descriptions) {
 }
 
 OutOfDistributionDetector::Statistics OutOfDistributionDetector::statistics(
-    std::span<const float> description, std::span<const float> raw_inputs, bool known_gains) const {
+    std::span<const float> description, std::span<const float> raw_inputs) const {
   constexpr double tiny = 1e-12;
   std::vector<float> off(description.begin(), description.end()), amounts(components_.basis.rows);
   for (std::size_t c = 0; c < off.size(); ++c) off[c] -= components_.mean[c];
@@ -211,12 +210,10 @@ OutOfDistributionDetector::Statistics OutOfDistributionDetector::statistics(
     residual[radar && c >= array_at && c < range_at ? 2 : std::size_t{radar}] +=
         double{off[c]} * double{off[c]};
   }
-  return {std::log(along + tiny),
-          std::log(residual[0] + residual[1] + residual[2] + tiny),
-          two_bodies_(raw_inputs, known_gains),
-          residual[0] / usual_residual_[0],
-          residual[1] / usual_residual_[1],
-          residual[2] / usual_residual_[2]};
+  return {
+      std::log(along + tiny),           std::log(residual[0] + residual[1] + residual[2] + tiny),
+      two_bodies_(raw_inputs),          residual[0] / usual_residual_[0],
+      residual[1] / usual_residual_[1], residual[2] / usual_residual_[2]};
 }
 
 void OutOfDistributionDetector::set_limits(std::array<std::vector<float>, 6> all) {
@@ -236,13 +233,9 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
   const Matrix raw_inputs = raw_.raw_inputs(data, rows);
   std::vector<OutOfDistributionScore> out;
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    const auto features = aligned.row(i);
+    const auto features = features_of(aligned.row(i));
     const auto raw = raw_inputs.row(i);
-    const bool known_gains =
-        features.size() > aligned_ && spd &&
-        Brightness::known(features.subspan(aligned_ - 1, Brightness::features));
-    const auto found =
-        statistics(describe(features, raw.subspan(spd_bins_, profile_)), raw, known_gains);
+    const auto found = statistics(describe(features, raw.subspan(spd_bins_, profile_)), raw);
     OutOfDistributionScore s{std::max(limits_[0].share(found[0]), limits_[1].share(found[1])),
                              two_bodies_.known() ? limits_[of_two].share(found[of_two]) : NAN,
                              {},
@@ -268,44 +261,32 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
   return out;
 }
 
-void OutOfDistributionDetector::save(record::H5File& file, const std::string& group) const {
-  file.write(group + "/scale", scale_, {scale_.size()});
-  save_components(file, group + "/components", components_);
-  two_bodies_.save(file, group + "/two_bodies");
-  std::vector<double> limits;
-  for (const Limit& l : limits_) limits.insert(limits.end(), {l.usual, l.most});
-  limits.insert(limits.end(), usual_residual_.begin(), usual_residual_.end());
-  file.write(group + "/limits", limits, {limits.size()});
-  file.set(group, "nearest_m", nearest_m_);
-  file.set(group, "farthest_m", farthest_m_);
-  file.set(group, "most_clicks_per_start", most_clicks_per_start_);
-  file.set(group, "share_with_body", share_with_body_);
-}
-
-void OutOfDistributionDetector::load(const record::H5File& file, const std::string& group,
-                                     const Features& of_model, const Alignment& alignment) {
+void OutOfDistributionDetector::archive(Archive archive, const Features& of_model,
+                                        const Alignment& alignment) {
   use(of_model, alignment);
   const std::size_t values = aligned_ + profile_;
-  scale_ = file.read<float>(group + "/scale", {values});
-  components_ = load_components(file, group + "/components", values);
-  require_sound(file,
-                std::all_of(components_.deviation.begin(), components_.deviation.end(),
-                            [](float d) { return d > 0; }),
-                group + "/components/deviation", "all above 0");
-  two_bodies_.load(file, group + "/two_bodies");
-  const auto limits =
-      file.read<double>(group + "/limits", {2 * limits_.size() + usual_residual_.size()});
-  for (std::size_t s = 0; s < limits_.size(); ++s) limits_[s] = {limits[2 * s], limits[2 * s + 1]};
+  archive.values("scale", scale_, values);
+  recon::archive(archive.in("components"), components_, values);
+  const auto above_0 = [](const auto& all) {
+    return std::all_of(all.begin(), all.end(), [](auto v) { return v > 0; });
+  };
+  archive.require(above_0(components_.deviation), "components/deviation", "expected all above 0");
+  two_bodies_.archive(archive.in("two_bodies"));
+  std::vector<double> limits;
+  for (const Limit& l : limits_) limits.push_back(l.usual), limits.push_back(l.most);
+  for (const double usual : usual_residual_) limits.push_back(usual);
+  archive.values("limits", limits, 2 * limits_.size() + usual_residual_.size());
+  for (std::size_t s = 0; s < limits_.size(); ++s) {
+    limits_[s] = {limits[2 * s], limits[2 * s + 1]};
+    archive.require(limits_[s].most >= limits_[s].usual, "limits", "expected none below the usual");
+  }
   std::copy_n(limits.end() - std::ssize(usual_residual_), usual_residual_.size(),
               usual_residual_.begin());
-  nearest_m_ = file.get<double>(group, "nearest_m");
-  farthest_m_ = file.get<double>(group, "farthest_m");
-  most_clicks_per_start_ = file.get<double>(group, "most_clicks_per_start");
-  share_with_body_ = file.get<double>(group, "share_with_body");
-  for (const Limit& l : limits_)
-    require_sound(file, l.most >= l.usual, group + "/limits", "no limit below the usual value");
-  require_sound(file, *std::min_element(usual_residual_.begin(), usual_residual_.end()) > 0,
-                group + "/limits", "usual residuals above 0");
+  archive.require(above_0(usual_residual_), "limits", "expected usual residuals above 0");
+  archive.number("nearest_m", nearest_m_, -1e18, 1e18);
+  archive.number("farthest_m", farthest_m_, -1e18, 1e18);
+  archive.number("most_clicks_per_start", most_clicks_per_start_, 0, 1e18);
+  archive.number("share_with_body", share_with_body_, 0, 1);
 }
 
 }  // namespace echofuse::recon

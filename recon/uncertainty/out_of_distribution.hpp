@@ -16,7 +16,7 @@
 
 #include "recon/data/features.hpp"
 #include "recon/maps/scene.hpp"
-#include "recon/models/body/alignment.hpp"
+#include "recon/method/alignment.hpp"
 #include "recon/numbers/components.hpp"
 #include "recon/uncertainty/two_bodies.hpp"
 
@@ -45,9 +45,7 @@ class OutOfDistributionDetector {
   std::vector<OutOfDistributionScore> judge(const Matrix& aligned, const Dataset& data,
                                             const Rows& rows) const;
 
-  void save(record::H5File& file, const std::string& group) const;
-  void load(const record::H5File& file, const std::string& group, const Features& of_model,
-            const Alignment& alignment);
+  void archive(Archive archive, const Features& of_model, const Alignment& alignment);
 
  private:
   // Of a statistic, from records that did not take part in the fit.
@@ -55,6 +53,10 @@ class OutOfDistributionDetector {
     double usual = 0, most = 1;  // its median; what few are above
     double share(double value) const { return (value - usual) / (most - usual); }
   };
+  // A view without its correlation, which is made of the rest.
+  std::span<const float> features_of(std::span<const float> view) const {
+    return view.last(std::min(view.size(), aligned_));
+  }
   // Aligned features and normalised profile, scaled.
   std::vector<float> describe(std::span<const float> aligned, std::span<const float> radar) const;
   void use(const Features& of_model, const Alignment& alignment);
@@ -62,8 +64,8 @@ class OutOfDistributionDetector {
   // log T^2, log Q, two bodies; residuals of histogram, radar and its antennas in units of their
   // usual size.
   using Statistics = std::array<double, 6>;
-  Statistics statistics(std::span<const float> description, std::span<const float> raw_inputs,
-                        bool known_gains) const;
+  Statistics statistics(std::span<const float> description,
+                        std::span<const float> raw_inputs) const;
   // Scale and components, of descriptions that are not scaled yet.
   void learn(const Matrix& descriptions, const Rows& rows, std::uint64_t seed);
   void set_limits(std::array<std::vector<float>, 6> statistics);

@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "acquire/record/depth_map.hpp"
-#include "recon/numbers/matrix_file.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -122,19 +121,14 @@ PixelMaps PixelError::operator()(const SoftMaps& soft, const Scene& scene) const
   return out;
 }
 
-void PixelError::save(record::H5File& file, const std::string& group) const {
-  file.write(group + "/curve", std::vector<double>(curve_.begin(), curve_.end()), {curve_.size()});
-  file.set(group, "depth_deviation_m", depth_deviation_m_);
-}
-
-void PixelError::load(const record::H5File& file, const std::string& group) {
-  const auto curve = file.read<double>(group + "/curve", {curve_.size()});
-  for (const double share : curve)
-    require_sound(file, share >= 0 && share <= 1, group + "/curve", "shares, from 0 to 1");
+void PixelError::archive(Archive archive) {
+  std::vector<double> curve(curve_.begin(), curve_.end());
+  archive.values("curve", curve, curve_.size());
+  archive.require(
+      std::all_of(curve.begin(), curve.end(), [](double s) { return s >= 0 && s <= 1; }), "curve",
+      "expected shares, from 0 to 1");
   std::copy(curve.begin(), curve.end(), curve_.begin());
-  depth_deviation_m_ = file.get<double>(group, "depth_deviation_m");
-  require_sound(file, depth_deviation_m_ >= 0 && depth_deviation_m_ <= record::max_depth_m,
-                group + "@depth_deviation_m", "0 to 6 m");
+  archive.number("depth_deviation_m", depth_deviation_m_, 0, record::max_depth_m);
 }
 
 }  // namespace echofuse::recon

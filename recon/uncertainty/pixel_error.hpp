@@ -8,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "acquire/record/h5.hpp"
 #include "recon/maps/scene.hpp"
 #include "recon/maps/soft_maps.hpp"
 
@@ -31,8 +30,7 @@ class PixelError {
   void fit(const SoftMaps& soft, const Matrix& truth, const Scene& scene);
   PixelMaps operator()(const SoftMaps& soft, const Scene& scene) const;
 
-  void save(record::H5File& file, const std::string& group) const;
-  void load(const record::H5File& file, const std::string& group);
+  void archive(Archive archive);
 
  private:
   std::array<double, 11> curve_{};  // at shares of 0, 0.1 .. 1

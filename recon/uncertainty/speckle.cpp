@@ -5,8 +5,7 @@
 #include <vector>
 
 #include "recon/files/text.hpp"
-#include "recon/models/body/alignment.hpp"
-#include "recon/numbers/matrix_file.hpp"
+#include "recon/method/alignment.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
@@ -136,25 +135,16 @@ std::string SpeckleReference::of_run(const Dataset& data, const Matrix& aligned)
          places;
 }
 
-void SpeckleReference::save(record::H5File& file, const std::string& group) const {
-  std::vector<double> values{static_cast<double>(records_)};
-  for (const Usual& u : usual_) values.insert(values.end(), {u.median, u.most_off});
-  file.write(group, values, {values.size()});
-}
-
-void SpeckleReference::load(const record::H5File& file, const std::string& group) {
-  if (!file.has(group)) return;  // a model of before
-  auto values = file.read<double>(group, {record::H5File::any});
-  // Older models lack the last kind.
-  require_sound(file, values.size() == 1 + 2 * kinds || values.size() == 1 + 2 * of_150_ms, group,
-                "a number, and two of each kind of variation");
-  values.resize(1 + 2 * kinds);
-  for (const double v : values) require_sound(file, std::abs(v) < 1e9, group, "less than 1e9");
-  require_sound(file, values[0] >= 0, group, "a number of records");
-  for (std::size_t k = 0; k < kinds; ++k)
-    require_sound(file, values[2 + 2 * k] >= 0, group, "no limit below 0");
-  records_ = static_cast<std::size_t>(values[0]);
-  for (std::size_t k = 0; k < kinds; ++k) usual_[k] = {values[1 + 2 * k], values[2 + 2 * k]};
+void SpeckleReference::archive(Archive archive) {
+  archive.count("records", records_, 0, 1 << 30);
+  std::vector<double> values;
+  for (const Usual& u : usual_) values.push_back(u.median), values.push_back(u.most_off);
+  archive.values("usual", values, 2 * kinds);
+  for (std::size_t k = 0; k < kinds; ++k) {
+    usual_[k] = {values[2 * k], values[2 * k + 1]};
+    archive.require(std::abs(usual_[k].median) < 1e9 && usual_[k].most_off >= 0, "usual",
+                    "expected medians below 1e9 and limits of at least 0");
+  }
 }
 
 }  // namespace echofuse::recon

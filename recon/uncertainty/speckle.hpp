@@ -11,8 +11,8 @@
 #include <optional>
 #include <string>
 
-#include "acquire/record/h5.hpp"
 #include "recon/data/dataset.hpp"
+#include "recon/numbers/tensor_file.hpp"
 
 namespace echofuse::recon {
 
@@ -35,8 +35,7 @@ class SpeckleReference {
   // What there is to say of a run, or nothing. The data must be on the model's axes.
   std::string of_run(const Dataset& data, const Matrix& aligned) const;
 
-  void save(record::H5File& file, const std::string& group) const;
-  void load(const record::H5File& file, const std::string& group);
+  void archive(Archive archive);
 
  private:
   // Logarithms: over frames, over carriers, over 150 ms.

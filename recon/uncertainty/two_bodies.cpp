@@ -7,8 +7,8 @@
 #include <random>
 
 #include "drivers/core/random.hpp"
-#include "recon/models/body/turned.hpp"
-#include "recon/numbers/matrix_file.hpp"
+#include "recon/method/method.hpp"
+#include "recon/method/turned.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/statistics.hpp"
 
@@ -21,8 +21,6 @@ constexpr AlignmentWindow window{
 constexpr double least_apart_m = 0.4;  // sideways
 constexpr int most_tries = 20;         // to draw two bodies that are
 constexpr std::uint64_t pair_stream = 0x70616972, turn_stream = 0x7475726e;  // "pair", "turn"
-constexpr std::uint64_t light_stream = 0x6c696768;                           // "ligh"
-constexpr double without_light = 0.3;                                        // share of examples
 constexpr std::size_t most_pairs = 96'000, pairs_a_record = 32;
 constexpr std::size_t most_turned = 48'000, turned_a_record = 16;
 const std::vector<std::size_t> hidden = {128, 64};
@@ -31,48 +29,18 @@ constexpr double learning_rate = 4e-3;
 constexpr double nobody = -30;                // log odds
 constexpr double background_quantile = 0.05;  // of the radar's power, without an alignment
 
-template <class Light>
-Matrix with_light(const Matrix& described, const std::vector<Light>& lights, Rng& rng) {
-  std::bernoulli_distribution forgotten(without_light);
-  Matrix out(described.rows, described.cols + std::tuple_size_v<Light>);
-  for (std::size_t i = 0; i < out.rows; ++i) {
-    const auto from = described.row(i);
-    const auto to = out.row(i);
-    std::copy(from.begin(), from.end(), to.begin());
-    if (!forgotten(rng))
-      std::copy(lights[i].begin(), lights[i].end(), to.last(lights[i].size()).begin());
-  }
-  return out;
-}
-
 }  // namespace
 
 void TwoBodies::use(const Features& of_model, const Alignment& alignment) {
   spd_bins_ = of_model.spd_count(), profile_ = of_model.radar_count();
   alignment_ = spd_bins_ > 0 ? alignment.through(window) : Alignment{};
-  by_light_ = spd_bins_ > 0 && alignment.gains() == Gains::stable;
-}
-
-TwoBodies::Light TwoBodies::light_of(std::span<const float> raw_inputs,
-                                     std::span<const float> described) const {
-  if (!by_light_ || !shows_body(described)) return {};
-  std::vector<float> clicks, power;
-  alignment_.subtract_background(raw_inputs, clicks, power);
-  const auto range_m = double{described.back()};
-  const AlignmentRanges spd = alignment_.spd_ranges();
-  double sum = 0;
-  for (std::size_t i = 0; i < clicks.size(); ++i)
-    if (std::abs(spd.first_m + static_cast<double>(i) * spd.step_m - range_m) <= window.body_m)
-      sum += double{clicks[i]};
-  if (!(sum > 0)) return {};
-  return {static_cast<float>(std::log(sum * range_m * range_m) - light_level_), 1};
 }
 
 std::vector<float> TwoBodies::describe(std::span<const float> raw_inputs) const {
   std::vector<float> out;
   if (alignment_.known()) {
     out.resize(alignment_.size());
-    alignment_(raw_inputs, out);
+    align(raw_inputs, alignment_, out);
   } else {
     const auto radar = radar_of(raw_inputs);
     out.assign(radar.begin(), radar.end());
@@ -84,8 +52,7 @@ std::vector<float> TwoBodies::describe(std::span<const float> raw_inputs) const 
 void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
                       const std::vector<std::optional<Place>>& places, std::uint64_t seed) {
   Matrix ones, pairs;
-  std::vector<Light> of_ones, of_pairs;
-  classifier_ = {}, light_level_ = 0;
+  classifier_ = {};
   // Records with a body, and where it is.
   Rows seen, usable;
   std::vector<Place> known;
@@ -94,16 +61,10 @@ void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
     if (alignment_.known() && !shows_body(one)) continue;
     ones.cols = one.size();
     ones.add_row(one);
-    of_ones.push_back(light_of(raw_inputs.row(row), one));
     seen.push_back(row);
     if (places[row]) usable.push_back(seen.size() - 1), known.push_back(*places[row]);
   }
   if (seen.size() < 2) return;
-  if (by_light_) {
-    for (const Light& light : of_ones)
-      light_level_ += double{light[0]} / static_cast<double>(of_ones.size());
-    for (Light& light : of_ones) light[0] -= static_cast<float>(light_level_);
-  }
   // A sum has it once, as a record has.
   const std::vector<float> background =
       alignment_.known() ? alignment_.background()
@@ -113,10 +74,9 @@ void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
   Matrix inputs, radar;
   const Matrix no_array;
   if (alignment_.profile_points() > 0 && alignment_.array_features() == 0 && !usable.empty()) {
-    inputs = alignment_.with_correlations(ones);
     radar = Matrix(0, profile_);
     for (const std::size_t row : seen) radar.add_row(radar_of(raw_inputs.row(row)));
-    turned.emplace(alignment_, inputs, radar, no_array, usable, known);
+    turned.emplace(alignment_, inputs = ones, radar, no_array, usable, known);
     if (!turned->turns()) turned.reset();
   }
   const Rows everybody = usable.empty() ? all_rows(seen.size()) : usable;
@@ -144,7 +104,6 @@ void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
              ++tries < most_tries);
   }
   pairs = Matrix(drawn.size(), ones.cols);
-  of_pairs.resize(pairs.rows);
   for_each_part(pairs.rows, [&](std::size_t i) {
     const auto [a, b, as_a, as_b] = drawn[i];
     const auto first = raw_inputs.row(seen[everybody[a]]),
@@ -153,7 +112,6 @@ void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
     for (std::size_t c = 0; c < sum.size(); ++c) sum[c] = first[c] + second[c] - background[c];
     const auto described = describe(sum);
     std::copy(described.begin(), described.end(), pairs.row(i).begin());
-    of_pairs[i] = light_of(sum, described);
     if (!turned || !shows_body(described)) return;
     const std::array<Alignment::MovedProfile, 2> moved{
         {{radar_of(first), turned->farther_m(a, as_a)},
@@ -164,7 +122,6 @@ void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
     const std::size_t plain = ones.rows, more = std::min(most_turned, turned_a_record * plain);
     ones.values.resize((plain + more) * ones.cols);
     ones.rows += more;
-    of_ones.resize(ones.rows);
     Rng turn_rng = make_rng(seed, turn_stream);
     std::vector<std::array<std::size_t, 2>> turns(more);  // a body, and whose azimuth it gets
     for (auto& [k, as] : turns) k = any(turn_rng), as = any(turn_rng);
@@ -172,47 +129,25 @@ void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
       const auto [k, as] = turns[i];
       const auto out = ones.row(plain + i), from = ones.row(usable[k]);
       std::copy(from.begin(), from.end(), out.begin());
-      of_ones[plain + i] = of_ones[usable[k]];
       const std::array<Alignment::MovedProfile, 1> moved{
           {{radar_of(raw_inputs.row(seen[usable[k]])), turned->farther_m(k, as)}}};
       alignment_.add_profiles(moved, out);
     });
-  }
-  if (by_light_) {
-    Rng rng = make_rng(seed, light_stream);
-    ones = with_light(ones, of_ones, rng), pairs = with_light(pairs, of_pairs, rng);
   }
   classifier_.fit(ones, pairs,
                   {hidden, std::min(most_draws, draws_a_record * seen.size()) / batch + 1, batch,
                    learning_rate, seed});
 }
 
-double TwoBodies::operator()(std::span<const float> raw_inputs, bool known_gains) const {
-  auto described = describe(raw_inputs);
+double TwoBodies::operator()(std::span<const float> raw_inputs) const {
+  const auto described = describe(raw_inputs);
   if (!classifier_.known() || (alignment_.known() && !shows_body(described))) return nobody;
-  if (by_light_) {
-    const Light light = known_gains ? light_of(raw_inputs, described) : Light{};
-    described.insert(described.end(), light.begin(), light.end());
-  }
   return classifier_(described);
 }
 
-void TwoBodies::save(record::H5File& file, const std::string& group) const {
-  if (!classifier_.known()) return;
-  classifier_.save(file, group);
-  if (by_light_) file.set(group, "light_level", light_level_);
-}
-
-void TwoBodies::load(const record::H5File& file, const std::string& group) {
-  if (!file.has(group)) return;
-  by_light_ = by_light_ && file.has_attribute(group, "light_level");  // else of a model of before
-  if (by_light_) {
-    light_level_ = file.get<double>(group, "light_level");
-    require_sound(file, std::abs(light_level_) < 100, group + "@light_level", "from -100 to 100");
-  }
-  classifier_.load(file, group,
-                   (alignment_.known() ? alignment_.size() : profile_) +
-                       (by_light_ ? std::tuple_size_v<Light> : 0));
+void TwoBodies::archive(Archive archive) {
+  if (archive.part("known", classifier_.known()))
+    classifier_.archive(archive, alignment_.known() ? alignment_.size() : profile_);
 }
 
 }  // namespace echofuse::recon

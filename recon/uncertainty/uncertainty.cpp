@@ -7,7 +7,6 @@
 #include <limits>
 
 #include "recon/numbers/linear_fit.hpp"
-#include "recon/numbers/matrix_file.hpp"
 #include "recon/numbers/statistics.hpp"
 #include "recon/uncertainty/predictors.hpp"
 
@@ -78,76 +77,24 @@ double LateralError::operator()(std::span<const float> predictors) const {
   return factor_ * std::exp(product(terms_of(predictors), weights_));
 }
 
-void LateralError::save(record::H5File& file, const std::string& group) const {
-  file.make_group(group);
-  file.set(group, "factor", factor_);
-  file.write(group + "/weights", weights_, {weights_.size()});
-  file.write(group + "/centre", centre_, {centre_.size()});
-  file.write(group + "/spread", spread_, {spread_.size()});
-  file.write(group + "/least", least_, {least_.size()});
-  file.write(group + "/most", most_, {most_.size()});
-}
-
-void LateralError::load(const record::H5File& file, const std::string& group,
-                        std::size_t predictors) {
-  factor_ = file.get<double>(group, "factor");
-  centre_ = file.read<float>(group + "/centre", {record::H5File::any});
-  const std::size_t n = centre_.size();
-  require_sound(file, n == 0 || n == predictors, group + "/centre",
-                "0 or " + std::to_string(predictors) + " values");
-  weights_ = file.read<double>(group + "/weights", {n > 0 ? (n + 1) * (n + 2) / 2 : 0});
-  spread_ = file.read<float>(group + "/spread", {n});
-  least_ = file.read<float>(group + "/least", {n});
-  most_ = file.read<float>(group + "/most", {n});
+void LateralError::archive(Archive archive, std::size_t predictors) {
+  if (!archive.part("known", !weights_.empty())) return;
+  const std::size_t n = predictors;
+  archive.number("factor", factor_, 0, 1e18);
+  archive.values("centre", centre_, n);
+  archive.values("weights", weights_, (n + 1) * (n + 2) / 2);
+  archive.values("spread", spread_, n);
+  archive.values("least", least_, n);
+  archive.values("most", most_, n);
   for (std::size_t c = 0; c < n; ++c)
-    require_sound(file, spread_[c] > 0 && least_[c] <= most_[c], group,
-                  "a spread above 0, and least below most");
+    archive.require(spread_[c] > 0 && least_[c] <= most_[c], "spread",
+                    "expected above 0, and least below most");
 }
 
-// Least squares of the logarithms; errors never grow with the distance.
-void SeparatedError::fit(std::vector<Sum> sums) {
-  if (sums.size() < LateralError::least_records) return;
-  constexpr double least_times = 0.01, steepest = -3;
-  constexpr double least_penalty = 1e-6;  // for sums that are all as far apart
-  Matrix terms(0, 2);
-  std::vector<float> targets;
-  for (const Sum& s : sums) {
-    terms.add_row(std::array{1.f, static_cast<float>(std::log(s.apart_m))});
-    targets.push_back(static_cast<float>(std::log(std::max(s.times, least_times))));
-  }
-  const std::vector<float> counts(sums.size(), 1.f);
-  exponent_ = std::clamp(linear_fit(terms, targets, counts, least_penalty)[1], steepest, 0.0);
-  for (Sum& s : sums) s.times /= std::pow(s.apart_m, exponent_);
-  std::sort(sums.begin(), sums.end(), [](const Sum& a, const Sum& b) { return a.times < b.times; });
-  factor_ =
-      sums[static_cast<std::size_t>(LateralError::share_within * static_cast<double>(sums.size()))]
-          .times;
-}
-
-double SeparatedError::operator()(double apart_m) const {
-  return factor_ > 0 ? factor_ * std::pow(apart_m, exponent_)
-                     : std::numeric_limits<double>::quiet_NaN();
-}
-
-void SeparatedError::save(record::H5File& file, const std::string& group) const {
-  file.set(group, "of_two", factor_);
-  file.set(group, "of_two_exponent", exponent_);
-}
-
-// Models of before have no exponent, or neither.
-void SeparatedError::load(const record::H5File& file, const std::string& group) {
-  if (file.has_attribute(group, "of_two")) factor_ = file.get<double>(group, "of_two");
-  if (file.has_attribute(group, "of_two_exponent"))
-    exponent_ = file.get<double>(group, "of_two_exponent");
-  require_sound(file, factor_ >= 0, group + "@of_two", "0 or more");
-  require_sound(file, exponent_ >= -3 && exponent_ <= 0, group + "@of_two_exponent",
-                "from -3 to 0");
-}
-
-void UncertaintyModel::judge_speckle(std::span<const float> aligned,
+void UncertaintyModel::judge_speckle(std::span<const float> view,
                                      const std::optional<record::Speckle>& found,
                                      PredictionUncertainty& stated) const {
-  if (!found || (!aligned.empty() && !shows_body(aligned))) return;
+  if (!found || (!view.empty() && !shows_body(view))) return;
   const double share = speckle.share(*found);
   OutOfDistributionScore& score = stated.out_of_distribution;
   score.distance = std::max(score.distance, share);
@@ -166,21 +113,12 @@ void UncertaintyModel::judge_speckle(std::span<const float> aligned,
   score.reason = "unusual variation of the radar's power", score.details = speckle.text(*found);
 }
 
-void UncertaintyModel::save(record::H5File& file) const {
-  detector.save(file, "uncertainty/out_of_distribution");
-  pixels.save(file, "uncertainty/pixels");
-  lateral.save(file, "uncertainty/lateral");
-  speckle.save(file, "uncertainty/speckle");
-  separated.save(file, "uncertainty/lateral");
-}
-
-void UncertaintyModel::load(const record::H5File& file, const Features& of_model,
-                            const Alignment& alignment) {
-  detector.load(file, "uncertainty/out_of_distribution", of_model, alignment);
-  lateral.load(file, "uncertainty/lateral", predictor_count(of_model.inputs));
-  separated.load(file, "uncertainty/lateral");
-  pixels.load(file, "uncertainty/pixels");
-  speckle.load(file, "uncertainty/speckle");
+void UncertaintyModel::archive(Archive archive, const Features& of_model,
+                               const Alignment& alignment) {
+  detector.archive(archive.in("out_of_distribution"), of_model, alignment);
+  lateral.archive(archive.in("lateral"), predictor_count(of_model.inputs));
+  pixels.archive(archive.in("pixels"));
+  speckle.archive(archive.in("speckle"));
 }
 
 }  // namespace echofuse::recon

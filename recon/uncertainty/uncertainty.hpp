@@ -27,8 +27,7 @@ class LateralError {
   void fit(const Matrix& predictors, const std::vector<double>& error_m, std::size_t plain);
   double operator()(std::span<const float> predictors) const;  // metres; NaN if nothing was learnt
 
-  void save(record::H5File& file, const std::string& group) const;
-  void load(const record::H5File& file, const std::string& group, std::size_t predictors);
+  void archive(Archive archive, std::size_t predictors);
 
  private:
   std::vector<float> terms_of(std::span<const float> predictors) const;
@@ -38,40 +37,12 @@ class LateralError {
   double factor_ = 0;
 };
 
-// How many times as long as of one body the lateral interval is of a body that was taken apart from
-// another one: what is left of the other disturbs it, the more the nearer they are. A power of how
-// far apart their ranges are, times the factor that holds 90 % of sums of two records.
-class SeparatedError {
- public:
-  struct Sum {
-    double apart_m, times;  // error over the interval of one body
-  };
-  // Learns nothing from fewer than LateralError::least_records.
-  void fit(std::vector<Sum> sums);
-  double operator()(double apart_m) const;  // NaN if nothing was learnt
-
-  void save(record::H5File& file, const std::string& group) const;
-  void load(const record::H5File& file, const std::string& group);
-
- private:
-  double factor_ = 0, exponent_ = 0;
-};
-
-// One of the two bodies of a map.
-struct FoundBody {
-  double x_m, z_m;  // of its middle
-  double lateral_interval_90_m;
-};
-
 // What is stated of one reconstruction.
 struct PredictionUncertainty {
   double lateral_interval_90_m = 0;  // the body is within so much of where it is shown in 90 % of
                                      // the records like the training ones; NaN: not known,
-                                     // as where the radar's power varies otherwise; of two
-                                     // bodies, the nearer one
+                                     // as where the radar's power varies otherwise
   OutOfDistributionScore out_of_distribution;
-  std::vector<FoundBody> bodies{};  // of a map of two, the nearer first; else empty
-  std::string note{};               // then what the status says
 };
 
 struct UncertaintyModel {
@@ -79,14 +50,12 @@ struct UncertaintyModel {
   LateralError lateral;
   PixelError pixels;
   SpeckleReference speckle;
-  SeparatedError separated;
 
-  // Of a record's aligned features: what its radar's power, varying otherwise than in training,
+  // Of a record's view: what its radar's power, varying otherwise than in training,
   // adds to what is stated.
-  void judge_speckle(std::span<const float> aligned, const std::optional<record::Speckle>& found,
+  void judge_speckle(std::span<const float> view, const std::optional<record::Speckle>& found,
                      PredictionUncertainty& stated) const;
-  void save(record::H5File& file) const;  // below "uncertainty/"
-  void load(const record::H5File& file, const Features& of_model, const Alignment& alignment);
+  void archive(Archive archive, const Features& of_model, const Alignment& alignment);
 };
 
 }  // namespace echofuse::recon

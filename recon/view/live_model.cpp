@@ -15,9 +15,9 @@ using namespace recon;
 
 Reconstruction made(const TrainedModel& whole, const record::RunReader& run, std::int64_t index) {
   Reconstruction out;
-  out.grid = whole.scene.grid;
+  out.grid = whole->scene.grid;
   std::string bad;
-  Dataset data = load_part(run, index, 1, sensors_of(whole.features.inputs),
+  Dataset data = load_part(run, index, 1, sensors_of(whole->features.inputs),
                            [&](std::int64_t at, const std::string& why) {
                              if (at == index) bad = why;
                            });
@@ -27,16 +27,14 @@ Reconstruction made(const TrainedModel& whole, const record::RunReader& run, std
   }
   out.fault = whole.fault_of(data, 0);
   if (!out.fault.empty()) return out;
-  const TrainedModel& model = whole.for_run(data);
-  Records records = prepare_records(whole, std::move(data), RangeBiasAction::ignore);
-  forget_brightness(model.alignment, records.aligned);  // one record tells nothing of gains
+  const Records records = prepare_records(whole, std::move(data));
   out.fault = whole.fault_of(records.data, 0);
   if (!out.fault.empty()) return out;
   out.note = whole.note_of(records.data, 0);
-  const bool states = model.uncertainty.has_value();
+  const bool states = whole->uncertainty.has_value();
   const Prediction p =
       predict(whole, records, {0}, states ? PredictionDetail::pixels : PredictionDetail::maps);
-  out.map_m = hard_map(p.maps.row(0), model.scene);
+  out.map_m = hard_map(p.maps.row(0), whole->scene);
   if (p.deviation.rows > 0) {
     const auto deviation = p.deviation.row(0);
     out.deviation_m.assign(deviation.begin(), deviation.end());
@@ -44,8 +42,8 @@ Reconstruction made(const TrainedModel& whole, const record::RunReader& run, std
   if (p.uncertainties.empty()) return out;
   const PredictionUncertainty& u = p.uncertainties[0];
   if (std::isfinite(u.lateral_interval_90_m)) out.lateral_interval_90_m = u.lateral_interval_90_m;
-  for (const std::string& more : {u.note, u.out_of_distribution.text()})
-    if (!more.empty()) out.note += (out.note.empty() ? "" : "; ") + more;
+  if (const std::string more = u.out_of_distribution.text(); !more.empty())
+    out.note += (out.note.empty() ? "" : "; ") + more;
   return out;
 }
 
@@ -53,8 +51,8 @@ Reconstruction made(const TrainedModel& whole, const record::RunReader& run, std
 
 LiveModel::LiveModel(const std::string& path)
     : model_(load_model(path)),
-      name_(printable(std::filesystem::path(path).filename().string()) + " (" + model_.name + ")") {
-}
+      name_(printable(std::filesystem::path(path).filename().string()) + " (" + model_->name +
+            ")") {}
 
 Reconstruction LiveModel::reconstruct(const record::RunReader& run, std::int64_t index) const {
   try {
@@ -68,7 +66,7 @@ Reconstruction LiveModel::reconstruct(const record::RunReader& run, std::int64_t
 
 void LiveModel::compare(Reconstruction& made, std::span<const float> camera_map_m) const {
   if (made.map_m.empty() || made.map_m.size() != camera_map_m.size()) return;
-  const MapScores scores = score(made.map_m, camera_map_m, model_.scene);
+  const MapScores scores = score(made.map_m, camera_map_m, model_->scene);
   if (std::isfinite(scores[metric_iou])) made.iou = scores[metric_iou];
   if (std::isfinite(scores[metric_lateral_m])) made.lateral_error_m = scores[metric_lateral_m];
 }
@@ -77,10 +75,10 @@ std::string LiveModel::doubt(const record::RunReader& run, std::int64_t first,
                              std::int64_t count) const {
   try {
     Dataset data =
-        load_part(run, first, static_cast<std::size_t>(count), sensors_of(model_.features.inputs),
+        load_part(run, first, static_cast<std::size_t>(count), sensors_of(model_->features.inputs),
                   [](std::int64_t, const std::string&) {});
     if (data.size() == 0) return {};
-    const Records records = prepare_records(model_, std::move(data), RangeBiasAction::ignore);
+    const Records records = prepare_records(model_, std::move(data));
     const DomainShift shift = domain_shift_of(model_, records);
     return shift.found() ? shift.text() : records.speckle;
   } catch (const Error&) {

@@ -134,8 +134,7 @@ TEST_CASE("a FIFO in place of a file is refused, and nobody waits for its writer
   for (const std::string& command :
        {"info " + fifo, "note " + fifo + " x", "mark " + fifo + " x", "recover " + fifo,
         "export " + fifo + " --to " + folder / "x.h5", "replay --radar " + fifo,
-        "replay --tdc " + fifo, "replay --depth " + fifo,
-        "merge " + fifo + " " + folder / "a.sqlite" + " --out " + folder / "m"})
+        "replay --tdc " + fifo, "replay --depth " + fifo})
     refuses(command, 1, why);
   refuses("info /dev/null", 1, "/dev/null: is a device; expected a regular file");
   refuses("config check --config " + fifo, 3, why);

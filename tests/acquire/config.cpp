@@ -125,7 +125,7 @@ TEST_CASE("what one key alone cannot show") {
     CHECK(has(refusal(path, {"tdc.bins=0"}).second, "expected a whole number from 1"));
     CHECK(refusal(path, {"run.calibration=no.toml"}).second ==
           "--set run.calibration=no.toml: " +
-              folder / "no.toml: cannot read; expected a text file");
+              folder / "no.toml: cannot read: No such file or directory");
   }
   CHECK(refusal(path, {"tdc.bins=x"}).first == ExitCode::config);
 }

@@ -7,7 +7,7 @@
 #include <filesystem>
 
 #include "limits.hpp"
-#include "recon/estimator/trained_model.hpp"
+#include "recon/estimator/estimator.hpp"
 #include "recon/numbers/blas_kernels.hpp"
 #include "recon/numbers/parallel.hpp"
 
@@ -17,7 +17,7 @@ using namespace echofuse::recon;
 
 namespace {
 
-TrainedModel fitted(const Dataset& data, const std::string& model, std::size_t epochs) {
+Estimator fitted(const Dataset& data, const std::string& model, std::size_t epochs) {
   FitOptions fit;
   fit.quiet = true, fit.epochs = epochs, fit.patience = epochs;
   const Split split = make_split(data.usable(Inputs::fused), {});
@@ -33,7 +33,7 @@ void training(const Dataset& data, double most_per_s) {
   std::size_t a_record = 0, a_judgement = 0;
   const auto run = [&](std::size_t epochs) {
     return best_s(4, [&] {
-      const TrainedModel m = fitted(data, "mlp-512-256", epochs);
+      const Estimator m = fitted(data, "mlp-512-256", epochs);
       // Forward, and backward to the weights and to the layer below, but for the inputs.
       a_judgement = m.model->cost().multiply_adds;
       a_record = 3 * a_judgement - m.features.count() * m.fit.hidden.value().front();
@@ -49,11 +49,11 @@ void training(const Dataset& data, double most_per_s) {
 
 // As `evaluate` times it: alignment or scaling, and prediction.
 void one_map(const Dataset& data, const std::string& name) {
-  const TrainedModel m = fitted(data, name, 1);
+  const Estimator m = fitted(data, name, 1);
   std::size_t row = 0;
   constexpr int at_once = 100;  // reading the processor's clock takes a system call
   const double us = 1e6 / at_once * best_s(40, [&] {
-                      for (int i = 0; i < at_once; ++i) m.predict(data, {row++ % data.size()});
+                      for (int i = 0; i < at_once; ++i) m.maps(data, {row++ % data.size()});
                     });
   const std::size_t bytes = m.model->cost().parameters * sizeof(float);
   print_row(("one map of " + name).c_str(), "us", us,

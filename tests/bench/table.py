@@ -5,7 +5,6 @@ ours, limit of this machine, share of it, peer, ratio to it. What programs say b
 passes through. Peers that are not installed are left out."""
 import argparse
 import pathlib
-import re
 import sqlite3
 import subprocess
 import sys
@@ -75,22 +74,28 @@ def to_maps(recon, model, recorded, scratch):
     peers[name] = "numpy.savez of ready maps", 1e6 * best_s(3, write, time.perf_counter) / records
 
 
-def torch(recon, recorded, scratch):
-    """Training and one map of the plain network, in seconds an epoch and microseconds."""
-    model = scratch / "plain.h5"
-    subprocess.run([recon, "train", recorded, "--model", "mlp-512-256", "--epochs", "8", "--patience", "8", "--threads",
-                    "1", "--no-fallback", "-q", "--out", model], check=True)
-    script = pathlib.Path(__file__).resolve().parents[2] / "scripts/compare_torch.py"
-    done = subprocess.run(["/usr/bin/python3", script, model, recorded, "--threads", "1", "--bin", recon.parent],
-                          stdout=subprocess.PIPE, text=True)
-    found = {name: (float(epoch), float(us)) for name, epoch, us in
-             re.findall(r"^(echofuse|PyTorch) .* (\d+\.\d{4}) +([\d.]+), [\d.]+$", done.stdout, re.M)}
-    if done.returncode != 0 or len(found) != 2:
+def torch():
+    """Training and one map of a network of the plain one's shape on one thread, on random numbers: GFLOP/s and us."""
+    try:
+        import torch as t
+    except ImportError:
         return
-    print(done.stdout, end="")
-    path = "training of the plain network"
-    peers[path] = "PyTorch", rows[path][1] * found["echofuse"][0] / found["PyTorch"][0]
-    peers["one map of mlp-512-256"] = "PyTorch, normalised record", found["PyTorch"][1]
+    t.set_num_threads(1)
+    widths, batch, batches = (365, 512, 256, 4096), 128, 27
+    layers = [t.nn.Linear(a, b) for a, b in zip(widths, widths[1:])]
+    network = t.nn.Sequential(layers[0], t.nn.ReLU(), layers[1], t.nn.ReLU(), layers[2])
+    optimiser = t.optim.AdamW(network.parameters(), lr=1e-3)
+    x, y = t.rand(batch, widths[0]), t.rand(batch, widths[-1])
+
+    def epoch():
+        for _ in range(batches):
+            optimiser.zero_grad()
+            t.nn.functional.mse_loss(network(x), y).backward()
+            optimiser.step()
+    weights = sum(a * b for a, b in zip(widths, widths[1:]))
+    peers["training of the plain network"] = "PyTorch", 6e-9 * weights * batch * batches / best_s(3, epoch)
+    with t.inference_mode():
+        peers["one map of mlp-512-256"] = "PyTorch", 1e6 * best_s(200, lambda: network(x[:1]))
 
 
 def number(value):
@@ -122,10 +127,10 @@ def main():
     subprocess.run([options.build / "bin/echofuse-sim", "dataset", "-q", "--seed", "1", "--out", recorded], check=True)
     run(bench / "bench_recon", recorded)
     peers["loading a record"] = "NumPy, sqlite3, zlib", 1e6 * best_s(2, lambda: load(recorded)) / len(load(recorded))
-    model = options.scratch / "model.h5"
+    model = options.scratch / "model.safetensors"
     subprocess.run([recon, "train", recorded, "--model", "factorised-16", "--epochs", "10", "-q", "--out", model], check=True)
     to_maps(recon, model, recorded, options.scratch)
-    torch(recon, recorded, options.scratch)
+    torch()
     run(bench / "bench_tags")
     run(bench / "bench_radar_parser")
     run("/usr/bin/python3", pathlib.Path(__file__).parent / "numpy_scenes.py", bench / "bench_scenes")

@@ -21,7 +21,6 @@ def program(name, *words):
 def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("runs")
     program("echofuse-sim", "dataset", "-q", "--out", made / "monday.sqlite", "--records", 60)
-    program("echofuse-recon", "train", "-q", made / "monday.sqlite", "--model", "nearest", "--out", made / "m.h5")
     program("echofuse-acquire", "export", "-q", made / "monday.sqlite", "--to", made / "monday.h5")
     return made
 
@@ -71,28 +70,18 @@ def test_codes_of_the_radar_become_power(folder, tmp_path):
     assert echofuse.open(path).radar[0, 0] == pytest.approx(2 ** (768 * 2 / 256 * 16 / 12))
 
 
-def test_maps_are_those_of_the_program(folder, tmp_path):
-    run = echofuse.open(folder / "monday")
-    maps = echofuse.load_model(folder / "m.h5", str(BIN / "echofuse-recon")).predict(run)
-    assert maps.depth_m.shape == (60, 64, 64) and maps.index.tolist() == list(range(60))
-    assert not maps.calibrated or len(maps.records) == 60
-    assert {row["status"] for row in maps.records} == {"ok"}
-    truth = np.nan_to_num(run.depth)
-    seen = [i for i in range(60) if np.abs(maps.depth_m[i] - truth[i]).max() < 0.001]
-    assert len(seen) > 45  # those it was trained on are their own nearest neighbours
-
-
 def test_what_is_no_run_or_model_is_refused(folder, tmp_path):
     with pytest.raises(FileNotFoundError, match="no such run"):
         echofuse.open(tmp_path / "nothing")
     (tmp_path / "text.sqlite").write_text("no database, but long enough to be read as one " * 20)
     with pytest.raises(ValueError, match="not a run of echofuse"):
         echofuse.open(tmp_path / "text")
-    with pytest.raises(FileNotFoundError, match="no such model"):
-        echofuse.load_model(tmp_path / "m.h5", "echofuse-recon")
-    (tmp_path / "m.h5").write_text("no model")
-    with pytest.raises(RuntimeError, match="m.h5"):
-        echofuse.load_model(tmp_path / "m.h5", str(BIN / "echofuse-recon")).predict(folder / "monday")
+    with pytest.raises(FileNotFoundError):
+        echofuse.load_model(tmp_path / "m")
+    for text in ("", "no model, but long enough to be read as one"):
+        (tmp_path / "m").write_text(text)
+        with pytest.raises(ValueError, match="not a model of echofuse"):
+            echofuse.load_model(tmp_path / "m")
 
 
 def test_xarray(folder):

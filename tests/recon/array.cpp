@@ -4,8 +4,8 @@
 #include "recon/estimator/evaluate.hpp"
 #include "recon/estimator/predict.hpp"
 #include "recon/estimator/train.hpp"
-#include "recon/models/body/array_view.hpp"
-#include "recon/models/body/turned.hpp"
+#include "recon/method/array_view.hpp"
+#include "recon/method/turned.hpp"
 #include "world.hpp"
 
 using namespace echofuse;
@@ -68,7 +68,8 @@ double iou_of(const TrainedModel& model, const std::string& path) {
   Dataset data = load({path});
   model.match(data);
   const Rows rows = all_rows(data.size());
-  return summarise(score_maps(model.predict(data, rows), data, rows, model.scene))[metric_iou].mean;
+  return summarise(score_maps(model.predict(data, rows), data, rows, model->scene))[metric_iou]
+      .mean;
 }
 
 }  // namespace
@@ -134,7 +135,7 @@ TEST_CASE("runs keep their antennas, as lags, and records without them are said 
 }
 
 TEST_CASE("the view of a body is the same in every direction but for the direction") {
-  const ArrayView view(lags_of_plates());
+  const ArrayView view(lags_of_plates(), {});
   std::vector<float> middle(view.size()), right(view.size());
   view(body_lags(3.6, 0), 3.5, middle);
   view(body_lags(3.6, 0.41), 3.5, right);
@@ -146,7 +147,7 @@ TEST_CASE("the view of a body is the same in every direction but for the directi
   CHECK(middle[1] == Approx(middle[0] * 3.5));
   view(std::vector<float>(lag_columns(lags_of_plates())), 3.5, right);
   CHECK(std::all_of(right.begin(), right.end(), [](float v) { return v == 0; }));
-  CHECK(ArrayView(Axis{}).size() == 0);
+  CHECK(ArrayView(Axis{}, {}).size() == 0);
 }
 
 TEST_CASE(
@@ -157,8 +158,8 @@ TEST_CASE(
   write_plates(dir / "biased", 60, 2, {}, 0.1);
   write_run(dir / "profile", 60, 2);
   TrainedModel model = train(load({dir / "train"}), factorised());
-  CHECK(model.features.array_axis.count > 0);
-  CHECK(model.alignment.array_features() > 0);
+  CHECK(model->features.array_axis.count > 0);
+  CHECK(model->alignment.array_features() > 0);
   save_model(model, dir / "model.h5");
   const TrainedModel loaded = load_model(dir / "model.h5");
   const double iou = iou_of(loaded, dir / "fresh");
@@ -167,7 +168,7 @@ TEST_CASE(
   TrainOptions of_profile = factorised();
   of_profile.inputs = "fused-profile";
   const TrainedModel one_antenna = train(load({dir / "train"}), of_profile);
-  CHECK(one_antenna.features.array_axis.count == 0);
+  CHECK(one_antenna->features.array_axis.count == 0);
   CHECK(iou_of(one_antenna, dir / "fresh") > 0.6);
   CHECK(iou_of(one_antenna, dir / "profile") == iou_of(one_antenna, dir / "fresh"));
   CHECK(iou_of(loaded, dir / "biased") > 0.9 * iou);
@@ -200,35 +201,6 @@ TEST_CASE(
         0.9);
 }
 
-TEST_CASE("antennas tell a range bias from people who stand to one side") {
-  const Folder dir;
-  write_plates(dir / "train", 600, 1);
-  write_plates(dir / "biased", 400, 2, {}, -0.05);
-  const TrainedModel model = train(load({dir / "train"}), factorised());
-  const auto found = [&](const std::string& path) {
-    return prepare_records(model, load_recorded({path}), RangeBiasAction::correct);
-  };
-  const Records biased = found(dir / "biased");
-  CHECK(biased.range_bias.status == RangeBias::Status::detected);
-  CHECK(biased.range_bias_m == Approx(0.05).margin(0.01));
-  CHECK_THAT(biased.text, Catch::Contains("longer") && Catch::Contains("antennas"));
-  testing::sql(dir / "biased", "UPDATE antenna SET x = 7 - x");
-  const Records mirrored = found(dir / "biased");
-  CHECK(mirrored.range_bias.status == RangeBias::Status::inconsistent);
-  CHECK_THAT(mirrored.text, Catch::Contains("the other way round"));
-  for (const double aside_m : {0.1, 0.2}) {
-    Rng rng = make_rng(5, 0);
-    std::uniform_real_distribution<double> x(aside_m - 1, aside_m + 1), z(3, 4);
-    write_plates(dir / "aside", 400, 3, [&](record::FusedRecord& r) {
-      const double at = x(rng), at_z = z(rng);
-      r = testing::plate_record(r.index, at, at_z, rng);
-      testing::add_array(r, at, at_z, line, rng);
-    });
-    CHECK(found(dir / "aside").range_bias.status == RangeBias::Status::not_detected);
-    std::filesystem::remove(dir / "aside");
-  }
-}
-
 TEST_CASE("without its antennas the radar's range profile answers, without the radar the SPD") {
   const Folder dir;
   write_plates(dir / "train", 200, 1);
@@ -256,17 +228,18 @@ TEST_CASE("without its antennas the radar's range profile answers, without the r
   CHECK(model.note_of(fresh, 3) == "antennas lost: range profile alone");
   CHECK(model.note_of(fresh, 4) == "radar lost: SPD alone");
   const Matrix maps = model.predict(fresh, all), own = model.predict(fresh, {1});
-  const Matrix profile = of_profile.predict(old, {3}), spd = of_profile.fallback->predict(old, {4});
+  const Matrix profile = of_profile.predict(old, {3}),
+               spd = of_profile.estimators[1].maps(old, {4});
   const std::vector<std::pair<std::size_t, const Matrix*>> by = {
       {1, &own}, {3, &profile}, {4, &spd}};
   for (const auto& [row, alone] : by)
     for (std::size_t p = 0; p < maps.cols; ++p)
       REQUIRE(maps.row(row)[p] == Approx(alone->row(0)[p]).margin(1e-4));
-  // A chain that does not end is no model's.
-  model.fallback->fallback = std::make_unique<TrainedModel>(load_model(dir / "model.h5"));
+  // Each estimator takes less than the one before.
+  model.estimators[1] = std::move(load_model(dir / "model.h5").first());
   save_model(model, dir / "chain.h5");
   CHECK_THAT(testing::error_of([&] { load_model(dir / "chain.h5"); }),
-             Catch::Contains("fallback@inputs") && Catch::Contains("spd"));
+             Catch::Contains("1/inputs") && Catch::Contains("fewer sensors"));
 }
 
 TEST_CASE("the program with runs that have antennas, runs without them or with others, and both") {

@@ -69,7 +69,7 @@ TEST_CASE("a model trained on noisy copies stands noise better") {
     const TrainedModel model = train(plates(), options);
     CHECK(model.rows_of(plates(), Part::train).size() == 342);  // the copies are not remembered
     const Rows rows = model.rows_of(plates(), Part::test);
-    return summarise(score_maps(model.predict(noisy, rows), noisy, rows, model.scene))[metric_iou]
+    return summarise(score_maps(model.predict(noisy, rows), noisy, rows, model->scene))[metric_iou]
         .mean;
   };
   CHECK(iou({"noise"}) > 1.05 * iou({}));

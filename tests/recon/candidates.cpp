@@ -102,17 +102,17 @@ TEST_CASE("the standard error of a sequence is that of its folds") {
   const auto held = [&](double iou) {
     return fold({iou, iou, iou, iou, iou, iou, iou, iou, iou, iou});
   };
-  const Summary sequence = summarise_folds({held(0.4), held(0.6), held(0.5)})[metric_iou];
+  const Summary sequence = summarise({held(0.4), held(0.6), held(0.5)}, true)[metric_iou];
   CHECK(sequence.mean == Approx(0.5));
   CHECK(sequence.se == Approx(0.1 / std::sqrt(3)));
   CHECK(sequence.maps == 30);
   // Unequal folds, one without a value: K = 2, n = 4, mean 0.4; rests 0.6 - 3 * 0.4 and 1 - 0.4.
   const Summary uneven =
-      summarise_folds({fold({0.2, 0.2, 0.2}), fold({none}), fold({1.0, none})})[metric_iou];
+      summarise({fold({0.2, 0.2, 0.2}), fold({none}), fold({1.0, none})}, true)[metric_iou];
   CHECK(uneven.mean == Approx(0.4));
   CHECK(uneven.se == Approx(std::sqrt(2 * (0.36 + 0.36)) / 4));
-  CHECK(std::isnan(summarise_folds({held(0.4)})[metric_iou].se));
-  CHECK(std::isnan(summarise_folds({held(0.4), held(0.5)})[metric_lateral_m].mean));
+  CHECK(std::isnan(summarise({held(0.4)}, true)[metric_iou].se));
+  CHECK(std::isnan(summarise({held(0.4), held(0.5)}, true)[metric_lateral_m].mean));
 }
 
 TEST_CASE("cross-validation of held poses does not call each record a new one") {
@@ -122,26 +122,14 @@ TEST_CASE("cross-validation of held poses does not call each record a new one") 
   const Rows once = rows_to_train(data, Inputs::fused);
   Rows held;  // every record five times in a row
   for (std::size_t i = 0; i < 24; ++i) held.insert(held.end(), 5, once[i]);
-  CrossvalidateOptions options;
-  options.models = {"silhouette"};
-  options.gap = 5;
+  TrainOptions options;
+  options.candidates = {"silhouette"};
+  options.split.kind = "blocked", options.split.gap = 5;
   options.fit.quiet = true;
   const double folds = crossvalidate(data, held, options).front().metrics[metric_iou].se;
-  options.sequence = false;
+  options.split.kind = "random";
   const double maps = crossvalidate(data, held, options).front().metrics[metric_iou].se;
   CHECK(folds > 1.5 * maps);
-}
-
-TEST_CASE("crossvalidate says which model could not be fitted, and why") {
-  const Folder dir;
-  write_run(dir / "run", 4);
-  const Outcome o =
-      recon_program("crossvalidate -q --models mean,factorised --folds 2 --gap 0 " + (dir / "run"));
-  CAPTURE(o.text);
-  CHECK(o.code == 5);
-  CHECK_THAT(o.text, Catch::Contains("factorised: fewer than two training records show a body"));
-  CHECK(recon_program("crossvalidate -q --models mean --folds 2 --gap 0 " + (dir / "run")).code ==
-        0);
 }
 
 TEST_CASE("train says that a network never beat the mean map") {

@@ -1,100 +1,97 @@
 // SPDX-License-Identifier: MIT
-// Model files that no training made: HDF5 edited by hand, then sealed again, so that the checksum
-// is right and only what stands behind it is wrong. Also for the fuzz target, so without Catch.
+// Model files that no training made: header, facts or values changed by hand, then sealed again, so
+// that the checksum is right and only what stands behind it is wrong. Also for the fuzz target, so
+// without Catch.
 #pragma once
-#include <hdf5.h>
-
-#include <cstdint>
-#include <functional>
+#include <algorithm>
+#include <cstdio>
+#include <cstring>
+#include <nlohmann/json.hpp>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include "acquire/record/h5.hpp"
+#include "drivers/core/bytes.hpp"
+#include "drivers/core/crc32c.hpp"
 
 namespace echofuse::crafted {
 
-using Edit = std::function<void(hid_t file)>;
-
-// False if HDF5 cannot open it any more.
-inline bool edit(const std::string& path, const Edit& change) {
-  const hid_t file = H5Fopen(path.c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
-  if (file < 0) return false;
-  change(file);
-  H5Fclose(file);
-  record::H5File::seal(path);
-  return true;
+// A header of any text in front of values. Its checksum, if it has one, is put right.
+inline Bytes sealed(const std::string& header, ByteView values) {
+  Bytes out(8 + header.size() + values.size());
+  const std::uint64_t length = header.size();
+  std::memcpy(out.data(), &length, sizeof length);
+  std::copy(header.begin(), header.end(), out.begin() + 8);
+  std::copy(values.begin(), values.end(), out.end() - std::ssize(values));
+  const std::string mark = "\"crc32c\":\"";
+  const auto found = header.find(mark);
+  if (found == std::string::npos || header.size() < found + mark.size() + 8) return out;
+  const auto digits = out.begin() + static_cast<std::ptrdiff_t>(8 + found + mark.size());
+  std::fill_n(digits, 8, std::uint8_t{'0'});
+  char right[9] = {};
+  std::snprintf(right, sizeof right, "%08x", static_cast<unsigned>(crc32c(out)));
+  std::copy_n(right, 8, digits);
+  return out;
 }
 
-// Names of its groups and arrays, without the root; every "object@attribute".
-struct Names {
-  std::vector<std::string> groups, arrays;
-  std::vector<std::pair<std::string, std::string>> attributes;
+// A file that a training made, taken apart.
+struct Model {
+  nlohmann::json head;   // entries of the tensors, by name
+  nlohmann::json facts;  // by name
+  Bytes values;
+
+  explicit Model(ByteView file) {
+    std::uint64_t length = 0;
+    std::memcpy(&length, file.data(), sizeof length);
+    const ByteView text = file.subspan(8, length), behind = file.subspan(8 + length);
+    head = nlohmann::json::parse(text.begin(), text.end());
+    facts = nlohmann::json::parse(head["__metadata__"]["facts"].get<std::string>());
+    head.erase("__metadata__");
+    values.assign(behind.begin(), behind.end());
+  }
+
+  std::string header() const {
+    nlohmann::json out = head;
+    out["__metadata__"] = {{"crc32c", "00000000"}, {"facts", facts.dump()}};
+    return out.dump();
+  }
+  Bytes sealed() const { return crafted::sealed(header(), values); }
+
+  std::vector<std::string> tensors() const {
+    std::vector<std::string> out;
+    for (const auto& [name, entry] : head.items()) out.push_back(name);
+    return out;
+  }
+  std::vector<std::string> names_of_facts() const {
+    std::vector<std::string> out;
+    for (const auto& [name, fact] : facts.items()) out.push_back(name);
+    return out;
+  }
+  std::size_t begin_of(const std::string& name) const { return head[name]["data_offsets"][0]; }
+  std::size_t end_of(const std::string& name) const { return head[name]["data_offsets"][1]; }
+
+  // The first value of a tensor.
+  template <class T>
+  void set_first(const std::string& name, T value) {
+    std::memcpy(values.data() + begin_of(name), &value, sizeof value);
+  }
+  // One more tensor, over these bytes.
+  void add(const std::string& name, const std::string& type, const std::vector<std::size_t>& shape,
+           std::size_t begin, std::size_t end) {
+    head[name] = {{"dtype", type}, {"shape", shape}, {"data_offsets", {begin, end}}};
+  }
+  // In its place one of another type and shape, filled with a byte, behind all others.
+  void replace(const std::string& name, const std::string& type,
+               const std::vector<std::size_t>& shape, std::size_t bytes, std::uint8_t fill) {
+    const std::size_t from = begin_of(name), length = end_of(name) - from;
+    const auto at = values.begin() + static_cast<std::ptrdiff_t>(from);
+    values.erase(at, at + static_cast<std::ptrdiff_t>(length));
+    for (auto& [other, entry] : head.items())
+      for (auto& offset : entry["data_offsets"])
+        if (offset.get<std::size_t>() >= from + length && length > 0)
+          offset = offset.get<std::size_t>() - length;
+    add(name, type, shape, values.size(), values.size() + bytes);
+    values.resize(values.size() + bytes, fill);
+  }
 };
-
-inline Names names_of(hid_t file) {
-  Names out;
-  const auto add = [](hid_t object, const char* name, const H5O_info_t* info, void* to) -> herr_t {
-    auto& names = *static_cast<Names*>(to);
-    if (std::string(name) != ".")
-      (info->type == H5O_TYPE_GROUP ? names.groups : names.arrays).emplace_back(name);
-    const hid_t one = H5Oopen(object, name, H5P_DEFAULT);
-    for (hsize_t i = 0; i < info->num_attrs; ++i) {
-      const hid_t attribute =
-          H5Aopen_by_idx(one, ".", H5_INDEX_NAME, H5_ITER_NATIVE, i, H5P_DEFAULT, H5P_DEFAULT);
-      char title[64] = {};
-      H5Aget_name(attribute, sizeof title, title);
-      names.attributes.emplace_back(name, title);
-      H5Aclose(attribute);
-    }
-    H5Oclose(one);
-    return 0;
-  };
-  H5Ovisit(file, H5_INDEX_NAME, H5_ITER_NATIVE, add, &out);
-  return out;
-}
-
-// In the place of an array another one of any type and extent, filled with a byte if wanted;
-// without that its values are promised and never written.
-inline void replace_array(hid_t file, const std::string& name, hid_t type,
-                          const std::vector<hsize_t>& extent, int fill = -1,
-                          hid_t how = H5P_DEFAULT) {
-  H5Ldelete(file, name.c_str(), H5P_DEFAULT);
-  const hid_t space =
-      extent.empty() ? H5Screate(H5S_SCALAR)
-                     : H5Screate_simple(static_cast<int>(extent.size()), extent.data(), nullptr);
-  const hid_t made = H5Dcreate2(file, name.c_str(), type, space, H5P_DEFAULT, how, H5P_DEFAULT);
-  if (made >= 0 && fill >= 0) {
-    std::size_t bytes = H5Tget_size(type);
-    for (const hsize_t n : extent) bytes *= n;
-    const std::vector<std::uint8_t> values(bytes, static_cast<std::uint8_t>(fill));
-    H5Dwrite(made, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data());
-  }
-  if (made >= 0) H5Dclose(made);
-  H5Sclose(space);
-}
-
-inline std::vector<hsize_t> extent_of(hid_t file, const std::string& name) {
-  const hid_t set = H5Dopen2(file, name.c_str(), H5P_DEFAULT), space = H5Dget_space(set);
-  std::vector<hsize_t> out(static_cast<std::size_t>(H5Sget_simple_extent_ndims(space)));
-  if (!out.empty()) H5Sget_simple_extent_dims(space, out.data(), nullptr);
-  H5Sclose(space);
-  H5Dclose(set);
-  return out;
-}
-
-// `values`: as many as the extent says; none: one value.
-inline void replace_attribute(hid_t file, const std::string& object, const std::string& attribute,
-                              hid_t type, const void* values, hsize_t count = 0) {
-  H5Adelete_by_name(file, object.c_str(), attribute.c_str(), H5P_DEFAULT);
-  const hid_t space = count == 0 ? H5Screate(H5S_SCALAR) : H5Screate_simple(1, &count, nullptr);
-  const hid_t made = H5Acreate_by_name(file, object.c_str(), attribute.c_str(), type, space,
-                                       H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
-  if (made >= 0) {
-    H5Awrite(made, type, values);
-    H5Aclose(made);
-  }
-  H5Sclose(space);
-}
 
 }  // namespace echofuse::crafted

@@ -44,18 +44,20 @@ TEST_CASE("without the radar a fused model answers as a model of the SPD alone, 
   lost.valid[1] &= ~2u;                         // missing
   for (float& v : lost.radar.row(3)) v = 0.5f;  // dead
   for (float& v : lost.radar.row(1)) v = 0;
-  CHECK(model.falls_back(lost, 1));
-  CHECK_FALSE(model.falls_back(lost, 2));
-  CHECK(model.falls_back(lost, 3));
+  REQUIRE(model.estimators.size() == 2);
+  CHECK(model.answering(lost, 1) == &model.estimators[1]);
+  CHECK(model.answering(lost, 2) == &model.first());
+  CHECK(model.answering(lost, 3) == &model.estimators[1]);
   CHECK(model.fault_of(lost, 1).empty());
   const Matrix maps = model.predict(lost, rows), whole = model.predict(plates(), rows);
-  const Matrix alone = model.fallback->predict(plates(), rows);
+  const Matrix alone = model.estimators[1].maps(plates(), rows);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto expected = i % 2 ? whole.row(i) : alone.row(i);
     for (std::size_t p = 0; p < maps.cols; ++p)
       REQUIRE(maps.row(i)[p] == Approx(expected[p]).margin(1e-4));
   }
   lost.valid[2] &= ~1u;  // the SPD: nobody answers
+  CHECK(model.answering(lost, 2) == nullptr);
   CHECK_THAT(model.fault_of(lost, 2), Catch::Contains("lacks "));
 }
 
@@ -64,23 +66,22 @@ TEST_CASE("the fallback lives in the model's file, and a model may do without") 
   TrainedModel model = trained_with("ridge");
   save_model(model, dir / "with");
   const TrainedModel again = load_model(dir / "with");
-  REQUIRE(again.fallback);
+  REQUIRE(again.estimators.size() == 2);
   Dataset lost = plates();
   for (float& v : lost.radar.values) v = 0;
   const Rows rows = {5, 6};
   CHECK(again.predict(lost, rows).values == model.predict(lost, rows).values);
-  CHECK(again.fallback->name == "pca-mlp");
-  CHECK(again.range_bias.known());
-  model.fallback.reset();
+  CHECK(again.estimators[1].name == "pca-mlp");
+  model.estimators.pop_back();
   save_model(model, dir / "without");
   const TrainedModel plain = load_model(dir / "without");
-  CHECK_FALSE(plain.fallback);
+  CHECK(plain.estimators.size() == 1);
   CHECK_THAT(plain.fault_of(lost, 5), Catch::Contains("radar is the same in every bin"));
   for (const std::string inputs : {"spd", "radar"}) {
     TrainOptions options;
     options.model = "ridge", options.inputs = inputs, options.fallback = true;
     options.fit.quiet = true;
-    CHECK_FALSE(train(plates(), options).fallback);
+    CHECK(train(plates(), options).estimators.size() == 1);
   }
 }
 
@@ -112,8 +113,9 @@ TEST_CASE("reconstruct and evaluate say which maps the SPD made alone") {
 
 TEST_CASE("records that no map can be made of are not scored, and the user is told how many") {
   const Folder dir;
-  REQUIRE(trained_with("ridge").fallback);
-  save_model(trained_with("ridge"), dir / "m");
+  const TrainedModel model = trained_with("ridge");
+  REQUIRE(model.estimators.size() == 2);
+  save_model(model, dir / "m");
   write_run(dir / "live", 6, 2, [](record::FusedRecord& r) {
     if (r.index >= 3) lose_radar(r);
     if (r.index >= 4) std::fill(r.spd.begin(), r.spd.end(), 2);

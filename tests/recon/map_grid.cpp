@@ -4,7 +4,6 @@
 
 #include "acquire/record/png.hpp"
 #include "recon/estimator/trained_model.hpp"
-#include "recon/output/window.hpp"
 #include "world.hpp"
 
 using namespace echofuse;
@@ -83,7 +82,7 @@ TEST_CASE("a model has the map of its training, and judges no other") {
                           (dir / "run") + " --out " + m)
                 .code == 0);
     const TrainedModel model = load_model(m);
-    CHECK(model.scene.grid == grid);
+    CHECK(model->scene.grid == grid);
     const Dataset data = load({dir / "run"});
     CHECK(model.predict(data, {0, 1}).cols == 24 * 24);
     const auto json =
@@ -96,34 +95,7 @@ TEST_CASE("a model has the map of its training, and judges no other") {
     const Outcome drawn = recon_program("reconstruct -q " + m + " " + (dir / "other") + out);
     CAPTURE(drawn.text);
     CHECK(drawn.code == 0);
-    CHECK(recon_program("reconstruct -q --zoom 1.5 " + m + " " + (dir / "run") + " --out " +
-                        (dir / "zoomed") + " --format npz,colour --force")
-              .code == 0);
     const std::string png = contents(dir / "maps/000003_mm.png");
     CHECK(record::decode_png16(Bytes(png.begin(), png.end()), 24, 24).size() == 24 * 24);
   }
-}
-
-TEST_CASE("a window shows a body in metres, wherever it stands") {
-  const record::MapGrid grid{128, 0.55};
-  const Scene scene{std::vector<float>(grid.pixels()), std::vector<float>(grid.pixels()), 3.5f,
-                    grid};
-  for (const double x : {-0.9, 0.0, 0.4}) {
-    const double depth_m = 3.2;
-    std::vector<float> map(grid.pixels());
-    for (std::size_t p = 0; p < map.size(); ++p)
-      if (std::abs(grid.x().at(static_cast<double>(p % 128)) * depth_m - x) < 0.25 &&
-          std::abs(grid.y().at(static_cast<double>(p / 128)) * depth_m - 0.3) < 0.25)
-        map[p] = static_cast<float>(depth_m);
-    const Window window = window_about_body(map, scene, 1.0);
-    CHECK((window.x.at(127.5) - window.x.at(-0.5)) * depth_m == Approx(1.0));
-    CHECK(window.x.at(63.5) * depth_m == Approx(x).margin(0.02));
-    CHECK(window.y.at(63.5) * depth_m == Approx(0.3).margin(0.02));
-    const auto shown = cut(map, grid, window);
-    const auto seen = std::count(shown.begin(), shown.end(), static_cast<float>(depth_m));
-    CHECK(static_cast<double>(seen) / static_cast<double>(shown.size()) ==
-          Approx(0.25).margin(0.03));
-  }
-  const Window nobody = window_about_body(std::vector<float>(grid.pixels()), scene, 1.0);
-  CHECK(nobody.x.at(63.5) == Approx(0).margin(1e-9));
 }

@@ -41,7 +41,7 @@ const Dataset& plates() {
 
 Summaries scores_of(const TrainedModel& model) {
   const Rows rows = rows_to_evaluate(model, plates(), false);
-  return summarise(score_maps(model.predict(plates(), rows), plates(), rows, model.scene));
+  return summarise(score_maps(model.predict(plates(), rows), plates(), rows, model->scene));
 }
 
 }  // namespace
@@ -54,12 +54,9 @@ TEST_CASE("ridge equals a dense solve with the penalty that it chose") {
       y.row(i)[p] = 2 + x.row(i)[p % 8] - 0.5f * x.row(i)[(p + 3) % 8] + 0.3f * noise.row(i)[p];
   const auto ridge = make_ridge();
   ridge->fit({x, y, all_rows(50)}, {x, y, {}}, {});
-  const Folder dir;
-  record::H5File file = record::H5File::create_sealed(dir / "ridge");
-  ridge->save(file);
-  file.close();
-  const double penalty =
-      record::H5File::open_sealed(dir / "ridge").get<double>("model/weights", "penalty");
+  TensorFile file;
+  ridge->archive({file, Archive::Direction::write}, {8, 4096, {}});
+  const double penalty = std::get<double>(file.facts.at("penalty"));
   CHECK(penalty > 0);
 
   using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -132,14 +129,14 @@ TEST_CASE("every model predicts the same after it was saved and loaded") {
     const TrainedModel after = load_model(dir / "model");
     const Rows rows{0, 5, 599};
     CHECK(after.predict(plates(), rows).values == before.predict(plates(), rows).values);
-    CHECK(after.name == name);
+    CHECK(after->name == name);
     CHECK(after.split.kind == "blocked");
     CHECK(after.rows_of(plates(), Part::test) == before.rows_of(plates(), Part::test));
     CHECK(after.rows_of(plates(), Part::test).size() == 60);
     CHECK(after.data_hash == plates().hash);
-    CHECK(after.log.loss == before.log.loss);
-    CHECK(after.model->cost().parameters == before.model->cost().parameters);
-    CHECK(after.scene.background == before.scene.background);
+    CHECK(after->log.loss == before->log.loss);
+    CHECK(after->model->cost().parameters == before->model->cost().parameters);
+    CHECK(after->scene.background == before->scene.background);
   }
 }
 
@@ -164,7 +161,7 @@ TEST_CASE("training stops early, keeps the best epoch and shows its course") {
   TrainOptions options = quick("mlp");
   options.fit.epochs = 400;
   options.fit.patience = 5;
-  const TrainingLog log = train(plates(), options).log;
+  const TrainingLog log = train(plates(), options)->log;
   CHECK(log.loss.size() < 400);
   CHECK(log.loss.size() == log.best_epoch + 5);
   CHECK(log.validation_loss.size() == log.loss.size());
@@ -204,7 +201,7 @@ TEST_CASE("evaluation: the baselines, and what was held out") {
   CHECK(rows.size() == 60);
   CHECK(rows_to_evaluate(model, plates(), true).size() == 600);
   const Rows seen = model.rows_of(plates(), Part::train);
-  const auto baselines = score_baselines(plates(), rows, model.scene, plates(), seen);
+  const auto baselines = score_baselines(plates(), rows, model->scene, plates(), seen);
   REQUIRE(baselines.size() == 3);
   CHECK(baselines[0].name == "empty");
   CHECK(baselines[0].metrics[metric_iou].mean == 0);
@@ -219,7 +216,7 @@ TEST_CASE("evaluation: the baselines, and what was held out") {
   });
   const Dataset pairs = load({dir / "pairs"});
   const auto both =
-      score_baselines(pairs, rows_to_evaluate(model, pairs, true), model.scene, plates(), seen);
+      score_baselines(pairs, rows_to_evaluate(model, pairs, true), model->scene, plates(), seen);
   CHECK(both[1].metrics[metric_ghost].mean == Approx(0.5).epsilon(1e-6));
   write_run(dir / "fresh", 10, 9);
   CHECK(rows_to_evaluate(model, load({dir / "fresh"}), false).size() == 10);

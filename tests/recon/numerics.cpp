@@ -7,8 +7,9 @@
 
 #include "recon/estimator/evaluate.hpp"
 #include "recon/estimator/train.hpp"
-#include "recon/models/body/alignment.hpp"
-#include "recon/models/regression.hpp"
+#include "recon/files/files.hpp"
+#include "recon/method/method.hpp"
+#include "recon/models/network/regression.hpp"
 #include "recon/numbers/components.hpp"
 #include "world.hpp"
 
@@ -36,15 +37,23 @@ TrainOptions options_for(const std::string& model, std::uint64_t seed, double ra
   return o;
 }
 
+TensorFile opened(const std::string& path) { return {path, read_file(path)}; }
+
+template <class T = float>
+std::vector<T> values_of(const TensorFile& file, const std::string& name) {
+  const auto values = file.read<float>(name, file.shape(name));
+  return {values.begin(), values.end()};
+}
+
 // Every weight that a model file holds.
 std::vector<float> weights_of(const std::string& path) {
-  const record::H5File file = record::H5File::open_sealed(path);
+  const TensorFile file = opened(path);
   std::vector<float> out;
-  for (const std::string group : {"model", "model/position0", "model/position1", "model/position2",
-                                  "model/shape0", "model/shape1"})
+  for (const std::string group : {"0/model", "0/model/place/0", "0/model/place/1",
+                                  "0/model/place/2", "0/model/shape/0", "0/model/shape/1"})
     for (int l = 0; file.has(group + "/layer" + std::to_string(l) + "/weights"); ++l)
       for (const char* part : {"/weights", "/biases"}) {
-        const auto some = file.read<float>(group + "/layer" + std::to_string(l) + part);
+        const auto some = values_of(file, group + "/layer" + std::to_string(l) + part);
         out.insert(out.end(), some.begin(), some.end());
       }
   return out;
@@ -61,7 +70,7 @@ double iou_of(const TrainOptions& options) {
   REQUIRE(all_finite(model.predict(plates(), all_rows(plates().size())).values));
   const Rows rows = model.rows_of(plates(), Part::test);
   return summarise(
-             score_maps(model.predict(plates(), rows), plates(), rows, model.scene))[metric_iou]
+             score_maps(model.predict(plates(), rows), plates(), rows, model->scene))[metric_iou]
       .mean;
 }
 
@@ -69,8 +78,9 @@ double iou_of(const TrainOptions& options) {
 struct DoubleRegression {
   Network network;
   std::vector<double> parameters, centre, spread;
-  DoubleRegression(const record::H5File& file, const std::string& group)
-      : centre(file.read<double>(group + "/centre")), spread(file.read<double>(group + "/spread")) {
+  DoubleRegression(const TensorFile& file, const std::string& group)
+      : centre(values_of<double>(file, group + "/centre")),
+        spread(values_of<double>(file, group + "/spread")) {
     std::vector<std::size_t> widths;
     for (std::size_t l = 0; file.has(group + "/layer" + std::to_string(l) + "/weights"); ++l) {
       const std::string layer = group + "/layer" + std::to_string(l);
@@ -78,7 +88,7 @@ struct DoubleRegression {
       if (widths.empty()) widths.push_back(shape[0]);
       widths.push_back(shape[1]);
       for (const char* part : {"/weights", "/biases"}) {
-        const auto some = file.read<double>(layer + part);
+        const auto some = values_of<double>(file, layer + part);
         parameters.insert(parameters.end(), some.begin(), some.end());
       }
     }
@@ -113,9 +123,10 @@ double farthest(const Matrix& a, const Eigen::MatrixXd& b) {
 }
 
 // mean + amounts basis, both as the model file has them.
-Eigen::MatrixXd composed(const record::H5File& file, const std::string& group,
+Eigen::MatrixXd composed(TensorFile& file, const std::string& group,
                          const Eigen::MatrixXd& amounts) {
-  const Components c = load_components(file, group, file.shape(group + "/mean")[0]);
+  Components c;
+  archive(Archive(file, Archive::Direction::read, group + "/"), c, file.shape(group + "/mean")[0]);
   const Eigen::RowVectorXf mean =
       Eigen::Map<const Eigen::RowVectorXf>(c.mean.data(), static_cast<Eigen::Index>(c.mean.size()));
   return (amounts * in_double(c.basis)).rowwise() + mean.cast<double>();
@@ -190,12 +201,12 @@ TEST_CASE("single precision makes the maps of double precision, to a tenth of a 
     o.fit.hidden = {512, 256};
     const TrainedModel model = train(plates(), o);
     save_model(model, dir / name);
-    const record::H5File file = record::H5File::open_sealed(dir / name);
+    TensorFile file = opened(dir / name);
     const Eigen::MatrixXd direct =
-        DoubleRegression(file, "model")(model.features.apply(plates(), rows));
+        DoubleRegression(file, "0/model")(model->features.apply(plates(), rows));
     const Matrix maps = model.predict(plates(), rows);
     const double off =
-        farthest(maps, name == "mlp" ? direct : composed(file, "model/components", direct));
+        farthest(maps, name == "mlp" ? direct : composed(file, "0/model/components", direct));
     std::printf("%-10s float against double: at most %.1e m\n", name.c_str(), off);
     CHECK(off < 1e-4);
   }
@@ -209,14 +220,14 @@ TEST_CASE("single precision places and shapes a body as double precision does") 
   o.fit.basis = 16;
   const TrainedModel model = train(plates(), o);
   save_model(model, dir / "m");
-  const record::H5File file = record::H5File::open_sealed(dir / "m");
+  TensorFile file = opened(dir / "m");
+  const Archive read(file, Archive::Direction::read);
   Alignment alignment;
-  alignment.load(file, model.features.layout());
-  const auto centre = file.read<float>("model/features_mean");
-  const auto deviation = file.read<float>("model/features_deviation");
-  const Matrix raw_inputs = model.features.raw_inputs(plates(), all_rows(plates().size()));
-  Matrix features = alignment.with_correlations(alignment(raw_inputs));
-  for (std::size_t i = 0; i < raw_inputs.rows; ++i) {
+  alignment.archive(read.in("0/alignment"), model->features.layout());
+  const auto centre = values_of(file, "0/model/centre");
+  const auto deviation = values_of(file, "0/model/deviation");
+  Matrix features = align(observe(plates(), all_rows(plates().size()), model->features), alignment);
+  for (std::size_t i = 0; i < features.rows; ++i) {
     REQUIRE(shows_body(features.row(i)));
     for (std::size_t c = 0; c < features.cols; ++c)
       features.row(i)[c] = (features.row(i)[c] - centre[c]) / deviation[c];
@@ -224,13 +235,13 @@ TEST_CASE("single precision places and shapes a body as double precision does") 
   const auto off = [&](const std::string& group) {
     Regression in_float;
     const auto last = file.shape(group + "/centre")[0];
-    in_float.load(file, group, alignment.inputs(), last);
+    in_float.archive(read.in(group), alignment.inputs(), last);
     return farthest(in_float.predict(features), DoubleRegression(file, group)(features));
   };
   std::printf("factorised float against double: place %.1e m, amounts %.1e\n",
-              off("model/position0"), off("model/shape0"));
-  CHECK(off("model/position0") < 1e-4);
-  CHECK(off("model/shape0") < 1e-4);
+              off("0/model/place/0"), off("0/model/shape/0"));
+  CHECK(off("0/model/place/0") < 1e-4);
+  CHECK(off("0/model/shape/0") < 1e-4);
 }
 
 TEST_CASE("ridge of nearly and wholly collinear inputs is the singular value solution") {
@@ -265,12 +276,9 @@ TEST_CASE("ridge of nearly and wholly collinear inputs is the singular value sol
         std::copy_n(y.data(), y.size(), maps.values.begin());
         const auto ridge = make_ridge();
         ridge->fit({inputs, maps, all_rows(inputs.rows)}, {inputs, maps, {}}, {});
-        const Folder dir;
-        record::H5File file = record::H5File::create_sealed(dir / "ridge");
-        ridge->save(file);
-        file.close();
-        const double penalty =
-            record::H5File::open_sealed(dir / "ridge").get<double>("model/weights", "penalty");
+        TensorFile file;
+        ridge->archive({file, Archive::Direction::write}, {d, pixels, {}});
+        const double penalty = std::get<double>(file.facts.at("penalty"));
 
         const Eigen::RowVectorXd mean = x.cast<double>().colwise().mean();
         const Eigen::MatrixXd centred = x.cast<double>().rowwise() - mean;

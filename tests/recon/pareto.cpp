@@ -154,57 +154,6 @@ TEST_CASE("study pareto refuses what it cannot judge or must not mix, before it 
   CHECK_FALSE(std::filesystem::exists(file));
 }
 
-TEST_CASE("a study takes the measurements of others with the same settings") {
-  const Folder dir;
-  write_run(dir / "train", 100);
-  write_run(dir / "test", 40, 5);
-  write_run(dir / "third", 40, 6);
-  const auto study = [&](const std::string& out, const std::string& seeds,
-                         const std::string& more = {}, const std::string& run = "test") {
-    return recon_program("study pareto " + (dir / "train") + " " + (dir / run) +
-                         " -q --models empty,silhouette --photons 1 --records 1 --sweep-models "
-                         "mean --out " +
-                         (dir / out) + " --seeds " + seeds + more);
-  };
-  const auto scores = [&](const std::string& out) {
-    return sql(dir / (out + "/study.sqlite"),
-               "SELECT axis || value || model || seed || metric || ifnull(score, '-') FROM "
-               "measurement WHERE metric NOT LIKE '%\\_s' ESCAPE '\\' AND metric NOT LIKE "
-               "'infer_us%' ORDER BY axis, value, model, seed, metric");
-  };
-  REQUIRE(study("whole", "2").code == 0);
-  REQUIRE(study("second", "1", " --first-seed 2").code == 0);
-  CHECK(sql(dir / "second/study.sqlite", "SELECT DISTINCT seed FROM measurement") == "2\n");
-  const std::string part = dir / "second/study.sqlite",
-                    median =
-                        "SELECT score FROM measurement WHERE seed = 2 AND model = 'silhouette'"
-                        " AND metric = 'infer_us_median'";
-  const Outcome merged = study("first", "2", " --merge " + part);
-  CAPTURE(merged.text);
-  REQUIRE(merged.code == 0);
-  CHECK(scores("first") == scores("whole"));
-  CHECK(sql(dir / "first/study.sqlite", median) == sql(part, median));  // not measured again
-  CHECK_THAT(contents(dir / "first/pareto.csv"), Catch::Contains("\nmodel,1,silhouette,2,"));
-  const std::string before = contents(dir / "first/study.sqlite");
-  CHECK(study("first", "2", " --merge " + part + "," + (dir / "whole/study.sqlite")).code == 0);
-  CHECK(contents(dir / "first/study.sqlite") == before);
-
-  REQUIRE(study("other", "1", {}, "third").code == 0);
-  const Outcome other = study("first", "2", " --merge " + (dir / "other/study.sqlite"));
-  CHECK(other.code == 2);
-  CHECK_THAT(other.text, Catch::Contains("other/study.sqlite: was measured with test "));
-  const Outcome nowhere = study("first", "2", " --merge " + (dir / "nowhere"));
-  CHECK(nowhere.code == 1);
-  CHECK_THAT(nowhere.text, Catch::Contains("nowhere: no such file"));
-  const Outcome run = study("first", "2", " --merge " + (dir / "test"));
-  CHECK(run.code == 3);
-  CHECK_THAT(run.text, Catch::Contains("test: is not the file of a study"));
-  const Outcome kind = recon_program("study stability -q --quick --out " + (dir / "first"));
-  CHECK(kind.code == 3);
-  CHECK_THAT(kind.text, Catch::Contains("measured with study pareto (now: stability); give"));
-  CHECK(scores("first") == scores("whole"));
-}
-
 TEST_CASE("nothing of a study file is believed") {
   const Folder dir;
   write_run(dir / "train", 60);

@@ -41,22 +41,23 @@ void simulate(const std::string& words) {
           0);
 }
 
-// All that is in a model file but for the time that it took.
-std::string model_text(const std::string& path) {
+// All that tells two trainings apart: maps of a run bit for bit, losses, and what was seen.
+std::string model_text(const std::string& path, const std::string& run) {
   const TrainedModel model = load_model(path);
+  const Dataset data = load({run});
   std::ostringstream out;
-  for (const auto& layer : model.model->layers())
-    for (const float w : layer.weights.values) out << w << ' ';
-  for (const auto& run : model.seen.runs) out << run << ' ';
+  out << std::hexfloat;
+  for (const float metres : model.predict(data, all_rows(data.size())).values) out << metres << ' ';
+  for (const double loss : model->log.loss) out << loss << ' ';
   for (const auto index : model.seen.index) out << index << ' ';
   for (const auto part : model.seen.part) out << int{part} << ' ';
-  out << model.data_hash << ' ' << model.name;
+  out << model.data_hash << ' ' << model->name;
   return out.str();
 }
 
 }  // namespace
 
-TEST_CASE("a training on the parts of a data set, in any order, is that on the merged one") {
+TEST_CASE("a training on the parts of a data set, in any order, is that on the whole one") {
   const Folder dir;
   std::string parts;
   for (const char* k : {"3", "1", "10", "2", "4", "5", "6", "7", "8", "9"}) {
@@ -64,16 +65,14 @@ TEST_CASE("a training on the parts of a data set, in any order, is that on the m
     simulate("--records 120 --part " + std::string(k) + "/10 --out " + part);
     parts += " " + part;
   }
-  REQUIRE(std::system((echofuse::test::bin_dir + "/echofuse-acquire merge" + parts + " --out " +
-                       (dir / "merged") + " >" + (dir / "said"))
-                          .c_str()) == 0);
-  CHECK(contents(dir / "said") == "120 records\n");
+  simulate("--records 120 --out " + (dir / "whole.sqlite"));
   const std::string train = "train -q --model mlp --hidden 8 --epochs 2 ";
   REQUIRE(recon_program(train + parts + " --out " + (dir / "a.h5")).code == 0);
-  REQUIRE(recon_program(train + (dir / "merged.sqlite") + " --out " + (dir / "b.h5")).code == 0);
-  CHECK(model_text(dir / "a.h5") == model_text(dir / "b.h5"));
+  REQUIRE(recon_program(train + (dir / "whole.sqlite") + " --out " + (dir / "b.h5")).code == 0);
+  const std::string whole = dir / "whole.sqlite";
+  CHECK(model_text(dir / "a.h5", whole) == model_text(dir / "b.h5", whole));
   // A part is known to the model that was trained on all of them.
-  const Outcome known = recon_program("evaluate " + (dir / "b.h5") + " " + (dir / "part-3.sqlite"));
+  const Outcome known = recon_program("evaluate " + (dir / "a.h5") + " " + (dir / "part-3.sqlite"));
   CHECK(known.code == 0);
   const Outcome twice =
       recon_program(train + parts + " " + (dir / "part-3.sqlite") + " --out " + (dir / "c.h5"));
@@ -143,92 +142,4 @@ TEST_CASE("study pareto in parts: accuracy from them, times from the run that ta
   const Outcome one = recon_program(study + (dir / "one") + " --seeds 1 --part 1/2");
   CHECK(one.code == 2);
   CHECK_THAT(one.text, Contains("nothing to share"));
-}
-
-TEST_CASE("study transfer in parts", "[.]") {
-  const Folder dir;
-  const std::string study =
-      "study transfer -q --quick --seeds 1 --model silhouette --sizes 12 --records 120 "
-      "--test-records 20 --out ";
-  REQUIRE(recon_program(study + (dir / "whole")).code == 0);
-  in_parts(study + (dir / "parts"), 2);
-  REQUIRE(recon_program(study + (dir / "parts")).code == 0);
-  CHECK(columns(dir / "parts/transfer.csv", 11) == columns(dir / "whole/transfer.csv", 11));
-}
-
-TEST_CASE("crossvalidate and train --model auto in parts") {
-  const Folder dir;
-  write_run(dir / "run", 90);
-  const std::string cross =
-      "crossvalidate -q " + (dir / "run") + " --models mean,nearest,ridge --folds 3";
-  const Outcome whole = recon_program(cross);
-  REQUIRE(whole.code == 0);
-  in_parts(cross + " --out " + (dir / "cross"), 4);
-  const Outcome merged = recon_program(cross + " --out " + (dir / "cross"));
-  CHECK(merged.code == 0);
-  CHECK(merged.text == whole.text);
-  CHECK(recon_program(cross + " --out " + (dir / "cross")).text == whole.text);  // known by now
-  CHECK(recon_program(cross + " --part 1/4").code == 2);
-  const Outcome other = recon_program(cross + " --gap 5 --out " + (dir / "cross"));
-  CHECK(other.code == 3);
-  CHECK_THAT(other.text, Contains("was measured with gap 10 (now: 5)"));
-
-  const std::string train =
-      "train -q " + (dir / "run") + " --model auto --candidates mean,nearest,silhouette --out ";
-  REQUIRE(recon_program(train + (dir / "whole.h5")).code == 0);
-  in_parts(train + (dir / "parts.h5"), 2);
-  CHECK_FALSE(std::filesystem::exists(dir / "parts.h5"));
-  REQUIRE(recon_program(train + (dir / "parts.h5")).code == 0);
-  CHECK(model_text(dir / "parts.h5") == model_text(dir / "whole.h5"));
-  CHECK(recon_program("train -q " + (dir / "run") + " --part 1/2 --out " + (dir / "x.h5")).code ==
-        2);
-}
-
-TEST_CASE("reconstruct in parts: the same files as in one") {
-  const Folder dir;
-  write_run(dir / "train", 60);
-  write_run(dir / "run", 50, 2, [](record::FusedRecord& r) {  // some that cannot be used
-    if (r.index == 0 || r.index == 17 || r.index == 49) r.valid = SensorSet{Sensor::depth};
-  });
-  // Damaged, two of them at the border of the first two parts, one at that of the next.
-  sql(dir / "run", "UPDATE record SET spd = x'00' WHERE idx IN (15, 16, 33)");
-  REQUIRE(recon_program("train -q --model nearest " + (dir / "train") + " --out " + (dir / "m.h5"))
-              .code == 0);
-  const std::string command = "reconstruct -q --format colour,mm,ply,npz " + (dir / "m.h5") + " " +
-                              (dir / "run") + " --out ";
-  const Outcome whole = recon_program(command + (dir / "whole"));
-  CHECK(whole.code == 5);
-  for (const char* part : {"3/3", "1/3", "2/3"}) {
-    const Outcome o = recon_program(command + (dir / "parts") + " --part " + part);
-    CAPTURE(o.text);
-    CHECK((o.code == 0 || o.code == 5));
-  }
-  CHECK_FALSE(std::filesystem::exists(dir / "parts/records.csv"));
-  std::string table;  // each record stands in that of one part
-  for (const char* part : {"1", "2", "3"}) {
-    const std::string one =
-        contents(dir / ("parts/part-" + std::string(part) + "-of-3/records.csv"));
-    table += table.empty() ? one : one.substr(one.find('\n') + 1);
-  }
-  CHECK(table == contents(dir / "whole/records.csv"));
-  std::filesystem::remove_all(dir / "parts/part-2-of-3");  // what no part has is made
-  const auto made = std::filesystem::last_write_time(dir / "parts/part-1-of-3/000003.png");
-  CHECK(recon_program(command + (dir / "parts")).text == whole.text);
-  CHECK(std::filesystem::last_write_time(dir / "parts/000003.png") == made);
-  int files = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(dir / "whole")) {
-    CAPTURE(entry.path().filename());
-    CHECK(contents(entry.path().string()) ==
-          contents(dir / ("parts/" + entry.path().filename().string())));
-    ++files;
-  }
-  CHECK(files == 44 * 3 + 3);
-  CHECK(std::distance(std::filesystem::directory_iterator(dir / "parts"), {}) == files);
-  REQUIRE(recon_program(command + (dir / "parts") + " --part 1/2").code != 1);
-  const Outcome other = recon_program(command + (dir / "parts") + " --zoom 1");
-  CHECK(other.code == 2);
-  CHECK_THAT(other.text, Contains("part-1-of-2: holds maps of another run, model or options"));
-  CHECK(recon_program("reconstruct -q --format npz " + (dir / "m.h5") + " " + (dir / "run") +
-                      " --part 1/2 --out " + (dir / "x"))
-            .code == 2);
 }

@@ -109,11 +109,11 @@ TEST_CASE("peculiar sets of records make finite maps or are refused in one line"
         for (const Dataset* judged : {&data, &others}) {
           const Rows rows = rows_to_evaluate(model, *judged, true);
           CHECK(all_finite(model.predict(*judged, rows).values));
-          const Records records = prepare_records(model, *judged, RangeBiasAction::warn);
+          const Records records = prepare_records(model, *judged);
           const Evaluation e = evaluate(model, records, rows);
           if (name == "ridge") {  // the same for every model
             const Rows seen = model.rows_of(data, Part::train);
-            CHECK(score_baselines(*judged, rows, model.scene, data, seen).size() == 3);
+            CHECK(score_baselines(*judged, rows, model->scene, data, seen).size() == 3);
           }
           CHECK(std::isfinite(e.metrics[metric_rmse_m].mean));
         }

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <random>
 
-#include "../folder.hpp"
 #include "drivers/core/random.hpp"
 #include "recon/uncertainty/uncertainty.hpp"
 
@@ -135,32 +134,16 @@ TEST_CASE("a flagged record has no interval, and its reason says by how much") {
 }
 
 TEST_CASE("what is known of the variation goes into the model's file") {
-  const test::Folder folder;
-  const auto reference = learnt(records_of(500, 0.1, 0.8, 1, 0.3));
-  const std::string path = folder / "a.h5";
-  {
-    auto file = record::H5File::create(path);
-    reference.save(file, "speckle");
-  }
-  const auto file = record::H5File::open(path);
-  SpeckleReference read, missing;
-  read.load(file, "speckle");
+  auto reference = learnt(records_of(500, 0.1, 0.8, 1, 0.3));
+  TensorFile file;
+  reference.archive({file, Archive::Direction::write});
+  TensorFile again("a model", file.to_bytes());
+  SpeckleReference read;
+  CHECK_FALSE(read.known());
+  read.archive({again, Archive::Direction::read});
+  CHECK(read.known());
   CHECK(read.share({0.3, 0.2, 0.1}) == reference.share({0.3, 0.2, 0.1}));
-  missing.load(file, "of a model of before");
-  CHECK_FALSE(missing.known());
-  // Of a version that knew two kinds.
-  const std::string before = folder / "before.h5";
-  {
-    auto older = record::H5File::create(before);
-    auto values = file.read<double>("speckle", {7});
-    older.write("odd", values, {1, 7});
-    values.resize(5);
-    older.write("speckle", values, {5});
-  }
-  const auto older = record::H5File::open(before);
-  SpeckleReference two;
-  two.load(older, "speckle");
-  CHECK(two.share({0.3, 0.2}) == reference.share({0.3, 0.2}));
-  CHECK_FALSE(two.less_motion({0.1, 0.8, 0.0}));
-  CHECK_THROWS_AS(two.load(older, "odd"), Error);
+  CHECK(read.less_motion({0.1, 0.8, 0.0}) == reference.less_motion({0.1, 0.8, 0.0}));
+  TensorFile none;
+  CHECK_THROWS_AS(read.archive({none, Archive::Direction::read}), Error);
 }

@@ -14,9 +14,9 @@ using echofuse::testing::write_run;
 namespace {
 
 void check_same(const TrainedModel& a, const TrainedModel& b, const Dataset& data) {
-  CHECK(a.log.loss == b.log.loss);
-  CHECK(a.log.validation_loss == b.log.validation_loss);
-  CHECK(a.log.best_epoch == b.log.best_epoch);
+  CHECK(a->log.loss == b->log.loss);
+  CHECK(a->log.validation_loss == b->log.validation_loss);
+  CHECK(a->log.best_epoch == b->log.best_epoch);
   CHECK(a.predict(data, {0, 1, 50}).values == b.predict(data, {0, 1, 50}).values);
 }
 

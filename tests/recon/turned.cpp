@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // What the place is learnt from: profiles on their own grid, correlations, bodies turned.
-#include "recon/models/body/turned.hpp"
+#include "recon/method/turned.hpp"
 
+#include "recon/method/method.hpp"
 #include "world.hpp"
 
 using namespace echofuse;
@@ -52,7 +53,7 @@ struct Bodies {
       raw.add_row(of(places.back()));
       radar.add_row(std::span<const float>(raw.row(raw.rows - 1)).last(radar.cols));
     }
-    inputs = alignment.with_correlations(alignment(raw));
+    inputs = align(raw, alignment);
     rows = all_rows(raw.rows);
   }
   static std::vector<float> of(const Place& place) {
@@ -68,13 +69,14 @@ TEST_CASE(
     const Alignment alignment = blank_alignment(radar);
     CHECK(alignment.profile_points() == 1 + static_cast<std::size_t>(1.9 / step_m));
     std::vector<float> features(alignment.size());
-    const Body body = alignment(raw_inputs(3.5, 3.61, radar, width_m), features);
-    REQUIRE(body.detected);
-    const auto profile =
-        std::span(features).subspan(alignment.histogram_bins(), alignment.profile_points());
+    align(raw_inputs(3.5, 3.61, radar, width_m), alignment, features);
+    REQUIRE(shows_body(features));
+    const auto columns = alignment.columns(std::span<const float>(features));
+    CHECK(columns.correlation.empty());
+    const std::span<const float> profile = columns.profile;
     double sum = 0;
     const auto at = [&](std::size_t j) {
-      return bump(double{body.range_m} - 0.8 + static_cast<double>(j) * step_m - 3.61, width_m);
+      return bump(double{columns.range_m} - 0.8 + static_cast<double>(j) * step_m - 3.61, width_m);
     };
     for (std::size_t j = 0; j < profile.size(); ++j) sum += at(j);
     for (std::size_t j = 0; j < profile.size(); ++j)
@@ -86,7 +88,7 @@ TEST_CASE(
 }
 
 TEST_CASE("the correlation is highest where the profile is the histogram, blurred and shifted") {
-  const ShiftCorrelation correlation({-0.68, 0.04, 35}, {-1, 0.02, 116}, 0.05);
+  const ShiftCorrelation correlation({-0.68, 0.04, 35}, {-1, 0.02, 116}, 0.05, -0.3, 0.6);
   std::vector<float> histogram, profile, found(correlation.shifts());
   for (int i = 0; i < 35; ++i)
     histogram.push_back(static_cast<float>(bump(i * 0.04 - 0.68 - 0.1, 0.2)));
@@ -131,38 +133,8 @@ TEST_CASE("a turned body is what both sensors see of one that stands there") {
           Approx(Bodies::range_m).margin(1e-3));
     Matrix raw(0, testing::spd_axis().count + testing::radar_axis().count);
     raw.add_row(Bodies::of(place));
-    const Matrix expected = bodies.alignment.with_correlations(bodies.alignment(raw));
+    const Matrix expected = align(raw, bodies.alignment);
     for (std::size_t c = 0; c < inputs.size(); ++c)
       REQUIRE(inputs[c] == Approx(expected.values[c]).margin(5e-3));
   }
-}
-
-TEST_CASE("the radar sees a turned body weaker where it is farther, and some forget how bright") {
-  Bodies bodies;
-  const Layout layout{testing::spd_axis(), testing::radar_axis()};
-  bodies.alignment = Alignment(layout, Matrix(1, layout.inputs()), {0}, Gains::stable);
-  Matrix raw(0, layout.inputs());
-  for (const Place& place : bodies.places) raw.add_row(Bodies::of(place));
-  bodies.inputs = bodies.alignment.with_correlations(bodies.alignment(raw));
-  const TurnedBodies turned(bodies.alignment, bodies.inputs, bodies.radar, bodies.array,
-                            bodies.rows, bodies.places);
-  Rng rng = make_rng(2, 0);
-  std::vector<float> inputs(bodies.alignment.inputs());
-  int forgotten = 0;
-  for (int i = 0; i < 1000; ++i) {
-    const std::size_t k = static_cast<std::size_t>(i) % bodies.rows.size();
-    const Place place = turned.turn(k, rng, inputs);
-    const auto now = bodies.alignment.brightness_of(std::span<const float>(inputs));
-    const auto before =
-        bodies.alignment.brightness_of(std::span<const float>(bodies.inputs.row(k)));
-    if (!Brightness::known(now)) {
-      ++forgotten;
-      continue;
-    }
-    const double nearer =
-        radar_range_m(bodies.places[k], Bodies::range_m) / radar_range_m(place, Bodies::range_m);
-    REQUIRE(double{now[0] - before[0]} == Approx(4 * std::log(nearer)).margin(0.01));
-  }
-  CHECK(forgotten > 250);
-  CHECK(forgotten < 350);
 }

@@ -91,8 +91,7 @@ class Calibrate(unittest.TestCase):
             return subprocess.run([bin_dir / name, *words], check=True, text=True, capture_output=True, cwd=self.dir).stdout
 
         def score(run):
-            metrics = json.loads(program("echofuse-recon", "evaluate", "model.h5", run, "--all", "--range-bias", "ignore",
-                                         "--json"))["metrics"]
+            metrics = json.loads(program("echofuse-recon", "evaluate", "model.h5", run, "--all", "--json"))["metrics"]
             return metrics["lateral_m"], metrics["iou"]
 
         scenes = "--records", "150", "--seed", "2"

@@ -148,17 +148,19 @@ class Slurm(unittest.TestCase):
         self.assertNotIn("error", said.lower())
         return said
 
-    def records(self, path):
-        db = sqlite3.connect(path)
-        try:
-            rows = db.execute("SELECT * FROM record ORDER BY idx").fetchall()
-        finally:
-            db.close()
+    def records(self, *paths):
+        rows = []
+        for path in paths:
+            db = sqlite3.connect(path)
+            try:
+                rows += db.execute("SELECT * FROM record ORDER BY idx").fetchall()
+            finally:
+                db.close()
         return len(rows), hashlib.sha256(repr(rows).encode()).hexdigest()
 
     def test_dataset_with_a_node_that_dies(self):
         settings = ["--records", "2400", "--set", "spd_rays=512"]
-        self.submit("dataset.sbatch", 6, "base.sqlite", *settings)
+        self.submit("dataset.sbatch", 6, "base", *settings)
         wait_for("a part being made on the node", lambda: self.halted("n2", "echofuse-sim"), 120)
         self.node_dies("n2")
         wait_for("the job in the queue again", lambda: self.ask("squeue", "-h", "-r", "-t", "pending", "-o", "%A"), 30)
@@ -167,8 +169,8 @@ class Slurm(unittest.TestCase):
         self.assertIn("Restarts=1", self.ask("scontrol", "show", "job"))
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", self.dir / "whole.sqlite", *settings],
                        check=True)
-        self.assertEqual(self.records(self.dir / "work/base.sqlite"), self.records(self.dir / "whole.sqlite"))
-        self.assertFalse((self.dir / "work/base.sqlite.parts").exists())
+        self.assertEqual(self.records(*(self.dir / f"work/base/part-{k}.sqlite" for k in range(1, 7))),
+                         self.records(self.dir / "whole.sqlite"))
 
     def test_study(self):
         study = ["echofuse-recon", "study", "stability", "-q", "--quick", "--seeds", "2", "--records", "260",

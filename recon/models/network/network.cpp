@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
+#include <utility>
 
 #include "drivers/core/clones.hpp"
 #include "recon/numbers/blas.hpp"
@@ -105,5 +107,51 @@ template void backward(const Network&, const std::vector<float>&, const float*, 
                        Activations<float>&, std::vector<float>&);
 template void backward(const Network&, const std::vector<double>&, const double*, std::size_t,
                        Activations<double>&, std::vector<double>&);
+
+namespace {
+
+// Of layer l, whose place in the parameters is known when it is written.
+void archive_layer(Archive archive, const Layer& layer, std::vector<float>& parameters) {
+  Matrix weights(layer.inputs, layer.outputs);
+  std::vector<float> biases(layer.outputs);
+  const auto weights_at = parameters.begin() + static_cast<std::ptrdiff_t>(layer.weights),
+             biases_at = parameters.begin() + static_cast<std::ptrdiff_t>(layer.biases);
+  std::copy_n(weights_at, weights.values.size(), weights.values.begin());
+  std::copy_n(biases_at, biases.size(), biases.begin());
+  archive.table("weights", weights, layer.inputs, layer.outputs);
+  archive.values("biases", biases, layer.outputs);
+  std::copy(weights.values.begin(), weights.values.end(), weights_at);
+  std::copy(biases.begin(), biases.end(), biases_at);
+}
+
+}  // namespace
+
+void archive(Archive archive, Network& network, std::vector<float>& parameters, std::size_t inputs,
+             std::size_t outputs) {
+  std::vector<std::int64_t> widths;
+  if (!archive.reading()) {
+    widths.push_back(static_cast<std::int64_t>(network.layers.front().inputs));
+    for (const Layer& layer : network.layers)
+      widths.push_back(static_cast<std::int64_t>(layer.outputs));
+  }
+  archive.values("widths", widths, Archive::any);
+  if (archive.reading()) {
+    archive.require(
+        widths.size() >= 2 && widths.size() <= 16 &&
+            std::all_of(widths.begin(), widths.end(),
+                        [](auto w) { return w > 0 && w <= 1 << 20; }) &&
+            std::cmp_equal(widths.front(), inputs) && std::cmp_equal(widths.back(), outputs),
+        "widths", "expected from " + std::to_string(inputs) + " to " + std::to_string(outputs));
+    // Of the file's own tensors, before there is memory for what a header asks for.
+    for (std::size_t l = 0; l + 1 < widths.size(); ++l)
+      archive.in("layer" + std::to_string(l))
+          .require_shape("weights", {static_cast<std::size_t>(widths[l]),
+                                     static_cast<std::size_t>(widths[l + 1])});
+    network = make_network({widths.begin(), widths.end()});
+    parameters.assign(network.parameters, 0.f);
+  }
+  for (std::size_t l = 0; l < network.layers.size(); ++l)
+    archive_layer(archive.in("layer" + std::to_string(l)), network.layers[l], parameters);
+}
 
 }  // namespace echofuse::recon

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "drivers/core/random.hpp"
-#include "recon/numbers/table_memory.hpp"
+#include "recon/numbers/tensor_file.hpp"
 
 namespace echofuse::recon {
 
@@ -30,7 +30,7 @@ std::vector<float> initial_parameters(const Network& network, Rng& rng);
 
 // Output of each layer for a batch, row-major batch x outputs.
 template <class T>
-using Activations = std::vector<std::vector<T, TableAllocator<T>>>;
+using Activations = std::vector<std::vector<T>>;
 
 // Instantiated for float (training) and double (checking the gradient).
 template <class T>
@@ -42,5 +42,9 @@ void forward(const Network& network, const std::vector<T>& parameters, const T* 
 template <class T>
 void backward(const Network& network, const std::vector<T>& parameters, const T* inputs,
               std::size_t batch, Activations<T>& activations, std::vector<T>& gradient);
+
+// Weights and biases of each layer, as "layer0", "layer1", ...
+void archive(Archive archive, Network& network, std::vector<float>& parameters, std::size_t inputs,
+             std::size_t outputs);
 
 }  // namespace echofuse::recon

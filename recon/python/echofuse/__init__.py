@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Runs of echofuse as NumPy arrays, and maps of its models.
+"""Runs of echofuse as NumPy arrays, and maps of its models, made in NumPy as well (method.py: the method on one page).
 
 >>> import echofuse
 >>> run = echofuse.open("monday")
 >>> run.spd.shape, run.axes["spd"].unit
->>> maps = echofuse.load_model("fused.h5").predict(run)
+>>> maps = echofuse.load_model("fused.safetensors").predict(run)
+>>> maps.depth_m.shape  # metres; 0: nothing returned
 """
-from .model import Maps, Model, load_model
+from .model import Estimator, Maps, Model, load_model
 from .run import Axis, Run, open  # noqa: A004 (the name that is wanted)
 
-__all__ = ["Axis", "Maps", "Model", "Run", "load_model", "open"]
+__all__ = ["Axis", "Estimator", "Maps", "Model", "Run", "load_model", "open"]

@@ -1,60 +1,117 @@
 # SPDX-License-Identifier: MIT
-"""Maps of a model, made by the program: so scaling, alignment, calibration and fallback are those of the command."""
+"""Maps of a model, made in NumPy by the method of method.py: of each record the first estimator answers whose sensors
+it has."""
 from __future__ import annotations
 
-import csv
-import os
+import json
 import pathlib
-import shutil
-import subprocess
-import tempfile
+import struct
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import baselines
 from . import run as runs
+from .method import Method
 
-PARTIAL = 5  # exit code: some records were left out
+
+def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Tensors and facts of a model file (recon/numbers/tensor_file.hpp). Raises ValueError for any other file."""
+    kinds = {"F32": "<f4", "F64": "<f8", "I64": "<i8", "U32": "<u4", "U8": "u1"}
+    contents = pathlib.Path(path).read_bytes()
+    try:
+        length, = struct.unpack_from("<Q", contents)
+        head, data = json.loads(contents[8:8 + length]), contents[8 + length:]
+        facts = json.loads(head.pop("__metadata__")["facts"])
+        if facts["format"] != "echofuse model":
+            raise ValueError
+        return {name: np.frombuffer(data[slice(*t["data_offsets"])], kinds[t["dtype"]]).reshape(t["shape"])
+                for name, t in head.items()}, facts
+    except (ValueError, KeyError, TypeError, AttributeError, struct.error):
+        raise ValueError(f"{path}: not a model of echofuse, or damaged") from None
+
+
+class Estimator:
+    """One way from records to maps: its tensors t and its facts f, as the file names them."""
+
+    def __init__(self, tensors: dict[str, np.ndarray], facts: dict[str, Any], group: str) -> None:
+        self.t = {name[len(group):]: values for name, values in tensors.items() if name.startswith(group)}
+        self.f = {name[len(group):]: value for name, value in facts.items() if name.startswith(group)}
+        self.kind, self.inputs, self.size = self.f["model"], self.f["inputs"], self.f["scene/map_size"]
+        keys = ("quantity", "unit", "count", "start", "step", "scale")
+        takes = {"spd": self.inputs != "radar", "radar": self.inputs != "spd", "array": self.inputs == "fused"}
+        #: what a record must have, by sensor
+        self.axes = {name: {key: self.f[f"axes/{name}/{key}"] for key in keys}
+                     for name, taken in takes.items() if taken and self.f.get(f"axes/{name}/count", 0)}
+
+    def matched(self, name: str, table: np.ndarray) -> np.ndarray:
+        """As many values as the estimator takes of the sensor; none if it does without."""
+        return table[:, :self.axes[name]["count"] if name in self.axes else 0]
+
+    def predict(self, counts: np.ndarray, power: np.ndarray, lags: np.ndarray) -> np.ndarray:
+        """counts [n, bins], power [n, points], lags [n, points, 2 D + 1] or [n, 0, 1]: maps [n, N, N] in metres."""
+        if self.kind in ("factorised", "silhouette"):
+            maps = Method(self.t, self.f).predict(counts, power, lags)
+        else:
+            maps = baselines.predict(self.t, self.f, counts, power)
+        return maps.reshape(-1, self.size, self.size)
 
 
 @dataclass(frozen=True)
 class Maps:
-    depth_m: NDArray[np.float32]  # [n, N, N]
+    depth_m: NDArray[np.float32]  # [n, N, N]; 0: nothing returned
     index: NDArray[np.int64]  # of the records that have a map
     depth_x: NDArray[np.float64]  # tangents of the pixel centres
     depth_y: NDArray[np.float64]
-    calibrated: bool  # whether the model states how far off its maps are
-    records: list[dict[str, str]]  # of every record: status, interval and more (recon/README.md, Maps)
+    inputs: list[str]  # of the estimator that answered, a record each
 
 
 class Model:
-    def __init__(self, path: str | pathlib.Path, program: str | None = None) -> None:
-        self.path = pathlib.Path(path)
-        if not self.path.is_file():
-            raise FileNotFoundError(f"{path}: no such model")
-        self._program = program or shutil.which("echofuse-recon")
-        if self._program is None:
-            raise FileNotFoundError("echofuse-recon is not in PATH")
+    def __init__(self, path: str | pathlib.Path) -> None:
+        tensors, facts = read_safetensors(path)
+        self.path, self.facts = pathlib.Path(path), facts
+        self.estimators = [Estimator(tensors, facts, f"{k}/") for k in range(facts["estimators"])]
 
-    def predict(self, run: runs.Run | str | pathlib.Path, *, output: str = "own", range_bias: str = "warn",
-                threads: int = 0) -> Maps:
-        """Raises RuntimeError with the program's words if it refuses the run."""
-        path = run.path if isinstance(run, runs.Run) else runs.open(run).path
-        with tempfile.TemporaryDirectory(prefix="echofuse-") as folder:
-            made = subprocess.run(
-                [self._program, "reconstruct", os.fspath(self.path), os.fspath(path), "--out", folder, "--format", "npz",
-                 "--output", output, "--range-bias", range_bias, "--threads", str(threads), "--quiet"],
-                capture_output=True, text=True, check=False)
-            if made.returncode not in (0, PARTIAL):
-                raise RuntimeError(made.stderr.strip() or f"{self._program}: exit code {made.returncode}")
-            with np.load(os.path.join(folder, "maps.npz")) as arrays:
-                values = {name: arrays[name] for name in ("depth_m", "index", "depth_x", "depth_y")}
-                calibrated = bool(arrays["calibrated"][0])
-            table = pathlib.Path(folder, "records.csv").read_text(encoding="utf-8").splitlines()
-        return Maps(**values, calibrated=calibrated, records=list(csv.DictReader(table)))
+    def predict(self, run: runs.Run | str | pathlib.Path, *, range_offset_m: float = 0) -> Maps:
+        """range_offset_m: by how much the radar's ranges are too long, beside what the run's calibration says. Raises
+        ValueError for a run on other axes."""
+        run = run if isinstance(run, runs.Run) else runs.open(run)
+        counts, power, lags = run.photons(), run.power(range_offset_m), run.lags(range_offset_m)
+        spd = run.valid["spd"] & ~same(counts)
+        radar = run.valid["radar"] & ~same(power)
+        first = self.estimators[0]
+        maps = np.zeros((len(run), first.size, first.size), np.float32)
+        by = np.full(len(run), -1)
+        for k, estimator in enumerate(self.estimators):
+            antennas = estimator.axes.get("array")
+            if antennas is not None and (run.lags_axis is None or not run.lags_axis.covers(antennas)):
+                continue
+            able = {"fused": spd & radar, "fused-profile": spd & radar, "spd": spd, "radar": radar}[estimator.inputs]
+            if antennas is not None:
+                able = able & (lags != 0).any((1, 2))
+            rows = np.flatnonzero(able & (by < 0))
+            if len(rows) == 0:
+                continue
+            for name in ("spd", "radar"):
+                if name in estimator.axes and not run.axes[name].covers(estimator.axes[name]):
+                    raise ValueError(f"{run.path}: its {name} axis is {run.axes[name]}; {self.path} takes "
+                                     f"{estimator.axes[name]}")
+            by[rows] = k
+            maps[rows] = estimator.predict(*(estimator.matched(name, table[rows])
+                                             for name, table in (("spd", counts), ("radar", power), ("array", lags))))
+        seen = np.flatnonzero(by >= 0)
+        half = first.f["scene/map_half_tangent"]
+        pixel = half * ((2 * np.arange(first.size) + 1) / first.size - 1)
+        return Maps(np.clip(maps[seen], 0, 6), run.index[seen], pixel, -pixel,
+                    [self.estimators[k].inputs for k in by[seen]])
 
 
-def load_model(path: str | pathlib.Path, program: str | None = None) -> Model:
-    """`program`: echofuse-recon, if it is not in PATH."""
-    return Model(path, program)
+def same(table: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Rows with the same value in every bin: of a dead sensor."""
+    return (table == table[:, :1]).all(1) if table.shape[1] > 1 else np.zeros(len(table), bool)
+
+
+def load_model(path: str | pathlib.Path) -> Model:
+    return Model(path)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of record.valid
 APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 1
+PS_PER_M = 2e12 / 299_792_458.0  # there and back
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,12 @@ class Axis:
     @property
     def values(self) -> NDArray[np.float64]:
         return self.start + self.step * np.arange(self.count)
+
+    def covers(self, wanted: dict[str, Any]) -> bool:
+        """Whether values along this axis are values along the wanted one, perhaps with more behind them."""
+        near = abs(self.start - wanted["start"]) + abs(self.step - wanted["step"]) * wanted["count"]
+        return (self.quantity == wanted["quantity"] and self.scale == wanted["scale"] and self.count >= wanted["count"]
+                and near <= 1e-3 * abs(wanted["step"]))
 
 
 def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (the name that is wanted)
@@ -64,6 +71,14 @@ class Run:
             cursor = db.execute("SELECT * FROM run")
             self.info: dict[str, Any] = dict(zip((column[0] for column in cursor.description), cursor.fetchone()))
             rows = db.execute("SELECT idx, valid, label, slot_utc_ns FROM record ORDER BY idx").fetchall()
+            known = {name for (name,) in db.execute("SELECT name FROM sqlite_master")}
+            #: what a run says of itself beside its settings
+            self.meta: dict[str, str] = dict(db.execute("SELECT key, value FROM meta")) if "meta" in known else {}
+            #: by how much the ranges of a sensor are too long, as its calibration says
+            self.offset_m: dict[str, float] = dict(db.execute("SELECT sensor, offset_m FROM calibration"))
+            #: x, y (half wavelengths), gain, phase (rad) of the radar's virtual antennas
+            self.antennas: list[tuple[float, ...]] = db.execute(
+                "SELECT x, y, gain, phase_rad FROM antenna ORDER BY antenna").fetchall() if "antenna" in known else []
         index, bits, labels, utc = zip(*rows) if rows else ((), (), (), ())
         self.index: NDArray[np.int64] = np.array(index, np.int64)
         self.labels: list[str] = list(labels)
@@ -103,6 +118,105 @@ class Run:
             out[row] = np.where(image > 0, image / np.float32(1000), np.float32(np.nan))
         return out
 
+    # What the method takes (recon/README.md, "the way of a record"): at true ranges, pile-up corrected.
+    def photons(self) -> NDArray[np.float32]:
+        """[n, bins]"""
+        table = self.spd.astype(np.float32)
+        if self.meta.get("detector_dead_time_ps") is not None:
+            table = np.array([self._pile_up(row, clicks) for row, clicks in zip(table, self._clicks())], np.float32)
+        offset_m = self.offset_m.get("spd", 0)
+        return shifted(table, offset_m * PS_PER_M / self.axes["spd"].step) if offset_m else table
+
+    def power(self, range_offset_m: float = 0) -> NDArray[np.float32]:
+        """[n, points], linear; 0 where there is no radar"""
+        if "radar" not in self.axes:
+            return np.zeros((len(self), 0), np.float32)
+        by_m = range_offset_m + self.offset_m.get("radar", 0)
+        return shifted(np.nan_to_num(self.radar), by_m / self.axes["radar"].step)
+
+    @cached_property
+    def lags_axis(self) -> Axis | None:
+        """Of what the radar's antennas saw, as spatial lags (recon/data/lags.hpp); None without antennas in a row."""
+        pairs = self._pairs
+        if "array" not in self.axes or not pairs[0]:
+            return None
+        across, up = (max(lags, default=0) for lags in pairs)
+        known = sorted({*pairs[0], *(across + lag for lag in pairs[1])})
+        quantity = "lags" + ("" if len(known) == across + up else "".join(f" {lag}" for lag in known))
+        axis = self.axes["array"]
+        return Axis("array", quantity + (f", {up} up" if up else ""), axis.unit, axis.count, axis.start, axis.step,
+                    across + up)
+
+    def lags(self, range_offset_m: float = 0) -> NDArray[np.float32]:
+        """[n, points, 2 D + 1]: power, then real and imaginary part of the mean correlation at each spacing"""
+        axis = self.lags_axis
+        if axis is None:
+            return np.zeros((len(self), 0, 1), np.float32)
+        antennas = int(self.axes["array"].scale)
+        # As acquire/record/radar_array.hpp has it: of each bin its power, and integers in units of it.
+        stored = np.dtype([("power", "<f4"), ("values", "<i2", antennas * (antennas + 2) + 2)])
+        first, last = np.triu_indices(antennas, 1)
+        response = np.array([gain * np.exp(1j * phase) for *_, gain, phase in self.antennas])
+        with self._connect() as db:
+            blobs = dict(db.execute("SELECT idx, array FROM radar_array"))
+        out = np.zeros((len(self), axis.count, 1 + 2 * int(axis.scale)))
+        for row, index in enumerate(self.index.tolist()):
+            if not blobs.get(index) or not self.valid["radar"][row]:
+                continue
+            bins = np.frombuffer(blobs[index], stored)
+            values = bins["values"] / 32767 * bins["power"][:, None].astype(float)
+            r = np.zeros((axis.count, antennas, antennas), complex)
+            of_two = values[:, 3 * antennas:-2]
+            r[:, first, last] = of_two[:, 0::2] + 1j * of_two[:, 1::2]
+            r[:, last, first] = r[:, first, last].conj()
+            out[row, :, 0] = (values[:, 2 * antennas:3 * antennas] / abs(response) ** 2).mean(1)
+            across = max(self._pairs[0])
+            for before, lags in zip((0, across), self._pairs):
+                for lag, pairs in lags.items():
+                    c = np.mean([r[:, m, n] / (response[m] * response[n].conj()) for m, n in pairs], 0)
+                    out[row, :, 2 * (before + lag) - 1], out[row, :, 2 * (before + lag)] = c.real, c.imag
+        by_m = range_offset_m + self.offset_m.get("radar", 0)
+        flat = np.moveaxis(out.astype(np.float32), 2, 1).reshape(-1, axis.count)
+        return np.moveaxis(shifted(flat, by_m / axis.step).reshape(len(self), -1, axis.count), 1, 2)
+
+    @cached_property
+    def _pairs(self) -> tuple[dict[int, list[tuple[int, int]]], dict[int, list[tuple[int, int]]]]:
+        """Antennas side by side, and one above the other, by their spacing in half wavelengths."""
+        found: tuple[dict[int, list[tuple[int, int]]], ...] = ({}, {})
+        for m, (xm, ym, *_) in enumerate(self.antennas):
+            for n, (xn, yn, *_) in enumerate(self.antennas):
+                for lags, along, aside in ((found[0], xm - xn, ym - yn), (found[1], ym - yn, xm - xn)):
+                    lag = round(along)
+                    if 1 <= lag <= 16 and abs(along - lag) <= 0.01 and abs(aside) <= 0.01:
+                        lags.setdefault(lag, []).append((m, n))
+        return found[0], found[1] if found[0] else {}
+
+    def _clicks(self) -> list[tuple[float, float]]:
+        """Clicks of each record, and clicks a laser pulse (0: not known)."""
+        with self._connect() as db:
+            known = dict(db.execute("SELECT idx, clicks_a_pulse FROM signal"))
+            rows = db.execute("SELECT idx, in_range + out_of_range, starts FROM record ORDER BY idx").fetchall()
+        return [(clicks, known.get(index) or (clicks / starts if clicks < 0.95 * starts else 0.0))
+                for index, clicks, starts in rows]
+
+    def _pile_up(self, counts: NDArray[np.float32], clicks: tuple[float, float]) -> NDArray[np.float32]:
+        """Coates' correction, of a detector with a dead time (recon/data/pile_up.hpp)."""
+        if not clicks[1] > 0:
+            return counts
+        pulses, width = clicks[0] / clicks[1], self.axes["spd"].step
+        before = np.concatenate([[0], np.cumsum(counts, dtype=np.float64)])
+        up_to = lambda at: np.interp(at, np.arange(len(before)), before)  # noqa: E731
+        text = self.meta["detector_dead_time_ps"]
+        dead = np.inf if text == "until the next pulse" else float(text) / width
+        period = 1e12 * self.info["window_s"] / pulses / width
+        whole = 0 if np.isinf(dead) else np.floor(dead / period)
+        since = np.arange(len(counts)) + 0.5 - (dead - whole * period)
+        blocked = before[:-1] - np.minimum(up_to(since), before[:-1]) + whole * before[-1]
+        if not np.isinf(dead):
+            blocked += before[-1] - up_to(since + period)
+        ready = np.maximum(pulses - blocked, counts + 0.5)
+        return (-pulses * np.log1p(-counts / ready)).astype(np.float32)
+
     def to_xarray(self) -> Any:
         """The same as an xarray.Dataset (python3-xarray) with named axes."""
         import xarray
@@ -124,8 +238,11 @@ class Run:
                 coords[dim] = (dim, values, attributes)
         return xarray.Dataset(data, coords, {key: str(value) for key, value in self.info.items()})
 
+    def _connect(self) -> sqlite3.Connection:
+        return sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro", uri=True)
+
     def _blobs(self, sensor: str) -> list[tuple[int, bytes]]:
-        with sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro", uri=True) as db:
+        with self._connect() as db:
             rows = db.execute(f"SELECT idx, {sensor} FROM record WHERE valid & ?", (SENSORS[sensor],))
             blobs = {index: blob or b"" for index, blob in rows}
         return [(row, blobs[index]) for row, index in enumerate(self.index.tolist()) if index in blobs]
@@ -139,6 +256,19 @@ class Run:
                                  f"its axis asks for {count * out.itemsize}")
             out[row] = np.frombuffer(blob, kind)
         return out
+
+
+def shifted(table: NDArray[np.float32], steps: float) -> NDArray[np.float32]:
+    """[n, points], so many steps towards the start (Lanczos' interpolation over eight points, as
+    recon/data/shift.hpp). A row that is the same throughout, of a dead sensor, stays."""
+    if steps == 0 or table.shape[1] == 0:
+        return table
+    whole, x = int(np.floor(steps)), np.arange(8) - 3 - (steps - np.floor(steps))
+    weights = np.sinc(x) * np.sinc(x / 4)
+    padded = np.pad(table, ((0, 0), (abs(whole) + 8, abs(whole) + 8)))
+    first = abs(whole) + 8 + whole - 3
+    out = sum(w * padded[:, first + k:first + k + table.shape[1]] for k, w in enumerate(weights / weights.sum()))
+    return np.where((table == table[:, :1]).all(1, keepdims=True), table, out).astype(np.float32)
 
 
 def decode_png16(png: bytes, size: tuple[int, int]) -> NDArray[np.uint16]:

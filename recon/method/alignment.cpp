@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: MIT
+#include "recon/method/alignment.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/core/exit_code.hpp"
+#include "recon/numbers/statistics.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+// What is there in every record: per column the level that few records are below, less its distance
+// to the median: where bodies come and go, nothing. A count that scatters like one of photons alone
+// is all background: its median. `steadiness`: 0 for what is no count.
+std::vector<float> background_of(std::span<const float> low, std::span<const float> median,
+                                 double steadiness) {
+  std::vector<float> out(low.size());
+  for (std::size_t c = 0; c < out.size(); ++c) {
+    const bool steady = median[c] - low[c] <
+                        static_cast<float>(steadiness) * std::sqrt(steadiness > 0 ? median[c] : 0);
+    out[c] = steady ? median[c] : std::max(2 * low[c] - median[c], 0.f);
+  }
+  return out;
+}
+
+}  // namespace
+
+Alignment::Alignment(const Layout& layout, const Matrix& observations, const Rows& rows,
+                     const MethodConfig& config)
+    : config_(config) {
+  if (layout.spd.count == 0)
+    throw Error(ExitCode::usage, "aligning records needs the detector's histogram");
+  set_axes(layout);
+  const auto lows = column_quantile(observations, rows, config_.background_quantile);
+  const auto medians = column_quantile(observations, rows, 0.5);
+  const std::span low(lows), median(medians);
+  const std::size_t bins = layout.spd.count, points = layout.radar.count;
+  counts_background_ = background_of(low.first(bins), median.first(bins), config_.steadiness);
+  power_background_ = background_of(low.subspan(bins, points), median.subspan(bins, points), 0);
+  lags_background_.resize(layout.inputs() - bins - points);
+  if (array_.size() > 0) learn_array_background(observations, rows);
+}
+
+// Of each bin the lags of those records that have the least power there, as strong as the power
+// that is always there: what stands still keeps its directions, and noise has none.
+void Alignment::learn_array_background(const Matrix& observations, const Rows& rows) {
+  const std::size_t first = observations.cols - lags_background_.size();
+  for (std::size_t at = 0; at < lags_background_.size(); at += lag_values_) {
+    std::vector<float> power;
+    for (const std::size_t row : rows) power.push_back(observations.row(row)[first + at]);
+    const float low = quantile(power, config_.background_quantile), median = quantile(power, 0.5);
+    const float level = std::max(2 * low - median, 0.f);
+    if (!(level > 0)) continue;
+    const auto lags = std::span(lags_background_).subspan(at, lag_values_);
+    for (const std::size_t row : rows)
+      for (std::size_t k = 0; k < lags.size() && observations.row(row)[first + at] <= low; ++k)
+        lags[k] += observations.row(row)[first + at + k];
+    const float sum = lags[0];
+    for (float& v : lags) v *= level / sum;
+  }
+}
+
+std::vector<float> Alignment::background() const {
+  std::vector<float> out = counts_background_;
+  out.insert(out.end(), power_background_.begin(), power_background_.end());
+  out.insert(out.end(), lags_background_.begin(), lags_background_.end());
+  return out;
+}
+
+void Alignment::set_background(std::span<const float> observation) {
+  for (std::vector<float>* part : {&counts_background_, &power_background_, &lags_background_}) {
+    std::copy_n(observation.begin(), part->size(), part->begin());
+    observation = observation.subspan(part->size());
+  }
+}
+
+void Alignment::set_axes(const Layout& layout) {
+  spd_first_m_ = layout.spd.at(0.5) / ps_per_m;
+  spd_step_m_ = layout.spd.step / ps_per_m;
+  if (layout.radar.count > 0)
+    radar_first_m_ = layout.radar.start, radar_step_m_ = layout.radar.step;
+  points_a_step_ = radar_step_m_ >= config_.coarse_step_m ? 2 : 1;
+  steps_a_point_ =
+      static_cast<std::ptrdiff_t>(std::ceil(config_.least_profile_step_m / radar_step_m_));
+  profile_step_m_ =
+      radar_step_m_ * static_cast<double>(steps_a_point_) / static_cast<double>(points_a_step_);
+  array_ = ArrayView(layout.array, config_), lag_values_ = layout.lag_values();
+  correlation_ = {};
+  window_ = {config_.histogram_m, config_.profile_from_m, config_.profile_to_m, config_.body_m};
+  if (layout.radar.count > 0) set_window(window_);
+}
+
+void Alignment::set_window(const AlignmentWindow& window) {
+  window_ = window;
+  correlation_ = ShiftCorrelation({-window_.histogram_m + config_.histogram_step_m / 2,
+                                   config_.histogram_step_m, histogram_bins()},
+                                  {window_.profile_from_m, profile_step_m_, points_with_radar()},
+                                  resolution_m(), config_.shift_from_m, config_.shift_to_m);
+}
+
+Alignment Alignment::through(const AlignmentWindow& window) const {
+  Alignment out = *this;
+  out.window_ = window;
+  if (profile_points() > 0) out.set_window(window);
+  return out;
+}
+
+std::size_t Alignment::cost() const {
+  return counts_background_.size() * 4 + profile_points() * 2 * profile_taps + correlation_.cost() +
+         array_.cost();
+}
+
+std::size_t Alignment::histogram_bins() const {
+  return static_cast<std::size_t>(std::lround(2 * window_.histogram_m / config_.histogram_step_m));
+}
+
+std::size_t Alignment::profile_points() const {
+  return power_background_.empty() ? 0 : points_with_radar();
+}
+
+std::size_t Alignment::points_with_radar() const {
+  return 1 + static_cast<std::size_t>((window_.profile_to_m - window_.profile_from_m) /
+                                      profile_step_m_);
+}
+
+double Alignment::resolution_m() const { return config_.steps_a_resolution * radar_step_m_; }
+
+void Alignment::subtract_background(std::span<const float> observation, std::vector<float>& counts,
+                                    std::vector<float>& power) const {
+  const std::size_t bins = counts_background_.size();
+  counts.resize(bins), power.resize(power_background_.size());
+  for (std::size_t i = 0; i < bins; ++i) counts[i] = observation[i] - counts_background_[i];
+  std::vector<float> sorted = counts;
+  const float level = quantile(sorted, 0.5);
+  for (float& v : counts) v -= level;
+  for (std::size_t i = 0; i < power.size(); ++i)
+    power[i] = observation[bins + i] - power_background_[i];
+}
+
+void Alignment::correlate(std::span<const float> histogram, std::span<const float> profile,
+                          std::span<float> out) const {
+  if (!out.empty()) correlation_(histogram, profile, out);
+}
+
+void Alignment::antennas_about(double range_m, std::span<const float> recorded_lags,
+                               std::span<float> out) const {
+  std::fill(out.begin(), out.end(), 0.f);
+  if (out.empty() || recorded_lags.empty()) return;
+  std::vector<float> lags(recorded_lags.begin(), recorded_lags.end());
+  for (std::size_t i = 0; i < lags.size(); ++i) lags[i] -= lags_background_[i];
+  array_(lags, range_m, out);
+}
+
+void Alignment::move_array(std::span<const float> recorded_lags, double farther_m, double by_cosine,
+                           std::span<float> view) const {
+  const AlignmentColumns at = columns(view);
+  const auto range_m = double{at.range_m};
+  antennas_about(range_m - farther_m, recorded_lags, at.antennas);
+  ArrayView::turn(by_cosine, range_m, at.antennas);
+}
+
+void Alignment::archive(Archive archive, const Layout& layout) {
+  recon::archive(archive.in("config"), config_);
+  if (archive.reading()) set_axes(layout);
+  archive.values("counts", counts_background_, layout.spd.count);
+  archive.values("power", power_background_, layout.radar.count);
+  archive.values("lags", lags_background_, layout.inputs() - layout.spd.count - layout.radar.count);
+}
+
+}  // namespace echofuse::recon

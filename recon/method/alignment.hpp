@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: MIT
+// What is always there, learnt from the training records, and the window through which a body is
+// seen: what align() of the method (method.hpp) refers to.
+#pragma once
+#include <span>
+#include <vector>
+
+#include "recon/method/array_view.hpp"
+#include "recon/method/config.hpp"
+#include "recon/method/shift_correlation.hpp"
+#include "recon/numbers/layout.hpp"
+#include "recon/numbers/matrix.hpp"
+#include "recon/numbers/tensor_file.hpp"
+
+namespace echofuse::recon {
+
+// Slant range of a sensor's value i: first_m + i * step_m. Of the SPD: of its bins' centres.
+struct AlignmentRanges {
+  double first_m, step_m;
+};
+
+inline constexpr std::ptrdiff_t profile_taps = 8;  // of the sinc series, on either side
+
+// How far about the body's range is looked, metres.
+struct AlignmentWindow {
+  double histogram_m, profile_from_m, profile_to_m, body_m;
+};
+
+// The columns of a view, T: float or const float.
+template <class T>
+struct ViewColumns {
+  std::span<T> correlation;  // of both sensors, from the longest shift to the shortest
+  std::span<T> histogram;    // shares of the counts about the range
+  std::span<T> profile;      // shares of the power
+  std::span<T> antennas;     // array_view.hpp
+  T& range_m;                // 0: nobody is there
+};
+using AlignmentColumns = ViewColumns<float>;
+
+// A view, or the columns of it from the histogram on, that shows a body.
+inline bool shows_body(std::span<const float> view) { return view.back() != 0; }
+
+// Threading: as a const object may be shared.
+class Alignment {
+ public:
+  Alignment() = default;
+  // Learns from observations (counts, power, lags: method.hpp) what is always there. Without a
+  // radar the profile has no points. Throws Error(usage) without a histogram.
+  Alignment(const Layout& layout, const Matrix& observations, const Rows& rows,
+            const MethodConfig& config = {});
+
+  // The same background, seen through another window.
+  Alignment through(const AlignmentWindow& window) const;
+
+  bool known() const { return !counts_background_.empty(); }
+  const MethodConfig& config() const { return config_; }
+  const AlignmentWindow& window() const { return window_; }
+  std::size_t cost() const;  // multiply-adds of one record
+  AlignmentRanges spd_ranges() const { return {spd_first_m_, spd_step_m_}; }
+  double resolution_m() const;  // of the radar, c/2B
+
+  std::size_t histogram_bins() const;
+  std::size_t profile_points() const;                           // 0 without a radar
+  std::size_t array_features() const { return array_.size(); }  // 0 without its antennas
+  // Values of a view, without and with the correlation, which comes first.
+  std::size_t size() const { return histogram_bins() + profile_points() + array_features() + 1; }
+  std::size_t inputs() const { return correlation_.shifts() + size(); }
+  AlignmentColumns columns(std::span<float> view) const { return columns_of<float>(view); }
+  ViewColumns<const float> columns(std::span<const float> view) const {
+    return columns_of<const float>(view);
+  }
+
+  // Equation (1): counts, less their median, and power above what is always there.
+  void subtract_background(std::span<const float> observation, std::vector<float>& counts,
+                           std::vector<float>& power) const;
+  // Equation (4): of the power above the background; the shares add up to 1. `points`: all of the
+  // view's.
+  void profile_about(double range_m, std::span<const float> power, std::span<float> points) const;
+  // Equation (6), of columns of a view.
+  void correlate(std::span<const float> histogram, std::span<const float> profile,
+                 std::span<float> out) const;
+  // Equation (7), of lags as they were recorded; none: as if the antennas saw nothing.
+  void antennas_about(double range_m, std::span<const float> lags, std::span<float> out) const;
+
+  // For training on bodies in other places (turned.hpp). Puts into a view the profile of the same
+  // record as if the radar saw the body so much farther.
+  void move_profile(std::span<const float> recorded_power, double farther_m,
+                    std::span<float> view) const;
+  // The same of what its antennas saw, in a direction whose cosine is so much more.
+  void move_array(std::span<const float> recorded_lags, double farther_m, double by_cosine,
+                  std::span<float> view) const;
+  // Puts into a view the sum of profiles, each moved to longer ranges. The correlation stays.
+  struct MovedProfile {
+    std::span<const float> recorded_power;
+    double farther_m;
+  };
+  void add_profiles(std::span<const MovedProfile> profiles, std::span<float> view) const;
+  // How far behind the body's range the radar sees it, metres: the centroid of the squared profile,
+  // which noise and side lobes hardly pull.
+  double displacement_m(std::span<const float> view) const;
+
+  // What is always there, as observations have it; set from an empty room, it needs no learning.
+  std::vector<float> background() const;
+  void set_background(std::span<const float> observation);
+
+  void archive(Archive archive, const Layout& layout);
+
+ private:
+  template <class T>
+  ViewColumns<T> columns_of(std::span<T> view) const {
+    const auto features = view.last(size());
+    const std::size_t bins = histogram_bins(), points = profile_points();
+    return {view.first(view.size() - features.size()), features.first(bins),
+            features.subspan(bins, points), features.subspan(bins + points, array_features()),
+            view.back()};
+  }
+  void set_axes(const Layout& layout);
+  void set_window(const AlignmentWindow& window);
+  std::vector<float> above_background(std::span<const float> recorded_power) const;
+  void add_profile(double range_m, std::span<const float> power, std::span<float> points) const;
+  void learn_array_background(const Matrix& observations, const Rows& rows);
+  std::size_t points_with_radar() const;
+
+  MethodConfig config_;
+  AlignmentWindow window_{};
+  double spd_first_m_ = 0, spd_step_m_ = 1, radar_first_m_ = 0, radar_step_m_ = 1;
+  double profile_step_m_ = 1;
+  // Of the radar's steps and the profile's points: one of them is 1.
+  std::ptrdiff_t points_a_step_ = 1, steps_a_point_ = 1;
+  ShiftCorrelation correlation_;
+  ArrayView array_;
+  std::size_t lag_values_ = 1;
+  std::vector<float> counts_background_, power_background_, lags_background_;
+};
+
+}  // namespace echofuse::recon

@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: MIT
+#include "recon/method/body_frame.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <utility>
+
+#include "drivers/core/clones.hpp"
+#include "recon/maps/scene.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t most_side = record::most_map_size, most_cells = most_side * 3 / 2;
+
+// Points of one grid within another, along one side: point i lies between low[i] and low[i] + 1, by
+// `part`.
+struct Along {
+  std::array<std::int32_t, most_cells> low;
+  std::array<float, most_cells> part;
+};
+
+// Point i is at `first` + i `step`. What is no number, or too far to count, is outside: low < 0.
+ECHOFUSE_CLONES void place_along(double first, double step, std::size_t count, Along& out) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const double at = first + static_cast<double>(static_cast<std::int32_t>(i)) * step;
+    const double near = std::abs(at) < 1e9 ? at : -2, low = std::floor(near);
+    out.low[i] = static_cast<std::int32_t>(low), out.part[i] = static_cast<float>(near - low);
+  }
+}
+
+float pixel(std::span<const float> row, std::ptrdiff_t i) {
+  return i >= 0 && i < std::ssize(row) ? row[static_cast<std::size_t>(i)] : 0.f;
+}
+
+float sample(std::span<const float> row, std::ptrdiff_t low, float part) {
+  return (1 - part) * pixel(row, low) + part * pixel(row, low + 1);
+}
+
+}  // namespace
+
+std::optional<Place> place_of(std::span<const float> map, std::span<const float> background,
+                              const record::MapGrid& grid) {
+  const Axis x = grid.x();
+  double tangent = 0, depth = 0, pixels = 0;
+  for (std::size_t p = 0; p < map.size(); ++p) {
+    if (!true_foreground(map[p], background[p])) continue;
+    tangent += x.at(static_cast<double>(p % grid.size)), depth += double{map[p]}, ++pixels;
+  }
+  if (pixels == 0) return std::nullopt;
+  return Place{static_cast<float>(tangent / pixels), static_cast<float>(depth / pixels)};
+}
+
+BodyFrame::BodyFrame(const Matrix& maps, std::span<const float> background, const Rows& rows,
+                     const std::vector<Place>& places, const record::MapGrid& grid)
+    : grid_(grid) {
+  const Axis x = grid.x(), y = grid.y();
+  double right = 0, bottom = -1e9, depth = 0;
+  left_m_ = 0, top_m_ = 1e9;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto map = maps.row(rows[i]);
+    const double z = double{places[i].depth_m};
+    depth += z / static_cast<double>(rows.size());
+    for (std::size_t p = 0; p < map.size(); ++p) {
+      if (!true_foreground(map[p], background[p])) continue;
+      const double across =
+          (x.at(static_cast<double>(p % grid.size)) - double{places[i].tangent}) * z;
+      const double down = y.at(static_cast<double>(p / grid.size)) * z;
+      left_m_ = std::min(left_m_, across), right = std::max(right, across);
+      top_m_ = std::min(top_m_, down), bottom = std::max(bottom, down);
+    }
+  }
+  const std::size_t most = std::size_t{grid.size} * 3 / 2;
+  pitch_m_ = x.step * depth;  // the map's, where bodies stand: a finer one gains nothing
+  const auto cells = [&](double extent) {
+    return std::clamp<std::size_t>(static_cast<std::size_t>(extent / pitch_m_) + 2, 2, most);
+  };
+  columns_ = cells(right - left_m_), rows_ = cells(bottom - top_m_);
+}
+
+void BodyFrame::cut(std::span<const float> map, std::span<const float> background,
+                    const Place& place, std::span<float> mask, std::span<float> relief) const {
+  const Axis x = grid_.x(), y = grid_.y();
+  const std::size_t side = grid_.size;
+  const double z = double{place.depth_m};
+  std::vector<float> body(map.size()), depth(map.size());
+  for (std::size_t p = 0; p < map.size(); ++p)
+    if (true_foreground(map[p], background[p])) body[p] = 1, depth[p] = map[p] - place.depth_m;
+  const auto row_of = [&](const auto& image, std::ptrdiff_t r) {
+    return r >= 0 && r < static_cast<std::ptrdiff_t>(side)
+               ? std::span<const float>(image).subspan(static_cast<std::size_t>(r) * side, side)
+               : std::span<const float>{};
+  };
+  Along across, down;
+  place_along((double{place.tangent} + left_m_ / z - x.start) / x.step, pitch_m_ / z / x.step,
+              columns_, across);
+  place_along((top_m_ / z - y.start) / y.step, pitch_m_ / z / y.step, rows_, down);
+  for (std::size_t r = 0; r < rows_; ++r)
+    for (std::size_t c = 0; c < columns_; ++c) {
+      const auto value = [&](const auto& image) {
+        const auto of = [&](std::ptrdiff_t row) {
+          return sample(row_of(image, row), across.low[c], across.part[c]);
+        };
+        return (1 - down.part[r]) * of(down.low[r]) + down.part[r] * of(down.low[r] + 1);
+      };
+      mask[r * columns_ + c] = value(body);
+      relief[r * columns_ + c] = value(depth);
+    }
+}
+
+namespace {
+
+// Points [first, last) of the map.
+struct Span {
+  std::size_t first, last;
+};
+
+// Points between two cells of `cells`.
+Span within(const Along& along, std::size_t points, std::size_t cells) {
+  Span out{points, 0};
+  for (std::size_t i = 0; i < points; ++i)
+    if (along.low[i] >= 0 && std::cmp_less(along.low[i] + 1, cells))
+      out.first = std::min(out.first, i), out.last = i + 1;
+  return out;
+}
+
+struct Drawing {
+  const float *mask, *relief;  // cells
+  std::size_t columns, side;   // of cells, of the map
+  Along across, down;
+  Span map_columns, map_rows;
+  float depth_m, least;
+};
+
+// The body's depth where its mask is above `least`; elsewhere the map stays. Into `share` the mask,
+// if wanted.
+ECHOFUSE_CLONES void draw_rows(const Drawing& d, float* map, float* share) {
+  const std::size_t first = d.map_columns.first, count = d.map_columns.last - first;
+  const std::int32_t* const low = &d.across.low[first];
+  const float* const part = &d.across.part[first];
+  const std::int32_t nearest = low[0];  // cell
+  const auto cells = static_cast<std::size_t>(low[count - 1] + 2 - nearest);
+  std::array<std::size_t, most_cells + 1> from;  // of a cell: the first point at or behind it
+  std::size_t cell = 0;
+  for (std::size_t c = 0; c < count; ++c)
+    while (cell <= static_cast<std::size_t>(low[c] - nearest)) from[cell++] = c;
+  while (cell <= cells) from[cell++] = count;
+  std::array<float, most_cells> mask_row, relief_row;
+  for (std::size_t r = d.map_rows.first; r < d.map_rows.last; ++r) {
+    const std::size_t upper =
+        static_cast<std::size_t>(d.down.low[r]) * d.columns + static_cast<std::size_t>(nearest);
+    const float *mask_above = d.mask + upper, *mask_below = mask_above + d.columns;
+    const float *relief_above = d.relief + upper, *relief_below = relief_above + d.columns;
+    const float down = d.down.part[r];
+    for (std::size_t c = 0; c < cells; ++c) {
+      mask_row[c] = mask_above[c] + down * (mask_below[c] - mask_above[c]);
+      relief_row[c] = relief_above[c] + down * (relief_below[c] - relief_above[c]);
+    }
+    std::size_t begin = 0, end = count;
+    if (!share) {  // only between cells with something to paint
+      std::size_t some = 0, last = cells;
+      while (some < cells && mask_row[some] <= d.least) ++some;
+      while (last > some && mask_row[last - 1] <= d.least) --last;
+      if (some == last) continue;
+      begin = some > 0 ? from[some - 1] : 0, end = from[last];
+    }
+    const std::size_t start = r * d.side + first;
+    for (std::size_t c = begin; c < end; ++c) {
+      const std::int32_t at = low[c] - nearest;
+      const float body = mask_row[at] + part[c] * (mask_row[at + 1] - mask_row[at]);
+      const float ahead = relief_row[at] + part[c] * (relief_row[at + 1] - relief_row[at]);
+      const bool seen = body > d.least;
+      const float depth = d.depth_m + ahead / (seen ? body : 1.f);
+      map[start + c] = seen ? depth : map[start + c];
+      if (share) share[start + c] = std::clamp(body, 0.f, 1.f);
+    }
+  }
+}
+
+}  // namespace
+
+void BodyFrame::draw_onto(std::span<const float> mask, std::span<const float> relief,
+                          const Place& place, float least, std::span<float> map,
+                          std::span<float> share) const {
+  const Axis x = grid_.x(), y = grid_.y();
+  const std::size_t side = grid_.size;
+  const double z = double{place.depth_m}, cells_a_tangent = z / pitch_m_;
+  Drawing d;
+  d.mask = mask.data(), d.relief = relief.data(), d.columns = columns_, d.side = side;
+  d.depth_m = place.depth_m, d.least = least;
+  place_along((x.start - double{place.tangent}) * cells_a_tangent - left_m_ / pitch_m_,
+              x.step * cells_a_tangent, side, d.across);
+  place_along(y.start * cells_a_tangent - top_m_ / pitch_m_, y.step * cells_a_tangent, side,
+              d.down);
+  d.map_columns = within(d.across, side, columns_), d.map_rows = within(d.down, side, rows_);
+  if (d.map_columns.first >= d.map_columns.last) return;
+  draw_rows(d, map.data(), share.empty() ? nullptr : share.data());
+}
+
+void BodyFrame::draw(std::span<const float> mask, std::span<const float> relief, const Place& place,
+                     float threshold, std::span<float> map) const {
+  draw_onto(mask, relief, place, threshold, map, {});
+}
+
+void BodyFrame::draw_soft(std::span<const float> mask, std::span<const float> relief,
+                          const Place& place, std::span<float> share,
+                          std::span<float> depth) const {
+  constexpr float least_share = 0.1f;  // below, relief / mask is noise
+  std::fill(share.begin(), share.end(), 0.f);
+  std::fill(depth.begin(), depth.end(), place.depth_m);
+  draw_onto(mask, relief, place, least_share, depth, share);
+}
+
+std::size_t BodyFrame::draw_cost() const {
+  const std::size_t side = grid_.size;
+  return side * (2 * columns_ + 2 * std::min(side, columns_));
+}
+
+void BodyFrame::archive(Archive archive, const record::MapGrid& grid) {
+  grid_ = grid;
+  const std::int64_t most = std::int64_t{grid_.size} * 3 / 2;
+  archive.count("columns", columns_, 2, most);
+  archive.count("rows", rows_, 2, most);
+  archive.number("left_m", left_m_, -100, 100);
+  archive.number("top_m", top_m_, -100, 100);
+  archive.number("pitch_m", pitch_m_, 1e-6, 100);
+}
+
+}  // namespace echofuse::recon

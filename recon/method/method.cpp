@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: MIT
+// From a record to a depth map. Lai et al. (Chin. Opt. Lett. 22, 022701, 2024) measure a scene I by
+// the detector's histogram and the radar's profile, put both into one vector and learn its inverse:
+//
+//   H = [H_spd, H_radar] = F(I)      I = F^-1(H), a network
+//
+// We take F^-1 apart into what geometry says and what has to be learnt, with numbers of our own:
+//
+//   (1) n_i = N_i - B_i - median      counts above what is always there
+//   (2) r = sum n_i r_i / sum n_i     range of the body, over |r_i - r| < body_m
+//   (3) h(d) = n(r + d) / sum n       histogram about it; any laser power, any exposure
+//   (4) g(d) = p(r + d) / sum p       profile about it; any gain of the radar
+//   (5) R^2 = r^2 + b^2 + 2 b x,      the radar, b to the left of the detector, sees the body
+//       R - r = b x / r + O(b^2)      farther by this: the shift tells left from right
+//   (6) c(s) = <h * psf, g(. + s)> / (|h * psf| |g|)     its estimator, over shifts s
+//   (7) u = argmax sum (A - d) Re(c_d e^-i pi d u)       direction that A antennas see (Bartlett)
+//   (8) x, z - r = place network      (c, h, g, antennas, r)
+//   (9) mask, depth = mean + amounts x components        in a frame that moves with the body
+//  (10) map = z + depth / mask where mask > threshold, else the background
+#include "recon/method/method.hpp"
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+
+#include "recon/method/bin_sums.hpp"
+#include "recon/numbers/parallel.hpp"
+#include "recon/numbers/statistics.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+using Values = Eigen::Map<Eigen::ArrayXf>;
+using ConstValues = Eigen::Map<const Eigen::ArrayXf>;
+
+Values values(std::span<float> v) { return {v.data(), std::ssize(v)}; }
+ConstValues values(std::span<const float> v) { return {v.data(), std::ssize(v)}; }
+
+// (2) `counts`: above the background, of bins from scene.spd_ranges(); `all`: with it. Metres; 0 if
+// fewer counts than `significance` standard deviations of all of them show a body.
+float range_of(std::span<const float> counts, std::span<const float> all, const Alignment& scene) {
+  const MethodConfig& config = scene.config();
+  const auto [first_m, step_m] = scene.spd_ranges();
+  const auto bins = static_cast<double>(counts.size());
+  double from = 0, to = bins, centre = 0;
+  BinSums in;
+  for (int pass = 0; pass <= config.centroid_passes; ++pass) {
+    // At first over all bins, where a noise of both signs would pull the centroid anywhere.
+    in = bin_sums(counts, all, static_cast<std::size_t>(from), static_cast<std::size_t>(to),
+                  pass == 0 ? Negative::left_out : Negative::counted);
+    if (in.counts <= 0) return 0;
+    centre = in.moment / in.counts;
+    from = std::clamp(centre - scene.window().body_m / step_m, 0.0, bins);
+    to = std::clamp(centre + scene.window().body_m / step_m + 1, 0.0, bins);
+  }
+  const bool detected = in.counts > config.significance * std::sqrt(in.all);
+  return detected ? static_cast<float>(first_m + centre * step_m) : 0;
+}
+
+// (3) Counts between two ranges are differences of the running sum, interpolated. [bins of the
+// view]
+void histogram_about(float range_m, std::span<const float> counts, const Alignment& scene,
+                     std::span<float> out) {
+  std::vector<float> running(counts.size() + 1);
+  for (std::size_t i = 0; i < counts.size(); ++i) running[i + 1] = running[i] + counts[i];
+  const auto up_to = [&, last = static_cast<double>(counts.size())](double bin) {
+    const double x = std::clamp(bin, 0.0, last);
+    const auto i = std::min(static_cast<std::size_t>(x), counts.size() - 1);
+    return running[i] +
+           static_cast<float>(x - static_cast<double>(i)) * (running[i + 1] - running[i]);
+  };
+  const auto [first_m, step_m] = scene.spd_ranges();
+  const double start = (double{range_m} - scene.window().histogram_m - first_m) / step_m + 0.5;
+  const double step = scene.config().histogram_step_m / step_m;
+  const float first = up_to(start);
+  float before = first;
+  for (std::size_t j = 0; j < out.size(); ++j) {
+    const float now = up_to(start + static_cast<double>(j + 1) * step);
+    out[j] = now - before;
+    before = now;
+  }
+  if (before - first > 0) values(out) /= before - first;
+}
+
+}  // namespace
+
+// Step 1: H_spd and H_radar of the paper, and what several antennas add.
+Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors) {
+  return sensors.raw_inputs(data, rows);
+}
+
+// Step 2 of one record.
+void align(std::span<const float> observation, const Alignment& scene, std::span<float> view) {
+  const AlignmentColumns at = scene.columns(view);
+  values(view) = 0;
+  std::vector<float> counts, power;
+  scene.subtract_background(observation, counts, power);                            // (1)
+  const float range_m = range_of(counts, observation.first(counts.size()), scene);  // (2)
+  if (range_m == 0) return;
+  histogram_about(range_m, counts, scene, at.histogram);      // (3)
+  scene.profile_about(double{range_m}, power, at.profile);    // (4)
+  scene.correlate(at.histogram, at.profile, at.correlation);  // (5), (6)
+  scene.antennas_about(double{range_m}, observation.subspan(counts.size() + power.size()),
+                       at.antennas);  // (7)
+  at.range_m = range_m;
+}
+
+Matrix align(const Matrix& observations, const Alignment& scene) {
+  Matrix out(observations.rows, scene.inputs());
+  for_each_part(out.rows, [&](std::size_t i) { align(observations.row(i), scene, out.row(i)); });
+  return out;
+}
+
+void standardise(std::span<float> view, const BodyModel& model) {
+  values(view) = (values(view) - values(std::span<const float>(model.centre))) /
+                 values(std::span<const float>(model.deviation));
+}
+
+Seen seen(const Matrix& views, const BodyModel& model) {
+  Seen out;
+  for (std::size_t i = 0; i < views.rows; ++i)
+    if (shows_body(views.row(i))) out.rows.push_back(i);
+  out.views = take_rows(views, out.rows);
+  for (std::size_t i = 0; i < out.views.rows; ++i) standardise(out.views.row(i), model);
+  return out;
+}
+
+float range_of(std::span<const float> standard_view, const BodyModel& model) {
+  return standard_view.back() * model.deviation.back() + model.centre.back();
+}
+
+// Step 3, (8). The range, the last of a view, is what the networks' answers are added to.
+std::vector<Place> place(const Matrix& standard_views, const BodyModel& model) {
+  const Matrix found = model.place.predict(standard_views);  // [m x 2] right, behind (metres)
+  const float nearest_m = model.nearest_m;
+  std::vector<Place> out;
+  for (std::size_t i = 0; i < found.rows; ++i) {
+    const float range_m = range_of(standard_views.row(i), model);
+    out.push_back({found.row(i)[0] / std::max(range_m, nearest_m),
+                   std::max(range_m + found.row(i)[1], nearest_m)});
+  }
+  return out;
+}
+
+// Step 4, (9). The amounts of each kind are in units of its strongest component.
+Shapes shape(const Matrix& standard_views, const BodyModel& model) {
+  const Matrix found =
+      model.has_shapes ? model.shape.predict(standard_views) : Matrix(standard_views.rows, 0);
+  const auto compose = [&](const Components& components, std::size_t first) {
+    Matrix amounts(found.rows, components.basis.rows);
+    for (std::size_t i = 0; i < amounts.rows; ++i)
+      for (std::size_t k = 0; k < amounts.cols; ++k)
+        amounts.row(i)[k] = found.row(i)[first + k] * unit_of(components);
+    return from_coordinates(components, amounts);
+  };
+  return {compose(model.masks, 0), compose(model.depths, model.masks.basis.rows)};
+}
+
+// Step 5, (10).
+void draw(const std::vector<Place>& places, const Shapes& shapes, const BodyModel& model,
+          const Rows& rows, Matrix& maps, SoftMaps* soft) {
+  for_each_part(rows.size(), [&](std::size_t i) {
+    const auto mask = shapes.masks.row(i), depth = shapes.depths.row(i);
+    model.frame.draw(mask, depth, places[i], model.threshold, maps.row(rows[i]));
+    if (soft)
+      model.frame.draw_soft(mask, depth, places[i], soft->foreground_probability.row(rows[i]),
+                            soft->depth.row(rows[i]));
+  });
+}
+
+Matrix reconstruct(const Matrix& views, const BodyModel& model, SoftMaps* soft) {
+  Matrix maps = repeated_row(model.background, views.rows);
+  if (soft) *soft = {Matrix(maps.rows, maps.cols), maps};
+  const Seen bodies = seen(views, model);
+  if (!bodies.rows.empty())
+    draw(place(bodies.views, model), shape(bodies.views, model), model, bodies.rows, maps, soft);
+  return maps;
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: MIT
+#include "recon/method/turned.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace echofuse::recon {
+namespace {
+
+constexpr double significance = 10;  // of the baseline, in standard deviations
+constexpr double probe_m = 0.05;     // about as far as bodies of a set are apart
+constexpr std::size_t most_probed = 200;
+constexpr double least_deviation_m = 0.03;  // of a baseline that the antennas do not need
+constexpr double most_range_bias_m = 0.15;  // made up
+
+double sine_of(const Place& place) {
+  const auto tangent = double{place.tangent};
+  return tangent / std::hypot(1.0, tangent);
+}
+
+double radar_range_m(double range_m, double baseline_m, double sine) {
+  return std::sqrt(range_m * range_m + baseline_m * baseline_m + 2 * baseline_m * range_m * sine);
+}
+
+}  // namespace
+
+TurnedBodies::TurnedBodies(const Alignment& alignment, const Matrix& inputs, const Matrix& radar,
+                           const Matrix& array, const Rows& rows, const std::vector<Place>& places)
+    : alignment_(alignment),
+      inputs_(inputs),
+      radar_(radar),
+      array_(array),
+      rows_(rows),
+      places_(places),
+      has_array_(alignment.array_features() > 0) {
+  double deviation_m = 0;
+  const double slope = slope_m(deviation_m), per_m = answer();
+  // Written so that a slope of 0/0, as of records that are all the same, is none.
+  turns_ = std::abs(slope) > significance * deviation_m ||
+           (has_array_ && deviation_m < least_deviation_m * per_m);
+  if (turns_) baseline_m_ = slope / per_m;
+}
+
+// Least squares of the displacement over the azimuth's sine: b to first order of b / r.
+double TurnedBodies::slope_m(double& deviation_m) const {
+  const auto n = static_cast<double>(rows_.size());
+  double s = 0, d = 0, ss = 0, sd = 0, dd = 0;
+  for (std::size_t k = 0; k < rows_.size(); ++k) {
+    const double sine = sine_of(places_[k]);
+    const double displacement_m =
+        alignment_.displacement_m(inputs_.row(rows_[k]).last(alignment_.size()));
+    s += sine / n, d += displacement_m / n;
+    ss += sine * sine / n, sd += sine * displacement_m / n;
+    dd += displacement_m * displacement_m / n;
+  }
+  const double variance = ss - s * s, slope = (sd - s * d) / variance;
+  deviation_m = std::sqrt(std::max(dd - d * d - slope * slope * variance, 0.0) / (variance * n));
+  return slope;
+}
+
+// By how much a profile's displacement grows when it is moved by a metre: less than 1 where noise
+// holds it at the middle.
+double TurnedBodies::answer() const {
+  const std::size_t every = 1 + rows_.size() / most_probed;
+  double sum_m = 0, count = 0;
+  std::vector<float> moved(inputs_.cols);
+  for (std::size_t k = 0; k < rows_.size(); k += every, ++count) {
+    const auto record = inputs_.row(rows_[k]);
+    std::copy(record.begin(), record.end(), moved.begin());
+    for (const double way_m : {probe_m, -probe_m}) {
+      alignment_.move_profile(radar_.row(rows_[k]), way_m, moved);
+      const std::span<const float> features(moved);
+      sum_m += alignment_.displacement_m(features.last(alignment_.size())) * way_m / probe_m;
+    }
+  }
+  return sum_m / (2 * probe_m * count);
+}
+
+double TurnedBodies::farther_m(std::size_t k, std::size_t as) const {
+  const auto range_m = double{inputs_.row(rows_[k]).back()};
+  return radar_range_m(range_m, baseline_m_, sine_of(places_[as])) -
+         radar_range_m(range_m, baseline_m_, sine_of(places_[k]));
+}
+
+Place TurnedBodies::turn(std::size_t k, Rng& rng, std::span<float> inputs) const {
+  std::uniform_int_distribution<std::size_t> any(0, places_.size() - 1);
+  const bool turned = turns_ && (share_ == 1 || std::bernoulli_distribution(share_)(rng));
+  const double from = sine_of(places_[k]), to = turned ? sine_of(places_[any(rng)]) : from;
+  const auto record = inputs_.row(rows_[k]);
+  std::copy(record.begin(), record.end(), inputs.begin());
+  const auto range_m = double{record.back()};
+  const double range_before_m = radar_range_m(range_m, baseline_m_, from);
+  const double range_after_m = radar_range_m(range_m, baseline_m_, to);
+  double farther_m = range_after_m - range_before_m;
+  if (has_array_) {
+    farther_m += std::uniform_real_distribution<double>(-most_range_bias_m, most_range_bias_m)(rng);
+    alignment_.move_array(array_.row(rows_[k]), farther_m,
+                          (baseline_m_ + range_m * to) / range_after_m -
+                              (baseline_m_ + range_m * from) / range_before_m,
+                          inputs);
+  }
+  alignment_.move_profile(radar_.row(rows_[k]), farther_m, inputs);
+  const double cosine = std::sqrt(1 - to * to);
+  return {static_cast<float>(to / cosine),
+          static_cast<float>(double{places_[k].depth_m} * cosine / std::sqrt(1 - from * from))};
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: MIT
+#include "recon/models/network/regression.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "drivers/core/clones.hpp"
+#include "drivers/core/console.hpp"
+#include "recon/numbers/blas.hpp"
+#include "recon/numbers/parallel.hpp"
+#include "recon/numbers/statistics.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::uint64_t weight_stream = 1, order_stream = 2, redraw_stream = 0x7475726e;  // "turn"
+
+// From the full rate down to nothing along half a cosine (Loshchilov and Hutter, ICLR 2017).
+double annealed(double rate, double progress) {
+  return rate * 0.5 * (1 + std::cos(M_PI * progress));
+}
+
+double square(double v) { return v * v; }
+
+// What makes errors of a row of outputs, and slopes of errors (`times`); per_spread: 1 / spread.
+struct Wanted {
+  const float *truth, *centre, *per_spread;
+  float times;
+};
+
+[[gnu::always_inline]] inline void eight_to_slopes(const Wanted& wanted, std::size_t from,
+                                                   float* outputs, Eight& squares) {
+  Eight output, truth, centre, per_spread;
+  load(output, outputs + from), load(truth, wanted.truth + from);
+  load(centre, wanted.centre + from), load(per_spread, wanted.per_spread + from);
+  const Eight error = output - (truth - centre) * per_spread;
+  squares += error * error;
+  store(outputs + from, wanted.times * error);
+}
+
+// Slopes in place of a row of outputs; returns the sum of the squared errors. In sums beside each
+// other, as one alone waits for each addition.
+ECHOFUSE_CLONES double to_slopes(const Wanted& wanted, std::size_t columns, float* outputs) {
+  Eight some{}, others{};
+  std::size_t c = 0;
+  for (; c + 2 * lanes <= columns; c += 2 * lanes)
+    eight_to_slopes(wanted, c, outputs, some), eight_to_slopes(wanted, c + lanes, outputs, others);
+  some += others;
+  double sum = 0;
+  for (std::size_t k = 0; k < lanes; ++k) sum += double{some[k]};
+  for (; c < columns; ++c) {
+    const float error = outputs[c] - (wanted.truth[c] - wanted.centre[c]) * wanted.per_spread[c];
+    sum += double{error * error};
+    outputs[c] = wanted.times * error;
+  }
+  return sum;
+}
+
+constexpr std::size_t values_at_once = 1 << 16;  // of a batch, in one part
+constexpr double most = 1e18;                    // that a model file takes
+
+bool sound(const std::vector<float>& values) {
+  return std::all_of(values.begin(), values.end(),
+                     [](float v) { return std::abs(v) <= static_cast<float>(most); });
+}
+
+}  // namespace
+
+Training training_of(const FitOptions& o) {
+  return {o.hidden.value_or(std::vector<std::size_t>{}),
+          o.epochs.value(),
+          o.patience.value(),
+          o.learning_rate.value(),
+          o.weight_decay.value(),
+          o.batch.value(),
+          o.seed,
+          o.quiet,
+          {},
+          {}};
+}
+
+// Steps of equal size, as a small last one would be noisy.
+Training training_of(const Tuning& t, std::size_t records) {
+  const std::size_t a_pass = std::max<std::size_t>(1, (records + t.batch - 1) / t.batch);
+  Training out{};
+  out.epochs = std::max<std::size_t>(1, t.steps / a_pass);
+  out.learning_rate = t.learning_rate;
+  out.batch = (records + a_pass - 1) / a_pass;
+  out.seed = t.seed;
+  out.quiet = true;
+  out.pull = t.pull / static_cast<double>(records);
+  return out;
+}
+
+void Regression::standardise(const Examples& train, Spread spread,
+                             const std::vector<float>& weights) {
+  auto [mean, squares] = column_statistics(train.targets, train.rows);
+  if (spread == Spread::common) {
+    double all = 0;
+    for (const double s : squares) all += s / static_cast<double>(squares.size());
+    std::fill(squares.begin(), squares.end(), all);
+  }
+  centre_.assign(mean.begin(), mean.end());
+  spread_.assign(squares.size(), 1);
+  for (std::size_t c = 0; c < squares.size(); ++c)
+    if (squares[c] > 0) spread_[c] = static_cast<float>(std::sqrt(squares[c]));
+  for (std::size_t c = 0; c < weights.size(); ++c) spread_[c] /= std::sqrt(weights[c]);
+  unit_ = spread == Spread::common ? double{spread_.front()} : 1;
+}
+
+TrainingLog Regression::fit(const Examples& train, const Examples& validation, Spread spread,
+                            const Training& training, const std::string& title,
+                            const std::string& unit) {
+  standardise(train, spread, training.weights);
+  std::vector<std::size_t> widths{train.inputs.cols};
+  widths.insert(widths.end(), training.hidden.begin(), training.hidden.end());
+  widths.push_back(train.targets.cols);
+  network_ = make_network(widths);
+  Rng weight_rng = make_rng(training.seed, weight_stream);
+  TrainingState s{.parameters = initial_parameters(network_, weight_rng),
+                  .best = {},
+                  .adam = Adam(network_.parameters, training.weight_decay),
+                  .order = train.rows,
+                  .order_rng = make_rng(training.seed, order_stream),
+                  .redraw_rng = make_rng(training.seed, redraw_stream),
+                  .log = {},
+                  .least = most};
+  s.best = s.parameters;
+  // What never does better than the mean of the targets is not kept.
+  if (!validation.rows.empty()) s.least = rms_error(validation, s.parameters);
+  Progress progress(title, training.epochs, training.quiet);
+  while (s.epoch < training.epochs && s.epoch - s.log.best_epoch < training.patience) {
+    train_epoch(train, training, s);
+    const bool broken = interrupted();
+    if (s.row == 0) break;
+    judge(validation, s, title);
+    progress.update(s.epoch, "validation " + std::to_string(s.log.validation_loss.back()) + unit);
+    if (broken) break;
+  }
+  s.log.interrupted = interrupted();
+  parameters_ = std::move(s.best);
+  return s.log;
+}
+
+void Regression::tune(const Examples& train, const Training& training, const std::string& title) {
+  move_centre(train);
+  TrainingState s{.parameters = parameters_,
+                  .best = {},
+                  .adam = Adam(network_.parameters, 0),
+                  .order = train.rows,
+                  .order_rng = make_rng(training.seed, order_stream),
+                  .redraw_rng = make_rng(training.seed, redraw_stream),
+                  .log = {},
+                  .least = most};
+  for (; s.epoch < training.epochs && !interrupted(); ++s.epoch, s.row = 0)
+    train_epoch(train, training, s);
+  if (!sound(s.parameters))
+    throw Error(ExitCode::failed,
+                title + " diverged: its weights are not finite numbers after the adaptation");
+  if (!interrupted()) parameters_ = std::move(s.parameters);
+}
+
+void Regression::move_centre(const Examples& train) {
+  const Matrix found = predict(take_rows(train.inputs, train.rows));
+  std::vector<double> sum(centre_.size());
+  for (std::size_t i = 0; i < found.rows; ++i)
+    for (std::size_t c = 0; c < sum.size(); ++c)
+      sum[c] += double{train.targets.row(train.rows[i])[c]} - double{found.row(i)[c]};
+  const double share = Tuning::belief(found.rows) / static_cast<double>(found.rows);
+  for (std::size_t c = 0; c < sum.size(); ++c) centre_[c] += static_cast<float>(share * sum[c]);
+}
+
+// Towards the weights that training began with.
+void Regression::pull_back(const std::vector<float>& parameters, float pull) {
+  for (std::size_t i = 0; i < parameters.size(); ++i)
+    gradient_[i] += pull * (parameters[i] - parameters_[i]);
+}
+
+// To the end of the epoch, or as far as it comes before an interrupt.
+void Regression::train_epoch(const Examples& train, const Training& training, TrainingState& s) {
+  std::shuffle(s.order.begin(), s.order.end(), s.order_rng);
+  const std::span<const std::size_t> rows(s.order);
+  while (s.row < rows.size() && !interrupted()) {
+    const std::size_t count = std::min(training.batch, rows.size() - s.row);
+    const double done = static_cast<double>(s.epoch) +
+                        static_cast<double>(s.row) / static_cast<double>(rows.size());
+    const double rate =
+        annealed(training.learning_rate, done / static_cast<double>(training.epochs));
+    s.squares += train_batch(train, rows.subspan(s.row, count), training, s, rate);
+    s.row += count;
+  }
+}
+
+// Ends the epoch: its losses, and whether it is the best so far.
+void Regression::judge(const Examples& validation, TrainingState& s, const std::string& title) {
+  const double values = static_cast<double>(std::max<std::size_t>(s.row, 1) * centre_.size());
+  s.log.loss.push_back(std::sqrt(s.squares / values) * unit_);
+  // Without validation records the last epoch is the best.
+  const bool unvalidated = validation.rows.empty();
+  const double judged =
+      unvalidated ? -static_cast<double>(s.epoch) : rms_error(validation, s.parameters);
+  // The last step's damage is not in the loss yet.
+  if (!(s.log.loss.back() <= most && judged <= most) || !sound(s.parameters))
+    throw Error(ExitCode::failed, title + " diverged in epoch " + std::to_string(s.epoch + 1) +
+                                      ": its weights are not finite numbers; use a smaller "
+                                      "--learning-rate");
+  s.log.validation_loss.push_back(unvalidated ? s.log.loss.back() : judged);
+  ++s.epoch, s.row = 0, s.squares = 0;
+  if (judged < s.least) s.least = judged, s.best = s.parameters, s.log.best_epoch = s.epoch;
+}
+
+// One step; returns the sum of squared errors, in units of the spread.
+double Regression::train_batch(const Examples& train, std::span<const std::size_t> rows,
+                               const Training& training, TrainingState& s, double learning_rate) {
+  batch_inputs_ = take_rows(train.inputs, {rows.begin(), rows.end()});
+  if (training.redraw) {
+    batch_targets_ = take_rows(train.targets, {rows.begin(), rows.end()});
+    training.redraw(rows, batch_inputs_, batch_targets_, s.redraw_rng);
+  }
+  const float* x = batch_inputs_.values.data();
+  forward(network_, s.parameters, x, rows.size(), activations_);
+  auto& output = activations_.back();
+  const std::size_t columns = centre_.size();
+  const float per_value = 1.f / static_cast<float>(rows.size() * columns);
+  std::vector<float> per_spread(columns);
+  for (std::size_t c = 0; c < columns; ++c) per_spread[c] = 1 / spread_[c];
+  std::vector<double> squares(rows.size());
+  const std::size_t at_once = std::max<std::size_t>(1, values_at_once / columns);
+  for_each_part((rows.size() + at_once - 1) / at_once, [&](std::size_t part) {
+    const std::size_t first = part * at_once, last = std::min(first + at_once, rows.size());
+    for (std::size_t i = first; i < last; ++i) {
+      const auto truth = training.redraw ? batch_targets_.row(i) : train.targets.row(rows[i]);
+      squares[i] = to_slopes({truth.data(), centre_.data(), per_spread.data(), 2 * per_value},
+                             columns, output.data() + i * columns);
+    }
+  });
+  backward(network_, s.parameters, x, rows.size(), activations_, gradient_);
+  if (training.pull > 0) pull_back(s.parameters, static_cast<float>(training.pull));
+  s.adam.step(s.parameters, gradient_, learning_rate);
+  return std::accumulate(squares.begin(), squares.end(), 0.0);
+}
+
+Matrix Regression::predict(const Matrix& inputs) const { return outputs_of(inputs, parameters_); }
+
+Matrix Regression::outputs_of(const Matrix& inputs, const std::vector<float>& parameters) const {
+  Activations<float> activations;
+  forward(network_, parameters, inputs.values.data(), inputs.rows, activations);
+  Matrix out;
+  out.rows = inputs.rows, out.cols = centre_.size();
+  out.values = std::move(activations.back());
+  for (std::size_t i = 0; i < out.rows; ++i)
+    for (std::size_t c = 0; c < out.cols; ++c)
+      out.row(i)[c] = centre_[c] + spread_[c] * out.row(i)[c];
+  return out;
+}
+
+double Regression::rms_error(const Examples& examples, const std::vector<float>& parameters) const {
+  const Matrix found = outputs_of(take_rows(examples.inputs, examples.rows), parameters);
+  double sum = 0;
+  for (std::size_t i = 0; i < found.rows; ++i)
+    for (std::size_t c = 0; c < found.cols; ++c)
+      sum += square((double{found.row(i)[c]} - double{examples.targets.row(examples.rows[i])[c]}) /
+                    double{spread_[c]});
+  return std::sqrt(sum / static_cast<double>(found.values.size())) * unit_;
+}
+
+std::vector<std::size_t> Regression::hidden() const {
+  std::vector<std::size_t> out;
+  for (std::size_t l = 0; l + 1 < network_.layers.size(); ++l)
+    out.push_back(network_.layers[l].outputs);
+  return out;
+}
+
+void Regression::archive(Archive archive, std::size_t inputs, std::size_t outputs) {
+  archive.values("centre", centre_, outputs);
+  archive.values("spread", spread_, outputs);
+  recon::archive(archive, network_, parameters_, inputs, outputs);
+}
+
+}  // namespace echofuse::recon

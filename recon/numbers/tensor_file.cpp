@@ -1,0 +1,297 @@
+// SPDX-License-Identifier: MIT
+#include "recon/numbers/tensor_file.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <iomanip>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "drivers/core/crc32c.hpp"
+#include "drivers/core/exit_code.hpp"
+#include "drivers/core/printable.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+using nlohmann::json;
+
+constexpr std::size_t most_header = 1 << 20, most_rank = 4;
+constexpr const char* no_crc = "00000000";
+constexpr double most_size = 1e18;
+
+template <class T>
+constexpr const char* type_of();
+template <>
+constexpr const char* type_of<float>() {
+  return "F32";
+}
+template <>
+constexpr const char* type_of<double>() {
+  return "F64";
+}
+template <>
+constexpr const char* type_of<std::int64_t>() {
+  return "I64";
+}
+template <>
+constexpr const char* type_of<std::uint32_t>() {
+  return "U32";
+}
+template <>
+constexpr const char* type_of<std::uint8_t>() {
+  return "U8";
+}
+
+std::size_t bytes_of(const std::string& type) {
+  return type == "F32" || type == "U32" ? 4 : type == "F64" || type == "I64" ? 8 : type == "U8";
+}
+
+ByteView as_bytes(const std::string& text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+
+// The number of values, or none if that is more than a file can hold.
+std::size_t size_of(const TensorShape& shape) {
+  std::size_t out = 1;
+  for (const std::size_t n : shape)
+    if (__builtin_mul_overflow(out, n, &out)) return TensorFile::any;
+  return out;
+}
+
+std::string to_text(const TensorShape& shape) {
+  std::string out;
+  for (const std::size_t n : shape)
+    out += (out.empty() ? "" : " x ") + (n == TensorFile::any ? "any" : std::to_string(n));
+  return out;
+}
+
+std::string bounds(double least, double most) {
+  std::ostringstream out;
+  out << "expected a number from " << least << " to " << most;
+  return out.str();
+}
+
+std::string hex(std::uint32_t value) {
+  std::ostringstream out;
+  out << std::hex << std::setw(8) << std::setfill('0') << value;
+  return out.str();
+}
+
+}  // namespace
+
+void TensorFile::refuse(const std::string& object, const std::string& why) const {
+  throw Error(ExitCode::failed, path_ + ": " + printable(object) + ": " + printable(why));
+}
+
+TensorFile::TensorFile(std::string path, ByteView contents) : path_(std::move(path)) {
+  const auto refuse_file = [&](const std::string& why) {
+    throw Error(ExitCode::failed, path_ + ": " + why);
+  };
+  ByteReader in(contents);
+  const auto length = in.get<std::uint64_t>();
+  if (contents.size() >= 4 && std::memcmp(contents.data(), "ECHO", 4) == 0)
+    refuse_file("is a model of an older version; train it again");
+  if (!in.ok() || length > most_header || length > in.left())
+    refuse_file("is no model file, or is cut off; expected a safetensors file");
+  const ByteView raw = in.take(length);
+  std::string header(raw.begin(), raw.end());
+  const ByteView values = contents.subspan(8 + length);
+  const auto mark = header.find("\"crc32c\":\"");
+  if (mark == std::string::npos || mark + 18 > header.size())
+    refuse_file("has no checksum; expected a model that echofuse-recon train wrote");
+  const std::string said = header.substr(mark + 10, 8);
+  header.replace(mark + 10, 8, no_crc);
+  const std::uint32_t crc = crc32c(values, crc32c(as_bytes(header), crc32c(contents.first(8))));
+  if (said != hex(crc)) refuse_file("is damaged: its checksum does not fit");
+  parse(header, values);
+}
+
+// No exception of the JSON library gets out: what it finds is told in our words.
+void TensorFile::parse(const std::string& header, ByteView values) try {
+  std::vector<std::pair<std::size_t, std::size_t>> places;
+  const json head = json::parse(header);
+  for (const auto& [name, entry] : head.items()) {
+    if (name == "__metadata__") continue;
+    const json &shape = entry.at("shape"), &offsets = entry.at("data_offsets");
+    // The JSON library would make a count of any number.
+    for (const json* list : {&shape, &offsets})
+      if (!std::all_of(list->begin(), list->end(),
+                       [](const json& n) { return n.is_number_unsigned(); }))
+        refuse(name, "expected whole numbers as shape and data_offsets");
+    Tensor tensor{entry.at("dtype").get<std::string>(), shape.get<TensorShape>(), {}};
+    const auto begin = offsets.at(0).get<std::size_t>(), end = offsets.at(1).get<std::size_t>();
+    const std::size_t width = bytes_of(tensor.type), count = size_of(tensor.shape);
+    if (width == 0) refuse(name, "type " + tensor.type + ", expected F32, F64, I64, U32 or U8");
+    if (tensor.shape.size() > most_rank)
+      refuse(name, "has " + std::to_string(tensor.shape.size()) + " sides; expected at most 4");
+    if (begin > end || end > values.size()) refuse(name, "lies beyond the end of the file");
+    if (count > values.size() || count * width != end - begin)
+      refuse(name, "its size is not that of its shape " + to_text(tensor.shape));
+    const ByteView own = values.subspan(begin, end - begin);
+    tensor.values.assign(own.begin(), own.end());
+    places.emplace_back(begin, end);
+    tensors_.emplace(name, std::move(tensor));
+  }
+  std::sort(places.begin(), places.end());
+  std::size_t at = 0;
+  for (const auto& [begin, end] : places) {
+    if (begin != at) refuse("data_offsets", "tensors overlap or leave a gap");
+    at = end;
+  }
+  if (at != values.size()) refuse("data_offsets", "bytes that belong to no tensor");
+  const json said = json::parse(head.at("__metadata__").at("facts").get<std::string>());
+  for (const auto& [name, fact] : said.items()) {
+    if (fact.is_string())
+      facts[name] = fact.get<std::string>();
+    else if (fact.is_number_float())
+      facts[name] = fact.get<double>();
+    else if (fact.is_number_integer())
+      facts[name] = fact.get<std::int64_t>();
+    else
+      refuse(name, "expected a number or a text");
+  }
+} catch (const json::exception&) {
+  throw Error(ExitCode::failed, path_ + ": is no model file: its header is not the JSON of one");
+}
+
+Bytes TensorFile::to_bytes() const {
+  json said = json::object(), head = json::object();
+  for (const auto& [name, fact] : facts)
+    std::visit([&, key = name](const auto& value) { said[key] = value; }, fact);
+  head["__metadata__"] = {{"crc32c", no_crc}, {"facts", said.dump()}};
+  std::size_t at = 0;
+  for (const auto& [name, tensor] : tensors_) {
+    head[name] = {{"dtype", tensor.type},
+                  {"shape", tensor.shape},
+                  {"data_offsets", {at, at + tensor.values.size()}}};
+    at += tensor.values.size();
+  }
+  std::string header = head.dump();
+  header.resize((header.size() + 7) / 8 * 8, ' ');
+  Bytes out;
+  out.reserve(8 + header.size() + at);
+  put(out, std::uint64_t{header.size()});
+  out.insert(out.end(), header.begin(), header.end());
+  for (const auto& [name, tensor] : tensors_)
+    out.insert(out.end(), tensor.values.begin(), tensor.values.end());
+  const std::string crc = hex(crc32c(out));
+  std::copy(crc.begin(), crc.end(),
+            out.begin() + 8 + std::ssize("\"crc32c\":\"") - 1 +
+                static_cast<std::ptrdiff_t>(header.find("\"crc32c\":\"")));
+  return out;
+}
+
+template <class T>
+void TensorFile::write(const std::string& name, std::span<const T> values,
+                       const TensorShape& shape) {
+  Tensor& to = tensors_[name] = {type_of<T>(), shape, Bytes(values.size_bytes())};
+  if (!values.empty()) std::memcpy(to.values.data(), values.data(), values.size_bytes());
+}
+
+const TensorFile::Tensor& TensorFile::found(const std::string& name) const {
+  const auto at = tensors_.find(name);
+  if (at == tensors_.end()) refuse(name, "is missing");
+  return at->second;
+}
+
+TensorShape TensorFile::shape(const std::string& name) const { return found(name).shape; }
+
+template <class T>
+std::vector<T> TensorFile::read(const std::string& name, const TensorShape& shape) const {
+  const Tensor& tensor = found(name);
+  if (tensor.type != type_of<T>())
+    refuse(name, "is of type " + tensor.type + "; expected " + type_of<T>());
+  const bool fits =
+      std::equal(shape.begin(), shape.end(), tensor.shape.begin(), tensor.shape.end(),
+                 [](std::size_t wanted, std::size_t is) { return wanted == any || wanted == is; });
+  if (!fits) refuse(name, "has shape " + to_text(tensor.shape) + "; expected " + to_text(shape));
+  std::vector<T> out = to_values<T>(tensor.values);
+  if constexpr (std::is_floating_point_v<T>)
+    if (!std::all_of(out.begin(), out.end(),
+                     [](T v) { return std::abs(v) <= static_cast<T>(most_size); }))
+      refuse(name, "expected finite numbers of at most 1e18 in size");
+  return out;
+}
+
+template <class T>
+void Archive::values(const std::string& name, std::vector<T>& values, std::size_t count) {
+  if (reading())
+    values = file_->read<T>(group_ + name, {count});
+  else
+    file_->write<T>(group_ + name, values, {values.size()});
+}
+
+template void Archive::values(const std::string&, std::vector<float>&, std::size_t);
+template void Archive::values(const std::string&, std::vector<double>&, std::size_t);
+template void Archive::values(const std::string&, std::vector<std::int64_t>&, std::size_t);
+template void Archive::values(const std::string&, std::vector<std::uint32_t>&, std::size_t);
+template void Archive::values(const std::string&, std::vector<std::uint8_t>&, std::size_t);
+
+void Archive::table(const std::string& name, Matrix& table, std::size_t rows, std::size_t cols) {
+  if (!reading()) return file_->write<float>(group_ + name, table.values, {table.rows, table.cols});
+  const auto values = file_->read<float>(group_ + name, {rows, cols});
+  const TensorShape shape = file_->shape(group_ + name);
+  table = Matrix(shape[0], shape[1]);
+  std::copy(values.begin(), values.end(), table.values.begin());
+}
+
+template <class T>
+T Archive::fact(const std::string& name, const char* expected) const {
+  const auto at = file_->facts.find(group_ + name);
+  if (at == file_->facts.end()) file_->refuse(group_ + name, "is missing");
+  const T* value = std::get_if<T>(&at->second);
+  if (!value) file_->refuse(group_ + name, std::string("expected ") + expected);
+  return *value;
+}
+
+void Archive::number(const std::string& name, double& value, double least, double most) {
+  if (!reading()) return void(file_->facts[group_ + name] = value);
+  const auto at = file_->facts.find(group_ + name);
+  const bool whole = at != file_->facts.end() && std::holds_alternative<std::int64_t>(at->second);
+  value = whole ? static_cast<double>(fact<std::int64_t>(name, "a number"))
+                : fact<double>(name, "a number");
+  require(value >= least && value <= most, name, bounds(least, most));
+}
+
+void Archive::number(const std::string& name, float& value, double least, double most) {
+  auto wide = double{value};
+  number(name, wide, least, most);
+  value = static_cast<float>(wide);
+}
+
+void Archive::whole_number(const std::string& name, std::int64_t& value, std::int64_t least,
+                           std::int64_t most) {
+  if (!reading()) return void(file_->facts[group_ + name] = value);
+  value = fact<std::int64_t>(name, "a whole number");
+  require(value >= least && value <= most, name,
+          bounds(static_cast<double>(least), static_cast<double>(most)));
+}
+
+void Archive::text(const std::string& name, std::string& value,
+                   const std::vector<std::string>& allowed) {
+  if (!reading()) return void(file_->facts[group_ + name] = value);
+  value = fact<std::string>(name, "a text");
+  std::string all;
+  for (const std::string& one : allowed) all += (all.empty() ? "expected one of " : ", ") + one;
+  require(allowed.empty() || std::find(allowed.begin(), allowed.end(), value) != allowed.end(),
+          name, all);
+}
+
+bool Archive::part(const std::string& name, bool there) {
+  auto number = std::int64_t{there};
+  whole_number(name, number, 0, 1);
+  return number != 0;
+}
+
+void Archive::require_shape(const std::string& name, const TensorShape& shape) const {
+  if (reading() && file_->shape(group_ + name) != shape)
+    file_->refuse(group_ + name, "expected shape " + to_text(shape));
+}
+
+void Archive::require(bool sound, const std::string& name, const std::string& expected) const {
+  if (reading() && !sound) file_->refuse(group_ + name, expected);
+}
+
+}  // namespace echofuse::recon

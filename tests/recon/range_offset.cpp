@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: MIT
+// What makes the radar's ranges of a run shorter: its calibration, and what the operator says.
+#include <nlohmann/json.hpp>
+
+#include "acquire/record/png.hpp"
+#include "recon/data/shift.hpp"
+#include "recon/estimator/evaluate.hpp"
+#include "recon/estimator/train.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using echofuse::testing::contents;
+using echofuse::testing::Folder;
+using echofuse::testing::recon_program;
+using echofuse::testing::write_run;
+
+namespace {
+
+const Axis wide_bins = {"radar", "binned_power", "m", 11, 0.25, 0.5, 1};
+
+// Moves a record's profile to longer ranges.
+testing::Change longer_by(double metres) {
+  return [metres](record::FusedRecord& r) {
+    r.radar = Shift(-metres / testing::radar_axis().step).apply(r.radar);
+  };
+}
+
+}  // namespace
+
+TEST_CASE(
+    "a calibration's offset and the operator's are taken off a profile in one interpolation") {
+  const Folder dir;
+  write_run(dir / "run", 3, 1, {}, testing::radar_axis(), testing::spd_axis(),
+            {{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0.06, 0.001}});
+  write_run(dir / "plain", 3, 1);
+  const Dataset plain = load({dir / "plain"});
+  const auto moved = [&](double metres, std::size_t row) {
+    const auto profile = plain.radar.row(row);
+    return Shift(metres / plain.radar_axis.step).apply({profile.begin(), profile.end()});
+  };
+  const Dataset calibrated = load({dir / "run"});
+  Dataset recorded = load_recorded({dir / "run"});
+  CHECK(recorded.radar.values == plain.radar.values);
+  subtract_range_offset(recorded, 0.05);
+  for (std::size_t row = 0; row < 3; ++row) {
+    CHECK(std::ranges::equal(calibrated.radar.row(row), moved(0.06, row)));
+    CHECK(std::ranges::equal(recorded.radar.row(row), moved(0.06 + 0.05, row)));
+  }
+  subtract_range_offset(recorded, 0);  // there is nothing left to take off
+  CHECK(std::ranges::equal(recorded.radar.row(1), moved(0.06 + 0.05, 1)));
+}
+
+TEST_CASE("a dead radar is seen in a calibrated run, after a correction and in wide bins") {
+  const Folder dir;
+  write_run(dir / "run", 3, 1,
+            [](record::FusedRecord& r) {
+              if (r.index == 1) std::fill(r.radar.begin(), r.radar.end(), 0.25f);
+            },
+            testing::radar_axis(), testing::spd_axis(),
+            {{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0.06, 0.001}});
+  Dataset data = load({dir / "run"});
+  for (int corrected = 0; corrected < 2; ++corrected) {
+    CHECK(data.fault_of(0, Inputs::fused).empty());
+    CHECK(data.fault_of(1, Inputs::fused) == "radar is the same in every bin");
+    subtract_range_offset(data, 0.05);
+  }
+  rebin_radar(data, wide_bins);
+  CHECK(data.fault_of(0, Inputs::fused).empty());
+  CHECK(data.fault_of(1, Inputs::fused) == "radar is the same in every bin");
+}
+
+TEST_CASE("evaluate and reconstruct take off how much too long the radar's ranges are said to be") {
+  const Folder dir;
+  write_run(dir / "train", 400);
+  write_run(dir / "fresh", 100, 2);
+  write_run(dir / "long", 100, 2, longer_by(0.06));
+  REQUIRE(recon_program("train " + dir / "train" + " --out " + dir / "m" +
+                        " --model factorised-4 --no-fallback -q")
+              .code == 0);
+  const auto iou_of = [&](const std::string& rest) {
+    const auto o = recon_program("evaluate " + dir / "m" + " --json " + dir / rest);
+    INFO(o.text);
+    REQUIRE(o.code == 0);
+    return nlohmann::json::parse(o.text)["metrics"]["iou"]["mean"].get<double>();
+  };
+  const double clean = iou_of("fresh");
+  CHECK(iou_of("long") < 0.9 * clean);
+  CHECK(iou_of("long --range-offset 0.06") > 0.95 * clean);
+  CHECK(iou_of("fresh --range-offset 0") == clean);
+
+  const TrainedModel model = load_model(dir / "m");
+  const Records records = prepare_records(model, load_recorded({dir / "long"}), 0.06);
+  const Matrix expected = predict(model, records, all_rows(100), PredictionDetail::maps).maps;
+  for (const std::string how : {"", " --follow"}) {
+    const std::string out = dir / ("maps" + std::to_string(how.size()));
+    REQUIRE(recon_program("reconstruct " + dir / "m" + " " + dir / "long" + how +
+                          " --format mm -q --range-offset 0.06 --out " + out)
+                .code == 0);
+    CHECK_THAT(contents(out + "/run.txt"), Catch::EndsWith("range offset 0.06 m\n"));
+    const auto map = hard_map(within_span(expected.row(3)), model->scene);
+    const std::string png = contents(out + "/000003_mm.png");
+    const auto found = record::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
+    REQUIRE(found.size() == map.size());
+    for (std::size_t p = 0; p < map.size(); ++p)
+      REQUIRE(std::abs(static_cast<double>(found[p]) - 1000 * double{map[p]}) <= 1);
+  }
+  const auto refused =
+      recon_program("evaluate " + dir / "m" + " " + dir / "long" + " --range-offset 6cm");
+  CHECK(refused.code == 2);
+  CHECK_THAT(refused.text, Catch::Contains("--range-offset"));
+}
