@@ -129,7 +129,8 @@ float range_of(std::span<const float> standard_view, const BodyModel& model) {
   return standard_view.back() * model.deviation.back() + model.centre.back();
 }
 
-// Step 3, (8). The range, the last of a view, is what the networks' answers are added to.
+// Step 3, (8). The first answer is metres to the right at the body's range, the second how far its
+// mean depth lies behind that range (metres, mostly below 0). Place keeps x / z and z.
 std::vector<Place> place(const Matrix& standard_views, const BodyModel& model) {
   const Matrix found = model.place.predict(standard_views);  // [m x 2] right, behind (metres)
   const float nearest_m = model.nearest_m;

@@ -3,9 +3,10 @@
 //
 //   Matrix o = observe(data, rows, sensors);  // [n x values]  counts | power | lags
 //   Matrix v = align(o, scene);               // [n x inputs]  the same, about the range
-//   auto p = place(v, model);                 // n             where the body stands
-//   Shapes s = shape(v, model);               // [n x cells]   its mask and its depths
-//   draw(p, s, model, rows, maps);            // [n x pixels]  metres, 0: nothing there
+//   Seen b = seen(v, model);                  // m <= n        views of bodies, standardised
+//   auto p = place(b.views, model);           // m             where they stand
+//   Shapes s = shape(b.views, model);         // [m x cells]   their masks and depths
+//   draw(p, s, model, b.rows, maps);          // [n x pixels]  metres, before the background
 //
 // The sixth, what is known of its error, is predict_by() in estimator/predict.cpp.
 // A record is a row throughout. The networks are learnt elsewhere (models/factorised.hpp).
