@@ -17,7 +17,7 @@
 namespace echofuse::recon {
 
 struct Estimator {
-  std::string name;  // its kind, as make_model takes it
+  std::string name;  // its kind (model_kinds)
   Features features;
   Scene scene;
   Alignment alignment;  // not known if nothing here needs it

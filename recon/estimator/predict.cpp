@@ -66,18 +66,19 @@ void put(Prediction& whole, Prediction part, std::span<const std::size_t> places
     whole.uncertainties[places[i]] = std::move(part.uncertainties[i]);
 }
 
-// Rows by the estimator that answers for them, and their places among all of these.
-struct Share {
+// The rows for which one estimator answers, and their places among all that were asked for.
+struct Answered {
   const Estimator* by;
   Rows rows, places;
 };
 
-std::vector<Share> share_out(const TrainedModel& model, const Dataset& data, const Rows& rows) {
-  std::vector<Share> out;
+std::vector<Answered> by_estimator(const TrainedModel& model, const Dataset& data,
+                                   const Rows& rows) {
+  std::vector<Answered> out;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Estimator* by = model.answering(data, rows[i]);
     if (!by) by = &model.for_run(data);
-    auto at = std::find_if(out.begin(), out.end(), [&](const Share& s) { return s.by == by; });
+    auto at = std::find_if(out.begin(), out.end(), [&](const Answered& a) { return a.by == by; });
     if (at == out.end()) at = out.insert(out.end(), {by, {}, {}});
     at->rows.push_back(rows[i]), at->places.push_back(i);
   }
@@ -90,18 +91,18 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
   if (detail == PredictionDetail::pixels) require_uncertainty(model);
   Prediction out;
   out.maps.cols = model->scene.background.size();
-  for (const Share& share : share_out(model, data, rows))
-    for (std::size_t first = 0; first < share.rows.size(); first += at_once) {
-      const std::size_t count = std::min(at_once, share.rows.size() - first);
-      const auto begin = share.rows.begin() + static_cast<std::ptrdiff_t>(first);
+  for (const auto& [by, own_rows, places] : by_estimator(model, data, rows))
+    for (std::size_t first = 0; first < own_rows.size(); first += at_once) {
+      const std::size_t count = std::min(at_once, own_rows.size() - first);
+      const auto begin = own_rows.begin() + static_cast<std::ptrdiff_t>(first);
       const Rows some(begin, begin + static_cast<std::ptrdiff_t>(count));
-      const bool made = views && share.by == &model.for_run(data);
+      const bool made = views && by == &model.for_run(data);
       put(out,
-          predict_by(*share.by, data, some,
+          predict_by(*by, data, some,
                      made ? take_rows(*views, some)
-                          : share.by->views(data, some, detail != PredictionDetail::maps),
+                          : by->views(data, some, detail != PredictionDetail::maps),
                      detail),
-          std::span(share.places).subspan(first, count), rows.size());
+          std::span(places).subspan(first, count), rows.size());
     }
   return out;
 }

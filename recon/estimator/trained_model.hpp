@@ -43,7 +43,6 @@ struct TrainedModel {
   Estimator& first() { return estimators.front(); }
   const Estimator* operator->() const { return &first(); }
   Estimator* operator->() { return &first(); }
-  bool interrupted() const { return first().log.interrupted; }
   double train_s() const;  // of all estimators
 
   // The first estimator whose antennas the run has.

@@ -74,9 +74,10 @@ void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
   Matrix inputs, radar;
   const Matrix no_array;
   if (alignment_.profile_points() > 0 && alignment_.array_features() == 0 && !usable.empty()) {
+    inputs = ones;  // which grow below
     radar = Matrix(0, profile_);
     for (const std::size_t row : seen) radar.add_row(radar_of(raw_inputs.row(row)));
-    turned.emplace(alignment_, inputs = ones, radar, no_array, usable, known);
+    turned.emplace(alignment_, inputs, radar, no_array, usable, known);
     if (!turned->turns()) turned.reset();
   }
   const Rows everybody = usable.empty() ? all_rows(seen.size()) : usable;

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 # SPDX-License-Identifier: MIT
 """turpin.py SIM FOLDER RUN: the recordings of Turpin et al. (Optica 7, 900, 2020) as a run. FOLDER holds histogram.npy
 [n, bins] and depth.npy [n, N, N]; its depths in units of the scene's maximum become millimetres of 6 m."""
