@@ -11,8 +11,8 @@
 #include "recon/maps/scene.hpp"
 #include "recon/method/method.hpp"
 #include "recon/models/model.hpp"
-#include "recon/uncertainty/domain_shift.hpp"
-#include "recon/uncertainty/uncertainty.hpp"
+#include "recon/trust/domain_shift.hpp"
+#include "recon/trust/uncertainty.hpp"
 
 namespace echofuse::recon {
 

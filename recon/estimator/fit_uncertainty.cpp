@@ -7,7 +7,7 @@
 
 #include "drivers/core/console.hpp"
 #include "recon/maps/metrics.hpp"
-#include "recon/uncertainty/predictors.hpp"
+#include "recon/trust/predictors.hpp"
 
 namespace echofuse::recon {
 namespace {

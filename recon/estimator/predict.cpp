@@ -8,7 +8,7 @@
 
 #include "drivers/core/clones.hpp"
 #include "recon/estimator/empty_room.hpp"
-#include "recon/uncertainty/predictors.hpp"
+#include "recon/trust/predictors.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/uncertainty/domain_shift.hpp"
+#include "recon/trust/domain_shift.hpp"
 
 #include "recon/estimator/predict.hpp"
 #include "recon/estimator/train.hpp"

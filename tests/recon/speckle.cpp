@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
-#include "recon/uncertainty/speckle.hpp"
+#include "recon/trust/speckle.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
 
 #include "drivers/core/random.hpp"
-#include "recon/uncertainty/uncertainty.hpp"
+#include "recon/trust/uncertainty.hpp"
 
 using namespace echofuse;
 using namespace echofuse::recon;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/uncertainty/two_bodies.hpp"
+#include "recon/trust/two_bodies.hpp"
 
 #include "recon/estimator/evaluate.hpp"
 #include "recon/estimator/predict.hpp"

@@ -18,7 +18,7 @@
 #include "recon/maps/scene.hpp"
 #include "recon/method/alignment.hpp"
 #include "recon/numbers/components.hpp"
-#include "recon/uncertainty/two_bodies.hpp"
+#include "recon/trust/two_bodies.hpp"
 
 namespace echofuse::recon {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/uncertainty/uncertainty.hpp"
+#include "recon/trust/uncertainty.hpp"
 
 #include <algorithm>
 #include <array>
@@ -8,7 +8,7 @@
 
 #include "recon/numbers/linear_fit.hpp"
 #include "recon/numbers/statistics.hpp"
-#include "recon/uncertainty/predictors.hpp"
+#include "recon/trust/predictors.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/uncertainty/predictors.hpp"
+#include "recon/trust/predictors.hpp"
 
 #include <algorithm>
 #include <cmath>

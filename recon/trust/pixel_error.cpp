@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/uncertainty/pixel_error.hpp"
+#include "recon/trust/pixel_error.hpp"
 
 #include <algorithm>
 #include <cmath>

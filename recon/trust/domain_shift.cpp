@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/uncertainty/domain_shift.hpp"
+#include "recon/trust/domain_shift.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -10,7 +10,7 @@
 #include "drivers/core/random.hpp"
 #include "recon/files/text.hpp"
 #include "recon/numbers/statistics.hpp"
-#include "recon/uncertainty/predictors.hpp"
+#include "recon/trust/predictors.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/uncertainty/out_of_distribution.hpp"
+#include "recon/trust/out_of_distribution.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/uncertainty/speckle.hpp"
+#include "recon/trust/speckle.hpp"
 
 #include <algorithm>
 #include <vector>

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "recon/uncertainty/out_of_distribution.hpp"
-#include "recon/uncertainty/pixel_error.hpp"
-#include "recon/uncertainty/speckle.hpp"
+#include "recon/trust/out_of_distribution.hpp"
+#include "recon/trust/pixel_error.hpp"
+#include "recon/trust/speckle.hpp"
 
 namespace echofuse::recon {
 
