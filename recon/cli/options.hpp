@@ -15,7 +15,6 @@ class App;
 namespace echofuse::recon {
 
 void add_inputs_option(CLI::App& app, std::string& inputs);
-void add_fit_options(CLI::App& app, std::string& scaling, FitOptions& fit);
 // --part; read it with part_of, which throws Error(usage). None if it is not given.
 std::shared_ptr<std::string> add_part_option(CLI::App& app);
 std::optional<JobPart> part_of(const std::string& text);

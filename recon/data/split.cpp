@@ -78,7 +78,7 @@ Split make_fold(const Rows& rows, std::size_t fold, std::size_t folds, std::size
     throw Error(ExitCode::failed, std::to_string(rows.size()) + " usable records cannot make " +
                                       std::to_string(folds) + " folds with a gap of " +
                                       std::to_string(gap) +
-                                      ": more records do, fewer folds, or a smaller --gap");
+                                      ": more records do, fewer folds, or a smaller gap");
   return split;
 }
 

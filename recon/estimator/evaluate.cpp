@@ -108,7 +108,7 @@ Plates find_plates(const Dataset& data, const Rows& rows, const Scene& scene) {
   Plates out(rows.size());
   for_each_part(rows.size(), [&](std::size_t i) {
     if (const auto letter = letter_of(data.label[rows[i]]))
-      out[i] = LetterReader::of(scene.grid).find_plate(data.depth.row(rows[i]), scene, *letter);
+      out[i] = find_plate(data.depth.row(rows[i]), scene, *letter);
   });
   return out;
 }
@@ -119,8 +119,7 @@ std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const
   for_each_part(rows.size(), [&](std::size_t i) {
     out[i] = score(maps.row(i), data.depth.row(rows[i]), scene);
     if (!plates.empty() && plates[i])
-      out[i][metric_letter_top1] =
-          LetterReader::of(scene.grid).read(maps.row(i), scene, *plates[i]);
+      out[i][metric_letter_top1] = read_letter(maps.row(i), scene, *plates[i]);
     if (data.label[rows[i]] != two_people_label) return;
     if (const auto people = find_people(data.depth.row(rows[i]), scene))
       out[i][metric_iou_person] = iou_per_person(maps.row(i), *people, scene);
@@ -147,7 +146,7 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   out.model = model->name;
   out.inputs = model.for_run(data).features.inputs;
   out.records = rows.size(), out.rows = rows;
-  out.antennas = records.antennas, out.speckle = records.speckle;
+  out.antennas = records.antennas;
   out.domain_shift = domain_shift_of(model, records);
   for (const std::size_t row : rows)
     if (const std::string note = model.note_of(data, row); !note.empty()) ++out.fallbacks[note];

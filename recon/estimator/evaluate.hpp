@@ -48,9 +48,9 @@ struct Evaluation {
   std::vector<MapScores> scores;
   std::vector<PredictionUncertainty> uncertainties;
   std::map<std::string, std::size_t> fallbacks;  // records of each TrainedModel::note_of
-  std::size_t left_out = 0;       // of a fresh run: had depth, but no map can be made of them
-  std::string antennas, speckle;  // what there is to say of them (Records)
-  DomainShift domain_shift;       // of all records of the run
+  std::size_t left_out = 0;  // of a fresh run: had depth, but no map can be made of them
+  std::string antennas;      // what there is to say of them (Records)
+  DomainShift domain_shift;  // of all records of the run
   Summaries metrics;
   std::vector<ScoredRow> baselines;  // empty room, mean map, nearest neighbour
   RunningCost cost;
@@ -65,7 +65,7 @@ struct Evaluation {
 Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
 
 // Of each row whose label names a letter, where its true map shows it.
-using Plates = std::vector<std::optional<LetterReader::Plate>>;
+using Plates = std::vector<std::optional<Plate>>;
 Plates find_plates(const Dataset& data, const Rows& rows, const Scene& scene);
 
 // Scores of one map a row against the depth table's rows. Letters are read where there are plates,

@@ -42,7 +42,6 @@ json to_json(const Evaluation& e) {
               {"left_out", e.left_out},
               {"fallback_records", fallback_records},
               {"antennas", e.antennas},
-              {"speckle", e.speckle},
               {"metrics", metrics_json(e.metrics)},
               {"trivial", baselines},
               {"cost",
@@ -108,8 +107,7 @@ std::string to_text(const TwoPeopleSeen& two) {
 
 std::string notes(const Evaluation& e) {
   std::string out = e.domain_shift.tested() ? e.domain_shift.text() + '\n' : "";
-  for (const std::string& text : {e.antennas, e.speckle})
-    if (!text.empty()) out += text + '\n';
+  if (!e.antennas.empty()) out += e.antennas + '\n';
   for (const auto& [note, records] : e.fallbacks)
     out += formatted("%zu records: %s\n", records, note.c_str());
   if (e.left_out > 0)

@@ -15,6 +15,10 @@ namespace {
 constexpr std::uint64_t noise_stream = 0x6e6f6973;  // "nois"
 constexpr std::uint64_t fold_stream = 0x756e6366;   // "uncf"
 constexpr std::size_t worse_copies = 3;
+// By a share of 90 % of so many a factor is known to .02 of that share.
+constexpr std::size_t enough_validation = 150;
+// A model of half of so many records errs by little more than one of all.
+constexpr std::size_t enough_for_halves = 400;
 constexpr double fewest_photons_log10 = -2.5;  // share of a worse copy's photons
 constexpr double least_noise_log10 = -2, most_noise_log10 = -0.3;  // radar, against its peak
 
@@ -55,7 +59,6 @@ UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, co
   const Inputs inputs = model.features.inputs;
   out.detector =
       OutOfDistributionDetector(model.alignment, data, views, usual, inputs, model.scene, seed);
-  if (inputs != Inputs::spd) out.speckle = SpeckleReference(data, views, usual);
   Rng rng = make_rng(seed, noise_stream);
   Matrix predictors, maps, truth(0, data.depth.cols);
   SoftMaps soft;
@@ -95,8 +98,9 @@ std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Da
   const std::uint64_t seed = options.seed;
   Rows rows = split.train;
   rows.insert(rows.end(), split.validation.begin(), split.validation.end());
-  if (split.validation.size() >= LateralError::least_records)
+  if (split.validation.size() >= enough_validation)
     return fit_uncertainty(model, data, views, rows, {{model, split.validation}}, seed);
+  if (rows.size() >= enough_for_halves) folds = 2;
   std::sort(rows.begin(), rows.end());
   std::vector<Estimator> models;
   std::vector<Judged> judged;

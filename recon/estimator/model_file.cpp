@@ -87,8 +87,7 @@ void archive(Archive archive, TrainedModel& model) {
 }
 
 // False with errno. A file system that cannot do it in one step does it in two.
-bool rename_to(const std::string& from, const std::string& to, Existing existing) {
-  if (existing == Existing::replace) return std::rename(from.c_str(), to.c_str()) == 0;
+bool rename_to_new(const std::string& from, const std::string& to) {
   if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return true;
   if (errno != EINVAL && errno != ENOSYS) return false;
   if (::access(to.c_str(), F_OK) == 0) return errno = EEXIST, false;
@@ -97,33 +96,22 @@ bool rename_to(const std::string& from, const std::string& to, Existing existing
 
 }  // namespace
 
-void check_can_save(const std::string& path, Existing existing) {
-  // A run that is given for OUT by mistake must not become a model.
-  if (std::filesystem::exists(path)) {
-    try {
-      TensorFile file(path, read_file(path));
-      check_format({file, Archive::Direction::read});
-    } catch (const Error&) {
-      throw Error(ExitCode::usage,
-                  path + ": exists and is no model file of this version; give another --out");
-    }
-    if (existing == Existing::keep)
-      throw Error(ExitCode::usage,
-                  path + ": is a model already; give another --out, or --force to replace it");
-  }
+void check_can_save(const std::string& path) {
+  if (std::filesystem::exists(path))
+    throw Error(ExitCode::usage, path + ": exists already; give another --out, or remove it");
   const std::string unfinished = path + ".part";
   write_file(unfinished, {});
   std::remove(unfinished.c_str());
 }
 
-void save_model(const TrainedModel& model, const std::string& path, Existing existing) {
+void save_model(const TrainedModel& model, const std::string& path) {
   TensorFile file;
   // Nothing is changed while it is written.
   archive({file, Archive::Direction::write}, const_cast<TrainedModel&>(model));
   const std::string unfinished = path + ".part";
   std::remove(unfinished.c_str());
   write_file(unfinished, file.to_bytes());
-  if (rename_to(unfinished, path, existing)) return;
+  if (rename_to_new(unfinished, path)) return;
   const bool there = errno == EEXIST;
   throw Error(there ? ExitCode::failed : ExitCode::disk,
               path +

@@ -8,7 +8,6 @@
 
 #include "drivers/core/clones.hpp"
 #include "recon/estimator/empty_room.hpp"
-#include "recon/trust/predictors.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -33,16 +32,11 @@ Prediction predict_by(const Estimator& by, const Dataset& data, const Rows& rows
   require_finite(out.maps);
   if (detail == PredictionDetail::maps || !by.uncertainty) return out;
   const UncertaintyModel& uncertainty = *by.uncertainty;
-  const Matrix predictors = predictors_of(out.maps, by.scene, data, rows, by.features.inputs);
-  std::vector<double> lateral_interval_90_m;
-  for (std::size_t i = 0; i < rows.size(); ++i)
-    lateral_interval_90_m.push_back(uncertainty.lateral(predictors.row(i)));
-  auto out_of_distribution = uncertainty.detector.judge(views, data, rows);
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    out.uncertainties.push_back({lateral_interval_90_m[i], std::move(out_of_distribution[i])});
-    uncertainty.judge_speckle(views.row(i), data.speckle[rows[i]], out.uncertainties.back());
-  }
+  out.uncertainties = uncertainty.trust(views, out.maps, by.scene, data, rows, by.features.inputs);
   if (detail == PredictionDetail::uncertainty) return out;
+  std::vector<double> lateral_interval_90_m;
+  for (const PredictionUncertainty& u : out.uncertainties)
+    lateral_interval_90_m.push_back(u.lateral_interval_90_m);
   soft = soft_of(std::move(soft), out.maps, by.scene, lateral_interval_90_m);
   PixelMaps pixels = uncertainty.pixels(soft, by.scene);
   require_finite(pixels.mean), require_finite(pixels.deviation);
@@ -119,7 +113,7 @@ void require_finite(const Matrix& maps) {
 
 Records prepare_records(const TrainedModel& model, Dataset recorded, double range_offset_m) {
   const Estimator& by = model.for_run(recorded);
-  Records out{std::move(recorded), {}, {}, {}};
+  Records out{std::move(recorded), {}, {}};
   Dataset& data = out.data;
   if (&by != &model.first())
     out.antennas = std::string(data.array_axis.count == 0 ? "no samples of the radar's antennas"
@@ -129,7 +123,6 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, double rang
   model.match(data);
   if (model.room_change) exchange_room(*model.room_change, data);
   out.views = by.views(data, all_rows(data.size()), true);
-  if (by.uncertainty) out.speckle = by.uncertainty->speckle.of_run(data, out.views);
   return out;
 }
 

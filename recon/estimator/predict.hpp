@@ -15,7 +15,6 @@ struct Records {
   Dataset data;          // on the model's axes
   Matrix views;          // of every record, by TrainedModel::for_run
   std::string antennas;  // what there is to say of a run without the model's antennas, or nothing
-  std::string speckle;   // the same of one whose radar's power varies otherwise than in training
 };
 
 // Whether the records as a whole are unlike the model's training records.

@@ -41,7 +41,7 @@ constexpr std::uint64_t weight_stream = 0x77656967;  // "weig"
 Rows weighted(const Dataset& data, const Rows& rows, const TrainOptions& options) {
   if (options.weights.empty()) return rows;
   if (options.weights.size() != data.sources.size())
-    throw Error(ExitCode::usage, "--weight: " + std::to_string(options.weights.size()) +
+    throw Error(ExitCode::usage, "weights: " + std::to_string(options.weights.size()) +
                                      " numbers for " + std::to_string(data.sources.size()) +
                                      " runs; one each");
   Rng rng = make_rng(options.split.seed, weight_stream);
@@ -51,7 +51,7 @@ Rows weighted(const Dataset& data, const Rows& rows, const TrainOptions& options
     for (double left = options.weights[data.source_of(row)] - chance(rng); left > 0; --left)
       out.push_back(row);
   if (out.size() < 2)
-    throw Error(ExitCode::usage, "--weight: hardly any record is left to train on");
+    throw Error(ExitCode::usage, "weights: hardly any record is left to train on");
   return out;
 }
 
@@ -60,7 +60,7 @@ Rows of_use(const Dataset& data, const TrainOptions& options) {
   Rows out;
   for (const std::size_t run : options.validate_on) {
     if (run >= data.sources.size())
-      throw Error(ExitCode::usage, "--validate-on " + std::to_string(run + 1) + ": there are " +
+      throw Error(ExitCode::usage, "validate_on " + std::to_string(run + 1) + ": there are " +
                                        std::to_string(data.sources.size()) + " runs");
     for (std::size_t i = 0; i < data.sources[run].count; ++i)
       out.push_back(data.sources[run].first + i);
@@ -112,6 +112,7 @@ bool looks_at_body(const std::string& candidate, const TrainOptions& options) {
 constexpr double share_of_use = 0.5;       // that its records make of the others', measured
 constexpr double most_times = 100;         // that a record counts by itself
 constexpr std::size_t others_least = 100;  // to tell that it is unlike them
+constexpr double most_p = 0.05;            // by chance; 40 records cannot say less than .005
 
 // Beside many records of other rooms few of the use's are hardly learnt from: where a test tells
 // these runs apart, its records count more often. Otherwise each record counts once.
@@ -132,13 +133,13 @@ std::vector<double> weights_of(const Dataset& data, const Split& split, Inputs i
   if (!reference.known()) return {};
   const DomainShift shift = reference.judge(preprocessing.alignment, part_of(data, few),
                                             take_rows(preprocessing.views, few));
-  if (!shift.found()) return {};
+  if (shift.p > most_p || shift.differences.empty()) return {};
   std::vector<double> weights(data.sources.size(), 1);
   for (const std::size_t run : options.validate_on) weights[run] = times;
   if (!options.fit.quiet)
     std::fprintf(stderr,
                  "the runs that stand for the use are unlike the others (domain shift %.1f): each "
-                 "of their records counts %.1f times; --weight says otherwise\n",
+                 "of their records counts %.1f times; --set weights= says otherwise\n",
                  shift.distance, times);
   return weights;
 }
@@ -245,7 +246,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
 Split split_of(const Dataset& data, const TrainOptions& options) {
   const Inputs inputs = inputs_of(options.inputs);
   if (!options.augment.empty() && inputs == Inputs::spd)
-    throw Error(ExitCode::usage, "--augment: its kinds are of the radar, --inputs spd has none");
+    throw Error(ExitCode::usage, "augment: its kinds are of the radar, --inputs spd has none");
   // Others do not take what the antennas say.
   const bool one_antenna = options.model != "auto" && !looks_at_body(options.model, options);
   SplitOptions how = options.split;

@@ -75,16 +75,12 @@ inline const char* calibration_of(const TrainedModel& model) {
 
 SeenRecords seen_records(const Dataset& data, const Split& split);
 
-enum class Existing : bool { keep, replace };
-
-// Throws Error(disk) if no file can be made there, and Error(usage) if there is one that is no
-// model, or is not to be replaced: to be asked before a long training.
-void check_can_save(const std::string& path, Existing existing);
-// Writes a new file beside and renames it: an interrupted save leaves the old one. Throws
-// Error(disk), and Error(failed) if there is one that is not to be replaced: then the new one is
-// kept as PATH.part.
-void save_model(const TrainedModel& model, const std::string& path,
-                Existing existing = Existing::replace);
+// Throws Error(disk) if no file can be made there, and Error(usage) if there is one: to be asked
+// before a long training.
+void check_can_save(const std::string& path);
+// Writes PATH.part and renames it. Throws Error(disk), and Error(failed) if there is a file of this
+// name: it stays, and so does PATH.part.
+void save_model(const TrainedModel& model, const std::string& path);
 // Throws Error(failed) that names file, object, what is wrong and what would be right: not there,
 // not a model, damaged, written by another version, or of parts that do not fit together.
 TrainedModel load_model(const std::string& path);

@@ -37,6 +37,17 @@ void for_each_key(MethodConfig& c, Visit&& visit) {
         "least standard deviation of an input, as a share of the median one");
   visit("threshold_from", c.threshold_from, 0.05, 0.95, "least threshold of the mask");
   visit("threshold_to", c.threshold_to, 0.05, 0.95, "greatest threshold of the mask");
+  visit("many_records", c.many_records, 100, 1'000'000'000,
+        "records from which on the networks are wide and learn in larger steps");
+  visit("units", c.units, 1, 65'536, "of each of the two hidden layers of place and shape");
+  visit("units_of_many", c.units_of_many, 1, 65'536, "the same with many records");
+  visit("place_networks", c.place_networks, 1, 64, "whose mean is the place");
+  visit("shape_networks", c.shape_networks, 1, 64, "whose mean is the shape; of many records 1");
+  visit("depth_weight", c.depth_weight, 1e-6, 1e6, "of the depth's error, that of the side is 1");
+  visit("component_bodies", c.component_bodies, 10, 1'000'000,
+        "records that the components of masks and depths are made of");
+  visit("turned_records", c.turned_records, 100, 1'000'000'000,
+        "records from which on half of the bodies are not turned");
 }
 
 }  // namespace

@@ -40,6 +40,16 @@ struct MethodConfig {
       0.05;                      // of the median input's: what hardly varies is no reason to go far
   double threshold_from = 0.25;  // of the mask: the best on held-out records is kept. With an
   double threshold_to = 0.6;     // uncertain place a wider mask than that of 1/2 overlaps best
+  // The networks, each with two hidden layers.
+  std::int64_t many_records = 10'000;    // from here on: wider layers, fewer and larger steps
+  std::int64_t units = 48;               // of a hidden layer, which do best with few records,
+  std::int64_t units_of_many = 96;       // and with many
+  std::int64_t place_networks = 3;       // whose mean places better than one
+  std::int64_t shape_networks = 2;       // of many records one is as good
+  double depth_weight = 0.1;             // against the side: the depth is nearly the range, and a
+                                         // network that cares for both learns less of the side
+  std::int64_t component_bodies = 3000;  // more hardly turn the components
+  std::int64_t turned_records = 40'000;  // from here on half of them stay: turning approximates
 };
 
 // As keys of settings, with unit, meaning and range.

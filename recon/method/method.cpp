@@ -4,16 +4,21 @@
 //
 //   H = [H_spd, H_radar] = F(I)      I = F^-1(H), a network
 //
-// We take F^-1 apart into what geometry says and what has to be learnt, with numbers of our own:
+// We take F^-1 apart into what geometry says and what has to be learnt, with numbers of our own.
+// The detector counts N_i photons in the bin at range r_i, of which B_i are always there; the radar
+// measures the power p(R) at range R. The body stands x to the right of the detector and z before
+// it, at ranges r from the detector and R from the radar, which stands b to the left.
 //
-//   (1) n_i = N_i - B_i - median      counts above what is always there
+//   (1) n_i = N_i - B_i - median      counts above what is always there; p likewise
 //   (2) r = sum n_i r_i / sum n_i     range of the body, over |r_i - r| < body_m
 //   (3) h(d) = n(r + d) / sum n       histogram about it; any laser power, any exposure
 //   (4) g(d) = p(r + d) / sum p       profile about it; any gain of the radar
-//   (5) R^2 = r^2 + b^2 + 2 b x,      the radar, b to the left of the detector, sees the body
-//       R - r = b x / r + O(b^2)      farther by this: the shift tells left from right
-//   (6) c(s) = <h * psf, g(. + s)> / (|h * psf| |g|)     its estimator, over shifts s
-//   (7) u = argmax sum (A - d) Re(c_d e^-i pi d u)       direction that A antennas see (Bartlett)
+//   (5) R^2 = r^2 + b^2 + 2 b x,      the radar sees the body farther than the detector does
+//       R - r = b x / r + O(b^2)      by this: the shift tells left from right
+//   (6) c(s) = <h * psf, g(. + s)> / (|h * psf| |g|)     its estimator, over shifts s; psf: the
+//                                     radar's response to a point
+//   (7) u = argmax sum (A - d) Re(c_d e^-i pi d u)       direction that A antennas see (Bartlett),
+//                                     from their spatial correlation c_d at d half wavelengths
 //   (8) x, z - r = place network      (c, h, g, antennas, r)
 //   (9) mask, depth = mean + amounts x components        in a frame that moves with the body
 //  (10) map = z + depth / mask where mask > threshold, else the background
@@ -38,7 +43,8 @@ ConstValues values(std::span<const float> v) { return {v.data(), std::ssize(v)};
 
 // (2) `counts`: above the background, of bins from scene.spd_ranges(); `all`: with it. Metres; 0 if
 // fewer counts than `significance` standard deviations of all of them show a body.
-float range_of(std::span<const float> counts, std::span<const float> all, const Alignment& scene) {
+float detected_range_m(std::span<const float> counts, std::span<const float> all,
+                       const Alignment& scene) {
   const MethodConfig& config = scene.config();
   const auto [first_m, step_m] = scene.spd_ranges();
   const auto bins = static_cast<double>(counts.size());
@@ -94,8 +100,8 @@ void align(std::span<const float> observation, const Alignment& scene, std::span
   const AlignmentColumns at = scene.columns(view);
   values(view) = 0;
   std::vector<float> counts, power;
-  scene.subtract_background(observation, counts, power);                            // (1)
-  const float range_m = range_of(counts, observation.first(counts.size()), scene);  // (2)
+  scene.subtract_background(observation, counts, power);                                    // (1)
+  const float range_m = detected_range_m(counts, observation.first(counts.size()), scene);  // (2)
   if (range_m == 0) return;
   histogram_about(range_m, counts, scene, at.histogram);      // (3)
   scene.profile_about(double{range_m}, power, at.profile);    // (4)

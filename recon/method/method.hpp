@@ -8,7 +8,8 @@
 //   Shapes s = shape(b.views, model);         // [m x cells]   their masks and depths
 //   draw(p, s, model, b.rows, maps);          // [n x pixels]  metres, before the background
 //
-// The sixth, what is known of its error, is predict_by() in estimator/predict.cpp.
+// The sixth, trust, says how far off each map may be, and whether its record is like the training:
+// UncertaintyModel::trust() in trust/uncertainty.hpp, which serves every kind of model.
 // A record is a row throughout. The networks are learnt elsewhere (models/factorised.hpp).
 #pragma once
 #include <span>

@@ -14,17 +14,6 @@
 namespace echofuse::recon {
 namespace {
 
-// Hidden units that do best with few training records, and with many.
-constexpr std::size_t many_records = 10'000, few_units = 48, many_units = 96;
-// From so many on it shows that turning a body is an approximation.
-constexpr std::size_t more_than_turned = 40'000;
-// The depth is nearly known from the range: a network that cares for both learns less of the side.
-const std::vector<float> position_weights = {1, 0.1f};
-constexpr std::size_t position_networks = 3;
-// From many records one network learns the shapes as well as two.
-constexpr std::size_t shape_networks(std::size_t records) { return records < many_records ? 2 : 1; }
-// For the components of the bodies; more records hardly turn them.
-constexpr std::size_t most_bodies = 3000;
 constexpr std::size_t cut_at_once = 4096;  // records, which bounds the memory
 
 float intersection_over_union(std::span<const float> map, std::span<const float> truth,
@@ -42,12 +31,16 @@ std::array<float, 2> position_target(const Place& place, float range_m) {
   return {place.tangent * range_m, place.depth_m - range_m};
 }
 
+bool is_many(std::size_t records, const MethodConfig& config) {
+  return records >= static_cast<std::size_t>(config.many_records);
+}
+
 // Many records need fewer passes over them, in larger steps, and hold the weights back themselves.
-void adapt_to(std::size_t records, Training& training) {
-  const bool many = records >= many_records;
-  training.hidden.assign(2, many ? many_units : few_units);
+void adapt_to(std::size_t records, const MethodConfig& config, Training& training) {
+  const bool many = is_many(records, config);
+  training.hidden.assign(2, static_cast<std::size_t>(many ? config.units_of_many : config.units));
   if (!many) return;
-  const double times = static_cast<double>(records) / static_cast<double>(many_records);
+  const double times = static_cast<double>(records) / static_cast<double>(config.many_records);
   const double epochs = static_cast<double>(training.epochs) / std::pow(times, 0.25);
   training.epochs = static_cast<std::size_t>(std::max(1L, std::lround(epochs)));
   training.batch *= 4;
@@ -97,8 +90,8 @@ TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
     for (std::size_t i = 0; i < s->views.rows; ++i) standardise(s->views.row(i), model_);
   TurnedBodies turned(*train.alignment, train.inputs, *train.radar, *train.array, seen.rows,
                       seen.places);
-  if (seen.rows.size() >= more_than_turned) turned.turn_share(0.5);
-  TrainingLog log = fit_position(seen, turned, judged, options);
+  if (seen.rows.size() >= static_cast<std::size_t>(config.turned_records)) turned.turn_share(0.5);
+  TrainingLog log = fit_position(seen, turned, judged, options, config);
   fit_components(seen, train, options);
   if (model_.has_shapes)
     log.interrupted |= fit_shape(seen, train, turned, judged, validation, options);
@@ -143,15 +136,17 @@ Matrix Factorised::position_targets(const Bodies& seen) const {
 }
 
 TrainingLog Factorised::fit_position(const Bodies& train, const TurnedBodies& turned,
-                                     const Bodies& validation, const FitOptions& options) {
+                                     const Bodies& validation, const FitOptions& options,
+                                     const MethodConfig& config) {
   const Matrix wanted = position_targets(train), judged = position_targets(validation);
   const Rows rows = all_rows(train.rows.size()), judged_rows = all_rows(validation.rows.size());
   Training training = training_of(options);
-  adapt_to(rows.size(), training);
-  training.weights = position_weights;
+  adapt_to(rows.size(), config, training);
+  training.weights = {1, static_cast<float>(config.depth_weight)};
   training.redraw = turning_places(turned);
   return model_.place.fit({train.views, wanted, rows}, {validation.views, judged, judged_rows},
-                          Spread::each, training, position_networks, "position");
+                          Spread::each, training, static_cast<std::size_t>(config.place_networks),
+                          "position");
 }
 
 void Factorised::fit_components(const Bodies& train, const Samples& samples,
@@ -159,7 +154,8 @@ void Factorised::fit_components(const Bodies& train, const Samples& samples,
   model_.frame =
       BodyFrame(samples.maps, model_.background, train.rows, train.places, samples.scene->grid);
   const std::size_t basis = model_.has_shapes ? options.basis.value() : 0;
-  const std::size_t count = std::min(train.rows.size(), most_bodies);
+  const std::size_t count = std::min(
+      train.rows.size(), static_cast<std::size_t>(samples.alignment->config().component_bodies));
   Rows some;
   for (std::size_t i = 0; i < count; ++i) some.push_back(i * train.rows.size() / count);
   Shapes bodies = cut(train, samples, some);
@@ -174,12 +170,14 @@ bool Factorised::fit_shape(const Bodies& train, const Samples& train_samples,
   const Matrix wanted = amounts(train, train_samples);
   const Matrix judged = amounts(validation, validation_samples);
   const Rows rows = all_rows(train.rows.size()), judged_rows = all_rows(validation.rows.size());
+  const MethodConfig& config = train_samples.alignment->config();
   Training training = training_of(options);
-  adapt_to(rows.size(), training);
+  adapt_to(rows.size(), config, training);
   training.redraw = turning_shapes(turned);
+  const std::int64_t networks = is_many(rows.size(), config) ? 1 : config.shape_networks;
   return model_.shape
       .fit({train.views, wanted, rows}, {validation.views, judged, judged_rows}, Spread::common,
-           training, shape_networks(rows.size()), "shape")
+           training, static_cast<std::size_t>(networks), "shape")
       .interrupted;
 }
 

@@ -52,7 +52,8 @@ class Factorised final : public Model {
   Redraw turning_shapes(const TurnedBodies& turned) const;
   Matrix position_targets(const Bodies& bodies) const;
   TrainingLog fit_position(const Bodies& train, const TurnedBodies& turned,
-                           const Bodies& validation, const FitOptions& options);
+                           const Bodies& validation, const FitOptions& options,
+                           const MethodConfig& config);
   void fit_components(const Bodies& train, const Samples& samples, const FitOptions& options);
   bool fit_shape(const Bodies& train, const Samples& train_samples, const TurnedBodies& turned,
                  const Bodies& validation, const Samples& validation_samples,

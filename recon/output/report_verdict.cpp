@@ -202,8 +202,7 @@ std::vector<Problem> problems_of(const Report& report) {
 std::vector<std::string> remarks_of(const Evaluation& e) {
   std::vector<std::string> out;
   if (e.domain_shift.tested() && !e.domain_shift.found()) out.push_back(e.domain_shift.text());
-  for (const std::string& text : {e.antennas, e.speckle})
-    if (!text.empty()) out.push_back(text);
+  if (!e.antennas.empty()) out.push_back(e.antennas);
   return out;
 }
 

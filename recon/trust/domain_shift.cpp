@@ -10,221 +10,143 @@
 #include "drivers/core/random.hpp"
 #include "recon/files/text.hpp"
 #include "recon/numbers/statistics.hpp"
-#include "recon/trust/predictors.hpp"
 
 namespace echofuse::recon {
 namespace {
 
-// Of fewer training records their spread is not known well enough: 50 would cry wolf.
-constexpr std::size_t least_seen = 100, most_records = 2000;
-constexpr int resamples = 300;
-constexpr std::uint64_t resample_stream = 0x646f6d61;  // "doma"
-constexpr double shrinkage = 0.1;    // of the correlations: there may be few records
-constexpr double clearly = 4;        // standard errors
-constexpr double least_share = 0.1;  // of a record's usual deviation: less is no matter
+using Eigen::ArrayXd, Eigen::MatrixXd, Eigen::VectorXd, Eigen::Index;
+
+constexpr std::size_t most_known = 4000;
+constexpr std::size_t block = 10;  // records
+constexpr int permutations = 1000;
+constexpr std::uint64_t permutation_stream = 0x646f6d61;  // "doma"
+constexpr double shrinkage = 0.1;  // of the correlations: there may be few blocks
+constexpr double clearly = 4;      // standard errors
+// Of a record's usual deviation, and of its square: less is no matter.
+constexpr double least_mean = 0.1, least_square = 0.3;
+constexpr double most_square = 16;  // one stray record is no other world
 constexpr double usual = 0.95;
 
-enum class Kind : std::uint8_t { ratio, length, number };
-struct Observable {
-  const char* name;
-  Kind kind;     // ratio: the observable is a logarithm
-  double floor;  // of its deviation: what is constant in a training may vary so much
-};
-constexpr Observable of_spd[] = {{"histogram spread", Kind::ratio, 0.02},
-                                 {"histogram skewness", Kind::number, 0.05},
-                                 {"background share of the clicks", Kind::number, 0.01},
-                                 {"range", Kind::length, 0.01}};
-constexpr Observable of_radar[] = {{"radar profile width", Kind::ratio, 0.02},
-                                   {"radar skewness", Kind::number, 0.05},
-                                   {"radar peak over noise", Kind::ratio, 0.02},
-                                   {"radar power before the body", Kind::number, 0.01}};
-constexpr Observable of_both[] = {{"radar centroid", Kind::length, 0.005}};
-
-std::vector<Observable> observables(Inputs inputs) {
-  std::vector<Observable> out;
-  const auto add = [&](const auto& some) {
-    for (const Observable& o : some) out.push_back(o);
-  };
-  if (inputs != Inputs::radar) add(of_spd);
-  if (inputs != Inputs::spd) add(of_radar);
-  if (both_sensors(inputs)) add(of_both);
-  return out;
-}
-
-struct Moments {
-  double centre, deviation, skewness;  // in points
-};
-
-Moments moments_of(const std::vector<double>& weights) {
-  double sum = 1e-12, first = 0;
-  for (std::size_t i = 0; i < weights.size(); ++i)
-    sum += weights[i], first += weights[i] * static_cast<double>(i);
-  const double centre = first / sum;
-  double second = 0, third = 0;
-  for (std::size_t i = 0; i < weights.size(); ++i) {
-    const double off = static_cast<double>(i) - centre;
-    second += weights[i] * off * off, third += weights[i] * off * off * off;
-  }
-  const double deviation = std::sqrt(second / sum + 1e-6);
-  return {centre, deviation, third / sum / std::pow(deviation, 3)};
-}
-
-void observe_spd(std::span<const float> histogram, std::span<const float> counts, double range_m,
-                 std::vector<float>& out) {
-  std::vector<double> clicks(histogram.begin(), histogram.end());
-  for (double& v : clicks) v = std::max(v, 0.);
-  const Moments m = moments_of(clicks);
-  std::vector<float> sorted(counts.begin(), counts.end());
-  const double level = double{quantile(sorted, 0.5)};
-  const double all = std::accumulate(counts.begin(), counts.end(), 0.0);
-  for (const double v : {std::log(m.deviation), m.skewness,
-                         level * static_cast<double>(counts.size()) / std::max(all, 1.), range_m})
-    out.push_back(static_cast<float>(v));
-}
-
-// `body`: the profile about the body, or all of it.
-void observe_radar(std::span<const float> body, std::span<const float> power,
-                   std::vector<float>& out) {
-  std::vector<double> squares(body.begin(), body.end());
-  for (double& v : squares) v *= v;  // noise and side lobes hardly pull
-  const Moments m = moments_of(squares);
-  const auto peak =
-      static_cast<std::size_t>(std::max_element(power.begin(), power.end()) - power.begin());
-  double before = 0, all = 1e-12;
-  for (std::size_t i = 0; i < power.size(); ++i) {
-    const double v = std::max(double{power[i]}, 0.);
-    all += v, before += 2 * i < peak ? v : 0;
-  }
-  for (const double v : {std::log(m.deviation), m.skewness,
-                         std::log(double{peak_to_noise(power)} + 1), before / all})
-    out.push_back(static_cast<float>(v));
-}
-
-// Of each row that shows a body.
-Matrix observables_of(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
-                      const Rows& rows, Inputs inputs) {
-  Matrix out(0, observables(inputs).size());
-  for (const std::size_t row : rows) {
-    std::span<const float> features;
-    std::vector<float> one;
-    if (inputs != Inputs::radar) {
-      features = aligned.row(row);
-      if (features.empty() || !shows_body(features)) continue;
-      observe_spd(alignment.columns(features).histogram, data.spd.row(row), double{features.back()},
-                  one);
+// Numbers as deviations from the training's means, and the squares of these: [m x 2 numbers]. What
+// is not known is taken as the mean.
+class Standard {
+ public:
+  Standard(const Matrix& known, const std::vector<RecordNumber>& kinds) {
+    for (std::size_t c = 0; c < kinds.size(); ++c) {
+      double n = 0, sum = 0, squares = 0;
+      for (std::size_t i = 0; i < known.rows; ++i) {
+        const auto v = double{known.row(i)[c]};
+        if (!std::isnan(v)) ++n, sum += v, squares += v * v;
+      }
+      share_.push_back(n / static_cast<double>(known.rows));
+      centre_.push_back(n > 0 ? sum / n : 0);
+      const double variance = n > 0 ? squares / n - centre_.back() * centre_.back() : 0;
+      deviation_.push_back(std::max(std::sqrt(std::max(variance, 0.)), kinds[c].floor));
     }
-    if (inputs != Inputs::spd)
-      observe_radar(features.empty() ? data.radar.row(row) : alignment.columns(features).profile,
-                    data.radar.row(row), one);
-    if (both_sensors(inputs)) one.push_back(static_cast<float>(alignment.displacement_m(features)));
-    out.add_row(one);
   }
-  return out;
-}
-
-// Means of the standardised observables and of their squares, of any rows.
-struct Standard {
-  std::vector<double> centre, deviation;
-
-  Standard(const Matrix& seen, const std::vector<Observable>& kinds) {
-    const ColumnStatistics columns = column_statistics(seen, all_rows(seen.rows));
-    centre = columns.mean;
-    for (std::size_t c = 0; c < kinds.size(); ++c)
-      deviation.push_back(std::max(std::sqrt(columns.variance[c]), kinds[c].floor));
-  }
-  // A square beyond four deviations counts as four: one stray record is no other world.
-  Matrix operator()(const Matrix& seen) const {
-    Matrix out(seen.rows, 2 * seen.cols);
-    for (std::size_t i = 0; i < seen.rows; ++i)
-      for (std::size_t c = 0; c < seen.cols; ++c) {
-        const double v = (double{seen.row(i)[c]} - centre[c]) / deviation[c];
-        out.row(i)[c] = static_cast<float>(v);
-        out.row(i)[seen.cols + c] = static_cast<float>(std::min(v * v, 16.));
+  bool known(std::size_t c) const { return share_[c] > 0.5; }
+  double deviation(std::size_t c) const { return deviation_[c]; }
+  MatrixXd operator()(const Matrix& numbers) const {
+    const auto n = Index(centre_.size());
+    MatrixXd out = MatrixXd::Zero(Index(numbers.rows), 2 * n);
+    for (std::size_t i = 0; i < numbers.rows; ++i)
+      for (std::size_t c = 0; c < centre_.size(); ++c) {
+        const double v = (double{numbers.row(i)[c]} - centre_[c]) / deviation_[c];
+        if (std::isnan(v) || !known(c)) continue;
+        out(Index(i), Index(c)) = v;
+        out(Index(i), n + Index(c)) = std::min(v * v, most_square);
       }
     return out;
   }
-};
-
-// Both parts of the test, of a difference of means.
-struct Statistic {
-  double squares, greatest;
-};
-
-class Test {
- public:
-  Test(const Matrix& table, std::size_t run)
-      : columns_(table.cols),
-        least_error_(
-            0.7 * std::sqrt(1. / static_cast<double>(run) + 1. / static_cast<double>(table.rows))) {
-    Rng rng = make_rng(run, resample_stream);
-    const ResampledMeans means(table);
-    for (int i = 0; i < resamples; ++i) {
-      const auto a = means.draw(run, rng), b = means.draw(table.rows, rng);
-      for (std::size_t c = 0; c < columns_; ++c) chance_.push_back(a[c] - b[c]);
-    }
-    learn_covariance();
-    for (int i = 0; i < resamples; ++i) {
-      const Statistic s = of(std::span(chance_).subspan(static_cast<std::size_t>(i) * columns_));
-      squares_.push_back(s.squares), greatest_.push_back(s.greatest);
-    }
-  }
-  Statistic of(std::span<const double> difference) const {
-    Statistic out{0, 0};
-    std::vector<double> scaled(columns_);
-    for (std::size_t c = 0; c < columns_; ++c) {
-      scaled[c] = difference[c] / error_[c];
-      out.greatest = std::max(out.greatest, std::abs(scaled[c]));
-    }
-    const Eigen::Map<const Eigen::VectorXd> v(scaled.data(), Eigen::Index(columns_));
-    out.squares = v.dot(covariance_.solve(v));
-    return out;
-  }
-  double error(std::size_t column) const { return error_[column]; }
-  // As a share of what `usual` of all runs of the training's kind stay below.
-  double distance(const Statistic& s) const {
-    return std::max(std::sqrt(s.squares / limit(squares_)), s.greatest / limit(greatest_));
-  }
-  // Of the greater one of two: twice the lesser chance. T^2 as a scaled chi^2 with the mean and the
-  // variance of the resampled ones (Wilson and Hilferty, PNAS 17, 684, 1931), single differences as
-  // normal ones.
-  double p(const Statistic& s) const {
-    const double mean = mean_of(squares_), variance = std::pow(standard_deviation(squares_), 2);
-    const double freedom = 2 * mean * mean / variance, v = 2 / (9 * freedom);
-    const double z = (std::cbrt(s.squares / mean) - 1 + v) / std::sqrt(v);
-    const double single = static_cast<double>(columns_) * std::erfc(s.greatest / std::sqrt(2.));
-    return std::min(1., 2 * std::min(0.5 * std::erfc(z / std::sqrt(2.)), single));
-  }
 
  private:
-  static double limit(std::vector<double> values) {
-    std::sort(values.begin(), values.end());
-    return values[static_cast<std::size_t>(usual * static_cast<double>(values.size()))];
-  }
-  void learn_covariance() {
-    error_.assign(columns_, 0);
-    for (std::size_t i = 0; i < chance_.size(); ++i)
-      error_[i % columns_] += chance_[i] * chance_[i] / resamples;
-    for (double& e : error_) e = std::max(std::sqrt(e), least_error_);
-    const auto size = Eigen::Index(columns_);
-    Eigen::MatrixXd of_chance(size, resamples);
-    for (std::size_t i = 0; i < chance_.size(); ++i)
-      of_chance(Eigen::Index(i % columns_), Eigen::Index(i / columns_)) =
-          chance_[i] / error_[i % columns_];
-    Eigen::MatrixXd all = (1 - shrinkage) / resamples * (of_chance * of_chance.transpose());
-    all.diagonal().setOnes();
-    covariance_.compute(all);
-  }
-  std::size_t columns_;
-  double least_error_;          // of what hardly varies in the training
-  std::vector<double> chance_;  // differences of means, one resample after the other
-  std::vector<double> error_, squares_, greatest_;
-  Eigen::LDLT<Eigen::MatrixXd> covariance_;
+  std::vector<double> share_, centre_, deviation_;
 };
 
-std::string describe(const Observable& o, double difference) {
-  if (o.kind == Kind::ratio) return formatted("%s %.2f times", o.name, std::exp(difference));
-  if (o.kind == Kind::length) return formatted("%s %+.1f cm", o.name, 100 * difference);
-  return formatted("%s %+.2f", o.name, difference);
+// Means of ten rows each; what is left over at the end belongs to no block.
+MatrixXd block_means(const MatrixXd& rows) {
+  const auto size = Index(block), blocks = rows.rows() / size;
+  MatrixXd out(blocks, rows.cols());
+  for (Index b = 0; b < blocks; ++b) out.row(b) = rows.middleRows(b * size, size).colwise().mean();
+  return out;
+}
+
+// Differences of the means of `count` blocks and of the others, drawn at random: a row each.
+MatrixXd permuted(const MatrixXd& blocks, Index count) {
+  const VectorXd all = blocks.colwise().sum();
+  const auto others = static_cast<double>(blocks.rows() - count);
+  Rng rng = make_rng(static_cast<std::uint64_t>(blocks.rows()), permutation_stream);
+  std::vector<Index> order(static_cast<std::size_t>(blocks.rows()));
+  std::iota(order.begin(), order.end(), 0);
+  MatrixXd out(permutations, blocks.cols());
+  for (Index k = 0; k < permutations; ++k) {
+    VectorXd some = VectorXd::Zero(blocks.cols());
+    for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
+      std::uniform_int_distribution<std::size_t> from(i, order.size() - 1);
+      std::swap(order[i], order[from(rng)]);
+      some += blocks.row(order[i]).transpose();
+    }
+    out.row(k) = some / static_cast<double>(count) - (all - some) / others;
+  }
+  return out;
+}
+
+struct Tested {
+  double distance, p;
+};
+
+// Of a difference of means, by what permutations make of it.
+Tested test(const VectorXd& difference, const MatrixXd& chance, double least_error) {
+  const Index half = chance.rows() / 2;
+  const MatrixXd fit = chance.topRows(half), null = chance.bottomRows(half);
+  const ArrayXd error = (fit.array().square().colwise().mean().sqrt()).max(least_error);
+  const MatrixXd scaled = fit.array().rowwise() / error.transpose();
+  MatrixXd covariance = (1 - shrinkage) / static_cast<double>(half) * (scaled.transpose() * scaled);
+  covariance.diagonal().setOnes();
+  const Eigen::LDLT<MatrixXd> solver(covariance);
+  const auto squares = [&](const VectorXd& v) {
+    const VectorXd s = (v.array() / error).matrix();
+    return s.dot(solver.solve(s));
+  };
+  std::vector<double> by_chance;
+  for (Index k = 0; k < half; ++k) by_chance.push_back(squares(null.row(k)));
+  const double found = squares(difference);
+  // A scaled chi^2 with the mean and variance of these (Wilson and Hilferty, PNAS 17, 684, 1931).
+  const double mean = mean_of(by_chance), variance = std::pow(standard_deviation(by_chance), 2);
+  const double freedom = 2 * mean * mean / variance, v = 2 / (9 * freedom);
+  const double z = (std::cbrt(found / mean) - 1 + v) / std::sqrt(v);
+  std::sort(by_chance.begin(), by_chance.end());
+  const double limit =
+      by_chance[static_cast<std::size_t>(usual * static_cast<double>(by_chance.size()))];
+  return {std::sqrt(found / limit), 0.5 * std::erfc(z / std::sqrt(2.))};
+}
+
+// Of the difference of two means, from the scatter of the blocks about each.
+ArrayXd standard_errors(const MatrixXd& a, const MatrixXd& b, double least_error) {
+  const auto about_mean = [](const MatrixXd& m) -> ArrayXd {
+    return (m.rowwise() - m.colwise().mean()).array().square().colwise().sum().transpose();
+  };
+  const auto n = static_cast<double>(a.rows()), m = static_cast<double>(b.rows());
+  return ((about_mean(a) + about_mean(b)) / std::max(n + m - 2, 1.) * (1 / n + 1 / m))
+      .sqrt()
+      .max(least_error);
+}
+
+std::string describe(const RecordNumber& number, double difference, double error) {
+  if (number.kind == RecordNumber::Kind::ratio)
+    return formatted("%s %.2f +- %.2f times", number.name, std::exp(difference),
+                     error * std::exp(difference));
+  if (number.kind == RecordNumber::Kind::length)
+    return formatted("%s %+.1f +- %.1f cm", number.name, 100 * difference, 100 * error);
+  return formatted("%s %+.2f +- %.2f", number.name, difference, error);
+}
+
+std::string range_advice(double difference_m, double error_m) {
+  return formatted(
+      "the radar's ranges look %.1f +- %.1f cm too %s, or people stand further %s, or reflect "
+      "otherwise; if it is the radar: --range-offset %.3f, and calibrate",
+      100 * std::abs(difference_m), 100 * error_m, difference_m > 0 ? "long" : "short",
+      difference_m > 0 ? "right" : "left", difference_m);
 }
 
 }  // namespace
@@ -236,50 +158,77 @@ std::string DomainShift::text() const {
   if (!found()) return "this run is like the training: " + number;
   std::string all;
   for (const Difference& d : differences) all += (all.empty() ? ": " : ", ") + d.text;
-  return "this run is unlike the training: " + number + all;
+  return "this run is unlike the training: " + number + all + (advice.empty() ? "" : "; " + advice);
 }
 
 DomainReference::DomainReference(const Alignment& alignment, const Dataset& data,
-                                 const Matrix& aligned, const Rows& rows, Inputs inputs)
+                                 const Matrix& views, const Rows& rows, Inputs inputs)
     : inputs_(without_antennas(inputs)) {
   const Rows first(rows.begin(),
-                   rows.begin() + static_cast<std::ptrdiff_t>(std::min(most_records, rows.size())));
-  seen_ = observables_of(alignment, data, aligned, first, inputs_);
-  if (seen_.rows < least_seen) seen_ = {};
+                   rows.begin() + static_cast<std::ptrdiff_t>(std::min(most_known, rows.size())));
+  numbers_ = record_numbers_of(alignment, data, views, first, inputs_);
+  if (numbers_.rows < least_known) numbers_ = {};
 }
 
 DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& data,
-                                   const Matrix& aligned) const {
+                                   const Matrix& views) const {
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row)
     if (data.fault_of(row, inputs_).empty()) rows.push_back(row);
-  const Matrix found = observables_of(alignment, data, aligned, rows, inputs_);
+  const Matrix found = record_numbers_of(alignment, data, views, rows, inputs_);
   if (found.rows < least_records || !known()) return {};
-  const auto kinds = observables(inputs_);
-  const Standard standard(seen_, kinds);
-  const Matrix table = standard(seen_), run = standard(found);
-  const Test test(table, found.rows);
-  const auto before = column_means(table, all_rows(table.rows)),
-             now = column_means(run, all_rows(run.rows));
-  std::vector<double> difference(now.size());
-  for (std::size_t c = 0; c < now.size(); ++c) difference[c] = now[c] - before[c];
-  const Statistic s = test.of(difference);
-  DomainShift out{found.rows, test.distance(s), test.p(s), {}};
-  for (std::size_t c = 0; c < kinds.size(); ++c) {
-    const double clear = std::abs(difference[c]) / test.error(c);
-    if (clear > clearly && std::abs(difference[c]) > least_share)
-      out.differences.push_back({describe(kinds[c], difference[c] * standard.deviation[c]), clear});
+  const auto kinds = record_numbers(inputs_);
+  const Standard standard(numbers_, kinds), own(found, kinds);
+  MatrixXd before = block_means(standard(numbers_)), now = block_means(standard(found));
+  const auto numbers = Index(kinds.size());
+  DomainShift out{found.rows, 0, 1, {}, {}};
+  for (Index c = 0; c < numbers; ++c) {
+    const auto k = static_cast<std::size_t>(c);
+    if (!standard.known(k) || own.known(k)) continue;
+    // What this run does not say is not compared; that it has one carrier only is a difference.
+    before.col(c).setZero(), before.col(numbers + c).setZero();
+    now.col(c).setZero(), now.col(numbers + c).setZero();
+    if (kinds[k].name == power_variation_numbers[1].name)
+      out.differences.push_back({"one carrier of the radar, several in training", INFINITY});
+  }
+  const double least_error = 0.7 * std::sqrt(1. / static_cast<double>(found.rows) +
+                                             1. / static_cast<double>(numbers_.rows));
+  const VectorXd difference = now.colwise().mean() - before.colwise().mean();
+  MatrixXd both(before.rows() + now.rows(), before.cols());
+  both << before, now;
+  const Tested t = test(difference, permuted(both, now.rows()), least_error);
+  out.distance = t.distance, out.p = out.differences.empty() ? t.p : 0;
+  const ArrayXd error = standard_errors(before, now, least_error);
+  for (Index c = 0; c < numbers; ++c) {
+    const RecordNumber& number = kinds[static_cast<std::size_t>(c)];
+    const double unit = standard.deviation(static_cast<std::size_t>(c));
+    const double clear = std::abs(difference[c]) / error[c];
+    const double squares = std::abs(difference[numbers + c]) / error[numbers + c];
+    if (clear > clearly && std::abs(difference[c]) > least_mean) {
+      out.differences.push_back({describe(number, difference[c] * unit, error[c] * unit), clear});
+      if (number.radar_range && alignment.array_features() == 0)
+        out.advice = range_advice(difference[c] * unit, error[c] * unit);
+    } else if (squares > clearly && std::abs(difference[numbers + c]) > least_square) {
+      out.differences.push_back(
+          {formatted("%s scatters %s", number.name, difference[numbers + c] > 0 ? "more" : "less"),
+           squares});
+    }
   }
   std::sort(out.differences.begin(), out.differences.end(),
-            [](const auto& a, const auto& b) { return a.deviations > b.deviations; });
+            [](const auto& a, const auto& b) { return a.standard_errors > b.standard_errors; });
   return out;
 }
 
 void DomainReference::archive(Archive archive, Inputs inputs) {
   inputs_ = without_antennas(inputs);
-  archive.table("observables", seen_, Archive::any, observables(inputs_).size());
-  archive.require(seen_.rows >= least_seen && seen_.rows <= most_records, "observables",
-                  "expected 100 to 2000 records");
+  constexpr float not_known = -1e9f;
+  Matrix table = numbers_;
+  for (float& v : table.values) v = std::isnan(v) ? not_known : v;
+  archive.table("numbers", table, Archive::any, record_numbers(inputs_).size());
+  for (float& v : table.values) v = v == not_known ? NAN : v;
+  numbers_ = std::move(table);
+  archive.require(numbers_.rows >= least_known && numbers_.rows <= most_known, "numbers",
+                  "expected 50 to 4000 records");
 }
 
 }  // namespace echofuse::recon

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
 // Whether a run as a whole is unlike the training, where no single record need be: people, clothes
-// or sensors differ. Each record says some numbers that depend on no gain (observables); the means
-// of a run, and of the squares, are held against those of training records. The test is Hotelling's
-// two-sample T^2 (Ann. Math. Stat. 2, 360, 1931) with the training's covariance, next to the
-// greatest single difference; how large either may be by chance is found by resampling the training
-// records in circular blocks (Politis and Romano 1992), as a pose may be held for some records.
+// or sensors differ. The means of the records' numbers (record_numbers.hpp), and of their squares,
+// are held against those of training records by a permutation test of Hotelling's two-sample T^2
+// (Ann. Math. Stat. 2, 360, 1931; Good, Permutation Tests, 2000): blocks of ten records, as a pose
+// may be held for some, are exchanged between run and training. One half of the permutations gives
+// the covariance, the other half the distribution.
 //
-// Limit: what moves no observable is invisible, such as another gain, or a shift common to both
-// sensors that is small against the span of the ranges.
+// Limit: what moves no number is invisible, such as another gain, or a shift common to both sensors
+// that is small against the span of the ranges.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -15,43 +15,47 @@
 
 #include "recon/data/dataset.hpp"
 #include "recon/method/alignment.hpp"
+#include "recon/trust/record_numbers.hpp"
 
 namespace echofuse::recon {
 
 struct DomainShift {
   static constexpr double most_p = 1e-3;  // below it the run is called unlike the training
   struct Difference {
-    std::string text;  // "histogram spread 1.2 times"
-    double deviations = 0;
+    std::string text;            // "histogram spread 1.20 +- 0.01 times"
+    double standard_errors = 0;  // how clear it is
   };
   std::size_t records = 0;  // that show a body; too few: not tested
   double distance = 0;      // in units of what 95 % of such runs of the training's kind stay below
   double p = 1;             // of a run of the training's kind to be as far off
   std::vector<Difference> differences;  // that stand out, the clearest first
+  std::string advice;                   // what may be the cause, and what to do; or nothing
   bool tested() const { return records > 0; }
-  bool found() const { return tested() && p < most_p; }
+  // A difference that is sure, but less than a tenth of what records differ by, is none.
+  bool found() const { return tested() && p < most_p && !differences.empty(); }
   std::string text() const;  // for the user; empty if not tested
 };
 
 // What the training records said.
 class DomainReference {
  public:
-  static constexpr std::size_t least_records = 20;
+  static constexpr std::size_t least_records = 20;  // of a run
+  static constexpr std::size_t least_known = 50;    // of a training
 
   DomainReference() = default;
-  // The rows in the order of their records; at most the first 2000 of them. Row i of the aligned
-  // features is of record i of the data; without a detector there are none.
-  DomainReference(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
+  // The rows in the order of their records; at most the first 4000 of them. Row i of the views is
+  // of record i of the data; without a detector there are none.
+  DomainReference(const Alignment& alignment, const Dataset& data, const Matrix& views,
                   const Rows& rows, Inputs inputs);
-  bool known() const { return seen_.rows > 0; }
+  bool known() const { return numbers_.rows > 0; }
   // Of the rows with live sensors, in their order. The data must be on the model's axes.
-  DomainShift judge(const Alignment& alignment, const Dataset& data, const Matrix& aligned) const;
+  DomainShift judge(const Alignment& alignment, const Dataset& data, const Matrix& views) const;
 
   void archive(Archive archive, Inputs inputs);
 
  private:
   Inputs inputs_{};
-  Matrix seen_;  // observables, one row a record
+  Matrix numbers_;  // one row a record
 };
 
 }  // namespace echofuse::recon

@@ -22,10 +22,20 @@ constexpr std::size_t folds_of_few = 4, folds_of_many = 10;  // one of which set
 constexpr std::size_t few_records = 400, many_records = 3000;
 // Of records like the training ones, above each limit.
 constexpr std::array<double, 3> false_alarms = {0.002, 0.002, 0.003};
-constexpr std::size_t of_two = 2;            // of the statistics
+enum Statistic : std::size_t { along_components, off_components, of_two };
+constexpr double not_known = -1e9;           // of a training without these numbers
 constexpr double range_reserve = 0.05;       // of the span of the training records' ranges
 constexpr double clicks_reserve = 1.25;      // against the brightest training record
 constexpr double nearly_all_records = 0.99;  // of the training records show a body
+
+// By the group that stands out.
+constexpr std::array unusual{"unusual histogram",
+                             "unusual radar profile",
+                             "unusual samples of the radar's antennas",
+                             "unusual samples of the radar's antennas",
+                             "unusual range",
+                             "unusual radar profile",
+                             "unusual variation of the radar's power"};
 
 // Those of the rows that show a body, in order, if these are enough; `with_body` is sorted.
 Rows with_bodies(Rows rows, const Rows& with_body) {
@@ -34,13 +44,6 @@ Rows with_bodies(Rows rows, const Rows& with_body) {
   std::set_intersection(rows.begin(), rows.end(), with_body.begin(), with_body.end(),
                         std::back_inserter(out));
   return out.size() >= OutOfDistributionDetector::least_records / 2 ? out : rows;
-}
-
-// By the sensor of the greatest residual.
-const char* unusual(std::ptrdiff_t sensor) {
-  constexpr std::array names{"unusual histogram", "unusual radar profile",
-                             "unusual samples of the radar's antennas"};
-  return names[static_cast<std::size_t>(sensor)];
 }
 
 // The part of `off` along a direction of length 1, which is taken away. Sums side by side: each
@@ -68,9 +71,16 @@ ECHOFUSE_CLONES float take_along(const float* direction, float* off, std::size_t
 void OutOfDistributionDetector::use(const Features& of_model, const Alignment& alignment) {
   raw_ = of_model, two_bodies_.use(of_model, alignment);
   profile_ = of_model.radar_count(), spd_bins_ = of_model.spd_count();
-  if (spd_bins_ == 0) return;
-  histogram_bins_ = alignment.histogram_bins(), array_ = alignment.array_features();
-  aligned_ = alignment.size();
+  std::array<std::size_t, groups> sizes{};
+  if (spd_bins_ > 0) {
+    aligned_ = alignment.size();
+    const std::size_t array = alignment.array_features();
+    sizes[histogram] = alignment.histogram_bins(), sizes[radar] = alignment.profile_points();
+    sizes[direction] = std::min(array, ArrayView::of_direction);
+    sizes[spread] = array - sizes[direction], sizes[range] = 1;
+  }
+  sizes[profile] = profile_, sizes[power] = profile_ > 0 ? power_variations : 0;
+  for (std::size_t g = 0; g < groups; ++g) first_[g + 1] = first_[g] + sizes[g];
 }
 
 OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
@@ -86,12 +96,14 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   Rows order = all_rows(rows.size());
   Rng rng = make_rng(seed, held_stream);
   std::shuffle(order.begin(), order.end(), rng);
+  learn_usual_power(data, rows);
   Rows with_body;
   Matrix all;
   std::vector<std::optional<Place>> places;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto features = features_of(aligned.row(rows[i]));
-    const auto one = describe(features, raw_inputs.row(i).subspan(spd_bins_, profile_));
+    const auto one =
+        describe(features, raw_inputs.row(i).subspan(spd_bins_, profile_), data.speckle[rows[i]]);
     all.cols = one.size();
     all.add_row(one);
     if (aligned_ == 0 || shows_body(features)) with_body.push_back(i);
@@ -111,7 +123,8 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
     std::erase_if(usual, shows_two);
     two_bodies_.learn(raw_inputs, usual, places, seed);
   };
-  std::array<std::vector<float>, 6> held_statistics;
+  std::vector<Statistics> held;
+  std::vector<bool> two;
   for (std::size_t part = few ? 0 : parts - 1; part < parts; ++part) {
     const Split fold = make_fold(order, part, parts, 0);
     learn_one(fold.train);
@@ -124,14 +137,11 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
     for (const std::size_t i : fold.test) {
       std::vector<float> one(all.row(i).begin(), all.row(i).end());
       for (std::size_t c = 0; c < one.size(); ++c) one[c] *= scale_[c];
-      const auto found = statistics(one, raw_inputs.row(i));
-      for (std::size_t s = 0; s < found.size(); ++s)
-        if (s != of_two || !shows_two(i))
-          held_statistics[s].push_back(static_cast<float>(found[s]));
+      held.push_back(statistics(one, raw_inputs.row(i))), two.push_back(shows_two(i));
     }
   }
   if (few) learn_one(order), learn_two(order);
-  set_limits(std::move(held_statistics));
+  set_limits(held, two);
   if (inputs == Inputs::radar || with_body.empty()) return;
   const std::size_t at = aligned_ - 1;
   nearest_m_ = 1e9;
@@ -145,7 +155,6 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
 
 void OutOfDistributionDetector::learn(const Matrix& descriptions, const Rows& rows,
                                       std::uint64_t seed) {
-  scale_.clear();
   learn_scale(take_rows(descriptions, rows));
   Matrix one_body = take_rows(descriptions, rows);
   for (std::size_t i = 0; i < one_body.values.size(); ++i)
@@ -156,74 +165,120 @@ void OutOfDistributionDetector::learn(const Matrix& descriptions, const Rows& ro
   for (float& d : components_.deviation) d = std::max(d, 1e-6f);
 }
 
-std::vector<float> OutOfDistributionDetector::describe(std::span<const float> aligned,
-                                                       std::span<const float> radar) const {
-  std::vector<float> out;
-  if (aligned_ > 0) {
-    const auto sensors = aligned.first(aligned_ - 1);
-    out.assign(sensors.begin(), sensors.end());
-    out.push_back(aligned.back());
+void OutOfDistributionDetector::learn_usual_power(const Dataset& data, const Rows& rows) {
+  std::array<double, power_variations> sum{}, count{};
+  for (const std::size_t row : rows) {
+    const auto found = log_power_variations(data.speckle[row]);
+    for (std::size_t k = 0; k < found.size(); ++k)
+      if (!std::isnan(found[k])) sum[k] += found[k], ++count[k];
   }
-  out.insert(out.end(), radar.begin(), radar.end());
-  normalise(std::span(out).last(radar.size()));
+  usual_power_.clear();
+  for (std::size_t k = 0; k < sum.size(); ++k)
+    usual_power_.push_back(2 * count[k] > static_cast<double>(rows.size()) ? sum[k] / count[k]
+                                                                           : not_known);
+}
+
+// What is not known of the power's variation, here or in the training, is as usual.
+std::vector<float> OutOfDistributionDetector::describe(
+    std::span<const float> aligned, std::span<const float> power_profile,
+    const std::optional<record::Speckle>& speckle) const {
+  std::vector<float> out(first_[groups]);
+  std::copy(aligned.begin(), aligned.end(), out.begin());
+  const auto whole = std::span(out).subspan(first_[profile], profile_);
+  std::copy(power_profile.begin(), power_profile.end(), whole.begin());
+  normalise(whole);
+  const auto found = log_power_variations(speckle);
+  for (std::size_t k = 0; first_[power] + k < out.size(); ++k)
+    if (!std::isnan(found[k]) && usual_power_[k] != not_known)
+      out[first_[power] + k] = static_cast<float>(found[k] - usual_power_[k]);
   for (std::size_t c = 0; c < scale_.size(); ++c) out[c] *= scale_[c];
   return out;
 }
 
-// Histogram, aligned profile, direction and spread in the antennas' view, range and profile get the
-// same total variance.
+// Each group gets the same total variance.
 void OutOfDistributionDetector::learn_scale(const Matrix& descriptions) {
   const auto variance = column_statistics(descriptions, all_rows(descriptions.rows)).variance;
-  std::vector<std::size_t> ends;
-  if (aligned_ > 0) {
-    const std::size_t range_at = aligned_ - 1, array_at = range_at - array_;
-    ends = {histogram_bins_, array_at};
-    if (array_ > 0) ends.insert(ends.end(), {array_at + ArrayView::of_direction, range_at});
-    ends.push_back(aligned_);
-  }
-  ends.push_back(descriptions.cols);
-  std::size_t first = 0;
-  for (const std::size_t end : ends) {
+  scale_.clear();
+  for (std::size_t g = 0; g < groups; ++g) {
     double sum = 0;
-    for (std::size_t c = first; c < end; ++c) sum += variance[c];
-    scale_.resize(end, sum > 0 ? static_cast<float>(1 / std::sqrt(sum)) : 0.f);
-    first = end;
+    for (std::size_t c = first_[g]; c < first_[g + 1]; ++c) {
+      const double floor = g == power ? power_variation_numbers[c - first_[g]].floor : 0;
+      sum += std::max(variance[c], floor * floor);
+    }
+    scale_.resize(first_[g + 1], sum > 0 ? static_cast<float>(1 / std::sqrt(sum)) : 0.f);
   }
 }
 
 OutOfDistributionDetector::Statistics OutOfDistributionDetector::statistics(
     std::span<const float> description, std::span<const float> raw_inputs) const {
   constexpr double tiny = 1e-12;
-  std::vector<float> off(description.begin(), description.end()), amounts(components_.basis.rows);
-  for (std::size_t c = 0; c < off.size(); ++c) off[c] -= components_.mean[c];
+  std::vector<float> from_mean(description.begin(), description.end());
+  for (std::size_t c = 0; c < from_mean.size(); ++c) from_mean[c] -= components_.mean[c];
+  std::vector<float> off = from_mean, weights(off.size());
   double along = 0;
-  for (std::size_t k = 0; k < amounts.size(); ++k) {
-    const float amount = take_along(components_.basis.row(k).data(), off.data(), off.size());
-    amounts[k] = amount / components_.deviation[k];
-    along += double{amounts[k]} * double{amounts[k]};
+  for (std::size_t k = 0; k < components_.basis.rows; ++k) {
+    const auto component = components_.basis.row(k);
+    const float amount =
+        take_along(component.data(), off.data(), off.size()) / components_.deviation[k];
+    along += double{amount} * double{amount};
+    for (std::size_t c = 0; c < weights.size(); ++c)
+      weights[c] += amount / components_.deviation[k] * component[c];
   }
-  std::array<double, 3> residual{};
-  const std::size_t range_at = aligned_ > 0 ? aligned_ - 1 : off.size();
-  const std::size_t array_at = range_at - array_;
-  for (std::size_t c = 0; c < off.size(); ++c) {
-    const bool radar = aligned_ == 0 || (c >= histogram_bins_ && c != range_at);
-    residual[radar && c >= array_at && c < range_at ? 2 : std::size_t{radar}] +=
-        double{off[c]} * double{off[c]};
-  }
-  return {
-      std::log(along + tiny),           std::log(residual[0] + residual[1] + residual[2] + tiny),
-      two_bodies_(raw_inputs),          residual[0] / usual_residual_[0],
-      residual[1] / usual_residual_[1], residual[2] / usual_residual_[2]};
+  Statistics out{};
+  double apart = 0;
+  for (std::size_t g = 0; g < groups; ++g)
+    for (std::size_t c = first_[g]; c < first_[g + 1]; ++c) {
+      out.along[g] += double{weights[c]} * double{from_mean[c]};
+      out.apart[g] += double{off[c]} * double{off[c]};
+      apart += double{off[c]} * double{off[c]};
+    }
+  out.values = {std::log(along + tiny), std::log(apart + tiny), two_bodies_(raw_inputs)};
+  return out;
 }
 
-void OutOfDistributionDetector::set_limits(std::array<std::vector<float>, 6> all) {
+void OutOfDistributionDetector::set_limits(const std::vector<Statistics>& held,
+                                           const std::vector<bool>& shows_two) {
   for (std::size_t s = 0; s < limits_.size(); ++s) {
-    if (all[s].empty()) continue;  // of records of two alone
-    limits_[s].usual = double{quantile(all[s], 0.5)};
-    limits_[s].most = std::max(upper_limit(all[s], false_alarms[s]), limits_[s].usual + 1e-6);
+    std::vector<float> values;
+    for (std::size_t i = 0; i < held.size(); ++i)
+      if (s != of_two || !shows_two[i]) values.push_back(static_cast<float>(held[i].values[s]));
+    if (values.empty()) continue;  // of records of two alone
+    limits_[s].usual = double{quantile(values, 0.5)};
+    limits_[s].most = std::max(upper_limit(values, false_alarms[s]), limits_[s].usual + 1e-6);
   }
-  for (std::size_t s = 0; s < usual_residual_.size(); ++s)
-    usual_residual_[s] = std::max(double{quantile(all[limits_.size() + s], 0.5)}, 1e-12);
+  for (std::size_t g = 0; g < groups; ++g) {
+    std::vector<float> values;
+    for (const Statistics& one : held) values.push_back(static_cast<float>(one.apart[g]));
+    usual_apart_[g] = std::max(double{quantile(values, 0.5)}, 1e-12);
+  }
+}
+
+OutOfDistributionDetector::Group OutOfDistributionDetector::clearest(
+    const Statistics& found) const {
+  const bool by_components = limits_[along_components].share(found.values[along_components]) >
+                             limits_[off_components].share(found.values[off_components]);
+  std::size_t most = histogram;
+  double best = 0;
+  for (std::size_t g = 0; g < groups; ++g) {
+    const double much = by_components ? found.along[g] : found.apart[g] / usual_apart_[g];
+    if (first_[g + 1] > first_[g] && much > best) most = g, best = much;
+  }
+  return static_cast<Group>(most);
+}
+
+// "0.71 from frame to frame, 0.02 in training"
+std::string OutOfDistributionDetector::power_text(
+    const std::optional<record::Speckle>& speckle) const {
+  constexpr std::array names{"from frame to frame", "from carrier to carrier", "within 150 ms"};
+  const auto found = log_power_variations(speckle);
+  std::string out;
+  double most = 0;
+  for (std::size_t k = 0; k < found.size(); ++k)
+    if (const double off = std::abs(found[k] - usual_power_[k]);
+        usual_power_[k] != not_known && off > most)
+      most = off, out = formatted("%.2g %s, %.2g in training", power_variation(found[k], k),
+                                  names[k], power_variation(usual_power_[k], k));
+  return out;
 }
 
 std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matrix& aligned,
@@ -235,9 +290,12 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto features = features_of(aligned.row(i));
     const auto raw = raw_inputs.row(i);
-    const auto found = statistics(describe(features, raw.subspan(spd_bins_, profile_)), raw);
-    OutOfDistributionScore s{std::max(limits_[0].share(found[0]), limits_[1].share(found[1])),
-                             two_bodies_.known() ? limits_[of_two].share(found[of_two]) : NAN,
+    const std::optional<record::Speckle>& speckle = data.speckle[rows[i]];
+    const auto found =
+        statistics(describe(features, raw.subspan(spd_bins_, profile_), speckle), raw);
+    const auto share = [&](Statistic which) { return limits_[which].share(found.values[which]); };
+    OutOfDistributionScore s{std::max(share(along_components), share(off_components)),
+                             two_bodies_.known() ? share(of_two) : NAN,
                              {},
                              {}};
     const bool has_range = spd && shows_body(features);
@@ -254,8 +312,11 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
     s.may_be_two = s.reason.empty() && s.two_bodies > 1;
     if (s.may_be_two && s.two_bodies > s.distance)
       s.reason = "two bodies, or one unlike the training records'";
-    else if (s.reason.empty() && s.distance > 1)
-      s.reason = unusual(std::max_element(found.begin() + 3, found.end()) - found.begin() - 3);
+    else if (s.reason.empty() && s.distance > 1) {
+      const Group group = clearest(found);
+      s.reason = unusual[group];
+      if (group == power) s.details = power_text(speckle);
+    }
     out.push_back(std::move(s));
   }
   return out;
@@ -264,7 +325,8 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
 void OutOfDistributionDetector::archive(Archive archive, const Features& of_model,
                                         const Alignment& alignment) {
   use(of_model, alignment);
-  const std::size_t values = aligned_ + profile_;
+  const std::size_t values = first_[groups];
+  archive.values("usual_power", usual_power_, power_variations);
   archive.values("scale", scale_, values);
   recon::archive(archive.in("components"), components_, values);
   const auto above_0 = [](const auto& all) {
@@ -272,17 +334,16 @@ void OutOfDistributionDetector::archive(Archive archive, const Features& of_mode
   };
   archive.require(above_0(components_.deviation), "components/deviation", "expected all above 0");
   two_bodies_.archive(archive.in("two_bodies"));
-  std::vector<double> limits;
+  std::vector<double> limits, apart(usual_apart_.begin(), usual_apart_.end());
   for (const Limit& l : limits_) limits.push_back(l.usual), limits.push_back(l.most);
-  for (const double usual : usual_residual_) limits.push_back(usual);
-  archive.values("limits", limits, 2 * limits_.size() + usual_residual_.size());
+  archive.values("limits", limits, 2 * limits_.size());
   for (std::size_t s = 0; s < limits_.size(); ++s) {
     limits_[s] = {limits[2 * s], limits[2 * s + 1]};
     archive.require(limits_[s].most >= limits_[s].usual, "limits", "expected none below the usual");
   }
-  std::copy_n(limits.end() - std::ssize(usual_residual_), usual_residual_.size(),
-              usual_residual_.begin());
-  archive.require(above_0(usual_residual_), "limits", "expected usual residuals above 0");
+  archive.values("usual_apart", apart, usual_apart_.size());
+  archive.require(above_0(apart), "usual_apart", "expected all above 0");
+  std::copy(apart.begin(), apart.end(), usual_apart_.begin());
   archive.number("nearest_m", nearest_m_, -1e18, 1e18);
   archive.number("farthest_m", farthest_m_, -1e18, 1e18);
   archive.number("most_clicks_per_start", most_clicks_per_start_, 0, 1e18);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Whether a record is out of the training records' distribution, whatever the model. A record is
 // described by its histogram, radar profile and view of the radar's antennas, if the model takes
-// these, aligned to the body's range (models/body/alignment.hpp), that range, and the radar profile
-// as it is; none depends on gains; then
+// these, aligned to the body's range (method/alignment.hpp), that range, the radar profile as it
+// is, and how its power varied within the record (record_numbers.hpp); none depends on gains; then
 //   distance    from the training records in their principal components: T^2 along the components,
 //               Q off them (Jackson and Mudholkar, Technometrics 21, 341, 1979), the greater one
 //   two bodies  two_bodies.hpp
@@ -18,6 +18,7 @@
 #include "recon/maps/scene.hpp"
 #include "recon/method/alignment.hpp"
 #include "recon/numbers/components.hpp"
+#include "recon/trust/record_numbers.hpp"
 #include "recon/trust/two_bodies.hpp"
 
 namespace echofuse::recon {
@@ -57,27 +58,38 @@ class OutOfDistributionDetector {
   std::span<const float> features_of(std::span<const float> view) const {
     return view.last(std::min(view.size(), aligned_));
   }
-  // Aligned features and normalised profile, scaled.
-  std::vector<float> describe(std::span<const float> aligned, std::span<const float> radar) const;
+  // What a description is made of, in this order.
+  enum Group : std::size_t { histogram, radar, direction, spread, range, profile, power, groups };
+  // Aligned features, normalised profile and variation of the power, scaled.
+  std::vector<float> describe(std::span<const float> aligned, std::span<const float> radar,
+                              const std::optional<record::Speckle>& speckle) const;
   void use(const Features& of_model, const Alignment& alignment);
+  void learn_usual_power(const Dataset& data, const Rows& rows);
   void learn_scale(const Matrix& descriptions);
-  // log T^2, log Q, two bodies; residuals of histogram, radar and its antennas in units of their
-  // usual size.
-  using Statistics = std::array<double, 6>;
+  struct Statistics {
+    std::array<double, 3> values;             // log T^2, log Q, two bodies
+    std::array<double, groups> along, apart;  // what each group adds to T^2, and to Q
+  };
   Statistics statistics(std::span<const float> description,
                         std::span<const float> raw_inputs) const;
+  // The group that stands out most.
+  Group clearest(const Statistics& found) const;
+  std::string power_text(const std::optional<record::Speckle>& speckle) const;
   // Scale and components, of descriptions that are not scaled yet.
   void learn(const Matrix& descriptions, const Rows& rows, std::uint64_t seed);
-  void set_limits(std::array<std::vector<float>, 6> statistics);
+  // From statistics of records that took no part in the fit; of two bodies from those of one.
+  void set_limits(const std::vector<Statistics>& held, const std::vector<bool>& shows_two);
 
   // 0 without the sensor. Raw inputs have the profile behind so many bins of the SPD.
-  std::size_t histogram_bins_ = 0, array_ = 0, aligned_ = 0, profile_ = 0, spd_bins_ = 0;
+  std::size_t aligned_ = 0, profile_ = 0, spd_bins_ = 0;
+  std::array<std::size_t, groups + 1> first_{};  // column of each group, and behind the last
+  std::vector<double> usual_power_;              // mean logarithms of its variations
   std::vector<float> scale_;
   Components components_;
   Features raw_;  // what raw inputs are made of
   TwoBodies two_bodies_;
   std::array<Limit, 3> limits_;
-  std::array<double, 3> usual_residual_{1, 1, 1};
+  std::array<double, groups> usual_apart_{};  // medians
   double nearest_m_ = 0, farthest_m_ = 0, most_clicks_per_start_ = 0, share_with_body_ = 0;
 };
 

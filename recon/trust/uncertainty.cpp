@@ -91,26 +91,18 @@ void LateralError::archive(Archive archive, std::size_t predictors) {
                     "expected above 0, and least below most");
 }
 
-void UncertaintyModel::judge_speckle(std::span<const float> view,
-                                     const std::optional<record::Speckle>& found,
-                                     PredictionUncertainty& stated) const {
-  if (!found || (!view.empty() && !shows_body(view))) return;
-  const double share = speckle.share(*found);
-  OutOfDistributionScore& score = stated.out_of_distribution;
-  score.distance = std::max(score.distance, share);
-  if (share <= 1) return;
-  // Noise of 10 dB makes so much; the profile shows that, and the interval grows with it.
-  constexpr double most_of_noise = 0.7;
-  if (score.reason == "unusual radar profile" && found->over_frames < most_of_noise &&
-      !speckle.less_motion(*found))
-    return;
-  stated.lateral_interval_90_m = std::numeric_limits<double>::quiet_NaN();
-  score.may_be_two = false;  // whatever else it shows, its places are not to be trusted
-  // What has a name of its own stays, as it can be mended.
-  if (!score.reason.empty() && !score.reason.starts_with("unusual") &&
-      !score.reason.starts_with("two bodies"))
-    return;
-  score.reason = "unusual variation of the radar's power", score.details = speckle.text(*found);
+std::vector<PredictionUncertainty> UncertaintyModel::trust(const Matrix& views, const Matrix& maps,
+                                                           const Scene& scene, const Dataset& data,
+                                                           const Rows& rows, Inputs inputs) const {
+  const Matrix predictors = predictors_of(maps, scene, data, rows, inputs);
+  std::vector<PredictionUncertainty> out;
+  for (OutOfDistributionScore& score : detector.judge(views, data, rows)) {
+    const double interval_m = lateral(predictors.row(out.size()));
+    const bool like_training = score.reason.empty();
+    out.push_back(
+        {like_training ? interval_m : std::numeric_limits<double>::quiet_NaN(), std::move(score)});
+  }
+  return out;
 }
 
 void UncertaintyModel::archive(Archive archive, const Features& of_model,
@@ -118,7 +110,6 @@ void UncertaintyModel::archive(Archive archive, const Features& of_model,
   detector.archive(archive.in("out_of_distribution"), of_model, alignment);
   lateral.archive(archive.in("lateral"), predictor_count(of_model.inputs));
   pixels.archive(archive.in("pixels"));
-  speckle.archive(archive.in("speckle"));
 }
 
 }  // namespace echofuse::recon

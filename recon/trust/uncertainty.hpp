@@ -8,7 +8,6 @@
 
 #include "recon/trust/out_of_distribution.hpp"
 #include "recon/trust/pixel_error.hpp"
-#include "recon/trust/speckle.hpp"
 
 namespace echofuse::recon {
 
@@ -40,8 +39,8 @@ class LateralError {
 // What is stated of one reconstruction.
 struct PredictionUncertainty {
   double lateral_interval_90_m = 0;  // the body is within so much of where it is shown in 90 % of
-                                     // the records like the training ones; NaN: not known,
-                                     // as where the radar's power varies otherwise
+                                     // the records like the training ones; NaN: of a record that
+                                     // is unlike them, or of one that shows nobody
   OutOfDistributionScore out_of_distribution;
 };
 
@@ -49,12 +48,12 @@ struct UncertaintyModel {
   OutOfDistributionDetector detector;
   LateralError lateral;
   PixelError pixels;
-  SpeckleReference speckle;
 
-  // Of a record's view: what its radar's power, varying otherwise than in training,
-  // adds to what is stated.
-  void judge_speckle(std::span<const float> view, const std::optional<record::Speckle>& found,
-                     PredictionUncertainty& stated) const;
+  // Step 6 of the method (method/method.hpp): how far off each map may be, and whether the record
+  // is one that the model can know anything about. Row i of views and maps is of rows[i].
+  std::vector<PredictionUncertainty> trust(const Matrix& views, const Matrix& maps,
+                                           const Scene& scene, const Dataset& data,
+                                           const Rows& rows, Inputs inputs) const;
   void archive(Archive archive, const Features& of_model, const Alignment& alignment);
 };
 

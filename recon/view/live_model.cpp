@@ -80,7 +80,7 @@ std::string LiveModel::doubt(const record::RunReader& run, std::int64_t first,
     if (data.size() == 0) return {};
     const Records records = prepare_records(model_, std::move(data));
     const DomainShift shift = domain_shift_of(model_, records);
-    return shift.found() ? shift.text() : records.speckle;
+    return shift.found() ? shift.text() : "";
   } catch (const Error&) {
     return {};  // each record says why
   }

@@ -56,7 +56,7 @@ def runs(tmp_path_factory):
 def test_maps_are_those_of_the_program(runs, tmp_path, name, kind):
     model, run = tmp_path / "model", runs / f"{name}.sqlite"
     epochs = ["--epochs", 3] if kind[0].rstrip("-0123456789") in ("factorised", "silhouette", "mlp", "pca-mlp") else []
-    program("echofuse-recon", "train", "-q", run, "--model", *kind, *epochs, "--no-fallback", "--out", model)
+    program("echofuse-recon", "train", "-q", run, "--model", *kind, *epochs, "--set", "fallback=false", "--out", model)
     program("echofuse-recon", "reconstruct", "-q", model, run, "--out", tmp_path / "maps", "--format", "npz")
     program_made = np.load(next((tmp_path / "maps").rglob("*.npz")))
     loaded = echofuse.load_model(model)

@@ -84,7 +84,7 @@ TEST_CASE("kinds of the radar are refused for the SPD alone before anything is t
 }
 
 TEST_CASE("an unknown kind is refused") {
-  const auto o = recon_program("train none --out m --augment dust");
-  CHECK(o.code == 2);
+  const auto o = recon_program("train none --out m --set augment=dust");
+  CHECK(o.code == 3);
   CHECK_THAT(o.text, Catch::Contains("dust"));
 }

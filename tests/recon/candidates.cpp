@@ -74,13 +74,13 @@ TEST_CASE("train --model auto keeps what does best for its cost, and says why") 
   const Folder dir;
   write_run(dir / "run", 400);
   const Outcome o =
-      recon_program("train --model auto --candidates empty,mean,silhouette,nearest --out " +
+      recon_program("train --model auto --set candidates=empty,mean,silhouette,nearest --out " +
                     (dir / "m.h5") + " " + (dir / "run"));
   CAPTURE(o.text);
   REQUIRE(o.code == 0);
   CHECK_THAT(o.text, Catch::Contains("<- chosen"));
   CHECK_THAT(o.text, Catch::Contains("silhouette on fused"));
-  const Outcome bad = recon_program("train --model auto --candidates empty,oracle --out " +
+  const Outcome bad = recon_program("train --model auto --set candidates=empty,oracle --out " +
                                     (dir / "m.h5") + " " + (dir / "run"));
   CHECK(bad.code == 2);
   CHECK_THAT(bad.text, Catch::Contains("oracle"));
@@ -136,12 +136,12 @@ TEST_CASE("train says that a network never beat the mean map") {
   const Folder dir;
   write_run(dir / "run", 160);
   const auto train = [&](const std::string& how) {
-    return recon_program("train --force --model mlp-64 --out " + (dir / "m") + " " + (dir / "run") +
-                         how);
+    std::filesystem::remove(dir / "m");
+    return recon_program("train --model mlp-64 --out " + (dir / "m") + " " + (dir / "run") + how);
   };
   // One step moves every weight by the rate.
-  const Outcome wild = train(" --epochs 1 --batch 1024 --learning-rate 1");
-  const Outcome sound = train(" --epochs 20 --batch 8");
+  const Outcome wild = train(" --epochs 1 --set batch=1024 --set learning_rate=1");
+  const Outcome sound = train(" --epochs 20 --set batch=8");
   CHECK(wild.code == 0);
   CHECK_THAT(wild.text, Catch::Contains("s; never better than the mean map\n"));
   CHECK(sound.code == 0);

@@ -219,7 +219,7 @@ TEST_CASE("a model of binned power takes runs as they were recorded") {
     INFO(outcome.text);
     CHECK(outcome.code == 0);
   };
-  done("train -q --model ridge --radar-bin 0.5 " + (dir / "run") + " --out " + model);
+  done("train -q --model ridge --set radar_bin_m=0.5 " + (dir / "run") + " --out " + model);
   done("evaluate " + model + " " + (dir / "run"));
   done("reconstruct -q " + model + " " + (dir / "run") + " --out " + (dir / "maps"));
   write_run(dir / "near", 4);  // to 5.9 m only

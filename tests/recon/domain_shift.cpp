@@ -98,3 +98,88 @@ TEST_CASE("what the training was like stays in its file") {
         "reconstruct " + (dir / "m") + " " + (dir / "other") + " --out " + (dir / "o")})
     CHECK_THAT(recon_program(command).text, Catch::Contains(a.text()));
 }
+
+TEST_CASE("a radar whose ranges are too long is named with its error and what to do") {
+  const TrainedModel model = trained("silhouette", "fused");
+  const auto farther = [](record::FusedRecord& r) {  // a quarter of a bin of 25 cm
+    for (std::size_t i = r.radar.size() - 1; i > 0; --i)
+      r.radar[i] = 0.75f * r.radar[i] + 0.25f * r.radar[i - 1];
+  };
+  const DomainShift shift = shift_of(model, plates(200, 30, farther));
+  CHECK(shift.found());
+  CHECK_THAT(shift.text(), Catch::Contains("the radar's ranges look ") &&
+                               Catch::Contains(" cm too long, or people stand further right, or "
+                                               "reflect otherwise; if it is the radar: "
+                                               "--range-offset 0.0") &&
+                               Catch::Contains("radar range +"));
+  CHECK(shift_of(model, plates(200, 31)).advice.empty());
+}
+
+TEST_CASE("like runs are seldom called unlike, by references of few records and of many") {
+  const Dataset all = plates(3000, 40);
+  const Rows rows = all_rows(3000);
+  for (const std::size_t known : {60, 1500}) {
+    CAPTURE(known);
+    const Preprocessing p(all, Rows(rows.begin(), rows.begin() + 1500), Inputs::fused,
+                          learn_scene(all.depth, rows, all.map), true);
+    const DomainReference reference(p.alignment, all, p.views,
+                                    Rows(rows.begin(), rows.begin() + std::ptrdiff_t(known)),
+                                    Inputs::fused);
+    int below_5_percent = 0;
+    for (std::size_t first = 1500; first < 3000; first += 50) {
+      const Rows some(rows.begin() + std::ptrdiff_t(first),
+                      rows.begin() + std::ptrdiff_t(first + 50));
+      const DomainShift shift =
+          reference.judge(p.alignment, part_of(all, some), take_rows(p.views, some));
+      CHECK_FALSE(shift.found());
+      below_5_percent += shift.p < 0.05;
+    }
+    CHECK(below_5_percent <= 5);  // of 30; more by chance once in 300 times
+  }
+}
+
+namespace {
+
+// Plates whose radar's power varies log-normally about these.
+Dataset varying(std::int64_t count, std::uint64_t seed, double over_frames,
+                std::optional<double> over_carriers = {}) {
+  Dataset data = plates(count, seed);
+  Rng rng = make_rng(seed, 5);
+  std::normal_distribution<double> unit(0, 0.2);
+  for (auto& s : data.speckle) {
+    s = record::Speckle{over_frames * std::exp(unit(rng)), {}};
+    if (over_carriers) s->over_carriers = *over_carriers * std::exp(unit(rng));
+  }
+  return data;
+}
+
+double flagged_for_power(const TrainedModel& model, const Dataset& data) {
+  double count = 0;
+  for (const auto& u : predict(model, data, all_rows(data.size())).uncertainties)
+    count += u.out_of_distribution.text().starts_with("unusual variation of the radar's power (");
+  return count / static_cast<double>(data.size());
+}
+
+}  // namespace
+
+TEST_CASE("power that varies otherwise than in training flags a record and names the run") {
+  TrainOptions options;
+  options.model = "silhouette", options.fit.quiet = true;
+  const TrainedModel model = train(varying(400, 1, 0.03, 0.8), options);
+  CHECK(flagged_for_power(model, varying(100, 2, 0.03, 0.8)) < 0.03);
+  CHECK(flagged_for_power(model, varying(100, 3, 0.7, 0.8)) > 0.95);
+  const Prediction flagged = predict(model, varying(100, 3, 0.7, 0.8), {0, 1, 2});
+  for (const auto& u : flagged.uncertainties) {
+    CHECK(std::isnan(u.lateral_interval_90_m));
+    CHECK_THAT(u.out_of_distribution.details,
+               Catch::Contains(" from frame to frame, 0.03 in training"));
+  }
+  CHECK_THAT(shift_of(model, varying(100, 4, 0.7, 0.8)).text(),
+             Catch::Contains("radar power from frame to frame"));
+  CHECK_THAT(shift_of(model, varying(100, 5, 0.03)).text(),
+             Catch::Contains("one carrier of the radar, several in training"));
+  // Of older runs it is not known: nothing is said.
+  Dataset old = plates(100, 6);
+  for (auto& s : old.speckle) s.reset();
+  CHECK(flagged_for_power(model, old) == 0);
+}

@@ -78,7 +78,7 @@ TEST_CASE("a model has the map of its training, and judges no other") {
   for (const std::string kind : {"ridge", "factorised-4"}) {
     CAPTURE(kind);
     const std::string m = dir / kind;
-    REQUIRE(recon_program("train -q --epochs 3 --validation-share 0.2 --model " + kind + " " +
+    REQUIRE(recon_program("train -q --epochs 3 --set validation_share=0.2 --model " + kind + " " +
                           (dir / "run") + " --out " + m)
                 .code == 0);
     const TrainedModel model = load_model(m);

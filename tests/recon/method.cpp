@@ -37,7 +37,15 @@ const std::map<std::string, std::string> changed = {{"background_quantile", "0.1
                                                     {"nearest_m", "0.25"},
                                                     {"least_deviation", "0.0625"},
                                                     {"threshold_from", "0.375"},
-                                                    {"threshold_to", "0.75"}};
+                                                    {"threshold_to", "0.75"},
+                                                    {"many_records", "5000"},
+                                                    {"units", "24"},
+                                                    {"units_of_many", "64"},
+                                                    {"place_networks", "2"},
+                                                    {"shape_networks", "1"},
+                                                    {"depth_weight", "0.5"},
+                                                    {"component_bodies", "500"},
+                                                    {"turned_records", "600"}};
 
 void set_all(MethodConfig& config) {
   Settings settings;

@@ -260,6 +260,7 @@ TEST_CASE("models load, answer as before to the bit, and are the same file again
     save_model(model, dir / kind);
     const TrainedModel again = load_model(dir / kind);
     CHECK(again.predict(data, rows).values == model.predict(data, rows).values);
+    std::filesystem::remove(dir / "twice");
     save_model(again, dir / "twice");
     CHECK(read_file(dir / "twice") == read_file(dir / kind));
     // But for what a training says of itself to people, which is not read.
@@ -280,6 +281,7 @@ TEST_CASE("a model answers after loading as the one that was saved") {
     o.fit.epochs = 2, o.fit.quiet = true;
     o.uncertainty = false;
     const TrainedModel model = train(data, o);
+    std::filesystem::remove(dir / "m");
     save_model(model, dir / "m");
     CHECK(load_model(dir / "m").predict(few, {0, 1, 2, 3}).values ==
           model.predict(few, {0, 1, 2, 3}).values);

@@ -167,7 +167,7 @@ TEST_CASE("a rate that blows up is said, or what it spoilt is not kept") {
           CHECK(all_finite(model.predict(plates(), {0, 1, 2}).values));
         } catch (const Error& error) {
           CHECK(error.code() == ExitCode::failed);
-          CHECK_THAT(error.what(), Catch::Contains("--learning-rate"));
+          CHECK_THAT(error.what(), Catch::Contains("learning_rate"));
           refused_at_most += factor == 1e12;
         }
       }

@@ -66,7 +66,7 @@ TEST_CASE("a training on the parts of a data set, in any order, is that on the w
     parts += " " + part;
   }
   simulate("--records 120 --out " + (dir / "whole.sqlite"));
-  const std::string train = "train -q --model mlp --hidden 8 --epochs 2 ";
+  const std::string train = "train -q --model mlp --set hidden=8 --epochs 2 ";
   REQUIRE(recon_program(train + parts + " --out " + (dir / "a.h5")).code == 0);
   REQUIRE(recon_program(train + (dir / "whole.sqlite") + " --out " + (dir / "b.h5")).code == 0);
   const std::string whole = dir / "whole.sqlite";

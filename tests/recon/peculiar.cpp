@@ -135,8 +135,9 @@ TEST_CASE("the program with one record, with two, and with nobody in half of the
   write_run(dir / "2", 2);
   write_run(dir / "half", half.count, 1, half.change);
   const auto train_on = [&](const std::string& model, const std::string& run) {
-    return recon_program("train -q --force --model " + model +
-                         " --epochs 3 --candidates mean,ridge --out " + (dir / "m") + " " +
+    std::filesystem::remove(dir / "m");
+    return recon_program("train -q --model " + model +
+                         " --epochs 3 --set candidates=mean,ridge --out " + (dir / "m") + " " +
                          (dir / run));
   };
   const auto is_line = [](const std::string& text) {

@@ -76,7 +76,7 @@ TEST_CASE("evaluate and reconstruct take off how much too long the radar's range
   write_run(dir / "fresh", 100, 2);
   write_run(dir / "long", 100, 2, longer_by(0.06));
   REQUIRE(recon_program("train " + dir / "train" + " --out " + dir / "m" +
-                        " --model factorised-4 --no-fallback -q")
+                        " --model factorised-4 --set fallback=false -q")
               .code == 0);
   const auto iou_of = [&](const std::string& rest) {
     const auto o = recon_program("evaluate " + dir / "m" + " --json " + dir / rest);

@@ -19,7 +19,7 @@ if not data.exists():
 def score(folder, model):
     run = f"{folder}/run.sqlite"
     subprocess.run([bin_dir / "echofuse-recon", "train", run, "-q", "--model", model, "--inputs", "radar", "--split",
-                    "blocked", "--test-share", "0.3", "--out", f"{folder}/{model}"], check=True)
+                    "blocked", "--set", "test_share=0.3", "--out", f"{folder}/{model}"], check=True)
     found = subprocess.run([bin_dir / "echofuse-recon", "evaluate", f"{folder}/{model}", run, "--json"], check=True,
                            stdout=subprocess.PIPE).stdout
     metrics = json.loads(found)["metrics"]

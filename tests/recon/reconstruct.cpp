@@ -79,7 +79,7 @@ TEST_CASE("NumPy reads the arrays that were written row by row") {
 TEST_CASE("points, arrays and pictures show the same map") {
   const Folder dir;
   write_run(dir / "run", 400);
-  REQUIRE(recon_program("train -q --model mlp --hidden 48,24 --epochs 25 --batch 16 " +
+  REQUIRE(recon_program("train -q --model mlp --set hidden=48,24 --epochs 25 --set batch=16 " +
                         (dir / "run") + " --out " + (dir / "m"))
               .code == 0);
   write_run(dir / "live", 3, 2);
@@ -117,7 +117,7 @@ TEST_CASE("points, arrays and pictures show the same map") {
 TEST_CASE("a dead sensor's records are left out by number") {
   const Folder dir;
   write_run(dir / "run", 60);
-  REQUIRE(recon_program("train -q --no-fallback --model ridge " + (dir / "run") + " --out " +
+  REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
                         (dir / "m"))
               .code == 0);
   write_run(dir / "dead", 5, 2, [](record::FusedRecord& r) {
@@ -135,7 +135,8 @@ TEST_CASE("a run is followed while it is recorded, until it is closed") {
   const Folder dir;
   write_run(dir / "run", 60);
   const std::string model = dir / "m", live = dir / "live", out = dir / "o", log = dir / "log";
-  REQUIRE(recon_program("train -q --no-fallback --model ridge " + (dir / "run") + " --out " + model)
+  REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
+                        model)
               .code == 0);
   record::RunWriter run(live, {});
   for (const Axis& axis : {spd_axis(), record::MapGrid{}.x(), record::MapGrid{}.y()})

@@ -70,6 +70,7 @@ TEST_CASE("what fails stands first, of the live run before all") {
   for (auto& u : report.live->uncertainties) u.lateral_interval_90_m = 0.01;
   report.live->domain_shift.records = 20, report.live->domain_shift.distance = 30;
   report.live->domain_shift.p = 1e-4;
+  report.live->domain_shift.differences = {{"range +30.0 +- 2.0 cm", 15}};
   report.story.emplace(), report.story->info.window_s = 0.2, report.window_s = 3;
   const auto problems = problems_of(report);
   REQUIRE(problems.size() == 4);
@@ -105,7 +106,7 @@ TEST_CASE("a model that asks no sensor does not stand for one") {
   const Folder dir;
   write_run(dir / "run", 80);
   for (const std::string how : {"ridge --inputs fused", "mean --inputs spd"})
-    REQUIRE(recon_program("train -q --no-fallback --model " + how + " " + (dir / "run") +
+    REQUIRE(recon_program("train -q --set fallback=false --model " + how + " " + (dir / "run") +
                           " --out " + (dir / how.substr(0, how.find(' '))))
                 .code == 0);
   const std::string report = "report " + (dir / "out") + " --run " + (dir / "run") + " --fused " +

@@ -68,6 +68,7 @@ TEST_CASE("a few records take a model to another room") {
     CHECK_FALSE(tuned.model->uncertainty);
     CHECK(calibration_of(tuned.model) == std::string("not calibrated"));
     const Folder dir;  // what is kept is what was tuned
+    std::filesystem::remove(dir / "m");
     save_model(tuned.model, dir / "m");
     CHECK(load_model(dir / "m").predict(fresh, {3}).values ==
           tuned.model.predict(fresh, {3}).values);
@@ -132,8 +133,8 @@ TEST_CASE("what cannot be tuned is refused in one line") {
   says(old + " --model mlp" + run("run"), 2, "--model does not go with --from");
   says(old + run("blind"), 1, "");
   says((dir / "run") + run("run"), 1, "");
-  REQUIRE(
-      recon_program("train -q --no-fallback --model mean" + run("run") + " --out " + (dir / "mean"))
-          .code == 0);
+  REQUIRE(recon_program("train -q --set fallback=false --model mean" + run("run") + " --out " +
+                        (dir / "mean"))
+              .code == 0);
   says((dir / "mean") + run("run"), 1, "cannot be tuned");
 }

@@ -296,7 +296,7 @@ TEST_CASE("few records state their uncertainty by cross-fitting, too few say tha
   write_run(dir / "few", 90);
   write_run(dir / "fewer", 40);
   write_run(dir / "fresh", 60, 2);
-  const std::string train = "train -q --no-fallback --model factorised-2 --epochs 20 ";
+  const std::string train = "train -q --set fallback=false --model factorised-2 --epochs 20 ";
   for (const std::string run : {"few", "fewer"})
     REQUIRE(recon_program(train + (dir / run) + " --out " + (dir / run + ".h5")).code == 0);
   const TrainedModel model = load_model(dir / "few.h5");

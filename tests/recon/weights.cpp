@@ -40,11 +40,11 @@ TEST_CASE("a run that counts more moves the model towards it") {
   CHECK(mean_of({0.5, 0}) == Approx(mean_of({}) * 220 / 200).epsilon(0.1));
   const std::string train = "train -q --model mean --out " + (dir / "m") + " ";
   const std::string runs = (dir / "a") + " " + (dir / "b");
-  CHECK_THAT(recon_program(train + runs + " --weight 1").text,
-             Catch::Contains("--weight: 1 numbers for 2 runs"));
-  CHECK_THAT(recon_program(train + runs + " --validate-on 3").text,
-             Catch::Contains("--validate-on 3: there are 2 runs"));
-  CHECK(recon_program(train + runs + " --weight 1,20 --validate-on 1,2").code == 0);
+  CHECK_THAT(recon_program(train + runs + " --set weights=1").text,
+             Catch::Contains("weights: 1 numbers for 2 runs"));
+  CHECK_THAT(recon_program(train + runs + " --set validate_on=3").text,
+             Catch::Contains("validate_on 3: there are 2 runs"));
+  CHECK(recon_program(train + runs + " --set weights=1,20 --set validate_on=1,2").code == 0);
 }
 
 TEST_CASE(
@@ -60,12 +60,13 @@ TEST_CASE(
                     (narrow[i - 6] + narrow[i - 3] + narrow[i] + narrow[i + 3] + narrow[i + 6]) / 5;
             });
   const auto said_of = [&](const std::string& run, const std::string& options = {}) {
-    return recon_program("train --model silhouette --no-fallback --epochs 2 --force --out " +
+    std::filesystem::remove(dir / "m");
+    return recon_program("train --model silhouette --set fallback=false --epochs 2 --out " +
                          (dir / "m") + " " + (dir / "others") + " " + (dir / run) + options)
         .text;
   };
   CHECK_THAT(said_of("unlike"), Catch::Contains("unlike the others (domain shift") &&
                                     Catch::Contains("each of their records counts 2."));
-  CHECK_THAT(said_of("unlike", " --weight 1,1"), !Catch::Contains("unlike the others"));
+  CHECK_THAT(said_of("unlike", " --set weights=1,1"), !Catch::Contains("unlike the others"));
   CHECK_THAT(said_of("alike"), !Catch::Contains("unlike the others"));
 }

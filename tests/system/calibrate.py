@@ -96,7 +96,7 @@ class Calibrate(unittest.TestCase):
 
         scenes = "--records", "150", "--seed", "2"
         program("echofuse-sim", "dataset", "--out", "train", "--records", "500", "--seed", "1")
-        program("echofuse-recon", "train", "train", "--out", "model.h5", "--model", "factorised-16", "--no-fallback")
+        program("echofuse-recon", "train", "train", "--out", "model.h5", "--model", "factorised-16", "--set", "fallback=false")
         program("echofuse-sim", "dataset", "--out", "right", *scenes)
         lateral, iou = score("right")
         for spd_ps, radar_m in (0, 0.05), (-133.4, 0.03), (337, 0):

@@ -204,7 +204,7 @@ void Regression::judge(const Examples& validation, TrainingState& s, const std::
   if (!(s.log.loss.back() <= most && judged <= most) || !sound(s.parameters))
     throw Error(ExitCode::failed, title + " diverged in epoch " + std::to_string(s.epoch + 1) +
                                       ": its weights are not finite numbers; use a smaller "
-                                      "--learning-rate");
+                                      "learning_rate");
   s.log.validation_loss.push_back(unvalidated ? s.log.loss.back() : judged);
   ++s.epoch, s.row = 0, s.squares = 0;
   if (judged < s.least) s.least = judged, s.best = s.parameters, s.log.best_epoch = s.epoch;

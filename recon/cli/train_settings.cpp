@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: MIT
+#include "recon/cli/train_settings.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <sstream>
+
+#include "recon/data/augment.hpp"
+#include "recon/files/text.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+std::vector<std::string> parts_of(const std::string& text) {
+  std::vector<std::string> out;
+  std::istringstream in(text);
+  for (std::string part; std::getline(in, part, ',');) out.push_back(part);
+  return out;
+}
+
+// "512,256" -> 512, 256.
+template <class Number>
+std::vector<Number> numbers_of(const std::string& key, const std::string& text, Number least,
+                               Number most) {
+  std::vector<Number> out;
+  for (const std::string& part : parts_of(text)) {
+    Number value{};
+    const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), value);
+    if (error != std::errc{} || end != part.data() + part.size() || value < least || value > most)
+      throw Error(ExitCode::usage, key + ": \"" + part + "\": expected numbers from " +
+                                       formatted("%g to %g", double(least), double(most)) +
+                                       ", as in 2,3");
+    out.push_back(value);
+  }
+  return out;
+}
+
+}  // namespace
+
+void bind(Settings& settings, TrainSettings& s) {
+  TrainOptions& o = s.options;
+  settings.add("scaling", o.scaling, "of each sensor's values in a record", scaling_names);
+  settings.add("hidden", s.hidden, "mlp: widths of the hidden layers, as 512,256; \"\": its own");
+  settings.add("basis", s.basis, 0, 1024,
+               "factorised: body shapes; pca-mlp: components of the map; nearest: records; 0: 32, "
+               "128, 1");
+  settings.add("batch", s.batch, 0, 65'536,
+               "records a step; 0: 64, of mlp and pca-mlp 128 from 3000 records on");
+  settings.add("learning_rate", s.learning_rate, 0, 10,
+               "at the beginning; 0: .002 (mlp; times the root of batch / 64), .003 (factorised)");
+  settings.add("weight_decay", s.weight_decay, -1, 10, "-1: .7 (mlp), .3 (factorised)");
+  settings.add("patience", s.patience, 0, 100'000,
+               "epochs without progress before stopping; 0: 15 (mlp), 100 (factorised)");
+  settings.add("test_share", o.split.test_share, 0, 0.95, "of the records, held out for evaluate");
+  settings.add("validation_share", o.split.validation_share, 0, 0.95,
+               "of the rest, to stop early and to choose");
+  settings.add("gap", s.gap, 0, 1'000'000, "split blocked: records dropped between two parts");
+  settings.add("radar_bin_m", s.radar_bin_m, 0, 3.5,
+               "m, bins from 0 to 7 m that the radar's power is added up in, without its antennas "
+               "(the paper: 0.5); 0: as it is");
+  settings.add(
+      "weights", s.weights,
+      "how often each run's records count, as 1,20; \"\": once, but if the runs that stand "
+      "for the use are unlike the others: as half of these");
+  settings.add("validate_on", s.validate_on,
+               "numbers of the runs that stand for the use, as 2,3: validation records and stated "
+               "errors are theirs; \"\": the last");
+  settings.add("augment", s.augment,
+               "noise: train on copies with more noise of the radar, down to 10 dB, too",
+               {"", "noise"});
+  settings.add("fallback", o.fallback,
+               "beside a model of both sensors train those for records without antennas or radar");
+  settings.add("candidates", s.candidates,
+               "of the model auto, as mean,ridge; \"\": the usual ones");
+  bind(settings, o.config);
+}
+
+std::string train_settings_help() {
+  TrainOptions options;
+  options.fallback = true;
+  TrainSettings s(options);
+  Settings settings;
+  bind(settings, s);
+  return settings.resolved(true);
+}
+
+void take(const std::vector<std::string>& assignments, TrainSettings& s) {
+  Settings settings;
+  bind(settings, s);
+  for (const std::string& text : assignments) {
+    const auto equals = text.find('=');
+    if (equals == std::string::npos) {
+      settings.read_file(text);
+      continue;
+    }
+    // A list of numbers is a text.
+    const std::string key = text.substr(0, equals), value = text.substr(equals + 1);
+    const bool is_list = key == "hidden" || key == "weights" || key == "validate_on";
+    settings.set(is_list && !value.starts_with('"') ? key + "=\"" + value + '"' : text);
+  }
+  TrainOptions& o = s.options;
+  const auto wanted = [](std::int64_t value) {
+    return value > 0 ? std::optional(static_cast<std::size_t>(value)) : std::nullopt;
+  };
+  if (!s.hidden.empty()) o.fit.hidden = numbers_of<std::size_t>("hidden", s.hidden, 1, 65'536);
+  o.fit.basis = wanted(s.basis), o.fit.batch = wanted(s.batch), o.fit.patience = wanted(s.patience);
+  if (s.learning_rate > 0) o.fit.learning_rate = s.learning_rate;
+  if (s.weight_decay >= 0) o.fit.weight_decay = s.weight_decay;
+  o.split.gap = static_cast<int>(s.gap);
+  o.weights = numbers_of<double>("weights", s.weights, 0, 1000);
+  for (const std::size_t run : numbers_of<std::size_t>("validate_on", s.validate_on, 1, 10'000))
+    o.validate_on.push_back(run - 1);
+  o.augment = parts_of(s.augment), o.candidates = parts_of(s.candidates);
+  for (const std::string& name : o.candidates) candidate_of(name, {});
+}
+
+}  // namespace echofuse::recon
