@@ -15,7 +15,6 @@
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
-#include "sim/cli/fit_command.hpp"
 #include "sim/cli/plan_arguments.hpp"
 #include "sim/cli/study_commands.hpp"
 #include "sim/dataset/dataset.hpp"
@@ -290,7 +289,6 @@ ExitCode run(int argc, char** argv) {
   add_dataset(app, command);
   add_lab(app, command, argv);
   sim::add_study(app, command);
-  sim::add_fit(app, command);
   add_preview(app, command);
   add_config(app, command);
   try {
