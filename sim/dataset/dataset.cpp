@@ -33,18 +33,18 @@ enum class Stream : std::uint64_t {
   scenes,
   order,
   noise,
-  mirror_noise,
-  antennas,
+  antennas = 4,
   room,
   array,
-  mirror_array,
-  depth,
-  mirror_depth,
-  frames,
-  mirror_frames
+  depth = 8,
+  frames = 10
 };
 std::uint64_t seed_of(const Plan& plan, Stream stream) {
   return mix(static_cast<std::uint64_t>(plan.seed) + mix(static_cast<std::uint64_t>(stream)));
+}
+
+Rng rng_of(const Plan& plan, Stream stream, std::int64_t index) {
+  return make_rng(seed_of(plan, stream), static_cast<std::uint64_t>(index));
 }
 
 record::FusedRecord blank_record(std::int64_t index, std::string label) {
@@ -194,20 +194,14 @@ ArrayRadar Generator::radar_of(const Conditions& c) const {
 
 Scene Generator::scene(std::int64_t index) const {
   const auto i = static_cast<std::size_t>(index);
-  const Scene scene =
-      make_scene(conditions(index), scenes_.at(i), seed_of(plan_, Stream::scenes), i);
-  return plan_.mirrored ? mirrored(scene) : scene;
+  return make_scene(conditions(index), scenes_.at(i), seed_of(plan_, Stream::scenes), i);
 }
 
 record::FusedRecord Generator::make(std::int64_t index) const {
   const Conditions& c = conditions(index);
   const Scene world = scene(index);
-  const auto rng_of = [&](Stream stream, Stream of_mirrored) {
-    return make_rng(seed_of(plan_, plan_.mirrored ? of_mirrored : stream),
-                    static_cast<std::uint64_t>(index));
-  };
-  Rng rng = rng_of(Stream::noise, Stream::mirror_noise);
-  Rng depth_rng = rng_of(Stream::depth, Stream::mirror_depth);
+  Rng rng = rng_of(plan_, Stream::noise, index);
+  Rng depth_rng = rng_of(plan_, Stream::depth, index);
   record::FusedRecord r = blank_record(index, world.label);
   r.spd = count_photons(world, c, rng);
   count_clicks(r, c.pulses_per_window);
@@ -254,8 +248,7 @@ std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& sc
 std::optional<record::Speckle> Generator::speckle_of_noise(std::int64_t index,
                                                            const std::vector<double>& power,
                                                            const Conditions& c) const {
-  const auto stream = plan_.mirrored ? Stream::mirror_frames : Stream::frames;
-  Rng rng = make_rng(seed_of(plan_, stream), static_cast<std::uint64_t>(index));
+  Rng rng = rng_of(plan_, Stream::frames, index);
   GaussianNoise noise(rng);
   const auto rms = static_cast<float>(std::sqrt(radar_noise_power(c, mean_peak_) / 2));
   // Filled up to whole vectors.
@@ -283,8 +276,7 @@ std::vector<double> Generator::look_through_array(std::int64_t index, const Retu
                                                   const ArrayRadar& radar,
                                                   record::FusedRecord& r) const {
   const Conditions& c = conditions(index);
-  Rng rng = make_rng(seed_of(plan_, plan_.mirrored ? Stream::mirror_array : Stream::array),
-                     static_cast<std::uint64_t>(index));
+  Rng rng = rng_of(plan_, Stream::array, index);
   const auto kept = record::array_axis(radar_axis(c), antennas_.size()).count;
   ArrayLooks looks =
       sim::look_through_array(returns, radar, kept, c, radar_noise_power(c, mean_peak_), rng,
