@@ -184,8 +184,8 @@ Generator::Generator(Plan plan)
     room_ = room_alone(conditions(0), radar_of(conditions(0)));
 }
 
-ArrayRadar Generator::radar_of(const Conditions& c) const {
-  ArrayRadar radar{radar_response(c), antennas_, seed_of(plan_, Stream::room)};
+AntennaRadar Generator::radar_of(const Conditions& c) const {
+  AntennaRadar radar{radar_response(c), antennas_, seed_of(plan_, Stream::room)};
   radar.chirp_s = 1e-6 * c.radar_chirp_us;
   radar.chirps = c.radar_chirps;
   radar.carriers_hz = carriers_hz(c);
@@ -227,15 +227,15 @@ std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& sc
                                              record::FusedRecord& r, Rng& rng) const {
   const Conditions& c = conditions(index);
   const bool coherent = c.radar_sum == "coherent";
-  ArrayRadar radar = radar_of(c);
+  AntennaRadar radar = radar_of(c);
   // A covariance's roots need all patches.
   const RoomAlone* room = coherent || !keeps_array_ ? room_behind(scene) : nullptr;
   thread_local Returns returns;
   radar_returns(scene, c, returns, room ? RoomIs::subtracted : RoomIs::seen);
   if (room) radar.room = room->echo;
   if (coherent || keeps_array_) {
-    auto looks = look_through_array(index, returns, radar, r);
-    if (coherent) return looks;
+    auto seen = profile_of_antennas(index, returns, radar, r);
+    if (coherent) return seen;
   }
   auto power = radar_power(returns, radar.axis, c);
   if (room) add_room(room->power, power);
@@ -272,22 +272,22 @@ std::optional<record::Speckle> Generator::speckle_of_noise(std::int64_t index,
 
 // From random numbers of its own, so that the rest of the record (with coherent echoes: but the
 // profile) is the same with and without antennas. Returns the mean power in each point.
-std::vector<double> Generator::look_through_array(std::int64_t index, const Returns& returns,
-                                                  const ArrayRadar& radar,
-                                                  record::FusedRecord& r) const {
+std::vector<double> Generator::profile_of_antennas(std::int64_t index, const Returns& returns,
+                                                   const AntennaRadar& radar,
+                                                   record::FusedRecord& r) const {
   const Conditions& c = conditions(index);
   Rng rng = rng_of(plan_, Stream::array, index);
   const auto kept = record::array_axis(radar_axis(c), antennas_.size()).count;
-  ArrayLooks looks =
-      sim::look_through_array(returns, radar, kept, c, radar_noise_power(c, mean_peak_), rng,
-                              antenna_drift(c, antennas_.size(), seed_of(plan_, Stream::antennas),
-                                            static_cast<double>(index) * dataset_window_s));
+  AntennaRecord seen =
+      antenna_record(returns, radar, kept, c, radar_noise_power(c, mean_peak_), rng,
+                     antenna_drift(c, antennas_.size(), seed_of(plan_, Stream::antennas),
+                                   static_cast<double>(index) * dataset_window_s));
   if (keeps_array_) {
-    r.array = std::move(looks.array);
+    r.array = std::move(seen.array);
     r.array_frames = static_cast<std::uint64_t>(c.radar_frames * c.radar_carriers);
   }
-  r.speckle = looks.speckle;
-  return std::move(looks.power);
+  r.speckle = seen.speckle;
+  return std::move(seen.power);
 }
 
 namespace {

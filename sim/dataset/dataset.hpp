@@ -56,9 +56,9 @@ class Generator {
   std::vector<std::uint32_t> count_photons(const Scene& scene, const Conditions& c, Rng& rng) const;
   std::vector<double> radar_profile(std::int64_t index, const Scene& scene, record::FusedRecord& r,
                                     Rng& rng) const;
-  std::vector<double> look_through_array(std::int64_t index, const Returns& returns,
-                                         const ArrayRadar& radar, record::FusedRecord& r) const;
-  ArrayRadar radar_of(const Conditions& c) const;
+  std::vector<double> profile_of_antennas(std::int64_t index, const Returns& returns,
+                                          const AntennaRadar& radar, record::FusedRecord& r) const;
+  AntennaRadar radar_of(const Conditions& c) const;
   std::optional<record::Speckle> speckle_of_noise(std::int64_t index,
                                                   const std::vector<double>& power,
                                                   const Conditions& c) const;
