@@ -15,7 +15,6 @@
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
-#include "sim/cli/fit_command.hpp"
 #include "sim/cli/plan_arguments.hpp"
 #include "sim/cli/study_commands.hpp"
 #include "sim/dataset/dataset.hpp"
@@ -33,7 +32,7 @@ using sim::PlanArguments;
 
 struct DatasetArguments : PlanArguments {
   sim::DatasetOptions options;
-  std::string mirror_of, part;
+  std::string part;
   std::optional<std::int64_t> records, people, letters, two_people, empty, objects, seed;
   bool json = false;
 };
@@ -61,20 +60,8 @@ void apply_counts(const DatasetArguments& a, sim::Plan& plan) {
   if (count == 0) throw Error(ExitCode::usage, "no records asked for");
 }
 
-// Another seed or other numbers of records would silently make the mirror of nothing.
-void check_same_scenes(const sim::Plan& plan, const std::string& run) {
-  const sim::Plan original = sim::plan_of(run);
-  if (plan.seed != original.seed || scenes_of(plan) != scenes_of(original))
-    throw Error(ExitCode::usage,
-                "--mirror-of takes the seed and the records from " + run + "; do not give others");
-}
-
 sim::Plan make_plan(DatasetArguments& a) {
   sim::Plan plan;
-  if (!a.mirror_of.empty()) {
-    plan = sim::plan_of(a.mirror_of);
-    plan.mirrored = !plan.mirrored;
-  }
   Settings settings;
   bind(settings, plan);
   if (!a.config.empty()) {
@@ -85,7 +72,6 @@ sim::Plan make_plan(DatasetArguments& a) {
   resolve_twin(settings, plan);
   if (a.seed) plan.seed = *a.seed;
   apply_counts(a, plan);
-  if (!a.mirror_of.empty()) check_same_scenes(plan, a.mirror_of);
   return plan;
 }
 
@@ -98,11 +84,15 @@ ExitCode run_dataset(DatasetArguments& a) {
   const std::int64_t written = sim::write_dataset(plan, a.options);
   const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
   if (a.json)
-    std::cout << nlohmann::json{{"file", a.options.out},         {"records", written},
-                                {"people", plan.people},         {"letters", plan.letters},
-                                {"two_people", plan.two_people}, {"empty", plan.empty},
-                                {"objects", plan.objects},       {"seed", plan.seed},
-                                {"mirrored", plan.mirrored},     {"seconds", seconds}}
+    std::cout << nlohmann::json{{"file", a.options.out},
+                                {"records", written},
+                                {"people", plan.people},
+                                {"letters", plan.letters},
+                                {"two_people", plan.two_people},
+                                {"empty", plan.empty},
+                                {"objects", plan.objects},
+                                {"seed", plan.seed},
+                                {"seconds", seconds}}
                      .dump(-1, ' ', true, nlohmann::json::error_handler_t::replace)
               << "\n";
   else if (!a.options.quiet)
@@ -128,7 +118,6 @@ void add_dataset(CLI::App& app, Command& command) {
       ->check(count);
   sub->add_option("--objects", a->objects, "records of the object (--set object=FILE)")
       ->check(count);
-  sub->add_option("--mirror-of", a->mirror_of, "the mirrored scenes of this run");
   sub->add_option("--seed", a->seed, "the same seed makes the same records")
       ->check(CLI::NonNegativeNumber);
   add_plan_options(*sub, *a);
@@ -290,7 +279,6 @@ ExitCode run(int argc, char** argv) {
   add_dataset(app, command);
   add_lab(app, command, argv);
   sim::add_study(app, command);
-  sim::add_fit(app, command);
   add_preview(app, command);
   add_config(app, command);
   try {

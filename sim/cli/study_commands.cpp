@@ -8,10 +8,8 @@
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
-#include "sim/study/array_bound.hpp"
 #include "sim/study/bound.hpp"
 #include "sim/study/fidelity.hpp"
-#include "sim/study/letters.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -20,11 +18,6 @@ template <class Options>
 struct StudyArguments : PlanArguments {
   Options options;
   std::string out, part;
-};
-
-template <class Options>
-concept Parted = requires(Options options) {
-  options.parts;
 };
 
 // What a part leaves: its files, which the same command without --part takes.
@@ -54,10 +47,7 @@ ExitCode run_fidelity(StudyArguments<FidelityOptions>& a) {
 ExitCode run_bound(StudyArguments<BoundOptions>& a) {
   catch_interrupts();
   const auto rows = study_bound(a.options);
-  if (a.options.parts.part) {
-    study_array_bound(a.options);
-    return part_done(a);
-  }
+  if (a.options.parts.part) return part_done(a);
   std::printf("%-12s %8s %-6s %32s %21s\n", "axis", "value", "known",
               "sigma of x: median (quartiles)", "mean error: x lateral");
   for (const auto& r : rows)
@@ -65,23 +55,6 @@ ExitCode run_bound(StudyArguments<BoundOptions>& a) {
                 r.known.c_str(), r.x_median_m, r.x_lower_m, r.x_upper_m, r.x_error_m,
                 r.lateral_error_m);
   write_bound(rows, a.out);
-  const auto of_array = study_array_bound(a.options);
-  std::fputs(to_text(of_array).c_str(), stdout);
-  write_array_bound(of_array, a.out);
-  return ExitCode::ok;
-}
-
-ExitCode run_letters(StudyArguments<LettersOptions>& a) {
-  catch_interrupts();
-  const auto rows = study_letters(a.options);
-  std::printf("%-8s %8s %-10s %14s %6s\n", "axis", "value", "known", "top 1", "top 3");
-  for (const auto& r : rows)
-    std::printf("%-8s %8g %-10s %6.3f +- %.3f %6.3f\n", r.axis.c_str(), r.value, r.known.c_str(),
-                r.top1, r.se, r.top3);
-  for (const auto& r : rows)
-    if (r.axis == "photons" && r.value == 1000)
-      std::printf("1000 photons, known: %s\n%s", r.known.c_str(), confusion_text(r).c_str());
-  write_letters(rows, a.out);
   return ExitCode::ok;
 }
 
@@ -95,7 +68,7 @@ void add_one_study(CLI::App& study, Command& command, const std::string& name,
       ->check(CLI::Range(std::int64_t{2}, std::int64_t{10'000}))
       ->capture_default_str();
   sub->add_option("--seed", a->options.seed)->capture_default_str();
-  if constexpr (Parted<Options>) sub->add_option("--part", a->part, part_help);
+  sub->add_option("--part", a->part, part_help);
   add_plan_options(*sub, *a);
   sub->add_flag("-q,--quiet", a->options.quiet, "no progress");
   sub->callback([&command, a, run] {
@@ -104,19 +77,17 @@ void add_one_study(CLI::App& study, Command& command, const std::string& name,
       Settings settings;
       read_plan(*a, plan, settings);
       for (const char* key :
-           {"seed", "people", "letters", "two_people", "empty", "objects", "scenes", "mirrored"})
+           {"seed", "people", "letters", "two_people", "empty", "objects", "scenes"})
         if (settings.given(key))
           throw Error(ExitCode::config, std::string(key) +
                                             ": a study draws its own scenes; --scenes says how "
                                             "many, --seed which");
       a->options.conditions = plan.conditions;
-      if constexpr (Parted<Options>) {
-        auto& parts = a->options.parts;
-        if (!a->part.empty()) parts.part = JobPart::of(a->part);
-        parts.folder = a->out;
-        parts.settings =
-            "scenes of seed " + std::to_string(a->options.seed) + "\n" + settings.resolved();
-      }
+      auto& parts = a->options.parts;
+      if (!a->part.empty()) parts.part = JobPart::of(a->part);
+      parts.folder = a->out;
+      parts.settings =
+          "scenes of seed " + std::to_string(a->options.seed) + "\n" + settings.resolved();
       std::error_code error;
       std::filesystem::create_directories(a->out, error);
       if (error) throw Error(ExitCode::disk, a->out + ": " + error.message());
@@ -135,8 +106,6 @@ void add_study(CLI::App& app, Command& command) {
                 run_fidelity);
   add_one_study(*study, command, "bound", "the least error of a lateral position that noise allows",
                 run_bound);
-  add_one_study(*study, command, "letters",
-                "which letter the likelihood of a histogram tells, all else known", run_letters);
 }
 
 }  // namespace echofuse::sim

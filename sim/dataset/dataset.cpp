@@ -33,18 +33,18 @@ enum class Stream : std::uint64_t {
   scenes,
   order,
   noise,
-  mirror_noise,
-  antennas,
+  antennas = 4,
   room,
   array,
-  mirror_array,
-  depth,
-  mirror_depth,
-  frames,
-  mirror_frames
+  depth = 8,
+  frames = 10
 };
 std::uint64_t seed_of(const Plan& plan, Stream stream) {
   return mix(static_cast<std::uint64_t>(plan.seed) + mix(static_cast<std::uint64_t>(stream)));
+}
+
+Rng rng_of(const Plan& plan, Stream stream, std::int64_t index) {
+  return make_rng(seed_of(plan, stream), static_cast<std::uint64_t>(index));
 }
 
 record::FusedRecord blank_record(std::int64_t index, std::string label) {
@@ -184,8 +184,8 @@ Generator::Generator(Plan plan)
     room_ = room_alone(conditions(0), radar_of(conditions(0)));
 }
 
-ArrayRadar Generator::radar_of(const Conditions& c) const {
-  ArrayRadar radar{radar_response(c), antennas_, seed_of(plan_, Stream::room)};
+AntennaRadar Generator::radar_of(const Conditions& c) const {
+  AntennaRadar radar{radar_response(c), antennas_, seed_of(plan_, Stream::room)};
   radar.chirp_s = 1e-6 * c.radar_chirp_us;
   radar.chirps = c.radar_chirps;
   radar.carriers_hz = carriers_hz(c);
@@ -194,20 +194,14 @@ ArrayRadar Generator::radar_of(const Conditions& c) const {
 
 Scene Generator::scene(std::int64_t index) const {
   const auto i = static_cast<std::size_t>(index);
-  const Scene scene =
-      make_scene(conditions(index), scenes_.at(i), seed_of(plan_, Stream::scenes), i);
-  return plan_.mirrored ? mirrored(scene) : scene;
+  return make_scene(conditions(index), scenes_.at(i), seed_of(plan_, Stream::scenes), i);
 }
 
 record::FusedRecord Generator::make(std::int64_t index) const {
   const Conditions& c = conditions(index);
   const Scene world = scene(index);
-  const auto rng_of = [&](Stream stream, Stream of_mirrored) {
-    return make_rng(seed_of(plan_, plan_.mirrored ? of_mirrored : stream),
-                    static_cast<std::uint64_t>(index));
-  };
-  Rng rng = rng_of(Stream::noise, Stream::mirror_noise);
-  Rng depth_rng = rng_of(Stream::depth, Stream::mirror_depth);
+  Rng rng = rng_of(plan_, Stream::noise, index);
+  Rng depth_rng = rng_of(plan_, Stream::depth, index);
   record::FusedRecord r = blank_record(index, world.label);
   r.spd = count_photons(world, c, rng);
   count_clicks(r, c.pulses_per_window);
@@ -233,15 +227,15 @@ std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& sc
                                              record::FusedRecord& r, Rng& rng) const {
   const Conditions& c = conditions(index);
   const bool coherent = c.radar_sum == "coherent";
-  ArrayRadar radar = radar_of(c);
+  AntennaRadar radar = radar_of(c);
   // A covariance's roots need all patches.
   const RoomAlone* room = coherent || !keeps_array_ ? room_behind(scene) : nullptr;
   thread_local Returns returns;
   radar_returns(scene, c, returns, room ? RoomIs::subtracted : RoomIs::seen);
   if (room) radar.room = room->echo;
   if (coherent || keeps_array_) {
-    auto looks = look_through_array(index, returns, radar, r);
-    if (coherent) return looks;
+    auto seen = profile_of_antennas(index, returns, radar, r);
+    if (coherent) return seen;
   }
   auto power = radar_power(returns, radar.axis, c);
   if (room) add_room(room->power, power);
@@ -254,8 +248,7 @@ std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& sc
 std::optional<record::Speckle> Generator::speckle_of_noise(std::int64_t index,
                                                            const std::vector<double>& power,
                                                            const Conditions& c) const {
-  const auto stream = plan_.mirrored ? Stream::mirror_frames : Stream::frames;
-  Rng rng = make_rng(seed_of(plan_, stream), static_cast<std::uint64_t>(index));
+  Rng rng = rng_of(plan_, Stream::frames, index);
   GaussianNoise noise(rng);
   const auto rms = static_cast<float>(std::sqrt(radar_noise_power(c, mean_peak_) / 2));
   // Filled up to whole vectors.
@@ -279,23 +272,22 @@ std::optional<record::Speckle> Generator::speckle_of_noise(std::int64_t index,
 
 // From random numbers of its own, so that the rest of the record (with coherent echoes: but the
 // profile) is the same with and without antennas. Returns the mean power in each point.
-std::vector<double> Generator::look_through_array(std::int64_t index, const Returns& returns,
-                                                  const ArrayRadar& radar,
-                                                  record::FusedRecord& r) const {
+std::vector<double> Generator::profile_of_antennas(std::int64_t index, const Returns& returns,
+                                                   const AntennaRadar& radar,
+                                                   record::FusedRecord& r) const {
   const Conditions& c = conditions(index);
-  Rng rng = make_rng(seed_of(plan_, plan_.mirrored ? Stream::mirror_array : Stream::array),
-                     static_cast<std::uint64_t>(index));
+  Rng rng = rng_of(plan_, Stream::array, index);
   const auto kept = record::array_axis(radar_axis(c), antennas_.size()).count;
-  ArrayLooks looks =
-      sim::look_through_array(returns, radar, kept, c, radar_noise_power(c, mean_peak_), rng,
-                              antenna_drift(c, antennas_.size(), seed_of(plan_, Stream::antennas),
-                                            static_cast<double>(index) * dataset_window_s));
+  AntennaRecord seen =
+      antenna_record(returns, radar, kept, c, radar_noise_power(c, mean_peak_), rng,
+                     antenna_drift(c, antennas_.size(), seed_of(plan_, Stream::antennas),
+                                   static_cast<double>(index) * dataset_window_s));
   if (keeps_array_) {
-    r.array = std::move(looks.array);
+    r.array = std::move(seen.array);
     r.array_frames = static_cast<std::uint64_t>(c.radar_frames * c.radar_carriers);
   }
-  r.speckle = looks.speckle;
-  return std::move(looks.power);
+  r.speckle = seen.speckle;
+  return std::move(seen.power);
 }
 
 namespace {

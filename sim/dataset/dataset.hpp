@@ -22,7 +22,6 @@ struct Plan {
   std::int64_t objects = 0;
   std::string
       scenes;  // file of a list (sim/scene/scene_list.hpp), which replaces the numbers above
-  bool mirrored = false;  // every scene's mirror image, with noise of its own
   Conditions conditions;  // what a laboratory would write down
   // Ranges of what laboratories differ in (twin_named); empty: none. Either all records are of one
   // laboratory, or record i of laboratory i mod `laboratories`.
@@ -36,8 +35,6 @@ void bind(Settings& settings, Plan& plan);
 void resolve_twin(const Settings& settings, Plan& plan);
 // The conditions of the plan's laboratories, without a twin of the only one.
 std::vector<Conditions> laboratories_of(const Plan& plan);
-// The plan stored in a run that `dataset` wrote; throws Error(failed) for any other run.
-Plan plan_of(const std::string& run_path);
 
 // The scenes of all records: those of the list in its order, or the numbers of each kind in a
 // (seeded) random order. Throws Error(config) for a list that cannot be read and for objects
@@ -59,9 +56,9 @@ class Generator {
   std::vector<std::uint32_t> count_photons(const Scene& scene, const Conditions& c, Rng& rng) const;
   std::vector<double> radar_profile(std::int64_t index, const Scene& scene, record::FusedRecord& r,
                                     Rng& rng) const;
-  std::vector<double> look_through_array(std::int64_t index, const Returns& returns,
-                                         const ArrayRadar& radar, record::FusedRecord& r) const;
-  ArrayRadar radar_of(const Conditions& c) const;
+  std::vector<double> profile_of_antennas(std::int64_t index, const Returns& returns,
+                                          const AntennaRadar& radar, record::FusedRecord& r) const;
+  AntennaRadar radar_of(const Conditions& c) const;
   std::optional<record::Speckle> speckle_of_noise(std::int64_t index,
                                                   const std::vector<double>& power,
                                                   const Conditions& c) const;

@@ -2,7 +2,6 @@
 // What a plan says, and where from.
 #include <algorithm>
 
-#include "acquire/record/run_file.hpp"
 #include "sim/dataset/dataset.hpp"
 #include "sim/twin/twin.hpp"
 
@@ -16,7 +15,6 @@ void bind(Settings& settings, Plan& plan) {
   settings.add("empty", plan.empty, 0, 10'000'000, "records of nobody");
   settings.add("objects", plan.objects, 0, 10'000'000, "records of the object");
   settings.add("scenes", plan.scenes, "TOML file of [[scene]] tables, instead of these numbers");
-  settings.add("mirrored", plan.mirrored, "mirror every scene, x -> -x");
   settings.add("twin", plan.twin,
                "ranges of what laboratories differ in: default, a file, or their text");
   settings.add("laboratory", plan.laboratory, 0, INT64_MAX, "which of the twin's laboratories");
@@ -49,21 +47,6 @@ std::vector<Conditions> laboratories_of(const Plan& plan) {
   for (std::int64_t k = 0; k < plan.laboratories; ++k)
     all.push_back(conditions_of(twin, k, plan.conditions));
   return all;
-}
-
-Plan plan_of(const std::string& run_path) {
-  const std::string config = record::RunReader(run_path).info().config_resolved;
-  Plan plan;
-  Settings settings;
-  bind(settings, plan);
-  try {
-    settings.read_text(config, run_path);
-  } catch (const Error&) {
-    throw Error(ExitCode::failed, run_path + ": was not made by `echofuse-sim dataset`");
-  }
-  if (!settings.given("seed") || !settings.given("mirrored"))
-    throw Error(ExitCode::failed, run_path + ": was not made by `echofuse-sim dataset`");
-  return plan;
 }
 
 }  // namespace echofuse::sim

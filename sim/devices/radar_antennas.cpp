@@ -67,7 +67,7 @@ void RadarAntennas::start(const std::vector<Chirp>& subframes, double mean_peak)
 void RadarAntennas::look(const RenderedScene& rendered, std::size_t subframe, double time_s,
                          double gain, Rng& rng) {
   if (!echo_ || scene_ != rendered.index) {
-    ArrayRadar radar{axis_, used_, seed_};
+    AntennaRadar radar{axis_, used_, seed_};
     radar.receivers = receivers_used_;
     radar.chirp_s = chirp_s_;
     radar.chirps = chirps_;

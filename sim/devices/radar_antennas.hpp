@@ -13,7 +13,7 @@
 
 #include "sim/devices/radar_chirp.hpp"
 #include "sim/devices/scene_player.hpp"
-#include "sim/sensors/radar_array.hpp"
+#include "sim/sensors/antennas.hpp"
 #include "sim/wire/encode.hpp"
 
 namespace echofuse::sim {
@@ -51,7 +51,7 @@ class RadarAntennas {
   double noise_power_ = 0, seen_s_ = 0;
   std::vector<double> carriers_hz_;
   std::int64_t scene_ = -1;
-  std::optional<ArrayEcho> echo_;
+  std::optional<AntennaEcho> echo_;
   std::vector<std::complex<float>> samples_;  // in the firmware's integers
 };
 

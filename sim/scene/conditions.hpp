@@ -126,7 +126,7 @@ struct Conditions {
   double radar_yaw_deg = 0;
   double radar_psf_width = 1;  // true width of its response, of that of radar_resolution_m
 
-  // The radar's virtual antennas (sim/sensors/radar_array.hpp): 1 to 8 in a row, 12 as the AOP
+  // The radar's virtual antennas (sim/sensors/antennas.hpp): 1 to 8 in a row, 12 as the AOP
   // board has them; 0: as 1, whose samples are not kept.
   std::int64_t radar_antennas = 0;
   std::int64_t radar_frames = 60;    // in a record
@@ -137,7 +137,7 @@ struct Conditions {
   // radar_carrier_hz. 0 MHz: as far apart as 4 GHz permit.
   std::int64_t radar_carriers = 1;
   double radar_carrier_step_mhz = 0;
-  // What makes a standing person's echoes change from frame to frame (sim/sensors/body_motion.hpp):
+  // What makes a standing person's echoes change from frame to frame (BodyMotion):
   double radar_sway_m = 0.005;    // rms each way, at head height
   double radar_twist_deg = 0.3;   // rms, about the upright axis
   double radar_breath_m = 0.004;  // amplitude of the chest

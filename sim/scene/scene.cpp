@@ -81,8 +81,6 @@ void add_object(Scene& scene, const Conditions& c, const Stand& stand) {
   scene.label = "object:" + std::filesystem::path(c.object).stem().string();
 }
 
-Vec3 flipped(Vec3 p) { return {-p.x, p.y, p.z}; }
-
 }  // namespace
 
 std::optional<SceneKind> kind_named(std::string_view name) {
@@ -153,21 +151,6 @@ Scene as_radar_sees(Scene scene) {
   see(scene.capsules);
   see(scene.plates);
   return scene;
-}
-
-Scene mirrored(const Scene& scene) {
-  Scene image = scene;
-  for (auto& capsule : image.capsules) {
-    capsule.a = flipped(capsule.a);
-    capsule.b = flipped(capsule.b);
-  }
-  for (auto& plate : image.plates) {
-    plate.centre = flipped(plate.centre);
-    plate.u = flipped(plate.u);
-    plate.v = flipped(plate.v);
-  }
-  for (auto& t : image.triangles) t = {flipped(t.a), flipped(t.b), flipped(t.c), t.albedo};
-  return image;
 }
 
 }  // namespace echofuse::sim

@@ -81,7 +81,4 @@ Scene make_scene(const Conditions& conditions, const SceneSpec& spec, SceneSampl
 bool radar_sees_apart(const Scene& scene);
 Scene as_radar_sees(Scene scene);
 
-// x -> -x of people and plates. The room stays where it is.
-Scene mirrored(const Scene& scene);
-
 }  // namespace echofuse::sim

@@ -9,7 +9,7 @@
 
 namespace echofuse::sim {
 
-RoomAlone room_alone(const Conditions& conditions, const ArrayRadar& radar) {
+RoomAlone room_alone(const Conditions& conditions, const AntennaRadar& radar) {
   Conditions c = conditions;
   c.background_counts = 0;
   c.radar_leakage = 0;

@@ -4,16 +4,17 @@
 #pragma once
 #include <vector>
 
-#include "sim/sensors/radar_array.hpp"
+#include "sim/sensors/antennas.hpp"
 
 namespace echofuse::sim {
 
 struct RoomAlone {
   std::vector<double> light;  // spd_rate, without background counts
   std::vector<double> power;  // radar_power, if incoherent
-  std::vector<float> echo;    // room_echo, if there are antennas and it is coherent
+  // room_echo, if there are antennas and it is coherent
+  std::vector<std::complex<float>> echo;
 };
-RoomAlone room_alone(const Conditions& conditions, const ArrayRadar& radar);
+RoomAlone room_alone(const Conditions& conditions, const AntennaRadar& radar);
 
 // What is left of the room is nowhere below 0.
 void add_room(const std::vector<double>& room, std::vector<double>& all);

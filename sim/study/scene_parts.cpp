@@ -1,17 +1,21 @@
 // SPDX-License-Identifier: MIT
 #include "sim/study/scene_parts.hpp"
 
+#include <algorithm>
+#include <atomic>
 #include <charconv>
+#include <chrono>
 #include <cstdio>
 #include <fstream>
+#include <future>
 #include <map>
 #include <sstream>
+#include <thread>
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
 #include "drivers/core/settings.hpp"
 #include "drivers/core/staged_file.hpp"
-#include "sim/study/each_scene.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -80,6 +84,27 @@ void write_part(const std::string& path, const std::string& head, const Rows& ro
   file.publish();
 }
 
+// work(i) of each of these scenes i, in their order, on all processors.
+std::vector<SceneRow> each_of(const std::string& title, const std::vector<std::size_t>& scenes,
+                              bool quiet, const std::function<SceneRow(std::size_t)>& work) {
+  std::vector<SceneRow> found(scenes.size());
+  std::atomic<std::size_t> next{0}, done{0};
+  const auto run = [&] {
+    for (std::size_t i = next++; i < found.size() && !interrupted(); i = next++, ++done)
+      found[i] = work(scenes[i]);
+  };
+  std::vector<std::future<void>> workers;
+  for (unsigned t = 0; t < std::max(1u, std::thread::hardware_concurrency()); ++t)
+    workers.push_back(std::async(std::launch::async, run));
+  Progress progress(title, found.size(), quiet);
+  for (auto& worker : workers)
+    while (worker.wait_for(std::chrono::milliseconds(200)) != std::future_status::ready)
+      progress.update(done);
+  for (auto& worker : workers) worker.get();
+  if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing was written");
+  return found;
+}
+
 }  // namespace
 
 std::vector<SceneRow> rows_of_scenes(const SceneParts& parts, const std::string& name,
@@ -96,7 +121,7 @@ std::vector<SceneRow> rows_of_scenes(const SceneParts& parts, const std::string&
   std::vector<std::size_t> left;
   for (std::size_t i = 0; i < count; ++i)
     if (mine[i] && !known.contains(i)) left.push_back(i);
-  const auto measured = each_of<SceneRow>(title, left, quiet, work);
+  const auto measured = each_of(title, left, quiet, work);
   for (std::size_t k = 0; k < left.size(); ++k) known[left[k]] = measured[k];
   std::vector<SceneRow> out;
   for (std::size_t i = 0; i < count; ++i)

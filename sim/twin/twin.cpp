@@ -142,16 +142,4 @@ Conditions conditions_of(const Twin& twin, std::int64_t laboratory, const Condit
   return drawn;
 }
 
-std::map<std::string, double> numbers_of(const Conditions& conditions) {
-  Conditions copy = conditions;
-  Settings settings;
-  bind(settings, copy);
-  std::map<std::string, double> all;
-  for (const auto& [key, node] : toml::parse(settings.resolved()))
-    if (node.is_floating_point()) all[std::string(key.str())] = *node.value<double>();
-  return all;
-}
-
-bool may_be(const std::string& key, double value) { return !fault_of(key, value); }
-
 }  // namespace echofuse::sim

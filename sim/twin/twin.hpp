@@ -2,7 +2,6 @@
 // What rooms and laboratories differ in, as ranges: each virtual laboratory draws its own.
 #pragma once
 #include <cstdint>
-#include <map>
 #include <string>
 #include <vector>
 
@@ -38,9 +37,5 @@ Twin twin_named(const std::string& name);
 std::string draws_of(const Twin& twin, std::int64_t laboratory);
 // `nominal` with these draws.
 Conditions conditions_of(const Twin& twin, std::int64_t laboratory, const Conditions& nominal);
-
-// Every real number of Conditions by its key.
-std::map<std::string, double> numbers_of(const Conditions& conditions);
-bool may_be(const std::string& key, double value);
 
 }  // namespace echofuse::sim

@@ -12,7 +12,6 @@
 #include "sim/scene/draw.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
-#include "sim/study/array_bound.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;
@@ -234,34 +233,6 @@ TEST_CASE("the bound falls with signal and baseline, and the less is known the h
         CHECK(r.lateral_error_m > 0.99 * value_of(rows, axis, r.value, "shape"));
   CHECK(value_of(rows, "base", 0, "shape") > 0.005);
   CHECK(value_of(rows, "base", 0, "shape") < 0.03);
-}
-
-TEST_CASE("the antennas' bound falls with looks, and needs no range that is right") {
-  BoundOptions options;
-  options.scenes = 2;
-  options.rays = 64;
-  options.quiet = true;
-  const auto rows = study_array_bound(options);
-  const auto at = [&](const std::string& axis, double value, ArrayUse use,
-                      const std::string& echoes = "coherent", double resolution_m = 0.5) {
-    for (const ArrayBound& r : rows)
-      if (r.echoes == echoes && r.axis == axis && r.value == value && r.use == use &&
-          r.resolution_m == resolution_m)
-        return r.lateral_error_m;
-    return -1.0;
-  };
-  const double looks_60 = at("looks", 60, ArrayUse::angle);
-  CHECK(at("looks", 1, ArrayUse::angle) == Approx(std::sqrt(60) * looks_60));
-  CHECK(looks_60 > 0.001);
-  CHECK(looks_60 < 0.03);
-  CHECK(at("looks", 60, ArrayUse::range) > 3 * looks_60);
-  CHECK(at("looks", 60, ArrayUse::both) <= looks_60);
-  CHECK(at("looks", 60, ArrayUse::angle, "incoherent") < looks_60);
-  CHECK(at("looks", 60, ArrayUse::angle, "coherent", 0.044) < looks_60);
-  CHECK(at("antennas", 2, ArrayUse::angle) > 1.5 * at("antennas", 4, ArrayUse::angle));
-  CHECK(at("snr_db", 10, ArrayUse::angle) > at("snr_db", 30, ArrayUse::angle));
-  CHECK(at("phase_error_deg", 20, ArrayUse::angle) > at("phase_error_deg", 1, ArrayUse::angle));
-  CHECK(at("phase_error_deg", 1, ArrayUse::angle) > looks_60);
 }
 
 TEST_CASE("the bound refuses conditions with another noise") {

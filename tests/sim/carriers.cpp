@@ -3,10 +3,10 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "array_scenes.hpp"
+#include "antenna_scenes.hpp"
 #include "drivers/core/axis.hpp"
 #include "sim/dataset/dataset.hpp"
-#include "sim/sensors/radar_array.hpp"
+#include "sim/sensors/antennas.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;
@@ -36,8 +36,8 @@ Returns slab() {
   return out;
 }
 
-ArrayRadar radar_of(const Conditions& c) {
-  ArrayRadar radar{radar_response(c), antennas_in_layout(1), 7};
+AntennaRadar radar_of(const Conditions& c) {
+  AntennaRadar radar{radar_response(c), antennas_in_layout(1), 7};
   radar.carriers_hz = carriers_hz(c);
   return radar;
 }
@@ -71,7 +71,7 @@ TEST_CASE("looks of N carriers are those of the sinc of their step") {
   constexpr int records = 500;
   for (const double step_mhz : {75.0, 150.0, 300.0, 900.0}) {
     const Conditions c = stone(4, step_mhz);
-    const ArrayRadar radar = radar_of(c);
+    const AntennaRadar radar = radar_of(c);
     double expected = 0;
     for (const double a : radar.carriers_hz)
       for (const double b : radar.carriers_hz)
@@ -79,7 +79,7 @@ TEST_CASE("looks of N carriers are those of the sinc of their step") {
     Rng rng(11);
     double sum = 0, squares = 0, over_carriers = 0, over_frames = 0;
     for (int i = 0; i < records; ++i) {
-      const ArrayLooks looks = look_through_array(body, radar, 1, c, 1e-12, rng);
+      const AntennaRecord looks = antenna_record(body, radar, 1, c, 1e-12, rng);
       const double power = looks.power[1];
       sum += power / records, squares += power * power / records;
       over_carriers += looks.speckle.value().over_carriers.value() * power * power / records;
@@ -101,8 +101,8 @@ TEST_CASE("what stands still is another sum at each carrier, and the same in eac
   Returns wall = slab();
   for (auto& place : wall.place) place.person = Returns::still;
   Rng rng(3);
-  ArrayRadar radar = radar_of(c);
-  ArrayEcho echo(wall, radar, c, rng);
+  AntennaRadar radar = radar_of(c);
+  AntennaEcho echo(wall, radar, c, rng);
   Samples at(echo.samples());
   std::vector<Complex> first;
   for (const std::size_t frame : {0u, 1u})
@@ -118,7 +118,7 @@ TEST_CASE("what stands still is another sum at each carrier, and the same in eac
   CHECK(std::abs(first[0] - first[2]) > 0.05);
   // As one point it is as strong at each, 4 pi R df / c later.
   Returns point = points({{0, 0, 1, 0}}, {3.5}, {1});
-  ArrayEcho one(point, radar, c, rng);
+  AntennaEcho one(point, radar, c, rng);
   one.frame(0.05, rng, at);
   const Complex before = at[1];
   one.set_carrier(2);

@@ -120,7 +120,10 @@ TEST_CASE("a data set describes itself") {
   CHECK(run.axis("depth_x")->at(63.5) == Approx(0.4));
   CHECK(run.axis("depth_y")->at(63.5) == Approx(-0.4));
   CHECK(record::map_grid_of(run.axes()) == record::MapGrid{64, 0.4});
-  const Plan stored = plan_of(path);
+  Plan stored;
+  Settings settings;
+  bind(settings, stored);
+  settings.read_text(run.info().config_resolved, path);
   CHECK(stored.seed == plan.seed);
   CHECK(stored.letters == plan.letters);
   CHECK(stored.conditions.irf_fwhm_ps == 50);
@@ -163,20 +166,6 @@ TEST_CASE("kinds are shuffled by the seed") {
                              [](const auto& a, const auto& b) { return a.kind < b.kind; }));
   plan.seed = 12;
   CHECK(kinds != scenes_of(plan));
-}
-
-TEST_CASE("the mirrored set has the mirrored maps, and noise of its own") {
-  Plan plan = small_plan();
-  const Generator scenes(plan);
-  plan.mirrored = true;
-  const Generator images(plan);
-  for (std::int64_t k = 0; k < 20; ++k) {
-    const auto a = scenes.make(k), b = images.make(k);
-    CHECK(a.label == b.label);
-    for (std::size_t p = 0; p < a.depth_mm.size(); ++p)
-      REQUIRE(a.depth_mm[p] == b.depth_mm[p / 64 * 64 + 63 - p % 64]);
-    if (a.label != "empty") CHECK(a.spd != b.spd);
-  }
 }
 
 TEST_CASE("contradictory conditions and taken names are refused") {

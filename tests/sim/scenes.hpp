@@ -21,6 +21,23 @@ inline double total(const std::vector<double>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0);
 }
 
+// x -> -x of people and plates. The room stays where it is.
+inline Scene mirrored(const Scene& scene) {
+  const auto flipped = [](Vec3 p) { return Vec3{-p.x, p.y, p.z}; };
+  Scene image = scene;
+  for (auto& capsule : image.capsules) {
+    capsule.a = flipped(capsule.a);
+    capsule.b = flipped(capsule.b);
+  }
+  for (auto& plate : image.plates) {
+    plate.centre = flipped(plate.centre);
+    plate.u = flipped(plate.u);
+    plate.v = flipped(plate.v);
+  }
+  for (auto& t : image.triangles) t = {flipped(t.a), flipped(t.b), flipped(t.c), t.albedo};
+  return image;
+}
+
 // People and letters in turn.
 inline Scene some_scene(const Conditions& conditions, std::uint64_t index) {
   return make_scene(conditions, index % 2 ? SceneKind::letter : SceneKind::person, 42, index);

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "scenes.hpp"
-#include "sim/sensors/radar_array.hpp"
+#include "sim/sensors/antennas.hpp"
 #include "sim/sensors/radar_echo.hpp"
 
 namespace echofuse::sim {

@@ -1,18 +1,15 @@
 // SPDX-License-Identifier: MIT
-#include "sim/sensors/radar_array.hpp"
+#include "sim/sensors/antennas.hpp"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "array_scenes.hpp"
+#include "antenna_scenes.hpp"
 #include "drivers/core/axis.hpp"
-#include "sim/sensors/array_cells.hpp"
-#include "sim/sensors/body_motion.hpp"
 #include "sim/sensors/gaussian.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
-#include "sim/sensors/range_nodes.hpp"
 #include "sim/sensors/room_alone.hpp"
 
 using namespace echofuse;
@@ -58,7 +55,7 @@ TEST_CASE("one point's wave has its steering phases, by the channels' errors off
       const Returns point =
           points({{0.25f, -0.125f, 1, Returns::reflector}}, {14.2 * axis.step_m}, {4});
       Rng rng(1);
-      ArrayEcho echo(point, {axis, array, 7}, c, rng);
+      AntennaEcho echo(point, {axis, array, 7}, c, rng);
       Samples samples(echo.samples());
       for (int frame = 0; frame < 2; ++frame) {
         echo.frame(0.05, rng, samples);
@@ -89,7 +86,7 @@ TEST_CASE("incoherent covariance is that of the sources, over any successive fra
   const Returns two =
       points({{0.2f, 0, 1, 0}, {-0.3f, 0, 1, Returns::still}}, {3.5, 4.1}, {1, 0.5});
   Rng rng(1);
-  ArrayEcho echo(two, {axis, array, 7}, c, rng);
+  AntennaEcho echo(two, {axis, array, 7}, c, rng);
   Samples samples(echo.samples());
   for (int before = 0; before < 17; ++before) echo.frame(0.05, rng, samples);
   record::ArrayStatistics sums(axis.count, 8);
@@ -122,7 +119,7 @@ TEST_CASE("noise is white, complex and as strong as the detector's") {
   Rng rng(4);
   const RadarAxis axis = radar_response(c);
   const auto looks =
-      look_through_array({}, {axis, antennas_in_layout(8), 7}, axis.count, c, noise, rng);
+      antenna_record({}, {axis, antennas_in_layout(8), 7}, axis.count, c, noise, rng);
   const auto bins = static_cast<double>(axis.count), frames = static_cast<double>(c.radar_frames);
   double power = 0, across = 0, mean = 0, lag = 0;
   for (std::size_t i = 0; i < axis.count; ++i) {
@@ -185,7 +182,7 @@ TEST_CASE("speckle is exponential about the incoherent sum, at each antenna and 
   Complex across;
   Rng rng(6);
   for (int d = 0; d < draws; ++d) {
-    ArrayEcho echo(person, {axis, array, 7}, c, rng);
+    AntennaEcho echo(person, {axis, array, 7}, c, rng);
     Samples samples(echo.samples());
     echo.frame(0, rng, samples);
     const Complex first = samples[peak * 8], last = samples[peak * 8 + 7];
@@ -214,9 +211,9 @@ TEST_CASE("cells lose their phases as the patches in them do") {
     const auto& p = person.place[k];
     patches.push_back(part(person.range_m[k], person.weight[k], p.x, p.y, p.height_m));
   }
-  const auto grouped = cells_of(person, {axis.resolution_m / 8}, Echoes::of_people);
+  const auto grouped = echo_cells(person, axis.resolution_m / 8, false);
   CHECK(grouped.people == 1);
-  for (const ArrayCell& k : grouped.cells)
+  for (const EchoCell& k : grouped.cells)
     cells.push_back(part(k.range_m, k.weight, k.x, k.y, k.height_m));
   CHECK(cells.size() < patches.size() / 4);
   Rng rng(8);
@@ -224,10 +221,10 @@ TEST_CASE("cells lose their phases as the patches in them do") {
     double exact = 0, grouped_sum = 0;
     for (int d = 0; d < 30; ++d) {
       BodyMotion motion(c, 1, rng);
-      const auto before = motion.of(0);
+      const auto before = motion.places()[0];
       motion.advance(later_s, rng);
-      exact += correlation(patches, before, motion.of(0)) / 30;
-      grouped_sum += correlation(cells, before, motion.of(0)) / 30;
+      exact += correlation(patches, before, motion.places()[0]) / 30;
+      grouped_sum += correlation(cells, before, motion.places()[0]) / 30;
     }
     INFO(later_s << " s: " << exact << " " << grouped_sum);
     CHECK(std::abs(exact - grouped_sum) < 0.02);
@@ -243,7 +240,7 @@ TEST_CASE("the empty room is the same in every record, and shadows are missing f
   const auto array = antennas_in_layout(8);
   const auto frame_of = [&](const Scene& scene, std::uint64_t seed, std::uint64_t draw) {
     Rng rng(draw);
-    ArrayEcho echo(radar_returns(scene, c), {axis, array, seed}, c, rng);
+    AntennaEcho echo(radar_returns(scene, c), {axis, array, seed}, c, rng);
     Samples samples(echo.samples());
     echo.frame(0.05, rng, samples);
     return samples;
@@ -271,9 +268,9 @@ TEST_CASE("a room that is known need not be looked at again") {
   c.background = "room";
   c.radar_ground = 0.2;
   c.radar_leakage = 2;
-  const ArrayRadar radar{radar_response(c), antennas_in_layout(8), 7};
+  const AntennaRadar radar{radar_response(c), antennas_in_layout(8), 7};
   const RoomAlone room = room_alone(c, radar);
-  ArrayRadar known = radar;
+  AntennaRadar known = radar;
   known.room = room.echo;
   Conditions incoherent = c;
   incoherent.radar_sum = "incoherent";
@@ -294,40 +291,11 @@ TEST_CASE("a room that is known need not be looked at again") {
     for (std::size_t i = 0; i < profile.size(); ++i)
       CHECK(profile[i] == Approx(wanted_profile[i]).margin(1e-9));
     Rng a(3), b(3);
-    ArrayEcho first(whole, radar, c, a), second(echoes, known, c, b);
+    AntennaEcho first(whole, radar, c, a), second(echoes, known, c, b);
     Samples x(first.samples()), y(second.samples());
     first.frame(0.05, a, x);
     second.frame(0.05, b, y);
     for (std::size_t i = 0; i < x.size(); ++i) check_near(x[i], y[i], 2e-4);
-  }
-}
-
-TEST_CASE("nodes in range answer as the echoes would") {
-  for (const Psf psf : {Psf::sinc, Psf::blackman}) {
-    const RadarAxis axis{0, 0.021, 300, 0.044, psf};
-    const RangeResponse response(axis);
-    const RangeNodes nodes(axis, 400, 500);
-    double squares = 0, worst = 0;
-    int count = 0;
-    for (std::size_t slot = 400; slot <= 500; ++slot) {
-      std::vector<float> rows(nodes.count() * 16), planes(16 * lanes);
-      const std::vector<float> one(16, 1);
-      nodes.share(slot, one.data(), 16, rows.data());
-      std::vector<double> psf_at;
-      response.at((static_cast<double>(slot) + 0.5) / RangeNodes::slots_per_cell, psf_at);
-      for (std::size_t i = 0; i < axis.count; ++i) {
-        if (i % lanes == 0) {
-          std::fill(planes.begin(), planes.end(), 0.f);
-          nodes.respond(i / lanes, rows.data(), 16, planes.data());
-        }
-        const double error = std::abs(planes[5 * lanes + i % lanes] - psf_at[i]);
-        worst = std::max(worst, error);
-        squares += error * error, ++count;
-      }
-    }
-    INFO(worst << " " << std::sqrt(squares / count));
-    CHECK(worst < 2e-3);
-    CHECK(std::sqrt(squares / count) < 4e-4);
   }
 }
 

@@ -4,10 +4,9 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "array_scenes.hpp"
+#include "antenna_scenes.hpp"
 #include "drivers/core/axis.hpp"
-#include "sim/sensors/body_motion.hpp"
-#include "sim/sensors/radar_array.hpp"
+#include "sim/sensors/antennas.hpp"
 #include "sim/sensors/radar_echo.hpp"
 
 using namespace echofuse;
@@ -21,10 +20,10 @@ TEST_CASE("sway is stationary, and forgets as its spectrum says") {
   double before = 0, after = 0, both = 0;
   for (int i = 0; i < draws; ++i) {
     BodyMotion motion(c, 1, rng);
-    const double a = motion.of(0)[0];
+    const double a = motion.places()[0][0];
     motion.advance(0.2, rng);
     motion.advance(0.3, rng);
-    const double b = motion.of(0)[0];
+    const double b = motion.places()[0][0];
     before += a * a / draws, after += b * b / draws, both += a * b / draws;
   }
   CHECK(std::abs(before - 1) < 4.5 * std::sqrt(2.0 / draws));
@@ -59,8 +58,7 @@ TEST_CASE("the more somebody sways, the more looks a record has") {
     Rng rng(5);
     for (int i = 0; i < records; ++i) {
       const double power =
-          look_through_array(person, {axis, antennas_in_layout(1), 7}, 1, c, 1e-12, rng)
-              .power[peak];
+          antenna_record(person, {axis, antennas_in_layout(1), 7}, 1, c, 1e-12, rng).power[peak];
       sum += power / records;
       squares += power * power / records;
     }
@@ -78,23 +76,23 @@ TEST_CASE("who moves while the transmitters send in turn has other phases and le
   Conditions c = of_sum("coherent");
   c.radar_sway_m = c.radar_twist_deg = 0;
   c.radar_breath_m = 0.1;  // up to 16 cm/s
-  ArrayRadar radar{radar_response(c), antennas_in_layout(8), 7};
+  AntennaRadar radar{radar_response(c), antennas_in_layout(8), 7};
   radar.chirp_s = 1e-3;
   radar.chirps = 16;
   const double later_s = 1e-6;
   const Returns chest = points({{0, 0, 1.25f, 0}}, {3.5}, {1});
   for (std::uint64_t seed = 1; seed < 6; ++seed) {
     Rng a(seed), b(seed), c_rng(seed);
-    ArrayRadar at_once = radar;
+    AntennaRadar at_once = radar;
     at_once.chirp_s = 0;
-    ArrayEcho moving(chest, radar, c, a), standing(chest, at_once, c, b);
+    AntennaEcho moving(chest, radar, c, a), standing(chest, at_once, c, b);
     BodyMotion motion(c, 1, c_rng);
     motion.advance(later_s, c_rng);
     Samples x(moving.samples()), y(standing.samples());
     moving.frame(later_s, a, x);
     standing.frame(later_s, b, y);
     const double wavelength = speed_of_light_m_s / c.radar_carrier_hz;
-    const double v = -motion.speeds_of(0)[3];  // of the range
+    const double v = -motion.speeds()[0][3];  // of the range
     const double f = 2 * v * 2 * radar.chirp_s / wavelength;
     const double loss = std::sin(pi * f * 16) / (16 * std::sin(pi * f));
     const std::size_t peak = 14 * 8;
@@ -125,7 +123,7 @@ TEST_CASE("phases drift as the board warms") {
   // It turns each antenna's samples.
   const Returns target = points({{0, 0, 1, Returns::reflector}}, {3.5}, {1});
   Rng rng(1);
-  ArrayEcho echo(target, {radar_response(c), antennas_in_layout(8), 7}, c, rng);
+  AntennaEcho echo(target, {radar_response(c), antennas_in_layout(8), 7}, c, rng);
   echo.set_drift(std::span(own).first(8));
   Samples x(echo.samples());
   echo.frame(0.05, rng, x);
