@@ -17,8 +17,6 @@ constexpr std::uint64_t fold_stream = 0x756e6366;   // "uncf"
 constexpr std::size_t worse_copies = 3;
 // By a share of 90 % of so many a factor is known to .02 of that share.
 constexpr std::size_t enough_validation = 150;
-// A model of half of so many records errs by little more than one of all.
-constexpr std::size_t enough_for_halves = 400;
 constexpr double fewest_photons_log10 = -2.5;  // share of a worse copy's photons
 constexpr double least_noise_log10 = -2, most_noise_log10 = -0.3;  // radar, against its peak
 
@@ -100,7 +98,6 @@ std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Da
   rows.insert(rows.end(), split.validation.begin(), split.validation.end());
   if (split.validation.size() >= enough_validation)
     return fit_uncertainty(model, data, views, rows, {{model, split.validation}}, seed);
-  if (rows.size() >= enough_for_halves) folds = 2;
   std::sort(rows.begin(), rows.end());
   std::vector<Estimator> models;
   std::vector<Judged> judged;

@@ -28,7 +28,7 @@ UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, co
                                  std::uint64_t seed);
 // By its own answers to the validation records, if these are at least 150. Else by what models of
 // all but one fold of the records, which `fit` makes, say of that fold, in blocks if the split is
-// in blocks; from 400 records on two folds do. None if interrupted.
+// in blocks. None if interrupted.
 std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Dataset& data,
                                                 const Matrix& views, const Split& split,
                                                 const SplitOptions& options,

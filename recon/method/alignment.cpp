@@ -87,23 +87,11 @@ void Alignment::set_axes(const Layout& layout) {
       radar_step_m_ * static_cast<double>(steps_a_point_) / static_cast<double>(points_a_step_);
   array_ = ArrayView(layout.array, config_), lag_values_ = layout.lag_values();
   correlation_ = {};
-  window_ = {config_.histogram_m, config_.profile_from_m, config_.profile_to_m, config_.body_m};
-  if (layout.radar.count > 0) set_window(window_);
-}
-
-void Alignment::set_window(const AlignmentWindow& window) {
-  window_ = window;
-  correlation_ = ShiftCorrelation({-window_.histogram_m + config_.histogram_step_m / 2,
-                                   config_.histogram_step_m, histogram_bins()},
-                                  {window_.profile_from_m, profile_step_m_, points_with_radar()},
-                                  resolution_m(), config_.shift_from_m, config_.shift_to_m);
-}
-
-Alignment Alignment::through(const AlignmentWindow& window) const {
-  Alignment out = *this;
-  out.window_ = window;
-  if (profile_points() > 0) out.set_window(window);
-  return out;
+  if (layout.radar.count > 0)
+    correlation_ = ShiftCorrelation({-config_.histogram_m + config_.histogram_step_m / 2,
+                                     config_.histogram_step_m, histogram_bins()},
+                                    {config_.profile_from_m, profile_step_m_, points_with_radar()},
+                                    resolution_m(), config_.shift_from_m, config_.shift_to_m);
 }
 
 std::size_t Alignment::cost() const {
@@ -112,7 +100,7 @@ std::size_t Alignment::cost() const {
 }
 
 std::size_t Alignment::histogram_bins() const {
-  return static_cast<std::size_t>(std::lround(2 * window_.histogram_m / config_.histogram_step_m));
+  return static_cast<std::size_t>(std::lround(2 * config_.histogram_m / config_.histogram_step_m));
 }
 
 std::size_t Alignment::profile_points() const {
@@ -120,7 +108,7 @@ std::size_t Alignment::profile_points() const {
 }
 
 std::size_t Alignment::points_with_radar() const {
-  return 1 + static_cast<std::size_t>((window_.profile_to_m - window_.profile_from_m) /
+  return 1 + static_cast<std::size_t>((config_.profile_to_m - config_.profile_from_m) /
                                       profile_step_m_);
 }
 

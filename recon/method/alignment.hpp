@@ -21,11 +21,6 @@ struct AlignmentRanges {
 
 inline constexpr std::ptrdiff_t profile_taps = 8;  // of the sinc series, on either side
 
-// How far about the body's range is looked, metres.
-struct AlignmentWindow {
-  double histogram_m, profile_from_m, profile_to_m, body_m;
-};
-
 // The columns of a view, T: float or const float.
 template <class T>
 struct ViewColumns {
@@ -49,12 +44,8 @@ class Alignment {
   Alignment(const Layout& layout, const Matrix& observations, const Rows& rows,
             const MethodConfig& config = {});
 
-  // The same background, seen through another window.
-  Alignment through(const AlignmentWindow& window) const;
-
   bool known() const { return !counts_background_.empty(); }
   const MethodConfig& config() const { return config_; }
-  const AlignmentWindow& window() const { return window_; }
   std::size_t cost() const;  // multiply-adds of one record
   AlignmentRanges spd_ranges() const { return {spd_first_m_, spd_step_m_}; }
   double resolution_m() const;  // of the radar, c/2B
@@ -115,14 +106,12 @@ class Alignment {
             view.back()};
   }
   void set_axes(const Layout& layout);
-  void set_window(const AlignmentWindow& window);
   std::vector<float> above_background(std::span<const float> recorded_power) const;
   void add_profile(double range_m, std::span<const float> power, std::span<float> points) const;
   void learn_array_background(const Matrix& observations, const Rows& rows);
   std::size_t points_with_radar() const;
 
   MethodConfig config_;
-  AlignmentWindow window_{};
   double spd_first_m_ = 0, spd_step_m_ = 1, radar_first_m_ = 0, radar_step_m_ = 1;
   double profile_step_m_ = 1;
   // Of the radar's steps and the profile's points: one of them is 1.

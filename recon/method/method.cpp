@@ -56,8 +56,8 @@ float detected_range_m(std::span<const float> counts, std::span<const float> all
                   pass == 0 ? Negative::left_out : Negative::counted);
     if (in.counts <= 0) return 0;
     centre = in.moment / in.counts;
-    from = std::clamp(centre - scene.window().body_m / step_m, 0.0, bins);
-    to = std::clamp(centre + scene.window().body_m / step_m + 1, 0.0, bins);
+    from = std::clamp(centre - scene.config().body_m / step_m, 0.0, bins);
+    to = std::clamp(centre + scene.config().body_m / step_m + 1, 0.0, bins);
   }
   const bool detected = in.counts > config.significance * std::sqrt(in.all);
   return detected ? static_cast<float>(first_m + centre * step_m) : 0;
@@ -76,7 +76,7 @@ void histogram_about(float range_m, std::span<const float> counts, const Alignme
            static_cast<float>(x - static_cast<double>(i)) * (running[i + 1] - running[i]);
   };
   const auto [first_m, step_m] = scene.spd_ranges();
-  const double start = (double{range_m} - scene.window().histogram_m - first_m) / step_m + 0.5;
+  const double start = (double{range_m} - scene.config().histogram_m - first_m) / step_m + 0.5;
   const double step = scene.config().histogram_step_m / step_m;
   const float first = up_to(start);
   float before = first;

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "recon/trust/out_of_distribution.hpp"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <numeric>
 #include <random>
 
-#include "drivers/core/clones.hpp"
 #include "drivers/core/random.hpp"
 #include "recon/data/split.hpp"
 #include "recon/files/text.hpp"
@@ -46,26 +47,6 @@ Rows with_bodies(Rows rows, const Rows& with_body) {
   return out.size() >= OutOfDistributionDetector::least_records / 2 ? out : rows;
 }
 
-// The part of `off` along a direction of length 1, which is taken away. Sums side by side: each
-// addition to one alone waits for the last.
-ECHOFUSE_CLONES float take_along(const float* direction, float* off, std::size_t count) {
-  constexpr std::size_t at_once = 2 * lanes;
-  Eight first{}, second{}, a, b;
-  std::size_t c = 0;
-  for (; c + at_once <= count; c += at_once) {
-    echofuse::load(a, off + c), echofuse::load(b, direction + c);
-    first += a * b;
-    echofuse::load(a, off + c + lanes), echofuse::load(b, direction + c + lanes);
-    second += a * b;
-  }
-  first += second;
-  float amount = 0;
-  for (std::size_t k = 0; k < lanes; ++k) amount += first[k];
-  for (; c < count; ++c) amount += off[c] * direction[c];
-  for (c = 0; c < count; ++c) off[c] -= amount * direction[c];
-  return amount;
-}
-
 }  // namespace
 
 void OutOfDistributionDetector::use(const Features& of_model, const Alignment& alignment) {
@@ -102,8 +83,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   std::vector<std::optional<Place>> places;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto features = features_of(aligned.row(rows[i]));
-    const auto one =
-        describe(features, raw_inputs.row(i).subspan(spd_bins_, profile_), data.speckle[rows[i]]);
+    const auto one = describe(features, power_of(raw_inputs.row(i)), data.speckle[rows[i]]);
     all.cols = one.size();
     all.add_row(one);
     if (aligned_ == 0 || shows_body(features)) with_body.push_back(i);
@@ -137,7 +117,9 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
     for (const std::size_t i : fold.test) {
       std::vector<float> one(all.row(i).begin(), all.row(i).end());
       for (std::size_t c = 0; c < one.size(); ++c) one[c] *= scale_[c];
-      held.push_back(statistics(one, raw_inputs.row(i))), two.push_back(shows_two(i));
+      held.push_back(
+          statistics(one, features_of(aligned.row(rows[i])), power_of(raw_inputs.row(i)))),
+          two.push_back(shows_two(i));
     }
   }
   if (few) learn_one(order), learn_two(order);
@@ -210,29 +192,33 @@ void OutOfDistributionDetector::learn_scale(const Matrix& descriptions) {
 }
 
 OutOfDistributionDetector::Statistics OutOfDistributionDetector::statistics(
-    std::span<const float> description, std::span<const float> raw_inputs) const {
+    std::span<const float> description, std::span<const float> aligned,
+    std::span<const float> power_profile) const {
   constexpr double tiny = 1e-12;
-  std::vector<float> from_mean(description.begin(), description.end());
-  for (std::size_t c = 0; c < from_mean.size(); ++c) from_mean[c] -= components_.mean[c];
-  std::vector<float> off = from_mean, weights(off.size());
-  double along = 0;
-  for (std::size_t k = 0; k < components_.basis.rows; ++k) {
-    const auto component = components_.basis.row(k);
-    const float amount =
-        take_along(component.data(), off.data(), off.size()) / components_.deviation[k];
-    along += double{amount} * double{amount};
-    for (std::size_t c = 0; c < weights.size(); ++c)
-      weights[c] += amount / components_.deviation[k] * component[c];
-  }
+  using Eigen::Map, Eigen::VectorXf, Eigen::Index;
+  using Basis = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const auto vector = [](std::span<const float> v) {
+    return Map<const VectorXf>(v.data(), std::ssize(v));
+  };
+  const Map<const Basis> basis(components_.basis.values.data(), Index(components_.basis.rows),
+                               Index(components_.basis.cols));
+  const VectorXf from_mean = vector(description) - vector(components_.mean);
+  const VectorXf amounts = basis * from_mean;
+  const VectorXf off = from_mean - basis.transpose() * amounts;
+  // T^2 = sum (amount / deviation)^2, which is the sum of what each value adds.
+  const auto variance = vector(components_.deviation).array().square();
+  const VectorXf weights = basis.transpose() * (amounts.array() / variance).matrix();
   Statistics out{};
-  double apart = 0;
-  for (std::size_t g = 0; g < groups; ++g)
-    for (std::size_t c = first_[g]; c < first_[g + 1]; ++c) {
-      out.along[g] += double{weights[c]} * double{from_mean[c]};
-      out.apart[g] += double{off[c]} * double{off[c]};
-      apart += double{off[c]} * double{off[c]};
-    }
-  out.values = {std::log(along + tiny), std::log(apart + tiny), two_bodies_(raw_inputs)};
+  for (std::size_t g = 0; g < groups; ++g) {
+    const auto first = Index(first_[g]), count = Index(first_[g + 1]) - first;
+    out.along[g] = double{weights.segment(first, count).dot(from_mean.segment(first, count))};
+    out.apart[g] = double{off.segment(first, count).squaredNorm()};
+  }
+  const auto sum = [](const auto& parts) {
+    return std::max(std::accumulate(parts.begin(), parts.end(), 0.0), 0.0);
+  };
+  out.values = {std::log(sum(out.along) + tiny), std::log(sum(out.apart) + tiny),
+                two_bodies_(aligned, power_profile)};
   return out;
 }
 
@@ -289,10 +275,10 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
   std::vector<OutOfDistributionScore> out;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto features = features_of(aligned.row(i));
-    const auto raw = raw_inputs.row(i);
+    const auto power_profile = power_of(raw_inputs.row(i));
     const std::optional<record::Speckle>& speckle = data.speckle[rows[i]];
     const auto found =
-        statistics(describe(features, raw.subspan(spd_bins_, profile_), speckle), raw);
+        statistics(describe(features, power_profile, speckle), features, power_profile);
     const auto share = [&](Statistic which) { return limits_[which].share(found.values[which]); };
     OutOfDistributionScore s{std::max(share(along_components), share(off_components)),
                              two_bodies_.known() ? share(of_two) : NAN,

@@ -58,6 +58,9 @@ class OutOfDistributionDetector {
   std::span<const float> features_of(std::span<const float> view) const {
     return view.last(std::min(view.size(), aligned_));
   }
+  std::span<const float> power_of(std::span<const float> raw_inputs) const {
+    return raw_inputs.subspan(spd_bins_, profile_);
+  }
   // What a description is made of, in this order.
   enum Group : std::size_t { histogram, radar, direction, spread, range, profile, power, groups };
   // Aligned features, normalised profile and variation of the power, scaled.
@@ -70,8 +73,8 @@ class OutOfDistributionDetector {
     std::array<double, 3> values;             // log T^2, log Q, two bodies
     std::array<double, groups> along, apart;  // what each group adds to T^2, and to Q
   };
-  Statistics statistics(std::span<const float> description,
-                        std::span<const float> raw_inputs) const;
+  Statistics statistics(std::span<const float> description, std::span<const float> aligned,
+                        std::span<const float> power_profile) const;
   // The group that stands out most.
   Group clearest(const Statistics& found) const;
   std::string power_text(const std::optional<record::Speckle>& speckle) const;

@@ -16,15 +16,13 @@ namespace echofuse::recon {
 namespace {
 
 // Two bodies, each as deep as its outstretched arms.
-constexpr AlignmentWindow window{
-    .histogram_m = 1.4, .profile_from_m = -1.4, .profile_to_m = 1.7, .body_m = 1.3};
 constexpr double least_apart_m = 0.4;  // sideways
 constexpr int most_tries = 20;         // to draw two bodies that are
 constexpr std::uint64_t pair_stream = 0x70616972, turn_stream = 0x7475726e;  // "pair", "turn"
 constexpr std::size_t most_pairs = 96'000, pairs_a_record = 32;
 constexpr std::size_t most_turned = 48'000, turned_a_record = 16;
 const std::vector<std::size_t> hidden = {128, 64};
-constexpr std::size_t batch = 256, draws_a_record = 500, most_draws = 3'000'000;
+constexpr std::size_t batch = 256, draws_a_record = 350, most_draws = 2'000'000;
 constexpr double learning_rate = 4e-3;
 constexpr double nobody = -30;                // log odds
 constexpr double background_quantile = 0.05;  // of the radar's power, without an alignment
@@ -33,7 +31,7 @@ constexpr double background_quantile = 0.05;  // of the radar's power, without a
 
 void TwoBodies::use(const Features& of_model, const Alignment& alignment) {
   spd_bins_ = of_model.spd_count(), profile_ = of_model.radar_count();
-  alignment_ = spd_bins_ > 0 ? alignment.through(window) : Alignment{};
+  alignment_ = spd_bins_ > 0 ? alignment : Alignment{};
 }
 
 std::vector<float> TwoBodies::describe(std::span<const float> raw_inputs) const {
@@ -140,10 +138,12 @@ void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
                    learning_rate, seed});
 }
 
-double TwoBodies::operator()(std::span<const float> raw_inputs) const {
-  const auto described = describe(raw_inputs);
-  if (!classifier_.known() || (alignment_.known() && !shows_body(described))) return nobody;
-  return classifier_(described);
+double TwoBodies::operator()(std::span<const float> aligned, std::span<const float> power) const {
+  if (!classifier_.known() || (alignment_.known() && !shows_body(aligned))) return nobody;
+  if (alignment_.known()) return classifier_(aligned);
+  std::vector<float> shares(power.begin(), power.end());
+  share_out(shares);
+  return classifier_(shares);
 }
 
 void TwoBodies::archive(Archive archive) {

@@ -26,8 +26,9 @@ class TwoBodies {
   // From the given rows of the raw inputs. places: where the body of every row is, if it is known.
   void learn(const Matrix& raw_inputs, const Rows& rows,
              const std::vector<std::optional<Place>>& places, std::uint64_t seed);
-  // Logarithm of the odds of two bodies against one; very small where nobody is.
-  double operator()(std::span<const float> raw_inputs) const;
+  // Logarithm of the odds of two bodies against one; very small where nobody is. Of a view without
+  // its correlation, or without a detector of the radar's power.
+  double operator()(std::span<const float> aligned, std::span<const float> power) const;
 
   void archive(Archive archive);
 
@@ -37,6 +38,7 @@ class TwoBodies {
     return raw_inputs.subspan(spd_bins_, profile_);
   }
 
+  // Of raw inputs, counts | power | lags.
   std::size_t spd_bins_ = 0, profile_ = 0;
   Alignment alignment_;  // not known without a detector
   Classifier classifier_;

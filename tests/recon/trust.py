@@ -4,6 +4,7 @@
 records, and fails where that is wrong. Parts: intervals, records, runs, two_bodies. The tables go
 into recon/RESULTS.md. --quick: fewer draws, for the slow tests."""
 import argparse
+import csv
 import json
 import pathlib
 import subprocess
@@ -113,8 +114,8 @@ def two_bodies():
         def scores(run):
             out = folder / "maps"
             program("recon", "reconstruct", "-q", "--force", model, run, "--out", out, "--format", "npz")
-            table = np.genfromtxt(out / "records.csv", delimiter=",", names=True, dtype=None, encoding=None)
-            return table["two_bodies"]
+            with open(out / "records.csv", newline="") as table:
+                return np.array([float(row["two_bodies"]) for row in csv.DictReader(table)])
         one, two = scores(dataset(1000, *settings)), scores(dataset(1000, "two", *settings))
         order = np.argsort(np.concatenate([one, two]), kind="stable")
         ranks = np.empty(2000)

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "recon/models/network/regression.hpp"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
-#include "drivers/core/clones.hpp"
 #include "drivers/core/console.hpp"
 #include "recon/numbers/blas.hpp"
 #include "recon/numbers/parallel.hpp"
@@ -29,31 +29,16 @@ struct Wanted {
   float times;
 };
 
-[[gnu::always_inline]] inline void eight_to_slopes(const Wanted& wanted, std::size_t from,
-                                                   float* outputs, Eight& squares) {
-  Eight output, truth, centre, per_spread;
-  load(output, outputs + from), load(truth, wanted.truth + from);
-  load(centre, wanted.centre + from), load(per_spread, wanted.per_spread + from);
-  const Eight error = output - (truth - centre) * per_spread;
-  squares += error * error;
-  store(outputs + from, wanted.times * error);
-}
-
-// Slopes in place of a row of outputs; returns the sum of the squared errors. In sums beside each
-// other, as one alone waits for each addition.
-ECHOFUSE_CLONES double to_slopes(const Wanted& wanted, std::size_t columns, float* outputs) {
-  Eight some{}, others{};
-  std::size_t c = 0;
-  for (; c + 2 * lanes <= columns; c += 2 * lanes)
-    eight_to_slopes(wanted, c, outputs, some), eight_to_slopes(wanted, c + lanes, outputs, others);
-  some += others;
-  double sum = 0;
-  for (std::size_t k = 0; k < lanes; ++k) sum += double{some[k]};
-  for (; c < columns; ++c) {
-    const float error = outputs[c] - (wanted.truth[c] - wanted.centre[c]) * wanted.per_spread[c];
-    sum += double{error * error};
-    outputs[c] = wanted.times * error;
-  }
+// Slopes in place of a row of outputs; returns the sum of the squared errors.
+double to_slopes(const Wanted& wanted, std::size_t columns, float* outputs) {
+  const auto count = static_cast<Eigen::Index>(columns);
+  const auto row = [&](const float* values) {
+    return Eigen::Map<const Eigen::ArrayXf>(values, count);
+  };
+  Eigen::Map<Eigen::ArrayXf> errors(outputs, count);
+  errors -= (row(wanted.truth) - row(wanted.centre)) * row(wanted.per_spread);
+  const double sum = double{errors.square().sum()};
+  errors *= wanted.times;
   return sum;
 }
 
