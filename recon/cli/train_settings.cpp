@@ -5,7 +5,6 @@
 #include <charconv>
 #include <sstream>
 
-#include "recon/data/augment.hpp"
 #include "recon/files/text.hpp"
 
 namespace echofuse::recon {
@@ -65,9 +64,6 @@ void bind(Settings& settings, TrainSettings& s) {
   settings.add("validate_on", s.validate_on,
                "numbers of the runs that stand for the use, as 2,3: validation records and stated "
                "errors are theirs; \"\": the last");
-  settings.add("augment", s.augment,
-               "noise: train on copies with more noise of the radar, down to 10 dB, too",
-               {"", "noise"});
   settings.add("fallback", o.fallback,
                "beside a model of both sensors train those for records without antennas or radar");
   settings.add("candidates", s.candidates,
@@ -110,7 +106,7 @@ void take(const std::vector<std::string>& assignments, TrainSettings& s) {
   o.weights = numbers_of<double>("weights", s.weights, 0, 1000);
   for (const std::size_t run : numbers_of<std::size_t>("validate_on", s.validate_on, 1, 10'000))
     o.validate_on.push_back(run - 1);
-  o.augment = parts_of(s.augment), o.candidates = parts_of(s.candidates);
+  o.candidates = parts_of(s.candidates);
   for (const std::string& name : o.candidates) candidate_of(name, {});
 }
 

@@ -12,7 +12,7 @@ struct TrainSettings {
   explicit TrainSettings(TrainOptions& to) : options(to) {}
   TrainOptions& options;
   // As they are typed; 0 and empty: the model's own.
-  std::string hidden, candidates, weights, validate_on, augment;
+  std::string hidden, candidates, weights, validate_on;
   std::int64_t basis = 0, batch = 0, patience = 0, gap = 0;
   double learning_rate = 0, weight_decay = -1, radar_bin_m = 0;
 };

@@ -10,7 +10,6 @@
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/random.hpp"
-#include "recon/data/augment.hpp"
 #include "recon/estimator/crossvalidate.hpp"
 #include "recon/estimator/fit_uncertainty.hpp"
 #include "recon/files/text.hpp"
@@ -174,34 +173,33 @@ std::vector<Wanted> wanted_of(const Dataset& data, const std::string& name,
   return out;
 }
 
-// Rows of a training: those that networks learn from, with copies and repetitions, and those that
-// stand for the use, of which the model's errors are stated.
+// Rows of a training: those that networks learn from, with repetitions, and those that stand for
+// the use, of which the model's errors are stated.
 struct Material {
-  const Dataset& data;  // its first rows are the records; copies of them may follow
   Split fit, used;
   std::function<Split(Split)> with_others;  // what part of the used records trains with
 };
 
-Estimator train_one(const Wanted& wanted, const Dataset& records, const Material& material,
+Estimator train_one(const Wanted& wanted, const Dataset& data, const Material& material,
                     const Scene& scene, const TrainOptions& options) {
   const auto& [name, inputs, scaling, fit, folds] = wanted;
   const bool aligned = wants_alignment(candidate_of(name, fit).model);
   const bool uncertainties = options.uncertainty && has_enough_records(material.used);
-  const Preprocessing preprocessing(material.data, material.fit.train,
+  const Preprocessing preprocessing(data, material.fit.train,
                                     aligned ? inputs : without_antennas(inputs), scene,
                                     uncertainties || aligned, options.config);
-  Estimator out = fit_model(material.data, material.fit, preprocessing, name, inputs, scaling, fit);
+  Estimator out = fit_model(data, material.fit, preprocessing, name, inputs, scaling, fit);
   out.alignment = preprocessing.alignment;
   if (!uncertainties || out.log.interrupted) return out;
   if (inputs != Inputs::spd || options.inputs == name_of(Inputs::spd))
-    out.domain = DomainReference(preprocessing.alignment, records, preprocessing.views,
+    out.domain = DomainReference(preprocessing.alignment, data, preprocessing.views,
                                  in_order(material.used.train), inputs);
   FitOptions quiet = fit;
-  quiet.quiet = true;  // nor are there copies of the records
+  quiet.quiet = true;
   out.uncertainty = fit_uncertainty(
-      out, records, preprocessing.views, material.used, options.split,
+      out, data, preprocessing.views, material.used, options.split,
       [&](const Split& part) {
-        return fit_model(records, material.with_others(part), preprocessing, wanted.name,
+        return fit_model(data, material.with_others(part), preprocessing, wanted.name,
                          wanted.inputs, wanted.scaling, quiet);
       },
       folds);
@@ -214,9 +212,6 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
   Split used = split, fit_split = split;
   used.train = common(split.train, of_use(data, options));
   fit_split.train = weighted(data, split.train, options);
-  std::optional<Dataset> more;
-  if (!options.augment.empty())
-    augment(more.emplace(data), fit_split.train, options.augment, options.fit.seed);
   // The other runs train whatever part of the use's records is left out.
   const auto with_others = [&](Split part) {
     Rows others = without(split.train, used.train);
@@ -224,10 +219,8 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
     part.train = weighted(data, in_order(std::move(others)), options);
     return part;
   };
-  const Dataset& fit_data = more ? *more : data;
-  const Material material{fit_data, fit_split, used, with_others};
-  const Material plain{data, split, used, with_others};
-  const Scene scene = learn_scene(fit_data.depth, fit_split.train, fit_data.map);
+  const Material material{fit_split, used, with_others}, plain{split, used, with_others};
+  const Scene scene = learn_scene(data.depth, fit_split.train, data.map);
   TrainedModel model;
   model.split = options.split;
   model.seen = seen_records(data, split);
@@ -245,8 +238,6 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
 
 Split split_of(const Dataset& data, const TrainOptions& options) {
   const Inputs inputs = inputs_of(options.inputs);
-  if (!options.augment.empty() && inputs == Inputs::spd)
-    throw Error(ExitCode::usage, "augment: its kinds are of the radar, --inputs spd has none");
   // Others do not take what the antennas say.
   const bool one_antenna = options.model != "auto" && !looks_at_body(options.model, options);
   SplitOptions how = options.split;

@@ -16,7 +16,6 @@ struct TrainOptions {
   SplitOptions split;
   FitOptions fit;
   MethodConfig config;
-  std::vector<std::string> augment;  // kinds of augment.hpp
   // How often the records of each run count in the fit; empty: once. A part of 1 is the chance.
   std::vector<double> weights;
   // Runs that stand for the use, counted from 0: validation records and what is stated of the

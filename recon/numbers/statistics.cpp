@@ -59,23 +59,6 @@ double standard_deviation(std::span<const double> values) {
   return std::sqrt(squares / n);
 }
 
-namespace {
-
-constexpr std::size_t pose_records = 10;  // half a minute, for which a pose may be held
-
-// Calls take(first, count) for circular blocks of `of` records, `count` records in all.
-template <class Take>
-void draw_blocks(std::size_t of, std::size_t count, Rng& rng, const Take& take) {
-  std::uniform_int_distribution<std::size_t> any(0, of - 1);
-  for (std::size_t left = count; left > 0;) {
-    const std::size_t some = std::min(pose_records, left);
-    take(any(rng), some);
-    left -= some;
-  }
-}
-
-}  // namespace
-
 double upper_limit(std::vector<float> values, double share_above) {
   constexpr double tail = 0.05;
   const double start = double{quantile(values, 1 - tail)};
@@ -86,30 +69,12 @@ double upper_limit(std::vector<float> values, double share_above) {
 }
 
 Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng) {
+  constexpr std::size_t pose_records = 10;  // half a minute, for which a pose may be held
+  std::uniform_int_distribution<std::size_t> any(0, of - 1);
   Rows out;
-  out.reserve(count);
-  draw_blocks(of, count, rng, [&](std::size_t first, std::size_t some) {
-    for (std::size_t k = 0; k < some; ++k) out.push_back((first + k) % of);
-  });
-  return out;
-}
-
-ResampledMeans::ResampledMeans(const Matrix& table)
-    : rows_(table.rows), columns_(table.cols), sums_((rows_ + 1) * columns_) {
-  for (std::size_t i = 0; i < table.values.size(); ++i)
-    sums_[i + columns_] = sums_[i] + double{table.values[i]};
-}
-
-std::vector<double> ResampledMeans::draw(std::size_t count, Rng& rng) const {
-  std::vector<double> out(columns_);
-  draw_blocks(rows_, count, rng, [&](std::size_t first, std::size_t some) {
-    for (std::size_t n; some > 0; some -= n, first = 0) {
-      n = std::min(some, rows_ - first);
-      const double *begin = &sums_[first * columns_], *end = begin + n * columns_;
-      for (std::size_t c = 0; c < columns_; ++c) out[c] += end[c] - begin[c];
-    }
-  });
-  for (double& mean : out) mean /= static_cast<double>(count);
+  while (out.size() < count)
+    for (std::size_t first = any(rng), k = 0; k < pose_records && out.size() < count; ++k)
+      out.push_back((first + k) % of);
   return out;
 }
 

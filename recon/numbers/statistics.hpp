@@ -40,17 +40,6 @@ double upper_limit(std::vector<float> values, double share_above);
 // Romano 1992). More than some blocks are needed, or all resamples are alike.
 Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng);
 
-// Means of the columns in such resamples: of blocks, not of rows.
-class ResampledMeans {
- public:
-  explicit ResampledMeans(const Matrix& table);  // at least one row
-  std::vector<double> draw(std::size_t count, Rng& rng) const;
-
- private:
-  std::size_t rows_, columns_;
-  std::vector<double> sums_;  // of the rows before each, and of all
-};
-
 // Of each column, over the given rows (at least one).
 std::vector<float> column_quantile(const Matrix& table, const Rows& rows, double share);
 
