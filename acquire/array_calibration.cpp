@@ -86,7 +86,7 @@ AntennaFit fit_wave(const Samples& x) {
 AntennaFit fit_antennas(const ArrayFrames& frames, std::size_t antennas, std::size_t bin) {
   AntennaFit fit;
   if (frames.size() < least_frames) {
-    fit.refusal = format("fewer than 8 frames with the antennas' samples came");
+    fit.refusal = "fewer than 8 frames with the antennas' samples came";
     return fit;
   }
   const std::vector<double> powers = powers_of(frames, antennas);

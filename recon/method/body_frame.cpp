@@ -169,8 +169,9 @@ ECHOFUSE_CLONES void draw_rows(const Drawing& d, float* map, float* share) {
     const std::size_t start = r * d.side + first;
     for (std::size_t c = begin; c < end; ++c) {
       const std::int32_t at = low[c] - nearest;
-      const float body = mask_row[at] + part[c] * (mask_row[at + 1] - mask_row[at]);
-      const float ahead = relief_row[at] + part[c] * (relief_row[at + 1] - relief_row[at]);
+      const float *masks = &mask_row[0] + at, *reliefs = &relief_row[0] + at;
+      const float body = masks[0] + part[c] * (masks[1] - masks[0]);
+      const float ahead = reliefs[0] + part[c] * (reliefs[1] - reliefs[0]);
       const bool seen = body > d.least;
       const float depth = d.depth_m + ahead / (seen ? body : 1.f);
       map[start + c] = seen ? depth : map[start + c];
