@@ -186,8 +186,6 @@ Generator::Generator(Plan plan)
 
 AntennaRadar Generator::radar_of(const Conditions& c) const {
   AntennaRadar radar{radar_response(c), antennas_, seed_of(plan_, Stream::room)};
-  radar.chirp_s = 1e-6 * c.radar_chirp_us;
-  radar.chirps = c.radar_chirps;
   radar.carriers_hz = carriers_hz(c);
   return radar;
 }
@@ -237,7 +235,7 @@ std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& sc
     auto seen = profile_of_antennas(index, returns, radar, r);
     if (coherent) return seen;
   }
-  auto power = radar_power(returns, radar.axis, c);
+  auto power = radar_power(returns, radar.axis);
   if (room) add_room(room->power, power);
   if (!r.speckle) r.speckle = speckle_of_noise(index, power, c);
   add_radar_noise(power, mean_peak_, c, rng);
@@ -279,9 +277,7 @@ std::vector<double> Generator::profile_of_antennas(std::int64_t index, const Ret
   Rng rng = rng_of(plan_, Stream::array, index);
   const auto kept = record::array_axis(radar_axis(c), antennas_.size()).count;
   AntennaRecord seen =
-      antenna_record(returns, radar, kept, c, radar_noise_power(c, mean_peak_), rng,
-                     antenna_drift(c, antennas_.size(), seed_of(plan_, Stream::antennas),
-                                   static_cast<double>(index) * dataset_window_s));
+      antenna_record(returns, radar, kept, c, radar_noise_power(c, mean_peak_), rng);
   if (keeps_array_) {
     r.array = std::move(seen.array);
     r.array_frames = static_cast<std::uint64_t>(c.radar_frames * c.radar_carriers);

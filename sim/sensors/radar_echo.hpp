@@ -31,16 +31,9 @@ class RangeResponse {
 // Power of the receiver's noise in each point.
 double radar_noise_power(const Conditions& c, double mean_peak);
 
-// Moves each scatterer by its surface's height, Gaussian of rms radar_roughness_m: new speckle of
-// the coherent sum. Nothing happens to an incoherent one. Call it once for a scene that stands
-// still.
-void roughen(Returns& returns, const Conditions& conditions, Rng& rng);
-
-// Linear power without noise, in units in which the mean scene as a single point would give 1.
-//   incoherent: sum_k w_k psf^2
-//   coherent:   |sum_k sqrt(w_k) exp(-4 pi i R_k fc / c) psf|^2 (speckle; the former is its mean)
-std::vector<double> radar_power(const Returns& returns, const RadarAxis& axis,
-                                const Conditions& conditions);
+// Linear power of echoes that do not interfere, sum_k w_k psf^2, without noise; in units in which
+// the mean scene as a single point would give 1. What interferes is of antennas.hpp.
+std::vector<double> radar_power(const Returns& returns, const RadarAxis& axis);
 
 // Peak of the noise-free incoherent profile, averaged over a fixed set of base-condition scenes
 // as seen with this axis and baseline. Takes some 50 ms: once per data set.

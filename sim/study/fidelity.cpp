@@ -106,7 +106,7 @@ Comparison radar(const Conditions& c, double sigma) {
     Conditions changed = c;
     changed.radar_rays = count;
     return [changed, axis](const Scene& scene) {
-      return radar_power(radar_returns(scene, changed), axis, changed);
+      return radar_power(radar_returns(scene, changed), axis);
     };
   };
   std::vector<Candidate> all;
@@ -158,7 +158,7 @@ Comparison radar_by_walls(const Conditions& base, const std::string& room, doubl
     return before(room, [=, how = in_room(base, room, order)](const Scene& scene) {
       Returns returns;
       radar_returns(scene, how, returns, RoomIs::subtracted);
-      return radar_power(returns, axis, how);
+      return radar_power(returns, axis);
     });
   };
   return {"radar-" + room,
