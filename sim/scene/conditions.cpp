@@ -11,6 +11,7 @@ namespace echofuse::sim {
 namespace {
 
 void bind_scene(Settings& s, Conditions& c) {
+  s.add("window_s", c.window_s, 0.01, 3600, "length of a record; photons and frames are of one");
   s.add("baseline_m", c.baseline_m, 0, 10, "radar at (-baseline, 0, 0)");
   s.add("half_tangent", c.half_tangent, 0.05, 1, "field of view of SPD and depth camera");
   s.add("camera_height_m", c.camera_height_m, 0, 3, "sensors above the floor");
@@ -115,8 +116,8 @@ void bind_radar(Settings& s, Conditions& c) {
 void bind_array(Settings& s, Conditions& c) {
   s.add("radar_antennas", c.radar_antennas, 0, 12,
         "virtual antennas: 1 to 8 in a row, 12 in a plane; 0: one, not kept");
-  s.add("radar_frames", c.radar_frames, 13, 10'000,
-        "of the radar, in a record; more than there are antennas");
+  s.add("radar_frames", c.radar_frames, 1, 10'000,
+        "of the radar, in a record; with antennas more than there are of these");
   s.add("radar_phase_error_rad", c.radar_phase_error_rad, 0, 10, "rms over the antennas");
   s.add("radar_gain_error_db", c.radar_gain_error_db, 0, 20, "rms over the antennas");
   s.add("radar_array_calibrated", c.radar_array_calibrated, "the run knows these errors");
@@ -173,6 +174,9 @@ void validate(const Conditions& c) {
   if (c.radar_antennas > 8 && c.radar_antennas != 12)
     throw Error(ExitCode::config, "radar_antennas is " + std::to_string(c.radar_antennas) +
                                       "; expected 0 to 8, or 12");
+  if (c.radar_antennas > 0 && c.radar_frames <= c.radar_antennas)
+    throw Error(ExitCode::config, "radar_frames is " + std::to_string(c.radar_frames) +
+                                      "; expected more than there are antennas");
   if (c.radar_carriers > 1 && free_band_hz(c) <= 0)
     throw Error(ExitCode::config, std::to_string(c.radar_carriers) +
                                       " carriers of this resolution do not fit into 4 GHz");

@@ -16,6 +16,7 @@ namespace echofuse::sim {
 
 struct Conditions {
   // Geometry and scenes
+  double window_s = 3;  // [S] exposure of one record
   double baseline_m = 0.5;
   double half_tangent = 0.55;    // field of view of SPD and depth camera, both ways
   double camera_height_m = 1.1;  // above the floor that people stand on
@@ -136,8 +137,6 @@ struct Conditions {
   double depth_offset_m = 0;    // by which it reads too far
 };
 
-// [S] exposure of one record; a simulated set has no other clock
-inline constexpr double dataset_window_s = 3;
 inline constexpr double reflector_m = 1;  // distance of the calibration target before each sensor
 inline constexpr double radar_half_tangent = 1.2;  // its antenna's field of view, +-50 degrees
 inline constexpr double radar_carrier_hz = 60.25e9;

@@ -578,7 +578,7 @@ AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,
   const std::size_t antennas = radar.antennas.size(), points = radar.axis.count;
   const std::size_t carriers = radar.carriers_hz.size();
   const std::size_t frames = static_cast<std::size_t>(c.radar_frames) * carriers;
-  const double later_s = dataset_window_s / static_cast<double>(frames);
+  const double later_s = c.window_s / static_cast<double>(frames);
   const auto rms = static_cast<float>(std::sqrt(noise_power / 2));
   AntennaEcho echo(returns, radar, c, rng);
   // Fresh memory takes the kernel as long as the half of this.

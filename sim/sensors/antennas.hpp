@@ -144,7 +144,7 @@ class AntennaEcho {
 // Samples of the room alone, coherent, at each carrier.
 std::vector<std::complex<float>> room_echo(const AntennaRadar& radar, const Conditions& conditions);
 
-// A record's: radar_frames frames over dataset_window_s, each of all carriers, with noise of this
+// A record's: radar_frames frames over window_s, each of all carriers, with noise of this
 // power in each sample.
 struct AntennaRecord {
   std::vector<float> array;   // of the first `kept_bins` points (ArrayStatistics)

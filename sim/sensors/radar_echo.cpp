@@ -16,6 +16,8 @@ namespace {
 
 constexpr double pi = std::numbers::pi;
 
+constexpr int many_frames = 60;
+
 constexpr double nearest = 1e-7;  // to a removable singularity: too near to divide
 
 // psf_amplitude, given sin(pi u) as well.
@@ -152,9 +154,25 @@ double radar_noise_power(const Conditions& c, double mean_peak) {
   return std::pow(10, -c.radar_snr_db / 10) * mean_peak;
 }
 
-void add_radar_noise(std::vector<double>& power, double mean_peak, const Conditions& c, Rng& rng) {
-  const double sigma = radar_noise_power(c, mean_peak);
-  std::normal_distribution<double> noise(0, sigma);
+double profile_noise(const Conditions& c, double mean_peak, std::int64_t frames) {
+  return radar_noise_power(c, mean_peak) * std::sqrt(many_frames / static_cast<double>(frames));
+}
+
+void add_profile_noise(std::vector<double>& power, double mean_peak, const Conditions& c,
+                       std::int64_t frames, Rng& rng) {
+  const double rms = profile_noise(c, mean_peak, frames);
+  if (frames >= many_frames) {
+    std::normal_distribution<double> noise(0, rms);
+    for (double& p : power) p += noise(rng);
+    return;
+  }
+  const auto looks = static_cast<double>(frames);
+  std::gamma_distribution<double> noise(looks, rms / std::sqrt(looks));
+  for (double& p : power) p += noise(rng) - rms * std::sqrt(looks);
+}
+
+void add_frame_noise(std::vector<double>& power, double mean_peak, const Conditions& c, Rng& rng) {
+  std::exponential_distribution<double> noise(1 / profile_noise(c, mean_peak, 1));
   for (double& p : power) p += noise(rng);
 }
 

@@ -120,7 +120,7 @@ class Laboratory {
  private:
   void add(const std::string& axis, double value, const Conditions& c) {
     const double peak = mean_peak_power(radar_response(c), c);
-    points_.push_back({axis, value, c, 0, 0, radar_noise_power(c, peak)});
+    points_.push_back({axis, value, c, 0, 0, profile_noise(c, peak, c.radar_frames)});
   }
   void vary(const std::string& axis, double value, double Conditions::*key) {
     Conditions c = base_;

@@ -54,7 +54,7 @@ struct Ball {
     conditions.first_bin_ps = 19000;  // 2.85 m
     conditions.signal_photons = 3e4;
     conditions.background_counts = 400;
-    sigma = radar_noise_power(conditions, mean_peak_power(axis, conditions));
+    sigma = profile_noise(conditions, mean_peak_power(axis, conditions), 60);
   }
   std::size_t bins() const { return static_cast<std::size_t>(conditions.bins); }
 

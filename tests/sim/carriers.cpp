@@ -129,15 +129,18 @@ TEST_CASE("echoes that do not interfere vary by noise alone, with antennas or wi
   Plan plan;
   plan.people = 1, plan.letters = 0;
   plan.conditions.radar_frames = 100;
-  // One antenna: sum of 2 P nu + nu^2 over sum of (P + nu)^2.
   const Generator plain(plan);
   const auto record = plain.make(0);
-  const double nu = 0.01;
   REQUIRE(record.speckle);
   CHECK(record.array.empty());
   CHECK_FALSE(record.speckle->over_carriers);
-  CHECK(record.speckle->over_frames > nu);
-  CHECK(record.speckle->over_frames < 8 * nu);
+  // The variance of a frame's noise in each point, over the squares of the mean powers.
+  const Conditions& c = plan.conditions;
+  const double rms = profile_noise(c, mean_peak_power(radar_response(c), c), 1);
+  double squares = 0;
+  for (const float power : record.radar) squares += std::pow(power + rms, 2);
+  const double expected = static_cast<double>(record.radar.size()) * rms * rms / squares;
+  CHECK(record.speckle->over_frames == Approx(expected).epsilon(0.25));
   plan.conditions.radar_sum = "coherent";
   const auto moving = Generator(plan).make(0);
   CHECK(moving.array.empty());
