@@ -22,7 +22,6 @@
 #include "sim/lab/lab.hpp"
 #include "sim/lab/lab_command.hpp"
 #include "sim/twin/twin.hpp"
-#include "sim/usb/usb_lab.hpp"
 
 namespace {
 
@@ -149,12 +148,7 @@ void print_sent(const std::string& sent) {
   }
 }
 
-ExitCode run_lab(LabArguments& a, char** argv) {
-  if (a.options.usb && a.command.empty())
-    throw Error(ExitCode::usage,
-                "--usb: only a command started by the laboratory sees its USB devices; add e.g. -- "
-                "echofuse-acquire run --config lab/lab.toml --out monday");
-  if (a.options.usb) sim::UsbLab::enter(argv);
+ExitCode run_lab(LabArguments& a) {
   catch_interrupts();
   sim::Plan plan;
   Settings settings;
@@ -183,7 +177,7 @@ ExitCode run_lab(LabArguments& a, char** argv) {
   return ExitCode::ok;
 }
 
-void add_lab(CLI::App& app, Command& command, char** argv) {
+void add_lab(CLI::App& app, Command& command) {
   auto* sub = app.add_subcommand("lab", "start a laboratory of simulated devices");
   auto a = std::make_shared<LabArguments>();
   auto& o = a->options;
@@ -219,10 +213,9 @@ void add_lab(CLI::App& app, Command& command, char** argv) {
   add_plan_options(*sub, *a);
   add_twin_options(*sub, *a);
   sub->add_flag("--json", a->json, "what was sent as one JSON object");
-  sub->add_flag("--usb", o.usb, "the time tagger on emulated USB instead of the bridge");
   sub->add_option("command", a->command, "run this in the laboratory, and close it afterwards")
       ->option_text("-- COMMAND ...");
-  sub->callback([&command, a, argv] { command = [a, argv] { return run_lab(*a, argv); }; });
+  sub->callback([&command, a] { command = [a] { return run_lab(*a); }; });
 }
 
 void add_preview(CLI::App& app, Command& command) {
@@ -277,7 +270,7 @@ ExitCode run(int argc, char** argv) {
   app.require_subcommand(1);
   Command command;
   add_dataset(app, command);
-  add_lab(app, command, argv);
+  add_lab(app, command);
   sim::add_study(app, command);
   add_preview(app, command);
   add_config(app, command);

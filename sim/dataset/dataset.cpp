@@ -47,11 +47,11 @@ Rng rng_of(const Plan& plan, Stream stream, std::int64_t index) {
   return make_rng(seed_of(plan, stream), static_cast<std::uint64_t>(index));
 }
 
-record::FusedRecord blank_record(std::int64_t index, std::string label) {
+record::FusedRecord blank_record(std::int64_t index, std::string label, double window_s) {
   record::FusedRecord r;
   r.index = index;
-  r.slot_start = from_seconds(static_cast<double>(index) * dataset_window_s);
-  r.slot_end = from_seconds(static_cast<double>(index + 1) * dataset_window_s);
+  r.slot_start = from_seconds(static_cast<double>(index) * window_s);
+  r.slot_end = from_seconds(static_cast<double>(index + 1) * window_s);
   r.slot_utc = r.slot_start;
   r.label = std::move(label);
   for (const auto sensor : all_sensors) {
@@ -119,7 +119,7 @@ record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
                   one_line(draws_of(twin_named(plan.twin), plan.laboratory));
   if (const auto detector = stated_detector(plan.conditions); detector.known())
     info.meta.push_back(detector.meta());
-  info.window_s = dataset_window_s;
+  info.window_s = plan.conditions.window_s;
   return info;
 }
 
@@ -186,8 +186,6 @@ Generator::Generator(Plan plan)
 
 AntennaRadar Generator::radar_of(const Conditions& c) const {
   AntennaRadar radar{radar_response(c), antennas_, seed_of(plan_, Stream::room)};
-  radar.chirp_s = 1e-6 * c.radar_chirp_us;
-  radar.chirps = c.radar_chirps;
   radar.carriers_hz = carriers_hz(c);
   return radar;
 }
@@ -202,7 +200,7 @@ record::FusedRecord Generator::make(std::int64_t index) const {
   const Scene world = scene(index);
   Rng rng = rng_of(plan_, Stream::noise, index);
   Rng depth_rng = rng_of(plan_, Stream::depth, index);
-  record::FusedRecord r = blank_record(index, world.label);
+  record::FusedRecord r = blank_record(index, world.label, c.window_s);
   r.spd = count_photons(world, c, rng);
   count_clicks(r, c.pulses_per_window);
   const auto power = radar_profile(index, world, r, rng);
@@ -237,10 +235,10 @@ std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& sc
     auto seen = profile_of_antennas(index, returns, radar, r);
     if (coherent) return seen;
   }
-  auto power = radar_power(returns, radar.axis, c);
+  auto power = radar_power(returns, radar.axis);
   if (room) add_room(room->power, power);
   if (!r.speckle) r.speckle = speckle_of_noise(index, power, c);
-  add_radar_noise(power, mean_peak_, c, rng);
+  add_profile_noise(power, mean_peak_, c, c.radar_frames * c.radar_carriers, rng);
   return power;
 }
 
@@ -250,21 +248,18 @@ std::optional<record::Speckle> Generator::speckle_of_noise(std::int64_t index,
                                                            const Conditions& c) const {
   Rng rng = rng_of(plan_, Stream::frames, index);
   GaussianNoise noise(rng);
-  const auto rms = static_cast<float>(std::sqrt(radar_noise_power(c, mean_peak_) / 2));
-  // Filled up to whole vectors.
-  const std::size_t points = (power.size() + lanes - 1) / lanes * lanes;
-  std::vector<float> echo(2 * points), samples, powers(power.size());
-  for (std::size_t i = 0; i < power.size(); ++i)
-    echo[i] = static_cast<float>(std::sqrt(std::max(power[i], 0.0)));
+  const auto rms = static_cast<float>(std::sqrt(profile_noise(c, mean_peak_, 1) / 2));
+  std::vector<float> samples, powers(power.size());
   const auto carriers = static_cast<std::size_t>(c.radar_carriers);
   record::SpeckleStatistics speckle(carriers);
   const std::size_t frames = static_cast<std::size_t>(c.radar_frames) * carriers;
-  const double later_s = dataset_window_s / static_cast<double>(frames);
+  const double later_s = c.window_s / static_cast<double>(frames);
   for (std::size_t f = 0; f < frames; ++f) {
-    samples = echo;
+    samples.assign(2 * power.size(), 0);
     noise.add(samples, rms);
     for (std::size_t i = 0; i < powers.size(); ++i)
-      powers[i] = samples[i] * samples[i] + samples[points + i] * samples[points + i];
+      powers[i] = static_cast<float>(power[i]) + samples[2 * i] * samples[2 * i] +
+                  samples[2 * i + 1] * samples[2 * i + 1];
     speckle.add(f / carriers, f % carriers, static_cast<double>(f) * later_s, powers);
   }
   return speckle.take();
@@ -279,9 +274,7 @@ std::vector<double> Generator::profile_of_antennas(std::int64_t index, const Ret
   Rng rng = rng_of(plan_, Stream::array, index);
   const auto kept = record::array_axis(radar_axis(c), antennas_.size()).count;
   AntennaRecord seen =
-      antenna_record(returns, radar, kept, c, radar_noise_power(c, mean_peak_), rng,
-                     antenna_drift(c, antennas_.size(), seed_of(plan_, Stream::antennas),
-                                   static_cast<double>(index) * dataset_window_s));
+      antenna_record(returns, radar, kept, c, radar_noise_power(c, mean_peak_), rng);
   if (keeps_array_) {
     r.array = std::move(seen.array);
     r.array_frames = static_cast<std::uint64_t>(c.radar_frames * c.radar_carriers);

@@ -72,16 +72,10 @@ void RadarAntennas::look(const RenderedScene& rendered, std::size_t subframe, do
     radar.chirp_s = chirp_s_;
     radar.chirps = chirps_;
     radar.carriers_hz = carriers_hz_;
-    echo_.emplace(rendered.array, radar, conditions_, rng);
+    echo_.emplace(rendered.radar, radar, conditions_, rng);
     scene_ = rendered.index;
     seen_s_ = time_s;
   }
-  if (started_s_ < 0) started_s_ = time_s;
-  std::vector<double> drift;
-  const auto all = antenna_drift(conditions_, channels_.size(), seed_, time_s - started_s_);
-  for (const std::size_t k : numbers_)
-    if (!all.empty()) drift.push_back(all[k]);
-  echo_->set_drift(drift);
   echo_->set_carrier(subframe);
   samples_.resize(echo_->samples());
   echo_->frame(std::max(0.0, time_s - seen_s_), rng, samples_);

@@ -44,7 +44,7 @@ class RadarAntennas {
   record::Antennas used_;      // by the chirp, in the order of its transmitters
   std::size_t sent_ = 0;       // the first of them
   RadarAxis axis_;
-  double chirp_s_ = 0, started_s_ = -1;
+  double chirp_s_ = 0;
   std::int64_t chirps_ = 1;
   std::size_t receivers_used_ = receivers;
   std::vector<std::size_t> numbers_;  // of used_ among channels_

@@ -45,7 +45,9 @@ std::vector<std::uint16_t> range_profile_codes(const std::vector<double>& power,
   std::normal_distribution<double> noise(0, std::sqrt(noise_power / 2));
   std::vector<std::uint16_t> codes;
   codes.reserve(power.size());
-  for (const double p : power) {
+  std::vector<double> received = power;
+  add_frame_noise(received, mean_peak, conditions, rng);
+  for (const double p : received) {
     double sum = 0;
     for (unsigned a = 0; a < antennas; ++a) {
       const std::complex<double> x{std::sqrt(p) + noise(rng), noise(rng)};

@@ -140,7 +140,7 @@ class RadarBoard final : public Device {
   }
 
   std::vector<double> power_seen() {
-    auto power = radar_power(player_.at(seen_s_).radar, axis_, player_.conditions());
+    auto power = radar_power(player_.at(seen_s_).radar, axis_);
     for (double& p : power) p *= injector_.gain();
     return power;
   }

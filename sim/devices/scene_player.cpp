@@ -52,11 +52,7 @@ const RenderedScene& ScenePlayer::at(double time_s) {
   if (for_radar.label == "reflector") for_radar.plates[0].centre.x = radar_x_m(conditions_);
   Conditions with_places = conditions_;
   with_places.radar_antennas = std::max<std::int64_t>(1, conditions_.radar_antennas);
-  rendered_.array = radar_returns(for_radar, with_places);
-  rendered_.radar = rendered_.array;
-  Rng rng =
-      make_rng(static_cast<std::uint64_t>(schedule_.seed) + 1, static_cast<std::uint64_t>(index));
-  roughen(rendered_.radar, conditions_, rng);
+  rendered_.radar = radar_returns(for_radar, with_places);
   rendered_.index = index;
   return rendered_;
 }

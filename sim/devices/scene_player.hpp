@@ -18,8 +18,7 @@ namespace echofuse::sim {
 struct RenderedScene {
   std::int64_t index = -1;
   Scene scene;
-  Returns spd, radar;
-  Returns array;  // the radar's, with where each patch is, and before its surface is roughened
+  Returns spd, radar;  // the radar's with where each patch is
 };
 
 struct SceneSchedule {

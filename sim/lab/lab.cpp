@@ -20,7 +20,6 @@
 #include "drivers/core/program.hpp"
 #include "drivers/core/settings.hpp"
 #include "sim/sensors/optics.hpp"
-#include "sim/usb/usb_lab.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -170,16 +169,19 @@ std::string lab_toml(const LabOptions& o, const fs::path& dir, const std::string
   return out.str();
 }
 
+LabTagger bridged_tagger(boost::asio::io_context& io, ScenePlayer& player,
+                         const TdcOptions& options) {
+  auto bridge = make_tdc_bridge(io, player, options);
+  std::string address = bridge->address();
+  return {std::move(bridge), std::move(address)};
+}
+
 }  // namespace
 
 struct Lab::Parts {
   Parts(const Clock& clock, const LabOptions& o)
       : options(o), dir(make_directory(o.dir)), lock(dir), player(clock, o.conditions, o.schedule) {
     if (!o.faults.empty()) plan.faults = read_faults(read_config_text(o.faults), o.faults);
-    const auto of_tdc = [](const Fault& fault) { return fault.device == "tdc"; };
-    if (o.usb && (!o.log.empty() || std::any_of(plan.faults.begin(), plan.faults.end(), of_tdc)))
-      throw Error(ExitCode::usage,
-                  "--usb: the time tagger's faults and log are of its bridge; leave --usb away");
     if (!o.log.empty()) plan.journal = &journal.emplace(o.log);
   }
 
@@ -196,7 +198,8 @@ struct Lab::Parts {
     remove(std::begin(lasting), std::end(lasting));
     const std::string label = options.schedule.hold_s > 0 ? "" : player.at(0).scene.label;
     const auto seed = static_cast<std::uint64_t>(options.schedule.seed);
-    const std::string tdc_address = make_tdc(
+    tagger = (options.make_tagger ? options.make_tagger : bridged_tagger)(
+        io, player,
         {.tagging = options.tagging, .window_s = options.window_s, .seed = seed, .plan = plan});
     radar = make_radar_ptys(io, player,
                             {.cli_link = (dir / "radar-cli").string(),
@@ -208,19 +211,7 @@ struct Lab::Parts {
         io, player, {.socket_path = (dir / "depth.sock").string(), .seed = seed, .plan = plan});
     make_openni(dir);
     write_atomically(dir / "radar.cfg", cfg);
-    write_atomically(dir / "lab.toml", lab_toml(options, dir, tdc_address, label));
-  }
-
-  // Returns its address.
-  std::string make_tdc(const TdcOptions& wanted) {
-    if (options.usb) {
-      usb = UsbLab::make(io, player, wanted);
-      tdc = &usb->tdc();
-      return usb->tdc_address();
-    }
-    bridge = make_tdc_bridge(io, player, wanted);
-    tdc = bridge.get();
-    return bridge->address();
+    write_atomically(dir / "lab.toml", lab_toml(options, dir, tagger.address, label));
   }
 
   LabOptions options;
@@ -230,9 +221,7 @@ struct Lab::Parts {
   ScenePlayer player;
   FaultPlan plan;
   std::optional<Journal> journal;
-  std::unique_ptr<UsbLab> usb;
-  std::unique_ptr<TdcBridge> bridge;
-  Device* tdc = nullptr;  // one of the two
+  LabTagger tagger;
   std::unique_ptr<Device> radar, depth;
 };
 
@@ -250,8 +239,7 @@ std::string Lab::daemon_command() const {
 }
 
 std::vector<std::pair<std::string, std::string>> Lab::environment() const {
-  std::vector<std::pair<std::string, std::string>> all;
-  if (parts_->usb) all = parts_->usb->environment();
+  auto all = parts_->tagger.environment;
   all.emplace_back("LD_LIBRARY_PATH", (parts_->dir / "openni").string());
   return all;
 }
@@ -260,7 +248,8 @@ void Lab::serve(const std::function<bool()>& done) {
   constexpr auto step = std::chrono::milliseconds(50);
   constexpr auto patience = std::chrono::seconds(1);
   while (!done()) parts_->io.run_for(step);
-  for (Device* device : {parts_->tdc, parts_->radar.get(), parts_->depth.get()}) device->stop();
+  for (Device* device : {parts_->tagger.device.get(), parts_->radar.get(), parts_->depth.get()})
+    device->stop();
   parts_->io.run_for(patience);
   parts_->remove(std::begin(transient), std::end(transient));
   write_atomically(parts_->dir / "sent.json", sent() + "\n");
@@ -278,7 +267,7 @@ std::string Lab::sent() const {
   const auto add = [&](const char* name, const Device& device) {
     for (const auto& [what, count] : device.sent()) all[name][what] = count;
   };
-  add("tdc", *p.tdc);
+  add("tdc", *p.tagger.device);
   add("radar", *p.radar);
   add("depth", *p.depth);
   return all.dump();

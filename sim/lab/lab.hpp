@@ -21,6 +21,13 @@
 
 namespace echofuse::sim {
 
+struct LabTagger {
+  std::unique_ptr<Device> device;
+  std::string address;  // as lab.toml names it
+  // What a program that is to see it needs in its environment.
+  std::vector<std::pair<std::string, std::string>> environment{};
+};
+
 struct LabOptions {
   std::string dir = "lab";
   SceneSchedule schedule;
@@ -31,7 +38,8 @@ struct LabOptions {
   std::string radar_sdk = "3.5";
   std::string faults;  // a file of what goes wrong; empty: nothing
   std::string log;     // where everything sent is written down; empty: nowhere
-  bool usb = false;    // the time tagger on emulated USB: only commands of serve() can see it
+  // A time tagger in place of the one behind the bridge; its faults are its maker's.
+  std::function<LabTagger(boost::asio::io_context&, ScenePlayer&, const TdcOptions&)> make_tagger;
 };
 
 class Lab {

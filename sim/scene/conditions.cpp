@@ -11,21 +11,19 @@ namespace echofuse::sim {
 namespace {
 
 void bind_scene(Settings& s, Conditions& c) {
+  s.add("window_s", c.window_s, 0.01, 3600, "length of a record; photons and frames are of one");
   s.add("baseline_m", c.baseline_m, 0, 10, "radar at (-baseline, 0, 0)");
   s.add("half_tangent", c.half_tangent, 0.05, 1, "field of view of SPD and depth camera");
   s.add("camera_height_m", c.camera_height_m, 0, 3, "sensors above the floor");
   s.add("target_x_m", c.target_x_m, 0, 5, "people stand at -x..x");
   s.add("target_z_min_m", c.target_z_min_m, 1.2, 20, "nearest place to stand");
   s.add("target_z_max_m", c.target_z_max_m, 1.2, 20, "farthest place to stand");
-  s.add("reflector_m", c.reflector_m, 0.2, 20, "calibration target before each sensor");
   s.add("target_scale", c.target_scale, 0.1, 3, "size of people and letters");
   s.add("person_yaw_deg", c.person_yaw_deg, 0, 180, "people turn up to this much");
   s.add("letter_yaw_deg", c.letter_yaw_deg, 0, 80, "letters turn up to this much");
   s.add("object", c.object, "OBJ or PLY file of the mesh that stands in object scenes");
   s.add("object_scale", c.object_scale, 1e-6, 1e6, "metres to one unit of the mesh");
   s.add("object_up", c.object_up, "which of the mesh's axes points up", {"y", "z"});
-  s.add("object_albedo", c.object_albedo, 0, 1, "of the object");
-  s.add("object_yaw_deg", c.object_yaw_deg, 0, 180, "objects turn up to this much");
   s.add("background", c.background, "what stands behind", room_names());
   s.add("multipath_order", c.multipath_order, 0, 2, "reflections by the room's walls on a way");
 }
@@ -49,12 +47,9 @@ void bind_people(Settings& s, Conditions& c) {
 void bind_letters(Settings& s, Conditions& c) {
   s.add("letter_albedo", c.letter_albedo, 0, 1, "of letters");
   s.add("letter_scale", c.letter_scale, 0.2, 3, "size of letters");
-  s.add("letter_stroke", c.letter_stroke, 0.3, 2, "width of their strokes, of the base's");
   s.add("letter_reach", c.letter_reach, 0.3, 1.5, "distance from the chest, of the base's");
   s.add("letter_lift_m", c.letter_lift_m, -1, 1, "held higher than in the base");
   s.add("letter_tilt_deg", c.letter_tilt_deg, 0, 80, "leans forward or back by up to this");
-  s.add("letter_roll_deg", c.letter_roll_deg, 0, 180, "turned in its plane by up to this");
-  s.add("letter_turn_deg", c.letter_turn_deg, 0, 80, "turned against the shoulders");
 }
 
 void bind_reflectivity(Settings& s, Conditions& c) {
@@ -63,8 +58,6 @@ void bind_reflectivity(Settings& s, Conditions& c) {
   s.add("radar_plate", c.radar_plate, 0, 100, "the same of letters");
   s.add("radar_follows_albedo", c.radar_follows_albedo, 0, 1,
         "share of the clothes' differences in albedo that the radar sees");
-  s.add("radar_body_spread", c.radar_body_spread, 0, 3,
-        "people's reflectivities differ besides: exp(+-spread)");
   s.add("radar_lobe", c.radar_lobe, 0, 20, "echo ~ cos^n of the incidence; 1: Lambert");
   s.add("radar_plate_lobe", c.radar_plate_lobe, 0, 20, "the same of letters");
   s.add("optical_lobe", c.optical_lobe, 0, 20, "the same of people and letters in light");
@@ -90,7 +83,6 @@ void bind_spd(Settings& s, Conditions& c) {
   s.add("spd_falloff", c.spd_falloff, 0, 10, "light exp(-falloff) at the field's edges");
   s.add("spd_field", c.spd_field, 0.1, 3, "the detector's field of view, of half_tangent");
   s.add("spd_yaw_deg", c.spd_yaw_deg, -30, 30, "points to +x; the daemon does not know it");
-  s.add("spd_pitch_deg", c.spd_pitch_deg, -30, 30, "points up; the daemon does not know it");
   s.add("slot_sway_m", c.slot_sway_m, 0, 1, "rms motion of people in a record, to and fro");
 }
 
@@ -102,20 +94,15 @@ void bind_weather(Settings& s, Conditions& c) {
 
 void bind_radar(Settings& s, Conditions& c) {
   s.add("radar_rays", c.radar_rays, 16, 2048, "rays across the field of view");
-  s.add("radar_half_tangent", c.radar_half_tangent, 0.05, 3, "field of view");
   s.add("radar_resolution_m", c.radar_resolution_m, 0.001, 10, "c / 2B");
-  s.add("radar_start_m", c.radar_start_m, 0, 100, "range of point 0");
   s.add("radar_step_m", c.radar_step_m, 0.001, 10, "between points");
   s.add("radar_bins", c.radar_bins, 1, 65'536, "points");
   s.add("radar_snr_db", c.radar_snr_db, -40, 200, "against the mean scene's peak power");
   s.add("radar_bias_m", c.radar_bias_m, -10, 10, "by which its ranges are too long");
-  s.add("radar_carrier_hz", c.radar_carrier_hz, 1e8, 1e12, "for the coherent sum");
   s.add("radar_psf", c.radar_psf, "range response", {"sinc", "blackman"});
   s.add("radar_sum", c.radar_sum, "of scatterers", {"incoherent", "coherent"});
-  s.add("radar_roughness_m", c.radar_roughness_m, 0, 1, "rms height of surfaces, if coherent");
   s.add("radar_leakage", c.radar_leakage, 0, 1e6,
         "power of the transmitter's own echo at range 0, in mean scenes");
-  s.add("radar_ground", c.radar_ground, 0, 1, "power that comes by the floor, of what is direct");
   s.add("radar_wall_reflectivity", c.radar_wall_reflectivity, 0, 1,
         "power that walls mirror, for multipath_order");
   s.add("radar_wall_scatter", c.radar_wall_scatter, 0, 1,
@@ -129,24 +116,15 @@ void bind_radar(Settings& s, Conditions& c) {
 void bind_array(Settings& s, Conditions& c) {
   s.add("radar_antennas", c.radar_antennas, 0, 12,
         "virtual antennas: 1 to 8 in a row, 12 in a plane; 0: one, not kept");
-  s.add("radar_frames", c.radar_frames, 13, 10'000,
-        "of the radar, in a record; more than there are antennas");
+  s.add("radar_frames", c.radar_frames, 1, 10'000,
+        "of the radar, in a record; with antennas more than there are of these");
   s.add("radar_phase_error_rad", c.radar_phase_error_rad, 0, 10, "rms over the antennas");
   s.add("radar_gain_error_db", c.radar_gain_error_db, 0, 20, "rms over the antennas");
   s.add("radar_array_calibrated", c.radar_array_calibrated, "the run knows these errors");
   s.add("radar_carriers", c.radar_carriers, 1, 64, "frequencies at which each frame is taken");
-  s.add("radar_carrier_step_mhz", c.radar_carrier_step_mhz, 0, 4000,
-        "from one to the next; 0: as far apart as 4 GHz permit");
   s.add("radar_sway_m", c.radar_sway_m, 0, 1, "rms each way, of a standing person's head");
   s.add("radar_twist_deg", c.radar_twist_deg, 0, 90, "rms, of a person about the upright axis");
   s.add("radar_breath_m", c.radar_breath_m, 0, 0.1, "amplitude of a person's chest");
-  s.add("radar_chirp_us", c.radar_chirp_us, 0, 10'000,
-        "from one transmitter's chirp to the next's; 0: all send at once");
-  s.add("radar_chirps", c.radar_chirps, 1, 1024, "of each transmitter in a frame; they are added");
-  s.add("radar_warming_k", c.radar_warming_k, -100, 100, "by which the radar warms up");
-  s.add("radar_warming_s", c.radar_warming_s, 1, 1e6, "time constant of that");
-  s.add("radar_drift_rad_k", c.radar_drift_rad_k, 0, 1, "rms drift of an antenna's phase");
-  s.add("radar_drift_common_rad_k", c.radar_drift_common_rad_k, -1, 1, "drift of all phases");
 }
 
 void bind_depth(Settings& s, Conditions& c) {
@@ -157,8 +135,6 @@ void bind_depth(Settings& s, Conditions& c) {
   s.add("depth_noise_m", c.depth_noise_m, 0, 1, "sigma at 1 m, grows with the distance's square");
   s.add("depth_dropout", c.depth_dropout, 0, 1, "share of the pixels at edges without return");
   s.add("depth_offset_m", c.depth_offset_m, -1, 1, "by which it reads too far");
-  s.add("depth_step_m", c.depth_step_m, 0, 0.1, "quantisation at 1 m, grows as the noise");
-  s.add("depth_holes", c.depth_holes, 0, 0.9, "share of the surface lost in holes");
 }
 
 // What a sweep of c / 2 resolution leaves.
@@ -198,14 +174,12 @@ void validate(const Conditions& c) {
   if (c.radar_antennas > 8 && c.radar_antennas != 12)
     throw Error(ExitCode::config, "radar_antennas is " + std::to_string(c.radar_antennas) +
                                       "; expected 0 to 8, or 12");
-  if (c.multipath_order > 0 && c.radar_ground > 0)
-    throw Error(ExitCode::config,
-                "radar_ground and multipath_order: both are echoes by the floor; give one of them");
-  if (c.radar_carriers > 1 &&
-      (free_band_hz(c) <= 0 || carriers_hz(c).back() > (1 + 1e-9) * free_band_hz(c)))
+  if (c.radar_antennas > 0 && c.radar_frames <= c.radar_antennas)
+    throw Error(ExitCode::config, "radar_frames is " + std::to_string(c.radar_frames) +
+                                      "; expected more than there are antennas");
+  if (c.radar_carriers > 1 && free_band_hz(c) <= 0)
     throw Error(ExitCode::config, std::to_string(c.radar_carriers) +
-                                      " carriers of this resolution and step do not "
-                                      "fit into 4 GHz");
+                                      " carriers of this resolution do not fit into 4 GHz");
   if (c.target_z_min_m > c.target_z_max_m)
     throw Error(ExitCode::config, "target_z_min_m is greater than target_z_max_m");
   if (c.height_min_m > c.height_max_m)
@@ -226,21 +200,18 @@ record::MapGrid map_grid(const Conditions& c) {
 }
 
 Axis radar_axis(const Conditions& c) {
-  return {"radar",         "power",       "m", static_cast<std::uint32_t>(c.radar_bins),
-          c.radar_start_m, c.radar_step_m};
+  return {"radar", "power", "m", static_cast<std::uint32_t>(c.radar_bins), 0, c.radar_step_m};
 }
 
 RadarAxis radar_response(const Conditions& c) {
-  return {c.radar_start_m, c.radar_step_m, static_cast<std::uint32_t>(c.radar_bins),
+  return {0, c.radar_step_m, static_cast<std::uint32_t>(c.radar_bins),
           c.radar_resolution_m * c.radar_psf_width,
           c.radar_psf == "sinc" ? Psf::sinc : Psf::blackman};
 }
 
 std::vector<double> carriers_hz(const Conditions& c) {
   const double steps = static_cast<double>(c.radar_carriers - 1);
-  const double step_hz = c.radar_carrier_step_mhz > 0 ? 1e6 * c.radar_carrier_step_mhz
-                         : steps > 0                  ? free_band_hz(c) / steps
-                                                      : 0;
+  const double step_hz = steps > 0 ? free_band_hz(c) / steps : 0;
   std::vector<double> out;
   for (std::int64_t k = 0; k < c.radar_carriers; ++k)
     out.push_back(static_cast<double>(k) * step_hz);

@@ -16,12 +16,12 @@ namespace echofuse::sim {
 
 struct Conditions {
   // Geometry and scenes
+  double window_s = 3;  // [S] exposure of one record
   double baseline_m = 0.5;
   double half_tangent = 0.55;    // field of view of SPD and depth camera, both ways
   double camera_height_m = 1.1;  // above the floor that people stand on
   double target_x_m = 1.0;       // people stand at -x..x
   double target_z_min_m = 3.0, target_z_max_m = 4.0;
-  double reflector_m = 1.0;         // distance of the calibration target before each sensor
   double target_scale = 1.0;        // size of people and letters
   double person_yaw_deg = 60;       // people turn up to this much from facing -z
   double letter_yaw_deg = 30;       // letters turn up to this much from facing the sensors
@@ -33,8 +33,6 @@ struct Conditions {
   std::string object;           // file of a triangle mesh (sim/scene/mesh.hpp) for object scenes
   double object_scale = 1;      // metres to one of its units
   std::string object_up = "y";  // y, z
-  double object_albedo = 0.5;
-  double object_yaw_deg = 180;  // objects turn up to this much
 
   // People (sim/scene/person.hpp). Factors are of the base body.
   double height_min_m = 1.55, height_max_m = 1.90;
@@ -51,18 +49,14 @@ struct Conditions {
   // Letters, and how they are held
   double letter_albedo = 0.8;
   double letter_scale = 1;     // size of the plate
-  double letter_stroke = 1;    // width of its strokes
   double letter_reach = 1;     // distance from the chest, of the base's 0.33 to 0.37 body heights
   double letter_lift_m = 0;    // higher than the base, which is 0.02 above to 0.12 body heights
                                // below the shoulders
-  double letter_tilt_deg = 0;  // leans forward or back by up to this,
-  double letter_roll_deg = 0;  // is turned in its plane,
-  double letter_turn_deg = 0;  // and against the person's shoulders
+  double letter_tilt_deg = 0;  // leans forward or back by up to this
   // What the radar gets back, of what a surface of the same optical albedo would give.
   double radar_cloth = 1, radar_skin = 1, radar_plate = 1;
   // 1: the radar's reflectivity varies with the albedo of people's parts; 0: not at all.
   double radar_follows_albedo = 1;
-  double radar_body_spread = 0;  // of a person's reflectivity besides: exp(+-spread)
   // Echo per solid angle seen ~ cos^n of the incidence. n = 1: Lambert. n = 2 alpha: the directive
   // model of diffuse scattering (Degli-Esposti et al., IEEE TAP 55, 143, 2007), whose lobe
   // ((1 + cos psi)/2)^alpha is cos^(2 alpha) on the way back. Scaled so that a sphere's echo stays.
@@ -94,24 +88,20 @@ struct Conditions {
   // Light falls off towards the edges of the field of view: exp(-falloff t^2 / half_tangent^2) at
   // tangent t from the middle, where the detector points. The daemon takes it to look straight.
   double spd_falloff = 0;
-  double spd_field = 1;                       // the detector's field of view, of half_tangent
-  double spd_yaw_deg = 0, spd_pitch_deg = 0;  // to +x and +y
+  double spd_field = 1;    // the detector's field of view, of half_tangent
+  double spd_yaw_deg = 0;  // to +x
   double slot_sway_m = 0;  // rms motion of people along the line of sight in a record: blurs it
 
   // Radar
   // Rays across the horizontal field of view; half as many up and down, over half its tangent.
   std::int64_t radar_rays = 288;
-  double radar_half_tangent = 1.2;  // the antenna's +-50 degrees
   double radar_resolution_m = 0.5;  // c / 2B
-  double radar_start_m = 0;
   double radar_step_m = 0.25;
   std::int64_t radar_bins = 29;
-  double radar_snr_db = 20;  // against the mean scene's peak power
-  double radar_bias_m = 0;   // by which its ranges are too long; the daemon does not know it
-  double radar_carrier_hz = 60.25e9;
-  std::string radar_psf = "sinc";        // sinc, blackman
+  double radar_snr_db = 20;        // against the mean scene's peak power
+  double radar_bias_m = 0;         // by which its ranges are too long; the daemon does not know it
+  std::string radar_psf = "sinc";  // sinc, blackman
   std::string radar_sum = "incoherent";  // incoherent, coherent
-  double radar_roughness_m = 0.001;      // rms height of surfaces, for the coherent sum
   double radar_leakage = 0;  // power of transmitter in receiver, at range 0, as of radar_power
   // Share of the power that a wall mirrors (multipath_order). 0.15: concrete, upright (permittivity
   // 5.24 at 60 GHz, ITU-R P.2040-3). Plaster mirrors 0.97 of sound.
@@ -119,8 +109,6 @@ struct Conditions {
   // What the radar gets straight back from walls and furniture, of what Lambert's law gives for
   // their optical albedo. Smooth walls scatter little.
   double radar_wall_scatter = 1;
-  // By the floor, one way, of what comes straight: over the longer path, from between both.
-  double radar_ground = 0;
   double baseline_error_m = 0;  // by which the true baseline is longer than baseline_m
   double radar_falloff = 0;     // as spd_falloff, over radar_half_tangent
   double radar_yaw_deg = 0;
@@ -134,22 +122,12 @@ struct Conditions {
   double radar_gain_error_db = 0;
   bool radar_array_calibrated = true;  // the run knows these errors
   // Each frame is of so many carriers, one after the other (carriers_hz), the first of which is
-  // radar_carrier_hz. 0 MHz: as far apart as 4 GHz permit.
+  // radar_carrier_hz.
   std::int64_t radar_carriers = 1;
-  double radar_carrier_step_mhz = 0;
   // What makes a standing person's echoes change from frame to frame (BodyMotion):
   double radar_sway_m = 0.005;    // rms each way, at head height
   double radar_twist_deg = 0.3;   // rms, about the upright axis
   double radar_breath_m = 0.004;  // amplitude of the chest
-  // One transmitter sends after the other, each radar_chirps times in a frame, and the sum of these
-  // is kept (Doppler bin 0): who moves has other phases at the next transmitter, and less power.
-  double radar_chirp_us = 0;  // from one transmitter's chirp to the next; 0: all at once
-  std::int64_t radar_chirps = 1;
-  // The antennas' phases drift as the board warms, by K (1 - exp(-t / warming time)); the run does
-  // not know it. No source says how much: 0.
-  double radar_warming_k = 0, radar_warming_s = 600;
-  double radar_drift_rad_k = 0;         // rms over the antennas, each its own
-  double radar_drift_common_rad_k = 0;  // of all alike
 
   // Depth camera
   std::int64_t map_size = 64;   // pixels of a data set's depth maps, both ways
@@ -157,12 +135,11 @@ struct Conditions {
   double depth_noise_m = 0;     // sigma at 1 m; grows as z^2
   double depth_dropout = 0;     // share of the pixels at edges without return
   double depth_offset_m = 0;    // by which it reads too far
-  double depth_step_m = 0;      // quantisation at 1 m; grows as z^2
-  double depth_holes = 0;  // share of the surface lost in holes of 2 to 3 % of the frame's width
 };
 
-// [S] exposure of one record; a simulated set has no other clock
-inline constexpr double dataset_window_s = 3;
+inline constexpr double reflector_m = 1;  // distance of the calibration target before each sensor
+inline constexpr double radar_half_tangent = 1.2;  // its antenna's field of view, +-50 degrees
+inline constexpr double radar_carrier_hz = 60.25e9;
 
 // Flat keys, named as the fields; call validate after reading.
 void bind(Settings& settings, Conditions& conditions);
@@ -181,8 +158,8 @@ Axis spd_axis(const Conditions& conditions);
 record::MapGrid map_grid(const Conditions& conditions);
 Axis radar_axis(const Conditions& conditions);
 RadarAxis radar_response(const Conditions& conditions);
-// By how much each carrier is above the first one. What they sweep lies within 4 GHz, as the band
-// of 60 to 64 GHz is wide.
+// By how much each carrier is above the first one: as far apart as what they sweep lies within
+// 4 GHz, as the band of 60 to 64 GHz is wide.
 std::vector<double> carriers_hz(const Conditions& conditions);
 double radar_x_m(const Conditions& conditions);  // where the radar truly is
 

@@ -77,11 +77,7 @@ Clothes random_clothes(const Conditions& c, double albedo, SceneSampler& sampler
     constexpr double middle = 0.5;  // of the base's albedos
     return Surface{own, radar * (middle + c.radar_follows_albedo * (own - middle))};
   };
-  const Clothes optical{part(c.radar_cloth), part(c.radar_cloth), part(c.radar_cloth),
-                        part(c.radar_skin)};
-  const double person = varied_log(c.radar_body_spread, sampler);
-  const auto with = [&](Surface s) { return Surface{s.albedo, person * s.radar}; };
-  return {with(optical.top), with(optical.trousers), with(optical.shoes), with(optical.skin)};
+  return {part(c.radar_cloth), part(c.radar_cloth), part(c.radar_cloth), part(c.radar_skin)};
 }
 
 // One body. Its own coordinates are in body heights: x to the image's right when it faces -z, y up
@@ -163,19 +159,13 @@ class Body {
   Vec3 ground_, right_, front_, hip_, trunk_;
 };
 
-// The plate's own axes: turned about the upright axis, leaning, and turned in its plane.
+// The plate's own axes: it leans forward or back.
 Plate held_plate(const Conditions& c, const Body& body, SceneSampler& sampler) {
-  const auto angle = [&](double most_deg) {
-    return most_deg > 0 ? radians(sampler.uniform(-most_deg, most_deg)) : 0;
-  };
-  const double turn = angle(c.letter_turn_deg), lean = angle(c.letter_tilt_deg);
-  const double roll = angle(c.letter_roll_deg);
-  const Vec3 right = std::cos(turn) * body.right() + std::sin(turn) * body.front();
-  const Vec3 front = std::cos(turn) * body.front() - std::sin(turn) * body.right();
-  const Vec3 up = std::cos(lean) * Vec3{0, 1, 0} + std::sin(lean) * front;
+  const double most_deg = c.letter_tilt_deg;
+  const double lean = most_deg > 0 ? radians(sampler.uniform(-most_deg, most_deg)) : 0;
   Plate plate;
-  plate.u = std::cos(roll) * right + std::sin(roll) * up;
-  plate.v = std::cos(roll) * up - std::sin(roll) * right;
+  plate.u = body.right();
+  plate.v = std::cos(lean) * Vec3{0, 1, 0} + std::sin(lean) * body.front();
   plate.albedo = c.letter_albedo;
   plate.radar = c.radar_plate * c.letter_albedo;
   return plate;
@@ -199,9 +189,9 @@ void add_person(Scene& scene, const Conditions& conditions, const Stand& stand,
 char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand,
                        SceneSampler& sampler) {
   const char letter = record::letters[sampler.pick(record::letters.size())];
-  record::LetterSize size = record::letter_sizes[sampler.pick(record::letter_sizes.size())].scaled(
-      conditions.target_scale * conditions.letter_scale);
-  size.stroke_m *= conditions.letter_stroke;
+  const record::LetterSize size =
+      record::letter_sizes[sampler.pick(record::letter_sizes.size())].scaled(
+          conditions.target_scale * conditions.letter_scale);
   Body body(scene, conditions, stand, sampler);
   const Vec3 chest = 0.5 * (body.shoulder(-1) + body.shoulder(1));
   const double lift = sampler.uniform(-0.12, 0.02) + conditions.letter_lift_m / body.height_m();

@@ -58,6 +58,8 @@ void add_two(Scene& scene, const Conditions& c, SceneSampler& sampler) {
 }
 
 // The middle of its ground plan stands at the place, its lowest point on the floor.
+constexpr double object_albedo = 0.5;
+
 void add_object(Scene& scene, const Conditions& c, const Stand& stand) {
   const Mesh& mesh = mesh_of(c.object);
   const auto upright = [&](Vec3 p) { return c.object_up == "z" ? Vec3{p.x, p.z, -p.y} : p; };
@@ -77,7 +79,7 @@ void add_object(Scene& scene, const Conditions& c, const Stand& stand) {
                 stand.z_m + sine * p.x + cosine * p.z};
   };
   for (const auto& [i, j, k] : mesh.triangles)
-    scene.triangles.push_back({world(i), world(j), world(k), c.object_albedo});
+    scene.triangles.push_back({world(i), world(j), world(k), object_albedo});
   scene.label = "object:" + std::filesystem::path(c.object).stem().string();
 }
 
@@ -121,15 +123,15 @@ Scene make_scene(const Conditions& c, const SceneSpec& spec, SceneSampler& sampl
     case SceneKind::reflector: {
       // So small that its edges are no farther than its middle by 0.02 mm, at 1 m; there as bright
       // as the mean scene.
-      const double half = 0.006 * c.reflector_m;
+      const double half = 0.006 * reflector_m;
       scene.plates.push_back(
-          {{0, 0, c.reflector_m}, {1, 0, 0}, {0, 1, 0}, {{-half, 0, half, 0, 2 * half}}, 11});
+          {{0, 0, reflector_m}, {1, 0, 0}, {0, 1, 0}, {{-half, 0, half, 0, 2 * half}}, 11});
       scene.room = nullptr;
       scene.label = "reflector";
       break;
     }
     case SceneKind::object:
-      add_object(scene, c, chosen(spec, random_stand(c, c.object_yaw_deg, sampler)));
+      add_object(scene, c, chosen(spec, random_stand(c, 180, sampler)));
       break;
   }
   return scene;

@@ -50,20 +50,6 @@ Antennas stated_antennas(const Antennas& antennas, const Conditions& c) {
   return c.radar_array_calibrated ? antennas : antennas_in_layout(antennas.size());
 }
 
-std::vector<double> antenna_drift(const Conditions& c, std::size_t antennas, std::uint64_t seed,
-                                  double time_s) {
-  if (c.radar_warming_k == 0) return {};
-  const double kelvin = c.radar_warming_k * -std::expm1(-time_s / c.radar_warming_s);
-  Rng rng = make_rng(seed, 1);  // 0: simulated_antennas
-  std::normal_distribution<double> unit;
-  std::vector<double> phases(antennas);
-  for (double& phase : phases)
-    phase = kelvin * (c.radar_drift_common_rad_k + c.radar_drift_rad_k * unit(rng));
-  return phases;
-}
-
-// ---- How people move ----
-
 namespace {
 
 constexpr double pi = std::numbers::pi;
@@ -130,8 +116,6 @@ BodyMotion::Modes BodyMotion::range_per_mode(double x, double y, double height_m
   return {static_cast<float>(lever * x), static_cast<float>(lever * z),
           static_cast<float>(z * axis_x_m - x * axis_z_m), static_cast<float>(-chest)};
 }
-
-// ---- Cells ----
 
 namespace {
 
@@ -228,8 +212,6 @@ EchoCells echo_cells(const Returns& returns, double slot_m, bool with_room) {
   out.begin.push_back(out.cells.size());
   return out;
 }
-
-// ---- Echoes ----
 
 namespace {
 
@@ -384,14 +366,14 @@ class AntennaEcho::Speckle : public Moving {
                                                     axes[person][1], c.target_scale);
       for (std::size_t i = 0; i < range.size(); ++i)
         turns_per_mode_(k, static_cast<Index>(person * range.size() + i)) =
-            static_cast<float>(-2 * c.radar_carrier_hz / speed_of_light_m_s) * range[i];
+            static_cast<float>(-2 * radar_carrier_hz / speed_of_light_m_s) * range[i];
       for (std::size_t i = 0; i < radar.carriers_hz.size(); ++i)
         turns_of_carriers_(k, static_cast<Index>(i)) =
             static_cast<float>(turns_of_carrier(cell.range_m, radar.carriers_hz[i]));
     }
     waves_ = waves(radar.antennas, u, v, amplitude, ahead);
     for (const double carrier_hz : radar.carriers_hz)
-      faster_.push_back(static_cast<float>(1 + carrier_hz / c.radar_carrier_hz));
+      faster_.push_back(static_cast<float>(1 + carrier_hz / radar_carrier_hz));
   }
 
   void add(double later_s, std::size_t carrier, Rng& rng, Samples& samples) override {
@@ -572,17 +554,10 @@ AntennaEcho::~AntennaEcho() = default;
 AntennaEcho::AntennaEcho(AntennaEcho&&) noexcept = default;
 AntennaEcho& AntennaEcho::operator=(AntennaEcho&&) noexcept = default;
 
-void AntennaEcho::set_drift(std::span<const double> phases) {
-  drift_.clear();
-  for (const double phase : phases) drift_.emplace_back(std::polar(1.0, phase));
-}
-
 void AntennaEcho::frame(double later_s, Rng& rng, std::span<std::complex<float>> samples) {
   std::copy_n(still_.data() + carrier_ * samples.size(), samples.size(), samples.data());
   Samples all(samples.data(), static_cast<Index>(antennas_), static_cast<Index>(points_));
   moving_->add(later_s, carrier_, rng, all);
-  if (!drift_.empty())
-    all.array().colwise() *= Eigen::Map<Eigen::ArrayXcf>(drift_.data(), all.rows());
 }
 
 std::vector<std::complex<float>> room_echo(const AntennaRadar& radar, const Conditions& c) {
@@ -597,18 +572,15 @@ std::vector<std::complex<float>> room_echo(const AntennaRadar& radar, const Cond
   return all;
 }
 
-// ---- A record ----
-
 AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,
                              std::size_t kept_bins, const Conditions& c, double noise_power,
-                             Rng& rng, std::span<const double> drift) {
+                             Rng& rng) {
   const std::size_t antennas = radar.antennas.size(), points = radar.axis.count;
   const std::size_t carriers = radar.carriers_hz.size();
   const std::size_t frames = static_cast<std::size_t>(c.radar_frames) * carriers;
-  const double later_s = dataset_window_s / static_cast<double>(frames);
+  const double later_s = c.window_s / static_cast<double>(frames);
   const auto rms = static_cast<float>(std::sqrt(noise_power / 2));
   AntennaEcho echo(returns, radar, c, rng);
-  echo.set_drift(drift);
   // Fresh memory takes the kernel as long as the half of this.
   thread_local std::vector<std::complex<float>> samples;
   samples.resize(frames * echo.samples());

@@ -45,9 +45,6 @@ record::Antennas antennas_in_layout(std::size_t count);
 record::Antennas simulated_antennas(const Conditions& conditions, std::uint64_t seed);
 // As the run says they are: with their errors if radar_array_calibrated.
 record::Antennas stated_antennas(const record::Antennas& antennas, const Conditions& conditions);
-// Of radar_warming_k after this time: each antenna's phase.
-std::vector<double> antenna_drift(const Conditions& conditions, std::size_t antennas,
-                                  std::uint64_t seed, double time_s);
 
 // How people move who stand still. They sway about their ankles as an inverted pendulum (Morasso et
 // al., PLoS ONE 14, e0213870, 2019), by some millimetres at the centre of pressure (Prieto et al.,
@@ -133,8 +130,6 @@ class AntennaEcho {
   void frame(double later_s, Rng& rng, std::span<std::complex<float>> samples);
   // The next frame is of this one of AntennaRadar::carriers_hz; the first of all, unless said.
   void set_carrier(std::size_t carrier) { carrier_ = carrier; }
-  // From now on the antennas' phases are ahead by this (rad; as many as there are antennas).
-  void set_drift(std::span<const double> phases);
 
  private:
   class Moving;
@@ -143,14 +138,13 @@ class AntennaEcho {
 
   std::size_t points_, antennas_, carrier_ = 0;
   std::vector<std::complex<float>> still_;  // samples of each carrier
-  std::vector<std::complex<float>> drift_;
   std::unique_ptr<Moving> moving_;
 };
 
 // Samples of the room alone, coherent, at each carrier.
 std::vector<std::complex<float>> room_echo(const AntennaRadar& radar, const Conditions& conditions);
 
-// A record's: radar_frames frames over dataset_window_s, each of all carriers, with noise of this
+// A record's: radar_frames frames over window_s, each of all carriers, with noise of this
 // power in each sample.
 struct AntennaRecord {
   std::vector<float> array;   // of the first `kept_bins` points (ArrayStatistics)
@@ -159,6 +153,6 @@ struct AntennaRecord {
 };
 AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,
                              std::size_t kept_bins, const Conditions& conditions,
-                             double noise_power, Rng& rng, std::span<const double> drift = {});
+                             double noise_power, Rng& rng);
 
 }  // namespace echofuse::sim

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <numbers>
 #include <random>
 
 #include "acquire/record/depth_map.hpp"
@@ -25,29 +24,8 @@ bool at_edge(const std::vector<std::uint16_t>& mm, std::size_t width, std::size_
          (i >= width && differs(i - width)) || (i + width < mm.size() && differs(i + width));
 }
 
-// Discs about random pixels, so many that this share of the surface is lost.
-void punch_holes(std::vector<std::uint16_t>& mm, std::size_t width, double share, Rng& rng) {
-  const auto radius = std::max<std::ptrdiff_t>(1, static_cast<std::ptrdiff_t>(width) / 80);
-  const double area = std::numbers::pi * static_cast<double>(radius * radius);
-  const double chance = -std::log1p(-share) / area;
-  const auto w = static_cast<std::ptrdiff_t>(width);
-  const auto h = static_cast<std::ptrdiff_t>(mm.size()) / w;
-  const std::vector<std::uint16_t> whole = mm;
-  for (std::ptrdiff_t i = 0; i < w * h; ++i) {
-    if (whole[static_cast<std::size_t>(i)] == 0 || uniform(rng, 0, 1) >= chance) continue;
-    for (std::ptrdiff_t dy = -radius; dy <= radius; ++dy)
-      for (std::ptrdiff_t dx = -radius; dx <= radius; ++dx) {
-        const std::ptrdiff_t column = i % w + dx, row = i / w + dy;
-        if (dx * dx + dy * dy > radius * radius || column < 0 || column >= w || row < 0 || row >= h)
-          continue;
-        mm[static_cast<std::size_t>(row * w + column)] = 0;
-      }
-  }
-}
-
 bool disturbs(const Conditions& c) {
-  return c.depth_noise_m > 0 || c.depth_dropout > 0 || c.depth_offset_m != 0 ||
-         c.depth_step_m > 0 || c.depth_holes > 0;
+  return c.depth_noise_m > 0 || c.depth_dropout > 0 || c.depth_offset_m != 0;
 }
 
 }  // namespace
@@ -60,18 +38,13 @@ void disturb_depth(std::vector<std::uint16_t>& mm, std::uint32_t width, const Co
       if (exact[i] > 0 && at_edge(exact, width, i) && uniform(rng, 0, 1) < c.depth_dropout)
         mm[i] = 0;
   }
-  if (c.depth_holes > 0) punch_holes(mm, width, c.depth_holes, rng);
-  if (c.depth_noise_m <= 0 && c.depth_offset_m == 0 && c.depth_step_m <= 0) return;
+  if (c.depth_noise_m <= 0 && c.depth_offset_m == 0) return;
   std::normal_distribution<double> noise;
   for (auto& pixel : mm) {
     if (pixel == 0) continue;
     const double z_m = pixel / 1000.0;
     double seen_mm = pixel + 1000 * c.depth_offset_m;
     if (c.depth_noise_m > 0) seen_mm += 1000 * c.depth_noise_m * z_m * z_m * noise(rng);
-    if (c.depth_step_m > 0) {
-      const double step_mm = 1000 * c.depth_step_m * z_m * z_m;
-      seen_mm = step_mm * std::round(seen_mm / step_mm);
-    }
     pixel = static_cast<std::uint16_t>(std::clamp(std::round(seen_mm), 1.0, 65535.0));
   }
 }

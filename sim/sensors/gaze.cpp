@@ -18,8 +18,8 @@ double tangent_of(double degrees) { return std::tan(degrees * std::numbers::pi /
 void Gaze::dim(const Rays& rays, std::int32_t capsules, double* weight, std::size_t count) const {
   const double per_tangent2 = falloff / (half_tangent * half_tangent);
   for (std::size_t i = 0; falloff > 0 && i < count; ++i) {
-    const double dx = rays.x[i] - middle_x, dy = rays.y[i] - middle_y;
-    weight[i] *= std::exp(-per_tangent2 * (dx * dx + dy * dy));
+    const double dx = rays.x[i] - middle_x;
+    weight[i] *= std::exp(-per_tangent2 * (dx * dx + rays.y[i] * rays.y[i]));
   }
   for (std::size_t i = 0; room != 1 && i < count; ++i)
     if (rays.shape[i] < 0) weight[i] *= room;
@@ -47,7 +47,6 @@ Gaze spd_gaze(const Conditions& c) {
   gaze.falloff = c.spd_falloff;
   gaze.half_tangent = c.half_tangent * c.spd_field;
   gaze.middle_x = tangent_of(c.spd_yaw_deg);
-  gaze.middle_y = tangent_of(c.spd_pitch_deg);
   gaze.lobe = gaze.plate_lobe = c.optical_lobe;
   gaze.sway_m = c.slot_sway_m;
   return gaze;
@@ -58,7 +57,7 @@ Gaze radar_gaze(const Conditions& c) {
   gaze.sensor_x_m = radar_x_m(c);
   gaze.extra_m = c.radar_bias_m;
   gaze.falloff = c.radar_falloff;
-  gaze.half_tangent = c.radar_half_tangent;
+  gaze.half_tangent = radar_half_tangent;
   gaze.middle_x = tangent_of(c.radar_yaw_deg);
   gaze.lobe = c.radar_lobe;
   gaze.plate_lobe = c.radar_plate_lobe;

@@ -18,7 +18,7 @@ struct Gaze {
   };
 
   double sensor_x_m = 0, extra_m = 0;  // extra: of every range that it shows
-  double falloff = 0, middle_x = 0, middle_y = 0, half_tangent = 1;
+  double falloff = 0, middle_x = 0, half_tangent = 1;
   double lobe = 1, plate_lobe = 1;  // powers of the cosine; 1: Lambert
   double sway_m = 0;
   double room = 1;                   // factor of what the room sends back

@@ -20,14 +20,14 @@ struct Grid {
   Grid(const Gaze& gaze, std::int64_t rays)
       : x(record::depth_x_axis(static_cast<std::uint32_t>(rays), gaze.half_tangent)),
         y(record::depth_y_axis(static_cast<std::uint32_t>(rays), gaze.half_tangent)) {
-    x.start += gaze.middle_x, y.start += gaze.middle_y;
+    x.start += gaze.middle_x;
   }
 };
 
 // One way, of the falloff of both ways.
 double dimming(const Gaze& gaze, const Patch& p) {
   if (gaze.falloff <= 0) return 1;
-  const double dx = p.at.x / p.at.z - gaze.middle_x, dy = p.at.y / p.at.z - gaze.middle_y;
+  const double dx = p.at.x / p.at.z - gaze.middle_x, dy = p.at.y / p.at.z;
   return std::exp(-gaze.falloff * (dx * dx + dy * dy) /
                   (2 * gaze.half_tangent * gaze.half_tangent));
 }

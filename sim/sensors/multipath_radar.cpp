@@ -88,7 +88,7 @@ class Echoes {
   double gain(Vec3 departure) const {
     if (gaze_.falloff <= 0) return 1;
     const double dx = departure.x / departure.z - gaze_.middle_x;
-    const double dy = departure.y / departure.z - gaze_.middle_y;
+    const double dy = departure.y / departure.z;
     return std::exp(-gaze_.falloff * (dx * dx + dy * dy) /
                     (2 * gaze_.half_tangent * gaze_.half_tangent));
   }

@@ -121,7 +121,7 @@ class FineSignal {
 
 std::vector<std::uint32_t> count_running_free(const std::vector<double>& rate, const Conditions& c,
                                               Rng& rng) {
-  const double period_ps = 1e12 * dataset_window_s / static_cast<double>(c.pulses_per_window);
+  const double period_ps = 1e12 * c.window_s / static_cast<double>(c.pulses_per_window);
   struct Photon {
     double time_ps;
     std::size_t bin;

@@ -20,7 +20,7 @@ std::vector<double> spd_rate(const Returns& returns, const Conditions& condition
 // first photon of a pulse counts (Gupta et al., CVPR 2019): N ~ Multinomial(L, p),
 //   p_i = exp(-sum_{j<i} q_j) (1 - exp(-q_i)), q = r/L.
 // With spd_dead_time_ps as well the detector runs freely: of photons in their order over the L
-// equal periods of dataset_window_s, those closer than that to the last one counted are lost.
+// equal periods of window_s, those closer than that to the last one counted are lost.
 std::vector<std::uint32_t> draw_counts(const std::vector<double>& rate,
                                        const Conditions& conditions, Rng& rng);
 

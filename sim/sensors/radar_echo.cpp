@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <complex>
 #include <numbers>
 #include <random>
 
@@ -16,6 +15,8 @@ namespace echofuse::sim {
 namespace {
 
 constexpr double pi = std::numbers::pi;
+
+constexpr int many_frames = 60;
 
 constexpr double nearest = 1e-7;  // to a removable singularity: too near to divide
 
@@ -94,34 +95,6 @@ class FineEcho {
   std::vector<Value> values_;
 };
 
-std::vector<double> incoherent(const Returns& returns, const RadarAxis& axis) {
-  FineEcho<double> echo(returns, axis.resolution_m);
-  for (std::size_t k = 0; k < returns.range_m.size(); ++k)
-    echo.add(returns.range_m[k], returns.weight[k]);
-  std::vector<double> power(axis.count);
-  echo.for_each(axis, [&](double weight, const std::vector<double>& psf) {
-    add_squared(weight, psf.data(), power.data(), psf.size());
-  });
-  return power;
-}
-
-std::vector<double> coherent(const Returns& returns, const RadarAxis& axis, double carrier_hz) {
-  using Complex = std::complex<double>;
-  FineEcho<Complex> echo(returns, axis.resolution_m);
-  for (std::size_t k = 0; k < returns.range_m.size(); ++k)
-    echo.add(returns.range_m[k],
-             std::polar(std::sqrt(returns.weight[k]),
-                        -4 * pi * returns.range_m[k] * carrier_hz / speed_of_light_m_s));
-  std::vector<Complex> profile(axis.count);
-  echo.for_each(axis, [&](Complex value, const std::vector<double>& psf) {
-    for (std::size_t i = 0; i < psf.size(); ++i) profile[i] += psf[i] * value;
-  });
-  std::vector<double> power(axis.count);
-  std::transform(profile.begin(), profile.end(), power.begin(),
-                 [](Complex y) { return std::norm(y); });
-  return power;
-}
-
 }  // namespace
 
 double psf_amplitude(Psf psf, double u) { return psf_from_sine(psf, u, std::sin(pi * u)); }
@@ -153,16 +126,15 @@ void RangeResponse::at(double cell, std::vector<double>& psf) const {
   }
 }
 
-void roughen(Returns& returns, const Conditions& c, Rng& rng) {
-  if (c.radar_sum != "coherent" || c.radar_roughness_m <= 0) return;
-  std::normal_distribution<double> height(0, c.radar_roughness_m);
-  for (double& range : returns.range_m) range = std::max(0.0, range + height(rng));
-}
-
-std::vector<double> radar_power(const Returns& returns, const RadarAxis& axis,
-                                const Conditions& c) {
-  return c.radar_sum == "coherent" ? coherent(returns, axis, c.radar_carrier_hz)
-                                   : incoherent(returns, axis);
+std::vector<double> radar_power(const Returns& returns, const RadarAxis& axis) {
+  FineEcho<double> echo(returns, axis.resolution_m);
+  for (std::size_t k = 0; k < returns.range_m.size(); ++k)
+    echo.add(returns.range_m[k], returns.weight[k]);
+  std::vector<double> power(axis.count);
+  echo.for_each(axis, [&](double weight, const std::vector<double>& psf) {
+    add_squared(weight, psf.data(), power.data(), psf.size());
+  });
+  return power;
 }
 
 double mean_peak_power(const RadarAxis& axis, const Conditions& c) {
@@ -172,7 +144,7 @@ double mean_peak_power(const RadarAxis& axis, const Conditions& c) {
   double sum = 0;
   for (std::uint64_t i = 0; i < scenes; ++i) {
     const Scene scene = make_scene(base, study_kind(i), seed, i);
-    const auto power = incoherent(radar_returns(scene, base), axis);
+    const auto power = radar_power(radar_returns(scene, base), axis);
     sum += *std::max_element(power.begin(), power.end());
   }
   return sum / scenes;
@@ -182,9 +154,25 @@ double radar_noise_power(const Conditions& c, double mean_peak) {
   return std::pow(10, -c.radar_snr_db / 10) * mean_peak;
 }
 
-void add_radar_noise(std::vector<double>& power, double mean_peak, const Conditions& c, Rng& rng) {
-  const double sigma = radar_noise_power(c, mean_peak);
-  std::normal_distribution<double> noise(0, sigma);
+double profile_noise(const Conditions& c, double mean_peak, std::int64_t frames) {
+  return radar_noise_power(c, mean_peak) * std::sqrt(many_frames / static_cast<double>(frames));
+}
+
+void add_profile_noise(std::vector<double>& power, double mean_peak, const Conditions& c,
+                       std::int64_t frames, Rng& rng) {
+  const double rms = profile_noise(c, mean_peak, frames);
+  if (frames >= many_frames) {
+    std::normal_distribution<double> noise(0, rms);
+    for (double& p : power) p += noise(rng);
+    return;
+  }
+  const auto looks = static_cast<double>(frames);
+  std::gamma_distribution<double> noise(looks, rms / std::sqrt(looks));
+  for (double& p : power) p += noise(rng) - rms * std::sqrt(looks);
+}
+
+void add_frame_noise(std::vector<double>& power, double mean_peak, const Conditions& c, Rng& rng) {
+  std::exponential_distribution<double> noise(1 / profile_noise(c, mean_peak, 1));
   for (double& p : power) p += noise(rng);
 }
 

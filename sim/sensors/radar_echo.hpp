@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The range profile of a linear-frequency-modulated radar after its matched filter.
 #pragma once
+#include <cstdint>
 #include <vector>
 
 #include "drivers/core/random.hpp"
@@ -28,27 +29,28 @@ class RangeResponse {
   std::vector<double> cells_, sines_, cosines_;  // of each point
 };
 
-// Power of the receiver's noise in each point.
+// Power of the receiver's noise in each sample of an antenna in a frame: radar_snr_db below
+// mean_peak.
 double radar_noise_power(const Conditions& c, double mean_peak);
 
-// Moves each scatterer by its surface's height, Gaussian of rms radar_roughness_m: new speckle of
-// the coherent sum. Nothing happens to an incoherent one. Call it once for a scene that stands
-// still.
-void roughen(Returns& returns, const Conditions& conditions, Rng& rng);
+// Rms of the noise in each point of a profile that is the mean of so many frames, of data sets and
+// of the laboratory: radar_snr_db below mean_peak in 60 frames (3 s of 20 frames a second), and
+// falling with the root of their number. In a frame the noise is the power of complex Gaussian
+// noise, exponential with a mean of its rms; of 60 frames and more the mean is taken as Gaussian.
+double profile_noise(const Conditions& c, double mean_peak, std::int64_t frames);
+// Adds the noise of the mean of so many frames, less what it is on average: powers may be negative.
+void add_profile_noise(std::vector<double>& power, double mean_peak, const Conditions& conditions,
+                       std::int64_t frames, Rng& rng);
+// Adds that of one frame.
+void add_frame_noise(std::vector<double>& power, double mean_peak, const Conditions& conditions,
+                     Rng& rng);
 
-// Linear power without noise, in units in which the mean scene as a single point would give 1.
-//   incoherent: sum_k w_k psf^2
-//   coherent:   |sum_k sqrt(w_k) exp(-4 pi i R_k fc / c) psf|^2 (speckle; the former is its mean)
-std::vector<double> radar_power(const Returns& returns, const RadarAxis& axis,
-                                const Conditions& conditions);
+// Linear power of echoes that do not interfere, sum_k w_k psf^2, without noise; in units in which
+// the mean scene as a single point would give 1. What interferes is of antennas.hpp.
+std::vector<double> radar_power(const Returns& returns, const RadarAxis& axis);
 
 // Peak of the noise-free incoherent profile, averaged over a fixed set of base-condition scenes
 // as seen with this axis and baseline. Takes some 50 ms: once per data set.
 double mean_peak_power(const RadarAxis& axis, const Conditions& conditions);
-
-// White Gaussian noise on the power profile, sigma = 10^(-radar_snr_db/10) * mean_peak. Noisy
-// values may be negative.
-void add_radar_noise(std::vector<double>& power, double mean_peak, const Conditions& conditions,
-                     Rng& rng);
 
 }  // namespace echofuse::sim

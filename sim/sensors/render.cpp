@@ -130,24 +130,6 @@ void see_through_air(const Conditions& c, const Gaze& gaze, RoomIs room, Returns
   }
 }
 
-// By the floor one way, for all that there is so far.
-void reflect_from_floor(const Conditions& c, Returns& returns) {
-  const std::size_t seen = returns.range_m.size();
-  for (std::size_t k = 0; k < seen; ++k) {
-    const Returns::Place p = returns.place[k];
-    if (p.person == Returns::reflector) continue;
-    const double range = returns.range_m[k] - c.radar_bias_m;
-    const double x = p.x * range, y = p.y * range;
-    const double image_y = y - 2 * p.height_m;
-    const double image_range = std::sqrt(range * range - y * y + image_y * image_y);
-    returns.range_m.push_back((range + image_range) / 2 + c.radar_bias_m);
-    returns.weight.push_back(c.radar_ground * returns.weight[k]);
-    returns.place.push_back({static_cast<float>((p.x + x / image_range) / 2),
-                             static_cast<float>((p.y + image_y / image_range) / 2), p.height_m,
-                             p.person});
-  }
-}
-
 Axis x_rays(std::int64_t count, double half_tangent) {
   return record::depth_x_axis(static_cast<std::uint32_t>(count), half_tangent);
 }
@@ -206,17 +188,17 @@ void spd_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs r
   const std::int64_t rays = rays_of(c);
   const Gaze gaze = spd_gaze(c);
   look(scene, gaze, moved(x_rays(rays, gaze.half_tangent), gaze.middle_x),
-       moved(y_rays(rays, gaze.half_tangent), gaze.middle_y), room, out);
+       y_rays(rays, gaze.half_tangent), room, out);
   add_light_by_walls(scene, gaze, c.multipath_order, room, out);
   see_through_air(c, gaze, room, out);
 }
 
 void radar_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs room) {
-  const bool places = c.radar_antennas > 0 || c.radar_ground > 0 || c.radar_sum == "coherent";
+  const bool places = c.radar_antennas > 0 || c.radar_sum == "coherent";
   Gaze gaze = radar_gaze(c);
   if (places) gaze.height_m = c.camera_height_m;
-  const Axis x = x_rays(c.radar_rays, c.radar_half_tangent);
-  const Axis y = y_rays(c.radar_rays / 2, c.radar_half_tangent / 2);
+  const Axis x = x_rays(c.radar_rays, radar_half_tangent);
+  const Axis y = y_rays(c.radar_rays / 2, radar_half_tangent / 2);
   if (radar_sees_apart(scene))
     see_with_radar(as_radar_sees(scene), c, gaze, x, y, room, out);
   else
@@ -224,7 +206,6 @@ void radar_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs
   if (const double db_m = weather_of(c).radar_attenuation_db_m; db_m > 0)
     for (std::size_t k = 0; k < out.range_m.size(); ++k)
       out.weight[k] *= std::pow(10, -0.2 * db_m * std::max(0.0, out.range_m[k] - c.radar_bias_m));
-  if (c.radar_ground > 0) reflect_from_floor(c, out);
   if (c.radar_leakage <= 0) return;
   out.range_m.push_back(std::max(0.0, c.radar_bias_m));
   out.weight.push_back(c.radar_leakage);

@@ -59,9 +59,7 @@ inline constexpr double mean_scene_weight = 0.24 / (3.5 * 3.5 * 3.5 * 3.5);
 
 // From the origin and from the radar's place, each with its own occlusion; ranges as the sensor
 // shows them, with spd_delay_ps and radar_bias_m. Behind them come those by walls (multipath_order,
-// range: half of the way), and behind the radar's their echoes by the floor
-// (radar_ground: one way straight, the other by the floor, so that range and direction are the mean
-// of patch and mirror image) and its own leakage.
+// range: half of the way), and behind the radar's its own leakage.
 // Or without the room, but for those of its patches that something hides: they have the negative of
 // their weights. Everything that is linear in weights is then what changes if the room is not
 // empty.

@@ -17,7 +17,7 @@ RoomAlone room_alone(const Conditions& conditions, const AntennaRadar& radar) {
   RoomAlone room;
   room.light = spd_rate(spd_returns(scene, c), c);
   if (c.radar_sum != "coherent")
-    room.power = radar_power(radar_returns(scene, c), radar.axis, c);
+    room.power = radar_power(radar_returns(scene, c), radar.axis);
   else if (!radar.antennas.empty())
     room.echo = room_echo(radar, c);
   return room;

@@ -110,7 +110,7 @@ class Laboratory {
       if (p.radar != out.size()) continue;  // another point has the same radar
       if (p.conditions.baseline_m != baseline) radar = seen_by_radar(scene, p.conditions, rays_);
       baseline = p.conditions.baseline_m;
-      for (const double power : radar_power(radar, radar_response(p.conditions), p.conditions))
+      for (const double power : radar_power(radar, radar_response(p.conditions)))
         out.push_back(radar_gain * power);
     }
     out.push_back(spd.tangent * z_m);
@@ -120,7 +120,7 @@ class Laboratory {
  private:
   void add(const std::string& axis, double value, const Conditions& c) {
     const double peak = mean_peak_power(radar_response(c), c);
-    points_.push_back({axis, value, c, 0, 0, radar_noise_power(c, peak)});
+    points_.push_back({axis, value, c, 0, 0, profile_noise(c, peak, c.radar_frames)});
   }
   void vary(const std::string& axis, double value, double Conditions::*key) {
     Conditions c = base_;
@@ -249,9 +249,9 @@ void check(const Conditions& c) {
     refuse("it knows no multipath_order and radar_wall_scatter");
   if (c.signal_photons <= 0) refuse("signal_photons is 0; expected some");
   if (c.baseline_error_m != 0 || c.spd_falloff > 0 || c.radar_falloff > 0 || c.spd_yaw_deg != 0 ||
-      c.spd_pitch_deg != 0 || c.slot_sway_m > 0 || c.radar_lobe != 1 || c.radar_plate_lobe != 1 ||
-      c.optical_lobe != 1 || c.spd_field != 1)
-    refuse("it knows no baseline_error_m, falloff, spd_field, yaw, pitch, slot_sway_m and lobes");
+      c.slot_sway_m > 0 || c.radar_lobe != 1 || c.radar_plate_lobe != 1 || c.optical_lobe != 1 ||
+      c.spd_field != 1)
+    refuse("it knows no baseline_error_m, falloff, spd_field, yaw, slot_sway_m and lobes");
   if (c.target_x_m <= 0) refuse("target_x_m is 0: the lateral position is known");
 }
 
@@ -288,7 +288,7 @@ Seen seen_by_spd(const Scene& scene, const Conditions& c, std::int64_t rays) {
 }
 
 Seen seen_by_radar(const Scene& scene, const Conditions& c, std::int64_t rays) {
-  return see(as_radar_sees(scene), -c.baseline_m, c.radar_half_tangent, c.radar_half_tangent / 2,
+  return see(as_radar_sees(scene), -c.baseline_m, radar_half_tangent, radar_half_tangent / 2,
              c.radar_bias_m, rays);
 }
 

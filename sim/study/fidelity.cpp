@@ -106,7 +106,7 @@ Comparison radar(const Conditions& c, double sigma) {
     Conditions changed = c;
     changed.radar_rays = count;
     return [changed, axis](const Scene& scene) {
-      return radar_power(radar_returns(scene, changed), axis, changed);
+      return radar_power(radar_returns(scene, changed), axis);
     };
   };
   std::vector<Candidate> all;
@@ -158,7 +158,7 @@ Comparison radar_by_walls(const Conditions& base, const std::string& room, doubl
     return before(room, [=, how = in_room(base, room, order)](const Scene& scene) {
       Returns returns;
       radar_returns(scene, how, returns, RoomIs::subtracted);
-      return radar_power(returns, axis, how);
+      return radar_power(returns, axis);
     });
   };
   return {"radar-" + room,
@@ -170,7 +170,7 @@ Comparison radar_by_walls(const Conditions& base, const std::string& room, doubl
 std::vector<Comparison> comparisons(const Conditions& c) {
   std::vector<Comparison> out = {rays(c), body(c)};
   for (const std::int64_t width : {25, 50, 100, 200, 400, 800}) out.push_back(bin_width(c, width));
-  const double sigma = radar_noise_power(c, mean_peak_power(radar_response(c), c));
+  const double sigma = profile_noise(c, mean_peak_power(radar_response(c), c), c.radar_frames);
   out.push_back(radar(c, sigma));
   for (const char* room : rooms_of_echoes) out.push_back(light_by_walls(c, room));
   for (const char* room : rooms_of_echoes) out.push_back(radar_by_walls(c, room, sigma));

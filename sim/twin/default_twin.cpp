@@ -32,12 +32,9 @@ optical_lobe = [0.7, 1.5, "log"]
 # Letters and how they are held
 letter_albedo = [0.5, 0.95]
 letter_scale = [0.8, 1.25, "log"]
-letter_stroke = [0.75, 1.35, "log"]
 letter_reach = [0.65, 1.15]
 letter_lift_m = [-0.2, 0.15]
 letter_tilt_deg = [0, 25]
-letter_roll_deg = [0, 10]
-letter_turn_deg = [0, 15]
 letter_yaw_deg = [15, 45]
 
 # Radar's reflectivity, of the optical albedo (base 0.5). Skin sends back 34 to 42 % of the power
@@ -50,7 +47,6 @@ radar_cloth = [0.5, 1.6, "log"]
 radar_skin = [0.5, 1.5, "log"]
 radar_plate = [0.15, 3, "log"]
 radar_follows_albedo = [0, 1]
-radar_body_spread = [0, 0.3]
 # Lambert's law was fitted to building materials at 60 GHz (Lu et al., "Propagation Characterization
 # of an Office Building in the 60 GHz Band", 2014), the directive model to rougher and smoother ones
 # (Ju et al., "Scattering Mechanisms and Modeling for Terahertz Wireless Communications", 2019).
@@ -64,7 +60,6 @@ baseline_error_m = [-0.01, 0.01]
 radar_bias_m = [-0.004, 0.004]
 spd_delay_ps = [-15, 15]
 spd_yaw_deg = [-2, 2]
-spd_pitch_deg = [-2, 2]
 radar_yaw_deg = [-3, 3]
 spd_field = [0.9, 1.1]
 
@@ -83,16 +78,13 @@ slot_sway_m = [0, 0.008]
 radar_snr_db = [17, 23]
 radar_psf_width = [0.96, 1.05, "log"]
 radar_leakage = [0, 0.2]
-radar_ground = [0, 0.02]
 radar_falloff = [0, 1.5]
 
 # Depth camera. Stereo: noise and steps grow with the square (Grunnet-Jepsen et al., "Subpixel
 # Linearity Improvement for Intel RealSense Depth Camera D400 Series").
 depth_noise_m = [0, 0.002]
-depth_step_m = [0, 0.002]
 depth_offset_m = [-0.01, 0.01]
 depth_dropout = [0, 0.3]
-depth_holes = [0, 0.02]
 )";
   return text;
 }

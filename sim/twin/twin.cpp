@@ -17,9 +17,8 @@ namespace echofuse::sim {
 namespace {
 
 // The run file says these, and what they are.
-constexpr std::array stated{"bin_width_ps",       "first_bin_ps", "radar_start_m",
-                            "radar_step_m",       "half_tangent", "baseline_m",
-                            "radar_resolution_m", "reflector_m",  "map_half_tangent"};
+constexpr std::array stated{"bin_width_ps", "first_bin_ps",       "radar_step_m",    "half_tangent",
+                            "baseline_m",   "radar_resolution_m", "map_half_tangent"};
 
 std::string number_text(double value) {
   char out[40];

@@ -73,7 +73,7 @@ void measure(const char* background) {
                                   [&](std::int64_t i) { sum += spd_rate(light(i), c)[90]; });
   row("scene, radar profile without noise", [&](std::int64_t i) {
     radar_returns(generator.scene(i), c, returns);
-    sum += radar_power(returns, radar, c)[14];
+    sum += radar_power(returns, radar)[14];
   });
   const double map_us = row("scene, depth map", [&](std::int64_t i) {
     sum += render_depth_mm(generator.scene(i), x, y)[2000];

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
-#include "sim/usb/usb_bed.hpp"
+#include "tests/emulation/usb_bed.hpp"
 
 namespace echofuse::test {
 

@@ -17,7 +17,7 @@
 #include "../paths.hpp"
 #include "bed.hpp"
 #include "drivers/inventory/inventory.hpp"
-#include "sim/usb/hid_cp2110.hpp"
+#include "tests/emulation/hid_cp2110.hpp"
 
 using namespace echofuse;
 using namespace std::chrono_literals;

@@ -11,7 +11,7 @@
 #include "bed.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/make_driver.hpp"
-#include "sim/usb/hid_uart.hpp"
+#include "tests/emulation/hid_uart.hpp"
 
 using namespace echofuse;
 using test::run_until;

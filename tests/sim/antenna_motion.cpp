@@ -91,7 +91,7 @@ TEST_CASE("who moves while the transmitters send in turn has other phases and le
     Samples x(moving.samples()), y(standing.samples());
     moving.frame(later_s, a, x);
     standing.frame(later_s, b, y);
-    const double wavelength = speed_of_light_m_s / c.radar_carrier_hz;
+    const double wavelength = speed_of_light_m_s / radar_carrier_hz;
     const double v = -motion.speeds()[0][3];  // of the range
     const double f = 2 * v * 2 * radar.chirp_s / wavelength;
     const double loss = std::sin(pi * f * 16) / (16 * std::sin(pi * f));
@@ -103,29 +103,4 @@ TEST_CASE("who moves while the transmitters send in turn has other phases and le
       check_near(Complex(x[peak + m]), wanted, 1e-3 * std::abs(Complex(y[peak])));
     }
   }
-}
-
-TEST_CASE("phases drift as the board warms") {
-  Conditions c = of_sum("incoherent");
-  c.radar_warming_k = 10, c.radar_warming_s = 100;
-  c.radar_drift_common_rad_k = 0.02;
-  const double kelvin = 10 * (1 - std::exp(-0.5));
-  const auto common = antenna_drift(c, 8, 3, 50);
-  REQUIRE(common.size() == 8);
-  for (const double phase : common) CHECK(phase == Approx(0.02 * kelvin));
-  CHECK(antenna_drift(c, 8, 3, 0)[2] == 0);
-  c.radar_drift_rad_k = 0.1;
-  const auto own = antenna_drift(c, 1000, 3, 50);
-  double squares = 0;
-  for (const double phase : own) squares += std::pow((phase / kelvin - 0.02) / 0.1, 2) / 1000;
-  CHECK(squares == Approx(1).margin(4.5 * std::sqrt(2.0 / 1000)));
-  CHECK(antenna_drift(c, 1000, 3, 50) == own);
-  // It turns each antenna's samples.
-  const Returns target = points({{0, 0, 1, Returns::reflector}}, {3.5}, {1});
-  Rng rng(1);
-  AntennaEcho echo(target, {radar_response(c), antennas_in_layout(8), 7}, c, rng);
-  echo.set_drift(std::span(own).first(8));
-  Samples x(echo.samples());
-  echo.frame(0.05, rng, x);
-  for (std::size_t m = 0; m < 8; ++m) check_near(x[14 * 8 + m], std::polar(1.0, own[m]), 1e-4);
 }

@@ -41,7 +41,7 @@ inline Returns a_person(const Conditions& c, std::uint64_t index) {
 
 inline std::size_t peak_of(const Returns& returns, Conditions c) {
   c.radar_sum = "incoherent";
-  const auto power = radar_power(returns, radar_response(c), c);
+  const auto power = radar_power(returns, radar_response(c));
   return static_cast<std::size_t>(std::max_element(power.begin(), power.end()) - power.begin());
 }
 

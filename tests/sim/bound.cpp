@@ -54,7 +54,7 @@ struct Ball {
     conditions.first_bin_ps = 19000;  // 2.85 m
     conditions.signal_photons = 3e4;
     conditions.background_counts = 400;
-    sigma = radar_noise_power(conditions, mean_peak_power(axis, conditions));
+    sigma = profile_noise(conditions, mean_peak_power(axis, conditions), 60);
   }
   std::size_t bins() const { return static_cast<std::size_t>(conditions.bins); }
 
@@ -65,7 +65,7 @@ struct Ball {
     Values out = spd_rate(seen_by_spd(scene, conditions, rays), conditions);
     const double background = conditions.background_counts / static_cast<double>(bins());
     for (double& r : out) r = background + p[2] * (r - background);
-    for (const double power : radar_power(seen_by_radar(scene, conditions, rays), axis, conditions))
+    for (const double power : radar_power(seen_by_radar(scene, conditions, rays), axis))
       out.push_back(p[3] * power / sigma);
     return out;
   }
@@ -155,9 +155,8 @@ TEST_CASE("rays that follow the body see what the data set's rays see") {
     const Seen spd = seen_by_spd(scene, c, 512);
     CHECK(difference(spd_rate(spd, c), wide) < 2e-3 * norm(wide));
     const RadarAxis axis = radar_response(c);
-    const Values power = radar_power(radar_returns(scene, c), axis, c);
-    CHECK(difference(radar_power(seen_by_radar(scene, c, 512), axis, c), power) <
-          2e-3 * norm(power));
+    const Values power = radar_power(radar_returns(scene, c), axis);
+    CHECK(difference(radar_power(seen_by_radar(scene, c, 512), axis), power) < 2e-3 * norm(power));
     CHECK(spd.z_m > 2.5);
     CHECK(spd.z_m < 4.5);
     CHECK(seen_by_spd(mirrored(scene), c, 512).tangent == Approx(-spd.tangent).margin(1e-3));

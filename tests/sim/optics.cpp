@@ -330,7 +330,7 @@ TEST_CASE("a free-running detector of dead time tau counts r / (1 + r tau)") {
   constexpr int draws = 60;
   for (const double tau_us : {1.0, 10.0, 100.0}) {
     c.spd_dead_time_ps = 1e6 * tau_us;
-    const double blind = 1e-6 * tau_us * c.background_counts / dataset_window_s;
+    const double blind = 1e-6 * tau_us * c.background_counts / c.window_s;
     Rng rng = make_rng(9, 9);
     double sum = 0;
     for (int d = 0; d < draws; ++d)

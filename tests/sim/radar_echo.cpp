@@ -3,7 +3,6 @@
 
 #include <catch2/catch.hpp>
 #include <cmath>
-#include <complex>
 #include <numbers>
 
 #include "drivers/core/axis.hpp"
@@ -39,7 +38,7 @@ TEST_CASE("the sinc's nulls lie at multiples of c / 2B") {
   axis.resolution_m = speed_of_light_m_s / (2 * bandwidth_hz);
   axis.step_m = axis.resolution_m / 2;
   const Returns point{{10 * axis.step_m}, {2.5}};
-  const auto power = radar_power(point, axis, {});
+  const auto power = radar_power(point, axis);
   CHECK(power[10] == Approx(2.5).epsilon(1e-12));
   CHECK(power[11] == Approx(2.5 * std::pow(2 / pi, 2)).epsilon(1e-9));
   for (const std::size_t null : {0u, 2u, 4u, 6u, 8u, 12u, 14u, 16u, 28u})
@@ -62,104 +61,25 @@ TEST_CASE("the Blackman response is the window's transform") {
 
 TEST_CASE("profiles equal the sum over scatterers, point by point") {
   const Returns returns{{2.9, 3.33, 3.47, 5.0}, {0.5, 1.0, 0.3, 0.2}};
-  for (const Psf psf : {Psf::sinc, Psf::blackman})
-    for (const char* sum : {"incoherent", "coherent"}) {
-      Conditions c;
-      c.radar_sum = sum;
-      const RadarAxis axis{0.1, 0.25, 29, 0.5, psf};
-      const auto power = radar_power(returns, axis, c);
-      for (std::uint32_t i = 0; i < axis.count; ++i) {
-        double incoherent = 0;
-        std::complex<double> y;
-        for (std::size_t k = 0; k < returns.weight.size(); ++k) {
-          const double r = returns.range_m[k];
-          const double a = psf_amplitude(psf, (0.1 + 0.25 * i - r) / 0.5);
-          incoherent += returns.weight[k] * a * a;
-          y += std::polar(std::sqrt(returns.weight[k]) * a,
-                          -4 * pi * r * c.radar_carrier_hz / speed_of_light_m_s);
-        }
-        const double expected = c.radar_sum == "coherent" ? std::norm(y) : incoherent;
-        CHECK(power[i] == Approx(expected).epsilon(0).margin(2e-4));
+  for (const Psf psf : {Psf::sinc, Psf::blackman}) {
+    const RadarAxis axis{0.1, 0.25, 29, 0.5, psf};
+    const auto power = radar_power(returns, axis);
+    for (std::uint32_t i = 0; i < axis.count; ++i) {
+      double expected = 0;
+      for (std::size_t k = 0; k < returns.weight.size(); ++k) {
+        const double a = psf_amplitude(psf, (0.1 + 0.25 * i - returns.range_m[k]) / 0.5);
+        expected += returns.weight[k] * a * a;
       }
-    }
-}
-
-TEST_CASE("speckle is exponential about the incoherent sum") {
-  Conditions c;
-  const RadarAxis axis = radar_response(c);
-  const Returns returns = radar_returns(some_scene(c, 0), c);
-  const auto smooth = radar_power(returns, axis, c);
-  const auto peak =
-      static_cast<std::size_t>(std::max_element(smooth.begin(), smooth.end()) - smooth.begin());
-  c.radar_sum = "coherent";
-  const double wavelength = speed_of_light_m_s / c.radar_carrier_hz;
-  Rng rng = make_rng(3, 3);
-  std::uniform_real_distribution<double> jitter(0, wavelength / 2);  // one turn of phase
-  constexpr int draws = 1500;
-  double sum = 0, squares = 0, fourth = 0;
-  // N phasors of fixed lengths a_k: E |y|^4 = 2 (sum a^2)^2 - sum a^4
-  for (std::size_t k = 0; k < returns.weight.size(); ++k) {
-    const double cells =
-        (axis.start_m + static_cast<double>(peak) * axis.step_m - returns.range_m[k]) /
-        axis.resolution_m;
-    fourth += std::pow(returns.weight[k] * std::pow(psf_amplitude(axis.psf, cells), 2), 2);
-  }
-  const double second = 2 - fourth / (smooth[peak] * smooth[peak]);
-  for (int d = 0; d < draws; ++d) {
-    Returns moved = returns;
-    for (double& r : moved.range_m) r += jitter(rng);
-    const double ratio = radar_power(moved, axis, c)[peak] / smooth[peak];
-    sum += ratio;
-    squares += ratio * ratio;
-  }
-  // Of an exponential: variance 1 of the mean, 20 of the second moment.
-  CHECK(std::abs(sum / draws - 1) < 4.5 / std::sqrt(draws));
-  CHECK(std::abs(squares / draws - second) < 4.5 * std::sqrt(20.0 / draws));
-}
-
-TEST_CASE("roughness turns the coherent sum into the incoherent one as its phase spreads") {
-  Conditions c;
-  const RadarAxis axis = radar_response(c);
-  const Returns returns = radar_returns(some_scene(c, 3), c);
-  const auto smooth = radar_power(returns, axis, c);
-  c.radar_sum = "coherent";
-  const auto mirror = radar_power(returns, axis, c);
-  for (const double rms_m : {0.0002, 0.001}) {
-    c.radar_roughness_m = rms_m;
-    // Gaussian heights: a phasor's mean is exp(-phase^2 / 2) of its length.
-    const double phase = 4 * pi * rms_m * c.radar_carrier_hz / speed_of_light_m_s;
-    const double kept = std::exp(-phase * phase);
-    Rng rng = make_rng(6, 6);
-    constexpr int draws = 600;
-    std::vector<double> sum(axis.count), squares(axis.count);
-    for (int d = 0; d < draws; ++d) {
-      Returns rough = returns;
-      roughen(rough, c, rng);
-      const auto power = radar_power(rough, axis, c);
-      for (std::size_t i = 0; i < sum.size(); ++i) {
-        sum[i] += power[i];
-        squares[i] += power[i] * power[i];
-      }
-    }
-    for (std::size_t i = 0; i < sum.size(); ++i) {
-      const double mean = sum[i] / draws;
-      const double error = std::sqrt((squares[i] / draws - mean * mean) / draws);
-      CAPTURE(rms_m, i, mean, mirror[i], smooth[i]);
-      CHECK(std::abs(mean - kept * mirror[i] - (1 - kept) * smooth[i]) < 4.5 * error);
+      CHECK(power[i] == Approx(expected).epsilon(0).margin(2e-4));
     }
   }
-  Returns untouched = returns;
-  c.radar_sum = "incoherent";
-  Rng rng = make_rng(6, 6);
-  roughen(untouched, c, rng);
-  CHECK(untouched.range_m == returns.range_m);
 }
 
 TEST_CASE("leakage is an echo at range 0") {
   Conditions c;
   c.radar_leakage = 3;
   const RadarAxis axis = radar_response(c);
-  const auto power = radar_power(radar_returns({}, c), axis, c);
+  const auto power = radar_power(radar_returns({}, c), axis);
   for (std::uint32_t i = 0; i < axis.count; ++i)
     CHECK(power[i] == Approx(3 * std::pow(psf_amplitude(Psf::sinc, i * 0.5), 2)).margin(1e-20));
 }
@@ -185,21 +105,22 @@ TEST_CASE("without a baseline the radar cannot tell left from right either") {
   c.baseline_m = 0;
   for (std::uint64_t i = 0; i < 6; ++i) {
     const Scene scene = some_scene(c, i);
-    const auto a = radar_power(radar_returns(scene, c), radar_response(c), c);
-    const auto b = radar_power(radar_returns(mirrored(scene), c), radar_response(c), c);
+    const auto a = radar_power(radar_returns(scene, c), radar_response(c));
+    const auto b = radar_power(radar_returns(mirrored(scene), c), radar_response(c));
     for (std::size_t k = 0; k < a.size(); ++k)
       CHECK(a[k] == Approx(b[k]).epsilon(1e-6).margin(1e-9));
   }
 }
 
-TEST_CASE("noise is white, of the stated sigma, whatever the scene") {
+TEST_CASE("noise is white, of the stated sigma in 60 frames, and falls with their root") {
   Conditions c;
   c.radar_snr_db = 13;
   constexpr double mean_peak = 0.7;
+  const auto frames = GENERATE(std::int64_t{60}, std::int64_t{15}, std::int64_t{240});
   std::vector<double> power(40'000, 5.0);
   Rng rng = make_rng(1, 2);
-  add_radar_noise(power, mean_peak, c, rng);
-  const double sigma = mean_peak * std::pow(10, -1.3);
+  add_profile_noise(power, mean_peak, c, frames, rng);
+  const double sigma = mean_peak * std::pow(10, -1.3) * std::sqrt(60 / static_cast<double>(frames));
   double sum = 0, squares = 0, neighbours = 0;
   for (std::size_t i = 0; i < power.size(); ++i) {
     const double z = (power[i] - 5) / sigma;
@@ -209,7 +130,8 @@ TEST_CASE("noise is white, of the stated sigma, whatever the scene") {
   }
   const double n = static_cast<double>(power.size());
   CHECK(std::abs(sum) < 4.5 * std::sqrt(n));
-  CHECK(std::abs(squares - n) < 4.5 * std::sqrt(2 * n));
+  // Of a mean of exponential numbers the kurtosis is 3 + 6 / frames.
+  CHECK(std::abs(squares - n) < 4.5 * std::sqrt((2 + 6 / static_cast<double>(frames)) * n));
   CHECK(std::abs(neighbours) < 4.5 * std::sqrt(n));
 }
 
@@ -222,7 +144,7 @@ TEST_CASE("the mean peak is that of the base scenes") {
   double sum = 0, squares = 0;
   for (std::uint64_t i = 0; i < scenes; ++i) {
     const auto kind = i % 4 == 0 ? SceneKind::person : SceneKind::letter;
-    const auto power = radar_power(radar_returns(make_scene(c, kind, 8, i), c), axis, c);
+    const auto power = radar_power(radar_returns(make_scene(c, kind, 8, i), c), axis);
     const double peak = *std::max_element(power.begin(), power.end());
     sum += peak;
     squares += peak * peak;
@@ -239,8 +161,8 @@ TEST_CASE("the default rays sample the profile better than the default noise") {
   double squares = 0;
   constexpr int scenes = 40;
   for (std::uint64_t i = 0; i < scenes; ++i) {
-    const auto a = radar_power(radar_returns(some_scene(c, i), c), axis, c);
-    const auto b = radar_power(radar_returns(some_scene(c, i), fine), axis, c);
+    const auto a = radar_power(radar_returns(some_scene(c, i), c), axis);
+    const auto b = radar_power(radar_returns(some_scene(c, i), fine), axis);
     for (std::size_t k = 0; k < a.size(); ++k) squares += std::pow((a[k] - b[k]) / sigma, 2);
   }
   CHECK(squares / scenes / axis.count < 0.1);

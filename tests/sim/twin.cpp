@@ -142,8 +142,7 @@ TEST_CASE("the radar's reflectivities are apart from the albedo") {
 TEST_CASE("a lobe leaves a sphere's echo, and turns a tilted plate's down") {
   Conditions c;
   c.baseline_m = 0;
-  c.radar_rays = 1024;
-  c.radar_half_tangent = 0.4;
+  c.radar_rays = 2048;
   Scene ball;
   ball.capsules = {sphere({0, 0, 3}, 0.3)};
   const double lambert = total(radar_returns(ball, c));
@@ -192,7 +191,7 @@ TEST_CASE("bodies and plates take the sizes and angles of their laboratory") {
   c.limb_width = 2;
   c.leg_length = 1.05;
   c.letter_scale = 1.2;
-  c.letter_tilt_deg = c.letter_roll_deg = c.letter_turn_deg = 20;
+  c.letter_tilt_deg = 20;
   const Scene other = make_scene(c, SceneKind::letter, 1, 2);
   CHECK(other.capsules[0].radius_m == Approx(2 * base.capsules[0].radius_m));
   CHECK(other.capsules[8].radius_m == Approx(1.5 * base.capsules[8].radius_m));
@@ -206,21 +205,11 @@ TEST_CASE("bodies and plates take the sizes and angles of their laboratory") {
   CHECK(p.strokes[0].width_m == Approx(1.2 * base.plates[0].strokes[0].width_m));
 }
 
-TEST_CASE("a depth camera reads too far, in steps, and has holes") {
+TEST_CASE("a depth camera reads too far") {
   Conditions c;
   c.depth_offset_m = 0.05;
   Rng rng(1);
   std::vector<std::uint16_t> mm(320 * 240, 3000);
   disturb_depth(mm, 320, c, rng);
   CHECK(mm[100] == 3050);
-  c.depth_offset_m = 0;
-  c.depth_step_m = 0.01;
-  mm.assign(mm.size(), 3000);
-  disturb_depth(mm, 320, c, rng);
-  CHECK(mm[100] == 2970);
-  c.depth_step_m = 0;
-  c.depth_holes = 0.1;
-  disturb_depth(mm, 320, c, rng);
-  const auto lost = static_cast<double>(std::count(mm.begin(), mm.end(), std::uint16_t{0}));
-  CHECK(lost / static_cast<double>(mm.size()) == Approx(0.1).margin(0.025));
 }

@@ -34,7 +34,7 @@ Chirp chirp_of(std::vector<unsigned> transmitters) {
 RenderedScene point_at(double x, double y, std::int64_t index = 0) {
   RenderedScene scene;
   scene.index = index;
-  scene.array = {
+  scene.radar = {
       {3.0}, {1.0}, {{static_cast<float>(x), static_cast<float>(y), 1, Returns::reflector}}};
   return scene;
 }
@@ -128,7 +128,7 @@ TEST_CASE("a profile of coherent echoes is that of the same samples") {
 TEST_CASE("a new scene has new speckle, the same one goes on") {
   CoherentBoard board;
   RenderedScene person = point_at(0, 0);
-  person.array.place[0].person = 0;
+  person.radar.place[0].person = 0;
   const auto peak = [&](std::int64_t scene, double time_s) {
     person.index = scene;
     board.antennas.look(person, 0, time_s, 1, board.rng);
@@ -151,7 +151,7 @@ TEST_CASE("a subframe at another carrier sees another phase") {
   second.start_ghz = 61.08;
   board.antennas.start({first, second}, 1);
   RenderedScene person = point_at(0, 0);
-  person.array.place[0].person = 0;
+  person.radar.place[0].person = 0;
   const auto peak = [&](std::size_t subframe) {
     board.antennas.look(person, subframe, 10, 1, board.rng);
     return samples_of(board.antennas.tlv())[12 * 8];

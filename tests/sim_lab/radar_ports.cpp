@@ -121,7 +121,8 @@ sim::LabOptions options_in(const TemporaryDirectory& dir) {
 
 TEST_CASE("frames come only while started, at their period, with the scene's profile") {
   const TemporaryDirectory dir;
-  const sim::LabOptions options = options_in(dir);
+  sim::LabOptions options = options_in(dir);
+  options.conditions.radar_snr_db = 40;
   LabThread lab(options);
   Port cli(options.dir + "/radar-cli", B115200), data(options.dir + "/radar-data", B921600);
   cli.bytes(1 << 20, 0.1);  // the end of the banner, or nothing
@@ -153,19 +154,20 @@ TEST_CASE("frames come only while started, at their period, with the scene's pro
   // Well above the noise the mean code is that of the noise-free power.
   sim::RadarAxis axis{0, 0.25, 64, 299'792'458.0 / (2 * 562.5e6), sim::Psf::blackman};
   const auto scene = sim::make_scene(options.conditions, sim::SceneKind::person, 11, 0);
-  const auto power =
-      sim::radar_power(sim::radar_returns(scene, options.conditions), axis, options.conditions);
+  const auto power = sim::radar_power(sim::radar_returns(scene, options.conditions), axis);
   const auto peak = std::max_element(power.begin(), power.end()) - power.begin();
   CHECK(peak == std::max_element(mean.begin(), mean.end()) - mean.begin());
-  const double noise = std::pow(10, -options.conditions.radar_snr_db / 10) *
-                       sim::mean_peak_power(axis, options.conditions);
+  const double mean_peak = sim::mean_peak_power(axis, options.conditions);
+  const double own = sim::radar_noise_power(options.conditions, mean_peak);
+  const double noise = sim::profile_noise(options.conditions, mean_peak, 1);
   int compared = 0;
   for (std::size_t bin = 0; bin < 64; ++bin) {
     if (power[bin] < 20 * noise) continue;
-    const double code = 256 * 12.0 / 16 * 0.5 * std::log2(power[bin] * std::pow(2.0, 40));
-    // ln|x|^2 has variance 2 noise/power; 12 antennas and 20 frames are averaged.
-    const double sigma =
-        256 * 12 / 16.0 * 0.5 / std::log(2.0) * std::sqrt(2 * noise / power[bin] / (12 * frames));
+    const double code = 256 * 12.0 / 16 * 0.5 * std::log2((power[bin] + noise) * std::pow(2.0, 40));
+    // ln|x|^2 has the noise's variance, and 2 own / power of each of 12 antennas; 20 frames are
+    // averaged.
+    const double variance = std::pow(noise / power[bin], 2) + 2 * own / power[bin] / 12;
+    const double sigma = 256 * 12 / 16.0 * 0.5 / std::log(2.0) * std::sqrt(variance / frames);
     CHECK(std::abs(mean[bin] - code) < 5 * sigma + 0.5);  // codes are rounded
     ++compared;
   }

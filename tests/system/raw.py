@@ -45,9 +45,11 @@ class Raw(unittest.TestCase):
         self.dir = pathlib.Path(folder.name)
         self.raw, self.run = self.dir / "raw", self.dir / "run.sqlite"
 
+    laboratory = (bin_dir / "echofuse-sim", "lab")
+
     def record(self, *lab, count=15, raw=None):
         done = subprocess.run(
-            [bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--window", "0.4", "--scene", "mixed", *lab, "--",
+            [*self.laboratory, "--dir", self.dir / "lab", "--window", "0.4", "--scene", "mixed", *lab, "--",
              bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--set", "run.window_s=0.4",
              "--out", self.run, "--count", str(count), "--keep-raw", raw or self.raw],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=60)
@@ -143,8 +145,10 @@ class Raw(unittest.TestCase):
 
 
 class Usb(Raw):
+    laboratory = (bin_dir.parent / "tests/usb_lab",)
+
     def test_the_same_counts(self):
-        self.assertEqual(self.record("--usb"), 0, self.log)
+        self.assertEqual(self.record(), 0, self.log)
         counted = self.counters("spd")
         _, replayed = self.replay("tdc", "tags-*.usb")
         sent = json.loads((self.dir / "lab/sent.json").read_text())["tdc"]["tags"]

@@ -3,7 +3,7 @@
 #define CATCH_CONFIG_RUNNER
 #include <catch2/catch.hpp>
 
-#include "sim/usb/usb_bed.hpp"
+#include "tests/emulation/usb_bed.hpp"
 
 int main(int argc, char** argv) {
   echofuse::sim::UsbBed::enter(argv);

@@ -8,7 +8,7 @@
 #include "drivers/inventory/inventory.hpp"
 #include "drivers/make_driver.hpp"
 #include "drivers/tdc/usb_protocol.hpp"
-#include "sim/usb/tdc_usb.hpp"
+#include "tests/emulation/tdc_usb.hpp"
 
 using namespace echofuse;
 using namespace echofuse::test;

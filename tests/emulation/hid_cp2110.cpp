@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "sim/usb/hid_cp2110.hpp"
+#include "tests/emulation/hid_cp2110.hpp"
 
 #include <fcntl.h>
 #include <linux/hidraw.h>
@@ -20,8 +20,8 @@
 #include <vector>
 
 #include "drivers/core/exit_code.hpp"
-#include "sim/usb/cp2110_chip.hpp"
-#include "sim/usb/usb_bed.hpp"
+#include "tests/emulation/cp2110_chip.hpp"
+#include "tests/emulation/usb_bed.hpp"
 
 namespace echofuse::sim {
 namespace {

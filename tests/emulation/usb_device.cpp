@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "sim/usb/usb_device.hpp"
+#include "tests/emulation/usb_device.hpp"
 
 #include <fcntl.h>
 #include <linux/usbdevice_fs.h>

@@ -10,7 +10,7 @@
 #include <mutex>
 #include <string>
 
-#include "sim/usb/usb_bed.hpp"
+#include "tests/emulation/usb_bed.hpp"
 
 namespace echofuse::sim {
 

@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "sim/devices/device.hpp"
-#include "sim/usb/usb_device.hpp"
+#include "tests/emulation/usb_device.hpp"
 
 namespace echofuse::sim {
 

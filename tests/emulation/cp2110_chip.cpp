@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "sim/usb/cp2110_chip.hpp"
+#include "tests/emulation/cp2110_chip.hpp"
 
 #include <algorithm>
 #include <utility>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "sim/usb/usb_bed.hpp"
+#include "tests/emulation/usb_bed.hpp"
 
 #include <fcntl.h>
 #include <sys/stat.h>

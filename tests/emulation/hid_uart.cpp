@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "sim/usb/hid_uart.hpp"
+#include "tests/emulation/hid_uart.hpp"
 
 #include <boost/asio/post.hpp>
 

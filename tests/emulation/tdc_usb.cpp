@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "sim/usb/tdc_usb.hpp"
+#include "tests/emulation/tdc_usb.hpp"
 
 #include <atomic>
 #include <boost/asio/io_context.hpp>

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "sim/devices/uart.hpp"
-#include "sim/usb/hid_cp2110.hpp"
+#include "tests/emulation/hid_cp2110.hpp"
 
 namespace echofuse::sim {
 

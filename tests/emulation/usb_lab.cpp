@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: MIT
+// usb_lab [--dir DIR] [--scene KIND] [--hold S] [--window S] -- COMMAND ...: runs the command in a
+// laboratory whose time tagger is an emulated USB device.
+#include <CLI/CLI.hpp>
+
+#include "drivers/core/console.hpp"
+#include "sim/lab/lab_command.hpp"
+#include "tests/emulation/tdc_usb.hpp"
+#include "tests/emulation/usb_bed.hpp"
+
+namespace {
+
+using namespace echofuse;
+
+ExitCode run(int argc, char** argv) {
+  sim::UsbBed::enter(argv);
+  catch_interrupts();
+  sim::LabOptions options;
+  std::vector<std::string> command;
+  CLI::App app;
+  app.add_option("--dir", options.dir);
+  app.add_option("--scene", options.schedule.kind);
+  app.add_option("--hold", options.schedule.hold_s);
+  app.add_option("--window", options.window_s);
+  app.add_option("command", command)->required();
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage;
+  }
+  options.conditions.depth_noise_m = 0.0005;  // two frames of a real camera are never the same
+  sim::UsbBed bed;
+  options.make_tagger = [&](auto& io, auto& player, const auto& wanted) {
+    auto tagger = sim::make_tdc_usb(io, player, bed, wanted);
+    std::string address = tagger->address();
+    return sim::LabTagger{std::move(tagger), std::move(address), bed.environment()};
+  };
+  const SystemClock clock;
+  sim::Lab lab(clock, options);
+  return sim::serve_command(lab, command);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return echofuse::run_main("usb_lab", [&] { return run(argc, argv); });
+}
