@@ -17,7 +17,7 @@ void SpeckleStatistics::add(std::uint64_t frame, std::size_t carrier, double tim
   if (frame_ != frame) {
     frame_ = frame, seen_ = 0;
     now_.assign(power.size(), 0), squares_now_.assign(power.size(), 0);
-    sum_.resize(power.size()), squares_.resize(power.size());
+    for (auto* sums : {&sum_, &squares_, &within_, &apart_}) sums->resize(power.size());
   }
   seen_ |= std::uint64_t{1} << carrier;
   for (std::size_t i = 0; i < power.size(); ++i) {
@@ -31,7 +31,7 @@ void SpeckleStatistics::add(std::uint64_t frame, std::size_t carrier, double tim
   for (std::size_t i = 0; i < power.size(); ++i) {
     now_[i] /= n;
     sum_[i] += now_[i], squares_[i] += now_[i] * now_[i];
-    if (carriers_ > 1) within_ += (squares_now_[i] - n * now_[i] * now_[i]) / (n - 1);
+    if (carriers_ > 1) within_[i] += (squares_now_[i] - n * now_[i] * now_[i]) / (n - 1);
   }
   compare(time_s);
 }
@@ -46,7 +46,7 @@ void SpeckleStatistics::compare(double time_s) {
   if (before != recent_.rend()) {
     for (std::size_t i = 0; i < now_.size(); ++i) {
       const double difference = now_[i] - before->power[i];
-      apart_ += difference * difference / 2;
+      apart_[i] += difference * difference / 2;
     }
     ++pairs_;
   }
@@ -56,16 +56,18 @@ void SpeckleStatistics::compare(double time_s) {
 std::optional<Speckle> SpeckleStatistics::take() const {
   if (frames_ < 2) return {};
   const auto n = static_cast<double>(frames_);
-  double variance = 0, power = 0;
+  double frames = 0, carriers = 0, apart = 0, power = 0;
   for (std::size_t i = 0; i < sum_.size(); ++i) {
-    const double mean = sum_[i] / n;
-    variance += (squares_[i] - n * mean * mean) / (n - 1);
-    power += mean * mean;
+    const double mean = sum_[i] / n, weight = mean * mean;
+    frames += weight * std::max((squares_[i] - n * weight) / (n - 1), 0.0);
+    carriers += weight * std::max(within_[i] / n, 0.0);
+    apart += weight * apart_[i] / std::max(pairs_, 1.0);
+    power += weight * weight;
   }
   if (!(power > 0)) return {};
-  Speckle out{std::max(variance, 0.0) / power, {}, {}};
-  if (carriers_ > 1) out.over_carriers = std::max(within_ / n, 0.0) / power;
-  if (pairs_ > 0) out.over_150_ms = apart_ / pairs_ / power;
+  Speckle out{frames / power, {}, {}};
+  if (carriers_ > 1) out.over_carriers = carriers / power;
+  if (pairs_ > 0) out.over_150_ms = apart / power;
   return out;
 }
 

@@ -16,7 +16,8 @@
 namespace echofuse::record {
 
 // With P(R, f, c) the power at range R in frame f at carrier c:
-//   sum_R variance / sum_R mean^2
+//   sum_R mean^2 variance / sum_R mean^4
+// so that points which show noise alone, and how many there are, hardly matter.
 struct Speckle {
   double over_frames = 0;               // of the mean over the carriers
   std::optional<double> over_carriers;  // within a frame; none with one carrier
@@ -49,9 +50,9 @@ class SpeckleStatistics {
   std::uint64_t seen_ = 0;                 // carriers of this frame, by bits
   std::vector<double> now_, squares_now_;  // over this frame's carriers
   std::vector<double> sum_, squares_;      // over frames, of their means
-  double within_ = 0;                      // variances over carriers
+  std::vector<double> within_, apart_;     // variances over carriers; half the squared differences
   std::deque<Frame> recent_;               // frames that the next ones are compared with
-  double apart_ = 0, pairs_ = 0;           // half the squared differences, of so many pairs
+  double pairs_ = 0;                       // of frames that were compared
 };
 
 }  // namespace echofuse::record

@@ -161,11 +161,12 @@ class Appender {
     table.cols = cols;
     table.add_row(row);
   }
+  // Codes say the power with that of the receiver's noise, which most points show.
   std::vector<float> linear(const record::FusedRecord& r) const {
     std::vector<float> out = r.radar;
-    if (raw_radar_.quantity == "log2_q8")
-      for (float& v : out) v = static_cast<float>(power_from_code(v, raw_radar_.scale));
-    return out;
+    if (raw_radar_.quantity != "log2_q8") return out;
+    for (float& v : out) v = static_cast<float>(power_from_code(v, raw_radar_.scale));
+    return subtract_median(out), out;
   }
 
   // Nothing of a record without samples of the antennas.

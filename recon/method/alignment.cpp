@@ -119,9 +119,7 @@ void Alignment::subtract_background(std::span<const float> observation, std::vec
   const std::size_t bins = counts_background_.size();
   counts.resize(bins), power.resize(power_background_.size());
   for (std::size_t i = 0; i < bins; ++i) counts[i] = observation[i] - counts_background_[i];
-  std::vector<float> sorted = counts;
-  const float level = quantile(sorted, 0.5);
-  for (float& v : counts) v -= level;
+  subtract_median(counts);
   for (std::size_t i = 0; i < power.size(); ++i)
     power[i] = observation[bins + i] - power_background_[i];
 }

@@ -85,6 +85,13 @@ float quantile(std::span<float> values, double share) {
   return *at;
 }
 
+void subtract_median(std::span<float> values) {
+  if (values.empty()) return;
+  std::vector<float> sorted(values.begin(), values.end());
+  const float median = quantile(sorted, 0.5);
+  for (float& v : values) v -= median;
+}
+
 std::vector<float> column_quantile(const Matrix& table, const Rows& rows, double share) {
   std::vector<float> out(table.cols), column(rows.size());
   for (std::size_t c = 0; c < table.cols; ++c) {

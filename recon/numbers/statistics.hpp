@@ -32,6 +32,9 @@ double standard_deviation(std::span<const double> values);
 // The value that this share of all is below: 0.5 for the median. Reorders them.
 float quantile(std::span<float> values, double share);
 
+// In place; of none nothing.
+void subtract_median(std::span<float> values);
+
 // The value that this share of all is above: the largest twentieth is taken to fall off
 // exponentially, so that a few hundred values place it.
 double upper_limit(std::vector<float> values, double share_above);

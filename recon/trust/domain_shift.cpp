@@ -214,6 +214,8 @@ DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& da
            squares});
     }
   }
+  // Another room or other people differ in more than that.
+  if (out.differences.size() > 1) out.advice.clear();
   std::sort(out.differences.begin(), out.differences.end(),
             [](const auto& a, const auto& b) { return a.standard_errors > b.standard_errors; });
   return out;

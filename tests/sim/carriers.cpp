@@ -134,12 +134,13 @@ TEST_CASE("echoes that do not interfere vary by noise alone, with antennas or wi
   REQUIRE(record.speckle);
   CHECK(record.array.empty());
   CHECK_FALSE(record.speckle->over_carriers);
-  // The variance of a frame's noise in each point, over the squares of the mean powers.
+  // The variance of a frame's noise in each point, by the squares of the mean powers.
   const Conditions& c = plan.conditions;
   const double rms = profile_noise(c, mean_peak_power(radar_response(c), c), 1);
-  double squares = 0;
-  for (const float power : record.radar) squares += std::pow(power + rms, 2);
-  const double expected = static_cast<double>(record.radar.size()) * rms * rms / squares;
+  double squares = 0, fourths = 0;
+  for (const float power : record.radar)
+    squares += std::pow(power + rms, 2), fourths += std::pow(power + rms, 4);
+  const double expected = rms * rms * squares / fourths;
   CHECK(record.speckle->over_frames == Approx(expected).epsilon(0.25));
   plan.conditions.radar_sum = "coherent";
   const auto moving = Generator(plan).make(0);

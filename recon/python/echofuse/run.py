@@ -128,11 +128,14 @@ class Run:
         return shifted(table, offset_m * PS_PER_M / self.axes["spd"].step) if offset_m else table
 
     def power(self, range_offset_m: float = 0) -> NDArray[np.float32]:
-        """[n, points], linear; 0 where there is no radar"""
+        """[n, points], linear, of TI's codes less the noise that most points show; 0 where there is no radar"""
         if "radar" not in self.axes:
             return np.zeros((len(self), 0), np.float32)
+        power = np.nan_to_num(self.radar)
+        if self.axes["radar"].quantity == "log2_q8":
+            power = power - np.sort(power, axis=1)[:, power.shape[1] // 2, None]
         by_m = range_offset_m + self.offset_m.get("radar", 0)
-        return shifted(np.nan_to_num(self.radar), by_m / self.axes["radar"].step)
+        return shifted(power, by_m / self.axes["radar"].step)
 
     @cached_property
     def lags_axis(self) -> Axis | None:
