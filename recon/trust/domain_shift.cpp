@@ -155,7 +155,9 @@ std::string DomainShift::text() const {
   if (!tested()) return {};
   const std::string number = formatted("domain shift %.1f (above 1: unusual), p %s", distance,
                                        p < 1e-3 ? "< 0.001" : formatted("= %.3f", p).c_str());
-  if (!found()) return "this run is like the training: " + number;
+  if (!found())
+    return std::string("this run is like the training") +
+           (p < most_p ? " (what surely differs is too little to matter): " : ": ") + number;
   std::string all;
   for (const Difference& d : differences) all += (all.empty() ? ": " : ", ") + d.text;
   return "this run is unlike the training: " + number + all + (advice.empty() ? "" : "; " + advice);
