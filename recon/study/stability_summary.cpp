@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: MIT
-#include "recon/study/stability_summary.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
 
+#include "recon/study/stability.hpp"
 #include "recon/study/study.hpp"
 
 namespace echofuse::recon {
@@ -91,16 +90,12 @@ std::vector<std::string> first_on_the_way(const StabilityAxis& axis,
   const std::size_t base = axis.base();
   if (points[base].*property) return {axis.values[base].label};
   std::vector<std::string> out;
-  for (std::size_t i = base; i-- > 0;)
-    if (points[i].*property) {
-      out.push_back(axis.values[i].label);
-      break;
-    }
-  for (std::size_t i = base + 1; i < points.size(); ++i)
-    if (points[i].*property) {
-      out.push_back(axis.values[i].label);
-      break;
-    }
+  for (const std::size_t step : {std::size_t(-1), std::size_t{1}})  // down past 0 it wraps round
+    for (std::size_t i = base + step; i < points.size(); i += step)
+      if (points[i].*property) {
+        out.push_back(axis.values[i].label);
+        break;
+      }
   return out;
 }
 
