@@ -109,14 +109,15 @@ class Study {
       : train_(load({options.train})),
         test_(load({options.test})),
         options_(of_run(options, train_)),
-        progress_("study", jobs_of(options_).size() * options.seeds, options.quiet) {
+        jobs_(jobs_of(options_)),
+        progress_("study", jobs_.size() * options.seeds, options.quiet) {
     for (const Source& run : test_.sources)
       if (run.uuid == train_.sources.front().uuid)
         throw Error(ExitCode::usage,
                     run.path + ": the models are trained on this run; judge them by another");
     match_axes(test_, train_.spd_axis, train_.radar_axis, Inputs::fused);
     match_array(test_, train_.array_axis);
-    for (const Job& job : jobs_of(options_)) {
+    for (const Job& job : jobs_) {
       TrainedModel judged;
       judged.estimators.resize(1);
       judged->features.inputs = inputs_of(job.model.inputs);
@@ -129,16 +130,15 @@ class Study {
     for (const char* cost : {"multiply_adds", "infer_us_median", "infer_us_p99", "train_s"})
       columns.emplace_back(cost);
     StudyFile file(options_, settings(), columns, ExitCode::usage);
-    const auto jobs = jobs_of(options_);
-    const std::vector<bool> mine = my_rows(jobs);
+    const std::vector<bool> mine = my_rows();
     std::size_t row = 0;
-    for (const Job& job : jobs)
+    for (const Job& job : jobs_)
       for (std::size_t seed = 1; seed <= options_.seeds; ++seed, ++row) {
         if (!file.take(job.row(seed), seed == options_.seeds && !options_.part) && mine[row])
           file.add(measure(job, seed));
         progress_.update(row + 1, job.model.name);
       }
-    return options_.part ? std::vector<ParetoRow>{} : rows_of(jobs, file.all());
+    return options_.part ? std::vector<ParetoRow>{} : rows_of(jobs_, file.all());
   }
 
  private:
@@ -152,14 +152,14 @@ class Study {
 
   // Times of one machine can be compared: if there are parts, the run that takes them trains all
   // models once, with the last seed.
-  std::vector<bool> my_rows(const std::vector<Job>& jobs) const {
-    if (!options_.part) return std::vector<bool>(jobs.size() * options_.seeds, true);
+  std::vector<bool> my_rows() const {
+    if (!options_.part) return std::vector<bool>(jobs_.size() * options_.seeds, true);
     if (options_.seeds < 2)
       throw Error(ExitCode::usage,
                   "--part with --seeds 1: nothing to share; the run that takes the parts measures "
                   "the times, and trains each model with the last seed for that");
     std::vector<double> work;
-    for (const Job& job : jobs) {
+    for (const Job& job : jobs_) {
       work.insert(work.end(), options_.seeds, is_network(job.model) ? 5 : 1);
       work.back() = 0;
     }
@@ -201,6 +201,7 @@ class Study {
 
   Dataset train_, test_;
   const ParetoOptions options_;
+  const std::vector<Job> jobs_;
   Progress progress_;
 };
 

@@ -88,10 +88,6 @@ std::string to_html(const StabilityOptions& o, const std::vector<StabilityResult
   return page.html();
 }
 
-bool fails_at(const StabilityCurve& curve, const std::string& label) {
-  return std::find(curve.fails_at.begin(), curve.fails_at.end(), label) != curve.fails_at.end();
-}
-
 // Numbers are drawn to scale, words one beside the other. A 0 on a logarithmic scale stands a
 // decade to the left of the least other value.
 struct Positions {
@@ -132,7 +128,7 @@ chart::Series series_of(const StabilityCurve& curve, const Positions& x, const S
     const double mean = curve.points[i].mean[metric], spread = curve.points[i].spread[metric];
     chart::Point point{x.at[i], mean};
     if (spread > 0) point.low = mean - spread, point.high = mean + spread;
-    point.crossed = fails_at(curve, axis.values[i].label);
+    point.crossed = std::ranges::count(curve.fails_at, axis.values[i].label) > 0;
     line.points.push_back(point);
   }
   std::sort(line.points.begin(), line.points.end(),
