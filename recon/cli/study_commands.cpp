@@ -6,15 +6,15 @@
 #include "recon/cli/commands.hpp"
 #include "recon/cli/options.hpp"
 #include "recon/study/pareto.hpp"
-#include "recon/study/stability_summary.hpp"
+#include "recon/study/stability.hpp"
 
 namespace echofuse::recon {
 namespace {
 
 // What a part leaves: its file, which the same command without --part takes.
-ExitCode part_done(const StudyOptions& options, bool quiet) {
-  if (!quiet)
-    std::fprintf(stderr, "%s/%s.sqlite: written\n", printable(options.out).c_str(),
+ExitCode part_done(const StudyOptions& options, const char* study) {
+  if (!options.quiet)
+    std::fprintf(stderr, "%s/%s-%s.csv: written\n", printable(options.out).c_str(), study,
                  options.part->name().c_str());
   return ExitCode::ok;
 }
@@ -28,8 +28,7 @@ Command add_pareto(CLI::App& app, const Common& common) {
   const auto part = add_part_option(app);
   app.add_option("train", a->train, "run file to train on")->required();
   app.add_option("test", a->test, "run file to judge by")->required();
-  app.add_option("--out", a->out,
-                 "folder for study.sqlite, pareto.csv and pareto.svg; goes on there")
+  app.add_option("--out", a->out, "folder for pareto.csv and pareto.svg; goes on there")
       ->required();
   app.add_option("--models", a->models,
                  "as train --model; \":spd\", \":radar\" or \":fused-profile\" behind one")
@@ -62,9 +61,9 @@ Command add_pareto(CLI::App& app, const Common& common) {
     a->quiet = common.quiet;
     a->threads = common.threads;
     const auto rows = study_pareto(*a);
-    if (a->part) return part_done(*a, common.quiet);
+    if (a->part) return part_done(*a, "pareto");
     std::fputs(printable_lines(to_text(rows)).c_str(), stdout);
-    write_pareto(rows, a->out, *bound);
+    draw_pareto(rows, a->out, *bound);
     return ExitCode::ok;
   };
 }
@@ -73,7 +72,7 @@ Command add_stability(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<StabilityOptions>();
   const auto part = add_part_option(app);
   app.add_option("--out", a->out,
-                 "folder for study.sqlite, stability.html, stability.csv and a chart an axis")
+                 "folder for stability.csv, stability.html and a chart an axis; goes on there")
       ->required();
   app.add_flag("--quick", a->quick,
                "fewer values of each axis, 1000 training and 300 test records, a narrower network");
@@ -100,10 +99,10 @@ Command add_stability(CLI::App& app, const Common& common) {
     options.quiet = common.quiet;
     options.threads = common.threads;
     const auto rows = study_stability(options);
-    if (a->part) return part_done(options, common.quiet);
+    if (a->part) return part_done(options, "stability");
     const auto results = summarise_stability(options, rows);
     std::fputs(to_text(results).c_str(), stdout);
-    write_stability(options, rows, results);
+    draw_stability(options, results);
     return ExitCode::ok;
   };
 }

@@ -21,11 +21,11 @@ namespace echofuse::recon {
 namespace {
 
 struct Job {
-  Job(std::string what, double how_much, const std::string& name)
-      : sweep(std::move(what)), share(how_much), model(name) {}
-  std::string sweep;
-  double share;
+  std::string sweep, share;
   StudyModel model;
+  Measurement row(std::size_t seed) const {
+    return {sweep, share, model.candidate, model.inputs, seed};
+  }
 };
 
 ParetoOptions of_run(ParetoOptions options, const Dataset& train) {
@@ -35,10 +35,13 @@ ParetoOptions of_run(ParetoOptions options, const Dataset& train) {
 
 std::vector<Job> jobs_of(const ParetoOptions& options) {
   std::vector<Job> jobs;
-  for (const auto& model : options.models) jobs.emplace_back("model", 1, model);
+  const auto add = [&](const char* sweep, double share, const std::string& model) {
+    jobs.push_back({sweep, formatted("%g", share), StudyModel(model)});
+  };
+  for (const auto& model : options.models) add("model", 1, model);
   for (const auto& model : options.sweep_models) {
-    for (const double share : options.photons) jobs.emplace_back("photons", share, model);
-    for (const double share : options.records) jobs.emplace_back("records", share, model);
+    for (const double share : options.photons) add("photons", share, model);
+    for (const double share : options.records) add("records", share, model);
   }
   return jobs;
 }
@@ -64,46 +67,37 @@ void keep_records(Dataset& data, double share, std::uint64_t seed) {
 
 void mark_front(std::vector<ParetoRow>& rows) {
   for (auto& row : rows)
-    row.front = row.sweep == "model" && !row.machine.empty() &&
+    row.front = row.sweep == "model" && row.timed &&
                 std::none_of(rows.begin(), rows.end(), [&](const ParetoRow& other) {
                   return other.sweep == "model" && other.infer_us_median < row.infer_us_median &&
                          other.mean[metric_iou] >= row.mean[metric_iou];
                 });
 }
 
-// In the order of their first measurements.
-std::vector<ParetoRow> rows_of(const std::vector<Measurement>& all) {
+// In the order of the jobs.
+std::vector<ParetoRow> rows_of(const std::vector<Job>& jobs, const std::vector<Measurement>& all) {
   std::vector<ParetoRow> rows;
-  std::vector<std::vector<MapScores>> found;
-  for (const Measurement& m : all) {
-    const std::string model = m.inputs == "fused" ? m.model : m.model + ":" + m.inputs;
-    const auto known = std::find_if(rows.begin(), rows.end(), [&](const ParetoRow& r) {
-      return r.sweep == m.axis && r.share == m.value && r.model == model;
-    });
-    const auto at = static_cast<std::size_t>(known - rows.begin());
-    if (known == rows.end()) {
-      rows.push_back({m.axis, m.value, model});
-      found.emplace_back();
+  for (const Job& job : jobs) {
+    ParetoRow row{job.sweep, job.share, job.model.name};
+    std::vector<MapScores> found;
+    for (const Measurement& m : all) {
+      if (m.key() != job.row(m.seed).key()) continue;
+      MapScores& scores = found.emplace_back();
+      for (std::size_t i = 0; i < metric_count; ++i) scores[i] = m.metric(metric_names[i]);
+      row.multiply_adds = m.metric("multiply_adds");
+      if (m.machine == no_machine) continue;
+      row.timed = true;
+      row.infer_us_median = m.metric("infer_us_median");
+      row.infer_us_p99 = m.metric("infer_us_p99");
+      row.train_s = m.metric("train_s");
     }
-    MapScores scores;
-    for (std::size_t i = 0; i < metric_count; ++i) scores[i] = m.metric(metric_names[i]);
-    found[at].push_back(scores);
-    rows[at].multiply_adds = m.metric("multiply_adds");
-    if (m.machine.empty()) continue;
-    rows[at].machine = m.machine;
-    rows[at].infer_us_median = m.metric("infer_us_median");
-    rows[at].infer_us_p99 = m.metric("infer_us_p99");
-    rows[at].train_s = m.metric("train_s");
-  }
-  for (std::size_t at = 0; at < rows.size(); ++at) {
-    const Summaries over_seeds = summarise(found[at]);
-    rows[at].seeds = found[at].size();
-    if (rows[at].machine.empty())
-      rows[at].infer_us_median = rows[at].infer_us_p99 = rows[at].train_s = std::nan("");
+    const Summaries over_seeds = summarise(found);
+    row.seeds = found.size();
     for (std::size_t i = 0; i < metric_count; ++i) {
-      rows[at].mean[i] = over_seeds[i].mean;
-      rows[at].spread[i] = over_seeds[i].se * std::sqrt(static_cast<double>(over_seeds[i].maps));
+      row.mean[i] = over_seeds[i].mean;
+      row.spread[i] = over_seeds[i].se * std::sqrt(static_cast<double>(over_seeds[i].maps));
     }
+    rows.push_back(row);
   }
   mark_front(rows);
   return rows;
@@ -115,14 +109,15 @@ class Study {
       : train_(load({options.train})),
         test_(load({options.test})),
         options_(of_run(options, train_)),
-        progress_("study", jobs_of(options_).size() * options.seeds, options.quiet) {
+        jobs_(jobs_of(options_)),
+        progress_("study", jobs_.size() * options.seeds, options.quiet) {
     for (const Source& run : test_.sources)
       if (run.uuid == train_.sources.front().uuid)
         throw Error(ExitCode::usage,
                     run.path + ": the models are trained on this run; judge them by another");
     match_axes(test_, train_.spd_axis, train_.radar_axis, Inputs::fused);
     match_array(test_, train_.array_axis);
-    for (const Job& job : jobs_of(options_)) {
+    for (const Job& job : jobs_) {
       TrainedModel judged;
       judged.estimators.resize(1);
       judged->features.inputs = inputs_of(job.model.inputs);
@@ -131,24 +126,19 @@ class Study {
   }
 
   std::vector<ParetoRow> run() {
-    StudyFile file(options_, settings(), ExitCode::usage);
-    const auto jobs = jobs_of(options_);
-    const std::vector<bool> mine = my_rows(jobs);
-    std::size_t piece = 0;
-    for (const Job& job : jobs)
-      for (std::size_t i = 0; i < options_.seeds; ++i, ++piece) {
-        Measurement m{job.sweep, formatted("%g", job.share), job.model.candidate, job.model.inputs,
-                      1 + i};
-        const bool known = file.has(m, is_timed(i) && !options_.part ? "train_s" : "");
-        if (known) file.keep(m);
-        if (!known && mine[piece]) {
-          measure(job, m);
-          file.add({&m, 1});
-        }
-        progress_.update(++done_, job.model.name);
+    std::vector<std::string> columns(metric_names.begin(), metric_names.end());
+    for (const char* cost : {"multiply_adds", "infer_us_median", "infer_us_p99", "train_s"})
+      columns.emplace_back(cost);
+    StudyFile file(options_, settings(), columns, ExitCode::usage);
+    const std::vector<bool> mine = my_rows();
+    std::size_t row = 0;
+    for (const Job& job : jobs_)
+      for (std::size_t seed = 1; seed <= options_.seeds; ++seed, ++row) {
+        if (!file.take(job.row(seed), seed == options_.seeds && !options_.part) && mine[row])
+          file.add(measure(job, seed));
+        progress_.update(row + 1, job.model.name);
       }
-    file.finish();
-    return options_.part ? std::vector<ParetoRow>{} : rows_of(file.all());
+    return options_.part ? std::vector<ParetoRow>{} : rows_of(jobs_, file.all());
   }
 
  private:
@@ -162,37 +152,37 @@ class Study {
 
   // Times of one machine can be compared: if there are parts, the run that takes them trains all
   // models once, with the last seed.
-  bool is_timed(std::size_t i) const { return i + 1 == options_.seeds; }
-
-  std::vector<bool> my_rows(const std::vector<Job>& jobs) const {
-    if (options_.part && options_.seeds < 2)
+  std::vector<bool> my_rows() const {
+    if (!options_.part) return std::vector<bool>(jobs_.size() * options_.seeds, true);
+    if (options_.seeds < 2)
       throw Error(ExitCode::usage,
                   "--part with --seeds 1: nothing to share; the run that takes the parts measures "
                   "the times, and trains each model with the last seed for that");
-    std::vector<RowOfWork> rows;
-    for (const Job& job : jobs)
-      for (std::size_t i = 0; i < options_.seeds; ++i) {
-        const bool network = candidate_of(job.model.candidate, {}).fit.hidden.has_value();
-        rows.push_back({std::to_string(rows.size()), is_timed(i) ? 0. : network ? 5. : 1.});
-      }
-    std::vector<bool> out = share_of(options_.part, rows);
-    for (std::size_t row = 0; row < out.size(); ++row)
-      if (options_.part && rows[row].work == 0) out[row] = false;
+    std::vector<double> work;
+    for (const Job& job : jobs_) {
+      work.insert(work.end(), options_.seeds, is_network(job.model) ? 5 : 1);
+      work.back() = 0;
+    }
+    std::vector<bool> out = options_.part->share(work);
+    for (std::size_t row = 0; row < out.size(); ++row) out[row] = out[row] && work[row] > 0;
     return out;
   }
 
-  void measure(const Job& job, Measurement& m) const {
+  Measurement measure(const Job& job, std::size_t seed) const {
+    Measurement m = job.row(seed);
     Dataset train_data = train_, test_data = test_;
-    if (job.sweep == "photons") thin(train_data, job.share, m.seed);
-    if (job.sweep == "photons") thin(test_data, job.share, 1000 + m.seed);
-    if (job.sweep == "records") keep_records(train_data, job.share, m.seed);
-    const TrainedModel model = train_on_all(train_data, job.model, m.seed);
+    const double share = std::stod(job.share);
+    if (job.sweep == "photons") thin(train_data, share, seed);
+    if (job.sweep == "photons") thin(test_data, share, 1000 + seed);
+    if (job.sweep == "records") keep_records(train_data, share, seed);
+    const TrainedModel model = train_on_all(train_data, job.model, seed);
     const Rows rows = test_data.usable(model->features.inputs);
     const MapScores scores =
         mean_scores(model.predict(test_data, rows), test_data, rows, model->scene);
     for (std::size_t i = 0; i < metric_count; ++i) m.metrics[metric_names[i]] = scores[i];
     m.metrics["multiply_adds"] = static_cast<double>(model->cost().multiply_adds);
     if (!options_.part) measure_times(model, test_data, rows, m);
+    return m;
   }
 
   void measure_times(const TrainedModel& model, const Dataset& test_data, const Rows& rows,
@@ -211,8 +201,8 @@ class Study {
 
   Dataset train_, test_;
   const ParetoOptions options_;
+  const std::vector<Job> jobs_;
   Progress progress_;
-  std::size_t done_ = 0;
 };
 
 }  // namespace

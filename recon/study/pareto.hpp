@@ -3,6 +3,7 @@
 // another; then how few photons and how few training records are enough.
 #pragma once
 #include <array>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -34,22 +35,22 @@ struct ParetoRow {
   std::string sweep, share, model;  // sweep: model, photons, records
   std::size_t seeds = 0;
   std::array<double, metric_count> mean{}, spread{};
-  // Of the last measurement with times, which was on this machine; maps are timed on one thread.
-  double multiply_adds = 0, infer_us_median = 0, infer_us_p99 = 0, train_s = 0;
-  std::string machine = {};
+  double multiply_adds = 0;
+  bool timed = false;  // of the last measurement with times; maps are timed on one thread
+  double infer_us_median = std::nan(""), infer_us_p99 = std::nan(""), train_s = std::nan("");
   bool front = false;  // of the models: none is both faster and more accurate (IoU)
 };
 
-// Measures what out/study.sqlite does not have yet; the rows are of all that it has then. A part
-// takes no times, returns nothing, and leaves the last seed to the run that takes the parts. Throws
-// Error(usage) for a model that is not known and for a study of other runs, Error(failed) if the
-// runs do not fit, and as StudyFile.
+// Measures what out/pareto.csv does not have yet; a row a model and share that the options name. A
+// part takes no times, returns nothing, and leaves the last seed to the run that takes the parts.
+// Throws Error(usage) for a model that is not known and for a study of other runs, Error(failed) if
+// the runs do not fit, and as StudyFile.
 std::vector<ParetoRow> study_pareto(const ParetoOptions& options);
 
-// pareto.csv and pareto.svg. `bound`: nothing, or the least mean lateral errors that noise allows
-// (m), pose unknown and shape known. Throws Error(disk); the table is written first.
-void write_pareto(const std::vector<ParetoRow>& rows, const std::string& folder,
-                  const std::vector<double>& bound);
+// pareto.svg. `bound`: nothing, or the least mean lateral errors that noise allows (m), pose
+// unknown and shape known. Throws Error(disk).
+void draw_pareto(const std::vector<ParetoRow>& rows, const std::string& folder,
+                 const std::vector<double>& bound);
 std::string to_text(const std::vector<ParetoRow>& rows);
 
 }  // namespace echofuse::recon

@@ -1,33 +1,16 @@
 // SPDX-License-Identifier: MIT
-// The table and the chart of a Pareto study.
+// The chart and the text of a Pareto study.
 #include <algorithm>
-#include <sstream>
 
 #include "drivers/chart/chart.hpp"
 #include "drivers/chart/style.hpp"
+#include "drivers/core/atomic_write.hpp"
 #include "recon/files/text.hpp"
 #include "recon/study/model_colours.hpp"
 #include "recon/study/pareto.hpp"
 
 namespace echofuse::recon {
 namespace {
-
-constexpr std::array shown = {metric_iou,    metric_ssim_fg,     metric_ssim_hard, metric_ssim,
-                              metric_rmse_m, metric_depth_mae_m, metric_lateral_m, metric_ghost};
-
-std::string to_csv(const std::vector<ParetoRow>& rows) {
-  std::ostringstream csv;
-  csv << "sweep,share,model,seeds";
-  for (const Metric m : shown) csv << ',' << metric_names[m] << ',' << metric_names[m] << "_spread";
-  csv << ",multiply_adds,infer_us_median,infer_us_p99,train_s,front,machine\n";
-  for (const ParetoRow& r : rows) {
-    csv << r.sweep << ',' << r.share << ',' << r.model << ',' << r.seeds;
-    for (const Metric m : shown) csv << ',' << r.mean[m] << ',' << r.spread[m];
-    csv << formatted(",%.0f,", r.multiply_adds) << r.infer_us_median << ',' << r.infer_us_p99 << ','
-        << r.train_s << ',' << r.front << ',' << r.machine << '\n';
-  }
-  return csv.str();
-}
 
 constexpr const char* papers_network = "mlp-512-256";
 
@@ -146,10 +129,10 @@ std::vector<chart::Panel> panels_of(const std::vector<ParetoRow>& rows,
 
 }  // namespace
 
-void write_pareto(const std::vector<ParetoRow>& rows, const std::string& folder,
-                  const std::vector<double>& bound) {
-  chart::write_chart(folder, "pareto", to_csv(rows),
-                     chart::stand_alone("Accuracy against cost", panels_of(rows, bound), 2));
+void draw_pareto(const std::vector<ParetoRow>& rows, const std::string& folder,
+                 const std::vector<double>& bound) {
+  write_atomically(folder + "/pareto.svg",
+                   chart::stand_alone("Accuracy against cost", panels_of(rows, bound), 2));
 }
 
 std::string to_text(const std::vector<ParetoRow>& rows) {

@@ -50,11 +50,6 @@ Simulator::Simulator(std::string program, std::string folder, int threads,
       threads_(threads),
       set_(std::move(set)) {}
 
-std::string Simulator::stem() const {
-  return scratch_folder(folder_) + "/.simulated-" + machine_name() + "-" +
-         std::to_string(::getpid());
-}
-
 BaseCondition Simulator::base_condition() const {
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> text(std::tmpfile(), std::fclose);
   if (!text) throw Error(ExitCode::disk, "no temporary file for the simulator's settings");
@@ -74,19 +69,13 @@ BaseCondition Simulator::base_condition() const {
   return out;
 }
 
-Dataset Simulator::dataset(const std::vector<std::string>& more, std::uint64_t seed) const {
-  const TemporaryFile run_file{stem() + ".sqlite"};
+Dataset Simulator::make(const World& world, std::size_t records, std::uint64_t seed) const {
+  const std::string stem =
+      scratch_folder(folder_) + "/.simulated-" + machine_name() + "-" + std::to_string(::getpid());
+  const TemporaryFile run_file{stem + ".sqlite"}, list{stem + ".toml"};
   std::vector<std::string> words = {program_, "dataset",           "-q", "--out", run_file.path,
                                     "--seed", std::to_string(seed)};
   if (threads_ > 0) words.insert(words.end(), {"--threads", std::to_string(threads_)});
-  words.insert(words.end(), more.begin(), more.end());
-  run(words);
-  return load({run_file.path});
-}
-
-Dataset Simulator::make(const World& world, std::size_t records, std::uint64_t seed) const {
-  const TemporaryFile list{stem() + ".toml"};
-  std::vector<std::string> words;
   for (const auto* set : {&set_, &world.set})
     for (const auto& assignment : *set) words.insert(words.end(), {"--set", assignment});
   if (world.at_x_m) {
@@ -95,7 +84,8 @@ Dataset Simulator::make(const World& world, std::size_t records, std::uint64_t s
   } else {
     words.insert(words.end(), {"--" + world.scenes, std::to_string(records)});
   }
-  Dataset data = dataset(words, seed);
+  run(words);
+  Dataset data = load({run_file.path});
   apply(world, data);
   return data;
 }

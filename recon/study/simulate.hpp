@@ -21,9 +21,6 @@ class Simulator {
   Dataset make(const World& world, std::size_t records, std::uint64_t seed) const;
 
  private:
-  std::string stem() const;  // of temporary files
-  Dataset dataset(const std::vector<std::string>& words, std::uint64_t seed) const;
-
   std::string program_, folder_;
   int threads_;
   std::vector<std::string> set_;

@@ -18,12 +18,6 @@ namespace {
 
 constexpr std::uint64_t test_seeds = 1000;  // the test records' seed, after the training records'
 
-std::string joined(const std::vector<std::string>& words) {
-  std::string out;
-  for (const auto& word : words) out += (out.empty() ? "" : " ") + word;
-  return out;
-}
-
 // One value of one axis; the base value of all of them is measured once.
 struct Place {
   std::string axis, value;
@@ -40,13 +34,13 @@ std::vector<Place> places_of(const StabilityOptions& options) {
 }
 
 bool is_shifted(const Place& place) { return place.axis.starts_with("shifted"); }
+bool is_matched(const Place& place) { return place.axis.starts_with("matched"); }
 
 // Trainings take most of the time, those of a network most of that.
 std::size_t work_of(const Place& place, const StudyModel& model) {
   if (is_shifted(place) || ignores_inputs(model.name)) return 1;
-  const bool network = candidate_of(model.candidate, {}).fit.hidden.has_value();
   const double records = std::max(1., place.train.records);  // a factor
-  return static_cast<std::size_t>(std::lround((network ? 20 : 4) * records));
+  return static_cast<std::size_t>(std::lround((is_network(model) ? 20 : 4) * records));
 }
 
 class Study {
@@ -54,7 +48,7 @@ class Study {
   explicit Study(const StabilityOptions& options)
       : options_(options),
         places_(places_of(options)),
-        file_(options, settings(), ExitCode::config),
+        file_(options, settings(), columns(), ExitCode::config),
         simulator_(options.sim, options.out, options.threads, options.set),
         progress_("study", work(), options.quiet) {}
 
@@ -67,7 +61,6 @@ class Study {
         first += models_.size();
       }
     }
-    file_.finish();
     return options_.part ? std::vector<Measurement>{} : file_.all();
   }
 
@@ -84,7 +77,13 @@ class Study {
             {"quick", options_.quick ? "yes" : "no"},
             {"records", std::to_string(options_.records)},
             {"test-records", std::to_string(options_.test_records)},
-            {"set", joined(options_.set)}};
+            {"set", joined(options_.set, " ")}};
+  }
+
+  static std::vector<std::string> columns() {
+    std::vector<std::string> out;
+    for (const Metric m : stability_metrics) out.emplace_back(metric_names[m]);
+    return out;
   }
 
   static Measurement row_of(const Place& place, const StudyModel& model, std::size_t seed) {
@@ -96,18 +95,25 @@ class Study {
   // the base condition is trained once; of matched ones each by itself. The constant models, for
   // which alone nobody should make records, go with the first other one.
   std::vector<bool> my_rows() const {
-    std::vector<RowOfWork> rows;
+    std::map<std::string, std::size_t> numbers;  // of the pieces, in the order of their first rows
+    std::vector<std::size_t> piece_of;           // the rows
+    std::vector<double> work;                    // of the pieces
     for (std::size_t i = 0; i < options_.seeds; ++i)
       for (const Place& place : places_)
         for (std::size_t m = 0; m < models_.size(); ++m) {
           const std::size_t model =
               std::min(std::max(m, constant_models.size()), models_.size() - 1);
-          const bool matched = place.axis.starts_with("matched");
-          rows.push_back({models_[model].name + "/" + std::to_string(i) +
-                              (matched ? "/" + place.axis + "/" + place.value : ""),
-                          static_cast<double>(work_of(place, models_[m]))});
+          std::string name = models_[model].name + "/" + std::to_string(i);
+          if (is_matched(place)) name += "/" + place.axis + "/" + place.value;
+          piece_of.push_back(numbers.emplace(name, numbers.size()).first->second);
+          work.resize(numbers.size());
+          work[piece_of.back()] += static_cast<double>(work_of(place, models_[m]));
         }
-    return share_of(options_.part, rows);
+    const std::vector<bool> mine =
+        options_.part ? options_.part->share(work) : std::vector<bool>(work.size(), true);
+    std::vector<bool> out;
+    for (const std::size_t piece : piece_of) out.push_back(mine[piece]);
+    return out;
   }
 
   std::size_t work() {
@@ -123,16 +129,15 @@ class Study {
     std::optional<Dataset> train_data, test_data;
     for (const StudyModel& model : models_) {
       Measurement row = row_of(place, model, seed);
-      const bool known = file_.has(row), mine = mine_[at++];
-      if (known) file_.keep(row);
-      if (known || !mine) continue;
+      const bool mine = mine_[at++];
+      if (file_.take(row) || !mine) continue;
       if (!test_data) test_data = test_records(place.test, seed);
-      const bool own = place.axis.starts_with("matched");
+      const bool own = is_matched(place);
       if (own && !train_data) train_data = training_records(place.train, seed);
       const std::optional<TrainedModel> fitted =
           own ? fit(*train_data, model, seed, false) : std::optional<TrainedModel>{};
       row.metrics = judge(own ? fitted : base_model(model, seed), *test_data, model);
-      file_.add({&row, 1});
+      file_.add(row);
       progress_.update(done_ += work_of(place, model),
                        place.axis + " " + place.value + ": " + model.name);
     }
@@ -154,9 +159,9 @@ class Study {
 
   // Nothing if the training is refused or diverges; each reason is said once.
   std::optional<TrainedModel> fit(const Dataset& data, const StudyModel& model, std::size_t seed,
-                                  bool fallback) {
+                                  bool at_base) {
     try {
-      return train_on_all(data, model, seed, {fallback, fallback});
+      return train_on_all(data, model, seed, at_base);
     } catch (const Error& error) {
       if (error.code() != ExitCode::failed) throw;
       const std::string reason = model.name + ": " + error.what();
@@ -225,15 +230,14 @@ StabilityOptions complete(StabilityOptions options) {
 std::vector<StabilityAxis> axes_of(const StabilityOptions& options) {
   std::vector<StabilityAxis> all = stability_axes(options.base, options.quick);
   if (options.axes.empty()) return all;
-  std::string known;
-  for (const auto& axis : all) known += (known.empty() ? "" : ", ") + axis.id();
+  std::vector<std::string> known;
+  for (const auto& axis : all) known.push_back(axis.id());
   std::vector<StabilityAxis> out;
   for (const auto& id : options.axes) {
-    const auto found =
-        std::find_if(all.begin(), all.end(), [&](const auto& axis) { return axis.id() == id; });
-    if (found == all.end())
-      throw Error(ExitCode::usage, "axis \"" + id + "\": expected some of " + known);
-    out.push_back(*found);
+    const auto found = std::find(known.begin(), known.end(), id);
+    if (found == known.end())
+      throw Error(ExitCode::usage, "axis \"" + id + "\": expected some of " + joined(known, ", "));
+    out.push_back(all[static_cast<std::size_t>(found - known.begin())]);
   }
   return out;
 }

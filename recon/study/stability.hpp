@@ -41,10 +41,40 @@ inline const std::vector<std::string> constant_models = {"empty", "mean"};
 StabilityOptions complete(StabilityOptions options);
 std::vector<StabilityAxis> axes_of(const StabilityOptions& options);
 
-// Measures what OUT/study.sqlite does not have yet: all that it has then, by the id of its axis
+// Measures what OUT/stability.csv does not have yet: all that it has then, by the id of its axis
 // ("base": the base value of every axis); inputs of a constant model: "-"; NaN also where there is
 // no map. Of a part: nothing. Throws Error(config) if what is there was measured otherwise, and as
 // StudyFile.
 std::vector<Measurement> study_stability(const StabilityOptions& options);
+
+// A model at one value. NaN: undefined, or there is no map.
+struct StabilityPoint {
+  std::array<double, metric_count> mean{}, spread{};  // spread: standard deviation over the seeds
+  bool fails = false;                                 // as above
+  bool halved = false;                                // its IoU is below half of that at the base
+};
+
+struct StabilityCurve {
+  std::string name;                    // "CANDIDATE" or "CANDIDATE:INPUTS"
+  std::vector<StabilityPoint> points;  // one a value of the axis
+  // The first values with that, going from the base to each end; that of the base alone if it
+  // begins there.
+  std::vector<std::string> fails_at, halved_at;
+  double worst = 0;  // least IoU, as a share of that at the base; NaN if it fails there already
+};
+
+struct StabilityResult {
+  StabilityAxis axis;
+  std::vector<StabilityCurve> curves;     // of the models, in their order
+  std::vector<StabilityCurve> baselines;  // empty room and mean map
+};
+
+// Sorted by what breaks the first model most. Rows of other axes and models are left out.
+std::vector<StabilityResult> summarise_stability(const StabilityOptions& options,
+                                                 const std::vector<Measurement>& rows);
+
+// Writes OUT/stability.html and a chart for each axis, OUT/KIND-AXIS.svg. Throws Error(disk).
+void draw_stability(const StabilityOptions& options, const std::vector<StabilityResult>& results);
+std::string to_text(const std::vector<StabilityResult>& results);
 
 }  // namespace echofuse::recon

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <sstream>
 
 #include "drivers/chart/chart.hpp"
 #include "drivers/chart/page.hpp"
@@ -13,16 +12,10 @@
 #include "recon/files/files.hpp"
 #include "recon/files/text.hpp"
 #include "recon/study/model_colours.hpp"
-#include "recon/study/stability_summary.hpp"
+#include "recon/study/stability.hpp"
 
 namespace echofuse::recon {
 namespace {
-
-std::string joined(const std::vector<std::string>& parts) {
-  std::string out;
-  for (const auto& part : parts) out += (out.empty() ? "" : ", ") + part;
-  return out;
-}
 
 bool fails_at_base(const StabilityCurve& curve, const StabilityAxis& axis) {
   return curve.points[axis.base()].fails;
@@ -34,8 +27,9 @@ std::string cell(const StabilityCurve& curve, const StabilityAxis& axis) {
   if (fails_at_base(curve, axis)) return "<b class=\"bad\">fails at the base</b>";
   std::string out = shared(curve.worst);
   if (!curve.fails_at.empty())
-    out += "<br><b class=\"bad\">fails at " + joined(curve.fails_at) + "</b>";
-  if (!curve.halved_at.empty()) out += "<br><small>half at " + joined(curve.halved_at) + "</small>";
+    out += "<br><b class=\"bad\">fails at " + joined(curve.fails_at, ", ") + "</b>";
+  if (!curve.halved_at.empty())
+    out += "<br><small>half at " + joined(curve.halved_at, ", ") + "</small>";
   return out;
 }
 
@@ -94,29 +88,6 @@ std::string to_html(const StabilityOptions& o, const std::vector<StabilityResult
   return page.html();
 }
 
-std::string number(char before, double v) {
-  return std::isnan(v) ? formatted("%cnan", before) : formatted("%c%.6g", before, v);
-}
-
-std::string to_csv(const std::vector<Measurement>& rows) {
-  std::ostringstream csv;
-  csv << "kind,axis,value,model,inputs,seed";
-  for (const Metric m : stability_metrics) csv << ',' << metric_names[m];
-  for (const Measurement& r : rows) {
-    const std::size_t dash = r.axis.find('-');  // none in "base"
-    csv << '\n'
-        << r.axis.substr(0, dash) << ',' << r.axis.substr(dash + 1) << ',' << r.value << ','
-        << r.model << ',' << r.inputs << ',' << r.seed;
-    for (const Metric m : stability_metrics) csv << number(',', r.metric(metric_names[m]));
-  }
-  csv << '\n';
-  return csv.str();
-}
-
-bool fails_at(const StabilityCurve& curve, const std::string& label) {
-  return std::find(curve.fails_at.begin(), curve.fails_at.end(), label) != curve.fails_at.end();
-}
-
 // Numbers are drawn to scale, words one beside the other. A 0 on a logarithmic scale stands a
 // decade to the left of the least other value.
 struct Positions {
@@ -157,7 +128,7 @@ chart::Series series_of(const StabilityCurve& curve, const Positions& x, const S
     const double mean = curve.points[i].mean[metric], spread = curve.points[i].spread[metric];
     chart::Point point{x.at[i], mean};
     if (spread > 0) point.low = mean - spread, point.high = mean + spread;
-    point.crossed = fails_at(curve, axis.values[i].label);
+    point.crossed = std::ranges::count(curve.fails_at, axis.values[i].label) > 0;
     line.points.push_back(point);
   }
   std::sort(line.points.begin(), line.points.end(),
@@ -213,9 +184,7 @@ std::vector<chart::Panel> panels_of(const StabilityOptions& o, const StabilityRe
 
 }  // namespace
 
-void write_stability(const StabilityOptions& options, const std::vector<Measurement>& rows,
-                     const std::vector<StabilityResult>& results) {
-  write_atomically(options.out + "/stability.csv", to_csv(rows));
+void draw_stability(const StabilityOptions& options, const std::vector<StabilityResult>& results) {
   write_atomically(options.out + "/stability.html", to_html(options, results));
   for (const auto& result : results)
     write_atomically(options.out + "/" + result.axis.id() + ".svg",
@@ -234,8 +203,8 @@ std::string to_text(const std::vector<StabilityResult>& results) {
                        shared(curve.worst).c_str());
       out += (base                     ? "the base"
               : curve.fails_at.empty() ? "-"
-                                       : joined(curve.fails_at)) +
-             "; " + (curve.halved_at.empty() ? "-" : joined(curve.halved_at)) + "\n";
+                                       : joined(curve.fails_at, ", ")) +
+             "; " + (curve.halved_at.empty() ? "-" : joined(curve.halved_at, ", ")) + "\n";
     }
   return out;
 }

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: MIT
-#include "recon/study/stability_summary.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
 
+#include "recon/study/stability.hpp"
 #include "recon/study/study.hpp"
 
 namespace echofuse::recon {
@@ -30,23 +29,16 @@ Moments moments(const std::vector<double>& values) {
 // All rows of one model at one value, by seed.
 using Seeds = std::map<std::size_t, Measurement>;
 
-class Measured {
- public:
-  explicit Measured(const std::vector<Measurement>& rows) {
-    for (const auto& r : rows) found_[{r.axis, r.value, r.model, r.inputs}][r.seed] = r;
-  }
-  const Seeds& at(const StabilityAxis& axis, const AxisValue& value, const std::string& model,
-                  const std::string& inputs) const {
-    static const Seeds none;
-    const bool base = value.world.base();
-    const auto found =
-        found_.find({base ? "base" : axis.id(), base ? "base" : value.label, model, inputs});
-    return found == found_.end() ? none : found->second;
-  }
-
- private:
-  std::map<std::array<std::string, 4>, Seeds> found_;
-};
+Seeds seeds_at(const std::vector<Measurement>& rows, const StabilityAxis& axis,
+               const AxisValue& value, const std::string& model, const std::string& inputs) {
+  const bool base = value.world.base();
+  const std::string id = base ? "base" : axis.id(), label = base ? "base" : value.label;
+  Seeds out;
+  for (const Measurement& r : rows)
+    if (std::tie(r.axis, r.value, r.model, r.inputs) == std::tie(id, label, model, inputs))
+      out[r.seed] = r;
+  return out;
+}
 
 // By how much a model is better than the best baseline with the same seed; those of which the
 // score is undefined (nobody there) do not count. One number a seed, or none.
@@ -91,16 +83,12 @@ std::vector<std::string> first_on_the_way(const StabilityAxis& axis,
   const std::size_t base = axis.base();
   if (points[base].*property) return {axis.values[base].label};
   std::vector<std::string> out;
-  for (std::size_t i = base; i-- > 0;)
-    if (points[i].*property) {
-      out.push_back(axis.values[i].label);
-      break;
-    }
-  for (std::size_t i = base + 1; i < points.size(); ++i)
-    if (points[i].*property) {
-      out.push_back(axis.values[i].label);
-      break;
-    }
+  for (const std::size_t step : {std::size_t(-1), std::size_t{1}})  // down past 0 it wraps round
+    for (std::size_t i = base + step; i < points.size(); i += step)
+      if (points[i].*property) {
+        out.push_back(axis.values[i].label);
+        break;
+      }
   return out;
 }
 
@@ -111,20 +99,21 @@ double share(const StabilityPoint& point, const StabilityPoint& base, const Stab
                                                   : point.mean[metric_iou] / base.mean[metric_iou];
 }
 
-StabilityCurve curve_of(const StabilityAxis& axis, const Measured& rows, const std::string& name,
-                        const std::string& model, const std::string& inputs) {
+StabilityCurve curve_of(const StabilityAxis& axis, const std::vector<Measurement>& rows,
+                        const std::string& name, const std::string& model,
+                        const std::string& inputs) {
   StabilityCurve curve{name, {}, {}, {}, nan};
   for (const AxisValue& value : axis.values) {
-    const Seeds& seeds = rows.at(axis, value, model, inputs);
+    const Seeds seeds = seeds_at(rows, axis, value, model, inputs);
     curve.points.push_back(point_of(seeds));
-    curve.points.back().fails = fails(seeds, rows.at(axis, value, constant_models[0], "-"),
-                                      rows.at(axis, value, constant_models[1], "-"));
+    curve.points.back().fails = fails(seeds, seeds_at(rows, axis, value, constant_models[0], "-"),
+                                      seeds_at(rows, axis, value, constant_models[1], "-"));
   }
   const StabilityPoint base = curve.points[axis.base()];
   for (std::size_t i = 0; i < curve.points.size(); ++i) {
     StabilityPoint& point = curve.points[i];
     const double now =
-        share(point, base, point_of(rows.at(axis, axis.values[i], constant_models[0], "-")));
+        share(point, base, point_of(seeds_at(rows, axis, axis.values[i], constant_models[0], "-")));
     point.halved = now < 0.5;
     if (!base.fails) curve.worst = std::fmin(curve.worst, now);
   }
@@ -142,15 +131,14 @@ double first_worst(const StabilityResult& result) {
 
 std::vector<StabilityResult> summarise_stability(const StabilityOptions& options,
                                                  const std::vector<Measurement>& rows) {
-  const Measured found(rows);
   std::vector<StabilityResult> results;
   for (const StabilityAxis& axis : axes_of(options)) {
     StabilityResult result{axis, {}, {}};
     for (const auto& name : constant_models)
-      result.baselines.push_back(curve_of(axis, found, name, name, "-"));
+      result.baselines.push_back(curve_of(axis, rows, name, name, "-"));
     for (const auto& name : options.models) {
       const StudyModel model(name);
-      result.curves.push_back(curve_of(axis, found, name, model.candidate, model.inputs));
+      result.curves.push_back(curve_of(axis, rows, name, model.candidate, model.inputs));
     }
     results.push_back(std::move(result));
   }

@@ -2,12 +2,17 @@
 #include "recon/study/study.hpp"
 
 #include <algorithm>
-#include <map>
 
 #include "drivers/core/exit_code.hpp"
 #include "recon/estimator/train.hpp"
 
 namespace echofuse::recon {
+
+std::string joined(const std::vector<std::string>& texts, const char* between) {
+  std::string out;
+  for (const auto& text : texts) out += (&text == texts.data() ? "" : between) + text;
+  return out;
+}
 
 StudyModel::StudyModel(const std::string& text)
     : name(text), candidate(text.substr(0, text.find(':'))) {
@@ -17,19 +22,8 @@ StudyModel::StudyModel(const std::string& text)
     throw Error(ExitCode::usage, "model \"" + text + "\": needs both sensors");
 }
 
-std::vector<bool> share_of(const std::optional<JobPart>& part, const std::vector<RowOfWork>& rows) {
-  if (!part) return std::vector<bool>(rows.size(), true);
-  std::map<std::string, std::size_t> numbers;  // of the pieces, in the order of their first rows
-  std::vector<double> work;
-  for (const RowOfWork& row : rows) {
-    const auto [piece, added] = numbers.emplace(row.piece, work.size());
-    if (added) work.push_back(0);
-    work[piece->second] += row.work;
-  }
-  const std::vector<bool> mine = part->share(work);
-  std::vector<bool> out;
-  for (const RowOfWork& row : rows) out.push_back(mine[numbers.at(row.piece)]);
-  return out;
+bool is_network(const StudyModel& model) {
+  return candidate_of(model.candidate, {}).fit.hidden.has_value();
 }
 
 std::vector<std::string> with_profiles(const std::vector<std::string>& models) {
@@ -47,16 +41,16 @@ std::vector<std::string> with_profiles(const std::vector<std::string>& models) {
 }
 
 TrainedModel train_on_all(const Dataset& data, const StudyModel& model, std::uint64_t seed,
-                          const OptionalParts& parts) {
+                          bool with_parts) {
   TrainOptions how;
   how.model = model.candidate;
   how.inputs = model.inputs;
   how.split.test_share = 0;
   how.split.seed = how.fit.seed = seed;
   how.fit.quiet = true;
-  how.fallback = parts.fallback;
+  how.fallback = with_parts;
   // It takes long to learn.
-  how.uncertainty = parts.two_bodies && wants_alignment(candidate_of(model.candidate, {}).model);
+  how.uncertainty = with_parts && wants_alignment(candidate_of(model.candidate, {}).model);
   return train(data, how);
 }
 

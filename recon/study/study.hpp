@@ -19,34 +19,24 @@ struct StudyOptions {
   bool quiet = false;
 };
 
+std::string joined(const std::vector<std::string>& texts, const char* between);
+
 struct StudyModel {
   // "CANDIDATE" or "CANDIDATE:INPUTS", as in "mlp-512-256:spd". Throws Error(usage) for what is no
   // model, or one that does not take these inputs.
   explicit StudyModel(const std::string& text);
   std::string name, candidate, inputs = "fused";
 };
-
-// A row of a study's table: rows of one piece are measured by one process, which trains for them
-// once.
-struct RowOfWork {
-  std::string piece;
-  double work = 1;  // of the row, in any unit
-};
-// Which of the rows this process measures: all, or those of its part.
-std::vector<bool> share_of(const std::optional<JobPart>& part, const std::vector<RowOfWork>& rows);
+bool is_network(const StudyModel& model);
 
 // Behind each model that takes the radar's antennas the same with the range profile alone.
 std::vector<std::string> with_profiles(const std::vector<std::string>& models);
 
-// What a fused model that looks at its inputs has beside it, if asked: a fallback for a lost radar;
-// what a model that places a body needs to see two.
-struct OptionalParts {
-  bool fallback = false, two_bodies = false;
-};
-
-// On all usable records but the validation share: there is another run to judge by.
+// On all usable records but the validation share: there is another run to judge by. `with_parts`: a
+// fused model that looks at its inputs has a fallback for a lost radar beside it, and one that
+// places a body what it needs to see two.
 TrainedModel train_on_all(const Dataset& data, const StudyModel& model, std::uint64_t seed,
-                          const OptionalParts& parts = {});
+                          bool with_parts = false);
 
 // A map of every record. The model answers for the rows; the others, which it cannot read, show the
 // empty room.

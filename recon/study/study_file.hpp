@@ -1,35 +1,28 @@
 // SPDX-License-Identifier: MIT
-// OUT/study.sqlite: with what settings a study measures, and all that it has measured. It belongs
-// to the study, and so does what bears the study's name beside it: exports, which are never read.
-// OUT/part-K-of-N.sqlite is the same of a part of the study, which another process measures.
-//   PRAGMA application_id = 0x45434653 ("ECFS")
-//   setting: key, value | measurement: a row a metric; score NULL: undefined
-//   machine: on which the costs (times) of a measurement were taken; a part takes none
+// OUT/STUDY.csv: all that a study has measured, a row a condition, model and seed. Comments above
+// the table say with what settings. A part of the study, which another process measures, has such a
+// file of its own, OUT/STUDY-part-K-of-N.csv. Several of them, one behind the other, are one, too.
 #pragma once
+#include <cstdio>
 #include <limits>
 #include <map>
 #include <memory>
-#include <span>
 #include <string>
 #include <tuple>
 #include <utility>
 #include <vector>
 
-#include "acquire/record/run_tables.hpp"
-#include "drivers/core/staged_file.hpp"
 #include "recon/study/study.hpp"
 
-namespace echofuse::record {
-class Statement;
-}
-
 namespace echofuse::recon {
+
+inline constexpr const char* no_machine = "-";
 
 struct Measurement {
   std::string axis, value, model, inputs;  // where, and of what
   std::size_t seed = 0;
   std::map<std::string, double> metrics = {};  // by name; NaN: undefined
-  std::string machine = {};                    // that its costs are of; empty: it has none
+  std::string machine = no_machine;            // that its times were measured on
 
   auto key() const { return std::tie(axis, value, model, inputs, seed); }
   double metric(const std::string& name) const {
@@ -41,50 +34,41 @@ struct Measurement {
 // All that measurements depend on and that is not in their key; the first is {"study", its name}.
 using StudySettings = std::vector<std::pair<std::string, std::string>>;
 
-// Files come from elsewhere: nothing in them runs, and what reading may cost is bounded by their
-// size. Measurements are kept as soon as they are added, also after a kill or a power loss; those
-// of a part from finish() on.
 class StudyFile {
  public:
-  // Begins the study or goes on with it, beside what its parts have. Throws
-  // Error: config for a file that is no study, `refusal` for one of other settings, usage for a
-  // folder that holds files of the study's name without it, failed for a damaged one, disk.
-  StudyFile(const StudyOptions& options, const StudySettings& settings, ExitCode refusal);
+  // Begins the file of the study, or of a part of it, or goes on with it; an incomplete line, which
+  // a killed process leaves at the end, is cut off. Reads what the other files of the study in the
+  // folder have. `metrics`: the columns of numbers. Throws Error: config for a file that is not of
+  // this study, `refusal` for one of other settings, usage for a folder that holds other files of
+  // the study's name, failed for a damaged file, disk.
+  StudyFile(const StudyOptions& options, const StudySettings& settings,
+            std::vector<std::string> metrics, ExitCode refusal);
 
-  // Whether it is measured: with any metrics, or with this one.
-  bool has(const Measurement& measurement, const std::string& metric = {});
-  // What a part has is kept now, so that all() has the order of the asking.
-  void keep(const Measurement& measurement);
-  // In one transaction; what is there already stays. Throws Error(interrupted) instead if the user
-  // interrupts, who may have cut it short; Error(disk).
-  void add(std::span<const Measurement> measurements);
-  // Of a part: puts its file into the folder, over the one that may be there; nothing can be asked
-  // any more. Else nothing.
-  void finish();
-  // In the order of their making or keeping. Throws Error(failed) for names that the program does
-  // not write.
-  std::vector<Measurement> all();
+  // Whether it is measured, here or in another file; `timed`: with times.
+  bool has(const Measurement& measurement, bool timed = false) const;
+  // The same; a row that only a part of the study has is copied.
+  bool take(const Measurement& measurement, bool timed = false);
+  // Appends a row; it stays after a kill or a power loss. A later row of the same key replaces an
+  // earlier one. Throws Error(interrupted) instead if the user interrupts, who may have cut the
+  // measurement short; Error(disk).
+  void add(const Measurement& measurement);
+  std::vector<Measurement> all() const;  // of this file, by axis, value, model, inputs, seed
 
  private:
-  struct Place {
-    std::string path;
-    std::unique_ptr<StagedFile> staged;  // of a part
-  };
-  static Place place_of(const StudyOptions& options, const std::string& study);
-  StudyFile(Place place, const StudySettings& settings, ExitCode refusal, int flags);
-  void begin(const StudySettings& settings);
-  void check(const StudySettings& settings, ExitCode refusal);
-  std::vector<Measurement> stored();
-  record::Statement ask(const char* sql);
-  void limit();
-  Place place_;
-  const std::string& path_ = place_.path;
-  record::Budget budget_;
-  std::unique_ptr<sqlite3, int (*)(sqlite3*)> db_;
   using Key = std::tuple<std::string, std::string, std::string, std::string, std::size_t>;
-  std::map<Key, Measurement> elsewhere_;  // in parts
-  std::vector<Key> order_;                // in which it was found there
-  std::vector<Measurement> kept_;         // written with what is added next
+  using Rows = std::map<Key, Measurement>;
+  // Returns how many bytes are whole lines below a whole head; 0: the head is not whole yet.
+  std::size_t read(const std::string& path, Rows& rows) const;
+  bool parse(const std::string& line, Rows& rows) const;
+  void append(const Measurement& measurement);
+  void write(const std::string& text);
+
+  std::vector<std::string> metrics_, head_;  // lines
+  ExitCode refusal_;
+  bool is_part_;
+  std::string path_;
+  Rows rows_, elsewhere_;
+  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_{nullptr, std::fclose};
 };
 
 }  // namespace echofuse::recon

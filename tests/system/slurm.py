@@ -181,7 +181,7 @@ class Slurm(unittest.TestCase):
         subprocess.run([*study, self.dir / "whole"], check=True, stdout=subprocess.DEVNULL)
         for table in ("stability.csv", "stability.html"):
             self.assertEqual((self.dir / "work/spread" / table).read_bytes(), (self.dir / "whole" / table).read_bytes())
-        self.assertEqual(len(list((self.dir / "work/spread").glob("part-*-of-4.sqlite"))), 4)
+        self.assertEqual(len(list((self.dir / "work/spread").glob("stability-part-*-of-4.csv"))), 4)
 
 
 if os.geteuid() != 0 or not all(shutil.which(name) for name in NEEDED):
