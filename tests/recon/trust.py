@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
 """trust.py BIN [--quick] [PART...]: measures what a model says of its own answers, on simulated
-records, and fails where that is wrong. Parts: intervals, records, runs, two_bodies. The tables go
+records, and fails where that is wrong. Parts: intervals, records, runs, two_bodies,
+laboratory. The tables go
 into recon/RESULTS.md. --quick: fewer draws, for the slow tests."""
 import argparse
 import csv
@@ -124,7 +125,21 @@ def two_bodies():
         expect(f"AUC of two bodies against one, {' '.join(settings) or 'base'}", auc, .975, 1)
 
 
-for part in arguments.parts or ["intervals", "records", "runs", "two_bodies"]:
+def laboratory():
+    """A run of the laboratory without faults is like a data set of the same slot length."""
+    for window_s, count in ((.2, 100), (1, 60)) if arguments.quick else ((.2, 200), (1, 100), (3, 60)):
+        frames = round(20 * window_s)
+        model = train(dataset(2000, f"window_s={window_s}", f"radar_frames={frames}"), "--model", "silhouette")
+        run = folder / f"lab{window_s}.sqlite"
+        program("sim", "lab", "--dir", folder / "lab", "--scene", "mixed", "--hold", window_s, "--window", window_s,
+                "--laser-rate-hz", "2e7", "--", arguments.bin / "echofuse-acquire", "run", "--config",
+                folder / "lab/lab.toml", "--out", run, "--count", count, "--quiet")
+        text = evaluate(model, run)["domain_shift"]["text"]
+        print(f"| {window_s} s | {text} |")
+        expect(f"slots of {window_s} s are like the training", text.startswith("this run is like the training"), 1, 1)
+
+
+for part in arguments.parts or ["intervals", "records", "runs", "two_bodies", "laboratory"]:
     print(f"{part}: {globals()[part].__doc__}", flush=True)
     globals()[part]()
 sys.exit(f"{len(failures)} of the figures are not as wanted: {'; '.join(failures)}" if failures else 0)
