@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <complex>
 
 #include "sim/wire/encode.hpp"
 
@@ -41,20 +40,12 @@ double log2_level(double magnitude) { return std::log2(std::max(1.0, radar_gain 
 std::vector<std::uint16_t> range_profile_codes(const std::vector<double>& power, double mean_peak,
                                                unsigned antennas, const Conditions& conditions,
                                                Rng& rng) {
-  const double noise_power = radar_noise_power(conditions, mean_peak);
-  std::normal_distribution<double> noise(0, std::sqrt(noise_power / 2));
-  std::vector<std::uint16_t> codes;
-  codes.reserve(power.size());
   std::vector<double> received = power;
   add_frame_noise(received, mean_peak, conditions, rng);
-  for (const double p : received) {
-    double sum = 0;
-    for (unsigned a = 0; a < antennas; ++a) {
-      const std::complex<double> x{std::sqrt(p) + noise(rng), noise(rng)};
-      sum += log2_level(std::abs(x));
-    }
-    codes.push_back(log2_q8(sum, antennas));
-  }
+  std::vector<std::uint16_t> codes;
+  codes.reserve(power.size());
+  for (const double p : received)
+    codes.push_back(log2_q8(antennas * log2_level(std::sqrt(p)), antennas));
   return codes;
 }
 

@@ -33,9 +33,9 @@ struct Chirp {
   RadarAxis axis() const;
 };
 
-// One frame's TLV 2. Every virtual antenna has noise of its own beside the profile's:
-//   x_a = g (sqrt(P + N) + n_a), n_a complex Gaussian, mean |n_a|^2 = radar_noise_power,
-//   code = log2_q8(sum_a log2 |x_a|), |x_a| >= 1,
+// One frame's TLV 2: code = log2_q8(sum_a log2 |x_a|), |x_a| >= 1, over the virtual antennas a,
+// which all have
+//   |x_a| = g sqrt(P + N)
 // with P the noise-free power (radar_power), N the frame's noise (add_frame_noise) and g the gain
 // from power to the chip's integers. The mean over the frames of a slot then has the noise of a
 // data set's profile.

@@ -118,15 +118,19 @@ TEST_CASE("a record that is not a number is refused with its number, or handed o
   CHECK(data.index == std::vector<std::int64_t>{0, 1, 2, 3, 5});
 }
 
-TEST_CASE("TI codes become linear power") {
+TEST_CASE("TI codes become linear power above the noise") {
   const Folder dir;
   write_run(dir / "a", 2, 1,
-            [](record::FusedRecord& r) { r.radar.assign(24, r.index ? 60000.f : 512.f); },
+            [](record::FusedRecord& r) {
+              r.radar.assign(24, r.index ? 60000.f : 0.f);
+              r.radar[7] += 512;
+            },
             {"radar", "log2_q8", "m", 24, 0, 0.25, 8});
   CHECK_THAT(error_of([&] { load({dir / "a"}); }), Catch::Contains("record 1"));
   const Dataset data = load({dir / "a"}, [](std::int64_t, const std::string&) {});
   CHECK(data.radar_axis.quantity == "power");
-  CHECK(data.radar.row(0)[7] == Approx(16));
+  CHECK(data.radar.row(0)[7] == Approx(15));
+  CHECK(data.radar.row(0)[8] == 0);
 }
 
 TEST_CASE("a longer radar axis is cropped to the model's, any other difference refused") {

@@ -131,7 +131,7 @@ def laboratory():
         frames = round(20 * window_s)
         model = train(dataset(2000, f"window_s={window_s}", f"radar_frames={frames}"), "--model", "silhouette")
         run = folder / f"lab{window_s}.sqlite"
-        program("sim", "lab", "--dir", folder / "lab", "--scene", "mixed", "--hold", window_s, "--window", window_s,
+        program("sim", "lab", "--dir", folder / "lab", "--scene", "mixed", "--hold", max(window_s, 1), "--window", window_s,
                 "--laser-rate-hz", "2e7", "--", arguments.bin / "echofuse-acquire", "run", "--config",
                 folder / "lab/lab.toml", "--out", run, "--count", count, "--quiet")
         text = evaluate(model, run)["domain_shift"]["text"]
