@@ -168,7 +168,7 @@ class Editor {
     const bool all = byte() % 2 == 0;
     const double wanted = number();
     if (!sound(name)) return;
-    const std::string type = model_.head[name].value("dtype", "");
+    const nlohmann::json& type = model_.head[name]["dtype"];  // of any kind, after an entry()
     const auto narrow = static_cast<float>(wanted);
     Bytes one;
     if (type == "F32")
