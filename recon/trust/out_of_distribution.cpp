@@ -21,9 +21,8 @@ constexpr std::uint64_t held_stream = 0x68656c64;  // "held"
 constexpr std::size_t most_components = 36, rows_a_component = 60;
 constexpr std::size_t folds_of_few = 4, folds_of_many = 10;  // one of which sets the limits
 constexpr std::size_t few_records = 400, many_records = 3000;
-// Of records like the training ones, above each limit.
-constexpr std::array<double, 3> false_alarms = {0.002, 0.002, 0.003};
-enum Statistic : std::size_t { along_components, off_components, of_two };
+// Of records like the training ones, above each limit; that of Q is shared by the groups.
+constexpr double above_t2 = 0.002, above_q = 0.002, above_two = 0.002;
 constexpr double not_known = -1e9;           // of a training without these numbers
 constexpr double range_reserve = 0.05;       // of the span of the training records' ranges
 constexpr double clicks_reserve = 1.25;      // against the brightest training record
@@ -212,44 +211,41 @@ OutOfDistributionDetector::Statistics OutOfDistributionDetector::statistics(
   for (std::size_t g = 0; g < groups; ++g) {
     const auto first = Index(first_[g]), count = Index(first_[g + 1]) - first;
     out.along[g] = double{weights.segment(first, count).dot(from_mean.segment(first, count))};
-    out.apart[g] = double{off.segment(first, count).squaredNorm()};
+    out.q[g] = std::log(double{off.segment(first, count).squaredNorm()} + tiny);
   }
-  const auto sum = [](const auto& parts) {
-    return std::max(std::accumulate(parts.begin(), parts.end(), 0.0), 0.0);
-  };
-  out.values = {std::log(sum(out.along) + tiny), std::log(sum(out.apart) + tiny),
-                two_bodies_(aligned, power_profile)};
+  const double t2 = std::accumulate(out.along.begin(), out.along.end(), 0.0);
+  out.t2 = std::log(std::max(t2, 0.0) + tiny), out.two_bodies = two_bodies_(aligned, power_profile);
   return out;
 }
 
 void OutOfDistributionDetector::set_limits(const std::vector<Statistics>& held,
                                            const std::vector<bool>& shows_two) {
-  for (std::size_t s = 0; s < limits_.size(); ++s) {
-    std::vector<float> values;
-    for (std::size_t i = 0; i < held.size(); ++i)
-      if (s != of_two || !shows_two[i]) values.push_back(static_cast<float>(held[i].values[s]));
-    if (values.empty()) continue;  // of records of two alone
-    limits_[s].usual = double{quantile(values, 0.5)};
-    limits_[s].most = std::max(upper_limit(values, false_alarms[s]), limits_[s].usual + 1e-6);
+  const auto limit = [](std::vector<float> values, double above) {
+    if (values.empty()) return Limit{};  // of records of two alone
+    const double usual = double{quantile(values, 0.5)};
+    return Limit{usual, std::max(upper_limit(std::move(values), above), usual + 1e-6)};
+  };
+  std::vector<float> along, two;
+  std::array<std::vector<float>, groups> off;
+  for (std::size_t i = 0; i < held.size(); ++i) {
+    along.push_back(static_cast<float>(held[i].t2));
+    if (!shows_two[i]) two.push_back(static_cast<float>(held[i].two_bodies));
+    for (std::size_t g = 0; g < groups; ++g) off[g].push_back(static_cast<float>(held[i].q[g]));
   }
-  for (std::size_t g = 0; g < groups; ++g) {
-    std::vector<float> values;
-    for (const Statistics& one : held) values.push_back(static_cast<float>(one.apart[g]));
-    usual_apart_[g] = std::max(double{quantile(values, 0.5)}, 1e-12);
-  }
+  t2_ = limit(std::move(along), above_t2), two_ = limit(std::move(two), above_two);
+  for (std::size_t g = 0; g < groups; ++g)
+    q_[g] = limit(std::move(off[g]), above_q / static_cast<double>(q_.size()));
 }
 
-OutOfDistributionDetector::Group OutOfDistributionDetector::clearest(
+OutOfDistributionDetector::Distance OutOfDistributionDetector::distance(
     const Statistics& found) const {
-  const bool by_components = limits_[along_components].share(found.values[along_components]) >
-                             limits_[off_components].share(found.values[off_components]);
-  std::size_t most = histogram;
-  double best = 0;
-  for (std::size_t g = 0; g < groups; ++g) {
-    const double much = by_components ? found.along[g] : found.apart[g] / usual_apart_[g];
-    if (first_[g + 1] > first_[g] && much > best) most = g, best = much;
-  }
-  return static_cast<Group>(most);
+  const auto most = std::max_element(found.along.begin(), found.along.end());
+  Distance out{t2_.share(found.t2), static_cast<Group>(most - found.along.begin())};
+  for (std::size_t g = 0; g < groups; ++g)
+    if (const double share = q_[g].share(found.q[g]);
+        first_[g + 1] > first_[g] && share > out.share)
+      out = {share, static_cast<Group>(g)};
+  return out;
 }
 
 // "0.71 from frame to frame, 0.02 in training"
@@ -279,11 +275,9 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
     const std::optional<record::Speckle>& speckle = data.speckle[rows[i]];
     const auto found =
         statistics(describe(features, power_profile, speckle), features, power_profile);
-    const auto share = [&](Statistic which) { return limits_[which].share(found.values[which]); };
-    OutOfDistributionScore s{std::max(share(along_components), share(off_components)),
-                             two_bodies_.known() ? share(of_two) : NAN,
-                             {},
-                             {}};
+    const auto [distance_share, group] = distance(found);
+    OutOfDistributionScore s{
+        distance_share, two_bodies_.known() ? two_.share(found.two_bodies) : NAN, {}, {}};
     const bool has_range = spd && shows_body(features);
     const double range_m = has_range ? double{features.back()} : 0;
     const double clicks = data.clicks_a_pulse[rows[i]];
@@ -299,7 +293,6 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
     if (s.may_be_two && s.two_bodies > s.distance)
       s.reason = "two bodies, or one unlike the training records'";
     else if (s.reason.empty() && s.distance > 1) {
-      const Group group = clearest(found);
       s.reason = unusual[group];
       if (group == power) s.details = power_text(speckle);
     }
@@ -320,16 +313,15 @@ void OutOfDistributionDetector::archive(Archive archive, const Features& of_mode
   };
   archive.require(above_0(components_.deviation), "components/deviation", "expected all above 0");
   two_bodies_.archive(archive.in("two_bodies"));
-  std::vector<double> limits, apart(usual_apart_.begin(), usual_apart_.end());
-  for (const Limit& l : limits_) limits.push_back(l.usual), limits.push_back(l.most);
-  archive.values("limits", limits, 2 * limits_.size());
-  for (std::size_t s = 0; s < limits_.size(); ++s) {
-    limits_[s] = {limits[2 * s], limits[2 * s + 1]};
-    archive.require(limits_[s].most >= limits_[s].usual, "limits", "expected none below the usual");
+  std::vector<double> limits;
+  std::vector<Limit*> all{&t2_, &two_};
+  for (Limit& l : q_) all.push_back(&l);
+  for (const Limit* l : all) limits.push_back(l->usual), limits.push_back(l->most);
+  archive.values("limits", limits, 2 * all.size());
+  for (std::size_t s = 0; s < all.size(); ++s) {
+    *all[s] = {limits[2 * s], limits[2 * s + 1]};
+    archive.require(all[s]->most >= all[s]->usual, "limits", "expected none below the usual");
   }
-  archive.values("usual_apart", apart, usual_apart_.size());
-  archive.require(above_0(apart), "usual_apart", "expected all above 0");
-  std::copy(apart.begin(), apart.end(), usual_apart_.begin());
   archive.number("nearest_m", nearest_m_, -1e18, 1e18);
   archive.number("farthest_m", farthest_m_, -1e18, 1e18);
   archive.number("most_clicks_per_start", most_clicks_per_start_, 0, 1e18);

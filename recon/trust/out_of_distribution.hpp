@@ -4,7 +4,8 @@
 // these, aligned to the body's range (method/alignment.hpp), that range, the radar profile as it
 // is, and how its power varied within the record (record_numbers.hpp); none depends on gains; then
 //   distance    from the training records in their principal components: T^2 along the components,
-//               Q off them (Jackson and Mudholkar, Technometrics 21, 341, 1979), the greater one
+//               Q of each sensor off them (Jackson and Mudholkar, Technometrics 21, 341, 1979), the
+//               greatest one
 //   two bodies  two_bodies.hpp
 // Each is given as a share of its limit, so that above 1 is unusual; the limits are such that about
 // one of 140 records like the training ones is above one of them. Beside these, checks with a name:
@@ -70,13 +71,18 @@ class OutOfDistributionDetector {
   void learn_usual_power(const Dataset& data, const Rows& rows);
   void learn_scale(const Matrix& descriptions);
   struct Statistics {
-    std::array<double, 3> values;             // log T^2, log Q, two bodies
-    std::array<double, groups> along, apart;  // what each group adds to T^2, and to Q
+    double t2, two_bodies;             // the logarithm of T^2; of the odds
+    std::array<double, groups> along;  // what each group adds to T^2
+    std::array<double, groups> q;      // logarithm of Q, of each group
   };
   Statistics statistics(std::span<const float> description, std::span<const float> aligned,
                         std::span<const float> power_profile) const;
-  // The group that stands out most.
-  Group clearest(const Statistics& found) const;
+  // How far along the components or off them, as a share of the limit, and by which group most.
+  struct Distance {
+    double share;
+    Group group;
+  };
+  Distance distance(const Statistics& found) const;
   std::string power_text(const std::optional<record::Speckle>& speckle) const;
   // Scale and components, of descriptions that are not scaled yet.
   void learn(const Matrix& descriptions, const Rows& rows, std::uint64_t seed);
@@ -91,8 +97,8 @@ class OutOfDistributionDetector {
   Components components_;
   Features raw_;  // what raw inputs are made of
   TwoBodies two_bodies_;
-  std::array<Limit, 3> limits_;
-  std::array<double, groups> usual_apart_{};  // medians
+  Limit t2_, two_;
+  std::array<Limit, groups> q_;
   double nearest_m_ = 0, farthest_m_ = 0, most_clicks_per_start_ = 0, share_with_body_ = 0;
 };
 

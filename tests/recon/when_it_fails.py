@@ -1,0 +1,106 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: MIT
+"""when_it_fails.py BIN TABLE: each row of the first table of WHEN_IT_FAILS.md whose cause can be simulated says what
+the programs say then. A row's words are those that it quotes."""
+import collections
+import csv
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+
+bin_dir, manual = map(pathlib.Path, sys.argv[1:3])
+rows = {}
+for line in manual.read_text(encoding="utf-8").split("## ")[0].splitlines():
+    cells = [cell.strip() for cell in line.strip("|").split("|")]
+    if line.startswith("| ") and len(cells) == 3:
+        rows[cells[0]] = cells[1]
+antennas = ("radar_antennas=8", "radar_sum=coherent")
+
+
+def program(name, *words):
+    done = subprocess.run([bin_dir / f"echofuse-{name}", *map(str, words)], capture_output=True, text=True, timeout=300)
+    assert done.returncode in (0, 5), done.stderr
+    return done.stdout + done.stderr
+
+
+def dataset(path, seed, *settings, kind="--records", count=200):
+    words = [word for setting in settings for word in ("--set", setting)]
+    program("sim", "dataset", "-q", "--out", path, kind, count, "--seed", seed, *words)
+    return path
+
+
+class WhenItFails(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = pathlib.Path(tempfile.mkdtemp(prefix="fails."))
+        cls.models = {}
+        for name, settings, count in (("profile", (), 1200), ("closed", ("background=closed",), 1200), ("antennas", antennas, 3000)):
+            run = dataset(cls.folder / f"{name}.sqlite", 1, *settings, count=count)
+            cls.models[name] = cls.folder / f"{name}.safetensors"
+            program("recon", "train", "-q", run, "--model", "silhouette", "--epochs", 30, "--set", "fallback=false", "--out", cls.models[name])
+
+    def see(self, beginning, *settings, model="profile", **how):
+        """The words of the row, what the run's line is, and of each record the reason."""
+        row = next(cell for cause, cell in rows.items() if cause.startswith(beginning))
+        run = dataset(self.folder / f"{len(list(self.folder.iterdir()))}.sqlite", 2, *settings, **how)
+        maps = run.with_suffix(".maps")
+        said = program("recon", "reconstruct", self.models[model], run, "--format", "npz", "--out", maps)
+        with open(maps / "records.csv", newline="", encoding="utf-8") as table:
+            reasons = collections.Counter(record["out_of_distribution"] for record in csv.DictReader(table))
+        return re.findall(r"`([^`]+)`", row), said, reasons
+
+    def reason(self, beginning, *settings, least, **how):
+        words, said, reasons = self.see(beginning, *settings, **how)
+        records = sum(reasons.values())
+        named = sum(count for reason, count in reasons.items() if any(reason.startswith(word) for word in words))
+        self.assertGreaterEqual(named, least * records, f"{beginning}: {words}: {reasons.most_common(4)}")
+        return said
+
+    def line(self, beginning, *settings, **how):
+        words, said, reasons = self.see(beginning, *settings, **how)
+        self.assertIn("this run is unlike the training", said)
+        self.assertTrue(any(word in said for word in words), f"{beginning}: {words}: {said}")
+        return reasons[""] / sum(reasons.values())
+
+    def test_a_range_bias(self):
+        self.assertGreater(self.line("the radar's ranges have a bias", "radar_bias_m=0.08"), .9)
+
+    def test_phases(self):
+        self.reason("the phases of the antennas", *antennas, "radar_phase_error_rad=0.8", "radar_array_calibrated=false",
+                    least=.4, model="antennas")
+
+    def test_a_noisier_radar(self):
+        self.assertIn("radar peak over noise", self.reason("the radar is noisier", "radar_snr_db=10", least=.8))
+
+    def test_too_many_photons(self):
+        self.reason("too many photons", "pulses_per_window=200000", "spd_detector_stated=false", least=.8)
+
+    def test_two_people(self):
+        self.reason("two people", kind="--two-people", least=.4)
+
+    def test_another_distance(self):
+        self.reason("somebody stands nearer or farther", "target_z_min_m=4.4", "target_z_max_m=5", least=.8)
+
+    def test_to_the_side(self):
+        self.assertGreater(self.line("somebody stands farther to the side", "target_x_m=1.6"), .8)
+
+    def test_nobody(self):
+        self.reason("nobody is there", "background_counts=10000", kind="--empty", count=50, least=.9)
+
+    def test_echoes_that_interfere(self):
+        self.reason("the radar's echoes interfere", "radar_sum=coherent", least=.9)
+
+    def test_another_baseline(self):
+        self.assertGreater(self.line("the radar was moved", "baseline_m=0.2"), .8)
+
+    def test_other_walls(self):
+        self.reason("other walls or furniture", "background=room", least=.9)
+
+    def test_walls_that_echo(self):
+        self.reason("walls beside the people echo", "background=closed", "multipath_order=1", least=.4, model="closed")
+
+
+unittest.main(argv=sys.argv[:1])
