@@ -23,7 +23,7 @@ constexpr std::uint64_t permutation_stream = 0x646f6d61;  // "doma"
 constexpr double shrinkage = 0.1;  // shrinks the correlations: there may be few blocks
 constexpr double clearly = 4;      // standard errors
 // These limits are in units of a record's usual deviation, and of its square. Smaller differences
-// are not reported.
+// do not matter.
 constexpr double least_mean = 0.1, least_square = 0.3;
 constexpr double most_square = 16;  // one stray record does not make another world
 constexpr double usual = 0.95;
