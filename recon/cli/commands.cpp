@@ -33,7 +33,7 @@ void add_range_offset_option(CLI::App& app, double& offset_m) {
       ->capture_default_str();
 }
 
-// What this program was started with.
+// Returns the command line that started this program.
 std::string command_line() {
   std::ifstream in("/proc/self/cmdline", std::ios::binary);
   std::string words(std::istreambuf_iterator<char>(in), {});
@@ -56,8 +56,8 @@ TrainedModel model_for_room(const std::string& path, const std::string& empty,
   return model;
 }
 
-// What reconstruct says of its records on stderr: while following at once, else at the end, which
-// leaves the progress bar alone.
+// It says on stderr what reconstruct notes about its records: at once while following, or else at
+// the end, which leaves the progress bar alone.
 class ReconstructReport {
  public:
   ReconstructReport(std::string run, bool follow, bool quiet)
@@ -118,7 +118,7 @@ class ReconstructReport {
   std::size_t good_ = 0, left_out_ = 0;
   std::vector<RecordStatus> faults_;
   std::vector<double> after_slot_s_;
-  std::map<std::string, std::size_t> notes_, reasons_;  // records for each
+  std::map<std::string, std::size_t> notes_, reasons_;  // records for each text
 };
 
 }  // namespace

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The sub-commands of echofuse-recon: each adds its options to a parser and returns what to do once
-// they are read.
+// These are the sub-commands of echofuse-recon. Each adds its options to a parser and returns the
+// function to call once they are read.
 #pragma once
 #include <functional>
 
@@ -13,7 +13,7 @@ class App;
 namespace echofuse::recon {
 
 struct Common {
-  int threads = 0;  // of the matrix product; 0: one per core
+  int threads = 0;  // threads of the matrix product; 0: one per core
   bool quiet = false;
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// echofuse-recon: records -> model -> depth maps -> report.
+// echofuse-recon goes from records to a model, to depth maps, to a report.
 #include <CLI/CLI.hpp>
 
 #include "drivers/core/console.hpp"

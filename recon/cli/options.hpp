@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Options that several sub-commands have.
+// Several sub-commands have these options.
 #pragma once
 #include <memory>
 #include <optional>
@@ -15,10 +15,11 @@ class App;
 namespace echofuse::recon {
 
 void add_inputs_option(CLI::App& app, std::string& inputs);
-// --part; read it with part_of, which throws Error(usage). None if it is not given.
+// The option is --part; part_of reads it, and throws Error(usage). The value is null if it is not
+// given.
 std::shared_ptr<std::string> add_part_option(CLI::App& app);
 std::optional<JobPart> part_of(const std::string& text);
-// For CLI11: empty if the text names a model, else what is wrong.
+// For CLI11 the answer is empty if the text names a model, else it says what is wrong.
 std::string is_candidate(const std::string& text);
 
 }  // namespace echofuse::recon

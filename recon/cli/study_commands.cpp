@@ -11,7 +11,7 @@
 namespace echofuse::recon {
 namespace {
 
-// What a part leaves: its file, which the same command without --part takes.
+// A part leaves its file, which the same command without --part takes.
 ExitCode part_done(const StudyOptions& options, const char* study) {
   if (!options.quiet)
     std::fprintf(stderr, "%s/%s-%s.csv: written\n", printable(options.out).c_str(), study,

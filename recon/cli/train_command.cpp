@@ -20,7 +20,7 @@ struct Arguments : TrainOptions {
   std::string out, from, empty;
 };
 
-// What the model of --from has settled.
+// It refuses settings that the model of --from has fixed.
 void check_from(const CLI::App& app, const std::vector<std::string>& assignments) {
   const auto refuse = [](const std::string& what) {
     throw Error(ExitCode::usage,
@@ -38,7 +38,7 @@ TrainedModel tune_model(const Arguments& a) {
   match_for_tuning(from, a.from, data);
   TuneOptions options;
   options.split = a.split;
-  // So few records are all needed, and the table that chooses is a judgement already.
+  // With so few records all are needed, and the table that chooses is a test already.
   options.split.validation_share = 0;
   const auto given = [](const std::string& text) { return text.starts_with("test_share="); };
   if (std::none_of(a.assignments.begin(), a.assignments.end(), given)) options.split.test_share = 0;

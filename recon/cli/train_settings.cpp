@@ -17,7 +17,7 @@ std::vector<std::string> parts_of(const std::string& text) {
   return out;
 }
 
-// "512,256" -> 512, 256.
+// "512,256" becomes 512, 256.
 template <class Number>
 std::vector<Number> numbers_of(const std::string& key, const std::string& text, Number least,
                                Number most) {
@@ -89,7 +89,7 @@ void take(const std::vector<std::string>& assignments, TrainSettings& s) {
       settings.read_file(text);
       continue;
     }
-    // A list of numbers is a text.
+    // A list of numbers counts as a text.
     const std::string key = text.substr(0, equals), value = text.substr(equals + 1);
     const bool is_list = key == "hidden" || key == "weights" || key == "validate_on";
     settings.set(is_list && !value.starts_with('"') ? key + "=\"" + value + '"' : text);

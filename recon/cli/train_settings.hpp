@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What `train --set` takes beside the numbers of the method (method/config.hpp).
+// `train --set` takes these settings beside the numbers of the method (method/config.hpp).
 #pragma once
 #include <string>
 #include <vector>
@@ -11,14 +11,14 @@ namespace echofuse::recon {
 struct TrainSettings {
   explicit TrainSettings(TrainOptions& to) : options(to) {}
   TrainOptions& options;
-  // As they are typed; 0 and empty: the model's own.
+  // These are as they are typed; 0 and empty mean the model's own.
   std::string hidden, candidates, weights, validate_on;
   std::int64_t basis = 0, batch = 0, patience = 0, gap = 0;
   double learning_rate = 0, weight_decay = -1, radar_bin_m = 0;
 };
 
 void bind(Settings& settings, TrainSettings& s);
-// Every key with meaning, range and default, as TOML.
+// It lists every key with meaning, range and default, as TOML.
 std::string train_settings_help();
 // Takes KEY=VALUE, or the name of a TOML file. Throws Error(config) that lists every fault, and
 // Error(usage) that names a list's bad part.

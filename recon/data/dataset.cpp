@@ -41,7 +41,7 @@ bool agree(const Axis& a, const Axis& b) {
   return a.count == b.count && (!a.count || same_axis(a, b));
 }
 
-// One run being appended to a Dataset.
+// It appends one run to a Dataset.
 class Appender {
  public:
   Appender(Dataset& data, const record::RunReader& run, SensorSet sensors)
@@ -72,7 +72,7 @@ class Appender {
     data.sources.push_back({path_, info.uuid, data.size(), 0, radar_offset_m});
   }
 
-  // For so many records: a table that grows would be there twice. Of many runs not for each anew.
+  // It reserves memory: a growing table would be there twice. Many runs do not each allocate anew.
   void make_room(std::size_t records) {
     const auto reserve = [&](Matrix& table, std::size_t cols) {
       const std::size_t wanted = table.values.size() + records * cols;
@@ -91,7 +91,7 @@ class Appender {
     double a_pulse = clicks_a_pulse(r);
     if (pile_up_.known() && a_pulse > 0) {
       const std::uint64_t clicks = r.spd_counts.in_range + r.spd_counts.out_of_range;
-      constexpr double hardly_any = 0.03;  // pulses, of which scatter alone is left
+      constexpr double hardly_any = 0.03;  // least share of pulses: below it only scatter is left
       if (pile_up_.correct(spd, static_cast<double>(clicks) / a_pulse) > hardly_any) a_pulse = 0;
     }
     if (spd_shift_ && !spd.empty()) spd = spd_shift_->apply(spd);
@@ -118,9 +118,9 @@ class Appender {
   std::size_t depth_columns() const {
     return sensors_.contains(Sensor::depth) ? data_.map.pixels() : 0;
   }
-  // With room for what an interpolation adds.
+  // The limit leaves room for what an interpolation adds.
   static bool is_power(float v) { return std::abs(v) < 1e38f; }
-  // Runs of before the table signal have only counts. As many clicks as starts: only the starts
+  // Runs from before the table `signal` have only counts. With as many clicks as starts only starts
   // with a click were sent, of an unknown number.
   static double clicks_a_pulse(const record::FusedRecord& r) {
     constexpr double filtered = 0.95;
@@ -155,13 +155,13 @@ class Appender {
     if (!(found == data_.map)) throw map_error(path_, found, data_.map, data_.sources.front().path);
     map_x_ = data_.map.x(), map_y_ = data_.map.y();
   }
-  // Zeros if the sensor is not there.
+  // The row gets zeros if the sensor is not there.
   static void add_row(Matrix& table, std::vector<float>& row, std::size_t cols) {
     row.resize(cols);
     table.cols = cols;
     table.add_row(row);
   }
-  // Codes say the power with that of the receiver's noise, which most points show.
+  // Codes give the power with the receiver's noise, which most points show and which is taken off.
   std::vector<float> linear(const record::FusedRecord& r) const {
     std::vector<float> out = r.radar;
     if (raw_radar_.quantity != "log2_q8") return out;
@@ -169,7 +169,7 @@ class Appender {
     return subtract_median(out), out;
   }
 
-  // Nothing of a record without samples of the antennas.
+  // The lags are empty for a record without samples of the antennas.
   std::vector<float> lags_of(const record::FusedRecord& r) const {
     const Axis& axis = data_.array_axis;
     std::vector<float> out;
@@ -185,14 +185,14 @@ class Appender {
   Axis spd_, raw_radar_, x_, y_, array_;
   SpatialLags lags_;
   PileUp pile_up_;
-  std::optional<Shift> spd_shift_;  // of a calibrated run
-  Axis map_x_, map_y_;              // of the depth table
+  std::optional<Shift> spd_shift_;  // set for a calibrated run
+  Axis map_x_, map_y_;              // axes of the depth table
 };
 
 void append(Dataset& data, const record::RunReader& run, std::int64_t first, std::size_t at_most,
             SensorSet sensors, const OnBadRecord& on_bad,
             const record::RunReader::InParallel& in_parallel = {}) {
-  // Made within the reading, as a run that is being recorded may get an axis with its next record.
+  // It is made while reading: a run that is being recorded may get an axis with its next record.
   std::optional<Appender> appender;
   const auto to = [&]() -> Appender& {
     if (appender) return *appender;
@@ -328,7 +328,7 @@ void rebin_radar(Dataset& data, const Axis& bins) {
     throw Error(ExitCode::failed, (data.sources.empty() ? "run" : data.sources.front().path) +
                                       ": radar axis is " + describe(from) +
                                       ", which cannot be added up in " + describe(bins));
-  // In units of a bin, bin j being [j, j + 1].
+  // The edge is in units of a bin; bin j is [j, j + 1].
   const auto edge = [&](double i) { return (from.at(i) - bins.at(-0.5)) / bins.step; };
   const double width = from.step / bins.step;
   Matrix table(data.size(), bins.count);

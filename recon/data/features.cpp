@@ -15,7 +15,7 @@ void normalise(std::span<float> values) {
   const float background = quantile(sorted, 0.5);
   for (float& v : values) v -= background;
   const double sum = std::accumulate(values.begin(), values.end(), 0.0);
-  // Nothing above the background: an empty scene stays an empty profile.
+  // If nothing is above the background, an empty scene stays an empty profile.
   const double factor = sum > 0 ? 1 / sum : 0;
   for (float& v : values) v = static_cast<float>(v * factor);
 }
@@ -29,7 +29,7 @@ void bring_to_strength(std::span<float> values, const std::string& scaling) {
     normalise(values);
 }
 
-// The factor that brings columns of these variances to a total of `wanted`.
+// Returns the factor that brings columns of these variances to a total of `wanted`.
 float gain_for(std::span<const double> variances, double wanted) {
   const double sum = std::accumulate(variances.begin(), variances.end(), 0.0);
   return sum > 0 ? static_cast<float>(std::sqrt(wanted / sum)) : 1;

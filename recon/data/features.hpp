@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-// From the raw inputs of the sensors to the input of a model: [SPD histogram ++ radar profile],
-// each sensor scaled by itself so that hundreds of SPD bins do not drown tens of radar bins. Models
-// that scale by themselves also get the lags of the radar's antennas, behind the profile.
+// Features make the input of a model from the raw inputs of the sensors: [SPD histogram ++ radar
+// profile]. Each sensor is scaled by itself, so that hundreds of SPD bins do not drown tens of
+// radar bins. Models that scale by themselves also get the lags of the radar's antennas, behind the
+// profile.
 #pragma once
 #include <span>
 #include <string>
@@ -13,7 +14,7 @@
 
 namespace echofuse::recon {
 
-// How one record's raw inputs are normalised before the training set's scaling.
+// The scaling says how one record's raw inputs are normalised before the training set's scaling:
 //   plain   as they are
 //   sqrt    square root, which makes the noise of a Poisson count the same in every bin
 //   raw     as they are, and not scaled by the training set either (models that do it themselves)
@@ -23,7 +24,7 @@ inline const std::vector<std::string> scaling_names = {"plain", "sqrt", "record"
 
 inline const std::string raw_scaling = "raw";
 
-// "record" of one sensor's values. Nothing above the background: all zero.
+// It applies "record" to one sensor's values. If nothing is above the background, all are zero.
 void normalise(std::span<float> values);
 
 struct Features {
@@ -33,20 +34,20 @@ struct Features {
   }
   Inputs inputs = Inputs::fused;
   std::string scaling = "record";
-  Axis spd_axis, radar_axis;           // what a record must have
-  std::vector<float> centre;           // per input, subtracted
-  float spd_gain = 1, radar_gain = 1;  // then multiplied
+  Axis spd_axis, radar_axis;           // axes that a record must have
+  std::vector<float> centre;           // one an input; it is subtracted
+  float spd_gain = 1, radar_gain = 1;  // factors that follow
   Axis array_axis = {};                // count 0: the model does not take it
 
   std::size_t spd_count() const { return inputs == Inputs::radar ? 0 : spd_axis.count; }
   std::size_t radar_count() const { return inputs == Inputs::spd ? 0 : radar_axis.count; }
   std::size_t array_count() const { return lag_columns(array_axis); }
   std::size_t count() const { return spd_count() + radar_count() + array_count(); }
-  // [SPD ++ radar ++ array] of each of `rows`, as they are.
+  // Returns [SPD ++ radar ++ array] of each of `rows`, as they are.
   Matrix raw_inputs(const Dataset& data, const Rows& rows) const;
-  // The same, brought to a common strength by `scaling` only.
+  // It returns the same, brought to a common strength by `scaling` only.
   Matrix normalised_inputs(const Dataset& data, const Rows& rows) const;
-  // The model's input: one row of count() values for each of `rows`.
+  // Returns the model's input: one row of count() values for each of `rows`.
   Matrix apply(const Dataset& data, const Rows& rows) const;
 };
 

@@ -15,7 +15,8 @@ std::complex<float> response(const record::Antenna& a) {
   return std::polar(static_cast<float>(a.gain), static_cast<float>(a.phase_rad));
 }
 
-// How far a is from b along one line, if they are on one, in whole half wavelengths; else 0.
+// Returns how far a is from b along one line, in whole half wavelengths; it is 0 if they are not on
+// one line.
 std::size_t spacing_of(double along, double aside) {
   const double spacing = std::round(along);
   const bool lag = spacing >= 1 && spacing <= static_cast<double>(most_lags) &&

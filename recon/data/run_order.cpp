@@ -12,10 +12,10 @@ namespace echofuse::recon {
 namespace {
 
 struct Run {
-  std::string path, data_set;  // data_set: its uuid; empty: no part
-  std::size_t place = 0;       // of its data set among the paths
+  std::string path, data_set;  // data_set is its uuid; it is empty if the run is no part
+  std::size_t place = 0;       // place of its data set among the paths
   std::int64_t first = 0, end = 0;
-  std::optional<record::Corrections> corrections = {};  // of a part
+  std::optional<record::Corrections> corrections = {};  // corrections of a part
 };
 
 Run look_at(const std::string& path, std::size_t place) {

@@ -19,7 +19,7 @@ double sinc(double x) {
 
 }  // namespace
 
-// Further than any axis: nothing of it is left.
+// A larger move is beyond any axis: nothing is left.
 Shift::Shift(double steps) {
   steps = std::clamp(steps, -1e9, 1e9);
   whole_ = static_cast<std::ptrdiff_t>(std::floor(steps));

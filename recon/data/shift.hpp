@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Sampled values moved along their axis by parts of a step.
+// A Shift moves sampled values along their axis by parts of a step.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -7,14 +7,15 @@
 
 namespace echofuse::recon {
 
-// Lanczos interpolation over eight values, its weights adding up to 1: what is as narrow as the
-// steps allow keeps its width (a linear one blurs it, and costs as much as the offset it removes).
+// This is a Lanczos interpolation over eight values with weights that add up to 1. A peak as narrow
+// as the steps allow keeps its width (a linear interpolation blurs it, and costs as much as the
+// offset it removes).
 class Shift {
  public:
-  // By this many steps towards the start of the axis.
+  // It moves the values by this many steps towards the start of the axis.
   explicit Shift(double steps = 0);
-  // Beyond both ends there is nothing: 0. The same value throughout, a dead sensor's, stays, or the
-  // zeros at the ends would make it look alive (Dataset::fault_of).
+  // Beyond both ends the values are 0. A row of one value throughout, from a dead sensor, stays as
+  // it is, or the zeros at the ends would make it look alive (Dataset::fault_of).
   std::vector<float> apply(const std::vector<float>& values) const;
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Which records train, which stop the training early, and which are never seen by either.
+// A split says which records train, which stop the training early, and which are used by neither.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -10,14 +10,15 @@
 namespace echofuse::recon {
 
 struct SplitOptions {
-  // random: for independent scenes (the paper's 9:1). blocked: for sequences, where neighbours in
-  // time leak: training records, a gap, validation, a gap, test, in the order of the records.
+  // random is for independent scenes (the paper's 9:1). blocked is for sequences, where neighbours
+  // in time leak: training records, a gap, validation, a gap, test, in the order of the records.
   std::string kind = "random";
   double test_share = 0.1;
-  double validation_share = 0.05;  // of what is left for training
+  double validation_share = 0.05;  // share of the rest, which is for training
   std::size_t gap = 10;            // records dropped between two blocks
   std::uint64_t seed = 1;
-  // Validation records are drawn from these rows, at most a fifth of them; empty: from all.
+  // Validation records are drawn from these rows, at most a fifth of them. If it is empty, they are
+  // drawn from all.
   Rows validate_on = {};
 };
 
@@ -28,9 +29,10 @@ struct Split {
 // Splits `rows`. Throws Error(failed) if nothing is left to train on.
 Split make_split(const Rows& rows, const SplitOptions& options);
 
-// Block `fold` of `folds` as test rows; the training rows stay `gap` records away from it.
+// Block `fold` of `folds` is the test rows; the training rows stay `gap` records away from it.
 Split make_fold(const Rows& rows, std::size_t fold, std::size_t folds, std::size_t gap);
-// All of them: blocked with its gap, as far as so few records allow one, else of shuffled rows.
+// Returns all folds. They are blocked with their gap, as far as so few records allow one, or else
+// made of shuffled rows.
 std::vector<Split> make_folds(Rows rows, std::size_t folds, const SplitOptions& options,
                               std::uint64_t stream);
 

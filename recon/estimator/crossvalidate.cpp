@@ -15,7 +15,7 @@ Summaries summarise(const Folds& folds, bool sequence) {
   for (const auto& fold : folds) all.insert(all.end(), fold.begin(), fold.end());
   Summaries out = summarise(all);
   for (std::size_t m = 0; m < metric_count && sequence; ++m) {
-    double squares = 0, defined = 0;  // folds with a map that defines it
+    double squares = 0, defined = 0;  // folds with a map that defines the metric
     for (const auto& fold : folds) {
       double rest = 0;
       std::size_t maps = 0;

@@ -13,7 +13,8 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::size_t least_records = 5;
-// Of the variance over that of photons alone, 1: beyond it by so much, and by so much a count.
+// The variance may exceed that of photons alone, which is 1, by a constant and by an amount for
+// each count.
 constexpr double most_scatter = 4, most_scatter_a_count = 0.002;
 
 std::vector<float> mean_of_rows(const Matrix& table, const Rows& rows) {
@@ -27,7 +28,7 @@ std::vector<float> less(const std::vector<float>& a, const std::vector<float>& b
   return out;
 }
 
-// Returns what is added to the radar of records from there. `empty`: on the model's axes.
+// Returns what is added to the radar of records from there. `empty` is on the model's axes.
 EmptyRoom take(Estimator& model, const std::string& path, const Dataset& empty) {
   EmptyRoom now = empty_room_of(empty, path);
   if (model.features.radar_count() == 0) now.radar.clear();
@@ -49,7 +50,7 @@ EmptyRoom take(Estimator& model, const std::string& path, const Dataset& empty) 
   return change;
 }
 
-// The variance of the counts over that of photons alone. The laser's power may drift.
+// This is the variance of the counts over that of photons alone. The laser's power may drift.
 double scatter(const Matrix& counts, const Rows& rows, const std::vector<float>& mean) {
   const double usual = std::accumulate(mean.begin(), mean.end(), 0.0);
   double sum = 0, terms = 0;
@@ -125,7 +126,8 @@ std::string take_to_room(TrainedModel& model, const std::string& path, double ra
     text += std::string(text.empty() ? "" : "; ") +
             "the model was trained without --empty: what it learnt of its own walls may mislead it";
   model.match(empty);
-  // The last ones of the list go if what they learnt belongs to the room of the training.
+  // The last estimators of the list are removed if what they learnt belongs to the room of the
+  // training.
   std::erase_if(model.estimators, [&](Estimator& e) {
     return !e.alignment.known() || !e.model->show_background(walls);
   });
@@ -145,7 +147,7 @@ void exchange_room(const EmptyRoom& change, Dataset& data) {
   const auto add = [](std::span<float> row, const std::vector<float>& by) {
     std::transform(by.begin(), by.end(), row.begin(), row.begin(), std::plus<float>());
   };
-  // A dead sensor stays one.
+  // A dead sensor stays dead.
   for (std::size_t row = 0; row < data.size(); ++row) {
     if (data.radar.cols == change.radar.size() && !all_same(data.radar.row(row)))
       add(data.radar.row(row), change.radar);

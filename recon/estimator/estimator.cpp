@@ -50,7 +50,7 @@ void archive_training(Archive archive, FitOptions& fit, TrainingLog& log) {
   archive.values("loss_m", log.loss, Archive::any);
   archive.values("validation_loss_m", log.validation_loss, log.loss.size());
   archive.count("best_epoch", log.best_epoch, 0, most);
-  if (archive.reading()) return;  // what follows is for people
+  if (archive.reading()) return;  // the rest is for people
   std::vector<std::int64_t> hidden;
   for (const std::size_t width : fit.hidden.value_or(std::vector<std::size_t>{}))
     hidden.push_back(static_cast<std::int64_t>(width));

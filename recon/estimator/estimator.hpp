@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// One way from records to maps: which sensors it takes, what it learnt, and what it knows of its
-// own errors. A model file holds a list of them (trained_model.hpp).
+// An estimator is one way from records to maps: it holds the sensors that it takes, what it learnt,
+// and what it knows of its own errors. A model file holds a list of estimators (trained_model.hpp).
 #pragma once
 #include <memory>
 #include <optional>
@@ -20,36 +20,36 @@ struct Estimator {
   std::string name;  // its kind (model_kinds)
   Features features;
   Scene scene;
-  Alignment alignment;  // not known if nothing here needs it
+  Alignment alignment;  // empty if nothing here needs it
   std::unique_ptr<Model> model;
-  std::optional<UncertaintyModel> uncertainty;  // none: no uncertainty is stated
-  DomainReference domain;                       // what its training records are like
+  std::optional<UncertaintyModel> uncertainty;  // if empty, no uncertainty is stated
+  DomainReference domain;                       // the numbers of its training records
   TrainingLog log;
   FitOptions fit;
-  bool knows_empty_room = false;  // trained with a run of nobody (state_empty_room)
+  bool knows_empty_room = false;  // true if it was trained with a run of nobody (state_empty_room)
   double train_s = 0;
 
-  // Steps 1 and 2 of the method: the views of the rows, if the model takes them or if they are
-  // wanted for what is stated; else no columns.
+  // Steps 1 and 2 of the method make the views of the rows, if the model takes them or if they are
+  // `wanted` for the uncertainty; else there are no columns.
   Matrix views(const Dataset& data, const Rows& rows, bool wanted) const;
-  // What the model takes of the rows: their views, or what features.hpp makes of them. Row i of the
-  // views belongs to rows[i]; `scaled` is room for what is made.
+  // Returns the model's inputs of the rows: their views, or what features.hpp makes of them. Row i
+  // of the views belongs to rows[i]; `scaled` is room for what is made.
   const Matrix& inputs(const Dataset& data, const Rows& rows, const Matrix& views,
                        Matrix& scaled) const;
-  // Maps of the rows, metres.
+  // Returns the maps of the rows, in metres.
   Matrix maps(const Dataset& data, const Rows& rows, const Matrix& views,
               SoftMaps* soft = nullptr) const;
   Matrix maps(const Dataset& data, const Rows& rows) const;
-  Cost cost() const;  // with the alignment
+  Cost cost() const;  // includes the alignment
   void archive(Archive archive);
 };
 
-// What all models of the same training rows and inputs share.
+// All models of the same training rows and inputs share it.
 struct Preprocessing {
   Scene scene;
-  Alignment alignment;   // not known unless wanted, nor without a detector
-  Matrix views;          // of every record of the data set
-  double elapsed_s = 0;  // which belongs to the time of each training
+  Alignment alignment;   // empty unless wanted, and without a detector
+  Matrix views;          // views of every record of the data set
+  double elapsed_s = 0;  // belongs to the time of each training
   Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene scene, bool wanted,
                 const MethodConfig& config = {});
 };

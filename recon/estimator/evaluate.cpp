@@ -15,7 +15,7 @@
 namespace echofuse::recon {
 namespace {
 
-// Those of which both hold the same; none at all may be.
+// Returns the inputs that both hold on the same axes; there may be none.
 std::optional<Inputs> common_inputs(const Dataset& data, const Dataset& other) {
   const bool spd = other.spd_axis.count > 0 && covers(data.spd_axis, other.spd_axis);
   const bool radar = other.radar_axis.count > 0 && covers(data.radar_axis, other.radar_axis);
@@ -40,7 +40,7 @@ Rows with_depth(const Dataset& data) {
   return rows;
 }
 
-// An UncertaintyCalibration in the making.
+// It adds up the sums of an UncertaintyCalibration.
 struct StatedUncertainty {
   double within = 0, stated = 0, known = 0, flagged = 0, squares = 0, variance = 0, pixels = 0,
          records = 0;
@@ -65,7 +65,7 @@ struct StatedUncertainty {
   }
 };
 
-// Metrics and calibration, by parts that bound the memory.
+// It computes metrics and calibration in parts, which bounds the memory.
 void score_predictions(const TrainedModel& model, const Records& records, const Rows& rows,
                        Evaluation& out) {
   constexpr std::size_t at_once = 512;

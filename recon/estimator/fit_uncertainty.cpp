@@ -15,9 +15,9 @@ namespace {
 constexpr std::uint64_t noise_stream = 0x6e6f6973;  // "nois"
 constexpr std::uint64_t fold_stream = 0x756e6366;   // "uncf"
 constexpr std::size_t worse_copies = 3;
-// By a share of 90 % of so many a factor is known to .02 of that share.
+// With a share of 90 % of this number of records, a factor is known to .02 of that share.
 constexpr std::size_t enough_validation = 150;
-constexpr double fewest_photons_log10 = -2.5;  // share of a worse copy's photons
+constexpr double fewest_photons_log10 = -2.5;  // log10 share of the photons that a copy keeps
 constexpr double least_noise_log10 = -2, most_noise_log10 = -0.3;  // radar, against its peak
 
 std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth, const Scene& scene) {
@@ -61,7 +61,7 @@ UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, co
   Matrix predictors, maps, truth(0, data.depth.cols);
   SoftMaps soft;
   std::vector<double> errors;
-  // Of all records; as they are they come first.
+  // The rows cover all records; the unchanged records come first.
   for (std::size_t copy = 0; copy <= worse_copies; ++copy)
     for (const Judged& part : judged) {
       Dataset records = part_of(data, part.rows);

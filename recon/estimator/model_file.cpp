@@ -41,7 +41,8 @@ void archive_split(Archive archive, SplitOptions& split) {
   archive.number("validation_share", split.validation_share, 0, 1);
 }
 
-// All of them answer for records on the axes of the first one; each takes less than the one before.
+// All estimators answer for records on the axes of the first one; each takes less than the one
+// before.
 void check_list(const Archive& archive, const TrainedModel& model) {
   const Features& first = model->features;
   for (std::size_t k = 1; k < model.estimators.size(); ++k) {
@@ -86,7 +87,7 @@ void archive(Archive archive, TrainedModel& model) {
   check_list(archive, model);
 }
 
-// False with errno. A file system that cannot do it in one step does it in two.
+// It returns false with errno. A file system that cannot rename in one step does it in two.
 bool rename_to_new(const std::string& from, const std::string& to) {
   if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return true;
   if (errno != EINVAL && errno != ENOSYS) return false;
@@ -106,7 +107,7 @@ void check_can_save(const std::string& path) {
 
 void save_model(const TrainedModel& model, const std::string& path) {
   TensorFile file;
-  // Nothing is changed while it is written.
+  // Writing changes nothing in the model.
   archive({file, Archive::Direction::write}, const_cast<TrainedModel&>(model));
   const std::string unfinished = path + ".part";
   std::remove(unfinished.c_str());

@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::size_t at_once = 512;  // bounds the memory that a prediction needs
 
-// Without an end before the last value: the compiler makes vectors of that.
+// The loop runs to the last value without an early end, so the compiler makes vectors of it.
 ECHOFUSE_CLONES bool all_finite(const float* values, std::size_t count) {
   constexpr std::uint32_t exponent = 0x7f800000;
   std::uint32_t beyond = 0;
@@ -23,7 +23,7 @@ ECHOFUSE_CLONES bool all_finite(const float* values, std::size_t count) {
   return beyond == 0;
 }
 
-// Of one estimator; row i of the views belongs to rows[i].
+// It predicts by one estimator; row i of the views belongs to rows[i].
 Prediction predict_by(const Estimator& by, const Dataset& data, const Rows& rows,
                       const Matrix& views, PredictionDetail detail) {
   Prediction out;
@@ -44,7 +44,7 @@ Prediction predict_by(const Estimator& by, const Dataset& data, const Rows& rows
   return out;
 }
 
-// Moves row i of a part to row places[i] of the whole.
+// It moves row i of a part to row places[i] of the whole.
 void put(Prediction& whole, Prediction part, std::span<const std::size_t> places,
          std::size_t records) {
   if (places.size() == records) return void(whole = std::move(part));
@@ -60,7 +60,8 @@ void put(Prediction& whole, Prediction part, std::span<const std::size_t> places
     whole.uncertainties[places[i]] = std::move(part.uncertainties[i]);
 }
 
-// The rows for which one estimator answers, and their places among all that were asked for.
+// These are the rows for which one estimator answers, and their places among all rows that were
+// asked for.
 struct Answered {
   const Estimator* by;
   Rows rows, places;
@@ -79,7 +80,7 @@ std::vector<Answered> by_estimator(const TrainedModel& model, const Dataset& dat
   return out;
 }
 
-// `views`: of every record of the data, or none.
+// `views` holds those of every record of the data, or is null.
 Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
                    const Matrix* views, PredictionDetail detail) {
   if (detail == PredictionDetail::pixels) require_uncertainty(model);

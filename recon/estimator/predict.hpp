@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// A record's one way from a run to what is said of it: on the model's axes with true ranges,
-// aligned once; then place, shape and map, how far to trust them, and whether the record is like
-// the training ones.
+// Every record takes one way from a run to its prediction. It comes onto the model's axes with true
+// ranges, and is aligned once. Then follow place, shape and map, how far to trust them, and whether
+// the record is like the training ones.
 #pragma once
 #include <string>
 #include <vector>
@@ -10,26 +10,26 @@
 
 namespace echofuse::recon {
 
-// Records as the model takes them.
+// These are records as the model takes them.
 struct Records {
   Dataset data;          // on the model's axes
-  Matrix views;          // of every record, by TrainedModel::for_run
-  std::string antennas;  // what there is to say of a run without the model's antennas, or nothing
+  Matrix views;          // views of every record, by TrainedModel::for_run
+  std::string antennas;  // a note about a run without the model's antennas, or empty
 };
 
-// Whether the records as a whole are unlike the model's training records.
+// It says whether the records as a whole are unlike the model's training records.
 DomainShift domain_shift_of(const TrainedModel& model, const Records& records);
 
-// Of runs as they were recorded (load_recorded, load_part), or of changed records, for the model
-// that is asked about the run (TrainedModel::for_run). The radar's ranges become shorter by the
-// offset beside what their calibration says, in one interpolation. Throws Error(failed) if the axes
-// are not the model's.
+// It takes runs as they were recorded (load_recorded, load_part), or changed records, and prepares
+// them for the model that answers for the run (TrainedModel::for_run). The radar's ranges become
+// shorter by the offset beside what their calibration says, in one interpolation. Throws
+// Error(failed) if the axes are not the model's.
 Records prepare_records(const TrainedModel& model, Dataset recorded, double range_offset_m = 0);
 
 // Throws Error(failed) if maps are not finite: a file may hold any weights.
 void require_finite(const Matrix& maps);
 
-// Each includes those before it.
+// Each level includes those before it.
 enum class PredictionDetail : std::uint8_t { maps, uncertainty, pixels };
 
 struct Prediction {
@@ -44,7 +44,7 @@ Prediction predict(const TrainedModel& model, const Records& records, const Rows
                    PredictionDetail detail);
 Prediction predict(
     const TrainedModel& model, const Dataset& data, const Rows& rows,
-    PredictionDetail detail = PredictionDetail::uncertainty);  // of data on the model's axes
+    PredictionDetail detail = PredictionDetail::uncertainty);  // the data are on the model's axes
 
 // Throws Error(usage) if the model states no uncertainty: deviations need that.
 void require_uncertainty(const TrainedModel& model);

@@ -21,7 +21,7 @@ namespace {
 constexpr const char* fallback_candidate = "pca-mlp-256-256";
 constexpr std::uint64_t fold_stream = 0x666f6c64;  // "fold"
 
-// Judged on the training records alone: the test records choose nothing.
+// The choice uses the training records alone: the test records choose nothing.
 std::string choose(const Dataset& data, const Split& split, const TrainOptions& options) {
   Rows rows = split.train;
   rows.insert(rows.end(), split.validation.begin(), split.validation.end());
@@ -36,7 +36,7 @@ std::string choose(const Dataset& data, const Split& split, const TrainOptions& 
 
 constexpr std::uint64_t weight_stream = 0x77656967;  // "weig"
 
-// Each row as often as its run counts.
+// It repeats each row as often as its run counts.
 Rows weighted(const Dataset& data, const Rows& rows, const TrainOptions& options) {
   if (options.weights.empty()) return rows;
   if (options.weights.size() != data.sources.size())
@@ -54,7 +54,7 @@ Rows weighted(const Dataset& data, const Rows& rows, const TrainOptions& options
   return out;
 }
 
-// Those of the runs that stand for the use; all if none was named.
+// Returns the rows of the runs that stand for the use, or all rows if no run was named.
 Rows of_use(const Dataset& data, const TrainOptions& options) {
   Rows out;
   for (const std::size_t run : options.validate_on) {
@@ -75,7 +75,7 @@ Rows common(const Rows& rows, const Rows& wanted) {
   return out;
 }
 
-// Both in order.
+// Both lists are in order.
 Rows without(const Rows& rows, const Rows& unwanted) {
   Rows out;
   std::ranges::set_difference(rows, unwanted, std::back_inserter(out));
@@ -108,13 +108,14 @@ bool looks_at_body(const std::string& candidate, const TrainOptions& options) {
   return wants_alignment(candidate_of(candidate, options.fit).model);
 }
 
-constexpr double share_of_use = 0.5;       // that its records make of the others', measured
-constexpr double most_times = 100;         // that a record counts by itself
-constexpr std::size_t others_least = 100;  // to tell that it is unlike them
-constexpr double most_p = 0.05;            // by chance; 40 records cannot say less than .005
+constexpr double share_of_use = 0.5;  // weight of its records over that of the others; measured
+constexpr double most_times = 100;    // most times that a record counts
+constexpr std::size_t others_least = 100;  // least number of others to tell that it is unlike them
+constexpr double most_p = 0.05;            // by chance; 40 records cannot give less than .005
 
-// Beside many records of other rooms few of the use's are hardly learnt from: where a test tells
-// these runs apart, its records count more often. Otherwise each record counts once.
+// Beside many records of other rooms, a training hardly learns from few records of the use. If a
+// test tells these runs apart, the use's records count more often. Otherwise each record counts
+// once.
 std::vector<double> weights_of(const Dataset& data, const Split& split, Inputs inputs,
                                const TrainOptions& options) {
   const Rows use = of_use(data, options);
@@ -143,18 +144,19 @@ std::vector<double> weights_of(const Dataset& data, const Split& split, Inputs i
   return weights;
 }
 
-// One of the estimators of a model.
+// It describes one of the estimators of a model.
 struct Wanted {
   std::string name;  // candidate
   Inputs inputs;
   std::string scaling;
   FitOptions fit;
-  std::size_t folds;  // of what is stated of its errors
+  std::size_t folds;  // folds for the statement of its errors
 };
 
-// The estimators that a training makes, in the order in which they are asked: as named; of one that
-// takes the radar's antennas, the same of the range profile alone; of both sensors, a network for
-// the SPD alone, for records whose radar is lost.
+// Returns the estimators that a training makes, in the order in which they are asked. The first is
+// as named. If that one takes the radar's antennas, the next is the same with the range profile
+// alone. If it takes both sensors, the last is a network for the SPD alone, for records whose radar
+// is lost.
 std::vector<Wanted> wanted_of(const Dataset& data, const std::string& name,
                               const TrainOptions& options) {
   constexpr std::size_t folds = 4, folds_of_spd = 2;  // it is seldom asked
@@ -173,11 +175,12 @@ std::vector<Wanted> wanted_of(const Dataset& data, const std::string& name,
   return out;
 }
 
-// Rows of a training: those that networks learn from, with repetitions, and those that stand for
-// the use, of which the model's errors are stated.
+// These are the rows of a training. `fit` holds the rows that networks learn from, with
+// repetitions. `used` holds the rows that stand for the use, and the model's errors are stated for
+// them.
 struct Material {
   Split fit, used;
-  std::function<Split(Split)> with_others;  // what part of the used records trains with
+  std::function<Split(Split)> with_others;  // adds the other runs to a part of the used records
 };
 
 Estimator train_one(const Wanted& wanted, const Dataset& data, const Material& material,
@@ -208,11 +211,11 @@ Estimator train_one(const Wanted& wanted, const Dataset& data, const Material& m
 
 TrainedModel train_split(const Dataset& data, const Split& split, const std::string& name,
                          const TrainOptions& options) {
-  // What is said of the model is said of its use.
+  // The statements about the model are made for its use.
   Split used = split, fit_split = split;
   used.train = common(split.train, of_use(data, options));
   fit_split.train = weighted(data, split.train, options);
-  // The other runs train whatever part of the use's records is left out.
+  // The other runs train with any part of the use's records.
   const auto with_others = [&](Split part) {
     Rows others = without(split.train, used.train);
     others.insert(others.end(), part.train.begin(), part.train.end());
@@ -238,7 +241,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
 
 Split split_of(const Dataset& data, const TrainOptions& options) {
   const Inputs inputs = inputs_of(options.inputs);
-  // Others do not take what the antennas say.
+  // Other models do not take the antennas' lags.
   const bool one_antenna = options.model != "auto" && !looks_at_body(options.model, options);
   SplitOptions how = options.split;
   if (data.sources.size() > 1) how.validate_on = of_use(data, options);

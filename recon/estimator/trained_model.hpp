@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// What a training makes: an ordered list of estimators. Of each record the first one answers whose
-// sensors the record has: of both sensors with the radar's antennas, of its range profile alone, of
-// the SPD alone. With it, which records it has seen. Kept as one safetensors file
-// (numbers/tensor_file.hpp); names below N/ are of estimator N:
+// A training makes an ordered list of estimators. Each record is answered by the first one whose
+// sensors the record has: both sensors with the radar's antennas, both with its range profile
+// alone, or the SPD alone. The model also lists the records it has seen. It is kept as one
+// safetensors file (numbers/tensor_file.hpp); names below N/ belong to estimator N:
 //
 //   facts    format "echofuse model", format_version, version, estimators, data_crc32c,
 //            split/kind, split/gap, split/seed, split/test_share, split/validation_share,
@@ -35,37 +35,39 @@ struct TrainedModel {
   SplitOptions split;
   SeenRecords seen;
   std::uint32_t data_hash = 0;
-  // Of a model that was taken to another room: what is added to its records' radar.
+  // If the model was taken to another room, this is added to its records' radar.
   std::optional<EmptyRoom> room_change;
 
-  // model->name: of the first estimator, which answers wherever it can.
+  // model->name is that of the first estimator, which answers wherever it can.
   const Estimator& first() const { return estimators.front(); }
   Estimator& first() { return estimators.front(); }
   const Estimator* operator->() const { return &first(); }
   Estimator* operator->() { return &first(); }
-  double train_s() const;  // of all estimators
+  double train_s() const;  // sum over all estimators
 
-  // The first estimator whose antennas the run has.
+  // Returns the first estimator whose antennas the run has.
   const Estimator& for_run(const Dataset& data) const;
-  // Brings the data onto the axes of for_run(); depth maps must be on its grid. A run without any
-  // radar becomes one of lost radars if an estimator does without.
+  // Brings the data onto the axes of for_run(); depth maps must be on its grid. A run without a
+  // radar counts as a run of lost radars if an estimator needs none.
   void match(Dataset& data) const;
-  // Who answers for a record on these axes; none: fault_of says why.
+  // Returns the estimator that answers for a record on these axes; if it is null, fault_of says
+  // why.
   const Estimator* answering(const Dataset& data, std::size_t row) const;
-  // What its status says then: what the map was made without; else nothing.
+  // This is the record's status then: it says which sensor the map was made without, or is empty.
   std::string note_of(const Dataset& data, std::size_t row) const;
-  // Why there is no map of the record; empty if there is one.
+  // It says why there is no map of the record; it is empty if there is one.
   std::string fault_of(const Dataset& data, std::size_t row) const;
-  // Maps of the given rows, metres, as the model makes them: within_span() for show. predict.hpp
-  // tells more of them.
+  // Returns maps of the given rows, in metres, as the model makes them; within_span() makes them
+  // ready to show. predict.hpp gives more details of them.
   Matrix predict(const Dataset& data, const Rows& rows) const;
-  // True if the data set holds a run that the model was trained on.
+  // It is true if the data set holds a run that the model was trained on.
   bool knows(const Dataset& data) const;
-  // The rows of the data set that were this part of the model's training.
+  // Returns the rows of the data set that were in this part of the model's training.
   Rows rows_of(const Dataset& data, Part part) const;
 };
 
-// Whether the model may say how far off its maps are: what its file and whoever shows maps say.
+// It says whether the model may state how far off its maps are; the model's file and every display
+// of maps use it.
 inline const char* calibration_name(bool calibrated) {
   return calibrated ? "calibrated" : "not calibrated";
 }
@@ -75,14 +77,14 @@ inline const char* calibration_of(const TrainedModel& model) {
 
 SeenRecords seen_records(const Dataset& data, const Split& split);
 
-// Throws Error(disk) if no file can be made there, and Error(usage) if there is one: to be asked
+// Throws Error(disk) if no file can be made there, and Error(usage) if there is one; it is called
 // before a long training.
 void check_can_save(const std::string& path);
 // Writes PATH.part and renames it. Throws Error(disk), and Error(failed) if there is a file of this
 // name: it stays, and so does PATH.part.
 void save_model(const TrainedModel& model, const std::string& path);
-// Throws Error(failed) that names file, object, what is wrong and what would be right: not there,
-// not a model, damaged, written by another version, or of parts that do not fit together.
+// Throws Error(failed) that names the file, the object, what is wrong and what would be right: the
+// file is missing, no model, damaged, written by another version, or its parts do not fit together.
 TrainedModel load_model(const std::string& path);
 TrainedModel load_model(const std::string& name, ByteView contents);
 

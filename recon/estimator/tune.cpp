@@ -20,8 +20,8 @@ constexpr std::size_t folds = 4;
 constexpr std::array pulls{100., 30., 10.};
 constexpr double usual_pull = 30, turned_pull = 30;
 constexpr std::uint64_t fold_stream = 0x74756e65;  // "tune"
-// Of the pixels of the median map. People alone fill less of it, where they stand in half of few
-// records.
+// This is a share of the pixels of the median map. People alone fill less of it, where they stand
+// in half of few records.
 constexpr double changed_share = 0.2;
 
 const char* const as_it_was = "as it was";
@@ -42,7 +42,7 @@ bool is_near(const Axis& found, const Axis& wanted) {
          off(0) <= std::abs(wanted.step) && off(wanted.count) <= std::abs(wanted.step);
 }
 
-// The model's own, if the axis is that but for its name.
+// The axis becomes the model's own if only its name differs.
 void adopt(Axis& found, Matrix& table, const Axis& wanted, std::size_t values_a_bin) {
   if (found.count > wanted.count) table = first_columns(table, wanted.count * values_a_bin);
   found.count = wanted.count;
@@ -60,7 +60,8 @@ bool axes_are(const Estimator& model, const Dataset& data) {
          same(layout.array, data.array_axis);
 }
 
-// What the maps show behind people, where that is another place than the model knows.
+// The scene is what the maps show behind people: the new place, if it differs from the one that the
+// model knows.
 Scene scene_for(const Estimator& from, const Dataset& data, const Rows& rows) {
   Scene scene = learn_scene(data.depth, rows, data.map);
   std::size_t changed = 0;
@@ -71,7 +72,8 @@ Scene scene_for(const Estimator& from, const Dataset& data, const Rows& rows) {
   return scene;
 }
 
-// What the sensors always see: as the model has learnt it, or of the new records.
+// The background of the sensors is the one that the model has learnt, or is learnt from the new
+// records.
 enum class Room : bool { kept, learnt };
 
 Estimator adapt(const Estimator& from, const Dataset& data, const Rows& rows, Room room,
@@ -105,7 +107,7 @@ class Choice {
         folds_(make_folds(split.train, folds, options.split, fold_stream)) {}
 
   using Fit = std::function<Estimator(const Rows& rows)>;
-  // Fits one model a fold, and scores it on the rest.
+  // It fits one model a fold, and scores it on the rest.
   void add(const std::string& name, Fit fit) {
     Entry& entry = entries_.emplace_back(Entry{{{name, {}}, {}, 0, {}}, std::move(fit), {}});
     Folds scores;
@@ -124,8 +126,8 @@ class Choice {
         std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count() / folds;
   }
 
-  // The best of those that are better than the usual one beyond the chance of these few records;
-  // else that one.
+  // Returns the best of the models that are better than the usual one beyond the chance of these
+  // few records, or else the usual one.
   std::size_t best(const std::string& usual) const {
     const auto named = std::find_if(entries_.begin(), entries_.end(),
                                     [&](const Entry& e) { return e.row.name == usual; });
@@ -142,7 +144,7 @@ class Choice {
     for (const Entry& e : entries_) out.push_back(e.row);
     return out;
   }
-  // Each fold's model of this kind, and the rows that it has not seen.
+  // Returns each fold's model of this kind, and the rows that it has not seen.
   std::vector<Judged> judged(std::size_t i) const {
     std::vector<Judged> out;
     for (std::size_t k = 0; k < folds; ++k) out.push_back({entries_[i].models[k], folds_[k].test});
@@ -154,9 +156,10 @@ class Choice {
     CrossvalidatedRow row;
     Fit fit;
     std::vector<Estimator> models;
-    std::vector<double> iou = {};  // of each record
+    std::vector<double> iou = {};  // one value a record
   };
-  // In IoU, 0 if it is less than a standard error of the records' paired differences.
+  // The gain is in IoU. It is 0 if it is less than a standard error of the records' paired
+  // differences.
   static double gain_of(const Entry& entry, const Entry& than) {
     std::vector<double> gains;
     for (std::size_t i = 0; i < entry.iou.size(); ++i)
@@ -217,7 +220,8 @@ void try_all(Choice& choice, const Estimator& from, const Dataset& data, const S
     choice.add(alone, [&](const Rows& rows) { return fit_alone(from, data, rows, options); });
 }
 
-// What belongs to the model of the chosen kind beside itself. Too few records: no uncertainty.
+// It adds to the model of the chosen kind what belongs beside it. With too few records there is no
+// uncertainty.
 void finish(Estimator& model, const Dataset& data, const Split& split,
             const std::vector<Judged>& judged, std::uint64_t seed) {
   const Rows all = all_rows(data.size());
@@ -237,8 +241,8 @@ void finish(Estimator& model, const Dataset& data, const Split& split,
     model.uncertainty = fit_uncertainty(model, data, views, split.train, judged, seed);
 }
 
-// The estimators for the range profile and the SPD alone, with a pull that nothing was asked about:
-// they are needed seldom.
+// It tunes the estimators for the range profile and the SPD alone. Their pull is not tested: they
+// are seldom needed.
 Estimator tune_other(const Estimator& from, const Dataset& data, const Split& split,
                      const Tuning& tuning) {
   const auto fit = [&](const Rows& rows) { return adapt(from, data, rows, Room::kept, tuning); };
@@ -249,7 +253,7 @@ Estimator tune_other(const Estimator& from, const Dataset& data, const Split& sp
   return out;
 }
 
-// Records of the old model and of this one.
+// Returns the records of the old model and of this one.
 SeenRecords both(const SeenRecords& old, SeenRecords seen) {
   const auto first = static_cast<std::uint32_t>(seen.runs.size());
   seen.runs.insert(seen.runs.end(), old.runs.begin(), old.runs.end());

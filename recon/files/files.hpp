@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Whole files, with errors that name them.
+// These functions read and write whole files, with errors that name them.
 #pragma once
 #include <string>
 
@@ -12,7 +12,8 @@ std::string read_text(const std::string& path);               // throws Error(fa
 void write_file(const std::string& path, ByteView contents);  // as write_atomically()
 void make_folder(const std::string& path);                    // throws Error(disk)
 
-// Removed again at the end, with what SQLite and a run's writer keep beside a run file.
+// It is removed again at the end, with the files that SQLite and a run's writer keep beside a run
+// file.
 struct TemporaryFile {
   std::string path;
   ~TemporaryFile();

@@ -25,7 +25,7 @@ std::string npy_header(const std::string& type, std::uint64_t rows,
                        const std::vector<std::size_t>& row_shape) {
   std::string shape = formatted("%llu,", static_cast<unsigned long long>(rows));
   for (const std::size_t n : row_shape) shape += formatted(" %zu,", n);
-  // Version 1.0, and the length of what follows.
+  // This is version 1.0, and the length of what follows.
   std::string out("\x93NUMPY\x01\x00\x76\x00", 10);
   out += formatted("{'descr': '%s', 'fortran_order': False, 'shape': (%s), }", type.c_str(),
                    shape.c_str());
@@ -38,8 +38,8 @@ std::uint32_t crc_of(ByteView bytes, std::uint32_t before = 0) {
   return ::libdeflate_crc32(before, bytes.data(), bytes.size());
 }
 
-// What the local and the central header have in common, from the needed version to the name's
-// length: stored, no time, which is 1980-01-01.
+// These are the fields that the local and the central header have in common, from the needed
+// version to the name's length. The file is stored, and has no time, which is 1980-01-01.
 void put_facts(Bytes& out, std::uint32_t crc, std::uint64_t size, const std::string& file) {
   for (const int v : {20, 0, 0, 0, 33}) put(out, static_cast<std::uint16_t>(v));
   put(out, crc);
@@ -89,8 +89,8 @@ void NpzFile::append_bytes(ByteView bytes) {
   m.crc = crc_of(bytes, m.crc);
 }
 
-// Goes back to fill in what is known only now: the number of rows, sizes and checksum. Nothing
-// waits to be written then.
+// It goes back to fill in what is known only now: the number of rows, sizes and checksum. By then
+// no bytes wait to be written.
 void NpzFile::finish() {
   if (finished_) return;
   finished_ = true;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// NumPy's archive of arrays, for numpy.load: an uncompressed zip file of .npy files, written row by
-// row, so that a run of any length needs no memory.
+// This file writes NumPy's archive of arrays, for numpy.load: an uncompressed zip file of .npy
+// files. It writes row by row, so that a run of any length needs no memory.
 //   NpzFile out("maps.npz");
 //   out.begin("depth_m", "<f4", {64, 64});  // rows of 64 x 64
 //   out.append<float>(map);                 // one or more whole rows, as often as wanted
@@ -19,11 +19,12 @@
 namespace echofuse::recon {
 
 // Every member throws Error(disk) if a write fails, and Error(failed) beyond 4 GiB, which is where
-// plain zip ends. What close() has not finished is removed.
+// plain zip ends. A file that close() has not finished is removed.
 class NpzFile {
  public:
   explicit NpzFile(const std::string& path);
-  // The next array, finishing the one before; `type` as NumPy writes it ("<f4", "<i8", "|u1").
+  // It begins the next array and finishes the one before; `type` is as NumPy writes it ("<f4",
+  // "<i8", "|u1").
   void begin(const std::string& name, const std::string& type,
              const std::vector<std::size_t>& row_shape);
   template <class T>
@@ -40,8 +41,8 @@ class NpzFile {
   struct Member {
     std::string name, type;
     std::vector<std::size_t> row_shape;
-    std::uint64_t offset = 0, bytes = 0;  // of the local header; of the values
-    std::uint32_t crc = 0;                // of the values, later of the whole member
+    std::uint64_t offset = 0, bytes = 0;  // place of the local header, and size of the values
+    std::uint32_t crc = 0;                // CRC of the values, later of the whole member
   };
   void append_bytes(ByteView bytes);
   void finish();
@@ -51,9 +52,10 @@ class NpzFile {
   std::string path_;
   UnfinishedFile file_;
   std::fstream out_;
-  Bytes waiting_;  // to be written, as each system call for a single map takes as long as the map
+  // They wait to be written: a system call for a single map takes as long as the map.
+  Bytes waiting_;
   std::vector<Member> members_;
-  bool finished_ = true;  // the last member
+  bool finished_ = true;  // true if the last member is finished
 };
 
 }  // namespace echofuse::recon

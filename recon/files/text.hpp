@@ -4,7 +4,7 @@
 
 namespace echofuse::recon {
 
-// As printf.
+// It formats as printf does.
 __attribute__((format(printf, 1, 2))) std::string formatted(const char* format, ...);
 
 }  // namespace echofuse::recon

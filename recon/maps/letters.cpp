@@ -13,7 +13,7 @@ namespace echofuse::recon {
 namespace {
 
 constexpr double cell_m = 0.02, most_shift_m = 0.08;
-constexpr double blur_depth_m = 3;  // where templates are blurred by one pixel of the map
+constexpr double blur_depth_m = 3;  // depth at which templates are blurred by one pixel of the map
 constexpr double middle_behind_nearest_m = 0.1;
 constexpr float near_m = 0.15f, far_m = 0.35f;
 
@@ -22,7 +22,7 @@ using Cells = cv::Mat1f;
 
 int cells_of(double length_m) { return static_cast<int>(std::lround(length_m / cell_m)); }
 
-// The letter on its plate and one cell about it, drawn four times as fine.
+// It draws the letter on its plate and one cell about it, four times as fine.
 Cells template_of(std::size_t letter, std::size_t size, const record::MapGrid& grid) {
   constexpr int fine = 4;
   const cv::Size cells(cells_of(letter_sizes[size].width_m) + 2,
@@ -46,7 +46,7 @@ Cells template_of(std::size_t letter, std::size_t size, const record::MapGrid& g
   return out;
 }
 
-// 1 at the plate's depth or before it, 0 far behind it and where there is nothing.
+// The layer is 1 at the plate's depth or before it, and 0 far behind it and where there is nothing.
 Cells near_layer(std::span<const float> map, double depth_m, const Scene& scene) {
   const auto side = static_cast<int>(scene.grid.size);
   const auto shares = foreground_share(map, scene);
@@ -58,7 +58,7 @@ Cells near_layer(std::span<const float> map, double depth_m, const Scene& scene)
   return out;
 }
 
-// The layer in cells about a place, whose tangents these are.
+// It cuts the layer into cells about a place with these tangents.
 Cells patch_of(const Cells& layer, const Scene& scene, const Plate& about, cv::Size cells) {
   const Axis across = scene.grid.x(), down = scene.grid.y();
   const double columns = cell_m / about.depth_m / across.step,
@@ -71,7 +71,7 @@ Cells patch_of(const Cells& layer, const Scene& scene, const Plate& about, cv::S
   return out;
 }
 
-// The greatest normalised correlation, and how far from the patch's middle, in cells.
+// Returns the greatest normalised correlation, and how far it is from the patch's middle, in cells.
 std::pair<double, cv::Point2d> best_match(const Cells& patch, const Cells& wanted) {
   Cells found;
   cv::matchTemplate(patch, wanted, found, cv::TM_CCOEFF_NORMED);
@@ -96,7 +96,7 @@ std::optional<Plate> find_plate(std::span<const float> truth, const Scene& scene
   about.x = scene.grid.x().at(box.x + (box.width - 1) / 2.0);
   about.y = scene.grid.y().at(box.y + (box.height - 1) / 2.0);
   const auto cells = [&](int pixels) {
-    constexpr int margin = 24, most = 150;  // more than a template
+    constexpr int margin = 24, most = 150;  // larger than a template
     return std::min(margin + cells_of(pixels * scene.grid.step() * about.depth_m), most);
   };
   const Cells patch = patch_of(layer, scene, about, {cells(box.width), cells(box.height)});
@@ -109,7 +109,7 @@ std::optional<Plate> find_plate(std::span<const float> truth, const Scene& scene
     plate = {letter, size, about.x + off.x * cell_m / about.depth_m,
              about.y - off.y * cell_m / about.depth_m, about.depth_m};
   }
-  // The middle of what is near within the plate.
+  // The middle's depth is that of the near pixels within the plate.
   const auto& held = letter_sizes[plate.size];
   std::vector<float> depths;
   for (std::size_t p = 0; p < truth.size(); ++p) {

@@ -16,7 +16,7 @@ constexpr double undefined = std::numeric_limits<double>::quiet_NaN();
 constexpr double side_threshold_m = 0.3;
 constexpr double least_mass = 1;  // pixels' worth of foreground; less has no position
 
-// Mean of what was added; undefined if nothing was.
+// This is the mean of the added values; it is undefined if there are none.
 struct Mean {
   double sum = 0;
   double weight = 0;
@@ -37,7 +37,7 @@ std::size_t mirrored(std::size_t pixel, std::size_t size) {
   return pixel - pixel % size + (size - 1 - pixel % size);
 }
 
-// x/z of the foreground's centroid; `mass`: of each pixel.
+// This is x/z of the foreground's centroid; `mass` gives the mass of each pixel.
 template <class Masses>
 double centroid_tangent(const Masses& mass, const record::MapGrid& grid) {
   const Axis x = grid.x();
@@ -49,8 +49,8 @@ double centroid_tangent(const Masses& mass, const record::MapGrid& grid) {
   return tangent.value(least_mass);
 }
 
-// The SSIM map's mean over the mask dilated by the window: where the 11 x 11 window has a pixel of
-// it.
+// This is the SSIM map's mean over the mask dilated by the window, that is, where the 11 x 11
+// window holds a pixel of the mask.
 double ssim_near(const std::vector<double>& map, const Mask& mask, std::size_t size) {
   const std::size_t inner = size - 2 * ssim_border, window = 2 * ssim_border + 1;
   std::vector<char> across(size * inner);
@@ -100,8 +100,8 @@ void score_pixels(MapScores& out, std::span<const float> raw, std::span<const fl
   out[metric_delta_125] = close.value();
 }
 
-// The mass of a pixel is its signed share: over many pixels the ripple of a least-squares map,
-// which goes both ways about the background, cancels.
+// The mass of a pixel is its signed share. The ripple of a least-squares map goes both ways about
+// the background, so it cancels over many pixels.
 void score_position(MapScores& out, std::span<const float> truth, const Mask& mask,
                     const std::vector<float>& share, const record::MapGrid& grid) {
   std::vector<double> mass(share.size());

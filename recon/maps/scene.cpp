@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Compiled with -fno-trapping-math: otherwise no division beside a condition is vectorised.
+// This file is compiled with -fno-trapping-math: otherwise no division beside a condition is
+// vectorised.
 #include "recon/maps/scene.hpp"
 
 #include <algorithm>
@@ -21,7 +22,7 @@ std::vector<float> median_map(const Matrix& depth, const Rows& rows) {
   return column_quantile(depth, some, 0.5);
 }
 
-// To [0, most].
+// It clamps the values to [0, most].
 ECHOFUSE_CLONES void clamp(const float* values, float most, float* __restrict out,
                            std::size_t count) {
   for (std::size_t i = 0; i < count; ++i) {
@@ -80,7 +81,7 @@ ECHOFUSE_CLONES void share_of(const float* prediction, const float* background, 
                               std::size_t count, float* __restrict__ out) {
   for (std::size_t p = 0; p < count; ++p) {
     const float off = prediction[p] - background[p], way = depth_m - background[p];
-    // A background at the very depth of the foreground leaves nothing to tell them apart by.
+    // Where the background is at the very depth of the foreground, nothing tells them apart.
     const bool tells = std::abs(way) > foreground_step_m;
     out[p] = (tells ? off : 0.f) / (tells ? way : 1.f);
   }

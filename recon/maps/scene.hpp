@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
-// What the training maps say of the place itself, and what stands out from it.
+// A scene holds what the training maps say of the place itself, and defines what stands out from
+// it.
 //
-// Foreground of a true map: |d - b| > 0.1 m and d > 0, b the background map. Foreground of a
-// prediction v: it lies nearer to m, the mean depth of the training foreground, than to b. In the
-// open room b = 0 and m is about 3.5 m, so the rule reads v > 1.75 m.
+// A pixel of a true map is foreground if |d - b| > 0.1 m and d > 0, where b is the background map.
+// A pixel of a prediction v is foreground if it lies nearer to m, the mean depth of the training
+// foreground, than to b. In the open room b = 0 and m is about 3.5 m, so the rule reads v > 1.75 m.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -19,29 +20,29 @@ struct Scene {
   std::vector<float> background;  // b: per-pixel median of the training maps, metres
   std::vector<float> mean_map;    // metres
   float foreground_depth_m = 0;   // m
-  record::MapGrid grid;           // of these and of all maps beside them
+  record::MapGrid grid;           // grid of these and of all maps beside them
 };
 
-// Background, mean map and their grid.
+// The archive holds the background, the mean map and their grid.
 void archive(Archive archive, Scene& scene);
 
-// Mask of a map, one byte a pixel.
+// The mask of a map has one byte a pixel.
 using Mask = std::vector<std::uint8_t>;
 
-// Learns from the given rows (at least one) of the depth table, maps on this grid.
+// Learns from the given rows (at least one) of the depth table; the maps are on this grid.
 Scene learn_scene(const Matrix& depth, const Rows& rows, const record::MapGrid& grid);
 
 bool true_foreground(float depth_m, float background_m);
 
-// How far a predicted pixel has come from the background (0) to the mean foreground depth (1);
-// above 0.5 it is foreground. For a least-squares prediction over an open room this is the
+// It says how far a predicted pixel has come from the background (0) to the mean foreground depth
+// (1); above 0.5 it is foreground. For a least-squares prediction over an open room this is the
 // probability that something stands there, give or take its ripple, which may leave 0..1.
 std::vector<float> foreground_share(std::span<const float> prediction, const Scene& scene);
 
-// The prediction as it is shown, stored and compared: clipped to the depth span, 0..6 m.
+// This is the prediction as it is shown, stored and compared: clipped to the depth span, 0..6 m.
 std::vector<float> within_span(std::span<const float> prediction);
 
-// The hard map: the prediction where it is foreground, the background elsewhere.
+// The hard map is the prediction where it is foreground, and the background elsewhere.
 std::vector<float> hard_map(std::span<const float> prediction, const Scene& scene);
 
 }  // namespace echofuse::recon

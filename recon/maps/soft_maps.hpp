@@ -4,8 +4,8 @@
 
 namespace echofuse::recon {
 
-// One row a record: how probably a body is at each pixel if it is where the model puts it, and how
-// far away (metres) it is there if so.
+// There is one row a record. It holds how probably a body is at each pixel if the body is where the
+// model puts it, and how far away (metres) the body is there in that case.
 struct SoftMaps {
   Matrix foreground_probability, depth;
 };

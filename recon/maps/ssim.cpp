@@ -21,8 +21,8 @@ std::array<double, taps> gaussian() {
   return g;
 }
 
-// Of each of `count` neighbours: the mean over `taps` values that are `stride` apart. Some at a
-// time, whose sums stay in registers.
+// For each of `count` neighbours it computes the mean over `taps` values that are `stride` apart.
+// It takes some neighbours at a time; their sums stay in registers.
 void weigh(const double* in, std::size_t stride, std::size_t count, double* out) {
   static const auto g = gaussian();
   constexpr std::size_t at_once = 8;
@@ -40,7 +40,8 @@ void weigh(const double* in, std::size_t stride, std::size_t count, double* out)
   }
 }
 
-// Windowed means of a size x size image at the pixels whose window lies inside: rows, then columns.
+// These are windowed means of a size x size image at the pixels whose window lies inside: first
+// along rows, then along columns.
 std::vector<double> blur(const std::vector<double>& image, std::size_t size) {
   const std::size_t inner = size - 2 * ssim_border;
   std::vector<double> wide(size * inner), out(inner * inner);

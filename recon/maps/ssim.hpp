@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Structural similarity of two depth maps (Wang, Bovik, Sheikh, Simoncelli, IEEE TIP 13, 600,
-// 2004): 11 x 11 Gaussian window of sigma 1.5, K1 0.01, K2 0.03, population covariance.
+// This file computes the structural similarity of two depth maps (Wang, Bovik, Sheikh, Simoncelli,
+// IEEE TIP 13, 600, 2004) with an 11 x 11 Gaussian window of sigma 1.5, K1 0.01, K2 0.03,
+// population covariance.
 #pragma once
 #include <cstddef>
 #include <span>
@@ -10,8 +11,9 @@ namespace echofuse::recon {
 
 inline constexpr std::size_t ssim_border = 5;  // half the window: pixels cropped on each side
 
-// The index at every pixel whose window lies inside the maps: (size-10)^2 values, row-major, of two
-// size x size maps. `data_range` is the span of possible values (6 m), not of those that occur.
+// It gives the index at every pixel whose window lies inside the maps: (size-10)^2 values,
+// row-major, of two size x size maps. `data_range` is the span of possible values (6 m), not of
+// those that occur.
 std::vector<double> ssim_map(std::span<const float> a, std::span<const float> b, std::size_t size,
                              double data_range);
 

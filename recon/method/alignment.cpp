@@ -10,9 +10,10 @@
 namespace echofuse::recon {
 namespace {
 
-// What is there in every record: per column the level that few records are below, less its distance
-// to the median: where bodies come and go, nothing. A count that scatters like one of photons alone
-// is all background: its median. `steadiness`: 0 for what is no count.
+// This is what every record holds. In each column it is the level that few records are below, less
+// the distance from that level to the median: where bodies come and go, it is zero. A count that
+// scatters as photons alone do is all background, and its median is taken. `steadiness` is 0 for
+// values that are not counts.
 std::vector<float> background_of(std::span<const float> low, std::span<const float> median,
                                  double steadiness) {
   std::vector<float> out(low.size());
@@ -42,8 +43,9 @@ Alignment::Alignment(const Layout& layout, const Matrix& observations, const Row
   if (array_.size() > 0) learn_array_background(observations, rows);
 }
 
-// Of each bin the lags of those records that have the least power there, as strong as the power
-// that is always there: what stands still keeps its directions, and noise has none.
+// In each bin it takes the lags of the records that have the least power there, and scales them to
+// the power that is always there: echoes of what stands still keep their directions, and noise has
+// none.
 void Alignment::learn_array_background(const Matrix& observations, const Rows& rows) {
   const std::size_t first = observations.cols - lags_background_.size();
   for (std::size_t at = 0; at < lags_background_.size(); at += lag_values_) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What is always there, learnt from the training records, and the window through which a body is
-// seen: what align() of the method (method.hpp) refers to.
+// An alignment holds the background that is learnt from the training records, and the window
+// through which a body is seen. align() of the method (method.hpp) uses both.
 #pragma once
 #include <span>
 #include <vector>
@@ -14,33 +14,34 @@
 
 namespace echofuse::recon {
 
-// Slant range of a sensor's value i: first_m + i * step_m. Of the SPD: of its bins' centres.
+// Value i of a sensor lies at the slant range first_m + i * step_m. For the SPD this is the centre
+// of bin i.
 struct AlignmentRanges {
   double first_m, step_m;
 };
 
-inline constexpr std::ptrdiff_t profile_taps = 8;  // of the sinc series, on either side
+inline constexpr std::ptrdiff_t profile_taps = 8;  // terms of the sinc series, on either side
 
-// The columns of a view, T: float or const float.
+// These are the columns of a view. T is float or const float.
 template <class T>
 struct ViewColumns {
-  std::span<T> correlation;  // of both sensors, from the longest shift to the shortest
+  std::span<T> correlation;  // between both sensors, from the longest shift to the shortest
   std::span<T> histogram;    // shares of the counts about the range
   std::span<T> profile;      // shares of the power
   std::span<T> antennas;     // array_view.hpp
-  T& range_m;                // 0: nobody is there
+  T& range_m;                // 0 means that nobody is there
 };
 using AlignmentColumns = ViewColumns<float>;
 
-// A view, or the columns of it from the histogram on, that shows a body.
+// It takes a whole view, or its columns from the histogram on, and is true if they show a body.
 inline bool shows_body(std::span<const float> view) { return view.back() != 0; }
 
-// Threading: as a const object may be shared.
+// Threading: a const object may be shared.
 class Alignment {
  public:
   Alignment() = default;
-  // Learns from observations (counts, power, lags: method.hpp) what is always there. Without a
-  // radar the profile has no points. Throws Error(usage) without a histogram.
+  // Learns the background from observations (counts, power, lags: method.hpp). Without a radar the
+  // profile has no points. Throws Error(usage) without a histogram.
   Alignment(const Layout& layout, const Matrix& observations, const Rows& rows,
             const MethodConfig& config = {});
 
@@ -48,12 +49,12 @@ class Alignment {
   const MethodConfig& config() const { return config_; }
   std::size_t cost() const;  // multiply-adds of one record
   AlignmentRanges spd_ranges() const { return {spd_first_m_, spd_step_m_}; }
-  double resolution_m() const;  // of the radar, c/2B
+  double resolution_m() const;  // c/2B of the radar
 
   std::size_t histogram_bins() const;
   std::size_t profile_points() const;                           // 0 without a radar
   std::size_t array_features() const { return array_.size(); }  // 0 without its antennas
-  // Values of a view, without and with the correlation, which comes first.
+  // These are the numbers of values of a view without and with the correlation, which comes first.
   std::size_t size() const { return histogram_bins() + profile_points() + array_features() + 1; }
   std::size_t inputs() const { return correlation_.shifts() + size(); }
   AlignmentColumns columns(std::span<float> view) const { return columns_of<float>(view); }
@@ -61,36 +62,39 @@ class Alignment {
     return columns_of<const float>(view);
   }
 
-  // Equation (1): counts, less their median, and power above what is always there.
+  // Equation (1): it gives the counts less their background, and the power above its background.
   void subtract_background(std::span<const float> observation, std::vector<float>& counts,
                            std::vector<float>& power) const;
-  // Equation (4): of the power above the background; the shares add up to 1. `points`: all of the
-  // view's.
+  // Equation (4): it takes the power above the background. The shares add up to 1. `points` are all
+  // points of the view.
   void profile_about(double range_m, std::span<const float> power, std::span<float> points) const;
-  // Equation (6), of columns of a view.
+  // Equation (6): it correlates columns of a view.
   void correlate(std::span<const float> histogram, std::span<const float> profile,
                  std::span<float> out) const;
-  // Equation (7), of lags as they were recorded; none: as if the antennas saw nothing.
+  // Equation (7): it takes the lags as they were recorded. Without lags the features are as if the
+  // antennas saw nothing.
   void antennas_about(double range_m, std::span<const float> lags, std::span<float> out) const;
 
-  // For training on bodies in other places (turned.hpp). Puts into a view the profile of the same
-  // record as if the radar saw the body so much farther.
+  // It serves training on bodies in other places (turned.hpp). It puts into a view the profile of
+  // the same record as if the radar saw the body farther away by `farther_m`.
   void move_profile(std::span<const float> recorded_power, double farther_m,
                     std::span<float> view) const;
-  // The same of what its antennas saw, in a direction whose cosine is so much more.
+  // It does the same for the antennas' features, in a direction whose cosine is larger by
+  // `by_cosine`.
   void move_array(std::span<const float> recorded_lags, double farther_m, double by_cosine,
                   std::span<float> view) const;
-  // Puts into a view the sum of profiles, each moved to longer ranges. The correlation stays.
+  // It puts into a view the sum of profiles, each moved to longer ranges. The correlation stays.
   struct MovedProfile {
     std::span<const float> recorded_power;
     double farther_m;
   };
   void add_profiles(std::span<const MovedProfile> profiles, std::span<float> view) const;
-  // How far behind the body's range the radar sees it, metres: the centroid of the squared profile,
-  // which noise and side lobes hardly pull.
+  // This is how far behind the body's range the radar sees it, in metres: the centroid of the
+  // squared profile, which noise and side lobes hardly pull.
   double displacement_m(std::span<const float> view) const;
 
-  // What is always there, as observations have it; set from an empty room, it needs no learning.
+  // This is the background as an observation has it. If it is set from an empty room, it needs no
+  // learning.
   std::vector<float> background() const;
   void set_background(std::span<const float> observation);
 
@@ -114,7 +118,7 @@ class Alignment {
   MethodConfig config_;
   double spd_first_m_ = 0, spd_step_m_ = 1, radar_first_m_ = 0, radar_step_m_ = 1;
   double profile_step_m_ = 1;
-  // Of the radar's steps and the profile's points: one of them is 1.
+  // They relate the radar's steps to the profile's points: one of the two is 1.
   std::ptrdiff_t points_a_step_ = 1, steps_a_point_ = 1;
   ShiftCorrelation correlation_;
   ArrayView array_;

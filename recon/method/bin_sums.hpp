@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Sums over bins of a histogram for its centroid, in four sums side by side: each addition to one
-// alone waits for the last.
+// These are sums over bins of a histogram for its centroid. They use four sums side by side, as
+// each addition to a single sum waits for the last.
 #pragma once
 #include <cstddef>
 #include <span>
@@ -13,14 +13,14 @@ struct BinSums {
   double moment = 0;  // sum of counts x bin
 };
 
-// What a bin with fewer counts than the background has counts as: nothing, or what it is.
+// It says how a bin counts that has fewer counts than the background: as nothing, or as it is.
 enum class Negative : bool { left_out, counted };
 
-// Of bins [from, to) of both, which are as long.
+// It adds up the bins [from, to) of both arrays, which have the same length.
 BinSums bin_sums(std::span<const float> counts, std::span<const float> all, std::size_t from,
                  std::size_t to, Negative negative);
 
-// The same in one plain loop: the reference of the tests, equal to 1e-12.
+// It does the same in one plain loop. It is the reference of the tests, equal to 1e-12.
 BinSums plain_bin_sums(std::span<const float> counts, std::span<const float> all, std::size_t from,
                        std::size_t to, Negative negative);
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// A patch of space that moves along with a body: columns in metres to its right, rows in metres
-// above the camera, both at the body's depth. Cut from a map it holds what people look like
-// wherever they stand; drawn into a map it puts them back.
+// A body frame is a patch of space that moves along with a body: columns in metres to its right,
+// rows in metres above the camera, both at the body's depth. Cut from a map it holds what people
+// look like wherever they stand; drawn into a map it puts them back.
 #pragma once
 #include <optional>
 #include <span>
@@ -18,41 +18,44 @@ struct Place {
   float depth_m = 0;  // its mean z
 };
 
-// Of a true map's foreground (maps/scene.hpp); none if it has none.
+// Returns the place of a true map's foreground (maps/scene.hpp), or nothing if there is no
+// foreground.
 std::optional<Place> place_of(std::span<const float> map, std::span<const float> background,
                               const record::MapGrid& grid);
 
 class BodyFrame {
  public:
   BodyFrame() = default;
-  // As large as the bodies in these maps, with cells as large as their pixels; rows and places
-  // belong together.
+  // The frame is as large as the bodies in these maps, and its cells are as large as their pixels.
+  // `rows` and `places` belong together.
   BodyFrame(const Matrix& maps, std::span<const float> background, const Rows& rows,
             const std::vector<Place>& places, const record::MapGrid& grid);
 
   std::size_t size() const { return columns_ * rows_; }
-  // mask: share of a cell that is foreground; relief: that share times (z - place.depth_m).
+  // `mask` gets the share of each cell that is foreground; `relief` gets that share times (z -
+  // place.depth_m).
   void cut(std::span<const float> map, std::span<const float> background, const Place& place,
            std::span<float> mask, std::span<float> relief) const;
-  // Onto a map of the background: foreground where the mask is above the threshold, at depth_m +
-  // relief / mask.
+  // It draws onto a map of the background. The foreground is where the mask is above the threshold,
+  // at depth_m + relief / mask.
   void draw(std::span<const float> mask, std::span<const float> relief, const Place& place,
             float threshold, std::span<float> map) const;
-  // The same without a threshold: the mask's share in 0..1, and the depth there, of every pixel.
+  // It does the same without a threshold: it gives every pixel the mask's share in 0..1, and the
+  // depth there.
   void draw_soft(std::span<const float> mask, std::span<const float> relief, const Place& place,
                  std::span<float> share, std::span<float> depth) const;
-  // Multiply-adds of one draw().
+  // Returns the multiply-adds of one draw().
   std::size_t draw_cost() const;
 
   void archive(Archive archive, const record::MapGrid& grid);
 
  private:
-  // Draws the body where its mask is above `least`. With room for `share` also the mask, of all
-  // that the cells cover.
+  // It draws the body where its mask is above `least`. If `share` has room, it also gets the mask,
+  // everywhere that the cells cover.
   void draw_onto(std::span<const float> mask, std::span<const float> relief, const Place& place,
                  float least, std::span<float> map, std::span<float> share) const;
 
-  record::MapGrid grid_;  // of the maps
+  record::MapGrid grid_;  // grid of the maps
   std::size_t columns_ = 0, rows_ = 0;
   double left_m_ = 0, top_m_ = 0, pitch_m_ = 1;  // centre of cell (0, 0), distance of the cells
 };

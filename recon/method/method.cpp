@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// From a record to a depth map. Lai et al. (Chin. Opt. Lett. 22, 022701, 2024) measure a scene I by
-// the detector's histogram and the radar's profile, put both into one vector and learn its inverse:
+// The method goes from a record to a depth map. Lai et al. (Chin. Opt. Lett. 22, 022701, 2024)
+// measure a scene I by the detector's histogram and the radar's profile, put both into one vector
+// and learn its inverse:
 //
 //   H = [H_spd, H_radar] = F(I)      I = F^-1(H), a network
 //
@@ -41,8 +42,9 @@ using ConstValues = Eigen::Map<const Eigen::ArrayXf>;
 Values values(std::span<float> v) { return {v.data(), std::ssize(v)}; }
 ConstValues values(std::span<const float> v) { return {v.data(), std::ssize(v)}; }
 
-// (2) `counts`: above the background, of bins from scene.spd_ranges(); `all`: with it. Metres; 0 if
-// fewer counts than `significance` standard deviations of all of them show a body.
+// (2) `counts` are above the background, in bins at scene.spd_ranges(); `all` includes it. The
+// range is in metres. It is 0 if the counts of a body are fewer than `significance` standard
+// deviations of all counts.
 float detected_range_m(std::span<const float> counts, std::span<const float> all,
                        const Alignment& scene) {
   const MethodConfig& config = scene.config();
@@ -51,7 +53,8 @@ float detected_range_m(std::span<const float> counts, std::span<const float> all
   double from = 0, to = bins, centre = 0;
   BinSums in;
   for (int pass = 0; pass <= config.centroid_passes; ++pass) {
-    // At first over all bins, where a noise of both signs would pull the centroid anywhere.
+    // The first pass goes over all bins, where noise of both signs would pull the centroid
+    // anywhere.
     in = bin_sums(counts, all, static_cast<std::size_t>(from), static_cast<std::size_t>(to),
                   pass == 0 ? Negative::left_out : Negative::counted);
     if (in.counts <= 0) return 0;
@@ -63,8 +66,8 @@ float detected_range_m(std::span<const float> counts, std::span<const float> all
   return detected ? static_cast<float>(first_m + centre * step_m) : 0;
 }
 
-// (3) Counts between two ranges are differences of the running sum, interpolated. [bins of the
-// view]
+// (3) The counts between two ranges are differences of the running sum, interpolated. `out` has the
+// bins of the view.
 void histogram_about(float range_m, std::span<const float> counts, const Alignment& scene,
                      std::span<float> out) {
   std::vector<float> running(counts.size() + 1);
@@ -90,12 +93,12 @@ void histogram_about(float range_m, std::span<const float> counts, const Alignme
 
 }  // namespace
 
-// Step 1: H_spd and H_radar of the paper, and what several antennas add.
+// Step 1 gives H_spd and H_radar of the paper, and the lags of several antennas.
 Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors) {
   return sensors.raw_inputs(data, rows);
 }
 
-// Step 2 of one record.
+// This is step 2 for one record.
 void align(std::span<const float> observation, const Alignment& scene, std::span<float> view) {
   const AlignmentColumns at = scene.columns(view);
   values(view) = 0;
@@ -135,8 +138,9 @@ float range_of(std::span<const float> standard_view, const BodyModel& model) {
   return standard_view.back() * model.deviation.back() + model.centre.back();
 }
 
-// Step 3, (8). The first answer is metres to the right at the body's range, the second how far its
-// mean depth lies behind that range (metres, mostly below 0). Place keeps x / z and z.
+// Step 3, equation (8). The first answer is how far the body stands to the right at its range, in
+// metres. The second is how far its mean depth lies behind that range, in metres, mostly below 0.
+// Place holds x / z and z.
 std::vector<Place> place(const Matrix& standard_views, const BodyModel& model) {
   const Matrix found = model.place.predict(standard_views);  // [m x 2] right, behind (metres)
   const float nearest_m = model.nearest_m;
@@ -149,7 +153,7 @@ std::vector<Place> place(const Matrix& standard_views, const BodyModel& model) {
   return out;
 }
 
-// Step 4, (9). The amounts of each kind are in units of its strongest component.
+// Step 4, equation (9). The amounts of each kind are in units of its strongest component.
 Shapes shape(const Matrix& standard_views, const BodyModel& model) {
   const Matrix found =
       model.has_shapes ? model.shape.predict(standard_views) : Matrix(standard_views.rows, 0);
@@ -163,7 +167,7 @@ Shapes shape(const Matrix& standard_views, const BodyModel& model) {
   return {compose(model.masks, 0), compose(model.depths, model.masks.basis.rows)};
 }
 
-// Step 5, (10).
+// This is step 5, equation (10).
 void draw(const std::vector<Place>& places, const Shapes& shapes, const BodyModel& model,
           const Rows& rows, Matrix& maps, SoftMaps* soft) {
   for_each_part(rows.size(), [&](std::size_t i) {

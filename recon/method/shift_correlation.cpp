@@ -10,7 +10,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr int parts = 4;  // of a histogram's bin, whose clicks lie anywhere in it
+constexpr int parts = 4;  // parts of a histogram's bin, whose clicks lie anywhere in it
 
 double power_of(double in_resolutions) {
   const double x = M_PI * in_resolutions;

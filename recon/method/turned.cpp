@@ -7,11 +7,11 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double significance = 10;  // of the baseline, in standard deviations
+constexpr double significance = 10;  // least size of the baseline, in standard deviations
 constexpr double probe_m = 0.05;     // about as far as bodies of a set are apart
 constexpr std::size_t most_probed = 200;
-constexpr double least_deviation_m = 0.03;  // of a baseline that the antennas do not need
-constexpr double most_range_bias_m = 0.15;  // made up
+constexpr double least_deviation_m = 0.03;  // accuracy of a baseline that antennas do not need
+constexpr double most_range_bias_m = 0.15;  // largest random range bias that is added
 
 double sine_of(const Place& place) {
   const auto tangent = double{place.tangent};
@@ -35,13 +35,14 @@ TurnedBodies::TurnedBodies(const Alignment& alignment, const Matrix& inputs, con
       has_array_(alignment.array_features() > 0) {
   double deviation_m = 0;
   const double slope = slope_m(deviation_m), per_m = answer();
-  // Written so that a slope of 0/0, as of records that are all the same, is none.
+  // It is written so that a slope of 0/0, which records that are all the same give, turns nobody.
   turns_ = std::abs(slope) > significance * deviation_m ||
            (has_array_ && deviation_m < least_deviation_m * per_m);
   if (turns_) baseline_m_ = slope / per_m;
 }
 
-// Least squares of the displacement over the azimuth's sine: b to first order of b / r.
+// This is a least-squares fit of the displacement over the azimuth's sine. It is b to first order
+// of b / r.
 double TurnedBodies::slope_m(double& deviation_m) const {
   const auto n = static_cast<double>(rows_.size());
   double s = 0, d = 0, ss = 0, sd = 0, dd = 0;
@@ -58,8 +59,8 @@ double TurnedBodies::slope_m(double& deviation_m) const {
   return slope;
 }
 
-// By how much a profile's displacement grows when it is moved by a metre: less than 1 where noise
-// holds it at the middle.
+// This is how much a profile's displacement grows when the profile is moved by a metre. It is less
+// than 1 where noise holds the displacement at the middle.
 double TurnedBodies::answer() const {
   const std::size_t every = 1 + rows_.size() / most_probed;
   double sum_m = 0, count = 0;

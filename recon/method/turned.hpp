@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
-// More training records of a place than were recorded. Turned about the SPD's vertical axis, a body
-// leaves the histogram exactly as it is, and the radar, b to the left of the SPD, sees it at
-// R'^2 = r^2 + b^2 + 2 b r sin(azimuth). That its profile moves by this and keeps its form is an
-// approximation: the body also turns a little against the radar. The profile's noise is used again.
-// What the radar's antennas see turns along: in cosines of direction from (b + r sin) / R' of one
-// azimuth to that of the other. With antennas the ranges of the two sensors also get a random bias
-// against each other, each time anew, so that the place is not learnt from a shift of centimetres
-// which the next run need not have.
+// Turning makes more training records of a place than were recorded. Turned about the SPD's
+// vertical axis, a body leaves the histogram exactly as it is, and the radar, b to the left of the
+// SPD, sees it at R'^2 = r^2 + b^2 + 2 b r sin(azimuth). It is an approximation that the body's
+// profile moves by this and keeps its form: the body also turns a little against the radar. The
+// profile's noise is used again. The lags of the radar's antennas turn along: in cosines of
+// direction from (b + r sin) / R' of one azimuth to that of the other. With antennas the ranges of
+// the two sensors also get a random bias against each other, each time anew, so that the place is
+// not learnt from a shift of centimetres which the next run need not have.
 #pragma once
 #include <span>
 #include <vector>
@@ -17,28 +17,29 @@
 
 namespace echofuse::recon {
 
-// Refers to what it is made of.
+// The object keeps references to its arguments.
 class TurnedBodies {
  public:
-  // inputs (Alignment::with_correlations), the radar's power and its lags (not looked at if the
-  // alignment has none) as recorded: a record a row; rows: those of them with a body, places: where
-  // these stand, in the same order.
+  // `inputs` (Alignment::with_correlations), `radar` (the recorded power) and `array` (the recorded
+  // lags, not used if the alignment has none) have a record a row. `rows` are the rows with a body;
+  // `places` are where these bodies stand, in the same order.
   TurnedBodies(const Alignment& alignment, const Matrix& inputs, const Matrix& radar,
                const Matrix& array, const Rows& rows, const std::vector<Place>& places);
-  // Of the bodies that turn() is asked for, as many are turned; all unless said.
+  // turn() turns this share of the bodies that it is asked for; the default is all.
   void turn_share(double share) { share_ = share; }
 
-  // How far the radar stands to the left of the SPD, metres (negative: to the right), as the
-  // profiles' displacement follows the places. 0 if it cannot be told to a tenth, or with antennas,
-  // which need no baseline, to 3 cm.
+  // This is how far the radar stands to the left of the SPD, in metres (negative: to the right), as
+  // the profiles' displacement follows the places. It is 0 if it is not known to a tenth, or, with
+  // antennas, which need no baseline, to 3 cm.
   double baseline_m() const { return baseline_m_; }
-  bool turns() const { return turns_; }  // else nobody is to be turned
-  // turn() does anything at all.
+  bool turns() const { return turns_; }  // if false, no body is turned
+  // It is true if turn() changes anything.
   bool changes() const { return turns_ || has_array_; }
-  // How much farther the radar would see the body of rows[k] in the azimuth of that of rows[as].
+  // Returns how much farther away the radar would see the body of rows[k] in the azimuth of
+  // rows[as], in metres.
   double farther_m(std::size_t k, std::size_t as) const;
-  // Writes the inputs of the record rows[k] turned to the azimuth of any of them, so that these
-  // keep their distribution, and returns its place there.
+  // Writes the inputs of the record rows[k], turned to the azimuth of a random one of the records,
+  // so that the azimuths keep their distribution. Returns its place there.
   Place turn(std::size_t k, Rng& rng, std::span<float> inputs) const;
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The two least baselines: maps that ignore their input.
+// The two simplest baselines are maps that ignore their input.
 #include <algorithm>
 
 #include "recon/maps/scene.hpp"

@@ -14,7 +14,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t cut_at_once = 4096;  // records, which bounds the memory
+constexpr std::size_t cut_at_once = 4096;  // records at a time; it bounds the memory
 
 float intersection_over_union(std::span<const float> map, std::span<const float> truth,
                               std::span<const float> background) {
@@ -26,7 +26,8 @@ float intersection_over_union(std::span<const float> map, std::span<const float>
   return any > 0 ? static_cast<float>(both) / static_cast<float>(any) : 0;
 }
 
-// Metres to the right of the axis at the body's range, and how far its mean depth lies behind it.
+// These are the metres to the right of the axis at the body's range, and how far the body's mean
+// depth lies behind that range.
 std::array<float, 2> position_target(const Place& place, float range_m) {
   return {place.tangent * range_m, place.depth_m - range_m};
 }
@@ -35,7 +36,7 @@ bool is_many(std::size_t records, const MethodConfig& config) {
   return records >= static_cast<std::size_t>(config.many_records);
 }
 
-// Many records need fewer passes over them, in larger steps, and hold the weights back themselves.
+// Many records need fewer passes over them, in larger steps, and need less weight decay.
 void adapt_to(std::size_t records, const MethodConfig& config, Training& training) {
   const bool many = is_many(records, config);
   training.hidden.assign(2, static_cast<std::size_t>(many ? config.units_of_many : config.units));
@@ -102,8 +103,8 @@ TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
   return log;
 }
 
-// Turns every body of a batch; retarget(place, range_m, target) puts in what is wanted of it there.
-// None if nobody is to be turned. Judged are records as they are.
+// Turns every body of a batch; retarget(place, range_m, target) writes the targets at the new
+// place. It is empty if nobody is to be turned. Validation uses the records as they are.
 Redraw Factorised::turning(const TurnedBodies& turned, const Retarget& retarget) const {
   if (!turned.changes()) return {};
   return [this, &turned, retarget](std::span<const std::size_t> batch, Matrix& inputs,
@@ -163,7 +164,7 @@ void Factorised::fit_components(const Bodies& train, const Samples& samples,
   model_.depths = principal_components(std::move(bodies.depths), (basis + 1) / 2, options.seed + 1);
 }
 
-// True if it was interrupted.
+// Returns true if it was interrupted.
 bool Factorised::fit_shape(const Bodies& train, const Samples& train_samples,
                            const TurnedBodies& turned, const Bodies& validation,
                            const Samples& validation_samples, const FitOptions& options) {
@@ -189,7 +190,8 @@ Shapes Factorised::cut(const Bodies& seen, const Samples& samples, const Rows& w
   return out;
 }
 
-// How much of each component a body has, masks first; both kinds in units of their strongest one.
+// Returns how much of each component a body has, masks first. Both kinds are in units of their
+// strongest component.
 Matrix Factorised::amounts(const Bodies& seen, const Samples& samples) const {
   const std::size_t records = seen.rows.size(), masks = model_.masks.basis.rows;
   Matrix out(records, masks + model_.depths.basis.rows);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// The scene taken apart: where the body is (from the radar profile's shift against the histogram)
-// and what it looks like there (a few masks and depths in a frame that moves with the body), drawn
-// into the map. The place and the amounts of the shapes come from small networks. It needs both
-// sensors and one thing that stands out from the background. The silhouette is the same without the
-// last network: the mean body, placed.
+// The factorised model takes the scene apart. It finds where the body is (from the radar profile's
+// shift against the histogram) and what it looks like there (a few masks and depths in a frame that
+// moves with the body), and draws it into the map. The place and the amounts of the shapes come
+// from small networks. It needs both sensors and one thing that stands out from the background. The
+// silhouette is the same without the last network: the mean body, placed.
 #pragma once
 #include <functional>
 #include <memory>
@@ -37,15 +37,15 @@ class Factorised final : public Model {
   }
 
  private:
-  // Records with a body in both the view and the map.
+  // These are the records with a body in both the view and the map.
   struct Bodies {
     Matrix views;  // not yet standardised
-    Rows rows;     // of the samples
+    Rows rows;     // rows of the samples
     std::vector<Place> places;
   };
   Bodies bodies_in(const Samples& samples) const;
   void learn_scale(const Matrix& views, double least_deviation);
-  // Of a turned body: its place, its range (metres) and the targets to put in.
+  // It is called for a turned body with its place, its range (metres) and the targets to write.
   using Retarget = std::function<void(const Place&, float, std::span<float>)>;
   Redraw turning(const TurnedBodies& turned, const Retarget& retarget) const;
   Redraw turning_places(const TurnedBodies& turned) const;
@@ -58,7 +58,7 @@ class Factorised final : public Model {
   bool fit_shape(const Bodies& train, const Samples& train_samples, const TurnedBodies& turned,
                  const Bodies& validation, const Samples& validation_samples,
                  const FitOptions& options);
-  // The given ones of the bodies in their frame.
+  // It cuts the given ones of the bodies out of the maps, in their frame.
   Shapes cut(const Bodies& bodies, const Samples& samples, const Rows& which) const;
   Matrix amounts(const Bodies& bodies, const Samples& samples) const;
   void move_mean_body(const Bodies& bodies, const Samples& samples);

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: MIT
-// The factorised model in another room: its networks go on from what they know, the mean body moves
-// to that of the people there. The components of bodies, the threshold and the scaling stay.
+// The factorised model is tuned to another room: its networks go on from what they know, and the
+// mean body moves to that of the people there. The components of bodies, the threshold and the
+// scaling stay.
 #include "recon/method/method.hpp"
 #include "recon/models/factorised.hpp"
 
 namespace echofuse::recon {
 namespace {
 
-// There are more ways to look than to stand.
+// Shapes vary in more ways than places.
 constexpr double shape_pull = 10;
 
 void move_mean(Components& components, const Matrix& seen, const Matrix& found) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The paper's plain network: concatenated inputs, two hidden layers, a linear output,
+// The paper's plain network has concatenated inputs, two hidden layers, a linear output and a
 // squared loss. It predicts the difference to the mean map, in units of the maps' spread.
 #include "recon/models/model.hpp"
 #include "recon/models/network/regression.hpp"

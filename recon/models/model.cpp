@@ -12,7 +12,7 @@ namespace echofuse::recon {
 
 namespace {
 
-// "512-256" -> 512, 256; empty if it is no such list.
+// "512-256" becomes 512, 256; the result is empty if the text is no such list.
 std::vector<std::size_t> numbers_of(const std::string& text) {
   std::vector<std::size_t> out;
   std::istringstream in(text);
@@ -33,8 +33,8 @@ const FitOptions network{.hidden = {{512, 256}},
                          .weight_decay = 0.7,
                          .patience = 15,
                          .batch = 64};
-// From so many records on: twice the batch. The maps are as good, and the network is fitted in
-// three quarters of the time; fewer records need the smaller steps.
+// From this number of records on the batch is doubled. The maps are as good, and the network is
+// fitted in three quarters of the time. Fewer records need the smaller steps.
 constexpr std::size_t many_records = 3000;
 const FitOptions placed{.basis = 32,
                         .epochs = 100,

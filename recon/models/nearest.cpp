@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Nearest neighbours in the scaled inputs: what a look-up table of the training set can do. The
-// answer is the mean of their maps, the nearer the heavier; with one neighbour, its map.
+// The model finds nearest neighbours in the scaled inputs: it does what a look-up table of the
+// training set can do. The answer is the mean of their maps, the nearer the heavier; with one
+// neighbour it is its map.
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -45,8 +46,9 @@ class Nearest final : public Model {
     for (std::size_t t = 0; t < inputs_.rows; ++t)
       for (const float v : inputs_.row(t)) squares_[t] += v * v;
   }
-  // Weights exp(-excess / width), excess: of the squared distance over the nearest one's. A third
-  // of the mean excess as width, as at the mean itself 16 neighbours blur an IoU of .25 to .17.
+  // The weights are exp(-excess / width), where the excess is that of the squared distance over the
+  // nearest one's. The width is a third of the mean excess; at the mean itself 16 neighbours blur
+  // an IoU of .25 to .17.
   void blend(std::span<const float> score, std::span<float> map) const {
     const auto distance = [&](std::size_t t) { return score[t] + squares_[t]; };
     Rows order = all_rows(inputs_.rows);

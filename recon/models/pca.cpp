@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A model that answers with few numbers, the amounts of the strongest principal components of the
-// training maps, instead of every pixel: the last and largest layer is fixed, not fitted.
+// The model answers with few numbers, the amounts of the strongest principal components of the
+// training maps, instead of every pixel. Its last and largest layer is fixed, not fitted.
 #include "recon/models/model.hpp"
 #include "recon/numbers/components.hpp"
 
@@ -24,7 +24,7 @@ class Pca final : public Model {
     return inner_->fit({train.inputs, amounts, train.rows},
                        {validation.inputs, amounts, validation.rows}, options);
   }
-  // What a room adds to every map is not among the components.
+  // The part that a room adds to every map is not among the components.
   std::unique_ptr<Model> tuned(const Samples& train, const Tuning& tuning) const override {
     auto out = std::make_unique<Pca>(nullptr);
     out->components_ = components_;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Ridge regression from the scaled inputs to the map. Solved through the singular values of the
-// inputs (QR first), never through their normal equations, so that neighbouring, nearly equal bins
-// do no harm. The penalty is chosen by generalised cross-validation (Golub, Heath and Wahba,
-// Technometrics 21, 215, 1979).
+// The model is a ridge regression from the scaled inputs to the map. It is solved through the
+// singular values of the inputs (QR first), never through their normal equations, so that
+// neighbouring, nearly equal bins do no harm. The penalty is chosen by generalised cross-validation
+// (Golub, Heath and Wahba, Technometrics 21, 215, 1979).
 #include <Eigen/QR>
 #include <Eigen/SVD>
 #include <algorithm>
@@ -18,7 +18,7 @@ namespace {
 using InFloat = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// X = U S V', thin.
+// This is the thin decomposition X = U S V'.
 struct Decomposition {
   Eigen::MatrixXd u, v;
   Eigen::VectorXd s;
@@ -38,8 +38,8 @@ Decomposition decompose(const Eigen::MatrixXd& x) {
   return {std::move(u), svd.matrixV(), svd.singularValues()};
 }
 
-// The penalty with the least generalised cross-validation score, relative to the largest singular
-// value squared. projected = |U'Y|^2 per singular vector, total = |Y|^2.
+// This is the penalty with the least generalised cross-validation score, relative to the largest
+// singular value squared. projected = |U'Y|^2 per singular vector, total = |Y|^2.
 double best_penalty(const Eigen::VectorXd& s, const Eigen::VectorXd& projected, double total,
                     double records) {
   double best = 0, least = std::numeric_limits<double>::max();
@@ -47,7 +47,8 @@ double best_penalty(const Eigen::VectorXd& s, const Eigen::VectorXd& projected, 
   for (int quarter_decades = -40; quarter_decades <= 4; ++quarter_decades) {
     const double penalty = std::pow(10, 0.25 * quarter_decades) * s(0) * s(0);
     const Eigen::ArrayXd kept = s.array().square() / (s.array().square() + penalty);
-    // As sums of squares: a difference of large numbers would be rounding when the fit is close.
+    // The terms are sums of squares: a difference of large numbers would be rounding when the fit
+    // is close.
     const double residual = outside + (projected.array() * (1 - kept).square()).sum();
     const double freedom = records - 1 - kept.sum();  // one for the mean
     if (freedom < 1e-3 * records) continue;
@@ -84,7 +85,8 @@ TrainingLog Ridge::fit(const Samples& train, const Samples&, const FitOptions&) 
   Eigen::MatrixXd x = Eigen::Map<const InFloat>(inputs.values.data(), en, ed).cast<double>();
   const Eigen::RowVectorXd input_mean = x.colwise().mean();
   x.rowwise() -= input_mean;
-  // In double precision to the end: a weak direction's weight magnifies what was rounded away.
+  // It stays in double precision to the end: a weak direction's weight magnifies what was rounded
+  // away.
   RowMajor y(en, ep);
   for (std::size_t i = 0; i < n; ++i)
     y.row(static_cast<Eigen::Index>(i)) =

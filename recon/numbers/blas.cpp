@@ -14,7 +14,7 @@
 // Only OpenBLAS has these; with another BLAS the calls are left out.
 extern "C" void openblas_set_num_threads(int) __attribute__((weak));
 extern "C" int blas_thread_shutdown_() __attribute__((weak));
-// LAPACK's, which OpenBLAS brings along.
+// These are LAPACK's, which OpenBLAS brings along.
 extern "C" void sgeqrf_(const int* m, const int* n, float* a, const int* lda, float* tau,
                         float* work, const int* work_size, int* info);
 extern "C" void sorgqr_(const int* m, const int* n, const int* k, float* a, const int* lda,
@@ -23,22 +23,22 @@ extern "C" void sorgqr_(const int* m, const int* n, const int* k, float* a, cons
 namespace echofuse::recon {
 namespace {
 
-// Parts are for our own threads (parallel.hpp). OpenBLAS starts some when it is loaded, which wait
-// busily for work: 30 ms of a processor in each run of a program.
+// Parts are for our own threads (parallel.hpp). OpenBLAS starts threads when it is loaded, and they
+// wait busily for work: 30 ms of a processor in each run of a program.
 const bool one_thread = [] {
   if (openblas_set_num_threads) openblas_set_num_threads(1);
   if (blas_thread_shutdown_) blas_thread_shutdown_();
   return true;
 }();
 
-// The part of the product that one call makes: `rows` x `cols` of C from row `row`, column `col`
-// on.
+// This is the part of the product that one call makes: `rows` x `cols` of C, starting at row `row`
+// and column `col`.
 struct Part {
   std::size_t row, col, rows, cols;
 };
 
-// Strips across the longer side of C. Each packs the other factor anew: few of them for little
-// work, which then is for two threads at most.
+// The parts are strips across the longer side of C. Each packs the other factor anew, so little
+// work gets few strips, for two threads at most.
 std::vector<Part> parts_of(std::size_t m, std::size_t n, std::size_t k) {
   constexpr std::size_t small = 4'000'000, narrowest = 128, few = 2, most = 8;
   const std::size_t work = m * n * k;
@@ -62,8 +62,8 @@ void gemm(CBLAS_TRANSPOSE ta, CBLAS_TRANSPOSE tb, int m, int n, int k, double al
   cblas_dgemm(CblasRowMajor, ta, tb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc);
 }
 
-// y += alpha x B; B is k x n. It is read once as it lies, and a call of BLAS costs as much as the
-// product with a small one does.
+// It computes y += alpha x B, where B is k x n. It reads B once as it lies; a call of BLAS costs as
+// much as the product with a small B.
 ECHOFUSE_CLONES void add_row_times(std::size_t k, std::size_t n, float alpha, const float* x,
                                    const float* b, float* __restrict__ y) {
   std::size_t i = 0;
@@ -77,7 +77,7 @@ ECHOFUSE_CLONES void add_row_times(std::size_t k, std::size_t n, float alpha, co
     for (std::size_t c = 0; c < n; ++c) y[c] += alpha * x[i] * b[c];
 }
 
-// y = alpha op(B) x + beta y; B is rows x cols as it lies in memory.
+// It computes y = alpha op(B) x + beta y, where B is rows x cols as it lies in memory.
 void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, float alpha, const float* b, const float* x,
           float beta, float* y) {
   if (tb == CblasTrans && beta == 1)
@@ -90,7 +90,7 @@ void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, double alpha, const double* b,
   cblas_dgemv(CblasRowMajor, tb, rows, cols, alpha, b, cols, x, 1, beta, y, 1);
 }
 
-// Before the first call of BLAS.
+// It must come before the first call of BLAS.
 void choose_kernels() {
   static const bool chosen = one_thread && !blas_kernels().empty();
   static_cast<void>(chosen);
@@ -100,8 +100,8 @@ template <class T>
 void multiply_parts(const Product<T>& p, const T* a, const T* b, T* c) {
   choose_kernels();
   const bool ta = p.a_transposed == Transpose::yes, tb = p.b_transposed == Transpose::yes;
-  // One row reads each of B once; as a product of matrices B would be repacked first, for 5 times
-  // as long as reading it takes.
+  // A product with one row reads each value of B once. As a product of matrices B would be repacked
+  // first, which takes 5 times as long as reading it.
   if (p.m == 1) {
     const std::size_t rows = tb ? p.n : p.k, cols = tb ? p.k : p.n;
     gemv(tb ? CblasNoTrans : CblasTrans, static_cast<int>(rows), static_cast<int>(cols), p.alpha, b,
@@ -129,9 +129,9 @@ void multiply(const Product<double>& p, const double* a, const double* b, double
   multiply_parts(p, a, b, c);
 }
 
-// As columns, which is how LAPACK reads rows.
+// LAPACK reads rows as columns.
 void orthonormalise_rows(std::size_t rows, std::size_t cols, float* values) {
-  constexpr std::size_t at_once = 64;  // columns that LAPACK works on, at most
+  constexpr std::size_t at_once = 64;  // columns that LAPACK works on at a time, at most
   choose_kernels();
   const int m = static_cast<int>(cols), n = static_cast<int>(rows);
   std::vector<float> scales(rows), work(rows * at_once);

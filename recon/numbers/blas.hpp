@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// The matrix product, from the machine's BLAS, and QR from its LAPACK. OpenBLAS's kernels are
+// The matrix product comes from the machine's BLAS, and QR from its LAPACK. OpenBLAS's kernels are
 // chosen at run time (blas_kernels.hpp), so a portable build still uses AVX2 or AVX-512 (compiled
-// for plain x86-64, Eigen's own product is 5 x slower). Each call of it uses one thread; large
+// for plain x86-64, Eigen's own product is 5 x slower). Each call of it uses one thread. Large
 // products are cut into parts (parallel.hpp) by their shape, as OpenBLAS's own threads add up in
 // another order than one does.
 #pragma once
@@ -11,7 +11,8 @@ namespace echofuse::recon {
 
 enum class Transpose : bool { no, yes };
 
-// C = alpha op(A) op(B) + beta C, all row-major and dense: op(A) is m x k, op(B) k x n, C m x n.
+// It computes C = alpha op(A) op(B) + beta C, all row-major and dense: op(A) is m x k, op(B) k x n,
+// C m x n.
 template <class T>
 struct Product {
   std::size_t m, n, k;
@@ -20,7 +21,8 @@ struct Product {
 };
 void multiply(const Product<float>& p, const float* a, const float* b, float* c);
 void multiply(const Product<double>& p, const double* a, const double* b, double* c);
-// Rows that span the same, at right angles and of length 1 (QR); 1 <= rows <= cols.
+// It replaces the rows by rows that span the same space, at right angles and of length 1 (QR); 1 <=
+// rows <= cols.
 void orthonormalise_rows(std::size_t rows, std::size_t cols, float* values);
 
 }  // namespace echofuse::recon

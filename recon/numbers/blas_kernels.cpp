@@ -4,7 +4,7 @@
 #include <cstdlib>
 #include <initializer_list>
 
-// Exported by an OpenBLAS with run-time dispatch, without being an official interface; where they
+// An OpenBLAS with run-time dispatch exports these, without being an official interface. Where they
 // are missing, the library's own choice stands.
 extern "C" {
 char* openblas_get_corename() __attribute__((weak));
@@ -26,8 +26,8 @@ bool is_avx512(const std::string& core) {
 }
 bool is_avx2(const std::string& core) { return is_one_of(core, {"Haswell", "Zen", "Excavator"}); }
 
-// What OpenBLAS should use, or nothing if its own choice is as good. Names as in its
-// driver/others/dynamic.c.
+// Returns the kernels that OpenBLAS should use, or nothing if its own choice is as good. The names
+// are those in its driver/others/dynamic.c.
 const char* better_than(const std::string& core) {
   if (is_avx512(core)) return nullptr;
   if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
@@ -42,7 +42,8 @@ std::string choose() {
   if (!openblas_get_corename || !gotoblas_dynamic_quit || !gotoblas_dynamic_init) return "BLAS";
   if (!std::getenv("OPENBLAS_CORETYPE")) {
     if (const char* core = better_than(openblas_get_corename())) {
-      // The only way to tell it; taken back, so that programs started from here choose themselves.
+      // This is the only way to set the kernels. It is taken back, so that programs started from
+      // here choose for themselves.
       ::setenv("OPENBLAS_CORETYPE", core, 1);
       gotoblas_dynamic_quit();
       gotoblas_dynamic_init();

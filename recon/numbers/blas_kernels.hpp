@@ -6,11 +6,11 @@
 
 namespace echofuse::recon {
 
-// The kernels in use ("SkylakeX" is AVX-512, "Haswell" AVX2), chosen at the first call, which must
-// come before the first product. OPENBLAS_CORETYPE in the environment wins. "BLAS" if the library
-// is not OpenBLAS, or one built for a single processor.
+// Returns the kernels in use ("SkylakeX" is AVX-512, "Haswell" AVX2). They are chosen at the first
+// call, which must come before the first product. OPENBLAS_CORETYPE in the environment wins. The
+// name is "BLAS" if the library is not OpenBLAS, or one built for a single processor.
 const std::string& blas_kernels();
-// What they are made of: AVX-512, AVX2, AVX or SSE; "unknown" of "BLAS".
+// Returns the kernels' instructions: AVX-512, AVX2, AVX or SSE; "unknown" for "BLAS".
 std::string blas_instructions();
 
 }  // namespace echofuse::recon

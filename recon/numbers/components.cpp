@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t spare_directions = 10;
 constexpr int iterations = 6;
-constexpr std::size_t most_centred = 1024;  // records, whose copies bound the memory
+constexpr std::size_t most_centred = 1024;  // records at a time; it bounds the memory
 
 using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Principal components of the rows of a table.
+// These are the principal components of the rows of a table.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -10,24 +10,25 @@
 namespace echofuse::recon {
 
 struct Components {
-  std::vector<float> mean;       // of the columns
+  std::vector<float> mean;       // mean of each column
   Matrix basis;                  // one orthonormal direction a row, the strongest first
   std::vector<float> deviation;  // standard deviation of the table along each
 };
 
-// At most `count`, at most as many as the table has rows or columns. By subspace iteration (Halko,
-// Martinsson and Tropp, SIAM Rev. 53, 217, 2011): few directions of many columns.
+// It returns at most `count` components, at most as many as the table has rows or columns. The
+// method is subspace iteration (Halko, Martinsson and Tropp, SIAM Rev. 53, 217, 2011), for few
+// directions of many columns.
 Components principal_components(Matrix table, std::size_t count, std::uint64_t seed);
 
-// (table - mean) basis': one row of coordinates a row.
+// It computes (table - mean) basis': one row of coordinates a row.
 Matrix coordinates(const Components& components, const Matrix& table);
-// Its inverse, as far as the basis reaches: mean + amounts basis.
+// This is the inverse, as far as the basis reaches: mean + amounts basis.
 Matrix from_coordinates(const Components& components, const Matrix& amounts);
 
-// Of the amounts along them, so that neither kind drowns another.
+// This is the unit of the amounts along the components, so that neither kind drowns another.
 float unit_of(const Components& components);
 
-// Of a table with so many columns.
+// It archives components of a table with this number of columns.
 void archive(Archive archive, Components& components, std::size_t columns);
 
 }  // namespace echofuse::recon

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// One number from a few: weighted least squares in closed form.
+// A linear fit gives one number from a few: it is weighted least squares in closed form.
 #pragma once
 #include <span>
 #include <vector>
@@ -8,14 +8,15 @@
 
 namespace echofuse::recon {
 
-// The weights w that make the rows of `inputs` times w the targets, each row counting as much as
-// `counts` says. `penalty` on the squares of w, for columns of unit mean square.
+// Returns the weights w for which the rows of `inputs` times w come nearest to the targets; each
+// row counts as `counts` says. `penalty` applies to the squares of w, for columns of unit mean
+// square.
 std::vector<double> linear_fit(const Matrix& inputs, std::span<const float> targets,
                                std::span<const float> counts, double penalty);
 
 double product(std::span<const float> row, std::span<const double> weights);
 
-// 1, every value, and every product of two of them.
+// The terms are 1, every value, and every product of two values.
 std::vector<float> quadratic_terms(std::span<const float> values);
 
 }  // namespace echofuse::recon

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A row-major table of floats: one row per record.
+// A matrix is a row-major table of floats: one row per record.
 #pragma once
 #include <algorithm>
 #include <cstddef>
@@ -24,7 +24,7 @@ struct Matrix {
   }
 };
 
-// Indices of records within a Dataset, in the order they are to be used.
+// They are indices of records within a Dataset, in the order they are to be used.
 using Rows = std::vector<std::size_t>;
 
 inline Rows all_rows(std::size_t count) {

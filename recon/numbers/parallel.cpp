@@ -78,7 +78,7 @@ class Pool {
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::shared_ptr<Job> job_;  // none: the end
+  std::shared_ptr<Job> job_;  // null at the end
   std::size_t jobs_ = 0;
   std::vector<std::thread> workers_;
 };

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: MIT
-// Parts of a calculation on several threads. The result is the same bit by bit with any number of
-// threads if the parts depend on the shape of the calculation alone.
+// The parts of a calculation run on several threads. The result is the same bit by bit with any
+// number of threads if the parts depend on the shape of the calculation alone.
 //
-// Threading: for_each_part() from any threads, but not from within a part; set_threads() while none
-// calculates.
+// Threading: any thread may call for_each_part(), but not from within a part; set_threads() may be
+// called while none calculates.
 #pragma once
 #include <cstddef>
 #include <functional>
 
 namespace echofuse::recon {
 
-void set_threads(int count);  // this one included; 0: one per core, which is the default
+void set_threads(int count);  // counts this thread too; 0, the default, means one per core
 
-// Calls work(0) ... work(parts - 1), in any order, and returns when all are done. `work` must not
+// It calls work(0) ... work(parts - 1) in any order, and returns when all are done. `work` must not
 // throw.
 void for_each_part(std::size_t parts, const std::function<void(std::size_t)>& work);
 

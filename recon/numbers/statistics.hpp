@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What the rows of a table have in common.
+// These functions compute what the rows of a table have in common.
 #pragma once
 #include <span>
 #include <utility>
@@ -11,39 +11,40 @@
 namespace echofuse::recon {
 
 struct ColumnStatistics {
-  std::vector<double> mean, variance;  // of each column; the variance divided by the number of rows
+  std::vector<double> mean, variance;  // one a column; the variance divided by the number of rows
 };
 
-// Of the given rows (at least one).
+// They cover the given rows (at least one).
 std::vector<double> column_means(const Matrix& table, const Rows& rows);
 ColumnStatistics column_statistics(const Matrix& table, const Rows& rows);
 
-// As of a sensor that is dead.
+// It is true for a sensor that is dead.
 bool all_same(std::span<const float> values);
 
-// Divides by the sum of what is above zero, if anything is.
+// Divides the values by the sum of those above zero, if there are any.
 void share_out(std::span<float> values);
 
 double mean_of(std::span<const double> values);
 
-// Divided by their number (at least one).
+// It divides by the number of values (at least one).
 double standard_deviation(std::span<const double> values);
 
-// The value that this share of all is below: 0.5 for the median. Reorders them.
+// Returns the value that this share of all lies below: 0.5 gives the median. It reorders the
+// values.
 float quantile(std::span<float> values, double share);
 
-// In place; of none nothing.
+// It works in place, and does nothing with no values.
 void subtract_median(std::span<float> values);
 
-// The value that this share of all is above: the largest twentieth is taken to fall off
+// Returns the value that this share of all lies above. The largest twentieth is taken to fall off
 // exponentially, so that a few hundred values place it.
 double upper_limit(std::vector<float> values, double share_above);
 
-// Which of `of` records in their order a resample of `count` takes: circular blocks (Politis and
-// Romano 1992). More than some blocks are needed, or all resamples are alike.
+// Returns which of `of` records in their order a resample of `count` takes: circular blocks
+// (Politis and Romano 1992). It needs more than a few blocks, or all resamples are alike.
 Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng);
 
-// Of each column, over the given rows (at least one).
+// It covers each column, over the given rows (at least one).
 std::vector<float> column_quantile(const Matrix& table, const Rows& rows, double share);
 
 }  // namespace echofuse::recon

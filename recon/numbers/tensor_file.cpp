@@ -52,7 +52,7 @@ ByteView as_bytes(const std::string& text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
 
-// The number of values, or none if that is more than a file can hold.
+// Returns the number of values, or nothing if that is more than a file can hold.
 std::size_t size_of(const TensorShape& shape) {
   std::size_t out = 1;
   for (const std::size_t n : shape)
@@ -108,14 +108,14 @@ TensorFile::TensorFile(std::string path, ByteView contents) : path_(std::move(pa
   parse(header, values);
 }
 
-// No exception of the JSON library gets out: what it finds is told in our words.
+// No exception of the JSON library gets out: its faults are told in our words.
 void TensorFile::parse(const std::string& header, ByteView values) try {
   std::vector<std::pair<std::size_t, std::size_t>> places;
   const json head = json::parse(header);
   for (const auto& [name, entry] : head.items()) {
     if (name == "__metadata__") continue;
     const json &shape = entry.at("shape"), &offsets = entry.at("data_offsets");
-    // The JSON library would make a count of any number.
+    // The JSON library would turn any number into a count.
     for (const json* list : {&shape, &offsets})
       if (!std::all_of(list->begin(), list->end(),
                        [](const json& n) { return n.is_number_unsigned(); }))

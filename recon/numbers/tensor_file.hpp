@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Tensors and facts in one safetensors file (github.com/huggingface/safetensors), which Python
-// opens with the package of that name or with twenty lines of NumPy.
+// A TensorFile holds tensors and facts in one safetensors file
+// (github.com/huggingface/safetensors). Python opens it with the package of that name or with
+// twenty lines of NumPy.
 //
 //   off 0  u64 N: length of the header, at most 1 MiB
 //   off 8  u8[N]: JSON, {"__metadata__": {"crc32c": "89abcdef", "facts": "TEXT"},
@@ -28,7 +29,7 @@ using TensorShape = std::vector<std::size_t>;
 
 class TensorFile {
  public:
-  // A dimension that may have any length.
+  // This dimension may have any length.
   static constexpr std::size_t any = std::numeric_limits<std::size_t>::max();
   using Fact = std::variant<std::int64_t, double, std::string>;
 
@@ -38,7 +39,7 @@ class TensorFile {
   TensorFile(std::string path, ByteView contents);
   Bytes to_bytes() const;
 
-  // T: float, double, std::int64_t, std::uint32_t or std::uint8_t.
+  // T is float, double, std::int64_t, std::uint32_t or std::uint8_t.
   template <class T>
   void write(const std::string& name, std::span<const T> values, const TensorShape& shape);
   // Throws Error(failed) unless the tensor is there, is of type T and of this shape, and holds
@@ -81,7 +82,7 @@ class Archive {
   Archive(TensorFile& file, Direction direction, std::string group = {})
       : file_(&file), direction_(direction), group_(std::move(group)) {}
   bool reading() const { return direction_ == Direction::read; }
-  // The names of this one begin with those of the group: "group/name".
+  // The names in the returned archive begin with the group's: "group/name".
   Archive in(const std::string& group) const { return {*file_, direction_, group_ + group + "/"}; }
 
   template <class T>
@@ -95,13 +96,13 @@ class Archive {
     whole_number(name, whole, least, most);
     value = static_cast<Integer>(whole);
   }
-  // One of `allowed`, or any text if that is empty.
+  // The text is one of `allowed`, or any text if that list is empty.
   void text(const std::string& name, std::string& value, const std::vector<std::string>& allowed);
-  // Whether an optional part is there; takes and returns it.
+  // It takes and returns whether an optional part is there.
   bool part(const std::string& name, bool there);
-  // When reading: refuses the file unless it has a tensor of this shape.
+  // When it reads, it refuses the file unless the file has a tensor of this shape.
   void require_shape(const std::string& name, const TensorShape& shape) const;
-  // When reading: refuses the file unless this holds.
+  // When it reads, it refuses the file unless `sound` holds.
   void require(bool sound, const std::string& name, const std::string& expected) const;
 
  private:

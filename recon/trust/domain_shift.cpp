@@ -20,15 +20,16 @@ constexpr std::size_t most_known = 4000;
 constexpr std::size_t block = 10;  // records
 constexpr int permutations = 1000;
 constexpr std::uint64_t permutation_stream = 0x646f6d61;  // "doma"
-constexpr double shrinkage = 0.1;  // of the correlations: there may be few blocks
+constexpr double shrinkage = 0.1;  // shrinks the correlations: there may be few blocks
 constexpr double clearly = 4;      // standard errors
-// Of a record's usual deviation, and of its square: less is no matter.
+// These limits are in units of a record's usual deviation, and of its square. Smaller differences
+// do not matter.
 constexpr double least_mean = 0.1, least_square = 0.3;
-constexpr double most_square = 16;  // one stray record is no other world
+constexpr double most_square = 16;  // one stray record does not make another world
 constexpr double usual = 0.95;
 
-// Numbers as deviations from the training's means, and the squares of these: [m x 2 numbers]. What
-// is not known is taken as the mean.
+// It gives the numbers as deviations from the training's means, and the squares of these: [m x 2
+// numbers]. A number that is not known counts as the mean.
 class Standard {
  public:
   Standard(const Matrix& known, const std::vector<RecordNumber>& kinds) {
@@ -63,7 +64,7 @@ class Standard {
   std::vector<double> share_, centre_, deviation_;
 };
 
-// Means of ten rows each; what is left over at the end belongs to no block.
+// It returns means of ten rows each; the rows left over at the end belong to no block.
 MatrixXd block_means(const MatrixXd& rows) {
   const auto size = Index(block), blocks = rows.rows() / size;
   MatrixXd out(blocks, rows.cols());
@@ -71,7 +72,8 @@ MatrixXd block_means(const MatrixXd& rows) {
   return out;
 }
 
-// Differences of the means of `count` blocks and of the others, drawn at random: a row each.
+// It draws `count` blocks at random, and returns the differences of their mean and the mean of the
+// others: one draw a row.
 MatrixXd permuted(const MatrixXd& blocks, Index count) {
   const VectorXd all = blocks.colwise().sum();
   const auto others = static_cast<double>(blocks.rows() - count);
@@ -95,7 +97,7 @@ struct Tested {
   double distance, p;
 };
 
-// Of a difference of means, by what permutations make of it.
+// It tests a difference of means against the differences that permutations give.
 Tested test(const VectorXd& difference, const MatrixXd& chance, double least_error) {
   const Index half = chance.rows() / 2;
   const MatrixXd fit = chance.topRows(half), null = chance.bottomRows(half);
@@ -111,7 +113,8 @@ Tested test(const VectorXd& difference, const MatrixXd& chance, double least_err
   std::vector<double> by_chance;
   for (Index k = 0; k < half; ++k) by_chance.push_back(squares(null.row(k)));
   const double found = squares(difference);
-  // A scaled chi^2 with the mean and variance of these (Wilson and Hilferty, PNAS 17, 684, 1931).
+  // This is a scaled chi^2 with the mean and variance of these values (Wilson and Hilferty, PNAS
+  // 17, 684, 1931).
   const double mean = mean_of(by_chance), variance = std::pow(standard_deviation(by_chance), 2);
   const double freedom = 2 * mean * mean / variance, v = 2 / (9 * freedom);
   const double z = (std::cbrt(found / mean) - 1 + v) / std::sqrt(v);
@@ -121,7 +124,8 @@ Tested test(const VectorXd& difference, const MatrixXd& chance, double least_err
   return {std::sqrt(found / limit), 0.5 * std::erfc(z / std::sqrt(2.))};
 }
 
-// Of the difference of two means, from the scatter of the blocks about each.
+// Returns the standard errors of the difference of two means, from the scatter of the blocks about
+// each mean.
 ArrayXd standard_errors(const MatrixXd& a, const MatrixXd& b, double least_error) {
   const auto about_mean = [](const MatrixXd& m) -> ArrayXd {
     return (m.rowwise() - m.colwise().mean()).array().square().colwise().sum().transpose();
@@ -187,7 +191,7 @@ DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& da
   for (Index c = 0; c < numbers; ++c) {
     const auto k = static_cast<std::size_t>(c);
     if (!standard.known(k) || own.known(k)) continue;
-    // What this run does not say is not compared; that it has one carrier only is a difference.
+    // A number that this run does not have is not compared; a run with one carrier only differs.
     before.col(c).setZero(), before.col(numbers + c).setZero();
     now.col(c).setZero(), now.col(numbers + c).setZero();
     if (kinds[k].name == power_variation_numbers[1].name)
@@ -216,7 +220,7 @@ DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& da
            squares});
     }
   }
-  // Another room or other people differ in more than that.
+  // Another room or other people differ in more than one number.
   if (out.differences.size() > 1) out.advice.clear();
   std::sort(out.differences.begin(), out.differences.end(),
             [](const auto& a, const auto& b) { return a.standard_errors > b.standard_errors; });

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
-// Whether a run as a whole is unlike the training, where no single record need be: people, clothes
-// or sensors differ. The means of the records' numbers (record_numbers.hpp), and of their squares,
-// are held against those of training records by a permutation test of Hotelling's two-sample T^2
-// (Ann. Math. Stat. 2, 360, 1931; Good, Permutation Tests, 2000): blocks of ten records, as a pose
-// may be held for some, are exchanged between run and training. One half of the permutations gives
-// the covariance, the other half the distribution.
+// This file tests whether a run as a whole is unlike the training, where no single record need be:
+// people, clothes or sensors differ. The means of the records' numbers (record_numbers.hpp), and of
+// their squares, are compared with those of training records by a permutation test of Hotelling's
+// two-sample T^2 (Ann. Math. Stat. 2, 360, 1931; Good, Permutation Tests, 2000). Blocks of ten
+// records, as a pose may be held for some, are exchanged between run and training. One half of the
+// permutations gives the covariance, the other half the distribution.
 //
-// Limit: what moves no number is invisible, such as another gain, or a shift common to both sensors
-// that is small against the span of the ranges.
+// Limit: a change that moves no number is invisible, such as another gain, or a shift common to
+// both sensors that is small against the span of the ranges.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -23,32 +23,32 @@ struct DomainShift {
   static constexpr double most_p = 1e-3;  // below it the run is called unlike the training
   struct Difference {
     std::string text;            // "histogram spread 1.20 +- 0.01 times"
-    double standard_errors = 0;  // how clear it is
+    double standard_errors = 0;  // clarity of the difference
   };
-  std::size_t records = 0;  // that show a body; too few: not tested
-  double distance = 0;      // in units of what 95 % of such runs of the training's kind stay below
-  double p = 1;             // of a run of the training's kind to be as far off
-  std::vector<Difference> differences;  // that stand out, the clearest first
-  std::string advice;                   // what may be the cause, and what to do; or nothing
+  std::size_t records = 0;  // records that show a body; with too few the run is not tested
+  double distance = 0;      // in units of the value below which 95 % of runs like the training stay
+  double p = 1;             // probability that a run like the training is as far off
+  std::vector<Difference> differences;  // the differences that stand out, the clearest first
+  std::string advice;                   // the possible cause and what to do; may be empty
   bool tested() const { return records > 0; }
-  // A difference that is sure, but less than a tenth of what records differ by, is none.
+  // A sure difference does not count if it is less than a tenth of the records' own differences.
   bool found() const { return tested() && p < most_p && !differences.empty(); }
   std::string text() const;  // for the user; empty if not tested
 };
 
-// What the training records said.
+// It holds the numbers of the training records.
 class DomainReference {
  public:
-  static constexpr std::size_t least_records = 20;  // of a run
-  static constexpr std::size_t least_known = 50;    // of a training
+  static constexpr std::size_t least_records = 20;  // least records of a run
+  static constexpr std::size_t least_known = 50;    // least records of a training
 
   DomainReference() = default;
-  // The rows in the order of their records; at most the first 4000 of them. Row i of the views is
-  // of record i of the data; without a detector there are none.
+  // The rows are in the order of their records; at most the first 4000 are used. Row i of the views
+  // belongs to record i of the data; without a detector there are no views.
   DomainReference(const Alignment& alignment, const Dataset& data, const Matrix& views,
                   const Rows& rows, Inputs inputs);
   bool known() const { return numbers_.rows > 0; }
-  // Of the rows with live sensors, in their order. The data must be on the model's axes.
+  // It judges the rows with live sensors, in their order. The data must be on the model's axes.
   DomainShift judge(const Alignment& alignment, const Dataset& data, const Matrix& views) const;
 
   void archive(Archive archive, Inputs inputs);

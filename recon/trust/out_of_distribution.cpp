@@ -19,16 +19,17 @@ namespace {
 
 constexpr std::uint64_t held_stream = 0x68656c64;  // "held"
 constexpr std::size_t most_components = 36, rows_a_component = 60;
-constexpr std::size_t folds_of_few = 4, folds_of_many = 10;  // one of which sets the limits
+constexpr std::size_t folds_of_few = 4, folds_of_many = 10;  // one fold sets the limits
 constexpr std::size_t few_records = 400, many_records = 3000;
-// Of records like the training ones, above each limit; that of Q is shared by the groups.
+// These are the shares of records like the training ones that lie above each limit. The groups
+// share that of Q.
 constexpr double above_t2 = 0.002, above_q = 0.002, above_two = 0.002;
-constexpr double not_known = -1e9;           // of a training without these numbers
-constexpr double range_reserve = 0.05;       // of the span of the training records' ranges
-constexpr double clicks_reserve = 1.25;      // against the brightest training record
-constexpr double nearly_all_records = 0.99;  // of the training records show a body
+constexpr double not_known = -1e9;           // the training lacks these numbers
+constexpr double range_reserve = 0.05;       // share of the span of the training records' ranges
+constexpr double clicks_reserve = 1.25;      // factor of the brightest training record's clicks
+constexpr double nearly_all_records = 0.99;  // share of the training records that show a body
 
-// By the group that stands out.
+// The reason names the group that stands out.
 constexpr std::array unusual{"unusual histogram",
                              "unusual radar profile",
                              "unusual samples of the radar's antennas",
@@ -37,7 +38,8 @@ constexpr std::array unusual{"unusual histogram",
                              "unusual radar profile",
                              "unusual variation of the radar's power"};
 
-// Those of the rows that show a body, in order, if these are enough; `with_body` is sorted.
+// Returns the rows that show a body, in order, or all of the rows if those are too few; `with_body`
+// is sorted.
 Rows with_bodies(Rows rows, const Rows& with_body) {
   std::sort(rows.begin(), rows.end());
   Rows out;
@@ -72,7 +74,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
       fit_features(data, rows, by_array ? inputs : without_antennas(inputs), raw_scaling);
   use(raw, alignment);
   const Matrix raw_inputs = raw.raw_inputs(data, rows);
-  // Shuffled, as runs and kinds of records lie behind each other.
+  // The rows are shuffled, as runs and kinds of records lie behind each other.
   Rows order = all_rows(rows.size());
   Rng rng = make_rng(seed, held_stream);
   std::shuffle(order.begin(), order.end(), rng);
@@ -91,10 +93,11 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   share_with_body_ = static_cast<double>(with_body.size()) / static_cast<double>(rows.size());
   for (const std::size_t row : rows)
     most_clicks_per_start_ = std::max(most_clicks_per_start_, data.clicks_a_pulse[row]);
-  // Of so few records none is spared for the limits alone: each is judged by what the others say.
+  // With so few records none is set aside for the limits alone: each is judged by what the others
+  // teach.
   const bool few = rows.size() < few_records;
   const std::size_t parts = few || rows.size() < many_records ? folds_of_few : folds_of_many;
-  // Records that are said to show two do not tell what is usual of one.
+  // Records whose label says two people do not show what is usual for one.
   const auto shows_two = [&](std::size_t i) { return data.label[rows[i]] == two_people_label; };
   const auto learn_one = [&](const Rows& part) { learn(all, with_bodies(part, with_body), seed); };
   const auto learn_two = [&](const Rows& part) {
@@ -107,8 +110,8 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   for (std::size_t part = few ? 0 : parts - 1; part < parts; ++part) {
     const Split fold = make_fold(order, part, parts, 0);
     learn_one(fold.train);
-    // The classifier costs most by far: of few records it learns one half, and judges both parts of
-    // the other.
+    // The classifier costs most by far: with few records it learns from one half, and judges both
+    // parts of the other half.
     if (!few)
       learn_two(fold.train);
     else if (part % 2 == 0)
@@ -159,7 +162,7 @@ void OutOfDistributionDetector::learn_usual_power(const Dataset& data, const Row
                                                                            : not_known);
 }
 
-// What is not known of the power's variation, here or in the training, is as usual.
+// If the power's variation is not known, here or in the training, it counts as usual.
 std::vector<float> OutOfDistributionDetector::describe(
     std::span<const float> aligned, std::span<const float> power_profile,
     const std::optional<record::Speckle>& speckle) const {
@@ -204,7 +207,7 @@ OutOfDistributionDetector::Statistics OutOfDistributionDetector::statistics(
   const VectorXf from_mean = vector(description) - vector(components_.mean);
   const VectorXf amounts = basis * from_mean;
   const VectorXf off = from_mean - basis.transpose() * amounts;
-  // T^2 = sum (amount / deviation)^2, which is the sum of what each value adds.
+  // T^2 = sum (amount / deviation)^2 is also the sum of what each value adds.
   const auto variance = vector(components_.deviation).array().square();
   const VectorXf weights = basis.transpose() * (amounts.array() / variance).matrix();
   Statistics out{};
@@ -221,7 +224,7 @@ OutOfDistributionDetector::Statistics OutOfDistributionDetector::statistics(
 void OutOfDistributionDetector::set_limits(const std::vector<Statistics>& held,
                                            const std::vector<bool>& shows_two) {
   const auto limit = [](std::vector<float> values, double above) {
-    if (values.empty()) return Limit{};  // of records of two alone
+    if (values.empty()) return Limit{};  // all records are of two people
     const double usual = double{quantile(values, 0.5)};
     return Limit{usual, std::max(upper_limit(std::move(values), above), usual + 1e-6)};
   };
@@ -248,7 +251,7 @@ OutOfDistributionDetector::Distance OutOfDistributionDetector::distance(
   return out;
 }
 
-// "0.71 from frame to frame, 0.02 in training"
+// The text reads like "0.71 from frame to frame, 0.02 in training".
 std::string OutOfDistributionDetector::power_text(
     const std::optional<record::Speckle>& speckle) const {
   constexpr std::array names{"from frame to frame", "from carrier to carrier", "within 150 ms"};

@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: MIT
-// Whether a record is out of the training records' distribution, whatever the model. A record is
-// described by its histogram, radar profile and view of the radar's antennas, if the model takes
-// these, aligned to the body's range (method/alignment.hpp), that range, the radar profile as it
-// is, and how its power varied within the record (record_numbers.hpp); none depends on gains; then
+// This file tests whether a record is out of the training records' distribution, whatever the
+// model. A record is described by its histogram, radar profile and view of the radar's antennas, if
+// the model takes these, aligned to the body's range (method/alignment.hpp). The description also
+// holds that range, the radar profile as it is, and how its power varied within the record
+// (record_numbers.hpp). None of these depends on gains. The numbers are
 //   distance    from the training records in their principal components: T^2 along the components,
 //               Q of each sensor off them (Jackson and Mudholkar, Technometrics 21, 341, 1979), the
 //               greatest one
 //   two bodies  two_bodies.hpp
-// Each is given as a share of its limit, so that above 1 is unusual; the limits are such that about
-// one of 140 records like the training ones is above one of them. Beside these, checks with a name:
-// no body, a body farther or nearer than in any training record, a saturated detector.
+// Each is given as a share of its limit, so that a number above 1 is unusual. The limits are such
+// that about one of 140 records like the training ones is above one of them. Beside these there are
+// checks with a name: no body, a body farther or nearer than in any training record, a saturated
+// detector.
 #pragma once
 #include <array>
 #include <string>
@@ -26,8 +28,8 @@ namespace echofuse::recon {
 
 struct OutOfDistributionScore {
   double distance = 0, two_bodies = 0;  // above 1: unusual
-  std::string reason;                   // empty: like the training records
-  std::string details;                  // to it, if there are any
+  std::string reason;                   // empty if the record is like the training ones
+  std::string details;                  // details of the reason; may be empty
   bool may_be_two = false;              // two_bodies is above 1, and no check with a name fails
   std::string text() const { return details.empty() ? reason : reason + " (" + details + ")"; }
 };
@@ -37,9 +39,9 @@ class OutOfDistributionDetector {
   static constexpr std::size_t least_records = 50;
 
   OutOfDistributionDetector() = default;
-  // Learns from the given rows, at least least_records. Part of them only sets the limits. Row i of
-  // the aligned features is of record i of the data; without a detector there are none. The scene
-  // tells where bodies are.
+  // It learns from the given rows, at least least_records. A part of them only sets the limits. Row
+  // i of the aligned features belongs to record i of the data; without a detector there are none.
+  // The scene tells where bodies are.
   OutOfDistributionDetector(const Alignment& alignment, const Dataset& data, const Matrix& aligned,
                             const Rows& rows, Inputs inputs, const Scene& scene,
                             std::uint64_t seed);
@@ -50,21 +52,21 @@ class OutOfDistributionDetector {
   void archive(Archive archive, const Features& of_model, const Alignment& alignment);
 
  private:
-  // Of a statistic, from records that did not take part in the fit.
+  // This is the limit of a statistic, set by records that took no part in the fit.
   struct Limit {
-    double usual = 0, most = 1;  // its median; what few are above
+    double usual = 0, most = 1;  // the median, and the value that few records exceed
     double share(double value) const { return (value - usual) / (most - usual); }
   };
-  // A view without its correlation, which is made of the rest.
+  // This is a view without its correlation, which is computed from the rest.
   std::span<const float> features_of(std::span<const float> view) const {
     return view.last(std::min(view.size(), aligned_));
   }
   std::span<const float> power_of(std::span<const float> raw_inputs) const {
     return raw_inputs.subspan(spd_bins_, profile_);
   }
-  // What a description is made of, in this order.
+  // A description has these groups, in this order.
   enum Group : std::size_t { histogram, radar, direction, spread, range, profile, power, groups };
-  // Aligned features, normalised profile and variation of the power, scaled.
+  // Returns the aligned features, the normalised profile and the variation of the power, scaled.
   std::vector<float> describe(std::span<const float> aligned, std::span<const float> radar,
                               const std::optional<record::Speckle>& speckle) const;
   void use(const Features& of_model, const Alignment& alignment);
@@ -84,18 +86,19 @@ class OutOfDistributionDetector {
   };
   Distance distance(const Statistics& found) const;
   std::string power_text(const std::optional<record::Speckle>& speckle) const;
-  // Scale and components, of descriptions that are not scaled yet.
+  // It learns scale and components from descriptions that are not scaled yet.
   void learn(const Matrix& descriptions, const Rows& rows, std::uint64_t seed);
-  // From statistics of records that took no part in the fit; of two bodies from those of one.
+  // It sets the limits from statistics of records that took no part in the fit; the limit of two
+  // bodies comes from records of one person.
   void set_limits(const std::vector<Statistics>& held, const std::vector<bool>& shows_two);
 
-  // 0 without the sensor. Raw inputs have the profile behind so many bins of the SPD.
+  // A size is 0 without its sensor. In the raw inputs the profile starts behind spd_bins_ values.
   std::size_t aligned_ = 0, profile_ = 0, spd_bins_ = 0;
-  std::array<std::size_t, groups + 1> first_{};  // column of each group, and behind the last
-  std::vector<double> usual_power_;              // mean logarithms of its variations
+  std::array<std::size_t, groups + 1> first_{};  // first column of each group, and the end
+  std::vector<double> usual_power_;              // mean logarithms of the power's variations
   std::vector<float> scale_;
   Components components_;
-  Features raw_;  // what raw inputs are made of
+  Features raw_;  // layout of the raw inputs
   TwoBodies two_bodies_;
   Limit t2_, two_;
   std::array<Limit, groups> q_;

@@ -14,14 +14,14 @@ struct Between {
   double part;
 };
 
-// Where a share lies among the nodes of a curve.
+// Returns where a share lies among the nodes of a curve.
 Between node_of(double share, std::size_t nodes) {
   const double at = std::clamp(share, 0.0, 1.0) * static_cast<double>(nodes - 1);
   const auto low = std::min(static_cast<std::size_t>(at), nodes - 2);
   return {low, at - static_cast<double>(low)};
 }
 
-// Of a standard normal distribution cut at three deviations, in steps of one pixel.
+// This is a standard normal distribution cut at three deviations, in steps of one pixel.
 std::vector<float> kernel_of(double deviation_pixels) {
   const auto reach = static_cast<int>(std::ceil(3 * deviation_pixels));
   std::vector<float> out;
@@ -43,7 +43,8 @@ SoftMaps probabilities_of(const Matrix& maps, const Scene& scene) {
   return out;
 }
 
-// Each row of shares by as many metres of the same row of the list, at the row's depths.
+// It blurs each row of shares by the deviation of the same row of the list (metres), at the row's
+// depths.
 void blur(SoftMaps& maps, const record::MapGrid& grid, const std::vector<double>& deviation_m) {
   constexpr double least_pixels = 0.2;
   const std::size_t side = grid.size;

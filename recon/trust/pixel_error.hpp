@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
-// How sure each pixel is. A pixel shows the body, at its depth z, with probability p, or else the
-// background B. p comes from the model's mask, blurred by what the body's place is uncertain by;
-// where a model has no mask, from how far its mean map m has come from B to z, p = (m - B)/(z - B).
-// Either is then set right by a curve: how often such pixels of the validation records were body.
+// This file says how sure each pixel is. A pixel shows the body, at its depth z, with probability
+// p, or else the background B. p comes from the model's mask, blurred by the uncertainty of the
+// body's place. If a model has no mask, p comes from how far its mean map m has come from B to z, p
+// = (m - B)/(z - B). A curve then corrects either one: it says how often such pixels of the
+// validation records were body.
 #pragma once
 #include <array>
 #include <string>
@@ -15,18 +16,18 @@ namespace echofuse::recon {
 
 struct PixelMaps {
   Matrix mean;       // p z + (1 - p) B, metres
-  Matrix deviation;  // sqrt(p (1 - p) (z - B)^2 + p s^2), metres; s: of depths within the body
+  Matrix deviation;  // sqrt(p (1 - p) (z - B)^2 + p s^2), metres; s: spread of depths in the body
 };
 
-// A model's own soft maps, each blurred sideways by what its body's place is uncertain by, as a
-// normal distribution's; not where that is NaN. Of a model that has none (no rows) its mean maps,
-// which are blurred already, as probabilities.
+// Returns a model's own soft maps, each blurred sideways by the uncertainty of its body's place, as
+// that of a normal distribution; a map whose uncertainty is NaN is not blurred. For a model without
+// soft maps (no rows) it takes the mean maps as probabilities; these are blurred already.
 SoftMaps soft_of(SoftMaps own, const Matrix& maps, const Scene& scene,
                  const std::vector<double>& lateral_interval_90_m);
 
 class PixelError {
  public:
-  // True maps, row by row.
+  // `truth` holds the true maps, one a row.
   void fit(const SoftMaps& soft, const Matrix& truth, const Scene& scene);
   PixelMaps operator()(const SoftMaps& soft, const Scene& scene) const;
 

@@ -24,7 +24,8 @@ constexpr RecordNumber of_radar[] = {{"radar profile width", Kind::ratio, 0.02},
                                      {"radar power before the body", Kind::number, 0.01}};
 constexpr RecordNumber of_both[] = {{"radar range", Kind::length, 0.005, true}};
 
-// Added before the logarithm: variation that plain noise may make, and which differs with it.
+// These are added before the logarithm: plain noise may make such variation, and it differs with
+// the noise.
 constexpr std::array<double, power_variations> of_noise = {0.3, 0.3, 0.02};
 
 struct Moments {
@@ -58,7 +59,7 @@ void add_of_spd(std::span<const float> histogram, std::span<const float> counts,
     out.push_back(static_cast<float>(v));
 }
 
-// `body`: the profile about the body, or all of it.
+// `body` is the profile about the body, or the whole profile.
 void add_of_radar(std::span<const float> body, std::span<const float> power,
                   std::vector<float>& out) {
   std::vector<double> squares(body.begin(), body.end());

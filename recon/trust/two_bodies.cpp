@@ -15,9 +15,9 @@
 namespace echofuse::recon {
 namespace {
 
-// Two bodies, each as deep as its outstretched arms.
+// Each of the two bodies is as deep as its outstretched arms.
 constexpr double least_apart_m = 0.4;  // sideways
-constexpr int most_tries = 20;         // to draw two bodies that are
+constexpr int most_tries = 20;         // tries to draw two bodies that are so far apart
 constexpr std::uint64_t pair_stream = 0x70616972, turn_stream = 0x7475726e;  // "pair", "turn"
 constexpr std::size_t most_pairs = 96'000, pairs_a_record = 32;
 constexpr std::size_t most_turned = 48'000, turned_a_record = 16;
@@ -25,7 +25,7 @@ const std::vector<std::size_t> hidden = {128, 64};
 constexpr std::size_t batch = 256, draws_a_record = 350, most_draws = 2'000'000;
 constexpr double learning_rate = 4e-3;
 constexpr double nobody = -30;                // log odds
-constexpr double background_quantile = 0.05;  // of the radar's power, without an alignment
+constexpr double background_quantile = 0.05;  // quantile of the radar's power, without an alignment
 
 }  // namespace
 
@@ -51,7 +51,7 @@ void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
                       const std::vector<std::optional<Place>>& places, std::uint64_t seed) {
   Matrix ones, pairs;
   classifier_ = {};
-  // Records with a body, and where it is.
+  // `seen` are the records with a body, and `known` is where the body stands.
   Rows seen, usable;
   std::vector<Place> known;
   for (const std::size_t row : rows) {
@@ -63,7 +63,7 @@ void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
     if (places[row]) usable.push_back(seen.size() - 1), known.push_back(*places[row]);
   }
   if (seen.size() < 2) return;
-  // A sum has it once, as a record has.
+  // A sum holds the background once, as a record does.
   const std::vector<float> background =
       alignment_.known() ? alignment_.background()
                          : column_quantile(raw_inputs, seen, background_quantile);
@@ -72,7 +72,7 @@ void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
   Matrix inputs, radar;
   const Matrix no_array;
   if (alignment_.profile_points() > 0 && alignment_.array_features() == 0 && !usable.empty()) {
-    inputs = ones;  // which grow below
+    inputs = ones;  // `ones` grows below
     radar = Matrix(0, profile_);
     for (const std::size_t row : seen) radar.add_row(radar_of(raw_inputs.row(row)));
     turned.emplace(alignment_, inputs, radar, no_array, usable, known);
@@ -82,7 +82,7 @@ void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
   const auto any = [&](Rng& rng) {
     return std::uniform_int_distribution<std::size_t>(0, everybody.size() - 1)(rng);
   };
-  // As the body k would stand in the azimuth of the body `as`.
+  // This is where body k would stand in the azimuth of body `as`.
   const auto side_m = [&](std::size_t k, std::size_t as) {
     const auto tangent = double{known[as].tangent};
     const double range_m =
@@ -90,7 +90,7 @@ void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
     return range_m * tangent / std::hypot(1.0, tangent);
   };
   struct Pair {
-    std::size_t a, b, as_a, as_b;  // each body, and the one in whose azimuth it stands
+    std::size_t a, b, as_a, as_b;  // each body, and the one whose azimuth it takes
   };
   std::vector<Pair> drawn(std::min(most_pairs, pairs_a_record * seen.size()));
   Rng pair_rng = make_rng(seed, pair_stream);
@@ -122,7 +122,7 @@ void TwoBodies::learn(const Matrix& raw_inputs, const Rows& rows,
     ones.values.resize((plain + more) * ones.cols);
     ones.rows += more;
     Rng turn_rng = make_rng(seed, turn_stream);
-    std::vector<std::array<std::size_t, 2>> turns(more);  // a body, and whose azimuth it gets
+    std::vector<std::array<std::size_t, 2>> turns(more);  // each body, and whose azimuth it takes
     for (auto& [k, as] : turns) k = any(turn_rng), as = any(turn_rng);
     for_each_part(more, [&](std::size_t i) {
       const auto [k, as] = turns[i];

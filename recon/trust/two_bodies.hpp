@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-// Whether a record shows two bodies. No training record does; but the sum of two of them is what
-// two bodies measure when neither hides the other (training on made-up outliers: Hendrycks et al.,
-// ICLR 2019). A small network tells such sums from single records, by histogram, profile and view
-// of the radar's antennas about the centroid of all that is there. The bodies of a sum stand apart
-// sideways, as two bodies cannot stand in one place. With both sensors and a baseline all are
-// turned about the SPD (models/body/turned.hpp), so that few records make many.
+// This file tests whether a record shows two bodies. No training record does, but the sum of two of
+// them is what two bodies measure when neither hides the other (training on made-up outliers:
+// Hendrycks et al., ICLR 2019). A small network tells such sums from single records, by histogram,
+// profile and view of the radar's antennas about the centroid of all that is there. The bodies of a
+// sum stand apart sideways, as two bodies cannot stand in one place. With both sensors and a
+// baseline all are turned about the SPD (method/turned.hpp), so that few records make many.
 #pragma once
 #include <optional>
 #include <span>
@@ -20,14 +20,16 @@ namespace echofuse::recon {
 
 class TwoBodies {
  public:
-  // What a model of these features is given; the alignment is not looked at without a detector.
+  // It takes the features and the alignment of a model; without a detector the alignment is not
+  // used.
   void use(const Features& of_model, const Alignment& alignment);
   bool known() const { return classifier_.known(); }
-  // From the given rows of the raw inputs. places: where the body of every row is, if it is known.
+  // It learns from the given rows of the raw inputs. `places` holds where the body of every row is,
+  // if that is known.
   void learn(const Matrix& raw_inputs, const Rows& rows,
              const std::vector<std::optional<Place>>& places, std::uint64_t seed);
-  // Logarithm of the odds of two bodies against one; very small where nobody is. Of a view without
-  // its correlation, or without a detector of the radar's power.
+  // Returns the logarithm of the odds of two bodies against one; it is very small where nobody is.
+  // It takes a view without its correlation, or, without a detector, the radar's power.
   double operator()(std::span<const float> aligned, std::span<const float> power) const;
 
   void archive(Archive archive);
@@ -38,9 +40,9 @@ class TwoBodies {
     return raw_inputs.subspan(spd_bins_, profile_);
   }
 
-  // Of raw inputs, counts | power | lags.
+  // Raw inputs are counts | power | lags.
   std::size_t spd_bins_ = 0, profile_ = 0;
-  Alignment alignment_;  // not known without a detector
+  Alignment alignment_;  // empty without a detector
   Classifier classifier_;
 };
 

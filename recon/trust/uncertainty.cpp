@@ -13,7 +13,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double smallest_error_m = 3e-3;  // below which errors count the same
+constexpr double smallest_error_m = 3e-3;  // smaller errors count the same
 constexpr double penalty = 1e-3;
 constexpr std::size_t folds = 5;
 
@@ -58,7 +58,7 @@ void LateralError::fit(const Matrix& predictors, const std::vector<double>& erro
   weights_ = linear_fit(terms, targets, std::vector<float>(targets.size(), 1.f), penalty);
   std::vector<double> ratios;
   for (std::size_t fold = 0; fold < folds; ++fold) {
-    std::vector<float> counts;  // a record's copies are held out with it
+    std::vector<float> counts;  // times each record counts; its copies are held out with it
     for (const std::size_t i : known) counts.push_back(i % plain % folds == fold ? 0.f : 1.f);
     const auto weights = linear_fit(terms, targets, counts, penalty);
     for (std::size_t i = 0; i < known_plain; ++i)

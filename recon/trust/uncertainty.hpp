@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// What a model says of its own answers: how far off a body may be, how sure each pixel is, and
-// whether the record is one that it can know anything about. Learnt after the training
-// (fit_uncertainty.hpp), part of a prediction (predict.hpp); the model itself may be any.
+// A model states of its own answers how far off a body may be, how sure each pixel is, and whether
+// the record is one that it can know anything about. This is learnt after the training
+// (fit_uncertainty.hpp) and is part of a prediction (predict.hpp). It serves any kind of model.
 #pragma once
 #include <string>
 #include <vector>
@@ -11,17 +11,17 @@
 
 namespace echofuse::recon {
 
-// The usual lateral error grows with |x/z| and with noise (predictors.hpp): a regression
-// of its logarithm on those, times the factor that holds 90 % of the validation records, each
-// against a regression without it (cross-conformal prediction; Vovk, Ann. Math. Artif. Intell. 74,
-// 9, 2015).
+// The usual lateral error grows with |x/z| and with noise (predictors.hpp). A regression gives its
+// logarithm from these predictors. A factor then widens it so that it holds 90 % of the validation
+// records, each against a regression without it (cross-conformal prediction; Vovk, Ann. Math.
+// Artif. Intell. 74, 9, 2015).
 class LateralError {
  public:
   static constexpr double share_within = 0.9;
 
-  // Row i of each belongs together; an error that is NaN is left out. `plain`: the first so many
-  // rows are records as they were measured, which set the factor; what follows are copies of all
-  // of them, in the same order. Learns nothing from fewer than least_records of known error.
+  // Row i of both belongs together; an error that is NaN is left out. The first `plain` rows are
+  // records as they were measured, which set the factor. The rows behind them are copies of all of
+  // these, in the same order. It learns nothing from fewer than least_records known errors.
   static constexpr std::size_t least_records = 30;
   void fit(const Matrix& predictors, const std::vector<double>& error_m, std::size_t plain);
   double operator()(std::span<const float> predictors) const;  // metres; NaN if nothing was learnt
@@ -31,16 +31,16 @@ class LateralError {
  private:
   std::vector<float> terms_of(std::span<const float> predictors) const;
 
-  std::vector<float> centre_, spread_, least_, most_;  // of the predictors
+  std::vector<float> centre_, spread_, least_, most_;  // ranges and scales of the predictors
   std::vector<double> weights_;
   double factor_ = 0;
 };
 
-// What is stated of one reconstruction.
+// These are the statements about one reconstruction.
 struct PredictionUncertainty {
-  double lateral_interval_90_m = 0;  // the body is within so much of where it is shown in 90 % of
-                                     // the records like the training ones; NaN: of a record that
-                                     // is unlike them, or of one that shows nobody
+  // The body is at most this far (metres) from where it is shown in 90 % of the records like the
+  // training ones. It is NaN if the record is unlike them, or shows nobody.
+  double lateral_interval_90_m = 0;
   OutOfDistributionScore out_of_distribution;
 };
 
@@ -49,8 +49,9 @@ struct UncertaintyModel {
   LateralError lateral;
   PixelError pixels;
 
-  // Step 6 of the method (method/method.hpp): how far off each map may be, and whether the record
-  // is one that the model can know anything about. Row i of views and maps is of rows[i].
+  // Step 6 of the method (method/method.hpp) says how far off each map may be, and whether the
+  // record is one that the model can know anything about. Row i of views and maps belongs to
+  // rows[i].
   std::vector<PredictionUncertainty> trust(const Matrix& views, const Matrix& maps,
                                            const Scene& scene, const Dataset& data,
                                            const Rows& rows, Inputs inputs) const;

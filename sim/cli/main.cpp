@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// echofuse-sim: the simulated world. Each add_... function describes one subcommand and, when it
-// was chosen, sets what to run.
+// echofuse-sim is the simulated world. Each add_... function describes one subcommand and, when it
+// was chosen, sets the function to run.
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cmath>
@@ -136,7 +136,7 @@ struct LabArguments : PlanArguments {
   std::optional<std::int64_t> seed;
   double duration_s = 0;
   bool json = false;
-  std::vector<std::string> command;  // to run in the laboratory
+  std::vector<std::string> command;  // the command to run in the laboratory
 };
 
 void print_sent(const std::string& sent) {
@@ -161,7 +161,7 @@ ExitCode run_lab(LabArguments& a) {
     a.options.schedule.list = scenes_of(plan);
     a.options.schedule.kind = plan.scenes;
   }
-  if (a.options.schedule.kind == "object") plan.objects = 1, scenes_of(plan);  // is there a mesh?
+  if (a.options.schedule.kind == "object") plan.objects = 1, scenes_of(plan);  // checks for a mesh
   a.options.schedule.seed = a.seed.value_or(plan.seed);
   const SystemClock clock;
   sim::Lab lab(clock, a.options);

@@ -13,7 +13,7 @@ namespace echofuse::sim {
 
 using Command = std::function<ExitCode()>;
 
-// What describes a plan on the command line.
+// These arguments describe a plan on the command line.
 struct PlanArguments {
   std::string config;
   std::vector<std::string> settings;
@@ -33,8 +33,8 @@ void add_plan_options(CLI::App& app, PlanArguments& arguments);
 // Returns --twin.
 CLI::Option* add_twin_options(CLI::App& app, PlanArguments& arguments);
 
-// For what has but one laboratory: its conditions are as drawn. A data set's file configures a
-// laboratory and a study as well.
+// It reads the plan for a command with one laboratory only; the conditions are as drawn. A data
+// set's file can also configure a laboratory and a study.
 void read_plan(const PlanArguments& arguments, Plan& plan, Settings& settings);
 
 }  // namespace echofuse::sim

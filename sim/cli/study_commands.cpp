@@ -20,7 +20,7 @@ struct StudyArguments : PlanArguments {
   std::string out, part;
 };
 
-// What a part leaves: its files, which the same command without --part takes.
+// A part leaves its files, which the same command without --part takes.
 template <class Options>
 ExitCode part_done(const StudyArguments<Options>& a) {
   if (!a.options.quiet)

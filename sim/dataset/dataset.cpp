@@ -28,7 +28,7 @@ namespace {
 
 constexpr std::int64_t batch_records = 128;
 
-// Independent random streams of one seed.
+// These are independent random streams of one seed.
 enum class Stream : std::uint64_t {
   scenes,
   order,
@@ -74,7 +74,7 @@ void count_clicks(record::FusedRecord& r, std::int64_t pulses) {
   r.sync[Sensor::spd].used = clicks;
 }
 
-// Records first..last-1. Which thread makes which record does not matter to its content.
+// It makes the records first..last-1. The thread that makes a record does not change its content.
 std::vector<record::FusedRecord> make_batch(const Generator& generator, std::int64_t first,
                                             std::int64_t last, int threads) {
   std::vector<record::FusedRecord> batch(static_cast<std::size_t>(last - first));
@@ -123,7 +123,7 @@ record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
   return info;
 }
 
-// What is in the files that a plan names.
+// Returns the text of the files that a plan names.
 std::string files_of(const Plan& plan) {
   std::string out;
   for (const std::string& path : {plan.scenes, plan.conditions.object})
@@ -131,7 +131,7 @@ std::string files_of(const Plan& plan) {
   return out;
 }
 
-// A run that has these records already, as of a job that was queued again.
+// It is true if a run has these records already, as when a job was queued again.
 bool is_there(const std::string& path, const record::RunInfo& info, JobPart::Range records) {
   if (!std::filesystem::exists(path)) return false;
   const record::RunReader run(path);
@@ -226,7 +226,7 @@ std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& sc
   const Conditions& c = conditions(index);
   const bool coherent = c.radar_sum == "coherent";
   AntennaRadar radar = radar_of(c);
-  // A covariance's roots need all patches.
+  // A root of the covariance needs all patches.
   const RoomAlone* room = coherent || !keeps_array_ ? room_behind(scene) : nullptr;
   thread_local Returns returns;
   radar_returns(scene, c, returns, room ? RoomIs::subtracted : RoomIs::seen);
@@ -265,8 +265,9 @@ std::optional<record::Speckle> Generator::speckle_of_noise(std::int64_t index,
   return speckle.take();
 }
 
-// From random numbers of its own, so that the rest of the record (with coherent echoes: but the
-// profile) is the same with and without antennas. Returns the mean power in each point.
+// It draws from random numbers of its own, so that the rest of the record is the same with and
+// without antennas (with coherent echoes: all but the profile). Returns the mean power in each
+// point.
 std::vector<double> Generator::profile_of_antennas(std::int64_t index, const Returns& returns,
                                                    const AntennaRadar& radar,
                                                    record::FusedRecord& r) const {
@@ -285,7 +286,7 @@ std::vector<double> Generator::profile_of_antennas(std::int64_t index, const Ret
 
 namespace {
 
-// Returns how many were written.
+// Returns the number of records that were written.
 std::int64_t write_records(const Generator& generator, JobPart::Range range,
                            record::RunWriter& writer, const DatasetOptions& options) {
   Progress progress("records", static_cast<std::size_t>(range.size()), options.quiet);

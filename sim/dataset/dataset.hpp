@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A whole run file of simulated records, with the same bytes for the same plan whatever the
-// number of threads (but for uuid and times of day).
+// This file writes a whole run file of simulated records. The bytes are the same for the same plan
+// whatever the number of threads (but for uuid and times of day).
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -15,29 +15,29 @@
 
 namespace echofuse::sim {
 
-// What a data set is made of; stored in the run as config_resolved.
+// A data set is made from this plan; the run stores it as config_resolved.
 struct Plan {
   std::int64_t seed = 1;
   std::int64_t people = 1000, letters = 3000, two_people = 0, empty = 0;  // [S] 1000 and 3000
   std::int64_t objects = 0;
   std::string
       scenes;  // file of a list (sim/scene/scene_list.hpp), which replaces the numbers above
-  Conditions conditions;  // what a laboratory would write down
-  // Ranges of what laboratories differ in (twin_named); empty: none. Either all records are of one
-  // laboratory, or record i of laboratory i mod `laboratories`.
+  Conditions conditions;  // the conditions that a laboratory would write down
+  // `twin` holds the ranges of what laboratories differ in (twin_named), or is empty. Either all
+  // records come from one laboratory, or record i comes from laboratory i mod `laboratories`.
   std::string twin;
   std::int64_t laboratory = 0, laboratories = 0;
 };
 
 void bind(Settings& settings, Plan& plan);
-// Call after reading: the twin becomes the text of its ranges, without those whose key is given.
-// Throws Error(config) for a twin that cannot be read and for laboratories without a twin.
+// It is called after reading: the twin becomes the text of its ranges, without those whose key is
+// given. Throws Error(config) for a twin that cannot be read and for laboratories without a twin.
 void resolve_twin(const Settings& settings, Plan& plan);
-// The conditions of the plan's laboratories, without a twin of the only one.
+// Returns the conditions of the plan's laboratories; without a twin there is only one.
 std::vector<Conditions> laboratories_of(const Plan& plan);
 
-// The scenes of all records: those of the list in its order, or the numbers of each kind in a
-// (seeded) random order. Throws Error(config) for a list that cannot be read and for objects
+// Returns the scenes of all records: those of the list in its order, or the numbers of each kind in
+// a (seeded) random order. Throws Error(config) for a list that cannot be read and for objects
 // without a mesh.
 std::vector<SceneSpec> scenes_of(const Plan& plan);
 
@@ -75,9 +75,9 @@ class Generator {
   std::vector<SceneSpec> scenes_;
   Axis x_, y_;
   double mean_peak_ = 0;
-  record::Antennas antennas_;  // with their errors; one, if their samples are not kept
+  record::Antennas antennas_;  // includes their errors; one antenna, if their samples are not kept
   bool keeps_array_ = false;
-  std::optional<RoomAlone> room_;  // if all records are before it, in one laboratory
+  std::optional<RoomAlone> room_;  // set if all records stand before it, in one laboratory
 };
 
 struct DatasetOptions {
@@ -85,10 +85,10 @@ struct DatasetOptions {
   std::string config_text;  // kept verbatim in the run
   int threads = 2;
   bool quiet = false;
-  std::optional<JobPart> part = {};  // only its records
+  std::optional<JobPart> part = {};  // if set, only its records
 };
 
-// Writes the run file; returns the number of records written (fewer if interrupted). A part is
+// Writes the run file, and returns the number of records written (fewer if interrupted). A part is
 // there only when it is whole, and one that is there already is left as it is.
 std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options);
 

@@ -24,7 +24,7 @@ Bytes png_of(const chart::Raster& r) {
                                 static_cast<std::uint32_t>(r.rows));
 }
 
-// Metres, row after row; empty without a camera.
+// The depths are in metres, row after row; the list is empty without a camera.
 std::vector<float> depths_of(const record::FusedRecord& r) {
   std::vector<float> metres;
   if (r.has(Sensor::depth))
@@ -32,19 +32,19 @@ std::vector<float> depths_of(const record::FusedRecord& r) {
   return metres;
 }
 
-// One scale for all scenes, if they lie on it.
+// All scenes share one scale if they lie on it.
 chart::Span span_of(const std::vector<float>& metres) {
   chart::Span own = chart::span_of(metres);
   const chart::Span usual;
   std::vector<float> there = metres;
   std::erase_if(there, [](float z) { return !(z > 0); });
   std::sort(there.begin(), there.end());
-  if (!there.empty())  // a person before a room is few of its returns
+  if (!there.empty())  // a person before a room makes few of its returns
     own.near = std::min(own.near, std::floor(2 * double{there[there.size() / 500]}) / 2);
   return own.near >= usual.near && own.far <= usual.far ? usual : own;
 }
 
-// A square about what there is, in pixels; all of it if that is most of it.
+// This is a square about what there is, in pixels, or the whole map if that is most of it.
 struct Part {
   std::size_t left = 0, top = 0, size = 0;
 };
@@ -95,7 +95,7 @@ chart::Drawing map_of(const record::RunReader& run, const record::FusedRecord& r
   return chart::draw(p);
 }
 
-// One axis of range for both sensors, with what the camera sees on it.
+// Both sensors share one axis of range, with the camera's depths on it.
 void share_range(chart::Panel& panel, const record::RunReader& run, const record::FusedRecord& r) {
   panel.height = 330;
   panel.x.first = 0;
@@ -113,7 +113,7 @@ void share_range(chart::Panel& panel, const record::RunReader& run, const record
     panel.rules = {{at(0.02), "nearest", true}, {at(0.98), "wall", true}};
 }
 
-// In dB of its strongest value.
+// The powers are in dB of the strongest value.
 chart::Drawing profile_of(const record::RunReader& run, const Axis& axis,
                           const record::FusedRecord& r) {
   chart::Panel panel{"Radar: power by range",
@@ -148,7 +148,7 @@ chart::Drawing histogram_of(const record::RunReader& run, const Axis& axis,
   return chart::draw(panel);
 }
 
-// Over range and direction, of the strongest.
+// The power is drawn over range and direction, in dB of the strongest.
 chart::Drawing beams_of(const Axis& range, const record::Antennas& antennas,
                         const record::FusedRecord& r) {
   std::vector<double> powers;

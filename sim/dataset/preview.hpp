@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A record as a picture: depth map, histogram, profile; with antennas also the power over range and
-// direction.
+// A preview shows a record as a picture: depth map, histogram, profile; with antennas also the
+// power over range and direction.
 #pragma once
 #include <cstdint>
 #include <string>

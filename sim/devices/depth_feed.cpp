@@ -47,11 +47,11 @@ class DepthFeed final : public Device {
   }
 
  private:
-  // Each process that uses OpenNI2 has a module of its own, thus several may look.
+  // Each process that uses OpenNI2 has a module of its own, thus several may connect.
   struct Viewer {
     explicit Viewer(Local::socket s) : socket(std::move(s)) {}
     Local::socket socket;
-    Bytes out;  // being written; empty: ready for the next frame
+    Bytes out;  // being written; if empty, ready for the next frame
     std::array<std::uint8_t, 16> unread{};
     bool gone = false;
   };
@@ -59,7 +59,7 @@ class DepthFeed final : public Device {
   struct Frame {
     DepthHeader header;
     std::vector<std::uint16_t> pixels;
-    const char* what;  // becomes of it
+    const char* what;  // fate of the frame
     HostTime due;
   };
 
@@ -102,7 +102,7 @@ class DepthFeed final : public Device {
     injector_.log(begun, what, {{"frame", index}});
   }
 
-  // Unplugged, there is no socket to find, and whoever looks sees it end.
+  // When it is unplugged, there is no socket to find, and connected viewers see it end.
   void poll() {
     if (stopping_) return;
     send_due();
@@ -169,7 +169,7 @@ class DepthFeed final : public Device {
   void send(const Frame& frame) {
     for (Place viewer = viewers_.begin(); viewer != viewers_.end(); ++viewer) {
       if (viewer->gone) continue;
-      if (!viewer->out.empty()) {  // still busy with an older one
+      if (!viewer->out.empty()) {  // still busy with an older frame
         ++skipped_;
         log(injector_.now(), "skipped", frame.header.frame_index);
         continue;
@@ -202,13 +202,13 @@ class DepthFeed final : public Device {
   boost::asio::steady_timer timer_;
   std::chrono::steady_clock::time_point next_;
   std::list<Viewer> viewers_;
-  std::vector<std::uint16_t> pixels_, last_;  // as the scene is; as it was sent
+  std::vector<std::uint16_t> pixels_, last_;  // as the scene is, and as it was sent
   std::int64_t pictured_ = -1;
   bool stopping_ = false;
   std::uint32_t frame_index_ = 0;
   std::uint64_t all_viewers_ = 0, frames_ = 0, skipped_ = 0;
   std::deque<Frame> held_;                // delayed
-  Rng rng_ = make_rng(options_.seed, 1);  // of range noise and dropouts
+  Rng rng_ = make_rng(options_.seed, 1);  // for range noise and dropouts
   ErrorCode ignored_;
   FaultInjector injector_;
 };

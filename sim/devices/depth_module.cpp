@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-// An OpenNI2 driver with one depth camera whose frames come from a laboratory's socket, found by
-// this file's own place: LAB/openni/OpenNI2/Drivers/MODULE -> LAB/depth.sock. The camera is plugged
-// in while the laboratory answers. Loaded by the stock library; knows nothing of the product.
+// This is an OpenNI2 driver with one depth camera whose frames come from a laboratory's socket.
+// This file's own place tells where the socket is: LAB/openni/OpenNI2/Drivers/MODULE ->
+// LAB/depth.sock. The camera is plugged in while the laboratory answers. The stock library loads
+// the module, which knows nothing of the product.
 // Threading: OpenNI calls from its user's threads; one thread of the module reads the socket.
 #include <Driver/OniDriverAPI.h>
 #include <dlfcn.h>
@@ -49,7 +50,7 @@ std::string find_socket() {
   for (int up = 0; up < 4; ++up) path.resize(std::min(path.size(), path.rfind('/')));
   return path + "/depth.sock";
 }
-// While the module is being loaded: later the working directory is another.
+// The path is found while the module is being loaded: later the working directory is another.
 const std::string socket_path = find_socket();
 // Every laboratory's camera is another one.
 const std::string uri = "echofuse-sim://" + socket_path;
@@ -86,7 +87,7 @@ class Stream final : public oni::driver::StreamBase {
     });
     return known ? status : ONI_STATUS_NOT_SUPPORTED;
   }
-  // Nothing can be changed, but asking for what is already so is fine.
+  // Nothing can be changed, but a request for the present value is fine.
   OniStatus setProperty(int property, const void* data, int size) override {
     bool same = false;
     with_property(property, [&](const auto& value) {
@@ -132,7 +133,8 @@ class Stream final : public oni::driver::StreamBase {
     return {ONI_PIXEL_FORMAT_DEPTH_1_MM, static_cast<int>(camera_.width),
             static_cast<int>(camera_.height), static_cast<int>(camera_.fps)};
   }
-  // Calls `use` with the property's value, in OpenNI's type of it; false if there is none.
+  // It calls `use` with the property's value, in OpenNI's type of it, and returns false if there is
+  // none.
   template <class Use>
   bool with_property(int property, Use use) const {
     switch (property) {
@@ -170,7 +172,7 @@ class Stream final : public oni::driver::StreamBase {
   bool running_ = false;
 };
 
-// The streams that are open, for the reader.
+// These are the open streams, for the reader.
 class Streams {
  public:
   void add(Stream* stream) {
@@ -242,7 +244,7 @@ class Driver final : public oni::driver::DriverBase {
                        oni::driver::DeviceDisconnectedCallback disconnected,
                        oni::driver::DeviceStateChangedCallback changed, void* cookie) override {
     DriverBase::initialize(connected, disconnected, changed, cookie);
-    connect();  // at once, so that the camera is there for a user who opens it at once
+    connect();  // connects at once, so that the camera is there for a user who opens it at once
     reader_ = std::thread([this] { run(); });
     return ONI_STATUS_OK;
   }
@@ -313,7 +315,7 @@ class Driver final : public oni::driver::DriverBase {
     return true;
   }
 
-  // False at the end of the stream, on shutdown, or after so many polls without a byte.
+  // It returns false at the end of the stream, on shutdown, or after so many polls without a byte.
   bool read_exactly(void* into, std::size_t size, int patience) {
     auto* place = static_cast<char*>(into);
     for (int waited = 0; size > 0 && !quit_ && waited != patience;) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// What the laboratory tells the OpenNI2 driver module over its unix socket: first one header with
-// pixel_bytes 0 (the camera's fixed properties), then headers followed by width * height u16 of z
-// in millimetres, row-major from the top left. Both ends are one build on one machine.
+// The laboratory sends these to the OpenNI2 driver module over its unix socket: first one header
+// with pixel_bytes 0 (the camera's fixed properties), then headers followed by width * height u16
+// of z in millimetres, row-major from the top left. Both ends are one build on one machine.
 #pragma once
 #include <cstdint>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The simulated devices of a laboratory. Each lives on one io thread and never blocks it.
+// These are the simulated devices of a laboratory. Each lives on one io thread and never blocks it.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -18,7 +18,7 @@ class io_context;
 
 namespace echofuse::sim {
 
-// What goes wrong with the devices, and where what they do is written down, if anywhere.
+// The plan holds the faults of the devices, and a journal of what the devices do, if there is one.
 struct FaultPlan {
   std::vector<Fault> faults;
   Journal* journal = nullptr;
@@ -27,14 +27,15 @@ struct FaultPlan {
 class Device {
  public:
   virtual ~Device() = default;
-  // Says goodbye where the protocol has one; what it has under way ends within a second.
+  // It says goodbye if the protocol can; what is under way ends within a second.
   virtual void stop() = 0;
-  // What was sent so far, by name.
+  // Returns the counts of what was sent so far, by name.
   virtual std::vector<std::pair<std::string, std::uint64_t>> sent() const = 0;
 };
 
-// A time tagger behind the bridge protocol on 127.0.0.1: one client at a time, a block every 5 ms;
-// when the client is slow, the oldest tags are kept and new ones dropped and counted.
+// This is a time tagger behind the bridge protocol on 127.0.0.1. It serves one client at a time,
+// with a block every 5 ms. When the client is slow, the oldest tags are kept and new ones are
+// dropped and counted.
 class TdcBridge : public Device {
  public:
   virtual std::string address() const = 0;  // "bridge:tcp://127.0.0.1:PORT"
@@ -43,14 +44,14 @@ struct TdcOptions {
   Tagging tagging;
   double window_s = 3;
   std::uint64_t seed = 1;
-  std::uint16_t port = 0;  // 0: any free one
+  std::uint16_t port = 0;  // 0 takes any free port
   std::size_t send_queue_bytes = 8 << 20;
   FaultPlan plan{};
 };
 std::unique_ptr<TdcBridge> make_tdc_bridge(boost::asio::io_context& io, ScenePlayer& player,
                                            const TdcOptions& options);
 
-// The two UARTs of a radar board as pseudo-terminals, published as symbolic links.
+// The two UARTs of a radar board are pseudo-terminals, published as symbolic links.
 struct RadarOptions {
   std::string cli_link, data_link;
   std::uint64_t seed = 1;
@@ -60,13 +61,13 @@ struct RadarOptions {
 std::unique_ptr<Device> make_radar_ptys(boost::asio::io_context& io, ScenePlayer& player,
                                         const RadarOptions& options);
 
-// Frames for the OpenNI2 driver module (depth_module.cpp) on a unix socket.
+// These frames go to the OpenNI2 driver module (depth_module.cpp) on a unix socket.
 struct DepthOptions {
   std::string socket_path;
   std::uint32_t width = 320, height = 240;
   double fps = 30;
   double half_tangent_x = 0.8, half_tangent_y = 0.6;  // 8/5 of the maps' field of view, and more
-  std::uint64_t seed = 1;                             // of its faults
+  std::uint64_t seed = 1;                             // for its faults
   FaultPlan plan{};
 };
 std::unique_ptr<Device> make_depth_feed(boost::asio::io_context& io, ScenePlayer& player,

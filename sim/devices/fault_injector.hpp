@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Injects faults into one device, and logs them and what the device sends.
-// Threading: one io thread.
+// This file injects faults into one device, and logs them and what the device sends.
+// Threading: one io thread uses it.
 #pragma once
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
@@ -16,8 +16,8 @@ namespace echofuse::sim {
 
 class FaultInjector {
  public:
-  // `device` is a literal. `on_poll` is called every 5 ms if there are any faults, so that one
-  // which begins or ends is acted on.
+  // `device` is a literal. `on_poll` is called every 5 ms if there are any faults, so that a fault
+  // that begins or ends takes effect.
   FaultInjector(boost::asio::io_context& io, ScenePlayer& player, const char* device,
                 const FaultPlan& plan, std::uint64_t seed, std::function<void()> on_poll);
 
@@ -26,15 +26,15 @@ class FaultInjector {
   std::optional<double> amount(FaultKind kind) const { return faults_.at(kind, player_.now_s()); }
   double gain() const { return amount(FaultKind::gain).value_or(1); }
   double clock_error_s(double time_s) const { return faults_.clock_error_s(time_s); }
-  // Whether the fault, of which amount() is the share, is triggered this time.
+  // It says whether the fault is triggered this time; amount() is the share of times.
   bool triggers(FaultKind kind);
-  // Changes one byte; returns which.
+  // It changes one byte, and returns its index.
   std::size_t corrupt(Bytes& bytes);
-  // What a line picks up now; mostly nothing.
+  // Returns the bytes that a line picks up now; mostly there are none.
   Bytes garbage();
   std::uint64_t noise() { return rng_(); }
   HostTime now() const { return player_.now(); }
-  // When what is ready now goes out.
+  // Returns the time at which what is ready now goes out.
   HostTime due() const { return now() + from_seconds(amount(FaultKind::late).value_or(0)); }
 
   void log(HostTime time, const char* what, Journal::Numbers numbers) {

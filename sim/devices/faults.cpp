@@ -13,7 +13,7 @@ namespace {
 
 struct Kind {
   const char* name;
-  double usual, min, max;  // of the amount
+  double usual, min, max;  // values of the amount
 };
 constexpr std::array<Kind, 10> kinds = {{{"drop", 1, 0, 1},
                                          {"corrupt", 1, 0, 1},
@@ -113,8 +113,8 @@ class Reader : TableReader {
   }
 };
 
-// The part of the fault's repetition in which time_s lies that is over by then, and how many
-// repetitions came before; no value before the first.
+// It gives the part of the fault's repetition in which time_s lies that is over by then, and how
+// many repetitions came before. It gives nothing before the first.
 std::optional<std::pair<double, double>> progress(const Fault& f, double time_s) {
   if (time_s < f.at_s) return {};
   const double since = time_s - f.at_s;

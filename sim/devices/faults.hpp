@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What goes wrong in a laboratory, and when: a timetable that every run of it repeats.
+// The timetable says what goes wrong in a laboratory, and when; every run of the laboratory repeats
+// it.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -22,29 +23,31 @@ enum class FaultKind : std::uint8_t {
 };
 const char* name_of(FaultKind kind);
 
-// From at_s for for_s seconds of the laboratory's time, and again every every_s if that is not 0.
-// `amount`: drop, corrupt: share of the blocks or frames; late: s; garbage: bytes with each block
-// or frame, of a camera share of the frames; clock_drift: ppm; clock_offset: s; gain: factor.
+// A fault acts from at_s for for_s seconds of the laboratory's time, and again every every_s if
+// that is not 0. `amount` means, for drop and corrupt, a share of the blocks or frames; for late,
+// s; for garbage, bytes with each block or frame (for a camera a share of the frames); for
+// clock_drift, ppm; for clock_offset, s; for gain, a factor.
 struct Fault {
   std::string device;  // tdc, radar, depth
   FaultKind kind{};
   double at_s = 0, for_s = 0, every_s = 0, amount = 0;
 };
 
-// [[fault]] tables. Throws Error(config) that lists every mistake as name:line:column.
+// The text holds [[fault]] tables. Throws Error(config) that lists every mistake as
+// name:line:column.
 std::vector<Fault> read_faults(const std::string& text, const std::string& name);
 
-// Those of one device, as functions of the laboratory's time.
-// Threading: one thread, as even the const clock_error_s() keeps something.
+// These are the faults of one device, as functions of the laboratory's time.
+// Threading: one thread may use it, as even the const clock_error_s() keeps a value.
 class Faults {
  public:
   Faults() = default;
   Faults(const std::vector<Fault>& all, const std::string& device);
 
   bool empty() const { return faults_.empty(); }
-  // The amount of the fault of this kind that acts at this time.
+  // Returns the amount of the fault of this kind that acts at this time.
   std::optional<double> at(FaultKind kind, double time_s) const;
-  // How far the device's clock is ahead. What it drifted stays.
+  // It says how far the device's clock is ahead. The drift stays after the fault ends.
   double clock_error_s(double time_s) const;
 
   struct Change {
@@ -52,11 +55,11 @@ class Faults {
     const Fault* fault;
     bool begins;
   };
-  // In (from_s, to_s], by time.
+  // Returns the changes in (from_s, to_s], sorted by time.
   std::vector<Change> changes(double from_s, double to_s) const;
 
  private:
-  // The clock's error between two changes of its faults. It is asked for every tag.
+  // This is the clock's error between two changes of its faults. It is asked for every tag.
   struct Segment {
     double from_s = 0, to_s = 0, error_s = 0, slope = 0;  // at from_s; none yet: empty
   };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What a laboratory really did, one JSON object a line:
+// The journal says what a laboratory really did, one JSON object a line:
 //   {"t": host monotonic ns, "device": "tdc", "what": "sent", NAME: NUMBER...}
 // sim/README.md lists what each device writes.
 #pragma once
@@ -26,7 +26,7 @@ class Journal {
     for (const auto& [name, value] : numbers) out_ << ",\"" << name << "\":" << value;
     out_ << "}\n";
   }
-  // At the end: throws Error(disk) if not all of it was written.
+  // It is called at the end, and throws Error(disk) if not all of it was written.
   void close() {
     out_.close();
     check();

@@ -110,7 +110,8 @@ void PhotonSource::draw_detections(std::int64_t pulses, double mean, bool signal
     const double delay = signal ? signal_delay_ps() : background_delay_ps();
     // Jitter beyond a whole period lies outside every histogram, and would unsort the stream.
     if (!(delay >= 0 && delay < period_ps_ - 1)) continue;
-    // Rounded down, so that no photon leaves its bin if the bins' edges are whole picoseconds.
+    // The delay is rounded down, so that no photon leaves its bin if the bins' edges are whole
+    // picoseconds.
     detections_.push_back(static_cast<std::uint64_t>(pulse(rng_)) << 32 |
                           static_cast<std::uint64_t>(delay));
   }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Laser and single-photon detector as a time tagger sees them: the same law as the simulated
-// histogram (sim/sensors/optics.hpp), drawn photon by photon.
+// This is a laser and a single-photon detector as a time tagger sees them. It follows the same law
+// as the simulated histogram (sim/sensors/optics.hpp), drawn photon by photon.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -15,15 +15,16 @@ namespace echofuse::sim {
 struct Tagging {
   std::int32_t sync_channel = 1, click_channel = 2;
   double laser_rate_hz = 1e6;
-  // The device's conditional filter: only syncs followed by a detection are sent.
+  // The device's conditional filter sends only syncs that a detection follows.
   bool conditional_filter = true;
 };
 
-// The number of detections in a window is Poisson, each falls in a pulse of its own choice. Signal:
-// a return picked by weight, its two-way time 2R/c and the IRF's jitter. Background: uniform over
-// the histogram's bins, as of a gated detector. With pulses_per_window > 0 the laser fires that
-// often in a window, whatever laser_rate_hz, and only the first detection of a pulse is kept, or
-// with spd_dead_time_ps those that are not closer than that to the last one kept.
+// The number of detections in a window is Poisson, and each falls in a pulse of its own choice. A
+// signal photon takes a return picked by weight, its two-way time 2R/c and the IRF's jitter.
+// Background is uniform over the histogram's bins, as for a gated detector. With pulses_per_window
+// > 0 the laser fires that often in a window, whatever laser_rate_hz is. Then only the first
+// detection of a pulse is kept, or, with spd_dead_time_ps, those that are not closer than that to
+// the last one kept.
 class PhotonSource {
  public:
   // Signal and background counts are per window_s seconds. Throws Error(config) if the laser is
@@ -32,14 +33,14 @@ class PhotonSource {
                std::uint64_t seed);
 
   double laser_rate_hz() const { return tagging_.laser_rate_hz; }
-  // The scene from the next draw on.
+  // It sets the scene from the next draw on.
   void set_returns(const Returns& returns);
-  // Of laser light and background, from the next draw on.
+  // It scales laser light and background from the next draw on.
   void set_gain(double gain) { gain_ = gain; }
   // Appends all tags of the pulses [first, last) to `out`, sorted by time; returns their number.
   // Pulse n fires at n / laser_rate_hz seconds.
   std::size_t draw(std::int64_t first, std::int64_t last, Bytes& out);
-  // How many that is on average.
+  // Returns the mean number of tags.
   double mean_tags(std::int64_t pulses) const;
 
  private:
@@ -58,8 +59,8 @@ class PhotonSource {
   double window_s_, period_ps_, gain_ = 1;
   Rng rng_;
   std::normal_distribution<double> jitter_;
-  double ready_ps_ = 0;                        // the detector, after a detection
-  std::vector<double> delay_ps_, cumulative_;  // of the scene's returns
+  double ready_ps_ = 0;                        // when the detector is ready, after a detection
+  std::vector<double> delay_ps_, cumulative_;  // delays and summed weights of the scene's returns
   std::vector<std::uint64_t> detections_;      // pulse << 32 | delay in ps, scratch
 };
 

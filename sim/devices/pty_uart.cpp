@@ -14,7 +14,7 @@
 namespace echofuse::sim {
 namespace {
 
-// A USB bridge hands over what came in within its latency timer, 1 to 16 ms.
+// A USB bridge hands over the bytes that came in within its latency timer, 1 to 16 ms.
 constexpr auto chunk_time = std::chrono::milliseconds(4);
 
 [[noreturn]] void fail(const std::string& what) {
@@ -42,7 +42,7 @@ void publish(const std::string& target, const std::string& link) {
     fail("cannot make the link " + link);
 }
 
-// The termios constant of a rate, or B0 for a rate that a pty cannot be set to.
+// Returns the termios constant of a rate, or B0 for a rate that a pty cannot be set to.
 speed_t speed_of(unsigned baud) {
   switch (baud) {
     case 115200:

@@ -11,8 +11,8 @@
 namespace echofuse::sim {
 namespace {
 
-// From amplitudes to the integers of the heat map: the 16 bits hold a reflector of the mean scene's
-// brightness 30 times over.
+// The gain takes amplitudes to the integers of the heat map: the 16 bits hold a reflector of the
+// mean scene's brightness 30 times over.
 constexpr float sample_gain = 1 << 10;
 constexpr unsigned above = 1;  // the ISK's transmitter that stands in another row
 
@@ -58,7 +58,7 @@ void RadarAntennas::start(const std::vector<Chirp>& subframes, double mean_peak)
         used_.push_back(channels_[numbers_.back()]);
       }
   }
-  // The firmware takes the first ones, however many stand in the row.
+  // The firmware takes the first antennas, however many stand in the row.
   if (of_row == 0) of_row = tx.size();
   sent_ = tx.empty() ? 0 : used_.size() / tx.size() * of_row;
   echo_.reset();

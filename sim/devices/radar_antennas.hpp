@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-// The virtual antennas of a simulated board, and what they sample while it runs. An IWR6843ISK
-// sends a row's samples (TLV 4), a board with 12 antennas in a plane (radar_antennas = 12: the AOP)
-// all of them (TLV 8). Both have errors of phase and gain: they are the board's, not the run's.
+// These are the virtual antennas of a simulated board, and their samples while it runs. An
+// IWR6843ISK sends a row's samples (TLV 4), a board with 12 antennas in a plane (radar_antennas =
+// 12: the AOP) all of them (TLV 8). Both have errors of phase and gain: they are the board's, not
+// the run's.
 #pragma once
 #include <array>
 #include <complex>
@@ -25,13 +26,14 @@ class RadarAntennas {
   // The board starts with these chirps, one for each subframe, which differ in their start
   // frequency alone. The noise is that of range_profile_codes.
   void start(const std::vector<Chirp>& subframes, double mean_peak);
-  // The samples of a subframe at this time, of all antennas, `gain` times as strong as they are.
+  // It samples a subframe at this time at all antennas, with `gain` times the true strength.
   void look(const RenderedScene& rendered, std::size_t subframe, double time_s, double gain,
             Rng& rng);
-  // Of this frame. The profile is that of coherent echoes only: the sum of the same samples.
+  // It returns the profile of this frame. The profile is that of coherent echoes only: the sum of
+  // the same samples.
   std::vector<std::uint16_t> profile_codes() const;
   RadarTlv tlv() const;
-  // What measureRangeBiasAndRxChanPhase finds: by what to multiply each antenna's samples.
+  // Returns what measureRangeBiasAndRxChanPhase finds: the factors for each antenna's samples.
   std::string coefficients() const;
 
  private:
@@ -40,14 +42,14 @@ class RadarAntennas {
   const Conditions& conditions_;
   std::uint64_t seed_;
   bool planar_;
-  record::Antennas channels_;  // each transmitter with each receiver
-  record::Antennas used_;      // by the chirp, in the order of its transmitters
-  std::size_t sent_ = 0;       // the first of them
+  record::Antennas channels_;  // one for each transmitter with each receiver
+  record::Antennas used_;      // those of the chirp, in the order of its transmitters
+  std::size_t sent_ = 0;       // number of them that are sent, from the first
   RadarAxis axis_;
   double chirp_s_ = 0;
   std::int64_t chirps_ = 1;
   std::size_t receivers_used_ = receivers;
-  std::vector<std::size_t> numbers_;  // of used_ among channels_
+  std::vector<std::size_t> numbers_;  // numbers of used_ among channels_
   double noise_power_ = 0, seen_s_ = 0;
   std::vector<double> carriers_hz_;
   std::int64_t scene_ = -1;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// What a configured chirp measures, as the demo's firmware works it out from its CLI commands
-// (mmwave SDK 3.x, mmwdemo_rfparser.c), and the range profile that it then sends.
+// This file computes what a configured chirp measures, as the demo's firmware works it out from its
+// CLI commands (mmwave SDK 3.x, mmwdemo_rfparser.c), and the range profile that the chip then
+// sends.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -25,16 +26,16 @@ struct Chirp {
 
   bool operator==(const Chirp&) const = default;
 
-  // Samples within the ramp, sweep within the band, chirps within the frame.
+  // It is true if the samples fit the ramp, the sweep fits the band, and the chirps fit the frame.
   bool possible() const;
-  double active_us() const;  // of a frame
+  double active_us() const;  // active time of a frame
   // bins = samples rounded up to a power of two (1022 for 1024 bins and 12 antennas),
   // step = 3e8 fs / (2 slope bins), resolution = c / 2B with B = slope samples / fs
   RadarAxis axis() const;
 };
 
-// One frame's TLV 2: code = log2_q8(sum_a log2 |x_a|), |x_a| >= 1, over the virtual antennas a,
-// which all have
+// One frame's TLV 2 has code = log2_q8(sum_a log2 |x_a|), |x_a| >= 1, over the virtual antennas a.
+// All of them have
 //   |x_a| = g sqrt(P + N)
 // with P the noise-free power (radar_power), N the frame's noise (add_frame_noise) and g the gain
 // from power to the chip's integers. The mean over the frames of a slot then has the noise of a
@@ -43,10 +44,11 @@ std::vector<std::uint16_t> range_profile_codes(const std::vector<double>& power,
                                                unsigned antennas, const Conditions& conditions,
                                                Rng& rng);
 inline constexpr double radar_gain = 1 << 20;
-double log2_level(double magnitude);  // log2 |x_a| of it, in the chip's integers
+double log2_level(double magnitude);  // log2 |x_a| of a magnitude, in the chip's integers
 
-// measureRangeBiasAndRxChanPhase: distance of the profile's peak within +-window/2 of the target's
-// bin, through a parabola over three magnitudes, from the target's true distance (m).
+// measureRangeBiasAndRxChanPhase gives the distance of the profile's peak from the target's true
+// distance (m). The peak lies within +-window/2 of the target's bin; a parabola over three
+// magnitudes places it.
 double measured_range_bias_m(const std::vector<double>& power, const RadarAxis& axis,
                              double target_m, double window_m);
 

@@ -16,8 +16,8 @@ constexpr char banner_line[] = "******************************************\n";
 constexpr char prompt_text[] = "mmwDemo:/>";
 
 struct Command {
-  std::size_t words;  // with the command's own; 0: any
-  bool needed;        // before a start
+  std::size_t words;  // number of words with the command's own; 0: any
+  bool needed;        // needed before a start
   bool when_started;  // may come while the sensor runs
   bool by_direction;  // its third word makes two settings of it: 0 range, 1 Doppler
 };
@@ -63,7 +63,7 @@ unsigned whole(const std::vector<std::string>& words, std::size_t i) {
   return static_cast<unsigned>(std::clamp(number(words, i), 0.0, 1e9));
 }
 
-// Those of the mask that were not there yet.
+// It adds the transmitters of the mask that are not there yet.
 void add_transmitters(unsigned mask, std::vector<unsigned>& transmitters) {
   for (unsigned t = 0; t < 3; ++t)
     if (mask >> t & 1 && std::count(transmitters.begin(), transmitters.end(), t) == 0)
@@ -232,7 +232,7 @@ bool RadarFirmware::all_pending() const {
   });
 }
 
-// The three ways in which configuration and command contradict each other.
+// The configuration and the command contradict each other in three ways.
 bool RadarFirmware::refuse_start(bool reconfigure) {
   const bool first = state_ == State::init || state_ == State::opened;
   if (reconfigure && all_pending()) return false;
@@ -250,7 +250,7 @@ bool RadarFirmware::refuse_start(bool reconfigure) {
   return true;
 }
 
-// Antennas, ADC and power mode reach the front end at the first start only; the demo then asserts
+// Antennas, ADC and power mode reach the front end at the first start only. The demo then asserts
 // that they stay, and its command line is dead.
 bool RadarFirmware::changed_latched() {
   for (const char* name : latched_commands) {
@@ -307,8 +307,9 @@ void RadarFirmware::between_frames() {
   answer(0);
 }
 
-// The frame as one, or its subframes. Nothing if a part is missing or the front end would refuse
-// it, and of subframes whose chirps differ in more than their start: those are not simulated.
+// Returns the frame as one chirp, or its subframes. It returns nothing if a part is missing or the
+// front end would refuse it. It also returns nothing for subframes whose chirps differ in more than
+// their start: those are not simulated.
 std::vector<Chirp> RadarFirmware::subframes_configured() {
   constexpr unsigned advanced = 3, most = 4;
   if (whole(config_["dfeDataOutputMode"], 1) != advanced) {
@@ -336,7 +337,7 @@ std::vector<Chirp> RadarFirmware::subframes_configured() {
   return out;
 }
 
-// With the profile of a chirp, or the last one.
+// It takes the profile of this chirp, or of the last one.
 std::optional<Chirp> RadarFirmware::chirp(const FramePart& frame,
                                           std::optional<unsigned> of_chirp) {
   const Arguments channel = config_["channelCfg"];

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// The command line of TI's xWR68xx out-of-box demo, SDK 3.4 to 3.6, as its sources have it
+// This is the command line of TI's xWR68xx out-of-box demo, SDK 3.4 to 3.6, as its sources have it
 // (utils/cli, demo/xwr68xx/mmw/mss/mmw_cli.c, uartsci.c): echo, prompt, "Done", "Error -1",
 // "Ignored: ...", what has to be configured before a start, and what may not change after the first
-// one. Knows no ports and no time.
+// one. It knows no ports and no time.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -17,7 +17,7 @@
 
 namespace echofuse::sim {
 
-// guiMonitor and measureRangeBiasAndRxChanPhase
+// guiMonitor and measureRangeBiasAndRxChanPhase set these outputs.
 struct RadarOutputs {
   bool objects = false, range_profile = false, heat_map = false, stats = false;
   bool measure_bias = false;
@@ -27,25 +27,26 @@ struct RadarOutputs {
 class RadarFirmware {
  public:
   using Write = std::function<void(const std::string&)>;
-  // `cli` gets what the firmware says on its command port, `data` raw bytes for the data port.
-  // `sdk`: the 5 of SDK 3.5; before it there is no calibData.
+  // `cli` gets the firmware's text on its command port, `data` raw bytes for the data port. `sdk`
+  // is the 5 of SDK 3.5; before it there is no calibData.
   RadarFirmware(Write cli, Write data, unsigned sdk = 5);
 
-  // Power-up: banner and prompt.
+  // At power-up it sends banner and prompt.
   void boot();
-  // Bytes from the host. While a command runs (a stop waits for the frame) they are lost: the UART
-  // has no buffer beyond one byte.
+  // It takes bytes from the host. While a command runs (a stop waits for the frame) they are lost:
+  // the UART has no buffer beyond one byte.
   void receive(ByteView bytes);
-  // A line of the firmware's own on the command port.
+  // It sends a line of the firmware's own on the command port.
   void say(const std::string& text);
 
-  // Set from sensorStart to the end of the frame in which sensorStop came.
+  // It is set from sensorStart to the end of the frame in which sensorStop came.
   const std::optional<Chirp>& running() const { return running_; }
-  // Of each of the frame's subframes, which follow one another: one, unless advFrameCfg says so.
+  // Returns the chirp of each subframe; the subframes follow one another. There is one, unless
+  // advFrameCfg says otherwise.
   const std::vector<Chirp>& subframes() const { return subframes_; }
   const RadarOutputs& outputs() const { return outputs_; }
   unsigned data_baud() const { return data_baud_; }
-  // No frame is under way: a pending sensorStop completes.
+  // It says that no frame is under way: a pending sensorStop completes.
   void between_frames();
 
  private:
@@ -55,7 +56,7 @@ class RadarFirmware {
   void run_line();
   void prompt();
   void answer(int status);
-  std::optional<int> execute(const Arguments& words);  // nothing: answered later
+  std::optional<int> execute(const Arguments& words);  // empty if the answer comes later
   int configure(const Arguments& words, const std::string& key);
   std::optional<int> sensor_start(const Arguments& words);
   std::optional<int> sensor_stop();
@@ -82,7 +83,7 @@ class RadarFirmware {
   bool stopping_ = false, dead_ = false;
   unsigned data_baud_ = 921600;
   std::map<std::string, Arguments> config_;   // last good words of each command
-  std::map<std::string, Arguments> latched_;  // as they were at the first start
+  std::map<std::string, Arguments> latched_;  // words at the first start
   std::vector<Arguments> chirps_;
   std::map<unsigned, Arguments> profiles_, subframe_cfgs_;  // by their numbers
   Arguments last_profile_;

@@ -91,7 +91,7 @@ class RadarBoard final : public Device {
     framing_ = firmware_.running().has_value();
     if (!framing_) return;
     if (subframe_ > 0 || chirp().frames == 0 || frames_of_start_ < chirp().frames) {
-      frame_number_ += subframe_ == 0;  // the subframes have their frame's
+      frame_number_ += subframe_ == 0;  // subframes have the number of their frame
       frames_of_start_ += subframe_ == 0;
       seen_s_ = player_.now_s();
       seen_subframe_ = subframe_;
@@ -145,7 +145,7 @@ class RadarBoard final : public Device {
     return power;
   }
 
-  // Echoes that interfere are the antennas' in any case, as people move before them.
+  // With interfering echoes the antennas are sampled in any case, as people move before them.
   void look() {
     const Conditions& c = player_.conditions();
     const bool heat_map = firmware_.outputs().heat_map, coherent = c.radar_sum == "coherent";
@@ -187,7 +187,7 @@ class RadarBoard final : public Device {
 
   struct Sent {
     std::uint32_t number = 0, crc = 0;
-    std::int64_t damage = -1;  // which byte of the frame is not as it was; -1: none
+    std::int64_t damage = -1;  // index of the damaged byte of the frame; -1: none
   };
   void log(HostTime begun, const char* done, const Sent& what) {
     injector_.log(begun, done,
@@ -227,7 +227,7 @@ class RadarBoard final : public Device {
     Bytes wire;
     Sent what;
     HostTime due;
-    Bytes junk{};  // behind it
+    Bytes junk{};  // bytes behind it
   };
 
   ScenePlayer& player_;
@@ -243,9 +243,9 @@ class RadarBoard final : public Device {
   double mean_peak_ = 0, seen_s_ = 0, transmit_us_ = 0;
   bool framing_ = false;
   std::uint32_t frame_number_ = 0;
-  std::size_t subframe_ = 0, seen_subframe_ = 0;  // that begins next; that is sent next
+  std::size_t subframe_ = 0, seen_subframe_ = 0;  // next to begin; next to be sent
   std::uint64_t frames_of_start_ = 0, frames_ = 0, skipped_ = 0;
-  std::deque<Frame> line_;  // delayed
+  std::deque<Frame> line_;  // delayed frames
   std::function<void(bool in)> plug_;
   FaultInjector injector_;
 };

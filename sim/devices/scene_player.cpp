@@ -47,7 +47,7 @@ const RenderedScene& ScenePlayer::at(double time_s) {
       make_scene(conditions_, spec_of(schedule_, index), static_cast<std::uint64_t>(schedule_.seed),
                  static_cast<std::uint64_t>(index));
   rendered_.spd = spd_returns(rendered_.scene, conditions_);
-  // The reflector is put before each sensor in turn; here, before both at once.
+  // The reflector is put before each sensor in turn; here it stands before both at once.
   Scene for_radar = rendered_.scene;
   if (for_radar.label == "reflector") for_radar.plates[0].centre.x = radar_x_m(conditions_);
   Conditions with_places = conditions_;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What all simulated devices look at: one scene after the other on one time base.
-// Threading: one thread.
+// All simulated devices look at this player: it shows one scene after the other on one time base.
+// Threading: one thread uses it.
 #pragma once
 #include <cstdint>
 #include <limits>
@@ -14,20 +14,20 @@
 
 namespace echofuse::sim {
 
-// One scene and what each sensor's physics makes of it.
+// It holds one scene and what each sensor's physics makes of it.
 struct RenderedScene {
   std::int64_t index = -1;
   Scene scene;
-  Returns spd, radar;  // the radar's with where each patch is
+  Returns spd, radar;  // the radar's know where each patch is
 };
 
 struct SceneSchedule {
-  std::string kind = "person";  // that of SceneKind, or mixed
+  std::string kind = "person";  // a name of SceneKind, or mixed
   std::int64_t seed = 1;
-  // Each scene stands so long, and goes at a multiple of that on the host's clock, as the daemon's
-  // slots do; 0: the first one for ever.
+  // Each scene stands for this time, and changes at a multiple of it on the host's clock, as the
+  // daemon's slots do. With 0 the first scene stays for ever.
   double hold_s = 0;
-  std::vector<SceneSpec> list{};  // instead of the kind; after the last comes the first
+  std::vector<SceneSpec> list{};  // replaces the kind; after the last comes the first
 };
 
 class ScenePlayer {
@@ -39,7 +39,8 @@ class ScenePlayer {
   HostTime start() const { return start_; }
   HostTime now() const { return clock_.now(); }
   double now_s() const { return seconds(clock_.now() - start_); }
-  // The scene that stands at this time, rendered when it is first asked for, and when it goes.
+  // at() returns the scene that stands at this time; it is rendered when it is first asked for.
+  // scene_end_s() says when it goes.
   const RenderedScene& at(double time_s);
   double scene_end_s(double time_s) const;
 

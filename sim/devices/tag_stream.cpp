@@ -8,7 +8,8 @@ namespace echofuse::sim {
 namespace {
 
 constexpr double longest_block_s = 0.02;
-// On a busy machine the tags of a tick come later; what lags more than the device's memory is lost.
+// On a busy machine the tags of a tick come later; tags that lag more than the device's memory are
+// lost.
 constexpr double longest_tick_s = 0.1, device_memory_s = 1;
 
 }  // namespace

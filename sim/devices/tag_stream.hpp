@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The tags of a scene in real time, in blocks, for whichever device sends them.
+// This file gives the tags of a scene in real time, in blocks, to the device that sends them.
 #pragma once
 #include <functional>
 
@@ -13,12 +13,12 @@ class TagStream {
   using Lose = std::function<void(std::uint64_t tags)>;
 
   TagStream(ScenePlayer& player, const TdcOptions& options);
-  // Photons from now on times this.
+  // It scales the photons from now on.
   void set_gain(double gain) { source_.set_gain(gain); }
-  // The tags from now on.
+  // It starts the tags from now on.
   void start();
-  // The pulses up to now, in blocks of one scene and at most 20 ms each. A machine too busy to make
-  // them in time loses what lags more than the device's memory of a second.
+  // It emits the pulses up to now, in blocks of one scene and at most 20 ms each. A machine too
+  // busy to make them in time loses those that lag more than the device's memory of a second.
   void advance(const Emit& emit, const Lose& lose);
 
  private:

@@ -58,13 +58,13 @@ class Bridge final : public TdcBridge {
  private:
   struct Block {
     Bytes bytes;
-    const char* what;  // becomes of it, if all goes well from here on
+    const char* what;  // fate of the block, if all goes well from here on
     BlockKind kind;
     std::uint32_t sequence;
     std::size_t tags;
-    HostTime first, last;  // of its tags
+    HostTime first, last;  // host times of its tags
     HostTime due, begun{};
-    std::int64_t damage = -1;  // which byte is not as it was
+    std::int64_t damage = -1;  // index of the damaged byte; -1: none
   };
 
   void accept() {
@@ -92,7 +92,7 @@ class Bridge final : public TdcBridge {
     next_hello_ = std::chrono::steady_clock::now() + hello_pause;
   }
 
-  // A client sends nothing; what ends this read is that he is gone.
+  // A client sends nothing, so this read ends only when the client is gone.
   void watch() {
     socket_.async_read_some(boost::asio::buffer(unread_), [this](const ErrorCode& error, auto) {
       if (error == boost::asio::error::operation_aborted) return;
@@ -112,7 +112,8 @@ class Bridge final : public TdcBridge {
     if (!writing_) next_client();
   }
 
-  // Only once the last write of the former client has ended: its buffers are in the queue.
+  // It is called only after the last write of the former client has ended: its buffers are in the
+  // queue.
   void next_client() {
     for (const Block& block : queue_) log(block, block.begun == HostTime{} ? "unsent" : "cut");
     queue_.clear();
@@ -120,7 +121,7 @@ class Bridge final : public TdcBridge {
     if (!stopping_ && acceptor_.is_open()) accept();
   }
 
-  // Unplugged, nobody listens at the port.
+  // When it is unplugged, nobody listens at the port.
   void poll() {
     if (stopping_) return;
     if (const bool plugged = !injector_.active(FaultKind::unplug); plugged != acceptor_.is_open()) {
@@ -186,7 +187,7 @@ class Bridge final : public TdcBridge {
     if (!writing_) write();
   }
 
-  // Puts tag number i on the device's clock; the host's time of it.
+  // It puts tag number i on the device's clock, and returns the host's time of it.
   HostTime set_clock(Bytes& payload, std::size_t i) const {
     std::uint8_t* const place = payload.data() + i * tag_bytes + tag_time_offset;
     std::int64_t ps = 0;
@@ -214,7 +215,8 @@ class Bridge final : public TdcBridge {
                    {"last", block.last.count()}});
   }
 
-  // Not while the line stands still, nor before its time: poll() comes back to it.
+  // It does not write while the line stands still, nor before the block's time: poll() comes back
+  // to it.
   void write() {
     Block& next = queue_.front();
     if (injector_.active(FaultKind::stall) || injector_.now() < next.due) return;
@@ -228,7 +230,7 @@ class Bridge final : public TdcBridge {
   }
 
   void written(const ErrorCode& error) {
-    if (!error) sent();  // whole, also when the connection was closed since
+    if (!error) sent();  // the block is whole, also when the connection was closed since
     if (!connected_) return next_client();
     if (error) return disconnect("client left");
     if (!queue_.empty())
@@ -252,7 +254,7 @@ class Bridge final : public TdcBridge {
   tcp::socket socket_;
   boost::asio::steady_timer timer_;
   FaultInjector injector_;
-  HostTime zero_;  // of the tags' clock
+  HostTime zero_;  // zero of the tags' clock
   std::array<std::uint8_t, 256> unread_{};
   std::deque<Block> queue_;
   std::size_t queued_bytes_ = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// One UART of a board: it sends at its rate, whatever is at the other end of the wires.
+// This is one UART of a board: it sends at its rate, whatever is at the other end of the wires.
 #pragma once
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
@@ -18,7 +18,7 @@ class Uart {
  public:
   using Receive = std::function<void(ByteView)>;
 
-  // Sends in chunks of `chunk_time`: what the other end sees at once.
+  // It sends in chunks of `chunk_time`; the other end sees a chunk at once.
   Uart(boost::asio::io_context& io, unsigned baud, std::chrono::milliseconds chunk_time)
       : baud_(baud), chunk_time_(chunk_time), timer_(io) {}
   virtual ~Uart() = default;
@@ -27,7 +27,8 @@ class Uart {
 
   using Sent = std::function<void(bool arrived)>;
 
-  // Queued behind what is still being sent; `sent` is told once the last byte is out.
+  // The bytes are queued behind what is still being sent; `sent` is called once the last byte is
+  // out.
   void send(ByteView bytes, Sent sent = {});
   // A line that stands still keeps what is queued.
   void hold(bool still);
@@ -37,10 +38,11 @@ class Uart {
   virtual void close() { timer_.cancel(); }
 
   std::uint64_t sent() const { return sent_; }
-  std::uint64_t lost() const { return lost_; }  // nobody read, for longer than the host buffers
+  // It counts bytes that nobody read for longer than the host buffers.
+  std::uint64_t lost() const { return lost_; }
 
  private:
-  // The bytes leave the wire; how many of them arrived.
+  // The bytes leave the wire; it returns how many of them arrived.
   virtual std::size_t deliver(Bytes chunk) = 0;
   void begin();
   void pace();
@@ -60,7 +62,7 @@ class Uart {
   std::uint64_t sent_ = 0, lost_ = 0;
 };
 
-// A radar board behind any two UARTs, made with the rates it starts with.
+// It makes a radar board behind any two UARTs, with the rates that it starts with.
 using MakeUart = std::function<std::unique_ptr<Uart>(unsigned baud, Uart::Receive receive)>;
 struct RadarBoardOptions {
   std::uint64_t seed = 1;

@@ -30,12 +30,13 @@ using Json = nlohmann::ordered_json;
 constexpr char first_line[] = "# echofuse-sim lab";
 constexpr char default_radar_cfg[] = "radar/xwr68xx_paper_50cm";
 constexpr char module_name[] = "libechofuse_sim_depth.so";
-// What a laboratory puts into its directory, and of that what a closed one leaves behind.
+// A laboratory puts these files into its directory; a closed one leaves only the lasting ones
+// behind.
 const char* const transient[] = {"radar-cli",      "radar-data", "radar-cli.new",
                                  "radar-data.new", "depth.sock", "openni"};
 const char* const lasting[] = {"lab.toml", "radar.cfg", "sent.json"};
 
-// What a killed laboratory leaves of a file that it was writing.
+// It is true for a file that a killed laboratory was still writing.
 bool is_unfinished(const std::string& name) {
   return name.ends_with(".part") &&
          std::any_of(std::begin(lasting), std::end(lasting),
@@ -74,7 +75,7 @@ fs::path make_directory(const std::string& wanted) {
   return dir;
 }
 
-// The directory belongs to this process as long as this lives.
+// The directory belongs to this process as long as the lock lives.
 class DirectoryLock {
  public:
   explicit DirectoryLock(const fs::path& dir)
@@ -99,7 +100,7 @@ fs::path find_radar_cfg(const LabOptions& options) {
          (default_radar_cfg + std::string(options.radar_sdk == "3.4" ? "_sdk3.4.cfg" : ".cfg"));
 }
 
-// Where OpenNI2 is installed, as the build found it.
+// OpenNI2 is installed here, as the build found it.
 const fs::path openni_folder = ECHOFUSE_OPENNI2_DIR;
 
 // OpenNI2 has no other way to add a driver without root: it looks beside its own library, as the
@@ -148,7 +149,7 @@ std::string detector_lines(const Conditions& conditions) {
              : "\ndetector_dead_time_ps = " + Json(detector.dead_time_ps).dump();
 }
 
-// `label` is what stands before the sensors, if that never changes.
+// `label` is the label of the scene before the sensors, if that never changes.
 std::string lab_toml(const LabOptions& o, const fs::path& dir, const std::string& tdc_address,
                      const std::string& label) {
   const record::MapGrid map = map_grid(o.conditions);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A laboratory from the outside: a time tagger, a radar and a depth camera that look at the same
-// scenes, reached as the real ones are. In its directory:
+// A laboratory has a time tagger, a radar and a depth camera that look at the same scenes. They are
+// reached as the real ones are. Its directory holds:
 //
 //   lab.toml                 the daemon's configuration; written last: when it is there, all is
 //   radar-cli, radar-data    links to the radar's two serial ports
@@ -23,8 +23,8 @@ namespace echofuse::sim {
 
 struct LabTagger {
   std::unique_ptr<Device> device;
-  std::string address;  // as lab.toml names it
-  // What a program that is to see it needs in its environment.
+  std::string address;  // the name in lab.toml
+  // A program needs these variables in its environment to see the tagger.
   std::vector<std::pair<std::string, std::string>> environment{};
 };
 
@@ -33,12 +33,12 @@ struct LabOptions {
   SceneSchedule schedule;
   Conditions conditions;
   Tagging tagging{.laser_rate_hz = 4e6};  // the brightest scenes click less than once in 20 pulses
-  double window_s = 3;    // of the daemon; signal and background counts are per window
-  std::string radar_cfg;  // empty: the paper's 50 cm profile
+  double window_s = 3;    // window of the daemon; signal and background counts are per window
+  std::string radar_cfg;  // if empty, the paper's 50 cm profile
   std::string radar_sdk = "3.5";
-  std::string faults;  // a file of what goes wrong; empty: nothing
-  std::string log;     // where everything sent is written down; empty: nowhere
-  // A time tagger in place of the one behind the bridge; its faults are its maker's.
+  std::string faults;  // a file of faults; if empty, there are none
+  std::string log;     // a file for everything sent; if empty, there is none
+  // It makes a time tagger that replaces the one behind the bridge; the maker sets its faults.
   std::function<LabTagger(boost::asio::io_context&, ScenePlayer&, const TdcOptions&)> make_tagger;
 };
 
@@ -51,14 +51,15 @@ class Lab {
   Lab(const Lab&) = delete;
   Lab& operator=(const Lab&) = delete;
 
-  // The shell command that records from this laboratory.
+  // Returns the shell command that records from this laboratory.
   std::string daemon_command() const;
-  // What a program needs in its environment to use the devices.
+  // Returns the environment variables that a program needs to use the devices.
   std::vector<std::pair<std::string, std::string>> environment() const;
-  // Serves until `done`, which is asked some 20 times a second; then stops all devices, removes
-  // links and sockets and writes sent.json.
+  // It serves until `done`, which is asked some 20 times a second. Then it stops all devices,
+  // removes links and sockets and writes sent.json.
   void serve(const std::function<bool()>& done);
-  // What was sent, as a JSON object: device -> {name: count}, and "play" with the time zero.
+  // Returns the counts of what was sent, as a JSON object: device -> {name: count}, and "play" with
+  // the time zero.
   std::string sent() const;
 
  private:

@@ -8,9 +8,10 @@
 
 namespace echofuse::sim {
 
-// Serves as long as the command runs, which sees the laboratory's devices; the programs beside this
-// one are on its path. SIGTERM and the first SIGINT go on to it. Its exit code; 128 + N if signal N
-// ended it. Throws Error(failed) if it cannot be started.
+// It serves as long as the command runs. The command sees the laboratory's devices, and the
+// programs beside this one are on its path. SIGTERM and the first SIGINT go on to it. It returns
+// the command's exit code, or 128 + N if signal N ended it. Throws Error(failed) if the command
+// cannot be started.
 ExitCode serve_command(Lab& lab, const std::vector<std::string>& command);
 
 }  // namespace echofuse::sim

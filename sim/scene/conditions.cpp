@@ -137,7 +137,7 @@ void bind_depth(Settings& s, Conditions& c) {
   s.add("depth_offset_m", c.depth_offset_m, -1, 1, "by which it reads too far");
 }
 
-// What a sweep of c / 2 resolution leaves.
+// Returns the band that a sweep of c / 2 resolution leaves free.
 double free_band_hz(const Conditions& c) {
   constexpr double band_hz = 4e9;
   return band_hz - speed_of_light_m_s / (2 * c.radar_resolution_m);

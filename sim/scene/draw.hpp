@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Random numbers for photon counts. The standard library's poisson_distribution and
+// This file draws random numbers for photon counts. The standard library's poisson_distribution and
 // binomial_distribution call lgamma, whose global sign is a data race between threads, and give
 // other numbers with each library.
 #pragma once
@@ -12,11 +12,11 @@
 
 namespace echofuse::sim {
 
-// In [low, high), 53 random bits.
+// The number is in [low, high) and has 53 random bits.
 double uniform(Rng& rng, double low, double high);
 
-// The random numbers that make a scene. It keeps what it drew, and can make the same scene again
-// with the continuous ones moved: what a study of sensitivity needs.
+// It draws the random numbers that make a scene. It keeps its draws, and can make the same scene
+// again with the continuous ones moved, as a study of sensitivity needs.
 class SceneSampler {
  public:
   struct Draw {
@@ -24,14 +24,14 @@ class SceneSampler {
   };
 
   explicit SceneSampler(Rng rng) : rng_(rng) {}
-  // Draw k then is its value plus moves[k], which may leave the range; draws beyond the end are
-  // not moved.
+  // Draw k then is its value plus moves[k], which may leave the range; draws beyond the end are not
+  // moved.
   SceneSampler(Rng rng, std::vector<double> moves) : rng_(rng), moves_(std::move(moves)) {}
 
   double uniform(double low, double high);
-  // One of 0..n-1; discrete, and not kept.
+  // It returns one of 0..n-1; the draw is discrete, and not kept.
   std::size_t pick(std::size_t n) { return rng_() % n; }
-  // Of all draws of uniform() so far, in their order.
+  // Returns all draws of uniform() so far, in their order.
   const std::vector<Draw>& draws() const { return draws_; }
 
  private:
@@ -40,10 +40,11 @@ class SceneSampler {
   std::vector<Draw> draws_;
 };
 
-// Hormann, "The transformed rejection method for generating Poisson random variables" (1993): PTRS.
+// This is PTRS of Hormann, "The transformed rejection method for generating Poisson random
+// variables" (1993).
 std::int64_t poisson(double mean, Rng& rng);
 
-// Hormann, "The generation of binomial random variates" (1993): BTRS.
+// This is BTRS of Hormann, "The generation of binomial random variates" (1993).
 std::int64_t binomial(std::int64_t n, double p, Rng& rng);
 
 }  // namespace echofuse::sim

@@ -20,9 +20,9 @@ namespace {
 
 constexpr std::size_t most_triangles = 1'000'000;
 constexpr std::uint64_t most_elements = 10'000'000;
-constexpr double farthest = 1e6;  // of a coordinate: what is beyond is damage
+constexpr double farthest = 1e6;  // largest coordinate: anything beyond is damage
 
-// Words of a text, line by line.
+// It reads the words of a text, line by line.
 class Text {
  public:
   Text(std::string_view text, const std::string& name) : text_(text), name_(name) {}
@@ -35,7 +35,7 @@ class Text {
     ++line_;
     return true;
   }
-  // Empty at the end of the line.
+  // The word is empty at the end of the line.
   std::string_view word() {
     const std::size_t begin = std::min(rest_.find_first_not_of(" \t\r"), rest_.size());
     const std::size_t end = std::min(rest_.find_first_of(" \t\r", begin), rest_.size());
@@ -69,7 +69,7 @@ class Text {
   std::size_t at_ = 0, line_ = 0;
 };
 
-// Adds the fan of a polygon.
+// It adds the fan of a polygon.
 void add_polygon(Mesh& mesh, const std::vector<std::uint32_t>& corners) {
   for (std::size_t i = 2; i < corners.size(); ++i) {
     const Vec3 a = mesh.points[corners[0]], b = mesh.points[corners[i - 1]],
@@ -146,7 +146,7 @@ class Ply {
  private:
   struct Property {
     std::string name;
-    const PlyType *count = nullptr, *type = nullptr;  // count: of a list
+    const PlyType *count = nullptr, *type = nullptr;  // count is the type of a list's length
   };
   struct Element {
     std::string name;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Triangle meshes from files: a laboratory's own object.
+// Triangle meshes come from files: they are a laboratory's own objects.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -16,12 +16,12 @@ struct Mesh {
 };
 
 // Reads Wavefront OBJ (v and f; polygons become fans, everything else is passed over) or PLY
-// (ASCII, or binary of either byte order; vertex x, y, z and face vertex_indices), told apart by
-// their first line. `name` stands in messages. Throws Error(config), one line: NAME:line, or NAME:
-// byte of a binary part, what was found and what was expected.
+// (ASCII, or binary of either byte order; vertex x, y, z and face vertex_indices). The first line
+// tells them apart. `name` stands in messages. Throws Error(config) with one line: NAME:line, or
+// NAME: byte of a binary part, what was found and what was expected.
 Mesh read_mesh(const std::string& text, const std::string& name);
 
-// The mesh in a file, read once. Threading: any thread.
+// It reads the mesh in a file once. Threading: any thread may call it.
 const Mesh& mesh_of(const std::string& path);
 
 }  // namespace echofuse::sim

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Segment lengths as fractions of the body height: Drillis & Contini 1966, as tabulated by Winter,
-// Biomechanics and Motor Control of Human Movement. Radii are chosen to look right.
+// Segment lengths are fractions of the body height by Drillis & Contini 1966, as tabulated by
+// Winter, Biomechanics and Motor Control of Human Movement. Radii are chosen to look right.
 #include "sim/scene/person.hpp"
 
 #include <algorithm>
@@ -20,14 +20,14 @@ constexpr double shoulder_half_width = 0.115, hip_half_width = 0.055;
 
 double radians(double degrees) { return degrees * std::numbers::pi / 180; }
 
-// A limb's direction: hanging down, swung forward, then spread out to its side (+-1).
+// A limb's direction starts hanging down, swings forward, then spreads out to its side (+-1).
 Vec3 limb(double side, double swing_deg, double spread_deg) {
   const double swing = radians(swing_deg), spread = radians(spread_deg);
   return {side * std::sin(spread), -std::cos(spread) * std::cos(swing),
           std::cos(spread) * std::sin(swing)};
 }
 
-// 1, or a factor about it. What does not vary draws no number.
+// It returns 1, or a factor about 1. A size that does not vary draws no number.
 double varied(double by, SceneSampler& sampler) {
   return by > 0 ? 1 + sampler.uniform(-by, by) : 1;
 }
@@ -35,7 +35,7 @@ double varied_log(double by, SceneSampler& sampler) {
   return by > 0 ? std::exp(sampler.uniform(-by, by)) : 1;
 }
 
-// An angle of a joint, degrees.
+// This is an angle of a joint, in degrees.
 double pose(double low, double high, const Conditions& c, SceneSampler& sampler) {
   const double middle = (low + high) / 2, half = c.pose_spread * (high - low) / 2;
   return sampler.uniform(middle - half, middle + half);
@@ -52,10 +52,11 @@ Leg random_leg(double side, double length, const Conditions& c, SceneSampler& sa
   return {hip, knee, knee + length * shin * limb(side, swing - bend, spread)};
 }
 
-// Factors of the base body's sizes.
+// These are factors of the base body's sizes.
 struct Build {
   double girth, shoulders, limbs, legs;
-  // Of what is above the hip: taller for shorter legs, so that the whole is as tall.
+  // This is the factor of what is above the hip. It is larger for shorter legs, so that the whole
+  // body keeps its height.
   double trunk() const { return 1 - (legs - 1) * hip_height / (1 - hip_height); }
 };
 Build random_build(const Conditions& c, SceneSampler& sampler) {
@@ -64,7 +65,7 @@ Build random_build(const Conditions& c, SceneSampler& sampler) {
           c.limb_width * varied(by, sampler), c.leg_length * varied(by / 4, sampler)};
 }
 
-// What a part of the body sends back to light and to the radar.
+// These are the reflectivities of a part of the body for light and for the radar.
 struct Surface {
   double albedo, radar;
 };
@@ -74,14 +75,14 @@ struct Clothes {
 Clothes random_clothes(const Conditions& c, double albedo, SceneSampler& sampler) {
   const auto part = [&](double radar) {
     const double own = std::min(1.0, albedo * varied_log(c.albedo_contrast, sampler));
-    constexpr double middle = 0.5;  // of the base's albedos
+    constexpr double middle = 0.5;  // middle of the base's albedos
     return Surface{own, radar * (middle + c.radar_follows_albedo * (own - middle))};
   };
   return {part(c.radar_cloth), part(c.radar_cloth), part(c.radar_cloth), part(c.radar_skin)};
 }
 
-// One body. Its own coordinates are in body heights: x to the image's right when it faces -z, y up
-// from the floor, z to its front.
+// It builds one body. Its own coordinates are in body heights: x to the image's right when it faces
+// -z, y up from the floor, z to its front.
 class Body {
  public:
   Body(Scene& scene, const Conditions& conditions, const Stand& stand, SceneSampler& sampler)
@@ -159,7 +160,7 @@ class Body {
   Vec3 ground_, right_, front_, hip_, trunk_;
 };
 
-// The plate's own axes: it leans forward or back.
+// The plate has axes of its own: it leans forward or back.
 Plate held_plate(const Conditions& c, const Body& body, SceneSampler& sampler) {
   const double most_deg = c.letter_tilt_deg;
   const double lean = most_deg > 0 ? radians(sampler.uniform(-most_deg, most_deg)) : 0;

@@ -6,7 +6,8 @@ namespace echofuse::sim {
 
 enum class Psf : std::uint8_t { sinc, blackman };
 
-// Points at start + i*step, and the response to one scatterer at R: psf((R_i - R) / resolution).
+// The points lie at start + i*step, and the response to one scatterer at R is psf((R_i - R) /
+// resolution).
 struct RadarAxis {
   double start_m = 0;
   double step_m = 0.25;

@@ -47,7 +47,7 @@ void add_letter(Scene& scene, const Conditions& c, const SceneSpec& spec, SceneS
   scene.label = std::string(record::letter_label) + add_letter_person(scene, c, stand, sampler);
 }
 
-// Half of the width each: they stand side by side.
+// Each gets half of the width: they stand side by side.
 void add_two(Scene& scene, const Conditions& c, SceneSampler& sampler) {
   for (const double side : {-0.5, 0.5}) {
     Stand stand = random_stand(c, c.person_yaw_deg, sampler);
@@ -74,7 +74,7 @@ void add_object(Scene& scene, const Conditions& c, const Stand& stand) {
   const double cosine = std::cos(stand.yaw_rad), sine = std::sin(stand.yaw_rad);
   const auto world = [&](std::uint32_t corner) {
     const Vec3 p = c.object_scale * (upright(mesh.points[corner]) - foot);
-    // As a person's: it faces its own -z, and turns to +x.
+    // It turns as a person does: it faces its own -z, and turns to +x.
     return Vec3{stand.x_m + cosine * p.x - sine * p.z, p.y - c.camera_height_m,
                 stand.z_m + sine * p.x + cosine * p.z};
   };
@@ -121,8 +121,8 @@ Scene make_scene(const Conditions& c, const SceneSpec& spec, SceneSampler& sampl
       scene.label = "empty";
       break;
     case SceneKind::reflector: {
-      // So small that its edges are no farther than its middle by 0.02 mm, at 1 m; there as bright
-      // as the mean scene.
+      // The plate is so small that its edges are farther than its middle by 0.02 mm at most, at 1
+      // m. There it is as bright as the mean scene.
       const double half = 0.006 * reflector_m;
       scene.plates.push_back(
           {{0, 0, reflector_m}, {1, 0, 0}, {0, 1, 0}, {{-half, 0, half, 0, 2 * half}}, 11});

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What stands in front of the sensors: capsules (people), flat plates made of strokes (letters,
-// walls, faces of boxes) and triangles (a laboratory's own object).
+// A scene stands in front of the sensors. It has capsules (people), flat plates made of strokes
+// (letters, walls, faces of boxes) and triangles (a laboratory's own object).
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -18,7 +18,7 @@ class SceneSampler;
 
 inline constexpr double as_albedo = -1;
 
-// All points within radius_m of the segment a-b.
+// A capsule holds all points within radius_m of the segment a-b.
 struct Capsule {
   Vec3 a, b;
   double radius_m = 0, albedo = 0;
@@ -27,7 +27,8 @@ struct Capsule {
 
 using record::Stroke;
 
-// The union of its strokes in the plane centre + u*U + v*V; U, V orthonormal. Both sides reflect.
+// A plate is the union of its strokes in the plane centre + u*U + v*V; U and V are orthonormal.
+// Both sides reflect.
 struct Plate {
   Vec3 centre, u, v;
   std::vector<Stroke> strokes;
@@ -50,17 +51,18 @@ struct Scene {
   std::string label;           // person, letter:A, two_people, empty, object:chair
 };
 
-// reflector: a small white plate at reflector_m straight ahead of the SPD. object: the mesh of
+// reflector is a small white plate at reflector_m straight ahead of the SPD. object is the mesh of
 // Conditions::object on the floor.
 enum class SceneKind : std::uint8_t { person, letter, two_people, empty, reflector, object };
-// Of scene i of a study: a quarter people, the rest letters, as in Lai et al.
+// This is the kind of scene i of a study: a quarter are people, the rest letters, as in Lai et al.
 inline SceneKind study_kind(std::uint64_t i) {
   return i % 4 == 0 ? SceneKind::person : SceneKind::letter;
 }
 std::optional<SceneKind> kind_named(std::string_view name);
 std::string kind_names();  // with commas between
 
-// A kind, and where person, letter or object stands and turns if that is not left to chance.
+// This is a kind, and where person, letter or object stands and turns if that is not left to
+// chance.
 struct SceneSpec {
   SceneKind kind = SceneKind::empty;
   std::optional<double> x_m{}, z_m{}, yaw_deg{};
@@ -70,14 +72,15 @@ struct SceneSpec {
   bool operator==(const SceneSpec&) const = default;
 };
 
-// Scene `index` of `seed`: the same whatever was made before and on whichever thread.
+// Scene `index` of `seed` is the same whatever was made before and on whichever thread.
 Scene make_scene(const Conditions& conditions, const SceneSpec& spec, std::uint64_t seed,
                  std::uint64_t index);
-// From these random numbers (sim/scene/draw.hpp), in this order: for a person or a letter the first
-// are x, z and the turn.
+// It makes the scene from these random numbers (sim/scene/draw.hpp), in this order: for a person or
+// a letter the first are x, z and the turn.
 Scene make_scene(const Conditions& conditions, const SceneSpec& spec, SceneSampler& sampler);
 
-// Is there a reflectivity that is not the albedo? And the scene with them as albedos.
+// The first is true if a reflectivity is not the albedo. The second is the scene with the
+// reflectivities as albedos.
 bool radar_sees_apart(const Scene& scene);
 Scene as_radar_sees(Scene scene);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Scenes one by one, from a TOML file:
+// A TOML file lists scenes one by one:
 //   [[scene]]
 //   kind = "person"     # person, letter, two_people, empty, reflector, object
 //   count = 3           # so many of these in a row; 1 if not given
@@ -14,7 +14,7 @@
 
 namespace echofuse::sim {
 
-// Throws Error(config) that lists every fault as NAME:line:column: what is wrong.
+// Throws Error(config) that lists every fault as NAME:line:column: the fault.
 std::vector<SceneSpec> read_scene_list(const std::string& text, const std::string& name);
 
 }  // namespace echofuse::sim

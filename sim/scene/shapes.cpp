@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Compiled without errno and traps for its square roots (CMakeLists.txt), so that they vectorise.
+// This file is compiled without errno and traps for its square roots (CMakeLists.txt), so that they
+// vectorise.
 #include "sim/scene/shapes.hpp"
 
 #include <cmath>
@@ -9,12 +10,12 @@
 namespace echofuse::sim {
 namespace {
 
-// Whatever reaches nearer to the sensor's plane is tested against every ray.
+// A shape that reaches nearer to the sensor's plane is tested against every ray.
 constexpr double near_m = 0.05;
 constexpr Interval everything{-INFINITY, INFINITY}, none{INFINITY, -INFINITY};
 
-// The tangents under which a disc of this radius at (s, z) appears in its plane: the exact
-// silhouette of a sphere along one axis, (s - t z)^2 = radius^2 (1 + t^2).
+// These are the tangents under which a disc of this radius at (s, z) appears in its plane. It is
+// the exact silhouette of a sphere along one axis, (s - t z)^2 = radius^2 (1 + t^2).
 Interval disc_tangents(double s, double z, double radius) {
   if (z - radius < near_m) return everything;
   const double square = z * z - radius * radius;
@@ -45,7 +46,7 @@ ECHOFUSE_CLONES void meet_capsule(const CapsuleShape& c, const double* x, const 
     const double square = s.axis2 * ray2 - along * along;  // 0: parallel, or the axis is a point
     const double half = s.axis2 * to_a - s.axis_a * along;
     const double root = half * half - square * s.outside;
-    // Where the ray is nearest to the axis: foot = from_a - sqrt(root) along, from 0 at a to axis2
+    // The ray is nearest to the axis at foot = from_a - sqrt(root) along, from 0 at a to axis2
     // square at b. Signed squares tell as much, without the root.
     const double from_a = half * along - s.axis_a * square, from_b = from_a - s.axis2 * square;
     const double bound = along * std::abs(along) * root;
@@ -92,7 +93,7 @@ ECHOFUSE_CLONES void meet_triangle(const TriangleShape& t, const double* x, cons
   }
 }
 
-// Where rays cross the plate's plane, and where that is on the plate.
+// It computes where rays cross the plate's plane, and where that is on the plate.
 ECHOFUSE_CLONES void cross_plane(const PlateShape& p, const double* x, const double* y,
                                  double* __restrict met, double* __restrict along_u,
                                  double* __restrict along_v, std::size_t count) {
@@ -131,7 +132,7 @@ ECHOFUSE_CLONES void aim_rays(const double* columns, const double* sides, const 
   }
 }
 
-// Of a unit normal.
+// It shades a surface with a unit normal.
 ECHOFUSE_CLONES void shade_flat(Vec3 n, const double* x, const double* y, double* cosine,
                                 std::size_t count) {
   for (std::size_t i = 0; i < count; ++i)
@@ -192,7 +193,7 @@ CapsuleShape::CapsuleShape(const Capsule& capsule, Vec3 sensor)
       end_a(dot(a, a) - radius * radius),
       end_b(dot(b, b) - radius * radius) {}
 
-// The cylinder about a-b, else the sphere at the end on whose side the ray passes.
+// The ray meets the cylinder about a-b, or else the sphere at the end on whose side it passes.
 void CapsuleShape::meet(const double* x, const double* y, double* z, std::size_t count) const {
   meet_capsule(*this, x, y, z, count);
 }

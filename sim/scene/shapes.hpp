@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Capsules, plates and triangles as seen from a sensor: coordinates are relative to it, and rays
-// are (x, y, 1), so that the ray parameter is z. Many rays at a time, and the same bits on every
-// machine.
+// These are capsules, plates and triangles as seen from a sensor. Coordinates are relative to it,
+// and rays are (x, y, 1), so that the ray parameter is z. Many rays are worked on at a time, with
+// the same bits on every machine.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -41,7 +41,8 @@ struct CapsuleShape {
                std::size_t count) const;
   Interval tangents_x() const;
   Interval tangents_y() const;
-  // Of the spheres at its ends; what lies between is met within the hull of both.
+  // This is the box of the spheres at its ends; the part between them is met within the hull of
+  // both.
   struct Box {
     Interval x, y;
   };
@@ -80,12 +81,12 @@ struct TriangleShape {
   Interval tangents_y() const;
 };
 
-// Rays of a row, off their columns by dx to either side, that have met nothing.
+// It makes the rays of a row, off their columns by dx to either side; they have met nothing yet.
 void aim(const double* columns, const double* sides, const double* dy, double dx, double y,
          double* ray_x, double* ray_y, double* z, std::int32_t* shape, std::size_t count);
 
-// Slant range and weight = factor albedo cos / |(x, y, 1)|^3 / range^2 of each ray; 0 where z is
-// infinite.
+// It computes slant range and weight = factor albedo cos / |(x, y, 1)|^3 / range^2 of each ray;
+// they are 0 where z is infinite.
 void light_back(const double* x, const double* y, const double* z, const double* cosine,
                 const double* albedo, double factor, double* range, double* weight,
                 std::size_t count);
@@ -94,7 +95,7 @@ void light_back(const double* x, const double* y, const double* z, const double*
 void keep_nearer(const double* met, std::int32_t number, double* z, std::int32_t* shape,
                  std::size_t count);
 
-// What was met, and behind it something else: the nearer of both.
+// It puts something else behind what was met, and keeps the nearer of both.
 void put_behind(const double* far_z, const double* far_cosine, const double* far_albedo, double* z,
                 double* cosine, double* albedo, std::size_t count);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A TOML file that is a list of [[kind]] tables, read with all its faults at once. For .cpp files
-// only: toml++ is a heavy header.
+// This file reads a TOML file that is a list of [[kind]] tables, and finds all its faults at once.
+// Only .cpp files may include it: toml++ is a heavy header.
 #pragma once
 #include <toml++/toml.h>
 
@@ -18,8 +18,8 @@ class TableReader {
   explicit TableReader(std::string file_name) : name_(std::move(file_name)) {}
 
  protected:
-  // use(table) for each [[kind]]; anything else is a fault. Throws Error(config) for a text that is
-  // not TOML.
+  // It calls use(table) for each [[kind]]; anything else is a fault. Throws Error(config) for a
+  // text that is not TOML.
   template <class Use>
   void read_tables(const std::string& text, const std::string& kind, Use use) try {
     const toml::table file = toml::parse(text, name_);

@@ -13,17 +13,18 @@ constexpr double laser_um = 1.55, visible_um = 0.55;
 constexpr double water_at_laser = 1.318, water_visible = 1.333;  // refractive indices
 constexpr double radar_ghz = 60, air_k = 288;
 constexpr double lidar_ratio_drops_sr = 18.8, lidar_ratio_smoke_sr = 60;
-constexpr double smoke_exponent = 1.3;        // Angstrom's, of aged smoke
-constexpr double db_per_neper = 4.342944819;  // of power
+constexpr double smoke_exponent = 1.3;        // Angstrom's exponent of aged smoke
+constexpr double db_per_neper = 4.342944819;  // decibels of power
 
-// Anomalous diffraction: drops are large, and refract little.
+// Anomalous diffraction holds: drops are large, and refract little.
 double efficiency(double radius_um, double wavelength_um, double refractive_index) {
   const double rho = 4 * std::numbers::pi * radius_um / wavelength_um * (refractive_index - 1);
   if (rho < 1e-3) return rho * rho / 2;
   return 2 - 4 / rho * std::sin(rho) + 4 / (rho * rho) * (1 - std::cos(rho));
 }
 
-// Over all radii: the integral of r^power exp(-b r) weighed by f, by steps of a 400th of the mean.
+// This is the integral over all radii of r^power exp(-b r) weighed by f, in steps of a 400th of the
+// mean.
 template <class F>
 double integral(const DropClass& drops, double power, const F& f) {
   const double mean = (drops.alpha + power + 1) / drops.b_per_um, step = mean / 400;
@@ -48,7 +49,7 @@ struct Terms {
   }
 };
 
-// ITU-R P.838-3, tables 1 to 4.
+// The terms are those of ITU-R P.838-3, tables 1 to 4.
 constexpr Terms k_h{{-5.33980, -0.35351, -0.23789, -0.94158, 0},
                     {-0.10008, 1.26970, 0.86036, 0.64552, 0},
                     {1.13098, 0.45400, 0.15354, 0.16817, 0},
@@ -144,7 +145,7 @@ Weather new_weather(const Conditions& c) {
 
 }  // namespace
 
-// Of one data set it is asked for with every record, and always the same.
+// A data set asks for it with every record, and the answer is always the same.
 Weather weather_of(const Conditions& c) {
   if (c.fog_visibility_m == 0 && c.smoke_visibility_m == 0 && c.rain_mm_h == 0) return {};
   thread_local std::array<double, 3> asked{};

@@ -53,9 +53,9 @@ Antennas stated_antennas(const Antennas& antennas, const Conditions& c) {
 namespace {
 
 constexpr double pi = std::numbers::pi;
-constexpr double sway_rate = 2;       // 1/s, of sway and twist
+constexpr double sway_rate = 2;       // 1/s, for sway and twist
 constexpr double breath_rate = 0.25;  // Hz
-// Of a person of middle height
+// These are heights of a person of middle height.
 constexpr double head_m = 1.65, chest_m = 1.25, chest_half_m = 0.3;
 
 }  // namespace
@@ -76,8 +76,8 @@ BodyMotion::BodyMotion(const Conditions& c, std::size_t people, Rng& rng)
   set_modes();
 }
 
-// Exact for any step: mean exp(-wt) [[1 + wt, wt], [-wt, 1 - wt]] of place and speed, and the
-// covariance that is missing to the stationary one, which is the identity.
+// It is exact for any step. Place and speed have the mean exp(-wt) [[1 + wt, wt], [-wt, 1 - wt]];
+// the added covariance is what is missing to the stationary one, which is the identity.
 void BodyMotion::advance(double time_s, Rng& rng) {
   const double t = sway_rate * time_s, decay = std::exp(-t);
   const double a = decay * (1 + t), b = decay * t, d = decay * (1 - t);
@@ -141,7 +141,8 @@ void divide(EchoCell& cell) {
   for (double* sum : {&cell.range_m, &cell.x, &cell.y, &cell.height_m}) *sum /= cell.weight;
 }
 
-// All patches of one kind (Returns::reflector, leakage); weight 0: there are none.
+// It adds up all patches of one kind (Returns::reflector, leakage); a weight of 0 means that there
+// are none.
 EchoCell cell_of_kind(const Returns& returns, std::int32_t kind) {
   EchoCell cell;
   for (std::size_t k = 0; k < returns.place.size(); ++k)
@@ -163,8 +164,8 @@ EchoCells echo_cells(const Returns& returns, double slot_m, bool with_room) {
       patches.push_back(k);
   }
   if (patches.empty()) return out;
-  // Range, person, height, direction. Their number within the box of all puts the cells of a slot
-  // beside one another.
+  // The keys are range, person, height and direction. Their number within the box of all puts the
+  // cells of a slot beside one another.
   Eigen::Array4Xi keys(4, static_cast<Index>(patches.size()));
   for (Index i = 0; i < keys.cols(); ++i) {
     const std::size_t k = patches[static_cast<std::size_t>(i)];
@@ -220,12 +221,14 @@ double slot_of(double range_m, const RadarAxis& axis) {
   return std::floor(range_m / axis.resolution_m * slots_per_cell);
 }
 
-// By how much less the phase of an echo is at a carrier so much higher, in turns.
+// It says by how much less the phase of an echo is at a carrier that is higher by carrier_hz, in
+// turns.
 double turns_of_carrier(double range_m, double carrier_hz) {
   return -2 * range_m * carrier_hz / speed_of_light_m_s;
 }
 
-// What the points of an axis, a column each, answer to the middles of slots, a row each.
+// It gives the responses of the points of an axis, a column each, to the middles of slots, a row
+// each.
 MatrixXf responses(const RadarAxis& axis, const std::vector<double>& slots) {
   const RangeResponse response(axis);
   std::vector<double> psf;
@@ -238,7 +241,7 @@ MatrixXf responses(const RadarAxis& axis, const std::vector<double>& slots) {
   return out;
 }
 
-// Adds echoes from slots, a column each, as the points receive them.
+// It adds echoes from slots, a column each, as the points receive them.
 void add_echoes(const MatrixXcf& slots, const MatrixXf& response, Samples& samples) {
   const Eigen::Map<const MatrixXf> from(reinterpret_cast<const float*>(slots.data()),
                                         2 * slots.rows(), slots.cols());
@@ -246,8 +249,8 @@ void add_echoes(const MatrixXcf& slots, const MatrixXf& response, Samples& sampl
       .noalias() += from * response;
 }
 
-// Waves from directions u, v, a column each, at the antennas, a row each, as their channels record
-// them.
+// These are the waves from directions u, v, a column each, at the antennas, a row each, as their
+// channels record them.
 MatrixXcf waves(const Antennas& antennas, const ArrayXf& u, const ArrayXf& v,
                 const ArrayXf& amplitude, const ArrayXf& ahead_turns) {
   const auto n = static_cast<Index>(antennas.size());
@@ -273,7 +276,7 @@ MatrixXcf waves(const Antennas& antennas, const ArrayXf& u, const ArrayXf& v,
   return out;
 }
 
-// The same for the same patch, whatever stands before others.
+// The result is the same for the same patch, whatever stands before others.
 float turns_of_patch(const Returns& returns, std::size_t k, std::uint64_t seed) {
   const auto range = std::bit_cast<std::uint64_t>(returns.range_m[k]);
   const auto x = std::bit_cast<std::uint32_t>(returns.place[k].x);
@@ -296,8 +299,7 @@ void add_points(const Returns& returns, const AntennaRadar& radar, Samples& samp
   }
 }
 
-// The room and objects are coherent, and what is hidden of them has a negative weight and is taken
-// away.
+// The room and objects are coherent. Their hidden parts have a negative weight and are taken away.
 void add_still(const Returns& returns, const AntennaRadar& radar, double carrier_hz,
                Samples& samples) {
   std::vector<std::size_t> patches;
@@ -338,7 +340,7 @@ class AntennaEcho::Moving {
   virtual void add(double later_s, std::size_t carrier, Rng& rng, Samples& samples) = 0;
 };
 
-// People, coherent.
+// People's echoes are coherent.
 class AntennaEcho::Speckle : public Moving {
  public:
   Speckle(const Returns& returns, const AntennaRadar& radar, const Conditions& c, Rng& rng)
@@ -398,7 +400,7 @@ class AntennaEcho::Speckle : public Moving {
       if (chirp_s_ > 0) {
         const auto apart = static_cast<float>(chirp_s_);
         lose_doppler(apart * static_cast<float>(transmitters) * speeds, turned);
-        turns += apart * speeds;  // until the next one sends
+        turns += apart * speeds;  // until the next transmitter sends
       }
       const auto first = static_cast<Index>(t * receivers_);
       const auto count = std::min(static_cast<Index>(receivers_), waves_.rows() - first);
@@ -413,8 +415,8 @@ class AntennaEcho::Speckle : public Moving {
   }
 
  private:
-  // An eighth of the resolution; with carriers so that the phases within a cell differ by 1 rad at
-  // most from one carrier to the next.
+  // A slot is an eighth of the resolution. With several carriers it is so small that the phases
+  // within a cell differ by 1 rad at most from one carrier to the next.
   static double slot_m(const AntennaRadar& radar) {
     const double slot_m = radar.axis.resolution_m / slots_per_cell;
     if (radar.carriers_hz.size() < 2) return slot_m;
@@ -422,7 +424,7 @@ class AntennaEcho::Speckle : public Moving {
     return std::min(slot_m, speed_of_light_m_s / (4 * pi * std::max(step_hz, 1.0)));
   }
 
-  // Doppler bin 0, with so many turns from one chirp of a transmitter to its next.
+  // It takes Doppler bin 0, with this number of turns from one chirp of a transmitter to its next.
   void lose_doppler(const ArrayXf& turns, Eigen::VectorXcf& turned) const {
     for (Index k = 0; k < turns.size(); ++k) {
       const float half = std::numbers::pi_v<float> * turns[k], one = std::sin(half);
@@ -430,7 +432,7 @@ class AntennaEcho::Speckle : public Moving {
     }
   }
 
-  // Where each person's upright axis stands: the centre of what the radar sees.
+  // Each person's upright axis stands at the centre of what the radar sees of the person.
   std::vector<std::array<double, 2>> upright_axes() const {
     std::vector<double> weight(cells_.people);
     std::vector<std::array<double, 2>> axes(cells_.people);
@@ -454,14 +456,14 @@ class AntennaEcho::Speckle : public Moving {
   MatrixXf response_;        // by slots and points
   MatrixXcf waves_;          // by antennas and cells, in the first frame's phases
   MatrixXf turns_per_mode_;  // by cells and modes, one person's after the other's
-  // By cells and carriers: by how much a cell is ahead. Of each carrier: by how much faster the
-  // phases turn.
+  // These are by cells and carriers: they say by how much a cell is ahead. For each carrier,
+  // faster_ says by how much faster the phases turn.
   MatrixXf turns_of_carriers_;
   std::vector<float> faster_;
 };
 
-// People and the room, incoherent: x = L q with L L^H the covariance and q over any `frames` frames
-// orthonormal.
+// People and the room are incoherent: x = L q, where L L^H is the covariance and q is orthonormal
+// over any `frames` frames.
 class AntennaEcho::Expectation : public Moving {
  public:
   Expectation(const Returns& returns, const AntennaRadar& radar, const Conditions& c)
@@ -500,8 +502,8 @@ class AntennaEcho::Expectation : public Moving {
   }
 
   void add(double, std::size_t, Rng&, Samples& samples) override {
-    // Quadratic phases: successive frames, and their mean, are as of independent looks (Chu, IEEE
-    // Trans. Inf. Theory 18, 531, 1972).
+    // The phases are quadratic: successive frames, and their mean, behave as independent looks
+    // (Chu, IEEE Trans. Inf. Theory 18, 531, 1972).
     const std::int64_t f = frame_ % frames_, apart = frames_ / roots_.cols();
     Eigen::VectorXcf q(roots_.cols());
     for (Index a = 0; a < q.size(); ++a) {
@@ -515,8 +517,8 @@ class AntennaEcho::Expectation : public Moving {
   }
 
  private:
-  // Cholesky's, in place. A covariance of fewer sources than antennas has pivots that are nothing
-  // but rounding: their columns are 0.
+  // It takes Cholesky's root, in place. A covariance of fewer sources than antennas has pivots that
+  // are nothing but rounding: their columns are 0.
   static void take_root(Eigen::Map<Eigen::MatrixXcd>& c) {
     const double trace = c.diagonal().real().sum();
     for (Index b = 0; b < c.cols(); ++b) {
@@ -581,7 +583,7 @@ AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,
   const double later_s = c.window_s / static_cast<double>(frames);
   const auto rms = static_cast<float>(std::sqrt(noise_power / 2));
   AntennaEcho echo(returns, radar, c, rng);
-  // Fresh memory takes the kernel as long as the half of this.
+  // Fresh memory would take the kernel as long as half of this computation.
   thread_local std::vector<std::complex<float>> samples;
   samples.resize(frames * echo.samples());
   for (std::size_t f = 0; f < frames; ++f) {
@@ -589,7 +591,7 @@ AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,
     echo.frame(later_s, rng, std::span(samples).subspan(f * echo.samples(), echo.samples()));
   }
   GaussianNoise noise(rng);
-  // Incoherent echoes are drawn per frame, but stand for such as do not vary.
+  // Incoherent echoes are drawn per frame, but stand for echoes that do not vary.
   const bool varies = c.radar_sum == "coherent";
   MatrixXf of_frames(varies ? points : 0, frames);  // power of each point
   AntennaRecord out;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// What the radar's virtual antennas receive, frame by frame and carrier by carrier:
+// The radar's virtual antennas receive, frame by frame and carrier by carrier:
 //   x_m = gain_m exp(i phase_m) sum_k a_k psf(R - R_k) exp(i pi (x_m u_k + y_m v_k)) + noise
-// with places x, y in half wavelengths and direction cosines u (right) and v (up). In units in
-// which the mean scene as a single point has power 1 (radar_power).
+// with places x, y in half wavelengths and direction cosines u (right) and v (up). Power is in
+// units in which the mean scene as a single point has power 1 (radar_power).
 //   coherent    Every cell of range, direction and height has an amplitude of its own, complex
 //               Gaussian (fully developed speckle), and its phase turns by 4 pi / wavelength times
 //               the way that sway, twist and breath take it (BodyMotion). The room and objects
@@ -14,8 +14,8 @@
 //   incoherent  As if there were infinitely many looks: over any radar_frames successive frames (of
 //               each carrier) the covariance is exactly sum_k w_k psf^2 a a^H. Successive ones are
 //               uncorrelated.
-// Leakage and the calibration reflector are points that stand still. What moves at v m/s while the
-// transmitters send in turn, chirp_s apart and `chirps` times each, has at transmitter t of T
+// Leakage and the calibration reflector are points that stand still. The transmitters send in turn,
+// chirp_s apart and `chirps` times each. An echo that moves at v m/s has at transmitter t of T
 //   exp(-4 pi i v t chirp_s / wavelength) sin(pi f C) / (C sin(pi f)),
 // with C = chirps, f = 2 v T chirp_s / wavelength (Doppler bin 0).
 // The response psf is that to the middle of an eighth of a resolution cell.
@@ -37,42 +37,44 @@
 
 namespace echofuse::sim {
 
-// Places: up to 8 in a row; 12: transmitters (0,0) (2,2) (0,2) with receivers (1,1) (1,0) (0,1)
-// (0,0) each, as on TI's IWR6843AOP.
+// Places are up to 8 in a row. With 12, transmitters (0,0) (2,2) (0,2) have receivers (1,1) (1,0)
+// (0,1) (0,0) each, as on TI's IWR6843AOP.
 record::Antennas antennas_in_layout(std::size_t count);
-// The same with errors of phase and gain, radar_phase_error_rad and radar_gain_error_db, drawn from
-// the seed.
+// They are the same with errors of phase and gain, radar_phase_error_rad and radar_gain_error_db,
+// drawn from the seed.
 record::Antennas simulated_antennas(const Conditions& conditions, std::uint64_t seed);
-// As the run says they are: with their errors if radar_array_calibrated.
+// They are as the run states them: with their errors if radar_array_calibrated.
 record::Antennas stated_antennas(const record::Antennas& antennas, const Conditions& conditions);
 
-// How people move who stand still. They sway about their ankles as an inverted pendulum (Morasso et
+// It moves people who stand still. They sway about their ankles as an inverted pendulum (Morasso et
 // al., PLoS ONE 14, e0213870, 2019), by some millimetres at the centre of pressure (Prieto et al.,
-// IEEE Trans. Biomed. Eng. 43, 956, 1996), twist about an upright axis and breathe. At 60 GHz
-// 2.5 mm are a whole turn of the echo's phase.
+// IEEE Trans. Biomed. Eng. 43, 956, 1996), twist about an upright axis and breathe. At 60 GHz 2.5
+// mm are a whole turn of the echo's phase.
 class BodyMotion {
  public:
-  // Sway to the right and away from the radar (m, at head height), twist (rad), breath (m).
+  // The modes are sway to the right and away from the radar (m, at head height), twist (rad),
+  // breath (m).
   static constexpr std::size_t modes = 4;
   using Modes = std::array<float, modes>;
 
-  // Each person's is random and stationary from the start: sway and twist are oscillators with
-  // critical damping, driven by white noise, covariance (1 + wt) exp(-wt), w = 2 per second, so
-  // that the head goes at 1 cm/s; breath is a sine of 0.25 Hz.
+  // Each person's motion is random and stationary from the start. Sway and twist are oscillators
+  // with critical damping, driven by white noise, covariance (1 + wt) exp(-wt), w = 2 per second,
+  // so that the head goes at 1 cm/s. Breath is a sine of 0.25 Hz.
   BodyMotion(const Conditions& conditions, std::size_t people, Rng& rng);
   void advance(double time_s, Rng& rng);
-  // One entry a person.
+  // They have one entry a person.
   const std::vector<Modes>& places() const { return places_; }
   const std::vector<Modes>& speeds() const { return speeds_; }  // per second
 
-  // By how much the range of a patch grows per unit of each mode: direction cosines x/R and y/R,
-  // height above the floor, and where the person's axis stands (m, seen from the radar).
+  // It says by how much the range of a patch grows per unit of each mode. It takes the direction
+  // cosines x/R and y/R, the height above the floor, and where the person's axis stands (m, seen
+  // from the radar).
   static Modes range_per_mode(double x, double y, double height_m, double axis_x_m, double axis_z_m,
                               double body_scale);
 
  private:
   struct Oscillator {
-    double place = 0, speed = 0;  // of unit variance; speed in units of w
+    double place = 0, speed = 0;  // unit variance; speed in units of w
   };
   void set_modes();
 
@@ -84,35 +86,35 @@ class BodyMotion {
   std::vector<Modes> places_, speeds_;
 };
 
-// Patches that the antennas cannot tell apart, added up: weights are added, everything else is
+// A cell adds up patches that the antennas cannot tell apart: weights are added, everything else is
 // their centre's. Across a cell the phase of eight antennas turns by 0.7 rad from end to end (0.03
-// of direction cosine), and that of a head that sways 5 mm, against the feet, by 0.7 rad (0.1 m of
-// height).
+// of direction cosine). The phase of a head that sways 5 mm, against the feet, turns by 0.7 rad as
+// well (0.1 m of height).
 struct EchoCell {
   double weight = 0, range_m = 0, x = 0, y = 0, height_m = 0;
   std::int32_t person = Returns::still;
 };
 struct EchoCells {
   std::vector<EchoCell> cells;       // those of one slot of range stand together
-  std::vector<std::size_t> begin;    // of each slot among the cells, and the end
-  std::vector<double> slot_range_m;  // centre of what is in each slot
+  std::vector<std::size_t> begin;    // first cell of each slot, and the end
+  std::vector<double> slot_range_m;  // centre of the patches in each slot
   std::size_t people = 0;
 };
 EchoCells echo_cells(const Returns& returns, double slot_m, bool with_room);
 
-// What the records of a run have in common. The still seed is the room's.
+// All records of a run have these in common. The still seed is the room's.
 struct AntennaRadar {
   RadarAxis axis;
   record::Antennas antennas;
   std::uint64_t still_seed = 0;
   // Antennas of one transmitter follow one another. It sends `chirps` times in a frame, chirp_s
-  // after the one before it; 0: all at once.
+  // after the one before it; with 0 all send at once.
   std::size_t receivers = 4;
   double chirp_s = 0;
   std::int64_t chirps = 1;
-  // room_echo(), where the room is subtracted from the returns (render.hpp); else empty.
+  // It is room_echo() where the room is subtracted from the returns (render.hpp); else it is empty.
   std::span<const std::complex<float>> room{};
-  // Above the first one (carriers_hz).
+  // They are above the first one (carriers_hz).
   std::vector<double> carriers_hz{0};
 };
 
@@ -125,10 +127,11 @@ class AntennaEcho {
   AntennaEcho& operator=(AntennaEcho&&) noexcept;
 
   std::size_t samples() const { return points_ * antennas_; }
-  // Points of the axis times antennas, antennas fastest, without noise, so long after the former
-  // frame.
+  // It gives points of the axis times antennas, antennas fastest, without noise, `later_s` after
+  // the former frame.
   void frame(double later_s, Rng& rng, std::span<std::complex<float>> samples);
-  // The next frame is of this one of AntennaRadar::carriers_hz; the first of all, unless said.
+  // It sets the carrier of the next frame, one of AntennaRadar::carriers_hz; the first one is the
+  // default.
   void set_carrier(std::size_t carrier) { carrier_ = carrier; }
 
  private:
@@ -141,14 +144,14 @@ class AntennaEcho {
   std::unique_ptr<Moving> moving_;
 };
 
-// Samples of the room alone, coherent, at each carrier.
+// These are the samples of the room alone, coherent, at each carrier.
 std::vector<std::complex<float>> room_echo(const AntennaRadar& radar, const Conditions& conditions);
 
-// A record's: radar_frames frames over window_s, each of all carriers, with noise of this
-// power in each sample.
+// A record has radar_frames frames over window_s, each at all carriers, with noise of this power in
+// each sample.
 struct AntennaRecord {
-  std::vector<float> array;   // of the first `kept_bins` points (ArrayStatistics)
-  std::vector<double> power;  // of each point, mean over frames, carriers and antennas
+  std::vector<float> array;   // statistics of the first `kept_bins` points (ArrayStatistics)
+  std::vector<double> power;  // power of each point, mean over frames, carriers and antennas
   std::optional<record::Speckle> speckle;
 };
 AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What a depth camera makes of the exact depths.
+// This file turns exact depths into those that a depth camera gives.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -11,15 +11,15 @@
 
 namespace echofuse::sim {
 
-// Adds to a frame of exact z (mm, row-major, 0: no return) range noise, sigma = depth_noise_m z^2
-// for z in metres as of a camera that triangulates, and loses at edges the share depth_dropout of
-// the pixels: at an edge is who has a neighbour above, below or beside without return or more than
-// 0.1 m away. Also holes, a constant offset, and steps of depth_step_m z^2.
+// It adds range noise to a frame of exact z (mm, row-major, 0: no return): sigma = depth_noise_m
+// z^2 for z in metres, as for a camera that triangulates. At edges it loses the share depth_dropout
+// of the pixels. A pixel is at an edge if a neighbour above, below or beside it has no return or is
+// more than 0.1 m away. It also makes holes, a constant offset, and steps of depth_step_m z^2.
 void disturb_depth(std::vector<std::uint16_t>& mm, std::uint32_t width,
                    const Conditions& conditions, Rng& rng);
 
-// The map of a record: exact, or what the product makes of a disturbed frame of 320 x 240 pixels,
-// the simulated camera's, if anything disturbs.
+// This is the map of a record. The map is exact, or, if anything disturbs, it is made by the
+// product from a disturbed frame of 320 x 240 pixels, the simulated camera's.
 std::vector<std::uint16_t> depth_map_mm(const Scene& scene, const Axis& x, const Axis& y,
                                         const Conditions& conditions, Rng& rng);
 

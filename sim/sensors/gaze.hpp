@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Where a sensor is and points, and what it makes of what it sees beside the inverse squares.
+// A gaze says where a sensor is and where it points, and how it weights its view beside the inverse
+// squares.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -10,24 +11,24 @@ namespace echofuse::sim {
 struct Conditions;
 
 struct Gaze {
-  // Of each ray: (x, y, 1), the cosine of the incidence, and the number of the shape: capsules come
-  // first, below 0 is the room.
+  // Each ray has (x, y, 1), the cosine of the incidence, and the number of the shape: capsules come
+  // first, and a number below 0 is the room.
   struct Rays {
     const double *x, *y, *cosine;
     const std::int32_t* shape;
   };
 
-  double sensor_x_m = 0, extra_m = 0;  // extra: of every range that it shows
+  double sensor_x_m = 0, extra_m = 0;  // extra is added to every range that it shows
   double falloff = 0, middle_x = 0, half_tangent = 1;
   double lobe = 1, plate_lobe = 1;  // powers of the cosine; 1: Lambert
   double sway_m = 0;
-  double room = 1;                   // factor of what the room sends back
-  std::optional<double> height_m{};  // of the sensor above the floor: places are kept
+  double room = 1;                   // factor of the room's light or echo
+  std::optional<double> height_m{};  // sensor above the floor; if set, places are kept
 
   // Weights of Lambert's law become those of the lobes, and fall off from the middle:
   //   cos -> (n + 2)/3 cos^n, with which a sphere's image integrates to the same.
   void dim(const Rays& rays, std::int32_t capsules, double* weight, std::size_t count) const;
-  // By how much patch k is farther: deviates of sway_m that spread evenly for any run of k.
+  // It says by how much patch k is farther: deviates of sway_m that spread evenly for any run of k.
   double sway(std::size_t k) const;
 };
 

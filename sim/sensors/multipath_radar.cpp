@@ -29,7 +29,7 @@ bool on_wall(const Plate& wall, Vec3 p) {
   return along >= 0 && along <= reach && std::abs(across) <= s.width_m / 2;
 }
 
-// Where the way between two places goes through the wall.
+// Returns where the way between two places goes through the wall.
 std::optional<Vec3> through(const Plate& wall, Vec3 from, Vec3 to) {
   const Vec3 n = normal_of(wall);
   const double before = dot(n, from - wall.centre), behind = dot(n, to - wall.centre);
@@ -39,7 +39,8 @@ std::optional<Vec3> through(const Plate& wall, Vec3 from, Vec3 to) {
   return at;
 }
 
-// What one way brings of the power that a patch sends back, and where from.
+// This is the share of the power sent back by a patch that one way brings, and the direction it
+// comes from.
 struct Arrival {
   double share, length_m;
   Vec3 departure;
@@ -110,7 +111,7 @@ class Echoes {
   std::int32_t capsules_;
   const Scene& scene_;
   Returns& returns_;
-  std::vector<Arrival> ways_;  // to one patch
+  std::vector<Arrival> ways_;  // ways to one patch
 };
 
 }  // namespace

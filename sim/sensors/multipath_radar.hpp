@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Echoes by walls that mirror, of a radar or of sound: image sources (Allen and Berkley, J. Acoust.
-// Soc. Am. 65, 943, 1979).
+// Walls that mirror make echoes of a radar or of sound: these are image sources (Allen and Berkley,
+// J. Acoust. Soc. Am. 65, 943, 1979).
 #pragma once
 #include <array>
 #include <optional>
@@ -12,32 +12,32 @@ namespace echofuse::sim {
 
 struct Gaze;
 
-// A sensor as walls mirror it.
+// This is a sensor as walls mirror it.
 struct ImageSource {
   Vec3 at;
-  std::array<const Plate*, 2> walls{};  // which it meets one after the other
+  std::array<const Plate*, 2> walls{};  // the walls that it meets one after the other
   int reflections = 0;                  // 0: the sensor itself
 };
-// With the sensor itself, by the room's first `walls` plates: at most `order` reflections, 0 to 2.
+// The list has the sensor itself, and its images by the room's first `walls` plates: at most
+// `order` reflections, 0 to 2.
 std::vector<ImageSource> image_sources(const Room& room, Vec3 sensor, int order);
 
 struct Way {
   Vec3 departure;  // direction in which it leaves the sensor, of length 1
-  Vec3 arrival;    // in which it reaches the place
+  Vec3 arrival;    // direction in which it reaches the place
   double length_m = 0;
 };
-// From the sensor to a place; nothing if a reflection would lie beside its wall. What stands in
-// between is not looked at.
+// This is the way from the sensor to a place, or nothing if a reflection would lie beside its wall.
+// Obstacles in between are not considered.
 std::optional<Way> way_to(const ImageSource& image, Vec3 sensor, Vec3 place);
 
-// Adds the echoes of patches that the radar sees, there by way i and back by way j (Lambertian, one
-// emitter and receiver in one place):
-//   w_ij = albedo dA (rho^n_i g_i cos_i / d_i^2) (rho^n_j g_j cos_j / d_j^2),  range (d_i + d_j) /
-//   2
-// if 1 <= n_i + n_j <= order reflections, g the falloff one way. i, j and j, i are one echo of
+// It adds the echoes of patches that the radar sees, there by way i and back by way j (Lambertian,
+// one emitter and receiver in one place):
+//   w_ij = albedo dA (rho^n_i g_i cos_i / d_i^2) (rho^n_j g_j cos_j / d_j^2), range (d_i + d_j) / 2
+// if 1 <= n_i + n_j <= order reflections; g is the falloff one way. i, j and j, i are one echo of
 // twice the amplitude, 4 w: behind one mirror the mean power over phases is 1 + 4 rho + rho^2, as
-// of |1 + sqrt(rho) exp(i phi)|^4. The radar sends and hears what is before it, at z > 0. With
-// antennas the direction is the mean of both ways'.
+// that of |1 + sqrt(rho) exp(i phi)|^4. The radar sends and receives at z > 0 only. With antennas
+// the direction is the mean of both ways'.
 void add_echoes_by_walls(const Scene& scene, const Conditions& conditions, const Gaze& gaze,
                          const Axis& x, const Axis& y, Returns& returns);
 

@@ -16,7 +16,7 @@ namespace {
 
 std::int64_t whole_up(double x) { return static_cast<std::int64_t>(std::ceil(x)); }
 
-// The response of the detector to one photon at time 0, integrated up to t.
+// This is the response of the detector to one photon at time 0, integrated up to t.
 class Irf {
  public:
   explicit Irf(const Conditions& c)
@@ -36,8 +36,8 @@ class Irf {
 
  private:
   static double normal(double u) { return 0.5 * std::erfc(-u / std::numbers::sqrt2); }
-  // Exponentially modified Gaussian: what has not yet decayed. In logarithms, as the exponent
-  // alone overflows for sigma >> tail.
+  // This is the part of an exponentially modified Gaussian that has not yet decayed. It uses
+  // logarithms, as the exponent alone overflows for sigma >> tail.
   double late(double t) const {
     const double ratio = sigma_ / tail_;
     const double share = normal(t / sigma_ - ratio);
@@ -46,7 +46,8 @@ class Irf {
   double sigma_, tail_, share_;
 };
 
-// Of points of one bin: each adds its weight times its row of shares; rows are `stride` apart.
+// It takes the points of one bin: each adds its weight times its row of shares; rows are `stride`
+// apart.
 ECHOFUSE_CLONES void add_shares(const double* weights, std::size_t points, const double* shares,
                                 std::size_t stride, std::size_t count, double* __restrict__ bins) {
   for (std::size_t i = 0; i < points; ++i) {
@@ -55,9 +56,9 @@ ECHOFUSE_CLONES void add_shares(const double* weights, std::size_t points, const
   }
 }
 
-// The signal at a resolution finer than bin and IRF: weights on a grid of `phases` points a bin,
-// each return shared linearly by its two neighbours. With points a sixteenth of sigma apart this
-// widens the IRF by less than 4e-4 of its width.
+// It holds the signal at a resolution finer than bin and IRF, as weights on a grid of `phases`
+// points a bin. Each return is shared linearly by its two neighbours. With points a sixteenth of
+// sigma apart this widens the IRF by less than 4e-4 of its width.
 class FineSignal {
  public:
   FineSignal(const Conditions& c, const Irf& irf)
@@ -83,8 +84,8 @@ class FineSignal {
     const std::int64_t first = -whole_up(-irf.begin() / width_ps) - 1;
     const std::int64_t last = whole_up(irf.end() / width_ps) + 1;
     const auto length = static_cast<std::size_t>(last - first);
-    // One record after the other has the same: phases and their step go with the response and the
-    // bins' width.
+    // One record after the other has the same shares: phases and their step go with the response
+    // and the bins' width.
     thread_local std::vector<double> shares;
     thread_local std::optional<std::pair<Irf, double>> of;
     if (of != std::pair{irf, width_ps}) {

@@ -18,9 +18,9 @@ constexpr double pi = std::numbers::pi;
 
 constexpr int many_frames = 60;
 
-constexpr double nearest = 1e-7;  // to a removable singularity: too near to divide
+constexpr double nearest = 1e-7;  // distance from a removable singularity: too near to divide
 
-// psf_amplitude, given sin(pi u) as well.
+// It is psf_amplitude, given sin(pi u) as well.
 double psf_from_sine(Psf psf, double u, double sine) {
   const double whole = std::round(u);
   if (std::abs(u - whole) < nearest) {  // the limit
@@ -31,13 +31,14 @@ double psf_from_sine(Psf psf, double u, double sine) {
   }
   const double sinc = sine / (pi * u);
   if (psf == Psf::sinc) return sinc;
-  // 0.42 W(u) = 0.42 sinc(u) + 0.25 [sinc(u-1) + sinc(u+1)] + 0.04 [sinc(u-2) + sinc(u+2)],
+  // 0.42 W(u) = 0.42 sinc(u) + 0.25 [sinc(u-1) + sinc(u+1)] + 0.04 [sinc(u-2) + sinc(u+2)] is
   // summed over a common denominator.
   const double u2 = u * u;
   return sinc * (4 - u2 * 0.18 / 0.42) / ((1 - u2) * (4 - u2));
 }
 
-// The same for many points at u = cells[i] - cell; sines and cosines are those of pi u's parts.
+// It does the same for many points at u = cells[i] - cell; sines and cosines are those of pi u's
+// parts.
 ECHOFUSE_CLONES void sincs(const double* cells, const double* sines, const double* cosines,
                            double cell, double sine, double cosine, double* __restrict out,
                            std::size_t count) {
@@ -57,9 +58,9 @@ ECHOFUSE_CLONES void add_squared(double weight, const double* psf, double* __res
   for (std::size_t i = 0; i < count; ++i) power[i] += weight * psf[i] * psf[i];
 }
 
-// The echoes on a grid of range much finer than the resolution, each shared linearly by its two
-// neighbours: the response to a whole room costs no more than that to a few hundred points. The
-// psf is interpolated thereby, to better than 5e-5 of its peak.
+// It holds the echoes on a grid of range much finer than the resolution. Each is shared linearly by
+// its two neighbours, so the response to a whole room costs no more than that to a few hundred
+// points. The psf is interpolated thereby, to better than 5e-5 of its peak.
 template <class Value>
 class FineEcho {
  public:
@@ -77,7 +78,8 @@ class FineEcho {
     values_[i] += (1 - rest) * value;
     values_[i + 1] += rest * value;
   }
-  // visit(value, psf): each point of the grid, with its response at the points of the axis.
+  // It calls visit(value, psf) with each point of the grid, and its response at the points of the
+  // axis.
   template <class Visit>
   void for_each(const RadarAxis& axis, Visit visit) const {
     const RangeResponse response(axis);
@@ -111,11 +113,12 @@ RangeResponse::RangeResponse(const RadarAxis& axis)
 void RangeResponse::at(double cell, std::vector<double>& psf) const {
   psf.resize(cells_.size());
   if (psf.empty()) return;
-  // sin(pi (u_i - u)) from the angles' own: a sine for each would take most of the time.
+  // sin(pi (u_i - u)) comes from the angles' own sines: a sine for each would take most of the
+  // time.
   const double sine = std::sin(pi * cell), cosine = std::cos(pi * cell);
   sincs(cells_.data(), sines_.data(), cosines_.data(), cell, sine, cosine, psf.data(), psf.size());
   if (psf_ == Psf::blackman) to_blackman(cells_.data(), cell, psf.data(), psf.size());
-  // Where it is 0 / 0.
+  // These are the points where it is 0 / 0.
   for (int order = -2; order <= 2; ++order) {
     const double point = std::round((cell + order - cells_[0]) / cells_per_point_);
     if (!(point >= 0 && point < static_cast<double>(psf.size()))) continue;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The range profile of a linear-frequency-modulated radar after its matched filter.
+// This file makes the range profile of a linear-frequency-modulated radar after its matched filter.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -12,45 +12,48 @@ namespace echofuse::sim {
 struct Conditions;
 struct Returns;
 
-// Amplitude, 1 at u = 0: sin(pi u)/(pi u), or the transform of a Blackman window (-3 dB width 1.64,
-// side lobes below -58 dB; Harris, Proc. IEEE 66, 1978). u in resolution cells.
+// This is the amplitude, 1 at u = 0: sin(pi u)/(pi u), or the transform of a Blackman window (-3 dB
+// width 1.64, side lobes below -58 dB; Harris, Proc. IEEE 66, 1978). u is in resolution cells.
 double psf_amplitude(Psf psf, double u);
 
-// psf_amplitude at every point of an axis, for echoes from one range after the other.
+// It computes psf_amplitude at every point of an axis, for echoes from one range after the other.
 class RangeResponse {
  public:
   explicit RangeResponse(const RadarAxis& axis);
-  // Of an echo so many cells away, at each point.
+  // It gives the response to an echo at range `cell`, in resolution cells, at each point.
   void at(double cell, std::vector<double>& psf) const;
 
  private:
   Psf psf_;
   double cells_per_point_;
-  std::vector<double> cells_, sines_, cosines_;  // of each point
+  std::vector<double> cells_, sines_, cosines_;  // one a point
 };
 
-// Power of the receiver's noise in each sample of an antenna in a frame: radar_snr_db below
-// mean_peak.
+// This is the power of the receiver's noise in each sample of an antenna in a frame: radar_snr_db
+// below mean_peak.
 double radar_noise_power(const Conditions& c, double mean_peak);
 
-// Rms of the noise in each point of a profile that is the mean of so many frames, of data sets and
-// of the laboratory: radar_snr_db below mean_peak in 60 frames (3 s of 20 frames a second), and
-// falling with the root of their number. In a frame the noise is the power of complex Gaussian
-// noise, exponential with a mean of its rms; of 60 frames and more the mean is taken as Gaussian.
+// This is the rms of the noise in each point of a profile that is the mean of `frames` frames, for
+// data sets and for the laboratory. It is radar_snr_db below mean_peak in 60 frames (3 s of 20
+// frames a second), and falls with the root of their number. In a frame the noise is the power of
+// complex Gaussian noise, exponential with a mean of its rms; the mean of 60 frames and more is
+// taken as Gaussian.
 double profile_noise(const Conditions& c, double mean_peak, std::int64_t frames);
-// Adds the noise of the mean of so many frames, less what it is on average: powers may be negative.
+// It adds the noise of the mean of `frames` frames, less its average: powers may be negative.
 void add_profile_noise(std::vector<double>& power, double mean_peak, const Conditions& conditions,
                        std::int64_t frames, Rng& rng);
-// Adds that of one frame.
+// It adds the noise of one frame.
 void add_frame_noise(std::vector<double>& power, double mean_peak, const Conditions& conditions,
                      Rng& rng);
 
-// Linear power of echoes that do not interfere, sum_k w_k psf^2, without noise; in units in which
-// the mean scene as a single point would give 1. What interferes is of antennas.hpp.
+// This is the linear power of echoes that do not interfere, sum_k w_k psf^2, without noise. It is
+// in units in which the mean scene as a single point would give 1. antennas.hpp treats echoes that
+// interfere.
 std::vector<double> radar_power(const Returns& returns, const RadarAxis& axis);
 
-// Peak of the noise-free incoherent profile, averaged over a fixed set of base-condition scenes
-// as seen with this axis and baseline. Takes some 50 ms: once per data set.
+// This is the peak of the noise-free incoherent profile, averaged over a fixed set of
+// base-condition scenes as seen with this axis and baseline. It takes some 50 ms, once per data
+// set.
 double mean_peak_power(const RadarAxis& axis, const Conditions& conditions);
 
 }  // namespace echofuse::sim

@@ -19,7 +19,7 @@
 namespace echofuse::sim {
 namespace {
 
-// Of ray i of the row, which met something at this range.
+// This is the place of ray i of the row, which met something at this range.
 Returns::Place place_of(const Scene& scene, const Row& row, std::size_t i, double range_m,
                         double sensor_height_m) {
   const double z = row.z[i];
@@ -27,7 +27,7 @@ Returns::Place place_of(const Scene& scene, const Row& row, std::size_t i, doubl
           static_cast<float>(row.y[i] * z + sensor_height_m), person_of(scene, row.shape[i])};
 }
 
-// Patches that rays of a row meet, in the order of the rays.
+// These are the patches that rays of a row meet, in the order of the rays.
 class Patches {
  public:
   Patches(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Returns& returns)
@@ -39,7 +39,7 @@ class Patches {
     returns.place.clear();
   }
 
-  // Rays first..last-1 of the row; weights times `sign`.
+  // It adds the rays first..last-1 of the row, with weights times `sign`.
   void add(const Row& row, double sign, std::size_t first, std::size_t last) {
     const std::size_t count = last - first, most = seen_ + count + spare_rays;
     if (returns_.range_m.size() < most) {
@@ -100,8 +100,9 @@ void look(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Ro
   patches.end();
 }
 
-// What the air takes, and what it sends back on its own: per solid angle a Lambertian patch sends
-// albedo cos(theta) / (pi R^2), a slice of air backscatter dR / R^2. Bodies hide none of it.
+// It subtracts what the air takes, and adds what the air sends back on its own. Per solid angle a
+// Lambertian patch sends albedo cos(theta) / (pi R^2), and a slice of air sends backscatter dR /
+// R^2. Bodies hide none of it.
 void see_through_air(const Conditions& c, const Gaze& gaze, RoomIs room, Returns& returns) {
   const Weather weather = weather_of(c);
   if (weather.clear()) return;
@@ -112,7 +113,8 @@ void see_through_air(const Conditions& c, const Gaze& gaze, RoomIs room, Returns
     returns.weight[k] *= left(std::max(0.0, returns.range_m[k] - gaze.extra_m));
   if (room == RoomIs::subtracted) return;  // the air is in the room's part
   constexpr double nearest_m = 1, farthest_m = 15, step_m = 0.01;
-  // Of the square field of view, as far as the light falls off towards its edges.
+  // The solid angle is that of the square field of view, weighted by the light's falloff towards
+  // its edges.
   constexpr int cells = 32;  // a quarter of it, each way
   const double cell = gaze.half_tangent / cells;
   double solid_angle_sr = 0;

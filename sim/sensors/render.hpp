@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Exact ray casting of capsules, plates and triangles.
+// This file casts rays exactly at capsules, plates and triangles.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -9,7 +9,7 @@
 
 namespace echofuse::sim {
 
-// What one ray meets first; range 0 if nothing.
+// It is what one ray meets first; the range is 0 if it meets nothing.
 struct Hit {
   float range_m = 0;  // slant range from the sensor
   float z_m = 0;
@@ -17,28 +17,28 @@ struct Hit {
   float albedo = 0;
 };
 
-// Where a ray goes through its pixel. Staggered rays are off their pixel's centre by a different
-// step in every row and column, so that edges along the grid (letters held upright) are counted
-// right on average and not one whole row too many or too few.
+// The sampling says where a ray goes through its pixel. Staggered rays are off their pixel's centre
+// by a different step in every row and column, so that edges along the grid (letters held upright)
+// are counted right on average and not one whole row too many or too few.
 enum class Sampling : std::uint8_t { centres, staggered };
 
-// One ray per point of the axes, whose values are the ray's x/z and y/z; row-major, y outermost.
-// The sensor at (x, 0, 0) looks along +z.
+// There is one ray per point of the axes, whose values are the ray's x/z and y/z; row-major, y
+// outermost. The sensor at (x, 0, 0) looks along +z.
 std::vector<Hit> cast(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y,
                       Sampling sampling = Sampling::centres);
 
-// z in millimetres as seen from the origin, row-major, 0 = nothing within 6 m.
+// It gives z in millimetres as seen from the origin, row-major; 0 means nothing within 6 m.
 std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, const Axis& y);
 
-// Surface patches one sensor sees. weight = albedo cos(theta) dOmega / R^2 (source and receiver in
-// one place, Lambertian), in units of the mean scene's: the weights of an average scene of the base
-// condition sum to 1.
+// These are the surface patches that one sensor sees. weight = albedo cos(theta) dOmega / R^2
+// (source and receiver in one place, Lambertian), in units of the mean scene's: the weights of an
+// average scene of the base condition sum to 1.
 struct Returns {
   std::vector<double> range_m;
   std::vector<double> weight;
-  // Of the radar's, if it has antennas (radar_antennas > 0) or its echoes interfere: direction
-  // cosines x/R and y/R, height above the floor, and to whom the patch belongs: person 0, 1..., or
-  // something that stands still.
+  // The radar's returns have places if it has antennas (radar_antennas > 0) or its echoes
+  // interfere. A place has the direction cosines x/R and y/R, the height above the floor, and the
+  // owner of the patch: person 0, 1..., or something that stands still.
   struct Place {
     float x = 0, y = 0, height_m = 0;
     std::int32_t person = still;
@@ -48,25 +48,28 @@ struct Returns {
   std::vector<Place> place{};
 };
 
-// To whom shape `number` of a scene (scanner.hpp) belongs. People are the capsules, in their order,
-// and hold the plates.
+// It says to whom shape `number` of a scene (scanner.hpp) belongs. People are the capsules, in
+// their order, and hold the plates.
 std::int32_t person_of(const Scene& scene, std::int32_t number);
 
-// Sum of albedo cos(theta) dOmega / R^2 over the mean scene (1000 people to 3000 letters of the
-// base condition): that of a calibration target, a white plate of 0.24 m^2 at 3.5 m, A / R^4. A
-// constant, so that nearer, larger or darker targets keep their own brightness.
+// This is the sum of albedo cos(theta) dOmega / R^2 over the mean scene (1000 people to 3000
+// letters of the base condition). It equals that of a calibration target, a white plate of 0.24 m^2
+// at 3.5 m, A / R^4. It is a constant, so that nearer, larger or darker targets keep their own
+// brightness.
 inline constexpr double mean_scene_weight = 0.24 / (3.5 * 3.5 * 3.5 * 3.5);
 
-// From the origin and from the radar's place, each with its own occlusion; ranges as the sensor
-// shows them, with spd_delay_ps and radar_bias_m. Behind them come those by walls (multipath_order,
-// range: half of the way), and behind the radar's its own leakage.
-// Or without the room, but for those of its patches that something hides: they have the negative of
-// their weights. Everything that is linear in weights is then what changes if the room is not
-// empty.
+// These are the returns as seen from the origin and from the radar's place, each with its own
+// occlusion. Ranges are as the sensor shows them, with spd_delay_ps and radar_bias_m. Behind them
+// come the returns by walls (multipath_order, range: half of the way), and behind the radar's its
+// own leakage.
+// With RoomIs::subtracted the room is left out, but for those of its patches that something hides:
+// they have the negative of their weights. Everything that is linear in weights is then the change
+// when the room is not empty.
 enum class RoomIs : std::uint8_t { seen, subtracted };
 Returns spd_returns(const Scene& scene, const Conditions& conditions);
 Returns radar_returns(const Scene& scene, const Conditions& conditions);
-// Into the memory of an earlier scene: fresh memory takes the kernel as long as the light us.
+// They write into the memory of an earlier scene: fresh memory takes the kernel as long as the
+// light takes us.
 void spd_returns(const Scene& scene, const Conditions& conditions, Returns& out,
                  RoomIs room = RoomIs::seen);
 void radar_returns(const Scene& scene, const Conditions& conditions, Returns& out,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What the room gives if nobody is in it. It stands still: of a scene before it only that has to be
-// looked at which people and objects change (RoomIs::subtracted).
+// This file holds what the room gives if nobody is in it. The room stands still: in a scene before
+// it, only the part that people and objects change has to be looked at (RoomIs::subtracted).
 #pragma once
 #include <vector>
 
@@ -11,12 +11,12 @@ namespace echofuse::sim {
 struct RoomAlone {
   std::vector<double> light;  // spd_rate, without background counts
   std::vector<double> power;  // radar_power, if incoherent
-  // room_echo, if there are antennas and it is coherent
+  // It is room_echo, if there are antennas and they are coherent.
   std::vector<std::complex<float>> echo;
 };
 RoomAlone room_alone(const Conditions& conditions, const AntennaRadar& radar);
 
-// What is left of the room is nowhere below 0.
+// The sum is nowhere below 0.
 void add_room(const std::vector<double>& room, std::vector<double>& all);
 
 }  // namespace echofuse::sim

@@ -25,7 +25,7 @@ Vec3 Scanner::normal(std::int32_t shape, Vec3 at) const {
   return dot(out, at) > 0 ? -1 * out : out;
 }
 
-// A room never moves: its image is made once for each sensor. Safe from any thread.
+// A room never moves: its image is made once for each sensor. Any thread may call it.
 std::shared_ptr<const Image> Scanner::room_image(const Room& room, double sensor_x_m, const Axis& x,
                                                  const Axis& y, Sampling sampling) {
   static std::mutex mutex;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Goes over a scene with rays, row by row. Internal to render.cpp.
+// This file goes over a scene with rays, row by row. It is internal to render.cpp.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -18,13 +18,13 @@ namespace echofuse::sim {
 
 using Points = std::pair<std::uint32_t, std::uint32_t>;  // [first, last) of an axis
 
-// In points, widened by the half step that a ray may be off.
+// The interval is in points, widened by the half step that a ray may be off.
 inline Interval in_points(const Axis& axis, Interval t) {
   const double a = (t.low - axis.start) / axis.step, b = (t.high - axis.start) / axis.step;
   return {std::min(a, b) - 0.5, std::max(a, b) + 0.5};
 }
 
-// Points of the axis inside the interval, widened by rounding, too.
+// These are the points of the axis inside the interval, widened by rounding, too.
 inline Points points_within(const Axis& axis, Interval t) {
   const auto [low, high] = in_points(axis, t);
   const double n = axis.count;
@@ -32,14 +32,15 @@ inline Points points_within(const Axis& axis, Interval t) {
           static_cast<std::uint32_t>(std::clamp(std::ceil(high) + 1, 0.0, n))};
 }
 
-// Steps that spread evenly over (-0.5, 0.5) for any run of k: multiples of the golden ratio.
+// These steps spread evenly over (-0.5, 0.5) for any run of k: they are multiples of the golden
+// ratio.
 inline double golden_offset(std::uint32_t k) {
   const double turns = (k + 0.5) * std::numbers::phi;
   return turns - std::floor(turns) - 0.5;
 }
 
-// How far each ray is off its point. Columns are counted from the middle and the two halves are
-// mirror images, so that mirrored scenes meet mirrored rays.
+// They say how far each ray is off its point. Columns are counted from the middle and the two
+// halves are mirror images, so that mirrored scenes meet mirrored rays.
 struct Offsets {
   std::vector<double> dx_of_row, x_of_column, dy_of_column;
   std::vector<double> side_of_column;  // -1 left of the middle, 1 right of it
@@ -61,7 +62,7 @@ struct Offsets {
   }
 };
 
-// A shape and the points of the axes between which it can be met.
+// This is a shape and the points of the axes between which it can be met.
 template <class Shape>
 struct Placed {
   Shape shape;
@@ -71,12 +72,12 @@ struct Placed {
     std::tie(x0, x1) = points_within(x, shape.tangents_x());
     std::tie(y0, y1) = points_within(y, shape.tangents_y());
   }
-  // Of a row from y0 to y1.
+  // It returns the columns of a row from y0 to y1.
   Points columns(std::uint32_t) const { return {x0, x1}; }
 };
 
 // A tilted limb fills little of its box. Between its ends it is (1 - t) times the one and t times
-// the other, of which a row cuts some t.
+// the other, and a row cuts some range of t.
 template <>
 struct Placed<CapsuleShape> {
   CapsuleShape shape;
@@ -86,7 +87,7 @@ struct Placed<CapsuleShape> {
     const auto [a, b] = s.ends();
     std::tie(x0, x1) = points_within(x, hull(a.x, b.x));
     std::tie(y0, y1) = points_within(y, hull(a.y, b.y));
-    constexpr double more = 1e-6;  // than rounding
+    constexpr double more = 1e-6;  // larger than rounding
     const Interval ax = in_points(x, a.x), bx = in_points(x, b.x);
     const Interval ay = in_points(y, a.y), by = in_points(y, b.y);
     left_ = {ax.low - more, bx.low - more}, right_ = {ax.high + more, bx.high + more};
@@ -99,7 +100,7 @@ struct Placed<CapsuleShape> {
     const auto y = static_cast<double>(iy);
     top_.keep_below(y, from, to), bottom_.keep_below(-y, from, to);
     if (from > to) return {0, 0};
-    // Cut, not rounded: what is left of the axis is at its start anyway.
+    // The value is cut, not rounded: what is left of the axis is at its start anyway.
     const auto cut = [&](double point) {
       return static_cast<std::uint32_t>(std::clamp<double>(point, x0, x1));
     };
@@ -108,11 +109,11 @@ struct Placed<CapsuleShape> {
   }
 
  private:
-  // A bound at either end.
+  // This is a bound at either end.
   struct Ends {
     Ends(double of_a, double of_b) : a(of_a), by(of_b - of_a), per(by == 0 ? 0 : 1 / by) {}
     double at(double t) const { return a + t * by; }
-    // Of t in [from, to] keeps those where the bound is not above y.
+    // It keeps those t in [from, to] where the bound is not above y.
     void keep_below(double y, double& from, double& to) const {
       const double t = (y - a) * per;
       if (by > 0) to = std::min(to, t);
@@ -127,13 +128,13 @@ struct Placed<CapsuleShape> {
 };
 
 inline constexpr std::int32_t nothing = -1;
-// z infinite where there is nothing. With rays to spare at the end.
+// z is infinite where there is nothing. The arrays have rays to spare at the end.
 struct Image {
   std::vector<double> z, cosine, albedo;
 };
 
-// Rays from..to-1 of a row: (x, y, 1) met something at z, infinite where it did not. All arrays
-// have rays to spare.
+// These are the rays from..to-1 of a row: (x, y, 1) met something at z, which is infinite where it
+// did not. All arrays have rays to spare.
 struct Row {
   std::uint32_t iy, from, to;
   const double *x, *y, *z;
@@ -141,7 +142,7 @@ struct Row {
   const std::int32_t* shape;       // nothing: the room
   const std::vector<Points>& met;  // neighbours that met something; for Shading::on
 };
-// use(first, last): neighbours in [from, to) with keep(i), all at once.
+// It calls use(first, last) for neighbours in [from, to) with keep(i), all at once.
 template <class Keep, class Use>
 void for_each_run(std::size_t from, std::size_t to, Keep keep, Use use) {
   for (std::size_t first = from, last = from; first < to; first = last) {
@@ -152,7 +153,7 @@ void for_each_run(std::size_t from, std::size_t to, Keep keep, Use use) {
 }
 enum class Shading : std::uint8_t { off, on };
 
-// Goes through the image row by row, so that one row is all it holds. Shapes are numbered:
+// It goes through the image row by row, so that one row is all it holds. Shapes are numbered:
 // capsules, then plates, then triangles.
 class Scanner {
  public:
@@ -178,7 +179,7 @@ class Scanner {
       background_ = room_image(*scene.room, sensor_x_m, x, y, sampling);
   }
 
-  // visit(row) for every row in which something can be met.
+  // It calls visit(row) for every row in which something can be met.
   template <class Visit>
   void scan(Shading shading, Visit visit) {
     const auto [first, last] = rows();
@@ -195,14 +196,15 @@ class Scanner {
     }
   }
 
-  // Of what a ray met there, relative to the sensor: of unit length, towards the sensor.
+  // This is the normal of what a ray met there, relative to the sensor: of unit length, towards the
+  // sensor.
   Vec3 normal(std::int32_t shape, Vec3 at) const;
 
   static std::shared_ptr<const Image> room_image(const Room& room, double sensor_x_m, const Axis& x,
                                                  const Axis& y, Sampling sampling);
 
  private:
-  // In which something can be met.
+  // These are the rows in which something can be met.
   Points rows() const {
     if (background_) return {0, y_.count};
     Points out{y_.count, 0};
@@ -213,7 +215,7 @@ class Scanner {
     return out;
   }
 
-  // That reach into the row, and how far it can be met by them.
+  // It finds the shapes that reach into the row, and how far the row can meet them.
   void find_shapes(std::uint32_t iy) {
     from_ = background_ ? 0 : x_.count;
     to_ = background_ ? x_.count : 0;
@@ -236,7 +238,7 @@ class Scanner {
     }
   }
 
-  // use(the shape of this number)
+  // It calls use(the shape of this number).
   template <class Use>
   void with_shape(std::int32_t shape, Use use) const {
     auto number = static_cast<std::size_t>(shape);
@@ -300,12 +302,12 @@ class Scanner {
   const Axis& x_;
   const Axis& y_;
   Offsets offsets_;
-  // Of one row, with rays to spare.
+  // These are the values of one row, with rays to spare.
   std::vector<double> ray_x_, ray_y_, met_, z_, cosine_, albedo_;
   std::vector<std::int32_t> shape_;
   std::vector<InRow> in_row_;
   std::vector<Points> runs_;
-  std::uint32_t from_ = 0, to_ = 0;  // where the row may hold something
+  std::uint32_t from_ = 0, to_ = 0;  // range of the row that may hold something
   std::vector<Placed<CapsuleShape>> capsules_;
   std::vector<Placed<PlateShape>> plates_;
   std::vector<Placed<TriangleShape>> triangles_;

@@ -18,7 +18,8 @@ Interval clipped(Interval t, double half) {
   return {std::clamp(t.low, -half, half), std::clamp(t.high, -half, half)};
 }
 
-// Where all that moves can be met; the whole field of view if something stands behind it.
+// Returns where all that moves can be met, or the whole field of view if something stands behind
+// it.
 std::pair<Interval, Interval> window(const Scene& scene, Vec3 sensor, double half_x,
                                      double half_y) {
   const Interval all_x{-half_x, half_x}, all_y{-half_y, half_y};
@@ -64,7 +65,8 @@ Seen see(const Scene& scene, double sensor_x_m, double half_x, double half_y, do
   return out;
 }
 
-// A point of the study's axes, and where its measurements are in the long row of all of them.
+// This is a point of the study's axes, and where its measurements are in the long row of all of
+// them.
 struct Point {
   std::string axis;
   double value;
@@ -73,8 +75,8 @@ struct Point {
   double radar_sigma = 0;
 };
 
-// 2 sqrt(counts) of every number of photons, the profile of every radar, and last the silhouette's
-// place: as a function of the scene's random numbers and of both gains.
+// It computes 2 sqrt(counts) for every number of photons, the profile of every radar, and last the
+// silhouette's place, as a function of the scene's random numbers and of both gains.
 class Laboratory {
  public:
   explicit Laboratory(const BoundOptions& o) : rays_(o.rays), base_(o.conditions) {
@@ -97,9 +99,9 @@ class Laboratory {
 
   const std::vector<Point>& points() const { return points_; }
   std::size_t bins() const { return static_cast<std::size_t>(base_.bins); }
-  std::size_t radar_begin() const { return points_.front().radar; }  // what is before is the SPD's
+  std::size_t radar_begin() const { return points_.front().radar; }  // the SPD's columns come first
 
-  // `z_m`: the true distance, at which angles become metres.
+  // `z_m` is the true distance, at which angles become metres.
   Values measure(const Scene& scene, double spd_gain, double radar_gain, double z_m) const {
     Values out;
     const Seen spd = seen_by_spd(scene, base_, rays_);
@@ -128,7 +130,7 @@ class Laboratory {
     add(axis, value, c);
   }
 
-  // Histograms first, then profiles; each once.
+  // Histograms come first, then profiles; each is there once.
   void lay_out() {
     std::size_t column = 0;
     for (Point& p : points_) {
@@ -163,7 +165,7 @@ class Laboratory {
 
 constexpr std::array known_names{"shape", "pose"};
 
-// The bounds of one scene, a row a point and knowledge, as study_bound's.
+// These are the bounds of one scene, a row a point and knowledge, as study_bound's.
 class SceneBounds {
  public:
   SceneBounds(const Laboratory& laboratory, const BoundOptions& options, SceneSpec spec,
@@ -189,7 +191,7 @@ class SceneBounds {
       keep_symmetry(sampler.draws(), spec.kind == SceneKind::letter);
   }
 
-  // For each point and knowledge the deviations of x and of the centroid.
+  // It returns the deviations of x and of the centroid for each point and knowledge.
   SceneRow all() const {
     SceneRow out;
     for (const Point& p : laboratory_.points())
@@ -199,11 +201,11 @@ class SceneBounds {
   }
 
  private:
-  // A scene turned about the detector's vertical axis gives the same histogram: its slopes along x,
-  // along z and with the turn (which for a letter is counted from the line of sight) are one too
-  // many. The range is known so much better than the azimuth that a per cent of numerical error in
-  // the slope along x would pass for knowledge of it, so that slope is what the other two say.
-  // (Bodies that stick out of the field of view could tell a little.)
+  // A scene turned about the detector's vertical axis gives the same histogram. So one of its
+  // slopes along x, along z and with the turn (which for a letter is counted from the line of
+  // sight) is redundant. The range is known so much better than the azimuth that a per cent of
+  // numerical error in the slope along x would pass for knowledge of it. Therefore that slope is
+  // computed from the other two. (Bodies that stick out of the field of view could tell a little.)
   void keep_symmetry(const std::vector<SceneSampler::Draw>& draws, bool letter) {
     const double x = draws[0].value, z = draws[1].value,
                  radian = letter ? 0 : 180 / std::numbers::pi;
@@ -228,15 +230,16 @@ class SceneBounds {
     for (std::size_t i = 0; i < m.size(); ++i) {
       for (std::size_t j = 0; j < m.size(); ++j)
         m[i][j] += radar[i][j] / (p.radar_sigma * p.radar_sigma);
-      if (known == Known::pose && i < drawn_.size()) m[i][i] += 12;  // of a range of 1
+      // The prior is that of a uniform range of 1.
+      if (known == Known::pose && i < drawn_.size()) m[i][i] += 12;
     }
     return {least_deviation(m, x), least_deviation(m, lateral)};
   }
 
   const Laboratory& laboratory_;
   std::vector<std::size_t> drawn_;  // the random numbers that are not constant
-  Values ranges_;                   // of all of them
-  Matrix slopes_;                   // of drawn_, then of both gains
+  Values ranges_;                   // ranges of all of them
+  Matrix slopes_;                   // slopes of drawn_, then of both gains
 };
 
 void check(const Conditions& c) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The table and the chart of the bound.
+// This file writes the table and the chart of the bound.
 #include <algorithm>
 #include <sstream>
 
@@ -19,7 +19,7 @@ constexpr BoundAxis axes[] = {{"photons", "photons a record", true},
                               {"resolution_m", "radar's resolution (m)", true},
                               {"snr_db", "radar's SNR (dB)", false}};
 
-// Medians, with quartiles as bars; in cm.
+// It shows medians, with quartiles as bars, in cm.
 chart::Panel panel_of(const std::vector<Bound>& rows, const BoundAxis& axis) {
   chart::Panel panel{"", {axis.title, axis.log}, {"standard deviation of x (cm)", true}, {}};
   panel.width = 500, panel.height = 300;

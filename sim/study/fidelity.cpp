@@ -23,7 +23,7 @@ namespace {
 
 using Profile = std::vector<double>;
 
-// In the order in which person.cpp makes them.
+// The parts are in the order in which person.cpp makes them.
 const std::vector<std::pair<std::string, std::vector<std::size_t>>> parts{
     {"thighs", {0, 3}}, {"shins", {1, 4}},        {"feet", {2, 5}},      {"pelvis", {6}},
     {"belly", {7}},     {"chest", {8}},           {"shoulders", {9}},    {"neck", {10}},
@@ -45,8 +45,8 @@ struct Candidate {
   bool timed = true;
 };
 
-// Approximations against the same finer one. `variance`: of the noise, from the fine profile's
-// value; 0: the bin does not count.
+// It compares approximations with the same finer one. `variance` gives the variance of the noise
+// from the fine profile's value; with 0 the bin does not count.
 struct Comparison {
   std::string axis;
   Model fine;
@@ -115,7 +115,7 @@ Comparison radar(const Conditions& c, double sigma) {
   return {"radar_rays", profile(1536), all, [sigma](double) { return sigma * sigma; }};
 }
 
-// The scene before a room, with `look`'s order of echoes by its walls.
+// It puts the scene before a room; `look` sets the order of echoes by the room's walls.
 Model before(const std::string& room, const std::function<Profile(const Scene&)>& look) {
   return [room, look](const Scene& bodies) {
     Scene scene = bodies;
@@ -129,7 +129,7 @@ Conditions in_room(Conditions c, const std::string& room, std::int64_t order) {
   return c;
 }
 
-// With the light of the empty room: that stands still, and only its noise is there.
+// It includes the light of the empty room: that stands still, and only adds its noise.
 Comparison light_by_walls(const Conditions& base, const std::string& room) {
   const Conditions c = in_room(base, room, 2);
   const Profile still = spd_rate(spd_returns(empty_room(*room_named(room)), c), c);
@@ -188,7 +188,7 @@ double error_of(const Profile& seen, const Profile& truth, const Comparison& how
   return bins > 0 ? sum / bins : 0;
 }
 
-// Of every candidate, in the order of the comparisons.
+// It returns the errors of every candidate, in the order of the comparisons.
 SceneRow errors_of(const Scene& scene, const std::vector<Comparison>& all) {
   SceneRow out;
   for (const Comparison& how : all) {
@@ -199,7 +199,8 @@ SceneRow errors_of(const Scene& scene, const std::vector<Comparison>& all) {
   return out;
 }
 
-// Microseconds of processor time a scene, one after the other, as nothing else may run beside.
+// It measures microseconds of processor time a scene, one after the other, as nothing else may run
+// beside it.
 double time_of(const Candidate& candidate, const std::vector<Scene>& scenes) {
   candidate.model(scenes.front());  // the first call is slower
   const std::clock_t begin = std::clock();
@@ -217,7 +218,7 @@ Fidelity row_of(const std::string& axis, const Candidate& candidate,
   return {axis, candidate.value, mean, n > 1 ? std::sqrt(squares / (n - 1) / n) : 0, 0};
 }
 
-constexpr double enough = 0.1;  // of the noise's variance
+constexpr double enough = 0.1;  // share of the noise's variance
 
 chart::Panel panel_of(const std::vector<Fidelity>& rows, const std::string& axis,
                       const std::string& title, const std::string& x, const std::string& noise) {
@@ -232,7 +233,7 @@ chart::Panel panel_of(const std::vector<Fidelity>& rows, const std::string& axis
   return panel;
 }
 
-// A row each, those that matter most on top.
+// It has a row for each, with those that matter most on top.
 chart::Panel ranked_panel(const std::string& title, std::vector<Fidelity> shown) {
   chart::Panel panel{
       title, {"error / noise variance", true}, {""}, {{"", {}, 0, chart::Look::markers}}};
@@ -254,7 +255,7 @@ chart::Panel parts_panel(std::vector<Fidelity> rows) {
   return ranked_panel("Parts of the body, left out", std::move(rows));
 }
 
-// What the order leaves out.
+// It shows what the order leaves out.
 chart::Panel multipath_panel(const std::vector<Fidelity>& rows) {
   std::vector<Fidelity> shown;
   for (Fidelity r : rows)

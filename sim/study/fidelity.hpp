@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// How much detail a scene needs: each approximation of the simulated world against a finer one,
-// beside what it costs.
+// This file measures how much detail a scene needs: each approximation of the simulated world is
+// compared with a finer one, and its cost is given.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -11,15 +11,16 @@
 
 namespace echofuse::sim {
 
-// One approximation, over the same scenes (a quarter people, the rest letters).
+// This is one approximation, over the same scenes (a quarter people, the rest letters).
 struct Fidelity {
   std::string axis;   // rays, part, bin_ps, radar_rays, light-ROOM, radar-ROOM
   std::string value;  // "256", "head"
-  // Mean over bins of (approximate - fine)^2 / variance of the noise: shot noise of the SPD's
-  // counts in bins of at least one expected count, the stated white noise of the radar.
+  // This is the mean over bins of (approximate - fine)^2 / variance of the noise. The noise is shot
+  // noise of the SPD's counts in bins of at least one expected count, or the stated white noise of
+  // the radar.
   double error = 0;
   double standard_error = 0;  // over scenes
-  double us = 0;  // processor time of one scene on this machine; 0 where it is not the point
+  double us = 0;  // processor time of one scene on this machine; 0 if it does not matter
 };
 
 struct FidelityOptions {
@@ -30,7 +31,7 @@ struct FidelityOptions {
   SceneParts parts = {};
 };
 
-// Of a part: nothing. Throws as rows_of_scenes.
+// It returns nothing for a part. Throws as rows_of_scenes. The axes are:
 //   rays        of the SPD, against 2048
 //   part        the body without it, against the whole body, at 1024 rays
 //   bin_ps      the histogram with this bin, spread evenly over bins a quarter as wide
@@ -40,7 +41,7 @@ struct FidelityOptions {
 //   radar-ROOM  up to this order, against 2
 std::vector<Fidelity> study_fidelity(const FidelityOptions& options);
 
-// fidelity.csv and fidelity.svg in `folder`. Throws Error(disk).
+// It writes fidelity.csv and fidelity.svg in `folder`. Throws Error(disk).
 void write_fidelity(const std::vector<Fidelity>& rows, const std::string& folder);
 
 }  // namespace echofuse::sim

@@ -31,8 +31,8 @@ Matrix information(const Matrix& rows, std::size_t first, std::size_t count) {
   return out;
 }
 
-// Cholesky's M = L L^T; then g^T M^-1 g = |L^-1 g|^2. Parameters in units of their own deviation:
-// their scales must not decide what counts as singular.
+// Cholesky gives M = L L^T; then g^T M^-1 g = |L^-1 g|^2. Parameters are in units of their own
+// deviation: their scales must not decide what counts as singular.
 double least_deviation(const Matrix& m, const Values& gradient) {
   const std::size_t n = m.size();
   constexpr double singular = 1e-13;

@@ -16,7 +16,7 @@
 namespace echofuse::sim {
 namespace {
 
-// The run file says these, and what they are.
+// The run file states these values itself.
 constexpr std::array stated{"bin_width_ps", "first_bin_ps",       "radar_step_m",    "half_tangent",
                             "baseline_m",   "radar_resolution_m", "map_half_tangent"};
 
@@ -27,7 +27,7 @@ std::string number_text(double value) {
   return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
 }
 
-// What the settings say to this value.
+// Returns the fault that the settings find in this value.
 std::optional<std::string> fault_of(const std::string& key, double value) {
   Conditions conditions;
   Settings settings;
@@ -92,7 +92,7 @@ class Reader {
   std::vector<std::string> faults_;
 };
 
-// FNV-1a.
+// The hash is FNV-1a.
 std::uint64_t hash(std::string_view text) {
   std::uint64_t h = 0xcbf29ce484222325ULL;
   for (const char c : text) h = (h ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;

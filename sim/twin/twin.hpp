@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What rooms and laboratories differ in, as ranges: each virtual laboratory draws its own.
+// A twin holds ranges of what rooms and laboratories differ in: each virtual laboratory draws its
+// own.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -17,25 +18,26 @@ struct Range {
 };
 
 struct Twin {
-  std::int64_t seed = 1;  // another seed, other laboratories
+  std::int64_t seed = 1;  // another seed gives other laboratories
   std::vector<Range> ranges;
 };
 
-// TOML: `key = [low, high]`, `key = [low, high, "log"]` and `seed = 1`. Throws Error(config) with
-// every fault: a key that is not a real number of Conditions, that the run file states (axes,
-// baseline_m) or that is there twice, a range that is empty or outside what the key allows.
+// The text is TOML: `key = [low, high]`, `key = [low, high, "log"]` and `seed = 1`. Throws
+// Error(config) with every fault: a key that is not a real number of Conditions, that the run file
+// states (axes, baseline_m) or that is there twice, and a range that is empty or outside what the
+// key allows.
 Twin read_twin(const std::string& text, const std::string& name);
-// The ranges without comments, as read_twin takes them back.
+// The text has the ranges without comments, as read_twin takes them back.
 std::string to_text(const Twin& twin);
-// The ranges that come with the program, each with its source as a comment (default_twin.cpp).
+// These ranges come with the program, each with its source as a comment (default_twin.cpp).
 const std::string& default_twin();
-// `default`, the text of ranges (it has a "="), or the file of that name.
+// It takes `default`, the text of ranges (it has a "="), or the name of a file.
 Twin twin_named(const std::string& name);
 
-// What laboratory k draws, as `key = value` lines. Each key has random numbers of its own, so that
-// a changed range moves no other draw.
+// It returns the draws of laboratory k, as `key = value` lines. Each key has random numbers of its
+// own, so that a changed range moves no other draw.
 std::string draws_of(const Twin& twin, std::int64_t laboratory);
-// `nominal` with these draws.
+// It returns `nominal` with these draws.
 Conditions conditions_of(const Twin& twin, std::int64_t laboratory, const Conditions& nominal);
 
 }  // namespace echofuse::sim

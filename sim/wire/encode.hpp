@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What the simulated devices put on the wire. Written from the formats' descriptions, apart from
-// the parsers in drivers/, so that one mistake cannot hide in both.
+// This file encodes what the simulated devices put on the wire. It is written from the formats'
+// descriptions, apart from the parsers in drivers/, so that one mistake cannot hide in both.
 #pragma once
 #include <complex>
 #include <cstdint>
@@ -13,20 +13,20 @@
 
 namespace echofuse::sim {
 
-// One block of the bridge protocol, version 1, little-endian:
+// One block of the bridge protocol, version 1, is little-endian:
 //   0 u8[4] "EFBR" | 4 u16 version | 6 u16 kind | 8 u32 sequence | 12 u32 payload bytes
 //   16 u64 items dropped before this block | 24 u32 0 | 28 u32 CRC-32C of bytes 0..27 and payload
 enum class BlockKind : std::uint16_t { hello = 0, tags = 1, depth = 2, bye = 3 };
 inline constexpr std::size_t bridge_header_bytes = 32;
 Bytes bridge_block(BlockKind kind, std::uint32_t sequence, std::uint64_t dropped, ByteView payload);
 
-// A detection as a 16-byte tag: u8 type 0 | u8 0 | u16 0 | i32 channel | i64 time_ps
+// A detection is a 16-byte tag: u8 type 0 | u8 0 | u16 0 | i32 channel | i64 time_ps
 inline constexpr std::size_t tag_bytes = 16;
 void put_tag(Bytes& out, std::int32_t channel, std::int64_t time_ps);
 
-// A frame of TI's out-of-box demo (SDK 3.x, mmw_output.h): 40-byte header, TLVs {u32 type,
-// u32 payload length, payload}, then padding to a multiple of 32 bytes. The firmware pads with
-// whatever its stack held; here that is drawn from `junk`, now and then with a stale magic word.
+// A frame of TI's out-of-box demo (SDK 3.x, mmw_output.h) has a 40-byte header, TLVs {u32 type, u32
+// payload length, payload}, then padding to a multiple of 32 bytes. The firmware pads with whatever
+// its stack held; here that is drawn from `junk`, now and then with a stale magic word.
 struct RadarHeader {
   std::uint32_t frame_number = 0;
   std::uint32_t time_cpu_cycles = 0;
@@ -37,18 +37,18 @@ struct RadarTlv {
   std::uint32_t type = 0;
   Bytes payload;
 };
-// "3.5.0.4" and the xWR68xx demo
+// These are "3.5.0.4" and the xWR68xx demo.
 inline constexpr std::uint32_t radar_sdk_version = 0x03050004, radar_platform = 0xA6843;
 Bytes radar_frame(const RadarHeader& header, const std::vector<RadarTlv>& tlvs, Rng& junk);
 
 RadarTlv objects_tlv();                                               // type 1, without objects
 RadarTlv range_profile_tlv(const std::vector<std::uint16_t>& codes);  // type 2
-// type 4, planar 8: of each range bin and antenna i16 imaginary, i16 real
+// This is TLV type 4, planar 8. For each range bin and antenna it has i16 imaginary, i16 real.
 RadarTlv heat_map_tlv(bool planar, std::span<const std::complex<float>> samples);
 RadarTlv stats_tlv(const RadarStats& stats);                    // type 6
 RadarTlv temperature_tlv(const RadarTemperature& temperature);  // type 9
 
-// A bin of the range profile: the sum over the virtual antennas of log2(magnitude) in Q8, divided
+// A bin of the range profile is the sum over the virtual antennas of log2(magnitude) in Q8, divided
 // by their number's next power of two (objectdetection's DPIF_DETMATRIX_DATA_QFORMAT).
 std::uint16_t log2_q8(double sum_log2_magnitude, unsigned antennas);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Compiled with -fno-math-errno and -fno-trapping-math: otherwise the square root and the
-// comparisons keep the loop from being vectorised.
+// This file is compiled with -fno-math-errno and -fno-trapping-math: otherwise the square root and
+// the comparisons keep the loop from being vectorised.
 #include "recon/models/network/adam.hpp"
 
 #include <algorithm>
@@ -12,11 +12,11 @@ namespace echofuse::recon {
 namespace {
 
 constexpr float b1 = 0.9f, b2 = 0.999f, epsilon = 1e-8f;
-// Smaller gradients and moments count as 0: they move no weight, as epsilon is so much larger, but
-// their products are subnormal, with which processors work slowly. NaN stays.
+// Smaller gradients and moments count as 0. They move no weight, as epsilon is so much larger, but
+// their products are subnormal, and processors work slowly with these. NaN stays.
 constexpr float least_gradient = 1e-16f, least_moment = 1e-30f;
 
-// A function of its own, as the compiler vectorises over plain arguments only.
+// This is a function of its own, as the compiler vectorises over plain arguments only.
 inline __attribute__((always_inline)) void step_each(std::size_t n, float* p, float* m, float* v,
                                                      float* g, float keep, float rate) {
   for (std::size_t i = 0; i < n; ++i) {
@@ -31,7 +31,7 @@ inline __attribute__((always_inline)) void step_each(std::size_t n, float* p, fl
 }
 
 #if defined(__x86_64__)
-// The same numbers, bit by bit: without FMA, whose products are not rounded.
+// It gives the same numbers, bit by bit: it is built without FMA, whose products are not rounded.
 __attribute__((target("avx2"))) void step_avx2(std::size_t n, float* p, float* m, float* v,
                                                float* g, float keep, float rate) {
   step_each(n, p, m, v, g, keep, rate);

@@ -14,7 +14,7 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::uint64_t weight_stream = 1, draw_stream = 2;
-constexpr float least_spread = 0.05f;  // of the median one: of what hardly ever changes
+constexpr float least_spread = 0.05f;  // share of the median spread, for nearly constant inputs
 
 float share_of(float log_odds) { return 1 / (1 + std::exp(-log_odds)); }
 
@@ -54,7 +54,7 @@ void Classifier::fit(const Matrix& usual, const Matrix& other, const Options& op
   Activations<float> activations;
   std::vector<float> gradient;
   Matrix batch(options.batch, usual.cols);
-  // Each is drawn many times.
+  // They are standardised once, as each is drawn many times.
   const auto standardised = [&](Matrix rows) {
     for (std::size_t i = 0; i < rows.rows; ++i) standardise(rows.row(i), rows.row(i));
     return rows;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A small network that tells two kinds of examples apart, fitted by logistic loss.
+// A small network tells two kinds of examples apart; it is fitted by logistic loss.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -15,14 +15,15 @@ class Classifier {
  public:
   struct Options {
     std::vector<std::size_t> hidden;  // width of each hidden layer
-    std::size_t steps, batch;         // half of a batch of each kind
-    double learning_rate;             // at first; it falls to nothing
+    std::size_t steps, batch;         // half of each batch is of each kind
+    double learning_rate;             // the first rate; it falls to zero
     std::uint64_t seed;
   };
-  // One example a row. Ends early at an interrupt.
+  // There is one example a row. The fit ends early at an interrupt.
   void fit(const Matrix& usual, const Matrix& other, const Options& options);
   bool known() const { return !parameters_.empty(); }
-  // Logarithm of the odds that it is of the other kind, if both are as frequent.
+  // Returns the logarithm of the odds that the example is of the other kind, if both kinds are
+  // equally frequent.
   double operator()(std::span<const float> inputs) const;
 
   void archive(Archive archive, std::size_t inputs);
@@ -33,7 +34,7 @@ class Classifier {
 
   Network network_;
   std::vector<float> parameters_;
-  std::vector<float> centre_, spread_;  // of the inputs
+  std::vector<float> centre_, spread_;  // centre and spread of the inputs
 };
 
 }  // namespace echofuse::recon

@@ -21,8 +21,8 @@ ECHOFUSE_CLONES void add_row(const float* row, std::size_t count, float* sums) {
 }
 void add_row(const double* row, std::size_t count, double* sums) { add_each(row, count, sums); }
 
-// The rectifier passes no slope where its output is 0. Written whatever it is: a branch on such
-// signs costs more than it saves.
+// The rectifier passes no slope where its output is 0. The slope is written in each case: a branch
+// on such signs costs more than it saves.
 template <class T>
 [[gnu::always_inline]] inline void pass_slopes_each(const T* x, std::size_t count,
                                                     T* __restrict__ slopes) {
@@ -110,7 +110,7 @@ template void backward(const Network&, const std::vector<double>&, const double*
 
 namespace {
 
-// Of layer l, whose place in the parameters is known when it is written.
+// It archives layer l. The place of the layer in the parameters is known when it is written.
 void archive_layer(Archive archive, const Layer& layer, std::vector<float>& parameters) {
   Matrix weights(layer.inputs, layer.outputs);
   std::vector<float> biases(layer.outputs);
@@ -142,7 +142,7 @@ void archive(Archive archive, Network& network, std::vector<float>& parameters, 
                         [](auto w) { return w > 0 && w <= 1 << 20; }) &&
             std::cmp_equal(widths.front(), inputs) && std::cmp_equal(widths.back(), outputs),
         "widths", "expected from " + std::to_string(inputs) + " to " + std::to_string(outputs));
-    // Of the file's own tensors, before there is memory for what a header asks for.
+    // It checks the file's own tensors before there is memory for the sizes that a header asks for.
     for (std::size_t l = 0; l + 1 < widths.size(); ++l)
       archive.in("layer" + std::to_string(l))
           .require_shape("weights", {static_cast<std::size_t>(widths[l]),

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// A fully connected network as plain arithmetic: a list of (W, b) in one flat parameter array, and
-// a forward and a backward pass over a batch. Rectifiers between the layers, the last one linear.
+// A fully connected network is plain arithmetic: a list of (W, b) in one flat parameter array, and
+// a forward and a backward pass over a batch. Rectifiers are between the layers; the last layer is
+// linear.
 #pragma once
 #include <cstddef>
 #include <vector>
@@ -10,7 +11,7 @@
 
 namespace echofuse::recon {
 
-// y = x W + b; W (inputs x outputs, row-major) and b start at these offsets of the parameters.
+// y = x W + b. W (inputs x outputs, row-major) and b start at these offsets of the parameters.
 struct Layer {
   std::size_t inputs, outputs, weights, biases;
 };
@@ -21,29 +22,29 @@ struct Network {
   std::size_t weights = 0;  // multiply-adds of one forward pass
 };
 
-// widths: inputs, hidden layers, outputs.
+// `widths` are those of the inputs, the hidden layers and the outputs.
 Network make_network(const std::vector<std::size_t>& widths);
 
-// He et al. (ICCV 2015): normal, variance 2 / inputs; biases and the last layer's weights zero, so
-// that training starts from the mean map.
+// He et al. (ICCV 2015): the weights are normal with a variance of 2 / inputs. The biases and the
+// last layer's weights are zero, so that training starts from the mean map.
 std::vector<float> initial_parameters(const Network& network, Rng& rng);
 
-// Output of each layer for a batch, row-major batch x outputs.
+// It holds the output of each layer for a batch, row-major batch x outputs.
 template <class T>
 using Activations = std::vector<std::vector<T>>;
 
-// Instantiated for float (training) and double (checking the gradient).
+// It is instantiated for float (training) and double (checking the gradient).
 template <class T>
 void forward(const Network& network, const std::vector<T>& parameters, const T* inputs,
              std::size_t batch, Activations<T>& activations);
 
-// On entry activations.back() holds dL/d(output). Adds dL/d(parameters) to the gradient; an empty
-// one is all zeros. The activations are used up.
+// On entry activations.back() holds dL/d(output). It adds dL/d(parameters) to the gradient; an
+// empty gradient counts as zeros. The activations are used up.
 template <class T>
 void backward(const Network& network, const std::vector<T>& parameters, const T* inputs,
               std::size_t batch, Activations<T>& activations, std::vector<T>& gradient);
 
-// Weights and biases of each layer, as "layer0", "layer1", ...
+// The file holds the weights and biases of each layer as "layer0", "layer1", ...
 void archive(Archive archive, Network& network, std::vector<float>& parameters, std::size_t inputs,
              std::size_t outputs);
 

@@ -16,20 +16,22 @@ namespace {
 
 constexpr std::uint64_t weight_stream = 1, order_stream = 2, redraw_stream = 0x7475726e;  // "turn"
 
-// From the full rate down to nothing along half a cosine (Loshchilov and Hutter, ICLR 2017).
+// The rate falls from its full value to zero along half a cosine (Loshchilov and Hutter, ICLR
+// 2017).
 double annealed(double rate, double progress) {
   return rate * 0.5 * (1 + std::cos(M_PI * progress));
 }
 
 double square(double v) { return v * v; }
 
-// What makes errors of a row of outputs, and slopes of errors (`times`); per_spread: 1 / spread.
+// These values make errors of a row of outputs; `times` makes slopes of the errors. per_spread is 1
+// / spread.
 struct Wanted {
   const float *truth, *centre, *per_spread;
   float times;
 };
 
-// Slopes in place of a row of outputs; returns the sum of the squared errors.
+// It puts the slopes in place of a row of outputs, and returns the sum of the squared errors.
 double to_slopes(const Wanted& wanted, std::size_t columns, float* outputs) {
   const auto count = static_cast<Eigen::Index>(columns);
   const auto row = [&](const float* values) {
@@ -42,8 +44,8 @@ double to_slopes(const Wanted& wanted, std::size_t columns, float* outputs) {
   return sum;
 }
 
-constexpr std::size_t values_at_once = 1 << 16;  // of a batch, in one part
-constexpr double most = 1e18;                    // that a model file takes
+constexpr std::size_t values_at_once = 1 << 16;  // values of a batch, in one part
+constexpr double most = 1e18;                    // the largest value that a model file takes
 
 bool sound(const std::vector<float>& values) {
   return std::all_of(values.begin(), values.end(),
@@ -65,7 +67,7 @@ Training training_of(const FitOptions& o) {
           {}};
 }
 
-// Steps of equal size, as a small last one would be noisy.
+// The steps are of equal size, as a small last one would be noisy.
 Training training_of(const Tuning& t, std::size_t records) {
   const std::size_t a_pass = std::max<std::size_t>(1, (records + t.batch - 1) / t.batch);
   Training out{};
@@ -112,7 +114,7 @@ TrainingLog Regression::fit(const Examples& train, const Examples& validation, S
                   .log = {},
                   .least = most};
   s.best = s.parameters;
-  // What never does better than the mean of the targets is not kept.
+  // Weights that never do better than the mean of the targets are not kept.
   if (!validation.rows.empty()) s.least = rms_error(validation, s.parameters);
   Progress progress(title, training.epochs, training.quiet);
   while (s.epoch < training.epochs && s.epoch - s.log.best_epoch < training.patience) {
@@ -156,13 +158,13 @@ void Regression::move_centre(const Examples& train) {
   for (std::size_t c = 0; c < sum.size(); ++c) centre_[c] += static_cast<float>(share * sum[c]);
 }
 
-// Towards the weights that training began with.
+// It pulls towards the weights that training began with.
 void Regression::pull_back(const std::vector<float>& parameters, float pull) {
   for (std::size_t i = 0; i < parameters.size(); ++i)
     gradient_[i] += pull * (parameters[i] - parameters_[i]);
 }
 
-// To the end of the epoch, or as far as it comes before an interrupt.
+// It trains to the end of the epoch, or until an interrupt.
 void Regression::train_epoch(const Examples& train, const Training& training, TrainingState& s) {
   std::shuffle(s.order.begin(), s.order.end(), s.order_rng);
   const std::span<const std::size_t> rows(s.order);
@@ -177,7 +179,7 @@ void Regression::train_epoch(const Examples& train, const Training& training, Tr
   }
 }
 
-// Ends the epoch: its losses, and whether it is the best so far.
+// It ends the epoch: it logs the losses, and keeps the weights if they are the best so far.
 void Regression::judge(const Examples& validation, TrainingState& s, const std::string& title) {
   const double values = static_cast<double>(std::max<std::size_t>(s.row, 1) * centre_.size());
   s.log.loss.push_back(std::sqrt(s.squares / values) * unit_);
@@ -185,7 +187,7 @@ void Regression::judge(const Examples& validation, TrainingState& s, const std::
   const bool unvalidated = validation.rows.empty();
   const double judged =
       unvalidated ? -static_cast<double>(s.epoch) : rms_error(validation, s.parameters);
-  // The last step's damage is not in the loss yet.
+  // The loss does not yet show the damage of the last step.
   if (!(s.log.loss.back() <= most && judged <= most) || !sound(s.parameters))
     throw Error(ExitCode::failed, title + " diverged in epoch " + std::to_string(s.epoch + 1) +
                                       ": its weights are not finite numbers; use a smaller "
@@ -195,7 +197,7 @@ void Regression::judge(const Examples& validation, TrainingState& s, const std::
   if (judged < s.least) s.least = judged, s.best = s.parameters, s.log.best_epoch = s.epoch;
 }
 
-// One step; returns the sum of squared errors, in units of the spread.
+// It takes one step, and returns the sum of squared errors, in units of the spread.
 double Regression::train_batch(const Examples& train, std::span<const std::size_t> rows,
                                const Training& training, TrainingState& s, double learning_rate) {
   batch_inputs_ = take_rows(train.inputs, {rows.begin(), rows.end()});

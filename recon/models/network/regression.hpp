@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A network fitted by least squares to a table of targets. It learns the difference to their mean
-// in units of their spread, so that training starts from the mean.
+// A network is fitted by least squares to a table of targets. It learns the difference to their
+// mean in units of their spread, so that training starts from the mean.
 #pragma once
 #include <functional>
 #include <span>
@@ -22,11 +22,11 @@ struct Examples {
   const Rows& rows;
 };
 
-// What an error in one target weighs: the same number in every column (pixels of one map), or in
-// each column as many of its own standard deviations (numbers of different kinds).
+// An error in a target counts in one of two ways: by the same number in every column (pixels of one
+// map), or in standard deviations of its own column (numbers of different kinds).
 enum class Spread : bool { common, each };
 
-// Puts other examples of the same kind in place of these: as they are drawn anew in each epoch, the
+// It replaces these examples by others of the same kind. They are drawn anew in each epoch, so the
 // copies take no memory. Row i of both tables is example rows[i]; the random numbers are the
 // training's own.
 using Redraw = std::function<void(std::span<const std::size_t> rows, Matrix& inputs,
@@ -39,34 +39,35 @@ struct Training {
   std::size_t batch;
   std::uint64_t seed;
   bool quiet;
-  Redraw redraw = {};               // none: the examples as they are
-  std::vector<float> weights = {};  // of each column's squared errors; none: 1
+  Redraw redraw = {};               // if empty, the examples stay as they are
+  std::vector<float> weights = {};  // weights of each column's squared errors; if empty, all are 1
   double pull = 0;                  // weight of half the squared distance from the first weights
 };
 
 Training training_of(const Tuning& tuning, std::size_t records);
-// Of options that candidate_of has filled.
+// The options are those that candidate_of has filled.
 Training training_of(const FitOptions& options);
 
 struct TrainingState {
-  std::vector<float> parameters, best;  // now, and of the best epoch
+  std::vector<float> parameters, best;  // the present ones, and those of the best epoch
   Adam adam;
-  Rows order;  // of the records in this epoch
+  Rows order;  // order of the records in this epoch
   Rng order_rng, redraw_rng;
   TrainingLog log;
   double least;                    // validation loss of the best epoch
-  std::size_t epoch = 0, row = 0;  // done: whole epochs, and records of this one
+  std::size_t epoch = 0, row = 0;  // whole epochs that are done, and records of the present one
   double squares = 0;              // sum of squared errors of those records
 };
 
 class Regression {
  public:
-  // The log is in units of the targets (common) or of their standard deviations (each). `title`
-  // and `unit` are for the progress line. Throws Error(failed) if training diverges.
+  // The log is in units of the targets (common) or of their standard deviations (each). `title` and
+  // `unit` are for the progress line. Throws Error(failed) if training diverges.
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   const Training& training, const std::string& title, const std::string& unit);
-  // Goes on from the weights that it has, with their scaling: all epochs, unless interrupted; it
-  // is left as it was then. First moves its answers by part of their mean error (Tuning::belief).
+  // It goes on from the present weights, with their scaling. It trains for all epochs; at an
+  // interrupt it stops there. First it moves the answers by part of their mean error
+  // (Tuning::belief).
   void tune(const Examples& train, const Training& training, const std::string& title);
   Matrix predict(const Matrix& inputs) const;
   Cost cost() const { return {network_.weights, network_.parameters}; }
@@ -87,7 +88,7 @@ class Regression {
   Network network_;
   std::vector<float> parameters_;
   std::vector<float> centre_, spread_;   // per column, in units of the targets
-  double unit_ = 1;                      // of the log
+  double unit_ = 1;                      // unit of the log
   Matrix batch_inputs_, batch_targets_;  // scratch of train_batch
   Activations<float> activations_;
   std::vector<float> gradient_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What a training is told, and what it tells.
+// These are the options and the results of a training.
 #pragma once
 #include <cmath>
 #include <cstdint>
@@ -15,35 +15,34 @@ struct FitOptions {
   std::optional<std::size_t> basis = {};  // pca, factorised: components; nearest: records
   std::optional<std::size_t> epochs = {};
   std::optional<double> learning_rate = {}, weight_decay = {};
-  // Epochs without a better validation loss before stopping.
+  // Training stops after so many epochs without a better validation loss.
   std::optional<std::size_t> patience = {};
   std::optional<std::size_t> batch = {};
   std::uint64_t seed = 1;
   bool quiet = false;
 };
 
-// One entry an epoch; empty for models that are fitted in one step. Root mean square errors: of an
-// mlp in metres, of a pca-mlp in amounts of the components, of a factorised model of the place, in
-// units of its spread.
+// There is one entry an epoch; the lists are empty for models that are fitted in one step. The
+// entries are root mean square errors: for an mlp in metres, for a pca-mlp in amounts of the
+// components, for a factorised model those of the place, in units of its spread.
 struct TrainingLog {
   std::vector<double> loss, validation_loss;
-  std::size_t best_epoch = 0;  // whose weights were kept, counted from 1; 0: none beat the mean
+  std::size_t best_epoch = 0;  // kept epoch, counted from 1; 0: none beat the mean
   bool interrupted = false;
 };
 
-// How a trained model is taken to the records of another room.
+// These options say how a trained model is taken to the records of another room.
 struct Tuning {
-  // Weight of the mean squared distance from the weights that it came with, times the number of
-  // records; INFINITY: the networks stay as they are.
+  // This is the weight of the mean squared distance from the model's first weights, times the
+  // number of records. With INFINITY the networks stay as they are.
   double pull = 1;
-  // Of models that place a body: turn the bodies (method/turned.hpp). Of few records that does
-  // harm.
+  // Models that place a body turn the bodies (method/turned.hpp). With few records that does harm.
   bool turn = false;
-  std::size_t steps = 200, batch = 64;  // at most so many records a step
-  double learning_rate = 4e-3;          // at first; it falls to nothing
+  std::size_t steps = 200, batch = 64;  // a step takes at most so many records
+  double learning_rate = 4e-3;          // the first rate; it falls to zero
   std::uint64_t seed = 1;
   bool networks_stay() const { return std::isinf(pull); }
-  // Of a mean residual over so many records, how much is believed.
+  // This is the share of a mean residual over this number of records that is believed.
   static double belief(std::size_t records) {
     return static_cast<double>(records) / static_cast<double>(records + 10);
   }
