@@ -108,16 +108,6 @@ void Windows::add_lost(std::uint64_t Slot::*lost, HostTime taken, std::uint64_t 
   if (amount > 0 && k >= 0) open_[std::max(k, next_)].*lost += amount;
 }
 
-// From the last open slot that tells of losses.
-void Windows::take_back(std::uint64_t Slot::*lost, std::uint64_t amount) {
-  for (auto slot = open_.rbegin(); slot != open_.rend() && amount > 0; ++slot) {
-    const std::uint64_t part = std::min(slot->second.*lost, amount);
-    slot->second.*lost -= part;
-    amount -= part;
-  }
-  unassigned_.found += amount;
-}
-
 bool Windows::repeated(Sensor sensor, Numbers::Order order) {
   unassigned_.duplicate[sensor] += order == Numbers::Order::repeated;
   unassigned_.out_of_order[sensor] += order == Numbers::Order::back;
@@ -139,10 +129,7 @@ void Windows::tag_gap() {
 }
 
 void Windows::add(const TagBlock& block) {
-  // What is out of order has other tags before it and behind it than in the stream.
-  const bool found = block.found_blocks > 0;
-  if (block.lost_blocks > 0 || block.lost_items > 0 || found || was_found_) tag_gap();
-  was_found_ = found;
+  if (block.lost_blocks > 0 || block.lost_items > 0) tag_gap();
   const ClockFit& clock = clocks_[Sensor::spd];
   const Tag* const end = block.tags.data() + block.tags.size();
   const auto taken = [&](const Tag& first) {
@@ -152,7 +139,6 @@ void Windows::add(const TagBlock& block) {
   };
   add_lost(&Slot::spd_lost, block.tags.empty() ? block.received : taken(block.tags.front()),
            block.lost_blocks + block.lost_items);
-  take_back(&Slot::spd_lost, block.found_blocks);
   for (auto rest = block.tags; !rest.empty();) {
     const HostTime from = taken(rest.front());
     const std::int64_t k = grid_.slot_of(from);
