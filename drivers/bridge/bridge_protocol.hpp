@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The wire between a vendor's own library (in a small program that serves TCP) and our drivers.
+// The wire between a vendor's own library (in a small program that serves TCP) or a device on USB
+// and our drivers.
 // A stream of blocks from the server; the client sends nothing. Little-endian.
 //
 //   off type   field
