@@ -15,7 +15,7 @@ constexpr std::size_t transfer_count = 8, transfer_bytes = usb_ring_bytes / tran
 constexpr std::size_t most_queued = 64u << 20;
 constexpr unsigned request_limit_ms = 500;
 constexpr auto cancel_limit = std::chrono::seconds(2);
-constexpr int turn_ms = 50;
+constexpr int turn_ms = 10;  // for so long a closed port may hold the device
 
 struct Link : ThreadLink {
   using ThreadLink::ThreadLink;
@@ -209,10 +209,12 @@ class Worker {
     slot.worker->on_completed(slot);
   }
 
-  // What a device sent before it stalled or went is in the transfer, whatever its status.
+  // What a device sent before it stalled or went is in the transfer, whatever its status. When it
+  // went, libusb ends all transfers in any order, and one holds bytes.
   void on_completed(const Slot& slot) {
     const libusb_transfer& t = *slot.transfer;
-    if (t.actual_length > 0 && !stopping_ && !failure_)
+    const bool in_order = !failure_ || t.status == LIBUSB_TRANSFER_NO_DEVICE;
+    if (t.actual_length > 0 && !stopping_ && in_order)
       hand_over({slot.buffer.begin(), slot.buffer.begin() + t.actual_length});
     if (t.status == LIBUSB_TRANSFER_COMPLETED || t.status == LIBUSB_TRANSFER_CANCELLED)
       return submit_idle();
