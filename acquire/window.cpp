@@ -24,21 +24,6 @@ void merge(std::vector<std::uint32_t>& sum, std::vector<std::uint32_t> more) {
   for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += more[i];
 }
 
-void merge(tdc::TagCounts& sum, const tdc::TagCounts& more) {
-  sum.tags += more.tags;
-  sum.starts += more.starts;
-  sum.in_range += more.in_range;
-  sum.out_of_range += more.out_of_range;
-  sum.without_start += more.without_start;
-  sum.other += more.other;
-  sum.missed += more.missed;
-  sum.overflows += more.overflows;
-  sum.errors += more.errors;
-  sum.bad_tags += more.bad_tags;
-  sum.backwards += more.backwards;
-  sum.removed += more.removed;
-}
-
 std::string size_of(std::uint32_t width, std::uint32_t height) {
   return std::to_string(width) + " x " + std::to_string(height);
 }
@@ -118,7 +103,7 @@ void Windows::settle_tags() {
   histogram_.flush();
   const auto slot = open_.find(tag_slot_);
   if (slot == open_.end()) return;
-  merge(slot->second.tags, histogram_.tag_counts());
+  slot->second.tags += histogram_.tag_counts();
   merge(slot->second.spd, histogram_.take());
 }
 
@@ -263,24 +248,12 @@ std::string Windows::depth_fault(const Slot& slot) const {
 }
 
 void Windows::fill_spd(Slot& slot, record::FusedRecord& record) const {
-  const tdc::TagCounts& c = slot.tags;
-  record.spd_counts = {.tags = c.tags,
-                       .starts = c.starts,
-                       .in_range = c.in_range,
-                       .out_of_range = c.out_of_range,
-                       .without_start = c.without_start,
-                       .other = c.other,
-                       .lost = std::max(c.missed, c.overflows + c.errors) + slot.spd_lost,
-                       .missed = c.missed,
-                       .overflows = c.overflows,
-                       .errors = c.errors,
-                       .bad_tags = c.bad_tags,
-                       .backwards = c.backwards,
-                       .removed = c.removed};
+  const TagCounts& c = slot.tags;
+  record.spd_counts = c;
   record::SensorSync& sync = record.sync[Sensor::spd];
   slot.spd_times.describe(sync);
   sync.used = c.in_range;
-  sync.lost = record.spd_counts.lost;
+  sync.lost = std::max(c.missed, c.overflows + c.errors) + slot.spd_lost;
   if (slot.starts)
     record.signal.clicks_a_pulse =
         slot.starts->clicks_a_pulse(c.in_range + c.out_of_range, c.starts);

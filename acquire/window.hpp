@@ -91,7 +91,7 @@ class Windows {
   };
   struct Slot {
     std::vector<std::uint32_t> spd;
-    tdc::TagCounts tags;
+    TagCounts tags;
     std::uint64_t spd_lost = 0;
     Times spd_times;
     std::optional<StartGaps> starts;

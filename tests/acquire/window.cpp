@@ -66,7 +66,7 @@ DepthFrame depth_frame(HostTime received, std::uint32_t index, std::vector<std::
 
 const record::SensorSync& sync(const record::FusedRecord& r, Sensor s) { return r.sync[s]; }
 
-std::uint64_t parts(const record::SpdCounts& c) {
+std::uint64_t parts(const TagCounts& c) {
   return c.starts + c.in_range + c.out_of_range + c.without_start + c.other;
 }
 
@@ -165,7 +165,8 @@ TEST_CASE("a slot whose tags come in two parts has the counts of both") {
   part(10s, 20);
   part(11s, 500);
   part(10s + 900ms, 3);  // of a device that sends again what it kept
-  const record::SpdCounts c = windows.close({0, false}).spd_counts;
+  const record::FusedRecord r = windows.close({0, false});
+  const TagCounts& c = r.spd_counts;
   CHECK(c.tags == 22);
   CHECK(c.starts == 4);
   CHECK(c.in_range == 2);
@@ -175,7 +176,7 @@ TEST_CASE("a slot whose tags come in two parts has the counts of both") {
   CHECK(c.missed == 23);
   CHECK(c.overflows == 2);
   CHECK(c.errors == 2);
-  CHECK(c.lost == 23);
+  CHECK(sync(r, Sensor::spd).lost == 23);
   CHECK(parts(c) == c.tags);
   CHECK(windows.close({1, false}).spd_counts.missed == 500);
 }
