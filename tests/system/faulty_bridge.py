@@ -113,9 +113,9 @@ FAULTS = {
     "omitted": lambda b: (0, 1, b""),
     "stall": stall,
 }
-# SPD records from the fault on that may be invalid
-SPD_OUT_S = dict.fromkeys(BREAKS, 3.5) | {"lying length": 8.0, "stall": 1.5, "close": 1.0, "close in a block": 1.0, "away": 5.0,
-             "hold": 60.0}  # to the end
+# SPD records from the fault on that may be invalid: pauses before a new connection grow up to 2 s
+SPD_OUT_S = dict.fromkeys((*BREAKS, "close in a block", "close"), 3.5) | {"lying length": 8.0, "stall": 1.5, "away": 9.0,
+                                                                          "hold": 60.0}  # to the end
 
 
 class FaultyBridge(live.Live):
