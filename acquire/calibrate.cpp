@@ -67,7 +67,7 @@ class Gatherer final : public SampleSink {
   const tdc::HistogramSettings& settings() const { return histogram_.settings(); }
 
   bool running = false;
-  tdc::TagCounts counts;
+  TagCounts counts;
   StartGaps starts;
   std::vector<std::vector<std::uint16_t>> frames;
   ArrayFrames arrays;  // of this repeat

@@ -92,7 +92,6 @@ void Journal::put_counters(PerSensor<std::vector<Counter>> counters,
     counters[s].push_back({"duplicate", unassigned.duplicate[s]});
     counters[s].push_back({"out_of_order", unassigned.out_of_order[s]});
   }
-  counters[Sensor::spd].push_back({"found", unassigned.found});
   std::vector<record::Counted> rows;
   for (const Sensor s : all_sensors)
     for (const Counter& c : counters[s]) rows.push_back({name_of(s), c.name, c.value});

@@ -12,7 +12,7 @@
 #include <fstream>
 #include <iterator>
 
-#include "drivers/tdc/usb_tdc.hpp"
+#include "drivers/port/usb_port.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -163,7 +163,7 @@ Finding check_usb_memory(const std::optional<Config>& config, const MachineRoots
   constexpr const char* check = "USB memory";
   constexpr const char* file = "module/usbcore/parameters/usbfs_memory_mb";
   const bool ring = config && config->tdc.address.starts_with("usb:");
-  const double needed = ring ? static_cast<double>(tdc::UsbTdc::ring_bytes) / (1 << 20) : 0;
+  const double needed = ring ? static_cast<double>(port::usb_ring_bytes) / (1 << 20) : 0;
   const std::string text = text_of(fs::path(roots.devices.sys) / file);
   double limit = 0;
   if (std::sscanf(text.c_str(), "%lf", &limit) != 1) {

@@ -128,7 +128,7 @@ void add_file_commands(CLI::App& app, Options& o) {
   auto* replay = app.add_subcommand("replay", "recorded device bytes through the live parser");
   auto* kind = replay->add_option_group("device");
   kind->add_option("--radar", o.radar, "recordings of the radar's data port");
-  kind->add_option("--tdc", o.tdc, "blocks of a tagger behind a bridge, or NAME.usb");
+  kind->add_option("--tdc", o.tdc, "blocks of a time tagger");
   kind->add_option("--depth", o.depth, "blocks of a depth camera");
   kind->require_option(1);
   replay->add_flag("--json", o.json);

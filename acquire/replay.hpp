@@ -16,7 +16,7 @@ struct Replayed {
 };
 // Of recordings of the radar's data port:
 Replayed replay_radar(const std::vector<std::string>& paths, bool json);
-// Of blocks of the bridge protocol, or transfers of a USB tagger (NAME.usb):
+// Of blocks of the bridge protocol:
 Replayed replay_tdc(const std::vector<std::string>& paths, bool json);
 Replayed replay_depth(const std::vector<std::string>& paths, bool json);
 

@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Recorded blocks go through the drivers themselves: each file is one connection of a port that
 // reads files.
-#include <array>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
-#include <cstring>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -14,7 +12,6 @@
 #include "drivers/core/regular_file.hpp"
 #include "drivers/depth/bridge_camera.hpp"
 #include "drivers/tdc/bridge_tdc.hpp"
-#include "drivers/tdc/usb_protocol.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -125,53 +122,10 @@ Json play(const std::vector<std::string>& paths) {
   return json;
 }
 
-// Transfers of a USB tagger as usb_protocol.hpp describes them.
-Json play_transfers(const std::vector<std::string>& paths) {
-  tdc::usb::RecordReader reader;
-  std::uint64_t transfers = 0, bytes = 0, cut = 0;
-  for (const std::string& path : paths) {
-    const RegularFile in(path, ExitCode::failed);
-    std::array<std::uint8_t, sizeof(std::uint32_t)> first{};
-    std::vector<Tag> tags;
-    while (in.read(first) == first.size()) {
-      const auto head = ByteReader(first).get<std::uint32_t>();
-      const std::size_t size = head & tdc::usb::kept_bytes_mask;
-      if (size > (std::size_t{64} << 20))
-        throw Error(ExitCode::failed, path + ": a transfer of " + std::to_string(size) +
-                                          " bytes: these are no kept USB transfers");
-      Bytes transfer(size);
-      if (in.read(transfer) < size) {
-        ++cut;
-        break;
-      }
-      tags.clear();
-      if (head & tdc::usb::kept_gap) {
-        reader.interrupt();
-        continue;
-      }
-      reader.feed(transfer, head & tdc::usb::kept_end, tags);
-      ++transfers;
-      bytes += size;
-    }
-  }
-  const tdc::usb::RecordCounts& c = reader.counts();
-  return {{"bytes", bytes}, {"transfers", transfers},
-          {"tags", c.tags}, {"junk_bytes", c.junk_bytes},
-          {"gaps", c.gaps}, {"cut_transfers", cut}};
-}
-
-bool holds_blocks(const std::string& path) {
-  std::array<std::uint8_t, 4> begin{};
-  RegularFile(path, ExitCode::failed).read(begin);
-  return std::memcmp(begin.data(), "EFBR", begin.size()) == 0 || !path.ends_with(".usb");
-}
-
 }  // namespace
 
 Replayed replay_tdc(const std::vector<std::string>& paths, bool json) {
-  return replay_result(paths,
-                       holds_blocks(paths[0]) ? play<tdc::BridgeTdc>(paths) : play_transfers(paths),
-                       "tags", json);
+  return replay_result(paths, play<tdc::BridgeTdc>(paths), "tags", json);
 }
 
 Replayed replay_depth(const std::vector<std::string>& paths, bool json) {

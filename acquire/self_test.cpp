@@ -106,7 +106,7 @@ void Capture::on_event(Sensor sensor, Severity severity, const std::string& text
 }
 
 Finding judge_spd(const Capture& capture, const Config& config, double time_s) {
-  const tdc::TagCounts& n = capture.tags;
+  const TagCounts& n = capture.tags;
   const std::uint64_t clicks = n.in_range + n.out_of_range + n.without_start;
   const std::uint64_t lost = capture.lost_tags + n.missed;
   Finding out{

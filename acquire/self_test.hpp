@@ -27,7 +27,7 @@ class Capture final : public SampleSink {
   void on_state(Sensor, DeviceState, const DeviceInfo&) override {}
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
 
-  tdc::TagCounts tags;
+  TagCounts tags;
   std::uint64_t lost_blocks = 0, lost_tags = 0;
   std::map<std::int32_t, std::uint64_t> channels;  // time tags of each
   std::uint64_t radar_frames = 0, radar_lost = 0, profiles = 0, arrays = 0;

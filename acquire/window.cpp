@@ -24,21 +24,6 @@ void merge(std::vector<std::uint32_t>& sum, std::vector<std::uint32_t> more) {
   for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += more[i];
 }
 
-void merge(tdc::TagCounts& sum, const tdc::TagCounts& more) {
-  sum.tags += more.tags;
-  sum.starts += more.starts;
-  sum.in_range += more.in_range;
-  sum.out_of_range += more.out_of_range;
-  sum.without_start += more.without_start;
-  sum.other += more.other;
-  sum.missed += more.missed;
-  sum.overflows += more.overflows;
-  sum.errors += more.errors;
-  sum.bad_tags += more.bad_tags;
-  sum.backwards += more.backwards;
-  sum.removed += more.removed;
-}
-
 std::string size_of(std::uint32_t width, std::uint32_t height) {
   return std::to_string(width) + " x " + std::to_string(height);
 }
@@ -108,16 +93,6 @@ void Windows::add_lost(std::uint64_t Slot::*lost, HostTime taken, std::uint64_t 
   if (amount > 0 && k >= 0) open_[std::max(k, next_)].*lost += amount;
 }
 
-// From the last open slot that tells of losses.
-void Windows::take_back(std::uint64_t Slot::*lost, std::uint64_t amount) {
-  for (auto slot = open_.rbegin(); slot != open_.rend() && amount > 0; ++slot) {
-    const std::uint64_t part = std::min(slot->second.*lost, amount);
-    slot->second.*lost -= part;
-    amount -= part;
-  }
-  unassigned_.found += amount;
-}
-
 bool Windows::repeated(Sensor sensor, Numbers::Order order) {
   unassigned_.duplicate[sensor] += order == Numbers::Order::repeated;
   unassigned_.out_of_order[sensor] += order == Numbers::Order::back;
@@ -128,7 +103,7 @@ void Windows::settle_tags() {
   histogram_.flush();
   const auto slot = open_.find(tag_slot_);
   if (slot == open_.end()) return;
-  merge(slot->second.tags, histogram_.tag_counts());
+  slot->second.tags += histogram_.tag_counts();
   merge(slot->second.spd, histogram_.take());
 }
 
@@ -139,10 +114,7 @@ void Windows::tag_gap() {
 }
 
 void Windows::add(const TagBlock& block) {
-  // What is out of order has other tags before it and behind it than in the stream.
-  const bool found = block.found_blocks > 0;
-  if (block.lost_blocks > 0 || block.lost_items > 0 || found || was_found_) tag_gap();
-  was_found_ = found;
+  if (block.lost_blocks > 0 || block.lost_items > 0) tag_gap();
   const ClockFit& clock = clocks_[Sensor::spd];
   const Tag* const end = block.tags.data() + block.tags.size();
   const auto taken = [&](const Tag& first) {
@@ -152,7 +124,6 @@ void Windows::add(const TagBlock& block) {
   };
   add_lost(&Slot::spd_lost, block.tags.empty() ? block.received : taken(block.tags.front()),
            block.lost_blocks + block.lost_items);
-  take_back(&Slot::spd_lost, block.found_blocks);
   for (auto rest = block.tags; !rest.empty();) {
     const HostTime from = taken(rest.front());
     const std::int64_t k = grid_.slot_of(from);
@@ -277,24 +248,12 @@ std::string Windows::depth_fault(const Slot& slot) const {
 }
 
 void Windows::fill_spd(Slot& slot, record::FusedRecord& record) const {
-  const tdc::TagCounts& c = slot.tags;
-  record.spd_counts = {.tags = c.tags,
-                       .starts = c.starts,
-                       .in_range = c.in_range,
-                       .out_of_range = c.out_of_range,
-                       .without_start = c.without_start,
-                       .other = c.other,
-                       .lost = std::max(c.missed, c.overflows + c.errors) + slot.spd_lost,
-                       .missed = c.missed,
-                       .overflows = c.overflows,
-                       .errors = c.errors,
-                       .bad_tags = c.bad_tags,
-                       .backwards = c.backwards,
-                       .removed = c.removed};
+  const TagCounts& c = slot.tags;
+  record.spd_counts = c;
   record::SensorSync& sync = record.sync[Sensor::spd];
   slot.spd_times.describe(sync);
   sync.used = c.in_range;
-  sync.lost = record.spd_counts.lost;
+  sync.lost = std::max(c.missed, c.overflows + c.errors) + slot.spd_lost;
   if (slot.starts)
     record.signal.clicks_a_pulse =
         slot.starts->clicks_a_pulse(c.in_range + c.out_of_range, c.starts);

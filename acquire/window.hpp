@@ -12,9 +12,7 @@
 //   duplicate     a frame with the number and the device time of one of the eight before it:
 //                 counted as `duplicate`, used nowhere
 //   out of order  a frame with a lower number than the one before it: used as any other, counted as
-//                 `out_of_order`; tags: `backwards` of the record. A block of tags that was
-//                 counted as lost and then comes is taken off the losses again; as `found`, if the
-//                 record that tells of the loss is closed.
+//                 `out_of_order`; tags: `backwards` of the record
 // A block of tags is cut where its times cross a border, found by bisection: a tag out of order may
 // stay with its neighbours. A marker goes with the event that follows it in its block.
 // Losses belong to the slot of the sample that reports them or, if that is closed, to the next one.
@@ -51,7 +49,6 @@ namespace echofuse::acquire {
 // Samples that are in no record: tags for the SPD, frames for the others.
 struct UnassignedSamples {
   PerSensor<std::uint64_t> early{}, late{}, outside{}, duplicate{}, out_of_order{};
-  std::uint64_t found = 0;  // blocks of tags
 };
 
 // Of an axis of a device, what records have of it.
@@ -94,7 +91,7 @@ class Windows {
   };
   struct Slot {
     std::vector<std::uint32_t> spd;
-    tdc::TagCounts tags;
+    TagCounts tags;
     std::uint64_t spd_lost = 0;
     Times spd_times;
     std::optional<StartGaps> starts;
@@ -130,7 +127,6 @@ class Windows {
 
   Slot* find(Sensor sensor, HostTime taken, std::uint64_t amount);
   void add_lost(std::uint64_t Slot::*lost, HostTime taken, std::uint64_t amount);
-  void take_back(std::uint64_t Slot::*lost, std::uint64_t amount);
   bool repeated(Sensor sensor, Numbers::Order order);
   void add_part(std::span<const Tag> tags, HostTime from, HostTime to);
   void take_profile(Slot& slot, const RadarFrame& frame, HostTime taken);
@@ -155,7 +151,6 @@ class Windows {
   Numbers radar_numbers_, depth_numbers_;
   UnassignedSamples unassigned_;
   record::LateCounts late_;
-  bool was_found_ = false;  // the last block of tags stands before the one before it
 };
 
 }  // namespace echofuse::acquire

@@ -10,7 +10,6 @@
 #include "drivers/port/raw_tap.hpp"
 #include "drivers/radar/radar_driver.hpp"
 #include "drivers/tdc/bridge_tdc.hpp"
-#include "drivers/tdc/usb_tdc.hpp"
 
 namespace echofuse {
 namespace {
@@ -46,9 +45,6 @@ void check_depth(const std::string& address) {
 std::unique_ptr<Driver> make_tdc(boost::asio::io_context& io, const TdcConfig& config,
                                  const Clock& clock, port::RawKeeper* raw) {
   check_tdc(config.address);
-  const port::Address address = port::parse_address(config.address);
-  if (const auto* usb = std::get_if<port::UsbAddress>(&address))
-    return std::make_unique<tdc::UsbTdc>(io, config.address, *usb, clock, raw);
   return std::make_unique<tdc::BridgeTdc>(
       io, config.address, port::tap(port::byte_opener(io, config.address), raw, "tags", ".blocks"),
       clock);

@@ -6,14 +6,12 @@ if a difference has no explanation."""
 import argparse
 import bisect
 import collections
-import datetime
 import itertools
 import json
 import sqlite3
 import sys
 
-# How long a sample may be on its way: the shortest of these that explains a run is part of its account. What waits
-# behind a damaged length does so for as long as the client's timeout.
+# How long a sample may be on its way: the shortest of these that explains a run is part of its account.
 LATENCIES_NS = [20_000_000 * 2**i for i in range(8)]
 LATENCY_NS = 250_000_000
 GRACE_NS = 500_000_000  # a frame belongs to the slot in which it was taken, as long as that is open
@@ -21,7 +19,6 @@ SETTLING_NS = 5_000_000_000  # after a clock went back, until its fit is believe
 PATIENCE_NS = 5_000_000_000
 CLOCK_ERROR_NS = 100_000_000  # a clock that went back by no more is not seen to
 SETTLED = 200  # samples of a clock
-LENGTH_FIELD = range(12, 16)  # of a bridge block
 NUMBER_FIELD = range(20, 24)  # of a radar frame
 BELIEVED_GAP = 100  # of radar frame numbers
 RECEIVED_WHOLE = {"sent", "garbage"}
@@ -41,13 +38,6 @@ class Run:
         self.counters = collections.Counter()
         for source, name, value in db.execute("SELECT source, name, value FROM counter"):
             self.counters[source, name] += value
-        anchors = db.execute("SELECT mono_ns, utc_ns FROM anchor ORDER BY mono_ns").fetchall()
-        self.breaks = collections.defaultdict(list)  # sensor -> host times at which its driver gave a connection up
-        for text_utc, source in db.execute("SELECT utc, source FROM event WHERE text LIKE 'not connected to %'"
-                                           " OR text LIKE 'faulted %' ORDER BY id"):  # runs from before
-            then = int(datetime.datetime.fromisoformat(text_utc.replace("Z", "+00:00")).timestamp() * 1e9)
-            mono, utc = min(anchors, key=lambda anchor: abs(anchor[1] - then))  # the clock may have been set
-            self.breaks[source].append(then - utc + mono)
 
 
 def read_log(path):
@@ -96,12 +86,10 @@ def connections(entries):
     all_of_them = []
     for entry in entries:
         if entry["what"] == "connected":
-            all_of_them.append({"blocks": [], "end": None})
-        elif entry["what"] in ("client left", "unplugged", "closed"):
-            all_of_them[-1]["end"] = entry["t"]
+            all_of_them.append([])
         elif "seq" in entry or entry["what"] == "overrun":
             if all_of_them:
-                all_of_them[-1]["blocks"].append(entry)
+                all_of_them[-1].append(entry)
     return all_of_them
 
 
@@ -115,7 +103,6 @@ class Tags:
         self.clock_faults = min((e["t"] for e in entries if e["what"].startswith("begin clock_")), default=float("inf"))
         self.sums = collections.Counter()  # tags by what became of their block
         self.delivered, self.losses = [], []  # (earliest, latest, amount); prefix of tags for the driver's counter
-        self.doubtful = 0
         self.pending = 0  # lost, as no delivered block has told yet, over connections
         for number, connection in enumerate(connection_list):
             self.take(connection, number > 0)
@@ -127,15 +114,15 @@ class Tags:
         return block["first"] - (CLOCK_ERROR_NS if block["t"] > self.clock_faults else 0)
 
     def take(self, connection, rejoined):
-        expected, greeted, hidden_until = 0, False, 0
-        for block in sorted(connection["blocks"], key=lambda b: (b.get("seq", -1), b["t"])):
+        expected, greeted, broken = 0, False, False
+        for block in sorted(connection, key=lambda b: (b.get("seq", -1), b["t"])):
             if block["what"] == "overrun":
                 self.sums["overrun"] += block["tags"]
                 continue
-            self.sums[block["what"]] += block["tags"]
-            if block["what"] == "corrupt" and block["damage"] in LENGTH_FIELD:
-                hidden_until = block["t"] + PATIENCE_NS
-            if block["what"] != "sent":
+            what = "behind damage" if broken and block["what"] == "sent" else block["what"]
+            self.sums[what] += block["tags"]
+            broken = broken or what in ("corrupt", "garbage")  # ends the connection
+            if what != "sent":
                 continue
             self.pending += block["seq"] - expected
             expected = block["seq"] + 1
@@ -148,10 +135,7 @@ class Tags:
             greeted = True
             if block["kind"] != 1:
                 continue
-            hidden = block["t"] < hidden_until
-            doubtful = hidden and connection["end"] is not None and connection["end"] < hidden_until
-            by = None if doubtful else block["t"] + (PATIENCE_NS if hidden else self.latency_ns)
-            self.doubtful += block["tags"] if doubtful else 0
+            by = block["t"] + self.latency_ns
             first = self.earliest(block)
             self.delivered.append((first, by, block["tags"], block["t"]))
             if self.pending:
@@ -178,7 +162,7 @@ def audit_tags_within(run, entries, latency_ns):
     lost = bounded(account, "lost blocks", run, "spd_lost", tags.losses + overruns, sum(n for *_, n in tags.losses) * (late > 0))
     heard = run.counters["spd", "tags"]
     sums = [0, *itertools.accumulate(n for *_, n, _ in tags.delivered)]
-    if not tags.doubtful and heard not in set(sums):
+    if heard not in set(sums):
         near = sums[bisect.bisect_left(sums, heard) - 1]
         account.fault(f"the driver heard {heard} tags, which is no sum of whole blocks sent ({near} to the block before)")
     before = heard - in_records - late - outside
@@ -192,7 +176,7 @@ def audit_tags_within(run, entries, latency_ns):
                       f"most {may_before}")
     after = sum(tags.sums.values()) - heard - sum(v for k, v in tags.sums.items() if k != "sent")
     account.put("made", sum(tags.sums.values()))
-    for what in ("dropped", "corrupt", "cut", "unsent", "overrun", "before a hello"):
+    for what in ("dropped", "corrupt", "garbage", "behind damage", "cut", "unsent", "overrun", "before a hello"):
         account.put(f"not delivered: {what}", tags.sums[what])
     account.put("in records", in_records)
     account.put("late", late)

@@ -13,7 +13,7 @@ namespace {
 
 constexpr const char* record_columns =
     "SELECT idx, slot_start_ns, slot_end_ns, slot_utc_ns, valid, label, spd, radar, depth, tags, "
-    "starts, in_range, out_of_range, without_start, other, tags_lost, spd_offset_s, spd_span_s, "
+    "starts, in_range, out_of_range, without_start, other, spd_offset_s, spd_span_s, "
     "spd_used, spd_lost, spd_verdict, radar_offset_s, radar_span_s, radar_used, radar_lost, "
     "radar_verdict, depth_offset_s, depth_span_s, depth_used, depth_lost, depth_verdict, ";
 // Older files are without the table; an unknown share of the laser's pulses is -1 here.
@@ -40,9 +40,9 @@ std::string decode(Statement& row, const Shapes& shapes, std::uint32_t sensors, 
   r.valid = SensorSet::from_bits(static_cast<std::uint32_t>(row.integer()) & sensors);
   r.label = row.text();
   const ByteView spd = row.blob(), radar = row.blob(), depth = row.blob();
-  SpdCounts& c = r.spd_counts;
+  TagCounts& c = r.spd_counts;
   for (std::uint64_t* v :
-       {&c.tags, &c.starts, &c.in_range, &c.out_of_range, &c.without_start, &c.other, &c.lost})
+       {&c.tags, &c.starts, &c.in_range, &c.out_of_range, &c.without_start, &c.other})
     *v = static_cast<std::uint64_t>(row.integer());
   read_sync(row, r.sync);
   if (const double clicks = row.real(); clicks >= 0) r.signal.clicks_a_pulse = clicks;

@@ -11,6 +11,7 @@
 #include "acquire/record/speckle.hpp"
 #include "drivers/core/driver.hpp"
 #include "drivers/core/sample.hpp"
+#include "drivers/core/tag_counts.hpp"
 
 namespace echofuse::record {
 
@@ -30,24 +31,6 @@ struct ClockState {
   double drift_ppm = 0;       // above 0: the device's clock is fast
   double residual_s = 0;      // mean distance of the least delayed samples from the fit
   std::uint64_t samples = 0;  // that the fit stands for
-};
-
-// SPD bookkeeping: every tag of the slot is in exactly one of these.
-struct SpdCounts {
-  std::uint64_t tags = 0;           // all tags that arrived
-  std::uint64_t starts = 0;         // on the start channel
-  std::uint64_t in_range = 0;       // clicks that were counted in the histogram
-  std::uint64_t out_of_range = 0;   // clicks with a start but outside the axis
-  std::uint64_t without_start = 0;  // clicks before any start
-  std::uint64_t other = 0;          // other channels, markers
-  std::uint64_t lost = 0;           // missed events, dropped items, gaps in the block numbers
-  // Written into the table spd_status where any is not 0, for SQL; RunReader leaves them 0.
-  std::uint64_t missed = 0;     // events that the tagger says it lost, on the two channels
-  std::uint64_t overflows = 0;  // times it began to lose tags
-  std::uint64_t errors = 0;     // its error marks
-  std::uint64_t bad_tags = 0;   // tags that cannot be; in `other`
-  std::uint64_t backwards = 0;  // tags before the tag that precedes them
-  std::uint64_t removed = 0;    // by tdc.dead_time_ps; in `other`
 };
 
 // How strong each sensor's signal was (table signal); none where that is not known. Ranges are raw.
@@ -83,7 +66,9 @@ struct FusedRecord {
   std::uint64_t array_frames = 0;
   std::optional<Speckle> speckle;       // table speckle; older runs are without
   std::vector<std::uint16_t> depth_mm;  // z, row-major on the run's depth axes, 0 = no return
-  SpdCounts spd_counts;
+  // Of all tags of the slot. What is not part of the sum goes into the table spd_status where any
+  // is not 0, for SQL; RunReader leaves it 0.
+  TagCounts spd_counts;
   PerSensor<SensorSync> sync;
   Signal signal;
   // Written into the tables incomplete and clock_fit, for SQL; RunReader leaves them empty.

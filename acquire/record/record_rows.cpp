@@ -66,7 +66,7 @@ void insert_signal(Inserts& rows, const FusedRecord& r) {
 }
 
 void insert_spd_status(Inserts& rows, const FusedRecord& r) {
-  const SpdCounts& c = r.spd_counts;
+  const TagCounts& c = r.spd_counts;
   if (c.missed + c.overflows + c.errors + c.bad_tags + c.backwards + c.removed == 0) return;
   rows.into("spd_status")
       .set("idx", r.index)
@@ -160,14 +160,14 @@ void insert_record(Inserts& rows, const std::string& path, const FusedRecord& r,
       .set("slot_utc_ns", std::int64_t{r.slot_utc.count()})
       .set("valid", std::int64_t{r.valid.bits()})
       .set("label", r.label);
-  const SpdCounts& c = r.spd_counts;
+  const TagCounts& c = r.spd_counts;
   row.set("tags", c.tags)
       .set("starts", c.starts)
       .set("in_range", c.in_range)
       .set("out_of_range", c.out_of_range)
       .set("without_start", c.without_start)
       .set("other", c.other)
-      .set("tags_lost", c.lost);
+      .set("tags_lost", r.sync[Sensor::spd].lost);
   for (const Sensor s : all_sensors) {
     const SensorSync& sync = r.sync[s];
     const std::string name = name_of(s);

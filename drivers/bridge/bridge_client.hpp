@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The connection that both bridge drivers share: connect, hello, blocks; silence, goodbye and
-// errors lead to a new connection after a pause.
+// errors, a damaged block among them, lead to a new connection after a pause.
 #pragma once
 #include <functional>
 #include <memory>
@@ -21,8 +21,8 @@ class BridgeClient {
   struct Handlers {
     // connecting, streaming (its hello is known), faulted; each when it changes
     std::function<void(DeviceState, const Hello&)> state;
-    // Every block but hello and bye. The first one of a second connection says one lost block: how
-    // many there were is not known.
+    // Every block but hello and bye. Each connection but the first adds one lost block: how many
+    // there were is not known.
     std::function<void(const Block&, HostTime)> block;
     std::function<void(Severity, const std::string&)> event;
   };
@@ -38,7 +38,6 @@ class BridgeClient {
 
  private:
   void connect();
-  void go_on();
   void on_block(Block block, HostTime received);
   void on_hello(const Block& block);
   void watch();
@@ -47,18 +46,17 @@ class BridgeClient {
 
   port::ByteOpener opener_;
   const Clock& clock_;
-  port::Timer timer_, turn_;
+  port::Timer timer_;
   port::Backoff backoff_;
   Handlers handlers_;
   BlockParser parser_;
   Hello hello_;
   std::uint64_t blocks_seen_ = 0;  // at the last check
   int quiet_checks_ = 0;
-  bool running_ = false, faulted_ = false, greeted_ = false, rejoined_ = false;
+  bool running_ = false, faulted_ = false, greeted_ = false;
   bool connected_ = false, told_kind_ = false;  // on this connection
-  bool turn_waits_ = false;
   std::uint64_t connections_ = 0, bad_payloads_ = 0;
-  std::uint64_t lost_blocks_ = 0, found_blocks_ = 0, dropped_items_ = 0;  // not yet handed on
+  std::uint64_t lost_blocks_ = 0, dropped_items_ = 0;  // not yet handed on
   std::unique_ptr<port::BytePort> port_;
 };
 

@@ -1,17 +1,15 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/bridge/bridge_protocol.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <utility>
 
 #include "drivers/core/crc32c.hpp"
 
 namespace echofuse::bridge {
 namespace {
-
-constexpr int most_checks = 1000;  // in one turn: a few milliseconds
 
 constexpr std::array<std::uint8_t, 4> magic = {'E', 'F', 'B', 'R'};
 
@@ -43,11 +41,6 @@ Header read_header(ByteView bytes) {
   return h;
 }
 
-bool starts_with_magic(ByteView bytes) {
-  const std::size_t n = std::min(bytes.size(), magic.size());
-  return std::equal(magic.begin(), magic.begin() + static_cast<std::ptrdiff_t>(n), bytes.begin());
-}
-
 Axis tangent_axis(const char* name, std::uint32_t count, float start, float step) {
   return {.name = name,
           .quantity = "tangent",
@@ -67,127 +60,65 @@ bool usable(const Axis& axis) {
 }  // namespace
 
 void BlockParser::feed(ByteView bytes, const OnBlock& on_block) {
-  counts_.bytes += bytes.size();
-  checks_ = 0;
-  behind_ = false;
-  buffer_.feed(bytes, [&](ByteView view) { return next(view, on_block); });
-}
-
-void BlockParser::go_on(const OnBlock& on_block) {
-  checks_ = 0;
-  behind_ = false;
-  buffer_.again([&](ByteView view) { return next(view, on_block); });
+  buffer_.feed(bytes, [&](ByteView view) { return broken_ ? Step{} : next(view, on_block); });
 }
 
 void BlockParser::reset() {
-  counts_.junk_bytes += buffer_.held().size();
+  if (!broken_) discard(buffer_.held().size());
   buffer_.clear();
-  behind_ = false;
-  place_ = doubtful_until_ = 0;
-  doubtful_.clear();
+  broken_ = nullptr;
   expected_ = 0;
-  missing_ = 0;
-  recent_ = {};
-}
-
-void BlockParser::give_up(const OnBlock& on_block) {
-  if (buffer_.held().size() < header_bytes) return;
-  const Bytes held(buffer_.held().begin(), buffer_.held().end());
-  buffer_.clear();
-  ++counts_.bad_headers;
-  checks_ = 0;
-  behind_ = false;
-  const std::size_t skipped = skip_junk(held).used;
-  place_ += skipped;
-  const ByteView rest = ByteView(held).subspan(skipped);
-  buffer_.feed(rest, [&](ByteView view) { return next(view, on_block); });
 }
 
 Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
-  const Step step = judge(bytes, on_block);
-  place_ += step.used;
-  return step;
-}
-
-Step BlockParser::judge(ByteView bytes, const OnBlock& on_block) {
-  if (!bytes.empty() && !starts_with_magic(bytes)) return skip_junk(bytes);
+  const auto [end, differs] = std::mismatch(magic.begin(), magic.end(), bytes.begin(), bytes.end());
+  if (end != magic.end() && differs != bytes.end()) {
+    ++counts_.bad_headers;
+    return refuse("it sent bytes that begin no block: is it an echofuse bridge?",
+                  static_cast<std::size_t>(differs - bytes.begin()) + 1);
+  }
   if (bytes.size() < header_bytes) return {0, header_bytes};
-  behind_ = checks_ == most_checks;
-  if (behind_) return {0, 0};
-  ++checks_;
   const Header header = read_header(bytes);
   if (!header.plausible()) {
     ++counts_.bad_headers;
-    return skip_junk(bytes);
+    return refuse("it sent a block whose header is damaged or of another version", header_bytes);
   }
   const std::size_t size = header_bytes + header.payload_bytes;
   if (bytes.size() < size) return {0, size};
   const ByteView payload = bytes.subspan(header_bytes, header.payload_bytes);
-  if (crc_of(bytes.first(size)) != header.crc) {
-    doubtful_until_ = std::max(doubtful_until_, place_ + size);
+  if (crc32c(payload, crc32c(bytes.first(header_bytes - 4))) != header.crc) {
     ++counts_.bad_crcs;
-    return skip_junk(bytes);
+    return refuse("it sent a block whose checksum is wrong", size);
   }
+  counts_.bytes += size;
   ++counts_.blocks;
-  if (seen_before(header.sequence, header.crc)) {
-    ++counts_.duplicates;
-    return {size, 0};
-  }
-  Block block{.kind = static_cast<BlockKind>(header.kind),
-              .sequence = header.sequence,
-              .dropped_items = header.dropped_items,
-              .payload = payload};
-  place(block);
-  on_block(block);
+  on_block({.kind = static_cast<BlockKind>(header.kind),
+            .sequence = header.sequence,
+            .dropped_items = header.dropped_items,
+            .lost_blocks = missing_before(header.sequence),
+            .payload = payload});
   return {size, 0};
 }
 
-// What an unsound block held is a part of many, if its sender wants it so.
-std::uint32_t BlockParser::crc_of(ByteView block) {
-  const std::uint32_t crc = crc32c(block.first(header_bytes - 4));
-  if (place_ >= doubtful_until_) return crc32c(block.subspan(header_bytes), crc);
-  return doubtful_.of(block, place_, header_bytes, block.size() - header_bytes, crc);
+Step BlockParser::refuse(const char* why, std::size_t bytes) {
+  discard(bytes);
+  broken_ = why;
+  return {};
 }
 
-// From the byte after the first to where a magic stands, or where the end may hold half of one.
-Step BlockParser::skip_junk(ByteView bytes) {
-  auto at = std::min<std::size_t>(1, bytes.size());
-  while (at < bytes.size() && !starts_with_magic(bytes.subspan(at))) {
-    const void* const next = std::memchr(bytes.data() + at + 1, magic[0], bytes.size() - at - 1);
-    at = next ? static_cast<std::size_t>(static_cast<const std::uint8_t*>(next) - bytes.data())
-              : bytes.size();
-  }
-  counts_.junk_bytes += at;
-  return {at, 0};
+void BlockParser::discard(std::size_t bytes) {
+  counts_.bytes += bytes;
+  counts_.junk_bytes += bytes;
 }
 
-// A sender that numbers its blocks anew would hardly meet the same CRC.
-bool BlockParser::seen_before(std::uint32_t sequence, std::uint32_t crc) {
-  const std::uint64_t key = std::uint64_t{sequence} << 32 | crc;
-  return std::exchange(recent_[sequence % recent_.size()], key) == key;
-}
-
-// In the sequence.
-void BlockParser::place(Block& block) {
-  const std::uint32_t ahead = block.sequence - expected_, back = ~ahead;
-  if (back < 64 && (missing_ >> back & 1)) {
-    missing_ ^= std::uint64_t{1} << back;
-    block.found_blocks = 1;
-    ++counts_.out_of_order;
-    --counts_.lost_blocks;
-    return;
-  }
-  expected_ = block.sequence + 1;
-  if (ahead > UINT32_MAX / 2) {  // renumbered: how many are lost is unknown
-    block.lost_blocks = 1;
-    missing_ = 0;
-  } else {
-    block.lost_blocks = ahead;
-    missing_ = ahead >= 63 ? ~std::uint64_t{1}
-                           : missing_ << (ahead + 1) | ((std::uint64_t{1} << ahead) - 1) << 1;
-  }
-  counts_.gaps += block.lost_blocks > 0;
-  counts_.lost_blocks += block.lost_blocks;
+// Of a number that goes back nobody knows how many are lost.
+std::uint64_t BlockParser::missing_before(std::uint32_t sequence) {
+  const std::uint32_t ahead = sequence - expected_;
+  expected_ = sequence + 1;
+  const std::uint64_t lost = ahead > UINT32_MAX / 2 ? 1 : ahead;
+  counts_.gaps += lost > 0;
+  counts_.lost_blocks += lost;
+  return lost;
 }
 
 std::optional<std::span<const Tag>> read_tags(ByteView payload, std::vector<Tag>& scratch) {

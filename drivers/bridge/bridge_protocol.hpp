@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The wire between a vendor's own library (in a small program that serves TCP) and our drivers.
+// The wire between a vendor's own library (in a small program that serves TCP) or a device on USB
+// and our drivers.
 // A stream of blocks from the server; the client sends nothing. Little-endian.
 //
 //   off type   field
@@ -15,8 +16,8 @@
 //    32        payload
 //
 //   hello  UTF-8 JSON {"model": "...", "serial": "...", "firmware": "..."}; other keys are ignored.
-//          The first block, and again about every second: as a heartbeat (a sender is silent for
-//          at most 1 s), and in place of a damaged first one: blocks without a hello are not used.
+//          The first block, and again about every second, as a heartbeat: a sender is silent for
+//          at most 1 s. Blocks before a hello are not used.
 //   tags   n * 16 bytes as in drivers/core/sample.hpp; n may be 0
 //   depth  u32 width, u32 height, u64 device time in us, u32 frame index,
 //          f32 x_start, x_step, y_start, y_step (tangents, drivers/core/axis.hpp),
@@ -24,7 +25,6 @@
 //          measurement
 //   bye    empty; the sender closes the connection
 #pragma once
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -32,7 +32,6 @@
 #include <string>
 #include <vector>
 
-#include "drivers/bridge/stretch_crc.hpp"
 #include "drivers/core/bytes.hpp"
 #include "drivers/core/frame_buffer.hpp"
 #include "drivers/core/sample.hpp"
@@ -52,61 +51,44 @@ struct Block {
   std::uint32_t sequence = 0;
   std::uint64_t dropped_items = 0;  // by the sender, before this block
   std::uint64_t lost_blocks = 0;    // missing in the sequence before this block
-  // 1: it comes after blocks that it stands before, one of which said that it is missing.
-  std::uint64_t found_blocks = 0;
-  ByteView payload;  // valid only during the call
+  ByteView payload;                 // valid only during the call
 };
 
-// bytes == those of the blocks + junk_bytes + bytes that still wait for more.
+// bytes == those of the blocks + junk_bytes. What waits for the rest of its block, and what comes
+// behind the damage that broke a connection, is not in them.
 struct BlockCounts {
   std::uint64_t bytes = 0, blocks = 0;
-  std::uint64_t junk_bytes = 0;   // in no block
-  std::uint64_t bad_headers = 0;  // a magic with an implausible header (or another version)
+  std::uint64_t junk_bytes = 0;   // of blocks that are damaged, or whose rest never came
+  std::uint64_t bad_headers = 0;  // no magic, another version, or what cannot be
   std::uint64_t bad_crcs = 0;
-  std::uint64_t gaps = 0;          // places where blocks are missing
-  std::uint64_t lost_blocks = 0;   // how many are
-  std::uint64_t out_of_order = 0;  // came later than in their order: not lost
-  std::uint64_t duplicates = 0;    // sound, but handed on before: part of `blocks`
+  std::uint64_t gaps = 0;         // places where blocks are missing
+  std::uint64_t lost_blocks = 0;  // how many are
 };
 
-// Bytes -> sound blocks. It searches for the magic only where a header is implausible or a CRC
-// fails: payloads may contain the magic. What a byte costs does not depend on what headers claim:
-// a stretch that was in a damaged block is read once more for all headers in it (StretchCrc), and a
-// call checks 1000 headers at most.
+// Bytes -> sound blocks, up to the first that is not sound. The connection neither loses nor
+// reorders bytes: a damaged block says that its sender is broken, and where the next block
+// begins is not known.
 class BlockParser {
  public:
   using OnBlock = std::function<void(const Block&)>;
 
   void feed(ByteView bytes, const OnBlock& on_block);
-  // There is more to do without another byte: the caller does something else first.
-  bool behind() const { return behind_; }
-  std::size_t waiting_bytes() const { return buffer_.held().size(); }
-  void go_on(const OnBlock& on_block);
-  // The rest of the block that is waited for does not come: its header may lie about the length
-  // and hide the blocks behind it. Goes on with those.
-  void give_up(const OnBlock& on_block);
+  // What is wrong with the stream, or null while it is sound. What is fed after that is not read.
+  const char* broken() const { return broken_; }
   // A new connection: what waits is junk, and the sequence starts at 0. Not from inside on_block.
   void reset();
   const BlockCounts& counts() const { return counts_; }
 
  private:
   Step next(ByteView bytes, const OnBlock& on_block);
-  Step judge(ByteView bytes, const OnBlock& on_block);
-  std::uint32_t crc_of(ByteView block);
-  Step skip_junk(ByteView bytes);
-  bool seen_before(std::uint32_t sequence, std::uint32_t crc);
-  void place(Block& block);
+  Step refuse(const char* why, std::size_t bytes);
+  void discard(std::size_t bytes);
+  std::uint64_t missing_before(std::uint32_t sequence);
 
   FrameBuffer buffer_;
-  std::uint64_t place_ = 0;           // in the stream: of the first byte that is not done with
-  std::uint64_t doubtful_until_ = 0;  // as far as a block reached that was not sound
-  StretchCrc doubtful_;
-  int checks_ = 0;  // of headers in this call
-  bool behind_ = false;
+  const char* broken_ = nullptr;
   BlockCounts counts_;
   std::uint32_t expected_ = 0;
-  std::uint64_t missing_ = 0;               // bit i: the block expected_ - 1 - i is
-  std::array<std::uint64_t, 16> recent_{};  // sequence and CRC of the last blocks
 };
 
 struct Hello {

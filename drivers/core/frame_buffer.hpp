@@ -35,6 +35,16 @@ class FrameBuffer {
       held_.assign(rest.begin(), rest.end());
     }
   }
+  ByteView held() const { return ByteView(held_).subspan(used_); }
+  void clear() {
+    held_.clear();
+    used_ = wanted_ = 0;
+  }
+
+ private:
+  // Bytes. A damaged length may have asked for more than any frame needs.
+  static constexpr std::size_t most_kept = 1 << 20;
+
   // Shows it what is held once more.
   template <class Consume>
   void again(const Consume& consume) {
@@ -51,16 +61,6 @@ class FrameBuffer {
     }
     used_ = 0;
   }
-  ByteView held() const { return ByteView(held_).subspan(used_); }
-  void clear() {
-    held_.clear();
-    used_ = wanted_ = 0;
-  }
-
- private:
-  // Bytes. A damaged length may have asked for more than any frame needs.
-  static constexpr std::size_t most_kept = 1 << 20;
-
   template <class Consume>
   std::size_t run(ByteView bytes, const Consume& consume) {
     std::size_t used = 0;

@@ -40,8 +40,6 @@ struct TagBlock {
   std::span<const Tag> tags;      // valid only during the call that delivers it
   std::uint64_t lost_blocks = 0;  // transport blocks missing before this one
   std::uint64_t lost_items = 0;   // tags the sender says it dropped before this one
-  // Of blocks that were said to be lost, those that came all the same, this one among them.
-  std::uint64_t found_blocks = 0;
 };
 
 // TI mmWave demo, TLV 6 (SDK 3.x mmw_output.h): microseconds and per cent.

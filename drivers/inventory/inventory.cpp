@@ -39,7 +39,7 @@ constexpr Kind kinds[] = {
      "depth.address = \"bridge:tcp://HOST:PORT\""},
 };
 
-// Known by its interface, whoever made it (drivers/tdc/USB.md).
+// Known by its interface, whoever made it (drivers/README.md, "Over USB").
 constexpr Kind tag_stream{0, 0, "USB time tagger", Access::usb, 0, ""};
 
 bool streams_tags(const UsbDevice& d) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A stream of bytes in both directions, whatever carries it: serial line, TCP, HID bridge.
+// A stream of bytes in both directions, whatever carries it: serial line, TCP, USB, HID bridge.
 #pragma once
 #include <cstdint>
 #include <functional>

@@ -6,21 +6,15 @@
 #include <sys/file.h>
 #include <unistd.h>
 
-#include <atomic>
-#include <boost/asio/executor_work_guard.hpp>
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/post.hpp>
 #include <cerrno>
 #include <cstdio>
-#include <future>
 #include <mutex>
-#include <optional>
 #include <string>
-#include <thread>
 #include <utility>
 
 #include "drivers/core/exit_code.hpp"
 #include "drivers/port/cp2110.hpp"
+#include "drivers/port/thread_port.hpp"
 
 namespace echofuse::port {
 namespace {
@@ -28,8 +22,6 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr auto status_period = std::chrono::seconds(1);
-constexpr auto close_timeout =
-    std::chrono::milliseconds(200);             // of the io thread, when a port is closed
 constexpr int read_wait_ms = 2;                 // bytes to send wait for so long at most
 constexpr std::size_t max_waiting = 256 << 10;  // 4 s of a full pipe
 
@@ -54,10 +46,6 @@ std::string narrow(const wchar_t* text) {
   std::string out;
   for (; text && *text; ++text) out += *text > 0 && *text < 128 ? static_cast<char>(*text) : '?';
   return out;
-}
-
-Failure failure(std::errc code, std::string what) {
-  return {std::make_error_code(code), std::move(what)};
 }
 
 // The /dev/hidraw node of the first match.
@@ -104,17 +92,8 @@ Result<Device> open_device(const HidAddress& address) {
                                            : "")};
 }
 
-// What both threads see; `handlers`, `work` and `closed` belong to the io thread.
-struct Link {
-  explicit Link(boost::asio::io_context& context) : io(&context), work(context.get_executor()) {}
-
-  std::mutex io_mutex;
-  boost::asio::io_context* io;  // null once the port is gone
-  std::optional<boost::asio::executor_work_guard<boost::asio::io_context::executor_type>> work;
-  PortHandlers handlers;
-  bool open = false, closed = false;
-
-  std::atomic<bool> stopping{false};
+struct Link : ThreadLink {
+  using ThreadLink::ThreadLink;
   std::mutex mutex;  // of the rest
   Bytes in, out;
   bool posted = false;
@@ -126,15 +105,6 @@ void append(Link& link, Bytes& queue, ByteView bytes) {
   const std::size_t fits = std::min(bytes.size(), max_waiting - queue.size());
   queue.insert(queue.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(fits));
   link.dropped += bytes.size() - fits;
-}
-
-template <class Action>
-void post(const LinkPtr& link, Action action) {
-  const std::lock_guard lock(link->io_mutex);
-  if (!link->io) return;
-  boost::asio::post(*link->io, [link, action = std::move(action)] {
-    if (!link->closed) action(*link);
-  });
 }
 
 void deliver(Link& link) {
@@ -153,17 +123,6 @@ class Worker {
   Worker(LinkPtr link, HidAddress address, std::uint32_t baud)
       : link_(std::move(link)), address_(std::move(address)), baud_(baud) {}
 
-  void run() {
-    if (const auto wrong = serve())
-      post(link_, [wrong](Link& link) {
-        link.closed = true;
-        link.open = false;
-        link.work.reset();
-        link.handlers.gone(*wrong);
-      });
-  }
-
- private:
   // Until the port is closed: nothing; or the device fails: why.
   std::optional<Failure> serve() {
     Result<Device> opened = open_device(address_);
@@ -173,10 +132,7 @@ class Worker {
         !send_feature(cp2110::purge_report))
       return failed("configure (is it a CP2110?)");
     discard();
-    post(link_, [](Link& link) {
-      link.open = true;
-      link.handlers.opened();
-    });
+    post_opened(link_);
     if (baud_ / 10 > cp2110::pipe_bytes_per_s)
       warn(std::to_string(baud_) + " baud brings up to " + std::to_string(baud_ / 10) +
                " bytes/s, its USB pipe carries 63000: keep frames short or lower the baud rate",
@@ -193,6 +149,7 @@ class Worker {
     return std::nullopt;
   }
 
+ private:
   // What came in between opening and purging; the kernel keeps 64 reports.
   void discard() {
     std::array<std::uint8_t, cp2110::report_bytes> report;
@@ -266,51 +223,14 @@ class Worker {
   Device device_;
 };
 
-class HidPort final : public BytePort {
+class HidPort final : public ThreadPort<Link, Worker> {
  public:
-  HidPort(boost::asio::io_context& io, HidAddress address, std::uint32_t baud)
-      : link_(std::make_shared<Link>(io)), address_(std::move(address)), baud_(baud) {}
-  ~HidPort() override {
-    link_->closed = true;
-    link_->work.reset();
-    link_->stopping = true;
-    if (!thread_.joinable()) return;
-    // A request to a device in trouble may take seconds, and other devices live on this thread.
-    if (ended_.wait_for(close_timeout) == std::future_status::ready) {
-      thread_.join();
-      return;
-    }
-    {
-      const std::lock_guard lock(link_->io_mutex);
-      link_->io = nullptr;
-    }
-    thread_.detach();
-  }
-  HidPort(const HidPort&) = delete;
-  HidPort& operator=(const HidPort&) = delete;
-
-  void open(PortHandlers handlers) override {
-    link_->handlers = std::move(handlers);
-    std::promise<void> end;
-    ended_ = end.get_future();
-    thread_ =
-        std::thread([worker = Worker(link_, address_, baud_), end = std::move(end)]() mutable {
-          worker.run();
-          end.set_value();
-        });
-  }
+  using ThreadPort::ThreadPort;
   void write(ByteView bytes) override {
     if (!link_->open) return;
     const std::lock_guard lock(link_->mutex);
     append(*link_, link_->out, bytes);
   }
-
- private:
-  LinkPtr link_;
-  HidAddress address_;
-  std::uint32_t baud_;
-  std::thread thread_;
-  std::future<void> ended_;
 };
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include "drivers/port/hid_port.hpp"
 #include "drivers/port/serial_port.hpp"
 #include "drivers/port/tcp_port.hpp"
+#include "drivers/port/usb_port.hpp"
 
 namespace echofuse::port {
 
@@ -15,6 +16,8 @@ ByteOpener byte_opener(boost::asio::io_context& io, const std::string& address,
     return [&io, path = serial->path, baud] { return make_serial_port(io, path, baud); };
   if (const auto* bridge = std::get_if<BridgeAddress>(&parsed))
     return [&io, to = *bridge] { return make_tcp_port(io, to.host, to.port); };
+  if (const auto* usb = std::get_if<UsbAddress>(&parsed))
+    return [&io, address, to = *usb] { return make_usb_port(io, address, to); };
   if (const auto* hid = std::get_if<HidAddress>(&parsed)) {
     check_hid_baud(*hid, baud);
     return [&io, to = *hid, baud] { return make_hid_port(io, to, baud); };

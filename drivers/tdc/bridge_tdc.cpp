@@ -34,8 +34,7 @@ void BridgeTdc::on_block(const bridge::Block& block, HostTime received) {
   sink_->on_tags({.received = received,
                   .tags = *tags,
                   .lost_blocks = block.lost_blocks,
-                  .lost_items = block.dropped_items,
-                  .found_blocks = block.found_blocks});
+                  .lost_items = block.dropped_items});
 }
 
 std::vector<Counter> BridgeTdc::counters() const {

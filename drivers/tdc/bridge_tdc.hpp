@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A time tagger behind the bridge protocol.
+// A time tagger that speaks the bridge protocol, over TCP or USB.
 #pragma once
 #include <string>
 #include <vector>

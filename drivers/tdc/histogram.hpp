@@ -18,7 +18,7 @@
 #include <span>
 #include <vector>
 
-#include "drivers/core/sample.hpp"
+#include "drivers/core/tag_counts.hpp"
 #include "drivers/tdc/tag_filter.hpp"
 #include "drivers/tdc/tag_groups.hpp"
 
@@ -33,25 +33,6 @@ struct HistogramSettings {
   std::uint32_t bins = 336;
   // For taggers that do neither by themselves (tag_filter.hpp).
   std::int64_t start_delay_ps = 0, click_delay_ps = 0, dead_time_ps = 0;
-};
-
-// tags == starts + in_range + out_of_range + without_start + other.
-struct TagCounts {
-  std::uint64_t tags = 0;
-  std::uint64_t starts = 0;
-  std::uint64_t in_range = 0;       // clicks in the histogram
-  std::uint64_t out_of_range = 0;   // clicks with a start, outside the axis
-  std::uint64_t without_start = 0;  // clicks before any start
-  std::uint64_t other = 0;  // other channels, markers of every kind, removed by the dead time
-  // Not part of the sum:
-  std::uint64_t missed = 0;     // events on the two channels that the device says it lost
-  std::uint64_t overflows = 0;  // times an overflow began
-  std::uint64_t errors = 0;     // error markers
-  std::uint64_t bad_tags = 0;   // unknown type, or reserved byte not 0; all are in `other`
-  std::uint64_t backwards = 0;  // time tags before the tag that precedes them
-  std::uint64_t removed = 0;    // by the dead time; all are in `other`
-
-  bool operator==(const TagCounts&) const = default;
 };
 
 class Histogram {

@@ -208,7 +208,7 @@ class Server:
         return True
 
     def _stay_alive(self):
-        """Also while data flow: the first hello may have been damaged."""
+        """Also while data flow."""
         due = time.monotonic() > self._last_hello + HELLO_PAUSE_S
         if due and self._hello and self._queued_bytes + HEADER_BYTES + len(self._hello) <= self._limit:
             self._greet()

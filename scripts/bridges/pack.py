@@ -16,7 +16,7 @@ else:
 NAME, VERSION = "libechofuse_bridge_pack.so", 1
 RECORD = {"names": ["type", "missed_events", "channel", "time"], "formats": ["u1", "<u2", "<i4", "<i8"],
           "offsets": [0, 2, 4, 8], "itemsize": 16}
-BLOCK_TAGS = 32768  # 512 KiB: what one damaged block costs, and what stays in a processor's second cache
+BLOCK_TAGS = 32768  # 512 KiB, which stay in a processor's second cache
 OVERFLOW_BEGIN = 2  # type of the tag at which a device starts to lose events
 
 # The tags of a block: its payload with its CRC (None: not known yet), and what Losses wants to know.

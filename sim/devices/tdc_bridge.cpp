@@ -180,8 +180,10 @@ class Bridge final : public TdcBridge {
       block.damage = static_cast<std::int64_t>(injector_.corrupt(block.bytes));
       block.what = "corrupt";
     }
-    if (const Bytes junk = injector_.garbage(); !junk.empty())
+    if (const Bytes junk = injector_.garbage(); !junk.empty()) {
       block.bytes.insert(block.bytes.begin(), junk.begin(), junk.end());
+      block.what = "garbage";
+    }
     queued_bytes_ += block.bytes.size();
     queue_.push_back(std::move(block));
     if (!writing_) write();

@@ -337,24 +337,6 @@ TEST_CASE("a run goes by its file and by the name that --out gave it") {
   refuses("mark " + folder / "m2" + " door", 1, "m2.sqlite: ");
 }
 
-TEST_CASE("replay takes kept transfers of a USB tagger") {
-  const Folder folder;
-  const auto u32 = [](std::uint32_t v) { return std::string(reinterpret_cast<char*>(&v), 4); };
-  const std::string tag("\0\0\0\0\x01\0\0\0\x05\0\0\0\0\0\0\0", 16);
-  constexpr std::uint32_t end = 1u << 31, gap = 1u << 30;
-  // A record over two transfers; a beginning that a gap cuts off; an empty run; a cut file.
-  write_file(folder / "t.usb", u32(24) + tag + tag.substr(0, 8) + u32(8 | end) + tag.substr(8) +
-                                   u32(4) + tag.substr(0, 4) + u32(gap) + u32(end) + u32(16 | end) +
-                                   tag.substr(0, 9));
-  const Json counts = json_of("replay --json --tdc " + folder / "t.usb");
-  CHECK(counts["bytes"] == 36);
-  CHECK(counts["transfers"] == 4);
-  CHECK(counts["tags"] == 2);
-  CHECK(counts["junk_bytes"] == 4);
-  CHECK(counts["gaps"] == 1);
-  CHECK(counts["cut_transfers"] == 1);
-}
-
 TEST_CASE("replay counts a recording's frames") {
   const Folder folder;
   // One frame of two bins: header 40, TLV 2 with 4 bytes, TLV 4 of one antenna, padded to 96; 3

@@ -97,8 +97,7 @@ inline echofuse::record::FusedRecord small_record(std::int64_t index) {
                   .in_range = 60 + i,
                   .out_of_range = 20,
                   .without_start = 15,
-                  .other = 5,
-                  .lost = 3};
+                  .other = 5};
   for (const echofuse::Sensor sensor : echofuse::all_sensors) {
     const auto s = static_cast<std::size_t>(sensor);
     r.sync[sensor] = {0.125 * static_cast<double>(s), 0.5, 60 + i + s, s, "ok"};

@@ -90,12 +90,12 @@ TEST_CASE("silence, a byte now and then, a lying length and a missing hello, sid
   liar[14] = 0xff;  // 16 MiB
   lying.send(test::join({liar, lying.block(3), lying.block(4)}));
   REQUIRE(run_until(io, [&] { return silent.has(1) && slow.has(1) && lying.has(1); }));
-  std::vector<tcp::socket> open;  // these three have to find out by themselves
-  for (Pair* pair : {&silent, &slow, &rude}) {
+  std::vector<tcp::socket> open;  // the drivers have to find out by themselves
+  for (Pair* pair : all) {
     open.push_back(std::move(*pair->client));
     pair->await_client();
   }
-  const auto back = [&] { return silent.client && slow.client && rude.client; };
+  const auto back = [&] { return silent.client && slow.client && lying.client && rude.client; };
   const auto begin = std::chrono::steady_clock::now();
   const Bytes drip = slow.block(2);
   for (std::size_t at = 0; at < drip.size() && !run_until(io, back, std::chrono::seconds(1));
@@ -106,10 +106,7 @@ TEST_CASE("silence, a byte now and then, a lying length and a missing hello, sid
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
   CAPTURE(took.count());
   CHECK(took < limit);
-  CHECK(lying.delivered() == Numbers{1, 3, 4});
-  CHECK(lying.lost() == 1);
-  CHECK(counter(*lying.driver, "connections") == 1);
-  for (Pair* pair : {&silent, &slow, &rude}) {
+  for (Pair* pair : all) {
     pair->send(test::join({hello_block(), pair->block(1), pair->block(2)}));
     const std::size_t before = pair == &rude ? 0 : 1;
     REQUIRE(run_until(io, [&] { return pair->has(before + 2); }));
@@ -137,17 +134,34 @@ TEST_CASE("a bridge that closes in the middle of a block costs that block") {
   CHECK(counter(*pair.driver, "junk_bytes") == half.size());
 }
 
-TEST_CASE("the blocks between a damaged hello and the next one are counted as lost") {
+TEST_CASE("a damaged block is told in one line, and ends the connection; the next one goes on") {
   boost::asio::io_context io;
   Pair pair(io, GENERATE(Sensor::spd, Sensor::depth));
   REQUIRE(run_until(io, [&] { return pair.client.has_value(); }));
-  Bytes damaged = hello_block();
+  Bytes damaged = pair.block(2);
   damaged.back() ^= 1;
-  pair.send(test::join(
-      {damaged, pair.block(1), pair.block(2), hello_block(3), pair.block(4), pair.block(5)}));
-  REQUIRE(run_until(io, [&] { return pair.has(2); }));
-  CHECK(pair.delivered() == Numbers{4, 5});
-  CHECK(pair.lost() == 3);  // the hello itself as well
+  pair.send(test::join({hello_block(), pair.block(1), damaged, pair.block(3)}));
+  bool closed = false;
+  Bytes nothing(1);
+  pair.client->async_read_some(
+      boost::asio::buffer(nothing),
+      [&](const boost::system::error_code& error, std::size_t) { closed = error.failed(); });
+  REQUIRE(run_until(io, [&] { return closed; }));
+  CHECK(pair.delivered() == Numbers{1});
+  CHECK(pair.sink.events == std::vector<std::string>{"it sent a block whose checksum is wrong"});
+  CHECK(pair.sink.state() == DeviceState::faulted);
+  pair.await_client();
+  REQUIRE(run_until(
+      io, [&] { return pair.client.has_value(); }, limit));
+  pair.send(test::join({hello_block(), pair.block(4), pair.block(5)}));
+  REQUIRE(run_until(io, [&] { return pair.has(3); }));
+  CHECK(pair.delivered() == Numbers{1, 4, 5});
+  CHECK(pair.lost() > 0);
+  CHECK(pair.sink.state() == DeviceState::streaming);
+  CHECK(pair.sink.events.size() == 1);
+  CHECK(counter(*pair.driver, "bad_crcs") == 1);
+  CHECK(counter(*pair.driver, "junk_bytes") == damaged.size());
+  CHECK(counter(*pair.driver, "connections") == 2);
 }
 
 TEST_CASE("unplugged and plugged in a hundred times") {

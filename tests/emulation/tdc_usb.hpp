@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A time tagger on emulated USB: the device side of drivers/tdc/USB.md.
+// A time tagger on emulated USB: the device side of drivers/README.md, "Over USB".
 #pragma once
 #include <memory>
 
@@ -8,9 +8,8 @@
 
 namespace echofuse::sim {
 
-// The device sends a run every 5 ms. What the host does not fetch waits in its FIFO; when that is
-// full, tags are lost, and said to be: overflow begin, missed events of each channel, overflow end.
-// Threading: one io thread.
+// The device ends a transfer every 5 ms. What the host does not fetch waits in its FIFO; of tags
+// that have no room there the next block says how many they are. Threading: one io thread.
 class TdcUsb : public Device {
  public:
   static constexpr std::uint16_t vendor = 0x1209, product = 0x0001;  // pid.codes: private tests

@@ -22,8 +22,8 @@ struct UsbIdentity {
 };
 
 // Threading: made, plugged, unplugged and destroyed on one thread; send(), halt(), waiting() on
-// any; the control handler is called on umockdev's thread, under the device's lock: it may not call
-// back.
+// any; the control handler is called on umockdev's thread, under the device's lock, and may call
+// clear().
 class UsbDevice final : public BedNode {
  public:
   static constexpr std::uint8_t bulk_in = 0x81;
@@ -76,7 +76,7 @@ class UsbDevice final : public BedNode {
 
   UsbIdentity identity_;
   Control control_;
-  mutable std::mutex mutex_;
+  mutable std::recursive_mutex mutex_;
   std::deque<Transfer> pending_, done_;
   std::deque<std::uint8_t> data_;
   std::deque<std::size_t> ends_;  // places in data_ after which a transfer ends

@@ -62,31 +62,27 @@ struct Session {
     require(at != rest.end(), "each block stands whole in the stream, in this order");
     searched += static_cast<std::size_t>(at - rest.begin()) + 1;
     block_bytes += bytes.size();
-    lost += block.lost_blocks - block.found_blocks;
+    lost += block.lost_blocks;
     gaps += block.lost_blocks > 0;
     blocks.push_back(std::move(bytes));
   }
   void end() {
-    // Each call gives up one header at least.
-    for (std::uint64_t before = UINT64_MAX; before != parser.counts().bad_headers;) {
-      before = parser.counts().bad_headers;
-      parser.give_up([this](const Block& block) { take(block); });
-    }
+    const bool broken = parser.broken();
     parser.reset();
     const BlockCounts& n = parser.counts();
-    require(n.bytes == stream.size(), "every byte is counted");
-    require(n.blocks == blocks.size() + n.duplicates, "every block is handed on or a duplicate");
+    require(n.bytes == block_bytes + n.junk_bytes, "every byte is in a block or junk");
+    require(broken ? n.bytes <= stream.size() : n.bytes == stream.size(),
+            "every byte up to the damage is counted");
+    require(n.bad_headers + n.bad_crcs == (broken ? 1 : 0), "the damage is counted");
+    require(n.blocks == blocks.size(), "every block is handed on");
     require(n.lost_blocks == lost && n.gaps == gaps, "losses are told with the block after them");
-    const std::uint64_t accounted = block_bytes + n.junk_bytes + n.duplicates * header_bytes;
-    require(n.duplicates ? accounted <= n.bytes : accounted == n.bytes,
-            "every byte is in a block or junk");
   }
 };
 
 bool same(const BlockCounts& a, const BlockCounts& b) {
   return a.bytes == b.bytes && a.blocks == b.blocks && a.junk_bytes == b.junk_bytes &&
          a.bad_headers == b.bad_headers && a.bad_crcs == b.bad_crcs && a.gaps == b.gaps &&
-         a.lost_blocks == b.lost_blocks && a.duplicates == b.duplicates;
+         a.lost_blocks == b.lost_blocks;
 }
 
 }  // namespace

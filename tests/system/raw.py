@@ -113,8 +113,8 @@ class Raw(unittest.TestCase):
         files, replayed = self.replay("tdc", "tags-*.blocks")
         self.assertGreater(files, 1, self.log)
         self.assertGreater(counted["bad_crcs"], 0, self.log)
-        self.compare(counted, replayed, ["bytes", "blocks", "bad_crcs", "bad_headers", "lost_blocks", "tags", "lost_items",
-                                         "duplicates"])
+        self.compare(counted, replayed, ["bytes", "blocks", "junk_bytes", "bad_crcs", "bad_headers", "lost_blocks", "tags",
+                                         "lost_items"])
         files, counted = self.check_radar()
         self.assertGreater(files, 1, self.log)
         self.assertGreater(counted["junk_bytes"], 0)
@@ -145,17 +145,8 @@ class Raw(unittest.TestCase):
 
 
 class Usb(Raw):
+    """Over USB the blocks are the same, and so are the files."""
     laboratory = (bin_dir.parent / "tests/usb_lab",)
-
-    def test_the_same_counts(self):
-        self.assertEqual(self.record(), 0, self.log)
-        counted = self.counters("spd")
-        _, replayed = self.replay("tdc", "tags-*.usb")
-        sent = json.loads((self.dir / "lab/sent.json").read_text())["tdc"]["tags"]
-        self.assertGreater(counted["tags"], 1000)
-        self.compare(counted, replayed, ["tags", "junk_bytes", "gaps"])
-        self.assertLessEqual(replayed["tags"], sent)
-        self.assertLess(sent - replayed["tags"], 0.1 * sent)  # what the device still held when it was stopped never came
 
 
 if __name__ == "__main__":

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+#include <cstdint>
+
+namespace echofuse {
+
+// What became of tags: tags == starts + in_range + out_of_range + without_start + other.
+struct TagCounts {
+  std::uint64_t tags = 0;
+  std::uint64_t starts = 0;
+  std::uint64_t in_range = 0;       // clicks in the histogram
+  std::uint64_t out_of_range = 0;   // clicks with a start, outside the axis
+  std::uint64_t without_start = 0;  // clicks before any start
+  std::uint64_t other = 0;  // other channels, markers of every kind, removed by the dead time
+  // Not part of the sum:
+  std::uint64_t missed = 0;     // events on the two channels that the device says it lost
+  std::uint64_t overflows = 0;  // times an overflow began
+  std::uint64_t errors = 0;     // error markers
+  std::uint64_t bad_tags = 0;   // unknown type, or reserved byte not 0; all are in `other`
+  std::uint64_t backwards = 0;  // time tags before the tag that precedes them
+  std::uint64_t removed = 0;    // by the dead time; all are in `other`
+
+  TagCounts& operator+=(const TagCounts& more) {
+    tags += more.tags;
+    starts += more.starts;
+    in_range += more.in_range;
+    out_of_range += more.out_of_range;
+    without_start += more.without_start;
+    other += more.other;
+    missed += more.missed;
+    overflows += more.overflows;
+    errors += more.errors;
+    bad_tags += more.bad_tags;
+    backwards += more.backwards;
+    removed += more.removed;
+    return *this;
+  }
+  bool operator==(const TagCounts&) const = default;
+};
+
+}  // namespace echofuse

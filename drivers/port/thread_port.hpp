@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: MIT
+// The part that all ports share whose device has a thread of its own. For the .cpp files of this
+// folder only: it pulls in Asio.
+#pragma once
+#include <atomic>
+#include <boost/asio/executor_work_guard.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <chrono>
+#include <functional>
+#include <future>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include "drivers/port/byte_port.hpp"
+
+namespace echofuse::port {
+
+// What both threads see; `handlers`, `work`, `open` and `closed` belong to the io thread.
+struct ThreadLink {
+  explicit ThreadLink(boost::asio::io_context& context)
+      : io(&context), work(context.get_executor()) {}
+
+  std::mutex io_mutex;
+  boost::asio::io_context* io;  // null once the port is gone
+  std::optional<boost::asio::executor_work_guard<boost::asio::io_context::executor_type>> work;
+  PortHandlers handlers;
+  bool open = false, closed = false;
+  std::atomic<bool> stopping{false};
+};
+
+// On the io thread, if the port is still there.
+template <class Link, class Action>
+void post(const std::shared_ptr<Link>& link, Action action) {
+  const std::lock_guard lock(link->io_mutex);
+  if (!link->io) return;
+  boost::asio::post(*link->io, [link, action = std::move(action)]() mutable {
+    if (!link->closed) action(*link);
+  });
+}
+
+template <class Link>
+void post_opened(const std::shared_ptr<Link>& link) {
+  post(link, [](Link& opened) {
+    opened.open = true;
+    opened.handlers.opened();
+  });
+}
+
+inline Failure failure(std::errc code, std::string what) {
+  return {std::make_error_code(code), std::move(what)};
+}
+
+// `Worker` is made of the link and what else the constructor gets. Its serve() uses the device on
+// the port's thread, and returns nothing once the link is `stopping`, or why the device failed.
+template <class Link, class Worker>
+class ThreadPort : public BytePort {
+ public:
+  template <class... Args>
+  explicit ThreadPort(boost::asio::io_context& io, const Args&... args)
+      : link_(std::make_shared<Link>(io)), worker_(std::make_unique<Worker>(link_, args...)) {}
+  ~ThreadPort() override {
+    // Of the io thread: a request to a device in trouble may take seconds, and other devices live
+    // on it.
+    constexpr auto close_timeout = std::chrono::milliseconds(200);
+    link_->closed = true;
+    link_->work.reset();
+    link_->stopping = true;
+    if (!thread_.joinable()) return;
+    if (ended_.wait_for(close_timeout) == std::future_status::ready) {
+      thread_.join();
+      return;
+    }
+    {
+      const std::lock_guard lock(link_->io_mutex);
+      link_->io = nullptr;
+    }
+    thread_.detach();
+  }
+  ThreadPort(const ThreadPort&) = delete;
+  ThreadPort& operator=(const ThreadPort&) = delete;
+
+  void open(PortHandlers handlers) override {
+    link_->handlers = std::move(handlers);
+    std::promise<void> end;
+    ended_ = end.get_future();
+    thread_ =
+        std::thread([link = link_, worker = std::move(worker_), end = std::move(end)]() mutable {
+          const std::optional<Failure> wrong = worker->serve();
+          worker.reset();  // closes the device
+          if (wrong)
+            post(link, [wrong](Link& gone) {
+              gone.closed = true;
+              gone.open = false;
+              gone.work.reset();
+              gone.handlers.gone(*wrong);
+            });
+          end.set_value();
+        });
+  }
+
+ protected:
+  std::shared_ptr<Link> link_;
+
+ private:
+  std::unique_ptr<Worker> worker_;
+  std::thread thread_;
+  std::future<void> ended_;
+};
+
+}  // namespace echofuse::port
