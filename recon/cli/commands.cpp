@@ -204,7 +204,7 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
 
 Command add_report(CLI::App& app, const Common&) {
   const auto a = std::make_shared<ReportOptions>();
-  app.add_option("dir", a->dir, "folder for report.html and its pictures")->required();
+  app.add_option("dir", a->dir, "folder for report.html")->required();
   app.add_option("--run", a->run, "run file; its held-out records are scored");
   app.add_option("--fused", a->fused, "model file of both sensors; several are seeds of one");
   app.add_option("--spd", a->spd, "model file, for a row below; several are seeds of one");

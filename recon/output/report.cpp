@@ -149,7 +149,6 @@ void add_records(Report& report, const std::vector<const TrainedModel*>& models,
     });
     if (rows.empty()) continue;
     ShownRecord shown = show_record(models, names, data, rows[rows.size() / 2]);
-    shown.file = person ? "figure_person" : "figure_letter";
     shown.caption = formatted(
         "Of all %zu records of this kind the one whose map has the median IoU.", rows.size());
     report.main.push_back(std::move(shown));
@@ -173,7 +172,6 @@ void add_live(Report& report, const TrainedModel& model, const std::string& name
   report.live->baselines = score_baselines(data, rows, model->scene, data, {});
   const Rows order = by_quality(live, [](std::size_t) { return true; });
   ShownRecord shown = show_record({&model}, {name}, data, order[order.size() / 2]);
-  shown.file = "figure_live";
   shown.caption = "Of the records that the daemon recorded, the one whose map has the median IoU.";
   report.main.push_back(std::move(shown));
 }
@@ -187,7 +185,8 @@ void add_comparison(Report& report) {
   report.differences = paired_differences(a.scores, b.scores);
   for (std::size_t i = 0; i < a.scores.size(); ++i) {
     MapScores difference;
-    for (std::size_t m = 0; m < metric_count; ++m) difference[m] = b.scores[i][m] - a.scores[i][m];
+    for (std::size_t m = 0; m < metric_count; ++m)
+      difference[m] = gain(static_cast<Metric>(m), a.scores[i][m], b.scores[i][m]);
     report.paired.push_back(difference);
   }
 }
@@ -232,8 +231,6 @@ std::string run_of(const ReportOptions& options) {
   return options.run.empty() ? options.live : options.run;
 }
 
-constexpr const char* pictures[] = {"figure_person", "figure_letter", "figure_live", "timeline"};
-
 }  // namespace
 
 void check_report(const ReportOptions& o) {
@@ -249,17 +246,11 @@ void check_report(const ReportOptions& o) {
   if (!fault.empty()) throw Error(ExitCode::usage, fault);
   if (o.force) return;
   const std::string page = o.dir + "/report.html";
-  bool others = false;
-  if (std::filesystem::exists(page))
-    others = read_text(page).find(record::RunReader(run_of(o)).info().uuid) == std::string::npos;
-  else
-    for (const char* picture : pictures)
-      others |= std::filesystem::exists(o.dir + "/" + picture + ".svg");
-  if (others)
+  if (std::filesystem::exists(page) &&
+      read_text(page).find(record::RunReader(run_of(o)).info().uuid) == std::string::npos)
     throw Error(ExitCode::usage, o.dir +
-                                     ": holds a report of another run, or pictures under "
-                                     "its names; give another folder, or --force to "
-                                     "write over them");
+                                     ": holds a report of another run; give another folder, or "
+                                     "--force to write over it");
 }
 
 Report make_report(const ReportOptions& options) {
@@ -280,15 +271,8 @@ Report make_report(const ReportOptions& options) {
 
 std::string write_report(const Report& report, const std::string& dir) {
   make_folder(dir);
-  for (const ShownRecord& shown : report.main)
-    write_atomically(dir + "/" + shown.file + ".svg", stand_alone(shown, report.span)),
-        write_atomically(dir + "/" + shown.file + "_blur.svg", blur_alone(shown, report.span)),
-        write_atomically(dir + "/" + shown.file + "_maps.svg", maps_alone(shown, report.span));
-  if (report.story && !report.story->outlines.empty())
-    write_atomically(dir + "/timeline.svg",
-                     chart::stand_alone(report.story->path, {timeline(*report.story, 1100)}, 1));
   const std::string path = dir + "/report.html";
-  write_atomically(path, to_html(report));
+  write_atomically(path, html_of(page_of(report)));
   return path;
 }
 

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: MIT
 // One self-contained HTML page for people who look before they read: models beside each other on a
-// run's held-out records, two models record by record, or a run as it was recorded; and its
-// pictures as SVG files.
+// run's held-out records, two models record by record, or a run as it was recorded.
 #pragma once
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "drivers/chart/chart.hpp"
 #include "drivers/chart/colour_map.hpp"
 #include "recon/estimator/evaluate.hpp"
 #include "recon/output/run_story.hpp"
@@ -65,18 +63,23 @@ struct ShownMap {
   std::string stated, warning;  // "within 8 cm sideways (90 %)"; out of distribution, in words
 };
 struct ShownRecord {
-  std::string file, title, caption;  // file: without folder and ending; may be empty
+  std::string title, caption;
   std::vector<float> truth;
   double half_tangent = 0;
-  std::vector<chart::Panel> measured;  // histogram, profile
+  Axis spd_axis, radar_axis;
+  std::vector<float> clicks, power;  // as measured; power is no decibels
+  double body_m = 0;                 // mean range of the body in the truth; NaN: nobody
   std::vector<ShownMap> maps;
 };
 
-// Two models on the same records: second minus first.
+// Whether less of it is better.
+bool less_is_better(Metric metric);
+// Two models on the same records: how much better the second is. Plus is better, also of an error.
+double gain(Metric metric, double first, double second);
 struct PairedDifference {
   Metric metric{};
   std::size_t records = 0;                                    // that define it in both
-  double first = 0, second = 0, mean = 0, low = 0, high = 0;  // low, high: of 95 %
+  double first = 0, second = 0, mean = 0, low = 0, high = 0;  // of the gain; low, high: of 95 %
 };
 
 struct Report {
@@ -93,26 +96,25 @@ struct Report {
   std::vector<ShownRecord> main;     // person, letter: by all modes
   std::vector<ShownRecord> gallery;  // best, median, worst of the first mode
   std::vector<PairedDifference> differences;
-  std::vector<MapScores> paired;   // of the compared models: second minus first, by record
+  std::vector<MapScores> paired;   // of the compared models: gains by record
   std::optional<RunStory> story;   // of a live run
   std::optional<Evaluation> live;  // of its records by the first mode's model
 };
 
-// Throws Error(usage) if the folder holds a report of another run, or pictures of a report's names,
-// or if the options do not fit each other: to be asked before a long evaluation.
+// Throws Error(usage) if the folder holds a report of another run, or if the options do not fit
+// each other: to be asked before a long evaluation.
 void check_report(const ReportOptions& options);
 Report make_report(const ReportOptions& options);
-std::string to_html(const Report& report);
 // The table of the first screen as text for the terminal.
 std::string to_text(const Report& report);
-// Writes DIR/report.html and the pictures; returns the page's path.
+// Writes DIR/report.html; returns its path.
 std::string write_report(const Report& report, const std::string& dir);
 
 // Parts of make_report, by what they need.
 ShownRecord show_record(const std::vector<const TrainedModel*>& models,
                         const std::vector<std::string>& names, const Dataset& data,
                         std::size_t row);
-// Differences of what both define, with intervals by resampled blocks of neighbours.
+// Gains in what both define, with intervals by resampled blocks of neighbours.
 std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& first,
                                                  const std::vector<MapScores>& second);
 // How a page was made: program, host, run and models.

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <map>
 
-#include "drivers/chart/page.hpp"
-#include "drivers/chart/style.hpp"
 #include "recon/files/text.hpp"
 #include "recon/output/report_page.hpp"
 
@@ -19,8 +17,6 @@ std::string some_records(const std::vector<std::int64_t>& indices) {
     out += (i ? ", " : "") + std::to_string(indices[i]);
   return out + (indices.size() > most ? ", ..." : "");
 }
-
-std::string words(const std::string& text) { return "<span class=\"words\">" + text + "</span>"; }
 
 struct Failure {
   std::string what;
@@ -64,51 +60,52 @@ std::vector<Failure> failures_of(const ModeResult& mode) {
   return out;
 }
 
-std::string failures_table(const ModeResult& subject) {
-  std::vector<chart::TableRow> rows;
+Json failures_table(const ModeResult& subject) {
+  Json rows = Json::array();
   for (const Failure& f : failures_of(subject)) {
     const CountOf count{f.records.size(), f.of};
     const auto [low, high] = count.interval();
-    rows.push_back(
-        {{chart::escaped(f.what), count.text(), formatted("%.0f to %.0f %%", 100 * low, 100 * high),
-          words(f.records.empty() ? "\u2013" : some_records(f.records))}});
+    rows.push_back({f.what, count.text(), formatted("%.0f to %.0f %%", 100 * low, 100 * high),
+                    f.records.empty() ? "\u2013" : some_records(f.records)});
   }
-  return chart::table(title_of(subject), {"what", "records", "95 % interval", "which"}, rows);
+  return table(title_of(subject), {"what", "records", "95 % interval", words("which")}, rows);
+}
+
+Json stated_row(const std::string& name, const Evaluation& e) {
+  const Json whole = !e.domain_shift.tested() ? Json("not tested")
+                     : e.domain_shift.found() ? cell("unlike", "", "bad")
+                                              : Json("like it");
+  const std::string none = "\u2013";
+  if (!e.calibration) return {name, "not calibrated", none, none, none, none, whole};
+  const UncertaintyCalibration& c = *e.calibration;
+  const auto number = [&](const char* form, double value) {
+    return std::isnan(value) ? none : formatted(form, value);
+  };
+  const CountOf kept = kept_intervals(e), flagged{static_cast<std::size_t>(std::lround(
+                                                      c.flagged * static_cast<double>(e.records))),
+                                                  e.records};
+  const bool broken = kept.of > 0 && kept.interval().second < 0.9;
+  return {name,
+          number("%.1f", 100 * c.lateral_interval_90_m),
+          cell(kept.of > 0 ? kept.text() : none, "", broken ? "bad" : ""),
+          number("%.2f", c.deviation_m),
+          number("%.2f", c.error_m),
+          flagged.text(),
+          whole};
 }
 
 // Records one by one, and the run as a whole.
-std::string stated_table(const Report& report) {
-  std::vector<chart::TableRow> rows;
-  const auto add = [&](const std::string& name, const Evaluation& e) {
-    const std::string whole = !e.domain_shift.tested() ? "not tested"
-                              : e.domain_shift.found() ? "<b class=\"bad\">unlike</b>"
-                                                       : "like it";
-    if (!e.calibration) {
-      rows.push_back({{chart::escaped(name), "not calibrated", "\u2013", "\u2013", "\u2013",
-                       "\u2013", whole}});
-      return;
-    }
-    const UncertaintyCalibration& c = *e.calibration;
-    const auto cell = [](const char* form, double value) {
-      return std::isnan(value) ? std::string("\u2013") : formatted(form, value);
-    };
-    const CountOf kept = kept_intervals(e),
-                  flagged{static_cast<std::size_t>(
-                              std::lround(c.flagged * static_cast<double>(e.records))),
-                          e.records};
-    const bool broken = kept.of > 0 && kept.interval().second < 0.9;
-    const std::string held = kept.of > 0 ? kept.text() : "\u2013";
-    rows.push_back({{chart::escaped(name), cell("%.1f", 100 * c.lateral_interval_90_m),
-                     broken ? "<b class=\"bad\">" + held + "</b>" : held,
-                     cell("%.2f", c.deviation_m), cell("%.2f", c.error_m), flagged.text(), whole}});
-  };
-  for (const auto& mode : report.modes) add(title_of(mode), mode.evaluations.front());
-  if (report.live) add("recorded run: " + title_of(report.modes.front()), *report.live);
-  return chart::table("How sure the models are, and how that holds",
-                      {"", "stated: within (cm, 90 %)", "bodies within it",
-                       "stated uncertainty of a pixel (m, rms)", "error of a pixel (m, rms)",
-                       "records flagged one by one", "the run as a whole against the training"},
-                      rows);
+Json stated_table(const Report& report) {
+  Json rows = Json::array();
+  for (const auto& mode : report.modes)
+    rows.push_back(stated_row(title_of(mode), mode.evaluations.front()));
+  if (report.live)
+    rows.push_back(stated_row("recorded run: " + title_of(report.modes.front()), *report.live));
+  return table("How sure the models are, and how that holds",
+               {"", "stated: within (cm, 90 %)", "bodies within it",
+                "stated uncertainty of a pixel (m, rms)", "error of a pixel (m, rms)",
+                "records flagged one by one", "the run as a whole against the training"},
+               rows);
 }
 
 const char* words_of(Metric metric) {
@@ -130,70 +127,64 @@ const char* words_of(Metric metric) {
   }
 }
 
-// Share of the records below each difference.
-std::string differences_chart(const Report& report) {
-  std::vector<std::string> drawings;
+// Share of the records below each gain.
+Json differences_charts(const Report& report) {
+  std::vector<Json> out;
   for (const auto& [metric, name, unit] :
-       {std::tuple{metric_iou, "difference of IoU", 1.0},
-        {metric_lateral_m, "difference of the lateral error (cm)", 100.0}}) {
+       {std::tuple{metric_iou, "gain of IoU", 1.0},
+        {metric_lateral_m, "gain: lateral error that is less (cm)", 100.0}}) {
     std::vector<double> values;
     for (const MapScores& s : report.paired)
       if (!std::isnan(s[metric])) values.push_back(unit * s[metric]);
-    std::sort(values.begin(), values.end());
-    chart::Panel panel{
-        formatted("Record by record, second minus first (%zu records)", values.size()),
-        {name},
-        {"records below (%)", false, 0, 100},
-        {{"", {}, chart::of_both, chart::Look::steps}},
-        {{0, "equal", true}}};
-    panel.width = 560, panel.height = 320;
-    for (std::size_t i = 0; i < values.size(); ++i)
-      panel.series[0].points.push_back(
-          {values[i], 100.0 * static_cast<double>(i + 1) / static_cast<double>(values.size())});
-    drawings.push_back(chart::for_both_widths(panel));
+    const auto better =
+        std::count_if(values.begin(), values.end(), [](double gain) { return gain > 0; });
+    Json one = chart(formatted("Record by record (%zu records)", values.size()), name,
+                     "records below (%)");
+    add_series(one, "all records", "both", Look::steps, shares_below(values));
+    add_rule(one, 0, "equal");
+    one["span"] = {0, 100};
+    one["note"] =
+        formatted("Right of the line the second is better: %s.",
+                  CountOf{static_cast<std::size_t>(better), values.size()}.text().c_str());
+    out.push_back(one);
   }
-  return chart::figure(drawings, "");
+  return charts(out);
 }
 
 }  // namespace
 
-std::string failures_html(const Report& report) {
-  if (report.modes.empty()) return {};
-  std::string out;
-  for (const Problem& p : problems_of(report)) out += "<li>" + chart::escaped(p.text) + "</li>";
-  if (!out.empty()) out = "<div class=\"fail\"><ul>" + out + "</ul></div>\n";
-  out += failures_table(report.modes.front()) + stated_table(report);
+Json failures(const Report& report) {
+  Json out = Json::array();
+  std::vector<std::string> all;
+  for (const Problem& p : problems_of(report)) all.push_back(p.text);
+  if (!all.empty()) out.push_back(fails(all));
+  out.push_back(failures_table(report.modes.front()));
+  out.push_back(stated_table(report));
   for (const std::string& text : remarks_of(report.modes.front().evaluations.front()))
-    out += chart::paragraph("Scored run: " + text + ".");
+    out.push_back(paragraph("Scored run: " + text + "."));
   if (report.live)
     for (const std::string& text : remarks_of(*report.live))
-      out += chart::paragraph("Recorded run: " + text + ".");
+      out.push_back(paragraph("Recorded run: " + text + "."));
   return out;
 }
 
-std::string comparison_html(const Report& report) {
-  if (report.differences.empty()) return {};
-  const std::string a = title_of(report.modes[0]), b = title_of(report.modes[1]);
-  std::vector<chart::TableRow> rows;
-  for (const PairedDifference& d : report.differences) {
-    const bool less_is_better = d.metric == metric_lateral_m || d.metric == metric_depth_mae_m ||
-                                d.metric == metric_rmse_m || d.metric == metric_ghost;
-    const bool open = d.low <= 0 && d.high >= 0;
-    const bool second = (d.mean > 0) != less_is_better;
-    rows.push_back({{words_of(d.metric), std::to_string(d.records), formatted("%.3f", d.first),
-                     formatted("%.3f", d.second), formatted("%+.3f", d.mean),
-                     formatted("%+.3f to %+.3f", d.low, d.high),
-                     open     ? "not told apart"
-                     : second ? "<b class=\"good\">second</b>"
-                              : "<b class=\"good\">first</b>"}});
-  }
-  return chart::paragraph("First: " + a + ". Second: " + b + ".") +
-         chart::table(
-             "Second minus first on the same records; intervals of 95 % by resampled blocks of ten "
-             "neighbours",
-             {"metric", "records", "first", "second", "difference", "95 % interval", "better"},
-             rows) +
-         differences_chart(report);
+Json comparison(const Report& report) {
+  Json rows = Json::array();
+  if (report.differences.empty()) return rows;
+  for (const PairedDifference& d : report.differences)
+    rows.push_back({words_of(d.metric), std::to_string(d.records), formatted("%.3f", d.first),
+                    formatted("%.3f", d.second), formatted("%+.3f", d.mean),
+                    formatted("%+.3f to %+.3f", d.low, d.high),
+                    d.low <= 0 && d.high >= 0 ? Json("not told apart")
+                                              : cell(d.mean > 0 ? "second" : "first", "", "good")});
+  return Json::array(
+      {paragraph("First: " + title_of(report.modes[0]) + ". Second: " + title_of(report.modes[1]) +
+                 "."),
+       table("The same records; intervals of 95 % by resampled blocks of ten neighbours",
+             {"metric", "records", "first", "second", cell("difference", "plus: second is better"),
+              "95 % interval", "better"},
+             rows),
+       differences_charts(report)});
 }
 
 }  // namespace echofuse::recon

@@ -61,6 +61,15 @@ std::string split_of(const ModelFacts& m) {
 
 }  // namespace
 
+bool less_is_better(Metric metric) {
+  return metric == metric_lateral_m || metric == metric_depth_mae_m || metric == metric_rmse_m ||
+         metric == metric_ghost;
+}
+
+double gain(Metric metric, double first, double second) {
+  return less_is_better(metric) ? first - second : second - first;
+}
+
 std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& first,
                                                  const std::vector<MapScores>& second) {
   constexpr std::size_t resamples = 2000;
@@ -72,7 +81,7 @@ std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& f
     for (std::size_t i = 0; i < first.size(); ++i) {
       if (std::isnan(first[i][m]) || std::isnan(second[i][m])) continue;
       row.first += first[i][m], row.second += second[i][m];
-      differences.push_back(second[i][m] - first[i][m]);
+      differences.push_back(gain(m, first[i][m], second[i][m]));
     }
     if (differences.size() < 2) continue;
     row.records = differences.size();

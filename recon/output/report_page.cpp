@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: MIT
-// The page and the text of a report.
+// The page of a report as JSON, and its text.
 #include "recon/output/report_page.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <sstream>
 
-#include "drivers/chart/page.hpp"
-#include "drivers/chart/style.hpp"
 #include "drivers/core/console.hpp"
 #include "recon/files/text.hpp"
 
@@ -43,77 +41,30 @@ std::string origin(const Report& report) {
   return out + " Command: " + shortened(command, 160);
 }
 
-// The gravest of either run; the others are in their section.
-std::string first_failures(const Report& report) {
-  constexpr std::size_t most = 4;
-  const auto problems = problems_of(report);
-  if (problems.empty()) return {};
-  std::string out = "<div class=\"fail\"><b>What fails</b><ul>";
-  for (std::size_t i = 0; i < std::min(most, problems.size()); ++i)
-    out += "<li>" + chart::escaped(problems[i].text) + "</li>";
-  out += "</ul>";
-  if (!report.modes.empty())
-    out += "<a href=\"#failures\">" +
-           (problems.size() > most ? formatted("%zu more, and", problems.size() - most)
-                                   : std::string("Numbers, and")) +
-           " which records</a>";
-  return out + "</div>\n";
-}
-
 // What the numbers of this very table say about whole-map SSIM.
-std::string ssim_note(const Report& report) {
+Json ssim_note(const Report& report) {
   const Summaries& own = report.modes.front().metrics;
   const double raw = own[metric_ssim].mean, hard = own[metric_ssim_hard].mean;
   std::string scores = formatted("%.3f", raw);
   if (std::abs(raw - hard) >= 5e-4) scores += formatted(" raw and %.3f as a hard map", hard);
-  return "<p class=\"note\"><b>Do not read the SSIM row alone.</b> " +
-         chart::escaped(
-             "Most of a depth map is empty room, and SSIM over the whole map mostly rewards "
-             "leaving it empty: " +
-             formatted(
-                 "the empty room, as the answer to every record, scores %.3f; the first model "
-                 "scores %s. ",
-                 report.baselines.front().metrics[metric_ssim].mean, scores.c_str()) +
-             "IoU, lateral error and ghost say whether the body is found, and on its side.") +
-         "</p>\n";
+  return note(
+      "Do not read the SSIM row alone. Most of a depth map is empty room, and SSIM over the whole "
+      "map mostly rewards leaving it empty: " +
+      formatted("the empty room, as the answer to every record, scores %.3f; the first model "
+                "scores %s. ",
+                report.baselines.front().metrics[metric_ssim].mean, scores.c_str()) +
+      "IoU, lateral error and ghost say whether the body is found, and on its side.");
 }
 
-std::string made_html(const Report& report) {
-  std::string out = "<dl>";
+Json made(const Report& report) {
+  Json rows = Json::array();
   for (const auto& [name, text] : report.made)
-    if (!text.empty())
-      out += "<dt>" + chart::escaped(name) + "</dt><dd>" + chart::escaped(text) + "</dd>";
-  return out + "</dl>\n";
+    if (!text.empty()) rows.push_back(Json::array({name, text}));
+  return Json::array({{{"kind", "list"}, {"rows", rows}}});
 }
 
-std::string live_html(const Report& report) {
-  if (!report.story) return {};
-  if (!report.live) return story_html(*report.story);
-  std::string out;
-  for (const Problem& p : problems_of(report))
-    if (p.live) out += chart::fail(p.text);
-  return story_html(*report.story, out + live_table(report));
-}
-
-std::string records_html(const Report& report) {
-  const bool one_sensor = std::any_of(report.modes.begin(), report.modes.end(),
-                                      [](const auto& m) { return !both_sensors(m.inputs); });
-  std::string out;
-  for (const ShownRecord& shown : report.main) out += record_html(shown, report.span, one_sensor);
-  return out;
-}
-
-std::string constants_note(const Report& report) {
-  if (report.constants.empty()) return {};
-  std::string files;
-  for (const std::string& path : report.constants) files += (files.empty() ? "" : ", ") + path;
-  return chart::note("Left out: " + files +
-                     ". Such a model asks no sensor; its answer is always the mean of the training "
-                     "maps, which is among the baselines.");
-}
-
-std::string terms_html() {
-  constexpr std::pair<const char*, const char*> terms[] = {
+Json terms() {
+  constexpr std::pair<const char*, const char*> all[] = {
       {"SPD", "single-photon detector of one pixel; its clicks are counted by time of flight."},
       {"record",
        "what the sensors saw in one time slot, with the map of the depth camera: the truth."},
@@ -132,39 +83,122 @@ std::string terms_html() {
       {"flagged", "a single record that is unlike the training records."},
       {"SSIM, RMSE",
        "similarity of structure; root of the mean squared depth error, over the map."}};
-  std::string out = "<dl>";
-  for (const auto& [name, text] : terms)
-    out += std::string("<dt>") + name + "</dt><dd>" + chart::escaped(text) + "</dd>";
-  return out + "</dl>\n";
+  Json rows = Json::array();
+  for (const auto& [name, text] : all) rows.push_back(Json::array({name, text}));
+  return Json::array({{{"kind", "list"}, {"rows", rows}}});
 }
 
-constexpr const char* cloud_style =
-    "<style>#cloud-box{position:relative;overflow:hidden}#cloud{display:block;width:100%;touch-"
-    "action:none;"
-    "cursor:grab}#cloud-box "
-    "span{position:absolute;transform:translate(4px,-50%);color:var(--quiet);"
-    "font-size:13px;pointer-events:none}button{font:inherit;color:inherit;background:var(--paper);"
-    "border:1px solid var(--edge);border-radius:6px;padding:4px "
-    "12px;min-height:34px;cursor:pointer}"
-    "button[aria-pressed=true]{background:var(--ink);color:var(--paper)}@media "
-    "print{section[aria-labelledby=space]{display:none}}</style>";
-
-void add_models(chart::Page& page, const Report& report) {
-  if (!report.main.empty()) page.first(first_html(report.main.front(), report.span));
-  page.first(first_table(report) + constants_note(report));
-  page.section("failures", "What fails", failures_html(report));
-  page.section("difference", "The difference", comparison_html(report));
-  page.section("gallery", "Worst, median, best", gallery_html(report.gallery, report.span));
-  page.section("errors", "Where the errors are", errors_html(report));
-  page.section("labels", "By label", labels_html(report.modes.front()));
-  page.section("metrics", "All metrics",
-               all_table(report) + ssim_note(report) + paper_html(report));
-  page.section("cost", "Cost", cost_table(report));
-  page.section("records", "Records and their maps", records_html(report));
-  if (!report.main.empty()) {
-    page.section("space", "In space", cloud_style + cloud_html(report.main.front()));
-    page.script(cloud_script(report.main.front(), report.span));
+Json live(const Report& report) {
+  if (!report.story) return Json::array();
+  Json between = Json::array();
+  if (report.live) {
+    std::vector<std::string> failing;
+    for (const Problem& p : problems_of(report))
+      if (p.live) failing.push_back(p.text);
+    if (!failing.empty()) between.push_back(fails(failing));
+    for (const Json& block : live_table(report)) between.push_back(block);
   }
+  return story_blocks(*report.story, between);
+}
+
+// Pictures of a record of the page's list, each "truth", "spd", "radar", or "map", "error",
+// "deviation" and "share" with the number of its model.
+Json pictures(std::size_t record, std::vector<std::string> show, const std::string& caption) {
+  return {{"kind", "pictures"}, {"record", record}, {"show", show}, {"caption", caption}};
+}
+
+std::string of_model(const char* what, std::size_t model) {
+  return std::string(what) + " " + std::to_string(model);
+}
+
+// The subject's map of the first record, or both of a comparison, beside the truth.
+Json first_pictures(const Report& report) {
+  const ShownRecord& shown = report.main.front();
+  std::vector<std::string> show{"truth"};
+  std::string said = shown.caption + " ";
+  const std::size_t models = report.differences.empty() ? 1 : 2;
+  for (const char* what : {"map", "error"})
+    for (std::size_t m = 0; m < models; ++m) show.push_back(of_model(what, m));
+  for (std::size_t m = 0; m < models; ++m) said += words_of(shown.maps[m], models > 1);
+  Json out = pictures(0, show,
+                      said + formatted("All maps of this page are over the same depths, %g to %g "
+                                       "m. Of an error hatched is what is missed, dotted what is "
+                                       "invented.",
+                                       report.span.near, report.span.far));
+  out["title"] = shown.title;
+  out["compare"] = models > 1;
+  return out;
+}
+
+Json record_blocks(const Report& report) {
+  const bool one_sensor = std::any_of(report.modes.begin(), report.modes.end(),
+                                      [](const auto& m) { return !both_sensors(m.inputs); });
+  Json out = Json::array();
+  for (std::size_t i = 0; i < report.main.size(); ++i) {
+    const ShownRecord& shown = report.main[i];
+    std::vector<std::string> show{"truth", "spd", "radar"}, shares{"truth"};
+    std::string said = shown.caption + " ";
+    for (std::size_t m = 0; m < shown.maps.size(); ++m) {
+      for (const char* what : {"map", "error"}) show.push_back(of_model(what, m));
+      if (!shown.maps[m].deviation.empty()) show.push_back(of_model("deviation", m));
+      shares.push_back(of_model("share", m));
+      said += words_of(shown.maps[m], shown.maps.size() > 1);
+    }
+    Json blur = pictures(
+        i, shares,
+        std::string("How far each pixel has come from the room (0) to a body (1); above a "
+                    "half it is shown as one.") +
+            (one_sensor ? " A sensor alone leaves open on which side the body is: a blur." : ""));
+    blur["whole"] = true;
+    out.push_back(details(
+        shown.title,
+        Json::array({pictures(i, show,
+                              said + "The uncertainty is the standard deviation of the depth; "
+                                     "most of it is whether there is body or wall."),
+                     blur})));
+  }
+  return out;
+}
+
+// Worst, median and best, a column each.
+Json gallery(const Report& report) {
+  Json columns = Json::array();
+  for (std::size_t i = 0; i < report.gallery.size(); ++i) {
+    Json column = pictures(report.main.size() + i, {"truth", "map 0", "error 0"},
+                           words_of(report.gallery[i].maps.front(), false));
+    column["title"] = report.gallery[i].title;
+    columns.push_back(column);
+  }
+  if (columns.empty()) return columns;
+  return Json::array({{{"kind", "columns"}, {"blocks", columns}}});
+}
+
+void add_models(Json& page, const Report& report) {
+  Json& first = page["first"];
+  if (!report.main.empty()) first.push_back(first_pictures(report));
+  for (const Json& block : first_table(report)) first.push_back(block);
+  if (!report.constants.empty()) {
+    std::string files;
+    for (const std::string& path : report.constants) files += (files.empty() ? "" : ", ") + path;
+    first.push_back(note("Left out: " + files +
+                         ". Such a model asks no sensor; its answer is always the mean of the "
+                         "training maps, which is among the baselines."));
+  }
+  for (const auto* list : {&report.main, &report.gallery})
+    for (const ShownRecord& shown : *list) page["records"].push_back(json_of(shown));
+  add_section(page, "failures", "What fails", failures(report));
+  add_section(page, "difference", "The difference", comparison(report));
+  add_section(page, "gallery", "Worst, median, best", gallery(report));
+  add_section(page, "errors", "Where the errors are", errors(report));
+  add_section(page, "labels", "By label", labels_table(report.modes.front()));
+  Json metrics = all_table(report);
+  metrics.push_back(ssim_note(report));
+  for (const Json& block : beside_paper(report)) metrics.push_back(block);
+  add_section(page, "metrics", "All metrics", metrics);
+  add_section(page, "cost", "Cost", cost_table(report));
+  add_section(page, "records", "Records and their maps", record_blocks(report));
+  if (!report.main.empty())
+    add_section(page, "space", "In space", Json::array({{{"kind", "cloud"}, {"record", 0}}}));
 }
 
 }  // namespace
@@ -194,20 +228,32 @@ std::string title_of(const ModeResult& mode) {
   return name + ", " + model + seeds;
 }
 
-std::string to_html(const Report& report) {
-  const bool compare = !report.differences.empty();
-  chart::Page page(report.modes.empty() ? "A recorded run"
-                   : compare            ? "Two models on the same records"
-                                        : "Depth maps from one pixel and one radar");
-  page.lead("<p class=\"verdict\">" + chart::escaped(verdict(report)) + "</p>\n" +
-            first_failures(report) + "<p class=\"quiet\">" + chart::escaped(origin(report)) +
-            "</p>\n");
+Json page_of(const Report& report) {
+  constexpr std::size_t most = 4;  // failures of the first screen; the others are in their section
+  Json page{{"title", report.modes.empty()          ? "A recorded run"
+                      : !report.differences.empty() ? "Two models on the same records"
+                                                    : "Depth maps from one pixel and one radar"},
+            {"verdict", verdict(report)},
+            {"fails", Json::array()},
+            {"more", ""},
+            {"origin", origin(report)},
+            {"span", {report.span.near, report.span.far}},
+            {"records", Json::array()},
+            {"first", Json::array()},
+            {"sections", Json::array()}};
+  const auto problems = problems_of(report);
+  for (std::size_t i = 0; i < std::min(most, problems.size()); ++i)
+    page["fails"].push_back(problems[i].text);
+  if (!problems.empty() && !report.modes.empty())
+    page["more"] = (problems.size() > most ? formatted("%zu more, and", problems.size() - most)
+                                           : std::string("Numbers, and")) +
+                   " which records";
   if (!report.modes.empty()) add_models(page, report);
-  page.section("live", "The recorded run", live_html(report));
-  page.section("training", "Training", losses_html(report));
-  page.section("made", "How this was made", made_html(report));
-  if (!report.modes.empty()) page.section("terms", "Terms", terms_html());
-  return page.html();
+  add_section(page, "live", "The recorded run", live(report));
+  add_section(page, "training", "Training", losses(report));
+  add_section(page, "made", "How this was made", made(report));
+  if (!report.modes.empty()) add_section(page, "terms", "Terms", terms());
+  return page;
 }
 
 std::string to_text(const Report& report) {
@@ -234,6 +280,8 @@ std::string to_text(const Report& report) {
   for (const auto& row : report.baselines) line(row.name, "", row.metrics);
   for (const std::string& text : remarks_of(report.modes.front().evaluations.front()))
     out += text + "\n";
+  if (!report.differences.empty())
+    out += "Second against first; a difference with plus: the second is better.\n";
   for (const PairedDifference& d : report.differences)
     out += formatted("%-12s %6zu records: %.4f, %.4f; difference %+.4f (95 %%: %+.4f to %+.4f)\n",
                      metric_names[d.metric], d.records, d.first, d.second, d.mean, d.low, d.high);

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
-// Parts of the page of a report, as text, HTML and drawings.
+// Parts of the page of a report: what they say, and blocks of it (page.hpp).
 #pragma once
 #include <string>
 #include <vector>
 
+#include "recon/output/page.hpp"
 #include "recon/output/report.hpp"
 
 namespace echofuse::recon {
@@ -11,7 +12,7 @@ namespace echofuse::recon {
 std::string short_name(const ModeResult& mode);
 std::string title_of(const ModeResult& mode);  // "both sensors, factorised"
 std::string name_for_charts(const ModeResult& mode);
-int colour_of(const Report& report, std::size_t mode);  // of its series
+const char* colour_of(const Report& report, std::size_t mode);  // of its series
 const char* baseline_title(const std::string& name);
 std::string three_digits(double value);  // "103 k"
 
@@ -35,27 +36,28 @@ struct CountOf {
 CountOf count_of(const std::vector<MapScores>& scores, Metric metric);
 CountOf kept_intervals(const Evaluation& evaluation);  // bodies within what was stated
 
-std::string first_table(const Report& report);
-std::string all_table(const Report& report);
-std::string paper_html(const Report& report);  // SSIM beside that of the paper
-std::string cost_table(const Report& report);
-std::string live_table(const Report& report);
-std::string labels_html(const ModeResult& subject);  // scores by label
-std::string failures_html(const Report& report);
-std::string comparison_html(const Report& report);
+using Pairs = std::vector<std::pair<double, double>>;
+// Of at most 200 of the values: which share of all, in per cent, is not above it.
+Pairs shares_below(std::vector<double> values);
 
-std::string stand_alone(const ShownRecord& shown, const chart::Span& span);  // as a file
-std::string maps_alone(const ShownRecord& shown, const chart::Span& span);   // truth and maps only
-// What the models leave open: from one sensor a body and its mirror image.
-std::string blur_alone(const ShownRecord& shown, const chart::Span& span);  // as a file
-// Truth, the subject's map and its error, and what marks in maps mean.
-std::string first_html(const ShownRecord& shown, const chart::Span& span);
-// With all that was measured, and all models.
-std::string record_html(const ShownRecord& shown, const chart::Span& span, bool one_sensor);
-std::string gallery_html(const std::vector<ShownRecord>& gallery, const chart::Span& span);
-std::string errors_html(const Report& report);     // against range and side; distributions
-std::string losses_html(const Report& report);     // while training
-std::string cloud_html(const ShownRecord& shown);  // the place for the points in space
-std::string cloud_script(const ShownRecord& shown, const chart::Span& span);  // what fills it
+// Lists of blocks, empty where there is nothing to say.
+Json first_table(const Report& report);
+Json all_table(const Report& report);
+Json beside_paper(const Report& report);  // SSIM beside that of the paper
+Json cost_table(const Report& report);
+Json live_table(const Report& report);
+Json labels_table(const ModeResult& subject);  // scores by label
+Json failures(const Report& report);
+Json comparison(const Report& report);
+Json errors(const Report& report);  // against range and side; distributions
+Json losses(const Report& report);  // while training
+
+// A record of the page's list: titles, what was measured, truth and maps. Depths are in millimetres
+// of 16 bits, deviations in centimetres and shares in 1/200 of 8.
+Json json_of(const ShownRecord& shown);
+// What the model says of its map; `named`: one of several models.
+std::string words_of(const ShownMap& map, bool named);
+// Everything that the page says and shows.
+Json page_of(const Report& report);
 
 }  // namespace echofuse::recon

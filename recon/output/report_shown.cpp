@@ -4,56 +4,28 @@
 #include <cmath>
 #include <utility>
 
-#include "drivers/chart/style.hpp"
 #include "recon/estimator/predict.hpp"
 #include "recon/files/text.hpp"
-#include "recon/output/report.hpp"
+#include "recon/output/report_page.hpp"
 
 namespace echofuse::recon {
 namespace {
 
-chart::Panel histogram(const Dataset& data, std::size_t row) {
-  chart::Panel out{"SPD: clicks by range",
-                   {"range (m)"},
-                   {"clicks a bin", false, 0},
-                   {{"", {}, chart::of_spd, chart::Look::steps}}};
-  const auto counts = data.spd.row(row);
-  for (std::size_t i = 0; i < counts.size(); ++i)
-    out.series[0].points.push_back(
-        {data.spd_axis.at(static_cast<double>(i) + 0.5) / ps_per_m, double{counts[i]}});
-  return out;
-}
-
-chart::Panel profile(const Dataset& data, std::size_t row) {
-  constexpr double least_db = -40;
-  chart::Panel out{"Radar: power by range",
-                   {"range (m)"},
-                   {"power (dB, 0: the strongest bin)"},
-                   {{"", {}, chart::of_radar, chart::Look::line}}};
-  out.y.first = least_db, out.y.last = 2;
-  const auto power = data.radar.row(row);
-  const double most = power.empty() ? 0 : double{*std::max_element(power.begin(), power.end())};
-  for (std::size_t i = 0; i < power.size(); ++i) {
-    const double db = 10 * std::log10(std::max(double{power[i]} / std::max(most, 1e-300), 1e-300));
-    out.series[0].points.push_back(
-        {data.radar_axis.at(static_cast<double>(i)), db < least_db ? chart::nan : db});
-  }
-  out.note = formatted("Bins of %.2g m; a gap: below %g dB.", data.radar_axis.step, least_db);
-  return out;
-}
-
-// One axis for both sensors, as wide as the detector's, and where the camera sees the body.
-void share_ranges(std::vector<chart::Panel>& panels, std::span<const float> truth,
-                  const Scene& scene) {
-  double last = 0, range = 0, pixels = 0;
-  for (const auto& point : panels.front().series[0].points) last = std::max(last, point.x);
+// Where the camera sees the body.
+double body_range_m(std::span<const float> truth, const Scene& scene) {
+  double range = 0, pixels = 0;
   for (std::size_t p = 0; p < truth.size(); ++p)
     if (true_foreground(truth[p], scene.background[p])) range += double{truth[p]}, ++pixels;
-  for (chart::Panel& panel : panels) {
-    panel.x.first = 0;
-    if (last > 0) panel.x.last = std::ceil(last);
-    if (pixels > 0) panel.rules.push_back({range / pixels, "body (camera)", true});
-  }
+  return range / pixels;
+}
+
+std::string scores_of(const ShownMap& m) {
+  std::string out = formatted("IoU %.2f", m.scores[metric_iou]);
+  if (!std::isnan(m.scores[metric_lateral_m]))
+    out += formatted(", lateral error %.1f cm", 100 * m.scores[metric_lateral_m]);
+  if (!std::isnan(m.scores[metric_depth_mae_m]))
+    out += formatted(", depth error %.1f cm", 100 * m.scores[metric_depth_mae_m]);
+  return out + ".";
 }
 
 void state(ShownMap& out, const PredictionUncertainty& stated) {
@@ -77,8 +49,16 @@ ShownRecord show_record(const std::vector<const TrainedModel*>& models,
       formatted("%s, record %lld", data.label[row].empty() ? "no label" : data.label[row].c_str(),
                 static_cast<long long>(data.index[row]));
   out.half_tangent = data.map.half_tangent;
-  out.measured = {histogram(data, row), profile(data, row)};
-  share_ranges(out.measured, truth, models.front()->first().scene);
+  out.spd_axis = data.spd_axis, out.radar_axis = data.radar_axis;
+  if (data.has(row, Sensor::spd)) {
+    const auto clicks = data.spd.row(row);
+    out.clicks.assign(clicks.begin(), clicks.end());
+  }
+  if (data.has(row, Sensor::radar)) {
+    const auto power = data.radar.row(row);
+    out.power.assign(power.begin(), power.end());
+  }
+  out.body_m = body_range_m(truth, models.front()->first().scene);
   for (std::size_t i = 0; i < models.size(); ++i) {
     const TrainedModel& model = *models[i];
     const Records seen = prepare_records(model, part_of(data, {row}));
@@ -100,6 +80,39 @@ ShownRecord show_record(const std::vector<const TrainedModel*>& models,
     }
     out.maps.push_back(std::move(map));
   }
+  return out;
+}
+
+Json json_of(const ShownRecord& r) {
+  const auto axis = [](const Axis& a) {
+    return Json{{"start", a.start}, {"step", a.step}, {"count", a.count}};
+  };
+  Json out{{"title", r.title},
+           {"half_tangent", r.half_tangent},
+           {"truth", packed16(r.truth, 1e-3)},
+           {"body_m", short_number(r.body_m)},
+           {"spd", axis(r.spd_axis)},
+           {"radar", axis(r.radar_axis)}};
+  for (const float clicks : r.clicks) out["spd"]["clicks"].push_back(short_number(double{clicks}));
+  for (const float power : r.power)
+    out["radar"]["db"].push_back(short_number(10 * std::log10(std::max(double{power}, 1e-30))));
+  for (const ShownMap& m : r.maps) {
+    Json map{{"name", m.name},
+             {"map", packed16(m.map, 1e-3)},
+             {"share", packed8(m.share, 0.005)},
+             {"scores", scores_of(m)},
+             {"stated", m.stated}};
+    if (!m.deviation.empty()) map["deviation"] = packed8(m.deviation, 0.01);
+    out["maps"].push_back(map);
+  }
+  return out;
+}
+
+std::string words_of(const ShownMap& m, bool named) {
+  std::string out;
+  const std::string who = named ? m.name : "The model";
+  if (!m.stated.empty()) out += who + " states: " + m.stated + ". ";
+  if (!m.warning.empty()) out += who + " warns: " + m.warning + ". ";
   return out;
 }
 

@@ -5,8 +5,7 @@
 #include <cmath>
 #include <map>
 
-#include "drivers/chart/page.hpp"
-#include "drivers/chart/style.hpp"
+#include "drivers/chart/chart.hpp"
 #include "recon/files/text.hpp"
 #include "recon/output/report_page.hpp"
 
@@ -99,37 +98,34 @@ std::vector<bool> best_of(const std::vector<NamedScores>& rows, const Column& c)
   return out;
 }
 
-std::string nothing(const Column& c) {
-  return c.metric == metric_depth_mae_m || c.metric == metric_lateral_m
-             ? "<small>no body found</small>"
-             : "<small>not defined</small>";
-}
-
-std::string value(const NamedScores& row, const Column& c, bool best) {
+Json value(const NamedScores& row, const Column& c, bool best) {
   const Summary& s = (*row.metrics)[c.metric];
-  if (std::isnan(s.mean)) return nothing(c);
+  if (std::isnan(s.mean))
+    return cell("", c.metric == metric_depth_mae_m || c.metric == metric_lateral_m ? "no body found"
+                                                                                   : "not defined");
   const double v = c.unit * s.mean;
   std::string mean = std::abs(v) < 1e-12 ? "0" : formatted(c.format, v);
   std::string error;
   if (c.count && (row.baseline || row.evaluation))
     mean = formatted("%.0f of %zu", s.mean * static_cast<double>(s.maps), s.maps);
   else if (!std::isnan(s.se) && s.maps > 2 && s.se > 0)
-    error = " <small>&plusmn;" + formatted(c.format, c.unit * s.se) + "</small>";
-  return (best ? "<b class=\"best\">" + mean + "</b>" : mean) + error;
+    error = "\u00b1" + formatted(c.format, c.unit * s.se);
+  return cell(mean, error, best ? "best" : "");
 }
 
-std::string table_of(const std::vector<NamedScores>& rows, const std::string& caption) {
-  std::vector<std::string> head{"made from"};
-  std::vector<chart::TableRow> table;
+Json head_of(const Column& c) { return cell(c.title, words_of(c.best)); }
+
+Json table_of(const std::vector<NamedScores>& rows, const std::string& caption) {
+  Json head{"made from"}, out = Json::array();
+  std::size_t baselines = 0;
   for (const NamedScores& row : rows)
-    table.push_back({{chart::escaped(row.name)}, row.baseline ? "baseline" : ""});
+    out.push_back(Json::array({row.name})), baselines += row.baseline;
   for (const Column& c : first_columns) {
-    head.push_back(std::string(c.title) + "<br><small>" + words_of(c.best) + "</small>");
+    head.push_back(head_of(c));
     const auto best = best_of(rows, c);
-    for (std::size_t i = 0; i < rows.size(); ++i)
-      table[i].cells.push_back(value(rows[i], c, best[i]));
+    for (std::size_t i = 0; i < rows.size(); ++i) out[i].push_back(value(rows[i], c, best[i]));
   }
-  return chart::table(caption, head, table);
+  return Json::array({table(caption, head, out, baselines)});
 }
 
 // Of the subject; the others' follow from it.
@@ -140,12 +136,10 @@ std::string n_of_depth(const NamedScores& row) {
              : "";
 }
 
-std::string summary(const Summary& s, double unit, const char* format) {
+Json summary(const Summary& s, double unit, const char* format) {
   if (std::isnan(s.mean)) return "\u2013";
-  std::string out = formatted(format, unit * s.mean);
-  if (!std::isnan(s.se) && s.maps > 4)
-    out += " <small>&plusmn;" + formatted(format, unit * s.se) + "</small>";
-  return out;
+  return cell(formatted(format, unit * s.mean),
+              !std::isnan(s.se) && s.maps > 4 ? "\u00b1" + formatted(format, unit * s.se) : "");
 }
 
 std::string counted(const std::vector<MapScores>& scores, Metric metric) {
@@ -167,7 +161,7 @@ const char* baseline_title(const std::string& name) {
   return "nearest training record";
 }
 
-std::string first_table(const Report& report) {
+Json first_table(const Report& report) {
   const auto rows = scored(report);
   const std::size_t seeds = report.modes.front().evaluations.size();
   return table_of(rows,
@@ -177,7 +171,7 @@ std::string first_table(const Report& report) {
                             n_of_depth(rows.front()).c_str()));
 }
 
-std::string live_table(const Report& report) {
+Json live_table(const Report& report) {
   std::vector<NamedScores> rows{
       {title_of(report.modes.front()), &report.live->metrics, false, &*report.live}};
   for (const auto& row : report.live->baselines)
@@ -187,80 +181,74 @@ std::string live_table(const Report& report) {
 }
 
 // Metrics down, models across: it fits beside seven.
-std::string all_table(const Report& report) {
+Json all_table(const Report& report) {
   const auto rows = scored(report);
-  std::vector<std::string> head{"metric"};
-  for (const NamedScores& row : rows) head.push_back(chart::escaped(row.name));
-  std::vector<chart::TableRow> table;
+  Json head{"metric"}, out = Json::array();
+  for (const NamedScores& row : rows) head.push_back(row.name);
   for (const Column& c : all_columns) {
     const auto best = best_of(rows, c);
-    table.push_back({{std::string(c.title) + "<br><small>" + words_of(c.best) + "</small>"}});
-    for (std::size_t i = 0; i < rows.size(); ++i)
-      table.back().cells.push_back(value(rows[i], c, best[i]));
+    Json line = Json::array({head_of(c)});
+    for (std::size_t i = 0; i < rows.size(); ++i) line.push_back(value(rows[i], c, best[i]));
+    out.push_back(line);
   }
-  return "<div class=\"wide\">" +
-         chart::table("Underlined: the best, and all that cannot be told apart from it", head,
-                      table) +
-         "</div>";
+  return Json::array({table("Best: and all that cannot be told apart from it", head, out)});
 }
 
-std::string paper_html(const Report& report) {
-  std::vector<chart::TableRow> rows;
+Json beside_paper(const Report& report) {
+  Json rows = Json::array();
   for (const ModeResult& mode : report.modes)
     if (mode.paper_ssim > 0 && mode.models.front().papers)
-      rows.push_back(
-          {{chart::escaped(title_of(mode)), summary(mode.metrics[metric_ssim], 1, "%.3f"),
-            formatted("%.4f", mode.paper_ssim)}});
-  if (rows.empty()) return {};
-  return "<h3>Beside the paper</h3>\n" +
-         chart::table("Its networks only (Lai et al., Chin. Opt. Lett. 22, 022701, 2024)",
-                      {"", "SSIM here", "SSIM in the paper"}, rows) +
-         chart::paragraph(
-             "The paper states neither window nor data range of its SSIM, so its values cannot be "
-             "met as absolutes" +
-             std::string(rows.size() > 1 ? "; what can be compared is the gap between both sensors "
-                                           "and either one alone."
-                                         : "."));
+      rows.push_back({title_of(mode), summary(mode.metrics[metric_ssim], 1, "%.3f"),
+                      formatted("%.4f", mode.paper_ssim)});
+  if (rows.empty()) return rows;
+  return Json::array(
+      {table("Beside the paper: its networks only (Lai et al., Chin. Opt. Lett. 22, 022701, 2024)",
+             {"", "SSIM here", "SSIM in the paper"}, rows),
+       paragraph("The paper states neither window nor data range of its SSIM, so its values cannot "
+                 "be met as absolutes" +
+                 std::string(rows.size() > 1 ? "; what can be compared is the gap between both "
+                                               "sensors and either one alone."
+                                             : "."))});
 }
 
-std::string cost_table(const Report& report) {
-  std::vector<chart::TableRow> rows;
+Json cost_table(const Report& report) {
+  Json rows = Json::array();
   for (const auto& mode : report.modes) {
     const RunningCost& c = mode.evaluations.front().cost;
-    rows.push_back({{chart::escaped(title_of(mode)), formatted("%.0f", c.infer_us_median),
-                     formatted("%.0f", c.infer_us_p99),
-                     three_digits(static_cast<double>(c.cost.multiply_adds)),
-                     three_digits(static_cast<double>(c.cost.parameters)),
-                     formatted("%.1f", static_cast<double>(c.model_bytes) / 1e6),
-                     formatted("%.0f", c.train_s)}});
+    rows.push_back({title_of(mode), formatted("%.0f", c.infer_us_median),
+                    formatted("%.0f", c.infer_us_p99),
+                    three_digits(static_cast<double>(c.cost.multiply_adds)),
+                    three_digits(static_cast<double>(c.cost.parameters)),
+                    formatted("%.1f", static_cast<double>(c.model_bytes) / 1e6),
+                    formatted("%.0f", c.train_s)});
   }
-  return chart::table(
-      "One map on one thread of this host",
-      {"", "time of a map (\u00b5s, median)", "99 % are below (\u00b5s)", "multiply-adds",
-       "parameters", "file (MB)<br><small>with fallbacks and what it knows of its errors</small>",
-       "training (s)"},
-      rows);
+  return Json::array(
+      {table("One map on one thread of this host",
+             {"", "time of a map (\u00b5s, median)", "99 % are below (\u00b5s)", "multiply-adds",
+              "parameters", cell("file (MB)", "with fallbacks and what it knows of its errors"),
+              "training (s)"},
+             rows)});
 }
 
-std::string labels_html(const ModeResult& mode) {
+Json labels_table(const ModeResult& mode) {
   const Evaluation& e = mode.evaluations.front();
   std::map<std::string, std::vector<MapScores>> by_label;
   for (std::size_t i = 0; i < e.scores.size(); ++i)
     by_label[mode.records[i].label].push_back(e.scores[i]);
-  if (by_label.size() < 2) return {};
-  std::vector<chart::TableRow> rows;
+  Json rows = Json::array();
+  if (by_label.size() < 2) return rows;
   for (const auto& [label, scores] : by_label) {
     const Summaries s = summarise(scores);
-    rows.push_back(
-        {{label.empty() ? "(none)" : chart::escaped(label), std::to_string(scores.size()),
-          summary(s[metric_iou], 1, "%.2f"), summary(s[metric_lateral_m], 100, "%.1f"),
-          summary(s[metric_depth_mae_m], 100, "%.1f"), counted(scores, metric_left_right),
-          counted(scores, metric_letter_top1)}});
+    rows.push_back({label.empty() ? "(none)" : label, std::to_string(scores.size()),
+                    summary(s[metric_iou], 1, "%.2f"), summary(s[metric_lateral_m], 100, "%.1f"),
+                    summary(s[metric_depth_mae_m], 100, "%.1f"), counted(scores, metric_left_right),
+                    counted(scores, metric_letter_top1)});
   }
-  return chart::table("Means, of five records and more \u00b1 standard error; " + title_of(mode),
-                      {"label", "records", "IoU", "lateral error (cm)", "depth error (cm)",
-                       "on the true side", "letter read"},
-                      rows);
+  return Json::array(
+      {table("Means, of five records and more \u00b1 standard error; " + title_of(mode),
+             {"label", "records", "IoU", "lateral error (cm)", "depth error (cm)",
+              "on the true side", "letter read"},
+             rows)});
 }
 
 }  // namespace echofuse::recon

@@ -39,13 +39,11 @@ struct Judged {
   const char* name;
   double unit;
   const char* of_unit;
-  bool less_is_better;
 };
-constexpr std::array judged{Judged{metric_iou, "IoU", 1, "", false},
-                            Judged{metric_lateral_m, "lateral error", 100, " cm", true},
-                            Judged{metric_depth_mae_m, "depth error", 100, " cm", true},
-                            Judged{metric_rmse_m, "RMSE", 1, " m", true},
-                            Judged{metric_ssim_hard, "SSIM of the hard map", 1, "", false}};
+constexpr std::array judged{
+    Judged{metric_iou, "IoU", 1, ""}, Judged{metric_lateral_m, "lateral error", 100, " cm"},
+    Judged{metric_depth_mae_m, "depth error", 100, " cm"}, Judged{metric_rmse_m, "RMSE", 1, " m"},
+    Judged{metric_ssim_hard, "SSIM of the hard map", 1, ""}};
 
 // In which metrics the other one is better, beyond chance.
 std::string worse_than(const ModeResult& own, const ModeResult& other) {
@@ -54,7 +52,7 @@ std::string worse_than(const ModeResult& own, const ModeResult& other) {
   std::string out;
   for (const PairedDifference& d : paired_differences(a.scores, b.scores))
     for (const Judged& j : judged) {
-      if (j.metric != d.metric || (j.less_is_better ? d.high >= 0 : d.low <= 0)) continue;
+      if (j.metric != d.metric || d.low <= 0) continue;
       out += formatted("%s%s (%.2f against %.2f%s)", out.empty() ? "" : ", ", j.name,
                        j.unit * d.first, j.unit * d.second, j.of_unit);
     }

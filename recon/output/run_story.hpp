@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "acquire/record/run_file.hpp"
-#include "drivers/chart/chart.hpp"
+#include "recon/output/page.hpp"
 
 namespace echofuse::recon {
 
@@ -22,9 +22,7 @@ RunStory story_of(const std::string& path);  // throws as RunReader
 std::string verdict_of(const RunStory& story);
 // Which sensors are missing for good, or in many records: a sentence each.
 std::vector<std::string> gone_sensors(const RunStory& story);
-// Strips over one axis of time: samples a record, losses, clock residuals. Of a run with records.
-chart::Drawing timeline(const RunStory& story, double width);
-// Tables and timeline; `between`: HTML after the verdict.
-std::string story_html(const RunStory& story, const std::string& between = {});
+// Blocks of a page: tables, and strips over the run; `between`: blocks after the verdict.
+Json story_blocks(const RunStory& story, const Json& between);
 
 }  // namespace echofuse::recon

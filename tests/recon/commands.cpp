@@ -9,9 +9,9 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/record/png.hpp"
+#include "page_data.hpp"
 #include "recon/data/shift.hpp"
 #include "recon/estimator/trained_model.hpp"
-#include "world.hpp"
 
 using namespace echofuse;
 using namespace echofuse::testing;
@@ -34,12 +34,6 @@ bool catches_interrupts(pid_t process) {
   const auto at = status.find("SigCgt:");
   REQUIRE(at != std::string::npos);
   return std::stoull(status.substr(at + 7), nullptr, 16) & 2u;
-}
-
-std::size_t count_of(const std::string& text, const std::string& part) {
-  std::size_t count = 0;
-  for (auto at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
-  return count;
 }
 
 constexpr const char* quick = " -q --model mlp --set hidden=32,16 --epochs 8 --set batch=16";
@@ -187,27 +181,22 @@ TEST_CASE("the report holds everything in one page") {
   // The paper's values stand beside its networks only.
   for (const char* papers : {"0.6576", "0.6389", "0.5266"})
     CHECK(o.text.find(papers) == std::string::npos);
-  const std::string page = contents(dir / "out/report.html");
-  // Of three records truth and maps of three models or one, each with error and uncertainty; of the
-  // first screen three, of worst, median, best two each.
-  CHECK(count_of(page, "data:image/png;base64,") >= 3 + 2 * 3 + 2 * (1 + 3 * 3) + 1 + 3);
-  for (const char* outside : {"src=\"http", "href=\"http", "url(", "@import"})
-    CHECK(page.find(outside) == std::string::npos);
-  CHECK_THAT(page, Catch::Contains("Do not read the SSIM row alone"));
-  // Every entry of the contents has its section.
-  std::size_t sections = 0;
-  for (const char* id : {"cost", "gallery", "errors", "labels", "metrics", "records", "space",
-                         "live", "made", "terms"})
-    sections += count_of(page, std::string("<h2 id=\"") + id + "\"") *
-                count_of(page, std::string("href=\"#") + id + "\"");
-  CHECK(sections == 10);
-  CHECK(page.find("id=\"failures\"") < page.find("id=\"gallery\""));
-  CHECK_THAT(page, Catch::Contains("class=\"verdict\"") && Catch::Contains("<b class=\"best\">") &&
-                       Catch::Contains("<dt>command</dt><dd>echofuse-recon report ") &&
-                       Catch::Contains("data CRC-32C"));
-  for (const char* name :
-       {"figure_person.svg", "figure_letter.svg", "figure_live.svg", "timeline.svg"})
-    CHECK(contents(dir / (std::string("out/") + name)).ends_with("</svg>\n"));
+  const std::string html = contents(dir / "out/report.html");
+  for (const char* outside : {"src=\"", "href=\"http", "url(", "@import", "fetch("})
+    CHECK(html.find(outside) == std::string::npos);
+  const nlohmann::json page = page_data(dir / "out/report.html");
+  // Of three records truth and maps of three models, and of worst, median, best.
+  REQUIRE(page["records"].size() == 6);
+  CHECK(page["records"][0]["maps"].size() == 3);
+  CHECK(page["records"][3]["maps"].size() == 1);
+  CHECK(page["records"][0]["truth"].get<std::string>().size() == 64 * 64 * 2 * 4 / 3 + 2);
+  std::string sections;
+  for (const auto& section : page["sections"]) sections += section["id"].get<std::string>() + " ";
+  CHECK(sections == "failures gallery errors labels metrics cost records space live made terms ");
+  CHECK_THAT(page.dump(), Catch::Contains("Do not read the SSIM row alone") &&
+                              Catch::Contains("\"mark\":\"best\"") &&
+                              Catch::Contains("[\"command\",\"echofuse-recon report ") &&
+                              Catch::Contains("data CRC-32C"));
   refuses("report " + (dir / "out") + " --fused " + (dir / "spd") + " --spd " + (dir / "spd") +
               " --radar " + (dir / "radar") + " --run " + (dir / "run"),
           1, "was trained on spd inputs");
@@ -221,10 +210,14 @@ TEST_CASE("a report of a run alone, and of two models record by record") {
   CAPTURE(alone.text);
   REQUIRE(alone.code == 0);
   CHECK_THAT(alone.text, Catch::Contains("60 records, all with all three sensors"));
-  const std::string story = contents(dir / "alone/report.html");
-  CHECK_THAT(story,
-             Catch::Contains("<h1>A recorded run</h1>") && Catch::Contains("SPD: clicks a record"));
-  CHECK(story.find("<script>") == std::string::npos);
+  const nlohmann::json story = page_data(dir / "alone/report.html");
+  CHECK(story["title"] == "A recorded run");
+  const nlohmann::json& blocks = story["sections"][0]["blocks"];
+  const auto strips = std::find_if(blocks.begin(), blocks.end(),
+                                   [](const auto& block) { return block["kind"] == "strips"; });
+  REQUIRE(strips != blocks.end());
+  CHECK((*strips)["arrays"]["used_spd"].size() == 60);
+  CHECK((*strips)["gaps"]["radar"].empty());
 
   for (const std::string model : {"ridge", "mean"})
     REQUIRE(
@@ -239,8 +232,16 @@ TEST_CASE("a report of a run alone, and of two models record by record") {
   REQUIRE(better.code == 0);
   CHECK_THAT(better.text, Catch::Contains("the second model is better") &&
                               Catch::Contains("\niou              60 records"));
-  CHECK_THAT(contents(dir / "meanridge/report.html"),
-             Catch::Contains("<b class=\"good\">second</b>"));
+  // Plus is better, of an error too: it is less in the second.
+  const nlohmann::json page = page_data(dir / "meanridge/report.html");
+  for (const auto& row : page["sections"][1]["blocks"][1]["rows"])
+    if (row[0] == "IoU" || row[0] == "lateral error (m)") {
+      CAPTURE(row.dump());
+      CHECK(row[4].get<std::string>()[0] == '+');
+      CHECK(row[6]["text"] == "second");
+    }
+  CHECK(page["first"][0]["show"] ==
+        nlohmann::json{"truth", "map 0", "map 1", "error 0", "error 1"});
   const Outcome same = compare("ridge", "ridge");
   CHECK_THAT(same.text, Catch::Contains("cannot be told apart") &&
                             Catch::Contains("difference +0.0000 (95 %: +0.0000 to +0.0000)"));

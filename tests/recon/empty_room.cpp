@@ -64,8 +64,7 @@ double reported_iou(const std::string& folder, const std::string& options) {
   const Outcome o = recon_program("report -q " + folder + options);
   INFO(o.text);
   REQUIRE(o.code == 0);
-  const std::string page = contents(folder + "/report.html");
-  return std::stod(page.substr(page.find("IoU ") + 4));
+  return std::stod(o.text.substr(o.text.find("IoU ") + 4));
 }
 
 }  // namespace

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
 // What a report says: honest first, and only what was measured.
-#include "recon/output/map_pictures.hpp"
+#include "page_data.hpp"
 #include "recon/output/report_page.hpp"
-#include "world.hpp"
 
 using namespace echofuse;
 using namespace echofuse::recon;
@@ -78,11 +77,12 @@ TEST_CASE("what fails stands first, of the live run before all") {
   CHECK_THAT(problems[0].text, Catch::Contains("Recorded run: this run is unlike the training"));
   CHECK_THAT(problems[1].text, Catch::Contains("only 0 of 20 records; it is stated for 90 % (18)"));
   report.baselines.push_back({"mean", evaluation_of("mean", 0, 0.6).metrics});
-  const std::string page = to_html(report);
-  const auto first = page.find("unlike the training");
-  CHECK(first < page.find("<nav"));
-  CHECK(page.find("id=\"failures\"") < page.find("id=\"errors\""));
-  CHECK_THAT(page, Catch::Contains("20 simulated records"));
+  const Json page = page_of(report);
+  CHECK(page["fails"].size() == 4);
+  CHECK_THAT(page["fails"][0].get<std::string>(), Catch::Contains("unlike the training"));
+  CHECK(page["more"] == "Numbers, and which records");
+  CHECK(page["sections"][0]["id"] == "failures");
+  CHECK_THAT(page["verdict"].get<std::string>(), Catch::Contains("20 simulated records"));
 }
 
 TEST_CASE("among equals all are best, a ghost is best near 0, and counts are counts") {
@@ -93,11 +93,11 @@ TEST_CASE("among equals all are best, a ghost is best near 0, and counts are cou
     better.scores[i][metric_left_right] = worse.scores[i][metric_left_right] = i > 0;
   }
   better.metrics = summarise(better.scores), worse.metrics = summarise(worse.scores);
-  const std::string all = all_table(report_of({{"fused", better}, {"paper", worse}}));
-  CHECK_THAT(all, Catch::Contains("<td><b class=\"best\">0</b></td><td>-0.10 <small>") &&
-                      Catch::Contains("<td><b class=\"best\">19 of 20</b></td><td><b "
-                                      "class=\"best\">19 of 20</b></td>") &&
-                      Catch::Contains("0 is best"));
+  const Json all = all_table(report_of({{"fused", better}, {"paper", worse}}))[0]["rows"];
+  CHECK(all[3][0]["small"] == "0 is best");
+  CHECK(all[3][1] == cell("0", "", "best"));
+  CHECK(all[3][2]["text"] == "-0.10");
+  for (const int model : {1, 2}) CHECK(all[4][model] == cell("19 of 20", "", "best"));
   CHECK(CountOf{0, 10}.interval().first == 0);
   CHECK(CountOf{5, 10}.interval().first == Approx(0.2366).epsilon(0.001));  // Wilson, by hand
 }
@@ -115,7 +115,7 @@ TEST_CASE("a model that asks no sensor does not stand for one") {
   REQUIRE(o.code == 0);
   CHECK_THAT(o.text,
              Catch::Contains("left out, its answer is always the mean of the training maps"));
-  const std::string page = contents(dir / "out/report.html");
+  const std::string page = page_data(dir / "out/report.html").dump();
   for (const char* claim : {"0.6389", "A sensor alone leaves open", "SPD alone"})
     CHECK(page.find(claim) == std::string::npos);
   // To another room only what places a body can be taken.
@@ -125,16 +125,28 @@ TEST_CASE("a model that asks no sensor does not stand for one") {
              Catch::Contains("ridge does not place a body: it cannot be taken to another room"));
 }
 
-TEST_CASE("what lies beyond a scale is said, and missed and invented are told apart") {
-  const std::vector<float> map{1, 3, 9, 0}, truth{3, 3, 0, 3};
-  const Frame frame = whole_frame(2, 0.5);
-  const chart::Picture depth = map_picture("", map, frame, {2, 4});
-  CHECK(depth.below == Approx(1. / 3));
-  CHECK_THAT(depth.note, Catch::Contains("33 % nearer than the scale, 33 % farther"));
-  const std::string svg = chart::draw(depth).svg;
-  CHECK_THAT(svg, Catch::Contains("<polygon") && Catch::Contains("class=\"outline\""));
-  const chart::Picture error = error_picture(map, truth, frame);
-  CHECK_THAT(error.note, Catch::Contains("1 of 3 pixels missed, 1 invented"));
-  CHECK_THAT(chart::draw(error).svg,
-             Catch::Contains("class=\"hatch\"") && Catch::Contains("class=\"dots\""));
+TEST_CASE("maps are packed in whole numbers, and a page's text cannot end its script") {
+  const std::vector<float> values{0, 1.2345f, -1, 99, std::nanf("")};
+  CHECK(packed16(values, 1e-3) == "AADTBAAA//8AAA==");  // 0, 1235 (0x04d3), 0, 65535, 0
+  CHECK(packed8(values, 0.01) == "AHsA/wA=");           // 0, 123, 0, 255, 0
+  CHECK(short_number(std::nan("")).is_null());
+  CHECK(short_number(0.123456789) == 0.12346);
+  Json page{{"title", "a <b>"}, {"verdict", "</script>\u202e"}};
+  const std::string html = html_of(page);
+  CHECK_THAT(html, Catch::Contains("<title>a &lt;b&gt;</title>") &&
+                       Catch::Contains(R"("verdict":"<\/script>\\u202e")"));
+}
+
+TEST_CASE("a shown record says what was measured, and where a sensor was missing") {
+  ShownRecord shown;
+  shown.title = "person, record 3", shown.truth = {0, 2}, shown.half_tangent = 0.5;
+  shown.spd_axis = spd_axis(), shown.radar_axis = radar_axis(), shown.body_m = std::nan("");
+  shown.clicks = {5, 7};
+  shown.maps = {{"both sensors", {0, 3}, {}, {0, 1}, {}, "within 8 cm", ""}};
+  const Json json = json_of(shown);
+  CHECK(json["spd"]["clicks"] == Json{5, 7});
+  CHECK(!json["radar"].contains("db"));
+  CHECK(json["body_m"].is_null());
+  CHECK(!json["maps"][0].contains("deviation"));
+  CHECK(json["maps"][0]["map"] == "AAC4Cw==");  // 0 and 3000 mm
 }

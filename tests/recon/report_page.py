@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/recon/report_page.py BIN_DIR: a report in Chromium: nothing overflows, nothing is asked of others, the points in
-space are drawn, light and dark, wide and narrow. Exit code 77 without Chromium."""
+"""tests/recon/report_page.py BIN_DIR: a report in Chromium: nothing overflows or lies over something else, nothing is
+asked of others, all is drawn, light and dark, wide and narrow; maps and charts answer the pointer; paper. Exit code 77
+without Chromium."""
 import pathlib
 import subprocess
 import sys
@@ -9,6 +10,7 @@ import tempfile
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import chromium
+from selenium.webdriver.common.action_chains import ActionChains
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 faults = []
@@ -25,18 +27,26 @@ def check(name, holds):
 
 # What stands out of the page to the right, unless it is within a box that scrolls.
 OUTSIDE = """return [...document.querySelectorAll('main *, header *')].filter(e =>
-  e.getBoundingClientRect().right > innerWidth + 1 && !e.closest('.scroll') && !e.closest('svg svg, svg *')).map(e => e.outerHTML.slice(0, 80))"""
-# Texts of a drawing that reach beyond it.
-CUT = """return [...document.querySelectorAll('svg text')].filter(t => {
-  const box = t.getBoundingClientRect(), svg = t.closest('svg').getBoundingClientRect();
-  return box.right > svg.right + 1.5 || box.left < svg.left - 1.5 || box.bottom > svg.bottom + 1.5; }).map(t => t.textContent)"""
+  e.getBoundingClientRect().right > innerWidth + 1 && !e.closest('.scroll')).map(e => e.outerHTML.slice(0, 80))"""
 # Tables that are cut off: their first column must stay, and the edge must show it.
 SCROLLED = """return [...document.querySelectorAll('.scroll')].filter(s => s.scrollWidth > s.clientWidth + 1 && !(
   getComputedStyle(s.querySelector('tbody th')).position == 'sticky' && getComputedStyle(s).backgroundImage.includes('gradient')))
   .map(s => s.textContent.slice(0, 60))"""
-# The least letters of a drawing as it is shown, in pixels.
-LETTERS = """return Math.min(...[...document.querySelectorAll('svg.drawing:not(svg svg)')].filter(s => s.getBoundingClientRect().width)
-  .map(s => 13 * s.getBoundingClientRect().width / s.viewBox.baseVal.width))"""
+# Texts that lie over each other.
+OVERLAPS = """const all = [...document.querySelectorAll('h1, h2, h3, p:not(.readout), figcaption, .u-legend th, .u-legend td, summary, li, button')]
+  .filter(e => e.textContent && e.checkVisibility()).map(e => [e, e.getBoundingClientRect()]), out = [];
+for (let i = 0; i < all.length; ++i) for (let j = i + 1; j < all.length; ++j) {
+  const [[a, p], [b, q]] = [all[i], all[j]];
+  if (!a.contains(b) && !b.contains(a) && Math.min(p.right, q.right) - Math.max(p.left, q.left) > 1 && Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top) > 1)
+    out.push(a.textContent.slice(0, 30) + ' | ' + b.textContent.slice(0, 30)); }
+return out"""
+# Canvases that show nothing: fewer than so many colours.
+EMPTY = """return [...document.querySelectorAll('main canvas:not(#cloud)')].filter(c => c.checkVisibility() && c.width).filter(c => {
+  const p = c.getContext('2d').getImageData(0, 0, c.width, c.height).data, seen = new Set();
+  for (let i = 0; i < p.length; i += 4) seen.add(p[i] << 16 | p[i + 1] << 8 | p[i + 2]);
+  return seen.size < 8; }).map(c => c.id || c.parentElement.className)"""
+# What the maps of the first figure tell, and where each map's axis has its words.
+TOLD = "return [...document.querySelector('.maps').querySelectorAll('.told')].map(p => p.textContent)"
 DRAWN = """const gl = document.getElementById('cloud').getContext('webgl'); if (!gl) return -1;
 const p = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
 gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.UNSIGNED_BYTE, p);
@@ -60,12 +70,10 @@ with tempfile.TemporaryDirectory() as folder:
                 browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {
                     "features": [{"name": "prefers-color-scheme", "value": scheme}]})
                 name = f"{width} px, {scheme}"
-                outside, cut = browser.execute_script(OUTSIDE), browser.execute_script(CUT)
-                check(f"{name}: out of the page: {outside[:3]}", not outside)
-                check(f"{name}: cut off: {cut[:5]}", not cut)
-                scrolled, letters = browser.execute_script(SCROLLED), browser.execute_script(LETTERS)
-                check(f"{name}: tables cut without a sign: {scrolled}", not scrolled)
-                check(f"{name}: letters of {letters} px", letters >= 11)
+                for what, script in (("out of the page", OUTSIDE), ("one over the other", OVERLAPS), ("empty", EMPTY),
+                                     ("tables cut without a sign", SCROLLED)):
+                    found = browser.execute_script(script)
+                    check(f"{name}: {what}: {found[:3]}", not found)
                 check(f"{name}: it is wider than the window",
                       browser.execute_script("return document.documentElement.scrollWidth") <= width)
                 asked = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name)"
@@ -74,6 +82,40 @@ with tempfile.TemporaryDirectory() as folder:
                 paper = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
                 check(f"{name}: {paper}", (max(map(int, paper[4:-1].split(","))) < 60) == (scheme == "dark"))
         check("no points in space", browser.execute_script(DRAWN) != 0)
+        chromium.resize(browser, 1280, 900)
+        headings = browser.execute_script("return [...document.querySelectorAll('h2')].map(h => h.id)")
+        check(f"sections: {headings}", headings == ["failures", "gallery", "errors", "labels", "metrics", "cost", "records",
+                                                    "space", "live", "made", "terms"])
+        # The pointer on one map tells of all, a drag shows a part, a double click the whole.
+        maps = browser.find_elements("css selector", ".maps")[0].find_elements("css selector", "canvas")
+        browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", maps[0])
+        quiet = browser.execute_script(TOLD)
+        ActionChains(browser).move_to_element_with_offset(maps[0], -20, 10).perform()
+        told = browser.execute_script(TOLD)
+        check(f"the maps tell {told}", len(told) == 3 and all("\N{DEGREE SIGN}" in t for t in told) and told != quiet)
+        before = browser.execute_script("return arguments[0].toDataURL()", maps[1])
+        ActionChains(browser).move_to_element_with_offset(maps[0], -60, -60).click_and_hold().move_by_offset(60, 60).release().perform()
+        part = browser.execute_script("return arguments[0].toDataURL()", maps[1])
+        ActionChains(browser).double_click(maps[0]).perform()
+        whole = browser.execute_script("return arguments[0].toDataURL()", maps[1])
+        check("a drag on a map shows no part of the other", part != before)
+        check("a double click does not show the whole", whole not in (part, before))
+        # A chart tells what is under the pointer.
+        plot = browser.find_element("css selector", ".charts .u-over")
+        browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", plot)
+        ActionChains(browser).move_to_element(plot).perform()
+        values = browser.execute_script("return [...document.querySelector('.charts .u-legend').querySelectorAll('.u-value')].map(v => v.textContent)")
+        check(f"a chart tells {values}", len(values) >= 2 and all(v not in ("", "--", "\N{EN DASH}") for v in values))
+        # On paper all is light, and on the screen as it was again.
+        browser.find_element("id", "theme").click()
+        looks = []
+        for event in ("", "beforeprint", "afterprint"):
+            looks.append(browser.execute_script("if (arguments[0]) dispatchEvent(new Event(arguments[0]));"
+                                                "return [document.documentElement.dataset.theme, document.body.clientWidth]", event))
+        check(f"on paper: {looks}", looks[1] == ["light", 700] and looks[2] == looks[0])
+        browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})
+        size = (folder / "page/report.html").stat().st_size
+        check(f"{size} bytes", size < 3e6)
         check("the browser complains", not [m for m in browser.get_log("browser") if m["level"] == "SEVERE"])
     finally:
         browser.quit()

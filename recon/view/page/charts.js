@@ -7,21 +7,22 @@ export const colour = name => getComputedStyle(document.documentElement).getProp
 export const textSize = () => parseFloat(colour('--chart-text'));
 export const text = () => `${textSize()}px ${getComputedStyle(document.body).fontFamily}`;
 
-const axis = (label, more = {}) => ({
+export const axis = (label, more = {}) => ({
   label, font: text(), labelFont: text(), stroke: colour('--ink'), labelSize: label ? textSize() + 5 : 0, labelGap: 0,
   size: 2 * textSize(), gap: 3,
   grid: {stroke: colour('--grid'), width: 1}, ticks: {stroke: colour('--grid'), width: 1, size: 4}, ...more,
 });
-const siNumber = v => Math.abs(v) >= 1e6 ? `${+(v / 1e6).toPrecision(3)}M`
+export const siNumber = v => Math.abs(v) >= 1e6 ? `${+(v / 1e6).toPrecision(3)}M`
   : Math.abs(v) >= 1e3 ? `${+(v / 1e3).toPrecision(3)}k` : `${+v.toPrecision(3)}`;
-const short = (_, values) => values.map(v => v == null ? '' : siNumber(v));
+export const short = (_, values) => values.map(v => v == null ? '' : siNumber(v));
 
 // A chart that fills its element and is made anew when its look changes.
-class Chart {
+export class Chart {
   constructor(id, height) {
     this.at = document.getElementById(id);
     this.height = height;
     this.data = null;
+    this.gaps = [], this.rules = [];  // stretches of x, and {at, name}: lines across
     this.readout = document.getElementById(`${id}-readout`);
     new ResizeObserver(() => this.plot?.setSize(this.size())).observe(this.at);
   }
@@ -30,9 +31,27 @@ class Chart {
   }
   renew() {
     this.plot?.destroy();
-    const hooks = this.readout ? {setCursor: [u => this.tell(u.cursor.idx)]} : {};
+    const hooks = {drawClear: [u => this.under(u)], ...this.readout && {setCursor: [u => this.tell(u.cursor.idx)]}};
     this.plot = new uPlot({...this.size(), legend: {show: false}, cursor: {y: false}, hooks, ...this.options()},
                           this.data ?? [[]], this.at);
+  }
+  // What lies under the curves.
+  under(u) {
+    const c = u.ctx, {left, top, width, height} = u.bbox, at = x => u.valToPos(x, 'x', true), ratio = devicePixelRatio;
+    c.save();
+    c.beginPath(), c.rect(left, top, width, height), c.clip();
+    c.fillStyle = colour('--bad-paper');
+    for (const [first, last] of this.gaps) c.fillRect(at(first), top, Math.max(at(last) - at(first), ratio), height);
+    c.strokeStyle = c.fillStyle = colour('--ink');
+    c.font = `${textSize() * ratio}px ${getComputedStyle(document.body).fontFamily}`;
+    c.lineWidth = ratio, c.setLineDash([4 * ratio, 3 * ratio]);
+    for (const {at: x, name} of this.rules) {
+      const right = at(x) > left + 0.7 * width, room = 4 * ratio;
+      c.beginPath(), c.moveTo(at(x), top), c.lineTo(at(x), top + height), c.stroke();
+      c.textAlign = right ? 'right' : 'left';
+      c.fillText(name, at(x) + (right ? -room : room), top + height - 1.2 * textSize() * ratio);
+    }
+    c.restore();
   }
   set(data) {
     this.data = data;
@@ -68,8 +87,8 @@ const ofTen = v => Number.isInteger(+Math.log10(v).toFixed(9)) ? v : null;
 const floor = 0.5;  // where nothing is drawn on a logarithmic axis
 
 export class Histogram extends Chart {
-  constructor() {
-    super('histogram', 230);
+  constructor(id = 'histogram') {
+    super(id, 230);
     this.log = this.difference = false;
     this.held = this.reference = this.counts = null;
   }
@@ -118,8 +137,8 @@ export class Histogram extends Chart {
 }
 
 export class Profile extends Chart {
-  constructor() {
-    super('profile', 170);
+  constructor(id = 'profile') {
+    super(id, 170);
   }
   axes(a) {
     this.x = Float64Array.from({length: a.count}, (_, i) => a.start + i * a.step);
@@ -174,14 +193,15 @@ class Strip extends Chart {
 }
 const wholeSteps = Array.from({length: 8}, (_, power) => [1, 2, 5].map(n => n * 10 ** power)).flat();
 class Clocks extends Chart {
-  constructor() {
+  constructor(x) {
     super('strip-clock', 104);
+    this.x = x;
   }
   options() {
     const line = sensor => ({stroke: colour(`--${sensor}`), width: 2, points: {show: false}});
     return {
       scales: {x: {time: false}, y: fromZero},
-      axes: [axis('record', {incrs: wholeSteps}), axis('', endsOnly)],
+      axes: [axis(this.x, this.x === 'record' ? {incrs: wholeSteps} : {}), axis('', endsOnly)],
       padding: [6, 14, 4, 0],
       series: [{}, line('spd'), line('radar'), line('depth')],
     };
@@ -189,21 +209,21 @@ class Clocks extends Chart {
 }
 
 export class Strips {
-  constructor() {
+  constructor(x = 'record') {
     this.rates = ['spd', 'radar', 'depth'].map(sensor => new Strip(sensor));
-    this.clocks = new Clocks();
+    this.clocks = new Clocks(x);
   }
   take(arrays, windowS) {
     const x = arrays.first;
     for (const strip of this.rates) {
-      const used = Array.from(arrays[`used_${strip.sensor}`], v => v / windowS);
+      const used = Array.from(arrays[`used_${strip.sensor}`], v => v == null ? null : v / windowS);
       const lost = Array.from(arrays[`lost_${strip.sensor}`]), all = lost.reduce((sum, v) => sum + v, 0);
       strip.set([x, used, lost.map(v => v > 0 ? 1 : null)]);
       const words = all > 0 ? `, ${siNumber(all)} ${strip.sensor === 'spd' ? 'tags' : 'frames'} lost where marked` : '';
       document.getElementById(`lost-${strip.sensor}`).textContent = words;
     }
     this.clocks.set([x, ...['spd', 'radar', 'depth'].map(sensor =>
-      Array.from(arrays[`residual_s_${sensor}`], v => Number.isNaN(v) ? null : v * 1e6))]);
+      Array.from(arrays[`residual_s_${sensor}`], v => v == null || Number.isNaN(v) ? null : v * 1e6))]);
   }
   renew() {
     for (const chart of [...this.rates, this.clocks]) if (chart.data) chart.renew();

@@ -5,6 +5,8 @@ import {colour, text, textSize} from './charts.js';
 
 const viridis = ['440154', '482475', '414487', '355f8d', '2a788e', '21918c', '22a884', '44bf70', '7ad151', 'bddf26', 'fde725'];
 const inferno = ['000004', '1b0c41', '4a0c6b', '781c6d', 'a52c60', 'cf4446', 'ed6925', 'fb9b06', 'f7d13d', 'fcffa4'];
+// Blue is too near, orange too far; even lightness.
+const twoEnds = ['08306b', '1c5a9c', '4585bf', '84b0d8', 'c5d8ec', 'f7f7f7', 'f5d5b8', 'eaa96c', 'd37b2c', 'a95308', '6e3003'];
 const table = anchors => {
   const rgb = anchors.map(hex => [0, 2, 4].map(i => parseInt(hex.slice(i, i + 2), 16)));
   return Array.from({length: 256}, (_, k) => {
@@ -12,7 +14,7 @@ const table = anchors => {
     return rgb[i].map((v, c) => Math.round(v + t * (rgb[i + 1][c] - v)));
   });
 };
-export const tables = {near: table([...viridis].reverse()), sure: table(inferno)};
+export const tables = {near: table([...viridis].reverse()), sure: table(inferno), error: table(twoEnds)};
 export const isDark = () => {
   const chosen = document.documentElement.dataset.theme;
   return chosen ? chosen === 'dark' : matchMedia('(prefers-color-scheme: dark)').matches;
@@ -33,12 +35,12 @@ export function spanOf(values) {
   return [near, Math.max(far, near + 1)];
 }
 
-// values: row-major, shape [rows, columns]; 0 is no return unless `zero` is a value.
+// values: row-major, shape [rows, columns]; 0 is no return unless `zero` is a value; NaN is none ever.
 export function picture(values, rows, columns, span, map, scale = 1, zero = false) {
   const image = new ImageData(columns, rows), grey = noReturn();
   for (let i = 0; i < rows * columns; ++i) {
     const v = values[i] * scale;
-    const rgb = v > 0 || zero ? rgbOf(v, span, map) : grey;
+    const rgb = v > 0 || zero && v === v ? rgbOf(v, span, map) : grey;
     image.data.set([...rgb, 255], 4 * i);
   }
   const canvas = new OffscreenCanvas(columns, rows);
@@ -64,15 +66,41 @@ export function outline(c, image, left, top, width, height) {
   c.stroke();
 }
 
+// Map minus truth where both return; the rest is marked.
+export function errorPicture(map, truth, rows, columns, span) {
+  const both = map.map((v, i) => v > 0 && truth[i] > 0 ? v - truth[i] : NaN), image = picture(both, rows, columns, span, tables.error, 1, true);
+  image.missed = map.map((v, i) => truth[i] > 0 && !(v > 0)), image.invented = map.map((v, i) => v > 0 && !(truth[i] > 0));
+  return image;
+}
+// What is missed is hatched, what is invented dotted.
+function mark(c, image, left, top, width, height) {
+  const dx = width / image.width, dy = height / image.height;
+  const over = marked => {
+    const path = new Path2D();
+    for (let i = 0; i < marked.length; ++i)
+      if (marked[i]) path.rect(left + i % image.width * dx - 0.3, top + Math.floor(i / image.width) * dy - 0.3, dx + 0.6, dy + 0.6);
+    c.save(), c.clip(path);
+  };
+  c.strokeStyle = c.fillStyle = colour('--ink'), c.lineWidth = 1;
+  over(image.missed);
+  c.beginPath();
+  for (let x = -height; x < width; x += 6) c.moveTo(left + x, top + height), c.lineTo(left + x + height, top);
+  c.stroke(), c.restore();
+  over(image.invented);
+  for (let y = 2; y < height; y += 4) for (let x = 2 + y / 2 % 4; x < width; x += 4) c.fillRect(left + x, top + y, 1.4, 1.4);
+  c.restore();
+}
+
 // Room round a picture for words of this size: elevation at the left, azimuth below, the bar at the right.
 const top = 8;
-const roomOf = size => ({left: 3.9 * size, bottom: 2.8 * size, bar: 6.2 * size});
+const roomOf = size => ({left: 3.9 * size, bottom: 2.8 * size, bar: 28 + 4.4 * size});
 
 export class MapView {
-  // ratio: height over width of the picture; kind: 'near' or 'sure'.
+  // ratio: height over width of the picture; kind: of the tables.
   constructor(id, kind = 'near') {
     this.canvas = document.getElementById(id);
     this.kind = kind;
+    this.unit = ' m';
     this.ratio = 1;
     new ResizeObserver(() => this.draw()).observe(this.canvas.parentElement);
   }
@@ -94,6 +122,7 @@ export class MapView {
     const {left, bottom, bar} = roomOf(size);
     const inner = width - left - bar, high = inner * Math.abs(this.ratio), height = high + bottom + top;
     if (inner < 40) return;
+    this.inner = {left, top, width: inner, height: high};
     this.canvas.width = width * ratio, this.canvas.height = height * ratio;
     this.canvas.style.width = `${width}px`, this.canvas.style.height = `${height}px`;
     const c = this.canvas.getContext('2d');
@@ -112,6 +141,7 @@ export class MapView {
     c.globalAlpha = this.why ? 0.35 : 1;
     c.drawImage(this.image, left, top, inner, high);
     outline(c, this.image, left, top, inner, high);
+    if (this.image.missed) mark(c, this.image, left, top, inner, high);
     c.globalAlpha = 1;
     if (this.why) {
       c.textAlign = 'center';
@@ -160,8 +190,8 @@ export class MapView {
     for (let v = Math.ceil(low / step) * step; v <= far + 1e-9; v += step) {
       const y = top + (1 - (v - low) / (far - low)) * high;
       // The ends hold what lies beyond them.
-      const last = v + step > far + 1e-9, end = Math.abs(v - far) < 1e-9 ? '≥ ' : Math.abs(v - low) < 1e-9 && this.kind === 'near' ? '≤ ' : '';
-      c.fillText(`${end}${+v.toFixed(2)}${last ? ' m' : ''}`, x + 16, Math.min(Math.max(y + size / 3, top + 0.8 * size), top + high));
+      const last = v + step > far + 1e-9, end = !this.unit ? '' : Math.abs(v - far) < 1e-9 ? '≥ ' : Math.abs(v - low) < 1e-9 && this.kind !== 'sure' ? '≤ ' : '';
+      c.fillText(`${end}${+v.toFixed(2)}${last ? this.unit : ''}`, x + 16, Math.min(Math.max(y + size / 3, top + 0.8 * size), top + high));
     }
   }
 }
