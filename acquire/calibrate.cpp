@@ -335,9 +335,10 @@ Calibration stored_in(const std::string& path) {
   try {
     return read_calibration(path);
   } catch (const Error& e) {
-    throw Error(e.code(),
-                std::string(e.what()) + "\n" + path +
-                    " is not overwritten; to begin anew, remove it or name another --out");
+    throw Error(
+        e.code(),
+        std::string(e.what()) + "\n" + path +
+            " is not overwritten; to begin anew, remove it or name another run.calibration");
   }
 }
 
@@ -364,7 +365,8 @@ ExitCode calibrate(const Config& config, const CalibrateOptions& options, const 
                 "neither tdc.address nor radar.cli is given: nothing to calibrate");
   if (options.check && config.calibration.entries.empty())
     throw Error(ExitCode::config, "--check: run.calibration names no calibration to compare with");
-  const Calibration stored = options.check ? config.calibration : stored_in(options.out);
+  const Calibration stored =
+      options.check ? config.calibration : stored_in(config.calibration_path);
   Measurement measurement(config, options, clock);
   measurement.run();
   const auto results = measurement.results();
@@ -388,7 +390,7 @@ ExitCode calibrate(const Config& config, const CalibrateOptions& options, const 
   if (options.check) {
     well = compare(fresh, stored, json, options.json);
   } else if (!fresh.entries.empty()) {
-    store(fresh, stored, options.out, json, options.json);
+    store(fresh, stored, config.calibration_path, json, options.json);
   }
   if (options.json)
     std::printf("%s\n", json.dump(-1, ' ', true, decltype(json)::error_handler_t::replace).c_str());

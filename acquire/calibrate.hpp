@@ -15,14 +15,14 @@ struct CalibrateOptions {
   Search search;
   std::int64_t repeats = 20;
   double time_s = 1;   // of each repeat
-  std::string out;     // file to write; empty: that of run.calibration, or calibration.toml beside
   bool check = false;  // measure, and compare with what run.calibration says
   bool json = false;
 };
 
-// Writes the sensors that could be measured, and keeps what the file says of the others; device
-// code if one could not. With `check`: failed if a sensor is off by more than three standard errors
-// of the difference. Throws Error(config) before it measures: the file is there and cannot be read.
+// Writes the sensors that could be measured into config.calibration_path, and keeps what the file
+// says of the others; device code if one could not. With `check`: failed if a sensor is off by more
+// than three standard errors of the difference. Throws Error(config) before it measures: the file
+// is there and cannot be read.
 ExitCode calibrate(const Config& config, const CalibrateOptions& options, const Clock& clock);
 
 }  // namespace echofuse::acquire

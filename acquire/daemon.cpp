@@ -360,7 +360,7 @@ void Daemon::end() {
   if (!r.writer.finish(status_))
     spdlog::warn(
         "{}: another program reads it; its last records stay in {}-wal until "
-        "`echofuse-acquire recover` or the next --resume",
+        "`echofuse-acquire info` or the next --resume",
         options_.out, options_.out);
   totals_.written = r.writer.written();
   r.status.finish(clock_.now(), totals_);

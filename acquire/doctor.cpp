@@ -67,7 +67,8 @@ ExitCode examine(const std::optional<Config>& config, const DoctorOptions& optio
   report.add(check_modem_manager(config, options.roots));
   report.add(check_usb_memory(config, options.roots));
   report.add(check_clock(read_clock()));
-  PlannedRun plan{.folder = std::filesystem::absolute(options.out).parent_path().string(),
+  const bool named = config && !config->run_folder.empty();
+  PlannedRun plan{.folder = std::filesystem::absolute(named ? config->run_folder : ".").string(),
                   .count = options.count};
   if (config) {
     const SelfTest test = test_devices(*config, clock);

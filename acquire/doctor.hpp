@@ -12,8 +12,7 @@
 namespace echofuse::acquire {
 
 struct DoctorOptions {
-  std::string out;                    // the run file to come
-  std::optional<std::int64_t> count;  // its slots
+  std::optional<std::int64_t> count;  // slots of the run to come
   bool json = false;
   MachineRoots roots{};
 };

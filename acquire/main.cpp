@@ -2,6 +2,7 @@
 #include <malloc.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -9,6 +10,7 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "acquire/annotate.hpp"
 #include "acquire/calibrate.hpp"
 #include "acquire/catalogue.hpp"
 #include "acquire/config.hpp"
@@ -16,9 +18,7 @@
 #include "acquire/doctor.hpp"
 #include "acquire/find_config.hpp"
 #include "acquire/info.hpp"
-#include "acquire/live_runs.hpp"
 #include "acquire/log_format.hpp"
-#include "acquire/mark.hpp"
 #include "acquire/options.hpp"
 #include "acquire/record/export.hpp"
 #include "acquire/record/run_file.hpp"
@@ -65,11 +65,15 @@ std::string out_of(const Options& o, const Config& config) {
 }
 
 ExitCode run(Options& o) {
-  Config config = load(o);
-  if (o.label) config.label = *o.label;
-  o.run.label_given = o.label || std::any_of(o.assignments.begin(), o.assignments.end(),
-                                             [](auto& a) { return a.starts_with("run.label"); });
-  if (o.operator_name) config.operator_name = *o.operator_name;
+  std::optional<TemporaryFolder> thrown_away;
+  if (o.align) {
+    o.assignments.push_back("run.window_s=0.1");
+    o.run.out = thrown_away.emplace().path() + "/align";
+    o.view = true;
+  }
+  const Config config = load(o);
+  o.run.label_given = std::any_of(o.assignments.begin(), o.assignments.end(),
+                                  [](auto& a) { return a.starts_with("run.label"); });
   for (const auto& pair : o.meta) {
     const auto equals = pair.find('=');
     if (equals == 0 || equals == std::string::npos)
@@ -95,14 +99,6 @@ ExitCode run(Options& o) {
   return code;
 }
 
-ExitCode align(Options& o) {
-  const TemporaryFolder folder;
-  o.assignments.push_back("run.window_s=0.1");
-  o.run.out = folder.path() + "/align";
-  o.view = true;
-  return run(o);
-}
-
 // Of commands that do without: none if there is no file and none was asked for.
 std::optional<Config> load_if_any(const Options& o) {
   if (o.config.empty() && o.assignments.empty() && !find_config()) return std::nullopt;
@@ -118,9 +114,7 @@ ExitCode doctor(Options& o) {
   catch_interrupts();
   const auto config = load_if_any(o);
   if (config) plan_count(o, *config);
-  return examine(
-      config, {.out = out_of(o, config.value_or(Config())), .count = o.run.count, .json = o.json},
-      SystemClock());
+  return examine(config, {.count = o.run.count, .json = o.json}, SystemClock());
 }
 
 ExitCode show_config(const Options& o) {
@@ -145,34 +139,26 @@ ExitCode info(const Options& o) {
 
 ExitCode calibrate_sensors(Options& o) {
   const Config config = load_config(place_of(o).path, o.assignments, o.calibrate.check);
-  if (o.calibrate.out.empty()) o.calibrate.out = config.calibration_path;
   o.calibrate.json = o.json;
   catch_interrupts();
   return calibrate(config, o.calibrate, SystemClock());
 }
 
-ExitCode mark(const Options& o) {
+ExitCode annotate(const Options& o) {
   if (o.text.has_value() == o.label.has_value())
     throw Error(ExitCode::usage, "expected either a text or --label TEXT");
-  std::printf("%s\n", printable_lines(mark_run(o.file, o.text, o.label)).c_str());
+  std::printf("%s\n", printable_lines(annotate_run(o.file, o.text, o.label)).c_str());
   return ExitCode::ok;
 }
 
-ExitCode note(const Options& o) {
-  const std::string who = login_name();
-  record::mark(o.file, "note", *o.text, who);
-  std::printf("%s: noted by %s\n", printable(o.file).c_str(), who.c_str());
-  return ExitCode::ok;
-}
-
-// Without a folder: that of the configuration, or this one.
+// Without a folder: that of the configuration, or this one, and what is live elsewhere.
 ExitCode list(const Options& o) {
   std::string folder = o.folder;
   if (folder.empty()) {
     const auto config = load_if_any(o);
     folder = config && !config->run_folder.empty() ? config->run_folder : ".";
   }
-  const Catalogue found = list_runs(folder, o.json);
+  const Catalogue found = list_runs(folder, o.folder.empty(), SystemClock(), o.json);
   std::fputs(found.text.c_str(), stdout);
   if (!found.left_out.empty()) spdlog::warn("left out: {}", found.left_out);
   return ExitCode::ok;
@@ -189,11 +175,6 @@ ExitCode replay(const Options& o) {
   return ExitCode::ok;
 }
 
-ExitCode recover(const Options& o) {
-  std::printf("%lld records\n", static_cast<long long>(record::recover(o.file)));
-  return ExitCode::ok;
-}
-
 ExitCode export_run(const Options& o) {
   catch_interrupts();
   const record::RunReader reader(o.file);
@@ -205,7 +186,7 @@ ExitCode export_run(const Options& o) {
   if (kind != ".h5" || o.record)
     throw Error(ExitCode::usage,
                 "--to " + o.to + ": expected NAME.h5, or NAME.csv with --record N");
-  Progress progress("export", static_cast<std::size_t>(reader.count()), o.quiet);
+  Progress progress("export", static_cast<std::size_t>(reader.count()), !isatty(STDERR_FILENO));
   const auto bad = record::export_h5(reader, o.to, [&](std::int64_t done, std::int64_t) {
     if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing is exported");
     progress.update(static_cast<std::size_t>(done));
@@ -217,13 +198,11 @@ ExitCode export_run(const Options& o) {
 
 ExitCode dispatch(const std::string& command, Options& o) {
   set_up_log(o);
-  if (!o.file.empty()) o.file = record::old_run(o.file);
-  if (command == "run") return run(o);
-  if (command == "align") return align(o);
-  if (command == "status") {
-    std::fputs(describe_live_runs(SystemClock(), o.json).c_str(), stdout);
-    return ExitCode::ok;
+  if (!o.file.empty()) {
+    o.file = record::old_run(o.file);
+    record::recover(o.file);
   }
+  if (command == "run") return run(o);
   if (command == "devices") return list_devices(o);
   if (command == "doctor") return doctor(o);
   if (command == "config check") return check_config(o);
@@ -231,10 +210,8 @@ ExitCode dispatch(const std::string& command, Options& o) {
   if (command == "info") return info(o);
   if (command == "export") return export_run(o);
   if (command == "calibrate") return calibrate_sensors(o);
-  if (command == "mark") return mark(o);
-  if (command == "note") return note(o);
+  if (command == "annotate") return annotate(o);
   if (command == "list") return list(o);
-  if (command == "recover") return recover(o);
   return replay(o);
 }
 

@@ -24,50 +24,36 @@ void add_config_options(CLI::App& command, Options& o) {
       ->allow_extra_args(false);
 }
 
-void add_output_options(CLI::App& command, Options& o) {
-  command.add_flag("-q,--quiet", o.quiet, "print errors only");
-  command.add_flag("-v,--verbose", o.verbose, "one line for every record on stderr");
-}
-
-void add_length_options(CLI::App& command, Options& o) {
-  auto* count = command.add_option("--count", o.run.count, "stop after this many slots")
-                    ->check(CLI::PositiveNumber);
+CLI::Option* add_duration(CLI::App& command, Options& o, const char* help) {
   const std::map<std::string, double> units{{"h", 3600}, {"m", 60}, {"min", 60}, {"s", 1}};
-  command.add_option("--duration", o.duration_s, "stop after this time: 2h, 30m, 10s")
+  return command.add_option("--duration", o.duration_s, help)
       ->transform(CLI::AsNumberWithUnit(units, CLI::AsNumberWithUnit::UNIT_REQUIRED))
-      ->check(CLI::PositiveNumber)
-      ->excludes(count);
+      ->check(CLI::PositiveNumber);
 }
 
 void add_run(CLI::App& app, Options& o) {
   auto* c = app.add_subcommand("run", "record fused records, one a slot, until Ctrl-C");
   add_config_options(*c, o);
-  add_output_options(*c, o);
+  c->add_flag("-q,--quiet", o.quiet, "print errors only");
+  c->add_flag("-v,--verbose", o.verbose, "one line for every record on stderr");
   auto* target = c->add_option_group("target");
   target->add_option("--out", o.run.out, out_help);
   auto* resume = target->add_option("--resume", o.resume,
                                     "run to continue, with the configuration it was begun with");
+  target->add_flag("--align", o.align,
+                   "slots of 0.1 s in a run that is thrown away, and its view: to point laser and "
+                   "sensors");
   target->require_option(0, 1);
-  add_length_options(*c, o);
+  auto* count = c->add_option("--count", o.run.count, "stop after this many slots")
+                    ->check(CLI::PositiveNumber);
+  add_duration(*c, o, "stop after this time: 2h, 30m, 10s")->excludes(count);
   c->add_option("--keep-raw", o.run.keep_raw,
                 "new folder for the devices' bytes as they came, for `replay`");
-  c->add_option("--label", o.label, "label of every record, instead of run.label");
-  c->add_option("--operator", o.operator_name,
-                "who records, instead of run.operator; default: who is logged in");
   c->add_flag("--view", o.view, "start echofuse-view beside, which prints its address");
   c->add_flag("--strict", o.run.strict, "exit code 5 if any record has a sensor that is not ok");
   c->add_option("--meta", o.meta, "key=value, kept in the run; may be repeated")
       ->allow_extra_args(false)
       ->excludes(resume);
-}
-
-void add_align(CLI::App& app, Options& o) {
-  auto* c = app.add_subcommand(
-      "align",
-      "point laser and sensors: slots of 0.1 s in a run that is thrown away, and its view");
-  add_config_options(*c, o);
-  add_output_options(*c, o);
-  add_length_options(*c, o);
 }
 
 void add_calibrate(CLI::App& app, Options& o) {
@@ -87,9 +73,7 @@ void add_calibrate(CLI::App& app, Options& o) {
   c->add_option("--time", k.time_s, "s of each measurement")
       ->check(CLI::Range(0.1, 3600.0))
       ->capture_default_str();
-  auto* out = c->add_option("--out", k.out, "file to write, instead of run.calibration");
-  c->add_flag("--check", k.check, "measure and compare with run.calibration; write nothing")
-      ->excludes(out);
+  c->add_flag("--check", k.check, "measure and compare with run.calibration; write nothing");
   c->add_flag("--json", o.json);
 }
 
@@ -102,27 +86,17 @@ void add_file_commands(CLI::App& app, Options& o) {
   exporter->add_option("FILE", o.file)->required();
   exporter->add_option("--to", o.to, "NAME.h5, or NAME.csv with --record")->required();
   exporter->add_option("--record", o.record, "index of the record for CSV");
-  exporter->add_flag("-q,--quiet", o.quiet, "no progress on stderr");
 
-  app.add_subcommand("status", "the runs that are being recorded on this machine")
-      ->add_flag("--json", o.json);
+  auto* annotate =
+      app.add_subcommand("annotate", "a note into a run, live or not, or a live one's next label");
+  annotate->add_option("FILE", o.file)->required();
+  annotate->add_option("TEXT", o.text, "kept with the time and who wrote it");
+  annotate->add_option("--label", o.label, "label of the records from the running slot on");
 
-  app.add_subcommand("recover", "check a run that a crash left open, and mark it as crashed")
-      ->add_option("FILE", o.file)
-      ->required();
-
-  auto* marker = app.add_subcommand("mark", "a remark, or another label, into a run that is live");
-  marker->add_option("FILE", o.file)->required();
-  marker->add_option("TEXT", o.text, "kept as an event, with the time");
-  marker->add_option("--label", o.label, "label of the records from the running slot on");
-
-  auto* note = app.add_subcommand("note", "a note into a run, while it is recorded or later");
-  note->add_option("RUN", o.file)->required();
-  note->add_option("TEXT", o.text, "kept with the time and who wrote it")->required();
-
-  auto* list = app.add_subcommand("list", "the runs of a folder: date, length, labels, notes");
-  list->add_option("FOLDER", o.folder, "default: run.folder of the configuration, or this folder");
-  add_config_options(*list, o);
+  auto* list = app.add_subcommand("list", "the runs of a folder, and which of them are live");
+  list->add_option("FOLDER", o.folder,
+                   "default: run.folder of the configuration, or this folder, and the live runs of "
+                   "this machine wherever they are");
   list->add_flag("--json", o.json, "all of it; the table shortens long texts");
 
   auto* replay = app.add_subcommand("replay", "recorded device bytes through the live parser");
@@ -137,8 +111,7 @@ void add_file_commands(CLI::App& app, Options& o) {
 void add_doctor(CLI::App& app, Options& o) {
   auto* c = app.add_subcommand("doctor", "would a run go well? Checks machine, disk and devices");
   add_config_options(*c, o);
-  c->add_option("--out", o.run.out, "of the run to come; default: in run.folder");
-  add_length_options(*c, o);
+  add_duration(*c, o, "of the run to come: 2h, 30m, 10s");
   c->add_flag("--json", o.json);
   c->footer(
       "exit codes: 0 ok or warnings only, 3 configuration, 4 a configured device fails,\n"
@@ -167,7 +140,6 @@ void add_commands(CLI::App& app, Options& o) {
   app.require_subcommand(0, 1);
   app.footer(footer);
   add_run(app, o);
-  add_align(app, o);
   add_calibrate(app, o);
   add_devices(app, o);
   add_doctor(app, o);

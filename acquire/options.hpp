@@ -17,14 +17,14 @@ struct Options {
   std::vector<std::string> assignments;
   RunOptions run;
   CalibrateOptions calibrate;
-  std::optional<std::string> label, operator_name, text;
+  std::optional<std::string> label, text;
   std::vector<std::string> meta;
   std::string resume;
   double duration_s = 0;
   std::string file, to, folder;
   std::vector<std::string> radar, tdc, depth;
   std::optional<std::int64_t> record;
-  bool json = false, quiet = false, verbose = false, view = false;
+  bool json = false, quiet = false, verbose = false, view = false, align = false;
 };
 
 // Describes all commands; what is parsed goes into the options, which must outlive the app.

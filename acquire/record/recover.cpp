@@ -1,37 +1,38 @@
 // SPDX-License-Identifier: MIT
 #include <unistd.h>
 
-#include <memory>
-
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_tables.hpp"
 #include "acquire/record/sqlite.hpp"
 #include "acquire/record/writer_lock.hpp"
 
 namespace echofuse::record {
+namespace {
 
-std::int64_t recover(const std::string& path) {
-  std::int64_t records = 0;
-  bool crashed = false;
-  {
-    const RunReader run(path);
-    if (const std::string fault = run.check(); !fault.empty())
-      throw Error(ExitCode::failed, printable(path) + ": damaged: " + printable(fault, 200));
-    records = run.count();
-    const std::string status = run.info().status;
-    crashed = status == "crashed";
-    if (status == "open" || (!crashed && ::access((path + "-wal").c_str(), F_OK) != 0))
-      return records;
-  }
-  const WriterLock lock(path);
-  if (!lock.held())
-    throw Error(ExitCode::failed, printable(path) + ": is being written; stop the run first");
+void fold_back(const std::string& path) {
+  if (!RunReader(path).check().empty()) return;
   const DatabaseHandle file = open_database(path, "cannot open for writing");
   sqlite3* const db = file.get();
   harden(db);
-  if (crashed) execute(db, path, "UPDATE run SET status = 'crashed'", "cannot mark as crashed");
+  // Who resumes the run takes its lock first, and then waits for us: "open" is the last word.
+  execute(db, path, "BEGIN IMMEDIATE", "cannot fold its WAL back");
+  if (WriterLock::someone_writes(path)) return;
+  execute(db, path, "UPDATE run SET status = 'crashed' WHERE status = 'open'; COMMIT",
+          "cannot mark as crashed");
   execute(db, path, "PRAGMA journal_mode=DELETE", "cannot fold its WAL back");
-  return records;
+}
+
+}  // namespace
+
+void recover(const std::string& path) {
+  const auto may = [&](const std::string& name, int mode) {
+    return ::access(name.c_str(), mode) == 0;
+  };
+  if (!may(path + "-wal", F_OK) || !may(path, W_OK) || WriterLock::someone_writes(path)) return;
+  try {
+    fold_back(path);
+  } catch (const Error&) {  // another program reads it, or it is none: who reads it will say so
+  }
 }
 
 }  // namespace echofuse::record

@@ -73,8 +73,8 @@ class RunWriter {
   void put_event(UtcTime utc, Severity severity, const std::string& source,
                  const std::string& text);
   void append(const FusedRecord& record);
-  // The last label that mark() left in this file since the last call and before this time; none if
-  // there is none.
+  // The last label that put_label() left in this file since the last call and before this time;
+  // none if there is none.
   std::optional<std::string> new_label(UtcTime before);
   void append(std::span<const FusedRecord> batch);  // one transaction: for the generator
   // Folds the WAL back, so that one single file is left. False if another program reads the run
@@ -228,14 +228,14 @@ class RunReader {
   std::unique_ptr<Budget> budget_;
 };
 
-// Writes into a run that another process records: an event of level "mark", or of level "label",
-// which the recording process takes as the label of its records from the slot that runs on.
-// Throws Error(failed) if nobody is recording this run; a "note" is taken by every run.
-void mark(const std::string& path, const std::string& level, const std::string& text,
-          const std::string& source = "mark");
+// An event of level "note" into a run, also while another process records it. `who` is its source.
+void put_note(const std::string& path, const std::string& text, const std::string& who);
+// One of level "label", which the recording process takes as the label of its records from the slot
+// on that is running. Throws Error(failed) if nobody is recording this run.
+void put_label(const std::string& path, const std::string& label, const std::string& who);
 
-// Marks a run that a crash left "open" as "crashed" after checking it, and folds back a WAL that
-// was left beside it; returns the record count.
-std::int64_t recover(const std::string& path);
+// Marks a run that a crash left "open" as "crashed", and folds back a WAL that was left beside it.
+// Leaves alone what is no run, damaged, open in another program, or not ours to write.
+void recover(const std::string& path);
 
 }  // namespace echofuse::record

@@ -272,9 +272,16 @@ Message Server::Loop::mark(const Session& session, const Mark& mark) {
   if (!session.may_write())
     return answer(false,
                   "marking needs the token: open the whole address that the program printed");
+  const std::string& run = show_.run().path();
   try {
-    record::mark(show_.run().path(), mark.label ? "label" : "mark", mark.text);
-    return answer(true, mark.label ? "label set: " + mark.text : "marked: " + mark.text);
+    if (mark.label) {
+      record::put_label(run, mark.text, "view");
+      return answer(true, "label set: " + mark.text);
+    }
+    if (!show_.run().live())
+      return answer(false, "nobody is recording this run; only a live one is marked");
+    record::put_note(run, mark.text, "view");
+    return answer(true, "marked: " + mark.text);
   } catch (const std::exception& e) {
     return answer(false, printable(e.what(), 300));
   }

@@ -148,7 +148,7 @@ TEST_CASE("a damaged file ends a run, one that is only touched does not") {
   SECTION("touched, marked and checkpointed") {
     fs::last_write_time(path, fs::file_time_type::clock::now() + std::chrono::hours(1));
     run->append(small_record(20));
-    mark(path, "mark", "door");
+    put_note(path, "door", "me");
     checkpoint(path);
     run->append(small_record(21));
     CHECK(run->close("complete"));
@@ -270,7 +270,7 @@ TEST_CASE("closing does not wait for a reader, who comes later folds the WAL bac
     // Killed, so that it does not tidy up: as a reader that may not write.
     sqlite3_db_config(reader.get(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   }
-  CHECK(recover(path) == 6);
+  recover(path);
   CHECK_FALSE(fs::exists(path + "-wal"));
   check_whole(path, 6, "complete");
 }

@@ -54,9 +54,8 @@ TEST_CASE("no run without a required device") {
 }
 
 TEST_CASE("help, version and usage errors") {
-  for (const char* command :
-       {"", "run", "devices", "doctor", "config", "config check", "config show", "info", "export",
-        "recover", "replay", "mark", "note", "list"}) {
+  for (const char* command : {"", "run", "devices", "doctor", "config", "config check",
+                              "config show", "info", "export", "replay", "annotate", "list"}) {
     const Outcome o = acquire(std::string(command) + " --help");
     CHECK(o.code == 0);
     CHECK(has(o.text, "exit codes"));
@@ -75,7 +74,7 @@ TEST_CASE("help, version and usage errors") {
 TEST_CASE("files that are not there or not runs") {
   const Folder folder;
   write_file(folder / "text.sqlite", "no database");
-  for (const char* command : {"info ", "recover ", "export --to x.h5 "}) {
+  for (const char* command : {"info ", "export --to x.h5 "}) {
     refuses(command + folder / "none.sqlite", 1, "none.sqlite: no such file");
     refuses(command + folder / "text.sqlite", 1, "text.sqlite: not an echofuse run file");
   }
@@ -132,9 +131,8 @@ TEST_CASE("a FIFO in place of a file is refused, and nobody waits for its writer
   REQUIRE(::mkfifo((folder / "f.sqlite").c_str(), 0666) == 0);
   const std::string fifo = folder / "f.sqlite", why = "f.sqlite: is a FIFO; expected a regular";
   for (const std::string& command :
-       {"info " + fifo, "note " + fifo + " x", "mark " + fifo + " x", "recover " + fifo,
-        "export " + fifo + " --to " + folder / "x.h5", "replay --radar " + fifo,
-        "replay --tdc " + fifo, "replay --depth " + fifo})
+       {"info " + fifo, "annotate " + fifo + " x", "export " + fifo + " --to " + folder / "x.h5",
+        "replay --radar " + fifo, "replay --tdc " + fifo, "replay --depth " + fifo})
     refuses(command, 1, why);
   refuses("info /dev/null", 1, "/dev/null: is a device; expected a regular file");
   refuses("config check --config " + fifo, 3, why);
@@ -156,7 +154,7 @@ TEST_CASE("what cannot be printed is a failure") {
   write_run(folder / "a.sqlite", 2);
   write_file(folder / "lab.toml", "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n");
   for (const std::string& command :
-       {"info " + folder / "a", "info --json " + folder / "a", "recover " + folder / "a",
+       {"info " + folder / "a", "info --json " + folder / "a",
         "config show --config " + folder / "lab.toml", std::string("--help")}) {
     const Outcome o =
         shell("(" + echofuse::test::bin_dir + "/echofuse-acquire " + command + " > /dev/full)");
@@ -180,8 +178,10 @@ TEST_CASE("doctor without a configuration looks at the machine, a bad one ends i
   CHECK(std::count(checks.begin(), checks.end(), "disk rate") == 1);
   CHECK(std::count(checks.begin(), checks.end(), "spd") == 0);
   CHECK(fs::is_empty(folder / ""));
-  const Outcome nowhere = shell(here + " --out no/run");
-  CHECK(nowhere.code == 6);
+  write_file(folder / "lab.toml",
+             tdc_nowhere + "[run]\nfolder = \"no\"\nconnect_timeout_s = 0.2\n");
+  const Outcome nowhere = shell(here);
+  CHECK(nowhere.code == 4);
   CHECK(has(nowhere.text, "cannot be a run's folder"));
   refuses("doctor --config " + folder / "none.toml", 3, "none.toml: cannot read");
 }
@@ -215,10 +215,11 @@ TEST_CASE("calibrate needs no calibration, and overwrites none that it cannot re
           "lab.toml:3:1: run.calibration: " + folder / "c.toml: cannot read");
   for (const std::string text : {"[spd]\noffset_cm = 6\n", ""}) {
     write_file(folder / "c.toml", text);
-    refuses(config, 3, "c.toml is not overwritten; to begin anew, remove it or name another --out");
+    refuses(config, 3,
+            "c.toml is not overwritten; to begin anew, remove it or name another run.calibration");
     CHECK(fs::file_size(folder / "c.toml") == text.size());
   }
-  refuses(config + " --out " + folder / "new.toml", 4, "refused");
+  refuses(config + " --set run.calibration=new.toml", 4, "refused");
 }
 
 TEST_CASE("no device answers: one clear line each, and no file") {
@@ -254,7 +255,7 @@ TEST_CASE("devices without a configuration only lists what is attached") {
   refuses("devices --config " + folder / "none.toml", 3, "none.toml: cannot read");
 }
 
-TEST_CASE("info, recover and export of a run") {
+TEST_CASE("info and export of a run") {
   const Folder folder;
   const std::string run = folder / "a.sqlite";
   write_run(run, 6);
@@ -267,11 +268,10 @@ TEST_CASE("info, recover and export of a run") {
   CHECK(info["axes"].size() == 4);
   CHECK(info["window_s"] == 0.2);
   CHECK(has(acquire("info " + run).text, "6 records, complete"));
-  CHECK(acquire("recover " + run).text == "6 records\n");
-  CHECK(acquire("export -q " + run + " --to " + folder / "a.h5").code == 0);
+  CHECK(acquire("export " + run + " --to " + folder / "a.h5").code == 0);
   CHECK(fs::file_size(folder / "a.h5") > 1000);
   CHECK(acquire("export " + run + " --record 2 --to " + folder / "a.csv").code == 0);
-  refuses("export -q " + run + " --to " + folder / "a.h5", 1, "a.h5: exists already");
+  refuses("export " + run + " --to " + folder / "a.h5", 1, "a.h5: exists already");
   refuses("export " + run + " --to " + folder / "a.txt", 2, "expected NAME.h5, or NAME.csv");
   refuses("export " + run + " --to " + folder / "b.csv", 2, "with --record N");
   refuses("export " + run + " --record 6 --to " + folder / "b.csv", 1, "no record 6");
@@ -282,7 +282,7 @@ TEST_CASE("an export that the disk does not take says so in one line, and leaves
   write_run(folder / "a.sqlite", 500);
   const std::string out = folder / GENERATE("a.h5", "a.csv");
   const std::string blocks = out.ends_with("csv") ? "0" : GENERATE("0", "40");  // of 512 bytes
-  const std::string command = " export -q " + folder / "a.sqlite" + " --to " + out;
+  const std::string command = " export " + folder / "a.sqlite" + " --to " + out;
   const Outcome o = shell("export TMPDIR=" + folder.path.string() + "; ulimit -f " + blocks + "; " +
                           echofuse::test::bin_dir + "/echofuse-acquire" + command +
                           (out.ends_with("csv") ? " --record 1" : ""));
@@ -308,7 +308,7 @@ TEST_CASE("an export that is interrupted or killed is not there, and is made ane
   const int signal = GENERATE(SIGINT, SIGKILL);
   const auto program = echofuse::start_program({"env", "TMPDIR=" + folder.path.string(),
                                                 echofuse::test::bin_dir + "/echofuse-acquire",
-                                                "export", "-q", run, "--to", out});
+                                                "export", run, "--to", out});
   REQUIRE(static_cast<bool>(program));
   for (int i = 0; i < 10'000 && files() < 4; ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -318,7 +318,7 @@ TEST_CASE("an export that is interrupted or killed is not there, and is made ane
   CHECK_FALSE(fs::exists(out));
   if (signal == SIGINT) CHECK(files() == 2);
   CHECK(shell("TMPDIR=" + folder.path.string() + " " + echofuse::test::bin_dir +
-              "/echofuse-acquire export -q " + run + " --to " + out)
+              "/echofuse-acquire export " + run + " --to " + out)
             .code == 0);
   CHECK(files() == 3);
 }
@@ -330,11 +330,12 @@ TEST_CASE("a run goes by its file and by the name that --out gave it") {
   write_file(folder / "lab.toml", tdc_nowhere);
   CHECK(json_of("info --json " + folder / "m1")["records"] == 2);
   CHECK(json_of("info --json " + folder / "plain")["records"] == 3);
-  CHECK(acquire("recover " + folder / "m1").text == "2 records\n");
-  refuses("mark " + folder / "m1" + " door", 1, "m1.sqlite: nobody is recording");
+  CHECK(has(acquire("annotate " + folder / "m1" + " door").text, "m1.sqlite: \"door\" noted\n"));
+  refuses("annotate " + folder / "m1" + " --label door", 1, "m1.sqlite: nobody is recording");
+  refuses("annotate " + folder / "m1", 2, "expected either a text or --label");
   refuses("run --config " + folder / "lab.toml" + " --resume " + folder / "m1", 3,
           "a run is resumed with its own configuration only");
-  refuses("mark " + folder / "m2" + " door", 1, "m2.sqlite: ");
+  refuses("annotate " + folder / "m2" + " door", 1, "m2.sqlite: ");
 }
 
 TEST_CASE("replay counts a recording's frames") {

@@ -88,8 +88,8 @@ void write_full_run(const std::string& path) {
   const Counted tags{"spd", "tags", 12'345'678'901, 0};
   run.put_counters({&tags, 1});
   run.put_event(UtcTime(0), Severity::warning, "radar", "no frames");
-  mark(path, "label", "letter:B");
-  mark(path, "mark", "door open");
+  put_label(path, "letter:B", "me");
+  put_note(path, "door open", "me");
   for (std::int64_t i = 0; i < 3; ++i) {
     FusedRecord r = small_record(i);
     r.spd_counts.overflows = 2;

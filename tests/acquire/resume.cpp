@@ -179,7 +179,7 @@ TEST_CASE("a run goes on with its last label, also one that a mark gave it") {
   CHECK(last() == "person");
   {
     record::RunWriter again(path);
-    record::mark(path, "label", "door");  // after the last record
+    record::put_label(path, "door", "me");  // after the last record
     again.close("complete");
   }
   CHECK(last() == "door");

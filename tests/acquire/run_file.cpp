@@ -227,10 +227,10 @@ TEST_CASE("kill -9 while writing: every committed record is there") {
   }
   const std::string path = folder / "0.sqlite";
   const auto count = RunReader(path).count();
-  CHECK(recover(path) == count);
+  recover(path);
   CHECK(RunReader(path).info().status == "crashed");
+  CHECK(RunReader(path).count() == count);
   CHECK_FALSE(fs::exists(path + "-wal"));
-  CHECK(recover(path) == count);
 }
 
 TEST_CASE("a full disk: the run keeps what was committed and says what happened") {

@@ -125,11 +125,11 @@ TEST_CASE("the catalogue of a folder, with notes from during a run and after it"
   write_file(folder / "other.sqlite", "no database");
   write_file(folder / "text.txt", "no run");
   const auto note = [&](const std::string& text) {
-    return acquire("note " + folder / "monday" + " '" + text + "'").code;
+    return acquire("annotate " + folder / "monday" + " '" + text + "'").code;
   };
   CHECK(note("first light") == 0);
   CHECK(note("the lens was dirty") == 0);
-  CHECK(acquire("note " + folder / "other" + " text").code == 1);
+  CHECK(acquire("annotate " + folder / "other" + " text").code == 1);
   const Outcome text = acquire("list " + folder / "");
   CAPTURE(text.text);
   CHECK(text.code == 0);

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <limits>
 
+#include "acquire/annotate.hpp"
 #include "acquire/journal.hpp"
-#include "acquire/mark.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -122,5 +122,5 @@ TEST_CASE("a mark into a run whose slots are of no length that can be says what 
   for (const Axis& axis : small_axes()) run.put_axis(axis);
   run.append(small_record(0));
   const std::string number = info.window_s > 0 ? "record 1" : "the running record";
-  CHECK(has(mark_run(path, "hello", {}), "noted in " + number));
+  CHECK(has(annotate_run(path, "hello", {}), "noted in " + number));
 }

@@ -94,7 +94,7 @@ TEST_CASE("not every failure is the disk's") {
 TEST_CASE("a label begins with the slot that is running when it is given") {
   const Folder folder;
   auto run = open_run(folder / "a.sqlite");
-  record::mark(folder / "a.sqlite", "label", "door");
+  record::put_label(folder / "a.sqlite", "door", "me");
   Writer writer(std::move(run));
   const auto put = [&](std::int64_t index, UtcTime slot_end) {
     record::FusedRecord r = small_record(index);

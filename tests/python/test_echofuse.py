@@ -21,7 +21,7 @@ def program(name, *words):
 def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("runs")
     program("echofuse-sim", "dataset", "-q", "--out", made / "monday.sqlite", "--records", 60)
-    program("echofuse-acquire", "export", "-q", made / "monday.sqlite", "--to", made / "monday.h5")
+    program("echofuse-acquire", "export", made / "monday.sqlite", "--to", made / "monday.h5")
     return made
 
 

@@ -34,7 +34,8 @@ class Calibrate(unittest.TestCase):
 
     def test_measured_stored_used_checked(self):
         stored = self.dir / "calibration.toml"
-        done = self.calibrate("--out", stored)
+        uses = ("--set", f"run.calibration={stored}")
+        done = self.calibrate(*uses)
         self.assertEqual(done.returncode, 0, done.stderr)
         spd, radar = json.loads(done.stdout.splitlines()[-1])["sensors"]
         for sensor, true_m in (spd, SPD_M), (radar, RADAR_M):
@@ -42,7 +43,6 @@ class Calibrate(unittest.TestCase):
             self.assertLess(abs(sensor["offset_m"] - true_m), 5 * sensor["standard_error_m"] + 2e-5, sensor)
             self.assertLess(sensor["standard_error_m"], 3e-4)
             self.assertGreater(sensor["snr_db"], 10)
-        uses = ("--set", f"run.calibration={stored}")
         self.assertNotIn("kept", json.loads(done.stdout.splitlines()[-1]))
         # One sensor again: the other one's entry stays as it is.
         before = stored.read_text()
@@ -70,13 +70,14 @@ class Calibrate(unittest.TestCase):
         self.assertTrue(residuals["radar"]["holds"])
 
     def test_refused(self):
-        nothing = self.calibrate("--out", self.dir / "c.toml", scene="empty")
+        into = ("--set", f"run.calibration={self.dir}/c.toml")
+        nothing = self.calibrate(*into, scene="empty")
         self.assertEqual(nothing.returncode, 4, nothing.stderr)
         self.assertTrue(all("refusal" in s for s in json.loads(nothing.stdout.splitlines()[-1])["sensors"]))
         self.assertFalse((self.dir / "c.toml").exists())
         # A detector that clicks at 19 pulses of 20, whether the tagger sends all starts or only those with a click.
         for syncs in (), ("--all-syncs",):
-            bright = self.calibrate("--out", self.dir / "c.toml", "--set", "radar.cli=", "--set", "radar.data=", repeat=1,
+            bright = self.calibrate(*into, "--set", "radar.cli=", "--set", "radar.data=", repeat=1,
                                     lab=("--set", "pulses_per_window=10000", *syncs))
             self.assertEqual(bright.returncode, 4, bright.stderr)
             self.assertIn("saturated: more than one click in 20", bright.stdout)

@@ -14,8 +14,8 @@ import live
 class Doctor(live.Live):
     def examine(self, *options, json_wanted=True):
         env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}
-        done = subprocess.run([live.bin_dir / "echofuse-acquire", "doctor", "--config", self.dir / "lab/lab.toml", "--out",
-                               self.run, *(["--json"] if json_wanted else []), *options], env=env, text=True,
+        done = subprocess.run([live.bin_dir / "echofuse-acquire", "doctor", "--config", self.dir / "lab/lab.toml", "--set",
+                               f"run.folder={self.run.parent}", *(["--json"] if json_wanted else []), *options], env=env, text=True,
                               capture_output=True, timeout=50)
         if not json_wanted:
             return done
@@ -28,7 +28,7 @@ class Doctor(live.Live):
         return done.returncode, checks
 
     def test_well(self):
-        code, checks = self.examine("--count", "4000", "--set", "depth.fps=30")
+        code, checks = self.examine("--duration", f"{4000 * live.WINDOW_S}s", "--set", "depth.fps=30")
         self.assertEqual(code, 0, checks)
         self.assertEqual({name: checks[name]["grade"] for name in ("spd", "radar", "disk space")},
                          {"spd": "ok", "radar": "ok", "disk space": "ok"}, checks)
@@ -59,7 +59,7 @@ class Doctor(live.Live):
 
     def test_ill(self):
         """Swapped channels, a radar that is not there, more records than the disk holds: all told, in lines."""
-        done = self.examine("--count", str(10**12), "--set", "tdc.start_channel=7", "--set",
+        done = self.examine("--duration", f"{10**12 * live.WINDOW_S}s", "--set", "tdc.start_channel=7", "--set",
                             f"radar.cli=serial:{self.dir}/none", "--set", "run.connect_timeout_s=2", json_wanted=False)
         self.assertEqual(done.returncode, 4, done.stdout)
         lines = done.stdout.splitlines()

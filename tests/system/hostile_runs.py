@@ -155,12 +155,12 @@ class HostileRuns(unittest.TestCase):
         """Codes by command."""
         d, codes, self.said = self.dir, {}, ""
         commands = {"info": ["acquire", "info", run], "json": ["acquire", "info", run, "--json"],
-                    "export": ["acquire", "export", run, "--to", d / "x.h5", "-q"],
+                    "export": ["acquire", "export", run, "--to", d / "x.h5"],
                     "csv": ["acquire", "export", run, "--record", 3, "--to", d / "x.csv"],
                     "evaluate": ["recon", "evaluate", self.model, run, "--all"],
                     "reconstruct": ["recon", "reconstruct", self.model, run, "--out", d / "maps", "--format", "mm"],
                     "train": ["recon", "train", run, "--out", d / "x.model.h5", "--model", "mean", "-q"],
-                    "mark": ["acquire", "mark", run, "hello"], "recover": ["acquire", "recover", run],
+                    "label": ["acquire", "annotate", run, "--label", "hello"], "note": ["acquire", "annotate", run, "hello"],
                     "resume": ["acquire", "run", "--resume", run, "--config", d / "lab.toml", "--count", 1, "--set",
                                "run.connect_timeout_s=0.1"]}
         for name in only or ():
@@ -172,7 +172,7 @@ class HostileRuns(unittest.TestCase):
             self.said += said
             if name == "json" and codes[name] == 0:
                 json.loads(out.decode("utf-8"))
-            if name not in ("recover", "resume"):
+            if name not in ("note", "resume"):
                 self.assertEqual(run.read_bytes(), before, f"{name} changed the run")
             for left in (d / "x.h5", d / "x.csv", d / "x.model.h5"):
                 left.unlink(missing_ok=True)
@@ -189,7 +189,7 @@ class HostileRuns(unittest.TestCase):
 
     def test_seed_is_well(self):
         codes = self.attack(self.make(""))
-        self.assertEqual({n: c for n, c in codes.items() if c}, {"mark": 1, "resume": 4}, (codes, self.said))
+        self.assertEqual({n: c for n, c in codes.items() if c}, {"label": 1, "resume": 4}, (codes, self.said))
 
     def test_tables(self):
         only = "expected the tables of a run only"
@@ -210,7 +210,7 @@ class HostileRuns(unittest.TestCase):
                          "table policy is not that of a run"),
             "no key": ("DROP TABLE slot; CREATE TABLE slot (idx INTEGER, radar_frames INTEGER)", "slot has the column \"idx INTEGER\""),
             "no records": ("DROP TABLE record", "no such table: record"),
-        }, "recover")
+        }, "note")
 
     def test_pages(self):
         for table in ("record", "event", "run", "axis", "meta", "sqlite_schema"):
@@ -225,7 +225,7 @@ class HostileRuns(unittest.TestCase):
                 else:
                     pages_that_repeat(run, table)
                 codes = self.attack(run)
-                self.assertEqual((codes["recover"], codes["resume"]), (1, 1), self.said)
+                self.assertEqual(codes["resume"], 1, self.said)
                 self.assertEqual(codes["info"], 0 if table == "run" else 1, self.said)  # one row of it is read
 
     def test_axes(self):

@@ -86,7 +86,7 @@ class Installed(unittest.TestCase):
                 COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)); _echofuse; echo "${{COMPREPLY[@]}}" """
             return run("bash", "-c", script, "bash", *words, cwd=self.prefix / "lib",
                        env=os.environ | {"PATH": f"{self.prefix}/bin:{os.environ['PATH']}"}).split()
-        self.assertEqual(offered("echofuse-acquire", "re"), ["recover", "replay"])
+        self.assertEqual(offered("echofuse-acquire", "re"), ["replay"])
         self.assertEqual(offered("echofuse-acquire", "config", "s"), ["show", "systemd", "sysusers.d"])
         self.assertEqual(offered("echofuse-sim", "lab", "--lase"), ["--laser-rate-hz"])
         self.assertEqual(offered("echofuse-recon", "study", "--q"), ["--quiet"])

@@ -45,7 +45,7 @@ class Lock(live.Live):
                 self.assertRegex(done.stdout + done.stderr, rf"{sensor} [^\n]*{re.escape(holder)}")
         check(self.acquire("run", *self.config(), "--out", self.dir / "second"), 4)
         self.assertFalse((self.dir / "second.sqlite").exists())
-        check(self.acquire("calibrate", *self.config(), "--out", self.dir / "c.toml"), 4)
+        check(self.acquire("calibrate", *self.config(), "--set", f"run.calibration={self.dir}/c.toml"), 4)
         # The port by another name is the same port.
         node = (self.dir / "lab/radar-cli").resolve()
         check(self.acquire("run", *self.config(), "--out", self.dir / "second", "--set", f"radar.cli=serial:{node}",
@@ -57,7 +57,7 @@ class Lock(live.Live):
             self.assertEqual((device["state"], device["answers"], device["run"]), ("in use", True, str(self.run)))
             self.assertRegex(device["last_event"], rf"{re.escape(holder)}; record \d+, [\d.]+ s ago: ok, \d+ ")
         check(self.acquire("devices", *self.config()), 0)
-        done = self.acquire("doctor", *self.config(), "--out", self.dir / "next", "--count", "10")
+        done = self.acquire("doctor", *self.config(), "--set", f"run.folder={self.dir}", "--duration", "10s")
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
         for sensor in "spd", "radar", "depth":
             self.assertRegex(done.stdout, rf"warning +{sensor} +{re.escape(holder)}; record \d+, [\d.]+ s ago: ok")

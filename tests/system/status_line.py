@@ -74,7 +74,7 @@ class StatusLine(live.Live):
 
     def test_fits(self):
         """No line wraps, however narrow the terminal, and one status line is drawn over the other."""
-        daemon = self.run_at_terminal(300, "--duration", "8s", "--label", "person " * 20)
+        daemon = self.run_at_terminal(300, "--duration", "8s", "--set", "run.label=" + "person " * 20)
         drawn = {}
         for columns in 300, 80, 40:
             self.terminal.resize(columns)
@@ -125,13 +125,13 @@ class StatusLine(live.Live):
         self.assertLess(abs(time.monotonic() - asked - left), 1.5)
 
     def test_marked(self):
-        """mark says from which record on, and so it is."""
-        daemon = self.run_at_terminal(120, "--label", "empty")
+        """annotate says from which record on, and so it is."""
+        daemon = self.run_at_terminal(120, "--set", "run.label=empty")
         wait_for("records", lambda: self.committed() >= 4)
-        told = subprocess.run([bin_dir / "echofuse-acquire", "mark", self.run, "--label", "person"],
+        told = subprocess.run([bin_dir / "echofuse-acquire", "annotate", self.run, "--label", "person"],
                               stdout=subprocess.PIPE, text=True, check=True).stdout
         first = int(re.fullmatch(re.escape(str(self.run)) + r': label "person" from record (\d+) on\n', told)[1])
-        noted = subprocess.run([bin_dir / "echofuse-acquire", "mark", self.run, "door\x1b[2J opened"],
+        noted = subprocess.run([bin_dir / "echofuse-acquire", "annotate", self.run, "door\x1b[2J opened"],
                                stdout=subprocess.PIPE, text=True, check=True).stdout
         self.assertRegex(noted, r': "door\\x1b\[2J opened" noted in record \d+\n$')
         wait_for("records", lambda: self.committed() >= first + 3)

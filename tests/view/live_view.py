@@ -66,31 +66,32 @@ class LiveView(live.Live):
                           text=True)
 
     def status(self):
-        return json.loads(subprocess.run([bin_dir / "echofuse-acquire", "status", "--json"], check=True,
+        return json.loads(subprocess.run([bin_dir / "echofuse-acquire", "list", "--json", self.dir], check=True,
                                          stdout=subprocess.PIPE).stdout)
 
     def test_life(self):
         """Waits for the run, moves with it, marks it, shows lost devices, the daemon's end and a resumed run."""
         client = Browser(self.view())
         self.assertIn("no run yet", client.until("trouble")["text"])
-        daemon = self.record("--label", "empty")
+        daemon = self.record("--set", "run.label=empty")
         self.assertTrue(client.until("run")["may_write"])
         first = client.until("record", lambda m: m["live"])["index"]
         client.until("record", lambda m: m["live"] and m["index"] > first)
         def here():
-            return [run for run in self.status() if run["run"] == str(self.run)]
+            return [run for run in self.status() if run["path"] == str(self.run)]
         self.assertEqual(len(here()), 1)
-        wait_for("ok of the SPD", lambda: here()[0]["sensors"]["spd"]["verdict"] == "ok")
+        wait_for("ok of the SPD", lambda: here()[0]["live"]["sensors"].get("spd", {}).get("verdict") == "ok")
         self.assertGreater(here()[0]["records"], 1)
-        self.assertIn(f"pid {daemon.pid}", here()[0]["who"])
-        text = subprocess.run([bin_dir / "echofuse-acquire", "status"], check=True, stdout=subprocess.PIPE, text=True)
-        self.assertIn(f"{self.run}: ", text.stdout)
+        self.assertIn(f"pid {daemon.pid}", here()[0]["live"]["who"])
+        text = subprocess.run([bin_dir / "echofuse-acquire", "list", self.dir], check=True, stdout=subprocess.PIPE,
+                              text=True)
+        self.assertRegex(text.stdout, rf"{self.run} is live, its last record \S+ s old; \S+ run, pid {daemon.pid}")
         client.ask({"label": "person"})
         client.ask({"mark": "door opened"})
         self.assertTrue(client.until("answer")["ok"])
         self.assertTrue(client.until("answer")["ok"])
         client.until("record", lambda m: m["label"] == "person")
-        client.until("state", lambda m: any(e["level"] == "mark" and e["text"] == "door opened" for e in m["events"]))
+        client.until("state", lambda m: any(e["level"] == "note" and e["text"] == "door opened" for e in m["events"]))
         client.until("state", lambda m: m["sensors"]["radar"]["valid"])
         self.close_lab()
         closed = time.monotonic()
@@ -128,7 +129,7 @@ class LiveView(live.Live):
 
     def test_align(self):
         """Slots of 0.1 s in a run that is gone at the end, and its view."""
-        daemon = self.start([bin_dir / "echofuse-acquire", "align", "--config", self.dir / "lab/lab.toml"],
+        daemon = self.start([bin_dir / "echofuse-acquire", "run", "--align", "--config", self.dir / "lab/lab.toml"],
                             env=os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}, stdout=subprocess.PIPE,
                             stderr=subprocess.PIPE, text=True)
         address = daemon.stdout.readline().strip()

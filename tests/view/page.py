@@ -61,7 +61,7 @@ class Page(live_view.LiveView):
         subprocess.run([bin_dir / "echofuse-recon", "train", scenes, "--model", "ridge", "--out", model, "-q"], check=True,
                        stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
         address = self.view("--model", model)
-        daemon = self.record("--label", "empty")
+        daemon = self.record("--set", "run.label=empty")
         self.size(1280, 800)
         self.browser.get(address)
         self.wait("record on the page", lambda: self.js("return window.framesSeen") > 1)

@@ -112,7 +112,7 @@ function drawNumbers() {
     const item = document.createElement('li'), when = document.createElement('time');
     item.className = e.level;
     when.textContent = e.utc.slice(11, 19);
-    item.append(when, ` ${e.level === 'info' || e.level === 'mark' ? '' : '⚠ '}${names[e.source] ?? e.source}: ${e.text}`);
+    item.append(when, ` ${['info', 'mark', 'note'].includes(e.level) ? '' : '⚠ '}${names[e.source] ?? e.source}: ${e.text}`);
     return item;
   });
   $('events').replaceChildren(...(items.length ? items : [nothing]));

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/mark.hpp"
+#include "acquire/annotate.hpp"
 
 #include <algorithm>
 
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/core/printable.hpp"
+#include "drivers/core/program.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -25,13 +26,18 @@ std::optional<std::int64_t> running_record(const record::RunReader& run, UtcTime
 
 }  // namespace
 
-std::string mark_run(const std::string& path, const std::optional<std::string>& remark,
-                     const std::optional<std::string>& label) {
-  record::mark(path, label ? "label" : "mark", label ? *label : *remark);
-  const auto record = running_record(record::RunReader(path), SystemClock().utc());
+std::string annotate_run(const std::string& path, const std::optional<std::string>& note,
+                         const std::optional<std::string>& label) {
+  if (label)
+    record::put_label(path, *label, login_name());
+  else
+    record::put_note(path, *note, login_name());
+  const record::RunReader run(path);
+  const auto record = running_record(run, SystemClock().utc());
   const std::string number = record ? "record " + std::to_string(*record) : "the running record";
-  const std::string what = label ? "label \"" + *label + "\" from " + number + " on"
-                                 : "\"" + *remark + "\" noted in " + number;
+  const std::string where = run.info().status == "open" ? " in " + number : "";
+  const std::string what =
+      label ? "label \"" + *label + "\" from " + number + " on" : "\"" + *note + "\" noted" + where;
   return printable(path) + ": " + printable(what);
 }
 

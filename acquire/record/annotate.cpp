@@ -9,14 +9,8 @@ namespace {
 
 constexpr int timeout_ms = 30'000;  // the recording process commits in milliseconds
 
-}  // namespace
-
-void mark(const std::string& path, const std::string& level, const std::string& text,
-          const std::string& source) {
-  const RunReader run(path);  // and: it is a run file
-  if (level != "note" && run.info().status != "open")
-    throw Error(ExitCode::failed,
-                path + ": nobody is recording this run; only a live one is marked");
+void put(const std::string& path, const char* level, const std::string& text,
+         const std::string& who) {
   const DatabaseHandle file = open_database(path, "cannot open for writing");
   sqlite3* const db = file.get();
   harden(db);
@@ -26,9 +20,23 @@ void mark(const std::string& path, const std::string& level, const std::string& 
       .into("event")
       .set("utc", iso8601(SystemClock().utc()))
       .set("level", level)
-      .set("source", source)
+      .set("source", who)
       .set("text", text)
       .run();
+}
+
+}  // namespace
+
+void put_note(const std::string& path, const std::string& text, const std::string& who) {
+  static_cast<void>(RunReader(path));  // it is a run file
+  put(path, "note", text, who);
+}
+
+void put_label(const std::string& path, const std::string& label, const std::string& who) {
+  if (RunReader(path).info().status != "open")
+    throw Error(ExitCode::failed,
+                path + ": nobody is recording this run; only a live one gets another label");
+  put(path, "label", label, who);
 }
 
 }  // namespace echofuse::record
