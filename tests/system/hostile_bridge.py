@@ -70,8 +70,9 @@ class Hostile:
             client.sendall(self.sound(number))
             time.sleep(0.02)
         while not self.stopped:
-            client.sendall(self.attack(41 + self.sent))
+            data = self.attack(41 + self.sent)
             self.sent += 1
+            client.sendall(data)  # the daemon may end the connection in the middle of it
             time.sleep(self.pause_s)
 
 
