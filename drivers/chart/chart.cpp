@@ -97,7 +97,6 @@ class Plot {
   double height() const { return p_.height + slant_px_; }  // the axes stay as high as they were
   std::string svg() {
     for (const Series& s : p_.series) keep_clear_of(s);
-    for (const Band& b : p_.bands) draw(b);
     draw_frame();
     for (const Rule& r : p_.rules) draw(r);
     for (const Series& s : p_.series) draw(s);
@@ -124,8 +123,6 @@ class Plot {
         take(across ? point.x : point.y);
         if (!across) take(point.low), take(point.high);
       }
-    for (const Series& s : p_.series)
-      if (s.look == Look::stems && !across) take(0);
     for (const Rule& r : p_.rules)
       if (r.vertical == across) take(r.at);
     for (const auto& tick : scale.ticks) take(tick.first);
@@ -155,9 +152,7 @@ class Plot {
     return out;
   }
 
-  bool named_at_end(const Series& s) const {
-    return !s.name.empty() && s.look != Look::cloud && !s.points.empty();
-  }
+  bool named_at_end(const Series& s) const { return !s.name.empty() && !s.points.empty(); }
 
   void lay_out() {
     double widest = 0, right = 14;
@@ -168,10 +163,9 @@ class Plot {
       if (named_at_end(s)) right = std::max(right, text_width(s.name) + 18), names_right_ = true;
     for (const Rule& r : p_.rules)
       if (names_right_ && !r.vertical) right = std::max(right, text_width(r.name) + 18);
-    box_ = {std::max(widest + 34, p_.left),
-            title_.empty() ? 12 : 16 + line_px * static_cast<double>(title_.size()),
-            p_.width - std::max(std::min(right, p_.width * 0.42), p_.right),
-            p_.height - (p_.bare ? 8 : 42) - line_px * static_cast<double>(notes_.size())};
+    box_ = {widest + 34, title_.empty() ? 12 : 16 + line_px * static_cast<double>(title_.size()),
+            p_.width - std::min(right, p_.width * 0.42),
+            p_.height - 42 - line_px * static_cast<double>(notes_.size())};
     x_.at_first = box_.left, x_.at_last = box_.right;
     if (words_meet())
       for (const auto& tick : p_.x.ticks)
@@ -183,7 +177,7 @@ class Plot {
   bool words_meet() const {
     double after = -1e9;
     for (const auto& [at, name] : p_.x.ticks) {
-      if (name.empty() || p_.bare) continue;
+      if (name.empty()) continue;
       const double half = text_width(name) / 2;
       if (x_(at) - half < after && name.find_first_of("0123456789") != 0) return true;
       after = x_(at) + half + 6;
@@ -199,7 +193,7 @@ class Plot {
       if (!x_.within(at)) continue;
       const double x = x_(at), half = text_width(name) / 2;
       out_ += line("grid", x, box_.top, x, box_.bottom);
-      if (name.empty() || p_.bare || (slant_px_ == 0 && x - half < after)) continue;
+      if (name.empty() || (slant_px_ == 0 && x - half < after)) continue;
       if (slant_px_ > 0)
         out_ += "<text class=\"tick\" text-anchor=\"end\" transform=\"translate(" + number(x + 4) +
                 " " + number(box_.bottom + 14) + ") rotate(-35)\">" + escaped(name) + "</text>";
@@ -223,29 +217,13 @@ class Plot {
                         {"height", box_.bottom - box_.top}}) +
             "/>";
     const double middle = (box_.top + box_.bottom) / 2;
-    if (!p_.bare)
-      out_ += text("quiet", (box_.left + box_.right) / 2, box_.bottom + 35 + slant_px_, p_.x.title,
-                   "middle");
+    out_ += text("quiet", (box_.left + box_.right) / 2, box_.bottom + 35 + slant_px_, p_.x.title,
+                 "middle");
     out_ += "<text class=\"quiet\" text-anchor=\"middle\" transform=\"translate(14 " +
             number(middle) + ") rotate(-90)\">" + escaped(p_.y.title) + "</text>";
     for (std::size_t i = 0; i < notes_.size(); ++i)
       out_ += text("quiet", 4, height() - 5 - line_px * static_cast<double>(notes_.size() - 1 - i),
                    notes_[i]);
-  }
-
-  void draw(const Band& b) {
-    const double left = std::clamp(x_(b.first), box_.left, box_.right);
-    const double right = std::clamp(x_(b.last), box_.left, box_.right);
-    if (!(right > left)) return;
-    out_ += "<rect class=\"band\"" +
-            attributes({{"x", left},
-                        {"y", box_.top},
-                        {"width", right - left},
-                        {"height", box_.bottom - box_.top}}) +
-            "/>";
-    if (!b.name.empty() && text_width(b.name) + 4 < right - left)
-      out_ +=
-          text("band-name", (left + right) / 2, (box_.top + box_.bottom) / 2 + 5, b.name, "middle");
   }
 
   void draw(const Rule& r) {
@@ -317,16 +295,11 @@ class Plot {
   }
 
   void draw(const Series& s) {
-    if (s.look != Look::markers && s.look != Look::cloud && s.look != Look::stems) draw_line(s);
+    if (s.look != Look::markers) draw_line(s);
     const std::string stroke = classed('s', s.colour);
-    const std::size_t every =
-        s.marked > 0 ? std::max<std::size_t>(s.points.size() / s.marked, 1) : s.points.size() + 1;
-    for (std::size_t i = 0; i < s.points.size(); ++i) {
-      const Point& point = s.points[i];
+    for (const Point& point : s.points) {
       Spot at{};
       if (!spot(point, at)) continue;
-      if (s.look == Look::stems)
-        out_ += line("e " + stroke, at.x, at.y, at.x, std::min(y_(0), box_.bottom));
       if (shows(p_.y, point.low) && shows(p_.y, point.high)) {
         const double top = std::clamp(y_(point.high), box_.top, box_.bottom);
         const double bottom = std::clamp(y_(point.low), box_.top, box_.bottom);
@@ -334,10 +307,7 @@ class Plot {
         for (const double end : {top, bottom})
           out_ += line("e " + stroke, at.x - 3, end, at.x + 3, end);
       }
-      if (s.look == Look::cloud)
-        out_ += "<g class=\"cloud\">" + marker(s.colour, at.x, at.y, 2.4) + "</g>";
-      else if (s.look == Look::both || s.look == Look::markers || s.look == Look::stems ||
-               (s.marked > 0 && i % every == every / 2))
+      if (s.look == Look::both || s.look == Look::markers)
         out_ += marker(s.colour, at.x, at.y, 3.6);
       if (point.crossed)
         for (const double up : {-7.0, 7.0})

@@ -26,7 +26,7 @@ struct Point {
   bool crossed = false;          // a cross over the marker; Panel::note should say what it means
 };
 
-enum class Look { line, markers, both, steps, cloud, stems };  // stems: from 0, with markers
+enum class Look { line, markers, both, steps };
 
 struct Series {
   std::string name;           // written at its last point, in its colour; may be empty
@@ -34,7 +34,6 @@ struct Series {
   int colour = 0;             // style.hpp
   Look look = Look::both;
   bool dashed = false;
-  std::size_t marked = 0;  // of a line: its marker at so many places along it
 };
 
 // A straight line across the chart.
@@ -44,12 +43,6 @@ struct Rule {
   bool vertical = false;
 };
 
-// A stretch of x that is set off, as what is missing there.
-struct Band {
-  double first = 0, last = 0;
-  std::string name = {};
-};
-
 struct Panel {
   std::string title;
   Scale x, y;
@@ -57,9 +50,6 @@ struct Panel {
   std::vector<Rule> rules = {};
   std::string note = {};  // a line of text below
   double width = 460, height = 300;
-  std::vector<Band> bands = {};
-  double left = 0, right = 0;  // room beside the axes at least: for panels one above the other
-  bool bare = false;           // without ticks and title of x, as the panel below has them
 };
 
 // "250", "10 k", "1 M", "0.02"; "5 k" where 10 k and more stand beside it.
@@ -72,11 +62,8 @@ struct Drawing {
   double width = 0, height = 0;
 };
 Drawing draw(const Panel& panel);
-Drawing stacked(const std::vector<Drawing>& drawings);  // one above the other
-// Two SVG elements, of which a page shows one: as wide as it is, and for a telephone. On paper
-// charts are as on a telephone, other drawings as wide as the paper.
+// Two SVG elements, of which a page shows one: as wide as it is, and for a telephone and paper.
 std::string for_both_widths(const Panel& panel);
-std::string for_both_widths(const Drawing& wide, const Drawing& narrow);
 inline constexpr double narrow_px = 350;
 // A file that stands alone: drawings side by side, so many a row.
 std::string stand_alone(const std::string& title, const std::vector<Drawing>& drawings,

@@ -7,15 +7,10 @@
 namespace echofuse::chart {
 namespace {
 
-// Eleven of matplotlib's 256 colours each (CC0), inferno with white as its end, and a map of two
-// ends with even lightness.
+// Eleven of matplotlib's 256 colours (CC0).
 constexpr std::array<std::uint32_t, 11> viridis{0x440154, 0x482475, 0x414487, 0x355f8d,
                                                 0x2a788e, 0x21918c, 0x22a884, 0x44bf70,
-                                                0x7ad151, 0xbddf26, 0xfde725},
-    inferno{0x000004, 0x160b39, 0x420a68, 0x6a176e, 0x932667, 0xbc3754,
-            0xdd513a, 0xf37819, 0xfca50a, 0xf6d746, 0xffffff},
-    two_ends{0x08306b, 0x1c5a9c, 0x4585bf, 0x84b0d8, 0xc5d8ec, 0xf7f7f7,
-             0xf5d5b8, 0xeaa96c, 0xd37b2c, 0xa95308, 0x6e3003};
+                                                0x7ad151, 0xbddf26, 0xfde725};
 
 constexpr Rgb rgb_of(std::uint32_t hex) {
   return {static_cast<std::uint8_t>(hex >> 16), static_cast<std::uint8_t>(hex >> 8),
@@ -33,11 +28,9 @@ Raster empty_raster(std::size_t pixels, std::size_t columns) {
 }  // namespace
 
 Rgb colour_of(ColourMap map, double share) {
-  const auto& table = map == ColourMap::spread         ? inferno
-                      : map == ColourMap::signed_error ? two_ends
-                                                       : viridis;
+  const auto& table = viridis;
   double at = std::clamp(std::isnan(share) ? 0 : share, 0.0, 1.0);
-  if (map == ColourMap::near || map == ColourMap::spread) at = 1 - at;
+  if (map == ColourMap::near) at = 1 - at;
   at *= static_cast<double>(table.size() - 1);
   const auto i = std::min(static_cast<std::size_t>(at), table.size() - 2);
   const Rgb a = rgb_of(table[i]), b = rgb_of(table[i + 1]);
@@ -60,20 +53,6 @@ Raster raster(std::span<const float> values, std::size_t columns, ColourMap map,
               double last) {
   Raster out = empty_raster(values.size(), columns);
   for (const float v : values) put(out, colour_of(map, (double{v} - first) / (last - first)));
-  return out;
-}
-
-Raster error_raster(std::span<const float> map, std::span<const float> truth, std::size_t columns,
-                    double most_m) {
-  Raster out = empty_raster(map.size(), columns);
-  for (std::size_t i = 0; i < map.size(); ++i) {
-    const bool seen = map[i] > 0, there = truth[i] > 0;
-    put(out, seen && there ? colour_of(ColourMap::signed_error,
-                                       0.5 + (double{map[i]} - double{truth[i]}) / (2 * most_m))
-             : there       ? missed
-             : seen        ? invented
-                           : no_return);
-  }
   return out;
 }
 

@@ -12,16 +12,12 @@ namespace echofuse::chart {
 
 using Rgb = std::array<std::uint8_t, 3>;
 
-// near: viridis, the low end bright; level: viridis, the high end bright; spread: inferno, the
-// high end dark, so that nothing is light;
-// signed_error: blue below, orange above, white between.
-enum class ColourMap : std::uint8_t { near, level, spread, signed_error };
+// Viridis; near: the low end bright; level: the high end bright.
+enum class ColourMap : std::uint8_t { near, level };
 
 Rgb colour_of(ColourMap map, double share);  // share: within 0..1, or taken to its ends
 
 inline constexpr Rgb no_return{232, 235, 239};
-// Grounds of an error map, to be hatched and dotted (Picture): colours there mean metres.
-inline constexpr Rgb missed{255, 255, 255}, invented{255, 250, 228};
 
 struct Raster {
   std::size_t columns = 0, rows = 0;
@@ -32,9 +28,6 @@ Raster depth_raster(std::span<const float> map, std::size_t columns, double near
 // Every value counts.
 Raster raster(std::span<const float> values, std::size_t columns, ColourMap map, double first,
               double last);
-// Map minus truth where both are there; where one is, missed or invented. Over +-most_m.
-Raster error_raster(std::span<const float> map, std::span<const float> truth, std::size_t columns,
-                    double most_m);
 
 struct Span {
   double near = 2.5, far = 5;

@@ -12,7 +12,6 @@ font:16px/1.45 system-ui,"DejaVu Sans",sans-serif;font-variant-numeric:tabular-n
 h1{font-size:24px;line-height:1.2;margin:0 0 4px}h2{font-size:20px;margin:40px 0 8px;padding-top:8px;border-top:2px solid var(--edge)}
 h3{font-size:16px;margin:20px 0 4px}p{max-width:78ch;margin:8px 0;overflow-wrap:anywhere}
 a{color:var(--c0)}:focus-visible{outline:3px solid var(--c0);outline-offset:2px}
-.verdict{font-size:20px;line-height:1.35;max-width:96ch;font-weight:600}
 .quiet,figcaption,.caption{color:var(--quiet);fill:var(--quiet)}
 h2 a{color:inherit;text-decoration:none}h2 a:hover{text-decoration:underline}
 nav{margin:12px 0}nav ol{display:flex;flex-wrap:wrap;gap:4px 22px;list-style-position:inside;margin:0;padding:0;color:var(--quiet)}
@@ -27,31 +26,24 @@ th:first-child,td:first-child,th.words{text-align:left}th:first-child{position:s
 tr.baseline th{font-weight:400}tr.baseline>*{color:var(--quiet)}
 td b.best{color:var(--good)}td b.best::after{content:" best";font-size:12px;font-weight:600}
 td.words{text-align:left}td small{white-space:nowrap}
-.wide table{font-size:14px}.wide th,.wide td{padding:5px 8px}.wide b.best::after{content:""}.wide b.best{text-decoration:underline}
-.groups{display:flex;flex-wrap:wrap;gap:12px 20px}.groups>div{flex:1 1 330px;max-width:380px}.groups h3{margin-top:4px}
 .narrow-only{display:none}
 .good{color:var(--good)}.look{color:var(--look)}.bad{color:var(--bad)}
-.note,.fail{max-width:78ch}div.fail{max-width:none}.fail ul{margin:4px 0;padding-left:20px}
-.note{border-left:4px solid var(--look);background:var(--look-paper);padding:8px 14px;margin:12px 0}
-.fail{border-left:4px solid var(--bad);background:var(--bad-paper);padding:8px 14px;margin:12px 0}
 figure{margin:14px 0;padding:12px;background:var(--paper);border:1px solid var(--grid);border-radius:8px}
 .drawings{display:flex;flex-wrap:wrap;gap:12px 20px;align-items:flex-start}
 .drawings>svg{max-width:100%;height:auto;flex:0 1 auto}
 figcaption{margin-top:8px;font-size:14px;max-width:90ch}
-details{margin:12px 0}summary{cursor:pointer;font-weight:600}
 pre{white-space:pre-wrap;overflow-wrap:anywhere;background:var(--paper);border:1px solid var(--grid);border-radius:6px;padding:8px 12px;font-size:14px}
 dl{display:grid;grid-template-columns:max-content minmax(0,1fr);gap:4px 16px;margin:12px 0}dt{color:var(--quiet)}dd{margin:0;overflow-wrap:anywhere}
 @media (max-width:640px){body{padding:12px 12px 32px}dl{grid-template-columns:minmax(0,1fr)}dd{margin-bottom:6px}
-.verdict{font-size:18px}th,td{padding:5px 8px}table{font-size:14px}figure{padding:8px}th:first-child{max-width:11em}
+th,td{padding:5px 8px}table{font-size:14px}figure{padding:8px}th:first-child{max-width:11em}
 .wide-only{display:none}.narrow-only{display:block}.scroll{max-width:100%}}
 @page{size:A4;margin:12mm 11mm 15mm;@bottom-right{content:counter(page) " / " counter(pages);font:9pt sans-serif}}
-@media print{body{max-width:none;background:#fff;padding:0;font-size:10.5pt}.screen,h2 a{display:none}.verdict{font-size:12pt}
-h1{font-size:16pt}h2{font-size:13pt}details:not([open])>summary::after{content:" (folded)";font-weight:400}
-h2{margin-top:18px}h2,h3,.caption,thead{break-after:avoid}tr,svg,.note,.fail,.groups>div{break-inside:avoid}
-.scroll{overflow:visible;max-width:none;background:none}table,.wide table{font-size:8.5pt}th,td,.wide th,.wide td{padding:2px 5px}
+@media print{body{max-width:none;background:#fff;padding:0;font-size:10.5pt}.screen,h2 a{display:none}
+h1{font-size:16pt}h2{font-size:13pt}
+h2{margin-top:18px}h2,h3,.caption,thead{break-after:avoid}tr,svg{break-inside:avoid}
+.scroll{overflow:visible;max-width:none;background:none}table{font-size:8.5pt}th,td{padding:2px 5px}
 td small,th small{white-space:normal}figure{padding:6px}.drawings{gap:8px}.drawings>svg{max-width:32%}
-.drawings>svg.narrow-only{max-width:48%}.wide-only:not(.across){display:none}.wide-only:not(.across)+.narrow-only{display:block}
-.drawings>svg.across{max-width:100%}.groups>div{flex-basis:30%;max-width:32%}.groups .drawings>svg{max-width:100%}}
+.drawings>svg.narrow-only{max-width:48%}.wide-only{display:none}.wide-only+.narrow-only{display:block}}
 )css";
 
 }  // namespace
@@ -71,7 +63,7 @@ std::string Page::html() const {
   for (const Section& s : sections_)
     contents += "<li><a href=\"#" + s.id + "\">" + escaped(s.heading) + "</a></li>";
   if (sections_.size() > 1) out += "<nav aria-label=\"Contents\"><ol>" + contents + "</ol></nav>\n";
-  out += "<main>\n" + first_;
+  out += "<main>\n";
   std::size_t n = 0;
   for (const Section& s : sections_)
     out += "<section aria-labelledby=\"" + s.id + "\"><h2 id=\"" + s.id + "\">" +
@@ -79,7 +71,6 @@ std::string Page::html() const {
            " <a href=\"#top\" aria-label=\"to the contents\">\u2191</a></h2>\n" + s.html +
            "</section>\n";
   out += "</main>\n";
-  if (!script_.empty()) out += "<script>\n" + script_ + "</script>\n";
   return out + "</body></html>\n";
 }
 
@@ -111,14 +102,6 @@ std::string table(const std::string& caption, const std::vector<std::string>& he
 }
 
 std::string paragraph(const std::string& text) { return "<p>" + escaped(text) + "</p>\n"; }
-std::string note(const std::string& text) {
-  return "<p class=\"note\">" + escaped(text) + "</p>\n";
-}
-
-std::string fail(const std::string& text) {
-  return "<p class=\"fail\">" + escaped(text) + "</p>\n";
-}
-
 std::string figure(const std::vector<std::string>& drawings, const std::string& caption,
                    const std::string& classes) {
   std::string out = classes.empty() ? "<figure>" : "<figure class=\"" + classes + "\">";
@@ -127,10 +110,6 @@ std::string figure(const std::vector<std::string>& drawings, const std::string& 
   out += "</div>";
   if (!caption.empty()) out += "<figcaption>" + escaped(caption) + "</figcaption>";
   return out + "</figure>\n";
-}
-
-std::string details(const std::string& summary, const std::string& html) {
-  return "<details><summary>" + escaped(summary) + "</summary>\n" + html + "</details>\n";
 }
 
 }  // namespace echofuse::chart

@@ -13,19 +13,15 @@ class Page {
   explicit Page(std::string title) : title_(std::move(title)) {}
   // What stands before the contents; HTML, as everything that is added.
   void lead(const std::string& html) { lead_ += html; }
-  // What stands after them, before the first section.
-  void first(const std::string& html) { first_ += html; }
   // One without any html is left out.
   void section(const std::string& id, const std::string& heading, const std::string& html);
-  // A script for the end of the page.
-  void script(const std::string& code) { script_ += code; }
   std::string html() const;
 
  private:
   struct Section {
     std::string id, heading, html;
   };
-  std::string title_, lead_, first_, script_;
+  std::string title_, lead_;
   std::vector<Section> sections_;
 };
 
@@ -37,12 +33,9 @@ struct TableRow {
 std::string table(const std::string& caption, const std::vector<std::string>& head,
                   const std::vector<TableRow>& rows);
 std::string paragraph(const std::string& text);  // of plain text
-std::string note(const std::string& text);       // the same, set off: what must be known
-std::string fail(const std::string& text);       // the same, in red: what fails
 // Drawings (chart.hpp, picture.hpp) side by side as far as there is room; the caption is plain
 // text.
 std::string figure(const std::vector<std::string>& drawings, const std::string& caption,
                    const std::string& classes = {});
-std::string details(const std::string& summary, const std::string& html);
 
 }  // namespace echofuse::chart

@@ -2,7 +2,6 @@
 #include "drivers/chart/picture.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cstdio>
 #include <tuple>
 
@@ -89,25 +88,6 @@ std::string path(const char* classes, const std::string& d) {
   return d.empty() ? "" : std::string("<path class=\"") + classes + "\" d=\"" + d + "\"/>";
 }
 
-// A diagonal through each cell.
-std::string hatch(const std::vector<bool>& cells, std::size_t columns, const Cells& at) {
-  std::string d;
-  for (std::size_t i = 0; i < cells.size(); ++i)
-    if (cells[i])
-      d += at.move(static_cast<double>(i % columns), static_cast<double>(i / columns) + 1) + "l" +
-           number(at.width) + " " + number(-at.height);
-  return path("hatch", d);
-}
-
-std::string dots(const std::vector<bool>& cells, std::size_t columns, const Cells& at) {
-  std::string d;
-  for (std::size_t i = 0; i < cells.size(); ++i)
-    if (cells[i])
-      d += at.move(static_cast<double>(i % columns) + 0.5, static_cast<double>(i / columns) + 0.5) +
-           "h.01";
-  return path("dots", d);
-}
-
 // Where a cell that is meant has a neighbour that is not.
 std::string outline(const std::vector<bool>& cells, std::size_t columns, const Cells& at) {
   std::string d;
@@ -121,12 +101,11 @@ std::string outline(const std::vector<bool>& cells, std::size_t columns, const C
 }
 
 std::string draw(const Marks& m, double left, double top, double width, double height) {
-  const std::size_t all = std::max({m.hatched.size(), m.dotted.size(), m.outlined.size()});
+  const std::size_t all = m.outlined.size();
   if (m.columns == 0 || all == 0) return {};
   const auto columns = static_cast<double>(m.columns);
   const Cells at{left, top, width / columns, height / (static_cast<double>(all) / columns)};
-  return hatch(m.hatched, m.columns, at) + dots(m.dotted, m.columns, at) +
-         outline(m.outlined, m.columns, at);
+  return outline(m.outlined, m.columns, at);
 }
 
 }  // namespace
@@ -168,45 +147,6 @@ Drawing draw(const Picture& p) {
   return {out + "</svg>", p.width, height};
 }
 
-Drawing map_legend(double width, std::size_t columns) {
-  struct Key {
-    Rgb ground;
-    bool hatched, dotted, outlined;
-    const char* name;
-  };
-  constexpr std::array keys{Key{no_return, false, false, false, "no return"},
-                            Key{no_return, false, false, true, "line: edge of what the map shows"},
-                            Key{missed, true, false, false, "hatched: missed by the map"},
-                            Key{invented, false, true, false, "dotted: invented by the map"},
-                            Key{{}, false, false, false, "arrow on a bar: values beyond its end"}};
-  constexpr double row_px = 22, cell = 5;
-  const double column_px = width / static_cast<double>(columns);
-  const auto rows = static_cast<double>((keys.size() + columns - 1) / columns);
-  std::string out = open_svg(width, rows * row_px + 4, "What the marks in maps mean");
-  for (std::size_t i = 0; i < keys.size(); ++i) {
-    const Key& k = keys[i];
-    const double x = 2 + column_px * static_cast<double>(i % columns);
-    const double y = 3 + row_px * static_cast<double>(i / columns);
-    if (i + 1 == keys.size()) {
-      out += "<polygon class=\"quiet\" points=\"" + number(x + 4) + "," + number(y + 13) + " " +
-             number(x + 16) + "," + number(y + 13) + " " + number(x + 10) + "," + number(y + 4) +
-             "\"/>";
-    } else {
-      out += rect(fill(k.ground), x, y, 4 * cell, 3 * cell);
-      Marks marks{4};
-      if (k.hatched) marks.hatched.assign(12, true);
-      if (k.dotted) marks.dotted.assign(12, true);
-      if (k.outlined)
-        marks.outlined = {false, false, false, false, false, true,
-                          true,  false, false, true,  true,  false};
-      out += draw(marks, x, y, 4 * cell, 3 * cell);
-      out += rect("class=\"edge\"", x, y, 4 * cell, 3 * cell);
-    }
-    out += text("class=\"quiet\"", x + 27, y + 12, k.name);
-  }
-  return {out + "</svg>", width, rows * row_px + 4};
-}
-
 Drawing no_picture(const std::string& title, const std::string& why, double width) {
   const double inner = width - left_room - bar_room, height = top_room + inner + bottom_room;
   return {open_svg(width, height, title) + text("class=\"title\"", 4, 16, title) +
@@ -217,7 +157,5 @@ Drawing no_picture(const std::string& title, const std::string& why, double widt
 }
 
 Bar depth_bar(double near_m, double far_m) { return {ColourMap::near, near_m, far_m, "m"}; }
-
-Bar error_bar(double most_m) { return {ColourMap::signed_error, -most_m, most_m, "m"}; }
 
 }  // namespace echofuse::chart

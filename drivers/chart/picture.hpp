@@ -19,7 +19,7 @@ struct Bar {
 // Cells of a raster by their number, row after row: what has no place on the bar.
 struct Marks {
   std::size_t columns = 0;
-  std::vector<bool> hatched = {}, dotted = {}, outlined = {};  // as many as the raster has, or none
+  std::vector<bool> outlined = {};  // as many as the raster has, or none
 };
 
 struct Picture {
@@ -41,10 +41,6 @@ Drawing draw(const Picture& picture);
 // In place of one, as wide and high as it: a grey field that says why.
 Drawing no_picture(const std::string& title, const std::string& why, double width = 340);
 
-// What the marks of depth and error maps mean: once for a page or a file.
-Drawing map_legend(double width, std::size_t columns);
-// Bars of the pictures that colour_map.hpp makes.
-Bar depth_bar(double near_m, double far_m);
-Bar error_bar(double most_m);
+Bar depth_bar(double near_m, double far_m);  // of a depth_raster
 
 }  // namespace echofuse::chart

@@ -40,32 +40,15 @@ std::string stand_alone(const std::string& title, const std::vector<Panel>& pane
   return stand_alone(title, drawings, columns);
 }
 
-Drawing stacked(const std::vector<Drawing>& drawings) {
-  Drawing out;
-  for (const Drawing& d : drawings) {
-    out.svg += "<g transform=\"translate(0 " + number(out.height) + ")\">" + d.svg + "</g>";
-    out.width = std::max(out.width, d.width), out.height += d.height;
-  }
-  const std::string w = number(out.width), h = number(out.height);
-  out.svg = "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"drawing\" width=\"" + w +
-            "\" height=\"" + h + "\" viewBox=\"0 0 " + w + " " + h + "\">" + out.svg + "</svg>";
-  return out;
-}
-
-std::string for_both_widths(const Drawing& wide, const Drawing& narrow) {
-  constexpr std::string_view plain = "class=\"drawing\"";
-  std::string a = wide.svg, b = narrow.svg;
-  a.replace(a.find(plain), plain.size(), "class=\"drawing wide-only across\"");
-  b.replace(b.find(plain), plain.size(), "class=\"drawing narrow-only\"");
-  return a + b;
-}
-
 std::string for_both_widths(const Panel& panel) {
   if (panel.width <= 1.1 * narrow_px) return draw(panel).svg;
   Panel narrow = panel;
   narrow.width = narrow_px;
-  std::string out = for_both_widths(draw(panel), draw(narrow));
-  return out.erase(out.find(" across"), 7);  // on paper two in a row
+  constexpr std::string_view plain = "class=\"drawing\"";
+  std::string a = draw(panel).svg, b = draw(narrow).svg;
+  a.replace(a.find(plain), plain.size(), "class=\"drawing wide-only\"");
+  b.replace(b.find(plain), plain.size(), "class=\"drawing narrow-only\"");
+  return a + b;
 }
 
 void write_chart(const std::string& folder, const std::string& name, const std::string& csv,

@@ -126,13 +126,9 @@ std::string drawing_style(bool variables) {
          "}.edge{stroke:" + colour("edge") + ";fill:none}.void{fill:" + colour("grid") + "}\n";
   out +=
       ".l{stroke-width:2;stroke-linejoin:round}.e{stroke-width:1.2}.dash{stroke-dasharray:6 4}\n";
-  out += ".lead{stroke-width:1;opacity:.6}.cloud{opacity:.45}.area{opacity:.18;stroke:none}\n";
+  out += ".lead{stroke-width:1;opacity:.6}.area{opacity:.18;stroke:none}\n";
   // Over pictures, whose ground is light in the dark too.
-  out +=
-      ".hatch{stroke:#16191d;stroke-width:1;fill:none}.dots{stroke:#16191d;stroke-width:2.4;stroke-"
-      "linecap:round;fill:none}.outline{stroke:#3c4148;stroke-width:1;fill:none}\n";
-  out += ".band{fill:" + colour("bad-paper") + "}.drawing text.band-name{fill:" + colour("bad") +
-         "}\n";
+  out += ".outline{stroke:#3c4148;stroke-width:1;fill:none}\n";
   for (const char* name : {"good", "look", "bad"})
     out += std::string(".") + name + "{fill:" + colour(name) + "}";
   return out + "\nimage{image-rendering:pixelated}\n";

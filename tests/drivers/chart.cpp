@@ -140,8 +140,7 @@ TEST_CASE("a chart leaves out what is no number, and draws a point of one seed")
   CHECK(stand_alone("", std::vector<Panel>{panel, panel}, 2).find("var(--") == std::string::npos);
 }
 
-TEST_CASE(
-    "maps: near is bright, nothing is light, errors are told from what is missed or invented") {
+TEST_CASE("maps: near is bright, nothing is light") {
   const auto light = [](const Rgb& c) { return 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]; };
   double before = 256;
   for (int i = 0; i <= 20; ++i) {
@@ -149,16 +148,13 @@ TEST_CASE(
     CHECK(now < before);
     before = now;
   }
-  const std::vector<float> map{3, 0, 3.1F, 0}, truth{3, 3, 0, 0};
-  const Raster depth = depth_raster(map, 2, 2.5, 5), error = error_raster(map, truth, 2, 0.5);
+  const std::vector<float> map{3, 0, 3.1F, 0};
+  const Raster depth = depth_raster(map, 2, 2.5, 5);
   const auto pixel = [](const Raster& r, std::size_t i) {
     return Rgb{r.rgb[3 * i], r.rgb[3 * i + 1], r.rgb[3 * i + 2]};
   };
   CHECK(pixel(depth, 1) == no_return);
-  CHECK(pixel(error, 0) == colour_of(ColourMap::signed_error, 0.5));
-  CHECK(pixel(error, 1) == missed);
-  CHECK(pixel(error, 2) == invented);
-  CHECK(pixel(error, 3) == no_return);
+  CHECK(pixel(depth, 0) == colour_of(ColourMap::near, 0.2));
   std::vector<float> room(100, 0.F);
   CHECK(span_of(room).near == 2.5);
   for (std::size_t i = 0; i < 60; ++i) room[i] = 3.1F + static_cast<float>(i) / 100;
@@ -192,21 +188,11 @@ TEST_CASE("words below an axis are slanted where they would meet") {
     CHECK(svg.find("rotate(-35)") == std::string::npos);
 }
 
-TEST_CASE("strips, stems, bands and marks along a line, and one of two widths") {
-  Panel stems{"losses of a sensor with a title that is wider than a telephone",
-              {"time (s)", false, 0, 10},
-              {"frames"},
-              {{"", {{2, 3}}, 0, Look::stems}}};
-  stems.bands = {{6, 10, "no data"}}, stems.bare = true, stems.width = 560;
-  CHECK(draw(stems).svg.find("time (s)</text>") == std::string::npos);
-  CHECK(draw(stems).svg.find("no data") != std::string::npos);
-  Panel line{"", {"x"}, {"y"}, {{"", {{0, 0}, {1, 1}, {2, 2}, {3, 3}}, 0, Look::line}}};
+TEST_CASE("a line has no markers, and a page has a chart in two widths") {
+  Panel line{"", {"x"}, {"y"}, {{"", {{0, 0}, {1, 1}, {2, 2}}, 0, Look::line}}};
   CHECK(draw(line).svg.find("<circle") == std::string::npos);
-  line.series[0].marked = 2;
-  CHECK(draw(line).svg.find("<circle") != std::string::npos);
-  const Drawing both = stacked({draw(stems), draw(line)});
-  CHECK(both.height == 600);
-  const std::string widths = for_both_widths(stems);
+  line.width = 560;
+  const std::string widths = for_both_widths(line);
   CHECK(widths.find("wide-only") != std::string::npos);
   CHECK(widths.find("narrow-only") != std::string::npos);
   CHECK(wrapped("one two three", text_width("one two") + 1) ==
