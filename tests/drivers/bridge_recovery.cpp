@@ -134,7 +134,7 @@ TEST_CASE("a bridge that closes in the middle of a block costs that block") {
   CHECK(counter(*pair.driver, "junk_bytes") == half.size());
 }
 
-TEST_CASE("a damaged block is told in one line, and ends the connection; the next one goes on") {
+TEST_CASE("a damaged block is told in one line, and ends the connection, the next one goes on") {
   boost::asio::io_context io;
   Pair pair(io, GENERATE(Sensor::spd, Sensor::depth));
   REQUIRE(run_until(io, [&] { return pair.client.has_value(); }));

@@ -178,7 +178,7 @@ TEST_CASE("blocks may be cut anywhere between transfers, short and empty packets
   CHECK(b.count("junk_bytes") == 0);
 }
 
-TEST_CASE("a lost byte and a halted endpoint end the connection, in one line; the next goes on") {
+TEST_CASE("a lost byte and a halted endpoint end the connection, in one line, the next goes on") {
   Bench b;
   b.connect();
   b.device.send(b.tags(5));
