@@ -179,7 +179,7 @@ TEST_CASE("nothing of a study file is believed") {
           "holds the trigger \"t\"; expected the tables of a study only");
   refused("CREATE VIEW v AS SELECT 1", 3, "holds the view \"v\"");
   refused("CREATE TABLE more (a)", 3, "holds the table \"more\"");
-  refused("ALTER TABLE measurement ADD COLUMN \"\x1b[2J\"", 3, "has the column \"\"\\x1b[2J\"\"");
+  refused("ALTER TABLE measurement ADD COLUMN \"\x1b[2J\"", 3, "has the column \"\\x1b[2J\"");
   refused("ALTER TABLE measurement DROP COLUMN score", 3, "no such column: score");
   refused("DROP TABLE measurement", 3, "not the expected tables");
   refused("PRAGMA application_id = 7", 3, "is not the file of a study");
