@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What is asked of a file before anything in it is believed: run files are sent by mail.
+// What is asked of a file before anything in it is believed: line 1 of the threat model
+// (acquire/README.md).
 #pragma once
 #include <cstdint>
 #include <string>
@@ -25,9 +26,10 @@ void harden(sqlite3* db);
 // A statement that spends the steps ends with SQLITE_INTERRUPT. The budget outlives the database.
 void limit(sqlite3* db, Budget& budget);
 
-// Throws Error(failed) unless the file holds only tables of `schema` (as that of schema.hpp is
-// written), with columns and constraints of theirs: no views, triggers, indices of its own, virtual
-// tables, generated columns. `of`: whose tables they are, as "a run".
+// Throws Error(failed) unless the file holds only tables of `schema` (SQL that makes them), with
+// columns of theirs, as SQLite itself tells: no views, triggers, indices of its own, virtual
+// tables, computed columns. CHECKs are never asked (harden). `of`: whose tables they are, as "a
+// run".
 void check_tables(sqlite3* db, const std::string& path, const std::string& schema,
                   const std::string& of);
 

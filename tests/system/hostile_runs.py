@@ -204,13 +204,16 @@ class HostileRuns(unittest.TestCase):
                                  "INSERT INTO meta(key) VALUES ('a'), ('b')", "meta has the column"),
             "default": ("DROP TABLE event; CREATE TABLE event (id INTEGER PRIMARY KEY, utc TEXT, level TEXT, source TEXT,"
                         "text TEXT, x TEXT DEFAULT (hex(zeroblob(100000000))))", "event has the column"),
-            "check": ("DROP TABLE event; CREATE TABLE event (id INTEGER PRIMARY KEY, utc TEXT, level TEXT, source TEXT,"
-                      "text TEXT, CHECK (length(hex(zeroblob(100000000))) > 0))", "event has the column"),
             "no rowid": ("DROP TABLE policy; CREATE TABLE policy (sensor TEXT PRIMARY KEY, policy TEXT) WITHOUT ROWID",
-                         "table policy is not that of a run"),
+                         "policy has the column \"sensor TEXT PRIMARY KEY NOT NULL\""),
             "no key": ("DROP TABLE slot; CREATE TABLE slot (idx INTEGER, radar_frames INTEGER)", "slot has the column \"idx INTEGER\""),
             "no records": ("DROP TABLE record", "no such table: record"),
         }, "note")
+
+    def test_checks_are_not_asked(self):
+        codes = self.attack(self.make("DROP TABLE event; CREATE TABLE event (id INTEGER PRIMARY KEY, utc TEXT, level TEXT, "
+                                      "source TEXT, text TEXT, CHECK (length(hex(zeroblob(100000000))) = 0))"))
+        self.assertEqual({n: c for n, c in codes.items() if c}, {"label": 1, "resume": 4}, (codes, self.said))
 
     def test_pages(self):
         for table in ("record", "event", "run", "axis", "meta", "sqlite_schema"):
