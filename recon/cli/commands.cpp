@@ -12,15 +12,15 @@
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
 #include "recon/cli/options.hpp"
-#include "recon/estimator/empty_room.hpp"
-#include "recon/estimator/evaluate.hpp"
-#include "recon/estimator/predict.hpp"
-#include "recon/estimator/train.hpp"
-#include "recon/files/text.hpp"
 #include "recon/numbers/parallel.hpp"
-#include "recon/output/map_files.hpp"
-#include "recon/output/reconstruct.hpp"
-#include "recon/output/report.hpp"
+#include "recon/numbers/text.hpp"
+#include "recon/page/report.hpp"
+#include "recon/train/train.hpp"
+#include "recon/use/empty_room.hpp"
+#include "recon/use/evaluate.hpp"
+#include "recon/use/map_files.hpp"
+#include "recon/use/predict.hpp"
+#include "recon/use/reconstruct.hpp"
 
 namespace echofuse::recon {
 namespace {

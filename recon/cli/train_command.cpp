@@ -7,10 +7,10 @@
 #include "recon/cli/commands.hpp"
 #include "recon/cli/options.hpp"
 #include "recon/cli/train_settings.hpp"
-#include "recon/estimator/crossvalidate.hpp"
-#include "recon/estimator/empty_room.hpp"
-#include "recon/estimator/train.hpp"
-#include "recon/estimator/tune.hpp"
+#include "recon/train/crossvalidate.hpp"
+#include "recon/train/train.hpp"
+#include "recon/train/tune.hpp"
+#include "recon/use/empty_room.hpp"
 
 namespace echofuse::recon {
 namespace {

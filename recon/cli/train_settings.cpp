@@ -5,7 +5,7 @@
 #include <charconv>
 #include <sstream>
 
-#include "recon/files/text.hpp"
+#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "recon/estimator/train.hpp"
+#include "recon/train/train.hpp"
 
 namespace echofuse::recon {
 

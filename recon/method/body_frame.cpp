@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "drivers/core/clones.hpp"
-#include "recon/maps/scene.hpp"
+#include "recon/metrics/scene.hpp"
 
 namespace echofuse::recon {
 namespace {

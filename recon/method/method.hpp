@@ -16,9 +16,9 @@
 #include <vector>
 
 #include "recon/data/features.hpp"
-#include "recon/maps/soft_maps.hpp"
 #include "recon/method/alignment.hpp"
 #include "recon/method/body_frame.hpp"
+#include "recon/metrics/soft_maps.hpp"
 #include "recon/models/network/ensemble.hpp"
 #include "recon/numbers/components.hpp"
 

@@ -2,7 +2,7 @@
 // The two simplest baselines are maps that ignore their input.
 #include <algorithm>
 
-#include "recon/maps/scene.hpp"
+#include "recon/metrics/scene.hpp"
 #include "recon/models/model.hpp"
 
 namespace echofuse::recon {

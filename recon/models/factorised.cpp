@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "drivers/core/exit_code.hpp"
-#include "recon/maps/scene.hpp"
 #include "recon/method/alignment.hpp"
+#include "recon/metrics/scene.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/statistics.hpp"
 

@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "recon/maps/scene.hpp"
-#include "recon/maps/soft_maps.hpp"
+#include "recon/metrics/scene.hpp"
+#include "recon/metrics/soft_maps.hpp"
 #include "recon/models/network/training.hpp"
 #include "recon/numbers/matrix.hpp"
 #include "recon/numbers/tensor_file.hpp"

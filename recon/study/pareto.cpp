@@ -12,9 +12,9 @@
 #include "drivers/core/program.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/core/staged_file.hpp"
-#include "recon/files/files.hpp"
-#include "recon/files/text.hpp"
+#include "recon/data/files.hpp"
 #include "recon/numbers/parallel.hpp"
+#include "recon/numbers/text.hpp"
 #include "recon/study/study_file.hpp"
 
 namespace echofuse::recon {

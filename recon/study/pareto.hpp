@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "recon/estimator/evaluate.hpp"
 #include "recon/study/study.hpp"
+#include "recon/use/evaluate.hpp"
 
 namespace echofuse::recon {
 

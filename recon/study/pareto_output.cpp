@@ -5,7 +5,7 @@
 #include "drivers/chart/chart.hpp"
 #include "drivers/chart/style.hpp"
 #include "drivers/core/atomic_write.hpp"
-#include "recon/files/text.hpp"
+#include "recon/numbers/text.hpp"
 #include "recon/study/model_colours.hpp"
 #include "recon/study/pareto.hpp"
 

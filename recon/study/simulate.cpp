@@ -12,8 +12,8 @@
 #include "drivers/core/console.hpp"
 #include "drivers/core/program.hpp"
 #include "drivers/core/staged_file.hpp"
-#include "recon/files/files.hpp"
-#include "recon/files/text.hpp"
+#include "recon/data/files.hpp"
+#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 namespace {

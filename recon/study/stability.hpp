@@ -14,7 +14,7 @@
 #include <utility>
 #include <vector>
 
-#include "recon/maps/metrics.hpp"
+#include "recon/metrics/metrics.hpp"
 #include "recon/study/stability_axes.hpp"
 #include "recon/study/study_file.hpp"
 

@@ -9,8 +9,8 @@
 #include "drivers/chart/style.hpp"
 #include "drivers/core/atomic_write.hpp"
 #include "drivers/core/console.hpp"
-#include "recon/files/files.hpp"
-#include "recon/files/text.hpp"
+#include "recon/data/files.hpp"
+#include "recon/numbers/text.hpp"
 #include "recon/study/model_colours.hpp"
 #include "recon/study/stability.hpp"
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "drivers/core/exit_code.hpp"
-#include "recon/estimator/train.hpp"
+#include "recon/train/train.hpp"
 
 namespace echofuse::recon {
 

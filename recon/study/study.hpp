@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "drivers/core/job_part.hpp"
-#include "recon/estimator/evaluate.hpp"
+#include "recon/use/evaluate.hpp"
 
 namespace echofuse::recon {
 

@@ -15,7 +15,7 @@
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
 #include "drivers/core/regular_file.hpp"
-#include "recon/files/files.hpp"
+#include "recon/data/files.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -8,8 +8,8 @@
 #include <random>
 
 #include "drivers/core/random.hpp"
-#include "recon/files/text.hpp"
 #include "recon/numbers/statistics.hpp"
+#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -10,9 +10,9 @@
 
 #include "drivers/core/random.hpp"
 #include "recon/data/split.hpp"
-#include "recon/files/text.hpp"
-#include "recon/maps/people.hpp"
+#include "recon/metrics/people.hpp"
 #include "recon/numbers/statistics.hpp"
+#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 namespace {

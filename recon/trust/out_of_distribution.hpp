@@ -18,8 +18,8 @@
 #include <vector>
 
 #include "recon/data/features.hpp"
-#include "recon/maps/scene.hpp"
 #include "recon/method/alignment.hpp"
+#include "recon/metrics/scene.hpp"
 #include "recon/numbers/components.hpp"
 #include "recon/trust/record_numbers.hpp"
 #include "recon/trust/two_bodies.hpp"

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "recon/maps/scene.hpp"
-#include "recon/maps/soft_maps.hpp"
+#include "recon/metrics/scene.hpp"
+#include "recon/metrics/soft_maps.hpp"
 
 namespace echofuse::recon {
 

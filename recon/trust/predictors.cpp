@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "recon/maps/metrics.hpp"
+#include "recon/metrics/metrics.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/statistics.hpp"
 

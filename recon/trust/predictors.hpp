@@ -3,7 +3,7 @@
 // stands from the axis, and how strong each sensor's signal is against its noise.
 #pragma once
 #include "recon/data/dataset.hpp"
-#include "recon/maps/scene.hpp"
+#include "recon/metrics/scene.hpp"
 
 namespace echofuse::recon {
 

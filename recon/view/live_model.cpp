@@ -5,8 +5,8 @@
 #include <filesystem>
 
 #include "drivers/core/printable.hpp"
-#include "recon/estimator/predict.hpp"
-#include "recon/maps/metrics.hpp"
+#include "recon/metrics/metrics.hpp"
+#include "recon/use/predict.hpp"
 
 namespace echofuse::view {
 namespace {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "acquire/record/run_file.hpp"
-#include "recon/estimator/trained_model.hpp"
+#include "recon/use/trained_model.hpp"
 
 namespace echofuse::view {
 

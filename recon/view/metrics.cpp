@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <cinttypes>
 
-#include "recon/files/text.hpp"
+#include "recon/numbers/text.hpp"
 #include "recon/view/show.hpp"
 
 namespace echofuse::view {

@@ -15,7 +15,7 @@
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
-#include "recon/files/text.hpp"
+#include "recon/numbers/text.hpp"
 #include "recon/view/show.hpp"
 
 namespace echofuse::view {

@@ -7,9 +7,9 @@
 #include <filesystem>
 
 #include "limits.hpp"
-#include "recon/estimator/estimator.hpp"
 #include "recon/numbers/blas_kernels.hpp"
 #include "recon/numbers/parallel.hpp"
+#include "recon/use/estimator.hpp"
 
 using namespace echofuse;
 using namespace echofuse::bench;

@@ -9,10 +9,10 @@
 
 #include "../recon/crafted.hpp"
 #include "fuzz.hpp"
-#include "recon/estimator/predict.hpp"
-#include "recon/estimator/train.hpp"
-#include "recon/files/files.hpp"
+#include "recon/data/files.hpp"
 #include "recon/numbers/parallel.hpp"
+#include "recon/train/train.hpp"
+#include "recon/use/predict.hpp"
 
 using namespace echofuse;
 using namespace echofuse::recon;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 // What the estimator makes of the radar's antennas: lags, the body's direction, the model.
 #include "recon/data/lags.hpp"
-#include "recon/estimator/evaluate.hpp"
-#include "recon/estimator/predict.hpp"
-#include "recon/estimator/train.hpp"
 #include "recon/method/array_view.hpp"
 #include "recon/method/turned.hpp"
+#include "recon/train/train.hpp"
+#include "recon/use/evaluate.hpp"
+#include "recon/use/predict.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

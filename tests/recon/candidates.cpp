@@ -2,8 +2,8 @@
 // Which model: sizes by name, and the one-standard-error rule.
 #include <cmath>
 
-#include "recon/estimator/crossvalidate.hpp"
-#include "recon/estimator/train.hpp"
+#include "recon/train/crossvalidate.hpp"
+#include "recon/train/train.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -11,7 +11,7 @@
 #include "acquire/record/png.hpp"
 #include "page_data.hpp"
 #include "recon/data/shift.hpp"
-#include "recon/estimator/trained_model.hpp"
+#include "recon/use/trained_model.hpp"
 
 using namespace echofuse;
 using namespace echofuse::testing;

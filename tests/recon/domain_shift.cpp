@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "recon/trust/domain_shift.hpp"
 
-#include "recon/estimator/predict.hpp"
-#include "recon/estimator/train.hpp"
+#include "recon/train/train.hpp"
+#include "recon/use/predict.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

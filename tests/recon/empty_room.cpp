@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 // A model that was trained in front of one wall, in front of another one.
-#include "recon/estimator/empty_room.hpp"
+#include "recon/use/empty_room.hpp"
 
 #include "recon/data/shift.hpp"
-#include "recon/estimator/evaluate.hpp"
-#include "recon/estimator/predict.hpp"
-#include "recon/estimator/train.hpp"
+#include "recon/train/train.hpp"
+#include "recon/use/evaluate.hpp"
+#include "recon/use/predict.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -2,12 +2,12 @@
 #include <Eigen/SVD>
 
 #include "crafted.hpp"
-#include "recon/estimator/evaluate.hpp"
-#include "recon/estimator/train.hpp"
-#include "recon/files/files.hpp"
+#include "recon/data/files.hpp"
 #include "recon/method/body_frame.hpp"
 #include "recon/method/method.hpp"
 #include "recon/numbers/components.hpp"
+#include "recon/train/train.hpp"
+#include "recon/use/evaluate.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Letters are read off maps: what the simulator draws, what is drawn wrongly, and what is not
 // there.
-#include "recon/maps/letters.hpp"
+#include "recon/metrics/letters.hpp"
 
-#include "recon/estimator/evaluate.hpp"
+#include "recon/use/evaluate.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

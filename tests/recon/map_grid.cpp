@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/record/png.hpp"
-#include "recon/estimator/trained_model.hpp"
+#include "recon/use/trained_model.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -3,8 +3,8 @@
 #include "recon/method/method.hpp"
 
 #include "drivers/core/settings.hpp"
-#include "recon/estimator/train.hpp"
 #include "recon/method/bin_sums.hpp"
+#include "recon/train/train.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

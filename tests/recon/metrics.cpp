@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Closed forms: what the metrics must say of maps whose score is known beforehand.
-#include "recon/maps/metrics.hpp"
+#include "recon/metrics/metrics.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>

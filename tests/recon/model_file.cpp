@@ -6,9 +6,9 @@
 #include <random>
 
 #include "crafted.hpp"
-#include "recon/estimator/predict.hpp"
-#include "recon/estimator/train.hpp"
-#include "recon/files/files.hpp"
+#include "recon/data/files.hpp"
+#include "recon/train/train.hpp"
+#include "recon/use/predict.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

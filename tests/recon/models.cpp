@@ -2,9 +2,9 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 
-#include "recon/estimator/evaluate.hpp"
-#include "recon/estimator/train.hpp"
 #include "recon/models/model.hpp"
+#include "recon/train/train.hpp"
+#include "recon/use/evaluate.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -5,12 +5,12 @@
 #include <Eigen/SVD>
 #include <cstdlib>
 
-#include "recon/estimator/evaluate.hpp"
-#include "recon/estimator/train.hpp"
-#include "recon/files/files.hpp"
+#include "recon/data/files.hpp"
 #include "recon/method/method.hpp"
 #include "recon/models/network/regression.hpp"
 #include "recon/numbers/components.hpp"
+#include "recon/train/train.hpp"
+#include "recon/use/evaluate.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -7,7 +7,7 @@
 
 namespace echofuse::testing {
 
-// What a page says and shows (recon/output/page.hpp).
+// What a page says and shows (recon/page/page.hpp).
 inline nlohmann::json page_data(const std::string& path) {
   const std::string html = contents(path), begin = "id=\"data\">";
   const std::size_t at = html.find(begin) + begin.size();

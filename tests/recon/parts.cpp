@@ -3,7 +3,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "recon/estimator/trained_model.hpp"
+#include "recon/use/trained_model.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Sets of records that no laboratory wants: every model makes finite maps of them or refuses.
-#include "recon/estimator/evaluate.hpp"
-#include "recon/estimator/train.hpp"
+#include "recon/train/train.hpp"
+#include "recon/use/evaluate.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

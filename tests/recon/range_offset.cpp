@@ -4,8 +4,8 @@
 
 #include "acquire/record/png.hpp"
 #include "recon/data/shift.hpp"
-#include "recon/estimator/evaluate.hpp"
-#include "recon/estimator/train.hpp"
+#include "recon/train/train.hpp"
+#include "recon/use/evaluate.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -10,8 +10,8 @@
 #include "../paths.hpp"
 #include "acquire/record/png.hpp"
 #include "drivers/core/clock.hpp"
-#include "recon/files/npz.hpp"
-#include "recon/output/map_files.hpp"
+#include "recon/use/map_files.hpp"
+#include "recon/use/npz.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // What a report says: honest first, and only what was measured.
 #include "page_data.hpp"
-#include "recon/output/report_page.hpp"
+#include "recon/page/report_page.hpp"
 
 using namespace echofuse;
 using namespace echofuse::recon;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/maps/ssim.hpp"
+#include "recon/metrics/ssim.hpp"
 
 #include <catch2/catch.hpp>
 #include <chrono>

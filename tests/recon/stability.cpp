@@ -9,7 +9,7 @@
 #include <set>
 #include <sstream>
 
-#include "recon/files/files.hpp"
+#include "recon/data/files.hpp"
 #include "recon/study/simulate.hpp"
 #include "recon/study/study.hpp"
 #include "world.hpp"

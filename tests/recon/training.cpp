@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // A training done by several threads ends in the same bits.
-#include "recon/estimator/train.hpp"
 #include "recon/numbers/parallel.hpp"
+#include "recon/train/train.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // A model goes on from one room to another, where the radar sees everything farther.
-#include "recon/estimator/tune.hpp"
+#include "recon/train/tune.hpp"
 
 #include <map>
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "recon/trust/two_bodies.hpp"
 
-#include "recon/estimator/evaluate.hpp"
-#include "recon/estimator/predict.hpp"
-#include "recon/estimator/train.hpp"
-#include "recon/maps/people.hpp"
+#include "recon/metrics/people.hpp"
+#include "recon/train/train.hpp"
+#include "recon/use/evaluate.hpp"
+#include "recon/use/predict.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -4,12 +4,12 @@
 #include <numeric>
 
 #include "acquire/record/png.hpp"
-#include "recon/estimator/evaluate.hpp"
-#include "recon/estimator/fit_uncertainty.hpp"
-#include "recon/estimator/predict.hpp"
-#include "recon/estimator/train.hpp"
-#include "recon/maps/people.hpp"
+#include "recon/metrics/people.hpp"
 #include "recon/numbers/linear_fit.hpp"
+#include "recon/train/fit_uncertainty.hpp"
+#include "recon/train/train.hpp"
+#include "recon/use/evaluate.hpp"
+#include "recon/use/predict.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

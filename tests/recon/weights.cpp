@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Several runs in one training: how much each counts, and which stands for the use.
-#include "recon/estimator/train.hpp"
+#include "recon/train/train.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: MIT
+#include "recon/metrics/metrics.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "recon/metrics/ssim.hpp"
+#include "recon/numbers/statistics.hpp"
+#include "recon/numbers/text.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr double undefined = std::numeric_limits<double>::quiet_NaN();
+constexpr double side_threshold_m = 0.3;
+constexpr double least_mass = 1;  // pixels' worth of foreground; less has no position
+
+// This is the mean of the added values; it is undefined if there are none.
+struct Mean {
+  double sum = 0;
+  double weight = 0;
+  void add(double value, double w = 1) { sum += w * value, weight += w; }
+  double value(double least_weight = 0) const {
+    return weight > least_weight ? sum / weight : undefined;
+  }
+};
+
+Mask true_mask(std::span<const float> truth, const Scene& scene) {
+  Mask mask(truth.size());
+  for (std::size_t p = 0; p < mask.size(); ++p)
+    mask[p] = true_foreground(truth[p], scene.background[p]);
+  return mask;
+}
+
+std::size_t mirrored(std::size_t pixel, std::size_t size) {
+  return pixel - pixel % size + (size - 1 - pixel % size);
+}
+
+// This is x/z of the foreground's centroid; `mass` gives the mass of each pixel.
+template <class Masses>
+double centroid_tangent(const Masses& mass, const record::MapGrid& grid) {
+  const Axis x = grid.x();
+  std::vector<double> of_column(x.count);
+  for (std::size_t first = 0; first < mass.size(); first += x.count)
+    for (std::size_t c = 0; c < x.count; ++c) of_column[c] += static_cast<double>(mass[first + c]);
+  Mean tangent;
+  for (std::size_t c = 0; c < x.count; ++c) tangent.add(x.at(static_cast<double>(c)), of_column[c]);
+  return tangent.value(least_mass);
+}
+
+// This is the SSIM map's mean over the mask dilated by the window, that is, where the 11 x 11
+// window holds a pixel of the mask.
+double ssim_near(const std::vector<double>& map, const Mask& mask, std::size_t size) {
+  const std::size_t inner = size - 2 * ssim_border, window = 2 * ssim_border + 1;
+  std::vector<char> across(size * inner);
+  for (std::size_t i = 0; i < across.size(); ++i) {
+    const auto first = mask.begin() + static_cast<std::ptrdiff_t>(i / inner * size + i % inner);
+    across[i] = std::find(first, first + window, 1) != first + window;
+  }
+  Mean mean;
+  for (std::size_t i = 0; i < map.size(); ++i)
+    for (std::size_t r = 0; r < window; ++r)
+      if (across[i + r * inner]) {
+        mean.add(map[i]);
+        break;
+      }
+  return mean.value();
+}
+
+void score_similarity(MapScores& out, std::span<const float> raw, std::span<const float> truth,
+                      const Scene& scene, const Mask& mask) {
+  const std::size_t size = scene.grid.size;
+  const auto map = ssim_map(raw, truth, size, record::max_depth_m);
+  out[metric_ssim] = out[metric_ssim_hard] = mean_of(map);
+  out[metric_ssim_fg] = ssim_near(map, mask, size);
+  if (const auto hard = hard_map(raw, scene); !std::ranges::equal(hard, raw))
+    out[metric_ssim_hard] = mean_of(ssim_map(hard, truth, size, record::max_depth_m));
+}
+
+void score_pixels(MapScores& out, std::span<const float> raw, std::span<const float> truth,
+                  const Mask& mask, const std::vector<float>& share) {
+  Mean all, foreground, common, relative, close, overlap;
+  for (std::size_t p = 0; p < truth.size(); ++p) {
+    const double v = raw[p], d = truth[p], error = v - d;
+    const bool predicted = share[p] > 0.5f;
+    all.add(error * error);
+    if (mask[p]) foreground.add(error * error);
+    if (mask[p] && predicted) common.add(std::abs(error));
+    if (mask[p] || predicted) overlap.add(mask[p] && predicted);
+    if (d <= 0) continue;
+    relative.add(std::abs(error) / d);
+    close.add(v > 0 && std::max(v / d, d / v) < 1.25);
+  }
+  out[metric_iou] = overlap.value();
+  out[metric_rmse_m] = std::sqrt(all.value());
+  out[metric_rmse_fg_m] = std::sqrt(foreground.value());
+  out[metric_depth_mae_m] = common.value();
+  out[metric_abs_rel] = relative.value();
+  out[metric_delta_125] = close.value();
+}
+
+// The mass of a pixel is its signed share. The ripple of a least-squares map goes both ways about
+// the background, so it cancels over many pixels.
+void score_position(MapScores& out, std::span<const float> truth, const Mask& mask,
+                    const std::vector<float>& share, const record::MapGrid& grid) {
+  std::vector<double> mass(share.size());
+  Mean range, ghost;
+  for (std::size_t p = 0; p < truth.size(); ++p) {
+    mass[p] = double{share[p]};
+    const bool here = mask[p], there = mask[mirrored(p, grid.size)];
+    if (here) range.add(truth[p]);
+    if (here != there) ghost.add(there, mass[p]);
+  }
+  const double true_tangent = centroid_tangent(mask, grid);
+  const double tangent = centroid_tangent(mass, grid);
+  const bool to_a_side = std::abs(true_tangent) * range.value() > side_threshold_m;
+  const bool right_side = (tangent > 0) == (true_tangent > 0);
+  out[metric_lateral_m] = std::abs(tangent - true_tangent) * range.value();
+  out[metric_ghost] = to_a_side ? ghost.value(least_mass) : undefined;
+  out[metric_left_right] = to_a_side && !std::isnan(tangent) ? right_side : undefined;
+}
+
+}  // namespace
+
+MapScores score(std::span<const float> prediction, std::span<const float> truth,
+                const Scene& scene) {
+  MapScores out;
+  out.fill(undefined);
+  const Mask mask = true_mask(truth, scene);
+  const auto share = foreground_share(prediction, scene);
+  const auto raw = within_span(prediction);
+  score_similarity(out, raw, truth, scene, mask);
+  score_pixels(out, raw, truth, mask, share);
+  score_position(out, truth, mask, share, scene.grid);
+  return out;
+}
+
+double foreground_tangent(std::span<const float> prediction, const Scene& scene) {
+  return centroid_tangent(foreground_share(prediction, scene), scene.grid);
+}
+
+double lateral_error(std::span<const float> prediction, std::span<const float> truth,
+                     const Scene& scene) {
+  MapScores out;
+  score_position(out, truth, true_mask(truth, scene), foreground_share(prediction, scene),
+                 scene.grid);
+  return out[metric_lateral_m];
+}
+
+Summaries summarise(const std::vector<MapScores>& scores) {
+  Summaries out;
+  for (std::size_t m = 0; m < metric_count; ++m) {
+    Mean mean, square;
+    for (const auto& s : scores)
+      if (!std::isnan(s[m])) mean.add(s[m]);
+    for (const auto& s : scores)
+      if (!std::isnan(s[m])) square.add((s[m] - mean.value()) * (s[m] - mean.value()));
+    const double n = mean.weight;
+    out[m] = {mean.value(), n > 1 ? std::sqrt(square.sum / (n - 1) / n) : undefined,
+              static_cast<std::size_t>(n)};
+  }
+  return out;
+}
+
+std::string formatted(const Summary& s, const char* plus_minus) {
+  if (std::isnan(s.mean)) return "-";
+  if (std::isnan(s.se)) return formatted("%.3f", s.mean);
+  return formatted("%.3f", s.mean) + plus_minus + formatted("%.3f", s.se);
+}
+
+}  // namespace echofuse::recon

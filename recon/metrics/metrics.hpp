@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: MIT
+// The metrics say how good a depth map is: one number a map and metric, then mean and standard
+// error over maps.
+#pragma once
+#include <array>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "recon/metrics/scene.hpp"
+
+namespace echofuse::recon {
+
+// "raw" is the prediction clipped to the depth span, "hard" the map of scene.hpp; the three metrics
+// of position take the prediction unclipped. A metric that a map does not define (the depth error
+// of an empty mask, say) is NaN there and left out of the mean.
+enum Metric : std::size_t {
+  metric_iou,          // foreground masks; undefined if both are empty
+  metric_ssim,         // raw, whole map, data range 6 m
+  metric_ssim_hard,    // hard, whole map
+  metric_ssim_fg,      // raw, mean over the true foreground dilated by 11 x 11
+  metric_rmse_m,       // raw
+  metric_rmse_fg_m,    // raw, over the true foreground
+  metric_depth_mae_m,  // raw, over the intersection of both foregrounds
+  metric_abs_rel,      // raw, mean |error|/truth over pixels with a true return
+  metric_delta_125,    // raw, share of those with max(v/d, d/v) < 1.25
+  metric_lateral_m,    // |x/z| between the centroids of both foregrounds, times the true mean z (m)
+  // The next two are only for maps with |x| > 0.3 m; nearer to the axis a body is its own mirror
+  // image.
+  metric_ghost,       // 0: at the truth only; 0.5: as much on either side; 1: mirror image only
+  metric_left_right,  // 1 if the centroid is on the true side
+  // It is for records whose label names a letter (letters.hpp); score() leaves it undefined.
+  metric_letter_top1,  // 1 if the letter is read
+  // It is for records whose label says two people (people.hpp); score() leaves it undefined.
+  metric_iou_person,  // mean of both
+  metric_count
+};
+inline constexpr std::array<const char*, metric_count> metric_names = {
+    "iou",     "ssim",      "ssim_hard", "ssim_fg", "rmse_m",     "rmse_fg_m",   "depth_mae_m",
+    "abs_rel", "delta_125", "lateral_m", "ghost",   "left_right", "letter_top1", "iou_person"};
+static_assert(metric_names.back() != nullptr);  // one name for each, in the order of Metric
+
+using MapScores = std::array<double, metric_count>;
+
+// Both maps are row-major on the scene's grid, in metres.
+MapScores score(std::span<const float> prediction, std::span<const float> truth,
+                const Scene& scene);
+
+// This is x/z of the centroid of a prediction's foreground, or NaN if there is none.
+double foreground_tangent(std::span<const float> prediction, const Scene& scene);
+
+// It computes metric_lateral_m alone.
+double lateral_error(std::span<const float> prediction, std::span<const float> truth,
+                     const Scene& scene);
+
+struct Summary {
+  double mean = 0;       // NaN if no map defines the metric
+  double se = 0;         // standard error of the mean; NaN for fewer than two maps
+  std::size_t maps = 0;  // maps that define it
+};
+using Summaries = std::array<Summary, metric_count>;
+Summaries summarise(const std::vector<MapScores>& scores);
+// The text is "0.483 ± 0.005", or "-" if no map defines the metric; `plus_minus` stands between the
+// two numbers.
+std::string formatted(const Summary& summary, const char* plus_minus);
+
+}  // namespace echofuse::recon

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: MIT
+// This file is compiled with -fno-trapping-math: otherwise no division beside a condition is
+// vectorised.
+#include "recon/metrics/scene.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/core/clones.hpp"
+#include "recon/numbers/statistics.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr float foreground_step_m = 0.1f;
+
+std::vector<float> median_map(const Matrix& depth, const Rows& rows) {
+  // A thousand maps place the median as well as all of them would.
+  const std::size_t stride = std::max<std::size_t>(1, rows.size() / 1000);
+  Rows some;
+  for (std::size_t i = 0; i < rows.size(); i += stride) some.push_back(rows[i]);
+  return column_quantile(depth, some, 0.5);
+}
+
+// It clamps the values to [0, most].
+ECHOFUSE_CLONES void clamp(const float* values, float most, float* __restrict out,
+                           std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const float v = values[i], low = v < 0 ? 0 : v;
+    out[i] = low > most ? most : low;
+  }
+}
+
+}  // namespace
+
+bool true_foreground(float depth_m, float background_m) {
+  return depth_m > 0 && std::abs(depth_m - background_m) > foreground_step_m;
+}
+
+Scene learn_scene(const Matrix& depth, const Rows& rows, const record::MapGrid& grid) {
+  Scene scene{median_map(depth, rows), std::vector<float>(depth.cols), 0, grid};
+  std::vector<double> sum(depth.cols);
+  double foreground_sum = 0;
+  std::size_t foreground_count = 0;
+  for (const std::size_t row : rows) {
+    const auto map = depth.row(row);
+    for (std::size_t p = 0; p < map.size(); ++p) {
+      sum[p] += map[p];
+      if (!true_foreground(map[p], scene.background[p])) continue;
+      foreground_sum += map[p];
+      ++foreground_count;
+    }
+  }
+  for (std::size_t p = 0; p < sum.size(); ++p)
+    scene.mean_map[p] = static_cast<float>(sum[p] / static_cast<double>(rows.size()));
+  if (foreground_count > 0)
+    scene.foreground_depth_m =
+        static_cast<float>(foreground_sum / static_cast<double>(foreground_count));
+  return scene;
+}
+
+void archive(Archive archive, Scene& scene) {
+  constexpr float farthest_m = 100;
+  archive.count("map_size", scene.grid.size, record::least_map_size, record::most_map_size);
+  archive.number("map_half_tangent", scene.grid.half_tangent, record::least_map_half_tangent,
+                 record::most_map_half_tangent);
+  archive.number("foreground_depth_m", scene.foreground_depth_m, 0, double{farthest_m});
+  for (auto& [name, map] :
+       {std::pair<const char*, std::vector<float>&>{"background_m", scene.background},
+        {"mean_map_m", scene.mean_map}}) {
+    archive.values(name, map, scene.grid.pixels());
+    archive.require(std::all_of(map.begin(), map.end(),
+                                [](float depth) { return depth >= 0 && depth <= farthest_m; }),
+                    name, "expected depths of 0 to 100 m");
+  }
+}
+
+namespace {
+
+ECHOFUSE_CLONES void share_of(const float* prediction, const float* background, float depth_m,
+                              std::size_t count, float* __restrict__ out) {
+  for (std::size_t p = 0; p < count; ++p) {
+    const float off = prediction[p] - background[p], way = depth_m - background[p];
+    // Where the background is at the very depth of the foreground, nothing tells them apart.
+    const bool tells = std::abs(way) > foreground_step_m;
+    out[p] = (tells ? off : 0.f) / (tells ? way : 1.f);
+  }
+}
+
+}  // namespace
+
+std::vector<float> foreground_share(std::span<const float> prediction, const Scene& scene) {
+  std::vector<float> out(prediction.size());
+  share_of(prediction.data(), scene.background.data(), scene.foreground_depth_m, out.size(),
+           out.data());
+  return out;
+}
+
+std::vector<float> within_span(std::span<const float> prediction) {
+  constexpr auto farthest = static_cast<float>(record::max_depth_m);
+  std::vector<float> out(prediction.size());
+  clamp(prediction.data(), farthest, out.data(), out.size());
+  return out;
+}
+
+std::vector<float> hard_map(std::span<const float> prediction, const Scene& scene) {
+  std::vector<float> out = scene.background;
+  const auto share = foreground_share(prediction, scene);
+  for (std::size_t p = 0; p < out.size(); ++p)
+    if (share[p] > 0.5f) out[p] = prediction[p];
+  return out;
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: MIT
+#include "recon/page/report.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <functional>
+#include <utility>
+
+#include "drivers/core/atomic_write.hpp"
+#include "drivers/core/exit_code.hpp"
+#include "recon/data/files.hpp"
+#include "recon/numbers/statistics.hpp"
+#include "recon/numbers/text.hpp"
+#include "recon/page/report_page.hpp"
+#include "recon/use/empty_room.hpp"
+#include "recon/use/map_pictures.hpp"
+#include "recon/use/predict.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+struct LoadedMode {
+  ModeResult result;
+  std::vector<TrainedModel> models;
+};
+
+// Mean over the models; with several, the spread over them is the honest error.
+Summaries over_models(const std::vector<Evaluation>& evaluations) {
+  if (evaluations.size() == 1) return evaluations.front().metrics;
+  std::vector<MapScores> means;
+  for (const auto& e : evaluations) {
+    MapScores row;
+    for (std::size_t m = 0; m < metric_count; ++m) row[m] = e.metrics[m].mean;
+    means.push_back(row);
+  }
+  return summarise(means);
+}
+
+// Those with both sensors alive, on which all modes can be compared.
+Rows rows_of_both(const TrainedModel& model, const Dataset& data) {
+  Rows rows = rows_to_evaluate(model, data, false);
+  std::erase_if(rows, [&](auto row) { return !data.fault_of(row, Inputs::fused).empty(); });
+  if (rows.empty())
+    throw Error(ExitCode::failed, data.sources.front().path +
+                                      ": no record with depth has both sensors, which the three "
+                                      "modes are compared on");
+  return rows;
+}
+
+// Where the true map has what stands out from the background.
+RecordFacts facts_of(const Dataset& data, std::size_t row, const Scene& scene) {
+  const Axis x = scene.grid.x();
+  const auto map = data.depth.row(row);
+  double range = 0, side = 0, pixels = 0;
+  for (std::size_t p = 0; p < map.size(); ++p) {
+    if (!true_foreground(map[p], scene.background[p])) continue;
+    range += double{map[p]}, ++pixels;
+    side += x.at(static_cast<double>(p % x.count)) * double{map[p]};
+  }
+  return {data.index[row], data.label[row], range / pixels, side / pixels};
+}
+
+ModelFacts model_facts(const std::string& file, const TrainedModel& model) {
+  ModelFacts out{
+      file,       model->name, model->fit.seed, model.split.seed, model.data_hash, 0, 0, 0,
+      model->log, false};
+  const Candidate paper = candidate_of("paper", {});
+  out.papers = model->name == paper.model && model->model->sizes().hidden == paper.fit.hidden;
+  for (const std::uint8_t part : model.seen.part)
+    ++(part == static_cast<std::uint8_t>(Part::train)        ? out.train
+       : part == static_cast<std::uint8_t>(Part::validation) ? out.validation
+                                                             : out.test);
+  return out;
+}
+
+// Answers every record with the same map.
+bool is_constant(const TrainedModel& model) {
+  return model->name == "mean" || model->name == "empty";
+}
+
+TrainedModel model_for(const std::string& path, const ReportOptions& options, Report& report) {
+  TrainedModel model = load_model(path);
+  if (!options.empty.empty()) report.room = take_to_room(model, options.empty);
+  return model;
+}
+
+// Each model brings a copy of the data onto its own axes.
+LoadedMode score_mode(const std::string& name, Inputs inputs, double paper_ssim,
+                      const std::vector<std::string>& paths, const Dataset& data,
+                      const ReportOptions& options, Report& report) {
+  LoadedMode mode{{name, inputs, paper_ssim, {}, {}, {}, {}}, {}};
+  for (const auto& path : paths) {
+    TrainedModel model = model_for(path, options, report);
+    const Features& f = model->features;
+    if (f.inputs != inputs && !(both_sensors(f.inputs) && both_sensors(inputs)))
+      throw Error(ExitCode::failed,
+                  path + ": was trained on " + name_of(f.inputs) + " inputs, given as --" + name);
+    const Records records = prepare_records(model, data);
+    const Rows rows = rows_of_both(model, records.data);
+    Evaluation e = evaluate(model, records, rows);
+    e.left_out += rows_to_evaluate(model, records.data, false).size() - rows.size();
+    e.cost = measure_cost(model, records.data, rows, path);
+    if (mode.models.empty())
+      for (const std::size_t row : rows)
+        mode.result.records.push_back(facts_of(records.data, row, model->scene));
+    mode.result.models.push_back(model_facts(path, model));
+    mode.result.evaluations.push_back(std::move(e));
+    mode.models.push_back(std::move(model));
+  }
+  mode.result.metrics = over_models(mode.result.evaluations);
+  return mode;
+}
+
+double quality(const MapScores& scores) {
+  return std::isnan(scores[metric_iou]) ? 0 : scores[metric_iou];
+}
+
+// Of the subject's records those that `wanted` takes, by quality, the worst first: row of the data
+// each.
+Rows by_quality(const ModeResult& subject, const std::function<bool(std::size_t)>& wanted) {
+  const Evaluation& e = subject.evaluations.front();
+  std::vector<std::pair<double, std::size_t>> order;
+  for (std::size_t i = 0; i < e.rows.size(); ++i)
+    if (wanted(e.rows[i])) order.emplace_back(quality(e.scores[i]), e.rows[i]);
+  std::sort(order.begin(), order.end());
+  Rows out;
+  for (const auto& [iou, row] : order) out.push_back(row);
+  return out;
+}
+
+// No picked cherries: of each kind the record of median quality; then the ends.
+void add_records(Report& report, const std::vector<const TrainedModel*>& models,
+                 const std::vector<std::string>& names, const Dataset& data) {
+  const ModeResult& subject = report.modes.front();
+  Rows common = subject.evaluations.front().rows;
+  std::sort(common.begin(), common.end());
+  for (const ModeResult& mode : report.modes) {
+    Rows other = mode.evaluations.front().rows, both;
+    std::sort(other.begin(), other.end());
+    std::set_intersection(common.begin(), common.end(), other.begin(), other.end(),
+                          std::back_inserter(both));
+    common = std::move(both);
+  }
+  for (const bool person : {true, false}) {
+    const Rows rows = by_quality(subject, [&](std::size_t row) {
+      return (data.label[row] == "person") == person &&
+             std::binary_search(common.begin(), common.end(), row);
+    });
+    if (rows.empty()) continue;
+    ShownRecord shown = show_record(models, names, data, rows[rows.size() / 2]);
+    shown.caption = formatted(
+        "Of all %zu records of this kind the one whose map has the median IoU.", rows.size());
+    report.main.push_back(std::move(shown));
+  }
+  const Rows rows = by_quality(subject, [](std::size_t) { return true; });
+  const std::vector<const TrainedModel*> first{models.front()};
+  for (const auto& [what, share] : {std::pair{"Worst", 0.0}, {"Median", 0.5}, {"Best", 1.0}}) {
+    const auto at = static_cast<std::size_t>(share * static_cast<double>(rows.size() - 1));
+    report.gallery.push_back(show_record(first, {names.front()}, data, rows[at]));
+    report.gallery.back().title.insert(0, std::string(what) + ": ");
+  }
+}
+
+void add_live(Report& report, const TrainedModel& model, const std::string& name,
+              const std::string& path) {
+  const Dataset data = load({path});
+  const Records records = prepare_records(model, data);
+  const Rows rows = rows_to_evaluate(model, records.data, false);
+  ModeResult live{"live", model->features.inputs, 0, {evaluate(model, records, rows)}, {}, {}, {}};
+  report.live = live.evaluations.front();
+  report.live->baselines = score_baselines(data, rows, model->scene, data, {});
+  const Rows order = by_quality(live, [](std::size_t) { return true; });
+  ShownRecord shown = show_record({&model}, {name}, data, order[order.size() / 2]);
+  shown.caption = "Of the records that the daemon recorded, the one whose map has the median IoU.";
+  report.main.push_back(std::move(shown));
+}
+
+void add_comparison(Report& report) {
+  const Evaluation &a = report.modes[0].evaluations.front(),
+                   &b = report.modes[1].evaluations.front();
+  if (a.rows != b.rows)
+    throw Error(ExitCode::failed,
+                "the two models hold other records out; give a run that neither was trained on");
+  report.differences = paired_differences(a.scores, b.scores);
+  for (std::size_t i = 0; i < a.scores.size(); ++i) {
+    MapScores difference;
+    for (std::size_t m = 0; m < metric_count; ++m)
+      difference[m] = gain(static_cast<Metric>(m), a.scores[i][m], b.scores[i][m]);
+    report.paired.push_back(difference);
+  }
+}
+
+void add_models(Report& report, const ReportOptions& options, const Dataset& data) {
+  std::vector<LoadedMode> modes;
+  const auto add = [&](const std::string& name, Inputs inputs, double paper,
+                       std::vector<std::string> paths) {
+    if (name == "spd" || name == "radar")  // they would stand for a sensor that they do not ask
+      std::erase_if(paths, [&](const std::string& path) {
+        if (!is_constant(load_model(path))) return false;
+        report.constants.push_back(path);
+        return true;
+      });
+    if (!paths.empty())
+      modes.push_back(score_mode(name, inputs, paper, paths, data, options, report));
+  };
+  add("fused", Inputs::fused, 0.6576, options.fused);
+  add("paper", Inputs::fused, 0.6576, options.paper);
+  add("spd", Inputs::spd, 0.6389, options.spd);
+  add("radar", Inputs::radar, 0.5266, options.radar);
+  for (const std::string& path : options.compare)
+    add(path, load_model(path)->features.inputs, 0, {path});
+  std::vector<const TrainedModel*> first;
+  std::vector<std::string> names;
+  for (auto& mode : modes) {
+    first.push_back(&mode.models.front());
+    names.push_back(title_of(mode.result));
+    report.modes.push_back(std::move(mode.result));
+  }
+  const TrainedModel& subject = *first.front();
+  report.baselines = score_baselines(data, rows_of_both(subject, data), subject->scene, data,
+                                     subject.rows_of(data, Part::train));
+  report.records = report.modes.front().evaluations.front().records;
+  report.span = span_of(subject->scene), report.new_run = !subject.knows(data);
+  add_records(report, first, names, data);
+  if (!options.compare.empty()) add_comparison(report);
+  if (!options.live.empty()) add_live(report, subject, names.front(), options.live);
+}
+
+std::string run_of(const ReportOptions& options) {
+  return options.run.empty() ? options.live : options.run;
+}
+
+}  // namespace
+
+void check_report(const ReportOptions& o) {
+  const bool models = !o.fused.empty() || !o.spd.empty() || !o.radar.empty() || !o.paper.empty();
+  std::string fault;
+  if (run_of(o).empty()) fault = "nothing to report on: give --run with models, or --live";
+  if (!o.run.empty() && !models && o.compare.empty()) fault = "--run needs --fused or --compare";
+  if (o.run.empty() && (models || !o.compare.empty())) fault = "models need --run";
+  if (models && !o.compare.empty()) fault = "--compare takes the place of the other models";
+  if (models && o.fused.empty()) fault = "--fused is missing: the model that the report is about";
+  if (!o.compare.empty() && o.compare.size() != 2) fault = "--compare takes two models";
+  if (!o.empty.empty() && o.run.empty()) fault = "--empty is for the models of --run";
+  if (!fault.empty()) throw Error(ExitCode::usage, fault);
+  if (o.force) return;
+  const std::string page = o.dir + "/report.html";
+  if (std::filesystem::exists(page) &&
+      read_text(page).find(record::RunReader(run_of(o)).info().uuid) == std::string::npos)
+    throw Error(ExitCode::usage, o.dir +
+                                     ": holds a report of another run; give another folder, or "
+                                     "--force to write over it");
+}
+
+Report make_report(const ReportOptions& options) {
+  Report report;
+  report.run = run_of(options);
+  std::optional<Dataset> data;
+  if (!options.run.empty()) {
+    data = load({options.run});
+    add_models(report, options, *data);
+  }
+  if (!options.live.empty()) report.story = story_of(options.live);
+  const record::RunInfo info = record::RunReader(report.run).info();
+  report.run_uuid = info.uuid, report.window_s = info.window_s;
+  report.simulated = info.notes.starts_with("simulated");
+  report.made = how_made(options, report, data ? &*data : nullptr);
+  return report;
+}
+
+std::string write_report(const Report& report, const std::string& dir) {
+  make_folder(dir);
+  const std::string path = dir + "/report.html";
+  write_atomically(path, html_of(page_of(report)));
+  return path;
+}
+
+}  // namespace echofuse::recon

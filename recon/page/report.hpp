@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: MIT
+// One self-contained HTML page for people who look before they read: models beside each other on a
+// run's held-out records, two models record by record, or a run as it was recorded.
+#pragma once
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "drivers/chart/colour_map.hpp"
+#include "recon/page/run_story.hpp"
+#include "recon/use/evaluate.hpp"
+
+namespace echofuse::recon {
+
+struct ReportOptions {
+  std::string dir;
+  // Model files; several of a mode are its seeds. The fused one is the subject, others may be left
+  // out; `paper` is fused as well.
+  std::vector<std::string> fused, spd, radar, paper;
+  std::string run;                   // its held-out records with both sensors are scored
+  std::vector<std::string> compare;  // two model files, in place of those above
+  std::string live;                  // a recorded run: its story, and its maps by the fused model
+  std::string empty;                 // a run of nobody in the room of these runs; may be left out
+  std::string command;               // as it was typed; for the page
+  bool force = false;                // also over a report of another run
+};
+
+// What the page says of a model.
+struct ModelFacts {
+  std::string file, name;
+  std::uint64_t seed = 0, split_seed = 0;
+  std::uint32_t data_hash = 0;
+  std::size_t train = 0, validation = 0, test = 0;  // records of its split
+  TrainingLog log;
+  bool papers = false;  // the network that the paper's values are of
+};
+
+// Where the true map of a record has its body.
+struct RecordFacts {
+  std::int64_t index = 0;
+  std::string label;
+  double range_m = 0, side_m = 0;  // NaN: nobody
+};
+
+struct ModeResult {
+  std::string name;
+  Inputs inputs{};
+  double paper_ssim = 0;  // of these inputs: Lai et al., Chin. Opt. Lett. 22, 022701 (2024)
+  std::vector<Evaluation> evaluations;  // one a model
+  Summaries metrics;  // of a single model: as evaluated; of several: mean and SE over the models
+  std::vector<ModelFacts> models;
+  std::vector<RecordFacts> records;  // of the first evaluation's rows
+};
+
+// A model's map of a shown record; the hard map, as it is scored.
+struct ShownMap {
+  std::string name;
+  // deviation: empty if nothing is stated; share: how far each pixel has come from the room (0) to
+  // a body (1), so that what the model leaves open shows.
+  std::vector<float> map, deviation, share;
+  MapScores scores{};
+  std::string stated, warning;  // "within 8 cm sideways (90 %)"; out of distribution, in words
+};
+struct ShownRecord {
+  std::string title, caption;
+  std::vector<float> truth;
+  double half_tangent = 0;
+  Axis spd_axis, radar_axis;
+  std::vector<float> clicks, power;  // as measured; power is no decibels
+  double body_m = 0;                 // mean range of the body in the truth; NaN: nobody
+  std::vector<ShownMap> maps;
+};
+
+// Whether less of it is better.
+bool less_is_better(Metric metric);
+// Two models on the same records: how much better the second is. Plus is better, also of an error.
+double gain(Metric metric, double first, double second);
+struct PairedDifference {
+  Metric metric{};
+  std::size_t records = 0;                                    // that define it in both
+  double first = 0, second = 0, mean = 0, low = 0, high = 0;  // of the gain; low, high: of 95 %
+};
+
+struct Report {
+  std::string run, run_uuid;
+  bool simulated = false, new_run = false;                // new: no model was trained on it
+  double window_s = 0;                                    // of a record; 0: not stated
+  chart::Span span;                                       // of all its maps
+  std::vector<std::pair<std::string, std::string>> made;  // how: name and value
+  std::vector<std::string> constants;  // model files that were left out as they ask no sensor
+  std::string room;                    // what was done about another room
+  std::vector<ModeResult> modes;       // the first is the subject
+  std::vector<ScoredRow> baselines;
+  std::size_t records = 0;
+  std::vector<ShownRecord> main;     // person, letter: by all modes
+  std::vector<ShownRecord> gallery;  // best, median, worst of the first mode
+  std::vector<PairedDifference> differences;
+  std::vector<MapScores> paired;   // of the compared models: gains by record
+  std::optional<RunStory> story;   // of a live run
+  std::optional<Evaluation> live;  // of its records by the first mode's model
+};
+
+// Throws Error(usage) if the folder holds a report of another run, or if the options do not fit
+// each other: to be asked before a long evaluation.
+void check_report(const ReportOptions& options);
+Report make_report(const ReportOptions& options);
+// The table of the first screen as text for the terminal.
+std::string to_text(const Report& report);
+// Writes DIR/report.html; returns its path.
+std::string write_report(const Report& report, const std::string& dir);
+
+// Parts of make_report, by what they need.
+ShownRecord show_record(const std::vector<const TrainedModel*>& models,
+                        const std::vector<std::string>& names, const Dataset& data,
+                        std::size_t row);
+// Gains in what both define, with intervals by resampled blocks of neighbours.
+std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& first,
+                                                 const std::vector<MapScores>& second);
+// How a page was made: program, host, run and models.
+std::vector<std::pair<std::string, std::string>> how_made(const ReportOptions& options,
+                                                          const Report& report,
+                                                          const Dataset* data);
+
+}  // namespace echofuse::recon

@@ -1,0 +1,324 @@
+// SPDX-License-Identifier: MIT
+// A page that was written by a program (recon/page/page.hpp): one function for each kind of block.
+/* global uPlot */
+import {Chart, Histogram, Profile, Strips, axis, colour, metresPerPs, short, siNumber, textSize} from './charts.js';
+import {Cloud} from './cloud.js';
+import {MapView, errorPicture, isDark, picture, tables} from './maps.js';
+
+const said = JSON.parse(document.getElementById('data').textContent), errorSpan = [-0.5, 0.5];
+const redraws = [];  // of all that has the colours and the width of its time
+let ids = 0;
+const newId = kind => `${kind}-${++ids}`;
+// An element at the end of another one.
+function make(parent, kind, more = {}) {
+  const {data, ...properties} = more, at = Object.assign(document.createElement(kind), properties);
+  if (data) Object.assign(at.dataset, data);
+  parent.append(at);
+  return at;
+}
+const add = (parent, blocks) => blocks.forEach(block => kinds[block.kind](parent, block));
+
+// A chart with series of points of their own: all x in one row, as uPlot has it.
+class Plot extends Chart {
+  constructor(parent, block) {
+    const id = newId('chart');
+    make(parent, 'div', {id, className: 'chart'});
+    super(id, 300);
+    Object.assign(this, {block, rules: block.rules});
+    const points = block.series.flatMap((s, k) => s.x.map((x, i) => [x, k, s.y[i]])).sort((a, b) => a[0] - b[0]);
+    this.set([points.map(p => p[0]), ...block.series.map((_, k) => points.map(p => p[1] === k ? p[2] : undefined))]);
+  }
+  options() {
+    const {block} = this, rules = this.rules.map(rule => rule.at), tell = (_, v) => v == null ? '–' : siNumber(v);
+    const nearest = (u, series, index) => {
+      const y = u.data[series];
+      for (let by = 0; series && by < y.length; ++by)
+        for (const i of [index - by, index + by]) if (y[i] != null) return i;
+      return index;
+    };
+    const look = {
+      dots: at => ({paths: () => null, points: {show: true, size: 4, width: 0, fill: `${at}99`}}),
+      line: () => ({points: {show: false}}),
+      marked: at => ({points: {show: true, size: 8, width: 0, fill: at}}),
+      steps: () => ({paths: uPlot.paths.stepped({align: 1}), points: {show: false}}),
+    };
+    return {
+      legend: {show: true},
+      cursor: {y: false, dataIdx: nearest, points: {size: 9}},
+      scales: {x: {time: false, distr: block.log_x ? 3 : 1, ...rules.length && {range: (_, low, high) => [Math.min(low, ...rules), Math.max(high, ...rules)]}},
+               y: {distr: block.log ? 3 : 1, ...block.span && {range: () => block.span}}},
+      axes: [axis(block.x, {values: short}), axis(block.y, {values: short, size: 4 * textSize()})],
+      series: [{label: block.x, value: tell},
+               ...block.series.map(s => ({label: s.name, value: tell, width: 2, stroke: colour(`--${s.colour}`), ...look[s.look](colour(`--${s.colour}`))}))],
+    };
+  }
+}
+
+// What a record's text holds: whole numbers of so many bytes each.
+function unpacked(text, bytes, unit) {
+  const raw = Uint8Array.from(atob(text), c => c.charCodeAt(0));
+  return Float32Array.from({length: raw.length / bytes}, (_, i) => (bytes === 2 ? raw[2 * i] + 256 * raw[2 * i + 1] : raw[i]) * unit);
+}
+const record = i => {
+  const r = said.records[i];
+  if (!r.side) {
+    r.truth = unpacked(r.truth, 2, 1e-3), r.side = Math.round(Math.sqrt(r.truth.length));
+    for (const m of r.maps) {
+      m.map = unpacked(m.map, 2, 1e-3), m.share = unpacked(m.share, 1, 0.005);
+      m.deviation &&= unpacked(m.deviation, 1, 0.01);
+    }
+  }
+  return r;
+};
+
+// The part of the field that the bodies of truth and maps are in, with room about it.
+function about(r) {
+  const all = {left: 0, top: 0, size: r.side}, at = [];
+  for (const map of [r.truth, ...r.maps.map(m => m.map)])
+    for (let i = 0; i < map.length; ++i) if (map[i] > 0) at.push([i % r.side, Math.floor(i / r.side)]);
+  if (!at.length) return all;
+  const [low, high] = [Math.min, Math.max].map(of => [0, 1].map(k => at.reduce((end, p) => of(end, p[k]), at[0][k])));
+  return squareOf(r, low, high, 2 * Math.floor(r.side / 12));
+}
+function squareOf(r, low, high, room) {
+  const size = Math.min(Math.max(high[0] - low[0], high[1] - low[1]) + 1 + room, r.side);
+  const [left, top] = [0, 1].map(k => Math.min(Math.max(Math.round((low[k] + high[k] + 1 - size) / 2), 0), r.side - size));
+  return size > 0.8 * r.side ? {left: 0, top: 0, size: r.side} : {left, top, size};
+}
+
+// Pictures of one record that show the same part of the field: dragging chooses a part, a double click takes the whole
+// and back; what is under the pointer is told of all.
+class Pictures {
+  constructor(parent, block) {
+    Object.assign(this, {r: record(block.record), views: [], start: about(record(block.record))});
+    this.frame = block.whole ? {left: 0, top: 0, size: this.r.side} : this.start;
+    for (const show of block.show) {
+      const [what, model] = show.split(' '), box = make(parent, 'div', {className: 'map', data: {show: what}});
+      if (what === 'spd' || what === 'radar') this.measured(box, what);
+      else this.picture(box, what, this.r.maps[+model], block.show.filter(other => other.startsWith('map')).length > 1);
+    }
+    this.draw();
+    redraws.push(() => this.draw());
+  }
+  measured(box, what) {
+    const {r} = this, axes = r[what], id = newId(what), values = what === 'spd' ? axes.clicks : axes.db;
+    make(box, 'h3', {textContent: what === 'spd' ? 'SPD histogram' : 'Radar range profile'});
+    make(box, 'p', {id: `${id}-readout`, className: 'readout'});
+    make(box, 'div', {id, className: 'chart'});
+    if (!values) return void (box.lastChild.textContent = 'no data in this record');
+    const chart = what === 'spd' ? new Histogram(id) : new Profile(id);
+    chart.farthest = r.spd.clicks ? (r.spd.start + r.spd.count * r.spd.step) * metresPerPs : r.radar.start + r.radar.count * r.radar.step;
+    if (r.body_m) chart.rules = [{at: r.body_m, name: 'body (camera)'}];
+    chart.axes(axes);
+    chart.take(values, '', false);
+    redraws.push(() => chart.renew());
+  }
+  picture(box, what, model, named) {
+    const id = newId('map'), {r} = this, of = named ? `: ${model?.name}` : '';
+    const title = {truth: 'Truth (depth camera)', map: `Map: ${model?.name}`, error: `Error${of}`, deviation: `Uncertainty${of}`, share: model?.name};
+    const values = what === 'truth' ? r.truth : what === 'error' ? model.map.map((v, i) => v > 0 && r.truth[i] > 0 ? v - r.truth[i] : 0) : model[what];
+    make(box, 'h3', {textContent: title[what]});
+    const canvas = make(box, 'canvas', {id, role: 'img', ariaLabel: title[what]});
+    const note = make(box, 'p', {className: 'told'});
+    const missed = what === 'error' && model.map.reduce((sum, v, i) => sum + (r.truth[i] > 0 && !(v > 0)), 0);
+    const invented = what === 'error' && model.map.reduce((sum, v, i) => sum + (v > 0 && !(r.truth[i] > 0)), 0);
+    note.textContent = what === 'map' ? model.scores : what === 'deviation' ? `Place of the body: ${model.stated}.`
+      : what === 'error' ? `${missed} of ${r.truth.reduce((sum, v) => sum + (v > 0), 0)} pixels missed, ${invented} invented.` : '';
+    const view = new MapView(id, what === 'error' ? 'error' : what === 'deviation' || what === 'share' ? 'sure' : 'near');
+    if (what === 'share') view.unit = '';
+    Object.assign(view, {what, values, model, note, said: note.textContent, cross: make(box, 'i', {className: 'cross', hidden: true}), box});
+    this.views.push(view);
+    this.handle(canvas, view);
+  }
+  draw() {
+    const {left, top, size} = this.frame, {side, half_tangent: half} = this.r;
+    const cut = values => Float32Array.from({length: size * size}, (_, i) => values[(top + Math.floor(i / size)) * side + left + i % size]);
+    const at = pixel => (2 * pixel / side - 1) * half, edges = [at(left), at(left + size), -at(top + size), -at(top)];
+    for (const v of this.views) {
+      const span = v.what === 'error' ? errorSpan : v.what === 'deviation' ? [0, 2] : v.what === 'share' ? [0, 1] : said.span;
+      v.set(v.what === 'error' ? errorPicture(cut(v.model.map), cut(this.r.truth), size, size, span)
+              : picture(cut(v.values), size, size, span, tables[v.kind], 1, v.kind === 'sure'), edges, span);
+    }
+  }
+  // Of the pointer: shares of the picture from its left and top, within it.
+  place(event, view) {
+    const box = view.canvas.getBoundingClientRect(), {left, top, width, height} = view.inner;
+    return [(event.clientX - box.left - left) / width, (event.clientY - box.top - top) / height].map(v => Math.min(Math.max(v, 0), 0.9999));
+  }
+  point(at) {
+    const {left, top, size} = this.frame, {side, half_tangent: half} = this.r;
+    for (const v of this.views) {
+      v.cross.hidden = !at, v.note.textContent = v.said;
+      if (!at) continue;
+      const [x, y] = at.map((share, k) => [left, top][k] + Math.floor(share * size)), value = v.values[y * side + x];
+      const tangents = [(x + 0.5) / side * 2 - 1, 1 - (y + 0.5) / side * 2].map(t => t * half), degrees = t => `${(Math.atan(t) * 180 / Math.PI).toFixed(1)}°`;
+      const [there, drawn] = [this.r.truth[y * side + x] > 0, v.model?.map[y * side + x] > 0];
+      const words = v.what === 'share' ? value.toFixed(2) : v.what === 'deviation' ? `±${value.toFixed(2)} m`
+        : v.what === 'error' ? there && drawn ? `${value > 0 ? '+' : ''}${(100 * value).toFixed(0)} cm` : there ? 'missed' : drawn ? 'invented' : 'nothing in both'
+          : value > 0 ? `${value.toFixed(2)} m` : 'no return';
+      v.note.textContent = `${words} at ${degrees(tangents[0])}, ${degrees(tangents[1])}`;
+      v.cross.style.left = `${v.canvas.offsetLeft + v.inner.left + at[0] * v.inner.width}px`;
+      v.cross.style.top = `${v.canvas.offsetTop + v.inner.top + at[1] * v.inner.height}px`;
+    }
+  }
+  handle(canvas, view) {
+    let from = null;
+    const chosen = make(view.box, 'i', {className: 'chosen', hidden: true});
+    canvas.addEventListener('pointerdown', e => {
+      if (e.pointerType !== 'touch') from = this.place(e, view), canvas.setPointerCapture(e.pointerId);
+      this.point(this.place(e, view));
+    });
+    canvas.addEventListener('pointermove', e => {
+      const at = this.place(e, view);
+      this.point(at);
+      chosen.hidden = !from;
+      if (!from) return;
+      for (const [side, extent, k, begin, whole] of [['left', 'width', 0, canvas.offsetLeft + view.inner.left, view.inner.width],
+                                                     ['top', 'height', 1, canvas.offsetTop + view.inner.top, view.inner.height]])
+        chosen.style[side] = `${begin + Math.min(from[k], at[k]) * whole}px`, chosen.style[extent] = `${Math.abs(from[k] - at[k]) * whole}px`;
+    });
+    canvas.addEventListener('pointerup', e => {
+      const at = this.place(e, view), pixels = [from, at].map(p => p?.map((share, k) => [this.frame.left, this.frame.top][k] + Math.floor(share * this.frame.size)));
+      const wide = from && Math.max(...[0, 1].map(k => Math.abs(pixels[0][k] - pixels[1][k])));
+      from = null, chosen.hidden = true;
+      if (!(wide >= 4)) return;
+      this.frame = squareOf(this.r, ...[Math.min, Math.max].map(of => [0, 1].map(k => of(pixels[0][k], pixels[1][k]))), 0);
+      this.draw();
+    });
+    canvas.addEventListener('pointerleave', () => this.point(null));
+    canvas.addEventListener('dblclick', () => {
+      this.frame = this.frame.size === this.r.side ? this.start : {left: 0, top: 0, size: this.r.side};
+      this.draw();
+    });
+  }
+}
+
+const kinds = {
+  text: (parent, {text}) => make(parent, 'p', {textContent: text}),
+  note: (parent, {text}) => make(parent, 'p', {className: 'note', textContent: text}),
+  fails(parent, {items}) {
+    const list = make(make(parent, 'div', {className: 'fail'}), 'ul');
+    for (const text of items) make(list, 'li', {textContent: text});
+  },
+  list(parent, {rows}) {
+    const list = make(parent, 'dl');
+    for (const [name, text] of rows) make(list, 'dt', {textContent: name}), make(list, 'dd', {textContent: text});
+  },
+  details(parent, {summary, blocks}) {
+    const at = make(parent, 'details');
+    make(at, 'summary', {textContent: summary});
+    add(at, blocks);
+  },
+  table(parent, {caption, head, rows, baselines}) {
+    if (caption) make(parent, 'p', {className: 'caption', textContent: caption});
+    const table = make(make(parent, 'div', {className: 'scroll', tabIndex: 0}), 'table', {ariaLabel: caption});
+    const fill = (row, cells, scope) => cells.forEach((cell, i) => {
+      const {text, small, mark} = typeof cell === 'string' ? {text: cell} : cell, head0 = head[i];
+      const at = make(row, scope === 'col' || i === 0 ? 'th' : 'td', {className: head0.words ? 'words' : ''});
+      if (at.tagName === 'TH') at.scope = scope;
+      make(at, mark ? 'b' : 'span', {textContent: text, className: mark ?? ''});
+      if (small) make(at, 'small', {textContent: small});
+    });
+    fill(make(make(table, 'thead'), 'tr'), head, 'col');
+    const body = make(table, 'tbody');
+    rows.forEach((row, i) => fill(make(body, 'tr', {className: i >= rows.length - baselines ? 'baseline' : ''}), row, 'row'));
+  },
+  charts(parent, {blocks}) {
+    add(make(parent, 'div', {className: 'charts'}), blocks);
+  },
+  chart(parent, block) {
+    const box = make(parent, 'figure', {className: 'card'});
+    make(box, 'h3', {textContent: block.title});
+    const plot = new Plot(box, block);
+    if (block.note) make(box, 'figcaption', {textContent: block.note});
+    redraws.push(() => plot.renew());
+  },
+  pictures(parent, block) {
+    const box = make(parent, 'figure', {className: 'card'});
+    if (block.title) make(box, 'h3', {textContent: block.title});
+    const pictures = make(box, 'div', {className: block.compare ? 'maps compare' : 'maps'});
+    new Pictures(pictures, block);
+    if (block.caption) make(box, 'figcaption', {textContent: block.caption});
+  },
+  columns(parent, {blocks}) {
+    add(make(parent, 'div', {className: 'columns'}), blocks);
+  },
+  strips(parent, block) {
+    const box = make(parent, 'figure', {className: 'card'}), key = {spd: 'SPD', radar: 'radar', depth: 'depth camera'};
+    const unit = {spd: 'clicks/s', radar: 'frames/s', depth: 'frames/s used'};
+    for (const sensor in key) {
+      const head = make(box, 'h3', {textContent: `${key[sensor]} `}), small = make(head, 'small', {textContent: unit[sensor]});
+      make(small, 'span', {id: `lost-${sensor}`, className: 'lost'});
+      if (block.gaps[sensor].length) make(small, 'span', {className: 'lost', textContent: '; no data where red'});
+      make(box, 'div', {id: `strip-${sensor}`, className: 'strip'});
+    }
+    const head = make(make(box, 'h3', {textContent: 'residual of the clocks '}), 'small', {textContent: 'µs: '});
+    for (const sensor in key) {
+      make(make(head, 'span'), 'i', {className: `key ${sensor}`});
+      head.lastChild.append(` ${key[sensor]} `);
+    }
+    make(box, 'div', {id: 'strip-clock', className: 'strip'});
+    const strips = new Strips(`time, ${block.unit}`);
+    for (const strip of strips.rates) strip.gaps = block.gaps[strip.sensor];
+    strips.take(block.arrays, block.window_s);
+    redraws.push(() => strips.renew());
+  },
+  cloud(parent, block) {
+    const r = record(block.record);
+    make(parent, 'p', {textContent: `${r.title}: drag to turn, wheel or two fingers to zoom, arrow keys.`});
+    const buttons = make(parent, 'div', {className: 'tools'});
+    const maps = [...r.maps.map(m => [m.name, m.map]), ['truth', r.truth]];
+    make(make(parent, 'div', {id: 'cloud-box'}), 'canvas', {id: 'cloud', tabIndex: 0, ariaLabel: 'points of the map in space'});
+    const cloud = new Cloud();
+    let shown = 0;
+    const show = i => {
+      shown = i;
+      [...buttons.children].forEach((button, k) => button.setAttribute('aria-pressed', k === i));
+      cloud.set(maps[i][1], r.half_tangent, said.span);
+    };
+    maps.forEach(([name], i) => make(buttons, 'button', {type: 'button', textContent: name}).addEventListener('click', () => show(i)));
+    show(0);
+    redraws.push(() => show(shown));
+  },
+};
+
+const redraw = () => redraws.forEach(one => one());
+const root = document.documentElement;
+function turnTheme() {
+  root.dataset.theme = isDark() ? 'light' : 'dark';
+  redraw();
+}
+
+const header = make(document.body, 'header', {id: 'top'});
+make(header, 'h1', {textContent: said.title});
+make(header, 'button', {type: 'button', id: 'theme', textContent: 'light or dark'}).addEventListener('click', turnTheme);
+make(header, 'p', {className: 'verdict', textContent: said.verdict});
+if (said.fails.length) {
+  kinds.fails(header, {items: said.fails});
+  const box = header.lastChild;
+  box.prepend(Object.assign(document.createElement('b'), {textContent: 'What fails'}));
+  if (said.more) make(box, 'a', {href: '#failures', textContent: said.more});
+}
+make(header, 'p', {className: 'quiet', textContent: said.origin});
+const contents = make(make(document.body, 'nav', {ariaLabel: 'contents'}), 'ol'), main = make(document.body, 'main');
+add(main, said.first);
+said.sections.forEach(({id, heading, blocks}, i) => {
+  make(make(contents, 'li'), 'a', {href: `#${id}`, textContent: heading});
+  const section = make(main, 'section', {ariaLabel: heading});
+  make(section, 'h2', {id, textContent: `${i + 1}. ${heading}`});
+  add(section, blocks);
+});
+if (location.hash) document.getElementById(location.hash.slice(1))?.scrollIntoView();
+matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw);
+// On paper all is light, and as wide as the paper.
+let theme;
+addEventListener('beforeprint', () => {
+  theme = root.dataset.theme, root.dataset.theme = 'light', root.classList.add('paper');
+  redraw();
+});
+addEventListener('afterprint', () => {
+  root.classList.remove('paper');
+  if (theme) root.dataset.theme = theme;
+  else delete root.dataset.theme;
+  redraw();
+});

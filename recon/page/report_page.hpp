@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: MIT
+// Parts of the page of a report: what they say, and blocks of it (page.hpp).
+#pragma once
+#include <string>
+#include <vector>
+
+#include "recon/page/page.hpp"
+#include "recon/page/report.hpp"
+
+namespace echofuse::recon {
+
+std::string short_name(const ModeResult& mode);
+std::string title_of(const ModeResult& mode);  // "both sensors, factorised"
+std::string name_for_charts(const ModeResult& mode);
+const char* colour_of(const Report& report, std::size_t mode);  // of its series
+const char* baseline_title(const std::string& name);
+std::string three_digits(double value);  // "103 k"
+
+// What the page says first: how good, against what, and in what it is worse.
+std::string verdict(const Report& report);
+// What fails, in sentences, the gravest first: of the scored run, of the letters, of the live run.
+struct Problem {
+  std::string text;
+  bool live = false;
+};
+std::vector<Problem> problems_of(const Report& report);
+// What there is to say that is no failure: a run like the training, corrections.
+std::vector<std::string> remarks_of(const Evaluation& evaluation);
+
+struct CountOf {
+  std::size_t count = 0, of = 0;
+  std::string text() const;                    // "5 of 40"
+  std::pair<double, double> interval() const;  // of 95 % (Wilson 1927)
+};
+// Of the records that define the metric, those of which it is true.
+CountOf count_of(const std::vector<MapScores>& scores, Metric metric);
+CountOf kept_intervals(const Evaluation& evaluation);  // bodies within what was stated
+
+using Pairs = std::vector<std::pair<double, double>>;
+// Of at most 200 of the values: which share of all, in per cent, is not above it.
+Pairs shares_below(std::vector<double> values);
+
+// Lists of blocks, empty where there is nothing to say.
+Json first_table(const Report& report);
+Json all_table(const Report& report);
+Json beside_paper(const Report& report);  // SSIM beside that of the paper
+Json cost_table(const Report& report);
+Json live_table(const Report& report);
+Json labels_table(const ModeResult& subject);  // scores by label
+Json failures(const Report& report);
+Json comparison(const Report& report);
+Json errors(const Report& report);  // against range and side; distributions
+Json losses(const Report& report);  // while training
+
+// A record of the page's list: titles, what was measured, truth and maps. Depths are in millimetres
+// of 16 bits, deviations in centimetres and shares in 1/200 of 8.
+Json json_of(const ShownRecord& shown);
+// What the model says of its map; `named`: one of several models.
+std::string words_of(const ShownMap& map, bool named);
+// Everything that the page says and shows.
+Json page_of(const Report& report);
+
+}  // namespace echofuse::recon

@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: MIT
+// The tables of a report.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+
+#include "drivers/chart/chart.hpp"
+#include "recon/numbers/text.hpp"
+#include "recon/page/report_page.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+enum class Best { more, less, zero };
+struct Column {
+  Metric metric;
+  const char *title, *format;
+  double unit;
+  Best best;
+  bool count = false;  // of records of which it is true
+};
+// Of the first screen.
+constexpr Column first_columns[] = {
+    {metric_iou, "IoU", "%.2f", 1, Best::more},
+    {metric_lateral_m, "lateral error (cm)", "%.1f", 100, Best::less},
+    {metric_depth_mae_m, "depth error (cm)", "%.1f", 100, Best::less},
+};
+constexpr Column all_columns[] = {
+    {metric_iou, "IoU", "%.2f", 1, Best::more},
+    {metric_lateral_m, "lateral error (cm)", "%.1f", 100, Best::less},
+    {metric_depth_mae_m, "depth error, where both show a body (cm)", "%.1f", 100, Best::less},
+    {metric_ghost, "ghost", "%.2f", 1, Best::zero},
+    {metric_left_right, "on the true side", "%.2f", 1, Best::more, true},
+    {metric_rmse_m, "RMSE (m)", "%.2f", 1, Best::less},
+    {metric_ssim, "SSIM", "%.2f", 1, Best::more},
+    {metric_ssim_hard, "SSIM, hard map", "%.2f", 1, Best::more},
+    {metric_ssim_fg, "SSIM near the body", "%.2f", 1, Best::more},
+};
+
+struct NamedScores {
+  std::string name;
+  const Summaries* metrics;
+  bool baseline;
+  const Evaluation* evaluation = nullptr;  // of a single model: can be paired
+};
+
+std::vector<NamedScores> scored(const Report& report) {
+  std::vector<NamedScores> out;
+  for (const auto& mode : report.modes)
+    out.push_back({title_of(mode), &mode.metrics, false,
+                   mode.evaluations.size() == 1 ? &mode.evaluations.front() : nullptr});
+  for (const auto& row : report.baselines)
+    out.push_back({baseline_title(row.name), &row.metrics, true});
+  return out;
+}
+
+const char* words_of(Best best) {
+  return best == Best::more   ? "more is better"
+         : best == Best::less ? "less is better"
+                              : "0 is best";
+}
+
+// Less is better.
+double loss(const Column& c, double value) {
+  return c.best == Best::more ? -value : c.best == Best::zero ? std::abs(value) : value;
+}
+
+bool same(const NamedScores& a, const NamedScores& b, const Column& c) {
+  const Summary &x = (*a.metrics)[c.metric], &y = (*b.metrics)[c.metric];
+  const double apart = std::abs(loss(c, x.mean) - loss(c, y.mean));
+  if (a.evaluation && b.evaluation && a.evaluation->rows == b.evaluation->rows) {
+    std::vector<double> differences;  // record by record
+    for (std::size_t i = 0; i < a.evaluation->scores.size(); ++i)
+      if (const double d = a.evaluation->scores[i][c.metric] - b.evaluation->scores[i][c.metric];
+          !std::isnan(d))
+        differences.push_back(d);
+    double mean = 0, squares = 0;
+    const auto n = static_cast<double>(differences.size());
+    for (const double d : differences) mean += d / n;
+    for (const double d : differences) squares += (d - mean) * (d - mean);
+    if (n > 4) return apart <= 1.96 * std::sqrt(squares / (n - 1) / n);
+  }
+  const auto square = [](double se) { return std::isnan(se) ? 0 : se * se; };
+  return apart <= 1.96 * std::sqrt(square(x.se) + square(y.se));
+}
+
+// The best and all that cannot be told apart from it.
+std::vector<bool> best_of(const std::vector<NamedScores>& rows, const Column& c) {
+  std::vector<bool> out(rows.size());
+  std::size_t best = rows.size();
+  const auto mean = [&](std::size_t i) { return (*rows[i].metrics)[c.metric].mean; };
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    if (!std::isnan(mean(i)) && (best == rows.size() || loss(c, mean(i)) < loss(c, mean(best))))
+      best = i;
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    out[i] = best < rows.size() && !std::isnan(mean(i)) && same(rows[i], rows[best], c);
+  return out;
+}
+
+Json value(const NamedScores& row, const Column& c, bool best) {
+  const Summary& s = (*row.metrics)[c.metric];
+  if (std::isnan(s.mean))
+    return cell("", c.metric == metric_depth_mae_m || c.metric == metric_lateral_m ? "no body found"
+                                                                                   : "not defined");
+  const double v = c.unit * s.mean;
+  std::string mean = std::abs(v) < 1e-12 ? "0" : formatted(c.format, v);
+  std::string error;
+  if (c.count && (row.baseline || row.evaluation))
+    mean = formatted("%.0f of %zu", s.mean * static_cast<double>(s.maps), s.maps);
+  else if (!std::isnan(s.se) && s.maps > 2 && s.se > 0)
+    error = "\u00b1" + formatted(c.format, c.unit * s.se);
+  return cell(mean, error, best ? "best" : "");
+}
+
+Json head_of(const Column& c) { return cell(c.title, words_of(c.best)); }
+
+Json table_of(const std::vector<NamedScores>& rows, const std::string& caption) {
+  Json head{"made from"}, out = Json::array();
+  std::size_t baselines = 0;
+  for (const NamedScores& row : rows)
+    out.push_back(Json::array({row.name})), baselines += row.baseline;
+  for (const Column& c : first_columns) {
+    head.push_back(head_of(c));
+    const auto best = best_of(rows, c);
+    for (std::size_t i = 0; i < rows.size(); ++i) out[i].push_back(value(rows[i], c, best[i]));
+  }
+  return Json::array({table(caption, head, out, baselines)});
+}
+
+// Of the subject; the others' follow from it.
+std::string n_of_depth(const NamedScores& row) {
+  const Summary& depth = (*row.metrics)[metric_depth_mae_m];
+  return row.evaluation
+             ? formatted("; depth error over the %zu maps in which body meets body", depth.maps)
+             : "";
+}
+
+Json summary(const Summary& s, double unit, const char* format) {
+  if (std::isnan(s.mean)) return "\u2013";
+  return cell(formatted(format, unit * s.mean),
+              !std::isnan(s.se) && s.maps > 4 ? "\u00b1" + formatted(format, unit * s.se) : "");
+}
+
+std::string counted(const std::vector<MapScores>& scores, Metric metric) {
+  const CountOf out = count_of(scores, metric);
+  return out.of > 0 ? out.text() : "\u2013";
+}
+
+}  // namespace
+
+std::string three_digits(double value) {
+  if (!(std::abs(value) > 0)) return "0";
+  const double unit = std::pow(10, std::floor(std::log10(std::abs(value))) - 2);
+  return chart::short_number(std::round(value / unit) * unit);
+}
+
+const char* baseline_title(const std::string& name) {
+  if (name == "empty") return "empty room";
+  if (name == "mean") return "mean of the training maps";
+  return "nearest training record";
+}
+
+Json first_table(const Report& report) {
+  const auto rows = scored(report);
+  const std::size_t seeds = report.modes.front().evaluations.size();
+  return table_of(rows,
+                  formatted("%zu records; mean \u00b1 standard error over %s%s; best: and all "
+                            "that cannot be told apart from it",
+                            report.records, seeds > 1 ? "trainings" : "maps",
+                            n_of_depth(rows.front()).c_str()));
+}
+
+Json live_table(const Report& report) {
+  std::vector<NamedScores> rows{
+      {title_of(report.modes.front()), &report.live->metrics, false, &*report.live}};
+  for (const auto& row : report.live->baselines)
+    rows.push_back({baseline_title(row.name), &row.metrics, true});
+  return table_of(rows, formatted("%zu records of the recorded run against its depth camera",
+                                  report.live->records));
+}
+
+// Metrics down, models across: it fits beside seven.
+Json all_table(const Report& report) {
+  const auto rows = scored(report);
+  Json head{"metric"}, out = Json::array();
+  for (const NamedScores& row : rows) head.push_back(row.name);
+  for (const Column& c : all_columns) {
+    const auto best = best_of(rows, c);
+    Json line = Json::array({head_of(c)});
+    for (std::size_t i = 0; i < rows.size(); ++i) line.push_back(value(rows[i], c, best[i]));
+    out.push_back(line);
+  }
+  return Json::array({table("Best: and all that cannot be told apart from it", head, out)});
+}
+
+Json beside_paper(const Report& report) {
+  Json rows = Json::array();
+  for (const ModeResult& mode : report.modes)
+    if (mode.paper_ssim > 0 && mode.models.front().papers)
+      rows.push_back({title_of(mode), summary(mode.metrics[metric_ssim], 1, "%.3f"),
+                      formatted("%.4f", mode.paper_ssim)});
+  if (rows.empty()) return rows;
+  return Json::array(
+      {table("Beside the paper: its networks only (Lai et al., Chin. Opt. Lett. 22, 022701, 2024)",
+             {"", "SSIM here", "SSIM in the paper"}, rows),
+       paragraph("The paper states neither window nor data range of its SSIM, so its values cannot "
+                 "be met as absolutes" +
+                 std::string(rows.size() > 1 ? "; what can be compared is the gap between both "
+                                               "sensors and either one alone."
+                                             : "."))});
+}
+
+Json cost_table(const Report& report) {
+  Json rows = Json::array();
+  for (const auto& mode : report.modes) {
+    const RunningCost& c = mode.evaluations.front().cost;
+    rows.push_back({title_of(mode), formatted("%.0f", c.infer_us_median),
+                    formatted("%.0f", c.infer_us_p99),
+                    three_digits(static_cast<double>(c.cost.multiply_adds)),
+                    three_digits(static_cast<double>(c.cost.parameters)),
+                    formatted("%.1f", static_cast<double>(c.model_bytes) / 1e6),
+                    formatted("%.0f", c.train_s)});
+  }
+  return Json::array(
+      {table("One map on one thread of this host",
+             {"", "time of a map (\u00b5s, median)", "99 % are below (\u00b5s)", "multiply-adds",
+              "parameters", cell("file (MB)", "with fallbacks and what it knows of its errors"),
+              "training (s)"},
+             rows)});
+}
+
+Json labels_table(const ModeResult& mode) {
+  const Evaluation& e = mode.evaluations.front();
+  std::map<std::string, std::vector<MapScores>> by_label;
+  for (std::size_t i = 0; i < e.scores.size(); ++i)
+    by_label[mode.records[i].label].push_back(e.scores[i]);
+  Json rows = Json::array();
+  if (by_label.size() < 2) return rows;
+  for (const auto& [label, scores] : by_label) {
+    const Summaries s = summarise(scores);
+    rows.push_back({label.empty() ? "(none)" : label, std::to_string(scores.size()),
+                    summary(s[metric_iou], 1, "%.2f"), summary(s[metric_lateral_m], 100, "%.1f"),
+                    summary(s[metric_depth_mae_m], 100, "%.1f"), counted(scores, metric_left_right),
+                    counted(scores, metric_letter_top1)});
+  }
+  return Json::array(
+      {table("Means, of five records and more \u00b1 standard error; " + title_of(mode),
+             {"label", "records", "IoU", "lateral error (cm)", "depth error (cm)",
+              "on the true side", "letter read"},
+             rows)});
+}
+
+}  // namespace echofuse::recon

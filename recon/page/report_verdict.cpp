@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: MIT
+// What a report says in sentences: how good, against what, and what fails.
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <sstream>
+
+#include "recon/numbers/text.hpp"
+#include "recon/page/report_page.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+std::string plus_minus(const Summary& s, double unit, int decimals) {
+  std::string out = formatted("%.*f", decimals, unit * s.mean);
+  if (!std::isnan(s.se) && s.maps > 4) out += formatted(" \u00b1 %.*f", decimals, unit * s.se);
+  return out;
+}
+
+const ModeResult* papers_network(const Report& report) {
+  for (const ModeResult& mode : report.modes)
+    if (mode.name == "paper") return &mode;
+  return nullptr;
+}
+
+// One with IoU 0 draws nobody: no opponent.
+std::string against_baselines(const Report& report) {
+  const ScoredRow* best = nullptr;
+  const auto iou = [](const ScoredRow& row) { return row.metrics[metric_iou].mean; };
+  for (const ScoredRow& row : report.baselines)
+    if (iou(row) > 0.01 && (best == nullptr || iou(row) > iou(*best))) best = &row;
+  if (best == nullptr) return "none of the baselines scored here draws a body";
+  return std::string("the best baseline that draws a body, ") + baseline_title(best->name) + ": " +
+         plus_minus(best->metrics[metric_iou], 1, 2);
+}
+
+struct Judged {
+  Metric metric;
+  const char* name;
+  double unit;
+  const char* of_unit;
+};
+constexpr std::array judged{
+    Judged{metric_iou, "IoU", 1, ""}, Judged{metric_lateral_m, "lateral error", 100, " cm"},
+    Judged{metric_depth_mae_m, "depth error", 100, " cm"}, Judged{metric_rmse_m, "RMSE", 1, " m"},
+    Judged{metric_ssim_hard, "SSIM of the hard map", 1, ""}};
+
+// In which metrics the other one is better, beyond chance.
+std::string worse_than(const ModeResult& own, const ModeResult& other) {
+  const Evaluation &a = own.evaluations.front(), &b = other.evaluations.front();
+  if (a.rows != b.rows) return {};
+  std::string out;
+  for (const PairedDifference& d : paired_differences(a.scores, b.scores))
+    for (const Judged& j : judged) {
+      if (j.metric != d.metric || d.low <= 0) continue;
+      out += formatted("%s%s (%.2f against %.2f%s)", out.empty() ? "" : ", ", j.name,
+                       j.unit * d.first, j.unit * d.second, j.of_unit);
+    }
+  return out;
+}
+
+std::string of_models(const Report& report) {
+  const ModeResult& subject = report.modes.front();
+  const Summaries& own = subject.metrics;
+  std::string out =
+      title_of(subject) + formatted(", on %zu %s records%s: ", report.records,
+                                    report.simulated ? "simulated" : "recorded",
+                                    report.new_run ? " of a new run" : " that training held out");
+  out[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(out[0])));
+  out += "IoU " + plus_minus(own[metric_iou], 1, 2);
+  const ModeResult* paper = papers_network(report);
+  if (paper != nullptr)
+    out += " (the paper's network: " + plus_minus(paper->metrics[metric_iou], 1, 2) + "; ";
+  else
+    out += " (";
+  out += against_baselines(report) + ")";
+  if (!std::isnan(own[metric_lateral_m].mean))
+    out += ", lateral error " + plus_minus(own[metric_lateral_m], 100, 1) + " cm";
+  if (!std::isnan(own[metric_depth_mae_m].mean))
+    out += ", depth error " + plus_minus(own[metric_depth_mae_m], 100, 1) + " cm";
+  out += ".";
+  for (const ModeResult& mode : report.modes)
+    if (&mode != &subject)
+      if (const std::string worse = worse_than(subject, mode); !worse.empty())
+        out += " Worse than " + name_for_charts(mode) + " in " + worse + ".";
+  return out;
+}
+
+// Of the records whose body is farther off than stated the one that is so most.
+std::string worst_interval(const Report& report) {
+  const ModeResult& subject = report.modes.front();
+  const Evaluation& e = subject.evaluations.front();
+  std::size_t worst = e.scores.size();
+  double most = 1;
+  for (std::size_t i = 0; i < e.uncertainties.size(); ++i) {
+    const double ratio = e.scores[i][metric_lateral_m] / e.uncertainties[i].lateral_interval_90_m;
+    if (ratio > most) most = ratio, worst = i;
+  }
+  if (worst == e.scores.size()) return {};
+  return formatted("Record %lld is %.0f cm off to the side; stated was: within %.0f cm (90 %%).",
+                   static_cast<long long>(subject.records[worst].index),
+                   100 * e.scores[worst][metric_lateral_m],
+                   100 * e.uncertainties[worst].lateral_interval_90_m);
+}
+
+void add_run(std::vector<Problem>& out, const Evaluation& e, const std::string& where, bool live) {
+  if (e.domain_shift.found()) out.push_back({where + e.domain_shift.text() + ".", live});
+  if (const CountOf kept = kept_intervals(e); kept.of > 0 && kept.interval().second < 0.9)
+    out.push_back({where + formatted("the body is within the stated interval in only %s records; "
+                                     "it is stated for 90 %% (%.0f).",
+                                     kept.text().c_str(), 0.9 * static_cast<double>(kept.of)),
+                   live});
+  for (const auto& [note, records] : e.fallbacks)
+    out.push_back({where + formatted("%zu records: %s.", records, note.c_str()), live});
+  if (e.left_out > 0)
+    out.push_back({where + formatted("%zu records with depth left out: a sensor missing or dead.",
+                                     e.left_out),
+                   live});
+}
+
+void add_letters(std::vector<Problem>& out, const Evaluation& e) {
+  const CountOf read = count_of(e.scores, metric_letter_top1);
+  if (read.of == 0 || read.interval().first > 0.5) return;
+  const double chance = static_cast<double>(read.of) / static_cast<double>(letters.size());
+  const bool by_chance = read.interval().first <= 1.0 / static_cast<double>(letters.size());
+  out.push_back(
+      {formatted("Letters %s: %s right, by chance %.1f.",
+                 by_chance ? "cannot be read" : "are mostly not read", read.text().c_str(), chance),
+       false});
+}
+
+}  // namespace
+
+std::string CountOf::text() const { return formatted("%zu of %zu", count, of); }
+
+std::pair<double, double> CountOf::interval() const {
+  if (of == 0) return {0, 1};
+  constexpr double z = 1.96;
+  const auto n = static_cast<double>(of);
+  const double p = static_cast<double>(count) / n, whole = 1 + z * z / n;
+  const double middle = (p + z * z / (2 * n)) / whole;
+  const double half = z / whole * std::sqrt(p * (1 - p) / n + z * z / (4 * n * n));
+  return {std::max(0.0, middle - half), std::min(1.0, middle + half)};
+}
+
+CountOf count_of(const std::vector<MapScores>& scores, Metric metric) {
+  CountOf out;
+  for (const MapScores& s : scores)
+    if (!std::isnan(s[metric])) ++out.of, out.count += s[metric] > 0.5;
+  return out;
+}
+
+CountOf kept_intervals(const Evaluation& e) {
+  CountOf out;
+  for (std::size_t i = 0; i < e.uncertainties.size(); ++i) {
+    const double stated = e.uncertainties[i].lateral_interval_90_m;
+    const double error = e.scores[i][metric_lateral_m];
+    if (!std::isnan(stated) && !std::isnan(error)) ++out.of, out.count += error <= stated;
+  }
+  return out;
+}
+
+std::string verdict(const Report& report) {
+  if (report.modes.empty())
+    return std::string(report.simulated ? "The simulated run is " : "The run is ") +
+           verdict_of(*report.story);
+  if (report.differences.empty()) return of_models(report);
+  const PairedDifference& d = report.differences.front();
+  const bool open = d.low <= 0 && d.high >= 0;
+  return formatted(
+      "On %zu %s records %s: IoU %.3f and %.3f, difference %+.3f (95 %%: %+.3f to %+.3f).",
+      d.records, report.simulated ? "simulated" : "recorded",
+      open         ? "the two models cannot be told apart"
+      : d.mean > 0 ? "the second model is better"
+                   : "the first model is better",
+      d.first, d.second, d.mean, d.low, d.high);
+}
+
+std::vector<Problem> problems_of(const Report& report) {
+  std::vector<Problem> out;
+  if (report.live) add_run(out, *report.live, "Recorded run: ", true);
+  if (report.story)
+    for (const std::string& text : gone_sensors(*report.story))
+      out.push_back({"Recorded run: " + text, true});
+  if (report.live && report.story && report.window_s > 0 &&
+      report.story->info.window_s != report.window_s)
+    out.push_back(
+        {formatted("Recorded run: its records are %g s long, those of the scored run %g s.",
+                   report.story->info.window_s, report.window_s),
+         true});
+  if (report.modes.empty()) return out;
+  const Evaluation& e = report.modes.front().evaluations.front();
+  add_letters(out, e);
+  add_run(out, e, "", false);
+  if (const std::string worst = worst_interval(report); !worst.empty())
+    out.push_back({worst, false});
+  return out;
+}
+
+std::vector<std::string> remarks_of(const Evaluation& e) {
+  std::vector<std::string> out;
+  if (e.domain_shift.tested() && !e.domain_shift.found()) out.push_back(e.domain_shift.text());
+  if (!e.antennas.empty()) out.push_back(e.antennas);
+  return out;
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: MIT
+#include "recon/train/crossvalidate.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/core/console.hpp"
+#include "drivers/core/exit_code.hpp"
+#include "recon/numbers/text.hpp"
+
+namespace echofuse::recon {
+
+Summaries summarise(const Folds& folds, bool sequence) {
+  std::vector<MapScores> all;
+  for (const auto& fold : folds) all.insert(all.end(), fold.begin(), fold.end());
+  Summaries out = summarise(all);
+  for (std::size_t m = 0; m < metric_count && sequence; ++m) {
+    double squares = 0, defined = 0;  // folds with a map that defines the metric
+    for (const auto& fold : folds) {
+      double rest = 0;
+      std::size_t maps = 0;
+      for (const MapScores& scores : fold)
+        if (!std::isnan(scores[m])) rest += scores[m] - out[m].mean, ++maps;
+      squares += rest * rest;
+      defined += maps > 0;
+    }
+    out[m].se = defined > 1 ? std::sqrt(defined / (defined - 1) * squares) /
+                                  static_cast<double>(out[m].maps)
+                            : std::nan("");
+  }
+  return out;
+}
+
+std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& rows,
+                                             const TrainOptions& options) {
+  constexpr std::size_t folds = 4;
+  const Inputs inputs = inputs_of(options.inputs);
+  const bool sequence = options.split.kind == "blocked";
+  const auto names = options.candidates.empty() ? candidates(inputs) : options.candidates;
+  FitOptions fit = options.fit;
+  fit.quiet = true;
+  const bool aligned = std::any_of(names.begin(), names.end(), [&](const auto& name) {
+    return wants_alignment(candidate_of(name, fit).model);
+  });
+  std::vector<CrossvalidatedRow> out;
+  for (const auto& name : names) out.push_back({{name, {}}, {}, 0, {}});
+  std::vector<Folds> scores(names.size());
+  Progress progress("cross-validation", folds * names.size(), options.fit.quiet);
+  for (std::size_t fold = 0; fold < folds; ++fold) {
+    const Split split = make_fold(rows, fold, folds, sequence ? options.split.gap : 0);
+    const Preprocessing preprocessing(data, split.train, inputs,
+                                      learn_scene(data.depth, split.train, data.map), aligned);
+    for (std::size_t m = 0; m < out.size(); ++m) {
+      if (interrupted()) throw Error(ExitCode::interrupted, "interrupted while choosing");
+      if (out[m].fault.empty()) try {
+          const Estimator model =
+              fit_model(data, split, preprocessing, names[m], inputs, options.scaling, fit);
+          scores[m].push_back(
+              score_maps(model.maps(data, split.test), data, split.test, model.scene));
+          out[m].cost = model.cost(), out[m].train_s += model.train_s / folds;
+        } catch (const Error& error) {
+          if (error.code() != ExitCode::failed) throw;
+          out[m].fault = error.what();
+          scores[m].clear();
+        }
+      progress.update(fold * out.size() + m + 1, out[m].name);
+    }
+  }
+  for (std::size_t m = 0; m < out.size(); ++m) out[m].metrics = summarise(scores[m], sequence);
+  return out;
+}
+
+std::vector<std::string> candidates(Inputs inputs) {
+  std::vector<std::string> out = {"empty", "mean"};
+  if (both_sensors(inputs))
+    for (const char* name :
+         {"silhouette", "factorised-4", "factorised-10", "factorised-16", "factorised-32"})
+      out.emplace_back(name);
+  for (const char* name : {"ridge", "pca-mlp-256-256", "mlp-512-256", "nearest"})
+    out.emplace_back(name);
+  return out;
+}
+
+std::string usual_model(Inputs inputs) {
+  return both_sensors(inputs) ? "factorised" : "pca-mlp-256-256";
+}
+
+std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows) {
+  std::size_t best = rows.size();
+  const auto iou = [&](std::size_t i) { return rows[i].metrics[metric_iou]; };
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    if (!std::isnan(iou(i).mean) && (best == rows.size() || iou(i).mean > iou(best).mean)) best = i;
+  if (best == rows.size())
+    throw Error(ExitCode::failed,
+                "no model can be judged: " + (rows.front().fault.empty()
+                                                  ? "the maps show nothing before the background"
+                                                  : rows.front().fault));
+  const double enough = iou(best).mean - iou(best).se;
+  std::size_t chosen = best;
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    if (iou(i).mean >= enough && rows[i].cost.multiply_adds < rows[chosen].cost.multiply_adds)
+      chosen = i;
+  return chosen;
+}
+
+std::string to_choice_table(const std::vector<CrossvalidatedRow>& rows, std::size_t chosen) {
+  std::string out = formatted("%-18s %15s %8s %8s %9s %8s %12s %8s\n", "model", "IoU", "SSIM_fg",
+                              "SSIM", "lateral m", "RMSE m", "multiply-adds", "train s");
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto& m = rows[i].metrics;
+    out += formatted("%-18s %15s %8.3f %8.3f %9.3f %8.3f %12zu %8.1f %s\n", rows[i].name.c_str(),
+                     formatted(m[metric_iou], " +-").c_str(), m[metric_ssim_fg].mean,
+                     m[metric_ssim].mean, m[metric_lateral_m].mean, m[metric_rmse_m].mean,
+                     rows[i].cost.multiply_adds, rows[i].train_s,
+                     i == chosen ? " <- chosen" : rows[i].fault.c_str());
+  }
+  return out;
+}
+
+}  // namespace echofuse::recon

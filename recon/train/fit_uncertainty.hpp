@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: MIT
+// These functions learn what a trained model may say of its own answers. They use the validation
+// records, as they are and made worse (fewer photons, more radar noise), with the model's own maps.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <optional>
+
+#include "drivers/core/random.hpp"
+#include "recon/data/split.hpp"
+#include "recon/use/estimator.hpp"
+
+namespace echofuse::recon {
+
+// Fewer training records tell nothing of a model's errors.
+inline constexpr std::size_t least_cross_fitted = 50;
+bool has_enough_records(const Split& split);  // true if they suffice to learn an UncertaintyModel
+// The model has not seen these records, and answers for them.
+struct Judged {
+  const Estimator& model;
+  Rows rows;
+};
+// The uncertainty comes from the model's own answers, or from those of similar models that were
+// trained on part of its records (cross-fitting; Chernozhukov et al., Econometrics Journal 21, C1,
+// 2018). Row i of the views belongs to record i of the data; `usual` are the rows that are in
+// distribution.
+UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, const Matrix& views,
+                                 const Rows& usual, const std::vector<Judged>& judged,
+                                 std::uint64_t seed);
+// If there are at least 150 validation records, the uncertainty comes from the model's own answers
+// to them. Otherwise models of all but one fold of the records, which `fit` makes, answer for that
+// fold; the folds are blocks if the split is in blocks. It returns nothing if interrupted.
+std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Dataset& data,
+                                                const Matrix& views, const Split& split,
+                                                const SplitOptions& options,
+                                                const std::function<Estimator(const Split&)>& fit,
+                                                std::size_t folds = 4);
+
+// Photons are lost at random, up to all but 1/300 of them, and the radar gets more noise.
+void degrade(Dataset& data, Rng& rng);
+
+}  // namespace echofuse::recon

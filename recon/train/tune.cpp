@@ -1,0 +1,341 @@
+// SPDX-License-Identifier: MIT
+#include "recon/train/tune.hpp"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+
+#include "drivers/core/console.hpp"
+#include "drivers/core/printable.hpp"
+#include "drivers/core/random.hpp"
+#include "recon/numbers/statistics.hpp"
+#include "recon/numbers/text.hpp"
+#include "recon/train/fit_uncertainty.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t folds = 4;
+constexpr std::array pulls{100., 30., 10.};
+constexpr double usual_pull = 30, turned_pull = 30;
+constexpr std::uint64_t fold_stream = 0x74756e65;  // "tune"
+// This is a share of the pixels of the median map. People alone fill less of it, where they stand
+// in half of few records.
+constexpr double changed_share = 0.2;
+
+const char* const as_it_was = "as it was";
+const char* const room_learnt = "the room learnt";
+const char* const alone = "these records alone";
+std::string tuned_name(double pull, bool turn) {
+  return formatted("%s with pull %g over N", turn ? "tuned and turned" : "tuned", pull);
+}
+
+bool can_be_tuned(const std::string& kind) {
+  return wants_alignment(kind) || kind_of(kind).size == ModelKind::Size::hidden;
+}
+
+bool is_near(const Axis& found, const Axis& wanted) {
+  const auto off = [&](std::uint32_t i) { return std::abs(found.at(i) - wanted.at(i)); };
+  return found.quantity == wanted.quantity && found.unit == wanted.unit &&
+         found.scale == wanted.scale && found.count >= wanted.count &&
+         off(0) <= std::abs(wanted.step) && off(wanted.count) <= std::abs(wanted.step);
+}
+
+// The axis becomes the model's own if only its name differs.
+void adopt(Axis& found, Matrix& table, const Axis& wanted, std::size_t values_a_bin) {
+  if (found.count > wanted.count) table = first_columns(table, wanted.count * values_a_bin);
+  found.count = wanted.count;
+  if (same_axis(found, wanted)) found = wanted;
+}
+
+std::string describe(const Axis& axis) {
+  return formatted("%u x %g %s from %g", axis.count, axis.step, axis.unit.c_str(), axis.start);
+}
+
+bool axes_are(const Estimator& model, const Dataset& data) {
+  const auto same = [](const Axis& a, const Axis& b) { return a.count == 0 || same_axis(a, b); };
+  const Layout layout = model.features.layout();
+  return same(layout.spd, data.spd_axis) && same(layout.radar, data.radar_axis) &&
+         same(layout.array, data.array_axis);
+}
+
+// The scene is what the maps show behind people: the new place, if it differs from the one that the
+// model knows.
+Scene scene_for(const Estimator& from, const Dataset& data, const Rows& rows) {
+  Scene scene = learn_scene(data.depth, rows, data.map);
+  std::size_t changed = 0;
+  for (std::size_t p = 0; p < scene.background.size(); ++p)
+    changed += std::abs(scene.background[p] - from.scene.background[p]) > 0.1f;
+  if (static_cast<double>(changed) < changed_share * static_cast<double>(scene.background.size()))
+    return from.scene;
+  return scene;
+}
+
+// The background of the sensors is the one that the model has learnt, or is learnt from the new
+// records.
+enum class Room : bool { kept, learnt };
+
+Estimator adapt(const Estimator& from, const Dataset& data, const Rows& rows, Room room,
+                const Tuning& tuning, bool with_scene = true) {
+  Estimator out;
+  out.name = from.name;
+  out.features = from.features;
+  out.features.spd_axis = data.spd_axis, out.features.radar_axis = data.radar_axis;
+  if (from.features.array_axis.count > 0) out.features.array_axis = data.array_axis;
+  out.scene = with_scene ? scene_for(from, data, rows) : from.scene;
+  const Rows all = all_rows(data.size());
+  out.alignment = wants_alignment(from.name) && room == Room::learnt
+                      ? Alignment(out.features.layout(), observe(data, all, out.features), rows,
+                                  from.alignment.config())
+                      : from.alignment;
+  const Matrix views = out.views(data, all, false);
+  Matrix scaled;
+  const Matrix& taken = out.inputs(data, all, views, scaled);
+  out.model = from.model->tuned(
+      {taken, data.depth, rows, &out.scene, &out.alignment, &data.radar, &data.array}, tuning);
+  return out;
+}
+
+class Choice {
+ public:
+  Choice(const Estimator& from, const Dataset& data, const Split& split, const TuneOptions& options)
+      : data_(data),
+        split_(split),
+        judged_by_(scene_for(from, data, split.train)),
+        sequence_(options.split.kind == "blocked"),
+        folds_(make_folds(split.train, folds, options.split, fold_stream)) {}
+
+  using Fit = std::function<Estimator(const Rows& rows)>;
+  // It fits one model a fold, and scores it on the rest.
+  void add(const std::string& name, Fit fit) {
+    Entry& entry = entries_.emplace_back(Entry{{{name, {}}, {}, 0, {}}, std::move(fit), {}});
+    Folds scores;
+    const auto started = std::chrono::steady_clock::now();
+    for (const Split& fold : folds_) {
+      entry.models.push_back(entry.fit(fold.train));
+      const Estimator& model = entry.models.back();
+      scores.push_back(score_maps(model.maps(data_, fold.test), data_, fold.test, judged_by_));
+      if (interrupted()) throw Error(ExitCode::interrupted, "interrupted while choosing");
+    }
+    entry.row.metrics = summarise(scores, sequence_);
+    for (const auto& fold : scores)
+      for (const MapScores& map : fold) entry.iou.push_back(map[metric_iou]);
+    entry.row.cost = entry.models.front().cost();
+    entry.row.train_s =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count() / folds;
+  }
+
+  // Returns the best of the models that are better than the usual one beyond the chance of these
+  // few records, or else the usual one.
+  std::size_t best(const std::string& usual) const {
+    const auto named = std::find_if(entries_.begin(), entries_.end(),
+                                    [&](const Entry& e) { return e.row.name == usual; });
+    const Entry& compared = named == entries_.end() ? entries_.front() : *named;
+    auto out = static_cast<std::size_t>(&compared - entries_.data());
+    double most = 0;
+    for (std::size_t i = 0; i < entries_.size(); ++i)
+      if (const double gain = gain_of(entries_[i], compared); gain > most) out = i, most = gain;
+    return out;
+  }
+  Estimator fit(std::size_t i) const { return entries_[i].fit(split_.train); }
+  std::vector<CrossvalidatedRow> table() const {
+    std::vector<CrossvalidatedRow> out;
+    for (const Entry& e : entries_) out.push_back(e.row);
+    return out;
+  }
+  // Returns each fold's model of this kind, and the rows that it has not seen.
+  std::vector<Judged> judged(std::size_t i) const {
+    std::vector<Judged> out;
+    for (std::size_t k = 0; k < folds; ++k) out.push_back({entries_[i].models[k], folds_[k].test});
+    return out;
+  }
+
+ private:
+  struct Entry {
+    CrossvalidatedRow row;
+    Fit fit;
+    std::vector<Estimator> models;
+    std::vector<double> iou = {};  // one value a record
+  };
+  // The gain is in IoU. It is 0 if it is less than a standard error of the records' paired
+  // differences.
+  static double gain_of(const Entry& entry, const Entry& than) {
+    std::vector<double> gains;
+    for (std::size_t i = 0; i < entry.iou.size(); ++i)
+      if (const double gain = entry.iou[i] - than.iou[i]; !std::isnan(gain)) gains.push_back(gain);
+    if (gains.size() < 2) return 0;
+    const double error =
+        standard_deviation(gains) / std::sqrt(static_cast<double>(gains.size() - 1));
+    return mean_of(gains) > error ? mean_of(gains) : 0;
+  }
+  const Dataset& data_;
+  const Split& split_;
+  Scene judged_by_;
+  bool sequence_;
+  std::vector<Split> folds_;
+  std::vector<Entry> entries_;
+};
+
+Estimator fit_alone(const Estimator& from, const Dataset& data, const Rows& rows,
+                    const TuneOptions& options) {
+  const Inputs inputs = from.features.inputs;
+  const bool aligned = wants_alignment(from.name);
+  FitOptions fit = from.model->sizes();
+  fit.seed = options.tuning.seed, fit.quiet = true;
+  const Preprocessing preprocessing(data, rows, aligned ? inputs : without_antennas(inputs),
+                                    learn_scene(data.depth, rows, data.map), aligned,
+                                    from.alignment.config());
+  const std::string scaling = aligned ? "record" : from.features.scaling;
+  return fit_model(data, {rows, {}, {}}, preprocessing, from.name, inputs, scaling, fit);
+}
+
+void try_all(Choice& choice, const Estimator& from, const Dataset& data, const Split& split,
+             const TuneOptions& options) {
+  Tuning untouched = options.tuning;
+  untouched.pull = INFINITY;
+  const bool own_axes = axes_are(from, data), aligned = wants_alignment(from.name);
+  Room room = aligned && !own_axes ? Room::learnt : Room::kept;
+  if (own_axes || !aligned)
+    choice.add(as_it_was, [&, untouched](const Rows& rows) {
+      return adapt(from, data, rows, Room::kept, untouched, false);
+    });
+  if (aligned) {
+    choice.add(room_learnt, [&, untouched](const Rows& rows) {
+      return adapt(from, data, rows, Room::learnt, untouched);
+    });
+    if (choice.best(as_it_was) > 0) room = Room::learnt;
+  }
+  const bool many = split.train.size() >= TuneOptions::least_alone;
+  const auto add_tuned = [&](double pull, bool turn) {
+    Tuning tuning = options.tuning;
+    tuning.pull = pull, tuning.turn = turn;
+    choice.add(tuned_name(pull, turn), [&, tuning, room](const Rows& rows) {
+      return adapt(from, data, rows, room, tuning);
+    });
+  };
+  for (const double pull : pulls) add_tuned(pull, false);
+  if (many && aligned) add_tuned(turned_pull, true);
+  if (many)
+    choice.add(alone, [&](const Rows& rows) { return fit_alone(from, data, rows, options); });
+}
+
+// It adds to the model of the chosen kind what belongs beside it. With too few records there is no
+// uncertainty.
+void finish(Estimator& model, const Dataset& data, const Split& split,
+            const std::vector<Judged>& judged, std::uint64_t seed) {
+  const Rows all = all_rows(data.size());
+  const Inputs inputs = model.features.inputs;
+  const bool has_spd = inputs != Inputs::radar;
+  const bool uncertainty = split.train.size() >= least_cross_fitted;
+  const bool domain = split.train.size() >= DomainReference::least_records;
+  if (!wants_alignment(model.name)) {
+    model.alignment = {};
+    if (has_spd && domain)
+      model.alignment =
+          Alignment(model.features.layout(), observe(data, all, model.features), split.train);
+  }
+  const Matrix views = model.views(data, all, true);
+  if (domain) model.domain = DomainReference(model.alignment, data, views, split.train, inputs);
+  if (uncertainty)
+    model.uncertainty = fit_uncertainty(model, data, views, split.train, judged, seed);
+}
+
+// It tunes the estimators for the range profile and the SPD alone. Their pull is not tested: they
+// are seldom needed.
+Estimator tune_other(const Estimator& from, const Dataset& data, const Split& split,
+                     const Tuning& tuning) {
+  const auto fit = [&](const Rows& rows) { return adapt(from, data, rows, Room::kept, tuning); };
+  Estimator out = fit(split.train);
+  const std::array halves{make_fold(split.train, 0, 2, 0), make_fold(split.train, 1, 2, 0)};
+  const std::array models{fit(halves[0].train), fit(halves[1].train)};
+  finish(out, data, split, {{models[0], halves[0].test}, {models[1], halves[1].test}}, tuning.seed);
+  return out;
+}
+
+// Returns the records of the old model and of this one.
+SeenRecords both(const SeenRecords& old, SeenRecords seen) {
+  const auto first = static_cast<std::uint32_t>(seen.runs.size());
+  seen.runs.insert(seen.runs.end(), old.runs.begin(), old.runs.end());
+  for (const std::uint32_t run : old.run) seen.run.push_back(first + run);
+  seen.index.insert(seen.index.end(), old.index.begin(), old.index.end());
+  seen.part.insert(seen.part.end(), old.part.begin(), old.part.end());
+  return seen;
+}
+
+}  // namespace
+
+void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset& data) {
+  require_map(data, from->scene.grid, "the model");
+  const std::string run = data.sources.empty() ? "run" : printable(data.sources.front().path);
+  const Features& f = from->features;
+  if (f.array_count() == 0) drop_array(data);
+  if (f.radar_axis.quantity == "binned_power" && data.radar_axis.quantity == "power")
+    rebin_radar(data, f.radar_axis);
+  const auto match = [&](Axis& found, Matrix& table, const Axis& wanted, const char* what,
+                         std::size_t values_a_bin) {
+    if (wanted.count == 0) return;
+    if (found.count == 0)
+      throw Error(ExitCode::failed, run + ": has no " + what + ", which " + printable(path) +
+                                        " takes (" + name_of(f.inputs) + ")");
+    if (!is_near(found, wanted))
+      throw Error(ExitCode::failed, run + ": " + what + " axis is " + describe(found) +
+                                        "; that of " + printable(path) + " is " + describe(wanted) +
+                                        ": they lie further apart than a bin");
+    adopt(found, table, wanted, values_a_bin);
+  };
+  const Layout layout = f.layout();
+  match(data.spd_axis, data.spd, layout.spd, "spd", 1);
+  match(data.radar_axis, data.radar, layout.radar, "radar", 1);
+  match(data.array_axis, data.array, layout.array, "array", layout.lag_values());
+  const Layout own{data.spd_axis, layout.radar.count > 0 ? data.radar_axis : Axis{},
+                   data.array_axis};
+  if (wants_alignment(from->name) &&
+      Alignment(own, Matrix(1, own.inputs()), {0}, from->alignment.config()).inputs() !=
+          from->alignment.inputs())
+    throw Error(ExitCode::failed, run + ": radar steps of " + formatted("%g", own.radar.step) +
+                                      " m make other inputs than those of " + printable(path));
+}
+
+TunedModel tune(const TrainedModel& from, const Dataset& data, const TuneOptions& options) {
+  const auto started = std::chrono::steady_clock::now();
+  if (!can_be_tuned(from->name))
+    throw Error(ExitCode::failed,
+                "a model of kind " + from->name +
+                    " cannot be tuned; silhouette, factorised, mlp and pca-mlp can");
+  const Rows rows = rows_to_train(data, from->features.inputs);
+  if (rows.size() < TuneOptions::least_records)
+    throw Error(ExitCode::failed, std::to_string(rows.size()) +
+                                      " usable records; at least 10 are needed to tune a model");
+  const Split split = make_split(rows, options.split);
+  Choice choice(from.first(), data, split, options);
+  try_all(choice, from.first(), data, split, options);
+  const std::size_t chosen = choice.best(tuned_name(usual_pull, false));
+  TunedModel out{{}, choice.table(), chosen};
+  TrainedModel& model = out.model;
+  model.estimators.push_back(choice.fit(chosen));
+  model.split = options.split;
+  model->fit.seed = options.tuning.seed;
+  model.seen = both(from.seen, seen_records(data, split));
+  model.data_hash = data.hash;
+  finish(model.first(), data, split, choice.judged(chosen), options.tuning.seed);
+  for (std::size_t k = 1; k < from.estimators.size(); ++k)
+    model.estimators.push_back(tune_other(from.estimators[k], data, split, options.tuning));
+  model->train_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+  return out;
+}
+
+std::string to_text(const TunedModel& tuned) {
+  std::string out = formatted("%-34s %15s %15s %8s\n", "model", "IoU", "lateral m", "train s");
+  for (std::size_t i = 0; i < tuned.table.size(); ++i) {
+    const auto& m = tuned.table[i].metrics;
+    out += formatted("%-34s %15s %15s %8.2f%s\n", tuned.table[i].name.c_str(),
+                     formatted(m[metric_iou], " +-").c_str(),
+                     formatted(m[metric_lateral_m], " +-").c_str(), tuned.table[i].train_s,
+                     i == tuned.chosen ? "  <- chosen" : "");
+  }
+  return out;
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: MIT
+// Tuning makes a model of another room from a model and a few records of that room.
+// Cross-validation within the records finds how far the old model is to be trusted. It compares the
+// model as it was, the model tuned with a stronger or weaker pull to its old weights, and a model
+// of these records alone.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "recon/train/crossvalidate.hpp"
+#include "recon/train/train.hpp"
+
+namespace echofuse::recon {
+
+struct TuneOptions {
+  static constexpr std::size_t least_records = 10;
+  static constexpr std::size_t least_alone = 50;  // fewer records make no model of their own
+  SplitOptions split;                             // no validation records, which nothing uses
+  Tuning tuning;                                  // its pull is chosen
+};
+
+struct TunedModel {
+  TrainedModel model;
+  std::vector<CrossvalidatedRow> table;  // the models that were tried
+  std::size_t chosen = 0;                // row of the table
+};
+
+// Brings the data onto axes that the tuned model can have: the model's own, or other ones that
+// nowhere lie further than a bin from them. `path` is the model's. Throws Error(failed) that names
+// what does not fit.
+void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset& data);
+
+// The data must have passed match_for_tuning. Throws Error(failed) unless `from` is of a kind that
+// can be tuned, and for fewer than least_records records.
+TunedModel tune(const TrainedModel& from, const Dataset& data, const TuneOptions& options);
+
+// The text has one line for each row of the table: accuracy, and which is chosen.
+std::string to_text(const TunedModel& tuned);
+
+}  // namespace echofuse::recon

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: MIT
+#include "recon/use/evaluate.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <optional>
+
+#include "drivers/core/exit_code.hpp"
+#include "recon/metrics/people.hpp"
+#include "recon/numbers/parallel.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+// Returns the inputs that both hold on the same axes; there may be none.
+std::optional<Inputs> common_inputs(const Dataset& data, const Dataset& other) {
+  const bool spd = other.spd_axis.count > 0 && covers(data.spd_axis, other.spd_axis);
+  const bool radar = other.radar_axis.count > 0 && covers(data.radar_axis, other.radar_axis);
+  if (spd && radar) return Inputs::fused;
+  if (!spd && !radar) return std::nullopt;
+  return spd ? Inputs::spd : Inputs::radar;
+}
+
+Matrix nearest_maps(const Dataset& data, const Rows& rows, const Dataset& neighbours_data,
+                    const Rows& neighbours, Inputs inputs) {
+  const Features features = fit_features(neighbours_data, neighbours, inputs, "record");
+  const Matrix known = features.apply(neighbours_data, neighbours);
+  const Matrix maps = take_rows(neighbours_data.depth, neighbours);
+  const auto model = make_nearest();
+  model->fit({known, maps, all_rows(neighbours.size())}, {known, maps, {}}, {});
+  return model->predict(features.apply(data, rows));
+}
+
+Rows with_depth(const Dataset& data) {
+  Rows rows = all_rows(data.size());
+  std::erase_if(rows, [&](std::size_t row) { return !data.has(row, Sensor::depth); });
+  return rows;
+}
+
+// It adds up the sums of an UncertaintyCalibration.
+struct StatedUncertainty {
+  double within = 0, stated = 0, known = 0, flagged = 0, squares = 0, variance = 0, pixels = 0,
+         records = 0;
+
+  void add(const Prediction& own, const Dataset& data, const Rows& rows, const Scene& scene) {
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const auto truth = data.depth.row(rows[i]);
+      flagged += !own.uncertainties[i].out_of_distribution.reason.empty(), ++records;
+      for (std::size_t p = 0; p < truth.size(); ++p, ++pixels) {
+        squares += std::pow(double{own.mean.row(i)[p]} - double{truth[p]}, 2);
+        variance += std::pow(double{own.deviation.row(i)[p]}, 2);
+      }
+      const double error = lateral_error(own.maps.row(i), truth, scene);
+      const double interval_m = own.uncertainties[i].lateral_interval_90_m;
+      if (std::isnan(error) || std::isnan(interval_m)) continue;
+      within += error <= interval_m, stated += interval_m, ++known;
+    }
+  }
+  UncertaintyCalibration mean() const {
+    return {within / known, stated / known, flagged / records, std::sqrt(squares / pixels),
+            std::sqrt(variance / pixels)};
+  }
+};
+
+// It computes metrics and calibration in parts, which bounds the memory.
+void score_predictions(const TrainedModel& model, const Records& records, const Rows& rows,
+                       Evaluation& out) {
+  constexpr std::size_t at_once = 512;
+  const PredictionDetail detail =
+      model->uncertainty ? PredictionDetail::pixels : PredictionDetail::maps;
+  std::vector<MapScores>& scores = out.scores;
+  StatedUncertainty uncertainty;
+  for (std::size_t first = 0; first < rows.size(); first += at_once) {
+    const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(first);
+    const Rows part(begin, begin + std::min<std::ptrdiff_t>(at_once, rows.end() - begin));
+    const Prediction one = predict(model, records, part, detail);
+    if (model->uncertainty) uncertainty.add(one, records.data, part, model->scene);
+    out.uncertainties.insert(out.uncertainties.end(), one.uncertainties.begin(),
+                             one.uncertainties.end());
+    const Plates plates = find_plates(records.data, part, model->scene);
+    const auto some = score_maps(one.maps, records.data, part, model->scene, plates);
+    scores.insert(scores.end(), some.begin(), some.end());
+  }
+  out.metrics = summarise(scores);
+  if (model->uncertainty) out.calibration = uncertainty.mean();
+}
+
+}  // namespace
+
+Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) {
+  const bool held_out = !all && model.knows(data);
+  Rows rows = held_out ? model.rows_of(data, Part::test) : with_depth(data);
+  if (!held_out) std::erase_if(rows, [&](auto row) { return !model.fault_of(data, row).empty(); });
+  if (!rows.empty()) return rows;
+  const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
+  throw Error(ExitCode::failed,
+              held_out ? path +
+                             ": the model was trained on this run and held none of its records "
+                             "out; use --all to score it on what it has seen"
+                       : path + ": no record has depth and the live sensors of a \"" +
+                             name_of(model->features.inputs) + "\" model");
+}
+
+Plates find_plates(const Dataset& data, const Rows& rows, const Scene& scene) {
+  Plates out(rows.size());
+  for_each_part(rows.size(), [&](std::size_t i) {
+    if (const auto letter = letter_of(data.label[rows[i]]))
+      out[i] = find_plate(data.depth.row(rows[i]), scene, *letter);
+  });
+  return out;
+}
+
+std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
+                                  const Scene& scene, const Plates& plates) {
+  std::vector<MapScores> out(rows.size());
+  for_each_part(rows.size(), [&](std::size_t i) {
+    out[i] = score(maps.row(i), data.depth.row(rows[i]), scene);
+    if (!plates.empty() && plates[i])
+      out[i][metric_letter_top1] = read_letter(maps.row(i), scene, *plates[i]);
+    if (data.label[rows[i]] != two_people_label) return;
+    if (const auto people = find_people(data.depth.row(rows[i]), scene))
+      out[i][metric_iou_person] = iou_per_person(maps.row(i), *people, scene);
+  });
+  return out;
+}
+
+namespace {
+
+TwoPeopleSeen count_two_people(const Evaluation& e, const Dataset& data) {
+  TwoPeopleSeen out;
+  for (std::size_t i = 0; i < e.uncertainties.size(); ++i) {
+    if (data.label[e.rows[i]] != two_people_label) continue;
+    ++out.records, out.flagged += !e.uncertainties[i].out_of_distribution.reason.empty();
+  }
+  return out;
+}
+
+}  // namespace
+
+Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows) {
+  const Dataset& data = records.data;
+  Evaluation out;
+  out.model = model->name;
+  out.inputs = model.for_run(data).features.inputs;
+  out.records = rows.size(), out.rows = rows;
+  out.antennas = records.antennas;
+  out.domain_shift = domain_shift_of(model, records);
+  for (const std::size_t row : rows)
+    if (const std::string note = model.note_of(data, row); !note.empty()) ++out.fallbacks[note];
+  if (!model.knows(data))
+    for (const std::size_t row : with_depth(data))
+      out.left_out += !model.fault_of(data, row).empty();
+  score_predictions(model, records, rows, out);
+  out.two_people = count_two_people(out, data);
+  return out;
+}
+
+std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows, const Scene& scene,
+                                       const Dataset& neighbours_data, const Rows& neighbours) {
+  const Plates plates = find_plates(data, rows, scene);
+  const auto scored = [&](const Matrix& maps) {
+    return summarise(score_maps(maps, data, rows, scene, plates));
+  };
+  std::vector<ScoredRow> out = {{"empty", scored(repeated_row(scene.background, rows.size()))},
+                                {"mean", scored(repeated_row(scene.mean_map, rows.size()))}};
+  const auto inputs = common_inputs(data, neighbours_data);
+  if (!neighbours.empty() && inputs)
+    out.push_back(
+        {"nearest", scored(nearest_maps(data, rows, neighbours_data, neighbours, *inputs))});
+  return out;
+}
+
+RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                         const std::string& model_path) {
+  const Estimator& by = model.for_run(data);
+  using Clock = std::chrono::steady_clock;
+  constexpr std::size_t warm_up = 20, repeats = 400;
+  std::vector<double> us;
+  for (std::size_t i = 0; i < warm_up + repeats; ++i) {
+    const Rows one{rows[i % rows.size()]};
+    const auto started = Clock::now();
+    by.maps(data, one);
+    const std::chrono::duration<double, std::micro> taken = Clock::now() - started;
+    if (i >= warm_up) us.push_back(taken.count());
+  }
+  std::sort(us.begin(), us.end());
+  return {by.cost(), us[repeats / 2], us[repeats * 99 / 100], by.train_s,
+          static_cast<std::size_t>(std::filesystem::file_size(model_path))};
+}
+
+}  // namespace echofuse::recon

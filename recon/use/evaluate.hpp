@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: MIT
+// An evaluation holds a model's scores on records it has not seen, those of the baselines, and the
+// cost.
+#pragma once
+#include <map>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "recon/metrics/letters.hpp"
+#include "recon/metrics/metrics.hpp"
+#include "recon/use/predict.hpp"
+
+namespace echofuse::recon {
+
+// This is a row of a table: a way to make maps, and how good they are.
+struct ScoredRow {
+  std::string name;
+  Summaries metrics;
+};
+
+struct RunningCost {
+  Cost cost;
+  double infer_us_median = 0, infer_us_p99 = 0;  // scaling and prediction of one map, one thread
+  double train_s = 0;
+  std::size_t model_bytes = 0;
+};
+
+// It says how well the stated uncertainty holds on records with a truth.
+struct UncertaintyCalibration {
+  double within_90 = 0;                 // share of the records within their lateral_interval_90_m
+  double lateral_interval_90_m = 0;     // mean
+  double flagged = 0;                   // share of the records that are out of distribution
+  double error_m = 0, deviation_m = 0;  // pixels' root mean square: of the mean map, as stated
+};
+
+// It counts the records whose label says two people (maps/people.hpp).
+struct TwoPeopleSeen {
+  std::size_t records = 0, flagged = 0;
+};
+
+struct Evaluation {
+  std::string model;
+  Inputs inputs{};
+  std::size_t records = 0;
+  // For each record that was judged these hold its row, its scores, and what the model stated (if
+  // it does).
+  Rows rows;
+  std::vector<MapScores> scores;
+  std::vector<PredictionUncertainty> uncertainties;
+  std::map<std::string, std::size_t> fallbacks;  // records for each TrainedModel::note_of
+  std::size_t left_out = 0;  // records of a fresh run with depth, of which no map can be made
+  std::string antennas;      // a note about them (Records)
+  DomainShift domain_shift;  // over all records of the run
+  Summaries metrics;
+  std::vector<ScoredRow> baselines;  // empty room, mean map, nearest neighbour
+  RunningCost cost;
+  TwoPeopleSeen two_people;  // counted if the model states its uncertainty
+  // It is empty if the model states no uncertainty. Its numbers are NaN if no record has one.
+  std::optional<UncertaintyCalibration> calibration;
+};
+
+// Returns the rows to judge a model by: the held-out ones of a run it was trained on, else all with
+// depth that the model has a map of.
+// Throws Error(failed) if there are none.
+Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
+
+// For each row whose label names a letter, it says where the true map shows the letter.
+using Plates = std::vector<std::optional<Plate>>;
+Plates find_plates(const Dataset& data, const Rows& rows, const Scene& scene);
+
+// Scores one map a row against the depth table's rows. Letters are read where there are plates,
+// which takes as long as the other scores.
+std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
+                                  const Scene& scene, const Plates& plates = {});
+
+// The result lacks the baselines and the cost.
+Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows);
+
+// These rows need no model: the empty room, the mean map, and the map of the nearest of the
+// neighbours. The nearest one is found by the sensors that both data sets have on the same axes, in
+// a fixed scaling ("record"). It is left out if there are no neighbours.
+std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows, const Scene& scene,
+                                       const Dataset& neighbours_data, const Rows& neighbours);
+
+RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                         const std::string& model_path);
+
+nlohmann::json to_json(const Evaluation& evaluation);
+// The text shows rows of metrics, aligned; lengths are in metres.
+std::string to_table(const std::vector<ScoredRow>& rows);
+std::string to_text(const Evaluation& evaluation);
+// These notes must be known to read the scores (antennas, fallbacks, records left out). The text
+// has a line for each, or is empty.
+std::string notes(const Evaluation& evaluation);
+// The text has one line.
+std::string to_text(const std::optional<UncertaintyCalibration>& calibration);
+
+}  // namespace echofuse::recon

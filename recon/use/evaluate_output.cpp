@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: MIT
+// An evaluation is shown as JSON for programs, and as aligned text for people.
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "acquire/record/depth_map.hpp"
+#include "recon/numbers/text.hpp"
+#include "recon/use/evaluate.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+using nlohmann::json;
+
+json number(double value) { return std::isnan(value) ? json(nullptr) : json(value); }
+
+// Such a metric is defined only for records of some labels.
+bool is_of_labels(std::size_t metric) { return metric >= metric_letter_top1; }
+
+json metrics_json(const Summaries& metrics) {
+  json out = json::object();
+  for (std::size_t m = 0; m < metric_count; ++m) {
+    if (is_of_labels(m) && metrics[m].maps == 0) continue;
+    out[metric_names[m]] = {{"mean", number(metrics[m].mean)},
+                            {"se", number(metrics[m].se)},
+                            {"maps", metrics[m].maps}};
+  }
+  return out;
+}
+
+}  // namespace
+
+json to_json(const Evaluation& e) {
+  json baselines = json::object();
+  for (const auto& row : e.baselines) baselines[row.name] = metrics_json(row.metrics);
+  std::size_t fallback_records = 0;
+  for (const auto& [note, records] : e.fallbacks) fallback_records += records;
+  json out = {{"model", e.model},
+              {"inputs", name_of(e.inputs)},
+              {"records", e.records},
+              {"left_out", e.left_out},
+              {"fallback_records", fallback_records},
+              {"antennas", e.antennas},
+              {"metrics", metrics_json(e.metrics)},
+              {"trivial", baselines},
+              {"cost",
+               {{"multiply_adds", e.cost.cost.multiply_adds},
+                {"parameters", e.cost.cost.parameters},
+                {"infer_us_median", e.cost.infer_us_median},
+                {"infer_us_p99", e.cost.infer_us_p99},
+                {"train_s", e.cost.train_s},
+                {"model_bytes", e.cost.model_bytes}}}};
+  if (const TwoPeopleSeen& two = e.two_people; two.records > 0)
+    out["two_people"] = {{"records", two.records}, {"flagged", two.flagged}};
+  if (e.domain_shift.tested())
+    out["domain_shift"] = {{"distance", e.domain_shift.distance},
+                           {"p", e.domain_shift.p},
+                           {"records", e.domain_shift.records},
+                           {"text", e.domain_shift.text()}};
+  out["calibrated"] = e.calibration.has_value();
+  if (e.calibration)
+    out["calibration"] = {{"within_lateral_interval_90", number(e.calibration->within_90)},
+                          {"lateral_interval_90_m", number(e.calibration->lateral_interval_90_m)},
+                          {"flagged", e.calibration->flagged},
+                          {"pixel_error_m", e.calibration->error_m},
+                          {"pixel_deviation_m", e.calibration->deviation_m}};
+  return out;
+}
+
+std::string to_table(const std::vector<ScoredRow>& rows) {
+  std::string out = formatted("%-12s", "metric");
+  for (const auto& row : rows) out += formatted(" %15s", row.name.c_str());
+  out += '\n';
+  for (std::size_t m = 0; m < metric_count; ++m) {
+    if (is_of_labels(m) && std::all_of(rows.begin(), rows.end(), [&](const ScoredRow& row) {
+          return row.metrics[m].maps == 0;
+        }))
+      continue;
+    out += formatted("%-12s", metric_names[m]);
+    for (const auto& row : rows)
+      out += formatted(" %15s", formatted(row.metrics[m], " +-").c_str());
+    out += '\n';
+  }
+  return out;
+}
+
+std::string to_text(const std::optional<UncertaintyCalibration>& c) {
+  if (!c) return "not calibrated: too few training records to say how far off the maps are\n";
+  const std::string lateral =
+      std::isnan(c->within_90)
+          ? ""
+          : formatted(
+                "%.1f %% of the records within their stated lateral error, %.1f cm on average "
+                "(meant for 90 %%); ",
+                100 * c->within_90, 100 * c->lateral_interval_90_m);
+  return lateral + formatted(
+                       "%.2f %% out of distribution; pixels of the mean map are off by %.2f m "
+                       "rms, stated %.2f m\n",
+                       100 * c->flagged, c->error_m, c->deviation_m);
+}
+
+std::string to_text(const TwoPeopleSeen& two) {
+  if (two.records == 0) return "";
+  return formatted("%zu of %zu records of two people are flagged\n", two.flagged, two.records);
+}
+
+std::string notes(const Evaluation& e) {
+  std::string out = e.domain_shift.tested() ? e.domain_shift.text() + '\n' : "";
+  if (!e.antennas.empty()) out += e.antennas + '\n';
+  for (const auto& [note, records] : e.fallbacks)
+    out += formatted("%zu records: %s\n", records, note.c_str());
+  if (e.left_out > 0)
+    out += formatted("%zu records with depth left out: a sensor missing or dead\n", e.left_out);
+  return out;
+}
+
+std::string to_text(const Evaluation& e) {
+  std::vector<ScoredRow> rows = {{e.model + " " + name_of(e.inputs), e.metrics}};
+  rows.insert(rows.end(), e.baselines.begin(), e.baselines.end());
+  return formatted("%zu records; mean +- standard error over maps\n", e.records) + notes(e) +
+         to_table(rows) +
+         formatted(
+             "%zu multiply-adds a map, %zu parameters, %.0f us a map (median; p99 %.0f) on one "
+             "thread\n",
+             e.cost.cost.multiply_adds, e.cost.cost.parameters, e.cost.infer_us_median,
+             e.cost.infer_us_p99) +
+         formatted("trained in %.1f s, model file %.1f MB\n", e.cost.train_s,
+                   static_cast<double>(e.cost.model_bytes) / 1e6) +
+         to_text(e.calibration) + to_text(e.two_people);
+}
+
+}  // namespace echofuse::recon

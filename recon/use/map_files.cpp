@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: MIT
+#include "recon/use/map_files.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "acquire/record/png.hpp"
+#include "recon/data/files.hpp"
+#include "recon/numbers/text.hpp"
+#include "recon/use/map_pictures.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr int picture_zoom = 4;
+
+Bytes millimetre_picture(std::span<const float> map, std::uint32_t size) {
+  std::vector<std::uint16_t> mm(map.size());
+  for (std::size_t p = 0; p < map.size(); ++p)
+    mm[p] = static_cast<std::uint16_t>(std::lround(std::clamp(map[p] * 1000, 0.f, 65535.f)));
+  return record::encode_png16(mm, size, size);
+}
+
+Bytes point_cloud(std::span<const float> map, const record::MapGrid& grid) {
+  const Axis x = grid.x(), y = grid.y();
+  const auto points = std::count_if(map.begin(), map.end(), [](float z) { return z > 0; });
+  const std::string head = formatted(
+      "ply\nformat binary_little_endian 1.0\nelement vertex %lld\nproperty float x\n"
+      "property float y\nproperty float z\nend_header\n",
+      static_cast<long long>(points));
+  Bytes out(head.begin(), head.end());
+  for (std::size_t p = 0; p < map.size(); ++p) {
+    if (!(map[p] > 0)) continue;
+    put(out, static_cast<float>(x.at(static_cast<double>(p % x.count)) * double{map[p]}));
+    put(out, static_cast<float>(y.at(static_cast<double>(p / x.count)) * double{map[p]}));
+    put(out, map[p]);
+  }
+  return out;
+}
+
+std::vector<double> values_of(const Axis& axis) {
+  std::vector<double> out;
+  for (std::uint32_t i = 0; i < axis.count; ++i) out.push_back(axis.at(i));
+  return out;
+}
+
+struct MapFormat {
+  const char *name, *what;
+};
+constexpr std::array<MapFormat, 5> map_formats = {
+    {{"colour", "PNG"},
+     {"mm", "PNG of 16-bit millimetres"},
+     {"ply", "points"},
+     {"npz", "all maps in one file"},
+     {"uncertainty", "standard deviations, as mm and npz"}}};
+
+}  // namespace
+
+std::vector<std::string> map_format_names() {
+  std::vector<std::string> out;
+  for (const MapFormat& f : map_formats) out.emplace_back(f.name);
+  return out;
+}
+
+std::string map_format_help() {
+  std::string out;
+  for (const MapFormat& f : map_formats)
+    out += formatted("%s%s (%s)", out.empty() ? "" : ", ", f.name, f.what);
+  return out;
+}
+
+MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene,
+                   bool calibrated)
+    : folder_(std::move(folder)),
+      formats_(formats),
+      scene_(scene),
+      span_(span_of(scene)),
+      calibrated_(calibrated) {
+  if (!wants("npz")) return;
+  const std::size_t size = scene.grid.size;
+  arrays_.emplace(folder_ + "/maps.npz");
+  arrays_->begin("depth_m", "<f4", {size, size});
+  if (!wants("uncertainty")) return;
+  deviations_.emplace(folder_ + "/uncertainty.npz");
+  deviations_->begin("deviation_m", "<f4", {size, size});
+}
+
+bool MapFiles::wants(const char* format) const {
+  return std::find(formats_.begin(), formats_.end(), format) != formats_.end();
+}
+
+void MapFiles::write(std::int64_t index, std::span<const float> prediction,
+                     std::span<const float> deviation) {
+  const std::vector<float> map = within_span(prediction);
+  const auto picture = [&](const char* end, const Bytes& contents) {
+    write_file(folder_ + formatted("/%06lld", static_cast<long long>(index)) + end, contents);
+  };
+  // Only colours and points show it.
+  std::vector<float> there;
+  if (wants("ply") || wants("colour")) there = hard_map(map, scene_);
+  if (wants("ply")) picture(".ply", point_cloud(there, scene_.grid));
+  if (wants("colour")) picture(".png", depth_picture(there, span_, picture_zoom));
+  if (wants("mm")) picture("_mm.png", millimetre_picture(map, scene_.grid.size));
+  if (wants("uncertainty")) picture("_sd.png", millimetre_picture(deviation, scene_.grid.size));
+  if (!arrays_) return;
+  arrays_->append(map);
+  indices_.push_back(index);
+  if (deviations_) deviations_->append(deviation);
+}
+
+void MapFiles::close() {
+  if (!arrays_) return;
+  arrays_->begin("index", "<i8", {});
+  arrays_->append(indices_);
+  for (const auto& [name, axis] :
+       {std::pair("depth_x", scene_.grid.x()), {"depth_y", scene_.grid.y()}}) {
+    arrays_->begin(name, "<f8", {});
+    arrays_->append(values_of(axis));
+  }
+  arrays_->begin("calibrated", "|u1", {});
+  arrays_->append(std::vector<std::uint8_t>{calibrated_});
+  arrays_->close();
+  if (deviations_) deviations_->close();
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: MIT
+// Depth maps as files, in the formats that are asked for.
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "drivers/chart/colour_map.hpp"
+#include "recon/metrics/scene.hpp"
+#include "recon/use/npz.hpp"
+
+namespace echofuse::recon {
+
+// Maps of N x N pixels, as the model's. To add one: a row in map_files.cpp, and its branch in
+// MapFiles::write.
+//   colour  NNNNNN.png: for the eye, where the map says that something is there
+//   mm      NNNNNN_mm.png: 16-bit grey, z in millimetres, 0 = no return
+//   ply     NNNNNN.ply: points x (right), y (up), z (away) in metres, of the hard map (scene.hpp),
+//           as the ripple of a least-squares map would be a fog of points
+//   npz     maps.npz for all: index i64 [n], depth_m f32 [n, N, N], depth_x and depth_y f64 [N],
+//           the tangents of the pixel centres; calibrated u8 [1]: 0 where the model cannot say how
+//           far off its maps are
+//   uncertainty  NNNNNN_sd.png: 16-bit grey, the standard deviation of z in millimetres; beside npz
+//           also uncertainty.npz: deviation_m f32 [n, N, N]
+std::vector<std::string> map_format_names();
+std::string map_format_help();  // each with what it is
+
+// Writes into an existing folder; every member throws Error(disk).
+class MapFiles {
+ public:
+  // `calibrated`: whether the model states its uncertainty.
+  MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene,
+           bool calibrated);
+  // `deviation`: of every pixel; may be empty unless uncertainty is wanted.
+  void write(std::int64_t index, std::span<const float> prediction,
+             std::span<const float> deviation);
+  void close();  // finishes what holds all maps
+
+ private:
+  bool wants(const char* format) const;
+  std::string folder_;
+  std::vector<std::string> formats_;
+  const Scene& scene_;
+  chart::Span span_;
+  bool calibrated_;
+  std::optional<NpzFile> arrays_;
+  std::vector<std::int64_t> indices_;
+  std::optional<NpzFile> deviations_;
+};
+
+}  // namespace echofuse::recon

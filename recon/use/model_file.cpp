@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: MIT
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <filesystem>
+
+#include "drivers/core/console.hpp"
+#include "recon/data/files.hpp"
+#include "recon/use/trained_model.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::int64_t format_version = 9;
+constexpr std::size_t most_estimators = 3;
+
+void archive_seen(Archive archive, SeenRecords& seen) {
+  std::size_t runs = seen.runs.size();
+  archive.count("runs", runs, 0, 1 << 20);
+  seen.runs.resize(runs);
+  for (std::size_t r = 0; r < runs; ++r) archive.text("run/" + std::to_string(r), seen.runs[r], {});
+  archive.values("run", seen.run, Archive::any);
+  archive.values("index", seen.index, seen.run.size());
+  archive.values("part", seen.part, seen.run.size());
+  for (const std::uint32_t run : seen.run)
+    archive.require(run < runs, "run", "expected numbers of its runs");
+  for (const std::uint8_t part : seen.part)
+    archive.require(part <= static_cast<std::uint8_t>(Part::test), "part", "expected 0, 1 or 2");
+}
+
+void archive_split(Archive archive, SplitOptions& split) {
+  archive.text("kind", split.kind, {"random", "blocked"});
+  archive.count("gap", split.gap, 0, 1 << 30);
+  auto seed = static_cast<std::int64_t>(split.seed);
+  archive.count("seed", seed, std::numeric_limits<std::int64_t>::min(),
+                std::numeric_limits<std::int64_t>::max());
+  split.seed = static_cast<std::uint64_t>(seed);
+  archive.number("test_share", split.test_share, 0, 1);
+  archive.number("validation_share", split.validation_share, 0, 1);
+}
+
+// All estimators answer for records on the axes of the first one; each takes less than the one
+// before.
+void check_list(const Archive& archive, const TrainedModel& model) {
+  const Features& first = model->features;
+  for (std::size_t k = 1; k < model.estimators.size(); ++k) {
+    const Features& own = model.estimators[k].features;
+    const Features& before = model.estimators[k - 1].features;
+    const std::string name = std::to_string(k);
+    const bool of_profile = own.inputs == Inputs::fused_profile && before.array_axis.count > 0;
+    archive.require(both_sensors(before.inputs) && (own.inputs == Inputs::spd || of_profile),
+                    name + "/inputs", "expected fewer sensors than of the estimator before");
+    archive.require(same_axis(own.spd_axis, first.spd_axis) &&
+                        (!of_profile || same_axis(own.radar_axis, first.radar_axis)),
+                    name + "/axes", "expected those of the first estimator");
+    archive.require(model.estimators[k].scene.grid == model->scene.grid, name + "/scene/map_size",
+                    "expected that of the first estimator");
+    archive.require(model.estimators[k].uncertainty.has_value() == model->uncertainty.has_value(),
+                    name + "/calibrated", "expected that of the first estimator");
+  }
+}
+
+void check_format(Archive archive) {
+  std::string format = "echofuse model";
+  archive.text("format", format, {format});
+  std::int64_t found = format_version;
+  archive.count("format_version", found, 0, 1 << 20);
+  archive.require(found == format_version, "format_version",
+                  "is " + std::to_string(found) + "; expected " + std::to_string(format_version) +
+                      (found > format_version ? ": use a newer echofuse" : ": train it again"));
+}
+
+void archive(Archive archive, TrainedModel& model) {
+  check_format(archive);
+  std::string by = version();
+  archive.text("version", by, {});
+  std::size_t estimators = model.estimators.size();
+  archive.count("estimators", estimators, 1, most_estimators);
+  model.estimators.resize(estimators);
+  archive.count("data_crc32c", model.data_hash, 0, std::numeric_limits<std::uint32_t>::max());
+  archive_split(archive.in("split"), model.split);
+  archive_seen(archive.in("split"), model.seen);
+  for (std::size_t k = 0; k < estimators; ++k)
+    model.estimators[k].archive(archive.in(std::to_string(k)));
+  check_list(archive, model);
+}
+
+// It returns false with errno. A file system that cannot rename in one step does it in two.
+bool rename_to_new(const std::string& from, const std::string& to) {
+  if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return true;
+  if (errno != EINVAL && errno != ENOSYS) return false;
+  if (::access(to.c_str(), F_OK) == 0) return errno = EEXIST, false;
+  return std::rename(from.c_str(), to.c_str()) == 0;
+}
+
+}  // namespace
+
+void check_can_save(const std::string& path) {
+  if (std::filesystem::exists(path))
+    throw Error(ExitCode::usage, path + ": exists already; give another --out, or remove it");
+  const std::string unfinished = path + ".part";
+  write_file(unfinished, {});
+  std::remove(unfinished.c_str());
+}
+
+void save_model(const TrainedModel& model, const std::string& path) {
+  TensorFile file;
+  // Writing changes nothing in the model.
+  archive({file, Archive::Direction::write}, const_cast<TrainedModel&>(model));
+  const std::string unfinished = path + ".part";
+  std::remove(unfinished.c_str());
+  write_file(unfinished, file.to_bytes());
+  if (rename_to_new(unfinished, path)) return;
+  const bool there = errno == EEXIST;
+  throw Error(there ? ExitCode::failed : ExitCode::disk,
+              path +
+                  (there ? ": was made by somebody else meanwhile; what was to be there is in "
+                         : ": cannot rename to it ") +
+                  unfinished);
+}
+
+TrainedModel load_model(const std::string& name, ByteView contents) {
+  TensorFile file(name, contents);
+  TrainedModel out;
+  archive({file, Archive::Direction::read}, out);
+  return out;
+}
+
+TrainedModel load_model(const std::string& path) {
+  if (::access(path.c_str(), R_OK) != 0)
+    throw Error(ExitCode::failed, path + ": no such file, or not readable; expected a model file");
+  return load_model(path, read_file(path));
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: MIT
+#include "recon/use/predict.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+
+#include "drivers/core/clones.hpp"
+#include "recon/use/empty_room.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t at_once = 512;  // bounds the memory that a prediction needs
+
+// The loop runs to the last value without an early end, so the compiler makes vectors of it.
+ECHOFUSE_CLONES bool all_finite(const float* values, std::size_t count) {
+  constexpr std::uint32_t exponent = 0x7f800000;
+  std::uint32_t beyond = 0;
+  for (std::size_t i = 0; i < count; ++i)
+    beyond |= std::uint32_t{(std::bit_cast<std::uint32_t>(values[i]) & exponent) == exponent};
+  return beyond == 0;
+}
+
+// It predicts by one estimator; row i of the views belongs to rows[i].
+Prediction predict_by(const Estimator& by, const Dataset& data, const Rows& rows,
+                      const Matrix& views, PredictionDetail detail) {
+  Prediction out;
+  SoftMaps soft;
+  out.maps = by.maps(data, rows, views, detail == PredictionDetail::pixels ? &soft : nullptr);
+  require_finite(out.maps);
+  if (detail == PredictionDetail::maps || !by.uncertainty) return out;
+  const UncertaintyModel& uncertainty = *by.uncertainty;
+  out.uncertainties = uncertainty.trust(views, out.maps, by.scene, data, rows, by.features.inputs);
+  if (detail == PredictionDetail::uncertainty) return out;
+  std::vector<double> lateral_interval_90_m;
+  for (const PredictionUncertainty& u : out.uncertainties)
+    lateral_interval_90_m.push_back(u.lateral_interval_90_m);
+  soft = soft_of(std::move(soft), out.maps, by.scene, lateral_interval_90_m);
+  PixelMaps pixels = uncertainty.pixels(soft, by.scene);
+  require_finite(pixels.mean), require_finite(pixels.deviation);
+  out.mean = std::move(pixels.mean), out.deviation = std::move(pixels.deviation);
+  return out;
+}
+
+// It moves row i of a part to row places[i] of the whole.
+void put(Prediction& whole, Prediction part, std::span<const std::size_t> places,
+         std::size_t records) {
+  if (places.size() == records) return void(whole = std::move(part));
+  const auto put_rows = [&](Matrix& to, const Matrix& from) {
+    if (to.rows == 0) to = Matrix(from.rows > 0 ? records : 0, from.cols);
+    for (std::size_t i = 0; i < from.rows; ++i)
+      std::copy(from.row(i).begin(), from.row(i).end(), to.row(places[i]).begin());
+  };
+  put_rows(whole.maps, part.maps);
+  put_rows(whole.mean, part.mean), put_rows(whole.deviation, part.deviation);
+  if (!part.uncertainties.empty()) whole.uncertainties.resize(records);
+  for (std::size_t i = 0; i < part.uncertainties.size(); ++i)
+    whole.uncertainties[places[i]] = std::move(part.uncertainties[i]);
+}
+
+// These are the rows for which one estimator answers, and their places among all rows that were
+// asked for.
+struct Answered {
+  const Estimator* by;
+  Rows rows, places;
+};
+
+std::vector<Answered> by_estimator(const TrainedModel& model, const Dataset& data,
+                                   const Rows& rows) {
+  std::vector<Answered> out;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const Estimator* by = model.answering(data, rows[i]);
+    if (!by) by = &model.for_run(data);
+    auto at = std::find_if(out.begin(), out.end(), [&](const Answered& a) { return a.by == by; });
+    if (at == out.end()) at = out.insert(out.end(), {by, {}, {}});
+    at->rows.push_back(rows[i]), at->places.push_back(i);
+  }
+  return out;
+}
+
+// `views` holds those of every record of the data, or is null.
+Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                   const Matrix* views, PredictionDetail detail) {
+  if (detail == PredictionDetail::pixels) require_uncertainty(model);
+  Prediction out;
+  out.maps.cols = model->scene.background.size();
+  for (const auto& [by, own_rows, places] : by_estimator(model, data, rows))
+    for (std::size_t first = 0; first < own_rows.size(); first += at_once) {
+      const std::size_t count = std::min(at_once, own_rows.size() - first);
+      const auto begin = own_rows.begin() + static_cast<std::ptrdiff_t>(first);
+      const Rows some(begin, begin + static_cast<std::ptrdiff_t>(count));
+      const bool made = views && by == &model.for_run(data);
+      put(out,
+          predict_by(*by, data, some,
+                     made ? take_rows(*views, some)
+                          : by->views(data, some, detail != PredictionDetail::maps),
+                     detail),
+          std::span(places).subspan(first, count), rows.size());
+    }
+  return out;
+}
+
+}  // namespace
+
+void require_finite(const Matrix& maps) {
+  if (all_finite(maps.values.data(), maps.values.size())) return;
+  throw Error(
+      ExitCode::failed,
+      "the model's maps are not finite numbers: its weights are none that a training makes; "
+      "train it again");
+}
+
+Records prepare_records(const TrainedModel& model, Dataset recorded, double range_offset_m) {
+  const Estimator& by = model.for_run(recorded);
+  Records out{std::move(recorded), {}, {}};
+  Dataset& data = out.data;
+  if (&by != &model.first())
+    out.antennas = std::string(data.array_axis.count == 0 ? "no samples of the radar's antennas"
+                                                          : "other antennas than in training") +
+                   ": of the radar, the range profile alone";
+  subtract_range_offset(data, range_offset_m);
+  model.match(data);
+  if (model.room_change) exchange_room(*model.room_change, data);
+  out.views = by.views(data, all_rows(data.size()), true);
+  return out;
+}
+
+DomainShift domain_shift_of(const TrainedModel& model, const Records& records) {
+  const Estimator& by = model.for_run(records.data);
+  return by.domain.judge(by.alignment, records.data, records.views);
+}
+
+Prediction predict(const TrainedModel& model, const Records& records, const Rows& rows,
+                   PredictionDetail detail) {
+  return predict(model, records.data, rows, &records.views, detail);
+}
+
+Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                   PredictionDetail detail) {
+  return predict(model, data, rows, nullptr, detail);
+}
+
+Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
+  return recon::predict(*this, data, rows, PredictionDetail::maps).maps;
+}
+
+void require_uncertainty(const TrainedModel& model) {
+  if (!model->uncertainty)
+    throw Error(
+        ExitCode::usage,
+        "the model does not know how sure it is: it was trained on too few records (less than "
+        "50), its training was interrupted, or an older version trained it; train it "
+        "anew");
+}
+
+}  // namespace echofuse::recon

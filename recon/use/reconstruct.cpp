@@ -1,0 +1,270 @@
+// SPDX-License-Identifier: MIT
+#include "recon/use/reconstruct.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <deque>
+#include <filesystem>
+#include <fstream>
+#include <future>
+#include <limits>
+#include <thread>
+
+#include "acquire/record/run_file.hpp"
+#include "drivers/core/atomic_write.hpp"
+#include "drivers/core/console.hpp"
+#include "drivers/core/csv.hpp"
+#include "drivers/core/printable.hpp"
+#include "recon/data/files.hpp"
+#include "recon/numbers/text.hpp"
+#include "recon/use/map_files.hpp"
+#include "recon/use/predict.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t part_records = 64;  // predicted at once; while following, read at once
+constexpr std::chrono::milliseconds pause_between_looks(20);
+
+bool wants_uncertainty(const ReconstructOptions& options) {
+  const auto& formats = options.formats;
+  return std::find(formats.begin(), formats.end(), "uncertainty") != formats.end();
+}
+
+class StatusTable {
+ public:
+  explicit StatusTable(const std::string& path) : path_(path) {
+    write_atomically(path,
+                     "record,status,after_slot_s,lateral_interval_90_m,distance,two_bodies,"
+                     "out_of_distribution,uncertainty\n");
+    out_.open(path, std::ios::binary | std::ios::app);
+  }
+  void add(const RecordStatus& r) {
+    const std::string status = !r.fault.empty() ? r.fault : !r.note.empty() ? r.note : "ok";
+    out_ << r.index << "," << csv_text(status) << ","
+         << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "") << ",";
+    if (r.uncertainty) add(*r.uncertainty);
+    out_ << (r.uncertainty ? "," : ",,,,")
+         << (r.fault.empty() ? calibration_name(r.uncertainty.has_value()) : "") << "\n";
+  }
+  void flush() {
+    out_.flush();
+    if (!out_) throw Error(ExitCode::disk, path_ + ": cannot write: " + std::strerror(errno));
+  }
+
+ private:
+  void add(const PredictionUncertainty& c) {
+    out_ << (std::isnan(c.lateral_interval_90_m) ? "" : formatted("%.3f", c.lateral_interval_90_m))
+         << formatted(",%.3f,", c.out_of_distribution.distance)
+         << (std::isnan(c.out_of_distribution.two_bodies)
+                 ? ""
+                 : formatted("%.3f", c.out_of_distribution.two_bodies))
+         << ",\"" << c.out_of_distribution.text() << "\"";
+  }
+  std::string path_;
+  std::ofstream out_;
+};
+
+// Of a run, from records to files.
+class Reconstruction {
+ public:
+  Reconstruction(const TrainedModel& model, const ReconstructOptions& options)
+      : model_(model),
+        options_(options),
+        files_(options.out, options.formats, model->scene, model->uncertainty.has_value()),
+        table_(options.out + "/records.csv"),
+        started_(clock_.now()) {}
+
+  // Of a run as it is now. All its records are read before the first map, as what is said of the
+  // run is of all of them.
+  void take_all(const record::RunReader& run);
+  // What has come since the last call; true if there was any record.
+  bool take_new(const record::RunReader& run);
+  void close() { files_.close(); }
+
+ private:
+  Dataset read(const record::RunReader& run, std::size_t at_most);
+  Records prepare_new(Dataset data);
+  // Records [first, first + count), of which `rows` have maps.
+  struct Part {
+    std::size_t first;
+    std::vector<RecordStatus> statuses;
+    Rows rows;
+    Prediction made;
+  };
+  Part make(const Records& records, std::size_t first, std::size_t count) const;
+  void write(const Records& records, Part part);
+  void tell_run(const std::string& text) const;
+  void tell(const RecordStatus& status);
+  void tell_bad(std::int64_t before);
+  void time(RecordStatus& status, HostTime slot_end) const;
+
+  const TrainedModel& model_;
+  const ReconstructOptions& options_;
+  MapFiles files_;
+  StatusTable table_;
+  SystemClock clock_;
+  HostTime started_, read_{};
+  std::int64_t next_ = 0;
+  std::deque<RecordStatus> bad_;  // read, and not yet told
+  std::string antennas_;          // what was said of them
+};
+
+// Without the depth camera, whose pictures no map needs.
+Dataset Reconstruction::read(const record::RunReader& run, std::size_t at_most) {
+  Dataset out = load_part(run, next_, at_most, sensors_of(model_->features.inputs),
+                          [&](std::int64_t index, const std::string& fault) {
+                            bad_.push_back({index, fault, {}, {}, {}, {}});
+                          });
+  read_ = clock_.now();
+  return out;
+}
+
+void Reconstruction::take_all(const record::RunReader& run) {
+  const auto count = static_cast<std::size_t>(run.count());
+  Progress progress("reconstructing", count, options_.quiet);
+  const Records records = prepare_records(model_, read(run, count), options_.range_offset_m);
+  const std::size_t last = records.data.size();
+  // While this thread judges the run, and then writes a part, others make the maps of the next.
+  constexpr std::size_t ahead = 2;
+  std::deque<std::future<Part>> next;
+  auto start = [&, first = std::size_t{0}, end = last]() mutable {
+    if (first >= end) return;
+    const std::size_t size = std::min(part_records, end - first);
+    next.push_back(
+        std::async(std::launch::async, [&, first, size] { return make(records, first, size); }));
+    first += part_records;
+  };
+  for (std::size_t i = 0; i < ahead; ++i) start();
+  tell_run(records.antennas);
+  const DomainShift shift = domain_shift_of(model_, records);
+  if (shift.tested() && (shift.found() || !options_.quiet)) tell_run(shift.text());
+  for (; !next.empty() && !interrupted(); next.pop_front()) {
+    Part part = next.front().get();
+    start();
+    const std::size_t done = part.first + part.statuses.size();
+    write(records, std::move(part));
+    progress.update(done);
+  }
+  if (!interrupted()) tell_bad(std::numeric_limits<std::int64_t>::max());
+  table_.flush();
+}
+
+bool Reconstruction::take_new(const record::RunReader& run) {
+  const std::int64_t before = next_;
+  const Records records = prepare_new(read(run, part_records));
+  write(records, make(records, 0, records.data.size()));
+  tell_bad(std::numeric_limits<std::int64_t>::max());
+  table_.flush();
+  return next_ != before;
+}
+
+Records Reconstruction::prepare_new(Dataset data) {
+  const Rows all = all_rows(data.size());
+  // A sensor's axis may come after the first records of a run that is being recorded.
+  if (std::none_of(all.begin(), all.end(),
+                   [&](std::size_t row) { return model_.fault_of(data, row).empty(); }))
+    return {std::move(data), {}, {}};
+  Records out = prepare_records(model_, std::move(data), options_.range_offset_m);
+  if (out.antennas != antennas_) tell_run(antennas_ = out.antennas);
+  return out;
+}
+
+void Reconstruction::tell_run(const std::string& text) const {
+  if (!text.empty() && options_.on_run) options_.on_run(text);
+}
+
+Reconstruction::Part Reconstruction::make(const Records& records, std::size_t first,
+                                          std::size_t count) const {
+  const Dataset& data = records.data;
+  Part out{first, {}, {}, {}};
+  for (std::size_t row = first; row < first + count; ++row) {
+    out.statuses.push_back(
+        {data.index[row], model_.fault_of(data, row), model_.note_of(data, row), {}, {}, {}});
+    if (out.statuses.back().fault.empty()) out.rows.push_back(row);
+  }
+  out.made = predict(
+      model_, records, out.rows,
+      wants_uncertainty(options_) ? PredictionDetail::pixels : PredictionDetail::uncertainty);
+  return out;
+}
+
+void Reconstruction::write(const Records& records, Part part) {
+  const Prediction& made = part.made;
+  for (std::size_t i = 0; i < part.rows.size(); ++i) {
+    RecordStatus& status = part.statuses[part.rows[i] - part.first];
+    if (!made.uncertainties.empty()) status.uncertainty = made.uncertainties[i];
+    files_.write(status.index, made.maps.row(i),
+                 wants_uncertainty(options_) ? made.deviation.row(i) : std::span<const float>{});
+    time(status, records.data.slot_end[part.rows[i]]);
+  }
+  for (const RecordStatus& status : part.statuses) tell_bad(status.index), tell(status);
+}
+
+void Reconstruction::tell(const RecordStatus& status) {
+  table_.add(status);
+  if (options_.on_record) options_.on_record(status);
+  next_ = status.index + 1;
+}
+
+void Reconstruction::tell_bad(std::int64_t before) {
+  for (; !bad_.empty() && bad_.front().index < before; bad_.pop_front()) tell(bad_.front());
+}
+
+void Reconstruction::time(RecordStatus& status, HostTime slot_end) const {
+  if (!options_.follow || slot_end < started_) return;
+  status.after_slot_s = seconds(clock_.now() - slot_end);
+  status.after_reading_s = seconds(clock_.now() - read_);
+}
+
+// Whose maps they are, in OUT/run.txt.
+std::string marker_of(const std::string& path, const std::string& uuid, const TrainedModel& model,
+                      double range_offset_m) {
+  return uuid + "\n" + printable(path) + "\n" + calibration_of(model) + "\n" +
+         (range_offset_m == 0 ? "" : formatted("range offset %.9g m\n", range_offset_m));
+}
+
+// Maps of another run must not stay among those of this one unnoticed.
+void require_folder(const ReconstructOptions& options, const std::string& uuid) {
+  const std::string marker = options.out + "/run.txt";
+  const bool known = std::filesystem::exists(marker);
+  const std::string before = known ? read_text(marker) : "";
+  if (options.force || before.starts_with(uuid + "\n") ||
+      (!known && !std::filesystem::exists(options.out + "/records.csv")))
+    return;
+  const auto line = before.find('\n');
+  const std::string whose = line < 64
+                                ? before.substr(line + 1, before.find('\n', line + 1) - line - 1)
+                                : "an unknown one";
+  throw Error(ExitCode::usage, options.out + ": holds maps of another run, " + printable(whose) +
+                                   "; give another --out, or --force to write among them");
+}
+
+}  // namespace
+
+void reconstruct(const TrainedModel& model, const std::string& path,
+                 const ReconstructOptions& options) {
+  if (wants_uncertainty(options)) require_uncertainty(model);
+  const std::string uuid = record::RunReader(path).info().uuid;
+  require_folder(options, uuid);  // refused before it changes
+  make_folder(options.out);
+  write_atomically(options.out + "/run.txt", marker_of(path, uuid, model, options.range_offset_m));
+  Reconstruction work(model, options);
+  if (!options.follow) work.take_all(record::RunReader(path));
+  while (options.follow && !interrupted()) {
+    // Opened anew for each look: a run's writer leaves one single file only if nobody holds it.
+    bool open = false;
+    {
+      const record::RunReader run(path);
+      open = run.info().status == "open";  // asked first: what comes before the end is seen
+      if (work.take_new(run)) continue;
+    }
+    if (!open) break;
+    std::this_thread::sleep_for(pause_between_looks);
+  }
+  work.close();
+}
+
+}  // namespace echofuse::recon

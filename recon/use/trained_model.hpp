@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: MIT
+// A training makes an ordered list of estimators. Each record is answered by the first one whose
+// sensors the record has: both sensors with the radar's antennas, both with its range profile
+// alone, or the SPD alone. The model also lists the records it has seen. It is kept as one
+// safetensors file (numbers/tensor_file.hpp); names below N/ belong to estimator N:
+//
+//   facts    format "echofuse model", format_version, version, estimators, data_crc32c,
+//            split/kind, split/gap, split/seed, split/test_share, split/validation_share,
+//            split/run/R (uuid of run R); N/model, N/inputs, N/scaling, N/axes/SENSOR/...,
+//            N/scene/map_size and others, N/alignment/config/KEY, N/training/...
+//   tensors  split/run, split/index, split/part (0 train, 1 validation, 2 test): a record each
+//            N/scene/background_m and mean_map_m; N/alignment/counts, power and lags, what is
+//            always there; N/model/..., what the model learnt; N/domain/..., N/uncertainty/...
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "recon/use/estimator.hpp"
+
+namespace echofuse::recon {
+
+enum class Part : std::uint8_t { train, validation, test };
+
+struct SeenRecords {
+  std::vector<std::string> runs;    // uuids
+  std::vector<std::uint32_t> run;   // per record: index into runs
+  std::vector<std::int64_t> index;  // per record: its number in the run
+  std::vector<std::uint8_t> part;   // per record: Part
+};
+
+struct TrainedModel {
+  std::vector<Estimator> estimators;  // at least one
+  SplitOptions split;
+  SeenRecords seen;
+  std::uint32_t data_hash = 0;
+  // If the model was taken to another room, this is added to its records' radar.
+  std::optional<EmptyRoom> room_change;
+
+  // model->name is that of the first estimator, which answers wherever it can.
+  const Estimator& first() const { return estimators.front(); }
+  Estimator& first() { return estimators.front(); }
+  const Estimator* operator->() const { return &first(); }
+  Estimator* operator->() { return &first(); }
+  double train_s() const;  // sum over all estimators
+
+  // Returns the first estimator whose antennas the run has.
+  const Estimator& for_run(const Dataset& data) const;
+  // Brings the data onto the axes of for_run(); depth maps must be on its grid. A run without a
+  // radar counts as a run of lost radars if an estimator needs none.
+  void match(Dataset& data) const;
+  // Returns the estimator that answers for a record on these axes; if it is null, fault_of says
+  // why.
+  const Estimator* answering(const Dataset& data, std::size_t row) const;
+  // This is the record's status then: it says which sensor the map was made without, or is empty.
+  std::string note_of(const Dataset& data, std::size_t row) const;
+  // It says why there is no map of the record; it is empty if there is one.
+  std::string fault_of(const Dataset& data, std::size_t row) const;
+  // Returns maps of the given rows, in metres, as the model makes them; within_span() makes them
+  // ready to show. predict.hpp gives more details of them.
+  Matrix predict(const Dataset& data, const Rows& rows) const;
+  // It is true if the data set holds a run that the model was trained on.
+  bool knows(const Dataset& data) const;
+  // Returns the rows of the data set that were in this part of the model's training.
+  Rows rows_of(const Dataset& data, Part part) const;
+};
+
+// It says whether the model may state how far off its maps are; the model's file and every display
+// of maps use it.
+inline const char* calibration_name(bool calibrated) {
+  return calibrated ? "calibrated" : "not calibrated";
+}
+inline const char* calibration_of(const TrainedModel& model) {
+  return calibration_name(model->uncertainty.has_value());
+}
+
+SeenRecords seen_records(const Dataset& data, const Split& split);
+
+// Throws Error(disk) if no file can be made there, and Error(usage) if there is one; it is called
+// before a long training.
+void check_can_save(const std::string& path);
+// Writes PATH.part and renames it. Throws Error(disk), and Error(failed) if there is a file of this
+// name: it stays, and so does PATH.part.
+void save_model(const TrainedModel& model, const std::string& path);
+// Throws Error(failed) that names the file, the object, what is wrong and what would be right: the
+// file is missing, no model, damaged, written by another version, or its parts do not fit together.
+TrainedModel load_model(const std::string& path);
+TrainedModel load_model(const std::string& name, ByteView contents);
+
+}  // namespace echofuse::recon
