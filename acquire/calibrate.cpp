@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <boost/asio/io_context.hpp>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -90,12 +89,12 @@ struct Result {
 
 class Measurement {
  public:
-  Measurement(const Config& config, const CalibrateOptions& options, const Clock& clock)
+  Measurement(const Config& config, const CalibrateOptions& options, port::Loop& loop)
       : config_(config),
         options_(options),
-        clock_(clock),
+        loop_(loop),
         gatherer_(config, options.search),
-        devices_(io_, config, clock, gatherer_) {}
+        devices_(loop, config, gatherer_) {}
 
   void run() {
     devices_.take("calibrate");
@@ -155,13 +154,7 @@ class Measurement {
   }
 
  private:
-  void listen() {
-    const HostTime end = clock_.now() + from_seconds(options_.time_s);
-    while (clock_.now() < end && !interrupted()) {
-      if (io_.stopped()) io_.restart();
-      io_.run_one_for(std::chrono::milliseconds(20));
-    }
-  }
+  void listen() { loop_.run_until(interrupted, loop_.now() + from_seconds(options_.time_s)); }
   Peak photons(std::span<const std::uint32_t> counts) const {
     const auto& s = gatherer_.settings();
     return fit_photons(counts, static_cast<double>(s.first_bin_ps),
@@ -223,8 +216,7 @@ class Measurement {
 
   const Config& config_;
   const CalibrateOptions& options_;
-  const Clock& clock_;
-  boost::asio::io_context io_;
+  port::Loop& loop_;
   Gatherer gatherer_;
   Devices devices_;
   std::vector<std::uint32_t> all_counts_;
@@ -359,7 +351,7 @@ void store(const Calibration& fresh, const Calibration& stored, const std::strin
 
 }  // namespace
 
-ExitCode calibrate(const Config& config, const CalibrateOptions& options, const Clock& clock) {
+ExitCode calibrate(const Config& config, const CalibrateOptions& options, port::Loop& loop) {
   if ((config.configured() - SensorSet{Sensor::depth}).empty())
     throw Error(ExitCode::config,
                 "neither tdc.address nor radar.cli is given: nothing to calibrate");
@@ -367,7 +359,7 @@ ExitCode calibrate(const Config& config, const CalibrateOptions& options, const 
     throw Error(ExitCode::config, "--check: run.calibration names no calibration to compare with");
   const Calibration stored =
       options.check ? config.calibration : stored_in(config.calibration_path);
-  Measurement measurement(config, options, clock);
+  Measurement measurement(config, options, loop);
   measurement.run();
   const auto results = measurement.results();
   nlohmann::ordered_json json{{"distance_m", options.search.distance_m},
@@ -385,7 +377,7 @@ ExitCode calibrate(const Config& config, const CalibrateOptions& options, const 
     refused = refused || !antennas->refusal.empty();
   }
   const Calibration fresh =
-      to_calibration(results, antennas, options, measurement.firmware(), clock);
+      to_calibration(results, antennas, options, measurement.firmware(), loop);
   bool well = true;
   if (options.check) {
     well = compare(fresh, stored, json, options.json);

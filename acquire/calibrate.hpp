@@ -6,8 +6,8 @@
 
 #include "acquire/config.hpp"
 #include "acquire/peak.hpp"
-#include "drivers/core/clock.hpp"
 #include "drivers/core/exit_code.hpp"
+#include "drivers/port/loop.hpp"
 
 namespace echofuse::acquire {
 
@@ -23,6 +23,6 @@ struct CalibrateOptions {
 // says of the others; device code if one could not. With `check`: failed if a sensor is off by more
 // than three standard errors of the difference. Throws Error(config) before it measures: the file
 // is there and cannot be read.
-ExitCode calibrate(const Config& config, const CalibrateOptions& options, const Clock& clock);
+ExitCode calibrate(const Config& config, const CalibrateOptions& options, port::Loop& loop);
 
 }  // namespace echofuse::acquire

@@ -5,8 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/steady_timer.hpp>
 #include <filesystem>
 #include <utility>
 #include <vector>
@@ -44,22 +42,21 @@ std::string event_text(DeviceState state, const std::string& address) {
   return address + " has ended";
 }
 
-// Threading: everything runs on the thread that calls run(); drivers and the writer have threads of
-// their own behind their interfaces.
+// Threading: everything runs on the loop's thread, which calls run(); drivers and the writer may
+// have threads of their own behind their interfaces.
 class Daemon final : private SampleSink {
  public:
-  Daemon(const Config& config, const RunOptions& options, const Clock& clock)
+  Daemon(const Config& config, const RunOptions& options, port::Loop& loop)
       : config_(config),
         options_(options),
-        clock_(clock),
+        loop_(loop),
         label_(config.label),
-        log_(clock),
-        devices_(io_, config, clock, *this, keep_raw(options)) {}
+        log_(loop),
+        devices_(loop, config, *this, keep_raw(options)) {}
 
-  // After an exception the devices still end on the io thread, whose timers must find nothing to
-  // do.
+  // After an exception the devices still end in the loop, where no slot is to be closed any more.
   ~Daemon() override {
-    over_ = true;
+    timer_.cancel();
     devices_.abandon();
   }
 
@@ -68,13 +65,13 @@ class Daemon final : private SampleSink {
  private:
   struct Recording {  // exists from the first slot on
     Recording(const SlotGrid& grid, const Config& config, const RunOptions& options,
-              const SensorClocks& clocks, const Clock& clock, const std::vector<Axis>& begun_axes,
+              const SensorClocks& clocks, port::Loop& loop, const std::vector<Axis>& begun_axes,
               std::unique_ptr<record::RunWriter> file)
         : scheduler(grid, options.count),
           windows(grid, config.histogram, clocks, config.configured(), config.required()),
           signal(config.signal, config.window_s),
-          writer(std::move(file)),
-          journal(writer, clock, begun_axes),
+          writer(std::move(file), loop.make_worker()),
+          journal(writer, loop, begun_axes),
           status(grid.first, config.window_s, options.count, options.quiet) {}
     Scheduler scheduler;
     Windows windows;
@@ -112,11 +109,10 @@ class Daemon final : private SampleSink {
   void close_slot(const DueSlot& due, std::chrono::nanoseconds late);
   void end();
 
-  boost::asio::io_context io_;  // first: destroyed last
-  boost::asio::steady_timer timer_{io_};
   const Config& config_;
   const RunOptions& options_;
-  const Clock& clock_;
+  port::Loop& loop_;
+  port::Timer timer_{loop_};
   std::string label_;
   RunLog log_;
   std::optional<port::RawKeeper> raw_;
@@ -127,12 +123,12 @@ class Daemon final : private SampleSink {
   PerSensor<std::uint64_t> early_{};  // samples from before there were slots
   Resumption resumption_;
   bool ending_ = false;  // interrupted
-  bool over_ = false;
+  bool done_ = false;    // there is no slot to be closed any more
   std::string status_ = "complete";
 };
 
 ExitCode Daemon::run() {
-  refuse_late_clock(clock_.utc());
+  refuse_late_clock(loop_.utc());
   if (options_.resume)
     refuse_resuming(record::RunReader(options_.out), config_);
   else
@@ -142,9 +138,8 @@ ExitCode Daemon::run() {
   devices_.wait(config_.connect_timeout_s);
   require_devices();
   begin();
-  io_.restart();
   arm();
-  io_.run();
+  loop_.run_until([this] { return done_; });
   end();
   return options_.strict && totals_.not_ok > 0 ? ExitCode::partial : ExitCode::ok;
 }
@@ -173,10 +168,10 @@ void Daemon::require_devices() const {
 
 // The index goes on; so does time, by UTC: the monotonic clock may have begun again.
 std::unique_ptr<record::RunWriter> Daemon::open_file() {
-  if (!options_.resume) return make_run(config_, options_.out, options_.meta);
+  if (!options_.resume) return make_run(config_, options_.out, options_.meta, options_.uuid, loop_);
   const std::vector<Axis> begun = record::RunReader(options_.out).axes();
   for (const Sensor s : all_sensors) refuse_other_axes(begun, devices_[s].info);
-  resumption_ = reopen_run(options_.out, clock_.utc());
+  resumption_ = reopen_run(options_.out, loop_);
   if (resumption_.label && !options_.label_given) label_ = *resumption_.label;
   return std::move(resumption_.file);
 }
@@ -194,8 +189,8 @@ void Daemon::report_raw_trouble() {
 void Daemon::begin() {
   auto file = open_file();
   const auto length = from_seconds(config_.window_s);
-  const SlotGrid grid{first_slot(clock_.now() + settle_time, length), length};
-  recording_.emplace(grid, config_, options_, clocks_, clock_, resumption_.axes, std::move(file));
+  const SlotGrid grid{first_slot(loop_.now() + settle_time, length), length};
+  recording_.emplace(grid, config_, options_, clocks_, loop_, resumption_.axes, std::move(file));
   recording_->journal.put_config(config_, options_.resume);
   if (!resumption_.gap.empty()) log(Severity::warning, "run", resumption_.gap);
   log_.attach(recording_->writer);
@@ -265,18 +260,14 @@ void Daemon::on_event(Sensor sensor, Severity severity, const std::string& text)
 }
 
 void Daemon::arm() {
-  HostTime next = clock_.now() + tick_pause;
+  HostTime next = loop_.now() + tick_pause;
   if (!recording_->scheduler.done()) next = std::min(next, recording_->scheduler.next_deadline());
-  timer_.expires_at(std::chrono::steady_clock::time_point(next));
-  timer_.async_wait([this](const boost::system::error_code& error) {
-    if (!error) tick();
-  });
+  timer_.at(next, [this] { tick(); });
 }
 
 void Daemon::tick() {
-  if (over_) return;
   Recording& r = *recording_;
-  const HostTime now = clock_.now();
+  const HostTime now = loop_.now();
   if (interrupted() && !std::exchange(ending_, true)) interrupt(now);
   close_due(now);
   r.journal.refresh_anchor(log_);
@@ -287,10 +278,8 @@ void Daemon::tick() {
   totals_.label = r.writer.label().value_or(label_);
   totals_.free_bytes = r.writer.free_bytes();
   r.status.update(now, totals_);
-  if ((r.scheduler.done() && r.due.empty()) || r.writer.failed())
-    io_.stop();
-  else
-    arm();
+  done_ = (r.scheduler.done() && r.due.empty()) || r.writer.failed();
+  if (!done_) arm();
 }
 
 void Daemon::close_due(HostTime now) {
@@ -363,7 +352,7 @@ void Daemon::end() {
         "`echofuse-acquire info` or the next --resume",
         options_.out, options_.out);
   totals_.written = r.writer.written();
-  r.status.finish(clock_.now(), totals_);
+  r.status.finish(loop_.now(), totals_);
   spdlog::info("{}: {}, {}{}; arrived: {} tags, {} radar frames, {} depth frames", options_.out,
                count_text(totals_.written, options_.count, resumption_.records_before), status_,
                totals_.doubts(), devices_[Sensor::spd].samples, devices_[Sensor::radar].samples,
@@ -372,8 +361,8 @@ void Daemon::end() {
 
 }  // namespace
 
-ExitCode record_run(const Config& config, const RunOptions& options, const Clock& clock) {
-  return Daemon(config, options, clock).run();
+ExitCode record_run(const Config& config, const RunOptions& options, port::Loop& loop) {
+  return Daemon(config, options, loop).run();
 }
 
 }  // namespace echofuse::acquire

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "acquire/config.hpp"
-#include "drivers/core/clock.hpp"
 #include "drivers/core/exit_code.hpp"
+#include "drivers/port/loop.hpp"
 
 namespace echofuse::acquire {
 
@@ -17,6 +17,7 @@ struct RunOptions {
   std::string out;                    // the run file to make
   std::optional<std::int64_t> count;  // slots; none: until interrupted
   std::vector<std::pair<std::string, std::string>> meta;
+  std::string uuid;          // of the run; empty: a new one
   bool resume = false;       // continue `out`, which exists
   bool label_given = false;  // by the command line: a resumed run does not keep its last one
   bool quiet = false;
@@ -28,6 +29,6 @@ struct RunOptions {
 // SIGINT or SIGTERM came (a slot that would take longer than close_limit is given up, and the run
 // ends as stopped:interrupted); partial only if that is asked for. Throws Error: the file exists,
 // no device answers, the disk fails.
-ExitCode record_run(const Config& config, const RunOptions& options, const Clock& clock);
+ExitCode record_run(const Config& config, const RunOptions& options, port::Loop& loop);
 
 }  // namespace echofuse::acquire

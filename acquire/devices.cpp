@@ -2,7 +2,6 @@
 #include "acquire/devices.hpp"
 
 #include <algorithm>
-#include <boost/asio/io_context.hpp>
 #include <cinttypes>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -66,18 +65,17 @@ void print_device(Sensor s, const Devices::Status& status, const std::string& de
 
 }  // namespace
 
-Devices::Devices(boost::asio::io_context& io, const Config& config, const Clock& clock,
-                 SampleSink& next, port::RawKeeper* raw)
-    : io_(io), config_(config), next_(&next) {
+Devices::Devices(port::Loop& loop, const Config& config, SampleSink& next, port::RawKeeper* raw)
+    : loop_(loop), config_(config), next_(&next) {
   for (const Sensor s : all_sensors) {
     status(s).configured = config.configured().contains(s);
     status(s).info.address = address_of(config, s);
   }
-  if (status(Sensor::spd).configured) drivers_[Sensor::spd] = make_tdc(io, config.tdc, clock, raw);
+  if (status(Sensor::spd).configured) drivers_[Sensor::spd] = make_tdc(loop, config.tdc, raw);
   if (status(Sensor::radar).configured)
-    drivers_[Sensor::radar] = make_radar(io, config.radar, clock, raw);
+    drivers_[Sensor::radar] = make_radar(loop, config.radar, raw);
   if (status(Sensor::depth).configured)
-    drivers_[Sensor::depth] = make_depth(io, config.depth, clock, raw);
+    drivers_[Sensor::depth] = make_depth(loop, config.depth, raw);
 }
 
 Devices::~Devices() { abandon(); }  // whoever listened may be gone
@@ -92,7 +90,9 @@ void Devices::take(const std::string& command, const std::string& run) {
   std::string taken;
   for (const Sensor s : all_sensors) {
     status(s).holder = locks_->other(s);
-    if (status(s).holder) taken += (taken.empty() ? "" : "\n") + describe(s);
+    if (!status(s).holder) continue;
+    if (!taken.empty()) taken += '\n';
+    taken += describe(s);
   }
   if (!taken.empty()) throw Error(ExitCode::device, taken);
 }
@@ -112,12 +112,8 @@ std::vector<Sensor> Devices::halt() {
   for (auto& driver : drivers_)
     if (driver) driver->stop();
   const auto ends = [](const auto& driver) { return !driver || driver->finished(); };
-  const auto give_up = std::chrono::steady_clock::now() + stop_timeout;
-  while (!std::all_of(drivers_.begin(), drivers_.end(), ends) &&
-         std::chrono::steady_clock::now() < give_up) {
-    if (io_.stopped()) io_.restart();
-    if (io_.run_one_until(give_up) == 0) break;  // also if nothing can come any more
-  }
+  loop_.run_until([&] { return std::all_of(drivers_.begin(), drivers_.end(), ends); },
+                  loop_.now() + stop_timeout);
   std::vector<Sensor> unfinished;
   for (const Sensor s : all_sensors) {
     auto& driver = drivers_[s];
@@ -130,13 +126,9 @@ std::vector<Sensor> Devices::halt() {
 }
 
 void Devices::wait(double timeout_s) {
-  using Clock = std::chrono::steady_clock;
-  const auto give_up = Clock::now() + from_seconds(timeout_s);
   const auto settled = [](const Status& device) { return device.holder || device.delivers(); };
-  while (!all(settled) && Clock::now() < give_up && !interrupted()) {
-    if (io_.stopped()) io_.restart();
-    io_.run_one_for(std::chrono::milliseconds(20));
-  }
+  loop_.run_until([&] { return all(settled) || interrupted(); },
+                  loop_.now() + from_seconds(timeout_s));
 }
 
 std::vector<Counter> Devices::counters(Sensor s) const {
@@ -212,10 +204,9 @@ void Devices::on_event(Sensor sensor, Severity severity, const std::string& text
 namespace {
 
 // Asks the configured devices; prints them, or puts them into `list`.
-bool all_answer(const Config& config, const Clock& clock, nlohmann::ordered_json* list) {
-  boost::asio::io_context io;
+bool all_answer(const Config& config, port::Loop& loop, nlohmann::ordered_json* list) {
   NullSink nothing;
-  Devices devices(io, config, clock, nothing);
+  Devices devices(loop, config, nothing);
   devices.take_free("devices");
   devices.start();
   devices.wait(config.connect_timeout_s);
@@ -224,7 +215,7 @@ bool all_answer(const Config& config, const Clock& clock, nlohmann::ordered_json
     const Devices::Status& status = devices[s];
     if (!status.configured) continue;
     std::optional<LiveDevice> live;
-    if (status.holder) live = inspect_holder(*status.holder, s, clock);
+    if (status.holder) live = inspect_holder(*status.holder, s, loop);
     all = all && (live ? live->delivers : status.delivers());
     if (list)
       list->push_back(to_json(s, status, live));
@@ -236,12 +227,12 @@ bool all_answer(const Config& config, const Clock& clock, nlohmann::ordered_json
 
 }  // namespace
 
-ExitCode check_devices(const std::optional<Config>& config, const Clock& clock, bool json) {
+ExitCode check_devices(const std::optional<Config>& config, port::Loop& loop, bool json) {
   const AttachedList attached = find_attached();
   if (!json) std::printf("%s", to_text(attached).c_str());
   std::fflush(stdout);
   auto configured = nlohmann::ordered_json::array();
-  const bool ok = !config || all_answer(*config, clock, json ? &configured : nullptr);
+  const bool ok = !config || all_answer(*config, loop, json ? &configured : nullptr);
   if (json) {
     nlohmann::ordered_json all{{"configured", configured}};
     all["attached"] = nlohmann::ordered_json::parse(to_json(attached));

@@ -12,10 +12,11 @@
 #include "acquire/device_locks.hpp"
 #include "drivers/core/driver.hpp"
 #include "drivers/core/exit_code.hpp"
+#include "drivers/port/loop.hpp"
 
 namespace echofuse::acquire {
 
-// Threading: the io thread only. Passes everything on to `next`, after taking note of it.
+// Threading: the loop's thread only. Passes everything on to `next`, after taking note of it.
 class Devices final : private SampleSink {
  public:
   struct Status {
@@ -29,10 +30,9 @@ class Devices final : private SampleSink {
     bool delivers() const { return state == DeviceState::streaming && samples > 0; }
   };
 
-  // Throws Error(config) for an address that cannot be. `io`, `config`, `clock` and `next` must
-  // outlive this. Into `raw`, if any, go the devices' bytes.
-  Devices(boost::asio::io_context& io, const Config& config, const Clock& clock, SampleSink& next,
-          port::RawKeeper* raw = nullptr);
+  // Throws Error(config) for an address that cannot be. `loop`, `config` and `next` must outlive
+  // this. Into `raw`, if any, go the devices' bytes.
+  Devices(port::Loop& loop, const Config& config, SampleSink& next, port::RawKeeper* raw = nullptr);
   ~Devices() override;
 
   // Makes the configured devices this program's, `command` of echofuse-acquire, that writes `run`.
@@ -45,7 +45,7 @@ class Devices final : private SampleSink {
   void stop();
   // The same, and nobody hears of it: after an exception.
   void abandon();
-  // Runs io until every configured device that is ours delivers, the time is up or the user
+  // Runs the loop until every configured device that is ours delivers, the time is up or the user
   // interrupts.
   void wait(double timeout_s);
   // To be called now and then: others get the ports that went.
@@ -71,7 +71,7 @@ class Devices final : private SampleSink {
   void follow_lock(Sensor sensor);
   Status& status(Sensor s) { return status_[s]; }
 
-  boost::asio::io_context& io_;
+  port::Loop& loop_;
   const Config& config_;
   SampleSink* next_;
   std::optional<DeviceLocks> locks_;  // outlive the drivers
@@ -83,6 +83,6 @@ class Devices final : private SampleSink {
 // The `devices` command: what is attached; then, given a configuration, waits as `run` does and
 // says what of it answers, or of a device in use what the run that has it says. Device code if one
 // does not deliver.
-ExitCode check_devices(const std::optional<Config>& config, const Clock& clock, bool json);
+ExitCode check_devices(const std::optional<Config>& config, port::Loop& loop, bool json);
 
 }  // namespace echofuse::acquire

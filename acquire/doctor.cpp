@@ -61,7 +61,7 @@ class Report {
 }  // namespace
 
 ExitCode examine(const std::optional<Config>& config, const DoctorOptions& options,
-                 const Clock& clock) {
+                 port::Loop& loop) {
   Report report(options.json);
   report.add(check_permissions(config, options.roots));
   report.add(check_modem_manager(config, options.roots));
@@ -71,7 +71,7 @@ ExitCode examine(const std::optional<Config>& config, const DoctorOptions& optio
   PlannedRun plan{.folder = std::filesystem::absolute(named ? config->run_folder : ".").string(),
                   .count = options.count};
   if (config) {
-    const SelfTest test = test_devices(*config, clock);
+    const SelfTest test = test_devices(*config, loop);
     report.add(test.findings);
     plan.record_bytes = test.record_bytes;
     plan.window_s = config->window_s;

@@ -7,7 +7,7 @@
 
 #include "acquire/config.hpp"
 #include "acquire/machine.hpp"
-#include "drivers/core/clock.hpp"
+#include "drivers/port/loop.hpp"
 
 namespace echofuse::acquire {
 
@@ -20,6 +20,6 @@ struct DoctorOptions {
 // Prints one line for each check; without a configuration those of the machine only. The exit code
 // of the first problem: device before disk; ok if there are none.
 ExitCode examine(const std::optional<Config>& config, const DoctorOptions& options,
-                 const Clock& clock);
+                 port::Loop& loop);
 
 }  // namespace echofuse::acquire

@@ -94,7 +94,8 @@ ExitCode run(Options& o) {
   mallopt(M_TRIM_THRESHOLD, 256 << 10);
   std::optional<Viewer> viewer;
   if (o.view) viewer.emplace(o.run.out, o.run.count);
-  const ExitCode code = record_run(config, o.run, SystemClock());
+  port::SystemLoop loop;
+  const ExitCode code = record_run(config, o.run, loop);
   if (viewer) viewer->leave();
   return code;
 }
@@ -107,14 +108,16 @@ std::optional<Config> load_if_any(const Options& o) {
 
 ExitCode list_devices(const Options& o) {
   catch_interrupts();
-  return check_devices(load_if_any(o), SystemClock(), o.json);
+  port::SystemLoop loop;
+  return check_devices(load_if_any(o), loop, o.json);
 }
 
 ExitCode doctor(Options& o) {
   catch_interrupts();
   const auto config = load_if_any(o);
   if (config) plan_count(o, *config);
-  return examine(config, {.count = o.run.count, .json = o.json}, SystemClock());
+  port::SystemLoop loop;
+  return examine(config, {.count = o.run.count, .json = o.json}, loop);
 }
 
 ExitCode show_config(const Options& o) {
@@ -141,7 +144,8 @@ ExitCode calibrate_sensors(Options& o) {
   const Config config = load_config(place_of(o).path, o.assignments, o.calibrate.check);
   o.calibrate.json = o.json;
   catch_interrupts();
-  return calibrate(config, o.calibrate, SystemClock());
+  port::SystemLoop loop;
+  return calibrate(config, o.calibrate, loop);
 }
 
 ExitCode annotate(const Options& o) {

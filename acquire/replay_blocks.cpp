@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Recorded blocks go through the drivers themselves: each file is one connection of a port that
 // reads files.
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/post.hpp>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -11,6 +9,7 @@
 #include "drivers/core/bytes.hpp"
 #include "drivers/core/regular_file.hpp"
 #include "drivers/depth/bridge_camera.hpp"
+#include "drivers/port/virtual_loop.hpp"
 #include "drivers/tdc/bridge_tdc.hpp"
 
 namespace echofuse::acquire {
@@ -23,8 +22,8 @@ constexpr std::size_t chunk_bytes = 64u << 10;
 class FilePort final : public port::BytePort {
  public:
   // `at_end` is called once behind the last byte.
-  FilePort(boost::asio::io_context& io, const std::string& path, std::function<void()> at_end)
-      : link_(new Link{io, path, {path, ExitCode::failed}, std::move(at_end), {}, false, {}}) {}
+  FilePort(port::Loop& loop, const std::string& path, std::function<void()> at_end)
+      : link_(new Link{loop, path, {path, ExitCode::failed}, std::move(at_end), {}, false, {}}) {}
   ~FilePort() override { link_->closed = true; }
   FilePort(const FilePort&) = delete;
   FilePort& operator=(const FilePort&) = delete;
@@ -40,7 +39,7 @@ class FilePort final : public port::BytePort {
 
  private:
   struct Link {
-    boost::asio::io_context& io;
+    port::Loop& loop;
     std::string path;
     RegularFile file;
     std::function<void()> at_end;
@@ -50,7 +49,7 @@ class FilePort final : public port::BytePort {
   };
   template <class Action>
   static void later(const std::shared_ptr<Link>& link, Action action) {
-    boost::asio::post(link->io, [link, action] {
+    link->loop.post([link, action] {
       if (!link->closed) action(link);
     });
   }
@@ -85,20 +84,9 @@ struct NoPort final : port::BytePort {
   void write(ByteView) override {}
 };
 
-// Every reading is 6 s after the one before: a device that sends is healthy, and the next file
-// follows after a tenth of a second.
-class HastyClock final : public Clock {
- public:
-  HostTime now() const override { return now_ += std::chrono::seconds(6); }
-  UtcTime utc() const override { return {}; }
-
- private:
-  mutable HostTime now_{};
-};
-
 template <class BridgeDriver>
 Json play(const std::vector<std::string>& paths) {
-  boost::asio::io_context io;
+  port::VirtualLoop loop;
   std::size_t next = 0;
   bool ended = false;
   const auto opener = [&]() -> std::unique_ptr<port::BytePort> {
@@ -106,14 +94,12 @@ Json play(const std::vector<std::string>& paths) {
       ended = true;
       return std::make_unique<NoPort>();
     }
-    return std::make_unique<FilePort>(io, paths[next++], [&] { ended = next == paths.size(); });
+    return std::make_unique<FilePort>(loop, paths[next++], [&] { ended = next == paths.size(); });
   };
-  const HastyClock clock;
-  BridgeDriver driver(io, paths[0], opener, clock);
+  BridgeDriver driver(loop, paths[0], opener);
   Events events;
   driver.start(events);
-  while (!ended && io.run_one() > 0) {
-  }
+  loop.run_until([&] { return ended; });
   Json json{{"model", events.last.model},
             {"serial", events.last.serial},
             {"firmware", events.last.firmware}};

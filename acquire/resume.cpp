@@ -170,8 +170,10 @@ void refuse_resuming(const record::RunReader& begun, const Config& config) {
 
 std::unique_ptr<record::RunWriter> make_run(
     const Config& config, const std::string& out,
-    const std::vector<std::pair<std::string, std::string>>& meta) {
+    const std::vector<std::pair<std::string, std::string>>& meta, const std::string& uuid,
+    const Clock& clock) {
   record::RunInfo info;
+  info.uuid = uuid;
   info.config_text = config.text;
   info.config_resolved = config.resolved;
   info.radar_cfg = config.radar.cfg_text;
@@ -180,23 +182,23 @@ std::unique_ptr<record::RunWriter> make_run(
   info.window_s = config.window_s;
   info.meta = meta;
   if (config.detector.known()) info.meta.push_back(config.detector.meta());
-  return std::make_unique<record::RunWriter>(out, info);
+  return std::make_unique<record::RunWriter>(out, info, clock);
 }
 
-Resumption reopen_run(const std::string& out, UtcTime now) {
+Resumption reopen_run(const std::string& out, const Clock& clock) {
   const record::RunReader begun(out);
   Resumption resumed;
   resumed.axes = begun.axes();
   const std::string status = begun.info().status;
   const record::RunSummary sum = begun.summary();
   resumed.label = begun.last_label();
-  resumed.file = std::make_unique<record::RunWriter>(out);
+  resumed.file = std::make_unique<record::RunWriter>(out, clock);
   resumed.first_index = resumed.file->next_index();
   resumed.records_before = resumed.file->records();
   resumed.gap = "resumed at record " + std::to_string(resumed.first_index) + ", was " + status;
   if (sum.records > 0)
-    resumed.gap +=
-        ", " + human_duration(seconds(now) - seconds(sum.last_utc)) + " after the last slot";
+    resumed.gap += ", " + human_duration(seconds(clock.utc()) - seconds(sum.last_utc)) +
+                   " after the last slot";
   return resumed;
 }
 

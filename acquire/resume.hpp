@@ -37,9 +37,11 @@ void refuse_late_clock(UtcTime now);
 // or refuse_other_antennas does.
 void refuse_resuming(const record::RunReader& begun, const Config& config);
 
+// `clock` outlives the writer. An empty uuid: a new one.
 std::unique_ptr<record::RunWriter> make_run(
     const Config& config, const std::string& out,
-    const std::vector<std::pair<std::string, std::string>>& meta);
+    const std::vector<std::pair<std::string, std::string>>& meta, const std::string& uuid,
+    const Clock& clock);
 
 // What a resumed run continues; of a new run, nothing.
 struct Resumption {
@@ -50,6 +52,6 @@ struct Resumption {
   std::string gap;                   // the event that notes the resumption
   std::optional<std::string> label;  // its last one
 };
-Resumption reopen_run(const std::string& out, UtcTime now);
+Resumption reopen_run(const std::string& out, const Clock& clock);
 
 }  // namespace echofuse::acquire

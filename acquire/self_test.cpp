@@ -2,7 +2,6 @@
 #include "acquire/self_test.hpp"
 
 #include <algorithm>
-#include <boost/asio/io_context.hpp>
 #include <cinttypes>
 #include <cmath>
 #include <cstdio>
@@ -243,23 +242,18 @@ Finding judge_in_use(Sensor s, const LiveDevice& live) {
 
 }  // namespace
 
-SelfTest test_devices(const Config& config, const Clock& clock) {
-  boost::asio::io_context io;
+SelfTest test_devices(const Config& config, port::Loop& loop) {
   Capture capture(config.histogram);
-  Devices devices(io, config, clock, capture);
+  Devices devices(loop, config, capture);
   devices.take_free("doctor");
   devices.start();
   devices.wait(config.connect_timeout_s);
   capture.begin();
   const bool none_is_ours =
       devices.all([](const auto& device) { return device.holder.has_value(); });
-  const HostTime begin = clock.now();
-  const HostTime end = begin + from_seconds(none_is_ours ? 0 : capture_s);
-  while (clock.now() < end && !interrupted()) {
-    if (io.stopped()) io.restart();
-    io.run_one_for(std::chrono::milliseconds(20));
-  }
-  const double time_s = seconds(clock.now() - begin);
+  const HostTime begin = loop.now();
+  loop.run_until(interrupted, begin + from_seconds(none_is_ours ? 0 : capture_s));
+  const double time_s = seconds(loop.now() - begin);
   capture.end();
   if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing was judged");
   constexpr PerSensor<decltype(&judge_spd)> judges{judge_spd, judge_radar, judge_depth};
@@ -267,7 +261,7 @@ SelfTest test_devices(const Config& config, const Clock& clock) {
   for (const Sensor s : all_sensors) {
     if (!devices[s].configured) continue;
     if (devices[s].holder) {
-      out.findings.push_back(judge_in_use(s, inspect_holder(*devices[s].holder, s, clock)));
+      out.findings.push_back(judge_in_use(s, inspect_holder(*devices[s].holder, s, loop)));
     } else if (devices[s].delivers()) {
       out.findings.push_back(judges[s](capture, config, time_s));
     } else {

@@ -56,6 +56,6 @@ struct SelfTest {
 };
 // Starts all configured devices, waits as `run` does and listens for 2 s. Throws Error(interrupted)
 // when the user does not want to wait.
-SelfTest test_devices(const Config& config, const Clock& clock);
+SelfTest test_devices(const Config& config, port::Loop& loop);
 
 }  // namespace echofuse::acquire

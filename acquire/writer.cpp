@@ -39,20 +39,16 @@ bool is_disk(const std::exception_ptr& failure) {
 
 }  // namespace
 
-Writer::Writer(std::unique_ptr<record::RunWriter> run, std::size_t capacity)
-    : run_(std::move(run)), capacity_(capacity) {
+Writer::Writer(std::unique_ptr<record::RunWriter> run, std::unique_ptr<port::Worker> worker,
+               std::size_t capacity)
+    : run_(std::move(run)), capacity_(capacity), worker_(std::move(worker)) {
   run_->be_patient();
-  thread_ = std::thread([this] { work(); });
 }
 
 Writer::~Writer() { stop(); }
 
 bool Writer::put(record::FusedRecord record) {
-  bool room = false;
-  {
-    const std::lock_guard lock(mutex_);
-    room = queue_.size() < capacity_;
-  }
+  bool room = waiting_ < capacity_;
   if (run_->waits()) {
     if (!std::exchange(reported_, true))
       spdlog::error("{}: another program holds it by a write transaction; records wait in memory",
@@ -89,56 +85,40 @@ std::optional<std::string> Writer::label() const {
 }
 
 void Writer::put(Job job) {
-  const std::lock_guard lock(mutex_);
   if (failed_) return;
-  if (queue_.size() < hard_limit * capacity_) {
-    queue_.push_back(std::move(job));
-  } else {
-    failure_ = std::make_exception_ptr(Error(ExitCode::disk, too_slow));
-    failed_ = true;
-  }
-  wake_.notify_one();
+  if (waiting_ >= hard_limit * capacity_)
+    return fail(std::make_exception_ptr(Error(ExitCode::disk, too_slow)));
+  ++waiting_;
+  worker_->put([this, job = std::move(job)] {
+    work(job);
+    --waiting_;
+  });
 }
 
-bool Writer::crowded() {
+void Writer::fail(const std::exception_ptr& why) {
   const std::lock_guard lock(mutex_);
-  return queue_.size() >= capacity_ / 2;
+  if (!failure_) failure_ = why;
+  failed_ = true;
 }
 
-void Writer::work() {
-  std::unique_lock lock(mutex_);
-  while (!failed_) {
-    wake_.wait(lock, [this] { return ending_ || failed_ || !queue_.empty(); });
-    if (queue_.empty() || failed_) return;
-    const Job job = std::move(queue_.front());
-    queue_.pop_front();
-    lock.unlock();
-    std::exception_ptr failure;
+void Writer::work(const Job& job) {
+  if (failed_) return;
+  try {
     try {
-      try {
-        job(*run_);
-      } catch (const Error&) {
-        if (!run_->move_if_held()) throw;
-        moved_ = true;
-        job(*run_);
-      }
-    } catch (...) {
-      failure = std::current_exception();
+      job(*run_);
+    } catch (const Error&) {
+      if (!run_->move_if_held()) throw;
+      moved_ = true;
+      job(*run_);
     }
-    lock.lock();
-    if (failure && !failed_) failure_ = failure;
-    if (failure) failed_ = true;
+  } catch (...) {
+    fail(std::current_exception());
   }
 }
 
 void Writer::stop() {
-  {
-    const std::lock_guard lock(mutex_);
-    ending_ = true;
-  }
   run_->give_up_waiting(last_wait);
-  wake_.notify_one();
-  if (thread_.joinable()) thread_.join();
+  worker_.reset();
 }
 
 bool Writer::finish(const std::string& status) {

@@ -1,24 +1,22 @@
 // SPDX-License-Identifier: MIT
-// The run file's own thread: what the daemon gathers goes to disk in order, and a slow disk never
+// The run file's own worker: what the daemon gathers goes to disk in order, and a slow disk never
 // blocks the devices.
 #pragma once
 #include <atomic>
-#include <condition_variable>
 #include <cstdint>
-#include <deque>
 #include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
 
 #include "acquire/record/run_file.hpp"
+#include "drivers/port/loop.hpp"
 
 namespace echofuse::acquire {
 
-// Threading: all members are for one thread. Jobs run on the writer's thread, which alone touches
-// the RunWriter; it ends at the first failed job, and finish() tells why. While another program
+// Threading: all members are for one thread. The worker alone touches the RunWriter. No job
+// is done after the first that failed, and finish() tells why. While another program
 // holds the run file by a write transaction, jobs wait; when no more can wait, or at the end, the
 // RunWriter moves to a copy beside, and the run ends with an Error that names it.
 class Writer {
@@ -26,7 +24,8 @@ class Writer {
   using Job = std::function<void(record::RunWriter&)>;
   static constexpr std::size_t default_capacity = 64;
 
-  explicit Writer(std::unique_ptr<record::RunWriter> run, std::size_t capacity = default_capacity);
+  Writer(std::unique_ptr<record::RunWriter> run, std::unique_ptr<port::Worker> worker,
+         std::size_t capacity = default_capacity);
   ~Writer();  // without finish(): the run stays as a crash would leave it
   Writer(const Writer&) = delete;
   Writer& operator=(const Writer&) = delete;
@@ -36,7 +35,7 @@ class Writer {
   bool put(record::FusedRecord record);
   void put(Job job);
   // Half of `capacity` jobs are waiting: who has many records at once gives the disk its time.
-  bool crowded();
+  bool crowded() const { return waiting_ >= capacity_ / 2; }
 
   bool failed() const { return failed_ || moved_; }
   std::int64_t written() const { return written_; }
@@ -50,22 +49,21 @@ class Writer {
   bool finish(const std::string& status);
 
  private:
-  void work();
+  void work(const Job& job);
+  void fail(const std::exception_ptr& why);
   void stop();
 
   std::unique_ptr<record::RunWriter> run_;
   const std::size_t capacity_;
   mutable std::mutex mutex_;
-  std::condition_variable wake_;
-  std::deque<Job> queue_;  // guarded by mutex_
-  bool ending_ = false;    // guarded by mutex_
+  std::atomic<std::size_t> waiting_ = 0;  // jobs that are not done
   std::atomic<bool> failed_ = false, moved_ = false;
   bool reported_ = false;  // that another program holds the file
   std::atomic<std::int64_t> written_ = 0;
-  std::optional<std::string> label_;   // set by a mark, by the writer's thread; guarded by mutex_
+  std::optional<std::string> label_;   // set by a mark, by the worker; guarded by mutex_
   std::optional<std::uint64_t> free_;  // on its disk; guarded by mutex_
-  std::exception_ptr failure_;         // set before failed_, read after joining
-  std::thread thread_;
+  std::exception_ptr failure_;         // set once, before failed_
+  std::unique_ptr<port::Worker> worker_;
 };
 
 }  // namespace echofuse::acquire

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A driver's own thread, which has sessions with its device, and what it shares with the io thread;
-// without Asio in the header.
+// A driver's own thread, which has sessions with its device, and what it shares with the loop.
 #pragma once
 #include <atomic>
 #include <chrono>
@@ -13,14 +12,14 @@
 
 #include "drivers/core/driver.hpp"
 #include "drivers/port/backoff.hpp"
+#include "drivers/port/loop.hpp"
 
 namespace echofuse::port {
 
 // Threading: start(), stop(), finished() and join() on the io thread; the others on the worker's.
-// The io context does not run out of work between start() and the worker's end.
 class WorkerLink : public std::enable_shared_from_this<WorkerLink> {
  public:
-  explicit WorkerLink(boost::asio::io_context& io);
+  explicit WorkerLink(Loop& loop);
   ~WorkerLink();
 
   // Reports that the device is looked for, and starts the worker with this.
@@ -43,9 +42,7 @@ class WorkerLink : public std::enable_shared_from_this<WorkerLink> {
   bool pause(std::chrono::nanoseconds time);
 
  private:
-  struct Io;
-  void leave();
-  std::unique_ptr<Io> io_;
+  Loop& loop_;
   SampleSink* sink_ = nullptr;  // io thread only
   bool finished_ = false;       // io thread only
   std::thread thread_;

@@ -168,7 +168,7 @@ TEST_CASE("the counters of a part come all or not at all") {
 TEST_CASE("a run goes on with its last label, also one that a mark gave it") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
-  const auto last = [&] { return reopen_run(path, UtcTime(0)).label.value_or("none"); };
+  const auto last = [&] { return reopen_run(path, ManualClock()).label.value_or("none"); };
   write_run(path, 0);
   CHECK(last() == "none");
   {

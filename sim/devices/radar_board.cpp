@@ -8,16 +8,14 @@
 #include "drivers/core/random.hpp"
 #include "sim/devices/device.hpp"
 #include "sim/devices/fault_injector.hpp"
-#include "sim/devices/pty_uart.hpp"
 #include "sim/devices/radar_antennas.hpp"
 #include "sim/devices/radar_chirp.hpp"
 #include "sim/devices/radar_firmware.hpp"
+#include "sim/devices/uart.hpp"
 #include "sim/wire/encode.hpp"
 
 namespace echofuse::sim {
 namespace {
-
-using SteadyTime = std::chrono::steady_clock::time_point;
 
 constexpr unsigned cli_baud = 115200, data_baud = 921600;
 constexpr double cpu_hz = 200e6;
@@ -31,19 +29,19 @@ std::chrono::nanoseconds microseconds(double us) { return from_seconds(us * 1e-6
 
 class RadarBoard final : public Device {
  public:
-  RadarBoard(boost::asio::io_context& io, ScenePlayer& player, const RadarBoardOptions& options,
+  RadarBoard(port::Loop& loop, ScenePlayer& player, const RadarBoardOptions& options,
              const MakeUart& make_cli, const MakeUart& make_data)
       : player_(player),
         cli_(make_cli(cli_baud, [this](ByteView bytes) { on_command_bytes(bytes); })),
         data_(make_data(data_baud, [](ByteView) {})),
         firmware_([this](const std::string& text) { cli_->send(bytes_of(text)); },
                   [this](const std::string& raw) { data_->send(bytes_of(raw)); }, options.sdk),
-        frame_timer_(io),
-        output_timer_(io),
+        frame_timer_(loop),
+        output_timer_(loop),
         rng_(make_rng(options.seed, 2)),
         antennas_(player.conditions(), options.seed),
         plug_(options.plug),
-        injector_(io, player, "radar", options.plan, options.seed, [this] { poll(); }) {
+        injector_(loop, player, "radar", options.plan, options.seed, [this] { poll(); }) {
     firmware_.boot();
   }
 
@@ -82,7 +80,7 @@ class RadarBoard final : public Device {
     antennas_.start(firmware_.subframes(), mean_peak_);
     subframe_ = 0;
     last_profile_.clear();
-    next_frame_ = std::chrono::steady_clock::now();
+    next_frame_ = player_.now();
     frame();
   }
 
@@ -96,17 +94,11 @@ class RadarBoard final : public Device {
       seen_s_ = player_.now_s();
       seen_subframe_ = subframe_;
       const double ready_us = std::min(chirp().active_us() + processing_us, 0.8 * period_us());
-      output_timer_.expires_at(next_frame_ + microseconds(ready_us));
-      output_timer_.async_wait([this](const boost::system::error_code& error) {
-        if (!error) output();
-      });
+      output_timer_.at(next_frame_ + microseconds(ready_us), [this] { output(); });
     }
     subframe_ = (subframe_ + 1) % firmware_.subframes().size();
     next_frame_ += microseconds(period_us());
-    frame_timer_.expires_at(next_frame_);
-    frame_timer_.async_wait([this](const boost::system::error_code& error) {
-      if (!error) frame();
-    });
+    frame_timer_.at(next_frame_, [this] { frame(); });
   }
 
   double period_us() const { return 1e3 * chirp().frame_period_ms; }
@@ -233,13 +225,13 @@ class RadarBoard final : public Device {
   ScenePlayer& player_;
   std::unique_ptr<Uart> cli_, data_;
   RadarFirmware firmware_;
-  boost::asio::steady_timer frame_timer_, output_timer_;
+  port::Timer frame_timer_, output_timer_;
   Rng rng_;
   RadarAntennas antennas_;
   RadarAxis axis_;
   std::vector<std::uint16_t> last_profile_;  // as it was sent
   RadarTlv last_heat_map_;
-  SteadyTime next_frame_;
+  HostTime next_frame_{};
   double mean_peak_ = 0, seen_s_ = 0, transmit_us_ = 0;
   bool framing_ = false;
   std::uint32_t frame_number_ = 0;
@@ -252,27 +244,10 @@ class RadarBoard final : public Device {
 
 }  // namespace
 
-std::unique_ptr<Device> make_radar_board(boost::asio::io_context& io, ScenePlayer& player,
+std::unique_ptr<Device> make_radar_board(port::Loop& loop, ScenePlayer& player,
                                          const RadarBoardOptions& options, const MakeUart& make_cli,
                                          const MakeUart& make_data) {
-  return std::make_unique<RadarBoard>(io, player, options, make_cli, make_data);
-}
-
-std::unique_ptr<Device> make_radar_ptys(boost::asio::io_context& io, ScenePlayer& player,
-                                        const RadarOptions& options) {
-  auto ports = std::make_shared<std::vector<PtyUart*>>();  // the board owns them
-  const auto pty = [&](const std::string& link) {
-    return [&io, ports, link](unsigned baud, Uart::Receive receive) {
-      auto uart = std::make_unique<PtyUart>(io, link, baud, std::move(receive));
-      ports->push_back(uart.get());
-      return uart;
-    };
-  };
-  const auto plug = [ports](bool in) {
-    for (PtyUart* port : *ports) port->plug(in);
-  };
-  return make_radar_board(io, player, {options.seed, options.plan, options.sdk, plug},
-                          pty(options.cli_link), pty(options.data_link));
+  return std::make_unique<RadarBoard>(loop, player, options, make_cli, make_data);
 }
 
 }  // namespace echofuse::sim

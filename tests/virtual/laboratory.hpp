@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: MIT
+// A laboratory and a daemon in one process, on virtual time: the simulated devices meet the drivers
+// on wires in memory. With the same options the same bytes are written.
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "acquire/daemon.hpp"
+#include "drivers/port/virtual_loop.hpp"
+#include "sim/devices/device.hpp"
+#include "wire.hpp"
+
+namespace echofuse::test {
+
+struct LaboratoryOptions {
+  std::string folder;  // of lab.toml
+  double window_s = 3;
+  double hold_s = 600;  // of a scene
+  std::uint64_t seed = 1;
+  std::vector<sim::Fault> faults;
+  std::string log;          // of what the devices did; empty: none
+  std::string assignments;  // lines more of lab.toml
+};
+
+class Laboratory {
+ public:
+  explicit Laboratory(const LaboratoryOptions& options);
+  ~Laboratory();
+  Laboratory(const Laboratory&) = delete;
+  Laboratory& operator=(const Laboratory&) = delete;
+
+  port::VirtualLoop loop{std::chrono::seconds(1'700'000'000)};
+  // Records so many slots, or until interrupted. Throws as record_run does.
+  ExitCode record(acquire::RunOptions run);
+  // The devices end, and what they did is in the log.
+  void close();
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace echofuse::test
