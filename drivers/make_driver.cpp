@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/make_driver.hpp"
 
-#include "drivers/core/exit_code.hpp"
 #include "drivers/depth/bridge_camera.hpp"
 #include "drivers/depth/openni_camera.hpp"
 #include "drivers/inventory/inventory.hpp"
 #include "drivers/port/hid_port.hpp"
 #include "drivers/port/loop.hpp"
 #include "drivers/port/raw_tap.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "drivers/radar/radar_driver.hpp"
 #include "drivers/tdc/bridge_tdc.hpp"
 

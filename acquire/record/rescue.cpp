@@ -10,7 +10,7 @@
 #include <memory>
 
 #include "acquire/record/sqlite.hpp"
-#include "drivers/core/atomic_write.hpp"
+#include "drivers/program/atomic_write.hpp"
 
 namespace echofuse::record {
 namespace {

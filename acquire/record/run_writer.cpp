@@ -21,8 +21,8 @@
 #include "acquire/record/sqlite.hpp"
 #include "acquire/record/uuid.hpp"
 #include "acquire/record/writer_lock.hpp"
-#include "drivers/core/atomic_write.hpp"
-#include "drivers/core/program.hpp"
+#include "drivers/program/atomic_write.hpp"
+#include "drivers/program/program.hpp"
 
 namespace echofuse::record {
 namespace {

@@ -3,7 +3,7 @@
 
 #include "drivers/chart/chart.hpp"
 #include "drivers/chart/style.hpp"
-#include "drivers/core/atomic_write.hpp"
+#include "drivers/program/atomic_write.hpp"
 
 namespace echofuse::chart {
 

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <sstream>
 
-#include "drivers/core/printable.hpp"
+#include "drivers/program/printable.hpp"
 
 namespace echofuse::chart {
 namespace {

@@ -9,8 +9,8 @@
 #include <string>
 #include <utility>
 
-#include "drivers/core/exit_code.hpp"
 #include "drivers/port/loop.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::port {
 

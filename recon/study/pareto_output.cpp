@@ -4,7 +4,7 @@
 
 #include "drivers/chart/chart.hpp"
 #include "drivers/chart/style.hpp"
-#include "drivers/core/atomic_write.hpp"
+#include "drivers/program/atomic_write.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/study/model_colours.hpp"
 #include "recon/study/pareto.hpp"

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "acquire/record/png.hpp"
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::recon {
 namespace {

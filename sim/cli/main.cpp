@@ -13,8 +13,8 @@
 #include <optional>
 #include <thread>
 
-#include "drivers/core/console.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/printable.hpp"
 #include "sim/cli/plan_arguments.hpp"
 #include "sim/cli/study_commands.hpp"
 #include "sim/dataset/dataset.hpp"

@@ -10,9 +10,9 @@
 #include "drivers/chart/chart.hpp"
 #include "drivers/chart/picture.hpp"
 #include "drivers/chart/style.hpp"
-#include "drivers/core/atomic_write.hpp"
-#include "drivers/core/exit_code.hpp"
 #include "drivers/core/log2_codes.hpp"
+#include "drivers/program/atomic_write.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::sim {
 namespace {

@@ -15,9 +15,9 @@
 #include <optional>
 #include <sstream>
 
-#include "drivers/core/atomic_write.hpp"
-#include "drivers/core/program.hpp"
-#include "drivers/core/settings.hpp"
+#include "drivers/program/atomic_write.hpp"
+#include "drivers/program/program.hpp"
+#include "drivers/program/settings.hpp"
 #include "sim/devices/listener.hpp"
 #include "sim/sensors/optics.hpp"
 

@@ -9,7 +9,7 @@
 #include <sstream>
 
 #include "drivers/chart/chart.hpp"
-#include "drivers/core/program.hpp"
+#include "drivers/program/program.hpp"
 #include "sim/scene/room.hpp"
 #include "sim/scene/scene.hpp"
 #include "sim/sensors/gaze.hpp"

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "acquire/window.hpp"
+#include "acquire/run/window.hpp"
 #include "drivers/core/random.hpp"
 
 using namespace echofuse;

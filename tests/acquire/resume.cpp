@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/resume.hpp"
+#include "acquire/run/resume.hpp"
 
 #include <sqlite3.h>
 
-#include "acquire/disk_estimate.hpp"
-#include "acquire/info.hpp"
+#include "acquire/commands/info.hpp"
+#include "acquire/run/disk_estimate.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;

@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/record/run_names.hpp"
-#include "acquire/resume.hpp"
-#include "drivers/core/program.hpp"
+#include "acquire/run/resume.hpp"
+#include "drivers/program/program.hpp"
 #include "testing.hpp"
 
 using namespace testing;

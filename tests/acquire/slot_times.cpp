@@ -3,8 +3,8 @@
 #include <cmath>
 #include <limits>
 
-#include "acquire/annotate.hpp"
-#include "acquire/journal.hpp"
+#include "acquire/commands/annotate.hpp"
+#include "acquire/run/journal.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/window.hpp"
+#include "acquire/run/window.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>

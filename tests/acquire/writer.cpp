@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/writer.hpp"
+#include "acquire/run/writer.hpp"
 
 #include <future>
 

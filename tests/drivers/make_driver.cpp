@@ -3,8 +3,8 @@
 
 #include <catch2/catch.hpp>
 
-#include "drivers/core/exit_code.hpp"
 #include "drivers/port/loop.hpp"
+#include "drivers/program/exit_code.hpp"
 
 using namespace echofuse;
 

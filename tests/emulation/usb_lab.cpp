@@ -3,8 +3,8 @@
 // laboratory whose time tagger is an emulated USB device.
 #include <CLI/CLI.hpp>
 
-#include "drivers/core/console.hpp"
 #include "drivers/port/loop.hpp"
+#include "drivers/program/console.hpp"
 #include "sim/lab/lab_command.hpp"
 #include "tests/emulation/tdc_usb.hpp"
 #include "tests/emulation/usb_bed.hpp"

@@ -6,7 +6,7 @@
 #include <set>
 
 #include "../paths.hpp"
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "lab_thread.hpp"
 
 using namespace echofuse;

@@ -7,7 +7,7 @@
 #include <memory>
 #include <utility>
 
-#include "acquire/config.hpp"
+#include "acquire/config/config.hpp"
 #include "sim/devices/fault_injector.hpp"
 #include "sim/devices/uart.hpp"
 #include "sim/sensors/depth_camera.hpp"

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "acquire/daemon.hpp"
+#include "acquire/run/daemon.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "sim/devices/device.hpp"
 #include "wire.hpp"

@@ -8,8 +8,8 @@
 #include <ctime>
 #include <filesystem>
 
-#include "drivers/core/console.hpp"
-#include "drivers/core/settings.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/settings.hpp"
 #include "laboratory.hpp"
 
 namespace {
