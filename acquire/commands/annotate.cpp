@@ -33,7 +33,7 @@ std::string annotate_run(const std::string& path, const std::optional<std::strin
   else
     record::put_note(path, *note, login_name());
   const record::RunReader run(path);
-  const auto record = running_record(run, SystemClock().utc());
+  const auto record = running_record(run, system_clock.utc());
   const std::string number = record ? "record " + std::to_string(*record) : "the running record";
   const std::string where = run.info().status == "open" ? " in " + number : "";
   const std::string what =

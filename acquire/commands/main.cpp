@@ -162,7 +162,7 @@ ExitCode list(const Options& o) {
     const auto config = load_if_any(o);
     folder = config && !config->run_folder.empty() ? config->run_folder : ".";
   }
-  const Catalogue found = list_runs(folder, o.folder.empty(), SystemClock(), o.json);
+  const Catalogue found = list_runs(folder, o.folder.empty(), system_clock, o.json);
   std::fputs(found.text.c_str(), stdout);
   if (!found.left_out.empty()) spdlog::warn("left out: {}", found.left_out);
   return ExitCode::ok;

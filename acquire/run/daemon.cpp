@@ -251,7 +251,6 @@ void Daemon::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) 
   // began anew shows by itself, but not one that wraps after seconds.
   if (state != DeviceState::streaming && sensor == Sensor::radar) clocks_.reset(sensor);
   if (!recording_) return;
-  if (sensor == Sensor::spd) recording_->windows.tag_gap();
   if (state == DeviceState::streaming) announce(sensor);
 }
 

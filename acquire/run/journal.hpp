@@ -16,7 +16,7 @@
 
 namespace echofuse::acquire {
 
-// Threading: the io thread only; the writer's thread does the work.
+// Threading: the loop's thread only; the writer's thread does the work.
 class Journal {
  public:
   // Both must outlive this. `begun_axes`: those that the file of a resumed run has. Puts an anchor.

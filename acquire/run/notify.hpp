@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Notifications of a run to systemd (sd_notify): ready with the first slot, then a heartbeat for
 // every record on disk. Nothing is sent to anybody else: without NOTIFY_SOCKET all of it does
-// nothing. Threading: the io thread. A call waits only while systemd itself stands still.
+// nothing. Threading: the loop's thread. A call waits only while systemd itself stands still.
 #pragma once
 #include <cstdint>
 

@@ -13,7 +13,7 @@
 
 namespace echofuse::acquire {
 
-// Threading: the io thread only.
+// Threading: the loop's thread only.
 class RunLog {
  public:
   explicit RunLog(const Clock& clock) : clock_(clock) {}

@@ -65,9 +65,6 @@ class Windows {
   bool announce(const DeviceInfo& info);
   // The axes known so far.
   std::vector<Axis> axes() const;
-  // The tag stream was interrupted: no click refers to a start before this.
-  void tag_gap();
-
   void add(const TagBlock& block);
   void add(const RadarFrame& frame);
   void add(DepthFrame frame);
@@ -132,6 +129,8 @@ class Windows {
   void take_profile(Slot& slot, const RadarFrame& frame, HostTime taken);
   void take_array(Slot& slot, const RadarFrame& frame) const;
   void settle_tags();
+  // Tags are missing: no click refers to a start before this.
+  void tag_gap();
   std::string spd_fault(const Slot& slot) const;
   std::string radar_fault(const Slot& slot) const;
   std::string depth_fault(const Slot& slot) const;

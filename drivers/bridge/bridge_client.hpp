@@ -15,7 +15,7 @@
 
 namespace echofuse::bridge {
 
-// Threading: io thread only. After stop() no handler is called; a handler may call stop().
+// Threading: the loop's thread only. After stop() no handler is called; a handler may call stop().
 class BridgeClient {
  public:
   struct Handlers {

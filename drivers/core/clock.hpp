@@ -25,7 +25,7 @@ class SystemClock final : public Clock {
 };
 
 // For who is given no other clock.
-inline const SystemClock system_clock;
+extern const Clock& system_clock;
 
 // Moves only when told to.
 class ManualClock final : public Clock {

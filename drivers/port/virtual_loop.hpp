@@ -7,10 +7,10 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <system_error>
 #include <utility>
 
 #include "drivers/port/loop.hpp"
-#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::port {
 
@@ -29,7 +29,7 @@ class VirtualLoop final : public Loop {
   ByteOpener opener(const std::string& address, std::uint32_t) override {
     return [this, address]() -> std::unique_ptr<BytePort> {
       const auto port = ports.find(address);
-      if (port == ports.end()) throw Error(ExitCode::config, address + ": there is no such port");
+      if (port == ports.end()) return std::make_unique<NoPort>(*this, address);
       return port->second();
     };
   }
@@ -37,6 +37,18 @@ class VirtualLoop final : public Loop {
   std::map<std::string, ByteOpener> ports;  // what is attached, by its address
 
  private:
+  struct NoPort final : BytePort {
+    NoPort(VirtualLoop& l, std::string a) : loop(l), address(std::move(a)) {}
+    void open(PortHandlers handlers) override {
+      loop.post([alive = std::weak_ptr(alive), text = address, gone = std::move(handlers.gone)] {
+        if (!alive.expired()) gone({std::make_error_code(std::errc::no_such_device), text});
+      });
+    }
+    void write(ByteView) override {}
+    VirtualLoop& loop;
+    std::string address;
+    std::shared_ptr<int> alive = std::make_shared<int>();
+  };
   // Its jobs are done in the loop, one at a time.
   class Queue final : public Worker {
    public:

@@ -16,7 +16,8 @@
 
 namespace echofuse::port {
 
-// Threading: start(), stop(), finished() and join() on the io thread; the others on the worker's.
+// Threading: start(), stop(), finished() and join() on the loop's thread; the others on the
+// worker's.
 class WorkerLink : public std::enable_shared_from_this<WorkerLink> {
  public:
   explicit WorkerLink(Loop& loop);
@@ -35,7 +36,7 @@ class WorkerLink : public std::enable_shared_from_this<WorkerLink> {
   // them. `info`: of the device, as the session has it.
   void run(const DeviceInfo& info, Backoff& backoff, const std::function<std::string()>& session);
   void report(const DeviceInfo& info, DeviceState state);  // once until it changes
-  // On the io thread, with the driver's sink.
+  // On the loop's thread, with the driver's sink.
   void post(std::function<void(SampleSink&)> action);
   bool stopping() const { return stopping_; }
   // False: it is time to end.
@@ -43,8 +44,8 @@ class WorkerLink : public std::enable_shared_from_this<WorkerLink> {
 
  private:
   Loop& loop_;
-  SampleSink* sink_ = nullptr;  // io thread only
-  bool finished_ = false;       // io thread only
+  SampleSink* sink_ = nullptr;  // the loop's thread only
+  bool finished_ = false;       // the loop's thread only
   std::thread thread_;
   DeviceState state_ = DeviceState::connecting;  // worker's thread only
   std::mutex mutex_;

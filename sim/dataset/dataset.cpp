@@ -105,7 +105,7 @@ record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
   Settings settings;
   bind(settings, copy);
   record::RunInfo info;
-  info.started_utc = iso8601(SystemClock().utc());
+  info.started_utc = iso8601(system_clock.utc());
   info.config_text = options.config_text;
   info.config_resolved = settings.resolved();
   info.version = version();

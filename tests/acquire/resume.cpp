@@ -186,7 +186,7 @@ TEST_CASE("a run goes on with its last label, also one that a mark gave it") {
   {
     record::RunWriter again(path);
     auto later = small_record(1);
-    later.slot_utc = SystemClock().utc() + std::chrono::seconds(1);
+    later.slot_utc = system_clock.utc() + std::chrono::seconds(1);
     later.label = "chair";
     again.append(later);
     again.close("complete");

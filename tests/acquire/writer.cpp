@@ -102,7 +102,7 @@ TEST_CASE("a label begins with the slot that is running when it is given") {
     r.slot_utc = slot_end - (r.slot_end - r.slot_start);
     writer.put(r);
   };
-  const UtcTime now = SystemClock().utc();
+  const UtcTime now = system_clock.utc();
   put(0, now - std::chrono::seconds(1));
   put(1, now + std::chrono::seconds(1));
   put(2, now + std::chrono::seconds(2));

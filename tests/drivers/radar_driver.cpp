@@ -187,46 +187,6 @@ TEST_CASE("a heat map of another board than the configured is dropped, its profi
   driver->stop();
 }
 
-TEST_CASE("a board that vanishes is found and configured again") {
-  Bench b;
-  auto board = std::make_unique<Board>(b.loop, b.dir);
-  const auto driver = b.make();
-  driver->start(b.sink);
-  REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "configured") == 1; }));
-  board->data.send(b.golden[0]);
-  board->data.send(ByteView(b.golden[1]).first(50));
-  REQUIRE(run_until(b.loop, [&] { return b.sink.radar.size() == 1; }));
-  board.reset();
-  REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
-  b.loop.run_for(std::chrono::milliseconds(150));
-  Board replaced(b.loop, b.dir);
-  REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "configured") == 2; }));
-  replaced.data.send(b.golden[2]);
-  REQUIRE(run_until(b.loop, [&] { return b.sink.radar.size() == 2; }));
-  CHECK(b.sink.state() == DeviceState::streaming);
-  CHECK(test::counter(*driver, "truncated_frames") == 1);
-}
-
-TEST_CASE("a refused line is told with its place in the cfg, once") {
-  Bench b;
-  Board board(b.loop, b.dir);
-  board.answers["frameCfg 0 0 32 0 100 1 0"] = "Error -1\n\r";
-  const auto driver = b.make();
-  driver->start(b.sink);
-  REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "connections") == 2; }));
-  CHECK(b.sink.state() == DeviceState::faulted);
-  CHECK(b.sink.events == std::vector<std::string>{"x.cfg:6: frameCfg 0 0 32 0 100 1 0: Error -1"});
-}
-
-TEST_CASE("a silent data port is a fault, and the cfg is sent again") {
-  Bench b;
-  Board board(b.loop, b.dir);
-  const auto driver = b.make();
-  driver->start(b.sink);
-  REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "configured") == 2; }));
-  CHECK(b.sink.events == std::vector<std::string>{"no frames on the data port"});
-}
-
 TEST_CASE("a port that is not there is told with its name") {
   Bench b;
   const auto driver = b.make();

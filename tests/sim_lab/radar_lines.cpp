@@ -34,25 +34,6 @@ struct Lines {
 
 }  // namespace
 
-TEST_CASE("a laboratory that closes and opens again is configured anew") {
-  const TemporaryDirectory dir;
-  sim::LabOptions options;
-  options.dir = dir / "lab";
-  auto lab = std::make_unique<LabThread>(options);
-  Lines lines(options);
-  REQUIRE(lines.frames(3));
-  lab.reset();
-  REQUIRE(run_until(lines.loop, [&] { return lines.sink.state() == DeviceState::faulted; }));
-  lines.loop.run_for(1s);
-  lab = std::make_unique<LabThread>(options);
-  const HostTime from = lines.loop.now();
-  REQUIRE(lines.frames(lines.sink.radar.size() + 1));
-  const double took_s = seconds(lines.loop.now() - from);
-  WARN("back on lines of 115200 baud: " << took_s << " s to the first frame");
-  CHECK(took_s < 10);
-  CHECK(counter(*lines.driver, "configured") == 2);
-}
-
 TEST_CASE("a consumer that stands still costs frames of a real line, and they are counted") {
   const TemporaryDirectory dir;
   sim::LabOptions options;

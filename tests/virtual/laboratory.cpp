@@ -5,11 +5,13 @@
 #include <deque>
 #include <fstream>
 #include <memory>
+#include <sstream>
 #include <utility>
 
 #include "acquire/config/config.hpp"
 #include "sim/devices/fault_injector.hpp"
 #include "sim/devices/uart.hpp"
+#include "sim/scene/scene_list.hpp"
 #include "sim/sensors/depth_camera.hpp"
 #include "sim/wire/encode.hpp"
 
@@ -19,8 +21,15 @@ namespace {
 using namespace std::chrono_literals;
 using sim::FaultKind;
 
-constexpr char tagger_address[] = "bridge:tcp://tagger:1";
-constexpr char camera_address[] = "bridge:tcp://camera:1";
+// Whoever runs beside this has devices of other names, as all are locked.
+struct Addresses {
+  explicit Addresses(const LaboratoryOptions& o)
+      : tagger("bridge:tcp://tagger-" + o.name + ":1"),
+        camera("bridge:tcp://camera-" + o.name + ":1"),
+        cli("serial:/virtual/" + o.name + "/cli"),
+        data("serial:/virtual/" + o.name + "/data") {}
+  std::string tagger, camera, cli, data;
+};
 
 // The paper's profile, at four frames a second.
 constexpr char radar_cfg[] =
@@ -144,8 +153,8 @@ class Camera final : public sim::Device {
     put(payload, index_);
     for (const double axis : {columns_.start, columns_.step, rows_.start, rows_.step})
       put(payload, static_cast<float>(axis));
-    const auto pixels = picture(now_s);
-    const ByteView raw = as_bytes(pixels);
+    if (last_.empty() || !injector_.active(FaultKind::freeze)) last_ = picture(now_s);
+    const ByteView raw = as_bytes(last_);
     payload.insert(payload.end(), raw.begin(), raw.end());
     Block block{.bytes = sim::bridge_block(sim::BlockKind::depth, sequence_++, 0, payload),
                 .what = "sent",
@@ -205,7 +214,7 @@ class Camera final : public sim::Device {
   Axis columns_, rows_;
   port::Timer timer_;
   HostTime next_;
-  std::vector<std::uint16_t> pixels_;
+  std::vector<std::uint16_t> pixels_, last_;  // as the scene is, and as it was sent
   std::int64_t pictured_ = -1;
   std::uint32_t index_ = 0, sequence_ = 0;
   std::uint64_t frames_ = 0;
@@ -215,27 +224,38 @@ class Camera final : public sim::Device {
 };
 
 std::string lab_toml(const LaboratoryOptions& o, const sim::Conditions& c) {
-  return "[run]\nwindow_s = " + std::to_string(o.window_s) + "\n[tdc]\naddress = \"" +
-         tagger_address + "\"\nfirst_bin_ps = " + std::to_string(std::lround(c.first_bin_ps)) +
-         "\nbins = " + std::to_string(c.bins) +
-         "\n[radar]\ncli = \"serial:/virtual/cli\"\ndata = \"serial:/virtual/data\"\n"
-         "cfg = \"radar.cfg\"\n[depth]\naddress = \"" +
-         camera_address + "\"\nmap_size = 32\n" + o.assignments;
+  const Addresses at(o);
+  std::ostringstream out;
+  out << "[run]\nwindow_s = " << o.window_s << "\n[tdc]\naddress = \"" << at.tagger
+      << "\"\nfirst_bin_ps = " << std::lround(c.first_bin_ps) << "\nbins = " << c.bins
+      << "\n[radar]\ncli = \"" << at.cli << "\"\ndata = \"" << at.data
+      << "\"\ncfg = \"radar.cfg\"\n"
+      << (o.radar_required ? "policy = \"required\"\n" : "") << "[depth]\naddress = \"" << at.camera
+      << "\"\nmap_size = 32\n"
+      << o.assignments;
+  return out.str();
 }
 
-sim::Conditions dim() {
+sim::Conditions conditions_of(const LaboratoryOptions& o) {
   sim::Conditions c;
-  c.signal_photons = 1500;
+  c.signal_photons = o.signal_photons;
   c.background_counts = 30;
   c.spd_rays = 64;
   return c;
+}
+
+sim::SceneSchedule schedule_of(const LaboratoryOptions& o) {
+  sim::SceneSchedule s{"mixed", static_cast<std::int64_t>(o.seed), o.hold_s};
+  if (!o.scenes.empty()) s.list = sim::read_scene_list(o.scenes, "scenes");
+  return s;
 }
 
 }  // namespace
 
 struct Laboratory::Parts {
   Parts(port::VirtualLoop& loop, const LaboratoryOptions& o)
-      : player(loop, dim(), {"mixed", static_cast<std::int64_t>(o.seed), o.hold_s}),
+      : options(o),
+        player(loop, conditions_of(o), schedule_of(o)),
         camera_wire(loop),
         cli(loop,
             [this](ByteView bytes) {
@@ -245,10 +265,11 @@ struct Laboratory::Parts {
     plan.faults = o.faults;
     if (!o.log.empty()) plan.journal = &journal.emplace(o.log);
     auto listener = std::make_unique<MemoryListener>(loop);
-    loop.ports = {{tagger_address, listener->opener()},
-                  {camera_address, camera_wire.opener()},
-                  {"serial:/virtual/cli", cli.opener()},
-                  {"serial:/virtual/data", data.opener()}};
+    const Addresses at(o);
+    loop.ports = {{at.tagger, listener->opener()},
+                  {at.camera, camera_wire.opener()},
+                  {at.cli, cli.opener()},
+                  {at.data, data.opener()}};
     tagger = sim::make_tdc_bridge(loop, player,
                                   {.tagging = {.laser_rate_hz = 4e6},
                                    .window_s = 3,
@@ -269,11 +290,17 @@ struct Laboratory::Parts {
         });
     camera = std::make_unique<Camera>(loop, player, camera_wire, plan, o.seed);
     std::ofstream(o.folder + "/radar.cfg") << radar_cfg;
-    std::ofstream(o.folder + "/lab.toml") << lab_toml(o, player.conditions());
-    config = acquire::load_config(o.folder + "/lab.toml");
+    configure();
+  }
+
+  void configure() {
+    const std::string path = options.folder + "/lab.toml";
+    std::ofstream(path) << lab_toml(options, player.conditions());
+    config = acquire::load_config(path);
     config.operator_name = "nobody";
   }
 
+  LaboratoryOptions options;
   sim::ScenePlayer player;
   sim::FaultPlan plan;
   std::optional<sim::Journal> journal;
@@ -287,6 +314,10 @@ struct Laboratory::Parts {
 Laboratory::Laboratory(const LaboratoryOptions& options)
     : parts_(std::make_unique<Parts>(loop, options)) {}
 Laboratory::~Laboratory() = default;
+
+void Laboratory::set(const std::string& assignment) {
+  parts_->config = acquire::load_config(parts_->options.folder + "/lab.toml", {assignment});
+}
 
 ExitCode Laboratory::record(acquire::RunOptions run) {
   run.quiet = true;

@@ -15,13 +15,17 @@
 namespace echofuse::test {
 
 struct LaboratoryOptions {
-  std::string folder;  // of lab.toml
+  std::string folder{};             // of lab.toml
+  std::string name = "laboratory";  // of its devices
   double window_s = 3;
-  double hold_s = 600;  // of a scene
+  double hold_s = 600;           // of a scene
+  double signal_photons = 1500;  // in 3 s
   std::uint64_t seed = 1;
-  std::vector<sim::Fault> faults;
-  std::string log;          // of what the devices did; empty: none
-  std::string assignments;  // lines more of lab.toml
+  std::vector<sim::Fault> faults{};
+  std::string log{};     // of what the devices did; empty: none
+  std::string scenes{};  // a list of scenes in place of mixed ones
+  bool radar_required = false;
+  std::string assignments{};  // lines more of lab.toml
 };
 
 class Laboratory {
@@ -32,6 +36,8 @@ class Laboratory {
   Laboratory& operator=(const Laboratory&) = delete;
 
   port::VirtualLoop loop{std::chrono::seconds(1'700'000'000)};
+  // Another value of the configuration: "tdc.bins=99".
+  void set(const std::string& assignment);
   // Records so many slots, or until interrupted. Throws as record_run does.
   ExitCode record(acquire::RunOptions run);
   // The devices end, and what they did is in the log.

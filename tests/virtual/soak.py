@@ -7,6 +7,7 @@ import argparse
 import hashlib
 import importlib.machinery
 import importlib.util
+import os
 import pathlib
 import sqlite3
 import subprocess
@@ -15,6 +16,7 @@ import tempfile
 
 scripts = pathlib.Path(__file__).resolve().parents[2] / "scripts"
 WINDOW_S = 3
+folder_in_memory = "/dev/shm" if os.path.isdir("/dev/shm") else None  # a disk is no part of this
 PAUSE_S = 40  # mean time from the beginning of a device's fault to that of its next
 
 
@@ -25,12 +27,20 @@ def load(name):
     return module
 
 
-def record(program, folder, faults, slots, seed):
+def faults(seconds, seed):
+    """As scripts/soak draws them, but rarer."""
+    soak = load("soak")
+    soak.PAUSE_S = PAUSE_S
+    soak.TROUBLE["depth"] = [trouble for trouble in soak.TROUBLE["depth"] if trouble[0] != "garbage"]
+    return soak.fault_text(soak.random_faults(seconds, seed))
+
+
+def record(program, folder, fault_text, slots, seed):
     """The processor's seconds."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "faults.toml").write_text(faults)
+    (folder / "faults.toml").write_text(fault_text)
     done = subprocess.run([program, "--out", folder / "run.sqlite", "--slots", str(slots), "--window", str(WINDOW_S), "--seed",
-                           str(seed), "--faults", folder / "faults.toml", "--log", folder / "log.jsonl"], check=True,
+                           str(seed), "--name", str(os.getpid()), "--faults", folder / "faults.toml", "--log", folder / "log.jsonl"], check=True,
                           stdout=subprocess.PIPE, text=True)
     return float(done.stdout)
 
@@ -42,15 +52,12 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", type=pathlib.Path)
     args = parser.parse_args()
-    soak = load("soak")
-    soak.PAUSE_S = PAUSE_S
-    soak.TROUBLE["depth"] = [trouble for trouble in soak.TROUBLE["depth"] if trouble[0] != "garbage"]
     slots = round(3600 * args.hours / WINDOW_S)
-    faults = soak.fault_text(soak.random_faults(slots * WINDOW_S, args.seed))
+    fault_text = faults(slots * WINDOW_S, args.seed)
     wrong = []
-    with tempfile.TemporaryDirectory(prefix="echofuse-") as name:
+    with tempfile.TemporaryDirectory(prefix="echofuse-", dir=folder_in_memory) as name:
         folder = args.keep or pathlib.Path(name)
-        cpu_s = record(args.program, folder / "whole", faults, slots, args.seed)
+        cpu_s = record(args.program, folder / "whole", fault_text, slots, args.seed)
         db = sqlite3.connect(folder / "whole/run.sqlite")
         status, = db.execute("SELECT status FROM run").fetchone()
         records, = db.execute("SELECT count(*) FROM record").fetchone()
@@ -67,7 +74,7 @@ def main():
             wrong.append("the audit finds what has no explanation")
         hour = min(slots, 3600 // WINDOW_S)
         for part in ("first", "second"):
-            record(args.program, folder / part, faults, hour, args.seed)
+            record(args.program, folder / part, fault_text, hour, args.seed)
         first, second = (hashlib.sha256((folder / part / "run.sqlite").read_bytes()).hexdigest() for part in ("first", "second"))
         print("two runs of an hour:", first[:16], second[:16])
         if first != second:

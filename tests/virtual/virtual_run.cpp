@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// virtual_run --out RUN --slots N [--window S] [--faults FILE] [--log FILE] [--seed N]: a run in a
-// laboratory on virtual time. It prints the processor's seconds.
+// virtual_run --out RUN --slots N [--window S] [--faults FILE] [--log FILE] [--seed N] [--name
+// NAME]: a run in a laboratory on virtual time. It prints the processor's seconds.
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
@@ -29,6 +29,7 @@ ExitCode run(int argc, char** argv) {
   app.add_option("--faults", faults);
   app.add_option("--log", laboratory.log);
   app.add_option("--seed", laboratory.seed);
+  app.add_option("--name", laboratory.name);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
