@@ -45,11 +45,14 @@ export class Chart {
     c.strokeStyle = c.fillStyle = colour('--ink');
     c.font = `${textSize() * ratio}px ${getComputedStyle(document.body).fontFamily}`;
     c.lineWidth = ratio, c.setLineDash([4 * ratio, 3 * ratio]);
-    for (const {at: x, name} of this.rules) {
-      const right = at(x) > left + 0.7 * width, room = 4 * ratio;
-      c.beginPath(), c.moveTo(at(x), top), c.lineTo(at(x), top + height), c.stroke();
+    for (const {at: value, name, across} of this.rules) {
+      const room = 4 * ratio, y = across && u.valToPos(value, 'y', true), right = !across && at(value) > left + 0.7 * width;
+      c.beginPath();
+      if (across) c.moveTo(left, y), c.lineTo(left + width, y);
+      else c.moveTo(at(value), top), c.lineTo(at(value), top + height);
+      c.stroke();
       c.textAlign = right ? 'right' : 'left';
-      c.fillText(name, at(x) + (right ? -room : room), top + height - 1.2 * textSize() * ratio);
+      c.fillText(name, across ? left + room : at(value) + (right ? -room : room), across ? y - room : top + height - 1.2 * textSize() * ratio);
     }
     c.restore();
   }

@@ -183,7 +183,9 @@ const take = {
     trouble('');
   },
   state(message) {
+    const first = !state;
     state = message, received = performance.now();
+    if (first && /^#\d+$/.test(location.hash)) show(+location.hash.slice(1));
     const scrubber = $('scrubber');
     if (state.last_index != null) {
       scrubber.min = state.first_index, scrubber.max = state.last_index;
