@@ -46,12 +46,12 @@ class Plot extends Chart {
       steps: () => ({paths: uPlot.paths.stepped({align: 1}), points: {show: false}}),
     };
     const ends = block.series.flatMap(s => [...s.y, ...(s.bars ?? []).flat()]).concat(this.rules.filter(rule => rule.across).map(rule => rule.at)).filter(v => v != null);
-    const wide = (low, high) => block.log ? [low / 1.15, high * 1.15] : [low, high + 0.06 * (high - low)];
+    const wide = (low, high) => block.log ? [low / 1.15, high * 1.15] : [Math.min(low, 0), 1.06 * high];
     const span = block.span ?? (ends.length && block.series.some(s => s.bars || s.names) && wide(Math.min(...ends), Math.max(...ends)));
     const words = block.ticks && {splits: block.ticks.map((_, i) => i), values: () => block.ticks, ...this.turned(block.ticks)};
     const x = words ? [-0.3, block.ticks.length - 0.7] : null;
     return {
-      legend: {show: !block.series.some(s => s.names)},
+      legend: {show: !block.series.some(s => s.names), live: !words},
       cursor: {y: false, dataIdx: nearest, points: {size: 9}},
       hooks: {drawClear: [u => this.under(u)], draw: [u => this.over(u)]},
       scales: {x: {time: false, distr: block.log_x ? 3 : 1, ...x ? {range: () => x} : rules.length && {range: (_, low, high) => [Math.min(low, ...rules), Math.max(high, ...rules)]}},
@@ -63,10 +63,10 @@ class Plot extends Chart {
   }
   // Words that have no room side by side stand aslant.
   turned(words) {
-    const c = new OffscreenCanvas(1, 1).getContext('2d');
+    const c = document.createElement('canvas').getContext('2d');
     c.font = text();
     const widest = Math.max(...words.map(word => c.measureText(word).width));
-    return widest + 6 < (this.at.clientWidth - 5 * textSize()) / words.length ? {} : {rotate: -50, size: 0.8 * widest + 1.6 * textSize()};
+    return widest + 8 < (this.at.clientWidth - 5 * textSize()) / words.length ? {} : {rotate: -50, size: 0.8 * widest + 1.6 * textSize()};
   }
   // Bars, crosses and names, over the points.
   over(u) {

@@ -117,7 +117,10 @@ Json table_of(const Models& rows) {
                   "multiply-adds", "\u00b5s",        "\u00b5s, 99 %", "training (s)"};
   Json body = Json::array();
   const auto time = [](double value) {
-    return std::isnan(value) ? std::string("\u2013") : formatted("%.1f", value);
+    return std::isnan(value) ? std::string("\u2013") : three_digits(value);
+  };
+  const auto number = [](const char* format, double value) {
+    return std::isnan(value) ? std::string("\u2013") : formatted(format, value);
   };
   for (const ParetoRow& r : rows)
     body.push_back({cell(name_in_charts(r.model), r.front ? "on the front" : ""), r.sweep, r.share,
@@ -125,8 +128,8 @@ Json table_of(const Models& rows) {
                          r.seeds > 1 ? formatted("\u00b1%.3f", r.spread[metric_iou]) : ""),
                     formatted("%.3f", r.mean[metric_ssim_fg]),
                     formatted("%.3f", r.mean[metric_ssim_hard]),
-                    formatted("%.1f", 100 * r.mean[metric_lateral_m]),
-                    formatted("%.3f", r.mean[metric_ghost]), three_digits(r.multiply_adds),
+                    number("%.1f", 100 * r.mean[metric_lateral_m]),
+                    number("%.3f", r.mean[metric_ghost]), three_digits(r.multiply_adds),
                     time(r.infer_us_median), time(r.infer_us_p99), time(r.train_s)});
   return table("Means over the seeds; all measurements: pareto.csv", head, body);
 }
@@ -154,7 +157,7 @@ void write_pareto_page(const Models& rows, const std::string& folder,
   for (const char* sweep : {"photons", "records"})
     if (Json one = sweep_chart(rows, sweep); !one.is_null()) sweeps.push_back(std::move(one));
   if (!sweeps.empty()) add_section(page, "less", "With less", Json::array({charts(sweeps)}));
-  add_section(page, "numbers", "Numbers", Json::array({table_of(rows)}));
+  add_section(page, "table", "Numbers", Json::array({table_of(rows)}));
   write_atomically(folder + "/pareto.html", html_of(page));
 }
 

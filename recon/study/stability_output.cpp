@@ -84,7 +84,7 @@ std::string told(const StabilityCurve& curve) {
 
 Json panel_of(const StabilityResult& result) {
   const StabilityAxis& axis = result.axis;
-  Json out = chart(axis.title + ", " + axis.kind(), axis.title, "IoU"), names = Json::array();
+  Json out = chart(axis.title + ", " + axis.kind(), "", "IoU"), names = Json::array();
   for (const AxisValue& value : axis.values) names.push_back(value.label);
   out["ticks"] = names, out["height"] = 240;
   add_rule(out, static_cast<double>(axis.base()), "base");

@@ -131,7 +131,7 @@ def record(run: runs.Run | Path, index: int) -> Figure:
     row, antennas = int(rows[0]), run.lags_axis is not None
     made, axes = figure(4 if antennas else 3, wide=3.7, high=2.9)
     label = run.labels[row]
-    made.suptitle(f"{run.path.name}, record {index}" + (f", {label}" if label else ""), fontsize=10)
+    made.suptitle(", ".join(filter(None, [run.path.name, f"record {index}", label])), fontsize=10)
     camera, spd, radar = axes[:3]
     if run.valid["depth"][row] and "depth_x" in run.axes:
         depth = np.nan_to_num(run.depth[row])
@@ -140,7 +140,7 @@ def record(run: runs.Run | Path, index: int) -> Figure:
         camera.set_title("no depth in this record", fontsize=10)
     if "spd" in run.axes and run.valid["spd"][row]:
         spd.step(run.axes["spd"].values * METRES_PER_PS, run.spd[row], where="post", color=COLOURS["spd"], lw=0.9)
-    spd.set(xlabel="range (m)", ylabel="clicks", title="")
+    spd.set(xlabel="range (m)", ylabel="clicks")
     spd.set_title("SPD", fontsize=10)
     if "radar" in run.axes and run.valid["radar"][row]:
         decibels = 10 * np.log10(np.maximum(run.radar[row], 1e-30))
