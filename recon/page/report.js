@@ -65,8 +65,8 @@ class Plot extends Chart {
   turned(words) {
     const c = document.createElement('canvas').getContext('2d');
     c.font = text();
-    const widest = Math.max(...words.map(word => c.measureText(word).width));
-    return widest + 8 < (this.at.clientWidth - 5 * textSize()) / words.length ? {} : {rotate: -50, size: 0.8 * widest + 1.6 * textSize()};
+    const widest = Math.max(...words.map(word => c.measureText(word).width)), fits = u => widest + 8 < (u.width - 5 * textSize()) / words.length;
+    return {rotate: u => fits(u) ? 0 : -50, size: u => fits(u) ? 2 * textSize() : 0.8 * widest + 1.6 * textSize()};
   }
   // Bars, crosses and names, over the points.
   over(u) {
