@@ -265,7 +265,8 @@ TEST_CASE("study stability: a small one, cut and continued, and refused with oth
   CHECK_THAT(first.text, Contains("shifted-radar_offset       silhouette"));
   const std::string page = text_of(out + "/stability.html");
   CHECK_THAT(page, Contains("What fails first") && Contains("silhouette: below at ") &&
-                       Contains("half at 0.05") && Contains("best baseline: nearest training record"));
+                       Contains("half at 0.05") &&
+                       Contains("best baseline: nearest training record"));
   CHECK(page.find(", shifted\"") < page.find(", matched\""));
   CHECK(std::distance(std::filesystem::directory_iterator(out), {}) == 2);
 
