@@ -203,6 +203,8 @@ class RunReader {
   RunSummary summary() const;
   // Of the records from index `first` on, in order.
   std::vector<RecordOutline> outlines(std::int64_t first) const;
+  // Radar frames and depth frames that arrived in the last slot, used or not.
+  PerSensor<std::optional<std::int64_t>> last_frames() const;
   // Degrees of the radar's chip by place (rx0, pm ...) in the last record that has them.
   std::vector<std::pair<std::string, int>> radar_temperatures() const;
   PerSensor<std::int64_t> late() const;  // tags, radar frames, depth frames after their slot

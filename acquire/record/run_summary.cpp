@@ -182,6 +182,14 @@ PerSensor<std::int64_t> RunReader::late() const {
   return out;
 }
 
+PerSensor<std::optional<std::int64_t>> RunReader::last_frames() const {
+  PerSensor<std::optional<std::int64_t>> out;
+  if (!has_table("slot")) return out;
+  Statement last = ask("SELECT radar_frames, depth_frames FROM slot ORDER BY idx DESC LIMIT 1");
+  if (last.step()) out[Sensor::radar] = last.integer(), out[Sensor::depth] = last.integer();
+  return out;
+}
+
 std::vector<std::pair<std::string, int>> RunReader::radar_temperatures() const {
   std::vector<std::pair<std::string, int>> out;
   if (!has_table("radar_status")) return out;

@@ -66,7 +66,7 @@ class Plot extends Chart {
     const c = document.createElement('canvas').getContext('2d');
     c.font = text();
     const widest = Math.max(...words.map(word => c.measureText(word).width)), fits = u => widest + 8 < (u.width - 5 * textSize()) / words.length;
-    return {rotate: u => fits(u) ? 0 : -50, size: u => fits(u) ? 2 * textSize() : 0.8 * widest + 1.6 * textSize()};
+    return {rotate: u => fits(u) ? 0 : 45, size: u => fits(u) ? 2 * textSize() : 0.72 * widest + 1.6 * textSize()};
   }
   // Bars, crosses and names, over the points.
   over(u) {

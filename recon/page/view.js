@@ -51,12 +51,12 @@ function drawLamps() {
   if (!state || !run) return;
   const old = (performance.now() - received) / 1000, over = state.status !== 'open', lost = [], look = [];
   for (const name of sensors) {
-    const shown = !live && record?.sensors[name], sensor = shown ? {...state.sensors[name], ...shown} : state.sensors[name];
+    const shown = !live && record?.sensors[name], sensor = shown ? {...state.sensors[name], ...shown, arrived: null} : state.sensors[name];
     const lamp = !connected ? ['off', '?'] : lampOf(sensor, over || shown, old);
     if (lamp[1] === 'LOST') lost.push(name);
     if (lamp[1] === 'LOOK') look.push(name);
     light(name, lamp, !connected ? 'no connection' : !sensor.configured ? 'not configured' : sensor.verdict !== 'ok' ? sensor.verdict
-            : rate(sensor.used / run.window_s, name),
+            : sensor.arrived > sensor.used ? `${rate(sensor.arrived / run.window_s, name)}, ${sensor.used} used` : rate(sensor.used / run.window_s, name),
           !sensor.configured ? '' : shown ? `in record ${record.index}` : over ? 'run is over' : sensor.age_s == null ? 'never any data' : `last data ${age(sensor.age_s + old)}`);
   }
   drawStatus(over || !live ? [] : lost, over || !live ? [] : look);

@@ -98,6 +98,8 @@ void FollowedRun::read() {
   events_ = run.last_events(most_events);
   for (const record::RecordOutline& o : run.outlines(last().value_or(-1) + 1)) take(o);
   temperatures_ = run.radar_temperatures();
+  const auto frames = run.last_frames();
+  for (const Sensor s : all_sensors) sensors_[s].arrived = frames[s];
   const auto late = run.late();
   for (const Sensor s : all_sensors)
     sensors_[s].late = static_cast<std::uint64_t>(std::max<std::int64_t>(late[s], 0));

@@ -25,10 +25,11 @@ struct Outline {
 struct SensorState {
   std::string verdict;  // of the last record
   bool configured = false, valid = false;
-  std::optional<UtcTime> last_valid;  // the end of its last valid slot
-  double used = 0;                    // in the last record
-  std::uint64_t lost = 0, late = 0;   // of the whole run
-  std::uint64_t missing = 0;          // records of the run without it
+  std::optional<UtcTime> last_valid;    // the end of its last valid slot
+  double used = 0;                      // in the last record
+  std::optional<std::int64_t> arrived;  // frames in its slot, used or not
+  std::uint64_t lost = 0, late = 0;     // of the whole run
+  std::uint64_t missing = 0;            // records of the run without it
   std::optional<double> residual_s;
 };
 

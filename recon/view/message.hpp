@@ -13,9 +13,10 @@
 //              (settings, devices: [name, text] each), may_write
 //   state      every second, and with each record: status, records, first_index, last_index,
 //              elapsed_s, remaining_s, label, disk, events, and sensors: {NAME: {verdict, valid,
-//              age_s (since the end of its last valid slot), used, lost, late, missing (records
-//              without it), residual_s}}; with a model doubt: why the newest maps as a whole are
-//              not to be trusted, or null; doubts: the verdict over the whole run
+//              age_s (since the end of its last valid slot), used, arrived (frames of its slot),
+//              lost, late, missing (records without it), residual_s}}; with a model doubt: why the
+//              newest maps as a whole are not to be trusted, or null; doubts: the verdict over the
+//              whole run
 //   record     index, utc, label, live, sensors, and spd (counts), radar (dB), camera (mm), map (m,
 //              what the camera sees on the grid of the maps); with a model reconstruction (m) and
 //              deviation (m), or the reason why there is none, how far to trust it, whether the

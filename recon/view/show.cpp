@@ -131,6 +131,7 @@ Json Show::sensors() const {
                        {"age_s", age ? number(*age) : Json()},
                        {"stale", run_.live() && is_stale(sensor, run_.info().window_s, now)},
                        {"used", sensor.used},
+                       {"arrived", sensor.arrived ? Json(*sensor.arrived) : Json()},
                        {"lost", sensor.lost},
                        {"late", sensor.late},
                        {"missing", sensor.missing},
