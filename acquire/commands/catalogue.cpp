@@ -96,6 +96,8 @@ Json to_json(const Entry& e) {
           {"records", e.sum.records},
           {"status", e.info.status},
           {"valid", valid},
+          {"doubtful", e.sum.doubtful},
+          {"verdict", record::doubts_of(e.sum)},
           {"labels", e.sum.labels},
           {"operator", e.info.operator_name},
           {"notes", e.notes},
@@ -108,10 +110,10 @@ std::string percent(std::int64_t part, std::int64_t whole) {
   return whole > 0 ? std::to_string(std::lround(std::floor(share))) : "-";
 }
 
-constexpr std::size_t columns = 9;
+constexpr std::size_t columns = 10;
 using Row = std::array<std::string, columns>;
 const Row titles{"run",   "started (UTC)", "length",   "records", "valid %",
-                 "state", "labels",        "operator", "notes"};
+                 "state", "labels",        "operator", "notes",   "verdict"};
 
 Row row_of(const Entry& e) {
   constexpr std::size_t longest = 40;  // of a text; --json holds all
@@ -131,7 +133,8 @@ Row row_of(const Entry& e) {
           e.live.is_null() ? short_text(e.info.status) : "live",
           short_text(labels),
           short_text(e.info.operator_name),
-          short_text(notes)};
+          short_text(notes),
+          printable(record::doubts_of(e.sum), 2 * longest)};
 }
 
 std::string table_of(const std::vector<Row>& rows) {

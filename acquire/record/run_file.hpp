@@ -148,6 +148,7 @@ inline constexpr std::int64_t null_integer = std::numeric_limits<std::int64_t>::
 struct RunSummary {
   std::int64_t records = 0, all_valid = 0;  // all_valid: of records with all three sensors
   std::int64_t incomplete = 0;              // records that lack a required sensor
+  std::int64_t doubtful = 0;                // records with a verdict other than ok
   PerSensor<std::int64_t> valid{};          // records with a valid SPD, radar, depth
   PerSensor<std::int64_t> lost{};           // tags, radar frames, depth frames
   std::int64_t tags = 0;
@@ -160,6 +161,12 @@ struct RunSummary {
   PerSensor<std::map<std::string, std::int64_t>> verdicts;
   PerSensor<std::optional<ClockState>> clocks;  // of the last record that has them
 };
+
+// "28 of 75 doubtful: radar missing 11, weak 10; camera frozen 7"; empty if none is.
+std::string doubts_of(const RunSummary& sum);
+// A verdict without the figures behind its colon; whether it speaks against the record.
+std::string verdict_kind(const std::string& verdict);
+bool is_doubt(const std::string& kind);
 
 // A record without what its sensors saw: for those who follow a run.
 struct RecordOutline {
@@ -198,6 +205,10 @@ class RunReader {
   RunSummary summary() const;
   // Of the records from index `first` on, in order.
   std::vector<RecordOutline> outlines(std::int64_t first) const;
+  // Radar frames and depth frames that arrived in the last slot, used or not.
+  PerSensor<std::optional<std::int64_t>> last_frames() const;
+  // Degrees of the radar's chip by place (rx0, pm ...) in the last record that has them.
+  std::vector<std::pair<std::string, int>> radar_temperatures() const;
   PerSensor<std::int64_t> late() const;  // tags, radar frames, depth frames after their slot
   std::vector<std::string> table_names() const;              // of all its tables
   std::vector<Column> table(const std::string& name) const;  // without the blobs

@@ -21,6 +21,33 @@ void read_slot(Statement& row, const std::string& shown_path, RecordOutline& r) 
 
 }  // namespace
 
+std::string verdict_kind(const std::string& verdict) {
+  return verdict.substr(0, verdict.find(':'));
+}
+
+bool is_doubt(const std::string& kind) {
+  return kind != "ok" && kind != "not configured" && !kind.empty();
+}
+
+std::string doubts_of(const RunSummary& sum) {
+  constexpr PerSensor<const char*> names{"SPD", "radar", "camera"};
+  std::string out;
+  for (const Sensor s : all_sensors) {
+    std::vector<std::pair<std::int64_t, std::string>> most;
+    for (const auto& [kind, records] : sum.verdicts[s])
+      if (is_doubt(kind)) most.emplace_back(-records, kind);
+    std::sort(most.begin(), most.end());
+    for (const auto& [records, kind] : most)
+      out += (&kind != &most.front().second ? ", "
+              : out.empty()                 ? std::string(names[s]) + " "
+                                            : "; " + std::string(names[s]) + " ") +
+             kind + " " + std::to_string(-records);
+  }
+  return out.empty() ? out
+                     : std::to_string(sum.doubtful) + " of " + std::to_string(sum.records) +
+                           " doubtful: " + out;
+}
+
 bool RunReader::has_table(const char* name) const {
   Statement s = ask("SELECT 1 FROM sqlite_schema WHERE name = ?");
   return s.bind(name).step();
@@ -57,12 +84,15 @@ RunSummary RunReader::summary() const {
   };
   count_by("SELECT label FROM record", sum.labels);
   count_by("SELECT level FROM event", sum.events);
-  for (const Sensor s : all_sensors) {
-    const std::string verdict = name_of(s) + std::string("_verdict");
-    count_by(
-        ("SELECT substr(" + verdict + ", 1, instr(" + verdict + " || ':', ':') - 1) FROM record")
-            .c_str(),
-        sum.verdicts[s]);
+  Statement verdicts = ask("SELECT spd_verdict, radar_verdict, depth_verdict FROM record");
+  while (verdicts.step()) {
+    bool doubt = false;
+    for (const Sensor s : all_sensors) {
+      const std::string kind = verdict_kind(verdicts.text());
+      ++sum.verdicts[s][kind];
+      doubt |= is_doubt(kind);
+    }
+    sum.doubtful += doubt;
   }
   if (has_table("clock_fit")) summarise_sync(sum);
   if (has_table("radar_array")) {
@@ -149,6 +179,26 @@ PerSensor<std::int64_t> RunReader::late() const {
   Statement row = ask("SELECT total(spd), total(radar), total(depth) FROM late");
   if (row.step())
     for (auto& n : out) n = row.integer();
+  return out;
+}
+
+PerSensor<std::optional<std::int64_t>> RunReader::last_frames() const {
+  PerSensor<std::optional<std::int64_t>> out;
+  if (!has_table("slot")) return out;
+  Statement last = ask("SELECT radar_frames, depth_frames FROM slot ORDER BY idx DESC LIMIT 1");
+  if (last.step()) out[Sensor::radar] = last.integer(), out[Sensor::depth] = last.integer();
+  return out;
+}
+
+std::vector<std::pair<std::string, int>> RunReader::radar_temperatures() const {
+  std::vector<std::pair<std::string, int>> out;
+  if (!has_table("radar_status")) return out;
+  Statement last =
+      ask("SELECT rx0_c, rx1_c, rx2_c, rx3_c, tx0_c, tx1_c, tx2_c, pm_c, dig0_c, dig1_c FROM "
+          "radar_status WHERE temperature_ms IS NOT NULL ORDER BY idx DESC LIMIT 1");
+  if (!last.step()) return out;
+  for (const char* place : {"rx0", "rx1", "rx2", "rx3", "tx0", "tx1", "tx2", "pm", "dig0", "dig1"})
+    out.emplace_back(place, static_cast<int>(std::clamp<std::int64_t>(last.integer(), -999, 999)));
   return out;
 }
 

@@ -28,7 +28,7 @@ Command add_pareto(CLI::App& app, const Common& common) {
   const auto part = add_part_option(app);
   app.add_option("train", a->train, "run file to train on")->required();
   app.add_option("test", a->test, "run file to judge by")->required();
-  app.add_option("--out", a->out, "folder for pareto.csv and pareto.svg; goes on there")
+  app.add_option("--out", a->out, "folder for pareto.csv and pareto.html; goes on there")
       ->required();
   app.add_option("--models", a->models,
                  "as train --model; \":spd\", \":radar\" or \":fused-profile\" behind one")
@@ -63,7 +63,7 @@ Command add_pareto(CLI::App& app, const Common& common) {
     const auto rows = study_pareto(*a);
     if (a->part) return part_done(*a, "pareto");
     std::fputs(printable_lines(to_text(rows)).c_str(), stdout);
-    draw_pareto(rows, a->out, *bound);
+    write_pareto_page(rows, a->out, *bound);
     return ExitCode::ok;
   };
 }
@@ -71,8 +71,7 @@ Command add_pareto(CLI::App& app, const Common& common) {
 Command add_stability(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<StabilityOptions>();
   const auto part = add_part_option(app);
-  app.add_option("--out", a->out,
-                 "folder for stability.csv, stability.html and a chart an axis; goes on there")
+  app.add_option("--out", a->out, "folder for stability.csv and stability.html; goes on there")
       ->required();
   app.add_flag("--quick", a->quick,
                "fewer values of each axis, 1000 training and 300 test records, a narrower network");
@@ -102,7 +101,7 @@ Command add_stability(CLI::App& app, const Common& common) {
     if (a->part) return part_done(options, "stability");
     const auto results = summarise_stability(options, rows);
     std::fputs(to_text(results).c_str(), stdout);
-    draw_stability(options, results);
+    write_stability_page(options, results);
     return ExitCode::ok;
   };
 }

@@ -63,6 +63,8 @@ Dataset load_to_train(Arguments& a, double radar_bin_m) {
   return data;
 }
 
+constexpr std::ptrdiff_t least_records = 100;
+
 }  // namespace
 
 Command add_train(CLI::App& app, const Common& common) {
@@ -122,6 +124,11 @@ Command add_train(CLI::App& app, const Common& common) {
     const TrainedModel model =
         tuning ? tune_model(*a) : train(load_to_train(*a, settings.radar_bin_m), *a);
     save_model(model, a->out);
+    const auto trained =
+        std::ranges::count(model.seen.part, static_cast<std::uint8_t>(Part::train));
+    if (!tuning && trained < least_records)
+      std::fprintf(stderr, "%s: trained on %td records only; a model needs about a thousand\n",
+                   a->out.c_str(), trained);
     if (!common.quiet)
       std::fprintf(stderr, "%s: %s on %s, trained in %.1f s%s%s\n", a->out.c_str(),
                    model->name.c_str(), name_of(model->features.inputs).c_str(), model.train_s(),

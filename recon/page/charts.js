@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Histogram, range profile and the strips over the run (uPlot).
+// Histogram, range profile, waterfall and the strips over the run (uPlot).
 /* global uPlot */
 export const metresPerPs = 299792458 / 2e12;
 export const colour = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -45,11 +45,14 @@ export class Chart {
     c.strokeStyle = c.fillStyle = colour('--ink');
     c.font = `${textSize() * ratio}px ${getComputedStyle(document.body).fontFamily}`;
     c.lineWidth = ratio, c.setLineDash([4 * ratio, 3 * ratio]);
-    for (const {at: x, name} of this.rules) {
-      const right = at(x) > left + 0.7 * width, room = 4 * ratio;
-      c.beginPath(), c.moveTo(at(x), top), c.lineTo(at(x), top + height), c.stroke();
+    for (const {at: value, name, across} of [...this.rules, ...this.marks ?? []]) {
+      const room = 4 * ratio, y = across && u.valToPos(value, 'y', true), right = !across && at(value) > left + 0.7 * width;
+      c.beginPath();
+      if (across) c.moveTo(left, y), c.lineTo(left + width, y);
+      else c.moveTo(at(value), top), c.lineTo(at(value), top + height);
+      c.stroke();
       c.textAlign = right ? 'right' : 'left';
-      c.fillText(name, at(x) + (right ? -room : room), top + height - 1.2 * textSize() * ratio);
+      c.fillText(name, across ? left + room : at(value) + (right ? -room : room), across ? y - room : top + height - 1.2 * textSize() * ratio);
     }
     c.restore();
   }
@@ -76,6 +79,90 @@ export class Chart {
   }
 }
 
+export function save(blob, name) {
+  const link = Object.assign(document.createElement('a'), {href: URL.createObjectURL(blob), download: name});
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}
+
+// A chart of one record over the range. A drag shows a part, in its partner as well; a double click shows all. Two
+// clicks set a pair of cursors, of which the distance is told; the highest point between them (or of what is shown) has
+// its full width at half of its height.
+class Bench extends Chart {
+  constructor(id, height) {
+    super(id, height);
+    this.zoom = null, this.marks = [], this.partner = null;
+  }
+  get range() {
+    return {time: false, range: () => this.zoom ?? [0, this.farthest ?? 1]};
+  }
+  get hooks() {
+    return {
+      drawClear: [u => this.under(u)], setCursor: [u => this.readout && this.tell(u.cursor.idx)],
+      setSelect: [u => u.select.width > 3 && this.show_part([0, u.select.width].map(by => u.posToVal(u.select.left + by, 'x')))],
+    };
+  }
+  show_part(zoom) {
+    for (const chart of [this, this.partner]) {
+      if (!chart) continue;
+      chart.zoom = zoom;
+      chart.plot?.setSelect({width: 0, height: 0}, false);
+      if (chart.data) chart.set(chart.data);
+    }
+  }
+  renew() {
+    super.renew();
+    const {over} = this.plot;
+    let down = null;
+    over.addEventListener('mousedown', e => { down = e.clientX; });
+    over.addEventListener('mouseup', e => {
+      if (down == null || Math.abs(e.clientX - down) > 3 || e.detail > 1 || !this.data) return;
+      const at = this.plot.posToVal(e.clientX - over.getBoundingClientRect().left, 'x');
+      this.marks = [...this.marks.length < 2 ? this.marks : [], {at}].map((mark, i) => ({...mark, name: 'AB'[i]}));
+      this.set(this.data);
+    });
+    over.addEventListener('dblclick', () => {
+      this.marks = [];
+      this.show_part(null);
+    });
+  }
+  // Of the highest point there: its index, and its width where its height is halved; null where it does not fall so far.
+  peak([from, to] = this.marks.length === 2 ? this.marks.map(mark => mark.at).sort((a, b) => a - b) : this.zoom ?? [-Infinity, Infinity]) {
+    const [x, y] = this.data ?? [[], []];
+    let top = -1;
+    for (let i = 0; i < x.length; ++i) if (x[i] >= from && x[i] <= to && y[i] != null && (top < 0 || y[i] > y[top])) top = i;
+    if (top < 0) return null;
+    const half = this.half(y[top], y);
+    const end = by => {
+      let i = top;
+      while (y[i] > half) i += by;
+      return y[i] == null ? NaN : x[i] + (half - y[i]) / (y[i - by] - y[i]) * (x[i - by] - x[i]);
+    };
+    const width = end(1) - end(-1);
+    return {top, width: width > 0 ? width : null};
+  }
+  tell(index) {
+    if (this.lacks) return void (this.readout.textContent = this.lacks);
+    const [x, y] = this.data ?? [[], []], found = this.peak(), cm = v => `${+(100 * v).toPrecision(3)} cm`;
+    const pair = this.marks.length === 2 ? `A to B ${cm(Math.abs(this.marks[1].at - this.marks[0].at))}; ` : '';
+    const words = pair || index == null ? !found ? 'no data' : `${pair}peak ${this.words(x[found.top], y[found.top])}${found.width ? `, FWHM ${cm(found.width)}` : ''}`
+      : y[index] == null ? 'no data' : this.words(x[index], y[index]);
+    if (this.readout.textContent !== words) this.readout.textContent = words;
+  }
+  save(kind, name) {
+    if (!this.data) return;
+    if (kind === 'csv') {
+      const [x, y] = this.data, lines = Array.from(x, (v, i) => `${+v.toFixed(6)},${y[i] ?? ''}`);
+      return save(new Blob([`range_m,${this.column}\n${lines.join('\n')}\n`], {type: 'text/csv'}), `${name}.csv`);
+    }
+    const {canvas} = this.plot.ctx, whole = Object.assign(document.createElement('canvas'), {width: canvas.width, height: canvas.height}), c = whole.getContext('2d');
+    c.fillStyle = colour('--card');
+    c.fillRect(0, 0, whole.width, whole.height);
+    c.drawImage(canvas, 0, 0);
+    whole.toBlob(blob => save(blob, `${name}.png`));
+  }
+}
+
 // The top follows a rise at once and a fall slowly, so that the eye can compare.
 function calmTop(before, values, least) {
   let top = least;
@@ -86,9 +173,10 @@ function calmTop(before, values, least) {
 const ofTen = v => Number.isInteger(+Math.log10(v).toFixed(9)) ? v : null;
 const floor = 0.5;  // where nothing is drawn on a logarithmic axis
 
-export class Histogram extends Chart {
+export class Histogram extends Bench {
   constructor(id = 'histogram') {
     super(id, 230);
+    this.column = 'clicks';
     this.log = this.difference = false;
     this.held = this.reference = this.counts = null;
   }
@@ -101,8 +189,9 @@ export class Histogram extends Chart {
   options() {
     const stepped = uPlot.paths.stepped({align: 1});
     return {
+      hooks: this.hooks, cursor: {y: false, drag: {setScale: false}},
       scales: {
-        x: {time: false, range: () => [0, this.farthest ?? 1]},
+        x: this.range,
         y: this.difference ? {range: (_, low, high) => {
           const most = Math.max(Math.abs(low), Math.abs(high), 5) * 1.05;
           return [-most, most];
@@ -118,6 +207,11 @@ export class Histogram extends Chart {
   }
   words(range, clicks) {
     return `${range.toFixed(2)} m, ${siNumber(clicks)} clicks`;
+  }
+  // Between the peak and the middle one of all bins: what is always there.
+  half(peak, y) {
+    const sorted = y.filter(v => v != null).sort((a, b) => a - b);
+    return (peak + sorted[sorted.length >> 1]) / 2;
   }
   take(counts, lack, live) {
     if (this.lack(lack, live)) return this.tell(null);
@@ -136,9 +230,10 @@ export class Histogram extends Chart {
   }
 }
 
-export class Profile extends Chart {
+export class Profile extends Bench {
   constructor(id = 'profile') {
     super(id, 170);
+    this.column = 'db_over_median';
   }
   axes(a) {
     this.x = Float64Array.from({length: a.count}, (_, i) => a.start + i * a.step);
@@ -146,13 +241,17 @@ export class Profile extends Chart {
   }
   options() {
     return {
-      scales: {x: {time: false, range: () => [0, this.farthest ?? 1]}, y: {range: () => [-10, this.top ?? 30]}},
+      hooks: this.hooks, cursor: {y: false, drag: {setScale: false}},
+      scales: {x: this.range, y: {range: () => [-10, this.top ?? 30]}},
       axes: [axis('range, m'), axis('dB over the median', {size: 4 * textSize()})],
       series: [{}, {stroke: colour('--radar'), width: 2, points: {show: false}}],
     };
   }
   words(range, db) {
     return `${range.toFixed(2)} m, ${db.toFixed(1)} dB`;
+  }
+  half(peak) {
+    return peak - 10 * Math.log10(2);
   }
   take(db, lack, live) {
     if (!this.x) return;
@@ -191,7 +290,37 @@ class Strip extends Chart {
     };
   }
 }
-const wholeSteps = Array.from({length: 8}, (_, power) => [1, 2, 5].map(n => n * 10 ** power)).flat();
+// Seconds as h:mm:ss, at round times.
+export const clock = s => {
+  if (s == null) return '–';
+  const whole = Math.max(0, Math.floor(s)), two = n => String(n).padStart(2, '0');
+  return `${Math.floor(whole / 3600)}:${two(Math.floor(whole / 60) % 60)}:${two(whole % 60)}`;
+};
+const times = {incrs: [1, 2, 5, 10, 20, 30, ...[1, 2, 5, 10, 20, 30, 60, 120, 180, 360, 720, 1440].map(min => 60 * min)], space: 70,
+               values: (_, at) => at.map(clock)};
+// What one sensor saw over the run: a column a record, brighter where there is more; nothing where it saw nothing.
+export class Waterfall extends Chart {
+  constructor(sensor) {
+    super(`waterfall-${sensor}`, 150);
+  }
+  // image: records side by side, the farthest range above; the time of the first one, and of the end of the last.
+  show(image, span, farthest) {
+    Object.assign(this, {image, span, farthest});
+    this.set([span, [null, null]]);
+  }
+  options() {
+    return {
+      cursor: {show: false}, padding: [6, 28, 4, 0],
+      scales: {x: {time: false, range: () => this.span}, y: {range: () => [0, this.farthest]}},
+      axes: [axis('', {...times, grid: {show: false}}), axis('m', {values: short, size: 52, grid: {show: false}})], series: [{}, {points: {show: false}}],
+    };
+  }
+  under(u) {
+    const {left, top, width, height} = u.bbox;
+    u.ctx.imageSmoothingEnabled = false;
+    u.ctx.drawImage(this.image, left, top, width, height);
+  }
+}
 class Clocks extends Chart {
   constructor(x) {
     super('strip-clock', 104);
@@ -201,7 +330,7 @@ class Clocks extends Chart {
     const line = sensor => ({stroke: colour(`--${sensor}`), width: 2, points: {show: false}});
     return {
       scales: {x: {time: false}, y: fromZero},
-      axes: [axis(this.x, this.x === 'record' ? {incrs: wholeSteps} : {}), axis('', endsOnly)],
+      axes: [axis(this.x, this.x === 'time' ? times : {}), axis('', endsOnly)],
       padding: [6, 14, 4, 0],
       series: [{}, line('spd'), line('radar'), line('depth')],
     };
@@ -209,7 +338,7 @@ class Clocks extends Chart {
 }
 
 export class Strips {
-  constructor(x = 'record') {
+  constructor(x = 'time') {
     this.rates = ['spd', 'radar', 'depth'].map(sensor => new Strip(sensor));
     this.clocks = new Clocks(x);
   }

@@ -14,7 +14,7 @@ const table = anchors => {
     return rgb[i].map((v, c) => Math.round(v + t * (rgb[i + 1][c] - v)));
   });
 };
-export const tables = {near: table([...viridis].reverse()), sure: table(inferno), error: table(twoEnds)};
+export const tables = {near: table([...viridis].reverse()), level: table(viridis), sure: table(inferno), error: table(twoEnds)};
 export const isDark = () => {
   const chosen = document.documentElement.dataset.theme;
   return chosen ? chosen === 'dark' : matchMedia('(prefers-color-scheme: dark)').matches;

@@ -4,13 +4,26 @@
 #include <algorithm>
 #include <cmath>
 
-#include "drivers/chart/style.hpp"
+#include "drivers/core/bytes.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/page/page_shell.hpp"
 
 namespace echofuse::recon {
 namespace {
+
+std::string base64(ByteView bytes) {
+  constexpr const char* digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string out;
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    std::uint32_t three = 0;
+    for (std::size_t k = 0; k < 3; ++k)
+      three = three << 8 | (i + k < bytes.size() ? bytes[i + k] : 0u);
+    for (std::size_t k = 0; k < 4; ++k)
+      out += i + k > bytes.size() ? '=' : digits[three >> (18 - 6 * k) & 63];
+  }
+  return out;
+}
 
 Json packed(std::span<const float> values, double unit, std::size_t bytes) {
   const double most = bytes == 1 ? 255 : 65535;
@@ -22,7 +35,7 @@ Json packed(std::span<const float> values, double unit, std::size_t bytes) {
     out.push_back(static_cast<std::uint8_t>(rounded & 255));
     if (bytes == 2) out.push_back(static_cast<std::uint8_t>(rounded >> 8));
   }
-  return chart::base64(out);
+  return base64(out);
 }
 
 // Texts that came from outside, in one line each, without what reorders them.
@@ -67,17 +80,19 @@ Json chart(const std::string& title, const std::string& x, const std::string& y)
           {"y", y},          {"series", Json::array()}, {"rules", Json::array()}};
 }
 
-void add_series(Json& chart, const std::string& name, const char* colour, Look look,
-                std::span<const std::pair<double, double>> points) {
-  constexpr const char* looks[] = {"dots", "line", "marked", "steps"};
+Json& add_series(Json& chart, const std::string& name, const std::string& colour, Look look,
+                 std::span<const std::pair<double, double>> points) {
+  constexpr const char* looks[] = {"dots", "points", "line", "marked", "steps"};
   Json x = Json::array(), y = Json::array();
   for (const auto& [at, value] : points)
     x.push_back(short_number(at)), y.push_back(short_number(value));
-  chart["series"].push_back({{"name", name},
-                             {"colour", colour},
-                             {"look", looks[static_cast<std::size_t>(look)]},
-                             {"x", std::move(x)},
-                             {"y", std::move(y)}});
+  Json& series = chart["series"];
+  series.push_back({{"name", name},
+                    {"colour", colour},
+                    {"look", looks[static_cast<std::size_t>(look)]},
+                    {"x", std::move(x)},
+                    {"y", std::move(y)}});
+  return series.back();
 }
 
 void add_rule(Json& chart, double at, const std::string& name) {
@@ -88,6 +103,15 @@ Json charts(const std::vector<Json>& side_by_side) {
   return {{"kind", "charts"}, {"blocks", side_by_side}};
 }
 
+std::string three_digits(double value) {
+  if (!(std::abs(value) > 0)) return "0";
+  const double unit = std::pow(10, std::floor(std::log10(std::abs(value))) - 2);
+  const double rounded = std::round(value / unit) * unit, size = std::abs(rounded);
+  if (size >= 1e6) return formatted("%.4g M", rounded / 1e6);
+  if (size >= 1e4) return formatted("%.4g k", rounded / 1e3);
+  return formatted("%.4g", rounded);
+}
+
 Json short_number(double value) {
   if (!std::isfinite(value)) return nullptr;
   return std::stod(formatted("%.5g", value));
@@ -95,6 +119,24 @@ Json short_number(double value) {
 
 Json packed16(std::span<const float> values, double unit) { return packed(values, unit, 2); }
 Json packed8(std::span<const float> values, double unit) { return packed(values, unit, 1); }
+
+const char* baseline_title(const std::string& name) {
+  if (name == "empty") return "empty room";
+  if (name == "mean") return "mean of the training maps";
+  return "nearest training record";
+}
+
+Json new_page(const std::string& title, const std::string& verdict, const std::string& origin) {
+  return {{"title", title},
+          {"verdict", verdict},
+          {"origin", origin},
+          {"fails", Json::array()},
+          {"more", ""},
+          {"span", {0, 1}},
+          {"records", Json::array()},
+          {"first", Json::array()},
+          {"sections", Json::array()}};
+}
 
 void add_section(Json& page, const std::string& id, const std::string& heading, Json blocks) {
   if (!blocks.empty())
@@ -104,15 +146,13 @@ void add_section(Json& page, const std::string& id, const std::string& heading, 
 std::string html_of(Json page) {
   make_printable(page);
   const std::string shell(page_shell());
-  const std::string place = "{{data}}", title = "{{title}}";
+  const std::string place = "{{data}}";
   // Within a script no "</" may stand.
   std::string data = page.dump();
   for (std::size_t at = 0; (at = data.find("</", at)) != std::string::npos; at += 3)
     data.insert(at + 1, 1, '\\');
-  const std::size_t name = shell.find(title), at = shell.find(place);
-  return shell.substr(0, name) + chart::escaped(page.at("title").get<std::string>()) +
-         shell.substr(name + title.size(), at - name - title.size()) + data +
-         shell.substr(at + place.size());
+  const std::size_t at = shell.find(place);
+  return shell.substr(0, at) + data + shell.substr(at + place.size());
 }
 
 }  // namespace echofuse::recon

@@ -29,13 +29,14 @@ Json table(const std::string& caption, const Json& head, const Json& rows,
 Json words(const std::string& head);
 
 // A chart over x; each series has points of its own. Colours are those of the live page: "spd",
-// "radar", "depth", "both", "papers", "grey". More of a chart: "log" (of y), "log_x", "span" (of y)
-// and "note".
+// "radar", "depth", "both", "papers", "grey". More of a chart: "log" (of y), "log_x", "span" (of
+// y), "height", "ticks" and "note".
 Json chart(const std::string& title, const std::string& x, const std::string& y);
-enum class Look { dots, line, marked, steps };  // marked: a line with its points
-void add_series(Json& chart, const std::string& name, const char* colour, Look look,
-                std::span<const std::pair<double, double>> points);
-// A line across at this x, with its name.
+enum class Look { dots, points, line, marked, steps };  // marked: a line with its points
+// The series, for "bars", "names", "crossed" and "shaded" (report.js, Plot).
+Json& add_series(Json& chart, const std::string& name, const std::string& colour, Look look,
+                 std::span<const std::pair<double, double>> points);
+// A line at this x, with its name; "across": at this y.
 void add_rule(Json& chart, double at, const std::string& name);
 Json charts(const std::vector<Json>& side_by_side);
 
@@ -45,6 +46,12 @@ Json short_number(double value);
 Json packed16(std::span<const float> values, double unit);
 Json packed8(std::span<const float> values, double unit);
 
+// "103 k"
+std::string three_digits(double value);
+
+const char* baseline_title(const std::string& name);  // "empty room" of "empty"
+
+Json new_page(const std::string& title, const std::string& verdict, const std::string& origin);
 // A section without blocks is left out.
 void add_section(Json& page, const std::string& id, const std::string& heading, Json blocks);
 std::string html_of(Json page);

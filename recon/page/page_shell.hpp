@@ -4,7 +4,7 @@
 
 namespace echofuse::recon {
 
-// recon/page/report.html with styles and scripts in it; {{title}} and {{data}} are left.
+// recon/page/report.html with styles and scripts in it; {{data}} is left.
 std::string_view page_shell();
 
 }  // namespace echofuse::recon

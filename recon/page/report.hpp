@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "drivers/chart/colour_map.hpp"
 #include "recon/page/run_story.hpp"
 #include "recon/use/evaluate.hpp"
+#include "recon/use/map_pictures.hpp"
 
 namespace echofuse::recon {
 
@@ -86,7 +86,7 @@ struct Report {
   std::string run, run_uuid;
   bool simulated = false, new_run = false;                // new: no model was trained on it
   double window_s = 0;                                    // of a record; 0: not stated
-  chart::Span span;                                       // of all its maps
+  DepthSpan span;                                         // of all its maps
   std::vector<std::pair<std::string, std::string>> made;  // how: name and value
   std::vector<std::string> constants;  // model files that were left out as they ask no sensor
   std::string room;                    // what was done about another room

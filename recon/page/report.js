@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // A page that was written by a program (recon/page/page.hpp): one function for each kind of block.
 /* global uPlot */
-import {Chart, Histogram, Profile, Strips, axis, colour, metresPerPs, short, siNumber, textSize} from './charts.js';
+import {Chart, Histogram, Profile, Strips, axis, colour, metresPerPs, short, siNumber, text, textSize} from './charts.js';
 import {Cloud} from './cloud.js';
 import {MapView, errorPicture, isDark, picture, tables} from './maps.js';
 
@@ -18,18 +18,20 @@ function make(parent, kind, more = {}) {
 }
 const add = (parent, blocks) => blocks.forEach(block => kinds[block.kind](parent, block));
 
-// A chart with series of points of their own: all x in one row, as uPlot has it.
+// A chart with series of points of their own: all x in one row, as uPlot has it. A series may have "bars" ([low, high] of a
+// point), "crossed" and "names" (of a point, too), and be dashed with what lies below it shaded. Words at the x axis
+// ("ticks") are those of x = 0, 1, 2 ...
 class Plot extends Chart {
   constructor(parent, block) {
     const id = newId('chart');
     make(parent, 'div', {id, className: 'chart'});
-    super(id, 300);
+    super(id, block.height ?? 300);
     Object.assign(this, {block, rules: block.rules});
     const points = block.series.flatMap((s, k) => s.x.map((x, i) => [x, k, s.y[i]])).sort((a, b) => a[0] - b[0]);
     this.set([points.map(p => p[0]), ...block.series.map((_, k) => points.map(p => p[1] === k ? p[2] : undefined))]);
   }
   options() {
-    const {block} = this, rules = this.rules.map(rule => rule.at), tell = (_, v) => v == null ? '–' : siNumber(v);
+    const {block} = this, rules = this.rules.filter(rule => !rule.across).map(rule => rule.at), tell = (_, v) => v == null ? '–' : siNumber(v);
     const nearest = (u, series, index) => {
       const y = u.data[series];
       for (let by = 0; series && by < y.length; ++by)
@@ -38,19 +40,70 @@ class Plot extends Chart {
     };
     const look = {
       dots: at => ({paths: () => null, points: {show: true, size: 4, width: 0, fill: `${at}99`}}),
+      points: at => ({paths: () => null, points: {show: true, size: 10, width: 0, fill: at}}),
       line: () => ({points: {show: false}}),
       marked: at => ({points: {show: true, size: 8, width: 0, fill: at}}),
       steps: () => ({paths: uPlot.paths.stepped({align: 1}), points: {show: false}}),
     };
+    const ends = block.series.flatMap(s => [...s.y, ...(s.bars ?? []).flat()]).concat(this.rules.filter(rule => rule.across).map(rule => rule.at)).filter(v => v != null);
+    const wide = (low, high) => block.log ? [low / 1.15, high * 1.15] : [Math.min(low, 0), 1.06 * high];
+    const span = block.span ?? (ends.length && block.series.some(s => s.bars || s.names) && wide(Math.min(...ends), Math.max(...ends)));
+    const words = block.ticks && {splits: block.ticks.map((_, i) => i), values: () => block.ticks, ...this.turned(block.ticks)};
+    const x = words ? [-0.3, block.ticks.length - 0.7] : null;
     return {
-      legend: {show: true},
+      legend: {show: !block.series.some(s => s.names), live: !words},
       cursor: {y: false, dataIdx: nearest, points: {size: 9}},
-      scales: {x: {time: false, distr: block.log_x ? 3 : 1, ...rules.length && {range: (_, low, high) => [Math.min(low, ...rules), Math.max(high, ...rules)]}},
-               y: {distr: block.log ? 3 : 1, ...block.span && {range: () => block.span}}},
-      axes: [axis(block.x, {values: short}), axis(block.y, {values: short, size: 4 * textSize()})],
-      series: [{label: block.x, value: tell},
-               ...block.series.map(s => ({label: s.name, value: tell, width: 2, stroke: colour(`--${s.colour}`), ...look[s.look](colour(`--${s.colour}`))}))],
+      hooks: {drawClear: [u => this.under(u)], draw: [u => this.over(u)]},
+      scales: {x: {time: false, distr: block.log_x ? 3 : 1, ...x ? {range: () => x} : rules.length && {range: (_, low, high) => [Math.min(low, ...rules), Math.max(high, ...rules)]}},
+               y: {distr: block.log ? 3 : 1, ...span && {range: () => span}}},
+      axes: [axis(block.x, {values: short, ...words}), axis(block.y, {values: short, size: 4 * textSize()})],
+      series: [{label: block.x, value: words ? (_, v) => block.ticks[v] ?? '–' : tell},
+               ...block.series.map(s => ({label: s.name, value: tell, width: 2, stroke: colour(`--${s.colour}`), ...s.shaded && {dash: [6, 4], fill: colour('--look-paper')}, ...look[s.look](colour(`--${s.colour}`))}))],
     };
+  }
+  // Words that have no room side by side stand aslant.
+  turned(words) {
+    const c = document.createElement('canvas').getContext('2d');
+    c.font = text();
+    const widest = Math.max(...words.map(word => c.measureText(word).width)), fits = u => widest + 8 < (u.width - 5 * textSize()) / words.length;
+    return {rotate: u => fits(u) ? 0 : 45, size: u => fits(u) ? 2 * textSize() : 0.72 * widest + 1.6 * textSize()};
+  }
+  // Bars, crosses and names, over the points.
+  over(u) {
+    const c = u.ctx, ratio = devicePixelRatio, points = [], taken = [];
+    const stroke = (...lines) => (c.beginPath(), lines.forEach(([a, b, x, y]) => (c.moveTo(a * ratio, b * ratio), c.lineTo(x * ratio, y * ratio))), c.stroke());
+    u.over.querySelectorAll('.named').forEach(at => at.remove());
+    c.save(), c.translate(u.bbox.left, u.bbox.top);
+    for (const s of this.block.series) {
+      c.strokeStyle = colour(`--${s.colour}`), c.lineWidth = 1.5 * ratio;
+      s.x.forEach((value, i) => {
+        if (s.y[i] == null) return;
+        const x = u.valToPos(value, 'x'), y = u.valToPos(s.y[i], 'y'), bar = s.bars?.[i]?.map(v => u.valToPos(v, 'y'));
+        if (bar) stroke([x, bar[0], x, bar[1]], [x - 4, bar[0], x + 4, bar[0]], [x - 4, bar[1], x + 4, bar[1]]), taken.push([x - 4, bar[1], x + 4, bar[0]]);
+        if (s.crossed?.[i]) c.lineWidth = 3 * ratio, stroke([x - 6, y - 6, x + 6, y + 6], [x - 6, y + 6, x + 6, y - 6]), c.lineWidth = 1.5 * ratio;
+        if (s.names) points.push({x, y, name: s.names[i], colour: c.strokeStyle}), taken.push([x - 6, y - 6, x + 6, y + 6]);
+      });
+    }
+    for (const {across, at} of this.rules) if (across && points.length) taken.push([0, u.valToPos(at, 'y') - 20, 220, u.valToPos(at, 'y')]);
+    const wide = u.over.clientWidth, high = u.over.clientHeight;
+    for (const {x, y, name, colour: ink} of points.sort((a, b) => a.y - b.y)) {
+      const at = make(u.over, 'span', {className: 'named', textContent: name}), w = at.offsetWidth, h = at.offsetHeight;
+      // How much of this place is taken, or outside.
+      const cost = ([left, top]) => taken.reduce((sum, b) => sum + Math.max(0, Math.min(left + w, b[2]) - Math.max(left, b[0])) * Math.max(0, Math.min(top + h, b[3]) - Math.max(top, b[1])), 0)
+        + 1e4 * (Math.max(0, -left) + Math.max(0, left + w - wide) + Math.max(0, -top) + Math.max(0, top + h - high));
+      let best = null, least = Infinity;
+      for (let away = 9; away < 200 && least > 0; away *= 1.35)
+        for (let k = 0; k < 16 && least > 0; ++k) {
+          const turn = k * Math.PI / 8, place = [x + Math.cos(turn) * (away + w / 2) - w / 2, y + Math.sin(turn) * (away + h / 2) - h / 2], now = cost(place);
+          if (now < least) best = place, least = now;
+        }
+      const [left, top] = best, end = [Math.min(Math.max(x, left), left + w), Math.min(Math.max(y, top), top + h)];
+      Object.assign(at.style, {left: `${left}px`, top: `${top}px`, color: ink});
+      taken.push([left, top, left + w, top + h]);
+      c.strokeStyle = ink, c.lineWidth = ratio;
+      if (Math.hypot(end[0] - x, end[1] - y) > 14) stroke([x, y, ...end]);
+    }
+    c.restore();
   }
 }
 
@@ -223,8 +276,8 @@ const kinds = {
     const body = make(table, 'tbody');
     rows.forEach((row, i) => fill(make(body, 'tr', {className: i >= rows.length - baselines ? 'baseline' : ''}), row, 'row'));
   },
-  charts(parent, {blocks}) {
-    add(make(parent, 'div', {className: 'charts'}), blocks);
+  charts(parent, {blocks, panels}) {
+    add(make(parent, 'div', {className: panels ? 'charts panels' : 'charts'}), blocks);
   },
   chart(parent, block) {
     const box = make(parent, 'figure', {className: 'card'});
@@ -289,6 +342,7 @@ function turnTheme() {
   redraw();
 }
 
+document.title = said.title;
 const header = make(document.body, 'header', {id: 'top'});
 make(header, 'h1', {textContent: said.title});
 make(header, 'button', {type: 'button', id: 'theme', textContent: 'light or dark'}).addEventListener('click', turnTheme);

@@ -230,17 +230,11 @@ std::string title_of(const ModeResult& mode) {
 
 Json page_of(const Report& report) {
   constexpr std::size_t most = 4;  // failures of the first screen; the others are in their section
-  Json page{{"title", report.modes.empty()          ? "A recorded run"
-                      : !report.differences.empty() ? "Two models on the same records"
-                                                    : "Depth maps from one pixel and one radar"},
-            {"verdict", verdict(report)},
-            {"fails", Json::array()},
-            {"more", ""},
-            {"origin", origin(report)},
-            {"span", {report.span.near, report.span.far}},
-            {"records", Json::array()},
-            {"first", Json::array()},
-            {"sections", Json::array()}};
+  Json page = new_page(report.modes.empty()          ? "A recorded run"
+                       : !report.differences.empty() ? "Two models on the same records"
+                                                     : "Depth maps from one pixel and one radar",
+                       verdict(report), origin(report));
+  page["span"] = {report.span.near, report.span.far};
   const auto problems = problems_of(report);
   for (std::size_t i = 0; i < std::min(most, problems.size()); ++i)
     page["fails"].push_back(problems[i].text);

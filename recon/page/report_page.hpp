@@ -13,8 +13,6 @@ std::string short_name(const ModeResult& mode);
 std::string title_of(const ModeResult& mode);  // "both sensors, factorised"
 std::string name_for_charts(const ModeResult& mode);
 const char* colour_of(const Report& report, std::size_t mode);  // of its series
-const char* baseline_title(const std::string& name);
-std::string three_digits(double value);  // "103 k"
 
 // What the page says first: how good, against what, and in what it is worse.
 std::string verdict(const Report& report);

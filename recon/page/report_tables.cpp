@@ -5,7 +5,6 @@
 #include <cmath>
 #include <map>
 
-#include "drivers/chart/chart.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/page/report_page.hpp"
 
@@ -148,18 +147,6 @@ std::string counted(const std::vector<MapScores>& scores, Metric metric) {
 }
 
 }  // namespace
-
-std::string three_digits(double value) {
-  if (!(std::abs(value) > 0)) return "0";
-  const double unit = std::pow(10, std::floor(std::log10(std::abs(value))) - 2);
-  return chart::short_number(std::round(value / unit) * unit);
-}
-
-const char* baseline_title(const std::string& name) {
-  if (name == "empty") return "empty room";
-  if (name == "mean") return "mean of the training maps";
-  return "nearest training record";
-}
 
 Json first_table(const Report& report) {
   const auto rows = scored(report);

@@ -165,6 +165,7 @@ std::string verdict_of(const RunStory& story) {
   if (s.incomplete > 0)
     out += formatted("; %lld lack a sensor that the run requires",
                      static_cast<long long>(s.incomplete));
+  if (const std::string doubts = record::doubts_of(s); !doubts.empty()) out += "; " + doubts;
   return out + ".";
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The page: what the server sends goes where it belongs; keys and buttons ask for more.
-import {Histogram, Profile, Strips, metresPerPs} from './charts.js';
+import {Histogram, Profile, Strips, Waterfall, clock, metresPerPs} from './charts.js';
 import {Cloud} from './cloud.js';
 import {Link} from './link.js';
 import {MapView, picture, spanOf, tables} from './maps.js';
@@ -9,6 +9,8 @@ import {Sheet} from './sheet.js';
 const $ = id => document.getElementById(id);
 const sensors = ['spd', 'radar', 'depth'];
 const histogram = new Histogram(), profile = new Profile(), strips = new Strips(), cloud = new Cloud();
+const waterfalls = {spd: new Waterfall('spd'), radar: new Waterfall('radar')};
+histogram.partner = profile, profile.partner = histogram;
 const views = {map: new MapView('map'), camera: new MapView('camera'), reconstruction: new MapView('reconstruction'),
                deviation: new MapView('deviation', 'sure')};
 const seen = {};  // the newest record that has it
@@ -17,11 +19,6 @@ let run = null, state = null, record = null, strip = null, span = [2.5, 5], span
 let received = 0, connected = false, live = true, wanted = null, cloudOf = 'map', sheetAt = -1;
 window.framesSeen = 0;
 
-const clock = s => {
-  if (s == null) return '–';
-  const whole = Math.max(0, Math.floor(s)), two = n => String(n).padStart(2, '0');
-  return `${Math.floor(whole / 3600)}:${two(Math.floor(whole / 60) % 60)}:${two(whole % 60)}`;
-};
 const age = s => s < 10 ? `${s.toFixed(1)} s ago` : s < 600 ? `${Math.round(s)} s ago` : `${clock(s)} ago`;
 const count = n => n >= 1e6 ? `${(n / 1e6).toPrecision(4)} M` : n >= 1e4 ? `${(n / 1e3).toPrecision(4)} k` : `${n}`;
 const shortTime = s => s < 1e-3 ? `${+(s * 1e6).toPrecision(3)} µs` : s < 1 ? `${+(s * 1e3).toPrecision(3)} ms` : `${+s.toPrecision(3)} s`;
@@ -44,6 +41,7 @@ function lampOf(sensor, over, old) {
 function light(name, [lamp, word], verdict, note) {
   const at = $(`lamp-${name}`);
   at.dataset.lamp = lamp;
+  at.classList.toggle('long', word.length > 6);
   for (const [part, text] of [['strong', word], ['.verdict', verdict], ['.age', note]]) {
     const box = at.querySelector(part);
     if (box.textContent !== text) box.textContent = text;
@@ -53,14 +51,17 @@ function drawLamps() {
   if (!state || !run) return;
   const old = (performance.now() - received) / 1000, over = state.status !== 'open', lost = [], look = [];
   for (const name of sensors) {
-    const sensor = state.sensors[name], lamp = connected ? lampOf(sensor, over, old) : ['off', '?'];
+    const shown = !live && record?.sensors[name], sensor = shown ? {...state.sensors[name], ...shown, arrived: null} : state.sensors[name];
+    const lamp = !connected ? ['off', '?'] : lampOf(sensor, over || shown, old);
     if (lamp[1] === 'LOST') lost.push(name);
     if (lamp[1] === 'LOOK') look.push(name);
     light(name, lamp, !connected ? 'no connection' : !sensor.configured ? 'not configured' : sensor.verdict !== 'ok' ? sensor.verdict
-            : rate(sensor.used / run.window_s, name),
-          !sensor.configured ? '' : over ? 'run is over' : sensor.age_s == null ? 'never any data' : `last data ${age(sensor.age_s + old)}`);
+            : sensor.arrived > sensor.used ? `${rate(sensor.arrived / run.window_s, name)}, ${sensor.used} used` : rate(sensor.used / run.window_s, name),
+          !sensor.configured ? '' : shown ? `in record ${record.index}` : over ? 'run is over' : sensor.age_s == null ? 'never any data' : `last data ${age(sensor.age_s + old)}`);
   }
-  drawStatus(over ? [] : lost, over ? [] : look);
+  drawStatus(over || !live ? [] : lost, over || !live ? [] : look);
+  say('doubts', state.doubts);
+  $('doubts').hidden = !state.doubts;
   drawMapsLamp();
 }
 // The worst of the run and its sensors.
@@ -80,7 +81,7 @@ function drawMapsLamp() {
   const met = made.iou == null ? '' : `camera: IoU ${made.iou.toFixed(2)}` +
     (made.lateral_error_m == null ? '' : `, ${(made.lateral_error_m * 100).toFixed(0)} cm off`);
   const why = faultOf(made) || made.note || (state?.doubt ? 'run unlike the training' : '');
-  light('maps', made.fault ? ['bad', 'NONE'] : why ? ['look', 'DOUBT'] : ['ok', 'OK'],
+  light('maps', made.fault ? ['bad', 'NONE'] : made.seen ? ['look', 'TRAINED ON THIS RECORD'] : !run.calibrated ? ['look', 'NOT CALIBRATED'] : why ? ['look', 'DOUBT'] : ['ok', 'OK'],
         why || (made.lateral_interval_90_m == null ? '' : `±${(made.lateral_interval_90_m * 100).toFixed(0)} cm sideways (90 %)`), met);
 }
 
@@ -175,6 +176,7 @@ const take = {
       for (const at in seen) delete seen[at];
       for (const at in views) views[at].image = null;
     }
+    $('facts').replaceChildren(...run.facts.flatMap(words => ['dt', 'dd'].map((kind, i) => Object.assign(document.createElement(kind), {textContent: words[i]}))));
     const {spd, radar} = run.axes;
     const end = spd ? (spd.start + spd.count * spd.step) * metresPerPs : radar ? radar.start + radar.count * radar.step : 1;
     histogram.farthest = profile.farthest = end;  // one axis for both: peaks stand one above the other
@@ -183,7 +185,9 @@ const take = {
     trouble('');
   },
   state(message) {
+    const first = !state;
     state = message, received = performance.now();
+    if (first && /^#\d+$/.test(location.hash)) show(+location.hash.slice(1));
     const scrubber = $('scrubber');
     if (state.last_index != null) {
       scrubber.min = state.first_index, scrubber.max = state.last_index;
@@ -208,7 +212,7 @@ const take = {
   },
   strip(message) {
     strip = message;
-    if (run) strips.take(strip.arrays, run.window_s);
+    if (run) strips.take({...strip.arrays, first: strip.arrays.time_s}, run.window_s);
   },
   sheet(message) {
     sheet.take(message);
@@ -217,6 +221,7 @@ const take = {
       drawRecord();
     }
     sheet.draw(span);
+    drawWaterfalls();
     if (record) sheet.point(record.index);
   },
   answer(message) {
@@ -226,6 +231,30 @@ const take = {
     trouble(message.text);
   },
 };
+
+// Clicks as their logarithm, the radar over its median: each to the brightest of the run.
+function drawWaterfalls() {
+  const {message} = sheet;
+  if (!message || !run) return;
+  const {time_s: time, ...rows} = message.arrays, step = time.length > 1 ? time[1] - time[0] : run.window_s;
+  for (const [sensor, chart] of Object.entries(waterfalls)) {
+    const table = rows[sensor], [records, bins] = table?.shape ?? [0, 0], {[sensor]: a} = run.axes;
+    chart.at.closest('.of').hidden = !a || !records || !bins;
+    if (chart.at.closest('.of').hidden) continue;
+    const turned = new Float32Array(bins * records).fill(NaN);
+    for (let r = 0; r < records; ++r) {
+      const row = table.subarray(r * bins, (r + 1) * bins), middle = Float32Array.from(row).sort()[bins >> 1];
+      if (row[0] === row[0])
+        row.forEach((v, b) => { turned[(bins - 1 - b) * records + r] = sensor === 'spd' ? Math.log1p(v) : Math.max(v - middle, 0); });
+    }
+    const most = turned.reduce((top, v) => v > top ? v : top, 1), unit = sensor === 'spd' ? metresPerPs : 1;
+    // The axis begins where the sensor's does: below it nothing is known.
+    const nothing = Math.max(0, Math.round(bins * a.start / (a.count * a.step)));
+    const whole = new Float32Array((bins + nothing) * records).fill(NaN);
+    whole.set(turned);
+    chart.show(picture(whole, bins + nothing, records, [0, most], tables.level, 1, true), [time[0], time.at(-1) + step], (a.start + a.count * a.step) * unit);
+  }
+}
 
 function trouble(text) {
   say('trouble', text);
@@ -294,6 +323,7 @@ function redraw() {
   histogram.renew();
   profile.renew();
   strips.renew();
+  drawWaterfalls();
   drawRecord();
   sheet.draw(span);
 }
@@ -323,6 +353,9 @@ for (const of of ['map', 'reconstruction'])
     for (const other of ['map', 'reconstruction']) $(`cloud-${other}`).setAttribute('aria-pressed', other === of);
     drawRecord();
   });
+for (const [id, chart] of [['histogram', histogram], ['profile', profile]])
+  for (const kind of ['png', 'csv'])
+    $(`${id}-${kind}`).addEventListener('click', () => chart.save(kind, `${run?.file.replace(/\.sqlite$/, '') ?? 'echofuse'}-${record?.index ?? 0}-${id}`));
 $('scrubber').addEventListener('input', e => show(+e.target.value));
 document.addEventListener('keydown', e => {
   if (e.ctrlKey || e.altKey || e.metaKey || document.querySelector('dialog[open]')) return;

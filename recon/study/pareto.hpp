@@ -47,10 +47,10 @@ struct ParetoRow {
 // the runs do not fit, and as StudyFile.
 std::vector<ParetoRow> study_pareto(const ParetoOptions& options);
 
-// pareto.svg. `bound`: nothing, or the least mean lateral errors that noise allows (m), pose
-// unknown and shape known. Throws Error(disk).
-void draw_pareto(const std::vector<ParetoRow>& rows, const std::string& folder,
-                 const std::vector<double>& bound);
+// FOLDER/pareto.html. `bound`: nothing, or the least mean lateral errors that noise allows (m),
+// pose unknown and shape known. Throws Error(disk).
+void write_pareto_page(const std::vector<ParetoRow>& rows, const std::string& folder,
+                       const std::vector<double>& bound);
 std::string to_text(const std::vector<ParetoRow>& rows);
 
 }  // namespace echofuse::recon

@@ -1,138 +1,164 @@
 // SPDX-License-Identifier: MIT
-// The chart and the text of a Pareto study.
+// The page and the text of a Pareto study.
 #include <algorithm>
 
-#include "drivers/chart/chart.hpp"
-#include "drivers/chart/style.hpp"
 #include "drivers/program/atomic_write.hpp"
+#include "drivers/program/console.hpp"
 #include "recon/numbers/text.hpp"
-#include "recon/study/model_colours.hpp"
 #include "recon/study/pareto.hpp"
+#include "recon/study/study_page.hpp"
 
 namespace echofuse::recon {
 namespace {
 
+using Models = std::vector<ParetoRow>;
+
 constexpr const char* papers_network = "mlp-512-256";
 
-// Mean and spread; without one of a single seed.
-chart::Point point_of(const ParetoRow& r, double x, Metric metric, double unit = 1) {
-  const double mean = r.mean[metric] * unit, spread = r.spread[metric] * unit;
-  return {x, mean, mean - spread, mean + spread};
-}
-
 // Of an IoU of 0 there is no body to be seen: such models would only press the others together.
-bool draws_a_body(const ParetoRow& r) { return r.mean[metric_iou] >= 0.01; }
+bool is_shown(const ParetoRow& r) { return r.sweep == "model" && r.mean[metric_iou] >= 0.01; }
 
-std::string without_a_body(const std::vector<ParetoRow>& rows) {
-  std::string out;
-  for (const ParetoRow& r : rows)
-    if (r.sweep == "model" && !draws_a_body(r))
-      out += (out.empty() ? "" : "; ") + name_in_charts(r.model);
-  return out.empty() ? out : " Not shown, IoU 0: " + out + ".";
-}
-
-// A point a model, with its name.
-void add_models(chart::Panel& panel, const std::vector<ParetoRow>& rows, Metric metric, double unit,
-                double ParetoRow::*cost) {
-  std::size_t seeds = 0;
+// A point a model, with its name and the spread over seeds.
+Json models_chart(const Models& rows, Json out, Metric metric, double unit,
+                  double ParetoRow::*cost) {
   for (const ParetoRow& r : rows) {
-    if (r.sweep != "model" || !(r.*cost > 0) || !draws_a_body(r)) continue;
-    const bool papers = r.model == papers_network;
-    const int colour = papers                              ? chart::of_paper
-                       : r.model.ends_with(":spd")         ? chart::of_spd
-                       : r.model.ends_with(":radar")       ? chart::of_radar
-                       : r.model.starts_with("factorised") ? chart::of_both
-                                                           : chart::grey;
-    chart::Series one{"", {point_of(r, r.*cost, metric, unit)}, colour, chart::Look::markers};
-    one.points[0].label = name_in_charts(r.model) + (papers ? ", the paper's network" : "");
-    panel.series.push_back(one);
-    seeds = std::max(seeds, r.seeds);
+    if (!is_shown(r) || !(r.*cost > 0)) continue;
+    const double mean = unit * r.mean[metric];
+    Json& one = add_series(out, r.model, colour_of_model(r.model), Look::points,
+                           std::vector<std::pair<double, double>>{{r.*cost, mean}});
+    one["bars"] = Json::array({bar_of(mean, unit * r.spread[metric])});
+    one["names"] = {name_in_charts(r.model) +
+                    (r.model == papers_network ? ", the paper's network" : "")};
   }
-  panel.note =
-      (seeds > 1 ? formatted("Bars: spread over %zu seeds, mostly within the marker.", seeds)
-                 : std::string("One seed: no bars.")) +
-      without_a_body(rows);
+  out["log_x"] = true, out["height"] = 460;
+  return out;
 }
 
-// What no model is both faster and better than.
-chart::Series front_of(const std::vector<ParetoRow>& rows) {
-  chart::Series front{"", {}, chart::grey, chart::Look::steps};
-  for (const ParetoRow& r : rows)
-    if (r.front && draws_a_body(r)) front.points.push_back({r.infer_us_median, r.mean[metric_iou]});
-  std::sort(front.points.begin(), front.points.end(),
-            [](const auto& a, const auto& b) { return a.x < b.x; });
+// What no model is both faster and better than, from fast to slow.
+Models front_of(const Models& rows) {
+  Models front;
+  std::copy_if(rows.begin(), rows.end(), std::back_inserter(front),
+               [](const ParetoRow& r) { return r.front && is_shown(r); });
+  std::sort(front.begin(), front.end(),
+            [](const auto& a, const auto& b) { return a.infer_us_median < b.infer_us_median; });
   return front;
 }
 
-// IoU against the share of photons or of training records, a line a model.
-chart::Panel sweep_panel(const std::vector<ParetoRow>& rows, const std::string& sweep) {
-  const bool photons = sweep == "photons";
-  const std::string what =
-      photons ? "share of the record's photons" : "share of the training records";
-  chart::Panel panel{
-      photons ? "Fewer photons" : "Fewer training records", {what, true}, {"IoU"}, {}};
-  for (const ParetoRow& r : rows) {
-    if (r.sweep != sweep && r.sweep != "model") continue;
-    const auto known = std::find_if(panel.series.begin(), panel.series.end(),
-                                    [&](const auto& s) { return s.name == r.model; });
-    if (known != panel.series.end())
-      known->points.push_back(point_of(r, std::stod(r.share), metric_iou));
-    else
-      panel.series.push_back({r.model, {point_of(r, std::stod(r.share), metric_iou)}});
-  }
-  std::erase_if(panel.series, [](const auto& s) { return s.points.size() < 2; });
-  ModelColours colours;
-  for (auto& s : panel.series) {
-    s.colour = colours.of(s.name);
-    s.name = name_in_charts(s.name);
-    std::sort(s.points.begin(), s.points.end(),
-              [](const auto& a, const auto& b) { return a.x < b.x; });
-  }
-  return panel;
+Json time_chart(const Models& rows) {
+  Json out = models_chart(rows,
+                          chart("Outline against the time of a map; the line is the Pareto front",
+                                "time of one map on one thread (\u00b5s, median)", "IoU"),
+                          metric_iou, 1, &ParetoRow::infer_us_median);
+  std::vector<std::pair<double, double>> line;
+  for (const ParetoRow& r : front_of(rows))
+    line.emplace_back(r.infer_us_median, r.mean[metric_iou]);
+  add_series(out, "", "grey", Look::steps, line);
+  std::string hidden;
+  for (const ParetoRow& r : rows)
+    if (r.sweep == "model" && !is_shown(r))
+      hidden += (hidden.empty() ? "" : "; ") + name_in_charts(r.model);
+  const std::size_t seeds = rows.front().seeds;
+  out["note"] = (seeds > 1 ? formatted("Bars: spread over %zu seeds.", seeds)
+                           : std::string("One seed: no bars.")) +
+                (hidden.empty() ? "" : " Not shown, IoU 0: " + hidden + ".");
+  return out;
 }
 
-std::vector<chart::Panel> panels_of(const std::vector<ParetoRow>& rows,
-                                    const std::vector<double>& bound) {
-  constexpr double width = 560, height = 400;
-  chart::Panel time{"Outline against the time of a map; the line is the Pareto front",
-                    {"time of one map on one thread (\u00b5s, median)", true},
-                    {"IoU"},
-                    {front_of(rows)},
-                    {},
-                    {},
-                    width,
-                    height};
-  add_models(time, rows, metric_iou, 1, &ParetoRow::infer_us_median);
-  chart::Panel place{"Place against the cost of a map",
-                     {"multiply-adds of one map", true},
-                     {"lateral error (cm)", true},
-                     {},
-                     {},
-                     {},
-                     width,
-                     height};
-  if (!bound.empty())
-    place.rules = {{100 * bound[0], formatted("least possible: %g cm", 100 * bound[0])},
-                   {100 * bound[1], formatted("with known shape: %g cm", 100 * bound[1])}};
-  if (bound.size() == 2 && bound[0] == bound[1])
-    place.rules = {
-        {100 * bound[0], formatted("least possible (Cram\u00e9r-Rao): %g cm", 100 * bound[0])}};
-  add_models(place, rows, metric_lateral_m, 100, &ParetoRow::multiply_adds);
-  std::vector<chart::Panel> out{time, place};
-  for (const char* sweep : {"photons", "records"}) {
-    chart::Panel panel = sweep_panel(rows, sweep);
-    panel.width = width;
-    if (!panel.series.empty()) out.push_back(panel);
+Json place_chart(const Models& rows, const std::vector<double>& bound) {
+  Json out = models_chart(
+      rows,
+      chart("Place against the cost of a map", "multiply-adds of one map", "lateral error (cm)"),
+      metric_lateral_m, 100, &ParetoRow::multiply_adds);
+  out["log"] = true;
+  const auto rule = [&](double at_m, const char* name) {
+    add_rule(out, 100 * at_m, formatted("%s: %g cm", name, 100 * at_m));
+    out["rules"].back()["across"] = true;
+  };
+  if (bound.size() == 2 && bound[0] == bound[1]) {
+    rule(bound[0], "least possible (Cram\u00e9r-Rao)");
+  } else if (bound.size() == 2) {
+    rule(bound[0], "least possible");
+    rule(bound[1], "with known shape");
   }
   return out;
 }
 
+// IoU against the share of photons or of training records, a line a model; null if there is none.
+Json sweep_chart(const Models& rows, const std::string& sweep) {
+  const bool photons = sweep == "photons";
+  Json out =
+      chart(photons ? "Fewer photons" : "Fewer training records",
+            photons ? "share of the record's photons" : "share of the training records", "IoU");
+  ModelColours colours;
+  std::vector<std::string> models;
+  for (const ParetoRow& r : rows)
+    if (r.sweep == sweep && std::ranges::count(models, r.model) == 0) models.push_back(r.model);
+  for (const std::string& model : models) {
+    Models points;
+    for (const ParetoRow& r : rows)
+      if (r.model == model && (r.sweep == sweep || r.sweep == "model")) points.push_back(r);
+    std::sort(points.begin(), points.end(),
+              [](const auto& a, const auto& b) { return std::stod(a.share) < std::stod(b.share); });
+    std::vector<std::pair<double, double>> line;
+    Json bars = Json::array();
+    for (const ParetoRow& r : points) {
+      line.emplace_back(std::stod(r.share), r.mean[metric_iou]);
+      bars.push_back(bar_of(r.mean[metric_iou], r.spread[metric_iou]));
+    }
+    add_series(out, name_in_charts(model), colours.of(model), Look::marked, line)["bars"] = bars;
+  }
+  out["log_x"] = true;
+  return models.empty() ? Json() : out;
+}
+
+Json table_of(const Models& rows) {
+  const Json head{words("model"),  words("sweep"),   "share",         "IoU",
+                  "SSIM, body",    "SSIM, hard map", "lateral (cm)",  "ghost",
+                  "multiply-adds", "\u00b5s",        "\u00b5s, 99 %", "training (s)"};
+  Json body = Json::array();
+  const auto time = [](double value) {
+    return std::isnan(value) ? std::string("\u2013") : three_digits(value);
+  };
+  const auto number = [](const char* format, double value) {
+    return std::isnan(value) ? std::string("\u2013") : formatted(format, value);
+  };
+  for (const ParetoRow& r : rows)
+    body.push_back({cell(name_in_charts(r.model), r.front ? "on the front" : ""), r.sweep, r.share,
+                    cell(formatted("%.3f", r.mean[metric_iou]),
+                         r.seeds > 1 ? formatted("\u00b1%.3f", r.spread[metric_iou]) : ""),
+                    formatted("%.3f", r.mean[metric_ssim_fg]),
+                    formatted("%.3f", r.mean[metric_ssim_hard]),
+                    number("%.1f", 100 * r.mean[metric_lateral_m]),
+                    number("%.3f", r.mean[metric_ghost]), three_digits(r.multiply_adds),
+                    time(r.infer_us_median), time(r.infer_us_p99), time(r.train_s)});
+  return table("Means over the seeds; all measurements: pareto.csv", head, body);
+}
+
+std::string verdict_of(const Models& rows) {
+  const Models front = front_of(rows);
+  if (front.empty()) return "No model draws a body.";
+  std::string out = "Worth their time: ";
+  for (const ParetoRow& r : front)
+    out += formatted("%s%s (IoU %.2f in %s \u00b5s)", &r == &front.front() ? "" : ", ",
+                     name_in_charts(r.model).c_str(), r.mean[metric_iou],
+                     three_digits(r.infer_us_median).c_str());
+  return out + ". No other model is as good and as fast as one of these.";
+}
+
 }  // namespace
 
-void draw_pareto(const std::vector<ParetoRow>& rows, const std::string& folder,
-                 const std::vector<double>& bound) {
-  write_atomically(folder + "/pareto.svg",
-                   chart::stand_alone("Accuracy against cost", panels_of(rows, bound), 2));
+void write_pareto_page(const Models& rows, const std::string& folder,
+                       const std::vector<double>& bound) {
+  Json page =
+      new_page("Accuracy against cost", verdict_of(rows), formatted("echofuse %s.", version()));
+  add_section(page, "front", "The front",
+              Json::array({charts({time_chart(rows), place_chart(rows, bound)})}));
+  std::vector<Json> sweeps;
+  for (const char* sweep : {"photons", "records"})
+    if (Json one = sweep_chart(rows, sweep); !one.is_null()) sweeps.push_back(std::move(one));
+  if (!sweeps.empty()) add_section(page, "less", "With less", Json::array({charts(sweeps)}));
+  add_section(page, "table", "Numbers", Json::array({table_of(rows)}));
+  write_atomically(folder + "/pareto.html", html_of(page));
 }
 
 std::string to_text(const std::vector<ParetoRow>& rows) {

@@ -35,6 +35,8 @@ inline constexpr std::array stability_metrics = {
     metric_ghost, metric_depth_mae_m, metric_rmse_m,    metric_left_right};
 // The models that every other must beat; they look at no sensor.
 inline const std::vector<std::string> constant_models = {"empty", "mean"};
+// Of a study that has it: the baseline that draws a body where empty room and mean map do not.
+inline constexpr const char* nearest_baseline = "nearest";
 
 // With defaults filled in, and the base condition as the simulator tells it. Throws Error(usage)
 // for models and axes that are not known, and as Simulator.
@@ -51,7 +53,8 @@ std::vector<Measurement> study_stability(const StabilityOptions& options);
 struct StabilityPoint {
   std::array<double, metric_count> mean{}, spread{};  // spread: standard deviation over the seeds
   bool fails = false;                                 // as above
-  bool halved = false;                                // its IoU is below half of that at the base
+  bool below = false;   // the same by IoU alone: below the best baseline that draws a body
+  bool halved = false;  // its IoU is below half of that at the base
 };
 
 struct StabilityCurve {
@@ -59,7 +62,7 @@ struct StabilityCurve {
   std::vector<StabilityPoint> points;  // one a value of the axis
   // The first values with that, going from the base to each end; that of the base alone if it
   // begins there.
-  std::vector<std::string> fails_at, halved_at;
+  std::vector<std::string> fails_at, below_at, halved_at;
   double worst = 0;  // least IoU, as a share of that at the base; NaN if it fails there already
 };
 
@@ -73,8 +76,9 @@ struct StabilityResult {
 std::vector<StabilityResult> summarise_stability(const StabilityOptions& options,
                                                  const std::vector<Measurement>& rows);
 
-// Writes OUT/stability.html and a chart for each axis, OUT/KIND-AXIS.svg. Throws Error(disk).
-void draw_stability(const StabilityOptions& options, const std::vector<StabilityResult>& results);
+// OUT/stability.html. Throws Error(disk).
+void write_stability_page(const StabilityOptions& options,
+                          const std::vector<StabilityResult>& results);
 std::string to_text(const std::vector<StabilityResult>& results);
 
 }  // namespace echofuse::recon

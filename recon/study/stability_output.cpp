@@ -1,18 +1,14 @@
 // SPDX-License-Identifier: MIT
-// The page, the charts and the text of a study of stability.
+// The page and the text of a study of stability.
 #include <algorithm>
 #include <cctype>
 #include <cmath>
 
-#include "drivers/chart/chart.hpp"
-#include "drivers/chart/page.hpp"
-#include "drivers/chart/style.hpp"
 #include "drivers/program/atomic_write.hpp"
 #include "drivers/program/console.hpp"
-#include "recon/data/files.hpp"
 #include "recon/numbers/text.hpp"
-#include "recon/study/model_colours.hpp"
 #include "recon/study/stability.hpp"
+#include "recon/study/study_page.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -23,174 +19,139 @@ bool fails_at_base(const StabilityCurve& curve, const StabilityAxis& axis) {
 
 std::string shared(double worst) { return std::isnan(worst) ? "-" : formatted("%.2f", worst); }
 
-std::string cell(const StabilityCurve& curve, const StabilityAxis& axis) {
-  if (fails_at_base(curve, axis)) return "<b class=\"bad\">fails at the base</b>";
-  std::string out = shared(curve.worst);
-  if (!curve.fails_at.empty())
-    out += "<br><b class=\"bad\">fails at " + joined(curve.fails_at, ", ") + "</b>";
-  if (!curve.halved_at.empty())
-    out += "<br><small>half at " + joined(curve.halved_at, ", ") + "</small>";
-  return out;
+std::string listed(const StabilityAxis& axis) {
+  std::vector<std::string> others;
+  for (const AxisValue& value : axis.values)
+    if (&value != &axis.values[axis.base()]) others.push_back(value.label);
+  return axis.values[axis.base()].label + ", then " + joined(others, ", ");
 }
 
-std::string table(const std::vector<StabilityResult>& results) {
-  std::vector<std::string> head{"condition"};
-  chart::TableRow base_row{{"IoU at the base"}, "baseline"};
+Json cell_of(const StabilityCurve& curve, const StabilityAxis& axis) {
+  if (fails_at_base(curve, axis)) return cell("fails at the base", "", "bad");
+  const std::string half =
+      curve.halved_at.empty() ? "" : "half at " + joined(curve.halved_at, ", ");
+  if (curve.fails_at.empty()) return cell(shared(curve.worst), half);
+  return cell(shared(curve.worst) + ", fails at " + joined(curve.fails_at, ", "), half, "bad");
+}
+
+Json table_of(const std::vector<StabilityResult>& results) {
+  Json head = Json::array({words("condition")}), base = Json::array({cell("IoU at the base", "")});
   for (const auto& curve : results.front().curves) {
-    head.push_back(chart::escaped(curve.name));
-    const StabilityPoint& base = curve.points[results.front().axis.base()];
-    base_row.cells.push_back(formatted("%.3f <small>&plusmn;%.3f</small>", base.mean[metric_iou],
-                                       base.spread[metric_iou]));
+    head.push_back(words(name_in_charts(curve.name)));
+    const StabilityPoint& at = curve.points[results.front().axis.base()];
+    base.push_back(cell(formatted("%.3f", at.mean[metric_iou]),
+                        formatted("\u00b1%.3f", at.spread[metric_iou])));
   }
-  std::vector<chart::TableRow> rows{base_row};
+  Json rows = Json::array({base});
   for (const auto& [axis, curves, baselines] : results) {
-    std::string values = axis.values[axis.base()].label + ", then ";
-    for (std::size_t i = 0; i < axis.values.size(); ++i)
-      if (i != axis.base()) values += axis.values[i].label + ", ";
-    values.resize(values.size() - 2);
-    chart::TableRow row{{"<a href=\"#" + axis.id() + "\">" + chart::escaped(axis.title) +
-                         "</a><br><small>" + axis.kind() + "; " + chart::escaped(values) +
-                         "</small>"}};
-    for (const auto& curve : curves) row.cells.push_back(cell(curve, axis));
+    Json row = Json::array({cell(axis.title, axis.kind() + "; " + listed(axis))});
+    for (const auto& curve : curves) row.push_back(cell_of(curve, axis));
     rows.push_back(row);
   }
-  return chart::table("Least IoU on the axis, as a share of that at the base", head, rows);
+  return table("Least IoU on the axis, as a share of that at the base", head, rows);
 }
 
-std::string capitalised(std::string text);
-std::vector<chart::Panel> panels_of(const StabilityOptions& o, const StabilityResult& result);
-
-std::string to_html(const StabilityOptions& o, const std::vector<StabilityResult>& results) {
-  chart::Page page("What fails first");
-  page.lead(chart::paragraph(
-      formatted("%zu training records, %zu fresh ones to judge by, %zu seed%s, echofuse ",
-                o.records, o.test_records, o.seeds, o.seeds == 1 ? "" : "s") +
-      version() + "."));
-  page.section(
-      "table", "All conditions",
-      chart::paragraph("Matched: trained and tested under the condition. Shifted: trained at the "
-                       "base condition, tested under this one. Sorted by what breaks the first "
-                       "model most.") +
-          chart::paragraph(
-              "A model fails where its map is no better than no map: its hard SSIM is not above "
-              "the empty room's, or its IoU is not above that of empty room and mean map (by more "
-              "than the spread over seeds), or there is no map at all. Of single records that it "
-              "cannot read it shows the empty room. Half: its IoU falls below half of the "
-              "base's.") +
-          table(results));
-  for (const auto& result : results) {
-    std::vector<std::string> drawings;
-    for (const chart::Panel& p : panels_of(o, result))
-      drawings.push_back(chart::for_both_widths(p));
-    page.section(result.axis.id(), capitalised(result.axis.title) + ", " + result.axis.kind(),
-                 chart::figure(drawings, "As a file: " + result.axis.id() + ".svg"));
-  }
-  return page.html();
+// A line over the values of the axis, one beside the other.
+Json& add_line(Json& panel, const std::string& name, const std::string& colour, Look look,
+               const StabilityCurve& curve) {
+  std::vector<std::pair<double, double>> line;
+  for (std::size_t i = 0; i < curve.points.size(); ++i)
+    line.emplace_back(i, curve.points[i].mean[metric_iou]);
+  return add_series(panel, name, colour, look, line);
 }
 
-// Numbers are drawn to scale, words one beside the other. A 0 on a logarithmic scale stands a
-// decade to the left of the least other value.
-struct Positions {
-  std::vector<double> at;
-  bool log = false, zero = false;  // zero: there is such a 0
-};
-Positions positions_of(const StabilityAxis& axis) {
-  Positions out;
-  for (std::size_t i = 0; i < axis.values.size(); ++i) {
-    const std::string& label = axis.values[i].label;
-    char* end = nullptr;
-    out.at.push_back(std::strtod(label.c_str(), &end));
-    if (end == label.c_str() || *end != 0) {
-      for (std::size_t k = 0; k < axis.values.size(); ++k)
-        out.at.resize(k), out.at.push_back(static_cast<double>(k));
-      return out;
+// At each value the best of empty room, mean map and nearest training record, by IoU: those that
+// draw no body have none. Named as the best at the base.
+StabilityCurve best_baseline(const StabilityResult& result) {
+  std::vector<const StabilityCurve*> all;
+  for (const auto* curves : {&result.baselines, &result.curves})
+    for (const StabilityCurve& curve : *curves)
+      if (curves == &result.baselines || curve.name == nearest_baseline) all.push_back(&curve);
+  StabilityCurve best = *all.front();
+  for (const StabilityCurve* curve : all)
+    for (std::size_t i = 0; i < best.points.size(); ++i)
+      if (const double iou = curve->points[i].mean[metric_iou];
+          iou >= best.points[i].mean[metric_iou]) {
+        best.points[i].mean[metric_iou] = iou;
+        if (i == result.axis.base()) best.name = curve->name;
+      }
+  return best;
+}
+
+std::string told(const StabilityCurve& curve) {
+  return curve.below_at.empty() ? "holds" : "below at " + joined(curve.below_at, ", ");
+}
+
+Json panel_of(const StabilityResult& result) {
+  const StabilityAxis& axis = result.axis;
+  Json out = chart(axis.title + ", " + axis.kind(), "", "IoU"), names = Json::array();
+  for (const AxisValue& value : axis.values) names.push_back(value.label);
+  out["ticks"] = names, out["height"] = 240;
+  add_rule(out, static_cast<double>(axis.base()), "base");
+  const StabilityCurve baseline = best_baseline(result);
+  add_line(out, std::string("best baseline: ") + baseline_title(baseline.name), "grey", Look::line,
+           baseline)["shaded"] = true;
+  ModelColours colours;
+  for (const StabilityCurve& curve : result.curves) {
+    if (curve.name == baseline.name) continue;
+    Json& line = add_line(out, name_in_charts(curve.name) + ": " + told(curve),
+                          colours.of(curve.name), Look::marked, curve);
+    for (const StabilityPoint& point : curve.points) {
+      line["bars"].push_back(bar_of(point.mean[metric_iou], point.spread[metric_iou]));
+      line["crossed"].push_back(point.below);
     }
   }
-  double least = INFINITY, most = 0;
-  for (const double v : out.at)
-    if (v > 0) least = std::min(least, v), most = std::max(most, v);
-  out.log = most > 8 * least;
-  if (out.log)
-    for (double& v : out.at)
-      if (v <= 0) v = least / 10, out.zero = true;
   return out;
 }
 
-std::string capitalised(std::string text) {
-  if (!text.empty()) text[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(text[0])));
-  return text;
-}
-
-chart::Series series_of(const StabilityCurve& curve, const Positions& x, const StabilityAxis& axis,
-                        Metric metric) {
-  chart::Series line{name_in_charts(curve.name), {}};
-  for (std::size_t i = 0; i < curve.points.size(); ++i) {
-    const double mean = curve.points[i].mean[metric], spread = curve.points[i].spread[metric];
-    chart::Point point{x.at[i], mean};
-    if (spread > 0) point.low = mean - spread, point.high = mean + spread;
-    point.crossed = std::ranges::count(curve.fails_at, axis.values[i].label) > 0;
-    line.points.push_back(point);
-  }
-  std::sort(line.points.begin(), line.points.end(),
-            [](const auto& a, const auto& b) { return a.x < b.x; });
-  return line;
-}
-
-std::string meaning_of(const StabilityAxis& axis) {
-  return axis.kind() == std::string("matched") ? "trained and tested under each condition"
-                                               : "trained at the base, tested under each condition";
-}
-
-std::vector<chart::Panel> panels_of(const StabilityOptions& o, const StabilityResult& result) {
-  const Positions x = positions_of(result.axis);
-  std::vector<chart::Panel> out;
-  for (const Metric metric : {metric_iou, metric_ssim_hard}) {
-    chart::Panel panel{"",
-                       {result.axis.title, x.log},
-                       {metric == metric_iou ? "IoU" : "SSIM of the hard map", false,
-                        metric == metric_iou ? 0 : 0.5, metric == metric_iou ? chart::nan : 1},
-                       {},
-                       {{x.at[result.axis.base()], "base", true}}};
-    panel.width = 560, panel.height = 380;
-    panel.note = formatted(
-        "Means of %zu seed%s, bars: their spread; %zu records to train, %zu to "
-        "judge by. Cross: from here on the model fails, its map is no better "
-        "than no map; it may do so at the base.",
-        o.seeds, o.seeds == 1 ? " (no bars)" : "s", o.records, o.test_records);
-    if (x.zero) panel.note += " 0 stands a decade left of the least value.";
-    for (std::size_t i = 0; i < x.at.size(); ++i) {
-      const std::string& label = result.axis.values[i].label;
-      char* end = nullptr;
-      const double value = std::strtod(label.c_str(), &end);
-      panel.x.ticks.emplace_back(x.at[i], *end == 0 ? chart::short_number(value) : label);
-    }
-    std::sort(panel.x.ticks.begin(), panel.x.ticks.end());
-    for (const auto& curve : result.baselines) {
-      panel.series.push_back(series_of(curve, x, result.axis, metric));
-      panel.series.back().colour = chart::grey, panel.series.back().dashed = true;
-      panel.series.back().look = chart::Look::line;
-      for (auto& point : panel.series.back().points)
-        point.low = point.high = chart::nan, point.crossed = false;
-    }
-    ModelColours colours;
-    for (const auto& curve : result.curves) {
-      panel.series.push_back(series_of(curve, x, result.axis, metric));
-      panel.series.back().colour = colours.of(curve.name);
-    }
-    out.push_back(panel);
-  }
-  return out;
+// What the first model, by which all is sorted, does not survive.
+std::string verdict_of(const std::vector<StabilityResult>& results) {
+  std::vector<std::string> below;
+  for (const auto& [axis, curves, baselines] : results)
+    if (!curves.front().below_at.empty())
+      below.push_back(axis.title + ", " + axis.kind() + " (" +
+                      joined(curves.front().below_at, ", ") + ")");
+  const std::string name = name_in_charts(results.front().curves.front().name);
+  if (below.empty())
+    return name + " stays above the best baseline under all conditions that were tried.";
+  constexpr std::size_t most = 5;
+  const std::size_t more = below.size() > most ? below.size() - most : 0;
+  below.resize(below.size() - more);
+  return name + " falls below the best baseline with " + joined(below, "; ") +
+         (more > 0 ? formatted("; and with %zu others", more) : "") + ".";
 }
 
 }  // namespace
 
-void draw_stability(const StabilityOptions& options, const std::vector<StabilityResult>& results) {
-  write_atomically(options.out + "/stability.html", to_html(options, results));
-  for (const auto& result : results)
-    write_atomically(options.out + "/" + result.axis.id() + ".svg",
-                     chart::stand_alone(capitalised(result.axis.title) + ", " + result.axis.kind() +
-                                            ": " + meaning_of(result.axis),
-                                        panels_of(options, result), 2));
+void write_stability_page(const StabilityOptions& o, const std::vector<StabilityResult>& results) {
+  Json page =
+      new_page("What fails first", verdict_of(results),
+               formatted("%zu training records, %zu fresh ones to judge by, %zu seed%s, echofuse ",
+                         o.records, o.test_records, o.seeds, o.seeds == 1 ? "" : "s") +
+                   version() + ". Means of the seeds, bars: their spread.");
+  std::vector<Json> panels;
+  for (const StabilityResult& result : results) panels.push_back(panel_of(result));
+  Json block = charts(panels);
+  block["panels"] = true;
+  add_section(
+      page, "axes", "Where each model falls below the best baseline",
+      Json::array(
+          {paragraph("A cross: there the model's IoU is not above that of the best "
+                     "baseline that draws a body (shaded), by more than the spread over "
+                     "seeds, or it gives no map. Matched: trained and tested under the condition. "
+                     "Shifted: trained at the base condition, tested under this one. "
+                     "Sorted by what breaks the first model most."),
+           block}));
+  add_section(
+      page, "table", "All conditions",
+      Json::array(
+          {paragraph("A model fails where its map is no better than no map: its hard SSIM is "
+                     "not above the empty room's, or its IoU is not above that of empty room "
+                     "and mean map (by more than the spread over seeds), or there is no map at "
+                     "all. Of single records that it cannot read it shows the empty room. Half: "
+                     "its IoU falls below half of the base's."),
+           table_of(results)}));
+  write_atomically(o.out + "/stability.html", html_of(page));
 }
 
 std::string to_text(const std::vector<StabilityResult>& results) {

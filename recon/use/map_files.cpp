@@ -9,7 +9,6 @@
 #include "acquire/record/png.hpp"
 #include "recon/data/files.hpp"
 #include "recon/numbers/text.hpp"
-#include "recon/use/map_pictures.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -7,8 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/chart/colour_map.hpp"
-#include "recon/metrics/scene.hpp"
+#include "recon/use/map_pictures.hpp"
 #include "recon/use/npz.hpp"
 
 namespace echofuse::recon {
@@ -43,7 +42,7 @@ class MapFiles {
   std::string folder_;
   std::vector<std::string> formats_;
   const Scene& scene_;
-  chart::Span span_;
+  DepthSpan span_;
   bool calibrated_;
   std::optional<NpzFile> arrays_;
   std::vector<std::int64_t> indices_;

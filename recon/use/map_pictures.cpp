@@ -3,39 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <opencv2/imgproc.hpp>
 
 #include "acquire/record/png.hpp"
 #include "drivers/program/exit_code.hpp"
 
 namespace echofuse::recon {
-namespace {
 
-std::size_t side_of(std::span<const float> map) {
-  return static_cast<std::size_t>(std::lround(std::sqrt(static_cast<double>(map.size()))));
-}
-
-Bytes png_of(const chart::Raster& r) {
-  Bytes out = record::encode_png_rgb(r.rgb, static_cast<std::uint32_t>(r.columns),
-                                     static_cast<std::uint32_t>(r.rows));
-  if (out.empty()) throw Error(ExitCode::failed, "cannot encode a PNG picture");
-  return out;
-}
-
-chart::Raster enlarged(const chart::Raster& small, int by) {
-  const auto zoom = static_cast<std::size_t>(by);
-  chart::Raster out{small.columns * zoom, small.rows * zoom, {}};
-  out.rgb.reserve(3 * out.columns * out.rows);
-  for (std::size_t y = 0; y < out.rows; ++y)
-    for (std::size_t x = 0; x < out.columns; ++x) {
-      const auto* pixel = &small.rgb[3 * (y / zoom * small.columns + x / zoom)];
-      out.rgb.insert(out.rgb.end(), pixel, pixel + 3);
-    }
-  return out;
-}
-
-}  // namespace
-
-chart::Span span_of(const Scene& scene) {
+DepthSpan span_of(const Scene& scene) {
   const double body = double{scene.foreground_depth_m};
   const double wall = double{*std::max_element(scene.background.begin(), scene.background.end())};
   const double near = std::max(0.0, std::floor(2 * (body - 1)) / 2);
@@ -43,17 +18,29 @@ chart::Span span_of(const Scene& scene) {
   return {near, std::clamp(far, near + 1, std::max(near + 1, record::max_depth_m))};
 }
 
-Bytes depth_picture(std::span<const float> map, const chart::Span& span, int zoom) {
-  constexpr chart::Rgb line{60, 65, 72};
-  const std::size_t side = side_of(map), z = static_cast<std::size_t>(zoom);
-  chart::Raster out = enlarged(chart::depth_raster(map, side, span.near, span.far), zoom);
-  const auto there = [&](std::size_t x, std::size_t y) { return map[y / z * side + x / z] > 0; };
-  for (std::size_t y = 1; z >= 3 && y + 1 < out.rows; ++y)
-    for (std::size_t x = 1; x + 1 < out.columns; ++x)
-      if (!there(x, y) &&
-          (there(x - 1, y) || there(x + 1, y) || there(x, y - 1) || there(x, y + 1)))
-        std::copy(line.begin(), line.end(), &out.rgb[3 * (y * out.columns + x)]);
-  return png_of(out);
+Bytes depth_picture(std::span<const float> map, const DepthSpan& span, int zoom) {
+  const cv::Scalar no_return(232, 234, 237), line(60, 65, 72);
+  const int side = static_cast<int>(std::lround(std::sqrt(static_cast<double>(map.size()))));
+  cv::Mat1f depths(side, side);
+  std::copy(map.begin(), map.end(), depths.begin());
+  cv::Mat there = depths > 0, share, colours;
+  depths.convertTo(share, CV_8U, -255 / (span.far - span.near),
+                   255 * span.far / (span.far - span.near));
+  cv::applyColorMap(share, colours, cv::COLORMAP_VIRIDIS);
+  cv::cvtColor(colours, colours, cv::COLOR_BGR2RGB);
+  colours.setTo(no_return, ~there);
+  cv::resize(colours, colours, {}, zoom, zoom, cv::INTER_NEAREST);
+  if (zoom >= 3) {
+    cv::resize(there, there, {}, zoom, zoom, cv::INTER_NEAREST);
+    cv::Mat wider;
+    cv::dilate(there, wider, cv::getStructuringElement(cv::MORPH_CROSS, {3, 3}));
+    colours.setTo(line, wider & ~there);
+  }
+  const Bytes out = record::encode_png_rgb({colours.data, 3 * colours.total()},
+                                           static_cast<std::uint32_t>(colours.cols),
+                                           static_cast<std::uint32_t>(colours.rows));
+  if (out.empty()) throw Error(ExitCode::failed, "cannot encode a PNG picture");
+  return out;
 }
 
 }  // namespace echofuse::recon

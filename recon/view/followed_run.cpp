@@ -80,7 +80,7 @@ bool FollowedRun::refresh() {
 void FollowedRun::forget() {
   info_ = {};
   axes_.clear(), events_.clear(), outlines_.clear(), label_.clear();
-  sensors_ = {};
+  sensors_ = {}, verdicts_ = {};
   ++edition_;
 }
 
@@ -97,6 +97,9 @@ void FollowedRun::read() {
   info_ = info, axes_ = std::move(axes);
   events_ = run.last_events(most_events);
   for (const record::RecordOutline& o : run.outlines(last().value_or(-1) + 1)) take(o);
+  temperatures_ = run.radar_temperatures();
+  const auto frames = run.last_frames();
+  for (const Sensor s : all_sensors) sensors_[s].arrived = frames[s];
   const auto late = run.late();
   for (const Sensor s : all_sensors)
     sensors_[s].late = static_cast<std::uint64_t>(std::max<std::int64_t>(late[s], 0));
@@ -106,9 +109,13 @@ void FollowedRun::take(const record::RecordOutline& o) {
   Outline& out = outlines_.emplace_back();
   out.index = o.index, out.start = o.slot_utc, out.end = o.slot_utc + o.length, out.valid = o.valid;
   label_ = o.label;
+  bool doubt = false;
   for (const Sensor s : all_sensors) {
     SensorState& sensor = sensors_[s];
     sensor.verdict = o.sync[s].verdict;
+    const std::string kind = record::verdict_kind(sensor.verdict);
+    ++verdicts_.verdicts[s][kind];
+    doubt |= record::is_doubt(kind);
     sensor.configured = sensor.verdict != "not configured";
     sensor.valid = o.valid.contains(s);
     if (sensor.valid) sensor.last_valid = out.end;
@@ -124,6 +131,7 @@ void FollowedRun::take(const record::RecordOutline& o) {
     out.residual_s[s] =
         static_cast<float>(residual_s.value_or(std::numeric_limits<double>::quiet_NaN()));
   }
+  ++verdicts_.records, verdicts_.doubtful += doubt;
 }
 
 std::optional<std::int64_t> FollowedRun::last() const {

@@ -25,10 +25,11 @@ struct Outline {
 struct SensorState {
   std::string verdict;  // of the last record
   bool configured = false, valid = false;
-  std::optional<UtcTime> last_valid;  // the end of its last valid slot
-  double used = 0;                    // in the last record
-  std::uint64_t lost = 0, late = 0;   // of the whole run
-  std::uint64_t missing = 0;          // records of the run without it
+  std::optional<UtcTime> last_valid;    // the end of its last valid slot
+  double used = 0;                      // in the last record
+  std::optional<std::int64_t> arrived;  // frames in its slot, used or not
+  std::uint64_t lost = 0, late = 0;     // of the whole run
+  std::uint64_t missing = 0;            // records of the run without it
   std::optional<double> residual_s;
 };
 
@@ -48,8 +49,12 @@ class FollowedRun {
   const std::vector<Axis>& axes() const { return axes_; }
   const std::vector<record::Event>& events() const { return events_; }  // the last of them
   const std::vector<Outline>& outlines() const { return outlines_; }
+  // Of the radar's chip, by place, as the last record has them.
+  const std::vector<std::pair<std::string, int>>& temperatures() const { return temperatures_; }
   const std::string& label() const { return label_; }
   const PerSensor<SensorState>& sensors() const { return sensors_; }
+  // Of all records: their number, how many are doubtful, and verdicts by sensor.
+  const record::RunSummary& verdicts() const { return verdicts_; }
   std::optional<std::int64_t> last() const;  // index
   bool live() const { return info_.status == "open"; }
   std::uint64_t bytes() const { return stamp_.bytes; }  // of the file
@@ -79,6 +84,8 @@ class FollowedRun {
   std::vector<record::Event> events_;
   std::vector<Outline> outlines_;
   PerSensor<SensorState> sensors_;
+  record::RunSummary verdicts_;
+  std::vector<std::pair<std::string, int>> temperatures_;
 };
 
 // How long ago a sensor's last valid slot ended; none if it had none.

@@ -64,6 +64,14 @@ Reconstruction LiveModel::reconstruct(const record::RunReader& run, std::int64_t
   }
 }
 
+bool LiveModel::saw(const std::string& run_uuid, std::int64_t index) const {
+  const SeenRecords& seen = model_.seen;
+  for (std::size_t i = 0; i < seen.index.size(); ++i)
+    if (seen.index[i] == index && seen.runs[seen.run[i]] == run_uuid)
+      return static_cast<Part>(seen.part[i]) != Part::test;
+  return false;
+}
+
 void LiveModel::compare(Reconstruction& made, std::span<const float> camera_map_m) const {
   if (made.map_m.empty() || made.map_m.size() != camera_map_m.size()) return;
   const MapScores scores = score(made.map_m, camera_map_m, model_->scene);

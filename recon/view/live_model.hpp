@@ -26,6 +26,9 @@ class LiveModel {
  public:
   explicit LiveModel(const std::string& path);  // throws as recon::load_model
   const std::string& name() const { return name_; }
+  bool calibrated() const { return model_->uncertainty.has_value(); }
+  // Whether the training looked at this record of the run.
+  bool saw(const std::string& run_uuid, std::int64_t index) const;
   // Never throws for what a record or a run is like: that is a fault.
   Reconstruction reconstruct(const record::RunReader& run, std::int64_t index) const;
   // How well it meets what the camera sees, if that is on the same grid.

@@ -19,7 +19,7 @@ using namespace echofuse::view;
 
 struct Options {
   std::string run, model;
-  std::optional<std::int64_t> planned;
+  std::optional<std::int64_t> planned, record;
   ServerOptions server;
   bool text = false;
 };
@@ -45,7 +45,8 @@ ExitCode show(const Options& o) {
   run.refresh();
   if (!run.trouble().empty() && !o.server.until_closed)
     std::fprintf(stderr, "echofuse-view: %s\n", printable(run.trouble()).c_str());
-  std::printf("%s\n", server.address().c_str());
+  const std::string part = o.record ? "#" + std::to_string(*o.record) : "";
+  std::printf("%s%s\n", server.address().c_str(), part.c_str());
   std::fflush(stdout);
   if (o.server.until_closed) leave_terminal();
   server.run();
@@ -60,6 +61,9 @@ int run(int argc, char** argv) {
   app.add_option("RUN", o.run, "run file, or a folder: its newest run")->required();
   app.add_option("--model", o.model, "model whose reconstructions are shown");
   auto* text = app.add_flag("--text", o.text, "block characters in the terminal, no server");
+  app.add_option("--record", o.record, "index of the record that the printed address opens")
+      ->check(CLI::NonNegativeNumber)
+      ->excludes(text);
   app.add_option("--listen", o.server.listen,
                  "ADDRESS:PORT; by default 127.0.0.1:8410, or another free port. Another address "
                  "than this machine's own asks everybody for the token")

@@ -9,21 +9,26 @@
 //           little-endian, row-major
 // header["kind"] is one of
 //   run        what does not change: file, uuid, window_s, axes, the grid of the maps, who made it,
-//              the model's name, may_write
+//              the model's name, whether it states its uncertainty (calibrated), facts
+//              (settings, devices: [name, text] each), may_write
 //   state      every second, and with each record: status, records, first_index, last_index,
 //              elapsed_s, remaining_s, label, disk, events, and sensors: {NAME: {verdict, valid,
-//              age_s (since the end of its last valid slot), used, lost, late, missing (records
-//              without it), residual_s}}; with a model doubt: why the newest maps as a whole are
-//              not to be trusted, or null
+//              age_s (since the end of its last valid slot), used, arrived (frames of its slot),
+//              lost, late, missing (records without it), residual_s}}; with a model doubt: why the
+//              newest maps as a whole are not to be trusted, or null; doubts: the verdict over the
+//              whole run
 //   record     index, utc, label, live, sensors, and spd (counts), radar (dB), camera (mm), map (m,
 //              what the camera sees on the grid of the maps); with a model reconstruction (m) and
-//              deviation (m), or the reason why there is none, how far to trust it, and how well it
-//              meets what the camera sees (iou, lateral_error_m)
+//              deviation (m), or the reason why there is none, how far to trust it, whether the
+//              model was trained on this record (seen), and how well it meets what the camera sees
+//              (iou, lateral_error_m)
 //   reference  spd: mean histogram of the first minute
-//   strip      of the whole run in at most strip_columns columns: first (index), used, lost and
+//   strip      of the whole run in at most strip_columns columns: first (index), time_s, used, lost
+//   and
 //              residual_s of each sensor, and the share of its records that are valid
 //   sheet      small maps of records spread over the run: index, maps (m) of sheet_side pixels, and
-//              which of them lack a depth picture (lacks)
+//              which of them lack a depth picture (lacks); time_s of each since the first record,
+//              and columns of a waterfall: spd (clicks), radar (dB), NaN without
 //   answer     what became of a mark or a label: ok, text
 //   trouble    why there is nothing to see: text
 // From the client, text, at most 1024 bytes: one of

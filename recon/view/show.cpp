@@ -51,6 +51,23 @@ Picture thinned(const std::vector<std::uint16_t>& mm, std::size_t height, std::s
   return out;
 }
 
+// A column of the waterfall: neighbours as their highest, so that none has more than 256.
+constexpr std::size_t most_column_bins = 256;
+std::size_t column_step(std::size_t bins) {
+  return (bins + most_column_bins - 1) / most_column_bins;
+}
+std::size_t column_bins(std::size_t bins) {
+  return bins == 0 ? 0 : (bins + column_step(bins) - 1) / column_step(bins);
+}
+std::vector<float> column_of(const std::vector<float>& values) {
+  std::vector<float> out(column_bins(values.size()), -std::numeric_limits<float>::infinity());
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    float& highest = out[i / column_step(values.size())];
+    highest = std::max(highest, values[i]);
+  }
+  return out;
+}
+
 std::vector<float> map_of(const record::FusedRecord& r, const std::vector<Axis>& axes,
                           const record::MapGrid& grid) {
   const Axis *x = find(axes, "depth_x"), *y = find(axes, "depth_y");
@@ -94,8 +111,10 @@ Message Show::about_run(bool may_write) const {
            {"notes", info.notes},
            {"version", info.version},
            {"axes", axes},
+           {"facts", facts()},
            {"map", {{"size", grid.size}, {"half_tangent", grid.half_tangent}}},
            {"model", model_ ? Json(model_->name()) : Json()},
+           {"calibrated", model_ && model_->calibrated()},
            {"may_write", may_write && run_.live()}};
   return MessageWriter().finish(std::move(out));
 }
@@ -112,6 +131,7 @@ Json Show::sensors() const {
                        {"age_s", age ? number(*age) : Json()},
                        {"stale", run_.live() && is_stale(sensor, run_.info().window_s, now)},
                        {"used", sensor.used},
+                       {"arrived", sensor.arrived ? Json(*sensor.arrived) : Json()},
                        {"lost", sensor.lost},
                        {"late", sensor.late},
                        {"missing", sensor.missing},
@@ -154,6 +174,7 @@ Message Show::state() {
            {"last_index", nullptr},
            {"elapsed_s", 0},
            {"doubt", nullptr},
+           {"doubts", record::doubts_of(run_.verdicts())},
            {"remaining_s", nullptr}};
   judge_maps();
   if (!doubt_.empty()) out["doubt"] = doubt_;
@@ -207,6 +228,7 @@ Message Show::make_record(std::int64_t index, bool live) const {
     const auto given = [](const std::optional<double>& v) { return v ? number(*v) : Json(); };
     head["reconstruction"] = {{"fault", made.fault},
                               {"note", made.note},
+                              {"seen", model_->saw(run.info().uuid, index)},
                               {"half_tangent", made.grid.half_tangent},
                               {"lateral_interval_90_m", given(made.lateral_interval_90_m)},
                               {"iou", given(made.iou)},
@@ -238,11 +260,12 @@ void Show::judge_maps() {
 Message Show::strip() const {
   const auto& all = run_.outlines();
   const std::size_t step = all.size() / strip_columns + 1;
-  std::vector<double> first;
+  std::vector<double> first, time_s;
   PerSensor<std::vector<float>> used, lost, residual, valid;
   for (std::size_t begin = 0; begin < all.size(); begin += step) {
     const std::size_t end = std::min(begin + step, all.size());
     first.push_back(static_cast<double>(all[begin].index));
+    time_s.push_back(seconds(all[begin].start - all.front().start));
     for (const Sensor s : all_sensors) {
       float sum = 0, gone = 0, worst = std::numeric_limits<float>::quiet_NaN(), good = 0;
       for (std::size_t i = begin; i < end; ++i) {
@@ -256,7 +279,7 @@ Message Show::strip() const {
     }
   }
   MessageWriter out;
-  out.add("first", first);
+  out.add("first", first), out.add("time_s", time_s);
   for (const Sensor s : all_sensors) {
     const std::string name = name_of(s);
     out.add("used_" + name, used[s]);
@@ -274,7 +297,12 @@ Message Show::sheet(std::int64_t first, std::int64_t last) const {
   const std::size_t count = std::min(sheet_maps, within.size());
   MessageWriter out;
   Json indices = Json::array(), labels = Json::array(), lacks = Json::array();
-  std::vector<float> maps;
+  std::vector<float> maps, spd, radar;
+  std::vector<double> time_s;
+  const auto bins = [&](const char* sensor) {
+    const Axis* axis = find(run_.axes(), sensor);
+    return axis ? column_bins(axis->count) : 0;
+  };
   if (count > 0)
     run_.with_reader([&](const record::RunReader& run) {
       const std::vector<Axis> axes = run.axes();
@@ -285,20 +313,35 @@ Message Show::sheet(std::int64_t first, std::int64_t last) const {
         std::vector<float> map;
         std::string label;
         bool has_map = false;
+        std::vector<float> clicks, power;
+        double at_s = 0;
         run.for_each(
             [&](const record::FusedRecord& r) {
               if (r.index != index) return false;
               map = map_of(r, axes, small), label = r.label;
+              at_s = seconds(r.slot_utc - run_.outlines().front().start);
+              if (r.has(Sensor::spd)) clicks = column_of({r.spd.begin(), r.spd.end()});
+              const Axis* radar_axis = find(axes, "radar");
+              if (r.has(Sensor::radar) && radar_axis)
+                power = column_of(to_db(r.radar, *radar_axis));
               has_map = !map.empty();
               return false;
             },
-            index, [](std::int64_t, const std::string&) {}, {Sensor::depth});
+            index, [](std::int64_t, const std::string&) {},
+            {Sensor::spd, Sensor::radar, Sensor::depth});
+        clicks.resize(bins("spd"), std::nanf("")), power.resize(bins("radar"), std::nanf(""));
+        spd.insert(spd.end(), clicks.begin(), clicks.end());
+        radar.insert(radar.end(), power.begin(), power.end());
+        time_s.push_back(at_s);
         map.resize(small.pixels());
         maps.insert(maps.end(), map.begin(), map.end());
         indices.push_back(index), labels.push_back(label), lacks.push_back(!has_map);
       }
     });
   out.add<float>("maps", maps, {indices.size(), sheet_side, sheet_side});
+  out.add<float>("spd", spd, {indices.size(), bins("spd")});
+  out.add<float>("radar", radar, {indices.size(), bins("radar")});
+  out.add("time_s", time_s);
   return out.finish({{"kind", "sheet"}, {"index", indices}, {"label", labels}, {"lacks", lacks}});
 }
 

@@ -35,6 +35,7 @@ class Show {
  private:
   nlohmann::json sensors() const;
   nlohmann::json disk() const;
+  nlohmann::json facts() const;
   Message make_record(std::int64_t index, bool live) const;
   void judge_maps();
   FollowedRun& run_;

@@ -137,7 +137,7 @@ std::string text_page(const FollowedRun& run, std::optional<std::int64_t> planne
     std::string bottom = "record " + std::to_string(r.index);
     if (!r.label.empty()) bottom += ", label " + r.label;
     if (const auto free = run.free_bytes())
-      bottom += formatted(", %.1f GB free", static_cast<double>(*free) / 1e9);
+      bottom += formatted(", %.3g GB free", static_cast<double>(*free) / 1e9);
     if (!run.events().empty())
       bottom += "; " + run.events().back().source + ": " + run.events().back().text;
     out += printable(bottom, width) + "\n";

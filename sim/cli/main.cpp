@@ -18,7 +18,6 @@
 #include "sim/cli/plan_arguments.hpp"
 #include "sim/cli/study_commands.hpp"
 #include "sim/dataset/dataset.hpp"
-#include "sim/dataset/preview.hpp"
 #include "sim/lab/lab.hpp"
 #include "sim/lab/lab_command.hpp"
 #include "sim/twin/twin.hpp"
@@ -218,26 +217,6 @@ void add_lab(CLI::App& app, Command& command) {
   sub->callback([&command, a] { command = [a] { return run_lab(*a); }; });
 }
 
-void add_preview(CLI::App& app, Command& command) {
-  auto* sub = app.add_subcommand("preview", "draw a record: depth map, histogram, profile");
-  struct Arguments {
-    std::string run, out;
-    std::int64_t record = 0;
-  };
-  auto a = std::make_shared<Arguments>();
-  sub->add_option("RUN", a->run, "run file")->required();
-  sub->add_option("--record", a->record, "its index")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
-  sub->add_option("--out", a->out, "SVG file to write")->required();
-  sub->callback([&command, a] {
-    command = [a] {
-      sim::draw_record(a->run, a->record, a->out);
-      return ExitCode::ok;
-    };
-  });
-}
-
 void add_config(CLI::App& app, Command& command) {
   auto* sub = app.add_subcommand("config", "print every setting with its meaning, range and value");
   struct Arguments : PlanArguments {
@@ -272,7 +251,6 @@ ExitCode run(int argc, char** argv) {
   add_dataset(app, command);
   add_lab(app, command);
   sim::add_study(app, command);
-  add_preview(app, command);
   add_config(app, command);
   try {
     app.parse(argc, argv);

@@ -63,7 +63,7 @@ void add_one_study(CLI::App& study, Command& command, const std::string& name,
                    const std::string& what, ExitCode (*run)(StudyArguments<Options>&)) {
   auto* sub = study.add_subcommand(name, what);
   auto a = std::make_shared<StudyArguments<Options>>();
-  sub->add_option("--out", a->out, "folder for " + name + ".csv and " + name + ".svg")->required();
+  sub->add_option("--out", a->out, "folder for " + name + ".csv")->required();
   sub->add_option("--scenes", a->options.scenes)
       ->check(CLI::Range(std::int64_t{2}, std::int64_t{10'000}))
       ->capture_default_str();

@@ -5,7 +5,9 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <sstream>
 
+#include "drivers/program/atomic_write.hpp"
 #include "sim/scene/draw.hpp"
 #include "sim/scene/shapes.hpp"
 #include "sim/sensors/optics.hpp"
@@ -306,6 +308,15 @@ std::vector<Bound> study_bound(const BoundOptions& options) {
   for (const Point& p : laboratory.points())
     for (const char* known : known_names) rows.push_back(summary(p, known, found, rows.size()));
   return rows;
+}
+
+void write_bound(const std::vector<Bound>& rows, const std::string& folder) {
+  std::ostringstream csv;
+  csv << "axis,value,known,x_median_m,x_lower_m,x_upper_m,x_error_m,lateral_error_m\n";
+  for (const Bound& r : rows)
+    csv << r.axis << ',' << r.value << ',' << r.known << ',' << r.x_median_m << ',' << r.x_lower_m
+        << ',' << r.x_upper_m << ',' << r.x_error_m << ',' << r.lateral_error_m << '\n';
+  write_atomically(folder + "/bound.csv", csv.str());
 }
 
 }  // namespace echofuse::sim

@@ -51,7 +51,7 @@ struct BoundOptions {
 // conditions with other noise (pile-up, a coherent sum), and Error(interrupted).
 std::vector<Bound> study_bound(const BoundOptions& options);
 
-// It writes bound.csv and bound.svg in `folder`, which exists. Throws Error(disk).
+// It writes bound.csv in `folder`, which exists. Throws Error(disk).
 void write_bound(const std::vector<Bound>& rows, const std::string& folder);
 
 // It holds what a sensor sees of a scene, by rays that follow the body, so that derivatives do not

@@ -8,7 +8,7 @@
 #include <functional>
 #include <sstream>
 
-#include "drivers/chart/chart.hpp"
+#include "drivers/program/atomic_write.hpp"
 #include "drivers/program/program.hpp"
 #include "sim/scene/room.hpp"
 #include "sim/scene/scene.hpp"
@@ -218,55 +218,6 @@ Fidelity row_of(const std::string& axis, const Candidate& candidate,
   return {axis, candidate.value, mean, n > 1 ? std::sqrt(squares / (n - 1) / n) : 0, 0};
 }
 
-constexpr double enough = 0.1;  // share of the noise's variance
-
-chart::Panel panel_of(const std::vector<Fidelity>& rows, const std::string& axis,
-                      const std::string& title, const std::string& x, const std::string& noise) {
-  chart::Panel panel{title, {x, true}, {"error / " + noise + " variance", true}, {{"", {}}}};
-  panel.rules = {{enough, "a tenth"}};
-  panel.width = 500, panel.height = 330, panel.note = "Bars: standard error over scenes.";
-  for (const Fidelity& r : rows)
-    if (r.axis == axis)
-      panel.series[0].points.push_back({r.us > 0 ? r.us : std::stod(r.value), r.error,
-                                        r.error - r.standard_error, r.error + r.standard_error,
-                                        r.us > 0 ? r.value : ""});
-  return panel;
-}
-
-// It has a row for each, with those that matter most on top.
-chart::Panel ranked_panel(const std::string& title, std::vector<Fidelity> shown) {
-  chart::Panel panel{
-      title, {"error / noise variance", true}, {""}, {{"", {}, 0, chart::Look::markers}}};
-  std::erase_if(shown, [](const Fidelity& r) { return r.error < 1e-3; });
-  std::sort(shown.begin(), shown.end(),
-            [](const auto& a, const auto& b) { return a.error < b.error; });
-  for (const Fidelity& r : shown) {
-    const auto y = static_cast<double>(panel.y.ticks.size());
-    panel.y.ticks.emplace_back(y, r.value);
-    panel.series[0].points.push_back({r.error, y});
-  }
-  panel.rules = {{enough, "a tenth", true}};
-  panel.width = 500;
-  return panel;
-}
-
-chart::Panel parts_panel(std::vector<Fidelity> rows) {
-  std::erase_if(rows, [](const Fidelity& r) { return r.axis != "part"; });
-  return ranked_panel("Parts of the body, left out", std::move(rows));
-}
-
-// It shows what the order leaves out.
-chart::Panel multipath_panel(const std::vector<Fidelity>& rows) {
-  std::vector<Fidelity> shown;
-  for (Fidelity r : rows)
-    if ((r.axis.starts_with("light-") || r.axis.starts_with("radar-")) && r.value.size() == 1) {
-      const auto dash = r.axis.find('-');
-      r.value = r.axis.substr(0, dash) + ", " + r.axis.substr(dash + 1) + ": " + r.value;
-      shown.push_back(std::move(r));
-    }
-  return ranked_panel("Reflections by walls, up to order", std::move(shown));
-}
-
 }  // namespace
 
 std::vector<Fidelity> study_fidelity(const FidelityOptions& options) {
@@ -293,16 +244,7 @@ void write_fidelity(const std::vector<Fidelity>& rows, const std::string& folder
   for (const Fidelity& r : rows)
     csv << r.axis << ',' << r.value << ',' << r.error << ',' << r.standard_error << ',' << r.us
         << ',' << (r.us > 0 ? machine_name() : "") << '\n';
-  const std::string time = "processor time of one scene (\u00b5s)";
-  chart::write_chart(
-      folder, "fidelity", csv.str(),
-      chart::stand_alone(
-          "Approximations: their cost, and their error",
-          {panel_of(rows, "rays", "Rays of the detector", time, "shot-noise"),
-           panel_of(rows, "radar_rays", "Rays of the radar", time, "noise"),
-           panel_of(rows, "bin_ps", "Structure finer than the bin", "bin width (ps)", "shot-noise"),
-           parts_panel(rows), multipath_panel(rows)},
-          2));
+  write_atomically(folder + "/fidelity.csv", csv.str());
 }
 
 }  // namespace echofuse::sim

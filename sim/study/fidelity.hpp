@@ -41,7 +41,7 @@ struct FidelityOptions {
 //   radar-ROOM  up to this order, against 2
 std::vector<Fidelity> study_fidelity(const FidelityOptions& options);
 
-// It writes fidelity.csv and fidelity.svg in `folder`. Throws Error(disk).
+// It writes fidelity.csv in `folder`. Throws Error(disk).
 void write_fidelity(const std::vector<Fidelity>& rows, const std::string& folder);
 
 }  // namespace echofuse::sim

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/recon/report_page.py BIN_DIR: a report in Chromium: nothing overflows or lies over something else, nothing is
+"""tests/recon/report_page.py BIN_DIR: a report and the pages of studies in Chromium: nothing overflows or lies over something else, nothing is
 asked of others, all is drawn, light and dark, wide and narrow; maps and charts answer the pointer; paper. Exit code 77
 without Chromium."""
 import pathlib
@@ -33,13 +33,16 @@ SCROLLED = """return [...document.querySelectorAll('.scroll')].filter(s => s.scr
   getComputedStyle(s.querySelector('tbody th')).position == 'sticky' && getComputedStyle(s).backgroundImage.includes('gradient')))
   .map(s => s.textContent.slice(0, 60))"""
 # Texts that lie over each other.
-OVERLAPS = """const all = [...document.querySelectorAll('h1, h2, h3, p:not(.readout), figcaption, .u-legend th, .u-legend td, summary, li, button')]
+OVERLAPS = """const all = [...document.querySelectorAll('h1, h2, h3, p:not(.readout), figcaption, .named, .u-legend th, .u-legend td, summary, li, button')]
   .filter(e => e.textContent && e.checkVisibility()).map(e => [e, e.getBoundingClientRect()]), out = [];
 for (let i = 0; i < all.length; ++i) for (let j = i + 1; j < all.length; ++j) {
   const [[a, p], [b, q]] = [all[i], all[j]];
   if (!a.contains(b) && !b.contains(a) && Math.min(p.right, q.right) - Math.max(p.left, q.left) > 1 && Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top) > 1)
     out.push(a.textContent.slice(0, 30) + ' | ' + b.textContent.slice(0, 30)); }
 return out"""
+NAMES_OUT = """return [...document.querySelectorAll('.named')].filter(n => {
+  const a = n.getBoundingClientRect(), b = n.parentElement.getBoundingClientRect();
+  return a.left < b.left - 1 || a.right > b.right + 1 || a.top < b.top - 1 || a.bottom > b.bottom + 1; }).map(n => n.textContent)"""
 # Canvases that show nothing: fewer than so many colours.
 EMPTY = """return [...document.querySelectorAll('main canvas:not(#cloud)')].filter(c => c.checkVisibility() && c.width).filter(c => {
   const p = c.getContext('2d').getImageData(0, 0, c.width, c.height).data, seen = new Set();
@@ -52,6 +55,28 @@ const p = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
 gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.UNSIGNED_BYTE, p);
 return p.filter((v, i) => i % 4 == 3 && v > 0).length"""
 
+
+def look(browser, page):
+    """Whether all fits, light and dark, wide and narrow."""
+    for width in (1280, 390):
+        for scheme in ("light", "dark"):
+            chromium.resize(browser, width, 900)
+            browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {
+                "features": [{"name": "prefers-color-scheme", "value": scheme}]})
+            name = f"{page}, {width} px, {scheme}"
+            for what, script in (("out of the page", OUTSIDE), ("one over the other", OVERLAPS), ("empty", EMPTY),
+                                 ("tables cut without a sign", SCROLLED), ("names out of their chart", NAMES_OUT)):
+                found = browser.execute_script(script)
+                check(f"{name}: {what}: {found[:3]}", not found)
+            check(f"{name}: it is wider than the window",
+                  browser.execute_script("return document.documentElement.scrollWidth") <= width)
+            asked = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name)"
+                                           ".filter(n => !n.startsWith('data:'))")
+            check(f"{name}: asks for {asked}", not asked)
+            paper = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
+            check(f"{name}: {paper}", (max(map(int, paper[4:-1].split(","))) < 60) == (scheme == "dark"))
+
+
 with tempfile.TemporaryDirectory() as folder:
     folder = pathlib.Path(folder)
     run("echofuse-sim", "dataset", "-q", "--out", folder / "run.sqlite", "--records", 240)
@@ -60,27 +85,16 @@ with tempfile.TemporaryDirectory() as folder:
             folder / f"{inputs}.h5")
     run("echofuse-recon", "report", folder / "page", "--run", folder / "run.sqlite", "--fused", folder / "fused.h5",
         "--spd", folder / "spd.h5", "--live", folder / "run.sqlite")
+    run("echofuse-sim", "dataset", "-q", "--out", folder / "test.sqlite", "--records", 30, "--seed", 7)
+    run("echofuse-recon", "study", "pareto", "-q", folder / "run.sqlite", folder / "test.sqlite", "--out", folder / "pareto", "--seeds", 2,
+        "--models", "mean,nearest,nearest-4,nearest-16,silhouette,factorised-4", "--sweep-models", "silhouette", "--bound", ".014,.01")
+    run("echofuse-recon", "study", "stability", "-q", "--quick", "--out", folder / "stability", "--seeds", 2, "--records", 120,
+        "--test-records", 24, "--models", "silhouette,nearest,nearest:spd", "--axes", "matched-side,shifted-radar_offset,shifted-scenes")
     browser = chromium.start()
     try:
         browser.set_page_load_timeout(90)
         browser.get((folder / "page/report.html").as_uri())
-        for width in (1280, 390):
-            for scheme in ("light", "dark"):
-                chromium.resize(browser, width, 900)
-                browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {
-                    "features": [{"name": "prefers-color-scheme", "value": scheme}]})
-                name = f"{width} px, {scheme}"
-                for what, script in (("out of the page", OUTSIDE), ("one over the other", OVERLAPS), ("empty", EMPTY),
-                                     ("tables cut without a sign", SCROLLED)):
-                    found = browser.execute_script(script)
-                    check(f"{name}: {what}: {found[:3]}", not found)
-                check(f"{name}: it is wider than the window",
-                      browser.execute_script("return document.documentElement.scrollWidth") <= width)
-                asked = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name)"
-                                               ".filter(n => !n.startsWith('data:'))")
-                check(f"{name}: asks for {asked}", not asked)
-                paper = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
-                check(f"{name}: {paper}", (max(map(int, paper[4:-1].split(","))) < 60) == (scheme == "dark"))
+        look(browser, "report")
         check("no points in space", browser.execute_script(DRAWN) != 0)
         chromium.resize(browser, 1280, 900)
         headings = browser.execute_script("return [...document.querySelectorAll('h2')].map(h => h.id)")
@@ -116,6 +130,12 @@ with tempfile.TemporaryDirectory() as folder:
         browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})
         size = (folder / "page/report.html").stat().st_size
         check(f"{size} bytes", size < 3e6)
+        for study in ("pareto", "stability"):
+            browser.get((folder / f"{study}/{study}.html").as_uri())
+            look(browser, study)
+        browser.get((folder / "pareto/pareto.html").as_uri())
+        shown = browser.execute_script("return [...document.querySelectorAll('.named')].map(n => n.textContent)")
+        check(f"the front names {shown}", sorted(shown) == sorted(2 * ["nearest", "nearest-4", "nearest-16", "silhouette", "factorised-4"]))
         check("the browser complains", not [m for m in browser.get_log("browser") if m["level"] == "SEVERE"])
     finally:
         browser.quit()

@@ -332,13 +332,6 @@ class HostileRuns(unittest.TestCase):
         for line in lines:
             self.assertIsNone(re.search(r"(^|[,;])[=+@]", line), line)
 
-    def test_picture_runs_no_command(self):
-        run = self.make("UPDATE record SET label = 'a' || char(10) || '!touch owned' || char(10) || 'system(\"touch owned\")';"
-                        "UPDATE axis SET quantity = char(10) || '!touch owned' || char(10) WHERE name = 'radar'")
-        code, _, said = self.command("sim", "preview", run, "--record", 3, "--out", self.dir / "x.svg")
-        self.assertEqual(code, 0, said)
-        self.assertFalse((self.dir / "owned").exists())
-
     def test_hello(self):
         sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "scripts/bridges"))
         import bridge

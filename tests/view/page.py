@@ -11,6 +11,7 @@ import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import chromium
+from selenium.webdriver.common.action_chains import ActionChains
 
 import live_view
 from live import WINDOW_S, bin_dir, wait_for
@@ -159,8 +160,8 @@ class Page(live_view.LiveView):
 
     def looks(self):
         """What the keys do to the histogram, the points and the type."""
-        peaks = (("histogram-readout", r"peak \d+\.\d\d m, [\d.]+[kM]? clicks"),
-                 ("profile-readout", r"peak \d+\.\d\d m, [\d.]+ dB"))
+        peaks = (("histogram-readout", r"peak \d+\.\d\d m, [\d.]+[kM]? clicks(, FWHM [\d.]+ cm)?"),
+                 ("profile-readout", r"peak \d+\.\d\d m, [\d.]+ dB(, FWHM [\d.]+ cm)?"))
 
         def hold():  # so that nothing but the keys changes what is seen
             self.key(" ")
@@ -175,6 +176,19 @@ class Page(live_view.LiveView):
                 self.key(key)
                 self.assertEqual(self.js("return document.getElementById(arguments[0]).getAttribute('aria-pressed')", button),
                                  pressed)
+        # A drag shows a part of both charts, two clicks measure, a double click shows all.
+        over = self.browser.find_element("css selector", "#histogram .u-over")
+        ends = "return [...document.querySelectorAll('#card-histogram .u-over, #card-profile .u-over')].length"
+        self.assertEqual(self.js(ends), 2)
+        shown = "return document.querySelector('#profile canvas').toDataURL()"
+        whole = self.js(shown)
+        ActionChains(self.browser).move_to_element_with_offset(over, -60, 0).click_and_hold().move_by_offset(120, 0).release().perform()
+        self.assertNotEqual(self.js(shown), whole)
+        for at in (-50, 50):
+            ActionChains(self.browser).move_to_element_with_offset(over, at, 0).click().pause(0.6).perform()
+        self.assertRegex(self.text("histogram-readout"), r"^A to B [\d.]+ cm; peak ")
+        ActionChains(self.browser).double_click(over).move_to_element_with_offset(over, 0, 400).perform()
+        self.assertNotIn("A to B", self.text("histogram-readout"))
         picture = "return document.getElementById('cloud').toDataURL()"
         for key in "ArrowLeft", "+":
             before = self.js(picture)

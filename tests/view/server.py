@@ -247,6 +247,10 @@ class Server(unittest.TestCase):
         text = body.decode()
         self.assertIn("version=0.0.4", answer.getheader("Content-Type"))
         self.assertIn(f"\nechofuse_records_total {RECORDS}\n", text)
+        self.assertIn("\nechofuse_doubtful_total 0\n", text)
+        for sensor in ("spd", "radar", "depth"):
+            self.assertIn(f'\nechofuse_verdict_total{{sensor="{sensor}",verdict="ok"}} {RECORDS}\n', text)
+            self.assertRegex(text, rf'\nechofuse_sensor_rate_hz{{sensor="{sensor}"}} [\d.e+]+\n')
         for sensor in ("spd", "radar", "depth"):
             for reason in ("lost", "late"):
                 self.assertIn(f'\nechofuse_lost_total{{sensor="{sensor}",reason="{reason}"}} 0\n', text)

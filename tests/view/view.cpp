@@ -98,3 +98,14 @@ TEST_CASE("a sensor is stale two slots after its last valid one") {
   sensor.last_valid = now + std::chrono::seconds(1);  // a clock that was set back
   CHECK(age_s(sensor, now) == 0);
 }
+
+TEST_CASE("the verdict over a run names its doubts, the most frequent of a sensor first") {
+  record::RunSummary sum;
+  CHECK(record::doubts_of(sum).empty());
+  sum.records = 75, sum.doubtful = 28;
+  sum.verdicts[Sensor::spd] = {{"ok", 75}};
+  sum.verdicts[Sensor::radar] = {{"missing", 10}, {"ok", 54}, {"weak", 11}};
+  sum.verdicts[Sensor::depth] = {{"frozen", 7}, {"not configured", 68}};
+  CHECK(record::doubts_of(sum) == "28 of 75 doubtful: radar weak 11, missing 10; camera frozen 7");
+  CHECK(record::verdict_kind("weak: 3 clicks") == "weak");
+}

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: MIT
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/printable.hpp"
+#include "recon/numbers/text.hpp"
+#include "recon/view/show.hpp"
+
+namespace echofuse::view {
+
+// How the run was made: [name, text] each.
+nlohmann::json Show::facts() const {
+  const record::RunInfo& info = run_.info();
+  nlohmann::json out = nlohmann::json::array();
+  const auto add = [&](const std::string& name, const std::string& text) {
+    if (!text.empty()) out.push_back({printable(name), printable(text, 300)});
+  };
+  add("started", info.started_utc), add("ended", info.ended_utc);
+  add("recorded by", "echofuse " + info.version);
+  add("notes", info.notes);
+  for (const auto& [key, value] : info.meta) add(key, value);
+  try {
+    run_.with_reader([&](const record::RunReader& run) {
+      for (const DeviceInfo& d : run.devices())
+        add(name_of(d.sensor), d.model + " " + d.serial + " " + d.firmware + " at " + d.address);
+      for (const auto& c : run.calibrations())
+        add(name_of(c.sensor) + std::string(", calibrated"),
+            recon::formatted("%+.4f m, %.10s", c.offset_m, c.date_utc.c_str()));
+    });
+  } catch (const Error&) {  // it is said elsewhere
+  }
+  std::istringstream lines(info.config_resolved);
+  std::string table;
+  for (std::string line; std::getline(lines, line);)
+    if (line.starts_with("[") && line.ends_with("]"))
+      table = line.substr(1, line.size() - 2) + ".";
+    else if (const auto equals = line.find(" = "); equals != std::string::npos && line[0] != '#')
+      add(table + line.substr(0, equals), line.substr(equals + 3));
+  return out;
+}
+
+}  // namespace echofuse::view

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: MIT
+"""echofuse.plot on simulated runs and on tables of studies. ECHOFUSE_BIN is the folder of the programs."""
+import os
+import pathlib
+import subprocess
+
+import pytest
+
+pytest.importorskip("matplotlib")
+import echofuse
+from echofuse import plot
+
+BIN = pathlib.Path(os.environ["ECHOFUSE_BIN"])
+
+
+def program(name, *words):
+    subprocess.run([BIN / name, *map(str, words)], check=True, stdout=subprocess.DEVNULL)
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("plots")
+    for seed, (name, number) in enumerate({"train": 120, "test": 20}.items()):
+        program("echofuse-sim", "dataset", "-q", "--out", made / f"{name}.sqlite", "--records", number, "--seed", seed)
+    program("echofuse-sim", "dataset", "-q", "--out", made / "wide.sqlite", "--records", 1, "--set", "radar_antennas=8")
+    program("echofuse-recon", "train", "-q", made / "train.sqlite", "--model", "mlp-8", "--epochs", 3, "--out", made / "mlp.safetensors")
+    return made
+
+
+def written(figure, path):
+    figure.savefig(path)
+    return path.read_bytes()
+
+
+@pytest.mark.parametrize("run, panels", [("test", 4), ("wide", 6)])
+def test_a_record(folder, run, panels):
+    figure = plot.record(folder / f"{run}.sqlite", 0)
+    assert len(figure.axes) == panels  # with the colour bars
+    assert written(figure, folder / f"{run}.pdf").startswith(b"%PDF")
+    with pytest.raises(KeyError, match="no record 99"):
+        plot.record(folder / f"{run}.sqlite", 99)
+
+
+def test_run_map_and_learning_curve(folder):
+    assert b"<svg" in written(plot.timeline(folder / "test.sqlite"), folder / "run.svg")
+    maps = echofuse.load_model(folder / "mlp.safetensors").predict(folder / "test.sqlite")
+    plot.map(maps.depth_m[0], title="a map").savefig(folder / "map.svg")
+    assert len(plot.learning_curve(folder / "mlp.safetensors").axes[0].lines) == 2
+
+
+def boxes_overlap(figure):
+    named = [text.get_window_extent() for ax in figure.axes[:1] for text in ax.texts if text.get_text()]
+    return any(a.overlaps(b) for i, a in enumerate(named) for b in named[:i])
+
+
+def test_pareto_names_all_models_without_overlap(folder):
+    head = "# study pareto\naxis,value,model,inputs,machine,seed,iou,lateral_m,multiply_adds,infer_us_median\n"
+    rows = [f"model,1,factorised-{k},fused,m,{s},{0.58 + 0.001 * k + 0.01 * s},{0.03 + 0.001 * k},{40000 + 900 * k},{8 + 0.1 * k}\n"
+            for k in range(8) for s in (1, 2)]
+    rows += [f"records,0.5,factorised-1,fused,m,{s},0.4,0.05,40000,8\n" for s in (1, 2)]
+    (folder / "pareto.csv").write_text(head + "".join(rows))
+    figure = plot.pareto(folder / "pareto.csv", bound_m=0.014)
+    assert len(figure.axes) == 3
+    assert {f"factorised-{k}" for k in range(8)} <= {text.get_text() for text in figure.axes[0].texts}
+    assert not boxes_overlap(figure)
+
+
+def test_stability_crosses_what_is_below_the_best_baseline(folder):
+    head = "# study stability\naxis,value,model,inputs,machine,seed,iou\n"
+    scores = {"base": (0.6, 0.2), "0.1": (0.5, 0.2), "0.2": (0.1, 0.2)}
+    rows = [f"{'base' if value == 'base' else 'shifted-x'},{value},{model},{inputs},-,{seed},{iou}\n" for value, both in scores.items()
+            for (model, inputs), iou in zip((("factorised", "fused"), ("nearest", "fused")), both) for seed in (1, 2)]
+    (folder / "stability.csv").write_text(head + "".join(rows))
+    ax = plot.stability(folder / "stability.csv", "shifted-x", base="0").axes[0]
+    assert [label.get_text() for label in ax.get_xticklabels()] == ["0", "0.1", "0.2"]
+    crosses = [line for line in ax.lines if line.get_marker() == "x"]
+    assert len(crosses) == 1 and crosses[0].get_xdata().tolist() == [2]
