@@ -7,7 +7,6 @@
 
 #include "drivers/core/console.hpp"
 #include "recon/metrics/metrics.hpp"
-#include "recon/trust/predictors.hpp"
 
 namespace echofuse::recon {
 namespace {

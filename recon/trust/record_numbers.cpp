@@ -7,7 +7,6 @@
 #include <numeric>
 
 #include "recon/numbers/statistics.hpp"
-#include "recon/trust/predictors.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -79,6 +78,17 @@ void add_of_radar(std::span<const float> body, std::span<const float> power,
 
 }  // namespace
 
+float peak_to_noise(std::span<const float> power) {
+  std::vector<float> sorted(power.begin(), power.end());
+  std::sort(sorted.begin(), sorted.end());
+  const std::size_t half = sorted.size() / 2;
+  double mean = 0, square = 0;
+  for (std::size_t i = 0; i <= half; ++i) mean += double{sorted[i]} / double(half + 1);
+  for (std::size_t i = 0; i <= half; ++i)
+    square += std::pow(double{sorted[i]} - mean, 2) / double(half + 1);
+  return static_cast<float>((double{sorted.back()} - mean) / std::max(std::sqrt(square), 1e-12));
+}
+
 const std::array<RecordNumber, power_variations> power_variation_numbers = {
     {{"radar power from frame to frame", Kind::ratio, 0.08},
      {"radar power from carrier to carrier", Kind::ratio, 0.08},
@@ -94,10 +104,6 @@ std::array<double, power_variations> log_power_variations(
   for (std::size_t k = 0; k < out.size(); ++k)
     if (values[k]) out[k] = std::log(*values[k] + of_noise[k]);
   return out;
-}
-
-double power_variation(double log, std::size_t which) {
-  return std::max(std::exp(log) - of_noise[which], 0.0);
 }
 
 std::vector<RecordNumber> record_numbers(Inputs inputs) {

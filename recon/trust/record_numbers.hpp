@@ -28,12 +28,14 @@ std::vector<RecordNumber> record_numbers(Inputs inputs);
 Matrix record_numbers_of(const Alignment& alignment, const Dataset& data, const Matrix& views,
                          const Rows& rows, Inputs inputs);
 
+// Returns a profile's peak over the scatter of its weaker half.
+float peak_to_noise(std::span<const float> power);
+
 // These numbers say how the radar's power varies within a record, as logarithms
 // (acquire/record/speckle.hpp): from frame to frame, from carrier to carrier, within 150 ms. NaN
 // means not known, as in older runs.
 inline constexpr std::size_t power_variations = 3;
 std::array<double, power_variations> log_power_variations(const std::optional<record::Speckle>&);
-double power_variation(double log, std::size_t which);  // its inverse
 extern const std::array<RecordNumber, power_variations> power_variation_numbers;
 
 }  // namespace echofuse::recon

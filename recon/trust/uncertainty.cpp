@@ -6,9 +6,11 @@
 #include <cmath>
 #include <limits>
 
+#include "recon/metrics/metrics.hpp"
 #include "recon/numbers/linear_fit.hpp"
+#include "recon/numbers/parallel.hpp"
 #include "recon/numbers/statistics.hpp"
-#include "recon/trust/predictors.hpp"
+#include "recon/trust/record_numbers.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -17,7 +19,30 @@ constexpr double smallest_error_m = 3e-3;  // smaller errors count the same
 constexpr double penalty = 1e-3;
 constexpr std::size_t folds = 5;
 
+// Returns the clicks above the background, in standard deviations of all clicks.
+float significance(std::span<const float> counts) {
+  std::vector<float> sorted(counts.begin(), counts.end());
+  const float level = quantile(sorted, 0.5);
+  double above = 0, all = 0;
+  for (const float v : counts) above += double{v - level}, all += double{v};
+  return static_cast<float>(std::max(above, 0.0) / std::sqrt(all + 1));
+}
+
+std::size_t predictor_count(Inputs inputs) { return both_sensors(inputs) ? 3 : 2; }
+
 }  // namespace
+
+Matrix predictors_of(const Matrix& maps, const Scene& scene, const Dataset& data, const Rows& rows,
+                     Inputs inputs) {
+  Matrix out(rows.size(), predictor_count(inputs));
+  for_each_part(rows.size(), [&](std::size_t i) {
+    const auto row = out.row(i);
+    row.front() = static_cast<float>(std::abs(foreground_tangent(maps.row(i), scene)));
+    if (inputs != Inputs::radar) row[1] = std::log(significance(data.spd.row(rows[i])) + 1);
+    if (inputs != Inputs::spd) row.back() = std::log(peak_to_noise(data.radar.row(rows[i])));
+  });
+  return out;
+}
 
 std::vector<float> LateralError::terms_of(std::span<const float> predictors) const {
   std::vector<float> out(predictors.size());
