@@ -40,16 +40,6 @@ constexpr std::array unusual{"unusual histogram",
                              "unusual radar profile",
                              "unusual variation of the radar's power"};
 
-// Returns the rows that show a body, in order, or all of the rows if those are too few; `with_body`
-// is sorted.
-Rows with_bodies(Rows rows, const Rows& with_body) {
-  std::sort(rows.begin(), rows.end());
-  Rows out;
-  std::set_intersection(rows.begin(), rows.end(), with_body.begin(), with_body.end(),
-                        std::back_inserter(out));
-  return out.size() >= OutOfDistributionDetector::least_records / 2 ? out : rows;
-}
-
 }  // namespace
 
 void OutOfDistributionDetector::use(const Features& sensors, const Alignment& alignment) {
@@ -81,14 +71,23 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   Matrix all(0, first_[groups]);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     all.add_row(describe(views.row(rows[i]), data, rows[i]));
-    if (shows_body(all.row(i))) with_body.push_back(i);
     most_clicks_per_start_ = std::max(most_clicks_per_start_, data.clicks_a_pulse[rows[i]]);
+    if (!shows_body(all.row(i))) continue;
+    const auto range_m = double{all.row(i)[first_[range]]};  // without a detector it means nothing
+    nearest_m_ = with_body.empty() ? range_m : std::min(nearest_m_, range_m);
+    farthest_m_ = with_body.empty() ? range_m : std::max(farthest_m_, range_m);
+    with_body.push_back(i);
   }
+  const double reserve_m = range_reserve * (farthest_m_ - nearest_m_);
+  nearest_m_ -= reserve_m, farthest_m_ += reserve_m;
   share_with_body_ = static_cast<double>(with_body.size()) / static_cast<double>(rows.size());
   // Records whose label says two people do not show what is usual for one.
   const auto shows_two = [&](std::size_t i) { return data.label[rows[i]] == two_people_label; };
-  const auto learn = [&](const Rows& part) {
-    Rows usual = with_bodies(part, with_body);
+  const auto learn = [&](Rows part) {
+    std::sort(part.begin(), part.end());
+    Rows usual;
+    std::ranges::set_intersection(part, with_body, std::back_inserter(usual));
+    if (usual.size() < least_records / 2) usual = part;
     learn_components(take_rows(all, usual), seed);
     std::erase_if(usual, shows_two);
     for (std::size_t& i : usual) i = rows[i];
@@ -112,14 +111,6 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   }
   if (few) learn(order);
   set_limits(held, held_two);
-  if (sensors.spd_count() == 0 || with_body.empty()) return;
-  nearest_m_ = 1e9;
-  for (const std::size_t i : with_body) {
-    nearest_m_ = std::min(nearest_m_, double{all.row(i)[first_[range]]});
-    farthest_m_ = std::max(farthest_m_, double{all.row(i)[first_[range]]});
-  }
-  const double reserve_m = range_reserve * (farthest_m_ - nearest_m_);
-  nearest_m_ -= reserve_m, farthest_m_ += reserve_m;
 }
 
 void OutOfDistributionDetector::learn_usual_power(const Dataset& data, const Rows& rows) {
@@ -157,7 +148,8 @@ void OutOfDistributionDetector::learn_components(const Matrix& descriptions, std
   for (std::size_t g = 0; g < groups; ++g) {
     double sum = 0;
     for (std::size_t c = first_[g]; c < first_[g + 1]; ++c) {
-      const double floor = g == power ? power_variation_numbers[c - first_[g]].floor : 0;
+      const double floor =
+          g == power ? record_numbers[first_power_variation + c - first_[g]].floor : 0;
       sum += std::max(variance[c], floor * floor);
     }
     scale_.resize(first_[g + 1], sum > 0 ? static_cast<float>(1 / std::sqrt(sum)) : 0.f);

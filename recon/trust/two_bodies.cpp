@@ -30,54 +30,51 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
                             const Dataset& data, const Rows& rows, const Scene& scene,
                             std::uint64_t seed) {
   Classifier out;
-  // One row is a record with a body: its observation, its view without the correlation, its radar.
+  // One row is a record of a body whose place the map tells: its observation, its view without the
+  // correlation, its radar.
   Matrix observations(0, sensors.count()), views(0, alignment.size()),
       radar(0, sensors.radar_count());
-  Rows placed;  // those of which the map tells the place
   std::vector<Place> places;
   const Matrix all = observe(data, rows, sensors);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     std::vector<float> view(alignment.size());
     align(all.row(i), alignment, view);
-    if (!shows_body(view)) continue;
-    if (const auto place = place_of(data.depth.row(rows[i]), scene.background, scene.grid))
-      placed.push_back(views.rows), places.push_back(*place);
-    observations.add_row(all.row(i)), views.add_row(view);
+    const auto place = place_of(data.depth.row(rows[i]), scene.background, scene.grid);
+    if (!shows_body(view) || !place) continue;
+    observations.add_row(all.row(i)), views.add_row(view), places.push_back(*place);
     radar.add_row(all.row(i).subspan(sensors.spd_count(), radar.cols));
   }
-  if (views.rows < 2) return out;
-  if (placed.size() < 2) placed.clear();
+  const Rows bodies = all_rows(views.rows);
+  if (bodies.size() < 2) return out;
   const Matrix no_lags;
   std::optional<TurnedBodies> turned;
-  if (alignment.profile_points() > 0 && alignment.array_features() == 0 && !placed.empty()) {
-    turned.emplace(alignment, views, radar, no_lags, placed, places);
+  if (alignment.profile_points() > 0 && alignment.array_features() == 0) {
+    turned.emplace(alignment, views, radar, no_lags, bodies, places);
     if (!turned->turns()) turned.reset();
   }
 
   struct Body {
     std::size_t k, as;  // which one, and the one whose azimuth it takes
   };
-  const Rows bodies = placed.empty() ? all_rows(views.rows) : placed;
   const auto any = [&](Rng& rng) {
     return std::uniform_int_distribution<std::size_t>(0, bodies.size() - 1)(rng);
   };
   const auto side_m = [&](const Body& body) {
     const auto tangent = double{places[body.as].tangent};
-    return double{views.row(bodies[body.k]).back()} * tangent / std::hypot(1.0, tangent);
+    return double{views.row(body.k).back()} * tangent / std::hypot(1.0, tangent);
   };
   // A sum of bodies holds the background once, as a record does.
   const std::vector<float> background = alignment.background();
   const auto add_up = [&](std::span<const Body> some, std::span<float> view) {
-    const auto first = observations.row(bodies[some[0].k]);
+    const auto first = observations.row(some[0].k);
     std::vector<float> sum(first.begin(), first.end());
     for (const Body& body : some.subspan(1))
       for (std::size_t c = 0; c < sum.size(); ++c)
-        sum[c] = sum[c] + observations.row(bodies[body.k])[c] - background[c];
+        sum[c] = sum[c] + observations.row(body.k)[c] - background[c];
     align(sum, alignment, view);
     if (!turned || !shows_body(view)) return;
     std::vector<Alignment::MovedProfile> moved;
-    for (const auto& [k, as] : some)
-      moved.push_back({radar.row(bodies[k]), turned->farther_m(k, as)});
+    for (const auto& [k, as] : some) moved.push_back({radar.row(k), turned->farther_m(k, as)});
     alignment.add_profiles(moved, view);
   };
   const auto views_of = [&](const std::vector<std::vector<Body>>& records) {
@@ -94,8 +91,7 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
       const std::size_t a = any(pair_rng), b = any(pair_rng);
       const std::size_t as_a = turned ? any(pair_rng) : a, as_b = turned ? any(pair_rng) : b;
       pair = {{a, as_a}, {b, as_b}};
-    } while (!placed.empty() && std::abs(side_m(pair[0]) - side_m(pair[1])) < least_apart_m &&
-             ++tries < most_tries);
+    } while (std::abs(side_m(pair[0]) - side_m(pair[1])) < least_apart_m && ++tries < most_tries);
   }
   if (turned) singles.resize(std::min(most_turned, turned_a_record * views.rows));
   for (auto& single : singles) {
