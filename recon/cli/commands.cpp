@@ -11,7 +11,6 @@
 
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
-#include "recon/cli/options.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/page/report.hpp"

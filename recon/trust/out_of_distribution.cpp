@@ -13,7 +13,6 @@
 #include "recon/numbers/statistics.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/trust/record_numbers.hpp"
-#include "recon/trust/two_bodies.hpp"
 
 namespace echofuse::recon {
 namespace {

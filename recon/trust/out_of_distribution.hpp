@@ -7,7 +7,7 @@
 //   distance    from the training records in their principal components: T^2 along the components,
 //               Q of each group of values off them (Jackson and Mudholkar, Technometrics 21, 341,
 //               1979), the greatest one
-//   two bodies  two_bodies.hpp; it needs a detector
+//   two bodies  learn_two_bodies(); it needs a detector
 // Each is given as a share of its limit, so that a number above 1 is unusual. The limits are such
 // that about one of 140 records like the training ones is above one of them. Beside these there are
 // checks with a name: no body, a body farther or nearer than in any training record, a saturated
@@ -24,6 +24,18 @@
 #include "recon/numbers/components.hpp"
 
 namespace echofuse::recon {
+
+// A small network tells whether a record shows two bodies. No training record does, but the sum of
+// two of them is what two bodies measure when neither hides the other (training on made-up
+// outliers: Hendrycks et al., ICLR 2019). The network tells views of such sums from views of single
+// records. A view is about the centroid of all that is there. The bodies of a sum stand apart
+// sideways, as two bodies cannot stand in one place. With both sensors and a baseline all bodies
+// are turned about the SPD (method/turned.hpp), so that few records make many. The rows have one
+// body each at most; their maps tell where. The classifier takes a view without its correlation
+// that shows a body. Fewer than two bodies teach nothing.
+Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
+                            const Dataset& data, const Rows& rows, const Scene& scene,
+                            std::uint64_t seed);
 
 struct OutOfDistributionScore {
   double distance = 0, two_bodies = 0;  // above 1: unusual; two_bodies is NaN if it is not known

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include "recon/trust/two_bodies.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -10,6 +8,7 @@
 #include "recon/method/method.hpp"
 #include "recon/method/turned.hpp"
 #include "recon/numbers/parallel.hpp"
+#include "recon/trust/out_of_distribution.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -47,7 +47,8 @@ Matrix predictors_of(const Matrix& maps, const Scene& scene, const Dataset& data
 std::vector<float> LateralError::terms_of(std::span<const float> predictors) const {
   std::vector<float> out(predictors.size());
   for (std::size_t c = 0; c < out.size(); ++c)
-    out[c] = (std::clamp(predictors[c], least_[c], most_[c]) - centre_[c]) / spread_[c];
+    out[c] = (std::clamp(predictors[c], least_[c], most_[c]) - least_[c]) /
+             std::max(most_[c] - least_[c], 1e-6f);
   return quadratic_terms(out);
 }
 
@@ -61,17 +62,13 @@ void LateralError::fit(const Matrix& predictors, const std::vector<double>& erro
     known_plain += i < plain;
   }
   if (known_plain < least_records) return;
-  const ColumnStatistics columns = column_statistics(predictors, known);
-  centre_.assign(columns.mean.begin(), columns.mean.end());
   least_ = most_ = std::vector<float>(predictors.row(known.front()).begin(),
                                       predictors.row(known.front()).end());
-  for (std::size_t c = 0; c < predictors.cols; ++c) {
-    spread_.push_back(static_cast<float>(std::sqrt(std::max(columns.variance[c], 1e-12))));
-    for (const std::size_t i : known) {
+  for (const std::size_t i : known)
+    for (std::size_t c = 0; c < predictors.cols; ++c) {
       least_[c] = std::min(least_[c], predictors.row(i)[c]);
       most_[c] = std::max(most_[c], predictors.row(i)[c]);
     }
-  }
   Matrix terms;
   std::vector<float> targets;
   for (const std::size_t i : known) {
@@ -106,14 +103,11 @@ void LateralError::archive(Archive archive, std::size_t predictors) {
   if (!archive.part("known", !weights_.empty())) return;
   const std::size_t n = predictors;
   archive.number("factor", factor_, 0, 1e18);
-  archive.values("centre", centre_, n);
   archive.values("weights", weights_, (n + 1) * (n + 2) / 2);
-  archive.values("spread", spread_, n);
   archive.values("least", least_, n);
   archive.values("most", most_, n);
   for (std::size_t c = 0; c < n; ++c)
-    archive.require(spread_[c] > 0 && least_[c] <= most_[c], "spread",
-                    "expected above 0, and least below most");
+    archive.require(least_[c] <= most_[c], "least", "expected none above the most");
 }
 
 std::vector<PredictionUncertainty> UncertaintyModel::trust(const Matrix& views, const Matrix& maps,

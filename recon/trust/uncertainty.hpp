@@ -38,7 +38,7 @@ class LateralError {
  private:
   std::vector<float> terms_of(std::span<const float> predictors) const;
 
-  std::vector<float> centre_, spread_, least_, most_;  // ranges and scales of the predictors
+  std::vector<float> least_, most_;  // ranges of the predictors
   std::vector<double> weights_;
   double factor_ = 0;
 };

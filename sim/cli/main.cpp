@@ -16,7 +16,6 @@
 #include "drivers/core/console.hpp"
 #include "drivers/core/printable.hpp"
 #include "sim/cli/plan_arguments.hpp"
-#include "sim/cli/study_commands.hpp"
 #include "sim/dataset/dataset.hpp"
 #include "sim/dataset/preview.hpp"
 #include "sim/lab/lab.hpp"

@@ -171,7 +171,7 @@ TEST_CASE("power that varies otherwise than in training flags a record and names
              Catch::Contains("radar power from frame to frame"));
   CHECK_THAT(shift_of(model, varying(100, 5, 0.03)).text(),
              Catch::Contains("one carrier of the radar, several in training"));
-  // Of older runs it is not known: nothing is said.
+  // Older runs do not know it, so nothing is said.
   Dataset old = plates(100, 6);
   for (auto& s : old.speckle) s.reset();
   CHECK(flagged_for_power(model, old) == 0);

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
-#include "recon/trust/two_bodies.hpp"
-
 #include "recon/metrics/people.hpp"
 #include "recon/train/train.hpp"
+#include "recon/trust/out_of_distribution.hpp"
 #include "recon/use/evaluate.hpp"
 #include "recon/use/predict.hpp"
 #include "world.hpp"
@@ -33,7 +32,7 @@ record::FusedRecord record_of(std::int64_t index, const Plate& p, Rng& rng) {
 
 constexpr Plate near_left{-0.6, 3.05}, far_right{0.5, 3.85};
 
-// What both measure if neither hides the other; of the map, what the nearer one leaves.
+// It adds what both measure if neither hides the other. The map shows the nearer one.
 void add(record::FusedRecord& to, const record::FusedRecord& other) {
   for (std::size_t i = 0; i < to.spd.size(); ++i) to.spd[i] += other.spd[i];
   for (std::size_t i = 0; i < to.radar.size(); ++i) to.radar[i] += other.radar[i];
