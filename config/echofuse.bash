@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: MIT
 # Completion of the echofuse programs for bash: asks the program's own --help.
 _echofuse() {
-  local current=${COMP_WORDS[COMP_CWORD]} asked=("${COMP_WORDS[0]}") help word
+  local current=${COMP_WORDS[COMP_CWORD]} asked=("${COMP_WORDS[0]}") help word options
+  help=$("${asked[@]}" --help 2>/dev/null) options=$help
   for word in "${COMP_WORDS[@]:1:COMP_CWORD-1}"; do  # the subcommands before the cursor
-    "${asked[@]}" --help 2>/dev/null | sed -n '/^Subcommands:/,$p' | grep -q "^  $word " || break
+    sed -n '/^Subcommands:/,$p' <<<"$help" | grep -q "^  $word " || break
     asked+=("$word")
+    help=$("${asked[@]}" --help 2>/dev/null) options+=$'\n'$help  # a command takes its parents' options
   done
-  help=$("${asked[@]}" --help 2>/dev/null)
   if [[ $current == -* ]]; then
-    word=$(grep -oE '^ +(-[a-z],)?--[a-z][a-z-]*' <<<"$help" | grep -o -- '--.*')
+    word=$(grep -oE '^ +(-[a-z],)?--[a-z][a-z-]*' <<<"$options" | grep -o -- '--.*' | sort -u)
   else
     word=$(sed -n '/^Subcommands:/,$p' <<<"$help" | grep -oE '^  [a-z]+')
   fi

@@ -9,7 +9,6 @@
 #include <optional>
 #include <regex>
 
-#include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
 
 namespace echofuse {
@@ -74,6 +73,13 @@ std::vector<bool> JobPart::share(const std::vector<double>& work) const {
     before += piece;
   }
   return out;
+}
+
+void refuse_part(ExitCode code, const std::string& path, const std::string& line,
+                 const std::string& expected) {
+  throw Error(code, printable(path) + ": was measured with \"" + printable(line, 100) +
+                        "\" (now: \"" + printable(expected, 100) +
+                        "\"); give the same settings, or another folder");
 }
 
 std::vector<std::string> part_files(const std::string& folder, const std::string& stem,

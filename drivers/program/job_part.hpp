@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "drivers/program/exit_code.hpp"
+
 namespace echofuse {
 
 class JobPart {
@@ -36,6 +38,10 @@ class JobPart {
 // Of the option --part.
 inline constexpr const char* part_help =
     "K/N: only the K-th of N parts of the work; auto: that of this task of a Slurm array";
+
+// Throws Error(code): this line of the head of a part's file is not the expected one.
+[[noreturn]] void refuse_part(ExitCode code, const std::string& path, const std::string& line,
+                              const std::string& expected);
 
 // The files FOLDER/STEMpart-K-of-N.EXTENSION, in the order of their names; none of a folder that is
 // not there.

@@ -274,7 +274,12 @@ void Settings::take(const std::string& assignment, Faults& faults) {
   if (!entry)
     return complain("unknown key; the nearest known one is \"" + nearest(keys(), key) + "\"");
   try {
-    const toml::table table = parse_value(assignment.substr(equals + 1));
+    const std::string value = assignment.substr(equals + 1);
+    toml::table table = parse_value(value);
+    // A text needs no quotes where it looks like a number either.
+    if (std::holds_alternative<Text>(entry->target) && table.get("v")->is_value() &&
+        !table.get("v")->is_string())
+      table.insert_or_assign("v", value);
     const std::string expected =
         table.size() == 1 ? assign(*entry, *table.get("v"), origin) : expectation(*entry);
     if (!expected.empty()) complain("expected " + expected);

@@ -11,7 +11,6 @@
 
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
-#include "recon/cli/options.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/page/report.hpp"

@@ -19,12 +19,13 @@ int run(int argc, char** argv) {
   app.require_subcommand(1);
   Common common;
   Command chosen;
+  app.add_option("--threads", common.threads, "of every command; 0: one per core")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  app.add_flag("-q,--quiet", common.quiet, "of every command: no progress, no talk");
   const auto add = [&](const char* name, const char* help, auto make) {
     CLI::App* sub = app.add_subcommand(name, help);
-    sub->add_option("--threads", common.threads, "0: one per core")
-        ->check(CLI::Range(0, 1024))
-        ->capture_default_str();
-    sub->add_flag("-q,--quiet", common.quiet, "no progress, no talk");
+    sub->fallthrough()->footer("--threads and -q: see echofuse-recon --help");
     const Command command = make(*sub, common);
     sub->callback([&chosen, command] { chosen = command; });
   };

@@ -4,7 +4,6 @@
 
 #include "drivers/program/printable.hpp"
 #include "recon/cli/commands.hpp"
-#include "recon/cli/options.hpp"
 #include "recon/study/pareto.hpp"
 #include "recon/study/stability.hpp"
 
@@ -17,6 +16,16 @@ ExitCode part_done(const StudyOptions& options, const char* study) {
     std::fprintf(stderr, "%s/%s-%s.csv: written\n", printable(options.out).c_str(), study,
                  options.part->name().c_str());
   return ExitCode::ok;
+}
+
+// The option is --part; part_of reads it, and throws Error(usage).
+std::shared_ptr<std::string> add_part_option(CLI::App& app) {
+  auto out = std::make_shared<std::string>();
+  app.add_option("--part", *out, part_help);
+  return out;
+}
+std::optional<JobPart> part_of(const std::string& text) {
+  return text.empty() ? std::nullopt : std::optional(JobPart::of(text));
 }
 
 void add_common(CLI::App& app, StudyOptions& options) {

@@ -5,7 +5,6 @@
 
 #include "drivers/program/console.hpp"
 #include "recon/cli/commands.hpp"
-#include "recon/cli/options.hpp"
 #include "recon/cli/train_settings.hpp"
 #include "recon/train/crossvalidate.hpp"
 #include "recon/train/train.hpp"
@@ -20,6 +19,16 @@ struct Arguments : TrainOptions {
   std::string out, from, empty;
 };
 
+// For CLI11 the answer is empty if the text names a model, else it says what is wrong.
+std::string is_candidate(const std::string& text) {
+  try {
+    candidate_of(text, {});
+    return {};
+  } catch (const Error& error) {
+    return error.what();
+  }
+}
+
 // It refuses settings that the model of --from has fixed.
 void check_from(const CLI::App& app, const std::vector<std::string>& assignments) {
   const auto refuse = [](const std::string& what) {
@@ -32,7 +41,7 @@ void check_from(const CLI::App& app, const std::vector<std::string>& assignments
     if (!text.starts_with("test_share=") && !text.starts_with("gap=")) refuse("--set " + text);
 }
 
-TrainedModel tune_model(const Arguments& a) {
+TrainedModel tune_model(const Arguments& a, bool test_share_given) {
   const TrainedModel from = load_model(a.from);
   Dataset data = load(a.runs);
   match_for_tuning(from, a.from, data);
@@ -40,8 +49,7 @@ TrainedModel tune_model(const Arguments& a) {
   options.split = a.split;
   // With so few records all are needed, and the table that chooses is a test already.
   options.split.validation_share = 0;
-  const auto given = [](const std::string& text) { return text.starts_with("test_share="); };
-  if (std::none_of(a.assignments.begin(), a.assignments.end(), given)) options.split.test_share = 0;
+  if (!test_share_given) options.split.test_share = 0;
   options.tuning.seed = a.fit.seed;
   TunedModel tuned = tune(from, data, options);
   if (!a.fit.quiet)
@@ -84,7 +92,10 @@ Command add_train(CLI::App& app, const Common& common) {
   app.add_option("--empty", a->empty,
                  "a run of nobody in the same room: models that look at the body take its mean as "
                  "what stands still, and can be taken to other rooms (reconstruct --empty)");
-  add_inputs_option(app, a->inputs);
+  app.add_option("--inputs", a->inputs,
+                 "fused, spd, radar, or fused-profile: without the radar's antennas")
+      ->check(CLI::IsMember(inputs_names))
+      ->capture_default_str();
   app.add_option("--epochs", a->fit.epochs, "default: 60 (mlp), 100 (factorised)")
       ->check(CLI::Range(1, 100000));
   app.add_option("--seed", a->fit.seed, "of weights, order and random split")
@@ -121,8 +132,8 @@ Command add_train(CLI::App& app, const Common& common) {
       throw Error(ExitCode::usage,
                   "hidden: " + a->model + " has no such layers; mlp and pca-mlp have");
     check_can_save(a->out);
-    const TrainedModel model =
-        tuning ? tune_model(*a) : train(load_to_train(*a, settings.radar_bin_m), *a);
+    const TrainedModel model = tuning ? tune_model(*a, settings.test_share_given)
+                                      : train(load_to_train(*a, settings.radar_bin_m), *a);
     save_model(model, a->out);
     const auto trained =
         std::ranges::count(model.seen.part, static_cast<std::uint8_t>(Part::train));

@@ -3,26 +3,18 @@
 
 #include <algorithm>
 #include <charconv>
-#include <sstream>
 
 #include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 namespace {
 
-std::vector<std::string> parts_of(const std::string& text) {
-  std::vector<std::string> out;
-  std::istringstream in(text);
-  for (std::string part; std::getline(in, part, ',');) out.push_back(part);
-  return out;
-}
-
 // "512,256" becomes 512, 256.
 template <class Number>
 std::vector<Number> numbers_of(const std::string& key, const std::string& text, Number least,
                                Number most) {
   std::vector<Number> out;
-  for (const std::string& part : parts_of(text)) {
+  for (const std::string& part : split_at_commas(text)) {
     Number value{};
     const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), value);
     if (error != std::errc{} || end != part.data() + part.size() || value < least || value > most)
@@ -83,17 +75,9 @@ std::string train_settings_help() {
 void take(const std::vector<std::string>& assignments, TrainSettings& s) {
   Settings settings;
   bind(settings, s);
-  for (const std::string& text : assignments) {
-    const auto equals = text.find('=');
-    if (equals == std::string::npos) {
-      settings.read_file(text);
-      continue;
-    }
-    // A list of numbers counts as a text.
-    const std::string key = text.substr(0, equals), value = text.substr(equals + 1);
-    const bool is_list = key == "hidden" || key == "weights" || key == "validate_on";
-    settings.set(is_list && !value.starts_with('"') ? key + "=\"" + value + '"' : text);
-  }
+  for (const std::string& text : assignments)
+    text.find('=') == std::string::npos ? settings.read_file(text) : settings.set(text);
+  s.test_share_given = settings.given("test_share");
   TrainOptions& o = s.options;
   const auto wanted = [](std::int64_t value) {
     return value > 0 ? std::optional(static_cast<std::size_t>(value)) : std::nullopt;
@@ -106,7 +90,7 @@ void take(const std::vector<std::string>& assignments, TrainSettings& s) {
   o.weights = numbers_of<double>("weights", s.weights, 0, 1000);
   for (const std::size_t run : numbers_of<std::size_t>("validate_on", s.validate_on, 1, 10'000))
     o.validate_on.push_back(run - 1);
-  o.candidates = parts_of(s.candidates);
+  o.candidates = split_at_commas(s.candidates);
   for (const std::string& name : o.candidates) candidate_of(name, {});
 }
 

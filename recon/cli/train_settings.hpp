@@ -15,6 +15,7 @@ struct TrainSettings {
   std::string hidden, candidates, weights, validate_on;
   std::int64_t basis = 0, batch = 0, patience = 0, gap = 0;
   double learning_rate = 0, weight_decay = -1, radar_bin_m = 0;
+  bool test_share_given = false;
 };
 
 void bind(Settings& settings, TrainSettings& s);

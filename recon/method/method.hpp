@@ -18,7 +18,7 @@
 #include "recon/data/features.hpp"
 #include "recon/method/alignment.hpp"
 #include "recon/method/body_frame.hpp"
-#include "recon/metrics/soft_maps.hpp"
+#include "recon/metrics/scene.hpp"
 #include "recon/models/network/ensemble.hpp"
 #include "recon/numbers/components.hpp"
 

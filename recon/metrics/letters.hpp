@@ -1,14 +1,9 @@
 // SPDX-License-Identifier: MIT
-// This file says which of the paper's ten letters a map shows. It uses the near layer of a map:
-// what lies at the plate's depth or before it, not the body behind it. In cells of 2 cm the layer
-// is correlated with templates of the letters, in windows as large as the plate and one cell more
-// on each side. Size and place of the plate are where the true map is most like the true letter.
-// From there up to 8 cm both ways each letter's best normalised correlation counts in the map that
-// is judged. The near layer is 1 up to 15 cm behind the plate's middle and falls to 0 at 35 cm: a
-// plate of 30 cm turned by 30 degrees at x = 1 m is 22 cm deep, and a person's chest is more than
-// 38 cm behind it.
+// This file says which of the paper's ten letters a map shows. The near layer of a map is what lies
+// up to 20 cm behind the plate's middle or before it. In cells of 2 cm it is correlated with
+// templates of the letters. Size and place of the plate are where the true map is most like the
+// true letter. From there up to 8 cm both ways each letter's best normalised correlation counts.
 #pragma once
-#include <cstddef>
 #include <optional>
 #include <span>
 
@@ -29,7 +24,7 @@ struct Plate {
 // It returns nothing if the true map shows nothing.
 std::optional<Plate> find_plate(std::span<const float> truth, const Scene& scene,
                                 std::size_t letter);
-// It is 1 if in the plate's place its own letter is the most alike. In a tie it is the letter's
+// It is 1 if in the plate's place its own letter is the most alike; in a tie it is the letter's
 // share, as in a map without anything.
 double read_letter(std::span<const float> map, const Scene& scene, const Plate& plate);
 

@@ -23,6 +23,12 @@ struct Scene {
   record::MapGrid grid;           // grid of these and of all maps beside them
 };
 
+// There is one row a record. It holds how probably a body is at each pixel if the body is where the
+// model puts it, and how far away (metres) the body is there in that case.
+struct SoftMaps {
+  Matrix foreground_probability, depth;
+};
+
 // The archive holds the background, the mean map and their grid.
 void archive(Archive archive, Scene& scene);
 

@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "recon/metrics/scene.hpp"
-#include "recon/metrics/soft_maps.hpp"
 #include "recon/models/network/training.hpp"
 #include "recon/numbers/matrix.hpp"
 #include "recon/numbers/tensor_file.hpp"

@@ -3,6 +3,7 @@
 
 #include <cstdarg>
 #include <cstdio>
+#include <sstream>
 
 namespace echofuse::recon {
 
@@ -13,6 +14,13 @@ std::string formatted(const char* format, ...) {
   std::vsnprintf(text, sizeof text, format, values);
   va_end(values);
   return text;
+}
+
+std::vector<std::string> split_at_commas(const std::string& text) {
+  std::vector<std::string> out;
+  std::istringstream in(text);
+  for (std::string part; std::getline(in, part, ',');) out.push_back(part);
+  return out;
 }
 
 }  // namespace echofuse::recon

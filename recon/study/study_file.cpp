@@ -16,6 +16,7 @@
 #include "drivers/program/printable.hpp"
 #include "drivers/program/regular_file.hpp"
 #include "recon/data/files.hpp"
+#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -81,10 +82,7 @@ std::size_t StudyFile::read(const std::string& path, Rows& rows) const {
       if (cut && head_[at].starts_with(line)) break;
       if (line != head_[at] && at == 0)
         throw Error(ExitCode::config, printable(path) + ": is not the file of a study");
-      if (line != head_[at])
-        throw Error(refusal_, printable(path) + ": was measured with \"" + printable(line, 100) +
-                                  "\" (now: \"" + printable(head_[at], 100) +
-                                  "\"); give the same settings, or another folder");
+      if (line != head_[at]) refuse_part(refusal_, path, line, head_[at]);
       ++at;
     } else if (cut) {
       break;
@@ -99,9 +97,7 @@ std::size_t StudyFile::read(const std::string& path, Rows& rows) const {
 
 bool StudyFile::parse(const std::string& line, Rows& rows) const {
   constexpr std::size_t names = 5;
-  std::vector<std::string> cells;
-  std::istringstream in(line);
-  for (std::string cell; std::getline(in, cell, ',');) cells.push_back(cell);
+  const std::vector<std::string> cells = split_at_commas(line);
   Measurement m;
   if (cells.size() != names + 1 + metrics_.size() || !is_number(cells[names], m.seed) ||
       !std::all_of(cells.begin(), cells.begin() + names, is_name))

@@ -27,14 +27,14 @@ struct Judged {
 UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, const Matrix& views,
                                  const Rows& usual, const std::vector<Judged>& judged,
                                  std::uint64_t seed);
-// If there are at least 150 validation records, the uncertainty comes from the model's own answers
+// If there are at least 500 validation records, the uncertainty comes from the model's own answers
 // to them. Otherwise models of all but one fold of the records, which `fit` makes, answer for that
-// fold; the folds are blocks if the split is in blocks. It returns nothing if interrupted.
+// fold. Of less than 1000 records there are four folds, otherwise two; they are blocks if the split
+// is in blocks. It returns nothing if interrupted.
 std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Dataset& data,
                                                 const Matrix& views, const Split& split,
                                                 const SplitOptions& options,
-                                                const std::function<Estimator(const Split&)>& fit,
-                                                std::size_t folds = 4);
+                                                const std::function<Estimator(const Split&)>& fit);
 
 // Photons are lost at random, up to all but 1/300 of them, and the radar gets more noise.
 void degrade(Dataset& data, Rng& rng);

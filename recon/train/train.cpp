@@ -150,7 +150,6 @@ struct Wanted {
   Inputs inputs;
   std::string scaling;
   FitOptions fit;
-  std::size_t folds;  // folds for the statement of its errors
 };
 
 // Returns the estimators that a training makes, in the order in which they are asked. The first is
@@ -159,19 +158,18 @@ struct Wanted {
 // is lost.
 std::vector<Wanted> wanted_of(const Dataset& data, const std::string& name,
                               const TrainOptions& options) {
-  constexpr std::size_t folds = 4, folds_of_spd = 2;  // it is seldom asked
   const Inputs inputs = inputs_of(options.inputs);
   const bool aligned = looks_at_body(name, options);
-  std::vector<Wanted> out{{name, inputs, options.scaling, options.fit, folds}};
+  std::vector<Wanted> out{{name, inputs, options.scaling, options.fit}};
   if (!options.fallback || !both_sensors(inputs) ||
       ignores_inputs(candidate_of(name, options.fit).model))
     return out;
   if (inputs == Inputs::fused && aligned && data.array_axis.count > 0)
-    out.push_back({name, Inputs::fused_profile, options.scaling, options.fit, folds});
+    out.push_back({name, Inputs::fused_profile, options.scaling, options.fit});
   FitOptions of_spd;
   of_spd.seed = options.fit.seed, of_spd.quiet = options.fit.quiet;
   of_spd.epochs = options.fit.epochs;
-  out.push_back({fallback_candidate, Inputs::spd, "record", of_spd, folds_of_spd});
+  out.push_back({fallback_candidate, Inputs::spd, "record", of_spd});
   return out;
 }
 
@@ -185,7 +183,7 @@ struct Material {
 
 Estimator train_one(const Wanted& wanted, const Dataset& data, const Material& material,
                     const Scene& scene, const TrainOptions& options) {
-  const auto& [name, inputs, scaling, fit, folds] = wanted;
+  const auto& [name, inputs, scaling, fit] = wanted;
   const bool aligned = wants_alignment(candidate_of(name, fit).model);
   const bool uncertainties = options.uncertainty && has_enough_records(material.used);
   const Preprocessing preprocessing(data, material.fit.train,
@@ -200,12 +198,10 @@ Estimator train_one(const Wanted& wanted, const Dataset& data, const Material& m
   FitOptions quiet = fit;
   quiet.quiet = true;
   out.uncertainty = fit_uncertainty(
-      out, data, preprocessing.views, material.used, options.split,
-      [&](const Split& part) {
+      out, data, preprocessing.views, material.used, options.split, [&](const Split& part) {
         return fit_model(data, material.with_others(part), preprocessing, wanted.name,
                          wanted.inputs, wanted.scaling, quiet);
-      },
-      folds);
+      });
   return out;
 }
 

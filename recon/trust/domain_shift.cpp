@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "recon/trust/domain_shift.hpp"
 
-#include <Eigen/Cholesky>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -16,12 +16,12 @@ namespace {
 
 using Eigen::ArrayXd, Eigen::MatrixXd, Eigen::VectorXd, Eigen::Index;
 
+constexpr Index count = record_number_count;
 constexpr std::size_t most_known = 4000;
 constexpr std::size_t block = 10;  // records
-constexpr int permutations = 1000;
+constexpr int permutations = 4000;
 constexpr std::uint64_t permutation_stream = 0x646f6d61;  // "doma"
-constexpr double shrinkage = 0.1;  // shrinks the correlations: there may be few blocks
-constexpr double clearly = 4;      // standard errors
+constexpr double clearly = 4;                             // standard errors
 // These limits are in units of a record's usual deviation, and of its square. Smaller differences
 // do not matter.
 constexpr double least_mean = 0.1, least_square = 0.3;
@@ -32,36 +32,34 @@ constexpr double usual = 0.95;
 // numbers]. A number that is not known counts as the mean.
 class Standard {
  public:
-  Standard(const Matrix& known, const std::vector<RecordNumber>& kinds) {
-    for (std::size_t c = 0; c < kinds.size(); ++c) {
-      double n = 0, sum = 0, squares = 0;
-      for (std::size_t i = 0; i < known.rows; ++i) {
-        const auto v = double{known.row(i)[c]};
-        if (!std::isnan(v)) ++n, sum += v, squares += v * v;
-      }
-      share_.push_back(n / static_cast<double>(known.rows));
-      centre_.push_back(n > 0 ? sum / n : 0);
-      const double variance = n > 0 ? squares / n - centre_.back() * centre_.back() : 0;
-      deviation_.push_back(std::max(std::sqrt(std::max(variance, 0.)), kinds[c].floor));
+  explicit Standard(const Matrix& known) {
+    for (std::size_t c = 0; c < record_number_count; ++c) {
+      std::vector<double> values;
+      for (std::size_t i = 0; i < known.rows; ++i)
+        if (const auto v = double{known.row(i)[c]}; !std::isnan(v)) values.push_back(v);
+      known_[c] = 2 * values.size() > known.rows;
+      if (!known_[c]) continue;
+      centre_[c] = mean_of(values);
+      deviation_[c] = std::max(standard_deviation(values), record_numbers[c].floor);
     }
   }
-  bool known(std::size_t c) const { return share_[c] > 0.5; }
+  bool known(std::size_t c) const { return known_[c]; }
   double deviation(std::size_t c) const { return deviation_[c]; }
   MatrixXd operator()(const Matrix& numbers) const {
-    const auto n = Index(centre_.size());
-    MatrixXd out = MatrixXd::Zero(Index(numbers.rows), 2 * n);
+    MatrixXd out = MatrixXd::Zero(Index(numbers.rows), 2 * count);
     for (std::size_t i = 0; i < numbers.rows; ++i)
-      for (std::size_t c = 0; c < centre_.size(); ++c) {
+      for (std::size_t c = 0; c < record_number_count; ++c) {
         const double v = (double{numbers.row(i)[c]} - centre_[c]) / deviation_[c];
-        if (std::isnan(v) || !known(c)) continue;
+        if (std::isnan(v) || !known_[c]) continue;
         out(Index(i), Index(c)) = v;
-        out(Index(i), n + Index(c)) = std::min(v * v, most_square);
+        out(Index(i), count + Index(c)) = std::min(v * v, most_square);
       }
     return out;
   }
 
  private:
-  std::vector<double> share_, centre_, deviation_;
+  std::array<bool, record_number_count> known_{};
+  std::array<double, record_number_count> centre_{}, deviation_{};
 };
 
 // It returns means of ten rows each; the rows left over at the end belong to no block.
@@ -72,23 +70,23 @@ MatrixXd block_means(const MatrixXd& rows) {
   return out;
 }
 
-// It draws `count` blocks at random, and returns the differences of their mean and the mean of the
+// It draws `drawn` blocks at random, and returns the differences of their mean and the mean of the
 // others: one draw a row.
-MatrixXd permuted(const MatrixXd& blocks, Index count) {
+MatrixXd permuted(const MatrixXd& blocks, Index drawn) {
   const VectorXd all = blocks.colwise().sum();
-  const auto others = static_cast<double>(blocks.rows() - count);
+  const auto others = static_cast<double>(blocks.rows() - drawn);
   Rng rng = make_rng(static_cast<std::uint64_t>(blocks.rows()), permutation_stream);
   std::vector<Index> order(static_cast<std::size_t>(blocks.rows()));
   std::iota(order.begin(), order.end(), 0);
   MatrixXd out(permutations, blocks.cols());
   for (Index k = 0; k < permutations; ++k) {
     VectorXd some = VectorXd::Zero(blocks.cols());
-    for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
+    for (std::size_t i = 0; i < static_cast<std::size_t>(drawn); ++i) {
       std::uniform_int_distribution<std::size_t> from(i, order.size() - 1);
       std::swap(order[i], order[from(rng)]);
       some += blocks.row(order[i]).transpose();
     }
-    out.row(k) = some / static_cast<double>(count) - (all - some) / others;
+    out.row(k) = some / static_cast<double>(drawn) - (all - some) / others;
   }
   return out;
 }
@@ -97,31 +95,20 @@ struct Tested {
   double distance, p;
 };
 
-// It tests a difference of means against the differences that permutations give.
+// It tests the number whose difference of means is the greatest, in units of what permutations
+// give, against the greatest of each permutation (Westfall and Young, Resampling-Based Multiple
+// Testing, 1993).
 Tested test(const VectorXd& difference, const MatrixXd& chance, double least_error) {
-  const Index half = chance.rows() / 2;
-  const MatrixXd fit = chance.topRows(half), null = chance.bottomRows(half);
-  const ArrayXd error = (fit.array().square().colwise().mean().sqrt()).max(least_error);
-  const MatrixXd scaled = fit.array().rowwise() / error.transpose();
-  MatrixXd covariance = (1 - shrinkage) / static_cast<double>(half) * (scaled.transpose() * scaled);
-  covariance.diagonal().setOnes();
-  const Eigen::LDLT<MatrixXd> solver(covariance);
-  const auto squares = [&](const VectorXd& v) {
-    const VectorXd s = (v.array() / error).matrix();
-    return s.dot(solver.solve(s));
-  };
+  const ArrayXd error = chance.array().square().colwise().mean().sqrt().max(least_error);
+  const auto greatest = [&](const VectorXd& v) { return (v.array() / error).abs().maxCoeff(); };
+  const double found = greatest(difference);
   std::vector<double> by_chance;
-  for (Index k = 0; k < half; ++k) by_chance.push_back(squares(null.row(k)));
-  const double found = squares(difference);
-  // This is a scaled chi^2 with the mean and variance of these values (Wilson and Hilferty, PNAS
-  // 17, 684, 1931).
-  const double mean = mean_of(by_chance), variance = std::pow(standard_deviation(by_chance), 2);
-  const double freedom = 2 * mean * mean / variance, v = 2 / (9 * freedom);
-  const double z = (std::cbrt(found / mean) - 1 + v) / std::sqrt(v);
+  for (Index k = 0; k < chance.rows(); ++k) by_chance.push_back(greatest(chance.row(k)));
   std::sort(by_chance.begin(), by_chance.end());
+  const auto above = by_chance.end() - std::lower_bound(by_chance.begin(), by_chance.end(), found);
   const double limit =
       by_chance[static_cast<std::size_t>(usual * static_cast<double>(by_chance.size()))];
-  return {std::sqrt(found / limit), 0.5 * std::erfc(z / std::sqrt(2.))};
+  return {found / limit, static_cast<double>(above + 1) / (permutations + 1)};
 }
 
 // Returns the standard errors of the difference of two means, from the scatter of the blocks about
@@ -183,18 +170,15 @@ DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& da
     if (data.fault_of(row, inputs_).empty()) rows.push_back(row);
   const Matrix found = record_numbers_of(alignment, data, views, rows, inputs_);
   if (found.rows < least_records || !known()) return {};
-  const auto kinds = record_numbers(inputs_);
-  const Standard standard(numbers_, kinds), own(found, kinds);
+  const Standard standard(numbers_), own(found);
   MatrixXd before = block_means(standard(numbers_)), now = block_means(standard(found));
-  const auto numbers = Index(kinds.size());
   DomainShift out{found.rows, 0, 1, {}, {}};
-  for (Index c = 0; c < numbers; ++c) {
-    const auto k = static_cast<std::size_t>(c);
+  for (std::size_t k = 0; k < record_number_count; ++k) {
     if (!standard.known(k) || own.known(k)) continue;
     // A number that this run does not have is not compared; a run with one carrier only differs.
-    before.col(c).setZero(), before.col(numbers + c).setZero();
-    now.col(c).setZero(), now.col(numbers + c).setZero();
-    if (kinds[k].name == power_variation_numbers[1].name)
+    for (const Index c : {Index(k), count + Index(k)})
+      before.col(c).setZero(), now.col(c).setZero();
+    if (k == first_power_variation + 1)
       out.differences.push_back({"one carrier of the radar, several in training", INFINITY});
   }
   const double least_error = 0.7 * std::sqrt(1. / static_cast<double>(found.rows) +
@@ -205,18 +189,20 @@ DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& da
   const Tested t = test(difference, permuted(both, now.rows()), least_error);
   out.distance = t.distance, out.p = out.differences.empty() ? t.p : 0;
   const ArrayXd error = standard_errors(before, now, least_error);
-  for (Index c = 0; c < numbers; ++c) {
-    const RecordNumber& number = kinds[static_cast<std::size_t>(c)];
-    const double unit = standard.deviation(static_cast<std::size_t>(c));
-    const double clear = std::abs(difference[c]) / error[c];
-    const double squares = std::abs(difference[numbers + c]) / error[numbers + c];
-    if (clear > clearly && std::abs(difference[c]) > least_mean) {
-      out.differences.push_back({describe(number, difference[c] * unit, error[c] * unit), clear});
-      if (number.radar_range && alignment.array_features() == 0)
-        out.advice = range_advice(difference[c] * unit, error[c] * unit);
-    } else if (squares > clearly && std::abs(difference[numbers + c]) > least_square) {
+  for (std::size_t k = 0; k < record_number_count; ++k) {
+    const RecordNumber& number = record_numbers[k];
+    const Index mean = Index(k), square = count + Index(k);
+    const double clear = std::abs(difference[mean]) / error[mean];
+    const double squares = std::abs(difference[square]) / error[square];
+    const double off = difference[mean] * standard.deviation(k);
+    const double off_error = error[mean] * standard.deviation(k);
+    if (clear > clearly && std::abs(difference[mean]) > least_mean) {
+      out.differences.push_back({describe(number, off, off_error), clear});
+      if (k == radar_range_number && alignment.array_features() == 0)
+        out.advice = range_advice(off, off_error);
+    } else if (squares > clearly && std::abs(difference[square]) > least_square) {
       out.differences.push_back(
-          {formatted("%s scatters %s", number.name, difference[numbers + c] > 0 ? "more" : "less"),
+          {formatted("%s scatters %s", number.name, difference[square] > 0 ? "more" : "less"),
            squares});
     }
   }
@@ -232,7 +218,7 @@ void DomainReference::archive(Archive archive, Inputs inputs) {
   constexpr float not_known = -1e9f;
   Matrix table = numbers_;
   for (float& v : table.values) v = std::isnan(v) ? not_known : v;
-  archive.table("numbers", table, Archive::any, record_numbers(inputs_).size());
+  archive.table("numbers", table, Archive::any, record_number_count);
   for (float& v : table.values) v = v == not_known ? NAN : v;
   numbers_ = std::move(table);
   archive.require(numbers_.rows >= least_known && numbers_.rows <= most_known, "numbers",

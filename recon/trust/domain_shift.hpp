@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 // This file tests whether a run as a whole is unlike the training, where no single record need be:
 // people, clothes or sensors differ. The means of the records' numbers (record_numbers.hpp), and of
-// their squares, are compared with those of training records by a permutation test of Hotelling's
-// two-sample T^2 (Ann. Math. Stat. 2, 360, 1931; Good, Permutation Tests, 2000). Blocks of ten
-// records, as a pose may be held for some, are exchanged between run and training. One half of the
-// permutations gives the covariance, the other half the distribution.
+// their squares, are compared with those of training records by a permutation test of the greatest
+// difference in units of its own scatter (Westfall and Young, Resampling-Based Multiple Testing,
+// 1993; Good, Permutation Tests, 2000). Blocks of ten records, as a pose may be held for some, are
+// exchanged between run and training.
 //
 // Limit: a change that moves no number is invisible, such as another gain, or a shift common to
 // both sensors that is small against the span of the ranges.

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <opencv2/imgproc.hpp>
 
 #include "acquire/record/depth_map.hpp"
 
@@ -21,19 +22,6 @@ Between node_of(double share, std::size_t nodes) {
   return {low, at - static_cast<double>(low)};
 }
 
-// This is a standard normal distribution cut at three deviations, in steps of one pixel.
-std::vector<float> kernel_of(double deviation_pixels) {
-  const auto reach = static_cast<int>(std::ceil(3 * deviation_pixels));
-  std::vector<float> out;
-  float sum = 0;
-  for (int i = -reach; i <= reach; ++i) {
-    out.push_back(static_cast<float>(std::exp(-0.5 * std::pow(i / deviation_pixels, 2))));
-    sum += out.back();
-  }
-  for (float& v : out) v /= sum;
-  return out;
-}
-
 SoftMaps probabilities_of(const Matrix& maps, const Scene& scene) {
   SoftMaps out{Matrix(0, maps.cols), Matrix(maps.rows, maps.cols)};
   for (std::size_t i = 0; i < maps.rows; ++i)
@@ -43,33 +31,18 @@ SoftMaps probabilities_of(const Matrix& maps, const Scene& scene) {
   return out;
 }
 
-// It blurs each row of shares by the deviation of the same row of the list (metres), at the row's
-// depths.
+// It blurs each row of shares sideways by the deviation of the same row of the list (metres), at
+// the row's depths.
 void blur(SoftMaps& maps, const record::MapGrid& grid, const std::vector<double>& deviation_m) {
   constexpr double least_pixels = 0.2;
-  const std::size_t side = grid.size;
-  std::vector<float> line(side);
+  const auto side = static_cast<int>(grid.size);
   for (std::size_t i = 0; i < maps.foreground_probability.rows; ++i) {
-    const auto share = maps.foreground_probability.row(i);
     const double depth_m = std::max(double{maps.depth.row(i)[maps.depth.cols / 2]}, 0.1);
-    const double pixels = deviation_m[i] / depth_m / grid.step();
+    const double pixels = std::min(deviation_m[i] / depth_m / grid.step(), double(side));
     if (!(pixels > least_pixels)) continue;
-    const auto kernel = kernel_of(std::min(pixels, static_cast<double>(side)));
-    const auto reach = static_cast<std::ptrdiff_t>(kernel.size() / 2);
-    for (std::size_t r = 0; r < side; ++r) {
-      const auto row = share.subspan(r * side, side);
-      if (std::all_of(row.begin(), row.end(), [](float v) { return v == 0; })) continue;
-      std::copy(row.begin(), row.end(), line.begin());
-      for (std::ptrdiff_t c = 0; c < std::ssize(row); ++c) {
-        float sum = 0;
-        const std::ptrdiff_t first = std::max<std::ptrdiff_t>(c - reach, 0);
-        const std::ptrdiff_t last = std::min(c + reach, std::ssize(row) - 1);
-        for (std::ptrdiff_t k = first; k <= last; ++k)
-          sum +=
-              line[static_cast<std::size_t>(k)] * kernel[static_cast<std::size_t>(k - c + reach)];
-        row[static_cast<std::size_t>(c)] = sum;
-      }
-    }
+    cv::Mat1f share(side, side, maps.foreground_probability.row(i).data());
+    const int reach = static_cast<int>(std::ceil(3 * pixels));
+    cv::GaussianBlur(share, share, {2 * reach + 1, 1}, pixels, 1, cv::BORDER_CONSTANT);
   }
 }
 

@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "recon/metrics/scene.hpp"
-#include "recon/metrics/soft_maps.hpp"
 
 namespace echofuse::recon {
 

@@ -3,33 +3,21 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 
 #include "recon/numbers/statistics.hpp"
-#include "recon/trust/predictors.hpp"
 
 namespace echofuse::recon {
 namespace {
 
 using Kind = RecordNumber::Kind;
 
-constexpr RecordNumber of_spd[] = {{"histogram spread", Kind::ratio, 0.02},
-                                   {"histogram skewness", Kind::number, 0.05},
-                                   {"background share of the clicks", Kind::number, 0.01},
-                                   {"range", Kind::length, 0.01}};
-constexpr RecordNumber of_radar[] = {{"radar profile width", Kind::ratio, 0.02},
-                                     {"radar skewness", Kind::number, 0.05},
-                                     {"radar peak over noise", Kind::ratio, 0.02},
-                                     {"radar power before the body", Kind::number, 0.01}};
-constexpr RecordNumber of_both[] = {{"radar range", Kind::length, 0.005, true}};
-
 // These are added before the logarithm: plain noise may make such variation, and it differs with
 // the noise.
 constexpr std::array<double, power_variations> of_noise = {0.3, 0.3, 0.02};
 
 struct Moments {
-  double centre, deviation, skewness;  // in points
+  double deviation, skewness;  // the deviation is in points
 };
 
 Moments moments_of(const std::vector<double>& weights) {
@@ -43,25 +31,22 @@ Moments moments_of(const std::vector<double>& weights) {
     second += weights[i] * off * off, third += weights[i] * off * off * off;
   }
   const double deviation = std::sqrt(second / sum + 1e-6);
-  return {centre, deviation, third / sum / std::pow(deviation, 3)};
+  return {deviation, third / sum / std::pow(deviation, 3)};
 }
 
-void add_of_spd(std::span<const float> histogram, std::span<const float> counts, double range_m,
-                std::vector<float>& out) {
+std::array<double, 4> numbers_of_spd(std::span<const float> histogram,
+                                     std::span<const float> counts, double range_m) {
   std::vector<double> clicks(histogram.begin(), histogram.end());
   for (double& v : clicks) v = std::max(v, 0.);
   const Moments m = moments_of(clicks);
   std::vector<float> sorted(counts.begin(), counts.end());
-  const double level = double{quantile(sorted, 0.5)};
+  const double background = double{quantile(sorted, 0.5)} * static_cast<double>(counts.size());
   const double all = std::accumulate(counts.begin(), counts.end(), 0.0);
-  for (const double v : {std::log(m.deviation), m.skewness,
-                         level * static_cast<double>(counts.size()) / std::max(all, 1.), range_m})
-    out.push_back(static_cast<float>(v));
+  return {std::log(m.deviation), m.skewness, background / std::max(all, 1.), range_m};
 }
 
 // `body` is the profile about the body, or the whole profile.
-void add_of_radar(std::span<const float> body, std::span<const float> power,
-                  std::vector<float>& out) {
+std::array<double, 4> numbers_of_radar(std::span<const float> body, std::span<const float> power) {
   std::vector<double> squares(body.begin(), body.end());
   for (double& v : squares) v *= v;  // noise and side lobes hardly pull
   const Moments m = moments_of(squares);
@@ -72,64 +57,65 @@ void add_of_radar(std::span<const float> body, std::span<const float> power,
     const double v = std::max(double{power[i]}, 0.);
     all += v, before += 2 * i < peak ? v : 0;
   }
-  for (const double v : {std::log(m.deviation), m.skewness,
-                         std::log(double{peak_to_noise(power)} + 1), before / all})
-    out.push_back(static_cast<float>(v));
+  return {std::log(m.deviation), m.skewness, std::log(double{peak_to_noise(power)} + 1),
+          before / all};
 }
 
 }  // namespace
 
-const std::array<RecordNumber, power_variations> power_variation_numbers = {
-    {{"radar power from frame to frame", Kind::ratio, 0.08},
+const std::array<RecordNumber, record_number_count> record_numbers = {
+    {{"histogram spread", Kind::ratio, 0.02},
+     {"histogram skewness", Kind::number, 0.05},
+     {"background share of the clicks", Kind::number, 0.01},
+     {"range", Kind::length, 0.01},
+     {"radar profile width", Kind::ratio, 0.02},
+     {"radar skewness", Kind::number, 0.05},
+     {"radar peak over noise", Kind::ratio, 0.02},
+     {"radar power before the body", Kind::number, 0.01},
+     {"radar range", Kind::length, 0.005},
+     {"radar power from frame to frame", Kind::ratio, 0.08},
      {"radar power from carrier to carrier", Kind::ratio, 0.08},
      {"radar power within 150 ms", Kind::ratio, 0.08}}};
 
+float peak_to_noise(std::span<const float> power) {
+  std::vector<double> sorted(power.begin(), power.end());
+  std::sort(sorted.begin(), sorted.end());
+  const std::span weaker(sorted.data(), sorted.size() / 2 + 1);
+  return static_cast<float>((sorted.back() - mean_of(weaker)) /
+                            std::max(standard_deviation(weaker), 1e-12));
+}
+
 std::array<double, power_variations> log_power_variations(
     const std::optional<record::Speckle>& found) {
-  std::array<double, power_variations> out;
-  out.fill(std::numeric_limits<double>::quiet_NaN());
+  std::array<double, power_variations> out{NAN, NAN, NAN};
   if (!found) return out;
-  const std::array<std::optional<double>, power_variations> values = {
+  const std::array<std::optional<double>, power_variations> values{
       found->over_frames, found->over_carriers, found->over_150_ms};
   for (std::size_t k = 0; k < out.size(); ++k)
     if (values[k]) out[k] = std::log(*values[k] + of_noise[k]);
   return out;
 }
 
-double power_variation(double log, std::size_t which) {
-  return std::max(std::exp(log) - of_noise[which], 0.0);
-}
-
-std::vector<RecordNumber> record_numbers(Inputs inputs) {
-  std::vector<RecordNumber> out;
-  const auto add = [&](const auto& some) {
-    for (const RecordNumber& n : some) out.push_back(n);
-  };
-  if (inputs != Inputs::radar) add(of_spd);
-  if (inputs != Inputs::spd) add(of_radar);
-  if (both_sensors(inputs)) add(of_both);
-  if (inputs != Inputs::spd) add(power_variation_numbers);
-  return out;
-}
-
 Matrix record_numbers_of(const Alignment& alignment, const Dataset& data, const Matrix& views,
                          const Rows& rows, Inputs inputs) {
-  Matrix out(0, record_numbers(inputs).size());
+  Matrix out(0, record_number_count);
   for (const std::size_t row : rows) {
-    std::span<const float> view;
-    std::vector<float> one;
-    if (inputs != Inputs::radar) {
-      view = views.row(row);
-      if (view.empty() || !shows_body(view)) continue;
-      add_of_spd(alignment.columns(view).histogram, data.spd.row(row), double{view.back()}, one);
+    const std::span<const float> view = views.row(row);
+    if (inputs != Inputs::radar && !(view.size() > 0 && shows_body(view))) continue;
+    std::vector<float> one(record_number_count, NAN);
+    if (inputs != Inputs::radar)
+      std::ranges::copy(
+          numbers_of_spd(alignment.columns(view).histogram, data.spd.row(row), double{view.back()}),
+          one.begin());
+    if (inputs != Inputs::spd) {
+      const auto power = data.radar.row(row);
+      const auto body = view.empty() ? power : alignment.columns(view).profile;
+      std::ranges::copy(numbers_of_radar(body, power), one.begin() + 4);
+      std::ranges::copy(log_power_variations(data.speckle[row]),
+                        one.begin() + first_power_variation);
     }
-    if (inputs != Inputs::spd)
-      add_of_radar(view.empty() ? data.radar.row(row) : alignment.columns(view).profile,
-                   data.radar.row(row), one);
-    if (both_sensors(inputs)) one.push_back(static_cast<float>(alignment.displacement_m(view)));
-    if (inputs != Inputs::spd)
-      for (const double v : log_power_variations(data.speckle[row]))
-        one.push_back(static_cast<float>(v));
+    if (both_sensors(inputs))
+      one[radar_range_number] = static_cast<float>(alignment.displacement_m(view));
     out.add_row(one);
   }
   return out;

@@ -5,7 +5,7 @@
 #pragma once
 #include <array>
 #include <optional>
-#include <vector>
+#include <span>
 
 #include "recon/data/dataset.hpp"
 #include "recon/method/alignment.hpp"
@@ -17,23 +17,25 @@ struct RecordNumber {
   const char* name;
   Kind kind;     // ratio: the number is a logarithm; length: it is in metres
   double floor;  // least deviation: a number that is constant in a training may vary this much
-  bool radar_range{};  // the number moves with an offset of the radar's ranges
 };
-// The numbers come in this order: those of the detector, of the radar, of both, and of the radar's
-// power over time.
-std::vector<RecordNumber> record_numbers(Inputs inputs);
+// These are four numbers of the detector, four of the radar, its range against the detector's, and
+// three of how its power varies.
+inline constexpr std::size_t record_number_count = 12, radar_range_number = 8,
+                             first_power_variation = 9, power_variations = 3;
+extern const std::array<RecordNumber, record_number_count> record_numbers;
 
-// It is [m x numbers], a row for each of the rows that shows a body. NaN means not known. Row i of
-// the views belongs to record i of the data; without a detector the views have no columns.
+// It is [m x record_number_count], a row for each of the rows that shows a body. NaN means not
+// known, as of a sensor that is not among the inputs. Row i of the views belongs to record i of the
+// data; without a detector the views have no columns.
 Matrix record_numbers_of(const Alignment& alignment, const Dataset& data, const Matrix& views,
                          const Rows& rows, Inputs inputs);
 
 // These numbers say how the radar's power varies within a record, as logarithms
 // (acquire/record/speckle.hpp): from frame to frame, from carrier to carrier, within 150 ms. NaN
 // means not known, as in older runs.
-inline constexpr std::size_t power_variations = 3;
 std::array<double, power_variations> log_power_variations(const std::optional<record::Speckle>&);
-double power_variation(double log, std::size_t which);  // its inverse
-extern const std::array<RecordNumber, power_variations> power_variation_numbers;
+
+// Returns a profile's peak over the scatter of its weaker half.
+float peak_to_noise(std::span<const float> power);
 
 }  // namespace echofuse::recon

@@ -6,9 +6,11 @@
 #include <cmath>
 #include <limits>
 
+#include "recon/metrics/metrics.hpp"
 #include "recon/numbers/linear_fit.hpp"
+#include "recon/numbers/parallel.hpp"
 #include "recon/numbers/statistics.hpp"
-#include "recon/trust/predictors.hpp"
+#include "recon/trust/record_numbers.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -17,12 +19,36 @@ constexpr double smallest_error_m = 3e-3;  // smaller errors count the same
 constexpr double penalty = 1e-3;
 constexpr std::size_t folds = 5;
 
+// Returns the clicks above the background, in standard deviations of all clicks.
+float significance(std::span<const float> counts) {
+  std::vector<float> sorted(counts.begin(), counts.end());
+  const float level = quantile(sorted, 0.5);
+  double above = 0, all = 0;
+  for (const float v : counts) above += double{v - level}, all += double{v};
+  return static_cast<float>(std::max(above, 0.0) / std::sqrt(all + 1));
+}
+
+std::size_t predictor_count(Inputs inputs) { return both_sensors(inputs) ? 3 : 2; }
+
 }  // namespace
+
+Matrix predictors_of(const Matrix& maps, const Scene& scene, const Dataset& data, const Rows& rows,
+                     Inputs inputs) {
+  Matrix out(rows.size(), predictor_count(inputs));
+  for_each_part(rows.size(), [&](std::size_t i) {
+    const auto row = out.row(i);
+    row.front() = static_cast<float>(std::abs(foreground_tangent(maps.row(i), scene)));
+    if (inputs != Inputs::radar) row[1] = std::log(significance(data.spd.row(rows[i])) + 1);
+    if (inputs != Inputs::spd) row.back() = std::log(peak_to_noise(data.radar.row(rows[i])));
+  });
+  return out;
+}
 
 std::vector<float> LateralError::terms_of(std::span<const float> predictors) const {
   std::vector<float> out(predictors.size());
   for (std::size_t c = 0; c < out.size(); ++c)
-    out[c] = (std::clamp(predictors[c], least_[c], most_[c]) - centre_[c]) / spread_[c];
+    out[c] = (std::clamp(predictors[c], least_[c], most_[c]) - least_[c]) /
+             std::max(most_[c] - least_[c], 1e-6f);
   return quadratic_terms(out);
 }
 
@@ -36,17 +62,13 @@ void LateralError::fit(const Matrix& predictors, const std::vector<double>& erro
     known_plain += i < plain;
   }
   if (known_plain < least_records) return;
-  const ColumnStatistics columns = column_statistics(predictors, known);
-  centre_.assign(columns.mean.begin(), columns.mean.end());
   least_ = most_ = std::vector<float>(predictors.row(known.front()).begin(),
                                       predictors.row(known.front()).end());
-  for (std::size_t c = 0; c < predictors.cols; ++c) {
-    spread_.push_back(static_cast<float>(std::sqrt(std::max(columns.variance[c], 1e-12))));
-    for (const std::size_t i : known) {
+  for (const std::size_t i : known)
+    for (std::size_t c = 0; c < predictors.cols; ++c) {
       least_[c] = std::min(least_[c], predictors.row(i)[c]);
       most_[c] = std::max(most_[c], predictors.row(i)[c]);
     }
-  }
   Matrix terms;
   std::vector<float> targets;
   for (const std::size_t i : known) {
@@ -81,14 +103,11 @@ void LateralError::archive(Archive archive, std::size_t predictors) {
   if (!archive.part("known", !weights_.empty())) return;
   const std::size_t n = predictors;
   archive.number("factor", factor_, 0, 1e18);
-  archive.values("centre", centre_, n);
   archive.values("weights", weights_, (n + 1) * (n + 2) / 2);
-  archive.values("spread", spread_, n);
   archive.values("least", least_, n);
   archive.values("most", most_, n);
   for (std::size_t c = 0; c < n; ++c)
-    archive.require(spread_[c] > 0 && least_[c] <= most_[c], "spread",
-                    "expected above 0, and least below most");
+    archive.require(least_[c] <= most_[c], "least", "expected none above the most");
 }
 
 std::vector<PredictionUncertainty> UncertaintyModel::trust(const Matrix& views, const Matrix& maps,

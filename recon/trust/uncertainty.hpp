@@ -11,10 +11,17 @@
 
 namespace echofuse::recon {
 
-// The usual lateral error grows with |x/z| and with noise (predictors.hpp). A regression gives its
-// logarithm from these predictors. A factor then widens it so that it holds 90 % of the validation
-// records, each against a regression without it (cross-conformal prediction; Vovk, Ann. Math.
-// Artif. Intell. 74, 9, 2015).
+// These numbers are known at the prediction, and tell how far off a map may be. Row i holds, of map
+// i and the record rows[i]: |x/z| of the map's foreground (NaN if there is none); of the SPD log(1
+// + clicks above the background, in deviations of all clicks); of the radar log(peak over the
+// scatter of the weaker half of the profile).
+Matrix predictors_of(const Matrix& maps, const Scene& scene, const Dataset& data, const Rows& rows,
+                     Inputs inputs);
+
+// The usual lateral error grows with |x/z| and with noise. A regression gives its logarithm from
+// these predictors. A factor then widens it so that it holds 90 % of the validation records, each
+// against a regression without it (cross-conformal prediction; Vovk, Ann. Math. Artif. Intell. 74,
+// 9, 2015).
 class LateralError {
  public:
   static constexpr double share_within = 0.9;
@@ -31,7 +38,7 @@ class LateralError {
  private:
   std::vector<float> terms_of(std::span<const float> predictors) const;
 
-  std::vector<float> centre_, spread_, least_, most_;  // ranges and scales of the predictors
+  std::vector<float> least_, most_;  // ranges of the predictors
   std::vector<double> weights_;
   double factor_ = 0;
 };

@@ -13,7 +13,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::int64_t format_version = 9;
+constexpr std::int64_t format_version = 10;
 constexpr std::size_t most_estimators = 3;
 
 void archive_seen(Archive archive, SeenRecords& seen) {

@@ -122,7 +122,7 @@ void FollowedRun::take(const record::RecordOutline& o) {
     sensor.missing += sensor.configured && !sensor.valid ? 1 : 0;
     sensor.used = static_cast<double>(o.sync[s].used);
     sensor.lost += o.sync[s].lost;
-    // Of a sensor that is gone nothing is measured: the fit of its clock only lives on.
+    // A sensor that is gone measures nothing; only the fit of its clock lives on.
     const std::optional<double> residual_s =
         sensor.valid ? o.clock_residual_s[s] : std::optional<double>();
     sensor.residual_s = residual_s;

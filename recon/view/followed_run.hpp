@@ -13,7 +13,7 @@
 
 namespace echofuse::view {
 
-// What is kept of each record for the strips over the run.
+// This is kept of each record for the strips over the run.
 struct Outline {
   std::int64_t index = 0;
   UtcTime start{}, end{};
@@ -21,7 +21,7 @@ struct Outline {
   PerSensor<float> used{}, lost{}, residual_s{};  // residual_s: NaN where there is none
 };
 
-// Of one sensor, up to the last record.
+// This is the state of one sensor up to the last record.
 struct SensorState {
   std::string verdict;  // of the last record
   bool configured = false, valid = false;

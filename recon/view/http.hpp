@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What a request gets that is no WebSocket: the page, its parts, the metrics, or a refusal. Pure.
+// A request that is no WebSocket gets the page, its parts, the metrics, or a refusal.
 #pragma once
 #include <utility>  // std::exchange, which Boost 1.74's asio/awaitable.hpp uses without it
 // clang-format off: the header above comes first
@@ -18,7 +18,7 @@ using HttpRequest = http::request<http::empty_body>;
 using HttpResponse = http::response<http::string_body>;
 inline constexpr std::uint32_t most_header_bytes = 8192;
 
-// Who a request is of, and what it wants. `refusal`: not ok is the answer to it.
+// It says who sent a request, and what it wants. If `refusal` is not ok, it is the answer.
 struct Caller {
   http::status refusal = http::status::ok;
   std::string why;

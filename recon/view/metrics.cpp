@@ -17,7 +17,7 @@ std::string label_of(const std::string& kind) {
 
 }  // namespace
 
-// Of a gauge whose value is not known there is no line.
+// A gauge whose value is not known has no line.
 std::string Show::metrics() const {
   using recon::formatted;
   const UtcTime now = clock_.utc();

@@ -26,7 +26,7 @@ bool guarded(const std::function<void()>& body) {
   }
 }
 
-// What a handler throws ends this session only.
+// An exception of a handler ends this session only.
 void Session::handle(const std::function<void()>& body) {
   if (!guarded(body)) close();
 }

@@ -240,7 +240,7 @@ Message Show::make_record(std::int64_t index, bool live) const {
   return out.finish(std::move(head));
 }
 
-// What a run is like changes slowly, and to ask costs some milliseconds.
+// The test of the run changes slowly, and costs some milliseconds.
 void Show::judge_maps() {
   const auto last = run_.last();
   if (!model_ || !last || *last == judged_last_) return;

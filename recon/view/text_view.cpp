@@ -30,7 +30,7 @@ std::string clock_text(double time_s) {
   return formatted("%" PRId64 ":%02" PRId64 ":%02" PRId64, s / 3600, s / 60 % 60, s % 60);
 }
 
-// Of a line of ASCII: `left`, blanks, `right`.
+// Returns a line of ASCII: `left`, blanks, `right`.
 std::string spread(const std::string& left, const std::string& right) {
   const std::size_t used = left.size() + right.size();
   return left + std::string(used < width ? width - used : 1, ' ') + right;

@@ -17,7 +17,8 @@ namespace echofuse::view {
 std::string block_chart(std::span<const float> values, std::size_t columns, std::size_t rows,
                         float floor, float ceiling);
 
-// What there is to see now: lines of at most 80 characters. `colours`: with those of a terminal.
+// Returns what there is to see now, in lines of at most 80 characters; `colours` are those of a
+// terminal.
 std::string text_page(const FollowedRun& run, std::optional<std::int64_t> planned, UtcTime now,
                       bool colours);
 

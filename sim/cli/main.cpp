@@ -16,7 +16,6 @@
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 #include "sim/cli/plan_arguments.hpp"
-#include "sim/cli/study_commands.hpp"
 #include "sim/dataset/dataset.hpp"
 #include "sim/lab/lab.hpp"
 #include "sim/lab/lab_command.hpp"

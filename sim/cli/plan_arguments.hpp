@@ -37,4 +37,7 @@ CLI::Option* add_twin_options(CLI::App& app, PlanArguments& arguments);
 // set's file can also configure a laboratory and a study.
 void read_plan(const PlanArguments& arguments, Plan& plan, Settings& settings);
 
+// It adds `study` and its subcommands (study_commands.cpp).
+void add_study(CLI::App& app, Command& command);
+
 }  // namespace echofuse::sim

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include "sim/cli/study_commands.hpp"
-
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -8,71 +6,63 @@
 
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
+#include "sim/cli/plan_arguments.hpp"
 #include "sim/study/bound.hpp"
 #include "sim/study/fidelity.hpp"
 
 namespace echofuse::sim {
 namespace {
 
-template <class Options>
 struct StudyArguments : PlanArguments {
-  Options options;
   std::string out, part;
+  std::optional<std::int64_t> scenes;  // each study has its own default
+  std::uint64_t seed = 1;
+  bool quiet = false;
 };
 
 // A part leaves its files, which the same command without --part takes.
-template <class Options>
-ExitCode part_done(const StudyArguments<Options>& a) {
-  if (!a.options.quiet)
-    std::fprintf(stderr, "%s: %s is written\n", printable(a.out).c_str(),
-                 a.options.parts.part->name().c_str());
+ExitCode part_done(const SceneParts& parts) {
+  std::fprintf(stderr, "%s: %s is written\n", printable(parts.folder).c_str(),
+               parts.part->name().c_str());
   return ExitCode::ok;
 }
 
-ExitCode run_fidelity(StudyArguments<FidelityOptions>& a) {
-  catch_interrupts();
-  const auto rows = study_fidelity(a.options);
-  if (a.options.parts.part) return part_done(a);
+ExitCode run_fidelity(const FidelityOptions& options) {
+  const auto rows = study_fidelity(options);
+  if (options.parts.part) return options.quiet ? ExitCode::ok : part_done(options.parts);
   for (const auto& r : rows)
     std::printf("%-14s %-12s %9.4f +- %.4f of the noise's variance%s\n", r.axis.c_str(),
                 r.value.c_str(), r.error, r.standard_error,
                 r.us > 0 ? ("  " + std::to_string(std::lround(r.us)) + " us").c_str() : "");
   std::printf("chosen: %lld rays for %g photons\n",
-              static_cast<long long>(rays_of(a.options.conditions)),
-              a.options.conditions.signal_photons);
-  write_fidelity(rows, a.out);
+              static_cast<long long>(rays_of(options.conditions)),
+              options.conditions.signal_photons);
+  write_fidelity(rows, options.parts.folder);
   return ExitCode::ok;
 }
 
-ExitCode run_bound(StudyArguments<BoundOptions>& a) {
-  catch_interrupts();
-  const auto rows = study_bound(a.options);
-  if (a.options.parts.part) return part_done(a);
+ExitCode run_bound(const BoundOptions& options) {
+  const auto rows = study_bound(options);
+  if (options.parts.part) return options.quiet ? ExitCode::ok : part_done(options.parts);
   std::printf("%-12s %8s %-6s %32s %21s\n", "axis", "value", "known",
               "sigma of x: median (quartiles)", "mean error: x lateral");
   for (const auto& r : rows)
     std::printf("%-12s %8g %-6s %12.4f (%.4f .. %.4f) m %10.4f %7.4f m\n", r.axis.c_str(), r.value,
                 r.known.c_str(), r.x_median_m, r.x_lower_m, r.x_upper_m, r.x_error_m,
                 r.lateral_error_m);
-  write_bound(rows, a.out);
+  write_bound(rows, options.parts.folder);
   return ExitCode::ok;
 }
 
 template <class Options>
 void add_one_study(CLI::App& study, Command& command, const std::string& name,
-                   const std::string& what, ExitCode (*run)(StudyArguments<Options>&)) {
-  auto* sub = study.add_subcommand(name, what);
-  auto a = std::make_shared<StudyArguments<Options>>();
-  sub->add_option("--out", a->out, "folder for " + name + ".csv")->required();
-  sub->add_option("--scenes", a->options.scenes)
-      ->check(CLI::Range(std::int64_t{2}, std::int64_t{10'000}))
-      ->capture_default_str();
-  sub->add_option("--seed", a->options.seed)->capture_default_str();
-  sub->add_option("--part", a->part, part_help);
-  add_plan_options(*sub, *a);
-  sub->add_flag("-q,--quiet", a->options.quiet, "no progress");
+                   const std::string& what, const std::shared_ptr<StudyArguments>& a,
+                   ExitCode (*run)(const Options&)) {
+  CLI::App* sub = study.add_subcommand(name, what);
+  sub->fallthrough()->footer("options: see echofuse-sim study --help");
   sub->callback([&command, a, run] {
     command = [a, run] {
+      catch_interrupts();
       Plan plan;
       Settings settings;
       read_plan(*a, plan, settings);
@@ -82,16 +72,18 @@ void add_one_study(CLI::App& study, Command& command, const std::string& name,
           throw Error(ExitCode::config, std::string(key) +
                                             ": a study draws its own scenes; --scenes says how "
                                             "many, --seed which");
-      a->options.conditions = plan.conditions;
-      auto& parts = a->options.parts;
-      if (!a->part.empty()) parts.part = JobPart::of(a->part);
-      parts.folder = a->out;
-      parts.settings =
-          "scenes of seed " + std::to_string(a->options.seed) + "\n" + settings.resolved();
+      Options options;
+      options.conditions = plan.conditions;
+      options.scenes = a->scenes.value_or(options.scenes);
+      options.seed = a->seed, options.quiet = a->quiet;
+      if (!a->part.empty()) options.parts.part = JobPart::of(a->part);
+      options.parts.folder = a->out;
+      options.parts.settings =
+          "scenes of seed " + std::to_string(a->seed) + "\n" + settings.resolved();
       std::error_code error;
       std::filesystem::create_directories(a->out, error);
       if (error) throw Error(ExitCode::disk, a->out + ": " + error.message());
-      return run(*a);
+      return run(options);
     };
   });
 }
@@ -101,11 +93,19 @@ void add_one_study(CLI::App& study, Command& command, const std::string& name,
 void add_study(CLI::App& app, Command& command) {
   auto* study = app.add_subcommand("study", "how much detail a scene needs, and what it tells");
   study->require_subcommand(1);
+  const auto a = std::make_shared<StudyArguments>();
+  study->add_option("--out", a->out, "folder for the study's table and chart")->required();
+  study->add_option("--scenes", a->scenes, "default: 40 of fidelity, 100 of bound")
+      ->check(CLI::Range(std::int64_t{2}, std::int64_t{10'000}));
+  study->add_option("--seed", a->seed)->capture_default_str();
+  study->add_option("--part", a->part, part_help);
+  add_plan_options(*study, *a);
+  study->add_flag("-q,--quiet", a->quiet, "no progress");
   add_one_study(*study, command, "fidelity",
-                "each approximation against a finer one, in units of noise, beside its time",
+                "each approximation against a finer one, in units of noise, beside its time", a,
                 run_fidelity);
   add_one_study(*study, command, "bound", "the least error of a lateral position that noise allows",
-                run_bound);
+                a, run_bound);
 }
 
 }  // namespace echofuse::sim

@@ -51,10 +51,7 @@ void read_part(const std::string& path, const std::string& head, Rows& rows) {
   std::string line, expected;
   while (std::getline(wanted, expected))
     if (!std::getline(in, line) || line != expected)
-      throw Error(ExitCode::config, printable(path) + ": was measured with \"" +
-                                        printable(line, 100) + "\" (now: \"" +
-                                        printable(expected, 100) +
-                                        "\"); give the same settings, or another folder");
+      refuse_part(ExitCode::config, path, line, expected);
   while (std::getline(in, line)) {
     auto row = parse(line);
     const bool fits = row && (rows.empty() || rows.begin()->second.size() == row->second.size());

@@ -88,6 +88,11 @@ TEST_CASE("an assignment (--set) takes TOML values and bare words, and nothing e
   CHECK(sample.address == "bridge:tcp://127.0.0.1:41110");
   CHECK(sample.psf == "blackman");
   CHECK_FALSE(sample.filter);
+  for (const char* text : {"8", "1.50", "true", "1,20"}) {
+    s.set(std::string("tdc.address=") + text);
+    CHECK(sample.address == text);
+  }
+  CHECK_THROWS_WITH(s.set("tdc.address=[8]"), Catch::Contains("expected a text"));
   CHECK_THROWS_WITH(s.set("windw_s=1"), Catch::Contains("nearest known one is \"window_s\""));
   CHECK_THROWS_WITH(s.set("tdc.bins=many"), Catch::Contains("whole number"));
   CHECK_THROWS_WITH(s.set("tdc.bins"), Catch::Contains("key=value"));

@@ -185,7 +185,7 @@ TEST_CASE("the report holds everything in one page") {
   for (const char* outside : {"src=\"", "href=\"http", "url(", "@import", "fetch("})
     CHECK(html.find(outside) == std::string::npos);
   const nlohmann::json page = page_data(dir / "out/report.html");
-  // Of three records truth and maps of three models, and of worst, median, best.
+  // The page shows three records: truth, maps of three models, and worst, median and best.
   REQUIRE(page["records"].size() == 6);
   CHECK(page["records"][0]["maps"].size() == 3);
   CHECK(page["records"][3]["maps"].size() == 1);

@@ -155,7 +155,7 @@ Dataset varying(std::int64_t count, std::uint64_t seed, double over_frames,
 double flagged_for_power(const TrainedModel& model, const Dataset& data) {
   double count = 0;
   for (const auto& u : predict(model, data, all_rows(data.size())).uncertainties)
-    count += u.out_of_distribution.text().starts_with("unusual variation of the radar's power (");
+    count += u.out_of_distribution.text() == "unusual variation of the radar's power";
   return count / static_cast<double>(data.size());
 }
 
@@ -167,17 +167,11 @@ TEST_CASE("power that varies otherwise than in training flags a record and names
   const TrainedModel model = train(varying(400, 1, 0.03, 0.8), options);
   CHECK(flagged_for_power(model, varying(100, 2, 0.03, 0.8)) < 0.03);
   CHECK(flagged_for_power(model, varying(100, 3, 0.7, 0.8)) > 0.95);
-  const Prediction flagged = predict(model, varying(100, 3, 0.7, 0.8), {0, 1, 2});
-  for (const auto& u : flagged.uncertainties) {
-    CHECK(std::isnan(u.lateral_interval_90_m));
-    CHECK_THAT(u.out_of_distribution.details,
-               Catch::Contains(" from frame to frame, 0.03 in training"));
-  }
   CHECK_THAT(shift_of(model, varying(100, 4, 0.7, 0.8)).text(),
              Catch::Contains("radar power from frame to frame"));
   CHECK_THAT(shift_of(model, varying(100, 5, 0.03)).text(),
              Catch::Contains("one carrier of the radar, several in training"));
-  // Of older runs it is not known: nothing is said.
+  // Older runs do not know it, so nothing is said.
   Dataset old = plates(100, 6);
   for (auto& s : old.speckle) s.reset();
   CHECK(flagged_for_power(model, old) == 0);

@@ -59,7 +59,7 @@ TrainedModel trained(const std::string& path, const std::string& empty, const st
   return train(data, options);
 }
 
-// What the first sentence of a report says.
+// Returns the first sentence of a report.
 double reported_iou(const std::string& folder, const std::string& options) {
   const Outcome o = recon_program("report -q " + folder + options);
   INFO(o.text);

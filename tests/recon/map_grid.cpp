@@ -12,7 +12,7 @@ using namespace echofuse::testing;
 
 namespace {
 
-// What a run says of its map.
+// Returns what a run says of its map.
 void put_map(const std::string& path, const record::MapGrid& grid) {
   for (const Axis& a : grid.axes()) {
     char row[200];

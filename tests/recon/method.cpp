@@ -80,7 +80,7 @@ TEST_CASE("sums over bins in four sums side by side are those of one plain loop"
         CAPTURE(bins, from, to, negative);
         const BinSums fast = bin_sums(counts, all, from, to, negative);
         const BinSums plain = plain_bin_sums(counts, all, from, to, negative);
-        // Of what is summed up, as terms of both signs may cancel.
+        // The tolerance follows the terms of the sum, as terms of both signs may cancel.
         double sizes = 1e-300, moments = 1e-300;
         for (std::size_t i = from; i < to; ++i)
           sizes += std::abs(double{counts[i]}),

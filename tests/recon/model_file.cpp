@@ -46,7 +46,7 @@ const Folder& models() {
   return dir;
 }
 
-// What of the file is wrong, in one line that names it; empty if it is taken, and then it answers.
+// Returns the fault of the file in one line, or nothing if it is taken; then the model answers.
 std::string fault_of(ByteView file) {
   static const Dataset few = load({models() / "few"});
   try {
@@ -173,7 +173,7 @@ const std::vector<Hostile> hostile_files = {
      [](auto& m) { m.head["\x1b[2J"] = m.head[map_name], m.head["\x1b[2J"]["dtype"] = "\x1b[2J"; }},
     {"another format", "ridge", "format: expected one of echofuse model", fact("format", "recipe")},
     {"a newer version", "ridge", "use a newer echofuse", fact("format_version", 1000)},
-    {"an older version", "ridge", "train it again", fact("format_version", 8)},
+    {"an older version", "ridge", "train it again", fact("format_version", 9)},
 };
 
 struct Spoilt {

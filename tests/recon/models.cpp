@@ -208,7 +208,7 @@ TEST_CASE("evaluation: the baselines, and what was held out") {
   CHECK(baselines[0].metrics[metric_iou].mean == 0);
   CHECK(baselines[2].metrics[metric_iou].mean > 0.3);
   const Folder dir;
-  // Of a plate and its mirror image, what is the ghost of one is the truth of the other.
+  // The runs hold a plate and its mirror image: the ghost of one is the truth of the other.
   write_run(dir / "pairs", 60, 5, [](record::FusedRecord& r) {
     Rng rng = make_rng(5, static_cast<std::uint64_t>(r.index / 2));
     std::uniform_real_distribution<double> any_x(-1, 1), any_z(3, 4);

@@ -212,8 +212,8 @@ TEST_CASE("single precision makes the maps of double precision, to a tenth of a 
   }
 }
 
-// Of the factorised model: what its networks make of the aligned records, and the masks and reliefs
-// that they stand for. Drawing compares masks with a threshold: there a pixel may go either way.
+// The test covers the networks of the factorised model, and the masks and reliefs that they stand
+// for. Drawing compares masks with a threshold: there a pixel may go either way.
 TEST_CASE("single precision places and shapes a body as double precision does") {
   const Folder dir;
   TrainOptions o = options_for("factorised", 3, 1);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What is there already stays, unless it is said that it may go, and what is not a file is no file.
+// Files that are there stay unless the user says that they may go; devices and links are refused.
 #include <sys/stat.h>
 
 #include "../full_disk.hpp"

@@ -97,7 +97,7 @@ TEST_CASE("study pareto goes on where it stopped, and draws the bound") {
   CHECK(measured(file) == "model empty\nmodel mean\nphotons silhouette\n");
   std::string begun = contents(file);
   begun.replace(begun.find(",1,0,") + 3, 1, "0.0625");  // the empty room's IoU
-  // What a killed process leaves of the last line goes.
+  // A killed process leaves part of a line, which goes.
   std::ofstream(file) << begun << begun.substr(begun.rfind("photons"), 60);
 
   const Outcome more = study("empty,mean,silhouette", " --bound 0.0375,0.0125");

@@ -104,7 +104,7 @@ TEST_CASE("study stability in parts is that in one, byte by byte", "[.]") {
   for (const char* name : {"stability.csv", "stability.html"})
     CHECK(contents(dir / ("parts/" + std::string(name))) ==
           contents(dir / ("whole/" + std::string(name))));
-  // What no part has is measured.
+  // Rows that no part has are measured.
   std::filesystem::create_directory(dir / "two");
   for (const char* name : {"/stability-part-1-of-3.csv", "/stability-part-3-of-3.csv"})
     std::filesystem::copy(dir / ("parts" + std::string(name)), dir / ("two" + std::string(name)));

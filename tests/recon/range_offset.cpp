@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What makes the radar's ranges of a run shorter: its calibration, and what the operator says.
+// The calibration of a run and the operator's --range-offset make the radar's ranges shorter.
 #include <nlohmann/json.hpp>
 
 #include "acquire/record/png.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What `reconstruct` leaves, read by others' eyes, and a run that is followed while it is recorded.
+// Other programs read the files of `reconstruct`; a run is followed while it is recorded.
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -19,7 +19,7 @@ using namespace echofuse::testing;
 
 namespace {
 
-// What NumPy says to a line of Python.
+// Returns what a line of Python with NumPy prints.
 std::string numpy(const std::string& line) {
   const std::string command = "/usr/bin/python3 -c \"import numpy as n; " + line + "\" 2>&1";
   FILE* pipe = popen(command.c_str(), "r");

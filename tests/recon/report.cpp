@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What a report says: honest first, and only what was measured.
+// A report tells failures first, and only what was measured.
 #include "page_data.hpp"
 #include "recon/page/report_page.hpp"
 
@@ -9,7 +9,7 @@ using namespace echofuse::testing;
 
 namespace {
 
-// Of 20 records that vary a little about these scores.
+// Returns the scores of 20 records that vary a little about these.
 Evaluation evaluation_of(const std::string& model, double iou, double rmse_m) {
   Evaluation e;
   e.model = model, e.records = 20;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What the place is learnt from: profiles on their own grid, correlations, bodies turned.
+// The place is learnt from profiles on their own grid, correlations and turned bodies.
 #include "recon/method/turned.hpp"
 
 #include "recon/method/method.hpp"
@@ -19,7 +19,7 @@ Alignment blank_alignment(const Axis& radar) {
   return {layout, Matrix(1, layout.inputs()), {0}};
 }
 
-// Of a body alone at these ranges from the SPD and from the radar.
+// Returns the record of a body alone at these ranges from the SPD and from the radar.
 std::vector<float> raw_inputs(double range_m, double radar_range_m, const Axis& radar,
                               double radar_width_m) {
   std::vector<float> out;

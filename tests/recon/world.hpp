@@ -31,7 +31,7 @@ namespace echofuse::testing {
 
 using test::Folder;
 
-// What `body` throws; "no error" if it does not.
+// Returns the message that `body` throws, or "no error".
 inline std::string error_of(const std::function<void()>& body) {
   try {
     body();
@@ -72,8 +72,8 @@ inline record::FusedRecord plate_record(std::int64_t index, double x, double z, 
   return r;
 }
 
-// What a row of antennas beside the SPD sees of a plate's left, middle and right part, each with a
-// random phase in every frame.
+// A row of antennas beside the SPD sees a plate's left, middle and right part, each with a random
+// phase in every frame.
 inline void add_array(record::FusedRecord& r, double x, double z, const record::Antennas& antennas,
                       Rng& rng) {
   const Axis axis = record::array_axis(radar_axis(), antennas.size());
@@ -144,7 +144,7 @@ inline bool all_finite(std::span<const float> values) {
   return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
 }
 
-// Of the file, or nothing if it is not there.
+// Returns the file's bytes, or none if it is not there.
 inline std::string contents(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), {}};
@@ -155,7 +155,7 @@ struct Outcome {
   std::string text;  // stdout and stderr
 };
 
-// What a statement does with an SQLite file: the first column of its rows, one a line.
+// It runs a statement on an SQLite file, and returns the first column of its rows, one a line.
 inline std::string sql(const std::string& path, const std::string& statement) {
   sqlite3* db = nullptr;
   REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);

@@ -1,9 +1,0 @@
-// SPDX-License-Identifier: MIT
-#pragma once
-#include "sim/cli/plan_arguments.hpp"
-
-namespace echofuse::sim {
-
-void add_study(CLI::App& app, Command& command);
-
-}  // namespace echofuse::sim
