@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Whose the configured devices are: one program at a time, by locks that all users see.
 #pragma once
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "acquire/config/config.hpp"
@@ -14,15 +12,13 @@
 
 namespace echofuse::acquire {
 
-// By what a device is known, however it is written in the configuration: a serial port and a USB
-// device by its node, an OpenNI2 camera by its URI, a bridge by its host and port. Empty: it is not
-// there, or has no name of its own (a recording).
+// The lock's name of an address of the configuration. Who writes the address of a serial, USB or
+// HID device in another way does not see the lock, and finds the device opened exclusively. Empty:
+// a recording, which everybody may read.
 std::string lock_name(const std::string& address);
 
 // Held as long as this lives, also while a device is away or being opened again: nobody else may
-// come in between. A serial port has two locks: by its address as it is configured, held all the
-// time, and by its node as long as that is there. A USB device or a camera that was not there at
-// the start has no lock (it is opened exclusively as well).
+// come in between.
 class DeviceLocks {
  public:
   // `command`: "run"; `run`: the run file to come. Takes what is free; throws Error(device) if a
@@ -31,23 +27,10 @@ class DeviceLocks {
 
   // Who else has a device of this sensor.
   const std::optional<Holder>& other(Sensor sensor) const { return others_[sensor]; }
-  // A serial port went or came: its old node may soon be another device's. Throws as the
-  // constructor.
-  void follow(Sensor sensor);
-  // Of ports that are away by now: a radar has two, and hears of the first one's end only.
-  void release_absent();
 
  private:
-  void take(Sensor sensor, const std::string& address, const std::string& name);
-
-  Holder me_;
-  PerSensor<std::vector<std::string>> addresses_;
   PerSensor<std::optional<Holder>> others_;
-  struct Held {
-    std::string name;
-    std::unique_ptr<LockFile> file;
-  };
-  std::map<std::pair<std::string, bool>, Held> held_;  // by address, and whether it is the node's
+  std::vector<std::unique_ptr<LockFile>> held_;
 };
 
 }  // namespace echofuse::acquire

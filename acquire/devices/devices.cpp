@@ -170,24 +170,8 @@ void Devices::on_depth(DepthFrame frame) {
 void Devices::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
   Status& device = status(sensor);
   device.state = state;
-  follow_lock(sensor);
   if (state == DeviceState::streaming) device.info = info;
   next_->on_state(sensor, state, info);
-}
-
-// It goes on without the lock: its port is opened exclusively as well.
-void Devices::follow_lock(Sensor sensor) {
-  if (!locks_) return;
-  std::string trouble;
-  try {
-    const auto before = locks_->other(sensor);
-    locks_->follow(sensor);
-    if (const auto& other = locks_->other(sensor); other && !before)
-      trouble = "is in use by " + printable(other->who) + " as well";
-  } catch (const Error& error) {
-    trouble = error.what();
-  }
-  if (!trouble.empty()) on_event(sensor, Severity::warning, trouble);
 }
 
 void Devices::abandon() {

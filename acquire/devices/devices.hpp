@@ -48,10 +48,6 @@ class Devices final : private SampleSink {
   // Runs the loop until every configured device that is ours delivers, the time is up or the user
   // interrupts.
   void wait(double timeout_s);
-  // To be called now and then: others get the ports that went.
-  void release_absent_ports() {
-    if (locks_) locks_->release_absent();
-  }
   const Status& operator[](Sensor s) const { return status_[s]; }
   // Of the sensor's driver, until its end; none if it is not configured.
   std::vector<Counter> counters(Sensor s) const;
@@ -68,7 +64,6 @@ class Devices final : private SampleSink {
   void on_firmware_bias(const FirmwareBias& bias) override { next_->on_firmware_bias(bias); }
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
   std::vector<Sensor> halt();
-  void follow_lock(Sensor sensor);
   Status& status(Sensor s) { return status_[s]; }
 
   port::Loop& loop_;

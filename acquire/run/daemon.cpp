@@ -271,7 +271,6 @@ void Daemon::tick() {
   close_due(now);
   r.journal.refresh_anchor(log_);
   report_raw_trouble();
-  devices_.release_absent_ports();
   const std::int64_t written = r.writer.written();
   if (std::exchange(totals_.written, written) != written) notify_advance(written);
   totals_.label = r.writer.label().value_or(label_);

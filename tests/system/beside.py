@@ -8,12 +8,11 @@ import signal
 import sqlite3
 import subprocess
 import sys
-import tempfile
 import time
 import unittest
 
 import live
-from live import WINDOW_S, bin_dir, wait_for
+from live import WINDOW_S, wait_for
 
 
 class Beside(live.Live):
@@ -70,31 +69,6 @@ class Beside(live.Live):
         reader.close()
         self.assertEqual(self.info(), info)
         self.assertFalse(pathlib.Path(f"{self.run}-wal").exists())
-
-    def test_lock_lost_at_a_reconnection(self):
-        """No lock can be made for a radar that comes back: that is told, and the run goes on."""
-        if subprocess.run(["unshare", "-m", "mount", "-t", "tmpfs", "tmpfs", "/run/lock"], stderr=subprocess.DEVNULL).returncode:
-            self.skipTest("no permission to mount a tmpfs")
-        self.tearDown()
-        with tempfile.NamedTemporaryFile("w", suffix=".toml") as faults:
-            faults.write('[[fault]]\ndevice = "radar"\nkind = "unplug"\nat_s = 2\nfor_s = 0.5\nevery_s = 3\n')
-            faults.flush()
-            self.lab_options = (*live.Live.lab_options, "--faults", faults.name)
-            self.setUp()
-        log = self.dir / "daemon.log"
-        with open(log, "w") as err:
-            daemon = self.start(["unshare", "-m", "sh", "-c", 'mount -t tmpfs -o mode=1777 tmpfs /run/lock && exec "$@"', "sh",
-                                 bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--out", self.run],
-                                env=os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}, stderr=err)
-        wait_for("records", lambda: self.committed() >= 4)
-        subprocess.run(["nsenter", "-t", str(daemon.pid), "-m", "mount", "-t", "tmpfs", "-o", "ro,mode=1777", "tmpfs",
-                        "/run/lock"], check=True)
-        wait_for("the event", lambda: "radar: the device lock /run/lock/" in log.read_text())
-        before = self.committed()
-        wait_for("records", lambda: self.committed() >= before + 5)
-        daemon.send_signal(signal.SIGINT)
-        self.assertEqual(daemon.wait(20), 0, log.read_text())
-        self.check_slots(self.rows())
 
     def hold(self):
         other = sqlite3.connect(self.run, isolation_level=None)

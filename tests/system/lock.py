@@ -46,10 +46,13 @@ class Lock(live.Live):
         check(self.acquire("run", *self.config(), "--out", self.dir / "second"), 4)
         self.assertFalse((self.dir / "second.sqlite").exists())
         check(self.acquire("calibrate", *self.config(), "--set", f"run.calibration={self.dir}/c.toml"), 4)
-        # The port by another name is the same port.
-        node = (self.dir / "lab/radar-cli").resolve()
-        check(self.acquire("run", *self.config(), "--out", self.dir / "second", "--set", f"radar.cli=serial:{node}",
-                           "--set", "tdc.address=", "--set", "depth.address="), 4, ["radar"])
+        # The ports by other names are the same ports, which are opened exclusively.
+        nodes = [(self.dir / "lab" / name).resolve() for name in ("radar-cli", "radar-data")]
+        done = self.acquire("run", *self.config(), "--out", self.dir / "second", "--set", f"radar.cli=serial:{nodes[0]}",
+                            "--set", f"radar.data=serial:{nodes[1]}", "--set", "tdc.address=", "--set", "depth.address=",
+                            "--set", "run.connect_timeout_s=0.5")
+        self.assertEqual(done.returncode, 4, done.stderr)
+        self.assertIn("in use by another program", done.stderr)
 
         done = self.acquire("devices", *self.config(), "--json")
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
