@@ -9,6 +9,7 @@
 #include <variant>
 
 #include "drivers/core/crc32c.hpp"
+#include "drivers/depth/openni_list.hpp"
 #include "drivers/port/address.hpp"
 
 namespace echofuse::acquire {
@@ -20,9 +21,17 @@ std::vector<std::string> addresses_of(const Config& config, Sensor s) {
   return {config.radar.cli, config.radar.data};
 }
 
-// Of a bridge its host and port, of a serial port its path, else the address as it is.
+// Of a bridge its host and port, of a serial port its path, of a camera its URI, else the address
+// as it is.
 std::string known_as(const std::string& address) {
   const port::Address parsed = port::parse_address(address);
+  if (const auto* camera = std::get_if<port::OpenNiAddress>(&parsed)) {
+    std::error_code none;
+    if (!camera->uri.empty())
+      return std::filesystem::is_regular_file(camera->uri, none) ? "" : camera->uri;
+    const auto cameras = depth::list_openni_devices();  // of several the driver takes none
+    return cameras.size() == 1 ? cameras[0].uri : "";
+  }
   if (const auto* bridge = std::get_if<port::BridgeAddress>(&parsed)) {
     const bool here =
         bridge->host == "localhost" || bridge->host == "::1" || bridge->host == "127.0.0.1";
@@ -36,11 +45,8 @@ std::string known_as(const std::string& address) {
 }  // namespace
 
 std::string lock_name(const std::string& address) {
-  const port::Address parsed = port::parse_address(address);
-  std::error_code none;
-  if (const auto* camera = std::get_if<port::OpenNiAddress>(&parsed))
-    if (std::filesystem::is_regular_file(camera->uri, none)) return {};
   const std::string kind = address.substr(0, address.find(':')), text = known_as(address);
+  if (text.empty()) return {};
   const auto* bytes = reinterpret_cast<const std::uint8_t*>(text.data());
   char name[80];
   std::snprintf(name, sizeof name, "echofuse-%s-%08x.lock", kind.c_str(),
