@@ -14,10 +14,8 @@ namespace {
 constexpr std::uint64_t noise_stream = 0x6e6f6973;  // "nois"
 constexpr std::uint64_t fold_stream = 0x756e6366;   // "uncf"
 constexpr std::size_t worse_copies = 3;
-// With this number of records, a factor holds 90 % to a standard error of .013.
-constexpr std::size_t enough_validation = 500;
-// From here on the halves of the records teach nearly as much as all of them.
-constexpr std::size_t enough_for_halves = 1000;
+// From here on a half of the records teaches nearly as much as all of them.
+constexpr std::size_t enough_for_halves = 2000;
 constexpr double fewest_photons_log10 = -2.5;  // log10 share of the photons that a copy keeps
 constexpr double least_noise_log10 = -2, most_noise_log10 = -0.3;  // radar, against its peak
 
@@ -92,18 +90,21 @@ UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, co
 std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Dataset& data,
                                                 const Matrix& views, const Split& split,
                                                 const SplitOptions& options,
-                                                const std::function<Estimator(const Split&)>& fit) {
+                                                const std::function<Estimator(const Split&)>& fit,
+                                                std::size_t enough_validation) {
   const std::uint64_t seed = options.seed;
   Rows rows = split.train;
   rows.insert(rows.end(), split.validation.begin(), split.validation.end());
   if (split.validation.size() >= enough_validation)
     return fit_uncertainty(model, data, views, rows, {{model, split.validation}}, seed);
   std::sort(rows.begin(), rows.end());
-  const std::size_t folds = rows.size() < enough_for_halves ? 4 : 2;
+  const bool few = rows.size() < enough_for_halves;
+  std::vector<Split> folds = make_folds(rows, few ? 4 : 2, options, fold_stream);
+  if (!few) folds.resize(1);  // the errors of one half tell enough
   std::vector<Estimator> models;
   std::vector<Judged> judged;
-  models.reserve(folds);
-  for (const Split& fold : make_folds(rows, folds, options, fold_stream)) {
+  models.reserve(folds.size());
+  for (const Split& fold : folds) {
     Split part;
     for (const std::size_t row : fold.train)
       (std::binary_search(split.validation.begin(), split.validation.end(), row) ? part.validation

@@ -111,7 +111,7 @@ bool looks_at_body(const std::string& candidate, const TrainOptions& options) {
 constexpr double share_of_use = 0.5;  // weight of its records over that of the others; measured
 constexpr double most_times = 100;    // most times that a record counts
 constexpr std::size_t others_least = 100;  // least number of others to tell that it is unlike them
-constexpr double most_p = 0.05;            // by chance; 40 records cannot give less than .005
+constexpr double most_p = 0.05;            // by chance; few records cannot give a small one
 
 // Beside many records of other rooms, a training hardly learns from few records of the use. If a
 // test tells these runs apart, the use's records count more often. Otherwise each record counts
@@ -150,6 +150,7 @@ struct Wanted {
   Inputs inputs;
   std::string scaling;
   FitOptions fit;
+  std::size_t enough_validation;  // records that tell of its errors
 };
 
 // Returns the estimators that a training makes, in the order in which they are asked. The first is
@@ -158,18 +159,19 @@ struct Wanted {
 // is lost.
 std::vector<Wanted> wanted_of(const Dataset& data, const std::string& name,
                               const TrainOptions& options) {
+  constexpr std::size_t enough = 500, enough_of_spd = 150;  // it is seldom asked
   const Inputs inputs = inputs_of(options.inputs);
   const bool aligned = looks_at_body(name, options);
-  std::vector<Wanted> out{{name, inputs, options.scaling, options.fit}};
+  std::vector<Wanted> out{{name, inputs, options.scaling, options.fit, enough}};
   if (!options.fallback || !both_sensors(inputs) ||
       ignores_inputs(candidate_of(name, options.fit).model))
     return out;
   if (inputs == Inputs::fused && aligned && data.array_axis.count > 0)
-    out.push_back({name, Inputs::fused_profile, options.scaling, options.fit});
+    out.push_back({name, Inputs::fused_profile, options.scaling, options.fit, enough});
   FitOptions of_spd;
   of_spd.seed = options.fit.seed, of_spd.quiet = options.fit.quiet;
   of_spd.epochs = options.fit.epochs;
-  out.push_back({fallback_candidate, Inputs::spd, "record", of_spd});
+  out.push_back({fallback_candidate, Inputs::spd, "record", of_spd, enough_of_spd});
   return out;
 }
 
@@ -183,7 +185,7 @@ struct Material {
 
 Estimator train_one(const Wanted& wanted, const Dataset& data, const Material& material,
                     const Scene& scene, const TrainOptions& options) {
-  const auto& [name, inputs, scaling, fit] = wanted;
+  const auto& [name, inputs, scaling, fit, enough_validation] = wanted;
   const bool aligned = wants_alignment(candidate_of(name, fit).model);
   const bool uncertainties = options.uncertainty && has_enough_records(material.used);
   const Preprocessing preprocessing(data, material.fit.train,
@@ -198,10 +200,12 @@ Estimator train_one(const Wanted& wanted, const Dataset& data, const Material& m
   FitOptions quiet = fit;
   quiet.quiet = true;
   out.uncertainty = fit_uncertainty(
-      out, data, preprocessing.views, material.used, options.split, [&](const Split& part) {
+      out, data, preprocessing.views, material.used, options.split,
+      [&](const Split& part) {
         return fit_model(data, material.with_others(part), preprocessing, wanted.name,
                          wanted.inputs, wanted.scaling, quiet);
-      });
+      },
+      enough_validation);
   return out;
 }
 
